@@ -1,0 +1,50 @@
+# Needs python3 (3.11 or newer) and make. `uv` is used if it is installed,
+# otherwise a private copy goes to .uv; the environment is .venv, made from uv.lock.
+UV := $(shell command -v uv 2>/dev/null || echo .uv/bin/uv)
+SYNC = UV_PROJECT_ENVIRONMENT=.venv $(UV) sync --locked --inexact --quiet
+RUN = .venv/bin
+
+.PHONY: help env demo test slow check bench clean
+
+help:
+	@echo "make env    the environment, in .venv"
+	@echo "make demo   thermal frames of the built-in figurine, in results/demo"
+	@echo "make test   the test suite        make slow   the long tests"
+	@echo "make check  lint and types        make bench  the benchmarks"
+
+.uv/bin/uv:
+	@python3 -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+	  || { echo "jaxthermo needs python3 >= 3.11; this is `python3 --version`"; exit 1; }
+	@python3 -m venv .uv && .uv/bin/pip install --quiet uv \
+	  || { rm -rf .uv; echo "could not set up uv: install python3-venv, or uv itself, and try again"; exit 1; }
+
+.venv/.core: uv.lock pyproject.toml $(filter .uv/%,$(UV))
+	@$(SYNC) && touch $@
+
+.venv/.test: uv.lock pyproject.toml $(filter .uv/%,$(UV))
+	@$(SYNC) --extra test && touch $@ .venv/.core
+
+.venv/.dev: uv.lock pyproject.toml $(filter .uv/%,$(UV))
+	@$(SYNC) --extra test --extra dev && touch $@ .venv/.test .venv/.core
+
+env: .venv/.core
+
+demo: .venv/.core
+	$(RUN)/jaxthermo simulate configs/scenes/figurine.yaml --out results/demo
+
+test: .venv/.test
+	$(RUN)/python -m pytest
+
+slow: .venv/.test
+	$(RUN)/python -m pytest -m slow
+
+check: .venv/.dev
+	$(RUN)/ruff check .
+	$(RUN)/ruff format --check .
+	$(RUN)/pyright --pythonpath $(RUN)/python
+
+bench: .venv/.test
+	$(RUN)/python -m experiments run benchmarks
+
+clean:
+	rm -rf .venv .uv results

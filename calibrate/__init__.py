@@ -1,0 +1,1 @@
+"""Fits weights, materials and coefficients to references (no command yet)."""

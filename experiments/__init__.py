@@ -1,0 +1,1 @@
+"""Measurements and reports that can be run again by name."""

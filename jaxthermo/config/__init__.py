@@ -1,0 +1,1 @@
+"""YAML to scenes: the only place of pydantic, yaml and pint."""

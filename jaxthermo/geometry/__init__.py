@@ -1,0 +1,1 @@
+"""Meshes: files, units, repair, verdict, and procedural shapes."""

@@ -1,0 +1,1 @@
+"""Cameras, thermal images, palettes and files."""

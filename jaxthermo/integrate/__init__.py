@@ -1,0 +1,1 @@
+"""Time: solvers, the energy ledger, and `simulate`."""

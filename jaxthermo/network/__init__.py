@@ -1,0 +1,1 @@
+"""The conduction operators: dense stencil and sorted links."""

@@ -1,0 +1,1 @@
+"""The laws: one heat transfer mechanism a file."""

@@ -1,0 +1,1 @@
+"""Which triangles each pixel's ray crosses, at which depth, in order."""

@@ -1,0 +1,1 @@
+"""Bodies and terms, compiled to the smallest program that does the scene."""

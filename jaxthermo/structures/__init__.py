@@ -1,0 +1,1 @@
+"""Nodes, links and the surface map: what the heat equation is solved on."""

@@ -1,0 +1,1 @@
+"""From depth layers to solid voxels and surface fragments with true areas."""

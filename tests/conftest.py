@@ -1,0 +1,32 @@
+"""Settings shared by all tests: float64, strict promotion, real meshes where present."""
+
+import os
+from pathlib import Path
+
+import jax
+import pytest
+
+
+jax.config.update("jax_enable_x64", True)
+jax.config.update("jax_numpy_rank_promotion", "raise")
+jax.config.update("jax_numpy_dtype_promotion", "strict")
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def _mesh_folders() -> list[Path]:
+    named = os.environ.get("JAXTHERMO_MESHES")
+    return [Path(named)] if named else [ROOT.parent / "shared" / "meshes"]
+
+
+@pytest.fixture
+def real_mesh():
+    """A function from a file name to the path of a real mesh, skipping without it."""
+
+    def find(name: str) -> Path:
+        for folder in _mesh_folders():
+            if (folder / name).is_file():
+                return folder / name
+        pytest.skip(f"{name} is not in JAXTHERMO_MESHES or ../shared/meshes")
+
+    return find
