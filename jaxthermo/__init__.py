@@ -1,0 +1,62 @@
+"""What a thermal camera sees of a triangle mesh over time, differentiable, in JAX.
+
+Names are resolved when first used, in the order of the data flow, so that importing the
+package costs nothing of what is not used.
+"""
+
+import importlib
+from importlib.metadata import version as _version
+
+
+_HOME = {
+    "InputError": "errors",
+    "Mesh": "geometry.mesh",
+    "load_mesh": "geometry.load",
+    "voxelize": "voxels.voxelize",
+    "VoxelGrid": "voxels.grid",
+    "Side": "voxels.select",
+    "Region": "voxels.select",
+    "FullVolume": "structures.full",
+    "Material": "materials",
+    "materials": "materials",
+    "Table": "physics.values",
+    "Until": "physics.values",
+    "Sun": "physics.source",
+    "Surroundings": "physics.emission",
+    "FixedTemperature": "physics.boundary",
+    "HeatFlux": "physics.boundary",
+    "Convection": "physics.boundary",
+    "Pose": "scene.scene",
+    "MaterialMap": "scene.scene",
+    "Body": "scene.scene",
+    "Scene": "scene.scene",
+    "compile_scene": "scene.compile",
+    "ForwardEuler": "integrate.euler",
+    "simulate": "integrate.simulate",
+    "Solution": "integrate.solution",
+    "RESULTS": "integrate.solution",
+    "Camera": "image.camera",
+    "OrthographicCamera": "image.camera",
+    "render": "image.render",
+    "write_exr": "image.files",
+    "write_png": "image.files",
+}
+_MODULES = {"shapes": "geometry.shapes"}
+
+__version__ = _version("jaxthermo")
+__all__ = [*_HOME, *_MODULES, "__version__"]
+
+
+def __getattr__(name: str):
+    if name in _HOME:
+        value = getattr(importlib.import_module(f".{_HOME[name]}", __name__), name)
+    elif name in _MODULES:
+        value = importlib.import_module(f".{_MODULES[name]}", __name__)
+    else:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,61 @@
+"""When to step: equal steps between the times that must be landed on exactly."""
+
+import math
+from dataclasses import dataclass
+
+from ..errors import InputError
+
+
+@dataclass(frozen=True)
+class Interval:
+    """`steps` steps of `dt` from `start`, ending at `end` to rounding [s]."""
+
+    start: float
+    end: float
+    steps: int
+    saved: bool
+    """Whether `end` is a save time."""
+
+    @property
+    def dt(self) -> float:
+        """One step [s]."""
+        return (self.end - self.start) / self.steps
+
+
+def save_times(t1: float, save_at) -> tuple[float, ...]:
+    """The save times, checked; the end alone if none are given.
+
+    Raises:
+        InputError: if they do not increase within [0, t1].
+    """
+    if not math.isfinite(t1) or t1 < 0:
+        raise InputError(f"t1={t1!r}: give an end time of at least 0 s")
+    times = (t1,) if save_at is None else tuple(float(t) for t in save_at)
+    if not times:
+        raise InputError("save_at is empty: give at least one time, or leave it out")
+    if any(b <= a for a, b in zip(times, times[1:], strict=False)):
+        raise InputError(f"save_at={list(times)}: the times must increase")
+    if not (times[0] >= 0 and times[-1] <= t1):
+        raise InputError(f"save_at={list(times)}: the times must lie in [0, {t1:g}] s")
+    return times
+
+
+def schedule(
+    t1: float, saves: tuple[float, ...], knots: tuple[float, ...], dt: float
+) -> tuple[Interval, ...]:
+    """Intervals between save times, breaks of the terms' values, and the end.
+
+    Args:
+        t1: end [s].
+        saves: increasing times in [0, t1].
+        knots: other times to land on.
+        dt: the largest step allowed [s]; may be infinite.
+    """
+    stops = sorted({*saves, *(k for k in knots if 0 < k < t1), t1} - {0.0})
+    intervals, start = [], 0.0
+    for stop in stops:
+        # A quotient that is whole but for rounding must not cost a step more.
+        steps = max(1, math.ceil((stop - start) / dt * (1 - 1e-9)))
+        intervals.append(Interval(start, stop, steps, stop in saves))
+        start = stop
+    return tuple(intervals)

@@ -1,0 +1,255 @@
+"""`simulate`: scene in, solution out; and the same program in segments for the CLI."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from ..errors import InputError
+from ..network.network import precise_sum
+from ..precision import precision
+from ..scene.compile import Compiled, Program, State, compile_scene
+from ..scene.scene import Scene
+from .euler import ForwardEuler, RunState, advance, stable_step
+from .ledger import Energy, Ledger, empty_ledger
+from .schedule import Interval, save_times, schedule
+from .solution import RESULTS, Run, Solution, is_traced
+
+
+class Observation(NamedTuple):
+    """What is kept of a state at a saved time."""
+
+    surface: Float[Array, " s"]
+    """[K]"""
+    mean: Float[Array, " b"]
+    """[K]"""
+    stored: Float[Array, ""]
+    """Above the references [J]."""
+    finite: Bool[Array, ""]
+    ledger: Ledger
+
+
+def observe(program: Program, state: RunState) -> Observation:
+    """Surface temperatures, means and energies of a state."""
+    surface, mean, stored = [], [], []
+    for body, theta in zip(program.bodies, state.theta, strict=True):
+        here = theta.at[body.address].get(mode="promise_in_bounds")
+        heat = body.network.stored(theta)
+        surface.append(body.reference + here)
+        mean.append(body.reference + heat / body.network.total_capacity())
+        stored.append(heat)
+    total = jnp.stack(stored).sum()
+    return Observation(
+        surface=jnp.concatenate(surface),
+        mean=jnp.stack(mean),
+        stored=total,
+        finite=jnp.isfinite(total),
+        ledger=state.ledger,
+    )
+
+
+class Plan(NamedTuple):
+    """A compiled scene and when it steps: all decisions made, nothing run."""
+
+    compiled: Compiled
+    intervals: tuple[Interval, ...]
+    saves: tuple[float, ...]
+    limit: float | None
+    """The stable step [s]; None if it is traced."""
+
+    @property
+    def steps(self) -> int:
+        """In all."""
+        return sum(interval.steps for interval in self.intervals)
+
+    @property
+    def dtype(self) -> Any:
+        """Of the state."""
+        return jnp.dtype(self.compiled.receipt.dtype)
+
+
+def plan(
+    scene: Scene, t1: float, save_at: Sequence[float] | None, solver: ForwardEuler
+) -> Plan:
+    """Compile a scene and lay out its steps.
+
+    Raises:
+        InputError: for save times out of order, or a step above the stable one.
+    """
+    saves = save_times(t1, save_at)
+    compiled = compile_scene(scene)
+    limit = stable_step(compiled.program, compiled.hottest(t1), t1)
+    if isinstance(limit, jax.core.Tracer):
+        if solver.dt is None:
+            raise InputError(
+                "simulate: the stable step depends on traced values; give the step, "
+                "as in solver=ForwardEuler(dt=0.1)"
+            )
+        dt, known = float(solver.dt), None
+    else:
+        dt, known = _checked_step(solver, float(limit)), float(limit)
+    layout = schedule(t1, saves, compiled.program.knots, dt)
+    return Plan(compiled, layout, saves, known)
+
+
+def _checked_step(solver: ForwardEuler, limit: float) -> float:
+    if solver.dt is None:
+        return limit
+    dt = float(solver.dt)
+    if not dt > 0:
+        raise InputError(f"ForwardEuler(dt={dt:g}): give a positive step in seconds")
+    if dt > limit * (1 + 1e-6):
+        raise InputError(
+            f"ForwardEuler(dt={dt:g}): the largest stable step of this scene is "
+            f"{limit:.6g} s; use that or less, or dt=None to have it chosen"
+        )
+    return dt
+
+
+def start(plan: Plan) -> RunState:
+    """The state at time 0."""
+    mechanisms = len(plan.compiled.program.mechanisms)
+    return RunState(plan.compiled.state, empty_ledger(mechanisms, plan.dtype))
+
+
+def imbalance(program: Program, thetas: State, nodes: list) -> Float[Array, ""]:
+    """Heat that conduction must move to even out each body at the start [J]."""
+    total = jnp.zeros((), thetas[0].dtype)
+    for body, theta, address in zip(program.bodies, thetas, nodes, strict=True):
+        if address is None:
+            continue
+        mean = body.network.stored(theta) / body.network.total_capacity()
+        excess = jnp.abs(theta[address] - mean) * body.network.capacity(address)
+        total = total + precise_sum(excess) / 2
+    return total
+
+
+@eqx.filter_jit
+def _run_all(program: Program, state: RunState, layout) -> Observation:
+    """Every interval, observed at its end; one program for any numbers of steps."""
+
+    def interval(state, times):
+        start, dt, steps = times
+        state = advance(program, state, start, dt, steps)
+        return state, observe(program, state)
+
+    return jax.lax.scan(interval, state, layout)[1]
+
+
+def _run_traced(program: Program, state: RunState, intervals, dtype) -> Observation:
+    """The same with fixed lengths, for reverse-mode differentiation."""
+    seen = []
+    for i in intervals:
+        begin, dt = jnp.asarray(i.start, dtype), jnp.asarray(i.dt, dtype)
+        state = advance(program, state, begin, dt, i.steps)
+        seen.append(observe(program, state))
+    return jax.tree.map(lambda *each: jnp.stack(each), *seen)
+
+
+def _layout(intervals: tuple[Interval, ...], dtype):
+    return (
+        jnp.asarray([i.start for i in intervals], dtype),
+        jnp.asarray([i.dt for i in intervals], dtype),
+        jnp.asarray([i.steps for i in intervals], jnp.int32),
+    )
+
+
+def assemble_solution(
+    scene: Scene,
+    plan: Plan,
+    first: Observation,
+    seen: Observation,
+    even: Float[Array, ""],
+) -> Solution:
+    """A `Solution` from the observations at the start and at each interval's end."""
+    rows = [k for k, i in enumerate(plan.intervals) if i.saved]
+    at = jax.tree.map(lambda a: a[jnp.asarray(rows, int)], seen)
+    if plan.saves[0] == 0.0:
+        at = jax.tree.map(lambda one, a: jnp.concatenate([one[None], a]), first, at)
+    stored = at.stored - first.stored
+    heat = at.ledger.heat
+    throughput = at.ledger.moved.sum(axis=1) + even
+    error = stored - heat.sum(axis=1)
+    residual = error / jnp.where(throughput > 0, throughput, 1)
+    names = plan.compiled.program.mechanisms
+    finite = at.finite.all()
+    result = RESULTS.where(finite, RESULTS.successful, RESULTS.nonfinite)
+    return Solution(
+        times=jnp.asarray(plan.saves, stored.dtype),
+        surface_temperature=at.surface,
+        mean_temperature=at.mean,
+        energy=Energy(
+            stored_J=stored,
+            mechanisms={name: heat[:, k] for k, name in enumerate(names)},
+            residual_relative=residual,
+        ),
+        result=result,
+        run=Run(
+            steps=plan.steps,
+            dt=max((i.dt for i in plan.intervals), default=None),
+            stable_step=plan.limit,
+        ),
+        surfaces=plan.compiled.surfaces,
+        terms=scene.terms,
+        receipt=plan.compiled.receipt,
+    )
+
+
+def simulate(
+    scene: Scene,
+    t1: float,
+    save_at: Sequence[float] | None = None,
+    *,
+    solver: ForwardEuler | None = None,
+    throw: bool = True,
+) -> Solution:
+    """Temperatures of a scene's surface up to `t1`.
+
+    One jitted program. It may itself be jitted, mapped or differentiated with respect
+    to anything in the scene that is a number; then give the step in `solver`, and keep
+    the runs short, since reverse mode stores every step.
+
+    Args:
+        scene: bodies and terms.
+        t1: end [s].
+        save_at: increasing times to keep [s]; the end if not given.
+        solver: explicit Euler at the stable step if not given.
+        throw: whether a run that failed raises instead of saying so in `result`.
+
+    Raises:
+        InputError: for times out of order, a step above the stable one, or too little
+            memory.
+        RuntimeError: if temperatures stop being finite and `throw` is set.
+    """
+    with precision(scene.dtype):
+        todo = plan(scene, t1, save_at, solver or ForwardEuler())
+        program, state = todo.compiled.program, start(todo)
+        first = observe(program, state)
+        even = imbalance(program, state.theta, _uneven_nodes(scene))
+        if not todo.intervals:
+            seen = jax.tree.map(lambda a: a[None][:0], first)
+        elif is_traced(scene):
+            seen = _run_traced(program, state, todo.intervals, todo.dtype)
+        else:
+            seen = _run_all(program, state, _layout(todo.intervals, todo.dtype))
+        solution = assemble_solution(scene, todo, first, seen, even)
+    if throw and not is_traced(solution.result):
+        raise_failure(solution.result)
+    return solution
+
+
+def raise_failure(result: RESULTS) -> None:
+    """Raise what went wrong, with its remedy, unless nothing did."""
+    if result != RESULTS.successful:
+        raise RuntimeError(RESULTS[result])
+
+
+def _uneven_nodes(scene: Scene) -> list:
+    """Addresses of the nodes of each body that does not start at one temperature."""
+    return [
+        body.structure.node_address() if callable(body.temperature) else None
+        for body in scene.bodies
+    ]

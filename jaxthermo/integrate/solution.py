@@ -1,0 +1,60 @@
+"""What a simulation gives back."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+from jaxtyping import Array, Float
+
+from ..physics.term import AbstractTerm
+from ..scene.receipt import Receipt
+from ..scene.surface import SolvedSurface
+from .ledger import Energy
+
+
+class RESULTS(eqx.Enumeration):
+    """How a run ended; each failure says what to do."""
+
+    successful = ""
+    nonfinite = (
+        "A temperature is no longer finite: a heat flux, coefficient or function of "
+        "time gives values that are too large or not finite; check the terms."
+    )
+
+
+class Run(eqx.Module):
+    """How the run went."""
+
+    steps: int = eqx.field(static=True)
+    dt: float | None = eqx.field(static=True)
+    """The largest step taken [s]."""
+    stable_step: float | None = eqx.field(static=True)
+    """The limit it was held against [s]; None where it could not be known."""
+
+
+class Solution(eqx.Module):
+    """Temperatures of the surface over time, and what they cost in energy."""
+
+    times: Float[Array, " t"]
+    """[s]"""
+    surface_temperature: Float[Array, "t s"]
+    """At every fragment, bodies one after the other [K]."""
+    mean_temperature: Float[Array, "t b"]
+    """Capacity-weighted, of each body [K]."""
+    energy: Energy
+    result: RESULTS
+    run: Run
+    surfaces: tuple[SolvedSurface, ...]
+    terms: tuple[AbstractTerm, ...]
+    receipt: Receipt = eqx.field(static=True)
+
+    def of_body(self, index: int) -> Float[Array, "t _"]:
+        """Surface temperatures of one body [K]."""
+        counts = [len(s.geometry.fragment_area) for s in self.surfaces]
+        start = sum(counts[:index])
+        return self.surface_temperature[:, start : start + counts[index]]
+
+
+def is_traced(tree: Any) -> bool:
+    """Whether anything in a pytree is being differentiated, mapped or compiled."""
+    return any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(tree))

@@ -1,0 +1,155 @@
+"""The dense masked stencil: the box of cells, with T = 0 outside the body.
+
+A state is the lattice with one empty cell all round. Empty cells hold zero and stay
+zero, so six neighbours are six shifted slices, without a branch or an index.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, UInt8
+
+from .network import AbstractNetwork, Address, precise_sum
+
+
+def solid_degree(solid: Bool[np.ndarray, "x y z"]) -> np.ndarray:
+    """How many of the six neighbours of each solid voxel are solid; 0 elsewhere."""
+    degree = np.zeros(solid.shape, np.uint8)
+    for axis in range(3):
+        body = np.moveaxis(solid, axis, 0)
+        count = np.moveaxis(degree, axis, 0)
+        both = (body[1:] & body[:-1]).view(np.uint8)
+        count[1:] += both
+        count[:-1] += both
+    return degree
+
+
+def _neighbour_sum(state):
+    inner, before, after = slice(1, -1), slice(None, -2), slice(2, None)
+    along_z = state[inner, inner, after] + state[inner, inner, before]
+    along_y = state[inner, after, inner] + state[inner, before, inner]
+    along_x = state[after, inner, inner] + state[before, inner, inner]
+    return along_z + along_y + along_x
+
+
+def _inner(address: Address) -> Address:
+    return tuple(index - 1 for index in address)
+
+
+class UniformStencil(AbstractNetwork):
+    """A body of one material: one conductance, one capacity, and a byte a voxel."""
+
+    degree: UInt8[Array, "x y z"]
+    conductance: Float[Array, ""]
+    """Of each link, k * pitch [W/K]."""
+    node_capacity: Float[Array, ""]
+    """Of each voxel, rho c_p V [J/K]."""
+    node_count: int
+
+    def _difference(self, state):
+        # The barrier keeps XLA from widening the bytes once, outside the time loop:
+        # five bytes a voxel more to read at every step.
+        state, degree = jax.lax.optimization_barrier((state, self.degree))
+        centre = state[1:-1, 1:-1, 1:-1]
+        spread = _neighbour_sum(state) - degree.astype(state.dtype) * centre
+        return centre, jnp.where(degree > 0, spread, 0)
+
+    def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
+        """Conduction into each node [W]."""
+        return jnp.pad(self.conductance * self._difference(state)[1], 1)
+
+    def euler_step(
+        self, state: Float[Array, "..."], dt: Float[Array, ""]
+    ) -> Float[Array, "..."]:
+        """T + r (sum of six neighbours - degree T), r = dt G / C."""
+        centre, spread = self._difference(state)
+        ratio = dt * (self.conductance / self.node_capacity)
+        return jnp.pad(centre + ratio * spread, 1)
+
+    def diagonal(self, address: Address) -> Float[Array, " m"]:
+        """Conductance times degree [W/K]."""
+        degree = self.degree[_inner(address)].astype(self.conductance.dtype)
+        return self.conductance * degree
+
+    def capacity(self, address: Address) -> Float[Array, "*m"]:
+        """The same for every voxel [J/K]."""
+        del address
+        return self.node_capacity
+
+    def largest_rate(self) -> Float[Array, ""]:
+        """Of a voxel with the most solid neighbours [1/s]."""
+        most = self.degree.max().astype(self.conductance.dtype)
+        return most * self.conductance / self.node_capacity
+
+    def total_capacity(self) -> Float[Array, ""]:
+        """Heat capacity of the body [J/K]."""
+        return self.node_capacity * self.node_count
+
+    def stored(self, state: Float[Array, "..."]) -> Float[Array, ""]:
+        """Heat above the reference temperature [J]."""
+        return self.node_capacity * precise_sum(state)
+
+
+class MaterialStencil(AbstractNetwork):
+    """A body of several materials: a conductance per face, a capacity per voxel."""
+
+    face_conductance: tuple[
+        Float[Array, "x-1 y z"], Float[Array, "x y-1 z"], Float[Array, "x y z-1"]
+    ]
+    """Towards the next voxel along x, y, z [W/K]; 0 where either is empty."""
+    voxel_capacity: Float[Array, "x y z"]
+    """[J/K]; 0 outside the body."""
+
+    def _rate(self, state):
+        centre = state[1:-1, 1:-1, 1:-1]
+        total = jnp.zeros_like(centre)
+        for axis, conductance in enumerate(self.face_conductance):
+            flow = conductance * jnp.diff(centre, axis=axis)
+            before, after = [(0, 0)] * 3, [(0, 0)] * 3
+            before[axis], after[axis] = (0, 1), (1, 0)
+            total = total + jnp.pad(flow, before) - jnp.pad(flow, after)
+        return centre, total
+
+    def _diagonal(self):
+        total = jnp.zeros_like(self.voxel_capacity)
+        for axis, conductance in enumerate(self.face_conductance):
+            before, after = [(0, 0)] * 3, [(0, 0)] * 3
+            before[axis], after[axis] = (0, 1), (1, 0)
+            total = total + jnp.pad(conductance, before) + jnp.pad(conductance, after)
+        return total
+
+    def _over_capacity(self, values):
+        # Both branches of a where are differentiated: the divisor must never be zero.
+        solid = self.voxel_capacity > 0
+        return jnp.where(solid, values / jnp.where(solid, self.voxel_capacity, 1), 0)
+
+    def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
+        """Conduction into each node [W]."""
+        return jnp.pad(self._rate(state)[1], 1)
+
+    def euler_step(
+        self, state: Float[Array, "..."], dt: Float[Array, ""]
+    ) -> Float[Array, "..."]:
+        """T + dt / C * (what flows in through six faces)."""
+        centre, rate = self._rate(state)
+        return jnp.pad(centre + dt * self._over_capacity(rate), 1)
+
+    def diagonal(self, address: Address) -> Float[Array, " m"]:
+        """Sum of the six face conductances [W/K]."""
+        return self._diagonal()[_inner(address)]
+
+    def capacity(self, address: Address) -> Float[Array, "*m"]:
+        """Of each node asked for [J/K]."""
+        return self.voxel_capacity[_inner(address)]
+
+    def largest_rate(self) -> Float[Array, ""]:
+        """Over all voxels [1/s]."""
+        return self._over_capacity(self._diagonal()).max()
+
+    def total_capacity(self) -> Float[Array, ""]:
+        """Heat capacity of the body [J/K]."""
+        return precise_sum(self.voxel_capacity)
+
+    def stored(self, state: Float[Array, "..."]) -> Float[Array, ""]:
+        """Heat above the reference temperature [J]."""
+        return precise_sum(self.voxel_capacity * state[1:-1, 1:-1, 1:-1])

@@ -1,0 +1,204 @@
+"""Boundary terms: a fixed temperature, a heat flux, convection with a given h.
+
+| term | heat rate into a fragment of area A |
+|---|---|
+| `FixedTemperature` | 2 k A / pitch (T_s - T): the half cell between node and surface |
+| `HeatFlux` | q'' A |
+| `Convection` | h A (T_inf - T) (Newton; thesis eq. 5) |
+"""
+
+from typing import Any
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from ..voxels.select import Selection
+from .term import AbstractBoundTerm, AbstractTerm, LeftOut, Surface
+from .values import is_zero, largest, value_at
+
+
+class BoundExchange(AbstractBoundTerm):
+    """Heat exchanged with something at a given temperature through a coefficient."""
+
+    fragments: Int[Array, " m"] | None
+    area: Float[Array, " m"]
+    coefficient: Any
+    """[W/(m^2 K)]: one number, one a fragment, or a function of time."""
+    temperature: Any
+    reference: Float[Array, ""]
+
+    def heat_rate(
+        self, time: Float[Array, ""], theta: Float[Array, " m"]
+    ) -> Float[Array, " m"]:
+        """Coefficient times area times the temperature difference [W]."""
+        above = value_at(self.temperature, time) - self.reference
+        return value_at(self.coefficient, time) * self.area * (above - theta)
+
+    def stiffness(self, hottest: Float[Array, ""], end: float) -> Float[Array, "*m"]:
+        """Coefficient times area [W/K]."""
+        del hottest
+        if callable(self.coefficient):
+            return largest(self.coefficient, end).astype(self.area.dtype) * self.area
+        return self.coefficient * self.area
+
+
+class BoundFlux(AbstractBoundTerm):
+    """An imposed heat flux, whatever the temperature."""
+
+    fragments: Int[Array, " m"] | None
+    area: Float[Array, " m"]
+    """Times whatever share of the flux each fragment takes [m^2]."""
+    heat_flux: Any
+
+    def heat_rate(
+        self, time: Float[Array, ""], theta: Float[Array, " m"]
+    ) -> Float[Array, " m"]:
+        """Heat flux times area [W]."""
+        del theta
+        return value_at(self.heat_flux, time) * self.area
+
+    def stiffness(self, hottest: Float[Array, ""], end: float) -> Float[Array, "*m"]:
+        """None: it does not depend on the temperature."""
+        del hottest, end
+        return jnp.zeros_like(self.area)
+
+
+def _chosen(surface: Surface, on: Selection | None):
+    """Fragments `on` selects, as an array for jit (None: all), and their areas."""
+    fragments = surface.chosen(on)
+    if fragments is None:
+        return None, surface.area
+    return jnp.asarray(fragments), surface.area[fragments]
+
+
+def _nothing_chosen(surface: Surface, on: Selection | None) -> bool:
+    fragments = surface.chosen(on)
+    return fragments is not None and len(fragments) == 0
+
+
+class FixedTemperature(AbstractTerm):
+    """The surface held at a temperature; the whole surface without `on`."""
+
+    temperature: Any
+    """T_s [K], a number or a function of time."""
+    on: Any = None
+
+    @property
+    def name(self) -> str:
+        """In the ledger."""
+        return "fixed_temperature"
+
+    @property
+    def knots(self) -> tuple[float, ...]:
+        """Of the temperature."""
+        return getattr(self.temperature, "knots", ())
+
+    def bind(self, surface: Surface, reference: float) -> AbstractBoundTerm | LeftOut:
+        """The chosen fragments, through half a cell of their own material."""
+        if _nothing_chosen(surface, self.on):
+            return LeftOut("`on` selects no fragment of this body")
+        fragments, area = _chosen(surface, self.on)
+        k = surface.conductivity
+        if fragments is not None and k.ndim:
+            k = k[fragments]
+        return BoundExchange(
+            fragments=fragments,
+            area=area,
+            coefficient=2 * k / surface.pitch,
+            temperature=self.temperature,
+            reference=jnp.asarray(reference, surface.dtype),
+        )
+
+    def pulls_to(self, end: float) -> Float[Array, ""]:
+        """The temperature itself [K]."""
+        return largest(self.temperature, end)
+
+    def pushes(self, end: float) -> Float[Array, ""]:
+        """Nothing is imposed."""
+        del end
+        return jnp.zeros(())
+
+
+class HeatFlux(AbstractTerm):
+    """A heat flux into the surface; the whole surface without `on`."""
+
+    heat_flux: Any
+    """q'' [W/m^2], positive into the body; a number or a function of time."""
+    on: Any = None
+
+    @property
+    def name(self) -> str:
+        """In the ledger."""
+        return "heat_flux"
+
+    @property
+    def knots(self) -> tuple[float, ...]:
+        """Of the flux."""
+        return getattr(self.heat_flux, "knots", ())
+
+    def bind(self, surface: Surface, reference: float) -> AbstractBoundTerm | LeftOut:
+        """The chosen fragments."""
+        del reference
+        if is_zero(self.heat_flux):
+            return LeftOut("the heat flux is 0")
+        if _nothing_chosen(surface, self.on):
+            return LeftOut("`on` selects no fragment of this body")
+        fragments, area = _chosen(surface, self.on)
+        return BoundFlux(fragments=fragments, area=area, heat_flux=self.heat_flux)
+
+    def pulls_to(self, end: float) -> Float[Array, ""]:
+        """Towards no temperature."""
+        del end
+        return jnp.zeros(())
+
+    def pushes(self, end: float) -> Float[Array, ""]:
+        """The flux [W/m^2]."""
+        return largest(self.heat_flux, end)
+
+
+class Convection(AbstractTerm):
+    """Newton's law with a given coefficient; the whole surface without `on`."""
+
+    heat_transfer_coefficient: Any
+    """h [W/(m^2 K)], a number or a function of time."""
+    temperature: Any
+    """T_inf of the fluid [K], a number or a function of time."""
+    on: Any = None
+
+    @property
+    def name(self) -> str:
+        """In the ledger."""
+        return "convection"
+
+    @property
+    def knots(self) -> tuple[float, ...]:
+        """Of both values."""
+        return (
+            *getattr(self.heat_transfer_coefficient, "knots", ()),
+            *getattr(self.temperature, "knots", ()),
+        )
+
+    def bind(self, surface: Surface, reference: float) -> AbstractBoundTerm | LeftOut:
+        """The chosen fragments."""
+        if is_zero(self.heat_transfer_coefficient):
+            return LeftOut("the heat transfer coefficient is 0")
+        if _nothing_chosen(surface, self.on):
+            return LeftOut("`on` selects no fragment of this body")
+        fragments, area = _chosen(surface, self.on)
+        h = self.heat_transfer_coefficient
+        return BoundExchange(
+            fragments=fragments,
+            area=area,
+            coefficient=h if callable(h) else jnp.asarray(h, surface.dtype),
+            temperature=self.temperature,
+            reference=jnp.asarray(reference, surface.dtype),
+        )
+
+    def pulls_to(self, end: float) -> Float[Array, ""]:
+        """The fluid's temperature [K]."""
+        return largest(self.temperature, end)
+
+    def pushes(self, end: float) -> Float[Array, ""]:
+        """Nothing is imposed."""
+        del end
+        return jnp.zeros(())

@@ -1,0 +1,84 @@
+"""A directional source with Lambert's law and its shadow (thesis eq. 3).
+
+q = a E max(0, -d . n) s A: absorptivity, irradiance, cosine between the normal n and
+the way back along the rays' direction d, lit share, true area. The thesis writes the
+diffuse term of Phong's model without the maximum; behind the terminator it would cool.
+"""
+
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..raster.directions import unit_vector
+from .boundary import BoundFlux
+from .shadow import lit_share
+from .term import AbstractBoundTerm, AbstractTerm, LeftOut, Surface
+from .values import is_zero, largest
+
+
+class Sun(AbstractTerm):
+    """Parallel rays with shadows."""
+
+    direction: tuple[float, float, float] = eqx.field(static=True)
+    """The way the rays travel; any length."""
+    irradiance: Any
+    """E on a surface that faces the rays [W/m^2]; a number or a function of time."""
+
+    def __check_init__(self):
+        unit_vector(self.direction, "Sun(direction=)")
+
+    @property
+    def name(self) -> str:
+        """In the ledger."""
+        return "sun"
+
+    @property
+    def knots(self) -> tuple[float, ...]:
+        """Of the irradiance."""
+        return getattr(self.irradiance, "knots", ())
+
+    def exposure(
+        self,
+        triangles: Float[np.ndarray, "f 3 3"],
+        position: Float[np.ndarray, "s 3"],
+        normal: Float[np.ndarray, "s 3"],
+        pitch: float,
+    ) -> Float[np.ndarray, " s"]:
+        """Lambert's cosine times the lit share of surface points: 0 to 1."""
+        cosine = np.maximum(0.0, -normal @ unit_vector(self.direction))
+        return cosine * lit_share(triangles, position, normal, self.direction, pitch)
+
+    def bind(self, surface: Surface, reference: float) -> AbstractBoundTerm | LeftOut:
+        """The fragments that the source sees."""
+        del reference
+        if is_zero(self.irradiance):
+            return LeftOut("the irradiance is 0")
+        if is_zero(surface.absorptivity):
+            return LeftOut("the surface has absorptivity 0")
+        exposure = self.exposure(
+            surface.scene_triangles, surface.position, surface.normal, surface.pitch
+        )
+        seen = np.flatnonzero(exposure > 0)
+        if not len(seen):
+            return LeftOut("no surface of this body sees it")
+        absorbing = surface.absorptivity
+        if absorbing.ndim:
+            absorbing = absorbing[seen]
+        share = jnp.asarray(exposure[seen], surface.dtype)
+        return BoundFlux(
+            fragments=jnp.asarray(seen),
+            area=absorbing * share * surface.area[seen],
+            heat_flux=self.irradiance,
+        )
+
+    def pulls_to(self, end: float) -> Float[Array, ""]:
+        """Towards no temperature: it imposes a heat flux."""
+        del end
+        return jnp.zeros(())
+
+    def pushes(self, end: float) -> Float[Array, ""]:
+        """The irradiance [W/m^2]."""
+        return largest(self.irradiance, end)

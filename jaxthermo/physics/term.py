@@ -1,0 +1,104 @@
+"""What a mechanism at the surface is, before and after it meets a body.
+
+A term is what the user writes. Bound to a body it keeps only the arrays it needs and
+gives a heat rate per fragment; a term that can do nothing there binds to `LeftOut`
+with the reason, and no trace of it is in the compiled program.
+"""
+
+import abc
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from ..voxels.select import Selection
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """The surface of one body where the scene has put it, as terms see it."""
+
+    body: int
+    pitch: float
+    position: Float[np.ndarray, "s 3"]
+    """World [m]."""
+    normal: Float[np.ndarray, "s 3"]
+    """World, outward."""
+    area: Float[Array, " s"]
+    """True area [m^2]."""
+    own_position: Float[np.ndarray, "s 3"]
+    """In the body's own frame [m], which `Side` and `Region` refer to."""
+    own_normal: Float[np.ndarray, "s 3"]
+    conductivity: Float[Array, "*s"]
+    """Of the node under each fragment [W/(m K)]; one number for one material."""
+    emissivity: Float[Array, "*s"]
+    absorptivity: Float[Array, "*s"]
+    scene_triangles: Float[np.ndarray, "f 3 3"]
+    """Every body's triangles, world [m]: what may cast a shadow."""
+    dtype: Any
+
+    def chosen(self, on: Selection | None) -> Int[np.ndarray, " m"] | None:
+        """Fragments that `on` selects; None for all of them."""
+        if on is None:
+            return None
+        if on.body != self.body:
+            return np.zeros(0, np.int64)
+        return np.flatnonzero(on.chooses(self.own_position, self.own_normal))
+
+
+class LeftOut(NamedTuple):
+    """Why a term has no part in the program."""
+
+    why: str
+
+
+class AbstractBoundTerm(eqx.Module):
+    """A term on one body: heat rates of `fragments` (all of them if None)."""
+
+    fragments: eqx.AbstractVar[Int[Array, " m"] | None]
+
+    @abc.abstractmethod
+    def heat_rate(
+        self, time: Float[Array, ""], theta: Float[Array, " m"]
+    ) -> Float[Array, " m"]:
+        """Heat into each fragment [W] at temperatures `theta` above the reference."""
+
+    @abc.abstractmethod
+    def stiffness(self, hottest: Float[Array, ""], end: float) -> Float[Array, "*m"]:
+        """Largest -d(heat rate)/dT of each fragment below `hottest` [K] up to `end`.
+
+        It adds to a node's conductances in the stable explicit step [W/K].
+        """
+
+
+class AbstractTerm(eqx.Module):
+    """A mechanism as the user writes it."""
+
+    @abc.abstractmethod
+    def bind(
+        self, surface: Surface, reference: float
+    ) -> AbstractBoundTerm | LeftOut:
+        """This term on one body whose state counts from `reference` [K]."""
+
+    @property
+    @abc.abstractmethod
+    def name(self) -> str:
+        """Of the mechanism, as in the energy ledger."""
+
+    @property
+    @abc.abstractmethod
+    def knots(self) -> tuple[float, ...]:
+        """Times at which its values break and the solver must land [s]."""
+
+    @abc.abstractmethod
+    def pulls_to(self, end: float) -> Float[Array, ""]:
+        """The highest temperature this term drives a body towards up to `end` [K].
+
+        Zero for a term that imposes a heat flux; see `pushes`.
+        """
+
+    @abc.abstractmethod
+    def pushes(self, end: float) -> Float[Array, ""]:
+        """The highest heat flux this term imposes whatever the temperature [W/m^2]."""

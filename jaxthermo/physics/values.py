@@ -1,0 +1,80 @@
+"""Values that may change with time: a number, a `Table`, `Until`, or any callable."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..errors import InputError
+
+
+class Table(eqx.Module):
+    """Piecewise linear in time, constant before the first and after the last time."""
+
+    times: Any
+    """[s], increasing."""
+    values: Any
+
+    def __check_init__(self):
+        if np.shape(self.times) != np.shape(self.values) or np.ndim(self.times) != 1:
+            raise InputError(
+                f"Table: {np.shape(self.times)} times and {np.shape(self.values)} "
+                "values; give two lists of the same length"
+            )
+        if not isinstance(self.times, jax.core.Tracer) and (
+            np.diff(np.asarray(self.times, float)) <= 0
+        ).any():
+            raise InputError("Table: the times must increase")
+
+    def __call__(self, time: Float[Array, ""]) -> Float[Array, ""]:
+        """The value at `time` [s]."""
+        times = jnp.asarray(self.times, time.dtype)
+        return jnp.interp(time, times, jnp.asarray(self.values, time.dtype))
+
+    @property
+    def knots(self) -> tuple[float, ...]:
+        """Times that the solver lands on exactly [s]."""
+        return tuple(float(t) for t in np.asarray(self.times))
+
+
+class Until(eqx.Module):
+    """A value up to, but not including, `end` [s]; zero from then on."""
+
+    value: Any
+    end: float = eqx.field(static=True)
+
+    def __call__(self, time: Float[Array, ""]) -> Float[Array, ""]:
+        """The value at `time` [s]."""
+        return jnp.where(time < self.end, value_at(self.value, time), 0)
+
+    @property
+    def knots(self) -> tuple[float, ...]:
+        """Times that the solver lands on exactly [s]."""
+        return (self.end, *getattr(self.value, "knots", ()))
+
+
+def value_at(value: Any, time: Float[Array, ""]) -> Float[Array, ""]:
+    """A number, or a function of time, at `time` [s]."""
+    found = value(time) if callable(value) else value
+    return jnp.asarray(found, time.dtype)
+
+
+def is_zero(value: Any) -> bool:
+    """Whether this is known to be 0 at all times: such a term can be left out."""
+    if callable(value) or isinstance(value, jax.core.Tracer):
+        return False
+    return bool(np.all(np.asarray(value) == 0))
+
+
+def largest(value: Any, end: float) -> Float[Array, ""]:
+    """The largest value taken over [0, end] [s]; functions are sampled 1025 times."""
+    if isinstance(value, Table):
+        return jnp.max(jnp.asarray(value.values, float))
+    if isinstance(value, Until):
+        return jnp.maximum(largest(value.value, end), 0.0)
+    if callable(value):
+        return jnp.max(jax.vmap(value)(jnp.linspace(0.0, end, 1025)))
+    return jnp.asarray(value, float)

@@ -1,0 +1,192 @@
+"""From triangles to fragments: the pixels whose centres lie inside each triangle.
+
+Coordinates are pixels: the centre of pixel (row, column) is (row + 1/2, column + 1/2).
+A triangle covers a row in which its edges cross the line of pixel centres, and in it
+the pixels between the two crossings. Crossings are snapped to 1/1024 pixel and
+compared in integers, half-open on the right and above, so that two triangles which
+share an edge always agree on who owns a pixel on it: no fragment is lost or doubled,
+and a watertight mesh is crossed an even number of times by every ray.
+"""
+
+from functools import partial
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from ..errors import InputError
+
+
+SNAP = 1024
+"""Steps per pixel of the snapped coordinates."""
+
+LARGEST = 2**20
+"""Largest coordinate, in pixels, for which the integer crossings cannot overflow."""
+
+
+class Fragments(NamedTuple):
+    """Fragments in fixed-size arrays; slots from `count` on are padding."""
+
+    pixel: Int[Array, " k"]
+    """row * width + column; width * height in the padding."""
+    depth: Float[Array, " k"]
+    triangle: Int[Array, " k"]
+    count: Int[Array, ""]
+    """Fragments there are: more than the arrays hold if the capacity was too small."""
+    rows_needed: Int[Array, ""]
+
+
+def _ceil_div(numerator, denominator):
+    return -((-numerator) // denominator)
+
+
+def _first_centre(snapped):
+    """Index of the first pixel centre at or after a snapped coordinate."""
+    return _ceil_div(snapped - SNAP // 2, SNAP)
+
+
+def _expand(counts, capacity):
+    """Owner and position within the owner of each of `sum(counts)` slots."""
+    ends = jnp.cumsum(counts)
+    owner = jnp.repeat(
+        jnp.arange(counts.shape[0]), counts, total_repeat_length=capacity
+    )
+    slot = jnp.arange(capacity)
+    return owner, slot - (ends - counts)[owner], slot < ends[-1], ends[-1]
+
+
+def _crossings(corners, row):
+    """Columns at which the three edges of each triangle cross a row of centres.
+
+    Each edge is taken from its lower to its upper end, whatever the triangle, so that
+    both its triangles divide the same integers.
+    """
+    start, end = corners, jnp.roll(corners, -1, axis=1)
+    swap = start[..., 1:] > end[..., 1:]
+    low, high = jnp.where(swap, end, start), jnp.where(swap, start, end)
+    centre = (row * SNAP + SNAP // 2)[:, None]
+    rise = high[..., 1] - low[..., 1]
+    covers = (low[..., 1] <= centre) & (centre < high[..., 1])
+    rise = jnp.where(covers, rise, 1)
+    numerator = low[..., 0] * rise + (centre - low[..., 1]) * (
+        high[..., 0] - low[..., 0]
+    )
+    column = _ceil_div(numerator - rise * (SNAP // 2), rise * SNAP)
+    far = jnp.iinfo(column.dtype).max
+    left = jnp.where(covers, column, far).min(axis=1)
+    right = jnp.where(covers, column, -far).max(axis=1)
+    return left, right
+
+
+def _plane_depth(corners, depths, row, column):
+    """Depth of each triangle's plane at a pixel centre, within its corners' range."""
+    (x0, y0), (x1, y1), (x2, y2) = [
+        (corners[:, i, 0], corners[:, i, 1]) for i in range(3)
+    ]
+    z0, z1, z2 = depths[:, 0], depths[:, 1], depths[:, 2]
+    dx, dy = column * SNAP + SNAP // 2 - x0, row * SNAP + SNAP // 2 - y0
+    double_area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
+    w1 = dx * (y2 - y0) - dy * (x2 - x0)
+    w2 = dy * (x1 - x0) - dx * (y1 - y0)
+    weighted = w1.astype(z0.dtype) * (z1 - z0) + w2.astype(z0.dtype) * (z2 - z0)
+    depth = z0 + weighted / jnp.where(double_area == 0, 1, double_area).astype(z0.dtype)
+    # Planes nearly parallel to the ray extrapolate wildly; the corners bound them.
+    return jnp.clip(depth, depths.min(axis=1), depths.max(axis=1))
+
+
+@partial(jax.jit, static_argnames=("row_capacity", "capacity"))
+def rasterize_fixed(
+    triangles: Float[Array, "f 3 3"],
+    width: int | Int[Array, ""],
+    height: int | Int[Array, ""],
+    *,
+    row_capacity: int,
+    capacity: int,
+) -> Fragments:
+    """Fragments of every triangle in arrays of a given size.
+
+    Must be traced where 64-bit types are enabled. Corners are (column, row, depth).
+    If `count > capacity` or `rows_needed > row_capacity` the result is incomplete and
+    the caller must call again with more.
+    """
+    corners = jnp.round(triangles[..., :2] * SNAP).astype(jnp.int64)
+    low = jnp.clip(_first_centre(corners[..., 1].min(axis=1)), 0, height)
+    high = jnp.clip(_first_centre(corners[..., 1].max(axis=1)), 0, height)
+    owner, step, real, rows_needed = _expand(high - low, row_capacity)
+    row = low[owner] + step
+    left, right = _crossings(corners[owner], row)
+    left, right = jnp.clip(left, 0, width), jnp.clip(right, 0, width)
+    spans = jnp.where(real, jnp.maximum(right - left, 0), 0)
+    span, offset, valid, count = _expand(spans, capacity)
+    triangle, column, line = owner[span], left[span] + offset, row[span]
+    depth = _plane_depth(corners[triangle], triangles[triangle, :, 2], line, column)
+    return Fragments(
+        pixel=jnp.where(valid, line * width + column, width * height),
+        depth=depth,
+        triangle=triangle,
+        count=count,
+        rows_needed=rows_needed,
+    )
+
+
+def _rounded_up(number: float) -> int:
+    """The next size of a coarse ladder, so that few programs are compiled."""
+    power = 2 ** int(np.ceil(np.log2(max(number, 1024.0))))
+    return int(0.75 * power) if number <= 0.75 * power else power
+
+
+def capacities(
+    triangles: Float[np.ndarray, "f 3 3"], width: int, height: int
+) -> tuple[int, int]:
+    """Array sizes that hold the rows surely and the fragments most likely."""
+    x, y = triangles[..., 0], triangles[..., 1]
+    bottom, top = np.clip(y.min(1), 0, height), np.clip(y.max(1), 0, height)
+    rows = (np.ceil(top + 0.5) - np.floor(bottom - 0.5)).sum()
+    left, right = np.clip(x.min(1), 0, width), np.clip(x.max(1), 0, width)
+    a, b, c = (triangles[:, i, :2] for i in range(3))
+    u, v = b - a, c - a
+    area = 0.5 * np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])
+    covered = np.minimum(area, (right - left) * (top - bottom)).sum()
+    return _rounded_up(rows), _rounded_up(1.05 * covered + 8 * np.sqrt(covered) + 256)
+
+
+def rasterize(
+    triangles: Float[np.ndarray, "f 3 3"],
+    width: int,
+    height: int,
+    sizes: tuple[int, int] | None = None,
+) -> Fragments:
+    """Fragments of every triangle, in arrays as large as needed (host entry).
+
+    Args:
+        triangles: corners as (column, row, depth), in pixels and any unit of depth.
+        width: columns of the image.
+        height: rows of the image.
+        sizes: (row, fragment) capacities to start with, to share a compiled program.
+
+    Raises:
+        InputError: if a corner is not finite or more than 2^20 pixels away.
+    """
+    if not np.isfinite(triangles).all() or np.abs(triangles[..., :2]).max() > LARGEST:
+        raise InputError(
+            "raster: a triangle is not finite or over a million pixels away; "
+            "use a coarser pitch or clip the mesh to the view"
+        )
+    row_capacity, capacity = sizes or capacities(triangles, width, height)
+    with jax.enable_x64(True):
+        corners = jnp.asarray(triangles, jnp.float64)
+        while True:
+            fragments = rasterize_fixed(
+                corners,
+                width,
+                height,
+                row_capacity=row_capacity,
+                capacity=capacity,
+            )
+            rows, count = int(fragments.rows_needed), int(fragments.count)
+            if rows <= row_capacity and count <= capacity:
+                return fragments
+            row_capacity = max(row_capacity, _rounded_up(rows))
+            capacity = max(capacity, _rounded_up(count))

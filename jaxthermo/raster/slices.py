@@ -1,0 +1,55 @@
+"""The slicing voxelizer (thesis 4.1, [FC00]): the simple reference of the peeling.
+
+A slab of one voxel between two clip planes is moved through the body, and everything
+inside it is drawn. One triangle and one slab at a time, with exact integer edge tests:
+slow, obvious, and made of other arithmetic than `fragments`.
+"""
+
+import numpy as np
+from jaxtyping import Float
+
+from .fragments import SNAP
+
+
+def _covered(corners: np.ndarray, width: int, height: int) -> np.ndarray:
+    """Pixel centres (column, row) inside a snapped triangle, ties as in `fragments`."""
+    low = np.maximum((corners.min(0) - SNAP // 2) // SNAP, 0)
+    high = np.minimum((corners.max(0) + SNAP // 2) // SNAP, (width - 1, height - 1))
+    columns, rows = np.meshgrid(
+        np.arange(low[0], high[0] + 1), np.arange(low[1], high[1] + 1)
+    )
+    x, y = columns.ravel() * SNAP + SNAP // 2, rows.ravel() * SNAP + SNAP // 2
+    to_the_right = np.zeros(x.shape, int)
+    for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        (ax, ay), (bx, by) = sorted([tuple(start), tuple(end)], key=lambda p: p[1])
+        spans = (ay <= y) & (y < by)
+        # The edge is strictly right of the centre: cross product, no division.
+        right = (bx - ax) * (y - ay) - (by - ay) * (x - ax) > 0
+        to_the_right += spans & right
+    inside = to_the_right % 2 == 1
+    return np.stack([columns.ravel()[inside], rows.ravel()[inside]], axis=1)
+
+
+def slice_voxels(
+    triangles: Float[np.ndarray, "f 3 3"], width: int, height: int, depth: int
+) -> set[tuple[int, int, int]]:
+    """Voxels (column, row, slab) that some triangle passes at the pixel's centre."""
+    found = set()
+    for triangle in triangles:
+        corners = np.round(triangle[:, :2] * SNAP).astype(np.int64)
+        pixels = _covered(corners, width, height)
+        if not len(pixels):
+            continue
+        edges = np.column_stack([corners, np.full(3, SNAP)]) / SNAP
+        weights = np.linalg.solve(
+            edges.T, np.column_stack([pixels + 0.5, np.ones(len(pixels))]).T
+        )
+        depths = np.clip(weights.T @ triangle[:, 2], *_range(triangle[:, 2]))
+        for slab in range(depth):
+            within = (depths >= slab) & (depths < slab + 1)
+            found.update((int(c), int(r), slab) for c, r in pixels[within])
+    return found
+
+
+def _range(values: np.ndarray) -> tuple[float, float]:
+    return float(values.min()), float(values.max())
