@@ -1,0 +1,180 @@
+"""A mesh file into metres, z up; every mistake a user can make told in one line."""
+
+import io
+import logging
+import os
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from jaxtyping import Float, Int
+
+from jaxthermo.errors import InputError
+
+from .file_checks import declared_counts, file_fault, plain_obj
+from .frame import axes_for_up, metres_per_unit, positive_length, turn_matrix
+from .mesh import Mesh
+from .repair import MAX_HOLE_EDGES, repair_mesh
+
+
+FORMATS = (".obj", ".ply", ".stl", ".glb", ".off")
+
+FileMesh = tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]
+
+
+def load_mesh(
+    path: str | os.PathLike,
+    *,
+    unit: str | float | int | None = None,
+    height: float | int | None = None,
+    up: str = "z",
+    repair: bool = True,
+    max_hole_edges: int = MAX_HOLE_EDGES,
+) -> Mesh:
+    """Read an OBJ, PLY, STL, GLB or OFF file as one mesh in metres, z up.
+
+    Scenes are merged with their transforms. A GLB is by its standard in metres with y
+    up: say so with `unit="m", up="y"`. An OBJ cut off at the end of a line cannot be
+    told from a complete one; look at the open edges of the verdict.
+
+    Args:
+        path: The file; its ending tells the format.
+        unit: Length of one file unit, as a name ("mm") or in metres.
+        height: Instead of `unit`: the extent along the up axis [m].
+        up: The file's axis that points up: x, y, z, -x, -y or -z.
+        repair: Whether to mend what can be mended (see `repair_mesh`).
+        max_hole_edges: Holes with more edges than this stay open [-].
+
+    Raises:
+        InputError: naming what is wrong, the file, and what to do.
+    """
+    path = Path(path).expanduser()
+    if (unit is None) == (height is None):
+        raise InputError(
+            f"{path}: give either unit= (such as 'mm') or height= in metres, "
+            f"{'neither was given' if unit is None else 'not both'}"
+        )
+    scale = 1.0 if unit is None else metres_per_unit(unit)
+    target = None if height is None else positive_length("height", height)
+    axes = axes_for_up(up)
+    vertices, faces = _parse(path, _read(path))
+    _check_geometry(path, vertices, faces)
+    vertices = vertices @ turn_matrix(axes).T
+    if target is not None:
+        scale = target / _extent_along_up(path, vertices[faces], up)
+    mesh = Mesh(vertices * scale, faces, path.stem, axes)
+    return repair_mesh(mesh, max_hole_edges=max_hole_edges) if repair else mesh
+
+
+def _read(path: Path) -> bytes:
+    if path.is_dir():
+        raise InputError(f"{path}: this is a folder: name a mesh file in it")
+    if not path.exists():
+        raise InputError(f"{path}: there is no such file: check the path")
+    if path.suffix.lower() not in FORMATS:
+        raise InputError(
+            f"{path}: files ending in {path.suffix or 'nothing'!r} are not read: "
+            f"convert to one of {', '.join(FORMATS)}"
+        )
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(
+            f"{path}: cannot be read ({error.strerror}): check its permissions"
+        ) from error
+
+
+def _parse(path: Path, data: bytes) -> FileMesh:
+    """The one place that meets the parser, whose errors have no common type."""
+    suffix = path.suffix.lower()
+    if not data.strip(b"\0 \t\r\n"):
+        raise _damaged(path, "the file is empty")
+    data = plain_obj(data) if suffix == ".obj" else data
+    fault = file_fault(suffix, data)
+    if fault:
+        raise _damaged(path, fault)
+    try:
+        with _silence():
+            scene = trimesh.load_scene(
+                io.BytesIO(data), file_type=suffix[1:], process=False,
+                skip_materials=True, fix_texture=False, maintain_order=True,
+            )  # fmt: skip
+            merged = scene.to_mesh()
+            vertices = np.array(merged.vertices, np.float64).reshape(-1, 3)
+            faces = np.array(merged.faces, np.int64).reshape(-1, 3)
+    except Exception as error:
+        reason = str(error).strip().split("\n")[0] or type(error).__name__
+        raise _damaged(path, f"damaged or cut short ({reason[:120]})") from error
+    counts = declared_counts(suffix, data)
+    if counts and len(faces) and len(faces) < counts[1]:
+        raise _damaged(
+            path, f"it announces {counts[1]} faces, {len(faces)} can be read"
+        )
+    if (
+        counts
+        and suffix in (".ply", ".off")
+        and len(vertices) < counts[0]
+        and counts[1]
+    ):
+        raise _damaged(
+            path, f"it announces {counts[0]} vertices, {len(vertices)} can be read"
+        )
+    return vertices, faces
+
+
+@contextmanager
+def _silence() -> Iterator[None]:
+    """Keep the parser's warnings and log lines from the user: our line says it all."""
+    log, nowhere = logging.getLogger("trimesh"), logging.NullHandler()
+    before = log.propagate
+    # Its modules log under names of their own below this one.
+    log.propagate = False
+    log.addHandler(nowhere)
+    try:
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            # numpy only warns where text stops being numbers: make that a refusal.
+            warnings.simplefilter("ignore")
+            warnings.filterwarnings("error", ".*could not be read to its end.*")
+            yield
+    finally:
+        log.propagate = before
+        log.removeHandler(nowhere)
+
+
+def _damaged(path: Path, fault: str) -> InputError:
+    return InputError(f"{path}: {fault}: export or copy the file again")
+
+
+def _check_geometry(
+    path: Path, vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]
+) -> None:
+    if not len(faces):
+        raise InputError(
+            f"{path}: holds no faces (a point cloud, lines, or no mesh at all): "
+            "export a triangle mesh"
+        )
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        raise _damaged(path, "a face index is out of range of the vertices")
+    bad = int((~np.isfinite(vertices)).any(1).sum())
+    if bad:
+        raise _damaged(path, f"{bad} of {len(vertices)} vertices are NaN or infinite")
+    a, b, c = np.moveaxis(vertices[faces], 1, 0)
+    span = max(float(np.abs(b - a).max()), float(np.abs(c - a).max()))
+    if span == 0.0 or not np.cross((b - a) / span, (c - a) / span).any():
+        raise InputError(
+            f"{path}: all {len(faces)} faces have zero area: export a mesh with extent"
+        )
+
+
+def _extent_along_up(
+    path: Path, triangles: Float[np.ndarray, "f 3 3"], up: str
+) -> float:
+    extent = float(np.ptp(triangles[..., 2]))
+    if extent == 0.0:
+        raise InputError(
+            f"{path}: is flat along up={up!r}, so height= cannot scale it: give unit="
+        )
+    return extent

@@ -1,0 +1,157 @@
+"""`render`: a solution and a camera in, an image out; differentiable in temperatures."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from ..integrate.solution import Solution
+from ..physics.values import value_at
+from ..scene.surface import SolvedSurface
+from .camera import AbstractCamera
+from .radiance import (
+    apparent_temperature,
+    black_radiance,
+    leaving_radiance,
+    surroundings_at,
+)
+from .view import View, look
+
+
+class Image(eqx.Module):
+    """One thermal frame. The background is black surroundings, infinitely far."""
+
+    time: Float[Array, ""]
+    """[s]"""
+    temperature: Float[Array, "h w"]
+    """True, of the surface; of the surroundings in the background [K]."""
+    radiance: Float[Array, "h w"]
+    """Total, towards the camera, averaged over the pixel [W/(m^2 sr)]."""
+    emissivity: Float[Array, "h w"]
+    """1 in the background."""
+    depth: Float[Array, "h w"]
+    """Along the optical axis [m]; inf in the background."""
+    object_id: Int[Array, "h w"]
+    """Body number; -1 in the background."""
+    normal: Float[Array, "h w 3"]
+    """World, outward; 0 in the background."""
+
+    @property
+    def apparent_temperature(self) -> Float[Array, "h w"]:
+        """What a camera set to emissivity 1 shows [K]."""
+        return apparent_temperature(self.radiance)
+
+
+def _per_fragment(
+    surfaces: tuple[SolvedSurface, ...], field: str
+) -> Float[Array, " s"]:
+    return jnp.concatenate(
+        [
+            jnp.broadcast_to(getattr(s, field), (len(s.geometry.fragment_area),))
+            for s in surfaces
+        ]
+    )
+
+
+def _spread(view: View, values: Float[Array, " s"]) -> Float[Array, " p"]:
+    """Fragment values at the pixels that show a body."""
+    weight = jnp.asarray(view.weights.weight, values.dtype)
+    return jax.ops.segment_sum(
+        weight * values[view.weights.fragment],
+        view.weights.pixel,
+        num_segments=len(view.pixel),
+        indices_are_sorted=True,
+    )
+
+
+def _picture(view: View, values: Array, background: object) -> Array:
+    shape = (view.camera.height, view.camera.width, *values.shape[1:])
+    blank = jnp.full((shape[0] * shape[1], *values.shape[1:]), background, values.dtype)
+    return blank.at[view.pixel].set(values).reshape(shape)
+
+
+def draw(
+    view: View,
+    surfaces: tuple[SolvedSurface, ...],
+    terms: tuple,
+    temperature: Float[Array, " s"],
+    time: Float[Array, ""],
+) -> Image:
+    """The frame of one set of surface temperatures [K] at one time [s] in a view."""
+    surface = _spread(view, temperature)
+    emissivity = _spread(view, _per_fragment(surfaces, "emissivity"))
+    absorptivity = _spread(view, _per_fragment(surfaces, "absorptivity"))
+    irradiance = jnp.zeros_like(surface)
+    for number, exposure in view.exposure:
+        strength = value_at(terms[number].irradiance, time)
+        irradiance = irradiance + strength * jnp.asarray(exposure, surface.dtype)
+    ambient = surroundings_at(terms, time)
+    radiance = leaving_radiance(
+        surface, emissivity, ambient, (1 - absorptivity) * irradiance
+    )
+    dtype = surface.dtype
+    return Image(
+        time=time,
+        temperature=_picture(view, surface, ambient),
+        radiance=_picture(view, radiance, black_radiance(ambient)),
+        emissivity=_picture(view, emissivity, 1),
+        depth=_picture(view, jnp.asarray(view.depth, dtype), np.inf),
+        object_id=_picture(view, jnp.asarray(view.body, jnp.int32), -1),
+        normal=_picture(view, jnp.asarray(view.normal, dtype), 0),
+    )
+
+
+def coarsen(image: Image, samples: int) -> Image:
+    """An image of `samples` times fewer pixels each way.
+
+    A detector integrates radiance over its pixel; the other channels are those of one
+    sample near its middle, since a mean of depths or numbers is nothing.
+    """
+    if samples == 1:
+        return image
+    height, width = image.radiance.shape
+    blocks = image.radiance.reshape(
+        height // samples, samples, width // samples, samples
+    )
+    pick = lambda a: a[samples // 2 :: samples, samples // 2 :: samples]
+    return Image(
+        time=image.time,
+        temperature=pick(image.temperature),
+        radiance=blocks.mean(axis=(1, 3)),
+        emissivity=pick(image.emissivity),
+        depth=pick(image.depth),
+        object_id=pick(image.object_id),
+        normal=pick(image.normal),
+    )
+
+
+def render(
+    solution: Solution,
+    camera: AbstractCamera,
+    index: int = -1,
+    *,
+    smooth: bool = True,
+    samples: int = 1,
+) -> Image:
+    """The thermal image of one saved time.
+
+    Args:
+        solution: of `simulate`.
+        camera: where from.
+        index: which saved time, as in a list.
+        smooth: whether temperatures are smoothed over the voxels.
+        samples: radiance samples a pixel along each axis.
+
+    Raises:
+        InputError: if the camera is inside a body or sees none.
+    """
+    view = look(solution.surfaces, solution.terms, camera.finer(samples), smooth)
+    image = draw(
+        view,
+        solution.surfaces,
+        solution.terms,
+        solution.surface_temperature[index],
+        solution.times[index],
+    )
+    return coarsen(image, samples)

@@ -1,0 +1,92 @@
+"""Procedural bodies are closed, point outward and match their closed forms."""
+
+import numpy as np
+import pytest
+
+from jaxthermo.errors import InputError
+from jaxthermo.geometry import shapes
+from jaxthermo.geometry.repair import repair_mesh
+from jaxthermo.geometry.verdict import describe_mesh
+
+
+ALL = [
+    shapes.box(0.3),
+    shapes.box((1, 2.0, 3.0)),
+    shapes.slab(0.01, 0.2, 0.3),
+    shapes.sphere(0.5),
+    shapes.cylinder(0.2, 0.7),
+]
+
+
+@pytest.mark.parametrize("mesh", ALL)
+def test_closed_outward_centred(mesh):
+    assert mesh.is_watertight
+    assert mesh.volume > 0.0
+    assert mesh.bounds.mean(0) == pytest.approx(np.zeros(3), abs=1e-2 * mesh.area**0.5)
+    assert repair_mesh(mesh).repairs == {}
+
+
+def test_box_and_slab():
+    assert shapes.box((1.0, 2.0, 3.0)).volume == pytest.approx(6.0)
+    assert shapes.box((1.0, 2.0, 3.0)).area == pytest.approx(22.0)
+    assert shapes.box(2).volume == pytest.approx(8.0)
+    size = np.ptp(shapes.slab(0.01, 0.2, 0.3).bounds, axis=0)
+    assert size == pytest.approx([0.01, 0.2, 0.3])
+
+
+def test_sphere_converges():
+    exact = 4.0 * np.pi * 0.25
+    errors = []
+    for subdivisions in (2, 3, 4):
+        mesh = shapes.sphere(0.5, subdivisions)
+        assert len(mesh.faces) == 20 * 4**subdivisions
+        assert mesh.volume == pytest.approx(np.pi / 6.0, rel=1e-12)
+        errors.append(mesh.area / exact - 1.0)
+    assert 0.0 < errors[2] < 5e-4
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.1)
+    assert np.log2(errors[1] / errors[2]) == pytest.approx(2.0, abs=0.1)
+
+
+def test_cylinder():
+    mesh = shapes.cylinder(0.2, 0.7)
+    assert mesh.volume == pytest.approx(np.pi * 0.04 * 0.7, rel=1e-12)
+    exact = 2.0 * np.pi * 0.2 * (0.2 + 0.7)
+    assert mesh.area == pytest.approx(exact, rel=1e-3)
+    assert np.ptp(mesh.bounds[:, 2]) == pytest.approx(0.7)
+
+
+@pytest.mark.parametrize("bad", [0.0, -1.0, float("nan")])
+def test_bad_sizes(bad):
+    with pytest.raises(InputError, match="size"):
+        shapes.box(bad)
+    with pytest.raises(InputError, match="radius"):
+        shapes.sphere(bad)
+    with pytest.raises(InputError, match="height"):
+        shapes.cylinder(1.0, bad)
+
+
+def test_bad_resolutions():
+    with pytest.raises(InputError, match="sections=2"):
+        shapes.cylinder(1.0, 1.0, sections=2)
+    with pytest.raises(InputError, match="resolution=10"):
+        shapes.figurine(0.3, resolution=10)
+
+
+def test_figurine_is_a_hollow_closed_body():
+    mesh = shapes.figurine(0.3)
+    facts = describe_mesh(mesh)
+    assert facts["watertight"]
+    assert (facts["bodies"], facts["cavities"]) == (1, 1)
+    assert 30_000 < len(mesh.faces) < 60_000
+    assert mesh.bounds[0, 2] == pytest.approx(0.0, abs=1e-12)
+    assert mesh.bounds[1, 2] == pytest.approx(0.3)
+    assert repair_mesh(mesh).repairs == {}
+    # It looks along -y: the feet and the hands are in front of its middle.
+    assert -mesh.bounds[0, 1] > mesh.bounds[1, 1]
+
+
+def test_figurine_is_the_same_each_time_and_scales():
+    small, large = shapes.figurine(0.1, 60), shapes.figurine(0.2, 60)
+    assert np.array_equal(small.faces, large.faces)
+    assert large.vertices == pytest.approx(2.0 * small.vertices)
+    assert describe_mesh(small)["watertight"]

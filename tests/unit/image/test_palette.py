@@ -1,0 +1,114 @@
+"""Palettes: what they look like in numbers, and what a value becomes."""
+
+import subprocess
+import sys
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxthermo.errors import InputError
+from jaxthermo.image import palette_build
+from jaxthermo.image.palette import apply_palette, palette_names, palette_table
+
+
+def test_baked_tables_regenerate():
+    built = palette_build.build_palettes()
+    assert tuple(built) == palette_names()
+    for name, table in built.items():
+        difference = table.astype(int) - palette_table(name).astype(int)
+        assert np.abs(difference).max() <= 1, name
+
+
+def test_bake_writes_what_is_read(tmp_path):
+    palette_build.bake(tmp_path / "palettes.json")
+    assert (tmp_path / "palettes.json").read_text() == palette_build.BAKED.read_text()
+
+
+def test_ember_takes_equal_steps_and_brightens():
+    ucs = palette_build.ember_ucs()
+    step = np.linalg.norm(np.diff(ucs, axis=0), axis=1)
+    assert step.std() / step.mean() < 1e-3
+    assert (np.diff(ucs[:, 0]) > 0.3 * step).all()
+    rgb = palette_build.ucs_to_rgb(ucs)
+    assert rgb.min() > 0.0 and rgb.max() < 1.0
+
+
+def test_baked_ember_is_uniform_but_for_eight_bits():
+    ucs = palette_build.rgb_to_ucs(palette_table("ember") / 255.0)
+    assert (np.diff(ucs[:, 0]) > 0.0).all()
+    step = np.linalg.norm(ucs[8:] - ucs[:-8], axis=1)
+    assert step.std() / step.mean() < 0.04
+
+
+@pytest.mark.parametrize("name", ["iron", "white-hot"])
+def test_lightness_rises(name):
+    lightness = palette_build.rgb_to_ucs(palette_table(name) / 255.0)[:, 0]
+    assert (np.diff(lightness) > 0.0).all()
+
+
+def test_black_hot_is_white_hot_reversed():
+    assert (palette_table("black-hot") == palette_table("white-hot")[::-1]).all()
+
+
+def test_colour_leaves_no_stand_in_modules_and_still_works():
+    code = (
+        "import sys, warnings; warnings.simplefilter('error')\n"
+        "import numpy as np\n"
+        "from jaxthermo.image import palette_build as build\n"
+        "assert not [k for k in sys.modules if k.startswith('matplotlib')]\n"
+        "ucs = build.rgb_to_ucs(np.ones((1, 3)))\n"
+        "assert abs(ucs[0, 0] - 100.0) < 0.1\n"
+        "assert not [k for k in sys.modules if k.startswith('matplotlib')]\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_reading_palettes_does_not_import_colour():
+    code = (
+        "import sys\n"
+        "from jaxthermo.image.palette import palette_names\n"
+        "palette_names()\n"
+        "assert 'colour' not in sys.modules\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_ends_middle_and_outside():
+    values = np.array([[280.0, 290.0, 300.0], [310.0, np.inf, -np.inf]])
+    table = palette_table("iron")
+    image = apply_palette(values, 290.0, 300.0, "iron")
+    assert image.dtype == np.uint8 and image.shape == (2, 3, 3)
+    assert (image[0] == table[[0, 0, 255]]).all()
+    assert (image[1] == table[[255, 255, 0]]).all()
+
+
+def test_nan_gets_its_own_colour():
+    values = np.array([[np.nan, 1.0]], np.float32)
+    assert apply_palette(values, 0.0, 1.0, "ember")[0, 0].tolist() == [128, 128, 128]
+    black = apply_palette(values, 0.0, 1.0, "ember", invalid=(0, 0, 0))
+    assert black[0, 0].tolist() == [0, 0, 0]
+
+
+def test_equal_limits_are_safe():
+    values = np.array([[1.0, 2.0, 3.0, np.nan]])
+    image = apply_palette(values, 2.0, 2.0, "white-hot")
+    assert image[0, :, 0].tolist() == [0, 128, 255, 128]
+
+
+def test_jax_arrays_and_float32_limits():
+    values = np.array([[0.0, 0.5, 1.0]], np.float32)
+    plain = apply_palette(values, 0, 1, "iron")
+    other = apply_palette(jnp.asarray(values), np.float32(0), np.float32(1), "iron")
+    assert (plain == other).all()
+
+
+@pytest.mark.parametrize(("low", "high"), [(1.0, 0.0), (np.nan, 1.0), (0.0, np.inf)])
+def test_bad_limits(low, high):
+    with pytest.raises(InputError, match="low <= high"):
+        apply_palette(np.zeros((2, 2)), low, high, "iron")
+
+
+def test_unknown_palette_lists_the_names():
+    with pytest.raises(InputError, match="'jet' is not known: use one of iron, ember"):
+        apply_palette(np.zeros((2, 2)), 0.0, 1.0, "jet")
