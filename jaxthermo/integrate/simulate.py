@@ -228,7 +228,7 @@ def simulate(
         todo = plan(scene, t1, save_at, solver or ForwardEuler())
         program, state = todo.compiled.program, start(todo)
         first = observe(program, state)
-        even = imbalance(program, state.theta, _uneven_nodes(scene))
+        even = imbalance(program, state.theta, uneven_nodes(scene))
         if not todo.intervals:
             seen = jax.tree.map(lambda a: a[None][:0], first)
         elif is_traced(scene):
@@ -247,7 +247,7 @@ def raise_failure(result: RESULTS) -> None:
         raise RuntimeError(RESULTS[result])
 
 
-def _uneven_nodes(scene: Scene) -> list:
+def uneven_nodes(scene: Scene) -> list:
     """Addresses of the nodes of each body that does not start at one temperature."""
     return [
         body.structure.node_address() if callable(body.temperature) else None
