@@ -1,0 +1,36 @@
+"""Timings that mean something: warmed up, blocked, with their spread."""
+
+import statistics
+import time
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax
+
+
+class Timing(NamedTuple):
+    """Wall time of one call [s]: the median, and the fastest and slowest seen."""
+
+    median: float
+    fastest: float
+    slowest: float
+
+    def per(self, count: float) -> "Timing":
+        """The same per one of `count` things done in a call."""
+        return Timing(*(value / count for value in self))
+
+    def milliseconds(self) -> str:
+        """For a table: "12.3 ms (11.9-14.0)"."""
+        low, high = self.fastest * 1e3, self.slowest * 1e3
+        return f"{self.median * 1e3:.3g} ms ({low:.3g}-{high:.3g})"
+
+
+def measure(call: Callable[[], Any], repeats: int = 5) -> Timing:
+    """Times `call`, once to warm up and then `repeats` times, waiting for its arrays."""
+    jax.block_until_ready(call())
+    spans = []
+    for _ in range(repeats):
+        clock = time.perf_counter()
+        jax.block_until_ready(call())
+        spans.append(time.perf_counter() - clock)
+    return Timing(statistics.median(spans), min(spans), max(spans))
