@@ -104,6 +104,7 @@ def advance(
     return jax.lax.fori_loop(steps - steps % 2, steps, one, state)
 
 
+@eqx.filter_jit
 def stable_step(
     program: Program, hottest: Float[Array, ""], end: float
 ) -> Float[Array, ""]:

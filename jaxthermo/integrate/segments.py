@@ -45,9 +45,6 @@ class Progress(NamedTuple):
     """At the end of each finished interval."""
 
 
-_observe = eqx.filter_jit(observe)
-
-
 @eqx.filter_jit(donate="all-except-first")
 def _segment(keep: tuple[Program, Ledger, tuple], theta: State) -> RunState:
     """Steps in place; the ledger is small and shared with observations, so it stays."""
@@ -61,7 +58,7 @@ def begin(scene: Scene, plan: Plan) -> Progress:
     # A copy, since segments are taken in place and the plan must stay whole.
     state = RunState(jax.tree.map(jnp.array, fresh.theta), fresh.ledger)
     even = imbalance(program, state.theta, uneven_nodes(scene))
-    return Progress(0, 0, state, _observe(program, state), even, ())
+    return Progress(0, 0, state, observe(program, state), even, ())
 
 
 def steps_done(plan: Plan, progress: Progress) -> int:
@@ -107,7 +104,7 @@ def segments(plan: Plan, progress: Progress, seconds: float = 1.0) -> Iterator[P
                 interval=progress.interval + 1,
                 done=0,
                 state=state,
-                seen=(*progress.seen, _observe(program, state)),
+                seen=(*progress.seen, observe(program, state)),
             )
         yield progress
 

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ..errors import InputError
@@ -32,6 +33,7 @@ class Observation(NamedTuple):
     ledger: Ledger
 
 
+@eqx.filter_jit
 def observe(program: Program, state: RunState) -> Observation:
     """Surface temperatures, means and energies of a state."""
     surface, mean, stored = [], [], []
@@ -157,6 +159,24 @@ def _layout(intervals: tuple[Interval, ...], dtype):
     )
 
 
+@eqx.filter_jit
+def _balance(
+    first: Observation,
+    seen: Observation,
+    even: Float[Array, ""],
+    rows: tuple[int, ...],
+    from_start: bool,
+) -> tuple[Observation, Float[Array, " t"], Float[Array, " t"]]:
+    """Observations at the save times, heat stored since the start, relative residual."""
+    at = jax.tree.map(lambda a: a[np.array(rows, int)], seen)
+    if from_start:
+        at = jax.tree.map(lambda one, a: jnp.concatenate([one[None], a]), first, at)
+    stored = at.stored - first.stored
+    throughput = at.ledger.moved.sum(axis=1) + even
+    error = stored - at.ledger.heat.sum(axis=1)
+    return at, stored, error / jnp.where(throughput > 0, throughput, 1)
+
+
 def assemble_solution(
     scene: Scene,
     plan: Plan,
@@ -165,15 +185,9 @@ def assemble_solution(
     even: Float[Array, ""],
 ) -> Solution:
     """A `Solution` from the observations at the start and at each interval's end."""
-    rows = [k for k, i in enumerate(plan.intervals) if i.saved]
-    at = jax.tree.map(lambda a: a[jnp.asarray(rows, int)], seen)
-    if plan.saves[0] == 0.0:
-        at = jax.tree.map(lambda one, a: jnp.concatenate([one[None], a]), first, at)
-    stored = at.stored - first.stored
+    rows = tuple(k for k, i in enumerate(plan.intervals) if i.saved)
+    at, stored, residual = _balance(first, seen, even, rows, plan.saves[0] == 0.0)
     heat = at.ledger.heat
-    throughput = at.ledger.moved.sum(axis=1) + even
-    error = stored - heat.sum(axis=1)
-    residual = error / jnp.where(throughput > 0, throughput, 1)
     names = plan.compiled.program.mechanisms
     finite = at.finite.all()
     result = RESULTS.where(finite, RESULTS.successful, RESULTS.nonfinite)

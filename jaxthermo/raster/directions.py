@@ -15,7 +15,10 @@ def unit_vector(direction: object, what: str = "direction") -> Float[np.ndarray,
     Raises:
         InputError: if it is not three finite numbers or has no length.
     """
-    vector = np.asarray(direction, float)
+    try:
+        vector = np.asarray(direction, float)
+    except (TypeError, ValueError):
+        vector = np.zeros(0)
     length = np.linalg.norm(vector) if vector.shape == (3,) else 0.0
     if not np.isfinite(length) or length == 0.0:
         raise InputError(

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from ..errors import InputError
 
@@ -33,6 +33,8 @@ class Fragments(NamedTuple):
     """row * width + column; width * height in the padding."""
     depth: Float[Array, " k"]
     triangle: Int[Array, " k"]
+    entering: Bool[Array, " k"]
+    """Whether the ray meets the triangle's outer side (see `rasterize`)."""
     count: Int[Array, ""]
     """Fragments there are: more than the arrays hold if the capacity was too small."""
     rows_needed: Int[Array, ""]
@@ -80,8 +82,11 @@ def _crossings(corners, row):
     return left, right
 
 
-def _plane_depth(corners, depths, row, column):
-    """Depth of each triangle's plane at a pixel centre, within its corners' range."""
+def _plane_at(corners, depths, row, column):
+    """Depth of each triangle's plane at a pixel centre, and twice its snapped area.
+
+    The depth stays in the corners' range, the area has the sign of the winding.
+    """
     (x0, y0), (x1, y1), (x2, y2) = [
         (corners[:, i, 0], corners[:, i, 1]) for i in range(3)
     ]
@@ -93,7 +98,7 @@ def _plane_depth(corners, depths, row, column):
     weighted = w1.astype(z0.dtype) * (z1 - z0) + w2.astype(z0.dtype) * (z2 - z0)
     depth = z0 + weighted / jnp.where(double_area == 0, 1, double_area).astype(z0.dtype)
     # Planes nearly parallel to the ray extrapolate wildly; the corners bound them.
-    return jnp.clip(depth, depths.min(axis=1), depths.max(axis=1))
+    return jnp.clip(depth, depths.min(axis=1), depths.max(axis=1)), double_area
 
 
 @partial(jax.jit, static_argnames=("row_capacity", "capacity"))
@@ -121,11 +126,14 @@ def rasterize_fixed(
     spans = jnp.where(real, jnp.maximum(right - left, 0), 0)
     span, offset, valid, count = _expand(spans, capacity)
     triangle, column, line = owner[span], left[span] + offset, row[span]
-    depth = _plane_depth(corners[triangle], triangles[triangle, :, 2], line, column)
+    depth, area = _plane_at(
+        corners[triangle], triangles[triangle, :, 2], line, column
+    )
     return Fragments(
         pixel=jnp.where(valid, line * width + column, width * height),
         depth=depth,
         triangle=triangle,
+        entering=area < 0,
         count=count,
         rows_needed=rows_needed,
     )
@@ -143,7 +151,9 @@ def capacities(
     """Array sizes that hold the rows surely and the fragments most likely."""
     x, y = triangles[..., 0], triangles[..., 1]
     bottom, top = np.clip(y.min(1), 0, height), np.clip(y.max(1), 0, height)
-    rows = (np.ceil(top + 0.5) - np.floor(bottom - 0.5)).sum()
+    # A snapped end can reach one centre more.
+    slack = 1 / SNAP
+    rows = (np.ceil(top - 0.5 + slack) - np.ceil(bottom - 0.5 - slack)).sum()
     left, right = np.clip(x.min(1), 0, width), np.clip(x.max(1), 0, width)
     a, b, c = (triangles[:, i, :2] for i in range(3))
     u, v = b - a, c - a
@@ -160,6 +170,12 @@ def rasterize(
 ) -> Fragments:
     """Fragments of every triangle, in arrays as large as needed (host entry).
 
+    A fragment is `entering` if its triangle's corners turn counter-clockwise on an
+    image with rows downwards: for triangles wound counter-clockwise seen from outside
+    and a right-handed view (right, down, forward), where the ray goes in. It is told
+    from the snapped corners, so that every ray enters a closed mesh as often as it
+    leaves.
+
     Args:
         triangles: corners as (column, row, depth), in pixels and any unit of depth.
         width: columns of the image.
@@ -169,6 +185,9 @@ def rasterize(
     Raises:
         InputError: if a corner is not finite or more than 2^20 pixels away.
     """
+    if not len(triangles):
+        # Arrays on the device have at least one row; this one covers no pixel.
+        triangles = np.zeros((1, 3, 3))
     if not np.isfinite(triangles).all() or np.abs(triangles[..., :2]).max() > LARGEST:
         raise InputError(
             "raster: a triangle is not finite or over a million pixels away; "

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from .fragments import Fragments, rasterize
 
@@ -23,6 +23,8 @@ class DepthLayers:
     pixel: Int[np.ndarray, " k"]
     depth: Float[np.ndarray, " k"]
     triangle: Int[np.ndarray, " k"]
+    entering: Bool[np.ndarray, " k"]
+    """Whether the ray meets the outer side of the triangle, in a right-handed view."""
     layer: Int[np.ndarray, " k"]
     width: int
     height: int
@@ -41,25 +43,30 @@ class DepthLayers:
         return flat.reshape(self.height, self.width, *values.shape[1:])
 
 
-def _ordered_bits(depth):
-    """Integers in the order of the float32 `depth`, for use in a packed sort key."""
-    bits = jax.lax.bitcast_convert_type(depth.astype(jnp.float32), jnp.int32)
-    ordered = jnp.where(bits < 0, jnp.iinfo(jnp.int32).min - bits, bits)
-    return ordered.astype(jnp.int64) - jnp.iinfo(jnp.int32).min
+def _depth_steps(depth, bits):
+    """`depth` as integers of `bits` bits that span its range."""
+    low = depth.min()
+    span = depth.max() - low
+    share = (depth - low) / jnp.where(span > 0, span, 1.0)
+    return (share * (2.0**bits - 1)).astype(jnp.int64)
 
 
 @jax.jit
 def sort_fragments(
-    fragments: Fragments,
+    fragments: Fragments, pixel_bits: int | Int[Array, ""]
 ) -> tuple[Int[Array, " k"], Int[Array, " k"]]:
     """Order of the fragments by pixel, then depth, and the layer of each in it.
 
-    Must be traced where 64-bit types are enabled: pixel and depth share one key.
+    Must be traced where 64-bit types are enabled: pixel and depth share one key, which
+    tells depths apart to 2^-40 of their range in an image of eight million pixels.
     """
-    key = (fragments.pixel.astype(jnp.int64) << 32) | _ordered_bits(fragments.depth)
+    # More bits than a float64 holds would round up into the pixel's.
+    depth_bits = jnp.minimum(63 - pixel_bits, 52)
+    key = fragments.pixel.astype(jnp.int64) << depth_bits
+    key |= _depth_steps(fragments.depth, depth_bits)
     slots = jnp.arange(key.shape[0], dtype=jnp.int32)
     key, order = jax.lax.sort((key, slots), num_keys=1, is_stable=True)
-    pixel = key >> 32
+    pixel = key >> depth_bits
     first = jnp.concatenate([jnp.ones(1, bool), pixel[1:] != pixel[:-1]])
     start = jax.lax.cummax(jnp.where(first, slots, 0))
     return order, slots - start
@@ -74,7 +81,8 @@ def peel(
     """All depth layers of triangles given as (column, row, depth) in pixels."""
     fragments = rasterize(triangles, width, height, sizes)
     with jax.enable_x64(True):
-        order, layer = sort_fragments(fragments)
+        # The padding's pixel is width * height.
+        order, layer = sort_fragments(fragments, int(width * height).bit_length())
     count = int(fragments.count)
     order = np.asarray(order)[:count]
     take = lambda array, kind: np.asarray(array).astype(kind, copy=False)[order]
@@ -82,6 +90,7 @@ def peel(
         pixel=take(fragments.pixel, np.int64),
         depth=take(fragments.depth, np.float64),
         triangle=take(fragments.triangle, np.int64),
+        entering=take(fragments.entering, np.bool_),
         layer=np.asarray(layer)[:count].astype(np.int64),
         width=width,
         height=height,

@@ -8,9 +8,13 @@ half of the votes cast on it say so.
 """
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, Int8
 
 from ..raster.layers import DepthLayers
+from .views import pixel_axes
+
+
+Views = tuple[DepthLayers, DepthLayers, DepthLayers]
 
 
 def first_cell_behind(depth: Float[np.ndarray, " k"]) -> Int[np.ndarray, " k"]:
@@ -18,26 +22,30 @@ def first_cell_behind(depth: Float[np.ndarray, " k"]) -> Int[np.ndarray, " k"]:
     return np.ceil(depth - 0.5).astype(np.int64)
 
 
-def pixel_axes(axis: int) -> tuple[int, int]:
-    """Lattice axes of the rows and columns of the view along `axis`."""
-    return (axis + 1) % 3, (axis + 2) % 3
+def turn(layers: DepthLayers) -> Int8[np.ndarray, " k"]:
+    """+1 where the ray enters, -1 where it leaves."""
+    return np.where(layers.entering, 1, -1).astype(np.int8)
+
+
+def balanced_rays(layers: DepthLayers) -> Bool[np.ndarray, " p"]:
+    """For each pixel whether its ray leaves as often as it enters."""
+    pixels = layers.width * layers.height
+    return np.bincount(layers.pixel, turn(layers), minlength=pixels) == 0
 
 
 def _winding(
-    layers: DepthLayers,
-    entering: Bool[np.ndarray, " k"],
-    axis: int,
-    shape: tuple[int, int, int],
-) -> Int[np.ndarray, "..."]:
-    """Winding number at each voxel centre along `axis`, then the ray's end balance."""
+    layers: DepthLayers, axis: int, shape: tuple[int, int, int]
+) -> Int8[np.ndarray, "x y z"]:
+    """Winding number at each voxel centre along `axis`; 0 on rays without a vote."""
     row_axis, column_axis = pixel_axes(axis)
-    size = list(shape)
-    size[axis] += 1
-    winding = np.zeros(size, np.int8)
+    cell = first_cell_behind(layers.depth)
+    counts = np.flatnonzero(balanced_rays(layers)[layers.pixel] & (cell < shape[axis]))
     index: list = [None, None, None]
-    index[axis] = np.clip(first_cell_behind(layers.depth), 0, shape[axis])
-    index[row_axis], index[column_axis] = np.divmod(layers.pixel, layers.width)
-    np.add.at(winding, tuple(index), np.where(entering, 1, -1).astype(np.int8))
+    index[axis] = np.maximum(cell[counts], 0)
+    index[row_axis], index[column_axis] = np.divmod(layers.pixel[counts], layers.width)
+    winding = np.zeros(shape, np.int8)
+    # Wrapping of int8 does no harm: only the sums must fit, not the steps to them.
+    np.add.at(winding, tuple(index), turn(layers)[counts])
     if axis == 2:
         return np.cumsum(winding, axis=2, dtype=np.int8, out=winding)
     planes = np.moveaxis(winding, axis, 0)
@@ -48,21 +56,23 @@ def _winding(
 
 
 def fill_by_vote(
-    views: list[tuple[DepthLayers, Bool[np.ndarray, " k"]]],
-    shape: tuple[int, int, int],
+    views: Views, shape: tuple[int, int, int]
 ) -> Bool[np.ndarray, "x y z"]:
     """Solid voxels by a majority of the axes' votes.
 
     Args:
-        views: for each axis its depth layers and which fragments enter the body.
+        views: depth layers along x, y, z.
         shape: voxels along x, y, z.
     """
     votes = np.zeros(shape, np.int8)
-    for axis, (layers, entering) in enumerate(views):
-        winding = np.moveaxis(_winding(layers, entering, axis, shape), axis, 0)
-        balanced = winding[-1] == 0
-        # A vote for counts +1, against -1, none 0: solid where the sum is positive.
-        ballot = np.moveaxis(votes, axis, 0)
-        for plane, count in zip(winding[:-1], ballot, strict=True):
-            count += np.where(balanced, np.where(plane != 0, 1, -1), 0).astype(np.int8)
+    cast = []
+    for axis, layers in enumerate(views):
+        votes += _winding(layers, axis, shape) != 0
+        rays = balanced_rays(layers).reshape(layers.height, layers.width)
+        # Rows before columns, as the lattice has them, with the depth axis of length 1.
+        ordered = rays if pixel_axes(axis)[0] < pixel_axes(axis)[1] else rays.T
+        cast.append(np.expand_dims(ordered, axis).astype(np.int8))
+    votes *= 2
+    for x, plane in enumerate(votes):
+        plane -= cast[0][0] + cast[1][x] + cast[2][x]
     return votes > 0

@@ -6,28 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ..geometry.mesh import Mesh
-
-
-@dataclass(frozen=True)
-class Lattice:
-    """A box of cubic cells: cell (i, j, k) is centred at origin + (i+1/2, ...) pitch."""
-
-    shape: tuple[int, int, int]
-    origin: Float[np.ndarray, "3"]
-    pitch: float
-
-    def to_cells(self, points: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
-        """Positions [m] in units of cells."""
-        return (points - self.origin) / self.pitch
-
-    def centres(self, cells: Int[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
-        """Centres of cells [m]."""
-        return self.origin + (cells + 0.5) * self.pitch
-
-    @property
-    def cells(self) -> int:
-        """How many cells the box has."""
-        return int(np.prod(self.shape))
+from .lattice import Lattice
 
 
 @dataclass(frozen=True)
@@ -77,9 +56,11 @@ class VoxelGrid:
     fragment_layer: Int[np.ndarray, "s 2"]
     """Depth layer along the dominant axis, as peeled and as packed."""
     area_ratio: float
-    """Mesh area over area of the fragments before scaling, if watertight; else 1."""
+    """Mesh area over area of the fragments before scaling; 1 if not to be trusted."""
     volume_ratio: float
-    """Mesh volume over volume of the voxels, if watertight; else 1."""
+    """Mesh volume over volume of the voxels; 1 if not to be trusted."""
+    unscaled_because: str
+    """Why the ratios are not to be trusted; empty if they are."""
     layers: LayerCounts
     thin: ThinParts
 

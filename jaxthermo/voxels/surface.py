@@ -11,62 +11,63 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ..raster.layers import DepthLayers
-from .fill import first_cell_behind, pixel_axes
+from .crossings import hidden_inside, select, thickness_behind
+from .fill import first_cell_behind
+from .views import pixel_axes
 
 
 class AxisFragments(NamedTuple):
-    """The fragments kept in the view along one axis, in lattice units."""
+    """The fragments kept in the view along one axis, in order of pixel and depth."""
 
     position: Float[np.ndarray, "s 3"]
+    """In cells."""
     triangle: Int[np.ndarray, " s"]
+    ray: Int[np.ndarray, " s"]
+    """Number of the ray among those of all three views."""
+    layer: Int[np.ndarray, " s"]
+    """Rank on the ray as peeled."""
     inward_cell: Int[np.ndarray, "s 3"]
     """First cell on the ray whose centre lies inside."""
-    layer: Int[np.ndarray, "s 2"]
-    """Rank on the ray as peeled, and among the kept ones (packed)."""
     thickness: Float[np.ndarray, " s"]
-    """Distance along the ray to the other side of the body."""
-
-
-def _packed_layers(pixel: Int[np.ndarray, " s"]) -> Int[np.ndarray, " s"]:
-    """Rank of each fragment within its pixel; pixels come in order."""
-    first = np.concatenate([[True], pixel[1:] != pixel[:-1]])
-    slots = np.arange(len(pixel))
-    return slots - np.maximum.accumulate(np.where(first, slots, 0))
-
-
-def _thickness(layers: DepthLayers, entering: Bool[np.ndarray, " k"]) -> np.ndarray:
-    """Depth from each crossing to the next one on the body's side of it."""
-    step = np.where(entering, 1, -1)
-    other = np.clip(np.arange(len(entering)) + step, 0, max(len(entering) - 1, 0))
-    paired = (layers.pixel[other] == layers.pixel) & (entering[other] != entering)
-    return np.where(paired, np.abs(layers.depth[other] - layers.depth), np.inf)
+    """Distance along the ray to the other side of the body, in cells."""
 
 
 def axis_fragments(
     layers: DepthLayers,
-    entering: Bool[np.ndarray, " k"],
-    dominant: Int[np.ndarray, " k"],
+    dominant: Int[np.ndarray, " f"],
     axis: int,
-) -> AxisFragments:
-    """Keep the fragments whose normal is dominated by `axis`; pack them forwards."""
-    thickness = _thickness(layers, entering)
-    keep = dominant == axis
-    pixel, depth, entering = layers.pixel[keep], layers.depth[keep], entering[keep]
+    first_ray: int,
+) -> tuple[AxisFragments, Int[np.ndarray, " h"]]:
+    """The fragments to keep in one view, and the triangles of those hidden inside.
+
+    Args:
+        layers: all fragments of the view.
+        dominant: for each triangle the axis along which its fragments are kept.
+        axis: of the view.
+        first_ray: number of the view's first ray.
+    """
+    hidden = hidden_inside(layers)
+    inside = layers.triangle[hidden]
+    outer = select(layers, ~hidden)
+    mine = dominant[outer.triangle] == axis
+    thickness = thickness_behind(outer)[mine]
+    outer = select(outer, mine)
     row_axis, column_axis = pixel_axes(axis)
-    cell = np.empty((len(pixel), 3), np.int64)
-    cell[:, row_axis], cell[:, column_axis] = np.divmod(pixel, layers.width)
-    behind = first_cell_behind(depth)
-    cell[:, axis] = np.where(entering, behind, behind - 1)
+    cell = np.zeros((len(outer.pixel), 3), np.int64)
+    cell[:, row_axis], cell[:, column_axis] = np.divmod(outer.pixel, outer.width)
     position = cell + 0.5
-    position[:, axis] = depth
-    packed = _packed_layers(pixel) if len(pixel) else np.zeros(0, np.int64)
-    return AxisFragments(
+    position[:, axis] = outer.depth
+    behind = first_cell_behind(outer.depth)
+    cell[:, axis] = np.where(outer.entering, behind, behind - 1)
+    kept = AxisFragments(
         position=position,
-        triangle=layers.triangle[keep],
+        triangle=outer.triangle,
+        ray=outer.pixel + first_ray,
+        layer=outer.layer,
         inward_cell=cell,
-        layer=np.stack([layers.layer[keep], packed], axis=1),
-        thickness=thickness[keep],
+        thickness=thickness,
     )
+    return kept, inside[dominant[inside] == axis]
 
 
 def attach_to_solid(
@@ -81,20 +82,21 @@ def attach_to_solid(
     """
     shape = np.array(solid.shape)
     cell = np.clip(inward_cell, 0, shape - 1)
-    found = solid[tuple(cell.T)]
-    stray = np.flatnonzero(~found)
-    reach = np.arange(-2, 3)
-    offsets = np.stack(np.meshgrid(reach, reach, reach, indexing="ij"), -1)
-    candidates = cell[stray, None] + offsets.reshape(1, -1, 3)
-    within = ((candidates >= 0) & (candidates < shape)).all(-1)
-    safe = np.clip(candidates, 0, shape - 1)
-    near = within & solid[tuple(np.moveaxis(safe, -1, 0))]
-    apart = ((candidates + 0.5 - position[stray, None]) ** 2).sum(-1)
-    best = np.where(near, apart, np.inf).argmin(1)
-    rows = np.arange(len(stray))
-    cell[stray] = safe[rows, best]
-    found[stray] = near[rows, best]
-    return cell, ~found
+    stray = np.flatnonzero(~solid[tuple(cell.T)])
+    start = cell[stray]
+    nearest = np.full(len(stray), np.inf)
+    # One offset at a time: all 125 at once could need more memory than the voxels.
+    for offset in np.indices((5, 5, 5)).reshape(3, -1).T - 2 if len(stray) else ():
+        candidate = start + offset
+        within = ((candidate >= 0) & (candidate < shape)).all(1)
+        apart = ((candidate + 0.5 - position[stray]) ** 2).sum(1)
+        better = within & (apart < nearest)
+        better[better] = solid[tuple(candidate[better].T)]
+        cell[stray[better]] = candidate[better]
+        nearest[better] = apart[better]
+    lost = np.zeros(len(cell), bool)
+    lost[stray] = np.isinf(nearest)
+    return cell, lost
 
 
 def surface_voxels(solid: Bool[np.ndarray, "x y z"]) -> Int[np.ndarray, "m 3"]:
@@ -108,22 +110,3 @@ def surface_voxels(solid: Bool[np.ndarray, "x y z"]) -> Int[np.ndarray, "m 3"]:
         open_side[[0, -1]] = True
     exposed &= solid
     return np.argwhere(exposed)
-
-
-def surface_links(
-    voxels: Int[np.ndarray, "m 3"], shape: tuple[int, int, int]
-) -> Int[np.ndarray, "e 2"]:
-    """Pairs of surface voxels that touch over a face, an edge or a corner (26)."""
-    padded = np.array(shape) + 2
-    strides = np.array([padded[1] * padded[2], padded[2], 1])
-    key = (voxels + 1) @ strides
-    slot = np.full(int(padded.prod()), -1, np.int32)
-    slot[key] = np.arange(len(voxels), dtype=np.int32)
-    reach = np.arange(-1, 2)
-    offsets = np.stack(np.meshgrid(reach, reach, reach, indexing="ij"), -1)
-    pairs = []
-    for jump in (offsets.reshape(-1, 3) @ strides)[14:]:
-        other = slot[key + jump]
-        linked = np.flatnonzero(other >= 0)
-        pairs.append(np.stack([linked.astype(np.int32), other[linked]], axis=1))
-    return np.concatenate(pairs)

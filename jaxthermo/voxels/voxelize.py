@@ -1,86 +1,22 @@
 """`voxelize`: mesh to solid voxels and surface fragments, by depth layers."""
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 
+from ..array_types import Scalar
 from ..errors import InputError
 from ..geometry.mesh import Mesh
-from ..memory import require_memory
-from ..raster.fragments import capacities
-from ..raster.layers import peel
-from .fill import fill_by_vote, pixel_axes
-from .grid import Lattice, LayerCounts, VoxelGrid
+from .crossings import rank_in_group
+from .fill import Views, fill_by_vote
+from .grid import LayerCounts, VoxelGrid
+from .lattice import Lattice, check_pitch, lattice_around
+from .scaling import true_scaling
 from .surface import AxisFragments, attach_to_solid, axis_fragments
 from .thin import report_thin_parts
+from .views import peel_axes
 
 
-BYTES_PER_CELL = 5
-"""Peak of the fill: votes, winding, solid, and two planes' worth of temporaries."""
-
-TRUSTED_RATIO = 1.25
-"""A volume ratio beyond this means parts that overlap, not a rounded-off surface."""
-
-
-def lattice_around(mesh: Mesh, pitch: float) -> Lattice:
-    """The smallest lattice, centred on the mesh, whose cells of `pitch` cover it.
-
-    A mesh whose size is a whole number of cells fills them exactly.
-    """
-    low, high = mesh.bounds
-    # Lengths come from decimal text and float32 files: a millionth of a cell is none.
-    count = np.maximum(np.ceil((high - low) / pitch - 1e-6), 1)
-    corner = (low + high) / 2 - count * pitch / 2
-    return Lattice(tuple(int(n) for n in count), corner, float(pitch))  # type: ignore[arg-type]
-
-
-def _check(mesh: Mesh, pitch: float) -> None:
-    if not np.isfinite(pitch) or pitch <= 0:
-        raise InputError(f"pitch {pitch!r}: give a positive length in metres")
-    low, high = mesh.bounds
-    shape = np.maximum(np.ceil((high - low) / pitch), 1)
-    cells = float(np.prod(shape))
-    size = " x ".join(f"{n:.0f}" for n in shape)
-    require_memory(
-        int(min(cells, 1e18)) * BYTES_PER_CELL,
-        f"voxelizing {mesh.name} at a pitch of {pitch:g} m ({size} cells)",
-        f"use a coarser pitch, such as {pitch * max(2, np.cbrt(cells / 1e8)):.2g} m",
-    )
-
-
-def _views(mesh: Mesh, lattice: Lattice) -> list:
-    """Depth layers along x, y, z, with the facing of each fragment."""
-    corners = lattice.to_cells(mesh.triangles)
-    facing = mesh.area_vectors
-    frames = []
-    for axis in range(3):
-        row_axis, column_axis = pixel_axes(axis)
-        frames.append(np.ascontiguousarray(corners[..., [column_axis, row_axis, axis]]))
-    # One array size for the three views: one program is compiled, not three.
-    sizes = [
-        capacities(
-            frame, lattice.shape[pixel_axes(a)[1]], lattice.shape[pixel_axes(a)[0]]
-        )
-        for a, frame in enumerate(frames)
-    ]
-    largest = (max(s[0] for s in sizes), max(s[1] for s in sizes))
-    views = []
-    for axis, frame in enumerate(frames):
-        row_axis, column_axis = pixel_axes(axis)
-        layers = peel(frame, lattice.shape[column_axis], lattice.shape[row_axis], largest)
-        views.append((layers, facing[layers.triangle, axis] < 0))
-    return views
-
-
-def _joined(parts: list[AxisFragments]) -> AxisFragments:
-    return AxisFragments(*(np.concatenate(column) for column in zip(*parts, strict=True)))
-
-
-def _ratio(true: float, counted: float, limit: float) -> float:
-    ratio = float(true / counted) if counted > 0 else 1.0
-    return ratio if 1 / limit < ratio < limit else 1.0
-
-
-def voxelize(mesh: Mesh, pitch: float) -> VoxelGrid:
+def voxelize(mesh: Mesh, pitch: Scalar) -> VoxelGrid:
     """Solid voxels and surface fragments of a mesh.
 
     Args:
@@ -91,9 +27,9 @@ def voxelize(mesh: Mesh, pitch: float) -> VoxelGrid:
         InputError: if the pitch is not positive, gives no voxel, or needs more memory
             than there is.
     """
-    _check(mesh, pitch)
+    check_pitch(mesh, pitch)
     lattice = lattice_around(mesh, pitch)
-    views = _views(mesh, lattice)
+    views = peel_axes(mesh, lattice)
     solid = fill_by_vote(views, lattice.shape)
     if not solid.any():
         raise InputError(
@@ -104,50 +40,73 @@ def voxelize(mesh: Mesh, pitch: float) -> VoxelGrid:
     return _with_surface(mesh, lattice, solid, views)
 
 
-def _with_surface(
-    mesh: Mesh, lattice: Lattice, solid: np.ndarray, views: list
-) -> VoxelGrid:
+def face_axes(mesh: Mesh) -> tuple[Float[np.ndarray, "f 3"], Int[np.ndarray, " f"]]:
+    """Outward normal of each face and its dominant axis; -1 for a face without area."""
     vectors = mesh.area_vectors
-    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
-    normals = vectors / np.where(lengths > 0, lengths, 1)
-    dominant = np.abs(normals).argmax(1)
-    parts = [
-        axis_fragments(layers, entering, dominant[layers.triangle], axis)
-        for axis, (layers, entering) in enumerate(views)
-    ]
-    kept = _joined(parts)
-    normal = normals[kept.triangle]
-    slope = np.abs(normal).max(1)
-    area = lattice.pitch**2 / slope
+    length = np.linalg.norm(vectors, axis=1)
+    normal = vectors / np.where(length > 0, length, 1)[:, None]
+    return normal, np.where(length > 0, np.abs(normal).argmax(1), -1)
+
+
+def _kept_fragments(
+    views: Views, dominant: Int[np.ndarray, " f"]
+) -> tuple[AxisFragments, Int[np.ndarray, " h"]]:
+    """Fragments of all views, and the triangles of those hidden inside the body."""
+    parts, hidden, rays = [], [], 0
+    for axis, layers in enumerate(views):
+        kept, inside = axis_fragments(layers, dominant, axis, rays)
+        parts.append(kept)
+        hidden.append(inside)
+        rays += layers.width * layers.height
+    joined = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return AxisFragments(*joined), np.concatenate(hidden)
+
+
+def _with_surface(
+    mesh: Mesh, lattice: Lattice, solid: Bool[np.ndarray, "x y z"], views: Views
+) -> VoxelGrid:
+    normals, dominant = face_axes(mesh)
+    kept, hidden = _kept_fragments(views, dominant)
+    slope = np.abs(normals).max(1)
+    area = lattice.pitch**2 / slope[kept.triangle]
     cell, lost = attach_to_solid(solid, kept.position, kept.inward_cell)
     position = lattice.origin + kept.position * lattice.pitch
-    thin = report_thin_parts(
-        position, kept.thickness * lattice.pitch * slope, area, lost, cell, lattice.pitch
+    thickness = kept.thickness * lattice.pitch * slope[kept.triangle]
+    thin = report_thin_parts(position, thickness, area, lost, cell, lattice.pitch)
+    scaling = true_scaling(
+        mesh,
+        area=float(area[~lost].sum()),
+        volume=np.count_nonzero(solid) * lattice.pitch**3,
+        hidden_area=float((lattice.pitch**2 / slope[hidden]).sum()),
     )
+    packed = np.zeros(len(lost), np.int64)
+    packed[~lost] = rank_in_group(kept.ray[~lost])
     # In lattice order the solver's gathers and scatters walk memory forwards.
     here = np.flatnonzero(~lost)
-    here = here[np.lexsort(cell[here].T[::-1])]
-    closed = mesh.is_watertight
-    volume = np.count_nonzero(solid) * lattice.pitch**3
-    area_ratio = _ratio(mesh.area, area[here].sum(), 2.0) if closed else 1.0
+    number = np.ravel_multi_index(tuple(cell[here].T), lattice.shape)
+    here = here[np.argsort(number, kind="stable")]
+    axis = dominant[kept.triangle[here]]
     return VoxelGrid(
         lattice=lattice,
         solid=solid,
         mesh=mesh,
         fragment_position=position[here],
-        fragment_normal=normal[here],
-        fragment_area=area[here] * area_ratio,
+        fragment_normal=normals[kept.triangle[here]],
+        fragment_area=area[here] * scaling.area_ratio,
         fragment_voxel=cell[here],
-        fragment_axis=dominant[kept.triangle[here]],
-        fragment_layer=kept.layer[here],
-        area_ratio=area_ratio,
-        volume_ratio=_ratio(mesh.volume, volume, TRUSTED_RATIO) if closed else 1.0,
-        layers=_layer_counts(views, parts),
+        fragment_axis=axis,
+        fragment_layer=np.stack([kept.layer[here], packed[here]], axis=1),
+        area_ratio=scaling.area_ratio,
+        volume_ratio=scaling.volume_ratio,
+        unscaled_because=scaling.unscaled_because,
+        layers=_layer_counts(views, axis, packed[here]),
         thin=thin,
     )
 
 
-def _layer_counts(views: list, parts: list[AxisFragments]) -> LayerCounts:
-    x, y, z = (layers.count for layers, _ in views)
-    packed = [int(p.layer[:, 1].max()) + 1 if len(p.layer) else 0 for p in parts]
-    return LayerCounts((x, y, z), (packed[0], packed[1], packed[2]))
+def _layer_counts(
+    views: Views, axis: Int[np.ndarray, " s"], packed: Int[np.ndarray, " s"]
+) -> LayerCounts:
+    x, y, z = (layers.count for layers in views)
+    counts = [int(packed[axis == a].max(initial=-1)) + 1 for a in range(3)]
+    return LayerCounts((x, y, z), (counts[0], counts[1], counts[2]))
