@@ -20,7 +20,7 @@ def _cached_bytes() -> int:
     return int(table.get("Cached", "0 kB").split()[0]) * 1024
 
 
-def readable_bytes(count: float) -> str:
+def readable_bytes(count: float | int) -> str:
     """A number of bytes for people, e.g. "3.2 GiB"."""
     for unit in ("B", "KiB", "MiB", "GiB", "TiB"):
         if count < 1024 or unit == "TiB":

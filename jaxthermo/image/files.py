@@ -62,7 +62,12 @@ def picture(
     shown = image.apparent_temperature if quantity == "apparent" else image.temperature
     colours = apply_palette(np.asarray(shown), low, high, palette)
     return annotate(
-        colours, low=low, high=high, palette=palette, time=float(image.time), title=title
+        colours,
+        low=low,
+        high=high,
+        palette=palette,
+        time=float(image.time),
+        title=title,
     )
 
 

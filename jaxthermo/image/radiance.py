@@ -8,7 +8,6 @@ A camera that knows no emissivity shows T_apparent = (pi L / sigma)^(1/4).
 import math
 from typing import Any
 
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..constants import STEFAN_BOLTZMANN
@@ -23,7 +22,7 @@ DEFAULT_SURROUNDINGS = 293.15
 
 
 def black_radiance(temperature: Float[Array, "*p"]) -> Float[Array, "*p"]:
-    """sigma T^4 / pi [W/(m^2 sr)]."""
+    """Of a black surface, sigma T^4 / pi [W/(m^2 sr)]."""
     return STEFAN_BOLTZMANN / math.pi * temperature**4
 
 

@@ -1,4 +1,4 @@
-"""`render`: a solution and a camera in, an image out; differentiable in temperatures."""
+"""`render`: solution and camera in, image out; differentiable in temperatures."""
 
 import equinox as eqx
 import jax

@@ -46,7 +46,9 @@ class _Cells:
         return np.floor((points - self.low) / self.radius).astype(np.int64)
 
     def _key(self, cell: np.ndarray) -> np.ndarray:
-        return (cell[..., 0] * self.size[1] + cell[..., 1]) * self.size[2] + cell[..., 2]
+        return (cell[..., 0] * self.size[1] + cell[..., 1]) * self.size[2] + cell[
+            ..., 2
+        ]
 
     def pairs(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Every (point, fragment) in the same or neighbouring cells."""
@@ -65,9 +67,7 @@ class _Cells:
 def _kernel(points, normals, geometry, owner, fragment, radius):
     apart = points[owner] - geometry.fragment_position[fragment]
     share = np.einsum("ij,ij->i", apart, apart) / radius**2
-    cosine = np.einsum(
-        "ij,ij->i", normals[owner], geometry.fragment_normal[fragment]
-    )
+    cosine = np.einsum("ij,ij->i", normals[owner], geometry.fragment_normal[fragment])
     near = np.maximum(1 - share, 0) ** 2
     return near * np.maximum(cosine, 0) ** 2 * geometry.fragment_area[fragment]
 
@@ -112,7 +112,7 @@ def smooth_weights(
         weight = _kernel(points[here], normals[here], geometry, owner, fragment, radius)
         kept = weight > 0
         parts.append((owner[kept] + first, fragment[kept], weight[kept]))
-    pixel, fragment, weight = (np.concatenate(column) for column in zip(*parts))
+    pixel, fragment, weight = (np.concatenate(column) for column in zip(*parts, strict=True))
     total = np.bincount(pixel, weights=weight, minlength=len(points))
     alone = np.flatnonzero(total == 0)
     if len(alone):
@@ -133,5 +133,7 @@ def block_weights(
 ) -> PixelWeights:
     """The nearest fragment alone: shows the voxels as they are."""
     return PixelWeights(
-        np.arange(len(points)), nearest_fragments(points, geometry), np.ones(len(points))
+        np.arange(len(points)),
+        nearest_fragments(points, geometry),
+        np.ones(len(points)),
     )

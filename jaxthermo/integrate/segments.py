@@ -74,24 +74,37 @@ def time_reached(plan: Plan, progress: Progress) -> float:
     return interval.start + progress.done * interval.dt
 
 
-def segments(plan: Plan, progress: Progress, seconds: float = 1.0) -> Iterator[Progress]:
+def _take(plan: Plan, progress: Progress, steps: int) -> RunState:
+    interval = plan.intervals[progress.interval]
+    span = (
+        jnp.asarray(interval.start + progress.done * interval.dt, plan.dtype),
+        jnp.asarray(interval.dt, plan.dtype),
+        jnp.asarray(steps, jnp.int32),
+    )
+    keep = (plan.compiled.program, progress.state.ledger, span)
+    return jax.block_until_ready(_segment(keep, progress.state.theta))
+
+
+def compile_segments(plan: Plan, progress: Progress) -> Progress:
+    """Take no step: the compilation happens now. Uses up the progress given."""
+    if progress.interval == len(plan.intervals):
+        return progress
+    return progress._replace(state=_take(plan, progress, 0))
+
+
+def segments(
+    plan: Plan, progress: Progress, seconds: float = 1.0
+) -> Iterator[Progress]:
     """Take segments of about `seconds` of wall time until the end.
 
     The state of a progress is used up when the next one is asked for.
     """
-    program, dtype = plan.compiled.program, plan.dtype
     length = 2
     while progress.interval < len(plan.intervals):
         interval = plan.intervals[progress.interval]
         steps = min(length, interval.steps - progress.done)
         clock = time.perf_counter()
-        span = (
-            jnp.asarray(interval.start + progress.done * interval.dt, dtype),
-            jnp.asarray(interval.dt, dtype),
-            jnp.asarray(steps, jnp.int32),
-        )
-        state = _segment((program, progress.state.ledger, span), progress.state.theta)
-        jax.block_until_ready(state)
+        state = _take(plan, progress, steps)
         spent = max(time.perf_counter() - clock, 1e-6)
         # Even lengths keep the two-step loop; growth is held back, since the first
         # segment's time is mostly compilation.
@@ -104,7 +117,7 @@ def segments(plan: Plan, progress: Progress, seconds: float = 1.0) -> Iterator[P
                 interval=progress.interval + 1,
                 done=0,
                 state=state,
-                seen=(*progress.seen, observe(program, state)),
+                seen=(*progress.seen, observe(plan.compiled.program, state)),
             )
         yield progress
 

@@ -167,7 +167,7 @@ def _balance(
     rows: tuple[int, ...],
     from_start: bool,
 ) -> tuple[Observation, Float[Array, " t"], Float[Array, " t"]]:
-    """Observations at the save times, heat stored since the start, relative residual."""
+    """Observations at the save times, heat stored since the start, and residual."""
     at = jax.tree.map(lambda a: a[np.array(rows, int)], seen)
     if from_start:
         at = jax.tree.map(lambda one, a: jnp.concatenate([one[None], a]), first, at)
@@ -264,6 +264,8 @@ def raise_failure(result: RESULTS) -> None:
 def uneven_nodes(scene: Scene) -> list:
     """Addresses of the nodes of each body that does not start at one temperature."""
     return [
-        body.structure.node_address() if callable(body.temperature) else None
+        tuple(jnp.asarray(index) for index in body.structure.node_address())
+        if callable(body.temperature)
+        else None
         for body in scene.bodies
     ]

@@ -86,6 +86,6 @@ def load_solution(path: Path) -> StoredSolution:
         ) from None
     except Exception as error:
         raise InputError(
-            f"{path}: not a solution of jaxthermo, or damaged ({type(error).__name__}); "
-            "run the simulation again"
+            f"{path}: not a solution of jaxthermo, or damaged "
+            f"({type(error).__name__}); run the simulation again"
         ) from None

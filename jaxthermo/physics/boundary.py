@@ -4,7 +4,10 @@
 |---|---|
 | `FixedTemperature` | 2 k A / pitch (T_s - T): the half cell between node and surface |
 | `HeatFlux` | q'' A |
-| `Convection` | h A (T_inf - T) (Newton; thesis eq. 5) |
+| `Convection` | U A (T_inf - T), 1/U = 1/h + pitch/(2 k) (Newton; thesis eq. 5) |
+
+T is the node's: heat exchanged with the surface passes half a cell first, without which
+the error would be of first order in the pitch.
 """
 
 from typing import Any
@@ -12,9 +15,9 @@ from typing import Any
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from ..voxels.select import Selection
+from ..voxels.select import AbstractSelection
 from .term import AbstractBoundTerm, AbstractTerm, LeftOut, Surface
-from .values import is_zero, largest, value_at
+from .values import for_jit, is_zero, largest, value_at
 
 
 class BoundExchange(AbstractBoundTerm):
@@ -24,22 +27,33 @@ class BoundExchange(AbstractBoundTerm):
     area: Float[Array, " m"]
     coefficient: Any
     """[W/(m^2 K)]: one number, one a fragment, or a function of time."""
+    half_cell: Float[Array, "*s"] | None
+    """2 k / pitch in series with the coefficient [W/(m^2 K)]; None: in it already."""
     temperature: Any
     reference: Float[Array, ""]
+
+    def _through_half_cell(self, coefficient):
+        if self.half_cell is None:
+            return coefficient
+        total = coefficient + self.half_cell
+        product = coefficient * self.half_cell
+        return jnp.where(total > 0, product / jnp.where(total > 0, total, 1), 0)
 
     def heat_rate(
         self, time: Float[Array, ""], theta: Float[Array, " m"]
     ) -> Float[Array, " m"]:
         """Coefficient times area times the temperature difference [W]."""
         above = value_at(self.temperature, time) - self.reference
-        return value_at(self.coefficient, time) * self.area * (above - theta)
+        coefficient = value_at(self.coefficient, time)
+        return self._through_half_cell(coefficient) * self.area * (above - theta)
 
     def stiffness(self, hottest: Float[Array, ""], end: float) -> Float[Array, "*m"]:
         """Coefficient times area [W/K]."""
         del hottest
-        if callable(self.coefficient):
-            return largest(self.coefficient, end).astype(self.area.dtype) * self.area
-        return self.coefficient * self.area
+        coefficient = self.coefficient
+        if callable(coefficient):
+            coefficient = largest(coefficient, end).astype(self.area.dtype)
+        return self._through_half_cell(coefficient) * self.area
 
 
 class BoundFlux(AbstractBoundTerm):
@@ -63,7 +77,7 @@ class BoundFlux(AbstractBoundTerm):
         return jnp.zeros_like(self.area)
 
 
-def _chosen(surface: Surface, on: Selection | None):
+def _chosen(surface: Surface, on: AbstractSelection | None):
     """Fragments `on` selects, as an array for jit (None: all), and their areas."""
     fragments = surface.chosen(on)
     if fragments is None:
@@ -71,7 +85,15 @@ def _chosen(surface: Surface, on: Selection | None):
     return jnp.asarray(fragments), surface.area[fragments]
 
 
-def _nothing_chosen(surface: Surface, on: Selection | None) -> bool:
+def _half_cell(surface: Surface, fragments) -> Float[Array, "*s"]:
+    """Conductance between node and surface for unit area, 2 k / pitch [W/(m^2 K)]."""
+    k = surface.conductivity
+    if fragments is not None and k.ndim:
+        k = k[fragments]
+    return 2 * k / surface.pitch
+
+
+def _nothing_chosen(surface: Surface, on: AbstractSelection | None) -> bool:
     fragments = surface.chosen(on)
     return fragments is not None and len(fragments) == 0
 
@@ -98,14 +120,12 @@ class FixedTemperature(AbstractTerm):
         if _nothing_chosen(surface, self.on):
             return LeftOut("`on` selects no fragment of this body")
         fragments, area = _chosen(surface, self.on)
-        k = surface.conductivity
-        if fragments is not None and k.ndim:
-            k = k[fragments]
         return BoundExchange(
             fragments=fragments,
             area=area,
-            coefficient=2 * k / surface.pitch,
-            temperature=self.temperature,
+            coefficient=_half_cell(surface, fragments),
+            half_cell=None,
+            temperature=for_jit(self.temperature, surface.dtype),
             reference=jnp.asarray(reference, surface.dtype),
         )
 
@@ -144,7 +164,11 @@ class HeatFlux(AbstractTerm):
         if _nothing_chosen(surface, self.on):
             return LeftOut("`on` selects no fragment of this body")
         fragments, area = _chosen(surface, self.on)
-        return BoundFlux(fragments=fragments, area=area, heat_flux=self.heat_flux)
+        return BoundFlux(
+            fragments=fragments,
+            area=area,
+            heat_flux=for_jit(self.heat_flux, surface.dtype),
+        )
 
     def pulls_to(self, end: float) -> Float[Array, ""]:
         """Towards no temperature."""
@@ -185,12 +209,12 @@ class Convection(AbstractTerm):
         if _nothing_chosen(surface, self.on):
             return LeftOut("`on` selects no fragment of this body")
         fragments, area = _chosen(surface, self.on)
-        h = self.heat_transfer_coefficient
         return BoundExchange(
             fragments=fragments,
             area=area,
-            coefficient=h if callable(h) else jnp.asarray(h, surface.dtype),
-            temperature=self.temperature,
+            coefficient=for_jit(self.heat_transfer_coefficient, surface.dtype),
+            half_cell=_half_cell(surface, fragments),
+            temperature=for_jit(self.temperature, surface.dtype),
             reference=jnp.asarray(reference, surface.dtype),
         )
 

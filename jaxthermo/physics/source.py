@@ -16,7 +16,7 @@ from ..raster.directions import unit_vector
 from .boundary import BoundFlux
 from .shadow import lit_share
 from .term import AbstractBoundTerm, AbstractTerm, LeftOut, Surface
-from .values import is_zero, largest
+from .values import for_jit, is_zero, largest
 
 
 class Sun(AbstractTerm):
@@ -71,7 +71,7 @@ class Sun(AbstractTerm):
         return BoundFlux(
             fragments=jnp.asarray(seen),
             area=absorbing * share * surface.area[seen],
-            heat_flux=self.irradiance,
+            heat_flux=for_jit(self.irradiance, surface.dtype),
         )
 
     def pulls_to(self, end: float) -> Float[Array, ""]:

@@ -13,7 +13,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..voxels.select import Selection
+from ..voxels.select import AbstractSelection
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ class Surface:
     """Every body's triangles, world [m]: what may cast a shadow."""
     dtype: Any
 
-    def chosen(self, on: Selection | None) -> Int[np.ndarray, " m"] | None:
+    def chosen(self, on: AbstractSelection | None) -> Int[np.ndarray, " m"] | None:
         """Fragments that `on` selects; None for all of them."""
         if on is None:
             return None

@@ -11,12 +11,19 @@ from jaxtyping import Array, Float
 from ..errors import InputError
 
 
+def _as_array(numbers: Any) -> Any:
+    """A list of numbers as one array, so that jit sees its values and not a list."""
+    if any(isinstance(leaf, jax.Array) for leaf in jax.tree.leaves(numbers)):
+        return jnp.asarray(numbers)
+    return np.asarray(numbers, float)
+
+
 class Table(eqx.Module):
     """Piecewise linear in time, constant before the first and after the last time."""
 
-    times: Any
+    times: Any = eqx.field(converter=_as_array)
     """[s], increasing."""
-    values: Any
+    values: Any = eqx.field(converter=_as_array)
 
     def __check_init__(self):
         if np.shape(self.times) != np.shape(self.values) or np.ndim(self.times) != 1:
@@ -60,6 +67,15 @@ def value_at(value: Any, time: Float[Array, ""]) -> Float[Array, ""]:
     """A number, or a function of time, at `time` [s]."""
     found = value(time) if callable(value) else value
     return jnp.asarray(found, time.dtype)
+
+
+def for_jit(value: Any, dtype: Any) -> Any:
+    """The same value with its numbers as arrays: new numbers need no new program."""
+    if not callable(value):
+        return jnp.asarray(value, dtype)
+    numbers = float | np.ndarray | np.floating
+    as_array = lambda x: jnp.asarray(x, dtype) if isinstance(x, numbers) else x
+    return jax.tree.map(as_array, value)
 
 
 def is_zero(value: Any) -> bool:

@@ -139,7 +139,7 @@ def rasterize_fixed(
     )
 
 
-def _rounded_up(number: float) -> int:
+def _rounded_up(number: float | int) -> int:
     """The next size of a coarse ladder, so that few programs are compiled."""
     power = 2 ** int(np.ceil(np.log2(max(number, 1024.0))))
     return int(0.75 * power) if number <= 0.75 * power else power

@@ -245,9 +245,9 @@ def _hottest(scene, states, bodies, end: float) -> Float[Array, ""]:
     pulls = [term.pulls_to(end) for term in scene.terms]
     pushed = sum(jnp.maximum(term.pushes(end), 0.0) for term in scene.terms)
     bound = jnp.stack([jnp.asarray(v, float) for v in (*start, *pulls)]).max()
-    least = min(
-        (jnp.min(jnp.asarray(_least_emissivity(b), float)) for b in scene.bodies)
-    )
+    least = jnp.stack(
+        [jnp.min(jnp.asarray(_least_emissivity(b), float)) for b in scene.bodies]
+    ).min()
     shed = pushed / (STEFAN_BOLTZMANN * jnp.maximum(least, 1e-3))
     return (bound**4 + shed) ** 0.25
 

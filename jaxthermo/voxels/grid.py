@@ -82,4 +82,4 @@ class VoxelGrid:
     @property
     def voxel_volume(self) -> float:
         """True volume that one voxel stands for [m^3]."""
-        return self.pitch**3 * self.volume_ratio
+        return float(self.pitch**3 * self.volume_ratio)

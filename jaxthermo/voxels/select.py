@@ -1,6 +1,6 @@
 """Where a boundary condition or a material applies: a side, or a box in space."""
 
-from typing import Protocol
+import abc
 
 import equinox as eqx
 import numpy as np
@@ -10,19 +10,19 @@ from ..errors import InputError
 from ..raster.directions import unit_vector
 
 
-class Selection(Protocol):
-    """What `on=` and `within=` take."""
+class AbstractSelection(eqx.Module):
+    """What `on=` takes: some of the surface of one body."""
 
-    body: int
+    body: eqx.AbstractVar[int]
 
+    @abc.abstractmethod
     def chooses(
         self, position: Float[np.ndarray, "s 3"], normal: Float[np.ndarray, "s 3"]
     ) -> Bool[np.ndarray, " s"]:
-        """Which of these surface fragments are meant."""
-        ...
+        """Which of these surface fragments (own frame) are meant."""
 
 
-class Side(eqx.Module):
+class Side(AbstractSelection):
     """The fragments of a body that face `normal`, within `half_angle` [rad] of it."""
 
     normal: tuple[float, float, float] = eqx.field(static=True)
@@ -45,7 +45,7 @@ class Side(eqx.Module):
         return cosine > np.cos(self.half_angle) - 1e-9
 
 
-class Region(eqx.Module):
+class Region(AbstractSelection):
     """Everything of a body inside a box, corners in metres."""
 
     lower: tuple[float, float, float] = eqx.field(static=True)

@@ -27,6 +27,7 @@ def voxelize(mesh: Mesh, pitch: Scalar) -> VoxelGrid:
         InputError: if the pitch is not positive, gives no voxel, or needs more memory
             than there is.
     """
+    pitch = float(pitch)
     check_pitch(mesh, pitch)
     lattice = lattice_around(mesh, pitch)
     views = peel_axes(mesh, lattice)

@@ -1,0 +1,120 @@
+"""The command line. Commands import what they need when they run: help stays fast."""
+
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import App, CycloptsError, Parameter
+
+from . import __version__
+from .errors import InputError
+
+
+app = App(
+    name="jaxthermo",
+    help="What a thermal camera sees of a triangle mesh over time.",
+    version=__version__,
+)
+
+Overrides = Annotated[tuple[str, ...], Parameter(name="--set", negative="")]
+
+
+@app.command
+def simulate(
+    config: Path, /, *, out: Path | None = None, overrides: Overrides = ()
+) -> None:
+    """Run a scene and write its results and frames.
+
+    Args:
+        config: The scene, a YAML file.
+        out: The folder for the results; results/NAME if not given.
+        overrides: A value of the config to change, such as bodies.0.pitch=3mm.
+    """
+    from .cli.simulate import simulate as run
+
+    run(config, out, overrides)
+
+
+@app.command
+def render(run: Path, /, *, out: Path | None = None, overrides: Overrides = ()) -> None:
+    """Draw new frames of a run, without simulating it again.
+
+    Args:
+        run: The folder that `jaxthermo simulate` left.
+        out: The folder for the frames; the run's own if not given.
+        overrides: A value of camera or image to change, such as camera.width=320.
+    """
+    from .cli.render import render as draw
+
+    draw(run, out, overrides)
+
+
+@app.command
+def voxelize(
+    mesh: Path,
+    /,
+    *,
+    pitch: str,
+    unit: str | None = None,
+    height: str | None = None,
+    up: str = "z",
+    out: Path | None = None,
+) -> None:
+    """Voxelize a mesh and report what is left of it.
+
+    Args:
+        mesh: An OBJ, PLY, STL, GLB or OFF file.
+        pitch: Edge of a voxel, such as 2mm.
+        unit: Length of one file unit, such as mm.
+        height: Instead of the unit: the extent along up, such as 0.5m.
+        up: The file's axis that points up: x, y, z, -x, -y or -z.
+        out: The folder for the results; results/NAME if not given.
+    """
+    from .cli.voxelize import voxelize as run
+
+    run(mesh, pitch, unit, height, up, out or Path("results") / mesh.stem)
+
+
+@app.command
+def materials(name: str | None = None, /) -> None:
+    """List the named materials, or show one with its source.
+
+    Args:
+        name: A material, such as stainless_steel.
+    """
+    from .cli.materials import materials as show
+
+    show(name)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Runs one command and exits: 0 if it worked, 2 for a mistake of the user."""
+    try:
+        tokens = list(sys.argv[1:] if arguments is None else arguments)
+        app(tokens, exit_on_error=False, print_error=False)
+        sys.stdout.flush()
+    except (InputError, CycloptsError) as error:
+        sys.exit(_refuse(error))
+    except KeyboardInterrupt as stop:
+        sys.stderr.write(f"jaxthermo: {stop or 'interrupted'}\n")
+        sys.exit(130)
+    except BrokenPipeError:
+        # The reader has gone; what is still buffered must not raise again at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(141)
+    sys.exit(0)
+
+
+def _refuse(error: Exception) -> int:
+    text = str(error)
+    if isinstance(error, CycloptsError):
+        text = f"{' '.join(text.split())} Try `jaxthermo --help`."
+    for line in text.splitlines():
+        sys.stderr.write(f"jaxthermo: {line}\n")
+    return 2
+
+
+if __name__ == "__main__":
+    main()

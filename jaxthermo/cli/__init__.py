@@ -1,0 +1,1 @@
+"""What the commands do; `jaxthermo.__main__` reads their arguments."""

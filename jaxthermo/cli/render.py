@@ -1,0 +1,42 @@
+"""`jaxthermo render`: new frames from the solution that a run left behind."""
+
+from pathlib import Path
+
+from rich.console import Console
+
+from ..config.build import build_term
+from ..config.loader import load_config
+from ..config.schema import SceneConfig
+from ..errors import InputError
+from ..integrate.store import load_solution
+from ..precision import precision
+from .files import prepare_folder
+from .frames import prepare_view, write_frames
+
+
+def render(run: Path, out: Path | None, overrides: tuple[str, ...]) -> None:
+    """Reads what the run left, with another camera or image if so asked."""
+    for name in ("config.yaml", "solution.npz"):
+        if not (run / name).is_file():
+            raise InputError(
+                f"{run}: has no {name}; name a folder that `jaxthermo simulate` left"
+            )
+    for text in overrides:
+        if text.split(".")[0].split("=")[0].strip() not in ("camera", "image"):
+            raise InputError(
+                f"--set {text}: only camera and image can change after the run; "
+                "use `jaxthermo simulate` for the rest"
+            )
+    config = load_config(run / "config.yaml", overrides)
+    render_run(config, run, prepare_folder(out or run))
+
+
+def render_run(config: SceneConfig, run: Path, out: Path) -> None:
+    """Draws the saved times of the run in `run` as frames in `out`."""
+    with precision(config.dtype):
+        stored = load_solution(run / "solution.npz")
+        terms = tuple(build_term(term) for term in config.terms)
+        view = prepare_view(config, stored.surfaces, terms)
+        frames = write_frames(config, view, stored, out / "frames")
+    console = Console(highlight=False, soft_wrap=True)
+    console.print(f"{len(frames)} frames in {out / 'frames'}")

@@ -1,0 +1,117 @@
+"""A config file, read, changed by overrides, validated, and written out again."""
+
+import hashlib
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from ..errors import InputError
+from .fields import ALLOW_EXTREME
+from .messages import dotted, untagged
+from .model import Location
+from .overrides import parse_override, with_override
+from .schema import SceneConfig
+from .schema_geometry import FOLDERS
+from .strict_yaml import read_yaml, write_yaml
+
+
+def load_config(path: str | Path, overrides: Sequence[str] = ()) -> SceneConfig:
+    """The config in a YAML file, with meshes found and all values in SI units.
+
+    Args:
+        path: the file; meshes are looked for beside it, then in JAXTHERMO_MESHES.
+        overrides: "a.b=c" each, applied in order; c is YAML.
+
+    Raises:
+        InputError: one line for each mistake in the config.
+    """
+    path = Path(path)
+    read = read_yaml(path)
+    data: dict[str, Any] = read
+    changed: list[tuple[Location, str]] = []
+    for text in overrides:
+        location, value = parse_override(text)
+        try:
+            data = with_override(data, location, value)
+        except InputError as error:
+            raise InputError(f"--set {error}") from error
+        changed.append((location, text))
+    data = {"name": path.stem, **data}
+    try:
+        return _validated(data, mesh_folders(path.parent))
+    except ValidationError as error:
+        raise InputError(_lines(error, str(path), read, changed)) from error
+
+
+def mesh_folders(beside: Path) -> tuple[Path, ...]:
+    """Where meshes are looked for: a folder, then those of JAXTHERMO_MESHES."""
+    named = os.environ.get("JAXTHERMO_MESHES", "").split(os.pathsep)
+    return (beside.resolve(), *(Path(folder).resolve() for folder in named if folder))
+
+
+def resolved(config: SceneConfig) -> dict[str, Any]:
+    """The config as plain values in SI units, as `summary.json` keeps it."""
+    return config.model_dump(mode="json", exclude_none=True)
+
+
+def to_yaml(config: SceneConfig) -> str:
+    """The config as text that loads again to an equal config."""
+    return write_yaml(resolved(config))
+
+
+def config_hash(config: SceneConfig) -> str:
+    """16 hex digits that change with the scene, but not with the folder it lies in.
+
+    A mesh counts with its content where the file is there, else with its name.
+    """
+    plain = resolved(config)
+    for body, built in zip(plain["bodies"], config.bodies, strict=True):
+        if built.mesh is not None:
+            body["mesh"]["path"] = _fingerprint(built.mesh.path)
+    text = json.dumps(plain, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _fingerprint(path: Path) -> str:
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError:
+        return path.name
+
+
+def _validated(data: dict[str, Any], folders: tuple[Path, ...]) -> SceneConfig:
+    extreme = data.get(ALLOW_EXTREME) is True
+    context = {ALLOW_EXTREME: extreme, FOLDERS: folders}
+    return SceneConfig.model_validate(data, context=context)
+
+
+def _lines(
+    error: ValidationError, source: str, read: Any, changed: list[tuple[Location, str]]
+) -> str:
+    lines = []
+    for entry in error.errors(include_url=False):
+        path = untagged(entry["loc"])
+        blamed = [text for where, text in changed if _is_from(path, where, read)]
+        origin = f"--set {blamed[-1]}" if blamed else source
+        lines.append(": ".join(filter(None, (origin, dotted(path), entry["msg"]))))
+    return "\n".join(lines)
+
+
+def _is_from(path: Location, where: Location, read: Any) -> bool:
+    """Whether the value at the path came with the override that set `where`."""
+    if path[: len(where)] == where:
+        return True
+    return where[: len(path)] == path and not _holds(read, path)
+
+
+def _holds(data: Any, path: Location) -> bool:
+    for key in path:
+        try:
+            data = data[key]
+        except (KeyError, IndexError, TypeError):
+            return False
+    return True

@@ -1,0 +1,106 @@
+"""The lattice of cubic cells around a body, and whether it can be afforded."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ..errors import InputError
+from ..geometry.mesh import Mesh
+from ..memory import available_bytes, require_memory
+
+
+BYTES_PER_CELL = 4
+"""Peak of the fill: votes, one winding, the solid, and planes of temporaries."""
+
+BYTES_PER_FRAGMENT = 150
+"""Peak of the sort, with the padding of its arrays."""
+
+BYTES_PER_FACE = 600
+"""Corners in three views, spans of rows, normals."""
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """A box of cubic cells: cell (i, j, k) is centred at origin + (i+1/2, ...) pitch."""
+
+    shape: tuple[int, int, int]
+    origin: Float[np.ndarray, "3"]
+    pitch: float
+
+    def to_cells(self, points: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
+        """Positions [m] in units of cells."""
+        return (points - self.origin) / self.pitch
+
+    def centres(self, cells: Int[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
+        """Centres of cells [m]."""
+        return self.origin + (cells + 0.5) * self.pitch
+
+    @property
+    def cells(self) -> int:
+        """How many cells the box has."""
+        return int(np.prod(self.shape))
+
+
+def _cell_counts(size: Float[np.ndarray, "3"], pitch: float) -> np.ndarray:
+    """Cells along each axis, as floats: a tiny pitch may ask for more than integers."""
+    with np.errstate(over="ignore"):
+        length = size / pitch
+    # A few ulp of a float32 file over a whole number of cells are no further cell.
+    return np.maximum(np.ceil(length - 1e-6 * (1 + length)), 1)
+
+
+def check_pitch(mesh: Mesh, pitch: float) -> None:
+    """Refuse a pitch that gives no voxels or too many, before anything is allocated.
+
+    Args:
+        mesh: the body.
+        pitch: edge of a voxel [m].
+
+    Raises:
+        InputError: saying which pitch would do.
+    """
+    if not len(mesh.faces):
+        raise InputError(f"{mesh.name}: has no triangles to voxelize")
+    if not np.isfinite(pitch) or pitch <= 0:
+        raise InputError(f"pitch {pitch!r}: give a positive length in metres")
+    size = np.ptp(mesh.bounds, axis=0)
+    if pitch > size.max() * (1 + 1e-6):
+        raise InputError(
+            f"pitch {pitch:g} m is larger than {mesh.name}, which is "
+            f"{' x '.join(f'{s:.3g}' for s in size)} m: give a finer pitch, "
+            "or check the mesh's unit"
+        )
+    counts = _cell_counts(size, pitch)
+    # Seen along x, y and z a face covers |n_x|, |n_y| and |n_z| times its area.
+    projected = float(np.abs(mesh.area_vectors).sum())
+    with np.errstate(over="ignore"):
+        needed = counts.prod() * BYTES_PER_CELL
+        needed += projected / pitch / pitch * BYTES_PER_FRAGMENT
+    needed += len(mesh.faces) * BYTES_PER_FACE
+    require_memory(
+        int(min(needed, 1e18)),
+        f"voxelizing {mesh.name} at a pitch of {pitch:g} m "
+        f"({' x '.join(f'{n:.6g}' for n in counts)} cells)",
+        f"use a coarser pitch, such as {_affordable_pitch(size, projected):.2g} m",
+    )
+
+
+def _affordable_pitch(size: Float[np.ndarray, "3"], projected: float) -> float:
+    """A pitch that takes about half of what is free: a quarter each for two parts."""
+    quarter = available_bytes() / 4
+    by_cells = np.cbrt(size.prod() * BYTES_PER_CELL / quarter)
+    by_fragments = np.sqrt(projected * BYTES_PER_FRAGMENT / quarter)
+    return float(max(by_cells, by_fragments))
+
+
+def lattice_around(mesh: Mesh, pitch: float) -> Lattice:
+    """The smallest lattice, centred on the mesh, whose cells of `pitch` [m] cover it.
+
+    A mesh whose size is a whole number of cells fills them exactly.
+    """
+    low, high = mesh.bounds
+    count = _cell_counts(high - low, pitch)
+    corner = (low + high) / 2 - count * pitch / 2
+    nx, ny, nz = (int(n) for n in count)
+    return Lattice((nx, ny, nz), corner, pitch)

@@ -1,0 +1,58 @@
+"""Small bodies for tests: bars of voxels, and bodies of given voxels."""
+
+import numpy as np
+
+from jaxthermo.geometry.shapes import box
+from jaxthermo.voxels.grid import Lattice, LayerCounts, ThinParts, VoxelGrid
+from jaxthermo.voxels.voxelize import voxelize
+
+
+NO_THIN_PARTS = ThinParts(0, 0.0, 0, 0.0, ())
+
+
+def bar(cells: int, pitch: float) -> VoxelGrid:
+    """A bar of `cells` x 1 x 1 voxels along x, centred at the origin."""
+    return voxelize(box((cells * pitch, pitch, pitch)), pitch)
+
+
+def on_top(grid: VoxelGrid) -> np.ndarray:
+    """The fragments on the side +z of a bar: one a voxel, in the order of x."""
+    chosen = np.flatnonzero(grid.fragment_normal[:, 2] > 0.9)
+    return chosen[np.argsort(grid.fragment_position[chosen, 0])]
+
+
+def depth(grid: VoxelGrid) -> np.ndarray:
+    """Distance of each of a bar's voxels from its end at -x [m]."""
+    return (np.arange(grid.lattice.shape[0]) + 0.5) * grid.pitch
+
+
+def blocks(solid: np.ndarray, pitch: float = 1.0) -> VoxelGrid:
+    """A body of the given voxels, with one fragment on every open face."""
+    padded = np.pad(solid, 1)
+    voxel, normal = [], []
+    for axis in range(3):
+        for sign in (-1, 1):
+            outside = ~np.roll(padded, -sign, axis)[1:-1, 1:-1, 1:-1]
+            cells = np.argwhere(solid & outside)
+            voxel.append(cells)
+            normal.append(np.tile(sign * np.eye(3)[axis], (len(cells), 1)))
+    cells, outward = np.concatenate(voxel), np.concatenate(normal)
+    order = np.lexsort(cells.T[::-1])
+    cells, outward = cells[order], outward[order]
+    count = len(cells)
+    x, y, z = solid.shape
+    return VoxelGrid(
+        lattice=Lattice((x, y, z), np.zeros(3), pitch),
+        solid=solid,
+        mesh=box((x * pitch, y * pitch, z * pitch)),
+        fragment_position=(cells + 0.5 + 0.5 * outward) * pitch,
+        fragment_normal=outward,
+        fragment_area=np.full(count, pitch**2),
+        fragment_voxel=cells,
+        fragment_axis=np.abs(outward).argmax(1),
+        fragment_layer=np.zeros((count, 2), int),
+        area_ratio=1.0,
+        volume_ratio=1.0,
+        layers=LayerCounts((0, 0, 0), (0, 0, 0)),
+        thin=NO_THIN_PARTS,
+    )

@@ -1,0 +1,89 @@
+"""Conduction into a half-space (V01, V02): erf, and its integral for a flux."""
+
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from jaxthermo.reference.semi_infinite import surface_flux, surface_step
+from tests.bodies import bar, depth, on_top
+
+
+STEEL = jt.Material(conductivity=45.0, density=7800.0, specific_heat=460.0)
+START, HELD = 293.15, 373.15
+HOT_END = jt.Side(normal=(-1.0, 0.0, 0.0))
+"""All other sides carry no term: they are insulated."""
+
+
+@pytest.fixture(scope="module")
+def fine_bar():
+    """15 cells a centimetre; 0.22 m long, eight diffusion lengths of V01 at 60 s."""
+    return bar(330, 0.01 / 15)
+
+
+@pytest.fixture(scope="module")
+def held():
+    """V01 at 20.6 cells per diffusion length, x = 1 cm on a node."""
+    grid = bar(165, 0.01 / 7.5)
+    body = jt.Body(jt.FullVolume(grid), STEEL, temperature=START)
+    term = jt.FixedTemperature(HELD, on=HOT_END)
+    scene = jt.Scene((body,), (term,), dtype="float64")
+    return grid, jt.simulate(scene, 60.0)
+
+
+def test_held_surface_everywhere_within_a_thousandth_of_the_step(held):
+    grid, solution = held
+    found = np.asarray(solution.surface_temperature)[0, on_top(grid)]
+    exact = surface_step(
+        depth(grid), 60.0, initial=START, surface=HELD, diffusivity=STEEL.diffusivity
+    )
+    print("V01 largest error", np.abs(found - exact).max(), "K")
+    assert np.abs(found - exact).max() < 1e-3 * (HELD - START)
+
+
+def test_held_surface_at_one_centimetre(held):
+    grid, solution = held
+    node = on_top(grid)[7]
+    assert depth(grid)[7] == pytest.approx(0.01)
+    found = float(solution.surface_temperature[0, node]) - 273.15
+    print("V01 T(1 cm, 60 s)", found)
+    assert found == pytest.approx(83.726865, abs=0.08)
+
+
+def _with_flux(grid, material, start, times):
+    body = jt.Body(jt.FullVolume(grid), material, temperature=start)
+    scene = jt.Scene((body,), (jt.HeatFlux(3.2e5, on=HOT_END),), dtype="float64")
+    solution = jt.simulate(scene, times[-1], save_at=times)
+    return np.asarray(solution.surface_temperature)[:, on_top(grid)]
+
+
+@pytest.fixture(scope="module")
+def heated(fine_bar):
+    return _with_flux(fine_bar, STEEL, START, [1.0, 10.0, 60.0])
+
+
+def test_heated_first_node_is_at_half_a_cell(fine_bar, heated):
+    exact = surface_flux(
+        0.5 * fine_bar.pitch,
+        np.array([1.0, 10.0, 60.0]),
+        initial=START,
+        heat_flux=3.2e5,
+        conductivity=STEEL.conductivity,
+        diffusivity=STEEL.diffusivity,
+    )
+    print("V02 errors at the first node", heated[:, 0] - exact, "K")
+    assert np.abs(heated[:, 0] - exact).max() < 0.2
+
+
+def test_heated_surface_half_a_cell_further_out(fine_bar, heated):
+    half_cell = 3.2e5 * fine_bar.pitch / (2 * 45.0)
+    surface = heated[:, 0] + half_cell - 273.15
+    print("V02 surface", surface, "C")
+    np.testing.assert_allclose(surface, [48.416629, 109.86127, 240.11426], atol=0.2)
+
+
+def test_holman_4_2(fine_bar):
+    material = jt.Material(conductivity=45.0, density=8000.0, specific_heat=401.79)
+    found = _with_flux(fine_bar, material, 273.15 + 35.0, [30.0])[0, 37] - 273.15
+    assert depth(fine_bar)[37] == pytest.approx(0.025)
+    print("Holman 4.2", found)
+    assert found == pytest.approx(79.313554, abs=0.02)

@@ -1,0 +1,138 @@
+"""Building: the config's values arrive in the objects that are simulated."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from jaxthermo.config.build import (
+    build_body,
+    build_material,
+    build_pose,
+    build_scene,
+    build_solver,
+)
+from jaxthermo.config.build_camera import build_camera
+from jaxthermo.config.loader import load_config
+from jaxthermo.config.schema_geometry import BodyConfig, PoseConfig
+from jaxthermo.config.schema_image import OrthographicConfig, PinholeConfig
+from jaxthermo.config.schema_material import MaterialConfig
+from jaxthermo.geometry import shapes
+from jaxthermo.image.camera import Camera, OrthographicCamera
+from jaxthermo.materials import materials
+from jaxthermo.physics.boundary import Convection, FixedTemperature, HeatFlux
+from jaxthermo.physics.emission import Surroundings
+from jaxthermo.physics.source import Sun
+from jaxthermo.physics.values import Table, Until
+from jaxthermo.scene.scene import MaterialMap
+from jaxthermo.voxels.select import Region, Side
+
+
+SCENE = """
+dtype: float64
+bodies:
+  - shape: {kind: box, size: [0.1, 0.1, 0.2]}
+    voxels_high: 10
+    material: {name: copper, emissivity: 0.3}
+    regions: [{lower: [-1, -1, 0], upper: [1, 1, 1], material: gold}]
+    temperature: 20 degC
+    pose: {translation: [0, 0, 1]}
+terms:
+  - {kind: sun, direction: [0, 0, -1], irradiance: 1 kW/m^2, until: 90 s}
+  - kind: convection
+    heat_transfer_coefficient: 10
+    temperature: {times: [0, 60], values: [290, 300]}
+    on: {side: {normal: [1, 0, 0]}}
+  - {kind: surroundings, temperature: 280}
+  - {kind: heat_flux, heat_flux: -5, on: {region: {lower: [0, 0, 0], upper: [1, 1, 1]}}}
+  - {kind: fixed_temperature, temperature: 350}
+time: {end: 60, save_at: [60]}
+solver: {dt: 0.5}
+"""
+
+
+def test_scene_holds_what_the_config_says(tmp_path: Path):
+    path = tmp_path / "scene.yaml"
+    path.write_text(SCENE)
+    config = load_config(path)
+    scene = build_scene(config)
+    (body,) = scene.bodies
+    assert scene.dtype == "float64"
+    assert build_solver(config.solver).dt == 0.5
+    assert body.structure.node_count == 5 * 5 * 10
+    assert body.temperature == pytest.approx(293.15)
+    assert isinstance(body.material, MaterialMap)
+    assert body.material.base.emissivity == 0.3
+    assert body.material.painted[0][1] == materials["gold"]
+    sun, convection, surroundings, flux, fixed = scene.terms
+    assert isinstance(sun, Sun) and sun.irradiance == Until(1000.0, 90.0)
+    assert isinstance(convection, Convection)
+    assert convection.temperature == Table((0.0, 60.0), (290.0, 300.0))
+    assert convection.on == Side(normal=(1.0, 0.0, 0.0), body=0)
+    assert isinstance(surroundings, Surroundings) and surroundings.temperature == 280.0
+    assert isinstance(flux, HeatFlux) and isinstance(flux.on, Region)
+    assert isinstance(fixed, FixedTemperature) and fixed.on is None
+
+
+@pytest.mark.parametrize(
+    ("shape", "volume"),
+    [
+        ({"kind": "sphere", "radius": 0.05}, 4 / 3 * math.pi * 0.05**3),
+        ({"kind": "cylinder", "radius": 0.03, "height": 0.1}, math.pi * 9e-5),
+        ({"kind": "slab", "thickness": 0.02, "width": 0.1, "length": 0.1}, 2e-4),
+    ],
+)
+def test_shapes_have_their_volume(shape, volume):
+    config = BodyConfig.model_validate(
+        {"shape": shape, "pitch": 0.01, "material": "copper", "temperature": 300}
+    )
+    grid = build_body(config).structure.grid
+    assert grid.mesh.volume == pytest.approx(volume, rel=0.02)
+
+
+def test_a_rotation_turns_anticlockwise_about_its_axis():
+    pose = PoseConfig.model_validate(
+        {"translation": [1, 0, 0], "rotation": {"axis": [0, 0, 2], "angle": "90 deg"}}
+    )
+    placed = build_pose(pose).place(np.array([[1.0, 0.0, 0.0]]))
+    np.testing.assert_allclose(placed, [[1.0, 1.0, 0.0]], atol=1e-15)
+
+
+def test_a_material_without_a_name():
+    config = MaterialConfig.model_validate(
+        {"conductivity": 16, "density": 8000, "specific_heat": 500, "emissivity": 0.5}
+    )
+    built = build_material(config)
+    assert (built.conductivity, built.absorptivity) == (16.0, 0.5)
+
+
+@pytest.mark.parametrize("width", [30, 90])
+@pytest.mark.parametrize(
+    "config",
+    [
+        PinholeConfig(),
+        PinholeConfig(field_of_view=1.0),
+        PinholeConfig(look_at=(0.0, 0.0, 0.1)),
+        PinholeConfig(up=(1.0, 0.0, 0.0)),
+        OrthographicConfig(),
+    ],
+)
+def test_a_camera_left_open_sees_everything(config, width):
+    triangles = shapes.box((0.1, 0.2, 0.3)).triangles
+    sized = config.model_copy(update={"width": width, "height": 60})
+    camera = build_camera(sized, triangles)
+    raster, _ = camera.to_raster(triangles)
+    inside = raster.reshape(-1, 3)[:, :2]
+    assert (inside >= 0).all() and (inside <= (width, 60)).all()
+
+
+def test_a_camera_stands_where_the_config_says():
+    triangles = shapes.box(0.1).triangles
+    pinhole = build_camera(
+        PinholeConfig(position=(0.0, -1.0, 0.0), field_of_view=0.4), triangles
+    )
+    assert isinstance(pinhole, Camera) and pinhole.position == (0.0, -1.0, 0.0)
+    assert pinhole.field_of_view == 0.4
+    flat = build_camera(OrthographicConfig(view_height=0.6), triangles)
+    assert isinstance(flat, OrthographicCamera) and flat.view_height == 0.6

@@ -1,0 +1,71 @@
+"""Quantities: every unit, the degrees Celsius, and what is refused."""
+
+import math
+
+import pytest
+
+from jaxthermo.config import units
+from jaxthermo.config.units import to_si
+from jaxthermo.errors import InputError
+
+
+@pytest.mark.parametrize(
+    ("text", "dimension", "value"),
+    [
+        ("2 mm", units.LENGTH, 2e-3),
+        ("2mm", units.LENGTH, 2e-3),
+        ("1e-3", units.LENGTH, 1e-3),
+        (3, units.LENGTH, 3.0),
+        ("-4.5e1 cm", units.LENGTH, -0.45),
+        ("3 min", units.TIME, 180.0),
+        ("0.5 h", units.TIME, 1800.0),
+        ("25 degC", units.TEMPERATURE, 298.15),
+        ("25 °C", units.TEMPERATURE, 298.15),
+        ("-20 degC", units.TEMPERATURE, 253.15),
+        ("77 degF", units.TEMPERATURE, 298.15),
+        ("300 K", units.TEMPERATURE, 300.0),
+        ("800 W/m^2", units.IRRADIANCE, 800.0),
+        ("5 kW/m²", units.HEAT_FLUX, 5000.0),
+        ("10 W/(m^2 K)", units.HEAT_TRANSFER_COEFFICIENT, 10.0),
+        ("10 W/m^2/degC", units.HEAT_TRANSFER_COEFFICIENT, 10.0),
+        ("16 W/m/K", units.CONDUCTIVITY, 16.0),
+        ("8 g/cm^3", units.DENSITY, 8000.0),
+        ("0.5 kJ/(kg K)", units.SPECIFIC_HEAT, 500.0),
+        ("180 deg", units.ANGLE, math.pi),
+        (1.5, units.ANGLE, 1.5),
+        ("90 %", units.NUMBER, 0.9),
+    ],
+)
+def test_reads_quantity(text, dimension, value):
+    assert to_si(text, dimension) == pytest.approx(value, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("value", "dimension", "message"),
+    [
+        ("5 s", units.LENGTH, r"expected a length such as '2 mm', got '5 s'"),
+        ("5 foo", units.LENGTH, r"unknown unit 'foo'"),
+        ("mm", units.LENGTH, r"expected a length"),
+        ("", units.LENGTH, r"expected a length"),
+        ("20 C", units.TEMPERATURE, r"degC"),
+        ("3 deg", units.NUMBER, r"expected a number"),
+        ("30 %", units.ANGLE, r"expected an angle"),
+        (True, units.LENGTH, r"got true"),
+        (None, units.LENGTH, r"got nothing"),
+        ([1], units.LENGTH, r"got \[1\]"),
+        (math.nan, units.LENGTH, r"must be finite"),
+        ("inf", units.LENGTH, r"must be finite"),
+        ("nan m", units.LENGTH, r"expected a length"),
+        ("1e999 m", units.LENGTH, r"must be finite"),
+        (10**400, units.LENGTH, r"must be finite"),
+        ("1 m^9^9^9^9", units.LENGTH, r"expected a length"),
+        ("1 m/0", units.LENGTH, r"expected a length"),
+        ("1 " + "m" * 500, units.LENGTH, r"expected a length"),
+        ("1 m; import os", units.LENGTH, r"expected a length"),
+    ],
+)
+def test_refuses_what_is_no_such_quantity(value, dimension, message):
+    with pytest.raises(InputError, match=message) as caught:
+        to_si(value, dimension)
+    assert len(str(caught.value)) < 300
+    assert "\n" not in str(caught.value)

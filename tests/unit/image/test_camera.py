@@ -1,0 +1,131 @@
+"""Cameras: pixels and points agree, clipping keeps what is in front."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+
+from jaxthermo.errors import InputError
+from jaxthermo.geometry.shapes import box, sphere
+from jaxthermo.image.camera import Camera, OrthographicCamera, frame_all
+from jaxthermo.image.clip import clip_near
+
+
+PINHOLE = Camera((2.0, -1.0, 0.7), (0.0, 0.1, 0.2), width=64, height=48)
+PARALLEL = OrthographicCamera(
+    (2.0, -1.0, 0.7), (0.0, 0.1, 0.2), view_height=1.5, width=64, height=48
+)
+
+
+@pytest.mark.parametrize("camera", [PINHOLE, PARALLEL])
+@settings(max_examples=40, deadline=None)
+@given(column=st.integers(0, 63), row=st.integers(0, 47), depth=st.floats(0.5, 9.0))
+def test_a_point_seen_at_a_pixel_projects_back_to_its_centre(
+    camera, column, row, depth
+):
+    key = -1 / depth if isinstance(camera, Camera) else depth
+    pixel = np.array([row * 64 + column])
+    point, along = camera.points(pixel, np.array([key]))
+    corners, parent = camera.to_raster(np.repeat(point[None], 3, axis=1))
+    np.testing.assert_allclose(corners[0, 0], [column + 0.5, row + 0.5, key], atol=1e-9)
+    np.testing.assert_allclose(along, depth)
+    assert parent.tolist() == [0]
+
+
+def test_image_axes_are_right_and_down():
+    camera = Camera((0.0, -3.0, 0.0), (0.0, 0.0, 0.0), width=100, height=100)
+    points = np.array([[0.2, 0.0, 0.0], [0.0, 0.0, 0.2], [0.0, 0.0, 0.0]])
+    corners, _ = camera.to_raster(points[None])
+    right, up, middle = corners[0]
+    assert right[0] > middle[0] and right[1] == pytest.approx(middle[1])
+    assert up[1] < middle[1] and up[0] == pytest.approx(middle[0])
+
+
+def test_field_of_view_spans_the_height():
+    camera = Camera((0.0, -1.0, 0.0), (0.0, 0.0, 0.0), field_of_view=0.8, height=200)
+    top = np.array([[[0.0, 0.0, np.tan(0.4)]] * 3])
+    assert camera.to_raster(top)[0][0, 0, 1] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_finer_keeps_the_view():
+    for camera in (PINHOLE, PARALLEL):
+        fine = camera.finer(3)
+        assert (fine.width, fine.height) == (192, 144)
+        point = np.array([[[0.1, 0.2, 0.3]] * 3])
+        coarse, precise = camera.to_raster(point)[0], fine.to_raster(point)[0]
+        np.testing.assert_allclose(precise[..., :2], 3 * coarse[..., :2])
+        np.testing.assert_allclose(precise[..., 2], coarse[..., 2])
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    heights=st.lists(st.floats(-2, 2), min_size=3, max_size=3).filter(
+        lambda z: min(abs(v - 0.5) for v in z) > 1e-3
+    )
+)
+def test_clipping_cuts_exactly_at_the_plane(heights):
+    flat = np.array([[0.0, 0.0], [1.0, 0.2], [0.3, 1.1]])
+    triangle = np.column_stack([flat, heights])[None]
+    pieces, parent = clip_near(triangle, 0.5)
+    assert (pieces[..., 2] >= 0.5 - 1e-12).all()
+    assert (parent == 0).all()
+    kept = np.abs(
+        np.cross(pieces[:, 1] - pieces[:, 0], pieces[:, 2] - pieces[:, 0])
+    ).sum(0)
+    # The share in front, from a fine sampling of the triangle.
+    u, v = np.meshgrid(np.linspace(0, 1, 801), np.linspace(0, 1, 801))
+    inside = u + v < 1
+    z = heights[0] + u * (heights[1] - heights[0]) + v * (heights[2] - heights[0])
+    share = (z[inside] >= 0.5).mean()
+    whole = np.abs(
+        np.cross(triangle[0, 1] - triangle[0, 0], triangle[0, 2] - triangle[0, 0])
+    )
+    np.testing.assert_allclose(kept, share * whole, atol=0.02 * whole.max())
+
+
+def test_clipped_pieces_keep_the_winding():
+    triangle = np.array([[[0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, -1.0]]])
+    for turn in range(3):
+        pieces, _ = clip_near(np.roll(triangle, turn, axis=1), 0.0)
+        normals = np.cross(pieces[:, 1] - pieces[:, 0], pieces[:, 2] - pieces[:, 0])
+        whole = np.cross(
+            triangle[0, 1] - triangle[0, 0], triangle[0, 2] - triangle[0, 0]
+        )
+        assert (normals @ whole > 0).all()
+
+
+@pytest.mark.parametrize("size", [(640, 480), (300, 900)])
+def test_frame_all_holds_everything_and_fills_the_image(size):
+    mesh = box((0.2, 0.1, 0.5))
+    camera = frame_all(mesh.triangles, *size)
+    corners, _ = camera.to_raster(mesh.triangles)
+    low, high = corners[..., :2].min((0, 1)), corners[..., :2].max((0, 1))
+    assert (low > 0).all() and (high < size).all()
+    assert ((high - low) / size).max() > 0.85
+
+
+@pytest.mark.parametrize(
+    ("make", "word"),
+    [
+        (lambda: Camera((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), "look_at"),
+        (lambda: Camera((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)), "up"),
+        (lambda: Camera((1.0, 0.0, 0.0), (0.0, 0.0, 0.0), field_of_view=4.0), "field"),
+        (lambda: Camera((1.0, 0.0, 0.0), (0.0, 0.0, 0.0), width=0), "width"),
+        (
+            lambda: OrthographicCamera((1.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0),
+            "view_height",
+        ),
+    ],
+)
+def test_impossible_cameras_are_refused(make, word):
+    with pytest.raises(InputError, match=word):
+        make()
+
+
+def test_sphere_is_as_large_as_it_should_be():
+    ball = sphere(0.5, subdivisions=4)
+    camera = OrthographicCamera(
+        (3.0, 0.0, 0.0), (0.0, 0.0, 0.0), view_height=1.2, width=240, height=240
+    )
+    corners, _ = camera.to_raster(ball.triangles)
+    radius = np.hypot(corners[..., 0] - 120, corners[..., 1] - 120).max()
+    assert radius == pytest.approx(100, rel=0.01)

@@ -1,0 +1,227 @@
+"""Thermal images: radiance, smoothing, what hides what, and gradients to the pixels."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from jaxthermo.image.exr import read_exr
+from jaxthermo.image.radiance import apparent_temperature, leaving_radiance
+from jaxthermo.image.render import coarsen, draw
+from jaxthermo.image.smooth import block_weights, smooth_weights
+from jaxthermo.image.view import look, winding_number
+from jaxthermo.scene.surface import body_geometry
+
+
+METAL = jt.Material(
+    conductivity=50.0, density=2000.0, specific_heat=500.0, emissivity=0.8
+)
+SIDE = jt.OrthographicCamera(
+    (1.0, 0.0, 0.0), (0.0, 0.0, 0.0), view_height=0.12, width=60, height=60
+)
+
+
+def cube(pitch=0.01, size=0.1, **kwargs):
+    grid = jt.voxelize(jt.shapes.box((size, size, size)), pitch)
+    return jt.Body(jt.FullVolume(grid), METAL, **({"temperature": 300.0} | kwargs))
+
+
+@pytest.fixture(scope="module")
+def still():
+    """A cube that nothing acts on, seen from +x."""
+    scene = jt.Scene((cube(),), (jt.Surroundings(250.0),), dtype="float64")
+    return jt.simulate(scene, 0.0)
+
+
+def test_apparent_temperature_of_a_grey_surface():
+    """A17 of the field survey: eps 0.91 at 300 K before 250 K looks like 296.4424 K."""
+    one = lambda value: jnp.asarray(value)
+    radiance = leaving_radiance(one(300.0), one(0.91), one(250.0), one(0.0))
+    assert float(apparent_temperature(radiance)) == pytest.approx(296.4424, abs=1e-4)
+
+
+def test_a_black_surface_looks_as_warm_as_it_is():
+    temperature = jnp.linspace(200.0, 900.0, 7)
+    zero = jnp.zeros(7)
+    radiance = leaving_radiance(temperature, zero + 1, jnp.asarray(250.0), zero)
+    np.testing.assert_allclose(apparent_temperature(radiance), temperature, rtol=1e-12)
+
+
+def test_channels_of_a_frame(still):
+    image = jt.render(still, SIDE)
+    body = np.asarray(image.object_id) == 0
+    # 0.1 m of 0.12 m over 60 pixels, both ways.
+    assert body.sum() == 50 * 50
+    np.testing.assert_allclose(np.asarray(image.temperature)[body], 300.0)
+    np.testing.assert_allclose(np.asarray(image.depth)[body], 0.95)
+    np.testing.assert_allclose(np.asarray(image.normal)[body], [[1.0, 0.0, 0.0]] * 2500)
+    grey = (0.8 * 300.0**4 + 0.2 * 250.0**4) ** 0.25
+    np.testing.assert_allclose(np.asarray(image.apparent_temperature)[body], grey)
+    assert np.isinf(np.asarray(image.depth)[~body]).all()
+    assert (np.asarray(image.emissivity)[~body] == 1).all()
+    np.testing.assert_allclose(np.asarray(image.apparent_temperature)[~body], 250.0)
+
+
+def test_the_nearer_body_hides_the_farther_one():
+    near = cube(pose=jt.Pose(translation=(0.3, 0.05, 0.0)), temperature=350.0)
+    scene = jt.Scene((cube(), near), (jt.Surroundings(250.0),), dtype="float64")
+    image = jt.render(jt.simulate(scene, 0.0), SIDE)
+    number = np.asarray(image.object_id)
+    # Looking along -x, +y is to the right: the near cube covers the right half.
+    assert (number[30, 6:30] == 0).all() and (number[30, 31:55] == 1).all()
+    np.testing.assert_allclose(np.asarray(image.temperature)[number == 1], 350.0)
+
+
+def test_reflected_sun_follows_the_cosine_and_the_shadow():
+    scene = jt.Scene(
+        (cube(), cube(pose=jt.Pose(translation=(0.3, 0.1, 0.0)))),
+        (jt.Sun((-1.0, 0.0, 0.0), 1000.0), jt.Surroundings(250.0)),
+        dtype="float64",
+    )
+    solution = jt.simulate(scene, 0.0, save_at=[0.0])
+    view = look(solution.surfaces, solution.terms, SIDE)
+    number, exposure = view.exposure[0]
+    assert number == 0
+    # The second cube stands beside the line of sight and of the rays but for its edge.
+    lit = np.median(exposure[view.body == 0])
+    assert lit == pytest.approx(1.0)
+    image = jt.render(solution, SIDE)
+    grey = 0.8 * 300.0**4 + 0.2 * 250.0**4 + 0.2 * 1000.0 / 5.670374419e-8
+    seen = np.asarray(image.apparent_temperature)[30, 10]
+    assert seen == pytest.approx(grey**0.25, rel=1e-9)
+
+
+def test_a_body_in_the_shadow_reflects_no_sun():
+    shade = cube(size=0.12, pose=jt.Pose(translation=(0.0, 0.0, 0.3)))
+    scene = jt.Scene((cube(), shade), (jt.Sun((0.0, 0.0, -1.0), 1000.0),))
+    solution = jt.simulate(scene, 0.0, save_at=[0.0])
+    above = jt.OrthographicCamera(
+        (0.0, 0.0, 0.2), (0.0, 0.0, 0.0), 0.12, up=(0.0, 1.0, 0.0), width=60, height=60
+    )
+    view = look(solution.surfaces, solution.terms, above)
+    assert (view.body == 0).all()
+    np.testing.assert_allclose(view.exposure[0][1], 0.0)
+
+
+def _plate_points(n=40):
+    """Points on the upper face of a 0.1 x 0.1 x 0.004 m plate."""
+    spots = np.linspace(-0.04, 0.04, n)
+    points = np.array([[x, 0.3 * x, 0.002] for x in spots])
+    return points, np.tile([0.0, 0.0, 1.0], (n, 1))
+
+
+@pytest.fixture(scope="module")
+def plate():
+    grid = jt.voxelize(jt.shapes.box((0.1, 0.1, 0.004)), 0.002)
+    return body_geometry(grid, jt.Pose())
+
+
+def test_smoothing_keeps_constants_and_linear_fields(plate):
+    points, normals = _plate_points()
+    weights = smooth_weights(points, normals, plate)
+    sums = np.bincount(weights.pixel, weights=weights.weight)
+    np.testing.assert_allclose(sums, 1.0)
+    field = 300 + 50 * plate.fragment_position[:, 0]
+    read = np.bincount(weights.pixel, weights=weights.weight * field[weights.fragment])
+    exact = 300 + 50 * points[:, 0]
+    # Within a few hundredths of what changes over one voxel.
+    assert np.abs(read - exact).max() < 0.03 * 50 * plate.pitch
+
+
+def test_smoothing_does_not_leak_through_a_sheet(plate):
+    points, normals = _plate_points()
+    field = np.where(plate.fragment_normal[:, 2] > 0.5, 310.0, 290.0)
+    weights = smooth_weights(points, normals, plate)
+    read = np.bincount(weights.pixel, weights=weights.weight * field[weights.fragment])
+    np.testing.assert_allclose(read, 310.0)
+
+
+def test_blocks_show_the_nearest_fragment(plate):
+    points, _ = _plate_points()
+    weights = block_weights(points, plate)
+    away = np.linalg.norm(points[:, None] - plate.fragment_position[None], axis=2)
+    np.testing.assert_allclose(
+        away[np.arange(len(points)), weights.fragment], away.min(axis=1)
+    )
+
+
+def test_parts_without_fragments_show_their_neighbours(plate):
+    far = np.array([[0.0, 0.0, 0.02]])
+    weights = smooth_weights(far, np.array([[0.0, 0.0, -1.0]]), plate)
+    assert weights.weight.tolist() == [1.0]
+
+
+def test_a_camera_inside_a_body_is_refused(still):
+    inside = jt.Camera((0.01, 0.0, 0.02), (1.0, 0.0, 0.0))
+    with pytest.raises(jt.InputError, match="inside body 0"):
+        jt.render(still, inside)
+
+
+def test_a_camera_that_looks_away_is_refused(still):
+    with pytest.raises(jt.InputError, match="sees no body"):
+        jt.render(still, jt.Camera((1.0, 0.0, 0.0), (2.0, 0.0, 0.0)))
+
+
+def test_winding_number_of_a_cube():
+    triangles = jt.shapes.box((1.0, 1.0, 1.0)).triangles
+    assert winding_number(triangles, np.array([0.3, -0.2, 0.4])) == pytest.approx(1.0)
+    assert winding_number(triangles, np.array([0.7, 0.0, 0.0])) == pytest.approx(0.0)
+
+
+def test_coarsening_averages_radiance_and_samples_the_rest(still):
+    fine = jt.render(still, SIDE.finer(4))
+    coarse = jt.render(still, SIDE, samples=4)
+    blocks = np.asarray(fine.radiance).reshape(60, 4, 60, 4)
+    np.testing.assert_allclose(coarse.radiance, blocks.mean((1, 3)))
+    np.testing.assert_array_equal(
+        coarse.object_id, np.asarray(fine.object_id)[2::4, 2::4]
+    )
+    assert coarsen(fine, 1) is fine
+
+
+def test_pixels_have_a_gradient_with_respect_to_conductivity():
+    """From k through the solver and the camera, against a central difference."""
+    grid = jt.voxelize(jt.shapes.box((0.1, 0.1, 0.1)), 0.02)
+
+    def pixel(k):
+        material = jt.Material(
+            conductivity=k, density=2000.0, specific_heat=500.0, emissivity=0.8
+        )
+        body = jt.Body(jt.FullVolume(grid), material, temperature=300.0)
+        terms = (jt.Sun((-1.0, 0.0, 0.0), 2e4), jt.Surroundings(280.0))
+        scene = jt.Scene((body,), terms, dtype="float64")
+        solution = jt.simulate(scene, 20.0, solver=jt.ForwardEuler(dt=1.0))
+        view = look(solution.surfaces, solution.terms, SIDE)
+        image = draw(
+            view,
+            solution.surfaces,
+            solution.terms,
+            solution.surface_temperature[-1],
+            solution.times[-1],
+        )
+        return image.apparent_temperature[30, 30]
+
+    k, step = 50.0, 1e-2
+    slope = (pixel(k + step) - pixel(k - step)) / (2 * step)
+    assert float(slope) != 0
+    assert float(jax.grad(pixel)(k)) == pytest.approx(float(slope), rel=1e-6)
+
+
+def test_exr_of_a_frame_reads_back(still, tmp_path):
+    image = jt.render(still, SIDE)
+    jt.write_exr(tmp_path / "frame.exr", image, {"config": "name: cube"})
+    channels, header = read_exr(tmp_path / "frame.exr")
+    assert header["config"] == "name: cube" and header["time_s"] == "0"
+    np.testing.assert_array_equal(
+        channels["temperature_K"], np.asarray(image.temperature, np.float32)
+    )
+    assert set(channels) >= {
+        "radiance",
+        "emissivity",
+        "depth_m",
+        "object_id",
+        "normal_x",
+    }
+    jt.write_png(tmp_path / "frame.png", image, 280.0, 310.0, palette="ember")
+    assert (tmp_path / "frame.png").stat().st_size > 1000

@@ -1,0 +1,54 @@
+"""Peeling finds the voxels that the slicing of [FC00] finds."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+from peeling import BODIES, in_view, peel_padded
+
+from jaxthermo.geometry import shapes
+from jaxthermo.raster.layers import peel
+from jaxthermo.raster.slices import slice_voxels
+
+
+SIZE = 24
+
+
+def peeled_voxels(layers, depth):
+    row, column = np.divmod(layers.pixel, layers.width)
+    slab = np.floor(layers.depth).astype(int)
+    within = (slab >= 0) & (slab < depth)
+    # A surface on the face between two slabs belongs to either, by rounding.
+    assert (np.abs(layers.depth - np.round(layers.depth)) > 1e-9).all()
+    cells = zip(column[within], row[within], slab[within], strict=True)
+    return {(int(c), int(r), int(s)) for c, r, s in cells}
+
+
+@settings(deadline=None, max_examples=15)
+@given(seed=st.integers(0, 2**32 - 1), kind=st.sampled_from(sorted(BODIES)))
+def test_bodies(seed, kind):
+    rng = np.random.default_rng(seed)
+    triangles = in_view(BODIES[kind](rng), rng)
+    layers = peel_padded(triangles, SIZE, SIZE)
+    assert peeled_voxels(layers, SIZE) == slice_voxels(triangles, SIZE, SIZE, SIZE)
+
+
+@settings(deadline=None, max_examples=15)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_random_triangles_in_and_out_of_the_image(seed):
+    rng = np.random.default_rng(seed)
+    triangles = rng.uniform(-10, SIZE + 10, (50, 3, 3))
+    layers = peel_padded(triangles, SIZE, SIZE)
+    assert peeled_voxels(layers, SIZE) == slice_voxels(triangles, SIZE, SIZE, SIZE)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_the_figurine(axis):
+    mesh = shapes.figurine(resolution=48)
+    low, high = mesh.bounds
+    pixels = 32
+    # Off the lattice: the figurine stands on a flat base.
+    cells = (mesh.triangles - low) / (high - low).max() * (pixels - 0.37) + 0.21
+    triangles = np.roll(cells, axis, axis=-1)
+    layers = peel(triangles, pixels, pixels)
+    expected = slice_voxels(triangles, pixels, pixels, pixels)
+    assert peeled_voxels(layers, pixels) == expected

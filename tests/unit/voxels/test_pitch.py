@@ -1,0 +1,74 @@
+"""A pitch that cannot work is refused before anything is done."""
+
+import numpy as np
+import pytest
+from bodies import BALL
+
+from jaxthermo import memory
+from jaxthermo.errors import InputError
+from jaxthermo.geometry import shapes
+from jaxthermo.geometry.mesh import Mesh
+from jaxthermo.voxels import lattice, voxelize as voxelize_module
+from jaxthermo.voxels.voxelize import voxelize
+
+
+@pytest.mark.parametrize("pitch", [0.0, -0.1, float("nan"), float("inf"), -np.inf, 0])
+def test_pitch_is_positive(pitch):
+    with pytest.raises(InputError, match="positive"):
+        voxelize(BALL, pitch)
+
+
+@pytest.mark.parametrize("pitch", [2.2, 1e3, 1e300])
+def test_pitch_larger_than_the_body(pitch):
+    with pytest.raises(InputError, match="larger than sphere.*unit"):
+        voxelize(BALL, pitch)
+
+
+@pytest.mark.parametrize(
+    "pitch", [1, 1.0, np.float32(1), np.float64(1), np.asarray(1.0)]
+)
+def test_numbers_of_every_kind_are_a_pitch(pitch):
+    grid = voxelize(shapes.box(4.0), pitch)
+    assert grid.solid.shape == (4, 4, 4)
+    assert isinstance(grid.pitch, float)
+
+
+def test_a_body_that_no_voxel_centre_meets():
+    # Far apart thin parts: the lattice is large, but no centre is inside.
+    plate = shapes.box((8.0, 8.0, 0.2))
+    both = np.concatenate([plate.vertices, plate.vertices + [0, 0, 1.8]])
+    faces = np.concatenate([plate.faces, plate.faces + len(plate.vertices)])
+    with pytest.raises(InputError, match="no voxel at a pitch of 1 m.*finer"):
+        voxelize(Mesh(both, faces, "plates"), 1.0)
+
+
+def test_no_triangles():
+    with pytest.raises(InputError, match="no triangles"):
+        voxelize(Mesh(np.zeros((3, 3)), np.zeros((0, 3), np.int64)), 1.0)
+
+
+@pytest.mark.parametrize("pitch", [1e-3, 1e-9, 1e-300])
+def test_memory_is_refused_before_it_is_taken(monkeypatch, pitch):
+    def unreachable(*_):
+        raise AssertionError("work began")
+
+    for module in (memory, lattice):
+        monkeypatch.setattr(module, "available_bytes", lambda: 10_000_000)
+    monkeypatch.setattr(voxelize_module, "peel_axes", unreachable)
+    with pytest.raises(InputError, match=r"sphere.*cells.*free.*such as 0\.\d+ m"):
+        voxelize(BALL, pitch)
+
+
+def test_the_pitch_that_is_advised_would_do(monkeypatch):
+    for module in (memory, lattice):
+        monkeypatch.setattr(module, "available_bytes", lambda: 10_000_000)
+    with pytest.raises(InputError) as caught:
+        lattice.check_pitch(BALL, 1e-3)
+    advised = float(str(caught.value).split("such as ")[1].split()[0])
+    lattice.check_pitch(BALL, advised)
+
+
+def test_a_flat_mesh():
+    flat = Mesh(np.array([[0.0, 0, 0], [4, 0, 0], [0, 4, 0]]), np.array([[0, 1, 2]]))
+    with pytest.raises(InputError, match="no voxel"):
+        voxelize(flat, 1.0)
