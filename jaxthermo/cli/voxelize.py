@@ -1,9 +1,7 @@
 """`jaxthermo voxelize`: what a mesh becomes at a pitch, without a simulation."""
 
 import json
-from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console
 
@@ -11,17 +9,17 @@ from ..atomic import replacing
 from ..config import units
 from ..errors import InputError
 from ..geometry.load import load_mesh
-from ..geometry.mesh import Mesh
 from ..geometry.verdict import describe_mesh, verdict_line
-from ..voxels.grid import VoxelGrid
+from ..voxels.report import voxel_report
 from ..voxels.voxelize import voxelize as make_voxels
 from .files import prepare_folder
+from .layer_sheets import write_layer_sheets
 
 
 def voxelize(
     mesh: Path, pitch: str, unit: str | None, height: str | None, up: str, out: Path
 ) -> None:
-    """Writes `voxels.json` and prints a line about the mesh and one about the voxels.
+    """Writes `voxels.json` and sheets of the depth layers; prints two lines about them.
 
     Args:
         mesh: the file.
@@ -36,32 +34,18 @@ def voxelize(
     loaded = load_mesh(mesh, unit=unit, height=target, up=up)
     folder = prepare_folder(out)
     grid = make_voxels(loaded, pitch=edge)
+    facts = {"mesh": describe_mesh(loaded), **voxel_report(grid)}
     with replacing(folder / "voxels.json") as path:
-        text = json.dumps(voxel_facts(loaded, grid), indent=2)
-        path.write_text(text + "\n", encoding="utf-8")
+        path.write_text(json.dumps(facts, indent=2) + "\n", encoding="utf-8")
+    sheets = write_layer_sheets(grid, folder)
     console = Console(highlight=False, soft_wrap=True)
     console.print(verdict_line(loaded), markup=False)
     console.print(
         f"{grid.solid_count} solid voxels of {edge:g} m, "
-        f"{len(grid.fragment_area)} surface fragments; {folder / 'voxels.json'}",
+        f"{len(grid.fragment_area)} surface fragments; {folder / 'voxels.json'} "
+        f"and {len(sheets)} sheets of layers",
         markup=False,
     )
-
-
-def voxel_facts(mesh: Mesh, grid: VoxelGrid) -> dict[str, Any]:
-    """What `voxels.json` holds, as plain types; SI units."""
-    return {
-        "mesh": describe_mesh(mesh),
-        "pitch": grid.pitch,
-        "shape": list(grid.lattice.shape),
-        "origin": [float(c) for c in grid.origin],
-        "solid_voxels": grid.solid_count,
-        "fragments": len(grid.fragment_area),
-        "area_ratio": grid.area_ratio,
-        "volume_ratio": grid.volume_ratio,
-        "layers": asdict(grid.layers),
-        "thin": asdict(grid.thin),
-    }
 
 
 def _length(option: str, text: str) -> float:

@@ -15,6 +15,7 @@ from typing import Any
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from ..array_types import Scalar
 from ..voxels.select import AbstractSelection
 from .term import AbstractBoundTerm, AbstractTerm, LeftOut, Surface
 from .values import for_jit, is_zero, largest, value_at
@@ -115,7 +116,7 @@ class FixedTemperature(AbstractTerm):
         """Of the temperature."""
         return getattr(self.temperature, "knots", ())
 
-    def bind(self, surface: Surface, reference: float) -> AbstractBoundTerm | LeftOut:
+    def bind(self, surface: Surface, reference: Scalar) -> AbstractBoundTerm | LeftOut:
         """The chosen fragments, through half a cell of their own material."""
         if _nothing_chosen(surface, self.on):
             return LeftOut("`on` selects no fragment of this body")
@@ -156,7 +157,7 @@ class HeatFlux(AbstractTerm):
         """Of the flux."""
         return getattr(self.heat_flux, "knots", ())
 
-    def bind(self, surface: Surface, reference: float) -> AbstractBoundTerm | LeftOut:
+    def bind(self, surface: Surface, reference: Scalar) -> AbstractBoundTerm | LeftOut:
         """The chosen fragments."""
         del reference
         if is_zero(self.heat_flux):
@@ -202,7 +203,7 @@ class Convection(AbstractTerm):
             *getattr(self.temperature, "knots", ()),
         )
 
-    def bind(self, surface: Surface, reference: float) -> AbstractBoundTerm | LeftOut:
+    def bind(self, surface: Surface, reference: Scalar) -> AbstractBoundTerm | LeftOut:
         """The chosen fragments."""
         if is_zero(self.heat_transfer_coefficient):
             return LeftOut("the heat transfer coefficient is 0")

@@ -15,6 +15,7 @@ from typing import Any
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from ..array_types import Scalar
 from ..constants import STEFAN_BOLTZMANN
 from .term import AbstractBoundTerm, AbstractTerm, LeftOut, Surface
 from .values import for_jit, is_zero, largest, value_at
@@ -66,7 +67,7 @@ class Surroundings(AbstractTerm):
         """Of the temperature."""
         return getattr(self.temperature, "knots", ())
 
-    def bind(self, surface: Surface, reference: float) -> AbstractBoundTerm | LeftOut:
+    def bind(self, surface: Surface, reference: Scalar) -> AbstractBoundTerm | LeftOut:
         """Every fragment, with the emissivity of its material."""
         if is_zero(surface.emissivity):
             return LeftOut("the surface has emissivity 0")

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..array_types import Scalar
 from ..raster.directions import unit_vector
 from .boundary import BoundFlux
 from .shadow import lit_share
@@ -51,7 +52,7 @@ class Sun(AbstractTerm):
         cosine = np.maximum(0.0, -normal @ unit_vector(self.direction))
         return cosine * lit_share(triangles, position, normal, self.direction, pitch)
 
-    def bind(self, surface: Surface, reference: float) -> AbstractBoundTerm | LeftOut:
+    def bind(self, surface: Surface, reference: Scalar) -> AbstractBoundTerm | LeftOut:
         """The fragments that the source sees."""
         del reference
         if is_zero(self.irradiance):

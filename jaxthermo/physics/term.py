@@ -13,6 +13,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from ..array_types import Scalar
 from ..voxels.select import AbstractSelection
 
 
@@ -78,7 +79,7 @@ class AbstractTerm(eqx.Module):
 
     @abc.abstractmethod
     def bind(
-        self, surface: Surface, reference: float
+        self, surface: Surface, reference: Scalar
     ) -> AbstractBoundTerm | LeftOut:
         """This term on one body whose state counts from `reference` [K]."""
 

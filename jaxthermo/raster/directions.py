@@ -46,9 +46,7 @@ class OrthographicView:
     width: int
     height: int
 
-    def project(
-        self, points: Float[np.ndarray, "*n 3"]
-    ) -> Float[np.ndarray, "*n 3"]:
+    def project(self, points: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
         """World points [m] as (column, row, depth in pixels)."""
         return (points @ self.frame.T - self.corner) / self.pitch
 

@@ -126,9 +126,7 @@ def rasterize_fixed(
     spans = jnp.where(real, jnp.maximum(right - left, 0), 0)
     span, offset, valid, count = _expand(spans, capacity)
     triangle, column, line = owner[span], left[span] + offset, row[span]
-    depth, area = _plane_at(
-        corners[triangle], triangles[triangle, :, 2], line, column
-    )
+    depth, area = _plane_at(corners[triangle], triangles[triangle, :, 2], line, column)
     return Fragments(
         pixel=jnp.where(valid, line * width + column, width * height),
         depth=depth,

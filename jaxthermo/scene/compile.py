@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..array_types import Scalar
 from ..constants import STEFAN_BOLTZMANN
 from ..errors import InputError
 from ..memory import require_memory
@@ -98,12 +99,12 @@ def _network(body: Body, dtype: Any) -> AbstractNetwork:
     )
 
 
-TRACED_REFERENCE = 300.0
-"""Reference of a body whose start temperature is traced, so has no value yet [K]."""
+def _initial(body: Body, dtype: Any) -> tuple[Scalar, Float[Array, "..."]]:
+    """The body's reference temperature [K] and its state at the start.
 
-
-def _initial(body: Body, dtype: Any) -> tuple[float, Float[Array, "..."]]:
-    """The body's reference temperature [K] and its state at the start."""
+    The reference is the mean at the start. It is no variable: of a traced start only
+    the state, which is 0 where the start is uniform, carries a derivative.
+    """
     state = jnp.zeros(body.structure.state_shape, dtype)
     values = body.temperature
     if callable(values):
@@ -111,7 +112,8 @@ def _initial(body: Body, dtype: Any) -> tuple[float, Float[Array, "..."]]:
     elif not isinstance(values, jax.core.Tracer):
         return float(values), state
     if isinstance(values, jax.core.Tracer):
-        reference = TRACED_REFERENCE
+        values = values.astype(dtype)
+        reference = jax.lax.stop_gradient(values.mean())
     else:
         values = np.asarray(values, float)
         if not np.isfinite(values).all() or (values < 0).any():
@@ -149,7 +151,7 @@ def _surface(
     return surface, solved
 
 
-def _bind(scene: Scene, surface: Surface, reference: float) -> tuple[list, list]:
+def _bind(scene: Scene, surface: Surface, reference: Scalar) -> tuple[list, list]:
     """The terms on one body, and what was left out with the reason."""
     bound, omitted = [], []
     for number, term in enumerate(scene.terms):

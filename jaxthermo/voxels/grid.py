@@ -59,10 +59,10 @@ class VoxelGrid:
     """Mesh area over area of the fragments before scaling; 1 if not to be trusted."""
     volume_ratio: float
     """Mesh volume over volume of the voxels; 1 if not to be trusted."""
-    unscaled_because: str
-    """Why the ratios are not to be trusted; empty if they are."""
     layers: LayerCounts
     thin: ThinParts
+    unscaled_because: str = ""
+    """Why the two ratios are not to be trusted; empty if they are."""
 
     @property
     def pitch(self) -> float:

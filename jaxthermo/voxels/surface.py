@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from ..geometry.mesh import Mesh
 from ..raster.layers import DepthLayers
 from .crossings import hidden_inside, select, thickness_behind
 from .fill import first_cell_behind
@@ -30,6 +31,14 @@ class AxisFragments(NamedTuple):
     """First cell on the ray whose centre lies inside."""
     thickness: Float[np.ndarray, " s"]
     """Distance along the ray to the other side of the body, in cells."""
+
+
+def face_axes(mesh: Mesh) -> tuple[Float[np.ndarray, "f 3"], Int[np.ndarray, " f"]]:
+    """Outward normal of each face and its dominant axis; -1 for a face without area."""
+    vectors = mesh.area_vectors
+    length = np.linalg.norm(vectors, axis=1)
+    normal = vectors / np.where(length > 0, length, 1)[:, None]
+    return normal, np.where(length > 0, np.abs(normal).argmax(1), -1)
 
 
 def axis_fragments(

@@ -1,7 +1,7 @@
 """`voxelize`: mesh to solid voxels and surface fragments, by depth layers."""
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Int
 
 from ..array_types import Scalar
 from ..errors import InputError
@@ -11,7 +11,7 @@ from .fill import Views, fill_by_vote
 from .grid import LayerCounts, VoxelGrid
 from .lattice import Lattice, check_pitch, lattice_around
 from .scaling import true_scaling
-from .surface import AxisFragments, attach_to_solid, axis_fragments
+from .surface import AxisFragments, attach_to_solid, axis_fragments, face_axes
 from .thin import report_thin_parts
 from .views import peel_axes
 
@@ -39,14 +39,6 @@ def voxelize(mesh: Mesh, pitch: Scalar) -> VoxelGrid:
             "use a finer pitch, or repair the mesh if it is open"
         )
     return _with_surface(mesh, lattice, solid, views)
-
-
-def face_axes(mesh: Mesh) -> tuple[Float[np.ndarray, "f 3"], Int[np.ndarray, " f"]]:
-    """Outward normal of each face and its dominant axis; -1 for a face without area."""
-    vectors = mesh.area_vectors
-    length = np.linalg.norm(vectors, axis=1)
-    normal = vectors / np.where(length > 0, length, 1)[:, None]
-    return normal, np.where(length > 0, np.abs(normal).argmax(1), -1)
 
 
 def _kept_fragments(

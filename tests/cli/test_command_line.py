@@ -96,10 +96,14 @@ def test_voxelize_leaves_its_facts(command, tmp_path):
     )
     assert status == 0
     facts = json.loads((out / "voxels.json").read_text())
-    assert facts["pitch"] == pytest.approx(5e-4)
-    assert facts["shape"] == [18, 18, 18]
+    assert facts["pitch_m"] == pytest.approx(5e-4)
+    assert facts["lattice_shape"] == [18, 18, 18]
     assert facts["solid_voxels"] * 5e-4**3 == pytest.approx(9e-3**3 / 6, rel=0.05)
     assert f"{facts['solid_voxels']} solid voxels" in text
+    assert facts["ratios_applied"] is True
+    kinds = ("depth", "normal", "dominant", "packed")
+    for sheet in (f"layers_{axis}_{kind}.png" for axis in "xyz" for kind in kinds):
+        assert (out / sheet).stat().st_size > 0
 
 
 def test_materials(command):

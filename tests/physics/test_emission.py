@@ -33,7 +33,7 @@ def _scene(voxel, start, surroundings, dtype="float64", material=ALUMINIUM):
 def test_cube_cools_from_a_thousand_kelvin(voxel, dtype):
     times = [60.0, 300.0, 600.0, 1800.0, 3600.0]
     solution = jt.simulate(
-        _scene(voxel, 1000.0, 300.0, dtype), 3600.0, times, solver=jt.ForwardEuler(0.5)
+        _scene(voxel, 1000.0, 300.0, dtype), 3600.0, times, solver=jt.ForwardEuler(0.25)
     )
     exact = radiation_temperature(
         np.array(times), initial=1000.0, surroundings=300.0, capacity=CAPACITY,
@@ -76,8 +76,7 @@ def test_zero_kelvin_is_no_singularity(voxel, surroundings, dtype):
 
     value, slope = jax.jvp(mean, (jnp.array(0.0),), (jnp.array(1.0),))
     gained = 10 * STEFAN_BOLTZMANN * 0.9 * AREA / CAPACITY * surroundings**4
-    ulp = 4e-5 if dtype == "float32" else 1e-9
-    assert float(value) == pytest.approx(gained, rel=1e-6, abs=ulp)
+    assert float(value) == pytest.approx(gained, rel=1e-6)
     assert float(slope) == pytest.approx(1.0, rel=1e-5)
     assert float(jax.grad(mean)(0.0)) == pytest.approx(1.0, rel=1e-5)
 

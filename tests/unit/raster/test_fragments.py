@@ -159,7 +159,9 @@ def test_arrays_that_are_too_small_are_made_larger(monkeypatch):
 def test_capacities_hold_dense_and_sparse_meshes():
     rng = np.random.default_rng(3)
     for scale in (0.1, 1.0, 10.0):
-        triangles = rng.uniform(0, 60, (500, 1, 3)) + rng.normal(size=(500, 3, 3)) * scale
+        triangles = (
+            rng.uniform(0, 60, (500, 1, 3)) + rng.normal(size=(500, 3, 3)) * scale
+        )
         rows, count = capacities(triangles, 60, 60)
         found = rasterize(triangles, 60, 60, sizes=(2**15, 2**17))
         assert int(found.rows_needed) <= rows

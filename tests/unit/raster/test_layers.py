@@ -123,7 +123,9 @@ def test_image_of_a_layer():
 
 
 def test_one_program_for_one_size():
-    peel_padded(in_view(ball(np.random.default_rng(0)), np.random.default_rng(0)), 24, 24)
+    peel_padded(
+        in_view(ball(np.random.default_rng(0)), np.random.default_rng(0)), 24, 24
+    )
     before = sort_fragments._cache_size()
     for width, height in ((3, 5), (24, 60), (1, 1)):
         peel_padded(np.ones((2, 3, 3)), width, height)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bodies import BALL, inverted, joined, normals, without
+from voxel_bodies import BALL, inverted, joined, normals, without
 
 from jaxthermo.geometry import shapes
 from jaxthermo.voxels.voxelize import voxelize
@@ -75,7 +75,9 @@ def test_a_balls_voxels_and_fragments(ball_grid):
     assert ball_grid.solid[tuple(ball_grid.fragment_voxel.T)].all()
     behind = ((ball_grid.fragment_position - owner) * ball_grid.fragment_normal).sum(1)
     assert behind.min() > -0.01 / 40
-    assert np.linalg.norm(ball_grid.fragment_position - owner, axis=1).max() <= 1.01 / 40
+    assert (
+        np.linalg.norm(ball_grid.fragment_position - owner, axis=1).max() <= 1.01 / 40
+    )
     # The first moments of the surface vanish: nothing is counted on one side only.
     pull = ball_grid.fragment_normal * ball_grid.fragment_area[:, None]
     assert pull.sum(0) == pytest.approx(np.zeros(3), abs=5e-3)

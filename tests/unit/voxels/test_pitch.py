@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bodies import BALL
+from voxel_bodies import BALL
 
 from jaxthermo import memory
 from jaxthermo.errors import InputError

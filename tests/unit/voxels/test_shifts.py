@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bodies import BALL
+from voxel_bodies import BALL
 from hypothesis import given, settings, strategies as st
 
 from jaxthermo.geometry import shapes

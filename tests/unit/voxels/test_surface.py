@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bodies import BALL, joined
+from voxel_bodies import BALL, joined
 from hypothesis import given, settings, strategies as st
 
 from jaxthermo.geometry import shapes
@@ -44,9 +44,13 @@ def test_every_surface_voxel_of_a_ball_has_a_fragment(ball_grid):
 
 def test_no_fragment_is_counted_twice(ball_grid, figurine_grid):
     for grid in (ball_grid, figurine_grid):
-        along = grid.fragment_position[np.arange(len(grid.fragment_axis)), grid.fragment_axis]
+        along = grid.fragment_position[
+            np.arange(len(grid.fragment_axis)), grid.fragment_axis
+        ]
         steps = np.round(along / grid.pitch * 1e6)
-        assert len(np.unique(np.column_stack([rays(grid), steps]), axis=0)) == len(along)
+        assert len(np.unique(np.column_stack([rays(grid), steps]), axis=0)) == len(
+            along
+        )
         dominant = np.abs(grid.fragment_normal).argmax(1)
         assert (dominant == grid.fragment_axis).all()
         exposed = {tuple(v) for v in surface_voxels(grid.solid)}
@@ -64,9 +68,7 @@ def test_fragments_come_in_lattice_order(figurine_grid):
 def test_packed_ranks_are_free_of_gaps(ball_grid, figurine_grid):
     for grid in (ball_grid, figurine_grid):
         ray, packed = rays(grid), grid.fragment_layer[:, 1]
-        _, group, size = np.unique(
-            ray, axis=0, return_inverse=True, return_counts=True
-        )
+        _, group, size = np.unique(ray, axis=0, return_inverse=True, return_counts=True)
         order = np.lexsort([packed, group])
         start = np.cumsum(size) - size
         assert (packed[order] == np.arange(len(ray)) - start[group[order]]).all()
@@ -118,7 +120,9 @@ def test_links_of_no_voxels():
 def test_strays_go_to_the_nearest_solid_voxel():
     solid = np.zeros((7, 7, 7), bool)
     solid[3, 3, 3] = solid[3, 3, 5] = True
-    position = np.array([[3.5, 3.5, 3.1], [3.5, 3.5, 4.9], [0.5, 0.5, 0.5], [5.5, 5.4, 4.6]])
+    position = np.array(
+        [[3.5, 3.5, 3.1], [3.5, 3.5, 4.9], [0.5, 0.5, 0.5], [5.5, 5.4, 4.6]]
+    )
     inward = np.array([[3, 3, 3], [3, 3, 4], [0, 0, -1], [5, 5, 4]])
     cell, lost = attach_to_solid(solid, position, inward)
     assert lost.tolist() == [False, False, True, False]

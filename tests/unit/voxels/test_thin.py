@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bodies import BALL, joined
+from voxel_bodies import BALL, joined
 
 from jaxthermo.geometry import shapes
 from jaxthermo.voxels.voxelize import voxelize
@@ -65,7 +65,9 @@ def test_at_most_ten_places_are_named():
         shapes.box((3.0, 3.0, 0.3)).moved(40 * np.array([i % 3, i // 3 % 3, i // 9]))
         for i in range(20)
     ]
-    grid = voxelize(joined(shapes.box(6.0).moved(-20 * rng.uniform(size=3)), *chips), 1.0)
+    grid = voxelize(
+        joined(shapes.box(6.0).moved(-20 * rng.uniform(size=3)), *chips), 1.0
+    )
     assert 0 < len(grid.thin.places) <= 10
     areas = [p["area_m2"] for p in grid.thin.places]
     assert areas == sorted(areas, reverse=True)

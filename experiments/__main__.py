@@ -1,0 +1,50 @@
+"""The command line of the experiments: list them, run one by name."""
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from cyclopts import App, CycloptsError
+
+from jaxthermo.errors import InputError
+
+from . import catalogue
+
+
+app = App(name="experiments", help="Measurements that can be run again by name.")
+
+
+@app.command(name="list")
+def list_all() -> None:
+    """List the experiments."""
+    for experiment in catalogue.EXPERIMENTS:
+        sys.stdout.write(f"{experiment.name:12} {experiment.about}\n")
+
+
+@app.command
+def run(name: str, /, *, out: Path | None = None) -> None:
+    """Run an experiment, or several that share a group name.
+
+    Args:
+        name: As `list` shows it, or "benchmarks" for all of them.
+        out: The folder for result.json; results/experiments/NAME if not given.
+    """
+    for experiment in catalogue.find(name):
+        folder = out or Path("results/experiments") / experiment.name
+        catalogue.run(experiment, folder)
+        sys.stdout.write(f"{folder / 'result.json'}\n")
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Runs one command and exits: 0 if it worked, 2 for a mistake of the user."""
+    tokens = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        app(tokens, exit_on_error=False, print_error=False)
+    except (InputError, CycloptsError) as error:
+        sys.stderr.write(f"experiments: {' '.join(str(error).split())}\n")
+        sys.exit(2)
+    sys.exit(0)
+
+
+if __name__ == "__main__":
+    main()

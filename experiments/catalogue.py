@@ -1,0 +1,85 @@
+"""All experiments by name, and how one is run and recorded."""
+
+import difflib
+import importlib
+import json
+import os
+import platform
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+import jax
+
+from jaxthermo.atomic import replacing
+from jaxthermo.errors import InputError
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """A measurement: a module whose `run()` gives its result in plain types."""
+
+    name: str
+    module: str
+    group: str
+    about: str
+
+
+EXPERIMENTS = (
+    Experiment(
+        "stencil",
+        "experiments.benchmarks.stencil",
+        "benchmarks",
+        "one full-volume step beside numba and a memory copy",
+    ),
+    Experiment(
+        "voxelize",
+        "experiments.benchmarks.voxelize",
+        "benchmarks",
+        "voxelizing beside trimesh at the same pitch",
+    ),
+)
+
+
+def find(name: str) -> tuple[Experiment, ...]:
+    """The experiments of that name or group.
+
+    Raises:
+        InputError: if there is none.
+    """
+    found = tuple(e for e in EXPERIMENTS if name in (e.name, e.group))
+    if not found:
+        names = sorted({e.name for e in EXPERIMENTS} | {e.group for e in EXPERIMENTS})
+        close = difflib.get_close_matches(name, names, 1)
+        hint = f"did you mean {close[0]}? " if close else ""
+        raise InputError(f"no experiment {name!r}: {hint}there are {', '.join(names)}")
+    return found
+
+
+def run(experiment: Experiment, folder: Path) -> dict:
+    """Run an experiment and write `result.json` into `folder`.
+
+    Raises:
+        InputError: if a library that only measurements need is not installed, or the
+            folder cannot be written.
+    """
+    try:
+        module = importlib.import_module(experiment.module)
+    except ModuleNotFoundError as error:
+        raise InputError(
+            f"{experiment.name} needs {error.name}: install jaxthermo[test]"
+        ) from error
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"--out {folder}: {error.strerror}; name a folder") from error
+    result = {
+        "experiment": experiment.name,
+        "result": module.run(),
+        "versions": {p: version(p) for p in ("jaxthermo", "jax", "numpy")},
+        "host": f"{platform.machine()}, {os.cpu_count()} cores",
+        "device": jax.devices()[0].device_kind,
+    }
+    with replacing(folder / "result.json") as path:
+        path.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+    return result

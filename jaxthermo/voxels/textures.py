@@ -1,0 +1,76 @@
+"""The voxelized textures of thesis 4.1 and 4.2 (figures 4.3 to 4.6) as images.
+
+Every image shows what one sees when looking along +x, +y or +z, with z (along z: y) up.
+"""
+
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from .grid import VoxelGrid
+from .surface import face_axes
+from .views import peel_axes, pixel_axes
+
+
+BACKGROUND = np.array([16, 17, 20], np.uint8)
+
+AXIS_COLOURS = np.array(
+    [[222, 72, 62], [84, 180, 84], [72, 112, 226], [128, 128, 128]], np.uint8
+)
+"""Normals along x red, y green, z blue; faces without area grey."""
+
+KINDS = ("depth", "normal", "dominant", "packed")
+
+
+def layer_images(grid: VoxelGrid) -> dict[str, list[UInt8[np.ndarray, "h w 3"]]]:
+    """Every depth layer as an RGB image, front layer first.
+
+    The keys are an axis and a kind, such as "x_depth". Of the kinds, "depth" (near is
+    bright), "normal" (rgb = (n + 1) / 2) and "dominant" (the axis of the normal: red x,
+    green y, blue z) show the layers as peeled; "packed" shows the fragments that are
+    kept, moved forwards, with their normals.
+    """
+    normals, dominant = face_axes(grid.mesh)
+    images = {}
+    for axis, layers in enumerate(peel_axes(grid.mesh, grid.lattice)):
+        paints = {
+            "depth": _grey(layers.depth / grid.lattice.shape[axis]),
+            "normal": _normal_colours(normals[layers.triangle]),
+            "dominant": AXIS_COLOURS[dominant[layers.triangle]],
+        }
+        for kind, colours in paints.items():
+            images[f"{'xyz'[axis]}_{kind}"] = [
+                _upright(layers.image(k, colours, BACKGROUND), axis)
+                for k in range(layers.count)
+            ]
+        images[f"{'xyz'[axis]}_packed"] = _packed_images(grid, axis)
+    return images
+
+
+def _packed_images(grid: VoxelGrid, axis: int) -> list[UInt8[np.ndarray, "h w 3"]]:
+    mine = grid.fragment_axis == axis
+    cell = np.floor(grid.lattice.to_cells(grid.fragment_position[mine])).astype(int)
+    rank = grid.fragment_layer[mine, 1]
+    colours = _normal_colours(grid.fragment_normal[mine])
+    row_axis, column_axis = pixel_axes(axis)
+    height, width = grid.lattice.shape[row_axis], grid.lattice.shape[column_axis]
+    stack = np.empty((grid.layers.packed[axis], height, width, 3), np.uint8)
+    stack[:] = BACKGROUND
+    stack[rank, cell[:, row_axis], cell[:, column_axis]] = colours
+    return [_upright(image, axis) for image in stack]
+
+
+def _upright(image: UInt8[np.ndarray, "h w 3"], axis: int) -> np.ndarray:
+    """From rows and columns of the raster to what the eye sees, up at the top."""
+    # Along y the raster has z in its columns; along x and z, right is against the
+    # column axis.
+    return image.transpose(1, 0, 2)[::-1] if axis == 1 else image[::-1, ::-1]
+
+
+def _grey(depth: Float[np.ndarray, " k"]) -> UInt8[np.ndarray, "k 3"]:
+    """From bright at the front of the lattice, 0, to dark at its back, 1."""
+    level = np.round(255 - 190 * np.clip(depth, 0, 1)).astype(np.uint8)
+    return np.repeat(level[:, None], 3, axis=1)
+
+
+def _normal_colours(normal: Float[np.ndarray, "k 3"]) -> UInt8[np.ndarray, "k 3"]:
+    return np.round(127.5 * (normal + 1)).astype(np.uint8)

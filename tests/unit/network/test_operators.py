@@ -1,0 +1,172 @@
+"""The three conduction operators agree, are symmetric and lose no heat."""
+
+import math
+
+import hypothesis.strategies as st
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+from jaxthermo.network.network import precise_sum
+from jaxthermo.physics.conduction import assemble_mixed, assemble_uniform, series
+from jaxthermo.structures.full import FullVolume
+from tests.bodies import blocks
+
+
+K, HEAT, PITCH = 16.0, 4e6, 0.01
+SHAPE = (4, 3, 5)
+"""One shape for every random body: nothing is compiled twice."""
+
+
+def _solid(seed, fill=0.6, shape=SHAPE):
+    solid = np.random.default_rng(seed).random(shape) < fill
+    solid[tuple(n // 2 for n in shape)] = True
+    return solid
+
+
+def _operators(solid):
+    """A stencil, links, and both of two materials that are the same."""
+    grid = blocks(solid, PITCH)
+    dense, sparse = FullVolume(grid), FullVolume(grid, stencil=False)
+    painted = np.arange(dense.node_count, dtype=np.int32) % 2
+    two = jnp.array([K, K]), jnp.array([HEAT, HEAT])
+    return [
+        (dense, assemble_uniform(dense, K, HEAT, jnp.float64)),
+        (sparse, assemble_uniform(sparse, K, HEAT, jnp.float64)),
+        (dense, assemble_mixed(dense, painted, *two)),
+        (sparse, assemble_mixed(sparse, painted, *two)),
+    ]
+
+
+def _address(structure):
+    return tuple(jnp.asarray(a) for a in structure.node_address())
+
+
+def _state(structure, values):
+    state = jnp.zeros(structure.state_shape)
+    return state.at[_address(structure)].set(jnp.asarray(values))
+
+
+def _values(structure, state):
+    return np.asarray(state)[structure.node_address()]
+
+
+def _by_hand(solid, values):
+    """Conduction into every node [W], and the conductances of each, one by one."""
+    cells = [tuple(c) for c in np.argwhere(solid)]
+    number = {cell: n for n, cell in enumerate(cells)}
+    rate, diagonal = np.zeros(len(cells)), np.zeros(len(cells))
+    for cell, n in number.items():
+        for axis in range(3):
+            for sign in (-1, 1):
+                other = number.get(tuple(np.add(cell, sign * np.eye(3, dtype=int)[axis])))
+                if other is not None:
+                    rate[n] += K * PITCH * (values[other] - values[n])
+                    diagonal[n] += K * PITCH
+    return rate, diagonal
+
+
+@pytest.mark.parametrize("which", range(4))
+@settings(max_examples=15, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), fill=st.floats(0.1, 1.0))
+def test_every_operator_is_the_one_by_hand(which, seed, fill):
+    solid = _solid(seed, fill)
+    structure, network = _operators(solid)[which]
+    values = np.random.default_rng(seed + 1).normal(size=structure.node_count)
+    state, address = _state(structure, values), _address(structure)
+    rate, diagonal = _by_hand(solid, values)
+    node = HEAT * PITCH**3
+    dt = 0.1
+    tight = {"rtol": 1e-12, "atol": 1e-12}
+    found = _values(structure, network.heat_rate(state))
+    np.testing.assert_allclose(found, rate, **tight)
+    stepped = _values(structure, network.euler_step(state, jnp.array(dt)))
+    np.testing.assert_allclose(stepped, values + dt * rate / node, **tight)
+    np.testing.assert_allclose(network.diagonal(address), diagonal, **tight)
+    np.testing.assert_allclose(network.capacity(address), node, **tight)
+    np.testing.assert_allclose(network.largest_rate(), diagonal.max() / node, **tight)
+    np.testing.assert_allclose(network.total_capacity(), node * len(values), **tight)
+    np.testing.assert_allclose(network.stored(state), node * values.sum(), **tight)
+
+
+@pytest.mark.parametrize("which", range(4))
+@settings(max_examples=10, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_symmetric_and_conserving(which, seed):
+    structure, network = _operators(_solid(seed))[which]
+    random = np.random.default_rng(seed)
+    first, second = random.normal(size=(2, structure.node_count))
+    there = _values(structure, network.heat_rate(_state(structure, first)))
+    back = _values(structure, network.heat_rate(_state(structure, second)))
+    scale = np.abs(there).sum() + 1e-300
+    assert abs(second @ there - first @ back) < 1e-13 * scale * 10
+    assert abs(there.sum()) < 1e-14 * scale
+    assert first @ there <= 0.0
+
+
+@pytest.mark.parametrize("which", range(4))
+def test_empty_cells_stay_at_zero(which):
+    structure, network = _operators(_solid(3))[which]
+    values = np.arange(structure.node_count) + 1.0
+    after = network.euler_step(_state(structure, values), jnp.array(0.1))
+    only_nodes = _state(structure, _values(structure, after))
+    np.testing.assert_array_equal(after, only_nodes)
+
+
+@pytest.mark.parametrize("mixed", [False, True])
+def test_two_materials_take_the_harmonic_mean(mixed):
+    solid = np.ones((2, 1, 1), bool)
+    structure = FullVolume(blocks(solid, PITCH), stencil=not mixed)
+    material = np.array([0, 1], np.int32)
+    network = assemble_mixed(
+        structure, material, jnp.array([401.0, 0.2]), jnp.array([1e6, 2e6])
+    )
+    rate = _values(structure, network.heat_rate(_state(structure, [1.0, 0.0])))
+    conductance = 2 * 401.0 * 0.2 / 401.2 * PITCH
+    np.testing.assert_allclose(rate, [-conductance, conductance], rtol=1e-14)
+    capacity = network.capacity(_address(structure))
+    np.testing.assert_allclose(capacity, [1e6 * PITCH**3, 2e6 * PITCH**3])
+
+
+@pytest.mark.parametrize(("first", "second"), [(0.0, 0.0), (0.0, 2.0), (3.0, 0.0)])
+def test_series_with_an_insulator_has_value_and_gradient(first, second):
+    value, slope = jax.value_and_grad(lambda a: series(a, jnp.array(second)))(first)
+    assert float(value) == 0.0
+    assert float(slope) == (2.0 if second else 0.0)
+
+
+@pytest.mark.parametrize("stencil", [True, False])
+@pytest.mark.parametrize("shape", [(1, 1, 1), (1, 6, 1), (1, 1, 2)])
+def test_thin_bodies(stencil, shape):
+    solid = np.ones(shape, bool)
+    structure = FullVolume(blocks(solid, PITCH), stencil=stencil)
+    network = assemble_uniform(structure, K, HEAT, jnp.float64)
+    values = np.arange(structure.node_count) * 1.0
+    rate, _ = _by_hand(solid, values)
+    found = _values(structure, network.heat_rate(_state(structure, values)))
+    np.testing.assert_allclose(found, rate, rtol=1e-14)
+    assert structure.link_count == solid.size - 1
+
+
+@pytest.mark.parametrize("kind", ["positive", "signed"])
+def test_precise_sum_of_a_million_float32(kind):
+    values = np.random.default_rng(0).random(10**6).astype(np.float32)
+    if kind == "signed":
+        values = values - np.float32(0.5)
+    exact = math.fsum(values.tolist())
+    scale = math.fsum(np.abs(values).tolist())
+    found = float(jax.jit(precise_sum)(jnp.asarray(values)))
+    in_turn = float(np.cumsum(values)[-1])
+    print("precise_sum", (found - exact) / scale, "in turn", (in_turn - exact) / scale)
+    assert abs(found - exact) < 2.4e-7 * scale
+    assert precise_sum(jnp.zeros((0,), jnp.float32)) == 0.0
+
+
+@settings(max_examples=20, deadline=None)
+@given(count=st.sampled_from([1, 2, 63, 64, 65, 4096, 4097]), seed=st.integers(0, 99))
+def test_precise_sum_of_any_length(count, seed):
+    values = np.random.default_rng(seed).normal(size=count)
+    found = float(precise_sum(jnp.asarray(values)))
+    assert found == pytest.approx(math.fsum(values), abs=1e-14 * np.abs(values).sum())

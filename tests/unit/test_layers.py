@@ -1,0 +1,160 @@
+"""The house rules that can be checked: imports point one way, and cost nothing."""
+
+import ast
+import pkgutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import jaxthermo
+
+
+ROOT = Path(__file__).resolve().parents[2]
+ORDER = [
+    "geometry",
+    "raster",
+    "voxels",
+    "structures",
+    "network",
+    "physics",
+    "scene",
+    "integrate",
+    "image",
+    "reference",
+    "config",
+    "cli",
+]
+ENTRIES = {"__init__.py", "__main__.py"}
+PACKAGES = ("jaxthermo", "calibrate", "experiments")
+SOURCES = sorted(p for package in PACKAGES for p in (ROOT / package).rglob("*.py"))
+
+
+def rank(folder: str) -> int:
+    """Files beside the folders come before all of them."""
+    return ORDER.index(folder) if folder in ORDER else -1
+
+
+def imported_folders(path: Path) -> list[str]:
+    """Folders of jaxthermo that a file of jaxthermo imports from."""
+    found = []
+    inside = path.relative_to(ROOT / "jaxthermo").parts
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom) and node.level:
+            base = list(inside[: len(inside) - node.level])
+            names = (node.module or "").split(".") if node.module else []
+            target = base + names
+            if not names:
+                target += [alias.name for alias in node.names]
+            found.append(target[0] if len(target) > 1 or target[0] in ORDER else "")
+    return found
+
+
+@pytest.mark.parametrize(
+    "path",
+    [p for p in SOURCES if p.parts[-2] in ORDER],
+    ids=lambda p: str(p.relative_to(ROOT)),
+)
+def test_imports_point_one_way(path):
+    own = rank(path.relative_to(ROOT / "jaxthermo").parts[0])
+    for folder in imported_folders(path):
+        assert rank(folder) <= own, f"{path.name} imports from {folder}"
+
+
+def test_every_folder_is_in_the_order():
+    folders = {p.name for p in (ROOT / "jaxthermo").iterdir() if p.is_dir()}
+    assert folders - {"__pycache__", "data"} == set(ORDER)
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_no_imports_inside_functions(path):
+    """But for the command line, whose help must not wait for the libraries."""
+    tree = ast.parse(path.read_text())
+    functions = (ast.FunctionDef, ast.AsyncFunctionDef)
+    inside = [
+        node.lineno
+        for function in ast.walk(tree)
+        if isinstance(function, functions)
+        for node in ast.walk(function)
+        if isinstance(node, ast.Import | ast.ImportFrom)
+    ]
+    assert not inside or path.name == "__main__.py"
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_files_stay_short(path):
+    assert len(path.read_text().splitlines()) <= 400
+
+
+def test_lower_packages_do_not_know_the_higher_ones():
+    for path in SOURCES:
+        text = path.read_text()
+        if path.is_relative_to(ROOT / "jaxthermo"):
+            assert "import calibrate" not in text and "import experiments" not in text
+        if path.is_relative_to(ROOT / "calibrate"):
+            assert "experiments" not in text
+
+
+def test_public_names_resolve():
+    for name in jaxthermo.__all__:
+        assert getattr(jaxthermo, name) is not None
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        _ = jaxthermo.nothing  # type: ignore[attr-defined]
+
+
+def run_python(code: str) -> str:
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip()
+
+
+def test_importing_the_package_pulls_in_no_heavy_library():
+    code = (
+        "import sys, jaxthermo; "
+        "print(sorted({'jax','trimesh','colour','OpenEXR','pydantic','skimage','PIL'}"
+        " & set(sys.modules)))"
+    )
+    assert run_python(code) == "[]"
+
+
+def test_no_matplotlib_after_importing_everything_and_drawing_a_frame(tmp_path):
+    modules = [
+        module.name
+        for package in PACKAGES
+        for module in pkgutil.walk_packages([str(ROOT / package)], f"{package}.")
+        if not module.name.endswith("__main__")
+    ]
+    code = f"""
+import importlib, importlib.util, sys
+for name in {modules!r}:
+    importlib.import_module(name)
+import jaxthermo as jt
+grid = jt.voxelize(jt.shapes.box((0.1, 0.1, 0.1)), 0.02)
+body = jt.Body(jt.FullVolume(grid), jt.materials['copper'], temperature=300.0)
+solution = jt.simulate(jt.Scene((body,)), 0.0)
+image = jt.render(solution, jt.Camera((1.0, 0.2, 0.3), (0.0, 0.0, 0.0), width=40))
+jt.write_png(r'{tmp_path / "frame.png"}', image, 280.0, 310.0)
+jt.write_exr(r'{tmp_path / "frame.exr"}', image)
+assert importlib.util.find_spec('matplotlib') is None, 'matplotlib is installed'
+print([name for name in sys.modules if name.split('.')[0] == 'matplotlib'])
+"""
+    assert run_python(code) == "[]"
+    assert (tmp_path / "frame.png").is_file() and (tmp_path / "frame.exr").is_file()
+
+
+def test_matplotlib_is_in_no_lock_and_no_source():
+    assert 'name = "matplotlib"' not in (ROOT / "uv.lock").read_text()
+    for path in SOURCES:
+        for node in ast.walk(ast.parse(path.read_text())):
+            names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
+            module = node.module or "" if isinstance(node, ast.ImportFrom) else ""
+            assert not any(n.startswith("matplotlib") for n in [*names, module])
+
+
+def test_the_import_check_sees_what_it_should():
+    shadow = ROOT / "jaxthermo" / "physics" / "shadow.py"
+    assert imported_folders(shadow) == ["raster"]
+    assert rank("raster") < rank("physics") < rank("cli")
