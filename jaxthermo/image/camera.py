@@ -56,6 +56,11 @@ def _frame(position, look_at, up) -> Float[np.ndarray, "3 3"]:
     return np.stack([right, np.cross(forward, right), forward])
 
 
+def _point(values: np.ndarray) -> tuple[float, float, float]:
+    x, y, z = (float(v) for v in values)
+    return x, y, z
+
+
 def _check_size(width: int, height: int) -> None:
     if width < 1 or height < 1 or width * height > 2**27:
         raise InputError(
@@ -121,12 +126,12 @@ class Camera(AbstractCamera):
     def finer(self, samples: int) -> "Camera":
         """More pixels in the same field of view."""
         return Camera(
-            self.position,
-            self.look_at,
-            self.up,
-            self.field_of_view,
-            self.width * samples,
-            self.height * samples,
+            position=self.position,
+            look_at=self.look_at,
+            up=self.up,
+            field_of_view=self.field_of_view,
+            width=self.width * samples,
+            height=self.height * samples,
         )
 
 
@@ -177,12 +182,12 @@ class OrthographicCamera(AbstractCamera):
     def finer(self, samples: int) -> "OrthographicCamera":
         """More pixels over the same height."""
         return OrthographicCamera(
-            self.position,
-            self.look_at,
-            self.view_height,
-            self.up,
-            self.width * samples,
-            self.height * samples,
+            position=self.position,
+            look_at=self.look_at,
+            view_height=self.view_height,
+            up=self.up,
+            width=self.width * samples,
+            height=self.height * samples,
         )
 
 
@@ -203,8 +208,8 @@ def frame_all(
     reach = np.maximum(np.abs(y) / slope, np.abs(x) / (slope * width / height))
     position = middle - forward * float((reach - z).max())
     return Camera(
-        position=tuple(float(c) for c in position),
-        look_at=tuple(float(c) for c in middle),
+        position=_point(position),
+        look_at=_point(middle),
         field_of_view=field_of_view,
         width=width,
         height=height,

@@ -1,5 +1,7 @@
 """`render`: solution and camera in, image out; differentiable in temperatures."""
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -65,7 +67,7 @@ def _spread(view: View, values: Float[Array, " s"]) -> Float[Array, " p"]:
     )
 
 
-def _picture(view: View, values: Array, background: object) -> Array:
+def _picture(view: View, values: Array, background: Any) -> Array:
     shape = (view.camera.height, view.camera.width, *values.shape[1:])
     blank = jnp.full((shape[0] * shape[1], *values.shape[1:]), background, values.dtype)
     return blank.at[view.pixel].set(values).reshape(shape)

@@ -112,7 +112,9 @@ def smooth_weights(
         weight = _kernel(points[here], normals[here], geometry, owner, fragment, radius)
         kept = weight > 0
         parts.append((owner[kept] + first, fragment[kept], weight[kept]))
-    pixel, fragment, weight = (np.concatenate(column) for column in zip(*parts, strict=True))
+    pixel, fragment, weight = (
+        np.concatenate(column) for column in zip(*parts, strict=True)
+    )
     total = np.bincount(pixel, weights=weight, minlength=len(points))
     alone = np.flatnonzero(total == 0)
     if len(alone):

@@ -125,9 +125,7 @@ def stable_step(
     return jnp.where(fastest > 0, 1 / jnp.where(fastest > 0, fastest, 1), jnp.inf)
 
 
-def _sum_by_node(
-    body: BodyProgram, values: Float[Array, " s"]
-) -> Float[Array, " s"]:
+def _sum_by_node(body: BodyProgram, values: Float[Array, " s"]) -> Float[Array, " s"]:
     """For each fragment, the sum of `values` over all fragments of its node."""
     first = jnp.zeros(values.shape, bool).at[0].set(True)
     for index in body.address:

@@ -7,7 +7,7 @@ takes exactly the steps that one long run would take.
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -132,7 +132,9 @@ def save_checkpoint(path: Path, progress: Progress, key: str) -> None:
     """Write a progress, marked with the `key` of its configuration, in one step."""
     leaves = jax.tree.leaves((progress.state, progress.first, progress.even))
     rows = [jax.tree.leaves(row) for row in progress.seen]
-    arrays = {f"leaf{i}": np.asarray(leaf) for i, leaf in enumerate(leaves)}
+    arrays: dict[str, Any] = {
+        f"leaf{i}": np.asarray(leaf) for i, leaf in enumerate(leaves)
+    }
     for k, row in enumerate(rows):
         arrays |= {f"seen{k}_{i}": np.asarray(leaf) for i, leaf in enumerate(row)}
     position = np.array([progress.interval, progress.done, len(rows)])

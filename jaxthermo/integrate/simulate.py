@@ -14,10 +14,11 @@ from ..network.network import precise_sum
 from ..precision import precision
 from ..scene.compile import Compiled, Program, State, compile_scene
 from ..scene.scene import Scene
+from ..tracing import is_traced
 from .euler import ForwardEuler, RunState, advance, stable_step
 from .ledger import Energy, Ledger, empty_ledger
 from .schedule import Interval, save_times, schedule
-from .solution import RESULTS, Run, Solution, is_traced
+from .solution import RESULTS, Run, Solution
 
 
 class Observation(NamedTuple):
@@ -84,7 +85,7 @@ def plan(
     saves = save_times(t1, save_at)
     compiled = compile_scene(scene)
     limit = stable_step(compiled.program, compiled.hottest(t1), t1)
-    if isinstance(limit, jax.core.Tracer):
+    if is_traced(limit):
         if solver.dt is None:
             raise InputError(
                 "simulate: the stable step depends on traced values; give the step, "

@@ -3,7 +3,6 @@
 from typing import Any
 
 import equinox as eqx
-import jax
 from jaxtyping import Array, Float
 
 from ..physics.term import AbstractTerm
@@ -53,8 +52,3 @@ class Solution(eqx.Module):
         counts = [len(s.geometry.fragment_area) for s in self.surfaces]
         start = sum(counts[:index])
         return self.surface_temperature[:, start : start + counts[index]]
-
-
-def is_traced(tree: Any) -> bool:
-    """Whether anything in a pytree is being differentiated, mapped or compiled."""
-    return any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(tree))

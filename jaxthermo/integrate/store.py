@@ -1,7 +1,7 @@
 """`solution.npz`: what a finished run keeps, enough to draw it again from anywhere."""
 
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -33,7 +33,7 @@ class StoredSolution(NamedTuple):
 
 def save_solution(path: Path, solution: Solution) -> None:
     """Write times, temperatures, energies and surfaces in one step."""
-    arrays = {
+    arrays: dict[str, Any] = {
         "times": solution.times,
         "surface_temperature": solution.surface_temperature,
         "mean_temperature": solution.mean_temperature,
@@ -51,13 +51,18 @@ def save_solution(path: Path, solution: Solution) -> None:
         arrays[f"body{b}_emissivity"] = surface.emissivity
         arrays[f"body{b}_absorptivity"] = surface.absorptivity
     with replacing(path) as temporary, open(temporary, "wb") as file:
-        np.savez_compressed(file, **{k: np.asarray(v) for k, v in arrays.items()})
+        kept: dict[str, Any] = {k: np.asarray(v) for k, v in arrays.items()}
+        np.savez_compressed(file, **kept)
+
+
+def _point(values: Any) -> tuple[float, float, float]:
+    x, y, z = (float(v) for v in values)
+    return x, y, z
 
 
 def _load_surface(kept, b: int) -> SolvedSurface:
     get = lambda field: kept[f"body{b}_{field}"]
-    rotation = tuple(tuple(float(v) for v in row) for row in get("rotation"))
-    pose = Pose(tuple(float(v) for v in get("translation")), rotation)
+    pose = Pose(_point(get("translation")), tuple(map(_point, get("rotation"))))
     geometry = BodyGeometry(
         *(get(field) for field in _GEOMETRY), pitch=float(get("pitch")), pose=pose
     )

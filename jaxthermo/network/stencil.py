@@ -96,12 +96,12 @@ class UniformStencil(AbstractNetwork):
 class MaterialStencil(AbstractNetwork):
     """A body of several materials: a conductance per face, a capacity per voxel."""
 
+    voxel_capacity: Float[Array, "x y z"]
+    """[J/K]; 0 outside the body."""
     face_conductance: tuple[
         Float[Array, "x-1 y z"], Float[Array, "x y-1 z"], Float[Array, "x y z-1"]
     ]
     """Towards the next voxel along x, y, z [W/K]; 0 where either is empty."""
-    voxel_capacity: Float[Array, "x y z"]
-    """[J/K]; 0 outside the body."""
 
     def _rate(self, state):
         centre = state[1:-1, 1:-1, 1:-1]

@@ -19,9 +19,7 @@ from ..network.stencil import MaterialStencil, UniformStencil, solid_degree
 from ..structures.structure import AbstractStructure
 
 
-def series(
-    k1: Float[Array, "*e"], k2: Float[Array, "*e"]
-) -> Float[Array, "*e"]:
+def series(k1: Float[Array, "*e"], k2: Float[Array, "*e"]) -> Float[Array, "*e"]:
     """Conductivity of two equal lengths in series [W/(m K)]; 0 if either insulates."""
     total = k1 + k2
     return jnp.where(total > 0, 2 * k1 * k2 / jnp.where(total > 0, total, 1), 0)

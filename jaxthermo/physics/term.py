@@ -78,9 +78,7 @@ class AbstractTerm(eqx.Module):
     """A mechanism as the user writes it."""
 
     @abc.abstractmethod
-    def bind(
-        self, surface: Surface, reference: Scalar
-    ) -> AbstractBoundTerm | LeftOut:
+    def bind(self, surface: Surface, reference: Scalar) -> AbstractBoundTerm | LeftOut:
         """This term on one body whose state counts from `reference` [K]."""
 
     @property

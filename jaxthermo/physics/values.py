@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..errors import InputError
+from ..tracing import is_traced
 
 
 def _as_array(numbers: Any) -> Any:
@@ -31,9 +32,10 @@ class Table(eqx.Module):
                 f"Table: {np.shape(self.times)} times and {np.shape(self.values)} "
                 "values; give two lists of the same length"
             )
-        if not isinstance(self.times, jax.core.Tracer) and (
-            np.diff(np.asarray(self.times, float)) <= 0
-        ).any():
+        if (
+            not is_traced(self.times)
+            and (np.diff(np.asarray(self.times, float)) <= 0).any()
+        ):
             raise InputError("Table: the times must increase")
 
     def __call__(self, time: Float[Array, ""]) -> Float[Array, ""]:
@@ -63,8 +65,8 @@ class Until(eqx.Module):
         return (self.end, *getattr(self.value, "knots", ()))
 
 
-def value_at(value: Any, time: Float[Array, ""]) -> Float[Array, ""]:
-    """A number, or a function of time, at `time` [s]."""
+def value_at(value: Any, time: Float[Array, ""]) -> Float[Array, "..."]:
+    """A number, one a fragment, or a function of time, at `time` [s]."""
     found = value(time) if callable(value) else value
     return jnp.asarray(found, time.dtype)
 
@@ -80,7 +82,7 @@ def for_jit(value: Any, dtype: Any) -> Any:
 
 def is_zero(value: Any) -> bool:
     """Whether this is known to be 0 at all times: such a term can be left out."""
-    if callable(value) or isinstance(value, jax.core.Tracer):
+    if callable(value) or is_traced(value):
         return False
     return bool(np.all(np.asarray(value) == 0))
 
@@ -92,5 +94,7 @@ def largest(value: Any, end: float) -> Float[Array, ""]:
     if isinstance(value, Until):
         return jnp.maximum(largest(value.value, end), 0.0)
     if callable(value):
-        return jnp.max(jax.vmap(value)(jnp.linspace(0.0, end, 1025)))
+        return jnp.max(
+            jax.vmap(lambda t: value_at(value, t))(jnp.linspace(0.0, end, 1025))
+        )
     return jnp.asarray(value, float)

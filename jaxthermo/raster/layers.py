@@ -7,6 +7,7 @@ end where the fragments do.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -34,7 +35,7 @@ class DepthLayers:
         """How many layers there are."""
         return int(self.layer.max()) + 1 if len(self.layer) else 0
 
-    def image(self, layer: int, values: np.ndarray, background=0) -> np.ndarray:
+    def image(self, layer: int, values: np.ndarray, background: Any = 0) -> np.ndarray:
         """One layer of per-fragment `values` as an image [height, width, ...]."""
         chosen = self.layer == layer
         shape = (self.height * self.width, *values.shape[1:])

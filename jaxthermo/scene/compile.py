@@ -20,6 +20,7 @@ from ..memory import require_memory
 from ..network.network import AbstractNetwork, Address
 from ..physics.conduction import assemble_mixed, assemble_uniform
 from ..physics.term import AbstractBoundTerm, LeftOut, Surface
+from ..tracing import is_traced
 from .receipt import Omission, Receipt
 from .scene import Body, MaterialMap, Scene
 from .surface import SolvedSurface, body_geometry
@@ -106,12 +107,12 @@ def _initial(body: Body, dtype: Any) -> tuple[Scalar, Float[Array, "..."]]:
     the state, which is 0 where the start is uniform, carries a derivative.
     """
     state = jnp.zeros(body.structure.state_shape, dtype)
-    values = body.temperature
+    values: Any = body.temperature
     if callable(values):
         values = values(body.structure.nodes().centre)
-    elif not isinstance(values, jax.core.Tracer):
+    elif not is_traced(values):
         return float(values), state
-    if isinstance(values, jax.core.Tracer):
+    if is_traced(values):
         values = values.astype(dtype)
         reference = jax.lax.stop_gradient(values.mean())
     else:

@@ -1,10 +1,8 @@
 """What is simulated: bodies in space, and a tuple of terms."""
 
-from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
@@ -13,6 +11,7 @@ from ..errors import InputError
 from ..materials import Material
 from ..physics.term import AbstractTerm
 from ..structures.structure import AbstractStructure
+from ..tracing import is_traced
 from ..voxels.select import Region
 
 
@@ -81,7 +80,7 @@ class Body(eqx.Module):
     pose: Pose = eqx.field(kw_only=True, default=Pose())
 
     def __check_init__(self):
-        if isinstance(self.temperature, Callable | jax.core.Tracer):
+        if callable(self.temperature) or is_traced(self.temperature):
             return
         kelvin = float(self.temperature)
         if not np.isfinite(kelvin) or kelvin < 0:

@@ -19,7 +19,7 @@ class LayerCounts:
 
 @dataclass(frozen=True)
 class ThinParts:
-    """What is thinner than one voxel along a ray, and what of it has no voxel at all."""
+    """What is thinner than a voxel along a ray, and what of it has no voxel at all."""
 
     thin_fragments: int
     thin_area: float

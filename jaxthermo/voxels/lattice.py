@@ -22,7 +22,7 @@ BYTES_PER_FACE = 600
 
 @dataclass(frozen=True)
 class Lattice:
-    """A box of cubic cells: cell (i, j, k) is centred at origin + (i+1/2, ...) pitch."""
+    """A box of cubic cells; (i, j, k) is centred at origin + (i+1/2, ...) pitch."""
 
     shape: tuple[int, int, int]
     origin: Float[np.ndarray, "3"]

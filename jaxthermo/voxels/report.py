@@ -76,6 +76,6 @@ def _thin_parts(grid: VoxelGrid) -> dict[str, Any]:
 
 
 def _finite(place: dict) -> dict:
-    """JSON has no infinity: of a lost part without a far side, no thickness is known."""
+    """JSON has no infinity: without a far side, no thickness is known."""
     thickness = place["thickness_m"]
     return {**place, "thickness_m": thickness if np.isfinite(thickness) else None}

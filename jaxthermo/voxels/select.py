@@ -42,7 +42,7 @@ class Side(AbstractSelection):
         """Fragments whose outward normal is close enough to the side's."""
         del position
         cosine = normal @ unit_vector(self.normal)
-        return cosine > np.cos(self.half_angle) - 1e-9
+        return np.greater(cosine, np.cos(self.half_angle) - 1e-9)
 
 
 class Region(AbstractSelection):
@@ -61,7 +61,8 @@ class Region(AbstractSelection):
 
     def contains(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
         """Which points lie in the box."""
-        return ((points >= self.lower) & (points <= self.upper)).all(axis=1)
+        inside = (points >= self.lower) & (points <= self.upper)
+        return np.all(inside, axis=1)
 
     def chooses(
         self, position: Float[np.ndarray, "s 3"], normal: Float[np.ndarray, "s 3"]

@@ -31,5 +31,8 @@ def peel_axes(
         needs.append(capacities(frame, *size))
     # One array size for the three views: one program is compiled, not three.
     largest = max(n[0] for n in needs), max(n[1] for n in needs)
-    x, y, z = (peel(f, *s, largest) for f, s in zip(frames, sizes, strict=True))
+    x, y, z = (
+        peel(frame, width, height, largest)
+        for frame, (width, height) in zip(frames, sizes, strict=True)
+    )
     return x, y, z

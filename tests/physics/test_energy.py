@@ -30,9 +30,15 @@ def _everything():
     )
 
 
-@pytest.mark.parametrize("dtype", TOLERANCE)
-@pytest.mark.parametrize("stencil", [True, False])
-@pytest.mark.parametrize("painted", [False, True])
+@pytest.mark.parametrize(
+    ("dtype", "stencil", "painted"),
+    [
+        ("float32", True, False),
+        ("float32", False, True),
+        ("float64", True, True),
+        ("float64", False, False),
+    ],
+)
 def test_all_mechanisms_at_once(ball, dtype, stencil, painted):
     region = jt.Region((0.0, -1.0, -1.0), (1.0, 1.0, 1.0))
     material = jt.MaterialMap(METAL, ((region, OTHER),)) if painted else METAL
@@ -48,8 +54,8 @@ def test_all_mechanisms_at_once(ball, dtype, stencil, painted):
     assert np.abs(residual).max() < TOLERANCE[dtype]
 
 
-@pytest.mark.parametrize("dtype", TOLERANCE)
-def test_many_steps_do_not_wear_the_ledger_down(ball, dtype):
+def test_many_steps_do_not_wear_the_ledger_down(ball):
+    dtype = "float32"
     body = jt.Body(jt.FullVolume(ball), METAL, temperature=293.15)
     scene = jt.Scene((body,), _everything(), dtype=dtype)
     solution = jt.simulate(scene, 180.0, solver=jt.ForwardEuler(dt=0.02))
@@ -58,8 +64,7 @@ def test_many_steps_do_not_wear_the_ledger_down(ball, dtype):
     assert abs(residual) < TOLERANCE[dtype]
 
 
-@pytest.mark.parametrize("dtype", TOLERANCE)
-@pytest.mark.parametrize("painted", [False, True])
+@pytest.mark.parametrize(("dtype", "painted"), [("float32", False), ("float64", True)])
 def test_insulated_body_evens_out_to_its_mean(ball, dtype, painted):
     region = jt.Region((0.0, -1.0, -1.0), (1.0, 1.0, 1.0))
     material = jt.MaterialMap(METAL, ((region, OTHER),)) if painted else METAL
@@ -83,8 +88,7 @@ def test_insulated_body_evens_out_to_its_mean(ball, dtype, painted):
     assert abs(float(solution.energy.residual_relative[-1])) < TOLERANCE[dtype]
 
 
-@pytest.mark.parametrize("dtype", TOLERANCE)
-@pytest.mark.parametrize("stencil", [True, False])
+@pytest.mark.parametrize(("dtype", "stencil"), [("float32", True), ("float64", False)])
 def test_islands_keep_their_temperature_to_the_bit(dtype, stencil):
     solid = np.zeros((5, 5, 5), bool)
     solid[0, 0, 0] = solid[4, 4, 4] = solid[0, 4, 0] = True

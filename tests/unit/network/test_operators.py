@@ -45,8 +45,9 @@ def _address(structure):
 
 
 def _state(structure, values):
-    state = jnp.zeros(structure.state_shape)
-    return state.at[_address(structure)].set(jnp.asarray(values))
+    state = np.zeros(structure.state_shape)
+    state[structure.node_address()] = values
+    return jnp.asarray(state)
 
 
 def _values(structure, state):
@@ -69,7 +70,7 @@ def _by_hand(solid, values):
 
 
 @pytest.mark.parametrize("which", range(4))
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=4, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), fill=st.floats(0.1, 1.0))
 def test_every_operator_is_the_one_by_hand(which, seed, fill):
     solid = _solid(seed, fill)
@@ -92,7 +93,7 @@ def test_every_operator_is_the_one_by_hand(which, seed, fill):
 
 
 @pytest.mark.parametrize("which", range(4))
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=4, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_symmetric_and_conserving(which, seed):
     structure, network = _operators(_solid(seed))[which]

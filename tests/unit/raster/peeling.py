@@ -25,7 +25,8 @@ def ball(rng, roughness=0.0):
 
 
 def cuboid(rng):
-    return shapes.box(tuple(float(s) for s in rng.uniform(0.5, 2.0, 3))).triangles
+    x, y, z = rng.uniform(0.5, 2.0, 3).tolist()
+    return shapes.box((x, y, z)).triangles
 
 
 def union(rng):

@@ -184,8 +184,9 @@ def test_the_largest_coordinates_do_not_overflow():
     far = corners.copy()
     far[0, 1, 1] = end
     layers = peel_padded(far, 4, 4)
-    assert sorted(layers.pixel) == list(range(16))
-    assert layers.depth == pytest.approx(np.full(16, layers.depth[0]), abs=1e-4)
+    # Now it is the image's own diagonal, which is half open.
+    assert sorted(layers.pixel) == [4, 8, 9, 12, 13, 14]
+    assert layers.depth == pytest.approx(np.ones(6), abs=1e-4)
     assert not layers.entering.any()
 
 

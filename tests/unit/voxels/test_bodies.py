@@ -17,7 +17,8 @@ def inside_ball(grid, radius=1.0):
 @pytest.mark.parametrize("counts", [(1, 1, 1), (5, 8, 11), (1, 6, 3)])
 @pytest.mark.parametrize("pitch", [1.0, 0.1, 3e-3, 1 / 3])
 def test_a_box_fills_its_lattice(counts, pitch):
-    box = shapes.box(tuple(n * pitch for n in counts)).moved((0.7, -0.3, 11.0))
+    x, y, z = (n * pitch for n in counts)
+    box = shapes.box((x, y, z)).moved((0.7, -0.3, 11.0))
     grid = voxelize(box, pitch)
     assert grid.solid.shape == counts
     assert grid.solid.all()
@@ -45,8 +46,8 @@ def test_a_box_fills_its_lattice(counts, pitch):
 
 
 def test_lengths_as_a_float32_file_has_them_make_no_extra_cell():
-    size = tuple(float(np.float32(n * 0.001)) for n in (100, 700, 1100))
-    assert voxelize(shapes.box(size), 0.01).solid.shape == (10, 70, 110)
+    x, y, z = (float(np.float32(n * 0.001)) for n in (100, 700, 1100))
+    assert voxelize(shapes.box((x, y, z)), 0.01).solid.shape == (10, 70, 110)
     longer = shapes.box((0.1001, 0.1, 0.1))
     assert voxelize(longer, 0.01).solid.shape == (11, 10, 10)
 

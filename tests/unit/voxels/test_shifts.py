@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from voxel_bodies import BALL
 from hypothesis import given, settings, strategies as st
+from voxel_bodies import BALL
 
 from jaxthermo.geometry import shapes
 from jaxthermo.geometry.mesh import Mesh
@@ -66,7 +66,7 @@ def test_any_lattice_gives_about_the_same_body():
     for _ in range(4):
         # A lattice is centred on the mesh: a far small part moves it by part of a cell.
         extra = 3.0 + PITCH * rng.uniform(0, 1)
-        chip = shapes.box((2 * PITCH,) * 3).moved((extra, 0.0, 0.0))
+        chip = shapes.box(2 * PITCH).moved((extra, 0.0, 0.0))
         both = Mesh(
             np.concatenate([BALL.vertices, chip.vertices]),
             np.concatenate([BALL.faces, chip.faces + len(BALL.vertices)]),

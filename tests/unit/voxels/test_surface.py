@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from voxel_bodies import BALL, joined
 from hypothesis import given, settings, strategies as st
+from voxel_bodies import BALL, joined
 
 from jaxthermo.geometry import shapes
 from jaxthermo.voxels.links import surface_links
@@ -31,7 +31,7 @@ def rays(grid):
 
 
 def covered(grid):
-    """Share of surface voxels that own a fragment or touch the face of one that does."""
+    """Share of surface voxels that own a fragment."""
     owned = np.zeros(grid.solid.shape, bool)
     owned[tuple(grid.fragment_voxel.T)] = True
     voxels = surface_voxels(grid.solid)
@@ -90,7 +90,8 @@ def test_layer_counts(ball_grid, figurine_grid):
 @given(seed=st.integers(0, 2**32 - 1))
 def test_surface_voxels_and_links_against_brute_force(seed):
     rng = np.random.default_rng(seed)
-    shape = tuple(int(n) for n in rng.integers(1, 6, 3))
+    x, y, z = (int(n) for n in rng.integers(1, 6, 3))
+    shape = (x, y, z)
     solid = rng.uniform(size=shape) < rng.uniform()
     padded = np.pad(solid, 1)
     faces = [(0, 0, 1), (0, 1, 0), (1, 0, 0), (0, 0, -1), (0, -1, 0), (-1, 0, 0)]

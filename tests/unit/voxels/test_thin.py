@@ -1,4 +1,4 @@
-"""What is thinner than a voxel is reported, and what has no voxel is said to be lost."""
+"""What is thinner than a voxel is reported; what has no voxel is said to be lost."""
 
 import numpy as np
 import pytest
