@@ -18,7 +18,10 @@ app = App(
     version=__version__,
 )
 
-Overrides = Annotated[tuple[str, ...], Parameter(name="--set", negative="")]
+Overrides = Annotated[
+    tuple[str, ...],
+    Parameter(name="--set", negative="", metavar="KEY=VALUE", show_default=False),
+]
 
 
 @app.command
@@ -30,7 +33,7 @@ def simulate(
     Args:
         config: The scene, a YAML file.
         out: The folder for the results; results/NAME if not given.
-        overrides: A value of the config to change, such as bodies.0.pitch=3mm.
+        overrides: A value to change, such as bodies.0.pitch=3mm; may be repeated.
     """
     from .cli.simulate import simulate as run
 
@@ -44,7 +47,8 @@ def render(run: Path, /, *, out: Path | None = None, overrides: Overrides = ()) 
     Args:
         run: The folder that `jaxthermo simulate` left.
         out: The folder for the frames; the run's own if not given.
-        overrides: A value of camera or image to change, such as camera.width=320.
+        overrides: A value of camera or image to change, such as camera.width=320; may
+            be repeated.
     """
     from .cli.render import render as draw
 

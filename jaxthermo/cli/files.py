@@ -1,9 +1,17 @@
-"""The folder that a command leaves its results in."""
+"""The folder that a command leaves its results in, and which files in it are ours."""
 
 import os
+import re
 from pathlib import Path
 
 from ..errors import InputError
+
+
+FRAMES = "frames"
+"""The folder of a run's frames."""
+
+_FRAME_FILE = re.compile(r"t\d{6,}\.\d{2,}s\.(exr|png)")
+_MOST_DECIMALS = 9
 
 
 def prepare_folder(out: str | Path) -> Path:
@@ -23,3 +31,30 @@ def prepare_folder(out: str | Path) -> Path:
     if not os.access(folder, os.W_OK | os.X_OK):
         raise InputError(f"--out {out}: cannot be written; name another folder")
     return folder
+
+
+def frame_names(times: list[float]) -> list[str]:
+    """One name a time [s], with as many decimals as it takes to tell all apart.
+
+    The names sort by time up to 999999 s.
+    """
+    for decimals in range(2, _MOST_DECIMALS):
+        names = [f"t{time:0{7 + decimals}.{decimals}f}s" for time in times]
+        if len(set(names)) == len(names):
+            return names
+    raise InputError(f"{len(times)} saved times are too close to name a frame by each")
+
+
+def earlier_frames(folder: Path) -> set[Path]:
+    """The frames that an earlier command left; any other file is the user's own."""
+    if not folder.is_dir():
+        return set()
+    return {p for p in folder.iterdir() if _FRAME_FILE.fullmatch(p.name)}
+
+
+def remove_results(out: Path, names: tuple[str, ...]) -> None:
+    """Remove the files of an earlier run, and its frames, but nothing else."""
+    for path in (*(out / name for name in names), *earlier_frames(out / FRAMES)):
+        if path.is_dir():
+            raise InputError(f"--out {out}: {path} is a folder; name another --out")
+        path.unlink(missing_ok=True)

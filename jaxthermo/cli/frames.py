@@ -1,8 +1,8 @@
 """Frames of a run: EXR and PNG of each chosen time, on one temperature scale."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -17,10 +17,11 @@ from ..image.view import View, look
 from ..integrate.store import StoredSolution
 from ..physics.term import AbstractTerm
 from ..scene.surface import SolvedSurface
+from .files import earlier_frames, frame_names, prepare_folder
 
 
 MARGIN = 0.02
-"""Of the scale beyond the coldest and warmest pixels."""
+"""Of the scale beyond the coldest and warmest that is seen."""
 
 
 def prepare_view(
@@ -48,18 +49,24 @@ def chosen_frames(config: SceneConfig, times: Float[Array, " t"]) -> list[int]:
     return chosen
 
 
-def _scale(config: SceneConfig, images: list[Image]) -> tuple[float, float]:
-    """Ends of the colour scale [K]: as configured, else what the bodies show."""
-    seen = []
-    for image in images:
-        apparent = config.image.quantity == "apparent"
-        shown = image.apparent_temperature if apparent else image.temperature
-        seen.append(np.asarray(shown)[np.asarray(image.object_id) >= 0])
-    values = np.concatenate(seen)
-    low, high = float(values.min()), float(values.max())
-    margin = max(MARGIN * (high - low), 0.05)
-    low = low - margin if config.image.low is None else config.image.low
-    high = high + margin if config.image.high is None else config.image.high
+def _scale(config: SceneConfig, images: Iterator[Image]) -> tuple[float, float]:
+    """Ends of the colour scale [K]: as configured, else what the bodies show.
+
+    The images are not coarsened yet: a pixel that the silhouette crosses shows a
+    mixture with the background, colder than anything of the body.
+    """
+    low, high = config.image.low, config.image.high
+    if low is None or high is None:
+        coldest, warmest = np.inf, -np.inf
+        for image in images:
+            apparent = config.image.quantity == "apparent"
+            shown = image.apparent_temperature if apparent else image.temperature
+            seen = np.asarray(shown)[np.asarray(image.object_id) >= 0]
+            coldest = min(coldest, float(seen.min()))
+            warmest = max(warmest, float(seen.max()))
+        margin = max(MARGIN * (warmest - coldest), 0.05)
+        low = coldest - margin if low is None else low
+        high = warmest + margin if high is None else high
     if not low < high:
         raise InputError(
             f"image: the scale would go from {low:g} to {high:g} K; "
@@ -70,30 +77,30 @@ def _scale(config: SceneConfig, images: list[Image]) -> tuple[float, float]:
 
 def write_frames(
     config: SceneConfig, view: View, stored: StoredSolution, folder: Path
-) -> list[str]:
-    """Draw the chosen times into `folder`; returns the names of the pictures."""
+) -> int:
+    """Draw the chosen times into `folder`; returns how many there are.
+
+    They take the place of all frames that are there: frames of another camera or
+    scale must not pass for these. Files with other names are kept.
+    """
     terms = tuple(build_term(term) for term in config.terms)
-    images = [
-        coarsen(
-            draw(
-                view,
-                stored.surfaces,
-                terms,
-                stored.surface_temperature[k],
-                jnp.asarray(stored.times[k]),
-            ),
-            config.image.samples,
-        )
-        for k in chosen_frames(config, stored.times)
-    ]
-    low, high = _scale(config, images)
-    folder.mkdir(exist_ok=True)
-    names = []
-    for image in images:
-        name = f"t{float(image.time):09.2f}s"
-        write_exr(folder / f"{name}.exr", image, {"config": to_yaml(config)})
+    chosen = chosen_frames(config, stored.times)
+
+    def images() -> Iterator[Image]:
+        # Drawn twice, for the scale and for the file: kept, long runs fill the memory.
+        for k in chosen:
+            temperature, time = stored.surface_temperature[k], stored.times[k]
+            yield draw(view, stored.surfaces, terms, temperature, time)
+
+    low, high = _scale(config, images())
+    before, written = earlier_frames(prepare_folder(folder)), set()
+    names = frame_names(np.asarray(stored.times, float).tolist())
+    for k, image in zip(chosen, images(), strict=True):
+        image = coarsen(image, config.image.samples)
+        paths = [folder / f"{names[k]}.{kind}" for kind in ("exr", "png")]
+        write_exr(paths[0], image, {"config": to_yaml(config)})
         write_png(
-            folder / f"{name}.png",
+            paths[1],
             image,
             low,
             high,
@@ -101,5 +108,7 @@ def write_frames(
             quantity=config.image.quantity,
             title=config.name or "",
         )
-        names.append(f"{folder.name}/{name}.png")
-    return names
+        written.update(paths)
+    for path in before - written:
+        path.unlink(missing_ok=True)
+    return len(chosen)

@@ -18,22 +18,32 @@ from ..image.ticks import time_label
 
 @contextmanager
 def progress_bar(console: Console, end: float, steps: int) -> Iterator[Callable]:
-    """A bar over all steps; yields a function of (steps done, simulated time)."""
+    """A bar over all steps; yields a function of (steps done, simulated time).
+
+    Where standard output is no terminal there is no bar.
+    """
     columns = (
         TextColumn("simulating"),
-        BarColumn(),
+        BarColumn(bar_width=None),
         TaskProgressColumn(),
-        TextColumn("{task.fields[reached]} of " + time_label(end).split("= ")[-1]),
-        TextColumn("left"),
+        TextColumn("{task.fields[reached]} of " + bare_time(end) + ","),
         TimeRemainingColumn(),
+        TextColumn("left"),
     )
-    with Progress(*columns, console=console, transient=True) as bar:
-        task = bar.add_task("", total=max(steps, 1), reached=time_label(0.0))
+    with Progress(
+        *columns, console=console, transient=True, disable=not console.is_terminal
+    ) as bar:
+        task = bar.add_task("", total=max(steps, 1), reached=bare_time(0.0))
 
         def update(done: int, time: float) -> None:
-            bar.update(task, completed=done, reached=time_label(time))
+            bar.update(task, completed=done, reached=bare_time(time))
 
         yield update
+
+
+def bare_time(time: float) -> str:
+    """A time [s] within a sentence: "90 s", "12 min 30 s"."""
+    return time_label(time).removeprefix("t = ")
 
 
 @contextmanager

@@ -2,15 +2,14 @@
 
 from pathlib import Path
 
-from rich.console import Console
-
 from ..config.build import build_term
 from ..config.loader import load_config
 from ..config.schema import SceneConfig
 from ..errors import InputError
 from ..integrate.store import load_solution
 from ..precision import precision
-from .files import prepare_folder
+from .console import doing, open_console, tell
+from .files import FRAMES, prepare_folder
 from .frames import prepare_view, write_frames
 
 
@@ -28,15 +27,15 @@ def render(run: Path, out: Path | None, overrides: tuple[str, ...]) -> None:
                 "use `jaxthermo simulate` for the rest"
             )
     config = load_config(run / "config.yaml", overrides)
-    render_run(config, run, prepare_folder(out or run))
+    render_run(config, run, out or run)
 
 
 def render_run(config: SceneConfig, run: Path, out: Path) -> None:
     """Draws the saved times of the run in `run` as frames in `out`."""
-    with precision(config.dtype):
+    console = open_console()
+    with precision(config.dtype), doing(console, "drawing frames"):
         stored = load_solution(run / "solution.npz")
         terms = tuple(build_term(term) for term in config.terms)
         view = prepare_view(config, stored.surfaces, terms)
-        frames = write_frames(config, view, stored, out / "frames")
-    console = Console(highlight=False, soft_wrap=True)
-    console.print(f"{len(frames)} frames in {out / 'frames'}")
+        count = write_frames(config, view, stored, prepare_folder(out) / FRAMES)
+    tell(console, f"{count} frames in {out / FRAMES}")

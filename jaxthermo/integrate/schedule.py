@@ -6,6 +6,10 @@ from dataclasses import dataclass
 from ..errors import InputError
 
 
+MOST_STEPS = 2**31 - 1
+"""In one interval: they are counted in 32 bits."""
+
+
 @dataclass(frozen=True)
 class Interval:
     """`steps` steps of `dt` from `start`, ending at `end` to rounding [s]."""
@@ -22,7 +26,7 @@ class Interval:
         return (self.end - self.start) / self.steps
 
 
-def save_times(t1: float, save_at) -> tuple[float, ...]:
+def save_times(t1: float | int, save_at) -> tuple[float, ...]:
     """The save times, checked; the end alone if none are given.
 
     Raises:
@@ -33,7 +37,7 @@ def save_times(t1: float, save_at) -> tuple[float, ...]:
     times = (t1,) if save_at is None else tuple(float(t) for t in save_at)
     if not times:
         raise InputError("save_at is empty: give at least one time, or leave it out")
-    if any(b <= a for a, b in zip(times, times[1:], strict=False)):
+    if any(not b > a for a, b in zip(times, times[1:], strict=False)):
         raise InputError(f"save_at={list(times)}: the times must increase")
     if not (times[0] >= 0 and times[-1] <= t1):
         raise InputError(f"save_at={list(times)}: the times must lie in [0, {t1:g}] s")
@@ -41,7 +45,7 @@ def save_times(t1: float, save_at) -> tuple[float, ...]:
 
 
 def schedule(
-    t1: float, saves: tuple[float, ...], knots: tuple[float, ...], dt: float
+    t1: float | int, saves: tuple[float, ...], knots: tuple[float, ...], dt: float
 ) -> tuple[Interval, ...]:
     """Intervals between save times, breaks of the terms' values, and the end.
 
@@ -50,12 +54,20 @@ def schedule(
         saves: increasing times in [0, t1].
         knots: other times to land on.
         dt: the largest step allowed [s]; may be infinite.
+
+    Raises:
+        InputError: if that takes more steps than can be counted.
     """
     stops = sorted({*saves, *(k for k in knots if 0 < k < t1), t1} - {0.0})
     intervals, start = [], 0.0
     for stop in stops:
         # A quotient that is whole but for rounding must not cost a step more.
         steps = max(1, math.ceil((stop - start) / dt * (1 - 1e-9)))
+        if steps > MOST_STEPS:
+            raise InputError(
+                f"{stop - start:g} s take {steps:.2g} steps of {dt:.3g} s, the largest "
+                "stable step: simulate a shorter time, or use a coarser pitch"
+            )
         intervals.append(Interval(start, stop, steps, stop in saves))
         start = stop
     return tuple(intervals)

@@ -7,6 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ..errors import InputError
@@ -75,7 +76,7 @@ class Plan(NamedTuple):
 
 
 def plan(
-    scene: Scene, t1: float, save_at: Sequence[float] | None, solver: ForwardEuler
+    scene: Scene, t1: float | int, save_at: Sequence[float] | None, solver: ForwardEuler
 ) -> Plan:
     """Compile a scene and lay out its steps.
 
@@ -215,7 +216,7 @@ def assemble_solution(
 
 def simulate(
     scene: Scene,
-    t1: float,
+    t1: float | int,
     save_at: Sequence[float] | None = None,
     *,
     solver: ForwardEuler | None = None,
@@ -251,9 +252,20 @@ def simulate(
         else:
             seen = _run_all(program, state, _layout(todo.intervals, todo.dtype))
         solution = assemble_solution(scene, todo, first, seen, even)
-    if throw and not is_traced(solution.result):
+    if is_traced(solution):
+        return solution
+    if throw:
         raise_failure(solution.result)
-    return solution
+    return solution if jax.config.jax_enable_x64 else _keeping_digits(solution)
+
+
+def _keeping_digits(solution: Solution) -> Solution:
+    """A solution with float64 in numpy arrays: without the global switch JAX would warn
+    at every use of its own, and round.
+    """
+    double = lambda leaf: isinstance(leaf, jax.Array) and leaf.dtype == jnp.float64
+    keep = lambda leaf: np.asarray(leaf) if double(leaf) else leaf
+    return jax.tree.map(keep, solution)
 
 
 def raise_failure(result: RESULTS) -> None:

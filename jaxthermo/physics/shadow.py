@@ -4,12 +4,14 @@ The scene's first depth layer towards the source, at half a voxel a pixel. A fra
 sampled at four points of its own square and at each is lit if nothing lies in front of
 it. Samples are lifted off the surface along its normal by 3/4 of a pixel: the depth of
 a plane varies by less than that across a pixel at any angle, so a surface never shades
-itself, and a shadow is displaced by less than half a voxel.
+itself, and a shadow is displaced by less than half a voxel as the source sees it.
 """
 
+import jax
 import numpy as np
 from jaxtyping import Float
 
+from ..memory import require_memory
 from ..raster.directions import OrthographicView, orthographic_view, view_frame
 
 
@@ -24,7 +26,9 @@ def first_depth(
     view: OrthographicView, triangles: Float[np.ndarray, "f 3 3"]
 ) -> Float[np.ndarray, "h w"]:
     """Depth of the nearest surface in each pixel, in pixels; infinite where none is."""
-    layers = view.peel(triangles)
+    # Shapes are known while the rest of a scene is traced: shadows are found there too.
+    with jax.ensure_compile_time_eval():
+        layers = view.peel(triangles)
     return layers.image(0, layers.depth, background=np.inf)
 
 
@@ -51,10 +55,14 @@ def lit_share(
         direction: the way the rays travel.
         pitch: edge of the squares [m]; the map has half of it a pixel.
     """
-    view = orthographic_view(triangles, direction, pitch / 2)
-    nearest = first_depth(view, triangles)
     lit = np.zeros(len(position))
     facing = np.flatnonzero(normal @ view_frame(direction)[2] < 0)
+    if not len(facing):
+        return lit
+    # Only as large as what may be lit: a vast ground beyond it costs nothing.
+    view = orthographic_view(position[facing], direction, pitch / 2)
+    require_memory(view.width * view.height * 16, "a shadow map", "use a coarser pitch")
+    nearest = first_depth(view, triangles)
     first, second = (t * SAMPLE_RADIUS * pitch for t in _tangents(normal[facing]))
     raised = position[facing] + normal[facing] * LIFT * view.pitch
     for offset in (first, -first, second, -second):

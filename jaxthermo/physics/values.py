@@ -87,6 +87,23 @@ def is_zero(value: Any) -> bool:
     return bool(np.all(np.asarray(value) == 0))
 
 
+def check_at_least_zero(value: Any, what: str) -> None:
+    """Refuse a plain number or table below zero or not finite; functions are trusted.
+
+    Raises:
+        InputError: naming `what`.
+    """
+    if isinstance(value, Until):
+        return check_at_least_zero(value.value, what)
+    stated = value.values if isinstance(value, Table) else value
+    if callable(stated) or is_traced(stated):
+        return None
+    numbers = np.asarray(stated, float)
+    if not np.isfinite(numbers).all() or (numbers < 0).any():
+        raise InputError(f"{what}={stated!r}: give finite numbers of at least 0")
+    return None
+
+
 def largest(value: Any, end: float) -> Float[Array, ""]:
     """The largest value taken over [0, end] [s]; functions are sampled 1025 times."""
     if isinstance(value, Table):

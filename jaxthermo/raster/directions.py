@@ -56,11 +56,11 @@ class OrthographicView:
 
 
 def orthographic_view(
-    triangles: Float[np.ndarray, "f 3 3"], direction: object, pitch: float
+    points: Float[np.ndarray, "*n 3"], direction: object, pitch: float
 ) -> OrthographicView:
-    """The view along `direction` that just holds all triangles."""
+    """The view along `direction` that just holds all points, with a pixel to spare."""
     frame = view_frame(direction)
-    seen = triangles.reshape(-1, 3) @ frame.T
+    seen = points.reshape(-1, 3) @ frame.T
     low, high = seen.min(0), seen.max(0)
     size = np.maximum(np.ceil((high - low)[:2] / pitch).astype(int), 1) + 2
     corner = (low + high) / 2 - np.append(size, 0) * pitch / 2

@@ -57,7 +57,7 @@ def _composite(grid, solver):
     )
     terms = jt.FixedTemperature(400.0, on=LEFT), jt.FixedTemperature(300.0, on=RIGHT)
     scene = jt.Scene((body,), terms, dtype="float64")
-    solution = jt.simulate(scene, 30.0, save_at=[29.0, 30.0], solver=solver)
+    solution = jt.simulate(scene, 200.0, save_at=[190.0, 200.0], solver=solver)
     return np.asarray(solution.surface_temperature)[:, on_top(grid)]
 
 

@@ -156,5 +156,5 @@ def test_matplotlib_is_in_no_lock_and_no_source():
 
 def test_the_import_check_sees_what_it_should():
     shadow = ROOT / "jaxthermo" / "physics" / "shadow.py"
-    assert imported_folders(shadow) == ["raster"]
+    assert "raster" in imported_folders(shadow)
     assert rank("raster") < rank("physics") < rank("cli")

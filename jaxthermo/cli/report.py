@@ -1,0 +1,52 @@
+"""A run told on the terminal: what goes into it, and what came of it."""
+
+from rich.console import Console
+
+from ..constants import ZERO_CELSIUS
+from ..geometry.verdict import verdict_line
+from ..integrate.simulate import Plan
+from ..integrate.solution import Solution
+from ..memory import readable_bytes
+from ..scene.scene import Scene
+from .console import tell
+from .summary import peak_memory
+
+
+def tell_scene(console: Console, scene: Scene, todo: Plan) -> None:
+    """The bodies, the receipt, and how many steps there will be."""
+    for body in scene.bodies:
+        grid = body.structure.grid
+        shape = " x ".join(str(n) for n in grid.lattice.shape)
+        tell(console, verdict_line(grid.mesh))
+        tell(
+            console,
+            f"  {grid.solid_count} solid voxels of {grid.pitch * 1e3:.4g} mm in "
+            f"{shape}, {len(grid.fragment_area)} surface fragments",
+        )
+    receipt = todo.compiled.receipt
+    tell(console, f"included: {', '.join(receipt.included)}")
+    for omission in receipt.left_out:
+        tell(console, f"left out: {omission.what} ({omission.why})")
+    limit = "none" if todo.limit is None else f"{todo.limit:.4g} s"
+    tell(
+        console,
+        f"{todo.steps} steps, stable step {limit}, about "
+        f"{readable_bytes(receipt.memory_bytes)} for the solver",
+    )
+
+
+def tell_result(console: Console, solution: Solution, times: dict[str, float]) -> None:
+    """What it cost, how warm it became, and how well the energies add up."""
+    residual = float(abs(solution.energy.residual_relative).max())
+    surface = solution.surface_temperature[-1] - ZERO_CELSIUS
+    tell(
+        console,
+        f"set up {times['setup_time_s']:.1f} s, compiled {times['compile_time_s']:.1f} "
+        f"s, ran {times['run_time_s']:.1f} s, drew {times['frames_time_s']:.1f} s; "
+        f"peak memory {readable_bytes(peak_memory())}",
+    )
+    tell(
+        console,
+        f"at the end the surface is at {float(surface.min()):.1f} to "
+        f"{float(surface.max()):.1f} degC; energy residual {residual:.1e}",
+    )

@@ -1,0 +1,263 @@
+"""`jaxthermo simulate` from config to files: everything that design.md promises."""
+
+import csv
+import json
+
+import numpy as np
+import OpenEXR
+import pytest
+from cli_runs import RESULTS, SCENE, files, frame_files, run, scene_file
+from PIL import Image
+
+import jaxthermo as jt
+from jaxthermo.config.build import build_scene
+from jaxthermo.config.known import palette_names
+from jaxthermo.config.loader import config_hash, load_config, resolved
+from jaxthermo.image.files import exr_channels
+
+
+SECOND_BODY = """
+  - shape: {kind: sphere, radius: 2 cm}
+    pitch: 8 mm
+    material: {name: copper, emissivity: 0.9}
+    temperature: 350
+    pose: {translation: [8 cm, 0, 5 cm]}
+    regions:
+      - {lower: [-1, -1, -1], upper: [1, 1, 0], material: brick}
+"""
+
+
+@pytest.fixture(scope="module")
+def summary(finished):
+    return json.loads((finished / "summary.json").read_text())
+
+
+@pytest.fixture(scope="module")
+def solved(finished):
+    """The same scene by the library, without the command line."""
+    config = load_config(finished / "config.yaml")
+    return jt.simulate(build_scene(config), config.time.end, config.time.save_times)
+
+
+def simulate(tmp_path, *overrides, text=SCENE):
+    """A run of a scene with overrides; returns its folder."""
+    out = tmp_path / "out"
+    options = [option for value in overrides for option in ("--set", value)]
+    scene = scene_file(tmp_path, text)
+    code, _, err = run("simulate", scene, "--out", out, *options)
+    assert (code, err) == (0, "")
+    return out
+
+
+def test_it_leaves_its_results_and_nothing_else(finished):
+    assert files(finished) == RESULTS | frame_files()
+
+
+def test_the_terminal_tells_what_ran(tmp_path):
+    scene = scene_file(tmp_path)
+    code, out, err = run("simulate", scene, "--out", tmp_path / "[red] :smile:")
+    assert (code, err) == (0, "")
+    lines = out.splitlines()
+    assert lines[0].startswith("box: 12 faces, watertight")
+    assert "360 solid voxels of 8.333 mm in 6 x 5 x 12" in lines[1]
+    assert lines[2] == "included: conduction, sun, convection, emission"
+    assert lines[3].startswith("left out: per-node conductivity (")
+    assert "steps, stable step" in lines[4]
+    assert lines[-1].startswith("3 frames in ") and "[red] :smile:" in lines[-1]
+    assert all(lines)
+
+
+def test_the_summary_has_every_promised_field(summary):
+    assert summary["result"] == "successful"
+    assert summary["receipt"]["included"] == [
+        "conduction",
+        "sun",
+        "convection",
+        "emission",
+    ]
+    for omission in summary["receipt"]["left_out"]:
+        assert omission["what"] and omission["why"]
+    assert summary["nodes"] == summary["receipt"]["nodes"] == 6 * 5 * 12
+    assert summary["links"] == 5 * 5 * 12 + 6 * 4 * 12 + 6 * 5 * 11
+    assert summary["steps"] > 0
+    for cost in ("compile_time_s", "run_time_s", "peak_memory_bytes"):
+        assert summary[cost] > 0
+    assert summary["times_s"] == [5, 12, 20]
+    assert {"python", "jaxthermo", "jax", "numpy"} <= set(summary["versions"])
+    assert summary["device"].startswith("cpu")
+    assert "seed" in summary
+
+
+def test_the_summary_carries_the_config_and_its_hash(finished, summary):
+    config = load_config(finished / "config.yaml")
+    assert summary["config"] == resolved(config)
+    assert summary["config_hash"] == config_hash(config)
+
+
+def test_the_resolved_config_is_the_config_that_was_given(finished, tmp_path):
+    given = load_config(scene_file(tmp_path))
+    assert load_config(finished / "config.yaml") == given
+
+
+def test_the_energies_add_up(summary):
+    energy = summary["energy"]
+    names = {"stored_J", "sun_J", "convection_J", "emission_J", "residual_relative"}
+    assert set(energy) == names
+    moved = np.sum([energy[name] for name in names if name.endswith("_J")], axis=0)
+    moved = moved - energy["stored_J"]
+    assert energy["stored_J"] == pytest.approx(moved, rel=1e-5)
+    assert np.abs(energy["residual_relative"]).max() < 1e-5
+
+
+def test_the_energy_table_is_the_summary(finished, summary):
+    with (finished / "energy.csv").open(newline="") as lines:
+        rows = list(csv.DictReader(lines))
+    assert [float(row["time_s"]) for row in rows] == summary["times_s"]
+    assert set(rows[0]) == {"time_s", *summary["energy"]}
+    for name, values in summary["energy"].items():
+        assert [float(row[name]) for row in rows] == pytest.approx(values, rel=1e-7)
+
+
+def test_surface_temperatures_of_each_body(summary, solved):
+    (body,) = summary["bodies"]
+    kept = body["surface_temperature_K"]
+    of_body = np.asarray(solved.of_body(0), float)
+    area = solved.surfaces[0].geometry.fragment_area
+    assert kept["min"] == of_body.min(1).tolist()
+    assert kept["max"] == of_body.max(1).tolist()
+    assert kept["mean"] == pytest.approx(np.average(of_body, 1, area))
+    assert (
+        body["mean_temperature_K"] == np.asarray(solved.mean_temperature[:, 0]).tolist()
+    )
+
+
+def test_the_run_is_that_of_the_library_bit_for_bit(finished, solved):
+    with np.load(finished / "solution.npz") as kept:
+        for name in ("times", "surface_temperature", "mean_temperature"):
+            expected = np.asarray(getattr(solved, name))
+            assert kept[name].dtype == expected.dtype
+            np.testing.assert_array_equal(kept[name], expected)
+
+
+def test_frames_are_those_of_the_library(finished, solved):
+    config = load_config(finished / "config.yaml")
+    triangles = solved.surfaces[0].geometry.triangles
+    camera = jt.frame_all(triangles, 64, 48)
+    image = jt.render(solved, camera, 1, samples=config.image.samples)
+    with OpenEXR.File(str(finished / "frames/t000012.00s.exr"), True) as file:
+        channels = file.channels()
+        assert set(channels) == set(exr_channels(image))
+        for name, values in exr_channels(image).items():
+            assert channels[name].pixels.dtype == np.float32
+            np.testing.assert_array_equal(channels[name].pixels, values, name)
+
+
+def test_the_frame_carries_its_time_and_config(finished, tmp_path):
+    with OpenEXR.File(str(finished / "frames/t000012.00s.exr"), True) as file:
+        header = file.header()
+    assert header["time_s"] == "12"
+    (tmp_path / "from_frame.yaml").write_text(header["config"])
+    kept = load_config(tmp_path / "from_frame.yaml")
+    assert kept == load_config(finished / "config.yaml")
+
+
+def test_the_pictures_share_one_scale_of_body_pixels(finished):
+    pictures = [
+        np.asarray(Image.open(p)) for p in sorted(finished.glob("frames/*.png"))
+    ]
+    assert len(pictures) == 3
+    # The bar and its numbers, right of the image and over the line with the time.
+    bars = [picture[:48, 64:] for picture in pictures]
+    np.testing.assert_array_equal(bars[0], bars[1])
+    np.testing.assert_array_equal(bars[0], bars[2])
+
+
+def test_two_bodies_one_of_two_materials_in_float64(tmp_path):
+    text = SCENE.replace("terms:", SECOND_BODY.strip("\n") + "\nterms:", 1)
+    out = simulate(tmp_path, "dtype=float64", "time.save_at=[20]", text=text)
+    found = json.loads((out / "summary.json").read_text())
+    assert len(found["bodies"]) == 2
+    hot = found["bodies"][1]["surface_temperature_K"]
+    assert 300 < hot["min"][0] < hot["mean"][0] < hot["max"][0] < 350
+    left_out = {o["what"]: o["why"] for o in found["receipt"]["left_out"]}
+    assert "per-node conductivity on body 0" in left_out
+    assert "per-node conductivity on body 1" not in left_out
+    assert "contact" in left_out
+    assert np.abs(found["energy"]["residual_relative"]).max() < 1e-13
+    with np.load(out / "solution.npz") as kept:
+        assert kept["surface_temperature"].dtype == np.float64
+        emissivity = kept["body1_emissivity"]
+    assert set(emissivity.tolist()) == {0.9, 0.93}
+    with OpenEXR.File(str(out / "frames/t000020.00s.exr"), True) as file:
+        assert set(np.unique(file.channels()["object_id"].pixels)) == {-1, 0, 1}
+
+
+def test_overrides_an_orthographic_camera_and_few_frames(tmp_path):
+    out = simulate(
+        tmp_path,
+        "camera={kind: orthographic, width: 40, height: 30, view_height: 20 cm}",
+        "image.frames=[12]",
+        "image.quantity=surface",
+        "terms.0.irradiance=0",
+        "name=shade",
+    )
+    assert files(out) == RESULTS | frame_files({"t000012.00s"})
+    found = json.loads((out / "summary.json").read_text())
+    assert found["config"]["name"] == "shade"
+    assert found["receipt"]["included"] == ["conduction", "convection", "emission"]
+    assert found["times_s"] == [5, 12, 20]
+    with OpenEXR.File(str(out / "frames/t000012.00s.exr"), True) as file:
+        assert file.channels()["depth_m"].pixels.shape == (30, 40)
+
+
+def test_every_palette_draws(finished, tmp_path):
+    looks = set()
+    for palette in palette_names():
+        options = ("--set", f"image.palette={palette}", "--set", "image.frames=[5]")
+        code, _, err = run("render", finished, "--out", tmp_path / palette, *options)
+        assert (code, err) == (0, "")
+        picture = np.asarray(Image.open(tmp_path / palette / "frames/t000005.00s.png"))
+        looks.add(picture[:48, :64].tobytes())
+    assert len(looks) == len(palette_names())
+
+
+def test_a_rerun_takes_the_place_of_the_results_but_not_of_other_files(tmp_path):
+    out = simulate(tmp_path)
+    for name in ("notes.txt", "frames/mine.png", "frames/t12.png"):
+        (out / name).write_text("mine")
+    simulate(tmp_path, "time={end: 4, save_at: [4]}")
+    mine = {"notes.txt", "frames/mine.png", "frames/t12.png"}
+    assert files(out) == RESULTS | frame_files({"t000004.00s"}) | mine
+    assert json.loads((out / "summary.json").read_text())["times_s"] == [4]
+
+
+def test_times_that_look_the_same_get_frames_of_their_own(tmp_path):
+    out = simulate(tmp_path, "time={end: 0.004, save_at: [0.001, 0.003, 0.004]}")
+    names = {"t000000.001s", "t000000.003s", "t000000.004s"}
+    assert files(out) == RESULTS | frame_files(names)
+
+
+def test_a_config_by_hand_is_not_written_over(tmp_path):
+    scene = tmp_path / "config.yaml"
+    scene.write_text(SCENE)
+    code, _, err = run("simulate", scene, "--out", tmp_path)
+    assert (code, err.count("\n")) == (2, 1)
+    assert "would write over" in err
+    assert scene.read_text() == SCENE
+    assert files(tmp_path) == {"config.yaml"}
+
+
+def test_the_resolved_config_can_be_run_again_in_its_own_folder(tmp_path):
+    out = simulate(tmp_path)
+    code, _, err = run("simulate", out / "config.yaml", "--out", out)
+    assert (code, err) == (0, "")
+    assert files(out) == RESULTS | frame_files()
+
+
+def test_a_run_that_blows_up_is_told_and_leaves_no_results(tmp_path):
+    scene, out = scene_file(tmp_path), tmp_path / "out"
+    term = "terms=[{kind: heat_flux, heat_flux: 1e38}]"
+    code, _, err = run("simulate", scene, "--out", out, "--set", term)
+    assert (code, err.count("\n")) == (2, 1)
+    assert "no longer finite" in err
+    assert files(out) <= {"config.yaml"}

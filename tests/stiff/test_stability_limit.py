@@ -1,0 +1,72 @@
+"""The stable step is sharp: within bounds at the limit, out of them just above."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from jaxthermo.integrate.euler import RunState, advance, stable_step
+from jaxthermo.integrate.ledger import empty_ledger
+from jaxthermo.scene.compile import compile_scene
+from tests.bodies import blocks
+
+
+METAL = jt.Material(16.0, density=8000.0, specific_heat=500.0)
+OTHER = jt.Material(200.0, density=8000.0, specific_heat=500.0)
+PITCH = 0.01
+TERMS = {
+    "insulated": (),
+    "convection": (jt.Convection(5000.0, 300.0),),
+    "fixed": (jt.FixedTemperature(300.0, on=jt.Side((1.0, 0.0, 0.0))),),
+    "emission": (jt.Surroundings(300.0),),
+}
+
+
+def _checkerboard(points):
+    cell = np.floor(points / PITCH).astype(int)
+    return 300.0 + 100.0 * (cell.sum(axis=1) % 2)
+
+
+def _range_after(mechanism, share, painted, dtype, steps):
+    """Lowest and highest temperature after some steps of a share of the limit."""
+    structure = jt.FullVolume(blocks(np.ones((6, 5, 4), bool), PITCH))
+    region = jt.Region((0.03, -1.0, -1.0), (1.0, 1.0, 1.0))
+    material = jt.MaterialMap(METAL, ((region, OTHER),)) if painted else METAL
+    body = jt.Body(structure, material, temperature=_checkerboard)
+    compiled = compile_scene(jt.Scene((body,), TERMS[mechanism], dtype=dtype))
+    program, kind = compiled.program, jnp.dtype(dtype)
+    limit = stable_step(program, compiled.hottest(1.0), 1.0)
+    dt = (limit * share).astype(kind)
+    state = RunState(compiled.state, empty_ledger(len(program.mechanisms), kind))
+    state = advance(program, state, jnp.zeros((), kind), dt, steps)
+    nodes = np.asarray(state.theta[0], float)[structure.node_address()]
+    reference = float(program.bodies[0].reference)
+    return nodes.min() + reference, nodes.max() + reference
+
+
+@pytest.mark.parametrize("painted", [False, True])
+@pytest.mark.parametrize("mechanism", TERMS)
+def test_bounds_hold_at_the_limit(mechanism, painted):
+    for steps in (1, 50):
+        low, high = _range_after(mechanism, 1.0, painted, "float64", steps)
+        assert low >= 300.0 - 1e-9
+        assert high <= 400.0 + 1e-9
+
+
+def test_bounds_hold_in_float32():
+    low, high = _range_after("convection", 1.0, False, "float32", 50)
+    assert low >= 300.0 - 3e-5
+    assert high <= 400.0 + 3e-5
+
+
+@pytest.mark.parametrize("painted", [False, True])
+@pytest.mark.parametrize("mechanism", ["insulated", "convection", "fixed"])
+def test_bounds_break_just_above_the_limit(mechanism, painted):
+    low, high = _range_after(mechanism, 1.05, painted, "float64", 1)
+    print(mechanism, painted, "overshoot", 300.0 - low, high - 400.0)
+    assert max(300.0 - low, high - 400.0) > 1.0
+
+
+def test_far_above_the_limit_it_blows_up():
+    low, high = _range_after("insulated", 1.3, False, "float64", 100)
+    assert high - low > 1e6

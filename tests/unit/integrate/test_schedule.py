@@ -1,0 +1,85 @@
+"""The layout of steps: lands exactly, never steps above the limit."""
+
+import math
+
+import hypothesis.strategies as st
+import pytest
+from hypothesis import given
+
+from jaxthermo.errors import InputError
+from jaxthermo.integrate.schedule import save_times, schedule
+
+
+TIMES = st.lists(
+    st.floats(1e-3, 1e3), min_size=1, max_size=6, unique=True
+).map(sorted)  # fmt: skip
+
+
+@given(saves=TIMES, knots=TIMES, later=st.floats(0.0, 10.0), dt=st.floats(1e-2, 1e4))
+def test_lands_on_every_stop_with_steps_under_the_limit(saves, knots, later, dt):
+    t1 = saves[-1] + later
+    intervals = schedule(t1, tuple(saves), tuple(knots), dt)
+    ends = [i.end for i in intervals]
+    stops = {*saves, t1, *(k for k in knots if k < t1)}
+    assert ends == sorted(stops)
+    assert [i.start for i in intervals] == [0.0, *ends[:-1]]
+    assert [i.end for i in intervals if i.saved] == saves
+    assert all(i.steps >= 1 and i.dt <= dt * (1 + 2e-9) for i in intervals)
+    # Nor more steps than it takes.
+    assert all((i.steps - 1) * dt < i.end - i.start for i in intervals)
+
+
+@given(st.integers(1, 10**6), st.sampled_from([0.1, 0.3, 0.7, 1e-3, 1 / 3]))
+def test_a_whole_number_of_steps_costs_no_step_more(steps, dt):
+    (interval,) = schedule(steps * dt, (steps * dt,), (), dt)
+    assert interval.steps == steps
+
+
+def test_an_infinite_limit_is_one_step():
+    (interval,) = schedule(5.0, (5.0,), (), math.inf)
+    assert (interval.steps, interval.dt) == (1, 5.0)
+
+
+def test_time_zero_needs_no_step():
+    assert schedule(0.0, (0.0,), (1.0,), 0.1) == ()
+
+
+def test_knots_beyond_the_end_or_before_the_start_are_not_stops():
+    intervals = schedule(2.0, (2.0,), (-1.0, 0.0, 2.0, 3.0), 1.0)
+    assert [(i.start, i.end) for i in intervals] == [(0.0, 2.0)]
+
+
+def test_the_end_is_reached_though_it_is_not_saved():
+    intervals = schedule(3.0, (1.0,), (), 1.0)
+    assert [(i.end, i.saved) for i in intervals] == [(1.0, True), (3.0, False)]
+
+
+def test_more_steps_than_can_be_counted_are_refused_with_the_limit():
+    """S03: 10 um of diamond for three minutes."""
+    with pytest.raises(InputError, match=r"1\.49e-08 s.*coarser"):
+        schedule(180.0, (180.0,), (), 1.49e-8)
+
+
+@pytest.mark.parametrize(
+    ("t1", "save_at", "words"),
+    [
+        (-1.0, None, "at least 0 s"),
+        (math.nan, None, "at least 0 s"),
+        (math.inf, None, "at least 0 s"),
+        (1.0, [], "empty"),
+        (1.0, [0.5, 0.5], "increase"),
+        (1.0, [0.5, 0.2], "increase"),
+        (1.0, [-0.5, 0.2], r"in \[0, 1\]"),
+        (1.0, [0.5, 1.5], r"in \[0, 1\]"),
+        (1.0, [math.nan], r"in \[0, 1\]"),
+        (1.0, [0.5, math.nan, 0.7], "increase"),
+    ],
+)
+def test_bad_times_are_refused(t1, save_at, words):
+    with pytest.raises(InputError, match=words):
+        save_times(t1, save_at)
+
+
+def test_the_end_is_saved_if_nothing_else_is():
+    assert save_times(3.0, None) == (3.0,)
+    assert save_times(3, [0, 1, 3]) == (0.0, 1.0, 3.0)
