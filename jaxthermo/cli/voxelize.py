@@ -2,8 +2,11 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
+from rich import box
 from rich.console import Console
+from rich.table import Table
 
 from ..atomic import replacing
 from ..config import units
@@ -19,7 +22,7 @@ from .layer_sheets import write_layer_sheets
 def voxelize(
     mesh: Path, pitch: str, unit: str | None, height: str | None, up: str, out: Path
 ) -> None:
-    """Writes `voxels.json` and sheets of the depth layers; prints two lines about them.
+    """Writes `voxels.json` and sheets of the depth layers; prints what matters of them.
 
     Args:
         mesh: the file.
@@ -40,12 +43,54 @@ def voxelize(
     sheets = write_layer_sheets(grid, folder)
     console = Console(highlight=False, soft_wrap=True)
     console.print(verdict_line(loaded), markup=False)
-    console.print(
-        f"{grid.solid_count} solid voxels of {edge:g} m, "
-        f"{len(grid.fragment_area)} surface fragments; {folder / 'voxels.json'} "
-        f"and {len(sheets)} sheets of layers",
-        markup=False,
+    for line in _lines(facts):
+        console.print(line, markup=False)
+    console.print(_layer_table(facts["layers"]))
+    console.print(f"voxels.json and {len(sheets)} sheets of layers in {folder}")
+
+
+def _lines(facts: dict[str, Any]) -> list[str]:
+    """The report in words."""
+    shape = " x ".join(str(n) for n in facts["lattice_shape"])
+    why_not = facts["ratios_not_applied_because"]
+    scaling = (
+        f"areas and volumes as counted: {why_not}"
+        if why_not
+        else f"scaled to the mesh: areas by {facts['area_ratio']:.4f}, "
+        f"volumes by {facts['volume_ratio']:.4f}"
     )
+    thin = facts["thin_parts"]["thinner_than_a_voxel"]
+    lost = facts["thin_parts"]["lost_for_want_of_a_voxel"]
+    lines = [
+        f"{facts['solid_voxels']} solid voxels of {facts['pitch_m'] * 1e3:.4g} mm in "
+        f"{shape} ({100 * facts['solid_share_of_lattice']:.0f} %)",
+        f"{facts['surface_voxels']} surface voxels, {facts['surface_links']} links, "
+        f"{facts['fragments']} surface fragments",
+        scaling,
+        f"under one voxel thick: {thin['area_m2'] * 1e4:.4g} cm^2 of surface; "
+        f"lost: {lost['area_m2'] * 1e4:.4g} cm^2",
+    ]
+    for place in facts["thin_parts"]["largest_places"][:3]:
+        x, y, z = place["centre_m"]
+        lines.append(
+            f"  {place['area_m2'] * 1e4:.3g} cm^2 around ({x:.4g}, {y:.4g}, {z:.4g}) m"
+            + (
+                f", {100 * place['lost_share']:.0f} % lost"
+                if place["lost_share"]
+                else ""
+            )
+        )
+    return lines
+
+
+def _layer_table(layers: dict[str, dict[str, Any]]) -> Table:
+    """Depth layers along each axis before and after packing."""
+    table = Table(box=box.SIMPLE)
+    for column in ("depth layers along", "in the file", "peeled", "packed"):
+        table.add_column(column, justify="right")
+    for axis, row in layers.items():
+        table.add_row(axis, row["file_axis"], str(row["peeled"]), str(row["packed"]))
+    return table
 
 
 def _length(option: str, text: str) -> float:
