@@ -6,6 +6,7 @@ package costs nothing of what is not used.
 
 import importlib
 from importlib.metadata import version as _version
+from typing import Any
 
 
 _HOME = {
@@ -47,7 +48,7 @@ __version__ = _version("jaxthermo")
 __all__ = [*_HOME, *_MODULES, "__version__"]
 
 
-def __getattr__(name: str):
+def __getattr__(name: str) -> Any:
     if name in _HOME:
         value = getattr(importlib.import_module(f".{_HOME[name]}", __name__), name)
     elif name in _MODULES:

@@ -16,6 +16,8 @@ app = App(
     name="jaxthermo",
     help="What a thermal camera sees of a triangle mesh over time.",
     version=__version__,
+    # `main` tells where the run was stopped.
+    suppress_keyboard_interrupt=False,
 )
 
 Overrides = Annotated[
@@ -102,7 +104,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except (InputError, CycloptsError) as error:
         sys.exit(_refuse(error))
     except KeyboardInterrupt as stop:
-        sys.stderr.write(f"jaxthermo: {stop or 'interrupted'}\n")
+        sys.stderr.write(f"jaxthermo: {str(stop) or 'interrupted'}\n")
         sys.exit(130)
     except BrokenPipeError:
         # The reader has gone; what is still buffered must not raise again at exit.

@@ -2,6 +2,8 @@
 
 import os
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from ..errors import InputError
@@ -31,6 +33,24 @@ def prepare_folder(out: str | Path) -> Path:
     if not os.access(folder, os.W_OK | os.X_OK):
         raise InputError(f"--out {out}: cannot be written; name another folder")
     return folder
+
+
+@contextmanager
+def results_folder(out: str | Path) -> Iterator[Path]:
+    """`prepare_folder`, taken back if the work ends early and nothing is in there.
+
+    Raises:
+        InputError: if it is a file, or cannot be created or written.
+    """
+    folder = Path(out).expanduser()
+    missing = [path for path in (folder, *folder.parents) if not path.exists()]
+    try:
+        yield prepare_folder(out)
+    except BaseException:
+        with suppress(OSError):  # as soon as one is not empty
+            for path in missing:
+                path.rmdir()
+        raise
 
 
 def frame_names(times: list[float]) -> list[str]:

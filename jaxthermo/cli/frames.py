@@ -23,6 +23,9 @@ from .files import earlier_frames, frame_names, prepare_folder
 MARGIN = 0.02
 """Of the scale beyond the coldest and warmest that is seen."""
 
+LEAST = 0.05
+"""Of the scale, beyond what is seen or in all [K]."""
+
 
 def prepare_view(
     config: SceneConfig,
@@ -64,13 +67,14 @@ def _scale(config: SceneConfig, images: Iterator[Image]) -> tuple[float, float]:
             seen = np.asarray(shown)[np.asarray(image.object_id) >= 0]
             coldest = min(coldest, float(seen.min()))
             warmest = max(warmest, float(seen.max()))
-        margin = max(MARGIN * (warmest - coldest), 0.05)
-        low = coldest - margin if low is None else low
-        high = warmest + margin if high is None else high
-    if not low < high:
+        margin = max(MARGIN * (warmest - coldest), LEAST)
+        # One end given may lie beyond all that is seen: then all have one colour.
+        low = min(coldest - margin, (high or np.inf) - LEAST) if low is None else low
+        high = max(warmest + margin, low + LEAST) if high is None else high
+    if not -np.inf < low < high < np.inf:
         raise InputError(
-            f"image: the scale would go from {low:g} to {high:g} K; "
-            "give both image.low and image.high"
+            "image: the temperatures seen are not finite: check the terms, or give "
+            "both image.low and image.high"
         )
     return low, high
 

@@ -5,6 +5,7 @@ from rich.console import Console
 from rich.table import Table
 
 from ..materials import MaterialRow, material_row, material_rows
+from .console import open_console, tell
 
 
 _COLUMNS = ("k W/(m K)", "rho kg/m^3", "c_p J/(kg K)", "emissivity")
@@ -12,17 +13,16 @@ _COLUMNS = ("k W/(m K)", "rho kg/m^3", "c_p J/(kg K)", "emissivity")
 
 def materials(name: str | None) -> None:
     """Prints all materials, or one with its other names and the source."""
-    console = Console(highlight=False, soft_wrap=name is not None)
     if name is None:
-        console.print(_table())
+        Console(highlight=False).print(_table())
         return
-    row = material_row(name)
-    console.print(f"{row.name} ({row.label})", markup=False)
+    console, row = open_console(), material_row(name)
+    tell(console, f"{row.name} ({row.label})")
     for label, number in zip(_COLUMNS, _numbers(row), strict=True):
-        console.print(f"  {label:13} {number}", markup=False)
+        tell(console, f"  {label:13} {number}")
     if row.aliases:
-        console.print(f"  also          {', '.join(row.aliases)}", markup=False)
-    console.print(f"  source        {row.source}", markup=False)
+        tell(console, f"  also          {', '.join(row.aliases)}")
+    tell(console, f"  source        {row.source}")
 
 
 def _table() -> Table:

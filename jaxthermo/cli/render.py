@@ -9,7 +9,7 @@ from ..errors import InputError
 from ..integrate.store import load_solution
 from ..precision import precision
 from .console import doing, open_console, tell
-from .files import FRAMES, prepare_folder
+from .files import FRAMES, results_folder
 from .frames import prepare_view, write_frames
 
 
@@ -26,7 +26,8 @@ def render(run: Path, out: Path | None, overrides: tuple[str, ...]) -> None:
                 f"--set {text}: only camera and image can change after the run; "
                 "use `jaxthermo simulate` for the rest"
             )
-    config = load_config(run / "config.yaml", overrides)
+    # The solution holds the surface: the mesh may have gone since.
+    config = load_config(run / "config.yaml", overrides, find_meshes=False)
     render_run(config, run, out or run)
 
 
@@ -37,5 +38,6 @@ def render_run(config: SceneConfig, run: Path, out: Path) -> None:
         stored = load_solution(run / "solution.npz")
         terms = tuple(build_term(term) for term in config.terms)
         view = prepare_view(config, stored.surfaces, terms)
-        count = write_frames(config, view, stored, prepare_folder(out) / FRAMES)
+        with results_folder(out) as folder:
+            count = write_frames(config, view, stored, folder / FRAMES)
     tell(console, f"{count} frames in {out / FRAMES}")

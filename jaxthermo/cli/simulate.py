@@ -29,7 +29,7 @@ from ..integrate.store import StoredSolution, save_solution
 from ..precision import precision
 from ..scene.scene import Scene
 from .console import doing, open_console, tell
-from .files import FRAMES, prepare_folder, remove_results
+from .files import FRAMES, prepare_folder, remove_results, results_folder
 from .frames import prepare_view, write_frames
 from .progress import patient_interrupt, progress_bar
 from .report import tell_result, tell_scene
@@ -47,9 +47,9 @@ RESULTS_OF_A_RUN = ("summary.json", "solution.npz", "energy.csv")
 def simulate(config: Path, out: Path | None, overrides: tuple[str, ...]) -> None:
     """Reads the config, makes the folder, keeps the resolved config, runs the scene."""
     scene = load_config(config, overrides)
-    folder = prepare_folder(out or Path("results") / config.stem)
-    _spare(config, folder)
-    run_simulation(scene, folder)
+    with results_folder(out or Path("results") / config.stem) as folder:
+        _spare(config, folder)
+        run_simulation(scene, folder)
 
 
 def _spare(config: Path, out: Path) -> None:
@@ -108,6 +108,8 @@ def _run(
     kept = load_checkpoint(out / CHECKPOINT, fresh, key)
     if kept is not None:
         tell(console, f"going on from {time_label(time_reached(todo, kept))}")
+    elif (out / CHECKPOINT).exists():
+        tell(console, f"starting anew: {CHECKPOINT} is of another run, or damaged")
     clock = time.perf_counter()
     with doing(console, "compiling"):
         ready = compile_segments(todo, kept or fresh)
@@ -135,5 +137,5 @@ def _stop(todo: Plan, progress: Progress, out: Path, key: str) -> None:
     save_checkpoint(out / CHECKPOINT, progress, key)
     raise KeyboardInterrupt(
         f"stopped at {time_label(time_reached(todo, progress))}; "
-        "run the same command again to go on from there"
+        "the same command goes on from there"
     )

@@ -19,12 +19,15 @@ from .schema_geometry import FOLDERS
 from .strict_yaml import read_yaml, write_yaml
 
 
-def load_config(path: str | Path, overrides: Sequence[str] = ()) -> SceneConfig:
+def load_config(
+    path: str | Path, overrides: Sequence[str] = (), *, find_meshes: bool = True
+) -> SceneConfig:
     """The config in a YAML file, with meshes found and all values in SI units.
 
     Args:
         path: the file; meshes are looked for beside it, then in JAXTHERMO_MESHES.
         overrides: "a.b=c" each, applied in order; c is YAML.
+        find_meshes: whether a mesh that is not there is a mistake.
 
     Raises:
         InputError: one line for each mistake in the config.
@@ -42,7 +45,7 @@ def load_config(path: str | Path, overrides: Sequence[str] = ()) -> SceneConfig:
         changed.append((location, text))
     data = {"name": path.stem, **data}
     try:
-        return _validated(data, mesh_folders(path.parent))
+        return _validated(data, mesh_folders(path.parent) if find_meshes else ())
     except ValidationError as error:
         raise InputError(_lines(error, str(path), read, changed)) from error
 

@@ -58,6 +58,11 @@ def schedule(
     Raises:
         InputError: if that takes more steps than can be counted.
     """
+    if not dt > 0:
+        raise InputError(
+            f"the largest stable step is {dt:g} s: check the materials and terms for "
+            "values far out of range"
+        )
     stops = sorted({*saves, *(k for k in knots if 0 < k < t1), t1} - {0.0})
     intervals, start = [], 0.0
     for stop in stops:

@@ -145,7 +145,8 @@ def save_checkpoint(path: Path, progress: Progress, key: str) -> None:
 def load_checkpoint(path: Path, fresh: Progress, key: str) -> Progress | None:
     """The progress kept at `path`; None if there is none of this configuration."""
     try:
-        with np.load(path, allow_pickle=False) as kept:
+        # Opened here, since np.load leaves a damaged file that it opened itself open.
+        with open(path, "rb") as file, np.load(file, allow_pickle=False) as kept:
             if str(kept["key"]) != key:
                 return None
             interval, done, rows = (int(n) for n in kept["position"])
@@ -157,7 +158,7 @@ def load_checkpoint(path: Path, fresh: Progress, key: str) -> Progress | None:
                 [jnp.asarray(kept[f"seen{k}_{i}"]) for i in range(len(old))]
                 for k in range(rows)
             ]
-    except (OSError, ValueError, KeyError, EOFError):
+    except Exception:  # numpy and zipfile raise whatever a damaged file leads them to
         return None
     if any(a.shape != b.shape for a, b in zip(leaves, loaded, strict=True)):
         return None

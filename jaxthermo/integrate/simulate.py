@@ -7,7 +7,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ..errors import InputError
@@ -252,16 +251,17 @@ def simulate(
         else:
             seen = _run_all(program, state, _layout(todo.intervals, todo.dtype))
         solution = assemble_solution(scene, todo, first, seen, even)
-    if is_traced(solution):
-        return solution
-    if throw:
+    if throw and not is_traced(solution.result):
         raise_failure(solution.result)
-    return solution if jax.config.jax_enable_x64 else _keeping_digits(solution)
+    if jnp.result_type(float) == jnp.float64 or is_traced(solution):
+        return solution
+    return _keeping_digits(solution)
 
 
 def _keeping_digits(solution: Solution) -> Solution:
-    """A solution with float64 in numpy arrays: without the global switch JAX would warn
-    at every use of its own, and round.
+    """A solution with its float64 in numpy arrays.
+
+    Where JAX is not set to 64 bits it warns at every use of its own, and rounds.
     """
     double = lambda leaf: isinstance(leaf, jax.Array) and leaf.dtype == jnp.float64
     keep = lambda leaf: np.asarray(leaf) if double(leaf) else leaf

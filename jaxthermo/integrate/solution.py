@@ -1,8 +1,7 @@
 """What a simulation gives back."""
 
-from typing import Any
-
 import equinox as eqx
+import numpy as np
 from jaxtyping import Array, Float
 
 from ..physics.term import AbstractTerm
@@ -32,7 +31,10 @@ class Run(eqx.Module):
 
 
 class Solution(eqx.Module):
-    """Temperatures of the surface over time, and what they cost in energy."""
+    """Temperatures of the surface over time, and what they cost in energy.
+
+    A float64 scene gives numpy arrays where JAX is not set to 64 bits.
+    """
 
     times: Float[Array, " t"]
     """[s]"""
@@ -47,7 +49,7 @@ class Solution(eqx.Module):
     terms: tuple[AbstractTerm, ...]
     receipt: Receipt = eqx.field(static=True)
 
-    def of_body(self, index: int) -> Float[Array, "t _"]:
+    def of_body(self, index: int) -> Float[Array | np.ndarray, "t _"]:
         """Surface temperatures of one body [K]."""
         counts = [len(s.geometry.fragment_area) for s in self.surfaces]
         start = sum(counts[:index])

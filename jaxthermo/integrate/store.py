@@ -78,7 +78,8 @@ def load_solution(path: Path) -> StoredSolution:
         InputError: if the file is missing or is not such a file.
     """
     try:
-        with np.load(path, allow_pickle=False) as kept:
+        # Opened here, since np.load leaves a damaged file that it opened itself open.
+        with open(path, "rb") as file, np.load(file, allow_pickle=False) as kept:
             bodies = sum(name.endswith("_pitch") for name in kept.files)
             return StoredSolution(
                 jnp.asarray(kept["times"]),

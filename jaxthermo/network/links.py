@@ -18,7 +18,7 @@ class LinkNetwork(AbstractNetwork):
     """[J/K]"""
 
     def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
-        """Conduction into each node [W]: each link's flow, out of one, into the other."""
+        """Conduction into each node [W]: what leaves one end enters the other."""
         flow = self.conductance * (state[self.dst] - state[self.src])
         inward = jnp.zeros_like(state).at[self.src].add(flow, indices_are_sorted=True)
         return inward.at[self.dst].add(-flow)

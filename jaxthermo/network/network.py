@@ -1,7 +1,7 @@
 """The conduction operator of one body: one interface, whatever it runs as.
 
 A state is an array of temperature differences from the body's reference [K]: one
-float32 step at 300 K is 3e-5 K, which would swallow slow changes; differences keep them.
+float32 step at 300 K is 3e-5 K, which would swallow slow changes; differences do not.
 """
 
 import abc

@@ -35,7 +35,7 @@ class BoundEmission(AbstractBoundTerm):
     def heat_rate(
         self, time: Float[Array, ""], theta: Float[Array, " m"]
     ) -> Float[Array, " m"]:
-        """eps sigma A (T_s - T)(T_s + T)(T_s^2 + T^2), exact for close temperatures."""
+        """Eps sigma A (T_s - T)(T_s + T)(T_s^2 + T^2), exact for close temperatures."""
         ambient = value_at(self.temperature, time)
         hot = self.reference + theta
         difference = (ambient - self.reference) - theta

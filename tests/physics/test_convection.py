@@ -1,4 +1,4 @@
-"""Newton's law: the lumped body (Bi -> 0) and the slab series (V04), order 2 in space."""
+"""Newton's law: the lumped body (Bi -> 0), and the slab series (V04) at order 2."""
 
 import numpy as np
 import pytest

@@ -33,10 +33,10 @@ def _everything():
 @pytest.mark.parametrize(
     ("dtype", "stencil", "painted"),
     [
-        ("float32", True, False),
-        ("float32", False, True),
-        ("float64", True, True),
+        ("float32", True, True),
         ("float64", False, False),
+        pytest.param("float32", False, True, marks=pytest.mark.slow),
+        pytest.param("float64", True, True, marks=pytest.mark.slow),
     ],
 )
 def test_all_mechanisms_at_once(ball, dtype, stencil, painted):

@@ -1,5 +1,7 @@
 """`simulate`: steps refused and accepted, odd times and bodies, failures, precision."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -18,7 +20,7 @@ def structure():
     return jt.FullVolume(blocks(np.ones((2, 2, 2), bool), 0.01))
 
 
-def _scene(structure, *terms, dtype="float64", temperature=300.0):
+def _scene(structure, *terms, dtype="float64", temperature: Any = 300.0):
     body = jt.Body(structure, METAL, temperature=temperature)
     return jt.Scene((body,), terms, dtype=dtype)
 
@@ -103,8 +105,10 @@ def test_a_flux_that_is_not_finite(structure, flux):
     late = lambda t: jnp.where(t < 1.0, 10.0, flux)
     scene = _scene(structure, jt.HeatFlux(late))
     with pytest.raises(RuntimeError, match="no longer finite.*check the terms"):
-        jt.simulate(scene, 4.0)
-    solution = jt.simulate(scene, 4.0, save_at=[0.5, 4.0], throw=False)
+        jt.simulate(scene, 4.0, solver=jt.ForwardEuler(dt=0.5))
+    solution = jt.simulate(
+        scene, 4.0, [0.5, 4.0], solver=jt.ForwardEuler(dt=0.5), throw=False
+    )
     assert solution.result == jt.RESULTS.nonfinite
     assert np.isfinite(solution.surface_temperature[0]).all()
 

@@ -2,6 +2,7 @@
 
 import math
 
+import equinox as eqx
 import hypothesis.strategies as st
 import jax
 import jax.numpy as jnp
@@ -20,10 +21,24 @@ SHAPE = (4, 3, 5)
 """One shape for every random body: nothing is compiled twice."""
 
 
-def _solid(seed, fill=0.6, shape=SHAPE):
-    solid = np.random.default_rng(seed).random(shape) < fill
-    solid[tuple(n // 2 for n in shape)] = True
-    return solid
+def _solid(seed, count=36):
+    """`count` of the 60 cells, so that arrays of nodes have one shape, too."""
+    order = np.random.default_rng(seed).permutation(int(np.prod(SHAPE)))
+    return (order < count).reshape(SHAPE)
+
+
+@eqx.filter_jit
+def _all_of(network, state, address, dt):
+    """Everything a network can say, from one program."""
+    return {
+        "heat_rate": network.heat_rate(state),
+        "euler_step": network.euler_step(state, dt),
+        "diagonal": network.diagonal(address),
+        "capacity": network.capacity(address),
+        "largest_rate": network.largest_rate(),
+        "total_capacity": network.total_capacity(),
+        "stored": network.stored(state),
+    }
 
 
 def _operators(solid):
@@ -62,7 +77,9 @@ def _by_hand(solid, values):
     for cell, n in number.items():
         for axis in range(3):
             for sign in (-1, 1):
-                other = number.get(tuple(np.add(cell, sign * np.eye(3, dtype=int)[axis])))
+                other = number.get(
+                    tuple(np.add(cell, sign * np.eye(3, dtype=int)[axis]))
+                )
                 if other is not None:
                     rate[n] += K * PITCH * (values[other] - values[n])
                     diagonal[n] += K * PITCH
@@ -70,26 +87,29 @@ def _by_hand(solid, values):
 
 
 @pytest.mark.parametrize("which", range(4))
-@settings(max_examples=4, deadline=None)
-@given(seed=st.integers(0, 2**32 - 1), fill=st.floats(0.1, 1.0))
-def test_every_operator_is_the_one_by_hand(which, seed, fill):
-    solid = _solid(seed, fill)
+@settings(max_examples=6, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), count=st.sampled_from([6, 36, 60]))
+def test_every_operator_is_the_one_by_hand(which, seed, count):
+    solid = _solid(seed, count)
     structure, network = _operators(solid)[which]
-    values = np.random.default_rng(seed + 1).normal(size=structure.node_count)
-    state, address = _state(structure, values), _address(structure)
+    values = np.random.default_rng(seed + 1).normal(size=count)
     rate, diagonal = _by_hand(solid, values)
-    node = HEAT * PITCH**3
-    dt = 0.1
-    tight = {"rtol": 1e-12, "atol": 1e-12}
-    found = _values(structure, network.heat_rate(state))
-    np.testing.assert_allclose(found, rate, **tight)
-    stepped = _values(structure, network.euler_step(state, jnp.array(dt)))
-    np.testing.assert_allclose(stepped, values + dt * rate / node, **tight)
-    np.testing.assert_allclose(network.diagonal(address), diagonal, **tight)
-    np.testing.assert_allclose(network.capacity(address), node, **tight)
-    np.testing.assert_allclose(network.largest_rate(), diagonal.max() / node, **tight)
-    np.testing.assert_allclose(network.total_capacity(), node * len(values), **tight)
-    np.testing.assert_allclose(network.stored(state), node * values.sum(), **tight)
+    node, dt = HEAT * PITCH**3, 0.1
+    expected = {
+        "heat_rate": rate,
+        "euler_step": values + dt * rate / node,
+        "diagonal": diagonal,
+        "capacity": node,
+        "largest_rate": diagonal.max() / node,
+        "total_capacity": node * count,
+        "stored": node * values.sum(),
+    }
+    state, address = _state(structure, values), _address(structure)
+    found = _all_of(network, state, address, jnp.array(dt))
+    for name, exact in expected.items():
+        of_nodes = name in ("heat_rate", "euler_step")
+        number = _values(structure, found[name]) if of_nodes else found[name]
+        np.testing.assert_allclose(number, exact, rtol=1e-12, atol=1e-12, err_msg=name)
 
 
 @pytest.mark.parametrize("which", range(4))
@@ -97,14 +117,19 @@ def test_every_operator_is_the_one_by_hand(which, seed, fill):
 @given(seed=st.integers(0, 2**32 - 1))
 def test_symmetric_and_conserving(which, seed):
     structure, network = _operators(_solid(seed))[which]
-    random = np.random.default_rng(seed)
-    first, second = random.normal(size=(2, structure.node_count))
-    there = _values(structure, network.heat_rate(_state(structure, first)))
-    back = _values(structure, network.heat_rate(_state(structure, second)))
-    scale = np.abs(there).sum() + 1e-300
-    assert abs(second @ there - first @ back) < 1e-13 * scale * 10
+    first, second = np.random.default_rng(seed).normal(size=(2, 36))
+    address, dt = _address(structure), jnp.array(0.1)
+    there, back = (
+        _values(
+            structure,
+            _all_of(network, _state(structure, values), address, dt)["heat_rate"],
+        )
+        for values in (first, second)
+    )
+    scale = np.abs(there).sum()
+    assert abs(second @ there - first @ back) < 1e-13 * scale
     assert abs(there.sum()) < 1e-14 * scale
-    assert first @ there <= 0.0
+    assert first @ there < 0.0
 
 
 @pytest.mark.parametrize("which", range(4))
@@ -166,7 +191,7 @@ def test_precise_sum_of_a_million_float32(kind):
 
 
 @settings(max_examples=20, deadline=None)
-@given(count=st.sampled_from([1, 2, 63, 64, 65, 4096, 4097]), seed=st.integers(0, 99))
+@given(count=st.sampled_from([1, 63, 64, 65, 4097]), seed=st.integers(0, 99))
 def test_precise_sum_of_any_length(count, seed):
     values = np.random.default_rng(seed).normal(size=count)
     found = float(precise_sum(jnp.asarray(values)))

@@ -1,0 +1,275 @@
+"""Bad inputs: one clear line each, status 2, no traceback, and nothing half-written."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from cli_runs import SCENE, files, run, scene_file
+
+from jaxthermo.geometry.load import FORMATS
+
+
+KINDS = [suffix.removeprefix(".") for suffix in FORMATS]
+
+
+def refused(*arguments, lines=1):
+    """The lines with which a command is refused, without their beginning."""
+    code, _, err = run(*arguments)
+    found = err.splitlines()
+    assert code == 2
+    assert len(found) == lines, err
+    assert all(line.startswith("jaxthermo: ") for line in found)
+    return err.replace("jaxthermo: ", "")
+
+
+def exported(kind):
+    data = trimesh.creation.icosphere(subdivisions=2, radius=0.05).export(
+        file_type=kind
+    )
+    return data if isinstance(data, bytes) else str(data).encode()
+
+
+def without_faces(kind):
+    cloud = trimesh.Trimesh(np.eye(3), np.zeros((0, 3), int), process=False)
+    if kind == "glb":
+        return exported("glb")[:12]
+    if kind == "stl":
+        return b"solid nothing\nendsolid nothing\n"
+    data = cloud.export(file_type=kind)
+    return data if isinstance(data, bytes) else str(data).encode()
+
+
+def content(what, kind):
+    if what == "empty":
+        return b""
+    if what == "junk":
+        return np.random.default_rng(3).integers(0, 256, 4000, np.uint8).tobytes()
+    if what == "cut":
+        whole = exported(kind)
+        # OBJ has no length: a cut between faces is an open mesh, a cut before is none.
+        share = 0.2 if kind == "obj" else 0.6
+        return whole[: int(share * len(whole))]
+    return without_faces(kind)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("what", ["empty", "junk", "cut", "no faces"])
+def test_a_file_that_is_no_mesh(tmp_path, what, kind):
+    mesh = tmp_path / f"bad.{kind}"
+    mesh.write_bytes(content(what, kind))
+    out = tmp_path / "out"
+    err = refused("voxelize", mesh, "--pitch", "1cm", "--unit", "m", "--out", out)
+    assert str(mesh) in err
+    assert not out.exists()
+    err = refused("simulate", mesh_scene(tmp_path, mesh), "--out", out)
+    assert str(mesh) in err
+    assert not out.exists()
+
+
+def mesh_scene(folder, mesh):
+    start = SCENE.index("  - shape")
+    stop = SCENE.index("    voxels_high")
+    body = f"  - mesh: {{path: {json.dumps(str(mesh))}, unit: m}}\n"
+    return scene_file(folder, SCENE[:start] + body + SCENE[stop:])
+
+
+def refused_mesh(tmp_path, mesh):
+    """The line of `voxelize`, having made sure that `simulate` refuses too."""
+    out = tmp_path / "out"
+    again = refused("simulate", mesh_scene(tmp_path, mesh), "--out", out)
+    err = refused("voxelize", mesh, "--pitch", "1cm", "--unit", "m", "--out", out)
+    assert str(mesh) in again and str(mesh) in err
+    assert not out.exists()
+    return err
+
+
+def test_vertices_that_are_no_numbers(tmp_path):
+    mesh = tmp_path / "nan.obj"
+    mesh.write_text("v 0 0 0\nv nan 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 3 4\n")
+    assert "finite" in refused_mesh(tmp_path, mesh)
+
+
+def test_a_missing_mesh(tmp_path):
+    assert "no such file" in refused_mesh(tmp_path, tmp_path / "none.obj")
+
+
+def test_a_mesh_that_is_a_folder(tmp_path):
+    (tmp_path / "folder.obj").mkdir()
+    assert "folder" in refused_mesh(tmp_path, tmp_path / "folder.obj")
+
+
+@pytest.fixture
+def sphere(tmp_path):
+    mesh = tmp_path / "sphere.stl"
+    mesh.write_bytes(exported("stl"))
+    return mesh
+
+
+@pytest.mark.parametrize(
+    ("pitch", "message"), [("50 cm", "pitch"), ("100 nm", "memory"), ("1e-300 m", "")]
+)
+def test_a_pitch_beyond_reason(tmp_path, sphere, pitch, message):
+    out = tmp_path / "out"
+    err = refused("voxelize", sphere, "--pitch", pitch, "--unit", "m", "--out", out)
+    assert message in err
+    scene = mesh_scene(tmp_path, sphere)
+    again = refused("simulate", scene, "--out", out, "--set", f"bodies.0.pitch={pitch}")
+    assert message in again
+    assert not out.exists() or files(out) == set()
+
+
+def test_a_scene_too_large_for_the_memory(tmp_path, monkeypatch):
+    monkeypatch.setattr("jaxthermo.memory.available_bytes", lambda: 60_000)
+    out = tmp_path / "out"
+    err = refused("simulate", scene_file(tmp_path), "--out", out)
+    assert "memory" in err and "coarser pitch" in err
+    assert not out.exists()
+
+
+def test_a_missing_config(tmp_path):
+    err = refused("simulate", tmp_path / "none.yaml", "--out", tmp_path / "out")
+    assert "no such file" in err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_config_that_is_a_folder(tmp_path):
+    assert "directory" in refused("simulate", tmp_path, "--out", tmp_path / "out")
+
+
+def test_a_config_that_is_a_picture(tmp_path):
+    path = tmp_path / "a.yaml"
+    path.write_bytes(b"\x89PNG\r\n\x1a\n\x00\xff")
+    assert "not a text file" in refused("simulate", path)
+
+
+def test_seven_mistakes_are_seven_lines(tmp_path):
+    text = """
+bodies:
+  - shape: {kind: ball, radius: 1 cm}
+    pitch: 2 s
+    material: unobtainium
+    temperature: -3
+terms: [{kind: sun, direction: [0, 0, 0], irradiance: 1}]
+time: {end: 10, save_at: [20]}
+image: {palette: sunset}
+"""
+    scene, out = scene_file(tmp_path, text), tmp_path / "out"
+    err = refused("simulate", scene, "--out", out, lines=7)
+    for where in (
+        "bodies.0.shape",
+        "bodies.0.pitch",
+        "bodies.0.material",
+        "bodies.0.temperature",
+        "terms.0.direction",
+        "time.save_at.0",
+        "image.palette",
+    ):
+        assert f"{scene}: {where}" in err
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ("camera={position: [1 cm, 0, 0]}", "inside body 0"),
+        ("camera={position: [1, 0, 0], look_at: [2, 0, 0]}", "sees no body"),
+        ("time.save_at=[25]", "after the end"),
+        ("time.save_at=[5, 5]", "is not after"),
+        ("time.save_at=[0]", "more than 0"),
+        ("image.frames=[6]", "not a saved time"),
+        ("solver.dt=100", "stable step"),
+        ("solver.dt=0", "more than 0"),
+        ("bodies.0.temperature=20", "degC"),
+        ("terms.1.temperature=100", "allow_extreme_temperatures"),
+        ("bodies.0.voxel_high=3", "did you mean 'voxels_high'"),
+        ("nothing.at.all=3", "unknown key"),
+        ("bodies.7.pitch=3", "1 entries"),
+        ("bodies.0.pitch", "expected a path and a value"),
+        ("camera.width=", "width"),
+        ("camera.width=100000", "at most 16384"),
+        ("terms.0={kind: moon}", "unknown kind 'moon'"),
+        ("bodies.0.temperature=.nan", "finite"),
+        ("bodies.0.voxels_high=4096", "memory"),
+    ],
+)
+def test_an_override_beyond_reason(tmp_path, change, message):
+    scene, out = scene_file(tmp_path), tmp_path / "out"
+    err = refused("simulate", scene, "--out", out, "--set", change)
+    assert message in err
+    assert not out.exists()
+
+
+def test_the_stable_step_is_told(tmp_path):
+    scene, out = scene_file(tmp_path), tmp_path / "out"
+    err = refused("simulate", scene, "--out", out, "--set", "solver.dt=100")
+    assert "100" in err and "stable step of this scene is 2." in err
+
+
+@pytest.mark.parametrize("below", ["", "below", "below/it"])
+@pytest.mark.parametrize("command", ["simulate", "voxelize"])
+def test_out_is_a_file_or_below_one(tmp_path, sphere, command, below):
+    taken = tmp_path / "taken"
+    taken.write_text("mine")
+    if command == "simulate":
+        err = refused("simulate", scene_file(tmp_path), "--out", taken / below)
+    else:
+        options = ("--pitch", "1cm", "--unit", "m", "--out", taken / below)
+        err = refused("voxelize", sphere, *options)
+    assert "--out" in err
+    assert taken.read_text() == "mine"
+
+
+def test_out_with_a_file_where_frames_go(tmp_path):
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "frames").write_text("mine")
+    err = refused("simulate", scene_file(tmp_path), "--out", out)
+    assert "is a file" in err
+    assert files(out) == {"frames"}
+
+
+def test_out_with_a_folder_where_a_file_goes(tmp_path):
+    out = tmp_path / "out"
+    (out / "summary.json").mkdir(parents=True)
+    err = refused("simulate", scene_file(tmp_path), "--out", out)
+    assert "is a folder" in err
+    assert files(out) == set()
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("simulat",),
+        ("simulate",),
+        ("simulate", "a.yaml", "--ouput", "b"),
+        ("simulate", "a.yaml", "--set"),
+        ("render",),
+        ("voxelize", "a.stl"),
+        ("voxelize", "a.stl", "--pitch", "wide"),
+        ("--verson",),
+    ],
+)
+def test_an_unknown_command_or_option(arguments, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    refused(*arguments)
+    assert files(tmp_path) == set()
+
+
+def test_the_console_script(tmp_path):
+    script = Path(sys.executable).with_name("jaxthermo")
+    mesh = tmp_path / "bad.stl"
+    mesh.write_text("junk")
+    done = subprocess.run(
+        [script, "voxelize", mesh, "--pitch", "1cm", "--unit", "m"],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        cwd=tmp_path,
+    )
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("jaxthermo: ") and done.stderr.count("\n") == 1
+    assert files(tmp_path) == {"bad.stl"}

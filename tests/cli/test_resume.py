@@ -1,0 +1,152 @@
+"""A run that is cut off: what it leaves, and that it ends as if it had not been."""
+
+import signal
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+from cli_runs import RESULTS, files, frame_files, run, scene_file
+
+import jaxthermo.cli.simulate as command
+
+
+STEPS = ("--set", "solver.dt=0.02")
+"""1000 steps, in many segments: they start with two steps and grow from there."""
+
+
+@pytest.fixture(scope="module")
+def uninterrupted(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("uninterrupted")
+    code, _, err = run("simulate", scene_file(folder), "--out", folder / "out", *STEPS)
+    assert (code, err) == (0, "")
+    return folder / "out"
+
+
+@pytest.fixture
+def stop_at(monkeypatch):
+    """A function that has Ctrl-C pressed once, after the given number of steps.
+
+    It returns the list of what the next run has done at the end of each segment.
+    """
+
+    def arrange(step: int | None) -> list[int]:
+        reached: list[int] = []
+
+        @contextmanager
+        def bar(console, end, steps):
+            def update(done, time):
+                if step is not None and done >= step > max(reached, default=0):
+                    signal.raise_signal(signal.SIGINT)
+                reached.append(done)
+
+            yield update
+
+        monkeypatch.setattr(command, "progress_bar", bar)
+        return reached
+
+    return arrange
+
+
+def same_arrays(one, other):
+    with np.load(one) as a, np.load(other) as b:
+        assert set(a.files) == set(b.files)
+        for name in a.files:
+            assert a[name].dtype == b[name].dtype
+            np.testing.assert_array_equal(a[name], b[name], name)
+
+
+def test_an_interrupted_run_goes_on_and_ends_the_same(tmp_path, stop_at, uninterrupted):
+    scene, out = scene_file(tmp_path), tmp_path / "out"
+    again = ("simulate", scene, "--out", out, *STEPS)
+
+    before = stop_at(10)
+    code, _, err = run(*again)
+    assert code == 130
+    assert err == (
+        f"jaxthermo: stopped at t = {0.02 * before[-1]:.4g} s; the same command "
+        "goes on from there\n"
+    )
+    assert files(out) == {"config.yaml", "checkpoint.npz"}
+
+    # In the second interval, so that an observation is kept too.
+    middle = stop_at(251)
+    code, text, err = run(*again)
+    assert (code, err.count("\n")) == (130, 1)
+    assert f"going on from t = {0.02 * before[-1]:.4g} s" in text
+    assert middle[0] > before[-1]
+    assert 250 < middle[-1] < 1000
+
+    after = stop_at(None)
+    code, _, err = run(*again)
+    assert (code, err) == (0, "")
+    assert after[0] > middle[-1]
+    assert after[-1] == 1000
+    assert files(out) == RESULTS | frame_files()
+    same_arrays(out / "solution.npz", uninterrupted / "solution.npz")
+    energies = (folder / "energy.csv" for folder in (out, uninterrupted))
+    assert next(energies).read_text() == next(energies).read_text()
+
+
+def test_a_stop_at_the_last_step_loses_nothing(tmp_path, stop_at, uninterrupted):
+    again = ("simulate", scene_file(tmp_path), "--out", tmp_path / "out", *STEPS)
+    stop_at(1000)
+    assert run(*again)[0] == 130
+    taken = stop_at(None)
+    assert run(*again)[0] == 0
+    assert taken == []
+    same_arrays(tmp_path / "out/solution.npz", uninterrupted / "solution.npz")
+
+
+@pytest.mark.parametrize("damage", ["config", "cut", "junk", "empty"])
+def test_a_checkpoint_that_does_not_fit_is_ignored(
+    tmp_path, stop_at, uninterrupted, damage
+):
+    scene, out = scene_file(tmp_path), tmp_path / "out"
+    other = ("--set", "bodies.0.temperature=310") if damage == "config" else ()
+    stop_at(1)
+    assert run("simulate", scene, "--out", out, *STEPS, *other)[0] == 130
+    checkpoint = out / "checkpoint.npz"
+    content = checkpoint.read_bytes()
+    damaged = {"cut": content[: len(content) // 2], "junk": b"junk" * 99, "empty": b""}
+    checkpoint.write_bytes(damaged.get(damage, content))
+
+    segments = stop_at(None)
+    code, text, err = run("simulate", scene, "--out", out, *STEPS)
+    assert (code, err) == (0, "")
+    assert "going on" not in text and "starting anew" in text
+    assert segments[0] == 2
+    assert files(out) == RESULTS | frame_files()
+    same_arrays(out / "solution.npz", uninterrupted / "solution.npz")
+
+
+def test_a_second_interrupt_does_not_wait(tmp_path, monkeypatch):
+    @contextmanager
+    def bar(console, end, steps):
+        def update(done, time):
+            signal.raise_signal(signal.SIGINT)
+            signal.raise_signal(signal.SIGINT)
+
+        yield update
+
+    monkeypatch.setattr(command, "progress_bar", bar)
+    scene, out = scene_file(tmp_path), tmp_path / "out"
+    code, _, err = run("simulate", scene, "--out", out, *STEPS)
+    assert (code, err) == (130, "jaxthermo: interrupted\n")
+    assert files(out) == {"config.yaml"}
+
+
+def test_checkpoints_are_written_on_the_way(tmp_path, stop_at, monkeypatch):
+    monkeypatch.setattr(command, "CHECKPOINT_EVERY", 0.0)
+    kept = []
+    save = command.save_checkpoint
+
+    def noted(path, progress, key):
+        save(path, progress, key)
+        kept.append(progress.done)
+
+    monkeypatch.setattr(command, "save_checkpoint", noted)
+    segments = stop_at(None)
+    scene, out = scene_file(tmp_path), tmp_path / "out"
+    assert run("simulate", scene, "--out", out, *STEPS)[0] == 0
+    assert len(kept) == len(segments) > 3
+    assert files(out) == RESULTS | frame_files()

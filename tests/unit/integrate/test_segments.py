@@ -1,0 +1,197 @@
+"""A run in segments is the run in one piece, whatever the segments and the breaks."""
+
+from itertools import islice
+
+import jax
+import numpy as np
+import pytest
+from bodies import bar
+
+import jaxthermo as jt
+from jaxthermo.integrate import segments as module
+from jaxthermo.integrate.segments import (
+    begin,
+    compile_segments,
+    finish,
+    load_checkpoint,
+    save_checkpoint,
+    segments,
+    steps_done,
+    time_reached,
+)
+from jaxthermo.integrate.simulate import plan
+from jaxthermo.precision import precision
+
+
+END, SAVES = 20.0, (4.0, 11.0)
+METAL = jt.Material(conductivity=16.0, density=8000.0, specific_heat=500.0)
+TERMS = (
+    jt.HeatFlux(1e4, on=jt.Side(normal=(-1.0, 0.0, 0.0))),
+    jt.Convection(50.0, 290.0),
+    jt.Surroundings(temperature=280.0),
+)
+
+
+def scene(dtype="float32", cells=9):
+    body = jt.Body(
+        jt.FullVolume(bar(cells, 0.01)),
+        METAL,
+        temperature=lambda points: 300 + 100 * points[:, 0],
+    )
+    return jt.Scene((body,), TERMS, dtype=dtype)
+
+
+def planned(here):
+    return plan(here, END, SAVES, jt.ForwardEuler(dt=0.07))
+
+
+def same(one, other):
+    assert jax.tree.structure(one) == jax.tree.structure(other)
+    for a, b in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True):
+        assert np.asarray(a).dtype == np.asarray(b).dtype
+        np.testing.assert_array_equal(a, b)
+
+
+def values(solution):
+    """What was computed; the rest of a solution is the scene's."""
+    return (
+        solution.times,
+        solution.surface_temperature,
+        solution.mean_temperature,
+        solution.energy,
+    )
+
+
+def run_on(todo, progress, seconds=1.0):
+    """The last progress of a run."""
+    return [progress, *segments(todo, progress, seconds)][-1]
+
+
+@pytest.mark.parametrize("dtype", ["float32", "float64"])
+@pytest.mark.parametrize("seconds", [0.0, 1.0], ids=["two steps each", "long"])
+def test_segments_are_one_long_run(dtype, seconds):
+    here = scene(dtype)
+    whole = jt.simulate(here, END, SAVES, solver=jt.ForwardEuler(dt=0.07))
+    with precision(dtype):
+        todo = planned(here)
+        progress = run_on(todo, compile_segments(todo, begin(here, todo)), seconds)
+        parts = finish(here, todo, progress)
+    assert steps_done(todo, progress) == todo.steps == whole.run.steps
+    same(values(parts), values(whole))
+
+
+def test_position_within_the_run():
+    here = scene()
+    todo = planned(here)
+    fresh = begin(here, todo)
+    at = [
+        (steps_done(todo, progress), time_reached(todo, progress))
+        for progress in (fresh, *segments(todo, fresh))
+    ]
+    assert at[0] == (0, 0.0)
+    steps, times = np.array(at).T
+    assert (np.diff(steps) > 0).all() and (np.diff(times) > 0).all()
+    assert at[-1] == (todo.steps, END)
+    assert {4.0, 11.0} <= set(times)
+
+
+def test_compiling_takes_no_step():
+    here = scene()
+    todo = planned(here)
+    fresh = begin(here, todo)
+    before = [np.array(theta) for theta in fresh.state.theta]
+    compiled = compile_segments(todo, fresh)
+    assert steps_done(todo, compiled) == 0
+    same(list(compiled.state.theta), before)
+    done = run_on(todo, compiled)
+    assert compile_segments(todo, done) is done
+
+
+@pytest.mark.parametrize("dtype", ["float32", "float64"])
+@pytest.mark.parametrize("stop", [1, 3, 5, None])
+def test_a_checkpoint_goes_on_where_it_was(tmp_path, dtype, stop):
+    here, path = scene(dtype), tmp_path / "checkpoint.npz"
+    with precision(dtype):
+        todo = planned(here)
+        progress = [*islice(segments(todo, begin(here, todo)), stop)][-1]
+        save_checkpoint(path, progress, "key")
+        kept = load_checkpoint(path, begin(here, todo), "key")
+        assert kept is not None
+        assert (kept.interval, kept.done) == (progress.interval, progress.done)
+        same(kept, progress)
+        straight = finish(here, todo, run_on(todo, begin(here, todo)))
+        resumed = finish(here, todo, run_on(todo, kept))
+    same(values(resumed), values(straight))
+    assert [p.name for p in tmp_path.iterdir()] == ["checkpoint.npz"]
+
+
+@pytest.fixture
+def kept(tmp_path):
+    """A checkpoint, and the start of the run that it belongs to."""
+    here, path = scene(), tmp_path / "checkpoint.npz"
+    todo = planned(here)
+    progress = next(iter(segments(todo, begin(here, todo))))
+    save_checkpoint(path, progress, "key")
+    fresh = begin(here, todo)
+    assert load_checkpoint(path, fresh, "key") is not None
+    return path, fresh
+
+
+def test_no_checkpoint(tmp_path, kept):
+    _, fresh = kept
+    assert load_checkpoint(tmp_path / "none.npz", fresh, "key") is None
+    assert load_checkpoint(tmp_path, fresh, "key") is None
+
+
+def test_a_checkpoint_of_another_config(kept):
+    path, fresh = kept
+    assert load_checkpoint(path, fresh, "other") is None
+
+
+def test_a_checkpoint_of_another_shape(kept):
+    path, _ = kept
+    here = scene(cells=8)
+    assert load_checkpoint(path, begin(here, planned(here)), "key") is None
+
+
+@pytest.mark.parametrize("share", [0.0, 0.01, 0.3, 0.9, 0.999])
+def test_a_checkpoint_cut_short(kept, share):
+    path, fresh = kept
+    content = path.read_bytes()
+    path.write_bytes(content[: int(share * len(content))])
+    assert load_checkpoint(path, fresh, "key") is None
+
+
+def test_a_checkpoint_with_a_flipped_bit_anywhere_is_refused_or_whole(kept):
+    path, fresh = kept
+    whole = load_checkpoint(path, fresh, "key")
+    content = bytearray(path.read_bytes())
+    for place in np.random.default_rng(5).integers(0, len(content), 60):
+        content[place] ^= 16
+        path.write_bytes(content)
+        damaged = load_checkpoint(path, fresh, "key")
+        if damaged is not None:
+            same(damaged, whole)
+        content[place] ^= 16
+
+
+def test_a_checkpoint_of_something_else(tmp_path, kept):
+    _, fresh = kept
+    np.savez(tmp_path / "other.npz", key=np.array("key"), position=np.zeros(3, int))
+    assert load_checkpoint(tmp_path / "other.npz", fresh, "key") is None
+    np.save(tmp_path / "array.npy", np.zeros(3))
+    assert load_checkpoint(tmp_path / "array.npy", fresh, "key") is None
+
+
+def test_a_failed_write_keeps_the_old_checkpoint(kept, monkeypatch):
+    path, fresh = kept
+    content = path.read_bytes()
+
+    def full(*arguments, **arrays):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(module.np, "savez", full)
+    with pytest.raises(jt.InputError, match="No space left"):
+        save_checkpoint(path, fresh, "key")
+    assert path.read_bytes() == content
+    assert [p.name for p in path.parent.iterdir()] == [path.name]
