@@ -10,6 +10,7 @@ from ..atomic import replacing
 from ..config.build import build_scene, build_solver
 from ..config.loader import config_hash, load_config, to_yaml
 from ..config.schema import SceneConfig
+from ..config.schema_image import ImageConfig, PinholeConfig
 from ..errors import InputError
 from ..image.ticks import time_label
 from ..integrate.segments import (
@@ -103,7 +104,7 @@ def _run(
     console: Console, config: SceneConfig, scene: Scene, todo: Plan, out: Path
 ) -> tuple[Solution, dict[str, float]]:
     """Segments with a bar and checkpoints, from where an earlier run was cut off."""
-    key = f"{config_hash(config)} {__version__}"
+    key = _checkpoint_key(config)
     fresh = begin(scene, todo)
     kept = load_checkpoint(out / CHECKPOINT, fresh, key)
     if kept is not None:
@@ -131,6 +132,12 @@ def _run(
         "compile_time_s": compiled,
         "run_time_s": run,
     }
+
+
+def _checkpoint_key(config: SceneConfig) -> str:
+    """Of all that the simulation depends on: the camera may change meanwhile."""
+    undrawn = {"camera": PinholeConfig(), "image": ImageConfig(), "name": None}
+    return f"{config_hash(config.model_copy(update=undrawn))} {__version__}"
 
 
 def _stop(todo: Plan, progress: Progress, out: Path, key: str) -> None:

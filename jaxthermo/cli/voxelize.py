@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 from rich import box
-from rich.console import Console
 from rich.table import Table
 
 from ..atomic import replacing
@@ -15,7 +14,8 @@ from ..geometry.load import load_mesh
 from ..geometry.verdict import describe_mesh, verdict_line
 from ..voxels.report import voxel_report
 from ..voxels.voxelize import voxelize as make_voxels
-from .files import prepare_folder
+from .console import doing, open_console, tell
+from .files import results_folder
 from .layer_sheets import write_layer_sheets
 
 
@@ -35,18 +35,19 @@ def voxelize(
     edge = _length("--pitch", pitch)
     target = None if height is None else _length("--height", height)
     loaded = load_mesh(mesh, unit=unit, height=target, up=up)
-    folder = prepare_folder(out)
-    grid = make_voxels(loaded, pitch=edge)
-    facts = {"mesh": describe_mesh(loaded), **voxel_report(grid)}
-    with replacing(folder / "voxels.json") as path:
-        path.write_text(json.dumps(facts, indent=2) + "\n", encoding="utf-8")
-    sheets = write_layer_sheets(grid, folder)
-    console = Console(highlight=False, soft_wrap=True)
-    console.print(verdict_line(loaded), markup=False)
-    for line in _lines(facts):
-        console.print(line, markup=False)
-    console.print(_layer_table(facts["layers"]))
-    console.print(f"voxels.json and {len(sheets)} sheets of layers in {folder}")
+    console = open_console()
+    tell(console, verdict_line(loaded))
+    with results_folder(out) as folder:
+        with doing(console, "voxelizing"):
+            grid = make_voxels(loaded, pitch=edge)
+            facts = {"mesh": describe_mesh(loaded), **voxel_report(grid)}
+            with replacing(folder / "voxels.json") as path:
+                path.write_text(json.dumps(facts, indent=2) + "\n", encoding="utf-8")
+            sheets = write_layer_sheets(grid, folder)
+        for line in _lines(facts):
+            tell(console, line)
+        console.print(_layer_table(facts["layers"]))
+        tell(console, f"voxels.json and {len(sheets)} sheets of layers in {folder}")
 
 
 def _lines(facts: dict[str, Any]) -> list[str]:
