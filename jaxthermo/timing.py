@@ -26,7 +26,7 @@ class Timing(NamedTuple):
 
 
 def measure(call: Callable[[], Any], repeats: int = 5) -> Timing:
-    """Times `call`, once to warm up and then `repeats` times, waiting for its arrays."""
+    """Times `call`, after one to warm up, waiting for its arrays."""
     jax.block_until_ready(call())
     spans = []
     for _ in range(repeats):

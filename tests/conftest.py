@@ -1,4 +1,4 @@
-"""Settings shared by all tests: float64, strict promotion, real meshes where present."""
+"""Settings shared by all tests: float64, strict promotion, real meshes if present."""
 
 import os
 from pathlib import Path

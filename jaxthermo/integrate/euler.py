@@ -85,15 +85,19 @@ def advance(
     start: Float[Array, ""],
     dt: Float[Array, ""],
     steps: int | Int[Array, ""],
+    done: int | Int[Array, ""] = 0,
 ) -> RunState:
-    """`steps` steps of `dt` from time `start`.
+    """`steps` steps of `dt`, after `done` ones that began at time `start`.
 
     With `steps` a Python number the loop has a fixed length and can be differentiated
     in reverse; with an array it is one program for any length.
     """
 
     def one(i, state):
-        return euler_step(program, state, start + dt * jnp.asarray(i, dt.dtype), dt)
+        # Loads are taken at the middle of the step: the heat of a ramp is exact, and
+        # what is switched off at a landing is on before it and off after it.
+        middle = jnp.asarray(i + done, dt.dtype) + 0.5
+        return euler_step(program, state, start + dt * middle, dt)
 
     if isinstance(steps, int):
         return jax.lax.fori_loop(0, steps, one, state)

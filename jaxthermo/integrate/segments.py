@@ -48,8 +48,8 @@ class Progress(NamedTuple):
 @eqx.filter_jit(donate="all-except-first")
 def _segment(keep: tuple[Program, Ledger, tuple], theta: State) -> RunState:
     """Steps in place; the ledger is small and shared with observations, so it stays."""
-    program, ledger, (begin, dt, steps) = keep
-    return advance(program, RunState(theta, ledger), begin, dt, steps)
+    program, ledger, (begin, dt, steps, done) = keep
+    return advance(program, RunState(theta, ledger), begin, dt, steps, done)
 
 
 def begin(scene: Scene, plan: Plan) -> Progress:
@@ -77,9 +77,10 @@ def time_reached(plan: Plan, progress: Progress) -> float:
 def _take(plan: Plan, progress: Progress, steps: int) -> RunState:
     interval = plan.intervals[progress.interval]
     span = (
-        jnp.asarray(interval.start + progress.done * interval.dt, plan.dtype),
+        jnp.asarray(interval.start, plan.dtype),
         jnp.asarray(interval.dt, plan.dtype),
         jnp.asarray(steps, jnp.int32),
+        jnp.asarray(progress.done, jnp.int32),
     )
     keep = (plan.compiled.program, progress.state.ledger, span)
     return jax.block_until_ready(_segment(keep, progress.state.theta))

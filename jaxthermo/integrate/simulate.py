@@ -11,6 +11,7 @@ from jaxtyping import Array, Bool, Float
 
 from ..errors import InputError
 from ..network.network import precise_sum
+from ..physics.values import SAMPLES
 from ..precision import precision
 from ..scene.compile import Compiled, Program, State, compile_scene
 from ..scene.scene import Scene
@@ -31,6 +32,8 @@ class Observation(NamedTuple):
     stored: Float[Array, ""]
     """Above the references [J]."""
     finite: Bool[Array, ""]
+    possible: Bool[Array, ""]
+    """Whether no part of the surface is below 0 K, but for rounding."""
     ledger: Ledger
 
 
@@ -44,12 +47,13 @@ def observe(program: Program, state: RunState) -> Observation:
         surface.append(body.reference + here)
         mean.append(body.reference + heat / body.network.total_capacity())
         stored.append(heat)
-    total = jnp.stack(stored).sum()
+    total, outside = jnp.stack(stored).sum(), jnp.concatenate(surface)
     return Observation(
-        surface=jnp.concatenate(surface),
+        surface=outside,
         mean=jnp.stack(mean),
         stored=total,
         finite=jnp.isfinite(total),
+        possible=outside.min() > -1e-3,
         ledger=state.ledger,
     )
 
@@ -94,6 +98,8 @@ def plan(
         dt, known = float(solver.dt), None
     else:
         dt, known = _checked_step(solver, float(limit)), float(limit)
+    if compiled.program.sampled and solver.dt is None and t1 > 0:
+        dt = min(dt, t1 / SAMPLES)
     layout = schedule(t1, saves, compiled.program.knots, dt)
     return Plan(compiled, layout, saves, known)
 
@@ -103,11 +109,11 @@ def _checked_step(solver: ForwardEuler, limit: float) -> float:
         return limit
     dt = float(solver.dt)
     if not dt > 0:
-        raise InputError(f"ForwardEuler(dt={dt:g}): give a positive step in seconds")
+        raise InputError(f"solver: dt={dt:g} is no step; give a positive time")
     if dt > limit * (1 + 1e-6):
         raise InputError(
-            f"ForwardEuler(dt={dt:g}): the largest stable step of this scene is "
-            f"{limit:.6g} s; use that or less, or dt=None to have it chosen"
+            f"solver: dt={dt:g} s is too long: the largest stable step of this scene "
+            f"is {limit:.6g} s; give that or less, or no dt to have it chosen"
         )
     return dt
 
@@ -190,8 +196,11 @@ def assemble_solution(
     at, stored, residual = _balance(first, seen, even, rows, plan.saves[0] == 0.0)
     heat = at.ledger.heat
     names = plan.compiled.program.mechanisms
-    finite = at.finite.all()
-    result = RESULTS.where(finite, RESULTS.successful, RESULTS.nonfinite)
+    result = RESULTS.where(
+        at.finite.all(),
+        RESULTS.where(at.possible.all(), RESULTS.successful, RESULTS.below_zero),
+        RESULTS.nonfinite,
+    )
     return Solution(
         times=jnp.asarray(plan.saves, stored.dtype),
         surface_temperature=at.surface,

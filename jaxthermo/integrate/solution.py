@@ -18,6 +18,10 @@ class RESULTS(eqx.Enumeration):
         "A temperature is no longer finite: a heat flux, coefficient or function of "
         "time gives values that are too large or not finite; check the terms."
     )
+    below_zero = (
+        "A temperature fell below 0 K: a negative heat flux takes out more heat than "
+        "the body has; check its sign and unit."
+    )
 
 
 class Run(eqx.Module):

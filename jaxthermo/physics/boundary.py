@@ -18,7 +18,7 @@ from jaxtyping import Array, Float, Int
 from ..array_types import Scalar
 from ..voxels.select import AbstractSelection
 from .term import AbstractBoundTerm, AbstractTerm, LeftOut, Surface
-from .values import for_jit, is_zero, largest, value_at
+from .values import check_value, for_jit, is_zero, largest, value_at
 
 
 class BoundExchange(AbstractBoundTerm):
@@ -106,15 +106,18 @@ class FixedTemperature(AbstractTerm):
     """T_s [K], a number or a function of time."""
     on: Any = None
 
+    def __check_init__(self):
+        check_value(self.temperature, "FixedTemperature(temperature [K])", 0.0)
+
     @property
     def name(self) -> str:
         """In the ledger."""
         return "fixed_temperature"
 
     @property
-    def knots(self) -> tuple[float, ...]:
-        """Of the temperature."""
-        return getattr(self.temperature, "knots", ())
+    def values(self) -> tuple[Any, ...]:
+        """Its temperature."""
+        return (self.temperature,)
 
     def bind(self, surface: Surface, reference: Scalar) -> AbstractBoundTerm | LeftOut:
         """The chosen fragments, through half a cell of their own material."""
@@ -147,15 +150,18 @@ class HeatFlux(AbstractTerm):
     """q'' [W/m^2], positive into the body; a number or a function of time."""
     on: Any = None
 
+    def __check_init__(self):
+        check_value(self.heat_flux, "HeatFlux(heat_flux [W/m^2])")
+
     @property
     def name(self) -> str:
         """In the ledger."""
         return "heat_flux"
 
     @property
-    def knots(self) -> tuple[float, ...]:
-        """Of the flux."""
-        return getattr(self.heat_flux, "knots", ())
+    def values(self) -> tuple[Any, ...]:
+        """Its flux."""
+        return (self.heat_flux,)
 
     def bind(self, surface: Surface, reference: Scalar) -> AbstractBoundTerm | LeftOut:
         """The chosen fragments."""
@@ -190,18 +196,20 @@ class Convection(AbstractTerm):
     """T_inf of the fluid [K], a number or a function of time."""
     on: Any = None
 
+    def __check_init__(self):
+        h = self.heat_transfer_coefficient
+        check_value(h, "Convection(heat_transfer_coefficient [W/(m^2 K)])", 0.0)
+        check_value(self.temperature, "Convection(temperature [K])", 0.0)
+
     @property
     def name(self) -> str:
         """In the ledger."""
         return "convection"
 
     @property
-    def knots(self) -> tuple[float, ...]:
-        """Of both values."""
-        return (
-            *getattr(self.heat_transfer_coefficient, "knots", ()),
-            *getattr(self.temperature, "knots", ()),
-        )
+    def values(self) -> tuple[Any, ...]:
+        """Both its values."""
+        return (self.heat_transfer_coefficient, self.temperature)
 
     def bind(self, surface: Surface, reference: Scalar) -> AbstractBoundTerm | LeftOut:
         """The chosen fragments."""

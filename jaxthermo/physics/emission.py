@@ -18,7 +18,7 @@ from jaxtyping import Array, Float, Int
 from ..array_types import Scalar
 from ..constants import STEFAN_BOLTZMANN
 from .term import AbstractBoundTerm, AbstractTerm, LeftOut, Surface
-from .values import for_jit, is_zero, largest, value_at
+from .values import check_value, for_jit, is_zero, largest, value_at
 
 
 class BoundEmission(AbstractBoundTerm):
@@ -57,15 +57,18 @@ class Surroundings(AbstractTerm):
     temperature: Any
     """T_s [K], a number or a function of time."""
 
+    def __check_init__(self):
+        check_value(self.temperature, "Surroundings(temperature [K])", 0.0)
+
     @property
     def name(self) -> str:
         """In the ledger."""
         return "emission"
 
     @property
-    def knots(self) -> tuple[float, ...]:
-        """Of the temperature."""
-        return getattr(self.temperature, "knots", ())
+    def values(self) -> tuple[Any, ...]:
+        """Its temperature."""
+        return (self.temperature,)
 
     def bind(self, surface: Surface, reference: Scalar) -> AbstractBoundTerm | LeftOut:
         """Every fragment, with the emissivity of its material."""

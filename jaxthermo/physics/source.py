@@ -17,7 +17,7 @@ from ..raster.directions import unit_vector
 from .boundary import BoundFlux
 from .shadow import lit_share
 from .term import AbstractBoundTerm, AbstractTerm, LeftOut, Surface
-from .values import for_jit, is_zero, largest
+from .values import check_value, for_jit, is_zero, largest
 
 
 class Sun(AbstractTerm):
@@ -30,6 +30,7 @@ class Sun(AbstractTerm):
 
     def __check_init__(self):
         unit_vector(self.direction, "Sun(direction=)")
+        check_value(self.irradiance, "Sun(irradiance [W/m^2])", 0.0)
 
     @property
     def name(self) -> str:
@@ -37,9 +38,9 @@ class Sun(AbstractTerm):
         return "sun"
 
     @property
-    def knots(self) -> tuple[float, ...]:
-        """Of the irradiance."""
-        return getattr(self.irradiance, "knots", ())
+    def values(self) -> tuple[Any, ...]:
+        """Its irradiance."""
+        return (self.irradiance,)
 
     def exposure(
         self,

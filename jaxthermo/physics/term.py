@@ -88,8 +88,8 @@ class AbstractTerm(eqx.Module):
 
     @property
     @abc.abstractmethod
-    def knots(self) -> tuple[float, ...]:
-        """Times at which its values break and the solver must land [s]."""
+    def values(self) -> tuple[Any, ...]:
+        """Those of its values that may be functions of time."""
 
     @abc.abstractmethod
     def pulls_to(self, end: float) -> Float[Array, ""]:

@@ -43,11 +43,6 @@ class Table(eqx.Module):
         times = jnp.asarray(self.times, time.dtype)
         return jnp.interp(time, times, jnp.asarray(self.values, time.dtype))
 
-    @property
-    def knots(self) -> tuple[float, ...]:
-        """Times that the solver lands on exactly [s]."""
-        return tuple(float(t) for t in np.asarray(self.times))
-
 
 class Until(eqx.Module):
     """A value up to, but not including, `end` [s]; zero from then on."""
@@ -58,11 +53,6 @@ class Until(eqx.Module):
     def __call__(self, time: Float[Array, ""]) -> Float[Array, ""]:
         """The value at `time` [s]."""
         return jnp.where(time < self.end, value_at(self.value, time), 0)
-
-    @property
-    def knots(self) -> tuple[float, ...]:
-        """Times that the solver lands on exactly [s]."""
-        return (self.end, *getattr(self.value, "knots", ()))
 
 
 def value_at(value: Any, time: Float[Array, ""]) -> Float[Array, "..."]:
@@ -82,26 +72,52 @@ def for_jit(value: Any, dtype: Any) -> Any:
 
 def is_zero(value: Any) -> bool:
     """Whether this is known to be 0 at all times: such a term can be left out."""
-    if callable(value) or is_traced(value):
+    stated = value.value if isinstance(value, Until) else value
+    stated = stated.values if isinstance(stated, Table) else stated
+    if callable(stated) or is_traced(stated):
         return False
-    return bool(np.all(np.asarray(value) == 0))
+    return bool(np.all(np.asarray(stated) == 0))
 
 
-def check_at_least_zero(value: Any, what: str) -> None:
-    """Refuse a plain number or table below zero or not finite; functions are trusted.
+SAMPLES = 256
+"""Least number of steps over a run in which some value is a plain function of time."""
+
+
+def is_unknown_function(value: Any) -> bool:
+    """Whether this is a function of time of which nothing is known between steps."""
+    if isinstance(value, Until):
+        return is_unknown_function(value.value)
+    return callable(value) and not isinstance(value, Table)
+
+
+def knots(value: Any) -> tuple[float, ...]:
+    """Times at which a value breaks, which the solver lands on exactly [s].
+
+    Those of a traced table have no numbers to land on.
+    """
+    if isinstance(value, Until):
+        return (value.end, *knots(value.value))
+    if isinstance(value, Table) and not is_traced(value.times):
+        return tuple(float(t) for t in np.asarray(value.times))
+    return ()
+
+
+def check_value(value: Any, what: str, least: float = -np.inf) -> None:
+    """Refuse a number or table that is not finite or below `least`.
+
+    Functions are trusted, and so are traced values.
 
     Raises:
         InputError: naming `what`.
     """
-    if isinstance(value, Until):
-        return check_at_least_zero(value.value, what)
-    stated = value.values if isinstance(value, Table) else value
+    stated = value.value if isinstance(value, Until) else value
+    stated = stated.values if isinstance(stated, Table) else stated
     if callable(stated) or is_traced(stated):
-        return None
+        return
     numbers = np.asarray(stated, float)
-    if not np.isfinite(numbers).all() or (numbers < 0).any():
-        raise InputError(f"{what}={stated!r}: give finite numbers of at least 0")
-    return None
+    if not np.isfinite(numbers).all() or (numbers < least).any():
+        need = "finite" if least == -np.inf else f"at least {least:g}"
+        raise InputError(f"{what}: got {numbers.tolist()}, which must be {need}")
 
 
 def largest(value: Any, end: float) -> Float[Array, ""]:

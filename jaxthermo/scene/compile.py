@@ -20,6 +20,8 @@ from ..memory import require_memory
 from ..network.network import AbstractNetwork, Address
 from ..physics.conduction import assemble_mixed, assemble_uniform
 from ..physics.term import AbstractBoundTerm, LeftOut, Surface
+from ..physics.values import is_unknown_function, knots
+from ..structures.structure import AbstractStructure
 from ..tracing import is_traced
 from .receipt import Omission, Receipt
 from .scene import Body, MaterialMap, Scene
@@ -49,6 +51,8 @@ class Program(eqx.Module):
     mechanisms: tuple[str, ...] = eqx.field(static=True)
     knots: tuple[float, ...] = eqx.field(static=True)
     """Times the solver lands on besides the save times [s]."""
+    sampled: bool = eqx.field(static=True)
+    """Whether some value is a function of time, known only where it is evaluated."""
 
 
 class Compiled(eqx.Module):
@@ -124,6 +128,17 @@ def _initial(body: Body, dtype: Any) -> tuple[Scalar, Float[Array, "..."]]:
         reference = float(values.mean())
     above = jnp.asarray(values - reference, dtype)
     return reference, state.at[body.structure.node_address()].set(above)
+
+
+def _address(structure: AbstractStructure) -> Address:
+    """Of the node under each fragment, which must come in the order of the state."""
+    address = structure.fragment_address()
+    place = np.ravel_multi_index(address, structure.state_shape)
+    if (np.diff(place) < 0).any():
+        raise ValueError(
+            f"{type(structure).__name__}: fragments must be sorted by their nodes"
+        )
+    return tuple(jnp.asarray(index) for index in address)
 
 
 def _surface(
@@ -210,18 +225,19 @@ def compile_scene(scene: Scene) -> Compiled:
     bodies = tuple(
         BodyProgram(
             network=_network(body, dtype),
-            address=tuple(jnp.asarray(a) for a in body.structure.fragment_address()),
+            address=_address(body.structure),
             terms=tuple((used.index(n), term) for n, term in bound),
             reference=jnp.asarray(reference, dtype),
         )
         for body, (_, reference, bound) in zip(scene.bodies, programs, strict=True)
     )
-    knots = {k for n in used for k in scene.terms[n].knots}
+    values = [value for n in used for value in scene.terms[n].values]
     return Compiled(
         program=Program(
             bodies=bodies,
             mechanisms=tuple(names[n] for n in used),
-            knots=tuple(sorted(knots)),
+            knots=tuple(sorted({k for value in values for k in knots(value)})),
+            sampled=any(is_unknown_function(value) for value in values),
         ),
         state=tuple(states),
         surfaces=tuple(solved),

@@ -84,7 +84,10 @@ class AbstractStructure(abc.ABC):
         return tuple((index + 1).astype(np.int32) for index in np.nonzero(self.dense))
 
     def fragment_address(self) -> tuple[Int[np.ndarray, " s"], ...]:
-        """Where the node of every surface fragment lies in the state."""
+        """Where the node of every surface fragment lies in the state, in its order.
+
+        The solver's scatters and its stable step count on that order.
+        """
         if self.dense is None:
             return (self.fragment_node().astype(np.int32),)
         return tuple((self.grid.fragment_voxel.T + 1).astype(np.int32))
