@@ -18,9 +18,13 @@ NEAR = 0.02
 class AbstractCamera(eqx.Module):
     """Pixels and rays; image rows run down, columns to the right."""
 
-    width: eqx.AbstractVar[int]
-    height: eqx.AbstractVar[int]
     position: eqx.AbstractVar[tuple[float, float, float]]
+    look_at: eqx.AbstractVar[tuple[float, float, float]]
+
+    @property
+    @abc.abstractmethod
+    def size(self) -> tuple[int, int]:
+        """Width and height in pixels."""
 
     @abc.abstractmethod
     def to_raster(
@@ -96,6 +100,11 @@ class Camera(AbstractCamera):
             )
 
     @property
+    def size(self) -> tuple[int, int]:
+        """Width and height in pixels."""
+        return self.width, self.height
+
+    @property
     def _focal(self) -> float:
         return self.height / 2 / np.tan(self.field_of_view / 2)
 
@@ -156,6 +165,11 @@ class OrthographicCamera(AbstractCamera):
                 f"OrthographicCamera(view_height={self.view_height!r}): "
                 "give a positive length in metres"
             )
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height in pixels."""
+        return self.width, self.height
 
     def to_raster(
         self, triangles: Float[np.ndarray, "f 3 3"]

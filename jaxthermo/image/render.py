@@ -68,7 +68,8 @@ def _spread(view: View, values: Float[Array, " s"]) -> Float[Array, " p"]:
 
 
 def _picture(view: View, values: Array, background: Any) -> Array:
-    shape = (view.camera.height, view.camera.width, *values.shape[1:])
+    width, height = view.camera.size
+    shape = (height, width, *values.shape[1:])
     blank = jnp.full((shape[0] * shape[1], *values.shape[1:]), background, values.dtype)
     return blank.at[view.pixel].set(values).reshape(shape)
 

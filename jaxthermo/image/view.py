@@ -97,12 +97,12 @@ def look(
 def _kept(corners: np.ndarray, camera: AbstractCamera) -> np.ndarray:
     """Triangles whose bounding box meets the image."""
     low, high = corners[..., :2].min(1), corners[..., :2].max(1)
-    size = np.array([camera.width, camera.height])
+    size = np.array(camera.size)
     return np.flatnonzero(((high > 0) & (low < size)).all(1))
 
 
 def _on_screen(corners: np.ndarray, camera: AbstractCamera):
-    return corners[_kept(corners, camera)], camera.width, camera.height
+    return corners[_kept(corners, camera)], *camera.size
 
 
 def _normals(triangles: Float[np.ndarray, "p 3 3"]) -> Float[np.ndarray, "p 3"]:

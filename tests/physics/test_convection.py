@@ -98,6 +98,7 @@ def test_coefficient_that_depends_on_time(voxel):
     scene = jt.Scene((body,), (jt.Convection(ramp, 300.0),), dtype="float64")
     dt, steps = 5.0, 200
     solution = jt.simulate(scene, 1000.0, solver=jt.ForwardEuler(dt=dt))
-    h = 0.1 * dt * np.arange(steps)
+    # The coefficient is taken at the middle of each step.
+    h = 0.1 * dt * (np.arange(steps) + 0.5)
     exact = 300.0 + 100.0 * np.prod(1 - dt * h * 0.06 / 1e3)
     assert float(solution.mean_temperature[0, 0]) == pytest.approx(exact, rel=1e-9)

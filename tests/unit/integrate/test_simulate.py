@@ -58,7 +58,7 @@ def test_the_limit_counts_what_is_on_the_surface(structure):
 
 @pytest.mark.parametrize("dt", [0.0, -1.0, float("nan")])
 def test_steps_that_are_none_are_refused(structure, dt):
-    with pytest.raises(jt.InputError, match="positive step"):
+    with pytest.raises(jt.InputError, match="positive time"):
         jt.simulate(_scene(structure), 1.0, solver=jt.ForwardEuler(dt=dt))
 
 
