@@ -15,14 +15,15 @@ class Timing(NamedTuple):
     fastest: float
     slowest: float
 
-    def per(self, count: float) -> "Timing":
+    def per(self, count: float | int) -> "Timing":
         """The same per one of `count` things done in a call."""
         return Timing(*(value / count for value in self))
 
-    def milliseconds(self) -> str:
-        """For a table: "12.3 ms (11.9-14.0)"."""
-        low, high = self.fastest * 1e3, self.slowest * 1e3
-        return f"{self.median * 1e3:.3g} ms ({low:.3g}-{high:.3g})"
+    def text(self) -> str:
+        """For a table: "12.3 ms (11.9-14.0)" or "1.92 s (1.89-2.18)"."""
+        scale, unit = (1.0, "s") if self.median >= 1.0 else (1e3, "ms")
+        median, low, high = (scale * value for value in self)
+        return f"{median:.3g} {unit} ({low:.3g}-{high:.3g})"
 
 
 def measure(call: Callable[[], Any], repeats: int = 5) -> Timing:

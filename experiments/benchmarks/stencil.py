@@ -101,5 +101,5 @@ def _show(shape: tuple[int, int, int], rows: dict[str, Timing]) -> None:
     for name, row in rows.items():
         rate = np.prod(shape) / row.median / 1e9
         share = row.median / rows["memory copy"].median
-        table.add_row(name, row.milliseconds(), f"{rate:.2f}", f"{share:.1f} x")
+        table.add_row(name, row.text(), f"{rate:.2f}", f"{share:.1f} x")
     Console().print(table)

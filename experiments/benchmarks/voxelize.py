@@ -111,5 +111,5 @@ def _show(mesh: Mesh, shape: tuple[int, int, int], rows: dict[str, Timing]) -> N
         table.add_column(column, justify="left" if not column else "right")
     for name, row in rows.items():
         ratio = rows["trimesh"].median / row.median
-        table.add_row(name, row.milliseconds(), f"{ratio:.1f} x")
+        table.add_row(name, row.text(), f"{ratio:.1f} x")
     Console().print(table)

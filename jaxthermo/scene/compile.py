@@ -219,8 +219,7 @@ def compile_scene(scene: Scene) -> Compiled:
             omissions.append(
                 Omission(f"per-node conductivity{where}", "the material is uniform")
             )
-    if len(scene.bodies) > 1:
-        omissions.append(Omission("contact", "no contact term is in the scene"))
+    omissions += _absent(scene)
     used = sorted({number for _, _, bound in programs for number, _ in bound})
     bodies = tuple(
         BodyProgram(
@@ -252,6 +251,24 @@ def compile_scene(scene: Scene) -> Compiled:
             memory_bytes=memory,
         ),
     )
+
+
+ABSENT = {
+    "sun": "the scene has no source",
+    "convection": "the scene has no moving air or coefficient",
+    "emission": "the scene has no surroundings",
+}
+"""Why a mechanism of most scenes is not in this one."""
+
+
+def _absent(scene: Scene) -> list[Omission]:
+    """Mechanisms that one might look for and that nothing in the scene asks for."""
+    present = {term.name for term in scene.terms}
+    one = "there is one body" if len(scene.bodies) == 1 else "no term joins the bodies"
+    missing = [
+        Omission(name, why) for name, why in ABSENT.items() if name not in present
+    ]
+    return [*missing, Omission("contact", one)]
 
 
 def _hottest(scene, states, bodies, end: float) -> Float[Array, ""]:

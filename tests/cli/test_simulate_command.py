@@ -63,7 +63,8 @@ def test_the_terminal_tells_what_ran(tmp_path):
     assert "360 solid voxels of 8.333 mm in 6 x 5 x 12" in lines[1]
     assert lines[2] == "included: conduction, sun, convection, emission"
     assert lines[3].startswith("left out: per-node conductivity (")
-    assert "steps, stable step" in lines[4]
+    assert lines[4] == "left out: contact (there is one body)"
+    assert "steps, stable step" in lines[5]
     assert lines[-1].startswith("3 frames in ") and "[red] :smile:" in lines[-1]
     assert all(lines)
 
