@@ -17,7 +17,7 @@ from jaxtyping import Array, Float, Int
 
 from ..array_types import Scalar
 from ..voxels.select import AbstractSelection
-from .term import AbstractBoundTerm, AbstractTerm, LeftOut, Surface
+from .term import AbstractBoundTerm, AbstractTerm, Drive, LeftOut, Surface
 from .values import check_value, for_jit, is_zero, largest, value_at
 
 
@@ -133,14 +133,9 @@ class FixedTemperature(AbstractTerm):
             reference=jnp.asarray(reference, surface.dtype),
         )
 
-    def pulls_to(self, end: float) -> Float[Array, ""]:
-        """The temperature itself [K]."""
-        return largest(self.temperature, end)
-
-    def pushes(self, end: float) -> Float[Array, ""]:
-        """Nothing is imposed."""
-        del end
-        return jnp.zeros(())
+    def drive(self, end: float | int) -> Drive:
+        """Towards its temperature [K]."""
+        return Drive(temperature=largest(self.temperature, end))
 
 
 class HeatFlux(AbstractTerm):
@@ -177,14 +172,9 @@ class HeatFlux(AbstractTerm):
             heat_flux=for_jit(self.heat_flux, surface.dtype),
         )
 
-    def pulls_to(self, end: float) -> Float[Array, ""]:
-        """Towards no temperature."""
-        del end
-        return jnp.zeros(())
-
-    def pushes(self, end: float) -> Float[Array, ""]:
-        """The flux [W/m^2]."""
-        return largest(self.heat_flux, end)
+    def drive(self, end: float | int) -> Drive:
+        """An imposed heat flux [W/m^2]."""
+        return Drive(heat_flux=largest(self.heat_flux, end))
 
 
 class Convection(AbstractTerm):
@@ -227,11 +217,6 @@ class Convection(AbstractTerm):
             reference=jnp.asarray(reference, surface.dtype),
         )
 
-    def pulls_to(self, end: float) -> Float[Array, ""]:
-        """The fluid's temperature [K]."""
-        return largest(self.temperature, end)
-
-    def pushes(self, end: float) -> Float[Array, ""]:
-        """Nothing is imposed."""
-        del end
-        return jnp.zeros(())
+    def drive(self, end: float | int) -> Drive:
+        """Towards its temperature [K]."""
+        return Drive(temperature=largest(self.temperature, end))

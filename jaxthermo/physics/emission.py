@@ -17,7 +17,7 @@ from jaxtyping import Array, Float, Int
 
 from ..array_types import Scalar
 from ..constants import STEFAN_BOLTZMANN
-from .term import AbstractBoundTerm, AbstractTerm, LeftOut, Surface
+from .term import AbstractBoundTerm, AbstractTerm, Drive, LeftOut, Surface
 from .values import check_value, for_jit, is_zero, largest, value_at
 
 
@@ -83,11 +83,6 @@ class Surroundings(AbstractTerm):
             reference=jnp.asarray(reference, surface.dtype),
         )
 
-    def pulls_to(self, end: float) -> Float[Array, ""]:
-        """The surroundings' own temperature [K]."""
-        return largest(self.temperature, end)
-
-    def pushes(self, end: float) -> Float[Array, ""]:
-        """Nothing is imposed."""
-        del end
-        return jnp.zeros(())
+    def drive(self, end: float | int) -> Drive:
+        """Towards its temperature [K]."""
+        return Drive(temperature=largest(self.temperature, end))

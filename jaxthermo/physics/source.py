@@ -10,13 +10,13 @@ from typing import Any
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from ..array_types import Scalar
 from ..raster.directions import unit_vector
 from .boundary import BoundFlux
 from .shadow import lit_share
-from .term import AbstractBoundTerm, AbstractTerm, LeftOut, Surface
+from .term import AbstractBoundTerm, AbstractTerm, Drive, LeftOut, Surface
 from .values import check_value, for_jit, is_zero, largest
 
 
@@ -76,11 +76,6 @@ class Sun(AbstractTerm):
             heat_flux=for_jit(self.irradiance, surface.dtype),
         )
 
-    def pulls_to(self, end: float) -> Float[Array, ""]:
-        """Towards no temperature: it imposes a heat flux."""
-        del end
-        return jnp.zeros(())
-
-    def pushes(self, end: float) -> Float[Array, ""]:
-        """The irradiance [W/m^2]."""
-        return largest(self.irradiance, end)
+    def drive(self, end: float | int) -> Drive:
+        """An imposed heat flux [W/m^2]."""
+        return Drive(heat_flux=largest(self.irradiance, end))

@@ -55,6 +55,15 @@ class LeftOut(NamedTuple):
     why: str
 
 
+class Drive(NamedTuple):
+    """What bounds the temperatures that a term can bring about."""
+
+    temperature: Any = 0.0
+    """The highest temperature it drives a body towards [K]; 0 for none."""
+    heat_flux: Any = 0.0
+    """The highest heat flux it imposes whatever the temperature [W/m^2]."""
+
+
 class AbstractBoundTerm(eqx.Module):
     """A term on one body: heat rates of `fragments` (all of them if None)."""
 
@@ -92,12 +101,5 @@ class AbstractTerm(eqx.Module):
         """Those of its values that may be functions of time."""
 
     @abc.abstractmethod
-    def pulls_to(self, end: float) -> Float[Array, ""]:
-        """The highest temperature this term drives a body towards up to `end` [K].
-
-        Zero for a term that imposes a heat flux; see `pushes`.
-        """
-
-    @abc.abstractmethod
-    def pushes(self, end: float) -> Float[Array, ""]:
-        """The highest heat flux this term imposes whatever the temperature [W/m^2]."""
+    def drive(self, end: float | int) -> Drive:
+        """The most this term does to a body up to `end` [s]."""

@@ -278,8 +278,9 @@ def _hottest(scene, states, bodies, end: float) -> Float[Array, ""]:
     With them, a black surface that sheds the flux by emission alone bounds it.
     """
     start = [b.reference + s.max() for b, s in zip(bodies, states, strict=True)]
-    pulls = [term.pulls_to(end) for term in scene.terms]
-    pushed = sum(jnp.maximum(term.pushes(end), 0.0) for term in scene.terms)
+    drives = [term.drive(end) for term in scene.terms]
+    pulls = [drive.temperature for drive in drives]
+    pushed = sum(jnp.maximum(drive.heat_flux, 0.0) for drive in drives)
     bound = jnp.stack([jnp.asarray(v, float) for v in (*start, *pulls)]).max()
     least = jnp.stack(
         [jnp.min(jnp.asarray(_least_emissivity(b), float)) for b in scene.bodies]

@@ -60,6 +60,7 @@ def test_true_area_and_volume(buddha):
 
 
 @pytest.mark.slow
+@pytest.mark.slice
 def test_the_volume_does_not_depend_on_the_axes(buddha):
     mesh, grid = buddha
     rotated = voxelize(turned(mesh, 30.0), PITCH)
