@@ -40,4 +40,4 @@ def render_run(config: SceneConfig, run: Path, out: Path) -> None:
         view = prepare_view(config, stored.surfaces, terms)
         with results_folder(out) as folder:
             count = write_frames(config, view, stored, folder / FRAMES)
-    tell(console, f"{count} frames in {out / FRAMES}")
+    tell(console, f"{count} frame{'s' * (count != 1)} in {out / FRAMES}")

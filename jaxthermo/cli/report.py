@@ -4,6 +4,7 @@ from rich.console import Console
 
 from ..constants import ZERO_CELSIUS
 from ..geometry.verdict import verdict_line
+from ..image.ticks import time_label
 from ..integrate.simulate import Plan
 from ..integrate.solution import Solution
 from ..memory import readable_bytes
@@ -47,6 +48,7 @@ def tell_result(console: Console, solution: Solution, times: dict[str, float]) -
     )
     tell(
         console,
-        f"at the end the surface is at {float(surface.min()):.1f} to "
+        f"at {time_label(float(solution.times[-1]))} the surface is at "
+        f"{float(surface.min()):.1f} to "
         f"{float(surface.max()):.1f} degC; energy residual {residual:.1e}",
     )

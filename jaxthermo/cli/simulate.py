@@ -97,7 +97,11 @@ def run_simulation(config: SceneConfig, out: Path) -> None:
         write_json(out / "summary.json", summarize(config, scene, solution, times))
     (out / CHECKPOINT).unlink(missing_ok=True)
     tell_result(console, solution, times)
-    tell(console, f"{frames} frames in {out / FRAMES}, summary.json beside them")
+    tell(
+        console,
+        f"{frames} frame{'s' * (frames != 1)} in {out / FRAMES}, "
+        "summary.json beside them",
+    )
 
 
 def _run(

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..errors import InputError
 from .annotate import annotate, write_png as write_picture
 from .exr import write_exr_channels
 from .palette import apply_palette
@@ -59,6 +60,8 @@ def picture(
         quantity: "apparent" (what a camera shows) or "surface" (the true temperature).
         title: beside the time.
     """
+    if quantity not in ("apparent", "surface"):
+        raise InputError(f"quantity={quantity!r}: choose 'apparent' or 'surface'")
     shown = image.apparent_temperature if quantity == "apparent" else image.temperature
     colours = apply_palette(np.asarray(shown), low, high, palette)
     return annotate(

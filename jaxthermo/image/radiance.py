@@ -51,11 +51,13 @@ def leaving_radiance(
 
 
 def surroundings_temperature(terms: tuple[AbstractTerm, ...]) -> Any:
-    """What the surface mirrors: the surroundings, else the air, else 20 degC."""
-    for kind in (Surroundings, Convection):
-        for term in terms:
-            if isinstance(term, kind):
-                return term.temperature
+    """What the surface mirrors: surroundings, else the air all round, else 20 degC."""
+    for term in terms:
+        if isinstance(term, Surroundings):
+            return term.temperature
+    for term in terms:
+        if isinstance(term, Convection) and term.on is None:
+            return term.temperature
     return DEFAULT_SURROUNDINGS
 
 

@@ -10,6 +10,7 @@ from jaxtyping import Array, Float, Int
 
 from ..integrate.solution import Solution
 from ..physics.values import value_at
+from ..precision import precision
 from ..scene.surface import SolvedSurface
 from .camera import AbstractCamera
 from .radiance import (
@@ -149,12 +150,13 @@ def render(
     Raises:
         InputError: if the camera is inside a body or sees none.
     """
-    view = look(solution.surfaces, solution.terms, camera.finer(samples), smooth)
-    image = draw(
-        view,
-        solution.surfaces,
-        solution.terms,
-        solution.surface_temperature[index],
-        solution.times[index],
-    )
-    return coarsen(image, samples)
+    with precision(solution.receipt.dtype):
+        view = look(solution.surfaces, solution.terms, camera.finer(samples), smooth)
+        image = draw(
+            view,
+            solution.surfaces,
+            solution.terms,
+            jnp.asarray(solution.surface_temperature[index]),
+            jnp.asarray(solution.times[index]),
+        )
+        return coarsen(image, samples)

@@ -76,3 +76,18 @@ def schedule(
         intervals.append(Interval(start, stop, steps, stop in saves))
         start = stop
     return tuple(intervals)
+
+
+def legs(intervals: tuple[Interval, ...]) -> tuple[tuple[Interval, ...], ...]:
+    """Intervals grouped by the save time they lead to; what follows the last one last.
+
+    Only the end of a leg is observed: a table of thousands of knots costs no memory.
+    """
+    groups: list[tuple[Interval, ...]] = []
+    group: list[Interval] = []
+    for interval in intervals:
+        group.append(interval)
+        if interval.saved:
+            groups.append(tuple(group))
+            group = []
+    return tuple([*groups, tuple(group)] if group else groups)

@@ -42,7 +42,7 @@ class Progress(NamedTuple):
     even: jax.Array
     """Heat that conduction must move to even out the start [J]."""
     seen: tuple[Observation, ...]
-    """At the end of each finished interval."""
+    """At the end of each finished leg."""
 
 
 @eqx.filter_jit(donate="all-except-first")
@@ -115,11 +115,11 @@ def segments(
             progress = progress._replace(done=done, state=state)
         else:
             progress = progress._replace(
-                interval=progress.interval + 1,
-                done=0,
-                state=state,
-                seen=(*progress.seen, observe(plan.compiled.program, state)),
+                interval=progress.interval + 1, done=0, state=state
             )
+            if interval.saved or progress.interval == len(plan.intervals):
+                row = observe(plan.compiled.program, state)
+                progress = progress._replace(seen=(*progress.seen, row))
         yield progress
 
 

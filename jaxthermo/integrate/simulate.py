@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from ..array_types import Scalar
 from ..errors import InputError
 from ..network.network import precise_sum
 from ..physics.values import SAMPLES
@@ -18,7 +19,7 @@ from ..scene.scene import Scene
 from ..tracing import is_traced
 from .euler import ForwardEuler, RunState, advance, stable_step
 from .ledger import Energy, Ledger, empty_ledger
-from .schedule import Interval, save_times, schedule
+from .schedule import Interval, legs, save_times, schedule
 from .solution import RESULTS, Run, Solution
 
 
@@ -87,7 +88,7 @@ def plan(
         InputError: for save times out of order, or a step above the stable one.
     """
     saves = save_times(t1, save_at)
-    compiled = compile_scene(scene)
+    compiled = compile_scene(scene, len(saves))
     limit = stable_step(compiled.program, compiled.hottest(t1), t1)
     if is_traced(limit):
         if solver.dt is None:
@@ -95,7 +96,7 @@ def plan(
                 "simulate: the stable step depends on traced values; give the step, "
                 "as in solver=ForwardEuler(dt=0.1)"
             )
-        dt, known = float(solver.dt), None
+        dt, known = _positive_step(solver.dt), None
     else:
         dt, known = _checked_step(solver, float(limit)), float(limit)
     if compiled.program.sampled and solver.dt is None and t1 > 0:
@@ -104,12 +105,17 @@ def plan(
     return Plan(compiled, layout, saves, known)
 
 
+def _positive_step(dt: Scalar) -> float:
+    step = float(dt)
+    if not step > 0:
+        raise InputError(f"solver: dt={step:g} is no step; give a positive time")
+    return step
+
+
 def _checked_step(solver: ForwardEuler, limit: float) -> float:
     if solver.dt is None:
         return limit
-    dt = float(solver.dt)
-    if not dt > 0:
-        raise InputError(f"solver: dt={dt:g} is no step; give a positive time")
+    dt = _positive_step(solver.dt)
     if dt > limit * (1 + 1e-6):
         raise InputError(
             f"solver: dt={dt:g} s is too long: the largest stable step of this scene "
@@ -138,32 +144,38 @@ def imbalance(program: Program, thetas: State, nodes: list) -> Float[Array, ""]:
 
 @eqx.filter_jit
 def _run_all(program: Program, state: RunState, layout) -> Observation:
-    """Every interval, observed at its end; one program for any numbers of steps."""
+    """Every leg, observed at its end; one program for any numbers of steps."""
 
     def interval(state, times):
-        start, dt, steps = times
-        state = advance(program, state, start, dt, steps)
+        return advance(program, state, *times), None
+
+    def leg(state, intervals):
+        state, _ = jax.lax.scan(interval, state, intervals)
         return state, observe(program, state)
 
-    return jax.lax.scan(interval, state, layout)[1]
+    return jax.lax.scan(leg, state, layout)[1]
 
 
-def _run_traced(program: Program, state: RunState, intervals, dtype) -> Observation:
+def _run_traced(program: Program, state: RunState, legs_, dtype) -> Observation:
     """The same with fixed lengths, for reverse-mode differentiation."""
     seen = []
-    for i in intervals:
-        begin, dt = jnp.asarray(i.start, dtype), jnp.asarray(i.dt, dtype)
-        state = advance(program, state, begin, dt, i.steps)
+    for leg in legs_:
+        for i in leg:
+            begin, dt = jnp.asarray(i.start, dtype), jnp.asarray(i.dt, dtype)
+            state = advance(program, state, begin, dt, i.steps)
         seen.append(observe(program, state))
     return jax.tree.map(lambda *each: jnp.stack(each), *seen)
 
 
-def _layout(intervals: tuple[Interval, ...], dtype):
-    return (
-        jnp.asarray([i.start for i in intervals], dtype),
-        jnp.asarray([i.dt for i in intervals], dtype),
-        jnp.asarray([i.steps for i in intervals], jnp.int32),
-    )
+def _layout(legs_: tuple[tuple[Interval, ...], ...], dtype):
+    """Starts, steps and numbers of steps, a row a leg; the rest takes no step."""
+    shape = len(legs_), max(len(leg) for leg in legs_)
+    starts, spans, counts = np.zeros(shape), np.zeros(shape), np.zeros(shape, np.int32)
+    for row, leg in enumerate(legs_):
+        starts[row, : len(leg)] = [i.start for i in leg]
+        spans[row, : len(leg)] = [i.dt for i in leg]
+        counts[row, : len(leg)] = [i.steps for i in leg]
+    return jnp.asarray(starts, dtype), jnp.asarray(spans, dtype), jnp.asarray(counts)
 
 
 @eqx.filter_jit
@@ -171,11 +183,11 @@ def _balance(
     first: Observation,
     seen: Observation,
     even: Float[Array, ""],
-    rows: tuple[int, ...],
+    rows: int,
     from_start: bool,
 ) -> tuple[Observation, Float[Array, " t"], Float[Array, " t"]]:
     """Observations at the save times, heat stored since the start, and residual."""
-    at = jax.tree.map(lambda a: a[np.array(rows, int)], seen)
+    at = jax.tree.map(lambda a: a[:rows], seen)
     if from_start:
         at = jax.tree.map(lambda one, a: jnp.concatenate([one[None], a]), first, at)
     stored = at.stored - first.stored
@@ -191,8 +203,8 @@ def assemble_solution(
     seen: Observation,
     even: Float[Array, ""],
 ) -> Solution:
-    """A `Solution` from the observations at the start and at each interval's end."""
-    rows = tuple(k for k, i in enumerate(plan.intervals) if i.saved)
+    """A `Solution` from the observations at the start and at each leg's end."""
+    rows = sum(interval.saved for interval in plan.intervals)
     at, stored, residual = _balance(first, seen, even, rows, plan.saves[0] == 0.0)
     heat = at.ledger.heat
     names = plan.compiled.program.mechanisms
@@ -256,9 +268,10 @@ def simulate(
         if not todo.intervals:
             seen = jax.tree.map(lambda a: a[None][:0], first)
         elif is_traced(scene):
-            seen = _run_traced(program, state, todo.intervals, todo.dtype)
+            seen = _run_traced(program, state, legs(todo.intervals), todo.dtype)
         else:
-            seen = _run_all(program, state, _layout(todo.intervals, todo.dtype))
+            layout = _layout(legs(todo.intervals), todo.dtype)
+            seen = _run_all(program, state, layout)
         solution = assemble_solution(scene, todo, first, seen, even)
     if throw and not is_traced(solution.result):
         raise_failure(solution.result)

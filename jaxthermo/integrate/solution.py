@@ -16,7 +16,8 @@ class RESULTS(eqx.Enumeration):
     successful = ""
     nonfinite = (
         "A temperature is no longer finite: a heat flux, coefficient or function of "
-        "time gives values that are too large or not finite; check the terms."
+        "time gives values that are too large or not finite, or a step was given for "
+        "traced values and is above the stable one; check the terms and the step."
     )
     below_zero = (
         "A temperature fell below 0 K: a negative heat flux takes out more heat than "

@@ -62,7 +62,7 @@ class Compiled(eqx.Module):
     state: State
     surfaces: tuple[SolvedSurface, ...]
     hottest: Any
-    """end [s] -> highest temperature anything can reach by then [K]."""
+    """end [s] -> highest temperature that emission must be stable at [K]."""
     receipt: Receipt = eqx.field(static=True)
 
 
@@ -179,7 +179,7 @@ def _bind(scene: Scene, surface: Surface, reference: Scalar) -> tuple[list, list
     return bound, omitted
 
 
-def _check_memory(scene: Scene) -> int:
+def _check_memory(scene: Scene, saves: int) -> int:
     """Forecast of the solver's peak memory [bytes], refused if there is not enough."""
     width = 8 if scene.dtype == "float64" else 4
     total = 0
@@ -187,20 +187,26 @@ def _check_memory(scene: Scene) -> int:
         cells = int(np.prod(body.structure.state_shape))
         fragments = len(body.structure.grid.fragment_area)
         copies = 4 if not isinstance(body.material, MaterialMap) else 12
-        total += cells * (copies * width + 1) + fragments * 30 * width
+        # Saved rows are held twice while the solution is put together.
+        total += cells * (copies * width + 1) + fragments * (30 + 2 * saves) * width
         if body.structure.dense is None:
             total += body.structure.link_count * (3 * width + 8)
-    require_memory(total, "simulating this scene", "use a coarser pitch")
+    remedy = "use a coarser pitch, or save fewer times"
+    require_memory(total, "simulating this scene", remedy)
     return total
 
 
-def compile_scene(scene: Scene) -> Compiled:
+def compile_scene(scene: Scene, saves: int = 1) -> Compiled:
     """Bind every term to every body it acts on; drop what does nothing.
+
+    Args:
+        scene: bodies and terms.
+        saves: how many times will be kept, for the forecast of memory.
 
     Raises:
         InputError: if the program would not fit into memory.
     """
-    memory, dtype = _check_memory(scene), jnp.dtype(scene.dtype)
+    memory, dtype = _check_memory(scene, saves), jnp.dtype(scene.dtype)
     names = mechanism_names(scene)
     triangles = np.concatenate(
         [b.pose.place(b.structure.grid.mesh.triangles) for b in scene.bodies]
@@ -272,10 +278,11 @@ def _absent(scene: Scene) -> list[Omission]:
 
 
 def _hottest(scene, states, bodies, end: float) -> Float[Array, ""]:
-    """An upper bound of every temperature up to `end` [K], by the maximum principle.
+    """An upper bound of temperatures up to `end` [K] where surfaces emit.
 
-    Without imposed fluxes nothing gets hotter than the start or what terms pull to.
-    With them, a black surface that sheds the flux by emission alone bounds it.
+    Without imposed fluxes nothing gets hotter than the start or what terms pull to (the
+    maximum principle). With them a surface that sheds the flux by emission alone does;
+    where nothing emits there is no bound, and none is needed.
     """
     start = [b.reference + s.max() for b, s in zip(bodies, states, strict=True)]
     drives = [term.drive(end) for term in scene.terms]

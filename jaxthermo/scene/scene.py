@@ -82,10 +82,14 @@ class Body(eqx.Module):
     def __check_init__(self):
         if callable(self.temperature) or is_traced(self.temperature):
             return
-        kelvin = float(self.temperature)
+        try:
+            kelvin = float(self.temperature)
+        except (TypeError, ValueError):
+            kelvin = np.nan
         if not np.isfinite(kelvin) or kelvin < 0:
             raise InputError(
-                f"Body(temperature={self.temperature!r}): give a temperature in kelvin"
+                f"Body(temperature={self.temperature!r}): give kelvin, as a "
+                "number or a function of positions"
             )
 
 
@@ -103,6 +107,11 @@ class Scene(eqx.Module):
         if self.dtype not in ("float32", "float64"):
             raise InputError(
                 f"Scene(dtype={self.dtype!r}): choose 'float32' or 'float64'"
+            )
+        if sum(term.name == "emission" for term in self.terms) > 1:
+            raise InputError(
+                "Scene: two Surroundings would count the emission twice; give one, "
+                "whose temperature may be a function of time"
             )
         for i, term in enumerate(self.terms):
             on = getattr(term, "on", None)
