@@ -44,7 +44,7 @@ class Solution(eqx.Module):
     times: Float[Array, " t"]
     """[s]"""
     surface_temperature: Float[Array, "t s"]
-    """At every fragment, bodies one after the other [K]."""
+    """Of the node under every fragment, bodies one after the other [K]."""
     mean_temperature: Float[Array, "t b"]
     """Capacity-weighted, of each body [K]."""
     energy: Energy
