@@ -112,9 +112,7 @@ def build_term(config: terms.TermConfig) -> AbstractTerm:
     """What heats or cools the bodies."""
     match config:
         case terms.SunConfig():
-            irradiance = build_value(config.irradiance)
-            if config.until is not None:
-                irradiance = Until(irradiance, config.until)
+            irradiance = build_value(config.irradiance, config.until)
             return Sun(direction=config.direction, irradiance=irradiance)
         case terms.ConvectionConfig():
             return Convection(
@@ -125,7 +123,7 @@ def build_term(config: terms.TermConfig) -> AbstractTerm:
         case terms.SurroundingsConfig():
             return Surroundings(temperature=build_value(config.temperature))
         case terms.HeatFluxConfig():
-            flux = build_value(config.heat_flux)
+            flux = build_value(config.heat_flux, config.until)
             return HeatFlux(flux, on=build_selection(config.on))
         case terms.FixedTemperatureConfig():
             temperature = build_value(config.temperature)
@@ -134,9 +132,11 @@ def build_term(config: terms.TermConfig) -> AbstractTerm:
             assert_never(config)
 
 
-def build_value(value: float | time.Table) -> Any:
-    """A number as it is, a table as a function of time."""
-    return Table(value.times, value.values) if isinstance(value, time.Table) else value
+def build_value(value: float | time.Table, until: float | None = None) -> Any:
+    """A number as it is, a table as a function of time; switched off at `until`."""
+    tabled = isinstance(value, time.Table)
+    built = Table(value.times, value.values) if tabled else value
+    return built if until is None else Until(built, until)
 
 
 def build_selection(config: terms.WhereConfig | None) -> AbstractSelection | None:

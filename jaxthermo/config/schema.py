@@ -36,7 +36,7 @@ class SceneConfig(Model):
     @classmethod
     def raw_mistakes(cls, data: dict[str, Any]) -> list[Mistake]:
         """Parts that do not fit together, even while other parts are wrong."""
-        return [*_no_such_body(data), *_not_saved(data)]
+        return [*_no_such_body(data), *_not_saved(data), *_twice_surrounded(data)]
 
 
 def _no_such_body(data: dict[str, Any]) -> list[Mistake]:
@@ -52,6 +52,17 @@ def _no_such_body(data: dict[str, Any]) -> list[Mistake]:
                 message = f"there is no body {body}; the last one is {len(bodies) - 1}"
                 found.append((("terms", i, "on", key, "body"), message))
     return found
+
+
+def _twice_surrounded(data: dict[str, Any]) -> list[Mistake]:
+    terms = data.get("terms")
+    kinds = [
+        term.get("kind") if isinstance(term, dict) else None
+        for term in (terms if isinstance(terms, list) else [])
+    ]
+    found = [i for i, kind in enumerate(kinds) if kind == "surroundings"]
+    message = "a second surroundings would count the emission twice; give one"
+    return [(("terms", i), message) for i in found[1:]]
 
 
 def _not_saved(data: dict[str, Any]) -> list[Mistake]:

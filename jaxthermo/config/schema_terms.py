@@ -76,6 +76,7 @@ class HeatFluxConfig(Model):
 
     kind: Literal["heat_flux"] = "heat_flux"
     heat_flux: TimeHeatFlux
+    until: PositiveTime | None = None
     on: WhereConfig | None = None
 
 

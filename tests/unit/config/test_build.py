@@ -45,7 +45,10 @@ terms:
     temperature: {times: [0, 60], values: [290, 300]}
     on: {side: {normal: [1, 0, 0]}}
   - {kind: surroundings, temperature: 280}
-  - {kind: heat_flux, heat_flux: -5, on: {region: {lower: [0, 0, 0], upper: [1, 1, 1]}}}
+  - kind: heat_flux
+    heat_flux: -5
+    until: 30 s
+    on: {region: {lower: [0, 0, 0], upper: [1, 1, 1]}}
   - {kind: fixed_temperature, temperature: 350}
 time: {end: 60, save_at: [60]}
 solver: {dt: 0.5}
@@ -72,6 +75,7 @@ def test_scene_holds_what_the_config_says(tmp_path: Path):
     assert convection.on == Side(normal=(1.0, 0.0, 0.0), body=0)
     assert isinstance(surroundings, Surroundings) and surroundings.temperature == 280.0
     assert isinstance(flux, HeatFlux) and isinstance(flux.on, Region)
+    assert flux.heat_flux == Until(-5.0, 30.0)
     assert isinstance(fixed, FixedTemperature) and fixed.on is None
 
 

@@ -122,6 +122,11 @@ def lines(tmp_path):
         ),
         ("camera={position: [0, 0, 2], look_at: [0, 0, 0]}", "camera.up: is along"),
         (
+            "terms=[{kind: surroundings, temperature: 290},"
+            " {kind: surroundings, temperature: 280}]",
+            "terms.1: a second surroundings",
+        ),
+        (
             "image.palette=irn",
             "image.palette: unknown palette 'irn'; did you mean 'iron'",
         ),
