@@ -120,7 +120,7 @@ def _all_weights(surfaces, body, point, normal, smooth) -> PixelWeights:
         geometry = surface.geometry
         if len(here):
             own = geometry.pose.unplace(point[here])
-            turned = normal[here] @ np.asarray(geometry.pose.rotation)
+            turned = geometry.pose.unturn(normal[here])
             found = (
                 smooth_weights(own, turned, geometry)
                 if smooth

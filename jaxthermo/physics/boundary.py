@@ -78,11 +78,15 @@ class BoundFlux(AbstractBoundTerm):
         return jnp.zeros_like(self.area)
 
 
-def _chosen(surface: Surface, on: AbstractSelection | None):
+def _choose(
+    surface: Surface, on: AbstractSelection | None
+) -> tuple[Any, Float[Array, " m"]] | LeftOut:
     """Fragments `on` selects, as an array for jit (None: all), and their areas."""
     fragments = surface.chosen(on)
     if fragments is None:
         return None, surface.area
+    if not len(fragments):
+        return LeftOut("`on` selects no fragment of this body")
     return jnp.asarray(fragments), surface.area[fragments]
 
 
@@ -92,11 +96,6 @@ def _half_cell(surface: Surface, fragments) -> Float[Array, "*s"]:
     if fragments is not None and k.ndim:
         k = k[fragments]
     return 2 * k / surface.pitch
-
-
-def _nothing_chosen(surface: Surface, on: AbstractSelection | None) -> bool:
-    fragments = surface.chosen(on)
-    return fragments is not None and len(fragments) == 0
 
 
 class FixedTemperature(AbstractTerm):
@@ -121,9 +120,10 @@ class FixedTemperature(AbstractTerm):
 
     def bind(self, surface: Surface, reference: Scalar) -> AbstractBoundTerm | LeftOut:
         """The chosen fragments, through half a cell of their own material."""
-        if _nothing_chosen(surface, self.on):
-            return LeftOut("`on` selects no fragment of this body")
-        fragments, area = _chosen(surface, self.on)
+        chosen = _choose(surface, self.on)
+        if isinstance(chosen, LeftOut):
+            return chosen
+        fragments, area = chosen
         return BoundExchange(
             fragments=fragments,
             area=area,
@@ -163,9 +163,10 @@ class HeatFlux(AbstractTerm):
         del reference
         if is_zero(self.heat_flux):
             return LeftOut("the heat flux is 0")
-        if _nothing_chosen(surface, self.on):
-            return LeftOut("`on` selects no fragment of this body")
-        fragments, area = _chosen(surface, self.on)
+        chosen = _choose(surface, self.on)
+        if isinstance(chosen, LeftOut):
+            return chosen
+        fragments, area = chosen
         return BoundFlux(
             fragments=fragments,
             area=area,
@@ -205,9 +206,10 @@ class Convection(AbstractTerm):
         """The chosen fragments."""
         if is_zero(self.heat_transfer_coefficient):
             return LeftOut("the heat transfer coefficient is 0")
-        if _nothing_chosen(surface, self.on):
-            return LeftOut("`on` selects no fragment of this body")
-        fragments, area = _chosen(surface, self.on)
+        chosen = _choose(surface, self.on)
+        if isinstance(chosen, LeftOut):
+            return chosen
+        fragments, area = chosen
         return BoundExchange(
             fragments=fragments,
             area=area,

@@ -47,8 +47,11 @@ class Pose(eqx.Module):
 
     def unplace(self, points: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
         """World points in the body's frame [m]."""
-        away = points - np.asarray(self.translation, float)
-        return away @ np.asarray(self.rotation, float)
+        return self.unturn(points - np.asarray(self.translation, float))
+
+    def unturn(self, vectors: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
+        """World directions in the body's frame."""
+        return vectors @ np.asarray(self.rotation, float)
 
 
 class MaterialMap(eqx.Module):
