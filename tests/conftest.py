@@ -19,6 +19,12 @@ def _mesh_folders() -> list[Path]:
     return [Path(named)] if named else [ROOT.parent / "shared" / "meshes"]
 
 
+@pytest.fixture(scope="session", autouse=True)
+def structures_kept_for_the_session_only(tmp_path_factory):
+    """Structures are cached in a folder of this run, never in the user's own."""
+    os.environ["JAXTHERMO_CACHE"] = str(tmp_path_factory.mktemp("cache"))
+
+
 @pytest.fixture
 def real_mesh():
     """A function from a file name to the path of a real mesh, skipping without it."""

@@ -11,11 +11,12 @@ from pydantic import ValidationError
 
 from ..errors import InputError
 from .fields import ALLOW_EXTREME
+from .found import FOLDERS
 from .messages import dotted, untagged
 from .model import Location
 from .overrides import parse_override, with_override
 from .schema import SceneConfig
-from .schema_geometry import FOLDERS
+from .schema_structure import Partition
 from .strict_yaml import read_yaml, write_yaml
 
 
@@ -25,9 +26,10 @@ def load_config(
     """The config in a YAML file, with meshes found and all values in SI units.
 
     Args:
-        path: the file; meshes are looked for beside it, then in JAXTHERMO_MESHES.
+        path: the file; meshes and labels are looked for beside it, then in
+            JAXTHERMO_MESHES.
         overrides: "a.b=c" each, applied in order; c is YAML.
-        find_meshes: whether a mesh that is not there is a mistake.
+        find_meshes: whether a mesh or labels that are not there are a mistake.
 
     Raises:
         InputError: one line for each mistake in the config.
@@ -69,12 +71,15 @@ def to_yaml(config: SceneConfig) -> str:
 def config_hash(config: SceneConfig) -> str:
     """16 hex digits that change with the scene, but not with the folder it lies in.
 
-    A mesh counts with its content where the file is there, else with its name.
+    Meshes and labels count with their content where the file is there, else with its
+    name.
     """
     plain = resolved(config)
     for body, built in zip(plain["bodies"], config.bodies, strict=True):
         if built.mesh is not None:
             body["mesh"]["path"] = _fingerprint(built.mesh.path)
+        if isinstance(built.structure, Partition):
+            body["structure"]["labels"] = _fingerprint(built.structure.labels)
     text = json.dumps(plain, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 

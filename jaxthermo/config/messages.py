@@ -48,6 +48,12 @@ def explain(error: Mapping[str, Any]) -> str:
     return error["msg"]
 
 
+def place(error: Mapping[str, Any]) -> tuple[str | int, ...]:
+    """Where the mistake stands: of a union without such a member, at its `kind`."""
+    beyond = ("kind",) if error["type"] == "union_tag_invalid" else ()
+    return (*error["loc"], *beyond)
+
+
 def untagged(location: Iterable[str | int]) -> tuple[str | int, ...]:
     """The location without the <tags> that mark the member of a union."""
     return tuple(part for part in location if not str(part).startswith("<"))

@@ -11,7 +11,7 @@ from pydantic import (
 )
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
-from .messages import MISTAKE, explain
+from .messages import MISTAKE, explain, place
 from .show import close_match, show
 
 
@@ -27,6 +27,11 @@ class Model(BaseModel):
 
     exactly_one: ClassVar[tuple[tuple[str, ...], ...]] = ()
     """Groups of keys of which one, and only one, must be given."""
+
+    @classmethod
+    def unknown_key(cls, key: str) -> str:
+        """What to say of a key that this mapping does not have."""
+        return f"unknown key{close_match(key, cls.model_fields)}"
 
     @classmethod
     def raw_mistakes(cls, data: dict[str, Any]) -> Iterable[Mistake]:
@@ -51,7 +56,7 @@ class Model(BaseModel):
             known = {k: v for k, v in data.items() if k in cls.model_fields}
             model = handler(known)
         except ValidationError as error:
-            found += [(e["loc"], explain(e)) for e in error.errors(include_url=False)]
+            found += [(place(e), explain(e)) for e in error.errors(include_url=False)]
         if model is not None:
             found += model.mistakes()
         if model is None or found:
@@ -61,7 +66,7 @@ class Model(BaseModel):
 
 def _unknown(cls: type[Model], data: dict[str, Any]) -> list[Mistake]:
     return [
-        ((str(key),), f"unknown key{close_match(key, cls.model_fields)}")
+        ((str(key),), cls.unknown_key(str(key)))
         for key in data
         if key not in cls.model_fields
     ]

@@ -18,6 +18,9 @@ ALTERNATIVES = (
 )
 """Keys of which a mapping holds one: setting it takes the place of the other."""
 
+SHORT = {"structure": "kind", "surface_map": "kind", "material": "name"}
+"""Keys that may hold a word alone, and what the word is a value of."""
+
 
 def parse_override(text: str) -> tuple[Location, Any]:
     """The path and the value of "a.0.b=value"; the value is YAML."""
@@ -44,6 +47,8 @@ def _replaced(data: Any, rest: Location, value: Any, before: Location) -> Any:
         return [*data[:index], item, *data[index + 1 :]]
     if data is None or data == "auto":
         data = {}
+    elif isinstance(data, str) and before and before[-1] in SHORT:
+        data = {SHORT[str(before[-1])]: data}
     if not isinstance(data, dict):
         raise InputError(
             f"{dotted(here)}: `{dotted(before)}` is {show(data)} in the config, which "

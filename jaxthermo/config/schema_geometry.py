@@ -1,24 +1,15 @@
 """Bodies: a mesh or a shape, its voxels, structure, material, temperature and pose."""
 
 import math
-import os
-from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import (
-    AfterValidator,
-    BeforeValidator,
-    Discriminator,
-    Field,
-    Tag,
-)
+from pydantic import BeforeValidator, Discriminator, Field, Tag
 
 from ..errors import InputError
 from . import units
 from .fields import (
     Angle,
     Direction,
-    Info,
     Position,
     PositiveLength,
     Size,
@@ -26,29 +17,18 @@ from .fields import (
     Whole,
     refuse,
 )
+from .found import FoundPath
+from .kinds import by_kind
 from .model import Mistake, Model
 from .schema_material import Material
+from .schema_structure import (
+    FluxCorrectedMap,
+    FullVolume,
+    StructureConfig,
+    SurfaceMapConfig,
+)
 from .show import show
 from .units import to_si
-
-
-FOLDERS = "folders"
-"""The key of the validation context that holds the folders to look for meshes in."""
-
-
-def _find(path: Path, info: Info) -> Path:
-    folders: tuple[Path, ...] = (info.context or {}).get(FOLDERS, ())
-    for folder in folders:
-        if (folder / path).is_file():
-            return (folder / path).resolve()
-    if folders:
-        looked = ", ".join(str(folder) for folder in folders)
-        places = looked if not path.is_absolute() else str(path.parent)
-        raise refuse(
-            f"there is no file '{path}'; looked in {places} (add folders with the "
-            f"environment variable JAXTHERMO_MESHES, separated by '{os.pathsep}')"
-        )
-    return path
 
 
 def _metres_per_unit(value: Any) -> float:
@@ -62,14 +42,13 @@ def _metres_per_unit(value: Any) -> float:
         ) from None
 
 
-MeshPath = Annotated[Path, Field(strict=False), AfterValidator(_find)]
 MetresPerUnit = Annotated[float, BeforeValidator(_metres_per_unit), Field(gt=0)]
 
 
 class MeshConfig(Model):
     """A mesh file and its scale: metres per file unit, or the height it shall have."""
 
-    path: MeshPath
+    path: FoundPath
     unit: MetresPerUnit | None = None
     height: PositiveLength | None = None
     up: Literal["x", "y", "z", "-x", "-y", "-z"] = "z"
@@ -115,14 +94,6 @@ class Figurine(Model):
     height: PositiveLength
 
 
-def by_kind(value: Any) -> str | None:
-    """The tag of a union's member: its `kind`, in brackets that no key has."""
-    held = (
-        value.get("kind") if isinstance(value, dict) else getattr(value, "kind", None)
-    )
-    return None if held is None else f"<{held}>"
-
-
 ShapeConfig = Annotated[
     Annotated[Box, Tag("<box>")]
     | Annotated[Sphere, Tag("<sphere>")]
@@ -131,12 +102,6 @@ ShapeConfig = Annotated[
     | Annotated[Figurine, Tag("<figurine>")],
     Discriminator(by_kind),
 ]
-
-
-class StructureConfig(Model):
-    """The nodes and links that stand for the body."""
-
-    kind: Literal["full_volume"] = "full_volume"
 
 
 class PaintConfig(Model):
@@ -172,7 +137,8 @@ class BodyConfig(Model):
     shape: ShapeConfig | None = None
     pitch: PositiveLength | None = None
     voxels_high: Annotated[Whole, Field(ge=1, le=4096)] | None = None
-    structure: StructureConfig = StructureConfig()
+    structure: StructureConfig = FullVolume()
+    surface_map: SurfaceMapConfig = FluxCorrectedMap()
     material: Material
     regions: tuple[PaintConfig, ...] = ()
     temperature: Temperature

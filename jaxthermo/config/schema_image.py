@@ -18,9 +18,9 @@ from .fields import (
     Whole,
     refuse,
 )
+from .kinds import by_kind
 from .known import palette_names
 from .model import Mistake, Model
-from .schema_geometry import by_kind
 from .show import close_match
 
 

@@ -5,8 +5,9 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Discriminator, Field, Tag
 
 from .fields import Direction, Position, PositiveTime, Whole
+from .kinds import by_kind
 from .model import Mistake, Model
-from .schema_geometry import by_kind, empty_box
+from .schema_geometry import empty_box
 from .schema_time import (
     TimeCoefficient,
     TimeHeatFlux,

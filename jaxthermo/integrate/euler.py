@@ -12,8 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from ..network.network import precise_sum
-from ..scene.compile import BodyProgram, Program, State
+from ..scene.program import Program, State
 from .ledger import Ledger
 
 
@@ -31,30 +30,6 @@ class RunState(eqx.Module):
     ledger: Ledger
 
 
-def surface_heat(
-    body: BodyProgram,
-    mechanisms: tuple[str, ...],
-    theta: Float[Array, "..."],
-    time: Float[Array, ""],
-) -> tuple[Float[Array, " s"], Float[Array, " m"]]:
-    """Heat rate into each fragment, and in all by each mechanism [W]."""
-    here = theta.at[body.address].get(mode="promise_in_bounds")
-    total = jnp.zeros_like(here)
-    by_mechanism = jnp.zeros(len(mechanisms), here.dtype)
-    for number, term in body.terms:
-        with jax.named_scope(mechanisms[number]):
-            if term.fragments is None:
-                rate = term.heat_rate(time, here)
-                total = total + rate
-            else:
-                rate = term.heat_rate(time, here[term.fragments])
-                total = total.at[term.fragments].add(
-                    rate, unique_indices=True, indices_are_sorted=True
-                )
-            by_mechanism = by_mechanism.at[number].add(precise_sum(rate))
-    return total, by_mechanism
-
-
 def euler_step(
     program: Program, state: RunState, time: Float[Array, ""], dt: Float[Array, ""]
 ) -> RunState:
@@ -64,15 +39,9 @@ def euler_step(
     for body, theta in zip(program.bodies, state.theta, strict=True):
         with jax.named_scope("conduction"):
             new = body.network.euler_step(theta, dt)
-        if body.terms:
-            heat, by_mechanism = surface_heat(body, program.mechanisms, theta, time)
-            rise = dt * heat / body.network.capacity(body.address)
-            # The state stays three-dimensional here: flattening it for the scatter
-            # would make XLA compute the whole stencil with flat indices, slowly.
-            new = new.at[body.address].add(
-                rise, mode="promise_in_bounds", indices_are_sorted=True
-            )
-            rates = rates + by_mechanism
+        if body.load is not None:
+            new, each = body.load.warm(new, theta, time, dt)
+            rates = rates + each
         thetas.append(new)
     if not len(rates):
         return RunState(tuple(thetas), state.ledger)
@@ -115,25 +84,11 @@ def stable_step(
     """The largest stable step up to `end` [s]: min C / (sum G + stiffness); or inf."""
     rates = []
     for body in program.bodies:
-        network, address = body.network, body.address
-        rates.append(network.largest_rate())
-        if not body.terms:
+        rates.append(body.network.largest_rate())
+        if body.load is None:
             continue
-        stiff = jnp.zeros_like(address[0], body.reference.dtype)
-        for _, term in body.terms:
-            chosen = slice(None) if term.fragments is None else term.fragments
-            stiff = stiff.at[chosen].add(term.stiffness(hottest, end))
-        total = _sum_by_node(body, stiff) + network.diagonal(address)
-        rates.append((total / network.capacity(address)).max())
+        total = body.load.stiffness(hottest, end)
+        total = total + body.network.diagonal()[body.load.address]
+        rates.append((total / body.load.capacity).max())
     fastest = jnp.stack(rates).max()
     return jnp.where(fastest > 0, 1 / jnp.where(fastest > 0, fastest, 1), jnp.inf)
-
-
-def _sum_by_node(body: BodyProgram, values: Float[Array, " s"]) -> Float[Array, " s"]:
-    """For each fragment, the sum of `values` over all fragments of its node."""
-    first = jnp.zeros(values.shape, bool).at[0].set(True)
-    for index in body.address:
-        first = first.at[1:].set(first[1:] | (index[1:] != index[:-1]))
-    node = jnp.cumsum(first) - 1
-    sums = jax.ops.segment_sum(values, node, num_segments=values.shape[0])
-    return sums[node]

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..atomic import replacing
-from ..scene.compile import Program, State
+from ..scene.program import Program, State
 from ..scene.scene import Scene
 from .euler import RunState, advance
 from .ledger import Ledger
@@ -24,6 +24,7 @@ from .simulate import (
     Plan,
     assemble_solution,
     imbalance,
+    last_load,
     observe,
     start,
     uneven_nodes,
@@ -58,7 +59,7 @@ def begin(scene: Scene, plan: Plan) -> Progress:
     # A copy, since segments are taken in place and the plan must stay whole.
     state = RunState(jax.tree.map(jnp.array, fresh.theta), fresh.ledger)
     even = imbalance(program, state.theta, uneven_nodes(scene))
-    return Progress(0, 0, state, observe(program, state), even, ())
+    return Progress(0, 0, state, observe(program, state, None), even, ())
 
 
 def steps_done(plan: Plan, progress: Progress) -> int:
@@ -118,7 +119,8 @@ def segments(
                 interval=progress.interval + 1, done=0, state=state
             )
             if interval.saved or progress.interval == len(plan.intervals):
-                row = observe(plan.compiled.program, state)
+                loads = last_load(interval, plan.dtype)
+                row = observe(plan.compiled.program, state, loads)
                 progress = progress._replace(seen=(*progress.seen, row))
         yield progress
 

@@ -14,7 +14,8 @@ from ..errors import InputError
 from ..network.network import precise_sum
 from ..physics.values import SAMPLES
 from ..precision import precision
-from ..scene.compile import Compiled, Program, State, compile_scene
+from ..scene.compile import compile_scene
+from ..scene.program import Compiled, Program, State
 from ..scene.scene import Scene
 from ..tracing import is_traced
 from .euler import ForwardEuler, RunState, advance, stable_step
@@ -39,11 +40,20 @@ class Observation(NamedTuple):
 
 
 @eqx.filter_jit
-def observe(program: Program, state: RunState) -> Observation:
-    """Surface temperatures, means and energies of a state."""
+def observe(
+    program: Program, state: RunState, time: Float[Array, ""] | None
+) -> Observation:
+    """Surface temperatures, means and energies of a state.
+
+    Args:
+        program: what made it.
+        state: at some moment.
+        time: of the loads that led to it [s], the middle of the last step: a load that
+            is switched at that moment is still read as it was. None at the start.
+    """
     surface, mean, stored = [], [], []
     for body, theta in zip(program.bodies, state.theta, strict=True):
-        here = theta.at[body.address].get(mode="promise_in_bounds")
+        here = body.reading.read(theta, time)
         heat = body.network.stored(theta)
         surface.append(body.reference + here)
         mean.append(body.reference + heat / body.network.total_capacity())
@@ -137,7 +147,9 @@ def imbalance(program: Program, thetas: State, nodes: list) -> Float[Array, ""]:
         if address is None:
             continue
         mean = body.network.stored(theta) / body.network.total_capacity()
-        excess = jnp.abs(theta[address] - mean) * body.network.capacity(address)
+        capacity = body.network.capacity()
+        capacity = capacity[address] if capacity.ndim else capacity
+        excess = jnp.abs(theta[address] - mean) * capacity
         total = total + precise_sum(excess) / 2
     return total
 
@@ -146,12 +158,17 @@ def imbalance(program: Program, thetas: State, nodes: list) -> Float[Array, ""]:
 def _run_all(program: Program, state: RunState, layout) -> Observation:
     """Every leg, observed at its end; one program for any numbers of steps."""
 
-    def interval(state, times):
-        return advance(program, state, *times), None
+    def interval(carry, times):
+        state, time = carry
+        start, dt, steps = times
+        # Empty rows of the layout leave the time of the last step as it is.
+        time = jnp.where(steps > 0, start + dt * (steps.astype(dt.dtype) - 0.5), time)
+        return (advance(program, state, start, dt, steps), time), None
 
     def leg(state, intervals):
-        state, _ = jax.lax.scan(interval, state, intervals)
-        return state, observe(program, state)
+        begin = jnp.zeros((), intervals[0].dtype)
+        (state, time), _ = jax.lax.scan(interval, (state, begin), intervals)
+        return state, observe(program, state, time)
 
     return jax.lax.scan(leg, state, layout)[1]
 
@@ -163,8 +180,13 @@ def _run_traced(program: Program, state: RunState, legs_, dtype) -> Observation:
         for i in leg:
             begin, dt = jnp.asarray(i.start, dtype), jnp.asarray(i.dt, dtype)
             state = advance(program, state, begin, dt, i.steps)
-        seen.append(observe(program, state))
+        seen.append(observe(program, state, last_load(leg[-1], dtype)))
     return jax.tree.map(lambda *each: jnp.stack(each), *seen)
+
+
+def last_load(interval: Interval, dtype: Any) -> Float[Array, ""]:
+    """When the loads of an interval's last step were taken [s]."""
+    return jnp.asarray(interval.end - interval.dt / 2, dtype)
 
 
 def _layout(legs_: tuple[tuple[Interval, ...], ...], dtype):
@@ -263,7 +285,7 @@ def simulate(
     with precision(scene.dtype):
         todo = plan(scene, t1, save_at, solver or ForwardEuler())
         program, state = todo.compiled.program, start(todo)
-        first = observe(program, state)
+        first = observe(program, state, None)
         even = imbalance(program, state.theta, uneven_nodes(scene))
         if not todo.intervals:
             seen = jax.tree.map(lambda a: a[None][:0], first)

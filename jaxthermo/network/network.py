@@ -33,12 +33,12 @@ class AbstractNetwork(eqx.Module):
         """The state after `dt` [s] of conduction: T + dt / C * sum_j G (T_j - T)."""
 
     @abc.abstractmethod
-    def diagonal(self, address: Address) -> Float[Array, " m"]:
-        """Sum of the conductances at some nodes [W/K]."""
+    def diagonal(self) -> Float[Array, "..."]:
+        """Sum of the conductances of each node [W/K], as a state."""
 
     @abc.abstractmethod
-    def capacity(self, address: Address) -> Float[Array, "*m"]:
-        """Heat capacity of some nodes [J/K]; one number if all have the same."""
+    def capacity(self) -> Float[Array, "..."]:
+        """Heat capacity of each node [J/K]; one number if all have the same."""
 
     @abc.abstractmethod
     def largest_rate(self) -> Float[Array, ""]:
@@ -65,3 +65,12 @@ def precise_sum(values: Float[Array, "..."]) -> Float[Array, ""]:
         padded = jnp.pad(flat, (0, -flat.shape[0] % block))
         flat = padded.reshape(-1, block).sum(axis=1)
     return flat.sum()
+
+
+def inverse(values: Float[Array, "..."]) -> Float[Array, "..."]:
+    """1 / values, and 0 where a value is 0.
+
+    Both branches of a where are differentiated: the divisor must never be zero.
+    """
+    positive = values > 0
+    return jnp.where(positive, 1 / jnp.where(positive, values, 1), 0)

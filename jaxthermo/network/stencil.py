@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, UInt8
 
-from .network import AbstractNetwork, Address, precise_sum
+from .network import AbstractNetwork, precise_sum
 
 
 def solid_degree(solid: Bool[np.ndarray, "x y z"]) -> np.ndarray:
@@ -30,10 +30,6 @@ def _neighbour_sum(state):
     along_y = state[inner, after, inner] + state[inner, before, inner]
     along_x = state[after, inner, inner] + state[before, inner, inner]
     return along_z + along_y + along_x
-
-
-def _inner(address: Address) -> Address:
-    return tuple(index - 1 for index in address)
 
 
 class UniformStencil(AbstractNetwork):
@@ -69,14 +65,13 @@ class UniformStencil(AbstractNetwork):
         row = jnp.broadcast_to(ratio, (1, 1, self.degree.shape[2]))
         return jnp.pad(centre + jax.lax.optimization_barrier(row) * spread, 1)
 
-    def diagonal(self, address: Address) -> Float[Array, " m"]:
+    def diagonal(self) -> Float[Array, "..."]:
         """Conductance times degree [W/K]."""
-        degree = self.degree[_inner(address)].astype(self.conductance.dtype)
-        return self.conductance * degree
+        degree = self.degree.astype(self.conductance.dtype)
+        return jnp.pad(self.conductance * degree, 1)
 
-    def capacity(self, address: Address) -> Float[Array, "*m"]:
+    def capacity(self) -> Float[Array, "..."]:
         """The same for every voxel [J/K]."""
-        del address
         return self.node_capacity
 
     def largest_rate(self) -> Float[Array, ""]:
@@ -91,68 +86,3 @@ class UniformStencil(AbstractNetwork):
     def stored(self, state: Float[Array, "..."]) -> Float[Array, ""]:
         """Heat above the reference temperature [J]."""
         return self.node_capacity * precise_sum(state)
-
-
-class MaterialStencil(AbstractNetwork):
-    """A body of several materials: a conductance per face, a capacity per voxel."""
-
-    voxel_capacity: Float[Array, "x y z"]
-    """[J/K]; 0 outside the body."""
-    face_conductance: tuple[
-        Float[Array, "x-1 y z"], Float[Array, "x y-1 z"], Float[Array, "x y z-1"]
-    ]
-    """Towards the next voxel along x, y, z [W/K]; 0 where either is empty."""
-
-    def _rate(self, state):
-        centre = state[1:-1, 1:-1, 1:-1]
-        total = jnp.zeros_like(centre)
-        for axis, conductance in enumerate(self.face_conductance):
-            flow = conductance * jnp.diff(centre, axis=axis)
-            before, after = [(0, 0)] * 3, [(0, 0)] * 3
-            before[axis], after[axis] = (0, 1), (1, 0)
-            total = total + jnp.pad(flow, before) - jnp.pad(flow, after)
-        return centre, total
-
-    def _diagonal(self):
-        total = jnp.zeros_like(self.voxel_capacity)
-        for axis, conductance in enumerate(self.face_conductance):
-            before, after = [(0, 0)] * 3, [(0, 0)] * 3
-            before[axis], after[axis] = (0, 1), (1, 0)
-            total = total + jnp.pad(conductance, before) + jnp.pad(conductance, after)
-        return total
-
-    def _over_capacity(self, values):
-        # Both branches of a where are differentiated: the divisor must never be zero.
-        solid = self.voxel_capacity > 0
-        return jnp.where(solid, values / jnp.where(solid, self.voxel_capacity, 1), 0)
-
-    def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
-        """Conduction into each node [W]."""
-        return jnp.pad(self._rate(state)[1], 1)
-
-    def euler_step(
-        self, state: Float[Array, "..."], dt: Float[Array, ""]
-    ) -> Float[Array, "..."]:
-        """T + dt / C * (what flows in through six faces)."""
-        centre, rate = self._rate(state)
-        return jnp.pad(centre + dt * self._over_capacity(rate), 1)
-
-    def diagonal(self, address: Address) -> Float[Array, " m"]:
-        """Sum of the six face conductances [W/K]."""
-        return self._diagonal()[_inner(address)]
-
-    def capacity(self, address: Address) -> Float[Array, "*m"]:
-        """Of each node asked for [J/K]."""
-        return self.voxel_capacity[_inner(address)]
-
-    def largest_rate(self) -> Float[Array, ""]:
-        """Over all voxels [1/s]."""
-        return self._over_capacity(self._diagonal()).max()
-
-    def total_capacity(self) -> Float[Array, ""]:
-        """Heat capacity of the body [J/K]."""
-        return precise_sum(self.voxel_capacity)
-
-    def stored(self, state: Float[Array, "..."]) -> Float[Array, ""]:
-        """Heat above the reference temperature [J]."""
-        return precise_sum(self.voxel_capacity * state[1:-1, 1:-1, 1:-1])

@@ -1,105 +1,97 @@
 """Boundary terms: a fixed temperature, a heat flux, convection with a given h.
 
-| term | heat rate into a fragment of area A |
+| term | heat flux into the surface |
 |---|---|
-| `FixedTemperature` | 2 k A / pitch (T_s - T): the half cell between node and surface |
-| `HeatFlux` | q'' A |
-| `Convection` | U A (T_inf - T), 1/U = 1/h + pitch/(2 k) (Newton; thesis eq. 5) |
+| `FixedTemperature` | what holds the surface at T_s, through k / distance to the node |
+| `HeatFlux` | q'' |
+| `Convection` | h (T_inf - T_surface) (Newton; thesis eq. 5) |
 
-T is the node's: heat exchanged with the surface passes half a cell first, without which
-the error would be of first order in the pitch.
+The temperature of the surface is not its node's: see `balance`.
 """
 
 from typing import Any
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+import numpy as np
+from jaxtyping import Array, Bool, Float
 
 from ..array_types import Scalar
-from ..voxels.select import AbstractSelection
-from .term import AbstractBoundTerm, AbstractTerm, Drive, LeftOut, Surface
+from .term import AbstractLaw, AbstractTerm, Binding, Drive, LeftOut, Surface, binding
 from .values import check_value, for_jit, is_zero, largest, value_at
 
 
-class BoundExchange(AbstractBoundTerm):
+class ImposedFlux(AbstractLaw):
+    """A heat flux that does not depend on the temperature."""
+
+    heat_flux: Any
+    """[W/m^2]"""
+
+    def flux(
+        self, time: Float[Array, ""], theta: Float[Array, " m"]
+    ) -> Float[Array, "*#m"]:
+        """The imposed flux."""
+        del theta
+        return value_at(self.heat_flux, time)
+
+    def slope(
+        self, time: Float[Array, ""], theta: Float[Array, " m"]
+    ) -> Float[Array, "*#m"]:
+        """None."""
+        del time
+        return jnp.zeros((), theta.dtype)
+
+    def steepest(self, hottest: Float[Array, ""], end: float) -> Float[Array, ""]:
+        """None."""
+        del end
+        return jnp.zeros_like(hottest)
+
+    @property
+    def is_linear(self) -> bool:
+        """Yes."""
+        return True
+
+
+class Exchange(AbstractLaw):
     """Heat exchanged with something at a given temperature through a coefficient."""
 
-    fragments: Int[Array, " m"] | None
-    area: Float[Array, " m"]
     coefficient: Any
-    """[W/(m^2 K)]: one number, one a fragment, or a function of time."""
-    half_cell: Float[Array, "*s"] | None
-    """2 k / pitch in series with the coefficient [W/(m^2 K)]; None: in it already."""
+    """[W/(m^2 K)]: a number or a function of time."""
     temperature: Any
+    """[K]"""
     reference: Float[Array, ""]
 
-    def _through_half_cell(self, coefficient):
-        if self.half_cell is None:
-            return coefficient
-        total = coefficient + self.half_cell
-        product = coefficient * self.half_cell
-        return jnp.where(total > 0, product / jnp.where(total > 0, total, 1), 0)
-
-    def heat_rate(
+    def flux(
         self, time: Float[Array, ""], theta: Float[Array, " m"]
-    ) -> Float[Array, " m"]:
-        """Coefficient times area times the temperature difference [W]."""
+    ) -> Float[Array, "*#m"]:
+        """Newton's law, h (T_inf - T)."""
         above = value_at(self.temperature, time) - self.reference
-        coefficient = value_at(self.coefficient, time)
-        return self._through_half_cell(coefficient) * self.area * (above - theta)
+        return value_at(self.coefficient, time) * (above - theta)
 
-    def stiffness(self, hottest: Float[Array, ""], end: float) -> Float[Array, "*m"]:
-        """Coefficient times area [W/K]."""
-        del hottest
+    def slope(
+        self, time: Float[Array, ""], theta: Float[Array, " m"]
+    ) -> Float[Array, "*#m"]:
+        """The coefficient, h."""
+        return value_at(self.coefficient, time).astype(theta.dtype)
+
+    def steepest(self, hottest: Float[Array, ""], end: float) -> Float[Array, ""]:
+        """The largest h."""
         coefficient = self.coefficient
         if callable(coefficient):
-            coefficient = largest(coefficient, end).astype(self.area.dtype)
-        return self._through_half_cell(coefficient) * self.area
+            coefficient = largest(coefficient, end)
+        return coefficient.astype(hottest.dtype)
 
-
-class BoundFlux(AbstractBoundTerm):
-    """An imposed heat flux, whatever the temperature."""
-
-    fragments: Int[Array, " m"] | None
-    area: Float[Array, " m"]
-    """Times whatever share of the flux each fragment takes [m^2]."""
-    heat_flux: Any
-
-    def heat_rate(
-        self, time: Float[Array, ""], theta: Float[Array, " m"]
-    ) -> Float[Array, " m"]:
-        """Heat flux times area [W]."""
-        del theta
-        return value_at(self.heat_flux, time) * self.area
-
-    def stiffness(self, hottest: Float[Array, ""], end: float) -> Float[Array, "*m"]:
-        """None: it does not depend on the temperature."""
-        del hottest, end
-        return jnp.zeros_like(self.area)
-
-
-def _choose(
-    surface: Surface, on: AbstractSelection | None
-) -> tuple[Any, Float[Array, " m"]] | LeftOut:
-    """Fragments `on` selects, as an array for jit (None: all), and their areas."""
-    fragments = surface.chosen(on)
-    if fragments is None:
-        return None, surface.area
-    if not len(fragments):
-        return LeftOut("`on` selects no fragment of this body")
-    return jnp.asarray(fragments), surface.area[fragments]
-
-
-def _half_cell(surface: Surface, fragments) -> Float[Array, "*s"]:
-    """Conductance between node and surface for unit area, 2 k / pitch [W/(m^2 K)]."""
-    k = surface.conductivity
-    if fragments is not None and k.ndim:
-        k = k[fragments]
-    return 2 * k / surface.pitch
+    @property
+    def is_linear(self) -> bool:
+        """Yes."""
+        return True
 
 
 class FixedTemperature(AbstractTerm):
-    """The surface held at a temperature; the whole surface without `on`."""
+    """The surface held at a temperature; the whole surface without `on`.
+
+    Other terms do nothing where it holds: what they bring, the holding takes. Where two
+    of these meet the later one holds.
+    """
 
     temperature: Any
     """T_s [K], a number or a function of time."""
@@ -118,20 +110,23 @@ class FixedTemperature(AbstractTerm):
         """Its temperature."""
         return (self.temperature,)
 
-    def bind(self, surface: Surface, reference: Scalar) -> AbstractBoundTerm | LeftOut:
-        """The chosen fragments, through half a cell of their own material."""
-        chosen = _choose(surface, self.on)
-        if isinstance(chosen, LeftOut):
-            return chosen
-        fragments, area = chosen
-        return BoundExchange(
-            fragments=fragments,
-            area=area,
-            coefficient=_half_cell(surface, fragments),
-            half_cell=None,
+    def holds(self, surface: Surface) -> Bool[np.ndarray, " s"] | None:
+        """The chosen fragments."""
+        return surface.chosen(self.on) & surface.free
+
+    def bind(self, surface: Surface, reference: Scalar) -> Binding | LeftOut:
+        """The chosen fragments; its share is the way to the node [W/K]."""
+        chosen = surface.chosen(self.on)
+        if not chosen.any():
+            return LeftOut("`on` selects no fragment of this body")
+        if not (chosen & surface.free).any():
+            return LeftOut("later terms hold all of its surface")
+        law = Exchange(
+            coefficient=jnp.ones((), surface.dtype),
             temperature=for_jit(self.temperature, surface.dtype),
             reference=jnp.asarray(reference, surface.dtype),
         )
+        return binding(surface.half_cell, law, chosen & surface.free)
 
     def drive(self, end: float | int) -> Drive:
         """Towards its temperature [K]."""
@@ -158,20 +153,16 @@ class HeatFlux(AbstractTerm):
         """Its flux."""
         return (self.heat_flux,)
 
-    def bind(self, surface: Surface, reference: Scalar) -> AbstractBoundTerm | LeftOut:
+    def bind(self, surface: Surface, reference: Scalar) -> Binding | LeftOut:
         """The chosen fragments."""
         del reference
         if is_zero(self.heat_flux):
             return LeftOut("the heat flux is 0")
-        chosen = _choose(surface, self.on)
-        if isinstance(chosen, LeftOut):
-            return chosen
-        fragments, area = chosen
-        return BoundFlux(
-            fragments=fragments,
-            area=area,
-            heat_flux=for_jit(self.heat_flux, surface.dtype),
-        )
+        acts = surface.acted_on(self.on)
+        if isinstance(acts, LeftOut):
+            return acts
+        law = ImposedFlux(for_jit(self.heat_flux, surface.dtype))
+        return binding(surface.area, law, acts)
 
     def drive(self, end: float | int) -> Drive:
         """An imposed heat flux [W/m^2]."""
@@ -202,22 +193,19 @@ class Convection(AbstractTerm):
         """Both its values."""
         return (self.heat_transfer_coefficient, self.temperature)
 
-    def bind(self, surface: Surface, reference: Scalar) -> AbstractBoundTerm | LeftOut:
+    def bind(self, surface: Surface, reference: Scalar) -> Binding | LeftOut:
         """The chosen fragments."""
         if is_zero(self.heat_transfer_coefficient):
             return LeftOut("the heat transfer coefficient is 0")
-        chosen = _choose(surface, self.on)
-        if isinstance(chosen, LeftOut):
-            return chosen
-        fragments, area = chosen
-        return BoundExchange(
-            fragments=fragments,
-            area=area,
+        acts = surface.acted_on(self.on)
+        if isinstance(acts, LeftOut):
+            return acts
+        law = Exchange(
             coefficient=for_jit(self.heat_transfer_coefficient, surface.dtype),
-            half_cell=_half_cell(surface, fragments),
             temperature=for_jit(self.temperature, surface.dtype),
             reference=jnp.asarray(reference, surface.dtype),
         )
+        return binding(surface.area, law, acts)
 
     def drive(self, end: float | int) -> Drive:
         """Towards its temperature [K]."""

@@ -1,10 +1,13 @@
 """Conduction (thesis eq. 4): q = k A / L dT between linked nodes.
 
-Conductances are a pure function of a structure's geometry and its materials. Two half
-cells of different conductivity are in series, so a link takes the harmonic mean
-k = 2 k1 k2 / (k1 + k2): exact in one dimension, where the arithmetic mean is off by the
-ratio of the conductivities. The stable explicit step of a node is C / sum_j G_j
-(Fourier 1/6 for a voxel with six neighbours).
+Conductances are a pure function of a structure's geometry, its materials and weights.
+The two halves of a link are in series, each with its own length and conductivity,
+
+    1 / G = (L_1 / k_1 + L_2 / k_2) / (w A),
+
+exact in one dimension, where the arithmetic mean of conductivities is off by their
+ratio. The stable explicit step of a node is C / sum_j G_j (Fourier 1/6 for a voxel with
+six neighbours).
 """
 
 from typing import Any
@@ -13,16 +16,35 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..network.links import LinkNetwork
-from ..network.network import AbstractNetwork
-from ..network.stencil import MaterialStencil, UniformStencil, solid_degree
+from ..errors import InputError
+from ..network.lattice import LatticeStencil
+from ..network.network import AbstractNetwork, inverse, precise_sum
+from ..network.rows import row_layout, row_network
+from ..network.stencil import UniformStencil, solid_degree
+from ..structures.full import FullVolume
 from ..structures.structure import AbstractStructure
+from ..structures.weights import ConductionWeights
 
 
-def series(k1: Float[Array, "*e"], k2: Float[Array, "*e"]) -> Float[Array, "*e"]:
-    """Conductivity of two equal lengths in series [W/(m K)]; 0 if either insulates."""
-    total = k1 + k2
-    return jnp.where(total > 0, 2 * k1 * k2 / jnp.where(total > 0, total, 1), 0)
+def series(
+    area: Float[np.ndarray | Array, "*e"],
+    length1: Float[np.ndarray | Array, "*e"],
+    k1: Float[Array, "*#e"],
+    length2: Float[np.ndarray | Array, "*e"],
+    k2: Float[Array, "*#e"],
+) -> Float[Array, "*e"]:
+    """Conductance of two lengths in series [W/K]; 0 if either insulates.
+
+    Args:
+        area: shared [m^2].
+        length1: of the first half [m].
+        k1: its conductivity [W/(m K)].
+        length2: of the second half [m].
+        k2: its conductivity [W/(m K)].
+    """
+    dtype = k1.dtype
+    a, l1, l2 = (jnp.asarray(v, dtype) for v in (area, length1, length2))
+    return a * k1 * k2 * inverse(l1 * k2 + l2 * k1)
 
 
 def assemble_uniform(
@@ -41,20 +63,14 @@ def assemble_uniform(
     """
     k = jnp.asarray(conductivity, dtype)
     heat = jnp.asarray(volumetric_heat_capacity, dtype)
+    if not _runs_as_stencil(structure):
+        return _assemble_links(structure, k, heat)
     grid = structure.grid
-    if structure.dense is not None:
-        return UniformStencil(
-            degree=jnp.asarray(solid_degree(structure.dense)),
-            conductance=k * grid.pitch,
-            node_capacity=heat * grid.voxel_volume,
-            node_count=structure.node_count,
-        )
-    links = structure.links()
-    return LinkNetwork(
-        src=jnp.asarray(links.src),
-        dst=jnp.asarray(links.dst),
-        conductance=k * jnp.asarray(links.area / links.distance, dtype),
-        node_capacity=heat * jnp.asarray(structure.nodes().volume, dtype),
+    return UniformStencil(
+        degree=jnp.asarray(solid_degree(grid.solid)),
+        conductance=k * grid.pitch,
+        node_capacity=heat * grid.voxel_volume,
+        node_count=structure.node_count,
     )
 
 
@@ -72,34 +88,99 @@ def assemble_mixed(
         conductivity: k [W/(m K)].
         volumetric_heat_capacity: rho c_p [J/(m^3 K)].
     """
-    if structure.dense is not None:
+    if _runs_as_stencil(structure):
         return _mixed_stencil(
-            structure, material, conductivity, volumetric_heat_capacity
+            structure.grid, material, conductivity, volumetric_heat_capacity
         )
-    links, dtype = structure.links(), conductivity.dtype
-    k = conductivity[material]
-    heat = volumetric_heat_capacity[material]
-    return LinkNetwork(
-        src=jnp.asarray(links.src),
-        dst=jnp.asarray(links.dst),
-        conductance=series(k[links.src], k[links.dst])
-        * jnp.asarray(links.area / links.distance, dtype),
-        node_capacity=heat * jnp.asarray(structure.nodes().volume, dtype),
+    return _assemble_links(
+        structure, conductivity[material], volumetric_heat_capacity[material]
     )
 
 
-def _mixed_stencil(structure, material, conductivity, heat):
-    solid, grid = structure.dense, structure.grid
+def _runs_as_stencil(structure: AbstractStructure) -> bool:
+    return isinstance(structure, FullVolume) and structure.runs_as_stencil
+
+
+def _assemble_links(
+    structure: AbstractStructure, k: Float[Array, "*n"], heat: Float[Array, "*n"]
+) -> AbstractNetwork:
+    links, nodes = structure.links(), structure.nodes()
+    first, second = (k[links.src], k[links.dst]) if k.ndim else (k, k)
+    conductance = series(
+        links.area, links.distance_src, first, links.distance_dst, second
+    )
+    capacity = heat * jnp.asarray(nodes.volume, k.dtype)
+    if not structure.weights.are_one:
+        conductance = conductance * link_weights(structure, k.dtype)
+        capacity = weighted_capacity(structure.weights, nodes.level, capacity)
+    layout = row_layout(len(nodes.volume), links.src, links.dst)
+    return row_network(layout, conductance, capacity)
+
+
+def link_weights(structure: AbstractStructure, dtype: Any) -> Float[Array, " e"]:
+    """The weight of every link, by its classes.
+
+    Raises:
+        InputError: if the weights are of another number of levels.
+    """
+    weights, links = structure.weights, structure.links()
+    level = structure.nodes().level
+    low = np.minimum(level[links.src], level[links.dst])
+    crosses = level[links.src] != level[links.dst]
+    levels = int(level.max()) + 1
+    within = _of_level(weights.within, levels, low, "within", dtype)
+    between = _of_level(weights.between, levels - 1, low, "between", dtype)
+    outside = np.zeros(len(level), bool)
+    outside[structure.fragment_node()] = True
+    touches = outside[links.src] | outside[links.dst]
+    surface = jnp.where(touches, jnp.asarray(weights.surface, dtype), 1)
+    return jnp.where(crosses, between, within) * surface
+
+
+def weighted_capacity(
+    weights: ConductionWeights,
+    level: Int[np.ndarray, " n"],
+    capacity: Float[Array, " n"],
+) -> Float[Array, " n"]:
+    """Capacities with the factors of their levels, and the same total [J/K].
+
+    Raises:
+        InputError: if the factors are of another number of levels.
+    """
+    levels = int(level.max()) + 1
+    factor = _of_level(weights.capacity, levels, level, "capacity", capacity.dtype)
+    shifted = capacity * factor
+    return shifted * (precise_sum(capacity) / precise_sum(shifted))
+
+
+def _of_level(value, levels: int, level, name: str, dtype) -> Float[Array, " m"]:
+    numbers = jnp.asarray(value, dtype)
+    if numbers.ndim == 0:
+        return jnp.broadcast_to(numbers, level.shape)
+    if len(numbers) != levels:
+        raise InputError(
+            f"weights: {name} has {len(numbers)} values and the structure needs "
+            f"{levels}; give one number, or one a level"
+        )
+    return numbers[np.minimum(level, max(levels - 1, 0))] if levels else numbers[level]
+
+
+def _mixed_stencil(grid, material, conductivity, heat):
+    solid = grid.solid
     number = np.zeros(solid.shape, np.int32)
     number[solid] = material
     k = jnp.where(solid, conductivity[number], 0)
     faces = []
     for axis in range(3):
-        before = [slice(None)] * 3
-        after = [slice(None)] * 3
+        before, after = [slice(None)] * 3, [slice(None)] * 3
         before[axis], after[axis] = slice(None, -1), slice(1, None)
-        faces.append(grid.pitch * series(k[tuple(before)], k[tuple(after)]))
-    return MaterialStencil(
+        first, second = k[tuple(before)], k[tuple(after)]
+        half = np.full(first.shape, grid.pitch / 2)
+        area = np.full(first.shape, grid.pitch**2)
+        outer = [(0, 0)] * 3
+        outer[axis] = (1, 1)
+        faces.append(jnp.pad(series(area, half, first, half, second), outer))
+    return LatticeStencil(
         face_conductance=(faces[0], faces[1], faces[2]),
-        voxel_capacity=jnp.where(solid, heat[number] * grid.voxel_volume, 0),
+        cell_capacity=jnp.where(solid, heat[number] * grid.voxel_volume, 0),
     )

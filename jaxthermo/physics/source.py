@@ -14,9 +14,9 @@ from jaxtyping import Float
 
 from ..array_types import Scalar
 from ..raster.directions import unit_vector
-from .boundary import BoundFlux
+from .boundary import ImposedFlux
 from .shadow import lit_share
-from .term import AbstractBoundTerm, AbstractTerm, Drive, LeftOut, Surface
+from .term import AbstractTerm, Binding, Drive, LeftOut, Surface, binding
 from .values import check_value, for_jit, is_zero, largest
 
 
@@ -53,28 +53,25 @@ class Sun(AbstractTerm):
         cosine = np.maximum(0.0, -normal @ unit_vector(self.direction))
         return cosine * lit_share(triangles, position, normal, self.direction, pitch)
 
-    def bind(self, surface: Surface, reference: Scalar) -> AbstractBoundTerm | LeftOut:
-        """The fragments that the source sees."""
+    def bind(self, surface: Surface, reference: Scalar) -> Binding | LeftOut:
+        """The free fragments that the source sees."""
         del reference
         if is_zero(self.irradiance):
             return LeftOut("the irradiance is 0")
         if is_zero(surface.absorptivity):
             return LeftOut("the surface has absorptivity 0")
+        acts = surface.acted_on(None)
+        if isinstance(acts, LeftOut):
+            return acts
         exposure = self.exposure(
             surface.scene_triangles, surface.position, surface.normal, surface.pitch
         )
-        seen = np.flatnonzero(exposure > 0)
-        if not len(seen):
+        lit = acts & (exposure > 0)
+        if not lit.any():
             return LeftOut("no surface of this body sees it")
-        absorbing = surface.absorptivity
-        if absorbing.ndim:
-            absorbing = absorbing[seen]
-        share = jnp.asarray(exposure[seen], surface.dtype)
-        return BoundFlux(
-            fragments=jnp.asarray(seen),
-            area=absorbing * share * surface.area[seen],
-            heat_flux=for_jit(self.irradiance, surface.dtype),
-        )
+        share = surface.absorptivity * jnp.asarray(exposure, surface.dtype)
+        law = ImposedFlux(for_jit(self.irradiance, surface.dtype))
+        return binding(share * surface.area, law, lit)
 
     def drive(self, end: float | int) -> Drive:
         """An imposed heat flux [W/m^2]."""

@@ -5,65 +5,35 @@ conductivities, a scene without surface terms never touches its surface: what is
 out has no array and no operation in the program, and the receipt says why.
 """
 
-from typing import Any
+from dataclasses import replace
+from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from ..array_types import Scalar
 from ..constants import STEFAN_BOLTZMANN
 from ..errors import InputError
 from ..memory import require_memory
 from ..network.network import AbstractNetwork, Address
+from ..physics.balance import SurfaceTerms
 from ..physics.conduction import assemble_mixed, assemble_uniform
-from ..physics.term import AbstractBoundTerm, LeftOut, Surface
+from ..physics.term import Binding, LeftOut, Surface
 from ..physics.values import is_unknown_function, knots
 from ..structures.structure import AbstractStructure
 from ..tracing import is_traced
+from .program import (
+    BodyProgram,
+    Compiled,
+    Program,
+    SurfaceLoad,
+    SurfaceReading,
+)
 from .receipt import Omission, Receipt
 from .scene import Body, MaterialMap, Scene
 from .surface import SolvedSurface, body_geometry
-
-
-State = tuple[Float[Array, "..."], ...]
-"""Temperature above the reference at every node, one array a body [K]."""
-
-
-class BodyProgram(eqx.Module):
-    """One body: its network, where its surface lies, and the terms on it."""
-
-    network: AbstractNetwork
-    address: Address
-    """Of the node under each surface fragment."""
-    terms: tuple[tuple[int, AbstractBoundTerm], ...]
-    """With the number of the mechanism in `Program.mechanisms`."""
-    reference: Float[Array, ""]
-    """What the state counts from [K]."""
-
-
-class Program(eqx.Module):
-    """All that the solver needs, and nothing else."""
-
-    bodies: tuple[BodyProgram, ...]
-    mechanisms: tuple[str, ...] = eqx.field(static=True)
-    knots: tuple[float, ...] = eqx.field(static=True)
-    """Times the solver lands on besides the save times [s]."""
-    sampled: bool = eqx.field(static=True)
-    """Whether some value is a function of time, known only where it is evaluated."""
-
-
-class Compiled(eqx.Module):
-    """A program with its initial state, surfaces and receipt."""
-
-    program: Program
-    state: State
-    surfaces: tuple[SolvedSurface, ...]
-    hottest: Any
-    """end [s] -> highest temperature that emission must be stable at [K]."""
-    receipt: Receipt = eqx.field(static=True)
 
 
 def mechanism_names(scene: Scene) -> tuple[str, ...]:
@@ -130,30 +100,23 @@ def _initial(body: Body, dtype: Any) -> tuple[Scalar, Float[Array, "..."]]:
     return reference, state.at[body.structure.node_address()].set(above)
 
 
-def _address(structure: AbstractStructure) -> Address:
-    """Of the node under each fragment, which must come in the order of the state."""
-    address = structure.fragment_address()
-    place = np.ravel_multi_index(address, structure.state_shape)
-    if (np.diff(place) < 0).any():
-        raise ValueError(
-            f"{type(structure).__name__}: fragments must be sorted by their nodes"
-        )
-    return tuple(jnp.asarray(index) for index in address)
-
-
 def _surface(
     index: int, body: Body, triangles: np.ndarray, dtype: Any
 ) -> tuple[Surface, SolvedSurface]:
-    grid, properties = body.structure.grid, _properties(body, dtype)
+    structure, properties = body.structure, _properties(body, dtype)
+    grid = structure.grid
+    area = jnp.asarray(grid.fragment_area, dtype)
+    distance = jnp.asarray(structure.fragment_distance(), dtype)
     surface = Surface(
         body=index,
         pitch=grid.pitch,
         position=body.pose.place(grid.fragment_position),
         normal=body.pose.turn(grid.fragment_normal),
-        area=jnp.asarray(grid.fragment_area, dtype),
+        area=area,
         own_position=grid.fragment_position,
         own_normal=grid.fragment_normal,
-        conductivity=properties["conductivity"],
+        free=np.ones(len(area), bool),
+        half_cell=properties["conductivity"] * area / distance,
         emissivity=properties["emissivity"],
         absorptivity=properties["absorptivity"],
         scene_triangles=triangles,
@@ -167,16 +130,120 @@ def _surface(
     return surface, solved
 
 
-def _bind(scene: Scene, surface: Surface, reference: Scalar) -> tuple[list, list]:
+class _Bound(NamedTuple):
     """The terms on one body, and what was left out with the reason."""
-    bound, omitted = [], []
-    for number, term in enumerate(scene.terms):
+
+    free: list[tuple[int, Binding]]
+    held: list[tuple[int, Binding]]
+    omitted: list[tuple[int, str]]
+    surface: Surface
+
+
+def _bind(scene: Scene, surface: Surface, reference: Scalar) -> _Bound:
+    """What holds the surface first, the last of it before the others."""
+    numbered = list(enumerate(scene.terms))
+    holding = [(n, t) for n, t in numbered if t.holds(surface) is not None]
+    rest = [(n, t) for n, t in numbered if t.holds(surface) is None]
+    bound = _Bound([], [], [], surface)
+    for number, term in holding[::-1]:
+        result = term.bind(surface, reference)
+        held = term.holds(surface)
+        if isinstance(result, LeftOut) or held is None:
+            bound.omitted.append((number, getattr(result, "why", "")))
+        else:
+            bound.held.insert(0, (number, result))
+            surface = replace(surface, free=surface.free & ~held)
+    for number, term in rest:
         result = term.bind(surface, reference)
         if isinstance(result, LeftOut):
-            omitted.append((number, result.why))
+            bound.omitted.append((number, result.why))
         else:
-            bound.append((number, result))
-    return bound, omitted
+            bound.free.append((number, result))
+    bound.omitted.sort()
+    return bound._replace(surface=surface)
+
+
+class _Prepared(NamedTuple):
+    """One body, ready to be put into the program."""
+
+    body: Body
+    reference: Scalar
+    state: Float[Array, "..."]
+    bound: _Bound
+    solved: SolvedSurface
+
+    @property
+    def numbers(self) -> set[int]:
+        """Of the terms that act on it."""
+        return {number for number, _ in (*self.bound.free, *self.bound.held)}
+
+
+def _prepare(index: int, scene: Scene, triangles: np.ndarray, dtype: Any) -> _Prepared:
+    body = scene.bodies[index]
+    surface, solved = _surface(index, body, triangles, dtype)
+    reference, state = _initial(body, dtype)
+    return _Prepared(body, reference, state, _bind(scene, surface, reference), solved)
+
+
+def _body_program(
+    prepared: _Prepared, used: list[int], names: tuple[str, ...], dtype: Any
+) -> BodyProgram:
+    body, bound = prepared.body, prepared.bound
+    renumber = lambda terms: tuple((used.index(n), b.term) for n, b in terms)
+    half_cell = jnp.where(bound.surface.free, bound.surface.half_cell, 0)
+    terms = SurfaceTerms(names, half_cell, renumber(bound.free), renumber(bound.held))
+    network = _network(body, dtype)
+    nodes, node = np.unique(body.structure.fragment_node(), return_inverse=True)
+    return BodyProgram(
+        network=network,
+        reference=jnp.asarray(prepared.reference, dtype),
+        load=_load(body.structure, network, terms, bound),
+        reading=SurfaceReading(
+            address=_address(body.structure, nodes),
+            node=jnp.asarray(node.reshape(-1).astype(np.int32)),
+            terms=terms,
+            surface_map=body.surface_map.bind(body.structure, dtype),
+        ),
+    )
+
+
+def _address(structure: AbstractStructure, nodes: Int[np.ndarray, " m"]) -> Address:
+    return tuple(jnp.asarray(index[nodes]) for index in structure.node_address())
+
+
+def _load(
+    structure: AbstractStructure,
+    network: AbstractNetwork,
+    terms: SurfaceTerms,
+    bound: _Bound,
+) -> SurfaceLoad | None:
+    """Fragments of one node with the same terms as one place."""
+    acts = [binding.acts for _, binding in (*bound.free, *bound.held)]
+    if not acts:
+        return None
+    signature = np.zeros(len(acts[0]), np.int64)
+    for each in acts:
+        # Counted anew each time, so that any number of terms fits.
+        signature = np.unique(2 * signature + each, return_inverse=True)[1].reshape(-1)
+    touched = np.flatnonzero(np.any(acts, axis=0))
+    key = structure.fragment_node().astype(np.int64) * (signature.max() + 1) + signature
+    places, inverse = np.unique(key[touched], return_inverse=True)
+    place = np.full(len(key), -1, np.int32)
+    place[touched] = inverse.reshape(-1)
+    nodes, node = np.unique(places // (signature.max() + 1), return_inverse=True)
+    node = node.reshape(-1).astype(np.int32)
+    count = np.bincount(node)
+    rank = np.arange(len(node)) - np.repeat(np.cumsum(count) - count, count)
+    slots = np.full((count.max(), len(nodes)), len(places), np.int32)
+    slots[rank, node] = np.arange(len(places))
+    address, capacity = _address(structure, nodes), network.capacity()
+    return SurfaceLoad(
+        address=address,
+        capacity=capacity[address] if capacity.ndim else capacity,
+        node=jnp.asarray(node),
+        slots=tuple(jnp.asarray(slot) for slot in slots),
+        terms=terms.merged(place, len(places)),
+    )
 
 
 def _check_memory(scene: Scene, saves: int) -> int:
@@ -184,13 +251,15 @@ def _check_memory(scene: Scene, saves: int) -> int:
     width = 8 if scene.dtype == "float64" else 4
     total = 0
     for body in scene.bodies:
-        cells = int(np.prod(body.structure.state_shape))
-        fragments = len(body.structure.grid.fragment_area)
+        structure = body.structure
+        cells = int(np.prod(structure.state_shape))
+        fragments = len(structure.grid.fragment_area)
         copies = 4 if not isinstance(body.material, MaterialMap) else 12
         # Saved rows are held twice while the solution is put together.
-        total += cells * (copies * width + 1) + fragments * (30 + 2 * saves) * width
-        if body.structure.dense is None:
-            total += body.structure.link_count * (3 * width + 8)
+        total += cells * (copies * width + 1) + fragments * (40 + 2 * saves) * width
+        if len(structure.state_shape) == 1:
+            # A link stands in two rows, with the neighbour's number and conductance.
+            total += structure.link_count * (5 * width + 24)
     remedy = "use a coarser pitch, or save fewer times"
     require_memory(total, "simulating this scene", remedy)
     return total
@@ -211,52 +280,48 @@ def compile_scene(scene: Scene, saves: int = 1) -> Compiled:
     triangles = np.concatenate(
         [b.pose.place(b.structure.grid.mesh.triangles) for b in scene.bodies]
     )
-    programs, states, solved, omissions = [], [], [], []
-    for index, body in enumerate(scene.bodies):
-        surface, view = _surface(index, body, triangles, dtype)
-        reference, state = _initial(body, dtype)
-        bound, omitted = _bind(scene, surface, reference)
-        programs.append((surface, reference, bound))
-        states.append(state)
-        solved.append(view)
-        where = f" on body {index}" if len(scene.bodies) > 1 else ""
-        omissions += [Omission(names[n] + where, why) for n, why in omitted]
-        if not isinstance(body.material, MaterialMap):
-            omissions.append(
-                Omission(f"per-node conductivity{where}", "the material is uniform")
-            )
-    omissions += _absent(scene)
-    used = sorted({number for _, _, bound in programs for number, _ in bound})
-    bodies = tuple(
-        BodyProgram(
-            network=_network(body, dtype),
-            address=_address(body.structure),
-            terms=tuple((used.index(n), term) for n, term in bound),
-            reference=jnp.asarray(reference, dtype),
-        )
-        for body, (_, reference, bound) in zip(scene.bodies, programs, strict=True)
-    )
+    prepared = [
+        _prepare(index, scene, triangles, dtype) for index in range(len(scene.bodies))
+    ]
+    used = sorted(set().union(*(one.numbers for one in prepared)))
+    mechanisms = tuple(names[n] for n in used)
+    bodies = tuple(_body_program(one, used, mechanisms, dtype) for one in prepared)
     values = [value for n in used for value in scene.terms[n].values]
+    states = tuple(one.state for one in prepared)
+    structures = [body.structure for body in scene.bodies]
     return Compiled(
         program=Program(
             bodies=bodies,
-            mechanisms=tuple(names[n] for n in used),
+            mechanisms=mechanisms,
             knots=tuple(sorted({k for value in values for k in knots(value)})),
             sampled=any(is_unknown_function(value) for value in values),
         ),
-        state=tuple(states),
-        surfaces=tuple(solved),
+        state=states,
+        surfaces=tuple(one.solved for one in prepared),
         hottest=lambda end: _hottest(scene, states, bodies, end),
         receipt=Receipt(
-            included=("conduction", *(names[n] for n in used)),
-            left_out=tuple(omissions),
-            nodes=sum(b.structure.node_count for b in scene.bodies),
-            links=sum(b.structure.link_count for b in scene.bodies),
-            fragments=sum(len(s.area) for s, _, _ in programs),
+            included=("conduction", *mechanisms),
+            left_out=tuple(_omissions(scene, prepared, names)),
+            nodes=sum(s.node_count for s in structures),
+            links=sum(s.link_count for s in structures),
+            fragments=sum(len(s.grid.fragment_area) for s in structures),
+            capacity_ratios=tuple(s.capacity_ratio for s in structures),
             dtype=scene.dtype,
             memory_bytes=memory,
         ),
     )
+
+
+def _omissions(scene: Scene, prepared: list[_Prepared], names) -> list[Omission]:
+    omissions = []
+    for index, one in enumerate(prepared):
+        where = f" on body {index}" if len(prepared) > 1 else ""
+        omissions += [Omission(names[n] + where, why) for n, why in one.bound.omitted]
+        if not isinstance(one.body.material, MaterialMap):
+            omissions.append(
+                Omission(f"per-node conductivity{where}", "the material is uniform")
+            )
+    return omissions + _absent(scene)
 
 
 ABSENT = {

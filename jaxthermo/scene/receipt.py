@@ -20,6 +20,8 @@ class Receipt:
     nodes: int
     links: int
     fragments: int
+    capacity_ratios: tuple[float, ...]
+    """Of each body: what its nodes can store over what it could; 1 if all of it."""
     dtype: str
     memory_bytes: int
     """Forecast of the solver's peak: states, operators and surface arrays."""

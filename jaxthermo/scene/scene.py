@@ -11,6 +11,7 @@ from ..errors import InputError
 from ..materials import Material
 from ..physics.term import AbstractTerm
 from ..structures.structure import AbstractStructure
+from ..structures.surface_map import AbstractSurfaceMap, FluxCorrectedMap
 from ..tracing import is_traced
 from ..voxels.select import Region
 
@@ -76,11 +77,15 @@ class MaterialMap(eqx.Module):
 class Body(eqx.Module):
     """A structure of some material at some temperature, somewhere."""
 
-    structure: AbstractStructure = eqx.field(static=True)
+    structure: AbstractStructure
     material: Material | MaterialMap
     temperature: Any = eqx.field(kw_only=True)
     """At the start [K]: a number, or a function of positions [n 3] (own frame, m)."""
     pose: Pose = eqx.field(kw_only=True, default=Pose())
+    surface_map: AbstractSurfaceMap = eqx.field(
+        kw_only=True, default=FluxCorrectedMap()
+    )
+    """How the surface's temperature is read from the nodes."""
 
     def __check_init__(self):
         if callable(self.temperature) or is_traced(self.temperature):

@@ -1,15 +1,14 @@
 """The full volume: every solid voxel is a node, linked over its faces."""
 
-from dataclasses import dataclass
-
+import equinox as eqx
 import numpy as np
-from jaxtyping import Bool, Int
+from jaxtyping import Float, Int
 
 from ..voxels.grid import VoxelGrid
 from .structure import AbstractStructure, Links, Nodes
+from .weights import ConductionWeights
 
 
-@dataclass(frozen=True, eq=False)
 class FullVolume(AbstractStructure):
     """Every solid voxel, linked to its six neighbours; the reference for all others.
 
@@ -17,8 +16,14 @@ class FullVolume(AbstractStructure):
     as sorted links: slower, the same to rounding, and the stencil's tested reference.
     """
 
-    grid: VoxelGrid
-    stencil: bool = True
+    grid: VoxelGrid = eqx.field(static=True)
+    stencil: bool = eqx.field(static=True, default=True)
+    weights: ConductionWeights = eqx.field(kw_only=True, default=ConductionWeights())
+
+    @property
+    def runs_as_stencil(self) -> bool:
+        """Whether a state is the lattice: not if links were asked for, or weighted."""
+        return self.stencil and self.weights.are_one
 
     @property
     def node_count(self) -> int:
@@ -61,18 +66,39 @@ class FullVolume(AbstractStructure):
             dst.append(along[1:][both])
         first, second = np.concatenate(src), np.concatenate(dst)
         order = np.lexsort([second, first])
+        half = np.full(len(order), self.grid.pitch / 2)
         return Links(
             src=first[order].astype(np.int32),
             dst=second[order].astype(np.int32),
             area=np.full(len(order), self.grid.pitch**2),
-            distance=np.full(len(order), self.grid.pitch),
+            distance_src=half,
+            distance_dst=half,
         )
 
     def fragment_node(self) -> Int[np.ndarray, " s"]:
         """The voxel of each fragment, as a node number."""
-        return self._numbers()[tuple(self.grid.fragment_voxel.T)]
+        numbers = self._numbers()[tuple(self.grid.fragment_voxel.T)]
+        return numbers.astype(np.int32)
+
+    def fragment_offset(self) -> Float[np.ndarray, "s 3"]:
+        """None: a fragment's voxel is its node."""
+        return np.zeros(self.grid.fragment_position.shape)
 
     @property
-    def dense(self) -> Bool[np.ndarray, "x y z"] | None:
-        """The solid voxels, unless the general link operator was asked for."""
-        return self.grid.solid if self.stencil else None
+    def capacity_ratio(self) -> float:
+        """All of the body is there."""
+        return 1.0
+
+    @property
+    def state_shape(self) -> tuple[int, ...]:
+        """The lattice and one cell round it, or the nodes."""
+        if not self.runs_as_stencil:
+            return (self.node_count,)
+        x, y, z = self.grid.solid.shape
+        return (x + 2, y + 2, z + 2)
+
+    def node_address(self) -> tuple[Int[np.ndarray, " n"], ...]:
+        """Where every node lies in the state."""
+        if not self.runs_as_stencil:
+            return (np.arange(self.node_count, dtype=np.int32),)
+        return tuple((i + 1).astype(np.int32) for i in np.nonzero(self.grid.solid))

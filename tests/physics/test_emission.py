@@ -7,7 +7,9 @@ import pytest
 
 import jaxthermo as jt
 from jaxthermo.constants import STEFAN_BOLTZMANN
-from jaxthermo.physics.emission import BoundEmission
+from jaxthermo.physics.balance import SurfaceTerms
+from jaxthermo.physics.emission import Emission
+from jaxthermo.physics.term import bound
 from jaxthermo.reference.lumped import radiation_temperature
 from jaxthermo.scene.compile import compile_scene
 from tests.bodies import bar
@@ -85,9 +87,10 @@ def test_zero_kelvin_is_no_singularity(voxel, surroundings, dtype):
 
 def test_a_millikelvin_in_float32(voxel):
     compiled = compile_scene(_scene(voxel, 300.0, 300.0, "float32"))
-    ((_, emission),) = compiled.program.bodies[0].terms
-    assert isinstance(emission, BoundEmission)
-    above = jnp.full(emission.strength.shape, 1e-3, jnp.float32)
+    body = compiled.program.bodies[0]
+    terms = body.reading.terms
+    above = jnp.full(terms.half_cell.shape, 1e-3, jnp.float32)
+    ((_, emission),) = terms.free
     found = emission.heat_rate(jnp.float32(0.0), above).sum()
     exact = 0.9 * STEFAN_BOLTZMANN * AREA * (300.0**4 - 300.001**4)
     assert float(found) == pytest.approx(exact, rel=3e-6)
@@ -102,12 +105,11 @@ def _radiating_wall(cells):
     material = jt.Material(55.6, density=1e3, specific_heat=1e2, emissivity=0.98)
     body = jt.Body(jt.FullVolume(grid), material, temperature=1000.0)
     scene = jt.Scene((body,), (jt.Surroundings(300.0),), dtype="float64")
-    ((_, emission),) = compile_scene(scene).program.bodies[0].terms
-    assert isinstance(emission, BoundEmission)
+    surface = compile_scene(scene).program.bodies[0].reading.terms
     node, flux = 1000.0, 0.0
     for _ in range(200):
-        theta = jnp.full(emission.strength.shape, node - 1000.0)
-        rates = emission.heat_rate(jnp.array(0.0), theta)
+        theta = jnp.full(surface.half_cell.shape, node - 1000.0)
+        rates, _ = surface.heat(jnp.array(0.0), theta)
         flux = float(rates[0]) / float(grid.fragment_area[0])
         node = 1000.0 + flux / 55.6 * (0.1 - grid.pitch / 2)
     return node + flux * grid.pitch / (2 * 55.6)
@@ -131,12 +133,10 @@ def test_surface_settles_between_node_and_surroundings(k, ambient):
         excess = strength * (ambient**4 - middle**4) - half * (middle - 300.0)
         low, high = (middle, high) if excess > 0 else (low, middle)
     exact = half * (low - 300.0)
-    term = BoundEmission(
-        fragments=None,
-        strength=jnp.full(1, strength),
-        half_cell=jnp.full(1, half),
-        temperature=ambient,
-        reference=jnp.asarray(290.0),
-    )
-    rate = term.heat_rate(jnp.asarray(0.0), jnp.full(1, 10.0))
-    assert float(rate[0]) == pytest.approx(exact, rel=1e-4)
+    law = Emission(temperature=jnp.asarray(ambient), reference=jnp.asarray(290.0))
+    term = bound(jnp.full(1, 0.9), law)
+    surface = SurfaceTerms(("emission",), jnp.full(1, half), ((0, term),), ())
+    rate, _ = surface.heat(jnp.asarray(0.0), jnp.full(1, 10.0))
+    assert float(rate[0]) == pytest.approx(exact, rel=1e-6)
+    excess = surface.surface_excess(jnp.asarray(0.0), jnp.full(1, 10.0))
+    assert float(excess[0]) == pytest.approx(low - 300.0, rel=1e-6)

@@ -116,7 +116,9 @@ def test_heat_stays_on_the_island_it_fell_on():
     solid = np.ones((5, 2, 2), bool)
     solid[2] = False
     grid = blocks(solid, 0.01)
-    body = jt.Body(jt.FullVolume(grid), METAL, temperature=300.0)
+    body = jt.Body(
+        jt.FullVolume(grid), METAL, temperature=300.0, surface_map=jt.ConstantMap()
+    )
     term = jt.HeatFlux(1000.0, on=jt.Side((-1.0, 0.0, 0.0)))
     on_left = grid.fragment_voxel[:, 0] == 0
     scene = jt.Scene((body,), (term,), dtype="float64")

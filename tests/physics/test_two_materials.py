@@ -86,6 +86,7 @@ def test_an_insulator_of_no_conductivity_stops_heat_and_no_gradient():
             jt.FullVolume(grid),
             jt.MaterialMap(base, ((region, middle),)),
             temperature=300.0,
+            surface_map=jt.ConstantMap(),
         )
         terms = (
             jt.FixedTemperature(400.0, on=LEFT),

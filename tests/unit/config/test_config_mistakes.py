@@ -60,7 +60,10 @@ def lines(tmp_path):
         ),
         ("bodies.0.shape.size=[1, 2]", "shape.size: expected three numbers"),
         ("bodies.0.shape.size=[1, 2, -1]", "shape.size.2: must be more than 0"),
-        ("bodies.0.shape.kind=bax", "bodies.0.shape: unknown kind 'bax'; did .* 'box'"),
+        (
+            "bodies.0.shape.kind=bax",
+            "bodies.0.shape.kind: unknown kind 'bax'; did .* 'box'",
+        ),
         (
             "bodies.0.shape={radius: 1}",
             "bodies.0.shape: expected a mapping with a `kind",
@@ -74,14 +77,17 @@ def lines(tmp_path):
             "bodies.0.mesh={path: scene.yaml, unit: kg}",
             "mesh.unit: expected a length unit",
         ),
-        ("bodies.0.structure.kind=octre", "structure.kind: 'octre' is not known"),
+        (
+            "bodies.0.structure.kind=octre",
+            "structure.kind: unknown kind 'octre'; did you mean 'octree'?",
+        ),
         (
             "bodies.0.pose.rotation={axis: [0, 0, 0], angle: 1}",
             "rotation.axis: must not",
         ),
         ("bodies=[]", "bodies: must not be empty"),
         ("bodies=3", "bodies: expected a list, got 3"),
-        ("terms=[{kind: sum}]", "terms.0: unknown kind 'sum'; did you mean 'sun'?"),
+        ("terms=[{kind: sum}]", "terms.0.kind: unknown kind 'sum'; did .* 'sun'?"),
         ("terms=[sun]", "terms.0: expected a mapping with a `kind`, got 'sun'"),
         ("terms.0.direction=[0, 0, 0]", "terms.0.direction: must not be"),
         ("terms.0.irradiance=-3", "terms.0.irradiance: must be at least 0"),
@@ -181,7 +187,9 @@ def test_a_missing_mesh_says_where_it_was_looked_for(lines, tmp_path, monkeypatc
         ("bodies.pitch=1", "`bodies` is a list: give an index"),
         ("time.0=1", "`time` is not a list"),
         ("boddies.0.pitch=1", "did you mean 'bodies'"),
-        ("bodies.0.material.emissivity=1", "is 'copper' in the config"),
+        ("bodies.0.shape.kind=bax", "bodies.0.shape.kind: unknown kind 'bax'"),
+        ("bodies.0.structure.kind=octre", "structure.kind: unknown kind 'octre'"),
+        ("bodies.0.temperature.of=1", "is '20 degC' in the config"),
         ("camera.width=[1", "line 1"),
     ],
 )

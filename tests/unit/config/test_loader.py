@@ -106,6 +106,13 @@ def test_overrides(full):
     assert config.name == "a=b"
 
 
+def test_a_part_is_set_of_what_is_written_short(full):
+    text = FULL.replace("{name: copper, emissivity: 30 %}", "copper")
+    full.write_text(text)
+    (body,) = load_config(full, ("bodies.0.material.emissivity=0.4",)).bodies
+    assert (body.material.name, body.material.emissivity) == ("copper", 0.4)
+
+
 def test_the_hash_follows_the_scene_and_the_mesh_but_not_the_folder(full, tmp_path):
     first = config_hash(load_config(full))
     assert len(first) == 16

@@ -1,4 +1,4 @@
-"""The three conduction operators agree, are symmetric and lose no heat."""
+"""All conduction operators agree, are symmetric and lose no heat."""
 
 import math
 
@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
+from jaxthermo.network.links import LinkNetwork
 from jaxthermo.network.network import precise_sum
 from jaxthermo.physics.conduction import assemble_mixed, assemble_uniform, series
 from jaxthermo.structures.full import FullVolume
@@ -27,14 +28,18 @@ def _solid(seed, count=36):
     return (order < count).reshape(SHAPE)
 
 
+def _at(values, address):
+    return values[address] if values.ndim else values
+
+
 @eqx.filter_jit
 def _all_of(network, state, address, dt):
     """Everything a network can say, from one program."""
     return {
         "heat_rate": network.heat_rate(state),
         "euler_step": network.euler_step(state, dt),
-        "diagonal": network.diagonal(address),
-        "capacity": network.capacity(address),
+        "diagonal": network.diagonal()[address],
+        "capacity": _at(network.capacity(), address),
         "largest_rate": network.largest_rate(),
         "total_capacity": network.total_capacity(),
         "stored": network.stored(state),
@@ -42,7 +47,7 @@ def _all_of(network, state, address, dt):
 
 
 def _operators(solid):
-    """A stencil, links, and both of two materials that are the same."""
+    """A stencil, rows, both of two materials that are the same, and plain pairs."""
     grid = blocks(solid, PITCH)
     dense, sparse = FullVolume(grid), FullVolume(grid, stencil=False)
     painted = np.arange(dense.node_count, dtype=np.int32) % 2
@@ -52,7 +57,18 @@ def _operators(solid):
         (sparse, assemble_uniform(sparse, K, HEAT, jnp.float64)),
         (dense, assemble_mixed(dense, painted, *two)),
         (sparse, assemble_mixed(sparse, painted, *two)),
+        (sparse, _pairs(sparse)),
     ]
+
+
+def _pairs(structure):
+    links, count = structure.links(), structure.node_count
+    return LinkNetwork(
+        src=jnp.asarray(links.src),
+        dst=jnp.asarray(links.dst),
+        conductance=jnp.full(len(links.src), K * PITCH),
+        node_capacity=jnp.full(count, HEAT * PITCH**3),
+    )
 
 
 def _address(structure):
@@ -86,7 +102,7 @@ def _by_hand(solid, values):
     return rate, diagonal
 
 
-@pytest.mark.parametrize("which", range(4))
+@pytest.mark.parametrize("which", range(5))
 @settings(max_examples=6, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), count=st.sampled_from([6, 36, 60]))
 def test_every_operator_is_the_one_by_hand(which, seed, count):
@@ -112,7 +128,7 @@ def test_every_operator_is_the_one_by_hand(which, seed, count):
         np.testing.assert_allclose(number, exact, rtol=1e-12, atol=1e-12, err_msg=name)
 
 
-@pytest.mark.parametrize("which", range(4))
+@pytest.mark.parametrize("which", range(5))
 @settings(max_examples=4, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_symmetric_and_conserving(which, seed):
@@ -132,7 +148,7 @@ def test_symmetric_and_conserving(which, seed):
     assert first @ there < 0.0
 
 
-@pytest.mark.parametrize("which", range(4))
+@pytest.mark.parametrize("which", range(5))
 def test_empty_cells_stay_at_zero(which):
     structure, network = _operators(_solid(3))[which]
     values = np.arange(structure.node_count) + 1.0
@@ -152,15 +168,28 @@ def test_two_materials_take_the_harmonic_mean(mixed):
     rate = _values(structure, network.heat_rate(_state(structure, [1.0, 0.0])))
     conductance = 2 * 401.0 * 0.2 / 401.2 * PITCH
     np.testing.assert_allclose(rate, [-conductance, conductance], rtol=1e-14)
-    capacity = network.capacity(_address(structure))
+    capacity = network.capacity()[_address(structure)]
     np.testing.assert_allclose(capacity, [1e6 * PITCH**3, 2e6 * PITCH**3])
 
 
 @pytest.mark.parametrize(("first", "second"), [(0.0, 0.0), (0.0, 2.0), (3.0, 0.0)])
 def test_series_with_an_insulator_has_value_and_gradient(first, second):
-    value, slope = jax.value_and_grad(lambda a: series(a, jnp.array(second)))(first)
+    one, half = np.array(1.0), np.array(0.5)
+    link = lambda k: series(one, half, k, half, jnp.array(second))
+    value, slope = jax.value_and_grad(link)(jnp.array(first))
     assert float(value) == 0.0
+    # 1 / (1 / 2 k1 + 1 / 2 k2) -> 2 k1 for k1 << k2.
     assert float(slope) == (2.0 if second else 0.0)
+
+
+def test_series_of_unequal_lengths_is_a_sum_of_resistances():
+    found = series(
+        *(np.array(v) for v in (3.0, 0.2)),
+        jnp.array(5.0),
+        np.array(0.7),
+        jnp.array(2.0),
+    )
+    assert float(found) == pytest.approx(3.0 / (0.2 / 5.0 + 0.7 / 2.0), rel=1e-14)
 
 
 @pytest.mark.parametrize("stencil", [True, False])

@@ -23,7 +23,7 @@ TERMS = {
     "emission": jt.Surroundings(280.0),
     "convection": jt.Convection(10.0, 290.0),
     "heat_flux": jt.HeatFlux(100.0, on=TOP),
-    "fixed_temperature": jt.FixedTemperature(310.0, on=TOP),
+    "fixed_temperature": jt.FixedTemperature(310.0, on=jt.Side((1.0, 0.0, 0.0))),
 }
 
 
@@ -148,6 +148,15 @@ def test_the_receipt_says_why(structure, term, material, what, why):
     assert compiled.receipt.included == ("conduction",)
     assert compiled.program.mechanisms == ()
     assert jt.simulate(scene, 1.0).energy.mechanisms == {}
+
+
+def test_a_held_surface_needs_no_other_term(structure):
+    held = jt.FixedTemperature(310.0, on=TOP)
+    omitted = _omissions(_scene(structure, TERMS["heat_flux"], held))
+    assert "held at a temperature" in omitted["heat_flux"]
+    later = jt.FixedTemperature(320.0)
+    omitted = _omissions(_scene(structure, held, later))
+    assert "later terms hold" in omitted["fixed_temperature"]
 
 
 def test_the_receipt_counts(structure):

@@ -1,0 +1,1 @@
+"""The structures against the full volume: what each costs, and how far off it is."""

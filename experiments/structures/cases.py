@@ -1,0 +1,146 @@
+"""From the config to voxels, scenes and structures."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from jaxthermo.config.build import build_material, build_mesh, build_term
+from jaxthermo.config.build_structure import build_structure, build_surface_map
+from jaxthermo.config.schema_geometry import BodyConfig
+from jaxthermo.config.schema_structure import SurfaceMapConfig
+from jaxthermo.materials import Material
+from jaxthermo.physics.source import Sun
+from jaxthermo.physics.values import Until
+from jaxthermo.scene.scene import Body, Scene
+from jaxthermo.structures.full import FullVolume
+from jaxthermo.structures.structure import AbstractStructure
+from jaxthermo.structures.surface_map import AbstractSurfaceMap, ConstantMap
+from jaxthermo.voxels.grid import VoxelGrid
+from jaxthermo.voxels.voxelize import voxelize
+
+from .config import ComparedBody, ComparisonConfig, EntryConfig
+
+
+FULL = "full volume"
+LINKS = "full volume as links"
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """A voxelized body, and the scenes that it is put into."""
+
+    name: str
+    grid: VoxelGrid
+    config: ComparisonConfig
+
+    @property
+    def lattice_voxels(self) -> int:
+        """Of the box, empty ones too: what the full volume's loop steps over."""
+        return int(self.grid.solid.size)
+
+    def scene(
+        self,
+        structure: AbstractStructure,
+        surface_map: AbstractSurfaceMap,
+        load: str,
+    ) -> Scene:
+        """A structure in the sun from the side that the load names."""
+        body = self.body(structure, surface_map)
+        others = (build_term(term) for term in self.config.terms)
+        return Scene((body,), (self.sun(load), *others))
+
+    def body(
+        self, structure: AbstractStructure, surface_map: AbstractSurfaceMap
+    ) -> Body:
+        """The structure with the material and start of the config."""
+        return Body(
+            structure,
+            self.material,
+            temperature=self.config.temperature,
+            surface_map=surface_map,
+        )
+
+    @property
+    def material(self) -> Material:
+        """Of the whole body."""
+        return build_material(self.config.material)
+
+    def sun(self, load: str) -> Sun:
+        """Rays onto the side that the load names."""
+        sun = self.config.sun
+        strength: Any = sun.irradiance
+        if sun.until is not None:
+            strength = Until(strength, sun.until)
+        return Sun(direction=rays(self.grid.mesh.axes, load), irradiance=strength)
+
+
+def rays(axes: tuple[str, str, str], load: str) -> tuple[float, float, float]:
+    """The way the rays travel onto a side named in the file's axes.
+
+    Args:
+        axes: what each of our axes is called in the file.
+        load: such as "+x": from there, so along -x.
+    """
+    way = np.zeros(3)
+    for i, name in enumerate(axes):
+        if name[-1] == load[-1]:
+            way[i] = 1.0 if (name[0] == "-") != (load[0] == "-") else -1.0
+    x, y, z = (float(v) for v in way)
+    return x, y, z
+
+
+def load_subject(
+    body: ComparedBody, config: ComparisonConfig, voxels_high: int
+) -> Subject:
+    """The body's mesh, voxelized to so many voxels along up."""
+    mesh = build_mesh(
+        BodyConfig(
+            mesh=body.mesh,
+            shape=body.shape,
+            voxels_high=voxels_high,
+            material=config.material,
+            temperature=config.temperature,
+        )
+    )
+    pitch = float(np.ptp(mesh.bounds[:, 2])) / voxels_high
+    return Subject(body.name, voxelize(mesh, pitch), config)
+
+
+@dataclass(frozen=True)
+class Case:
+    """One line of the comparison: what it is called, and how it is made."""
+
+    label: str
+    kind: str
+    entry: EntryConfig | None = None
+
+    @property
+    def identity(self) -> Any:
+        """Plain values that tell it from all others."""
+        options = self.entry.structure.model_dump(mode="json") if self.entry else {}
+        return [self.label, self.kind, options]
+
+    def make(self, grid: VoxelGrid) -> AbstractStructure:
+        """The structure of a body's voxels."""
+        if self.entry is None:
+            return FullVolume(grid, stencil=self.kind != LINKS)
+        return build_structure(self.entry.structure, grid)
+
+
+def all_cases(config: ComparisonConfig) -> tuple[Case, ...]:
+    """The full volume, as links too if asked for, and the config's structures."""
+    full = [Case(FULL, FULL)]
+    if config.full_volume_as_links:
+        full.append(Case(LINKS, LINKS))
+    entries = (Case(e.label, e.structure.kind, e) for e in config.structures)
+    return (*full, *entries)
+
+
+def make_map(config: SurfaceMapConfig) -> AbstractSurfaceMap:
+    """How all structures but the full volume are read."""
+    return build_surface_map(config)
+
+
+NEAREST = ConstantMap()
+"""How the full volume is read: the voxel's temperature is its centre's."""

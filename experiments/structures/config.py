@@ -1,0 +1,209 @@
+"""The config of the comparison: bodies, loads, structures, claims; checked, in SI."""
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias
+
+from pydantic import Field, ValidationError
+
+from jaxthermo.config.fields import (
+    Fraction,
+    Irradiance,
+    NotEmpty,
+    PositiveLength,
+    PositiveTime,
+    Temperature,
+    Whole,
+)
+from jaxthermo.config.found import FOLDERS
+from jaxthermo.config.loader import mesh_folders
+from jaxthermo.config.messages import dotted, untagged
+from jaxthermo.config.model import Mistake, Model
+from jaxthermo.config.schema_geometry import MeshConfig, ShapeConfig
+from jaxthermo.config.schema_image import PinholeConfig
+from jaxthermo.config.schema_material import Material
+from jaxthermo.config.schema_structure import (
+    FluxCorrectedMap,
+    StructureConfig,
+    SurfaceMapConfig,
+)
+from jaxthermo.config.schema_terms import TermConfig
+from jaxthermo.config.schema_time import TimeConfig
+from jaxthermo.config.strict_yaml import read_yaml
+from jaxthermo.errors import InputError
+
+
+Load: TypeAlias = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
+"""The side that the sun shines on, in the file's own axes."""
+
+Height = Annotated[Whole, Field(ge=8, le=4096)]
+"""In voxels along up."""
+
+Repeats = Annotated[Whole, Field(ge=2, le=100)]
+
+
+class ComparedBody(Model):
+    """A body that every structure is made of."""
+
+    mesh: MeshConfig | None = None
+    shape: ShapeConfig | None = None
+
+    exactly_one: ClassVar = (("mesh", "shape"),)
+
+    @property
+    def name(self) -> str:
+        """The file's or the shape's."""
+        if self.mesh is not None:
+            return self.mesh.path.stem
+        return "" if self.shape is None else self.shape.kind
+
+
+class SunConfig(Model):
+    """Parallel rays from the side that a load names."""
+
+    irradiance: Irradiance
+    until: PositiveTime | None = None
+
+
+class EntryConfig(Model):
+    """One structure of the comparison, and what the tables call it."""
+
+    label: Annotated[str, Field(min_length=1, max_length=40)]
+    structure: StructureConfig
+
+
+class PictureConfig(Model):
+    """Which load and saved time the pictures show."""
+
+    load: Load
+    time: PositiveTime
+
+
+class LevelsConfig(Model):
+    """The sweep over numbers of levels, up to all that the first body has."""
+
+    counts: Annotated[tuple[Annotated[Whole, Field(ge=1)], ...], NotEmpty]
+    hollow: Annotated[tuple[Literal["empty", "innermost"], ...], NotEmpty] = ("empty",)
+
+
+class EquilibriumConfig(Model):
+    """The first body, heated on one side and then left alone until it is even."""
+
+    voxels_high: Height = 32
+
+
+class LimbConfig(Model):
+    """A body with thin limbs, and the structures that its local error is shown for."""
+
+    shape: ShapeConfig
+    voxels_high: Height
+    structures: Annotated[tuple[str, ...], NotEmpty]
+
+
+class ClaimsConfig(Model):
+    """What the thesis says and this run measures; what is left out is not run."""
+
+    levels: LevelsConfig | None = None
+    equilibrium: EquilibriumConfig | None = None
+    limb: LimbConfig | None = None
+
+
+class ComparisonConfig(Model):
+    """The whole comparison."""
+
+    bodies: Annotated[tuple[ComparedBody, ...], NotEmpty]
+    voxels_high: Height
+    material: Material
+    temperature: Temperature
+    sun: SunConfig
+    loads: Annotated[tuple[Load, ...], NotEmpty]
+    terms: tuple[TermConfig, ...] = ()
+    time: TimeConfig
+    structures: Annotated[tuple[EntryConfig, ...], NotEmpty]
+    surface_map: SurfaceMapConfig = FluxCorrectedMap(at="voxel")
+    full_volume_as_links: bool = True
+    reference_step: Annotated[Fraction, Field(gt=0)] = 0.25
+    repeats: Repeats = 5
+    camera: PinholeConfig = PinholeConfig()
+    picture: PictureConfig
+    claims: ClaimsConfig = ClaimsConfig()
+
+    def mistakes(self) -> list[Mistake]:
+        """Names given twice, and names of what is not there."""
+        found: list[Mistake] = []
+        labels = [entry.label for entry in self.structures]
+        found += _twice([body.name for body in self.bodies], "bodies")
+        found += _twice(labels, "structures")
+        found += _twice(list(self.loads), "loads")
+        if self.picture.load not in self.loads:
+            found.append((("picture", "load"), "is not one of the `loads`"))
+        if self.picture.time not in self.time.save_times:
+            found.append((("picture", "time"), "is not a saved time"))
+        for i, name in enumerate(self.claims.limb.structures if self.claims.limb else ()):
+            if name not in labels:
+                message = f"there is no structure '{name}'"
+                found.append((("claims", "limb", "structures", i), message))
+        return found
+
+
+def _twice(names: list[str], key: str) -> list[Mistake]:
+    return [
+        ((key, i), f"'{name}' is there twice")
+        for i, name in enumerate(names)
+        if name in names[:i]
+    ]
+
+
+def load_comparison(path: Path, height: int | None = None) -> ComparisonConfig:
+    """The config in a YAML file, with meshes found and values in SI units.
+
+    Args:
+        path: the file; meshes are looked for beside it, then in JAXTHERMO_MESHES.
+        height: in voxels, instead of the file's `voxels_high`.
+
+    Raises:
+        InputError: one line for each mistake.
+    """
+    data: dict[str, Any] = read_yaml(path)
+    if height is not None:
+        data = {**data, "voxels_high": height}
+    context = {FOLDERS: mesh_folders(path.parent)}
+    try:
+        return ComparisonConfig.model_validate(data, context=context)
+    except ValidationError as error:
+        lines = []
+        for entry in error.errors(include_url=False):
+            where = dotted(untagged(entry["loc"]))
+            given = where == "voxels_high" and height is not None
+            parts = ("--height",) if given else (str(path), where)
+            lines.append(": ".join(filter(None, (*parts, entry["msg"]))))
+        raise InputError("\n".join(lines)) from error
+
+
+def resolved(config: ComparisonConfig) -> dict[str, Any]:
+    """The config as plain values in SI units."""
+    return config.model_dump(mode="json", exclude_none=True)
+
+
+def fingerprint(value: Any) -> str:
+    """16 hex digits of plain values: what a measurement follows from."""
+    text = json.dumps(value, sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def body_identity(body: ComparedBody) -> dict[str, Any]:
+    """The body as plain values, with the content of its file in place of its path."""
+    plain = body.model_dump(mode="json", exclude_none=True)
+    if body.mesh is not None:
+        content = body.mesh.path.read_bytes()
+        plain["mesh"]["path"] = hashlib.sha256(content).hexdigest()
+    return plain
+
+
+def common_identity(config: ComparisonConfig) -> dict[str, Any]:
+    """What every row follows from; the lists count with the rows they lead to."""
+    plain = resolved(config)
+    for listed in ("bodies", "loads", "structures", "claims", "full_volume_as_links"):
+        plain.pop(listed, None)
+    return plain

@@ -1,0 +1,98 @@
+"""A compiled scene whose time loop can be run, and timed, by itself.
+
+The only place that knows how `simulate` is put together.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxthermo.integrate.euler import ForwardEuler
+from jaxthermo.integrate.schedule import legs
+from jaxthermo.integrate.simulate import (
+    Observation,
+    Plan,
+    _layout,
+    _run_all,
+    assemble_solution,
+    imbalance,
+    observe,
+    plan,
+    raise_failure,
+    start,
+    uneven_nodes,
+)
+from jaxthermo.integrate.solution import Solution
+from jaxthermo.precision import precision
+from jaxthermo.scene.scene import Scene
+
+
+@dataclass(frozen=True, eq=False)
+class Runner:
+    """All that comes before the first step is done."""
+
+    scene: Scene
+    plan: Plan
+    loop: Callable[[], Observation]
+    """Takes every step and reads the surface at the saved times; not compiled yet."""
+
+    @property
+    def held_bytes(self) -> int:
+        """Arrays of the compiled scene and of its state."""
+        held = (self.plan.compiled.program, self.plan.compiled.state)
+        leaves = (x for x in jax.tree.leaves(held) if isinstance(x, jax.Array))
+        return sum(x.nbytes for x in leaves)
+
+    def solution(self, seen: Observation) -> Solution:
+        """What `simulate` gives, of a finished loop.
+
+        Raises:
+            RuntimeError: if temperatures stopped being finite.
+        """
+        program, state = self.plan.compiled.program, start(self.plan)
+        with precision(self.scene.dtype):
+            first = observe(program, state, jnp.zeros((), self.plan.dtype))
+            even = imbalance(program, state.theta, uneven_nodes(self.scene))
+            found = assemble_solution(self.scene, self.plan, first, seen, even)
+        raise_failure(found.result)
+        return found
+
+
+def prepare(
+    scene: Scene, t1: float, save_at: tuple[float, ...], dt: float | None = None
+) -> Runner:
+    """Compile a scene and lay out its steps.
+
+    Args:
+        scene: one body and what acts on it.
+        t1: end [s].
+        save_at: times to keep [s].
+        dt: the step; the largest stable one if not given [s].
+    """
+    with precision(scene.dtype):
+        todo = plan(scene, t1, save_at, ForwardEuler(dt=dt))
+        program, state = todo.compiled.program, start(todo)
+        layout = _layout(legs(todo.intervals), todo.dtype)
+        # A function of its own, so that each runner's first call compiles.
+        fresh = eqx.filter_jit(_run_all.__wrapped__)
+
+    def loop() -> Observation:
+        with precision(scene.dtype):
+            return fresh(program, state, layout)
+
+    return Runner(scene, todo, loop)
+
+
+def finish(runner: Runner) -> Solution:
+    """Run once, untimed."""
+    return runner.solution(jax.block_until_ready(runner.loop()))
+
+
+def surface_at(solution: Solution, time: float) -> np.ndarray:
+    """Temperatures of all fragments at a saved time [K]."""
+    index = int(np.abs(np.asarray(solution.times) - time).argmin())
+    return np.asarray(solution.surface_temperature[index], np.float32)

@@ -1,0 +1,156 @@
+"""One body: the full volume, and every structure beside it, under every load."""
+
+from collections.abc import Callable, Iterator
+from functools import cache, cached_property, partial
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxthermo.errors import InputError
+from jaxthermo.integrate.solution import Solution
+from jaxthermo.integrate.store import StoredSolution
+from jaxthermo.structures.full import FullVolume
+
+from .cases import FULL, NEAREST, Case, Subject, load_subject, make_map
+from .config import ComparedBody, ComparisonConfig, body_identity, common_identity
+from .frames import Scenery, frame_error, scenery
+from .measure import (
+    Baseline,
+    Timed,
+    build_timed,
+    error_row,
+    ratio_row,
+    reference_solution,
+    run_timed,
+)
+from .record import Arrays, Record, Row
+from .runner import surface_at
+
+
+class Study:
+    """What the rows of one body share; made when first needed, once a process."""
+
+    def __init__(self, body: ComparedBody, config: ComparisonConfig, record: Record):
+        """Nothing is loaded or run yet."""
+        self.body = body
+        self.config = config
+        self.record = record
+        self.surface_map = make_map(config.surface_map)
+        self._baselines: dict[str, Baseline] = {}
+        self._references: dict[str, StoredSolution] = {}
+
+    @cached_property
+    def subject(self) -> Subject:
+        """The body, voxelized."""
+        return load_subject(self.body, self.config, self.config.voxels_high)
+
+    @cached_property
+    def scenery(self) -> Scenery:
+        """The body as the camera sees it."""
+        return scenery(
+            self.config.camera, self.baseline(self.config.loads[0]).solution.surfaces
+        )
+
+    @cached_property
+    def identity(self) -> dict[str, Any]:
+        """What all rows of this body follow from, as plain values."""
+        return {
+            "common": common_identity(self.config),
+            "body": body_identity(self.body),
+        }
+
+    def baseline(self, load: str) -> Baseline:
+        """The full volume at its own stable step, timed in this process.
+
+        Ratios are of times measured in one process, also after an interruption.
+        """
+        if load not in self._baselines:
+            full = FullVolume(self.subject.grid)
+            scene = self.subject.scene(full, NEAREST, load)
+            solution, timing, cost = run_timed(scene, self.config)
+            work = self.subject.lattice_voxels * cost["steps"]
+            cost["lattice_voxels_per_s"] = work / timing.median
+            self._baselines[load] = Baseline(solution, timing, cost)
+        return self._baselines[load]
+
+    def reference(self, load: str) -> StoredSolution:
+        """The full volume at a share of its stable step: what errors are from."""
+        if load not in self._references:
+            row = self.record.once(
+                {**self.identity, "load": load, "reference": True},
+                lambda: self._reference(load),
+            )
+            if "refused" in row:
+                raise InputError(f"{self.body.name}, the reference: {row['refused']}")
+            kept = self.record.arrays_of(row)
+            self._references[load] = StoredSolution(
+                jnp.asarray(kept["times"]),
+                jnp.asarray(kept["surface_temperature"]),
+                self.baseline(load).solution.surfaces,
+            )
+        return self._references[load]
+
+    def _reference(self, load: str) -> tuple[Row, Arrays]:
+        scene = self.subject.scene(FullVolume(self.subject.grid), NEAREST, load)
+        share = self.config.reference_step
+        solution = reference_solution(scene, self.config, share)
+        row = {
+            "what": "reference",
+            "body": self.body.name,
+            "load": load,
+            "steps": solution.run.steps,
+            "dt_s": solution.run.dt,
+        }
+        return row, {
+            "times": np.asarray(solution.times),
+            "surface_temperature": np.asarray(solution.surface_temperature),
+        }
+
+    def rows(self, case: Case) -> Iterator[Row]:
+        """One row a load; the structure is built if any of them is missing."""
+        built = cache(lambda: build_timed(lambda: case.make(self.subject.grid)))
+        for load in self.config.loads:
+            identity = {**self.identity, "load": load, "case": case.identity}
+            make = self._full_row if case.label == FULL else self._row
+            yield self.record.once(identity, partial(make, case, load, built))
+
+    def _row(self, case: Case, load: str, built: Callable[[], Timed]):
+        structure, build_time = built()
+        scene = self.subject.scene(structure, self.surface_map, load)
+        solution, timing, cost = run_timed(scene, self.config)
+        full = self.baseline(load)
+        row = {
+            "build_time_s": build_time,
+            **cost,
+            "full_run_time_s": full.time._asdict(),
+            "times_faster": ratio_row(timing, full.time),
+        }
+        return self._finished(case, load, row, solution)
+
+    def _full_row(self, case: Case, load: str, built: Callable[[], Timed]):
+        del built  # there is nothing to build: its arrays are the voxels
+        full = self.baseline(load)
+        same = {"median": 1.0, "least": 1.0, "most": 1.0}
+        row = {"build_time_s": 0.0, **full.row, "times_faster": same}
+        return self._finished(case, load, row, full.solution)
+
+    def _finished(
+        self, case: Case, load: str, row: Row, solution: Solution
+    ) -> tuple[Row, Arrays]:
+        """With errors; and with the surface that the pictures show."""
+        reference = self.reference(load)
+        whole = {
+            "what": "structure",
+            "body": self.body.name,
+            "load": load,
+            "label": case.label,
+            "kind": case.kind,
+            **row,
+            "error": error_row(solution, reference),
+            "frame": frame_error(self.scenery, solution, reference),
+        }
+        shown = self.config.picture
+        if load != shown.load:
+            return whole, {}
+        return whole, {"surface": surface_at(solution, shown.time)}

@@ -1,0 +1,181 @@
+"""The general operator, as it is run: each node gathers from its neighbours.
+
+Rows instead of pairs: every link stands in the rows of both its nodes, so that nothing
+is scattered. Neighbours that follow one another in node order (the next voxel of a
+column) are shifted slices; the others are gathered, one neighbour of every node at a
+time, which a compiler vectorizes. Nodes with far more neighbours than most (a coarse
+cell with fine ones all round it) keep the rest of theirs in a sparse list.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from .network import AbstractNetwork, inverse, precise_sum
+
+
+LIST_COST = 6.0
+"""Of an entry of the sparse list, in units of a gathered entry, padding included."""
+
+
+class RowLayout(NamedTuple):
+    """Which link stands where; made once a structure, on the host."""
+
+    following: Int[np.ndarray, " f"]
+    """Links from a node to the next one."""
+    first: Int[np.ndarray, " f"]
+    """The earlier node of each of them."""
+    neighbour: tuple[Int[np.ndarray, " n"], ...]
+    """Of every node, its k-th other neighbour; itself where it has fewer."""
+    link: tuple[Int[np.ndarray, " n"], ...]
+    """The links to them; one past the last link where there is none."""
+    list_node: Int[np.ndarray, " r"]
+    """Sorted: nodes of the entries that did not fit."""
+    list_neighbour: Int[np.ndarray, " r"]
+    list_link: Int[np.ndarray, " r"]
+
+
+def _columns(degree: Int[np.ndarray, " n"]) -> int:
+    """How many neighbours to gather of every node, at the least cost in all."""
+    count = np.bincount(degree)
+    beyond = np.cumsum(count[::-1])[::-1]
+    """Nodes with at least this degree."""
+    left_over = np.append(np.cumsum(beyond[::-1])[::-1][1:], 0)
+    cost = len(degree) * np.arange(len(count)) + LIST_COST * left_over
+    return int(cost.argmin())
+
+
+def row_layout(
+    nodes: int, src: Int[np.ndarray, " e"], dst: Int[np.ndarray, " e"]
+) -> RowLayout:
+    """Rows of the links of `nodes` nodes.
+
+    Args:
+        nodes: how many there are.
+        src: one end of each link.
+        dst: the other end.
+    """
+    low, high = np.minimum(src, dst), np.maximum(src, dst)
+    follows = high == low + 1
+    # A pair that is linked twice keeps one of its links here.
+    following = np.flatnonzero(follows)
+    _, once = np.unique(low[following], return_index=True)
+    following = following[once]
+    other = np.ones(len(src), bool)
+    other[following] = False
+    rest = np.flatnonzero(other)
+    node = np.concatenate([src[rest], dst[rest]])
+    neighbour = np.concatenate([dst[rest], src[rest]])
+    order = np.argsort(node, kind="stable")
+    node, neighbour = node[order], neighbour[order]
+    link = np.concatenate([rest, rest])[order]
+    degree = np.bincount(node, minlength=nodes)
+    rank = np.arange(len(node)) - np.repeat(np.cumsum(degree) - degree, degree)
+    columns = _columns(degree)
+    neighbours, links = [], []
+    for k in range(columns):
+        here = rank == k
+        beside = np.arange(nodes, dtype=np.int32)
+        beside[node[here]] = neighbour[here]
+        through = np.full(nodes, len(src), np.int32)
+        through[node[here]] = link[here]
+        neighbours.append(beside)
+        links.append(through)
+    more = rank >= columns
+    return RowLayout(
+        following=following.astype(np.int32),
+        first=low[following].astype(np.int32),
+        neighbour=tuple(neighbours),
+        link=tuple(links),
+        list_node=node[more].astype(np.int32),
+        list_neighbour=neighbour[more].astype(np.int32),
+        list_link=link[more].astype(np.int32),
+    )
+
+
+class RowNetwork(AbstractNetwork):
+    """Conductances in rows; a state is one value a node."""
+
+    following: Float[Array, " f"] | None
+    """Between every node and the next one [W/K]; None if no such two are linked."""
+    neighbour: tuple[Int[Array, " n"], ...]
+    conductance: tuple[Float[Array, " n"], ...]
+    """[W/K]; 0 where there is no such neighbour."""
+    list_node: Int[Array, " r"]
+    list_neighbour: Int[Array, " r"]
+    list_conductance: Float[Array, " r"]
+    node_capacity: Float[Array, " n"]
+    """[J/K]"""
+
+    def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
+        """Conduction into each node [W]."""
+        rate = jnp.zeros_like(state)
+        if self.following is not None:
+            flow = self.following * jnp.diff(state)
+            rate = rate + jnp.pad(flow, (0, 1)) - jnp.pad(flow, (1, 0))
+        for index, conductance in zip(self.neighbour, self.conductance, strict=True):
+            there = state.at[index].get(mode="promise_in_bounds")
+            rate = rate + conductance * (there - state)
+        if not len(self.list_node):
+            return rate
+        there = state.at[self.list_neighbour].get(mode="promise_in_bounds")
+        here = state.at[self.list_node].get(mode="promise_in_bounds")
+        flow = self.list_conductance * (there - here)
+        return rate.at[self.list_node].add(
+            flow, mode="promise_in_bounds", indices_are_sorted=True
+        )
+
+    def euler_step(
+        self, state: Float[Array, "..."], dt: Float[Array, ""]
+    ) -> Float[Array, "..."]:
+        """T + dt / C * sum_j G (T_j - T)."""
+        return state + dt * inverse(self.node_capacity) * self.heat_rate(state)
+
+    def diagonal(self) -> Float[Array, "..."]:
+        """Sum of the conductances of each node's links [W/K]."""
+        total = sum(self.conductance, jnp.zeros_like(self.node_capacity))
+        if self.following is not None:
+            total = total + jnp.pad(self.following, (0, 1))
+            total = total + jnp.pad(self.following, (1, 0))
+        return total.at[self.list_node].add(self.list_conductance)
+
+    def capacity(self) -> Float[Array, "..."]:
+        """Of each node [J/K]."""
+        return self.node_capacity
+
+    def largest_rate(self) -> Float[Array, ""]:
+        """Over all nodes [1/s]."""
+        return (self.diagonal() * inverse(self.node_capacity)).max()
+
+    def total_capacity(self) -> Float[Array, ""]:
+        """Heat capacity of the body [J/K]."""
+        return precise_sum(self.node_capacity)
+
+    def stored(self, state: Float[Array, "..."]) -> Float[Array, ""]:
+        """Heat above the reference temperature [J]."""
+        return precise_sum(self.node_capacity * state)
+
+
+def row_network(
+    layout: RowLayout,
+    conductance: Float[Array, " e"],
+    node_capacity: Float[Array, " n"],
+) -> RowNetwork:
+    """The operator of links with these conductances [W/K] and capacities [J/K]."""
+    nodes = node_capacity.shape[0]
+    padded = jnp.append(conductance, jnp.zeros(1, conductance.dtype))
+    following = None
+    if len(layout.following):
+        following = jnp.zeros(nodes - 1, conductance.dtype)
+        following = following.at[layout.first].set(conductance[layout.following])
+    return RowNetwork(
+        following=following,
+        neighbour=tuple(jnp.asarray(index) for index in layout.neighbour),
+        conductance=tuple(padded[link] for link in layout.link),
+        list_node=jnp.asarray(layout.list_node),
+        list_neighbour=jnp.asarray(layout.list_neighbour),
+        list_conductance=conductance[layout.list_link],
+        node_capacity=node_capacity,
+    )

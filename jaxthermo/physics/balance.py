@@ -1,0 +1,150 @@
+"""The balance at the surface: what all mechanisms bring, the half cell carries on.
+
+A surface is one distance away from its node, and its temperature T_s is where both
+sides meet:
+
+    sum_i q_i(T_s) = G (T_s - T_node),    G = k A / distance.
+
+All mechanisms act at that one T_s, so a sun on an insulator heats its surface, which
+then convects and emits accordingly; a node alone would do so too late and too little,
+with an error of first order in the pitch. Newton's method solves it: in one step where
+every law is linear, from the hot side of emission, where it cannot overshoot, else.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from ..network.network import inverse, precise_sum
+from .boundary import ImposedFlux
+from .term import BoundTerm, bound
+
+
+NEWTON_STEPS = 6
+"""From ten times the node's temperature in a near-insulator they leave 1e-6 of q."""
+
+NumberedTerms = tuple[tuple[int, BoundTerm], ...]
+"""Bound terms with the number of their mechanism in the program."""
+
+
+class SurfaceTerms(eqx.Module):
+    """What acts on the places of a surface: fragments, or several of them as one."""
+
+    mechanisms: tuple[str, ...] = eqx.field(static=True)
+    """Names, by the terms' numbers."""
+    half_cell: Float[Array, " m"]
+    """G of each place's free part [W/K]."""
+    free: NumberedTerms
+    """At the surface's temperature."""
+    held: NumberedTerms
+    """Surface held at a temperature: straight to the node."""
+
+    @property
+    def is_linear(self) -> bool:
+        """Whether one step of Newton's method is the solution."""
+        return all(term.law.is_linear for _, term in self.free)
+
+    def surface_excess(
+        self, time: Float[Array, ""], theta: Float[Array, " m"]
+    ) -> Float[Array, " m"]:
+        """Temperature of each place's surface above its node's [K]."""
+        excess = self._solve(time, theta)[1]
+        for _, term in self.held:
+            gap = term.law.flux(time, theta)
+            excess = jnp.where(term.share > 0, gap, excess)
+        return excess
+
+    def heat(
+        self, time: Float[Array, ""], theta: Float[Array, " m"]
+    ) -> tuple[Float[Array, " m"], Float[Array, " c"]]:
+        """Heat rate through each place, and in all by each mechanism [W].
+
+        Args:
+            time: [s].
+            theta: temperature of each place's node above the reference [K].
+        """
+        rates, _ = self._solve(time, theta)
+        total = jnp.zeros_like(theta)
+        by_mechanism = jnp.zeros(len(self.mechanisms), theta.dtype)
+        held = self._rates(self.held, time, theta)
+        numbered = (*self.free, *self.held)
+        for (number, term), rate in zip(numbered, (*rates, *held), strict=True):
+            total = total + rate
+            by_mechanism = by_mechanism.at[number].add(_in_all(term, time, rate))
+        return total, by_mechanism
+
+    def _rates(self, terms, time, theta):
+        rates = []
+        for number, term in terms:
+            with jax.named_scope(self.mechanisms[number]):
+                rates.append(term.heat_rate(time, theta))
+        return rates
+
+    def _solve(self, time, theta):
+        """Heat rate of each free term, and the excess, which agree to rounding."""
+        excess = jnp.zeros_like(theta)
+        if not self.is_linear:
+            # The last step alone carries the derivative of the solution, exactly.
+            excess = jax.lax.stop_gradient(self._hot_side(time, theta))
+        rates = []
+        for _ in range(1 if self.is_linear else NEWTON_STEPS):
+            here = theta + excess
+            rates = self._rates(self.free, time, here)
+            slopes = [term.slope(time, here) for _, term in self.free]
+            net = sum(rates, -self.half_cell * excess)
+            change = net * inverse(sum(slopes, self.half_cell))
+            rates = [q - s * change for q, s in zip(rates, slopes, strict=True)]
+            excess = excess + change
+        return rates, excess
+
+    def _hot_side(self, time, theta):
+        """An excess at or above the solution, from where Newton cannot overshoot."""
+        emitting = [term for _, term in self.free if not term.law.is_linear]
+        others = [term for _, term in self.free if term.law.is_linear]
+        pushed = sum((t.heat_rate(time, theta) for t in others), jnp.zeros_like(theta))
+        hot = jnp.zeros_like(theta)
+        for term in emitting:
+            alone = term.law.hot_side(time, pushed * inverse(term.share))
+            alone = jnp.where(term.share > 0, alone - theta, 0)
+            hot = jnp.maximum(hot, alone)
+        # Conduction alone carries off what is pushed in at this excess: the lower of
+        # two bounds is the tighter, and a bound it stays.
+        carried = jnp.maximum(pushed, 0) * inverse(self.half_cell)
+        ambient = [t.law.hot_side(time, jnp.zeros_like(theta)) for t in emitting]
+        least = sum((jnp.maximum(a - theta, 0) for a in ambient), carried)
+        insulated = self.half_cell <= 0
+        return jnp.where(insulated, hot, jnp.minimum(hot, least))
+
+    def stiffness(self, hottest: Float[Array, ""], end: float) -> Float[Array, " m"]:
+        """Largest -d(heat rate)/dT of each place below `hottest` [K] to `end` [s].
+
+        It adds to its node's conductances in the stable explicit step [W/K].
+        """
+        dtype = self.half_cell.dtype
+        steepest = lambda t: t.share * t.law.steepest(hottest, end).astype(dtype)
+        slope = sum((steepest(t) for _, t in self.free), jnp.zeros_like(self.half_cell))
+        through = slope * self.half_cell * inverse(slope + self.half_cell)
+        return sum((term.share for _, term in self.held), through)
+
+    def merged(self, place: Int[np.ndarray, " m"], places: int) -> "SurfaceTerms":
+        """Several places as one, wherever they have the same number.
+
+        Args:
+            place: number of each place's new one; -1 to drop it.
+            places: how many there will be.
+        """
+        kept = np.flatnonzero(place >= 0)
+        number = jnp.asarray(place[kept])
+        add = lambda values: jax.ops.segment_sum(values[kept], number, places)
+        merge = lambda terms: tuple((n, bound(add(t.share), t.law)) for n, t in terms)
+        return SurfaceTerms(
+            self.mechanisms, add(self.half_cell), merge(self.free), merge(self.held)
+        )
+
+
+def _in_all(term: BoundTerm, time, rate) -> Float[Array, ""]:
+    if isinstance(term.law, ImposedFlux):
+        return term.total_share * term.law.flux(time, rate)
+    return precise_sum(rate)

@@ -1,0 +1,44 @@
+"""Growing voxels: blocks of voxels with their true volume and open faces."""
+
+import equinox as eqx
+import numpy as np
+
+from ..voxels.grid import VoxelGrid
+from .block_parts import block_parts
+from .blocks import build_blocks, number_by_first_voxel
+from .cache import cached
+from .options import whole_number
+from .structure import AbstractBuiltStructure, Built
+from .weights import ConductionWeights
+
+
+class Aggregate(AbstractBuiltStructure):
+    """Blocks of factor^3 voxels, each with the volume and centre of what is solid.
+
+    Parts of a block that do not touch inside it are nodes of their own, so that heat
+    does not leap across a gap. Blocks at the upper ends of the lattice may be cut.
+    """
+
+    grid: VoxelGrid = eqx.field(static=True)
+    factor: int = eqx.field(static=True, default=4)
+    """Voxels along an edge of a block; 1 is the full volume."""
+    weights: ConductionWeights = eqx.field(kw_only=True, default=ConductionWeights())
+    built: Built = eqx.field(static=True, init=False)
+
+    def __post_init__(self):
+        self.factor = whole_number(self.factor, "Aggregate(factor=)")
+        grid, factor = self.grid, self.factor
+        self.built = cached(
+            "aggregate", grid, {"factor": factor}, lambda: _build(grid, factor)
+        )
+
+
+def _build(grid: VoxelGrid, factor: int) -> Built:
+    labels, first = number_by_first_voxel(block_parts(grid.solid, factor))
+    # Blocks in lattice order: neighbours along z follow one another in memory.
+    block = np.stack(np.unravel_index(first, labels.shape)) // factor
+    order = np.lexsort([first, *block[::-1]])
+    # The last entry serves the label -1.
+    number = np.full(len(order) + 1, -1, np.int32)
+    number[order] = np.arange(len(order))
+    return build_blocks(grid, number[labels], np.zeros(len(order), np.int32))

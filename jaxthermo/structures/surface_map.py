@@ -1,0 +1,178 @@
+"""From nodes to the surface: the temperature of every fragment.
+
+- `ConstantMap`: the node's temperature;
+- `LinearMap`: with the gradient there times the offset from node to fragment, by least
+  squares over the node's links;
+- `FluxCorrectedMap`: along the normal by heat flux x distance / k, which the balance at
+  the surface gives; along the surface by the gradient.
+
+A map reads at the surface itself or, `at="voxel"`, at the centre of the surface voxel,
+half a voxel below, which is what a full volume's nodes say and what errors are measured
+at. In a full volume nodes are those centres, and no gradient is ever needed.
+"""
+
+import abc
+from typing import Any, Literal
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from .structure import AbstractStructure
+
+
+class Gradient(eqx.Module):
+    """Least squares over the links of the nodes that have surface."""
+
+    neighbour: tuple[tuple[Int[Array, " m"], ...], ...]
+    """State addresses of the k-th neighbour of each node; its own where it has less."""
+    weight: tuple[Float[Array, "m 3"], ...]
+    """Of its temperature difference [1/m]."""
+
+    def __call__(
+        self, theta: Float[Array, "..."], nodes: Float[Array, " m"]
+    ) -> Float[Array, "m 3"]:
+        """At every node with surface [K/m]."""
+        total = jnp.zeros((len(nodes), 3), nodes.dtype)
+        for address, weight in zip(self.neighbour, self.weight, strict=True):
+            there = theta.at[address].get(mode="promise_in_bounds")
+            total = total + weight * (there - nodes)[:, None]
+        return total
+
+
+class BoundMap(eqx.Module):
+    """A map on one body."""
+
+    gradient: Gradient | None
+    offset: Float[Array, "s 3"] | None
+    """From the node to the point that is read, as far as the gradient covers it [m]."""
+    along_flux: Float[Array, " s"] | None
+    """Of the surface's excess over its node, the part at the point that is read."""
+
+    @property
+    def needs_excess(self) -> bool:
+        """Whether it reads the balance at the surface."""
+        return self.along_flux is not None
+
+    def read(
+        self,
+        theta: Float[Array, "..."],
+        nodes: Float[Array, " m"],
+        below: Float[Array, " s"],
+        place: Int[Array, " s"],
+        excess: Float[Array, " s"] | None,
+    ) -> Float[Array, " s"]:
+        """Temperature of every fragment above the reference [K].
+
+        Args:
+            theta: the state.
+            nodes: of those that have surface.
+            below: of each fragment's node.
+            place: number of each fragment's node among those that have surface.
+            excess: of the surface over the node, from the balance.
+        """
+        total = below
+        if self.gradient is not None and self.offset is not None:
+            slope = self.gradient(theta, nodes)[place]
+            total = total + (slope * self.offset).sum(axis=1)
+        if self.along_flux is not None and excess is not None:
+            total = total + self.along_flux * excess
+        return total
+
+
+Depth = Literal["surface", "voxel"]
+
+
+class AbstractSurfaceMap(eqx.Module):
+    """How fragments' temperatures are read from nodes."""
+
+    @abc.abstractmethod
+    def bind(self, structure: AbstractStructure, dtype: Any) -> BoundMap:
+        """This map on the surface of one body."""
+
+
+class ConstantMap(AbstractSurfaceMap):
+    """The node's temperature."""
+
+    def bind(self, structure: AbstractStructure, dtype: Any) -> BoundMap:
+        """Nothing to add."""
+        del structure, dtype
+        return BoundMap(None, None, None)
+
+
+class LinearMap(AbstractSurfaceMap):
+    """The node's temperature and its gradient's part on the way to the fragment."""
+
+    at: Depth = eqx.field(static=True, default="surface")
+
+    def bind(self, structure: AbstractStructure, dtype: Any) -> BoundMap:
+        """With the offset from node to fragment."""
+        offset = structure.fragment_offset()
+        if self.at == "surface":
+            grid = structure.grid
+            voxel = grid.lattice.centres(grid.fragment_voxel)
+            offset = offset + grid.fragment_position - voxel
+        return _with_gradient(structure, offset, None, dtype)
+
+
+class FluxCorrectedMap(AbstractSurfaceMap):
+    """The balance at the surface along the normal, the gradient along the surface."""
+
+    at: Depth = eqx.field(static=True, default="surface")
+
+    def bind(self, structure: AbstractStructure, dtype: Any) -> BoundMap:
+        """With the distances from node to fragment."""
+        offset, normal = structure.fragment_offset(), structure.grid.fragment_normal
+        distance = structure.fragment_distance()
+        depth = structure.grid.pitch / 2 if self.at == "voxel" else 0.0
+        part = jnp.asarray(1 - depth / distance, dtype)
+        part = part * jnp.asarray(structure.weights.surface_distance, dtype)
+        along = np.einsum("si,si->s", offset, normal)[:, None] * normal
+        sideways = offset - along
+        return _with_gradient(structure, sideways, part, dtype)
+
+
+def _with_gradient(structure, offset, part, dtype) -> BoundMap:
+    if np.abs(offset).max(initial=0) < 1e-6 * structure.grid.pitch:
+        return BoundMap(None, None, part)
+    gradient = surface_gradient(structure, dtype)
+    return BoundMap(gradient, jnp.asarray(offset, dtype), part)
+
+
+def surface_gradient(structure: AbstractStructure, dtype: Any) -> Gradient:
+    """Least squares of the differences to all linked nodes, weighted by area.
+
+    Directions in which no neighbour lies get no gradient (the pseudo-inverse).
+    """
+    links, nodes = structure.links(), structure.nodes()
+    surface = np.unique(structure.fragment_node())
+    slot = np.full(len(nodes.volume), -1)
+    slot[surface] = np.arange(len(surface))
+    node = np.concatenate([links.src, links.dst])
+    other = np.concatenate([links.dst, links.src])
+    area = np.concatenate([links.area, links.area])
+    here = np.flatnonzero(slot[node] >= 0)
+    here = here[np.argsort(slot[node[here]], kind="stable")]
+    node, other, area = slot[node[here]], other[here], area[here]
+    step = nodes.centre[other] - nodes.centre[surface][node]
+    length = np.einsum("ei,ei->e", step, step)
+    weight = area / np.where(length > 0, length, 1)
+    moment = np.zeros((len(surface), 3, 3))
+    for i in range(3):
+        for j in range(3):
+            each = weight * step[:, i] * step[:, j]
+            moment[:, i, j] = np.bincount(node, each, len(surface))
+    solved = np.linalg.pinv(moment, rcond=1e-2, hermitian=True)
+    row = np.einsum("eij,ej->ei", solved[node], step) * weight[:, None]
+    count = np.bincount(node, minlength=len(surface))
+    rank = np.arange(len(node)) - np.repeat(np.cumsum(count) - count, count)
+    address = np.stack(structure.node_address())
+    neighbours, weights = [], []
+    for k in range(int(count.max(initial=0))):
+        at = rank == k
+        index, values = surface.copy(), np.zeros((len(surface), 3))
+        index[node[at]], values[node[at]] = other[at], row[at]
+        neighbours.append(tuple(jnp.asarray(a) for a in address[:, index]))
+        weights.append(jnp.asarray(values, dtype))
+    return Gradient(tuple(neighbours), tuple(weights))

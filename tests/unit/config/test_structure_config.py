@@ -1,0 +1,304 @@
+"""Structures and surface maps in a config: read, refused with one line, and built."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from jaxthermo.config.build import build_body
+from jaxthermo.config.build_structure import build_surface_map, read_labels
+from jaxthermo.config.loader import config_hash, load_config, resolved, to_yaml
+from jaxthermo.config.schema_structure import (
+    ConstantMap,
+    FluxCorrectedMap,
+    FullVolume,
+    LinearMap,
+    Octree,
+    WeightsConfig,
+)
+from jaxthermo.errors import InputError
+
+
+SCENE = """
+bodies:
+  - shape: {{kind: box, size: [0.12, 0.12, 0.12]}}
+    pitch: 1 cm
+    material: copper
+    temperature: 20 degC
+    {more}
+time: {{end: 60, save_at: [60]}}
+"""
+
+TAKES = {
+    "full_volume": set(),
+    "single_shell": {"capacity"},
+    "multi_level": {"levels", "hollow"},
+    "irregular_multi_level": {"levels", "keep_capacity"},
+    "octree": {"levels"},
+    "aggregate": {"factor"},
+    "shell_over_core": {"layers", "factor"},
+    "partition": {"labels"},
+}
+KEYS = sorted(set.union(*TAKES.values()))
+
+
+@pytest.fixture
+def body(tmp_path):
+    """A function from lines of a body, and overrides, to the body's config."""
+
+    def load(more: str = "", *overrides: str):
+        path = tmp_path / "scene.yaml"
+        path.write_text(SCENE.format(more=more))
+        return load_config(path, overrides).bodies[0]
+
+    return load
+
+
+@pytest.fixture
+def refused(body):
+    """A function from lines of a body, and overrides, to the one line of refusal."""
+
+    def load(more: str = "", *overrides: str) -> str:
+        with pytest.raises(InputError) as caught:
+            body(more, *overrides)
+        assert "\n" not in str(caught.value)
+        return str(caught.value)
+
+    return load
+
+
+def test_without_either_it_is_the_full_volume_read_at_the_surface(body):
+    config = body()
+    assert config.structure == FullVolume()
+    assert config.surface_map == FluxCorrectedMap(at="surface")
+
+
+@pytest.mark.parametrize("kind", sorted(set(TAKES) - {"partition"}))
+def test_a_kind_may_be_written_short(body, kind):
+    long = body(f"structure: {{kind: {kind}}}").structure
+    assert long.kind == kind
+    assert body(f"structure: {kind}").structure == long
+
+
+@pytest.mark.parametrize(
+    "more", ["", "structure: aggregate", "structure: {kind: octree}"]
+)
+@pytest.mark.parametrize(
+    "override", ["bodies.0.structure.kind=octree", "bodies.0.structure=octree"]
+)
+def test_a_kind_may_be_set(body, more, override):
+    assert body(more, override).structure == Octree()
+
+
+@pytest.mark.parametrize(
+    "more", ["structure: octree", "structure: {kind: octree, weights: {between: 0.5}}"]
+)
+def test_a_weight_may_be_set(body, more):
+    found = body(more, "bodies.0.structure.weights.between=0.9").structure
+    assert found == Octree(weights=WeightsConfig(between=0.9))
+    within = body(more, "bodies.0.structure.weights.within=[1, 90 %]").structure
+    assert within.weights.within == (1.0, 0.9)
+
+
+def test_a_weight_of_no_structure_is_of_the_full_volume(body):
+    found = body("", "bodies.0.structure.weights.within=0.9").structure
+    assert found == FullVolume(weights=WeightsConfig(within=0.9))
+
+
+@pytest.mark.parametrize(
+    ("more", "expected"),
+    [
+        ("surface_map: constant", ConstantMap()),
+        ("surface_map: linear", LinearMap()),
+        ("surface_map: {kind: linear, at: voxel}", LinearMap(at="voxel")),
+        ("surface_map: {at: voxel}", FluxCorrectedMap(at="voxel")),
+    ],
+)
+def test_surface_maps(body, more, expected):
+    found = body(more).surface_map
+    assert found == expected
+    built = build_surface_map(found)
+    assert type(built).__name__ == type(expected).__name__
+    assert getattr(built, "at", None) == getattr(expected, "at", None)
+
+
+@pytest.mark.parametrize(
+    ("kind", "key"),
+    [(kind, key) for kind, own in TAKES.items() for key in KEYS if key not in own],
+)
+def test_the_key_of_another_kind_is_one_line_with_what_this_kind_takes(
+    tmp_path, refused, kind, key
+):
+    np.save(tmp_path / "a.npy", np.zeros((1, 1, 1), int))
+    labels = ", labels: a.npy" if kind == "partition" else ""
+    line = refused(f"structure: {{kind: {kind}{labels}, {key}: 3}}")
+    place, what = line.split("unknown key: ")
+    assert place.endswith(f"scene.yaml: bodies.0.structure.{key}: ")
+    takes = what.removeprefix(f"{kind} takes ").split(", ")
+    assert set(takes) == TAKES[kind] | {"weights"}
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ("structure: octre", "structure.kind: unknown kind 'octre'; did .* 'octree'"),
+        ("structure: 3", "structure: expected a mapping with a `kind`, got 3"),
+        ("structure: [octree]", "structure: expected a mapping with a `kind`"),
+        ("structure: {kind: octree, levels: 0}", "levels: must be at least 1, got 0"),
+        ("structure: {kind: octree, levels: 2.5}", "levels: expected a whole number"),
+        ("structure: {kind: aggregate, factor: 0}", "factor: must be at least 1"),
+        ("structure: {kind: shell_over_core, layers: 0}", "layers: must be at least 1"),
+        ("structure: {kind: multi_level, hollow: full}", "hollow: 'full' is not known"),
+        ("structure: {kind: single_shell, capacity: 1}", "capacity: 1 is not known"),
+        (
+            "structure: {kind: irregular_multi_level, keep_capacity: 1}",
+            "keep_capacity: expected true or false",
+        ),
+        ("structure: {weights: {betwen: 1}}", "did you mean 'between'"),
+        ("structure: {weights: {within: -1}}", "weights.within: must be at least 0"),
+        ("structure: {weights: {within: [1, -1]}}", "within.1: must be at least 0"),
+        ("structure: {weights: {within: []}}", "weights.within: must not be empty"),
+        ("structure: {weights: {within: .nan}}", "weights.within: must be finite"),
+        ("structure: {weights: {capacity: [1, 0]}}", "capacity.1: must be more than 0"),
+        (
+            "structure: {weights: {surface: [1, 1]}}",
+            "weights.surface: expected a number",
+        ),
+        ("structure: {weights: 2}", "weights: expected `key: value` lines, got 2"),
+        ("structure: partition", "structure.labels: missing"),
+        (
+            "structure: {kind: partition, labels: a.npy}",
+            "labels: there is no file 'a.npy'",
+        ),
+        (
+            "surface_map: lineal",
+            "surface_map.kind: unknown kind 'lineal'; did .*linear",
+        ),
+        (
+            "surface_map: {kind: constant, at: voxel}",
+            "surface_map.at: unknown key: constant",
+        ),
+        ("surface_map: {at: node}", "surface_map.at: 'node' is not known"),
+    ],
+)
+def test_each_mistake_is_one_line_with_its_path(refused, more, message):
+    with pytest.raises(InputError, match=message):
+        raise InputError(refused(more))
+
+
+def test_written_out_it_loads_to_the_same(tmp_path):
+    path = tmp_path / "scene.yaml"
+    weights = "weights: {within: [1, 0.5], capacity: 2}"
+    structure = f"structure: {{kind: shell_over_core, layers: 2, {weights}}}"
+    path.write_text(SCENE.format(more=structure + "\n    surface_map: linear"))
+    config = load_config(path)
+    path.write_text(to_yaml(config))
+    assert load_config(path) == config
+
+
+def test_labels_are_found_like_meshes_and_count_with_their_content(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setenv("JAXTHERMO_MESHES", str(tmp_path / "shelf"))
+    (tmp_path / "shelf").mkdir()
+    path = tmp_path / "scene.yaml"
+    more = "structure: {kind: partition, labels: a.npy}"
+    path.write_text(SCENE.format(more=more))
+    hashes = []
+    for folder, label in (("shelf", 1), (".", 1), (".", 2)):
+        file = tmp_path / folder / "a.npy"
+        np.save(file, np.full((2, 2, 2), label))
+        config = load_config(path)
+        found = Path(resolved(config)["bodies"][0]["structure"]["labels"])
+        assert found == file.resolve()
+        hashes.append(config_hash(config))
+    assert hashes[0] == hashes[1] != hashes[2]
+
+
+@pytest.mark.parametrize(
+    ("labels", "message"),
+    [
+        (np.zeros((2, 2), int), r"expected whole numbers .* int64 of shape \[2, 2\]"),
+        (np.zeros((2, 2, 2)), r"expected whole numbers .* float64"),
+        (np.full((2, 2, 2), None), "not an array of numbers"),
+        (b"", "not an array of numbers"),
+        (b"junk" * 99, "not an array of numbers"),
+        (b"\x93NUMPY\x01\x00\x76\x00{'descr': '<i8', 'shape': (9**9,", "not an array"),
+        (None, "cannot be read: no such file"),
+    ],
+)
+def test_labels_that_are_none(tmp_path, labels, message):
+    path = tmp_path / "a.npy"
+    if isinstance(labels, bytes):
+        path.write_bytes(labels)
+    elif labels is not None:
+        np.save(path, labels, allow_pickle=True)
+    with pytest.raises(InputError, match=message) as caught:
+        read_labels(path)
+    assert str(caught.value).startswith(str(path))
+    assert "\n" not in str(caught.value)
+
+
+def test_the_labels_of_another_body(tmp_path, body):
+    np.save(tmp_path / "a.npy", np.zeros((3, 3, 3), int))
+    config = body("structure: {kind: partition, labels: a.npy}")
+    with pytest.raises(InputError) as caught:
+        build_body(config)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("more", "make", "default"),
+    [
+        ("full_volume", jt.FullVolume, None),
+        ("single_shell, capacity: own", lambda g: jt.SingleShell(g, "own"), None),
+        (
+            "multi_level, levels: 2, hollow: innermost",
+            lambda g: jt.MultiLevel(g, 2, hollow="innermost"),
+            jt.MultiLevel,
+        ),
+        (
+            "irregular_multi_level, levels: 1, keep_capacity: true",
+            lambda g: jt.IrregularMultiLevel(g, 1, keep_capacity=True),
+            jt.IrregularMultiLevel,
+        ),
+        ("octree, levels: 1", lambda g: jt.Octree(g, 1), jt.Octree),
+        ("aggregate, factor: 3", lambda g: jt.Aggregate(g, 3), jt.Aggregate),
+        (
+            "shell_over_core, layers: 2, factor: 3",
+            lambda g: jt.ShellOverCore(g, 2, 3),
+            jt.ShellOverCore,
+        ),
+    ],
+    ids=lambda value: value.split(",")[0] if isinstance(value, str) else "",
+)
+def test_each_kind_is_built_as_the_config_says(body, more, make, default):
+    weights = "weights: {surface: 0.5, surface_distance: 2}"
+    config = body(
+        f"structure: {{kind: {more}, {weights}}}", "bodies.0.surface_map=constant"
+    )
+    built = build_body(config)
+    structure = built.structure
+    expected = make(structure.grid)
+    assert type(structure) is type(expected)
+    assert (structure.node_count, structure.link_count, structure.capacity_ratio) == (
+        expected.node_count,
+        expected.link_count,
+        expected.capacity_ratio,
+    )
+    if default is not None:
+        assert structure.node_count != default(structure.grid).node_count
+    assert structure.weights == jt.ConductionWeights(surface=0.5, surface_distance=2.0)
+    assert isinstance(built.surface_map, jt.ConstantMap)
+
+
+def test_a_partition_has_a_node_for_each_label(tmp_path, body):
+    labels = np.zeros((12, 12, 12), int)
+    labels[6:] = 7
+    labels[:, :, 9:] = 3
+    np.save(tmp_path / "a.npy", labels)
+    built = build_body(body("structure: {kind: partition, labels: a.npy}"))
+    assert isinstance(built.structure, jt.Partition)
+    assert built.structure.node_count == 3
+    assert built.structure.capacity_ratio == pytest.approx(1)
