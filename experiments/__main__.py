@@ -11,7 +11,12 @@ from jaxthermo.errors import InputError
 from . import catalogue
 
 
-app = App(name="experiments", help="Measurements that can be run again by name.")
+app = App(
+    name="experiments",
+    help="Measurements that can be run again by name.",
+    # `main` tells that the rows so far are kept.
+    suppress_keyboard_interrupt=False,
+)
 
 
 @app.command(name="list")
@@ -22,16 +27,28 @@ def list_all() -> None:
 
 
 @app.command
-def run(name: str, /, *, out: Path | None = None) -> None:
+def run(
+    name: str,
+    config: Path | None = None,
+    /,
+    *,
+    height: int | None = None,
+    out: Path | None = None,
+) -> None:
     """Run an experiment, or several that share a group name.
 
     Args:
         name: As `list` shows it, or "benchmarks" for all of them.
+        config: A YAML file, for an experiment that takes one; the standard one if not
+            given.
+        height: Voxels along up, instead of the config's.
         out: The folder for result.json; results/experiments/NAME if not given.
     """
+    given = {"config": config, "height": height}
+    options = {k: v for k, v in given.items() if v is not None}
     for experiment in catalogue.find(name):
         folder = out or Path("results/experiments") / experiment.name
-        catalogue.run(experiment, folder)
+        catalogue.run(experiment, folder, **options)
         sys.stdout.write(f"{folder / 'result.json'}\n")
 
 
@@ -41,8 +58,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
     try:
         app(tokens, exit_on_error=False, print_error=False)
     except (InputError, CycloptsError) as error:
-        sys.stderr.write(f"experiments: {' '.join(str(error).split())}\n")
+        # A config may hold several mistakes: a line for each.
+        for line in str(error).splitlines() or [""]:
+            if line.strip():
+                sys.stderr.write(f"experiments: {' '.join(line.split())}\n")
         sys.exit(2)
+    except KeyboardInterrupt:
+        sys.stderr.write("experiments: interrupted; rows that are done are kept\n")
+        sys.exit(130)
     sys.exit(0)
 
 

@@ -8,6 +8,7 @@ import platform
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import jax
 
@@ -17,12 +18,16 @@ from jaxthermo.errors import InputError
 
 @dataclass(frozen=True)
 class Experiment:
-    """A measurement: a module whose `run()` gives its result in plain types."""
+    """A measurement: a module whose `run()` gives its result in plain types.
+
+    One with options is given them, and the folder for the files it writes besides.
+    """
 
     name: str
     module: str
     group: str
     about: str
+    options: tuple[str, ...] = ()
 
 
 EXPERIMENTS = (
@@ -37,6 +42,19 @@ EXPERIMENTS = (
         "experiments.benchmarks.voxelize",
         "benchmarks",
         "voxelizing beside trimesh at the same pitch",
+    ),
+    Experiment(
+        "counting",
+        "experiments.thesis.counting",
+        "thesis",
+        "how many voxels each structure has, against the thesis' counts",
+    ),
+    Experiment(
+        "structures",
+        "experiments.structures.compare",
+        "structures",
+        "every structure against the full volume: cost, error, pictures",
+        options=("config", "height"),
     ),
 )
 
@@ -56,13 +74,22 @@ def find(name: str) -> tuple[Experiment, ...]:
     return found
 
 
-def run(experiment: Experiment, folder: Path) -> dict:
+def run(experiment: Experiment, folder: Path, **options: Any) -> dict:
     """Run an experiment and write `result.json` into `folder`.
 
+    Args:
+        experiment: which.
+        folder: for the results.
+        options: those that were given.
+
     Raises:
-        InputError: if a library that only measurements need is not installed, or the
-            folder cannot be written.
+        InputError: if the experiment takes no such option, a library that only
+            measurements need is not installed, or the folder cannot be written.
     """
+    for name in options:
+        if name not in experiment.options:
+            takes = ", ".join(experiment.options) or "no options"
+            raise InputError(f"{name}: {experiment.name} takes {takes}; leave it out")
     try:
         module = importlib.import_module(experiment.module)
     except ModuleNotFoundError as error:
@@ -73,9 +100,10 @@ def run(experiment: Experiment, folder: Path) -> dict:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"--out {folder}: {error.strerror}; name a folder") from error
+    given = {"folder": folder, **options} if experiment.options else {}
     result = {
         "experiment": experiment.name,
-        "result": module.run(),
+        "result": module.run(**given),
         "versions": {p: version(p) for p in ("jaxthermo", "jax", "numpy")},
         "host": f"{platform.machine()}, {os.cpu_count()} cores",
         "device": jax.devices()[0].device_kind,

@@ -19,11 +19,7 @@ from jaxthermo.structures.surface_map import AbstractSurfaceMap, ConstantMap
 from jaxthermo.voxels.grid import VoxelGrid
 from jaxthermo.voxels.voxelize import voxelize
 
-from .config import ComparedBody, ComparisonConfig, EntryConfig
-
-
-FULL = "full volume"
-LINKS = "full volume as links"
+from .config import FULL, LINKS, ComparedBody, ComparisonConfig, EntryConfig
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ from jaxthermo.config.fields import (
     Fraction,
     Irradiance,
     NotEmpty,
-    PositiveLength,
+    Number,
     PositiveTime,
     Temperature,
     Whole,
@@ -33,6 +33,11 @@ from jaxthermo.config.schema_time import TimeConfig
 from jaxthermo.config.strict_yaml import read_yaml
 from jaxthermo.errors import InputError
 
+
+FULL = "full volume"
+LINKS = "full volume as links"
+RESERVED = (FULL, LINKS)
+"""Labels of what every structure is compared with."""
 
 Load: TypeAlias = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
 """The side that the sun shines on, in the file's own axes."""
@@ -66,11 +71,27 @@ class SunConfig(Model):
     until: PositiveTime | None = None
 
 
+class ExpectConfig(Model):
+    """What a structure shall reach; the report says where it does not."""
+
+    body: str | None = None
+    """Of which body; of all if not given."""
+    error_percent: Annotated[Number, Field(gt=0)] | None = None
+    """At most, at the worst time of the worst load."""
+    nodes: Annotated[Whole, Field(ge=1)] | None = None
+    """At most."""
+    node_share: Fraction | None = None
+    """Of the solid voxels, at most."""
+    times_faster: Annotated[Number, Field(gt=0)] | None = None
+    """At least, by the median, than the full volume's explicit loop."""
+
+
 class EntryConfig(Model):
     """One structure of the comparison, and what the tables call it."""
 
     label: Annotated[str, Field(min_length=1, max_length=40)]
     structure: StructureConfig
+    expect: ExpectConfig | None = None
 
 
 class PictureConfig(Model):
@@ -88,8 +109,10 @@ class LevelsConfig(Model):
 
 
 class EquilibriumConfig(Model):
-    """The first body, heated on one side and then left alone until it is even."""
+    """A body heated on one side and then left alone until it is even."""
 
+    body: str | None = None
+    """Its name; the first one if not given."""
     voxels_high: Height = 32
 
 
@@ -134,22 +157,24 @@ class ComparisonConfig(Model):
         found: list[Mistake] = []
         labels = [entry.label for entry in self.structures]
         found += _twice([body.name for body in self.bodies], "bodies")
-        found += _twice(labels, "structures")
+        found += _twice([*RESERVED, *labels], "structures", len(RESERVED))
         found += _twice(list(self.loads), "loads")
         if self.picture.load not in self.loads:
             found.append((("picture", "load"), "is not one of the `loads`"))
         if self.picture.time not in self.time.save_times:
             found.append((("picture", "time"), "is not a saved time"))
-        for i, name in enumerate(self.claims.limb.structures if self.claims.limb else ()):
+        for i, name in enumerate(
+            self.claims.limb.structures if self.claims.limb else ()
+        ):
             if name not in labels:
                 message = f"there is no structure '{name}'"
                 found.append((("claims", "limb", "structures", i), message))
         return found
 
 
-def _twice(names: list[str], key: str) -> list[Mistake]:
+def _twice(names: list[str], key: str, first: int = 0) -> list[Mistake]:
     return [
-        ((key, i), f"'{name}' is there twice")
+        ((key, i - first), f"'{name}' is there twice")
         for i, name in enumerate(names)
         if name in names[:i]
     ]

@@ -78,5 +78,5 @@ def _similarity(
     """
     level = float(theirs.min())
     images = [np.asarray(image, float) - level for image in (ours, theirs)]
-    _, every = structural_similarity(*images, data_range=span, full=True)
-    return float(every[scene.body].mean())
+    every = structural_similarity(*images, data_range=span, full=True)[-1]
+    return float(np.asarray(every)[scene.body].mean())

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import jax
 import numpy as np
+from jaxtyping import Array, Float
 
 from jaxthermo.integrate.error import AnySolution, surface_error
 from jaxthermo.integrate.solution import Solution
@@ -84,9 +85,14 @@ def _cost(
         "setup_time_s": setup,
         "compile_time_s": max(first - timing.median, 0.0),
         "run_time_s": timing._asdict(),
-        "sun_J": float(solution.energy.mechanisms["sun"][-1]),
+        "sun_J": _last(solution.energy.mechanisms.get("sun")),
         "energy_residual": float(np.abs(solution.energy.residual_relative).max()),
     }
+
+
+def _last(heat: Float[Array | np.ndarray, " t"] | None) -> float:
+    """Heat brought by the end; none by a sun that the body does not see."""
+    return 0.0 if heat is None else float(heat[-1])
 
 
 def error_row(solution: AnySolution, reference: AnySolution) -> Row:
@@ -117,9 +123,9 @@ def build_timed(make: Callable[[], AbstractStructure]) -> Timed:
         return structure, time.perf_counter() - clock
 
 
-def reference_solution(scene: Scene, config: ComparisonConfig, share: float) -> Solution:
-    """The full volume at a share of its stable step."""
+def run_reference(scene: Scene, config: ComparisonConfig) -> Solution:
+    """The full volume, at the config's share of its stable step."""
     span = config.time
     limit = prepare(scene, span.end, span.save_times).plan.limit
-    step = None if limit is None else share * limit
+    step = None if limit is None else config.reference_step * limit
     return finish(prepare(scene, span.end, span.save_times, step))

@@ -41,12 +41,15 @@ class Record:
         if text and not text.endswith("\n"):
             self._append("")  # the last one was cut off within a row
 
-    def once(self, identity: Any, make: Callable[[], tuple[Row, Arrays]]) -> Row:
+    def once(
+        self, identity: Any, head: Row, make: Callable[[], tuple[Row, Arrays]]
+    ) -> Row:
         """The row of that identity: kept from an earlier run, or made and kept now.
 
         Args:
             identity: plain values: all that the row follows from but the programs.
-            make: measures it; arrays go to a file of their own.
+            head: what the row begins with: its names.
+            make: measures the rest; arrays go to a file of their own.
 
         Returns:
             The row; `refused` says why there is nothing else in it. Such a row is tried
@@ -60,7 +63,7 @@ class Record:
             row, arrays = make()
         except InputError as error:
             row, arrays = {"refused": str(error)}, {}
-        row = {"id": key, **row, "arrays": sorted(arrays)}
+        row = {"id": key, **head, **row, "arrays": sorted(arrays)}
         if arrays:
             with replacing(self._array_file(key)) as temporary:
                 np.savez(temporary, allow_pickle=False, **arrays)
@@ -110,11 +113,24 @@ def _parsed(line: str) -> Row | None:
     return row if isinstance(row, dict) and {"id", "arrays"} <= set(row) else None
 
 
+MEASURING = (
+    "cases",
+    "config",
+    "equilibrium",
+    "frames",
+    "levels",
+    "measure",
+    "runner",
+    "study",
+)
+"""The modules here that rows follow from; the others only draw and tell them."""
+
+
 @cache
 def program_hash() -> str:
-    """Of the library and of this comparison: rows of edited programs are not mixed."""
+    """Of what measures, the library included: rows of edited programs do not mix."""
     digest = hashlib.sha256()
-    for folder in (Path(jaxthermo.__file__).parent, Path(__file__).parent):
-        for path in sorted(folder.rglob("*.py")):
-            digest.update(path.read_bytes())
+    here = [Path(__file__).with_name(f"{name}.py") for name in MEASURING]
+    for path in (*sorted(Path(jaxthermo.__file__).parent.rglob("*.py")), *here):
+        digest.update(path.read_bytes())
     return digest.hexdigest()[:16]

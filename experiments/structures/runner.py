@@ -5,6 +5,7 @@ The only place that knows how `simulate` is put together.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -53,8 +54,8 @@ class Runner:
         Raises:
             RuntimeError: if temperatures stopped being finite.
         """
-        program, state = self.plan.compiled.program, start(self.plan)
         with precision(self.scene.dtype):
+            program, state = self.plan.compiled.program, start(self.plan)
             first = observe(program, state, jnp.zeros((), self.plan.dtype))
             even = imbalance(program, state.theta, uneven_nodes(self.scene))
             found = assemble_solution(self.scene, self.plan, first, seen, even)
@@ -77,12 +78,16 @@ def prepare(
         todo = plan(scene, t1, save_at, ForwardEuler(dt=dt))
         program, state = todo.compiled.program, start(todo)
         layout = _layout(legs(todo.intervals), todo.dtype)
-        # A function of its own, so that each runner's first call compiles.
-        fresh = eqx.filter_jit(_run_all.__wrapped__)
+
+    def own(*parts: Any) -> Observation:
+        return _run_all.__wrapped__(*parts)
+
+    # Compiled as a function of its own: each runner's first call compiles anew.
+    compiled = eqx.filter_jit(own)
 
     def loop() -> Observation:
         with precision(scene.dtype):
-            return fresh(program, state, layout)
+            return compiled(program, state, layout)
 
     return Runner(scene, todo, loop)
 

@@ -6,14 +6,22 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float
 
 from jaxthermo.errors import InputError
 from jaxthermo.integrate.solution import Solution
 from jaxthermo.integrate.store import StoredSolution
 from jaxthermo.structures.full import FullVolume
+from jaxthermo.structures.report import structure_report
 
-from .cases import FULL, NEAREST, Case, Subject, load_subject, make_map
-from .config import ComparedBody, ComparisonConfig, body_identity, common_identity
+from .cases import NEAREST, Case, Subject, load_subject, make_map
+from .config import (
+    FULL,
+    ComparedBody,
+    ComparisonConfig,
+    body_identity,
+    common_identity,
+)
 from .frames import Scenery, frame_error, scenery
 from .measure import (
     Baseline,
@@ -21,7 +29,7 @@ from .measure import (
     build_timed,
     error_row,
     ratio_row,
-    reference_solution,
+    run_reference,
     run_timed,
 )
 from .record import Arrays, Record, Row
@@ -79,10 +87,11 @@ class Study:
         if load not in self._references:
             row = self.record.once(
                 {**self.identity, "load": load, "reference": True},
+                {"what": "reference", "body": self.body.name, "load": load},
                 lambda: self._reference(load),
             )
             if "refused" in row:
-                raise InputError(f"{self.body.name}, the reference: {row['refused']}")
+                raise InputError(f"the reference: {row['refused']}")
             kept = self.record.arrays_of(row)
             self._references[load] = StoredSolution(
                 jnp.asarray(kept["times"]),
@@ -91,61 +100,71 @@ class Study:
             )
         return self._references[load]
 
+    @property
+    def shown_reference(self) -> Float[np.ndarray, " s"]:
+        """The reference's surface at the time and load of the pictures [K]."""
+        shown = self.config.picture
+        reference = self.reference(shown.load)
+        index = int(np.abs(np.asarray(reference.times) - shown.time).argmin())
+        return np.asarray(reference.surface_temperature[index])
+
     def _reference(self, load: str) -> tuple[Row, Arrays]:
         scene = self.subject.scene(FullVolume(self.subject.grid), NEAREST, load)
-        share = self.config.reference_step
-        solution = reference_solution(scene, self.config, share)
-        row = {
-            "what": "reference",
-            "body": self.body.name,
-            "load": load,
-            "steps": solution.run.steps,
-            "dt_s": solution.run.dt,
-        }
-        return row, {
+        solution = run_reference(scene, self.config)
+        return {"steps": solution.run.steps, "dt_s": solution.run.dt}, {
             "times": np.asarray(solution.times),
             "surface_temperature": np.asarray(solution.surface_temperature),
         }
 
     def rows(self, case: Case) -> Iterator[Row]:
         """One row a load; the structure is built if any of them is missing."""
-        built = cache(lambda: build_timed(lambda: case.make(self.subject.grid)))
+        built = cache(partial(self._built, case))
         for load in self.config.loads:
+            head = {
+                "what": "structure",
+                "body": self.body.name,
+                "load": load,
+                "label": case.label,
+                "kind": case.kind,
+            }
             identity = {**self.identity, "load": load, "case": case.identity}
             make = self._full_row if case.label == FULL else self._row
-            yield self.record.once(identity, partial(make, case, load, built))
+            yield self.record.once(identity, head, partial(make, load, built))
 
-    def _row(self, case: Case, load: str, built: Callable[[], Timed]):
+    def _built(self, case: Case) -> Timed:
+        grid = self.subject.grid
+        return build_timed(lambda: case.make(grid))
+
+    def _row(self, load: str, built: Callable[[], Timed]) -> tuple[Row, Arrays]:
+        full = self.baseline(load)
         structure, build_time = built()
         scene = self.subject.scene(structure, self.surface_map, load)
         solution, timing, cost = run_timed(scene, self.config)
-        full = self.baseline(load)
         row = {
             "build_time_s": build_time,
             **cost,
             "full_run_time_s": full.time._asdict(),
             "times_faster": ratio_row(timing, full.time),
+            "structure": structure_report(structure),
         }
-        return self._finished(case, load, row, solution)
+        return self._finished(load, row, solution)
 
-    def _full_row(self, case: Case, load: str, built: Callable[[], Timed]):
-        del built  # there is nothing to build: its arrays are the voxels
+    def _full_row(self, load: str, built: Callable[[], Timed]) -> tuple[Row, Arrays]:
+        structure, build_time = built()
         full = self.baseline(load)
-        same = {"median": 1.0, "least": 1.0, "most": 1.0}
-        row = {"build_time_s": 0.0, **full.row, "times_faster": same}
-        return self._finished(case, load, row, full.solution)
+        row = {
+            "build_time_s": build_time,
+            **full.row,
+            "full_run_time_s": full.time._asdict(),
+            "times_faster": {"median": 1.0, "least": 1.0, "most": 1.0},
+            "structure": structure_report(structure),
+        }
+        return self._finished(load, row, full.solution)
 
-    def _finished(
-        self, case: Case, load: str, row: Row, solution: Solution
-    ) -> tuple[Row, Arrays]:
+    def _finished(self, load: str, row: Row, solution: Solution) -> tuple[Row, Arrays]:
         """With errors; and with the surface that the pictures show."""
         reference = self.reference(load)
         whole = {
-            "what": "structure",
-            "body": self.body.name,
-            "load": load,
-            "label": case.label,
-            "kind": case.kind,
             **row,
             "error": error_row(solution, reference),
             "frame": frame_error(self.scenery, solution, reference),

@@ -1,5 +1,9 @@
 """A run told on the terminal: what goes into it, and what came of it."""
 
+import math
+import re
+from typing import Any
+
 from rich.console import Console
 
 from ..constants import ZERO_CELSIUS
@@ -13,9 +17,22 @@ from .console import tell
 from .summary import peak_memory
 
 
-def tell_scene(console: Console, scene: Scene, todo: Plan) -> None:
-    """The bodies, the receipt, and how many steps there will be."""
-    for body in scene.bodies:
+KEPT = 1e-6
+"""A capacity ratio this close to 1 is nothing to speak of."""
+
+
+def tell_scene(
+    console: Console, scene: Scene, todo: Plan, structures: list[dict[str, Any]]
+) -> None:
+    """The bodies, the receipt, and how many steps there will be.
+
+    Args:
+        console: to tell it on.
+        scene: what is simulated.
+        todo: how.
+        structures: the report of each body's.
+    """
+    for body, report in zip(scene.bodies, structures, strict=True):
         grid = body.structure.grid
         shape = " x ".join(str(n) for n in grid.lattice.shape)
         tell(console, verdict_line(grid.mesh))
@@ -24,6 +41,8 @@ def tell_scene(console: Console, scene: Scene, todo: Plan) -> None:
             f"  {grid.solid_count} solid voxels of {grid.pitch * 1e3:.4g} mm in "
             f"{shape}, {len(grid.fragment_area)} surface fragments",
         )
+        for line in structure_lines(report):
+            tell(console, f"  {line}")
     receipt = todo.compiled.receipt
     tell(console, f"included: {', '.join(receipt.included)}")
     for omission in receipt.left_out:
@@ -34,6 +53,29 @@ def tell_scene(console: Console, scene: Scene, todo: Plan) -> None:
         f"{todo.steps} steps, stable step {limit}, about "
         f"{readable_bytes(receipt.memory_bytes)} for the solver",
     )
+
+
+def structure_lines(report: dict[str, Any]) -> list[str]:
+    """What stands for a body, and what heat capacity it lacks or has too much.
+
+    Args:
+        report: of `structure_report`.
+    """
+    kind = re.sub(r"(?<!^)(?=[A-Z])", " ", report["kind"]).lower()
+    nodes, links = _count(report["nodes"], "node"), _count(report["links"], "link")
+    size = readable_bytes(report["bytes_float32"]["total"])
+    lines = [f"{kind}: {nodes}, {links}, {size}"]
+    ratio = report["capacity_ratio"]
+    if abs(ratio - 1) > KEPT:
+        # Two digits of what is missing: 62 %, but 99.95 % and not 100 %.
+        decimals = max(0, 1 - math.floor(math.log10(100 * abs(ratio - 1))))
+        held = f"{100 * ratio:.{decimals}f}"
+        lines.append(f"the structure holds {held} % of the body's heat capacity")
+    return lines
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'s' * (number != 1)}"
 
 
 def tell_result(console: Console, solution: Solution, times: dict[str, float]) -> None:

@@ -29,6 +29,7 @@ from ..integrate.solution import RESULTS, Solution
 from ..integrate.store import StoredSolution, save_solution
 from ..precision import precision
 from ..scene.scene import Scene
+from ..structures.report import structure_report
 from .console import doing, open_console, tell
 from .files import FRAMES, prepare_folder, remove_results, results_folder
 from .frames import prepare_view, write_frames
@@ -72,7 +73,8 @@ def run_simulation(config: SceneConfig, out: Path) -> None:
             scene = build_scene(config)
             end, saves = config.time.end, config.time.save_times
             todo = plan(scene, end, saves, build_solver(config.solver))
-        tell_scene(console, scene, todo)
+            structures = [structure_report(body.structure) for body in scene.bodies]
+        tell_scene(console, scene, todo, structures)
         with doing(console, "finding what the camera sees"):
             view = prepare_view(config, todo.compiled.surfaces, scene.terms)
         setup = time.perf_counter() - clock
@@ -94,7 +96,8 @@ def run_simulation(config: SceneConfig, out: Path) -> None:
         with doing(console, "drawing frames"):
             frames = write_frames(config, view, stored, out / FRAMES)
         times |= {"setup_time_s": setup, "frames_time_s": time.perf_counter() - clock}
-        write_json(out / "summary.json", summarize(config, scene, solution, times))
+        summary = summarize(config, scene, solution, times, structures)
+        write_json(out / "summary.json", summary)
     (out / CHECKPOINT).unlink(missing_ok=True)
     tell_result(console, solution, times)
     tell(

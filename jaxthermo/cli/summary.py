@@ -50,9 +50,21 @@ def _body(scene: Scene, solution: Solution, index: int) -> dict[str, Any]:
 
 
 def summarize(
-    config: SceneConfig, scene: Scene, solution: Solution, times: dict[str, float]
+    config: SceneConfig,
+    scene: Scene,
+    solution: Solution,
+    times: dict[str, float],
+    structures: list[dict[str, Any]],
 ) -> dict[str, Any]:
-    """Everything about a finished run but its fields, in plain types."""
+    """Everything about a finished run but its fields, in plain types.
+
+    Args:
+        config: that was run.
+        scene: built of it.
+        solution: of the scene.
+        times: wall times by name.
+        structures: the report of each body's.
+    """
     receipt = solution.receipt.as_dict()
     energy = solution.energy
     device = jax.devices()[0]
@@ -61,6 +73,7 @@ def summarize(
         "receipt": receipt,
         "nodes": receipt["nodes"],
         "links": receipt["links"],
+        "structures": structures,
         "steps": solution.run.steps,
         "dt_s": solution.run.dt,
         "stable_step_s": _finite(solution.run.stable_step),

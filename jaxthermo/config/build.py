@@ -18,7 +18,6 @@ from ..physics.source import Sun
 from ..physics.term import AbstractTerm
 from ..physics.values import Table, Until
 from ..scene.scene import Body, MaterialMap, Pose, Scene
-from ..structures.full import FullVolume
 from ..voxels.select import AbstractSelection, Region, Side
 from ..voxels.voxelize import voxelize
 from . import (
@@ -27,6 +26,7 @@ from . import (
     schema_terms as terms,
     schema_time as time,
 )
+from .build_structure import build_structure, build_surface_map
 from .schema import SceneConfig, SolverConfig
 
 
@@ -72,10 +72,11 @@ def build_body(config: geometry.BodyConfig) -> Body:
         for paint in config.regions
     )
     return Body(
-        FullVolume(voxelize(mesh, pitch=pitch)),
+        build_structure(config.structure, voxelize(mesh, pitch=pitch)),
         MaterialMap(base, painted) if painted else base,
         temperature=config.temperature,
         pose=build_pose(config.pose),
+        surface_map=build_surface_map(config.surface_map),
     )
 
 

@@ -17,15 +17,19 @@ def _number_or_list(value: Any) -> str:
 _NUMBER = Tag("<number>")
 _LIST = Tag("<list>")
 _EITHER = Discriminator(_number_or_list)
-Weight = Annotated[Number, Field(ge=0)]
-Share = Annotated[Number, Field(gt=0)]
+# Beyond that float32 overflows long before there is any physics in it.
+_MOST = 1e9
+Weight = Annotated[Number, Field(ge=0, le=_MOST)]
+Share = Annotated[Number, Field(gt=0, le=_MOST)]
 Weights = Annotated[
     Annotated[Weight, _NUMBER] | Annotated[tuple[Weight, ...], NotEmpty, _LIST], _EITHER
 ]
 Shares = Annotated[
     Annotated[Share, _NUMBER] | Annotated[tuple[Share, ...], NotEmpty, _LIST], _EITHER
 ]
-Levels = Annotated[Annotated[Whole, Field(ge=1)] | None, Auto]
+Count = Annotated[Whole, Field(ge=1, le=4096)]
+"""Of voxels or layers of them: no body has more along an edge."""
+Levels = Annotated[Count | None, Auto]
 """None: as many as the body has."""
 
 
@@ -58,7 +62,7 @@ class MultiLevel(KindModel):
     """Shells inside shells."""
 
     kind: Literal["multi_level"] = "multi_level"
-    levels: Annotated[Whole, Field(ge=1)] = 10
+    levels: Count = 10
     hollow: Literal["empty", "innermost"] = "empty"
     weights: WeightsConfig = WeightsConfig()
 
@@ -84,7 +88,7 @@ class Aggregate(KindModel):
     """Blocks of factor^3 voxels."""
 
     kind: Literal["aggregate"] = "aggregate"
-    factor: Annotated[Whole, Field(ge=1)] = 4
+    factor: Count = 4
     weights: WeightsConfig = WeightsConfig()
 
 
@@ -92,8 +96,8 @@ class ShellOverCore(KindModel):
     """Fine layers over blocks."""
 
     kind: Literal["shell_over_core"] = "shell_over_core"
-    layers: Annotated[Whole, Field(ge=1)] = 1
-    factor: Annotated[Whole, Field(ge=1)] = 4
+    layers: Count = 1
+    factor: Count = 4
     weights: WeightsConfig = WeightsConfig()
 
 

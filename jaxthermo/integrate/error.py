@@ -81,21 +81,33 @@ def surface_error(solution: AnySolution, reference: AnySolution) -> SurfaceError
         later = _later(solution, reference)
         expected = jnp.asarray(reference.surface_temperature)[later]
         found = jnp.asarray(solution.surface_temperature)[later]
-        difference = found.astype(expected.dtype) - expected
-        span = error_span(expected)
-        percent = lambda kelvin: 100 * kelvin / span
+        _check_range(expected)
         areas = [np.asarray(s.geometry.fragment_area) for s in reference.surfaces]
         area = jnp.asarray(np.concatenate(areas), expected.dtype)
-        share = (area / area.sum())[None, :]
-        rms = _root((share * difference**2).sum(axis=1))
-        size = jnp.abs(difference)
-        return SurfaceError(
-            times=jnp.asarray(reference.times)[later],
-            rms_percent=percent(rms),
-            p99_percent=percent(_percentile(size, share[0], 0.99)),
-            max_percent=percent(size.max(axis=1)),
-            rms_kelvin=rms,
-        )
+        times = jnp.asarray(reference.times)[later]
+        return _error(times, found.astype(expected.dtype), expected, area)
+
+
+@eqx.filter_jit
+def _error(
+    times: Float[Array, " t"],
+    found: Float[Array, "t s"],
+    expected: Float[Array, "t s"],
+    area: Float[Array, " s"],
+) -> SurfaceError:
+    """The sums of `surface_error`."""
+    span = error_span(expected)
+    percent = lambda kelvin: 100 * kelvin / span
+    difference, share = found - expected, area / area.sum()
+    rms = _root((share[None, :] * difference**2).sum(axis=1))
+    size = jnp.abs(difference)
+    return SurfaceError(
+        times=times,
+        rms_percent=percent(rms),
+        p99_percent=percent(_percentile(size, share, 0.99)),
+        max_percent=percent(size.max(axis=1)),
+        rms_kelvin=rms,
+    )
 
 
 def error_span(reference: Float[Array, "t s"]) -> Float[Array, " t"]:
@@ -103,19 +115,19 @@ def error_span(reference: Float[Array, "t s"]) -> Float[Array, " t"]:
 
     Args:
         reference: surface temperatures of the full volume [K].
-
-    Raises:
-        InputError: if the surface has one temperature at every time.
     """
     ranges = reference.max(axis=1) - reference.min(axis=1)
-    largest = ranges.max()
-    if not is_traced(largest) and float(largest) == 0:
-        raise InputError(
-            "surface_error: the reference's surface has one temperature at every saved "
-            "time: there is no range to measure by; give a scene that heats it unevenly"
-        )
-    spans = jnp.maximum(ranges, LEAST_SPAN * largest)
+    spans = jnp.maximum(ranges, LEAST_SPAN * ranges.max())
     return jnp.maximum(spans, jnp.finfo(spans.dtype).tiny)
+
+
+def _check_range(reference: Float[Array, "t s"]) -> None:
+    if is_traced(reference) or float(jnp.ptp(reference, axis=1).max()) > 0:
+        return
+    raise InputError(
+        "surface_error: the reference's surface has one temperature at every saved "
+        "time: there is no range to measure by; give a scene that heats it unevenly"
+    )
 
 
 def _root(square: Float[Array, " t"]) -> Float[Array, " t"]:

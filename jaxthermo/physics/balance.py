@@ -100,22 +100,29 @@ class SurfaceTerms(eqx.Module):
         return rates, excess
 
     def _hot_side(self, time, theta):
-        """An excess at or above the solution, from where Newton cannot overshoot."""
+        """An excess at or above the solution, from where Newton cannot overshoot.
+
+        The lower of two bounds: what emission sheds alone, of all that is pushed in and
+        that a hotter node sends; and what conduction carries off alone.
+        """
         emitting = [term for _, term in self.free if not term.law.is_linear]
         others = [term for _, term in self.free if term.law.is_linear]
-        pushed = sum((t.heat_rate(time, theta) for t in others), jnp.zeros_like(theta))
-        hot = jnp.zeros_like(theta)
+        zero = jnp.zeros_like(theta)
+        pushed = lambda here: jnp.maximum(
+            sum((term.heat_rate(time, here) for term in others), zero), 0
+        )
+        ambient = zero - jnp.inf
         for term in emitting:
-            alone = term.law.hot_side(time, pushed * inverse(term.share))
-            alone = jnp.where(term.share > 0, alone - theta, 0)
-            hot = jnp.maximum(hot, alone)
-        # Conduction alone carries off what is pushed in at this excess: the lower of
-        # two bounds is the tighter, and a bound it stays.
-        carried = jnp.maximum(pushed, 0) * inverse(self.half_cell)
-        ambient = [t.law.hot_side(time, jnp.zeros_like(theta)) for t in emitting]
-        least = sum((jnp.maximum(a - theta, 0) for a in ambient), carried)
-        insulated = self.half_cell <= 0
-        return jnp.where(insulated, hot, jnp.minimum(hot, least))
+            ambient = jnp.maximum(ambient, term.law.hot_side(time, zero))
+        sent = pushed(ambient) + self.half_cell * jnp.maximum(theta - ambient, 0)
+        hot = zero + jnp.inf
+        for term in emitting:
+            shed = term.law.hot_side(time, sent * inverse(term.share))
+            hot = jnp.where(term.share > 0, jnp.minimum(hot, shed), hot)
+        carried = jnp.maximum(theta, ambient) + pushed(theta) * inverse(self.half_cell)
+        hot = jnp.where(self.half_cell > 0, jnp.minimum(hot, carried), hot)
+        hot = jnp.maximum(hot, ambient)
+        return jnp.where(jnp.isfinite(hot), hot - theta, 0)
 
     def stiffness(self, hottest: Float[Array, ""], end: float) -> Float[Array, " m"]:
         """Largest -d(heat rate)/dT of each place below `hottest` [K] to `end` [s].

@@ -37,7 +37,8 @@ def _build(grid: VoxelGrid, factor: int) -> Built:
     labels, first = number_by_first_voxel(block_parts(grid.solid, factor))
     # Blocks in lattice order: neighbours along z follow one another in memory.
     block = np.stack(np.unravel_index(first, labels.shape)) // factor
-    order = np.lexsort([first, *block[::-1]])
+    shape = block.max(axis=1) + 1
+    order = np.argsort(np.ravel_multi_index(tuple(block), shape), kind="stable")
     # The last entry serves the label -1.
     number = np.full(len(order) + 1, -1, np.int32)
     number[order] = np.arange(len(order))

@@ -1,11 +1,9 @@
-"""Links between groups of voxels: shared faces counted, distances to them chosen.
+"""Links between groups of voxels: the shared face's area and the way across it.
 
-Two groups may share faces on several sides: all three axes, both directions. Each side
-conducts k A / (d_src + d_dst); they are parallel, and the one link of the pair gets the
-area and the distances that give the sum.
+The voxel faces that two groups share are taken for one flat face. On axis i they cover
+A_i; the face has the area A = |(A_x, A_y, A_z)|, which does not grow with the steps of
+a staircase, and lies the distance sum_i A_i d_i / A along its normal from each centre.
 """
-
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -14,34 +12,27 @@ from .structure import Links
 
 
 LEAST_DISTANCE = 0.25
-"""Between a centre and a face, in voxels; a centre may lie beyond a bent group's."""
+"""Between a centre and a face, in voxels; a bent group's centre may lie beyond it."""
+
+STRETCH = 1_000_000
+"""Faces taken at a time: temporaries stay small."""
 
 
-class _Sides(NamedTuple):
-    """What each pair shares on each of its sides, sorted by pair."""
+def link_distance(
+    normal: Float[np.ndarray, " e"], straight: Float[np.ndarray, " e"]
+) -> Float[np.ndarray, " e"]:
+    """Way of the heat from centre to centre: half way between two measures of it.
 
-    pair: Int[np.ndarray, " c"]
-    axis: Int[np.ndarray, " c"]
-    sign: Int[np.ndarray, " c"]
-    """1 if `dst` is the upper one along the axis, else -1."""
-    faces: Int[np.ndarray, " c"]
-    plane: Float[np.ndarray, " c"]
-    """Mean place of the faces along the axis, in voxels."""
-
-
-def side_distances(
-    to_face: Float[np.ndarray, " c"], from_face: Float[np.ndarray, " c"]
-) -> tuple[Float[np.ndarray, " c"], Float[np.ndarray, " c"]]:
-    """Distances that the heat travels from centre to shared face to centre, in voxels.
-
-    Along the face's normal: exact between boxes of any two sizes, where the straight
-    line between the centres is too long.
+    Along the face's normal is exact where heat flows along it; but where coarse meets
+    fine, centres are also apart sideways, which conducts too well along the face. The
+    straight line errs the other way. The mean had the smallest largest error on a
+    statue heated from three sides, in octrees, over cores and between random cells.
 
     Args:
-        to_face: from the centre of `src` to the faces along their normal, in voxels.
-        from_face: from there to the centre of `dst`.
+        normal: distance along the normal of the shared face.
+        straight: distance between the centres, which may be nothing for bent groups.
     """
-    return np.maximum(to_face, LEAST_DISTANCE), np.maximum(from_face, LEAST_DISTANCE)
+    return (normal + np.maximum(straight, normal)) / 2
 
 
 def block_links(
@@ -54,56 +45,82 @@ def block_links(
         centre: of each group, in voxels from the corner of the lattice.
         pitch: edge of a voxel [m].
     """
-    sides = _shared_sides(labels, len(centre))
-    src, dst = np.divmod(sides.pair, max(len(centre), 1))
-    to_src, to_dst = side_distances(
-        sides.sign * (sides.plane - centre[src, sides.axis]),
-        sides.sign * (centre[dst, sides.axis] - sides.plane),
-    )
-    conductance = sides.faces / (to_src + to_dst)
-    start = _starts(sides.pair)
-    total = np.add.reduceat(conductance, start)
-    area = np.add.reduceat(sides.faces, start)
-    # Of the temperature drop, the mean share on the side of `src`.
-    share = np.add.reduceat(conductance * to_src / (to_src + to_dst), start) / total
-    distance = area / total * pitch
-    return Links(
-        src=src[start].astype(np.int32),
-        dst=dst[start].astype(np.int32),
-        area=area * pitch**2,
-        distance_src=distance * share,
-        distance_dst=distance * (1 - share),
+    side, plane = _shared_faces(labels, len(centre))
+    # A pair's faces stay in one stretch.
+    begin = np.searchsorted(side, side[::STRETCH] // 6 * 6)
+    begin = np.union1d(0, begin)
+    end = np.append(begin[1:], len(side))
+    parts = [
+        _links(side[i:j], plane[i:j], centre) for i, j in zip(begin, end, strict=True)
+    ]
+    links = Links(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+    return links._replace(
+        area=links.area * pitch**2,
+        distance_src=links.distance_src * pitch,
+        distance_dst=links.distance_dst * pitch,
     )
 
 
-def _shared_sides(labels: Int[np.ndarray, "x y z"], count: int) -> _Sides:
-    """The sides of all pairs of different groups."""
-    found = [_faces(labels, axis, count) for axis in range(3)]
-    key = np.concatenate([key for key, _ in found])
-    plane = np.concatenate([plane for _, plane in found])
-    # The lists are nearly sorted where groups are small: a stable sort merges them.
-    order = np.argsort(key, kind="stable")
-    key = key[order]
-    start = _starts(key)
-    faces = np.diff(start, append=len(key))
-    pair, side = np.divmod(key[start], 6)
-    mean_plane = np.add.reduceat(plane[order], start, dtype=float) / faces
-    return _Sides(pair, side // 2, side % 2 * 2 - 1, faces, mean_plane)
-
-
-def _faces(
-    labels: Int[np.ndarray, "x y z"], axis: int, count: int
+def _shared_faces(
+    labels: Int[np.ndarray, "x y z"], count: int
 ) -> tuple[Int[np.ndarray, " k"], Int[np.ndarray, " k"]]:
-    """Pair and side of every shared face across one axis, as one number; its place."""
-    below, above = np.delete(labels, -1, axis), np.delete(labels, 0, axis)
-    shared = (below != above) & (below >= 0) & (above >= 0)
-    ranks = np.arange(1, labels.shape[axis], dtype=np.int32)
-    ranks = ranks.reshape([-1 if i == axis else 1 for i in range(3)])
-    plane = np.broadcast_to(ranks, shared.shape)[shared]
-    below, above = below[shared], above[shared]
-    src = np.minimum(below, above).astype(np.int64)
-    pair = src * count + np.maximum(below, above)
-    return pair * 6 + 2 * axis + (below < above), plane
+    """All faces between different groups, sorted: their sides, and places along it.
+
+    A side is one number: 6 (src n + dst) + 2 axis + (1 if dst is the upper one).
+    """
+    sides, planes = [], []
+    for axis in range(3):
+        line = np.moveaxis(labels, axis, -1)
+        below, above = line[..., :-1], line[..., 1:]
+        shared = (below != above) & (below >= 0) & (above >= 0)
+        place = np.arange(1, line.shape[-1], dtype=np.int32)
+        planes.append(np.broadcast_to(place, shared.shape)[shared])
+        below, above = below[shared], above[shared]
+        side = np.minimum(below, above).astype(np.int64)
+        side *= count
+        side += np.maximum(below, above)
+        side *= 6
+        side += 2 * axis + (below < above)
+        sides.append(side)
+    side = np.concatenate(sides)
+    # Nearly sorted where groups are small: a stable sort merges the runs.
+    order = np.argsort(side, kind="stable")
+    return side[order], np.concatenate(planes)[order]
+
+
+def _links(
+    side: Int[np.ndarray, " k"],
+    plane: Int[np.ndarray, " k"],
+    centre: Float[np.ndarray, "n 3"],
+) -> Links:
+    """Links of sorted faces, in voxels."""
+    start = _starts(side)
+    faces = np.diff(start, append=len(side))
+    place = np.add.reduceat(plane, start, dtype=float) / faces
+    side = side[start]
+    pair, face = np.divmod(side, 6)
+    src, dst = np.divmod(pair, len(centre))
+    axis, sign = face // 2, face % 2 * 2 - 1
+    to_src = np.maximum(sign * (place - centre[src, axis]), LEAST_DISTANCE)
+    to_dst = np.maximum(sign * (centre[dst, axis] - place), LEAST_DISTANCE)
+
+    on_axis = _starts(side // 2)
+    squares = np.add.reduceat(faces, on_axis) ** 2.0
+    area = np.sqrt(np.add.reduceat(squares, _starts(pair[on_axis])))
+    start = _starts(pair)
+    src, dst = src[start], dst[start]
+    to_src = np.add.reduceat(faces * to_src, start) / area
+    to_dst = np.add.reduceat(faces * to_dst, start) / area
+    normal = to_src + to_dst
+    straight = np.linalg.norm(centre[dst] - centre[src], axis=1)
+    longer = link_distance(normal, straight) / normal
+    return Links(
+        src=src.astype(np.int32),
+        dst=dst.astype(np.int32),
+        area=area,
+        distance_src=to_src * longer,
+        distance_dst=to_dst * longer,
+    )
 
 
 def _starts(ordered: Int[np.ndarray, " k"]) -> Int[np.ndarray, " u"]:

@@ -2,7 +2,7 @@
 
 import numpy as np
 from jaxtyping import Bool, Int
-from skimage.measure import label
+from skimage import measure
 
 from .blocks import index_type
 
@@ -21,14 +21,14 @@ def block_parts(
     split = np.stack([blocks, edge], 1).reshape(-1)
     # [blocks along x, y, z, voxels of a block along x, y, z]
     inside = padded.reshape(split).transpose(0, 2, 4, 1, 3, 5)
-    first = np.full(padded.shape, -1, index_type(padded.shape))
+    first = np.zeros(padded.shape, index_type(padded.shape))
     first_inside = first.reshape(split).transpose(0, 2, 4, 1, 3, 5)
 
     strides = np.array([solid.shape[1] * solid.shape[2], solid.shape[2], 1])
     corner = _lattice_sum(blocks, edge * strides).astype(first.dtype)
     within = _lattice_sum(edge, strides).astype(first.dtype)
     full = inside.all((3, 4, 5))
-    first_inside[full] = corner[full][:, None, None, None]
+    first_inside[...] = np.where(full, corner, -1)[..., None, None, None]
     mixed = inside.any((3, 4, 5)) & ~full
     voxel = corner[mixed][:, None, None, None] + within
     first_inside[mixed] = _first_of_parts(inside[mixed], voxel)
@@ -39,7 +39,7 @@ def block_parts(
 def _lattice_sum(
     counts: Int[np.ndarray, "3"], strides: Int[np.ndarray, "3"]
 ) -> Int[np.ndarray, "i j k"]:
-    """i s_x + j s_y + k s_z."""
+    """Of all (i, j, k) below the counts: i s_x + j s_y + k s_z."""
     x, y, z = (np.arange(n) * stride for n, stride in zip(counts, strides, strict=True))
     return x[:, None, None] + y[:, None] + z
 
@@ -50,8 +50,8 @@ def _first_of_parts(
     """The lowest of `voxel` in each part of each block; -1 where empty."""
     # All blocks in one pile, an empty plane under each.
     pile = np.pad(solid, [(0, 0), (1, 0), (0, 0), (0, 0)])
-    part = label(pile.reshape(-1, *solid.shape[2:]), connectivity=1)
-    part = part.reshape(pile.shape)[:, 1:][solid]
+    part = measure.label(pile.reshape(-1, *solid.shape[2:]), connectivity=1)
+    part = np.asarray(part).reshape(pile.shape)[:, 1:][solid]
     own = voxel[solid]
     lowest = np.zeros(part.max(initial=0) + 1, own.dtype)
     # Voxels come in rising order inside a block: the last one written is the lowest.

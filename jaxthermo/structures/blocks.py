@@ -10,6 +10,7 @@ from jaxtyping import Int
 from ..voxels.grid import VoxelGrid
 from .block_links import block_links
 from .structure import Built, Nodes
+from .voxel_links import voxel_links
 
 
 def index_type(shape: tuple[int, ...]) -> np.dtype:
@@ -57,13 +58,17 @@ def build_blocks(
     voxels = np.bincount(node, minlength=len(level))
     place = np.unravel_index(covered, labels.shape)
     total = [np.bincount(node, index, len(level)) for index in place]
-    centre = np.stack(total, axis=1) / voxels[:, None]
+    centre = np.stack(total, axis=1) / voxels[:, None] + 0.5
+    if np.array_equal(node, np.arange(len(level))):
+        links = voxel_links(labels, grid.pitch)
+    else:
+        links = block_links(labels, centre, grid.pitch)
     return Built(
         nodes=Nodes(
-            centre=grid.lattice.centres(centre),
+            centre=grid.lattice.origin + centre * grid.pitch,
             volume=voxels * grid.voxel_volume,
             level=level.astype(np.int32),
         ),
-        links=block_links(labels, centre + 0.5, grid.pitch),
+        links=links,
         fragment_node=labels[tuple(grid.fragment_voxel.T)],
     )

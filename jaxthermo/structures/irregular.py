@@ -7,7 +7,7 @@ from jaxtyping import Int
 from ..voxels.grid import VoxelGrid
 from .cache import cached
 from .coverage import Coverage, cover_count, coverage
-from .irregular_cells import nested_cells, voxel_depth
+from .irregular_cells import LevelCells, nested_cells, voxel_depth
 from .irregular_links import irregular_links
 from .options import whole_number
 from .shell import fragment_rank
@@ -59,7 +59,7 @@ class IrregularMultiLevel(AbstractBuiltStructure):
             fragment_node=fragment_rank(grid, levels[0] - 1),
         )
 
-    def _nodes(self, levels: list[Int[np.ndarray, "m 3"]]) -> Nodes:
+    def _nodes(self, levels: LevelCells) -> Nodes:
         """One node a cell, level by level."""
         grid = self.grid
         counts = [len(cells) for cells in levels]

@@ -13,6 +13,10 @@ from ..voxels.surface import surface_voxels
 from .layers import voxel_layers
 
 
+LevelCells = list[Int[np.ndarray, "_ 3"]]
+"""Cells of each level l, 2^l voxels wide: [i, j, k] begins at voxel 2^l [i, j, k]."""
+
+
 def voxel_depth(grid: VoxelGrid) -> Int[np.ndarray, "x y z"]:
     """Steps over faces from outside to each voxel: 1 in the shell, 0 outside.
 
@@ -25,13 +29,13 @@ def voxel_depth(grid: VoxelGrid) -> Int[np.ndarray, "x y z"]:
     beyond = -(shape + 1) % largest
     # The largest cells may end with the body; where they do, the rim comes on top.
     beyond = np.where(beyond == 0, largest, beyond)
-    depth = np.zeros(tuple(shape + 1 + beyond), np.uint16)
+    depth = np.zeros(tuple(shape + 1 + beyond), np.int16)
     x, y, z = shape + 1
     depth[1:x, 1:y, 1:z] = layer + 1
     return depth
 
 
-def nested_cells(depth: Int[np.ndarray, "x y z"]) -> list[Int[np.ndarray, "m 3"]]:
+def nested_cells(depth: Int[np.ndarray, "x y z"]) -> LevelCells:
     """For each level l the cells of 2^l voxels that form its shell, in lattice order.
 
     Level 0 is the shell of the body. A cell of a coarser level is inside what the

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from .irregular_cells import LevelCells
 from .structure import Links
 from .territory import Territory
 
@@ -19,9 +20,7 @@ class _Pairs(NamedTuple):
     distance_dst: Float[np.ndarray, " k"]
 
 
-def irregular_links(
-    levels: list[Int[np.ndarray, "m 3"]], territory: Territory, pitch: float
-) -> Links:
+def irregular_links(levels: LevelCells, territory: Territory, pitch: float) -> Links:
     """All links, sorted.
 
     Two cells of level l that share a face of their lattice have the area (2^l h)^2 and
@@ -55,9 +54,7 @@ def irregular_links(
     )
 
 
-def _lattice_pairs(
-    levels: list[Int[np.ndarray, "m 3"]], half: Float[np.ndarray, " n"]
-) -> _Pairs:
+def _lattice_pairs(levels: LevelCells, half: Float[np.ndarray, " n"]) -> _Pairs:
     """Cells of one level that share a face."""
     pairs, first = [np.zeros((2, 0), np.int64)], 0
     for cells in levels:

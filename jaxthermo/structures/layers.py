@@ -21,7 +21,8 @@ def voxel_layers(grid: VoxelGrid, most: int) -> Int[np.ndarray, "x y z"]:
     _, y, z = padded.shape
     waiting = padded.reshape(-1)
     layer = np.full(waiting.shape, -1, np.int32)
-    front = np.ravel_multi_index(tuple(shell_voxels(grid).T + 1), padded.shape)
+    first = tuple(shell_voxels(grid).T + 1)
+    front = np.asarray(np.ravel_multi_index(first, padded.shape))
     waiting[front] = False
     layer[front] = 0
     for number in range(1, most):

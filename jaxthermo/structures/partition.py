@@ -41,7 +41,10 @@ class Partition(AbstractBuiltStructure):
 
 def _checked(grid: VoxelGrid, labels: Any) -> Int[np.ndarray, "x y z"]:
     """The labels of solid voxels, -1 elsewhere."""
-    given = np.asarray(labels)
+    try:
+        given = np.asarray(labels)
+    except ValueError:
+        raise InputError("Partition(labels=): give an array of integers") from None
     if not np.issubdtype(given.dtype, np.integer):
         raise InputError(
             f"Partition(labels=): {given.dtype} values cannot name nodes: give integers"
@@ -54,13 +57,14 @@ def _checked(grid: VoxelGrid, labels: Any) -> Int[np.ndarray, "x y z"]:
     if given.max() > np.iinfo(np.int64).max:
         raise InputError("Partition(labels=): give labels below 2^63")
     checked = np.where(grid.solid & (given >= 0), given.astype(np.int64), -1)
+    if checked.max() < 0:
+        raise InputError("Partition(labels=): no solid voxel has a label of at least 0")
     without = grid.fragment_voxel[checked[tuple(grid.fragment_voxel.T)] < 0]
-    if len(without) or checked.max() < 0:
-        where = f", the first at {tuple(map(int, without[0]))}" if len(without) else ""
-        voxels = len(np.unique(without, axis=0))
+    if len(without):
         raise InputError(
-            f"Partition(labels=): labels leave {voxels} surface voxels without a "
-            f"node{where}: give every voxel with a fragment a label of at least 0"
+            "Partition(labels=): labels leave surface voxels without a node, "
+            f"{len(np.unique(without, axis=0))} of them, the first at "
+            f"{tuple(map(int, without[0]))}: give each a label of at least 0"
         )
     return checked
 

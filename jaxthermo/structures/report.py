@@ -39,32 +39,27 @@ def structure_report(
 
 
 def _options(structure: AbstractStructure) -> dict[str, Any]:
-    """What was chosen; of an array only its shape."""
-    skipped = ("grid", "weights", "built")
-    found = {
+    """What was chosen."""
+    return {
         field.name: getattr(structure, field.name)
         for field in fields(structure)
-        if field.init and field.name not in skipped
-    }
-    return {
-        name: {"shape": list(value.shape)} if isinstance(value, np.ndarray) else value
-        for name, value in found.items()
+        if field.init and field.name not in ("grid", "weights")
     }
 
 
 def _bytes(structure: AbstractStructure) -> dict[str, int]:
     """Of the arrays that a solver reads, in float32 and int32.
 
-    A state and a capacity for each place of the state, two numbers of nodes and a
-    conductance for each link, a node and an area for each fragment. A stencil has a
-    byte for each cell instead of links.
+    A state and a capacity for each node, two numbers of nodes and a conductance for
+    each link, a node and an area for each fragment. A stencil has a state and a byte
+    of open faces for each cell of its lattice, and neither capacities nor links.
     """
-    cells = prod(structure.state_shape)
-    as_stencil = len(structure.state_shape) == 3
+    shape = structure.state_shape
+    as_stencil = len(shape) == 3
     parts = {
-        "state": 4 * cells,
-        "capacity": 4 * cells,
-        "links": cells if as_stencil else 12 * structure.link_count,
+        "state": 4 * prod(shape),
+        "capacity": 0 if as_stencil else 4 * structure.node_count,
+        "links": prod(shape) if as_stencil else 12 * structure.link_count,
         "fragments": 8 * len(structure.grid.fragment_area),
     }
     return {**parts, "total": sum(parts.values())}

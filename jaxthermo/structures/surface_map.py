@@ -4,7 +4,7 @@
 - `LinearMap`: with the gradient there times the offset from node to fragment, by least
   squares over the node's links;
 - `FluxCorrectedMap`: along the normal by heat flux x distance / k, which the balance at
-  the surface gives; along the surface by the gradient.
+  the surface gives, with the gradient's part; along the surface by the gradient.
 
 A map reads at the surface itself or, `at="voxel"`, at the centre of the surface voxel,
 half a voxel below, which is what a full volume's nodes say and what errors are measured
@@ -22,31 +22,41 @@ from jaxtyping import Array, Float, Int
 from .structure import AbstractStructure
 
 
+Components = tuple[Float[Array, " m"], Float[Array, " m"], Float[Array, " m"]]
+"""Of vectors, each an array of its own: rows of three are slow to work on."""
+
+
 class Gradient(eqx.Module):
     """Least squares over the links of the nodes that have surface."""
 
     neighbour: tuple[tuple[Int[Array, " m"], ...], ...]
     """State addresses of the k-th neighbour of each node; its own where it has less."""
-    weight: tuple[Float[Array, "m 3"], ...]
-    """Of its temperature difference [1/m]."""
+    weight: tuple[Components, ...]
+    """Of its temperature difference, along x, y, z [1/m]."""
 
     def __call__(
         self, theta: Float[Array, "..."], nodes: Float[Array, " m"]
-    ) -> Float[Array, "m 3"]:
-        """At every node with surface [K/m]."""
-        total = jnp.zeros((len(nodes), 3), nodes.dtype)
-        for address, weight in zip(self.neighbour, self.weight, strict=True):
-            there = theta.at[address].get(mode="promise_in_bounds")
-            total = total + weight * (there - nodes)[:, None]
-        return total
+    ) -> Components:
+        """At every node with surface, along x, y, z [K/m]."""
+        gaps = [
+            theta.at[address].get(mode="promise_in_bounds") - nodes
+            for address in self.neighbour
+        ]
+        zero = jnp.zeros_like(nodes)
+        x, y, z = (
+            sum((w[i] * gap for w, gap in zip(self.weight, gaps, strict=True)), zero)
+            for i in range(3)
+        )
+        return x, y, z
 
 
 class BoundMap(eqx.Module):
     """A map on one body."""
 
     gradient: Gradient | None
-    offset: Float[Array, "s 3"] | None
-    """From the node to the point that is read, as far as the gradient covers it [m]."""
+    offset: Components | None
+    """Along x, y, z, from the node to the point that is read, as far as the gradient
+    covers it [m]."""
     along_flux: Float[Array, " s"] | None
     """Of the surface's excess over its node, the part at the point that is read."""
 
@@ -74,8 +84,9 @@ class BoundMap(eqx.Module):
         """
         total = below
         if self.gradient is not None and self.offset is not None:
-            slope = self.gradient(theta, nodes)[place]
-            total = total + (slope * self.offset).sum(axis=1)
+            slopes = self.gradient(theta, nodes)
+            for slope, length in zip(slopes, self.offset, strict=True):
+                total = total + length * slope.at[place].get(mode="promise_in_bounds")
         if self.along_flux is not None and excess is not None:
             total = total + self.along_flux * excess
         return total
@@ -116,28 +127,44 @@ class LinearMap(AbstractSurfaceMap):
         return _with_gradient(structure, offset, None, dtype)
 
 
+FLUX_PART, GRADIENT_PART = 2 / 3, 1 / 3
+"""Between a cell's mean and its surface, of a parabola with the flux at the surface and
+the gradient at the cell's far side: T_s - T = (2 q'' / k + g) / 3 times the distance."""
+
+
 class FluxCorrectedMap(AbstractSurfaceMap):
-    """The balance at the surface along the normal, the gradient along the surface."""
+    """The balance at the surface along the normal, the gradient along the surface.
+
+    From the voxel under a fragment to the surface the flux alone; from a deeper node to
+    that voxel a parabola that has the flux at one end and the gradient at the other.
+    """
 
     at: Depth = eqx.field(static=True, default="surface")
 
     def bind(self, structure: AbstractStructure, dtype: Any) -> BoundMap:
         """With the distances from node to fragment."""
         offset, normal = structure.fragment_offset(), structure.grid.fragment_normal
-        distance = structure.fragment_distance()
-        depth = structure.grid.pitch / 2 if self.at == "voxel" else 0.0
-        part = jnp.asarray(1 - depth / distance, dtype)
-        part = part * jnp.asarray(structure.weights.surface_distance, dtype)
-        along = np.einsum("si,si->s", offset, normal)[:, None] * normal
-        sideways = offset - along
-        return _with_gradient(structure, sideways, part, dtype)
+        along = np.maximum(np.einsum("si,si->s", offset, normal), 0)[:, None] * normal
+        outermost = structure.grid.pitch / 2 / structure.fragment_distance()
+        part = FLUX_PART * (1 - outermost)
+        if self.at == "surface":
+            part = part + outermost
+        flux = jnp.asarray(part, dtype)
+        flux = flux * jnp.asarray(structure.weights.surface_distance, dtype)
+        inside = offset - (1 - GRADIENT_PART) * along
+        return _with_gradient(structure, inside, flux, dtype)
 
 
 def _with_gradient(structure, offset, part, dtype) -> BoundMap:
     if np.abs(offset).max(initial=0) < 1e-6 * structure.grid.pitch:
         return BoundMap(None, None, part)
     gradient = surface_gradient(structure, dtype)
-    return BoundMap(gradient, jnp.asarray(offset, dtype), part)
+    return BoundMap(gradient, _components(offset, dtype), part)
+
+
+def _components(vectors: Float[np.ndarray, "m 3"], dtype: Any) -> Components:
+    x, y, z = (jnp.asarray(vectors[:, i], dtype) for i in range(3))
+    return x, y, z
 
 
 def surface_gradient(structure: AbstractStructure, dtype: Any) -> Gradient:
@@ -174,5 +201,5 @@ def surface_gradient(structure: AbstractStructure, dtype: Any) -> Gradient:
         index, values = surface.copy(), np.zeros((len(surface), 3))
         index[node[at]], values[node[at]] = other[at], row[at]
         neighbours.append(tuple(jnp.asarray(a) for a in address[:, index]))
-        weights.append(jnp.asarray(values, dtype))
+        weights.append(_components(values, dtype))
     return Gradient(tuple(neighbours), tuple(weights))

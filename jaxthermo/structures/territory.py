@@ -9,6 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Int
 
+from .irregular_cells import LevelCells
+
 
 class Territory(NamedTuple):
     """The division of a body among its cells."""
@@ -20,8 +22,8 @@ class Territory(NamedTuple):
 
 
 def divide(
-    body: Bool[np.ndarray, "x y z"], levels: list[Int[np.ndarray, "m 3"]]
-) -> tuple[Territory, list[Int[np.ndarray, "m 3"]]]:
+    body: Bool[np.ndarray, "x y z"], levels: LevelCells
+) -> tuple[Territory, LevelCells]:
     """Divide a body among cells, and leave out cells that smaller ones hide entirely.
 
     Every cell left has voxels of its own, and each of these is joined over faces of
@@ -48,7 +50,7 @@ def divide(
 
 
 def _paint(
-    body: Bool[np.ndarray, "x y z"], levels: list[Int[np.ndarray, "m 3"]]
+    body: Bool[np.ndarray, "x y z"], levels: LevelCells
 ) -> Int[np.ndarray, "x y z"]:
     """Number of the smallest cell that covers each voxel of the body, else -1."""
     owner = np.full(body.shape, -1, np.int32)
@@ -89,7 +91,7 @@ def _grow(
 
     Returns the steps; of several neighbours the first in lattice order decides.
     """
-    gap = np.zeros(body.shape, np.uint16)
+    gap = np.zeros(body.shape, np.int16)
     flat_owner, flat_gap = owner.reshape(-1), gap.reshape(-1)
     waiting = np.flatnonzero(body & (owner < 0))
     _, y, z = body.shape

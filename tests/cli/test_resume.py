@@ -97,12 +97,21 @@ def test_a_stop_at_the_last_step_loses_nothing(tmp_path, stop_at, uninterrupted)
     same_arrays(tmp_path / "out/solution.npz", uninterrupted / "solution.npz")
 
 
-@pytest.mark.parametrize("damage", ["config", "cut", "junk", "empty"])
+OTHERS = {
+    "start": "bodies.0.temperature=310",
+    "structure": "bodies.0.structure={kind: octree, levels: 1}",
+    # Of these the arrays have the shapes of the run that they must not pass for.
+    "weights": "bodies.0.structure.weights.surface_distance=0.5",
+    "surface map": "bodies.0.surface_map=constant",
+}
+
+
+@pytest.mark.parametrize("damage", [*OTHERS, "cut", "junk", "empty"])
 def test_a_checkpoint_that_does_not_fit_is_ignored(
     tmp_path, stop_at, uninterrupted, damage
 ):
     scene, out = scene_file(tmp_path), tmp_path / "out"
-    other = ("--set", "bodies.0.temperature=310") if damage == "config" else ()
+    other = ("--set", OTHERS[damage]) if damage in OTHERS else ()
     stop_at(1)
     assert run("simulate", scene, "--out", out, *STEPS, *other)[0] == 130
     checkpoint = out / "checkpoint.npz"

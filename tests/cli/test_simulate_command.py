@@ -10,6 +10,7 @@ from cli_runs import RESULTS, SCENE, files, frame_files, run, scene_file
 from PIL import Image
 
 import jaxthermo as jt
+from jaxthermo.cli.report import structure_lines
 from jaxthermo.config.build import build_scene
 from jaxthermo.config.known import palette_names
 from jaxthermo.config.loader import config_hash, load_config, resolved
@@ -61,10 +62,11 @@ def test_the_terminal_tells_what_ran(tmp_path):
     lines = out.splitlines()
     assert lines[0].startswith("box: 12 faces, watertight")
     assert "360 solid voxels of 8.333 mm in 6 x 5 x 12" in lines[1]
-    assert lines[2] == "included: conduction, sun, convection, emission"
-    assert lines[3].startswith("left out: per-node conductivity (")
-    assert lines[4] == "left out: contact (there is one body)"
-    assert "steps, stable step" in lines[5]
+    assert lines[2].startswith("  full volume: 360 nodes, 918 links, ")
+    assert lines[3] == "included: conduction, sun, convection, emission"
+    assert lines[4].startswith("left out: per-node conductivity (")
+    assert lines[5] == "left out: contact (there is one body)"
+    assert "steps, stable step" in lines[6]
     assert lines[-1].startswith("3 frames in ") and "[red] :smile:" in lines[-1]
     assert all(lines)
 
@@ -173,6 +175,53 @@ def test_the_pictures_share_one_scale_of_body_pixels(finished):
     bars = [picture[:48, 64:] for picture in pictures]
     np.testing.assert_array_equal(bars[0], bars[1])
     np.testing.assert_array_equal(bars[0], bars[2])
+
+
+@pytest.mark.parametrize(
+    ("structure", "told"),
+    [
+        ("octree", []),
+        ("{kind: aggregate, factor: 3}", []),
+        ("{kind: single_shell, capacity: own}", ["67 %"]),
+    ],
+)
+def test_the_terminal_and_the_summary_tell_the_structure(tmp_path, structure, told):
+    out, scene = tmp_path / "out", scene_file(tmp_path)
+    change = f"bodies.0.structure={structure}"
+    code, text, err = run("simulate", scene, "--out", out, "--set", change)
+    assert (code, err) == (0, "")
+    found = json.loads((out / "summary.json").read_text())
+    (report,) = found["structures"]
+    (expected,) = build_scene(load_config(out / "config.yaml")).bodies
+    assert report["kind"] == type(expected.structure).__name__
+    assert report["nodes"] == found["nodes"] == expected.structure.node_count
+    assert report["links"] == found["links"] == expected.structure.link_count
+    assert found["receipt"]["capacity_ratios"] == [report["capacity_ratio"]]
+    lines = text.splitlines()
+    counts = f"{report['nodes']} nodes, {report['links']} links, "
+    assert counts in lines[2]
+    assert lines[3 : 3 + len(told)] == [
+        f"  the structure holds {share} of the body's heat capacity" for share in told
+    ]
+    assert text.count("heat capacity") == len(told)
+
+
+@pytest.mark.parametrize(
+    ("ratio", "share"),
+    [
+        (1 + 9e-7, None),
+        (1 - 2e-6, "99.99980 %"),
+        (0.99953, "99.953 %"),
+        (0.618, "62 %"),
+        (1.12, "112 %"),
+    ],
+)
+def test_capacity_that_is_missing_or_too_much_is_told(ratio, share):
+    report = {"kind": "ShellOverCore", "nodes": 2, "links": 1, "capacity_ratio": ratio}
+    first, *rest = structure_lines({**report, "bytes_float32": {"total": 2048}})
+    assert first == "shell over core: 2 nodes, 1 link, 2.0 KiB"
+    told = [f"the structure holds {share} of the body's heat capacity"]
+    assert rest == (told if share else [])
 
 
 def test_two_bodies_one_of_two_materials_in_float64(tmp_path):

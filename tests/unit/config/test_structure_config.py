@@ -148,6 +148,8 @@ def test_the_key_of_another_kind_is_one_line_with_what_this_kind_takes(
         ("structure: {kind: octree, levels: 0}", "levels: must be at least 1, got 0"),
         ("structure: {kind: octree, levels: 2.5}", "levels: expected a whole number"),
         ("structure: {kind: aggregate, factor: 0}", "factor: must be at least 1"),
+        ("structure: {kind: aggregate, factor: 5000}", "factor: must be at most 4096"),
+        ("structure: {weights: {within: 1e300}}", "within: must be at most 1e.09"),
         ("structure: {kind: shell_over_core, layers: 0}", "layers: must be at least 1"),
         ("structure: {kind: multi_level, hollow: full}", "hollow: 'full' is not known"),
         ("structure: {kind: single_shell, capacity: 1}", "capacity: 1 is not known"),

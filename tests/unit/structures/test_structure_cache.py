@@ -17,6 +17,9 @@ from jaxthermo.structures.structure import Built, Links, Nodes
 from tests.bodies import blocks
 
 
+ROOT = Path(__file__).parents[3]
+
+
 class Builder:
     """Makes distinct arrays and counts how often it was asked."""
 
@@ -159,24 +162,33 @@ def test_threads_at_once_all_get_the_arrays(folder, grid):
     assert len(list(folder.iterdir())) == 1
 
 
-def test_processes_at_once_share_one_file(tmp_path):
+def build_read_and_remove() -> None:
+    """What each of two processes does in the same folder."""
+    cache.LEAST_VOXELS = 1
+    grid = blocks(np.ones((2, 3, 4), bool))
+    for n in range(40):
+        assert_same(cached("kind", grid, {"n": n % 3}, Builder()), Builder()())
+        if n % 5 == 0:
+            folder = Path(os.environ["JAXTHERMO_CACHE"], "structures")
+            for path in sorted(folder.glob("*.npz"))[:1]:
+                path.unlink(missing_ok=True)
+
+
+def test_processes_at_once_take_files_away_from_under_each_other(folder):
     code = (
-        "import numpy as np\n"
-        "from jaxthermo.structures import cache\n"
-        "from tests.bodies import blocks\n"
-        "from tests.unit.structures.test_structure_cache import Builder\n"
-        "cache.LEAST_VOXELS = 1\n"
-        "grid = blocks(np.ones((2, 3, 4), bool))\n"
-        "for n in range(20):\n"
-        "    built = cache.cached('kind', grid, {'n': n % 3}, Builder())\n"
-        "    assert built.fragment_node.tolist() == [5, 4, 3, 2, 1, 0]\n"
+        "from tests.unit.structures import test_structure_cache as test\n"
+        "print('ready', flush=True)\n"
+        "test.build_read_and_remove()"
     )
-    environment = {**os.environ, "JAXTHERMO_CACHE": str(tmp_path)}
-    work = [
-        subprocess.Popen([sys.executable, "-c", code], env=environment) for _ in "ab"
-    ]
-    assert [process.wait(60) for process in work] == [0, 0]
-    assert len(list((tmp_path / "structures").iterdir())) == 3
+    other = subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, cwd=ROOT
+    )
+    assert other.stdout is not None
+    with other.stdout as said:
+        assert said.readline() == b"ready\n"
+        build_read_and_remove()
+    assert other.wait(60) == 0
+    assert len(list(folder.iterdir())) == 3
 
 
 def test_off_and_small_bodies_leave_nothing(tmp_path, monkeypatch, grid):

@@ -1,0 +1,144 @@
+"""`experiments run structures`: measures, and writes tables, plots and pictures."""
+
+import os
+from pathlib import Path
+from typing import Any
+
+import jax
+from rich.console import Console
+
+from jaxthermo.cli.console import doing, open_console, tell
+from jaxthermo.errors import InputError
+
+from .cases import all_cases
+from .claims import equilibrium_claim, levels_claim, limb_claim
+from .claims_table import capacity_claim, path_claim, speed_claims
+from .config import ComparedBody, ComparisonConfig, load_comparison, resolved
+from .equilibrium import Equilibrium
+from .levels import level_rows
+from .local import local_rows
+from .progress import Steps, counted
+from .record import Record, program_hash
+from .report import Findings, write_report
+from .study import Study
+from .summary import summarize
+from .tables import show_table
+
+
+DEFAULT = Path(__file__).parents[2] / "configs" / "experiments" / "structures.yaml"
+
+
+def run(
+    folder: Path, config: Path | None = None, height: int | None = None
+) -> dict[str, Any]:
+    """Every structure of the config against the full volume.
+
+    Args:
+        folder: for the results; a run that was cut off there goes on.
+        config: a YAML file; the standard comparison if not given.
+        height: voxels along up, instead of the config's.
+
+    Raises:
+        InputError: for a mistake in the config, or a mesh that is not there.
+    """
+    if config is None and not DEFAULT.is_file():
+        raise InputError(
+            f"the standard comparison, {DEFAULT}, is not installed: name a config file"
+        )
+    comparison = load_comparison(config or DEFAULT, height)
+    record, console = Record(folder), open_console()
+    studies = [Study(body, comparison, record) for body in comparison.bodies]
+    findings = _measure(console, comparison, studies)
+    if record.reused:
+        tell(console, f"{record.reused} rows were there from an earlier run")
+    with doing(console, "drawing"):
+        files = write_report(findings, folder, host())
+    show_table(console, findings.lines)
+    return {
+        "config": resolved(comparison),
+        "program_hash": program_hash(),
+        "seed": None,
+        "table": findings.lines,
+        "claims": findings.claims,
+        "rows": [*findings.rows, *findings.limb_rows],
+        "level_rows": findings.level_rows,
+        "equilibrium_rows": findings.equilibrium_rows,
+        "files": files,
+    }
+
+
+def host() -> str:
+    """What it ran on."""
+    device = jax.devices()[0]
+    return f"{os.cpu_count()} cores, {device.device_kind}"
+
+
+def _measure(
+    console: Console, config: ComparisonConfig, studies: list[Study]
+) -> Findings:
+    """All rows and what follows from them, with a bar on a terminal."""
+    claims = config.claims
+    limb = limb_study(config, studies[0].record)
+    with counted(console, count_rows(config, limb)) as steps:
+        rows = [row for study in studies for row in _rows(study, steps)]
+        swept, even = [], []
+        if claims.levels is not None:
+            swept = list(steps.each(level_rows(studies[0], claims.levels), "levels"))
+        if claims.equilibrium is not None:
+            name = claims.equilibrium.body or studies[0].body.name
+            chosen = next(s for s in studies if s.body.name == name)
+            made = Equilibrium(chosen, claims.equilibrium).rows()
+            even = list(steps.each(made, "equilibrium"))
+        on_limb = [] if limb is None else list(_rows(limb, steps))
+    lines = summarize(rows, config)
+    local = [] if limb is None else local_rows(limb, on_limb)
+    return Findings(
+        studies=studies,
+        limb=limb,
+        rows=rows,
+        limb_rows=on_limb,
+        level_rows=swept,
+        equilibrium_rows=even,
+        local=local,
+        lines=lines,
+        claims=[
+            *speed_claims(lines),
+            *equilibrium_claim(even),
+            *path_claim(lines),
+            *levels_claim(swept),
+            *(limb_claim(local, claims.limb) if claims.limb else ()),
+            *capacity_claim(rows),
+        ],
+    )
+
+
+def _rows(study: Study, steps: Steps):
+    for case in all_cases(study.config):
+        yield from steps.each(study.rows(case), f"{study.body.name}, {case.label}")
+
+
+def limb_study(config: ComparisonConfig, record: Record) -> Study | None:
+    """The body with thin limbs, under the load that the pictures show."""
+    limb = config.claims.limb
+    if limb is None:
+        return None
+    update = {
+        "voxels_high": limb.voxels_high,
+        "loads": (config.picture.load,),
+        "structures": tuple(e for e in config.structures if e.label in limb.structures),
+        "full_volume_as_links": False,
+    }
+    return Study(
+        ComparedBody(shape=limb.shape), config.model_copy(update=update), record
+    )
+
+
+def count_rows(config: ComparisonConfig, limb: Study | None) -> int:
+    """How many rows there will be."""
+    claims, cases = config.claims, len(all_cases(config))
+    total = len(config.bodies) * cases * len(config.loads)
+    if claims.levels is not None:
+        total += (len(claims.levels.counts) + 1) * len(claims.levels.hollow)
+    if claims.equilibrium is not None:
+        total += cases
+    return total + (0 if limb is None else len(all_cases(limb.config)))

@@ -1,0 +1,97 @@
+"""From a validated config to structures, their weights and surface maps."""
+
+from pathlib import Path
+from typing import assert_never
+
+import numpy as np
+from jaxtyping import Int
+
+from ..errors import InputError
+from ..structures.aggregate import Aggregate
+from ..structures.full import FullVolume
+from ..structures.irregular import IrregularMultiLevel
+from ..structures.multilevel import MultiLevel
+from ..structures.octree import Octree
+from ..structures.partition import Partition
+from ..structures.shell import SingleShell
+from ..structures.shell_over_core import ShellOverCore
+from ..structures.structure import AbstractStructure
+from ..structures.surface_map import (
+    AbstractSurfaceMap,
+    ConstantMap,
+    FluxCorrectedMap,
+    LinearMap,
+)
+from ..structures.weights import ConductionWeights
+from ..voxels.grid import VoxelGrid
+from . import schema_structure as schema
+
+
+def build_structure(
+    config: schema.StructureConfig, grid: VoxelGrid
+) -> AbstractStructure:
+    """The nodes and links that stand for a body.
+
+    Raises:
+        InputError: if the labels of a partition are not to be used.
+    """
+    weights = ConductionWeights(**dict(config.weights))
+    match config:
+        case schema.FullVolume():
+            return FullVolume(grid, weights=weights)
+        case schema.SingleShell(capacity=capacity):
+            return SingleShell(grid, capacity=capacity, weights=weights)
+        case schema.MultiLevel(levels=levels, hollow=hollow):
+            return MultiLevel(grid, levels=levels, hollow=hollow, weights=weights)
+        case schema.IrregularMultiLevel(levels=levels, keep_capacity=keep):
+            return IrregularMultiLevel(
+                grid, levels=levels, keep_capacity=keep, weights=weights
+            )
+        case schema.Octree(levels=levels):
+            return Octree(grid, levels=levels, weights=weights)
+        case schema.Aggregate(factor=factor):
+            return Aggregate(grid, factor=factor, weights=weights)
+        case schema.ShellOverCore(layers=layers, factor=factor):
+            return ShellOverCore(grid, layers=layers, factor=factor, weights=weights)
+        case schema.Partition(labels=labels):
+            return Partition(grid, read_labels(labels), weights=weights)
+        case _:
+            assert_never(config)
+
+
+def read_labels(path: Path) -> Int[np.ndarray, "x y z"]:
+    """Which node each voxel belongs to, from a file of `numpy.save`.
+
+    Raises:
+        InputError: if the file holds anything but whole numbers on three axes.
+    """
+    try:
+        with path.open("rb") as file:
+            labels = np.lib.format.read_array(file, allow_pickle=False)
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise InputError(f"{path}: cannot be read: {reason}") from error
+    except Exception as error:  # damaged bytes make the reader raise anything
+        raise InputError(
+            f"{path}: not an array of numbers, or damaged ({type(error).__name__}); "
+            "write the labels with numpy.save"
+        ) from error
+    if labels.ndim != 3 or labels.dtype.kind not in "iu":
+        raise InputError(
+            f"{path}: expected whole numbers [x y z], got {labels.dtype} of shape "
+            f"{list(labels.shape)}"
+        )
+    return labels
+
+
+def build_surface_map(config: schema.SurfaceMapConfig) -> AbstractSurfaceMap:
+    """How the surface's temperature is read from the nodes."""
+    match config:
+        case schema.ConstantMap():
+            return ConstantMap()
+        case schema.LinearMap(at=at):
+            return LinearMap(at=at)
+        case schema.FluxCorrectedMap(at=at):
+            return FluxCorrectedMap(at=at)
+        case _:
+            assert_never(config)

@@ -1,0 +1,142 @@
+"""The balance at the surface: all mechanisms act at the surface's own temperature."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from jaxthermo.constants import STEFAN_BOLTZMANN
+from jaxthermo.physics.balance import SurfaceTerms
+from jaxthermo.physics.boundary import Exchange, ImposedFlux
+from jaxthermo.physics.emission import Emission
+from jaxthermo.physics.term import bound
+from tests.bodies import bar
+
+
+INSULATION = jt.Material(0.03, density=30.0, specific_heat=1000.0, emissivity=0.9)
+FRONT = jt.Side(normal=(1.0, 0.0, 0.0))
+FLUX, H, AIR = 1000.0, 10.0, 290.0
+
+
+def _at_rest(pitch, cells=2):
+    """Surface and body of an insulated bar that convects what it is given, at rest."""
+    body = jt.Body(jt.FullVolume(bar(cells, pitch)), INSULATION, temperature=AIR)
+    terms = (jt.HeatFlux(FLUX, on=FRONT), jt.Convection(H, AIR, on=FRONT))
+    solution = jt.simulate(jt.Scene((body,), terms, dtype="float64"), 2e6)
+    normal = bar(cells, pitch).fragment_normal
+    front = np.flatnonzero(normal[:, 0] > 0.9)
+    surface = float(np.asarray(solution.surface_temperature)[0, front].mean())
+    return surface, float(solution.mean_temperature[0, 0]), solution
+
+
+@pytest.mark.parametrize("pitch", [0.02, 0.005])
+def test_an_insulator_in_the_sun_is_right_at_any_pitch(pitch):
+    """At rest h (T_s - T_air) = q'', and nothing flows inside."""
+    surface, mean, _ = _at_rest(pitch)
+    assert surface == pytest.approx(AIR + FLUX / H, abs=1e-6)
+    assert mean == pytest.approx(AIR + FLUX / H, abs=1e-6)
+
+
+def test_the_ledger_closes_where_mechanisms_oppose_each_other():
+    _, _, solution = _at_rest(0.01)
+    assert abs(float(solution.energy.residual_relative[0])) < 1e-12
+
+
+def _surface(half_cell, *laws, share=2.0):
+    terms = tuple((n, bound(jnp.full(1, share), law)) for n, law in enumerate(laws))
+    names = tuple(f"term{n}" for n in range(len(laws)))
+    return SurfaceTerms(names, jnp.full(1, half_cell), terms, ())
+
+
+def _laws(flux, h, ambient, reference=280.0):
+    reference = jnp.array(reference)
+    return (
+        ImposedFlux(jnp.array(flux)),
+        Exchange(jnp.array(h), jnp.array(AIR), reference),
+        Emission(jnp.array(ambient), reference),
+    )
+
+
+def _bisected(half_cell, flux, h, ambient, node, share=2.0):
+    """Surface temperature by bisection [K]."""
+    low, high = 0.0, 1e5
+    for _ in range(200):
+        middle = (low + high) / 2
+        emitted = STEFAN_BOLTZMANN * (ambient**4 - middle**4)
+        brought = share * (flux + h * (AIR - middle) + emitted)
+        hotter = brought > half_cell * (middle - node)
+        low, high = (middle, high) if hotter else (low, middle)
+    return low
+
+
+@pytest.mark.parametrize("half_cell", [1e-6, 0.05, 10.0, 1e5])
+@pytest.mark.parametrize(
+    ("flux", "h", "ambient", "node"),
+    [
+        (0.0, 0.0, 300.0, 300.0),
+        (1000.0, 5.0, 0.0, 300.0),
+        (5e6, 5.0, 300.0, 10.0),
+        (0.0, 50.0, 5800.0, 3.0),
+        (-50.0, 2.0, 280.0, 400.0),
+        (1.0, 0.0, 0.0, 1000.0),
+    ],
+)
+def test_against_bisection(half_cell, flux, h, ambient, node):
+    exact = _bisected(half_cell, flux, h, ambient, node)
+    surface = _surface(half_cell, *_laws(flux, h, ambient))
+    theta = jnp.full(1, node - 280.0)
+    excess = float(surface.surface_excess(jnp.array(0.0), theta)[0])
+    assert node + excess == pytest.approx(exact, rel=1e-6)
+    heat, by_term = surface.heat(jnp.array(0.0), theta)
+    scale = float(jnp.abs(by_term).max()) + 1e-30
+    assert float(heat[0]) == pytest.approx(float(by_term.sum()), abs=1e-12 * scale)
+    carried = half_cell * excess
+    assert float(heat[0]) == pytest.approx(carried, abs=1e-9 * scale)
+
+
+def test_what_holds_a_surface_goes_straight_to_the_node():
+    hold = Exchange(jnp.array(1.0), jnp.array(350.0), jnp.array(280.0))
+    held = ((0, bound(jnp.full(1, 7.0), hold)),)
+    surface = SurfaceTerms(("hold",), jnp.zeros(1), (), held)
+    theta = jnp.full(1, 20.0)
+    heat, _ = surface.heat(jnp.array(0.0), theta)
+    assert float(heat[0]) == pytest.approx(7.0 * 50.0)
+    assert float(surface.surface_excess(jnp.array(0.0), theta)[0]) == 50.0
+    assert float(surface.stiffness(jnp.array(400.0), 1.0)[0]) == 7.0
+
+
+def test_stiffness_is_the_slope_of_the_heat_rate():
+    surface = _surface(3.0, *_laws(500.0, 8.0, 300.0))
+    heat = lambda theta: surface.heat(jnp.array(0.0), theta)[0].sum()
+    theta = jnp.full(1, 40.0)
+    here = 320.0 + float(surface.surface_excess(jnp.array(0.0), theta)[0])
+    slope = -float(jax.grad(heat)(theta)[0])
+    step = 1e-3
+    exact = -float(heat(theta + step) - heat(theta - step)) / (2 * step)
+    assert slope == pytest.approx(exact, rel=1e-6)
+    bound_ = float(surface.stiffness(jnp.array(here), 1.0)[0])
+    assert slope == pytest.approx(bound_, rel=1e-6)
+
+
+def test_fragments_of_a_corner_do_not_share_their_half_cells():
+    """A voxel convects through one face only: the others are no way out."""
+    body = jt.Body(jt.FullVolume(bar(1, 0.1)), INSULATION, temperature=400.0)
+    held = jt.Scene(
+        (body,), (jt.FixedTemperature(300.0, on=FRONT),), dtype="float64"
+    )
+    blown = jt.Scene((body,), (jt.Convection(1e9, 300.0, on=FRONT),), dtype="float64")
+    both = [jt.simulate(s, 5e3, solver=jt.ForwardEuler(100.0)) for s in (held, blown)]
+    means = [float(s.mean_temperature[0, 0]) for s in both]
+    assert means[0] == pytest.approx(means[1], rel=1e-7)
+    assert means[0] < 390.0
+
+
+def test_later_holds_win_and_share_nothing():
+    body = jt.Body(jt.FullVolume(bar(3, 0.1)), INSULATION, temperature=300.0)
+    terms = (jt.FixedTemperature(500.0), jt.FixedTemperature(350.0, on=FRONT))
+    scene = jt.Scene((body,), terms, dtype="float64")
+    surface = np.asarray(jt.simulate(scene, 10.0).surface_temperature)[0]
+    front = bar(3, 0.1).fragment_normal[:, 0] > 0.9
+    np.testing.assert_allclose(surface[front], 350.0)
+    np.testing.assert_allclose(surface[~front], 500.0)

@@ -1,0 +1,114 @@
+"""Blocks of voxels: every part of a block is a node, as large as it is solid."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+from voxel_volumes import ball, parts_of, solids
+
+from jaxthermo.errors import InputError
+from jaxthermo.structures.aggregate import Aggregate
+from jaxthermo.structures.block_parts import block_parts
+from jaxthermo.structures.full import FullVolume
+from tests.bodies import blocks
+
+
+def parts_by_definition(solid, factor):
+    """First voxel of the part of its block that each voxel belongs to, by loops."""
+    result = np.full(solid.shape, -1)
+    cells = np.argwhere(solid)
+    for block in np.unique(cells // factor, axis=0):
+        inside = cells[(cells // factor == block).all(1)]
+        for part in parts_of({tuple(cell) for cell in inside}, solid.shape):
+            index = tuple(np.transpose(list(part)))
+            result[index] = np.ravel_multi_index(index, solid.shape).min()
+    return result
+
+
+@settings(deadline=None, max_examples=80)
+@given(solids(7), st.integers(1, 9))
+def test_parts_are_those_of_a_flood_fill(solid, factor):
+    expected = parts_by_definition(solid, factor)
+    np.testing.assert_array_equal(block_parts(solid, factor), expected)
+
+
+@settings(deadline=None, max_examples=50)
+@given(solids(6), st.integers(1, 8))
+def test_volume_is_kept_and_links_are_sound(solid, factor):
+    grid = blocks(solid, 0.5)
+    structure = Aggregate(grid, factor)
+    nodes, links = structure.nodes(), structure.links()
+    assert structure.capacity_ratio == pytest.approx(1, rel=1e-14)
+    moment = nodes.volume @ nodes.centre / nodes.volume.sum()
+    expected = grid.lattice.centres(np.argwhere(solid)).mean(0)
+    np.testing.assert_allclose(moment, expected)
+    assert (links.src < links.dst).all()
+    assert min(links.distance_src.min(initial=1), links.distance_dst.min(initial=1)) > 0
+    assert (nodes.level == 0).all()
+    # Each fragment's voxel belongs to its node: no further than a block's diagonal.
+    apart = np.abs(structure.fragment_offset()).max(initial=0)
+    assert apart <= (factor - 1) * grid.pitch + 1e-12
+
+
+@settings(deadline=None, max_examples=50)
+@given(solids(6), st.integers(1, 4))
+def test_open_faces_between_blocks_all_count(solid, factor):
+    """Between whole blocks' lattice planes the areas add up to the open voxel faces."""
+    structure = Aggregate(blocks(solid), factor)
+    faces = 0
+    for axis in range(3):
+        body = np.moveaxis(solid, axis, 0)
+        plane = np.arange(1, len(body)) % factor == 0
+        faces += np.count_nonzero((body[:-1] & body[1:])[plane])
+    assert structure.links().area.sum() == pytest.approx(faces)
+
+
+def test_arms_that_meet_outside_their_block_are_two_nodes():
+    """A U whose arms share a block: heat goes round, not across the gap."""
+    solid = np.zeros((8, 3, 4), bool)
+    solid[:, 0], solid[:, 2], solid[7] = True, True, True
+    structure = Aggregate(blocks(solid), 4)
+    nodes, links = structure.nodes(), structure.links()
+    np.testing.assert_array_equal(nodes.volume, [16, 16, 16 + 16 + 4])
+    np.testing.assert_array_equal(links.src, [0, 1])
+    np.testing.assert_array_equal(links.dst, [2, 2])
+
+
+def test_whole_blocks_conduct_as_one_coarse_voxel():
+    """Blocks of f^3 voxels: area (f h)^2 over the distance f h, in lattice order."""
+    structure = Aggregate(blocks(np.ones((12, 8, 16), bool), 0.5), 4)
+    coarse = FullVolume(blocks(np.ones((3, 2, 4), bool), 2.0))
+    for one, other in zip(structure.links(), coarse.links(), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-13)
+    np.testing.assert_allclose(structure.nodes().centre, coarse.nodes().centre)
+
+
+def test_nodes_lie_in_the_order_of_their_blocks():
+    structure = Aggregate(blocks(ball(9.2)), 3)
+    block = np.floor(structure.nodes().centre / 3).astype(int)
+    number = np.ravel_multi_index(tuple(block.T), block.max(0) + 1)
+    assert (np.diff(number) >= 0).all()
+
+
+def test_blocks_at_the_upper_ends_are_cut():
+    structure = Aggregate(blocks(np.ones((5, 4, 4), bool)), 4)
+    np.testing.assert_array_equal(structure.nodes().volume, [64, 16])
+    np.testing.assert_array_equal(structure.links().distance_dst, [0.5])
+
+
+def test_factor_one_is_the_full_volume():
+    grid = blocks(ball(4.6), 0.5)
+    structure, full = Aggregate(grid, 1), FullVolume(grid)
+    np.testing.assert_allclose(structure.nodes().centre, full.nodes().centre)
+    for one, other in zip(structure.links(), full.links(), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-14)
+
+
+def test_a_block_larger_than_the_body_is_the_lumped_body():
+    structure = Aggregate(blocks(ball(4.6)), 10**9)
+    assert structure.node_count == 1 and structure.link_count == 0
+
+
+@pytest.mark.parametrize("factor", [0, -2])
+def test_factors_below_one_are_refused(factor):
+    with pytest.raises(InputError, match=rf"Aggregate\(factor={factor}\)"):
+        Aggregate(blocks(np.ones((2, 2, 2), bool)), factor)

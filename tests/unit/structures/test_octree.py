@@ -1,0 +1,144 @@
+"""Octree cells: cover the body once, lie well inside it, and differ by one level."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from voxel_volumes import ball, solids
+
+from jaxthermo.errors import InputError
+from jaxthermo.geometry.load import load_mesh
+from jaxthermo.structures.full import FullVolume
+from jaxthermo.structures.octree import Octree, octree_cells
+from jaxthermo.voxels.voxelize import voxelize
+from tests.bodies import blocks
+
+
+def levels_of(solid, levels=None):
+    """Level of every voxel's cell, -1 where empty, as its number of voxels tells."""
+    first = octree_cells(solid, levels)
+    _, cell, count = np.unique(first, return_inverse=True, return_counts=True)
+    level = np.rint(np.log2(count) / 3).astype(int)[cell].reshape(solid.shape)
+    return np.where(solid, level, -1)
+
+
+def level_by_definition(solid, cell):
+    """The largest cell that is solid with the 26 around it and holds a voxel."""
+    level = 0
+    while True:
+        size = 2 << level
+        low = (np.array(cell) // size - 1) * size
+        high = low + 3 * size
+        if (low < 0).any() or (high > solid.shape).any():
+            return level
+        if not solid[tuple(slice(i, j) for i, j in zip(low, high, strict=True))].all():
+            return level
+        level += 1
+
+
+BODIES = {
+    "ball": ball(14.6),
+    "hollow ball": ball(12.7, 3.2),
+    "box": np.ones((24, 13, 30), bool),
+    "box with holes": np.random.default_rng(1).random((25, 26, 27)) < 0.9995,
+}
+
+
+@pytest.mark.parametrize("name", BODIES)
+def test_cells_are_the_largest_that_lie_well_inside(name):
+    solid = BODIES[name]
+    level = levels_of(solid)
+    assert level.max() >= 1
+    some = np.argwhere(solid)[:: max(solid.sum() // 600, 1)]
+    for cell in some:
+        assert level[tuple(cell)] == level_by_definition(solid, cell)
+
+
+@pytest.mark.parametrize("name", BODIES)
+def test_cells_are_whole_cubes_on_their_own_lattice(name):
+    solid = BODIES[name]
+    first, level = octree_cells(solid, None), levels_of(solid)
+    np.testing.assert_array_equal(first < 0, ~solid)
+    cells = np.argwhere(solid)
+    corner = (cells >> level[solid][:, None]) << level[solid][:, None]
+    np.testing.assert_array_equal(
+        first[solid], np.ravel_multi_index(tuple(corner.T), solid.shape)
+    )
+
+
+@pytest.mark.parametrize("name", BODIES)
+def test_neighbours_differ_by_one_level_even_over_corners(name):
+    solid = BODIES[name]
+    level = np.pad(levels_of(solid), 1, constant_values=-1)
+    for step in product((-1, 0, 1), repeat=3):
+        other = np.roll(level, step, (0, 1, 2))
+        both = (level >= 0) & (other >= 0)
+        assert np.abs(level - other)[both].max() <= 1
+        # And a coarse cell never lies at the surface.
+        assert level[(level >= 0) & (other < 0)].max(initial=0) == 0
+
+
+@settings(deadline=None, max_examples=40)
+@given(solids(6))
+def test_small_bodies_keep_their_volume(solid):
+    structure = Octree(blocks(solid, 0.5))
+    assert structure.capacity_ratio == pytest.approx(1, rel=1e-14)
+    assert (structure.links().area > 0).all()
+
+
+def test_volume_level_and_place_of_nodes():
+    grid = blocks(BODIES["ball"], 0.5)
+    structure = Octree(grid)
+    nodes = structure.nodes()
+    np.testing.assert_allclose(nodes.volume, (0.5 * 2.0**nodes.level) ** 3)
+    assert structure.capacity_ratio == pytest.approx(1, rel=1e-14)
+    moment = nodes.volume @ nodes.centre / nodes.volume.sum()
+    expected = grid.lattice.centres(np.argwhere(grid.solid)).mean(0)
+    np.testing.assert_allclose(moment, expected)
+    assert structure.node_count < 0.7 * grid.solid_count
+
+
+def test_a_coarse_cell_shares_its_whole_surface():
+    """Flat faces: the areas of a cell's links add up to 6 (2^l h)^2."""
+    structure = Octree(blocks(BODIES["hollow ball"]))
+    nodes, links = structure.nodes(), structure.links()
+    shared = np.bincount(links.src, links.area, len(nodes.level))
+    shared += np.bincount(links.dst, links.area, len(nodes.level))
+    coarse = nodes.level > 0
+    np.testing.assert_allclose(shared[coarse], 6 * 4.0 ** nodes.level[coarse])
+    assert (shared[~coarse] <= 6).all()
+
+
+def test_every_fragment_lies_on_a_single_voxel():
+    grid = blocks(BODIES["hollow ball"])
+    structure = Octree(grid)
+    assert (structure.nodes().level[structure.fragment_node()] == 0).all()
+    np.testing.assert_allclose(structure.fragment_offset(), 0, atol=1e-12)
+
+
+def test_one_level_is_the_full_volume():
+    grid = blocks(BODIES["ball"], 0.5)
+    structure, full = Octree(grid, levels=1), FullVolume(grid)
+    for one, other in zip(structure.links(), full.links(), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-14)
+
+
+def test_levels_limit_the_cells():
+    grid = blocks(BODIES["ball"])
+    for levels in (1, 2, 3):
+        assert Octree(grid, levels=levels).nodes().level.max() == levels - 1
+    assert Octree(grid, levels=99).node_count == Octree(grid).node_count
+
+
+@pytest.mark.parametrize("levels", [0, -1])
+def test_levels_below_one_are_refused(levels):
+    with pytest.raises(InputError, match=rf"Octree\(levels={levels}\)"):
+        Octree(blocks(np.ones((2, 2, 2), bool)), levels=levels)
+
+
+@pytest.mark.slow
+def test_a_statue_needs_two_fifths_of_its_voxels(real_mesh):
+    mesh = load_mesh(real_mesh("happy-buddha.obj"), height=0.5, up="y")
+    grid = voxelize(mesh, 0.5 / 250)
+    assert Octree(grid).node_count < 0.45 * grid.solid_count

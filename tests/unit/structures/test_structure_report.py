@@ -1,0 +1,70 @@
+"""The report of a structure: plain types that add up."""
+
+import json
+
+import numpy as np
+import pytest
+
+from jaxthermo.structures.full import FullVolume
+from jaxthermo.structures.irregular import IrregularMultiLevel
+from jaxthermo.structures.report import structure_report
+from jaxthermo.structures.shell import SingleShell
+from tests.bodies import blocks
+
+
+@pytest.fixture(scope="module")
+def grid():
+    place = np.indices((14, 13, 16)) - 6.4
+    return blocks((place**2).sum(0) < 40, 0.5)
+
+
+@pytest.fixture(params=["full", "links", "shell", "irregular"])
+def structure(request, grid):
+    return {
+        "full": FullVolume(grid),
+        "links": FullVolume(grid, stencil=False),
+        "shell": SingleShell(grid, "own"),
+        "irregular": IrregularMultiLevel(grid, levels=2),
+    }[request.param]
+
+
+def test_levels_add_up_and_all_is_json(structure):
+    report = structure_report(structure)
+    assert json.loads(json.dumps(report)) == report
+    assert report["kind"] == type(structure).__name__
+    levels = report["levels"]
+    assert sum(level["nodes"] for level in levels) == report["nodes"]
+    volume = sum(level["volume_m3"] for level in levels)
+    body = report["solid_voxels"] * 0.5**3
+    assert volume == pytest.approx(report["capacity_ratio"] * body)
+    parts = report["bytes_float32"]
+    assert parts["total"] == sum(v for k, v in parts.items() if k != "total") > 0
+
+
+def test_options_and_time_are_told(grid):
+    report = structure_report(SingleShell(grid, "own"), build_time=0.25)
+    assert report["options"] == {"capacity": "own"}
+    assert report["build_time_s"] == 0.25
+    report = structure_report(IrregularMultiLevel(grid))
+    assert report["options"] == {"levels": None, "keep_capacity": False}
+    assert report["build_time_s"] is None
+
+
+def test_bytes_are_those_of_the_arrays(grid):
+    shell = SingleShell(grid)
+    nodes, links = shell.nodes(), shell.links()
+    held = [nodes.volume, nodes.volume, links.src, links.dst, links.area]
+    held += [shell.fragment_node(), grid.fragment_area]
+    expected = sum(array.astype(np.float32).nbytes for array in held)
+    assert structure_report(shell)["bytes_float32"]["total"] == expected
+    # A stencil: a float and a byte for each of (14 + 2)(13 + 2)(16 + 2) cells.
+    parts = structure_report(FullVolume(grid))["bytes_float32"]
+    assert parts["state"] + parts["capacity"] + parts["links"] == 5 * 16 * 15 * 18
+
+
+def test_an_irregular_structure_tells_how_it_covers_the_body(grid):
+    report = structure_report(IrregularMultiLevel(grid))
+    shares = report["share_of_body_volume"]
+    total = 1 + shares["overlap"] - shares["crack"] + shares["outside"]
+    assert report["capacity_ratio"] == pytest.approx(total)
+    assert "share_of_body_volume" not in structure_report(SingleShell(grid))
