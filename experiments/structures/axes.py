@@ -1,6 +1,7 @@
 """Logarithmic axes, and colours that stay with their structure in every chart."""
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import altair as alt
@@ -18,7 +19,7 @@ MARGIN = 0.08
 class LogAxis:
     """Holds all values, with ticks at 1, 2 and 5 or at powers of ten."""
 
-    def __init__(self, values: list[float], title: str):
+    def __init__(self, values: Sequence[float | int], title: str):
         """Values above 0."""
         low, high = math.log10(min(values)), math.log10(max(values))
         margin = MARGIN * max(high - low, 0.5)
@@ -55,7 +56,7 @@ class LogAxis:
 
 def colour(shown: list[str], everyone: list[str], **how: Any) -> alt.Color:
     """The colour of each label: the same wherever it is shown among others."""
-    number = {label: i for i, label in enumerate(everyone)}
+    number = {label: i for i, label in enumerate(dict.fromkeys(everyone))}
     colours = [COLOURS[number[label] % len(COLOURS)] for label in shown]
     scale = alt.Scale(domain=shown, range=colours)
     return alt.Color("label", type="nominal", scale=scale, sort=None, **how)

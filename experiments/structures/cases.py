@@ -19,7 +19,14 @@ from jaxthermo.structures.surface_map import AbstractSurfaceMap, ConstantMap
 from jaxthermo.voxels.grid import VoxelGrid
 from jaxthermo.voxels.voxelize import voxelize
 
-from .config import FULL, LINKS, ComparedBody, ComparisonConfig, EntryConfig
+from .config import (
+    FULL,
+    LINKS,
+    ComparedBody,
+    ComparisonConfig,
+    EntryConfig,
+    structure_identity,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +121,7 @@ class Case:
     @property
     def identity(self) -> Any:
         """Plain values that tell it from all others."""
-        options = self.entry.structure.model_dump(mode="json") if self.entry else {}
+        options = structure_identity(self.entry.structure) if self.entry else {}
         return [self.label, self.kind, options]
 
     def make(self, grid: VoxelGrid) -> AbstractStructure:

@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from .config import FULL, LINKS
 from .claims import KEPT, Claim
+from .config import FULL, LINKS
 from .record import Row
 from .summary import Line
 

@@ -48,7 +48,12 @@ def run(
     comparison = load_comparison(config or DEFAULT, height)
     record, console = Record(folder), open_console()
     studies = [Study(body, comparison, record) for body in comparison.bodies]
+    with doing(console, "voxelizing"):
+        for study in studies:
+            study.check()
     findings = _measure(console, comparison, studies)
+    if all("refused" in row for row in findings.rows):
+        raise InputError(f"nothing could be run: {findings.rows[0]['refused']}")
     if record.reused:
         tell(console, f"{record.reused} rows were there from an earlier run")
     with doing(console, "drawing"):
@@ -125,7 +130,7 @@ def limb_study(config: ComparisonConfig, record: Record) -> Study | None:
     update = {
         "voxels_high": limb.voxels_high,
         "loads": (config.picture.load,),
-        "structures": tuple(e for e in config.structures if e.label in limb.structures),
+        "structures": limb.structures,
         "full_volume_as_links": False,
     }
     return Study(

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import math
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
@@ -19,17 +20,19 @@ from jaxthermo.config.fields import (
 from jaxthermo.config.found import FOLDERS
 from jaxthermo.config.loader import mesh_folders
 from jaxthermo.config.messages import dotted, untagged
-from jaxthermo.config.model import Mistake, Model
+from jaxthermo.config.model import Location, Mistake, Model
 from jaxthermo.config.schema_geometry import MeshConfig, ShapeConfig
 from jaxthermo.config.schema_image import PinholeConfig
 from jaxthermo.config.schema_material import Material
 from jaxthermo.config.schema_structure import (
     FluxCorrectedMap,
+    Partition,
     StructureConfig,
     SurfaceMapConfig,
 )
 from jaxthermo.config.schema_terms import TermConfig
 from jaxthermo.config.schema_time import TimeConfig
+from jaxthermo.config.show import close_match
 from jaxthermo.config.strict_yaml import read_yaml
 from jaxthermo.errors import InputError
 
@@ -121,7 +124,12 @@ class LimbConfig(Model):
 
     shape: ShapeConfig
     voxels_high: Height
-    structures: Annotated[tuple[str, ...], NotEmpty]
+    structures: Annotated[tuple[EntryConfig, ...], NotEmpty]
+
+    def mistakes(self) -> list[Mistake]:
+        """Names given twice."""
+        labels = [*RESERVED, *(entry.label for entry in self.structures)]
+        return _twice(labels, "structures", len(RESERVED))
 
 
 class ClaimsConfig(Model):
@@ -161,15 +169,27 @@ class ComparisonConfig(Model):
         found += _twice(list(self.loads), "loads")
         if self.picture.load not in self.loads:
             found.append((("picture", "load"), "is not one of the `loads`"))
-        if self.picture.time not in self.time.save_times:
+        shown = self.picture.time
+        if not any(math.isclose(shown, time) for time in self.time.save_times):
             found.append((("picture", "time"), "is not a saved time"))
-        for i, name in enumerate(
-            self.claims.limb.structures if self.claims.limb else ()
-        ):
-            if name not in labels:
-                message = f"there is no structure '{name}'"
-                found.append((("claims", "limb", "structures", i), message))
-        return found
+        return [*found, *self._unknown_bodies()]
+
+    def _unknown_bodies(self) -> list[Mistake]:
+        """Bodies that are named elsewhere and are not in the list."""
+        bodies = [body.name for body in self.bodies]
+        even = self.claims.equilibrium
+        named: list[tuple[Location, str | None]] = [
+            (("structures", i, "expect", "body"), entry.expect.body)
+            for i, entry in enumerate(self.structures)
+            if entry.expect is not None
+        ]
+        if even is not None:
+            named.append((("claims", "equilibrium", "body"), even.body))
+        return [
+            (where, f"there is no '{name}'{close_match(name, bodies)}")
+            for where, name in named
+            if name is not None and name not in bodies
+        ]
 
 
 def _twice(names: list[str], key: str, first: int = 0) -> list[Mistake]:
@@ -180,12 +200,15 @@ def _twice(names: list[str], key: str, first: int = 0) -> list[Mistake]:
     ]
 
 
-def load_comparison(path: Path, height: int | None = None) -> ComparisonConfig:
+def load_comparison(
+    path: Path, height: int | None = None, *, find_meshes: bool = True
+) -> ComparisonConfig:
     """The config in a YAML file, with meshes found and values in SI units.
 
     Args:
         path: the file; meshes are looked for beside it, then in JAXTHERMO_MESHES.
         height: in voxels, instead of the file's `voxels_high`.
+        find_meshes: whether a mesh that is not there is a mistake.
 
     Raises:
         InputError: one line for each mistake.
@@ -193,7 +216,7 @@ def load_comparison(path: Path, height: int | None = None) -> ComparisonConfig:
     data: dict[str, Any] = read_yaml(path)
     if height is not None:
         data = {**data, "voxels_high": height}
-    context = {FOLDERS: mesh_folders(path.parent)}
+    context = {FOLDERS: mesh_folders(path.parent) if find_meshes else ()}
     try:
         return ComparisonConfig.model_validate(data, context=context)
     except ValidationError as error:
@@ -223,6 +246,14 @@ def body_identity(body: ComparedBody) -> dict[str, Any]:
     if body.mesh is not None:
         content = body.mesh.path.read_bytes()
         plain["mesh"]["path"] = hashlib.sha256(content).hexdigest()
+    return plain
+
+
+def structure_identity(structure: StructureConfig) -> dict[str, Any]:
+    """The structure as plain values, with the content of a file of labels."""
+    plain = structure.model_dump(mode="json", exclude_none=True)
+    if isinstance(structure, Partition):
+        plain["labels"] = hashlib.sha256(structure.labels.read_bytes()).hexdigest()
     return plain
 
 

@@ -51,7 +51,7 @@ class LocalError:
         self.share = grid.fragment_area / grid.fragment_area.sum()
 
     def part(
-        self, difference: Float[np.ndarray, " s"], low: int, high: float
+        self, difference: Float[np.ndarray, " s"], low: int, high: float | int
     ) -> dict[str, float] | None:
         """RMS [K] and share of the area where `low` to `high` voxels are in a row."""
         here = (self.thick >= low) & (self.thick <= high)

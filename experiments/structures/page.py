@@ -67,6 +67,13 @@ def marked(text: str, met: bool | None = None) -> Cell:
     return Cell(f'<td class="left {kind}">{html.escape(text)}</td>')
 
 
+def verdicts(texts: list[tuple[str, bool]]) -> Cell:
+    """A cell of what was met and what was not, a line each."""
+    kinds = ("missed", "met")
+    lines = (f'<span class="{kinds[met]}">{html.escape(t)}</span>' for t, met in texts)
+    return Cell(f'<td class="left">{"<br>".join(lines)}</td>')
+
+
 def prose(texts: list[str]) -> Cell:
     """A cell of sentences, a line each."""
     return Cell(f'<td class="words">{"<br>".join(map(html.escape, texts))}</td>')

@@ -19,6 +19,8 @@ from .study import Study
 
 
 PALETTE = "iron"
+WITHIN = 0.995
+"""Share of the pixels that a scale spans: a few hot tips must not darken the rest."""
 
 Frame = Float[np.ndarray, "h w"]
 
@@ -60,8 +62,8 @@ def difference_sheet(
 ) -> Image.Image:
     """Structure less full volume [K], on one scale for all."""
     differences = [np.asarray(f - expected, float) for f in frames]
-    largest = max(float(np.abs(d[scene.body]).max()) for d in differences)
-    scale = DifferenceScale(nice_limit(largest))
+    sizes = np.abs([d[scene.body] for d in differences])
+    scale = DifferenceScale(nice_limit(float(np.quantile(sizes, WITHIN))))
     tiles = [
         Tile(scale.picture(d, scene.body), row["label"], _rms(d, scene))
         for d, row in zip(differences, rows, strict=True)
@@ -72,7 +74,8 @@ def difference_sheet(
     bar = ColourBar(
         colours=scale.colour(line),
         ticks=tuple((float(p), _signed(t)) for p, t in zip(places, ticks, strict=True)),
-        title="structure less full volume [K], one scale for all",
+        title="structure less full volume [K], one scale for all; "
+        f"the largest difference is {sizes.max():.2g} K",
     )
     title = f"{where}: difference from the full volume"
     return sheet(tiles, bar, title)
@@ -81,8 +84,9 @@ def difference_sheet(
 def frame_sheet(
     scene: Scenery, expected: Frame, rows: list[Row], frames: list[Frame], where: str
 ) -> Image.Image:
-    """Surface temperatures as a camera would show them, on the reference's scale."""
-    low, high = (float(f(expected[scene.body])) for f in (np.min, np.max))
+    """Surface temperatures, on the reference's scale."""
+    ends = np.quantile(expected[scene.body], [1 - WITHIN, WITHIN])
+    low, high = float(ends[0]), float(ends[1])
     tiles = [_frame_tile(scene, expected, "reference", "full volume", (low, high))]
     for row, frame in zip(rows, frames, strict=True):
         if row["label"] == FULL:
@@ -96,7 +100,8 @@ def frame_sheet(
     bar = ColourBar(
         colours=apply_palette(line, low, high, PALETTE)[0],
         ticks=tuple(((t - to_celsius(low)) / span, label(t, decimals)) for t in ticks),
-        title="surface temperature [\N{DEGREE SIGN}C], the reference's range",
+        title="surface temperature [\N{DEGREE SIGN}C], as the reference's pixels but "
+        "the coldest and hottest 0.5 %",
     )
     return sheet(tiles, bar, f"{where}: frames")
 

@@ -13,7 +13,7 @@ from .record import Row
 Point = dict[str, Any]
 Chart = alt.Chart | alt.LayerChart | alt.FacetChart
 
-WIDTH, HEIGHT = 640, 420
+WIDTH, HEIGHT = 640.0, 420.0
 DOT = 90
 
 

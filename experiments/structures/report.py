@@ -150,8 +150,6 @@ def _cost(line: Line) -> list[str]:
 def _error(line: Line) -> list[str]:
     if "refused" in line:
         return [line["label"], page.spanning(line["refused"], len(ERROR) - 1)]
-    checks = line["expected"]
-    met = all(check["met"] for check in checks) if checks else None
     return [
         line["label"],
         ", ".join(f"{k}: {v:.3g}" for k, v in line["error_percent"].items()),
@@ -162,7 +160,7 @@ def _error(line: Line) -> list[str]:
         f"{line['frame_ssim']:.4f}",
         f"{line['capacity_ratio']:.5g}",
         f"{line['energy_residual']:.0e}",
-        page.marked("; ".join(map(in_words, checks)), met),
+        page.verdicts([(in_words(c), c["met"]) for c in line["expected"]]),
     ]
 
 
@@ -170,6 +168,7 @@ def _claims(findings: Findings, folder: Path, files: list[Path]) -> list[str]:
     """What the thesis says, what was found, and the charts that show it."""
     if not findings.claims:
         return []
+    config = findings.studies[0].config
     words = {True: "yes", False: "no", None: "reported"}
     rows = [
         [
@@ -188,7 +187,7 @@ def _claims(findings: Findings, folder: Path, files: list[Path]) -> list[str]:
     if any("refused" not in row for row in findings.level_rows):
         charts["error_by_levels"] = by_levels(findings.level_rows)
     if findings.local:
-        everyone = labels(findings.studies[0].config)
+        everyone = [*labels(config), *(row["label"] for row in findings.local)]
         charts["error_by_thickness"] = by_thickness(findings.local, everyone)
     for file, chart in charts.items():
         made.append(write_chart(chart, folder / file))

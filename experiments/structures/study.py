@@ -116,6 +116,16 @@ class Study:
             "surface_temperature": np.asarray(solution.surface_temperature),
         }
 
+    def check(self) -> None:
+        """Voxelize the body and put the scenes together: mistakes are told first.
+
+        Raises:
+            InputError: for terms that do not fit the body or one another.
+        """
+        full = FullVolume(self.subject.grid)
+        for load in self.config.loads:
+            self.subject.scene(full, NEAREST, load)
+
     def rows(self, case: Case) -> Iterator[Row]:
         """One row a load; the structure is built if any of them is missing."""
         built = cache(partial(self._built, case))

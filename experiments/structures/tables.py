@@ -9,6 +9,12 @@ from .summary import Line
 
 COLUMNS = ("structure", "nodes", "run", "times faster", "error %")
 MORE = ("steps", "p99 %", "max %", "frame K", "SSIM", "capacity")
+NAMES = {
+    "error_percent": "error %",
+    "nodes": "nodes",
+    "node_share": "nodes a solid voxel",
+    "times_faster": "times faster",
+}
 WIDE = 140
 """Characters that all columns take."""
 
@@ -74,9 +80,9 @@ def times(ratio: dict[str, float]) -> str:
 
 
 def in_words(check: dict) -> str:
-    """What was expected and found: "error_percent 0.41, expected at most 0.3"."""
+    """What was found and expected: "error % 0.41, at most 0.3 expected: not met"."""
     way = "at_most" if "at_most" in check else "at_least"
-    return (
-        f"{check['what']} {check['found']:.4g}, expected {way.replace('_', ' ')} "
-        f"{check[way]:g}: {'met' if check['met'] else 'not met'}"
-    )
+    name = NAMES[check["what"]]
+    expected = f"{way.replace('_', ' ')} {check[way]:g} expected"
+    met = "met" if check["met"] else "not met"
+    return f"{name} {check['found']:.4g}, {expected}: {met}"

@@ -49,8 +49,10 @@ def build_structure(
             )
         case schema.Octree(levels=levels):
             return Octree(grid, levels=levels, weights=weights)
-        case schema.Aggregate(factor=factor):
-            return Aggregate(grid, factor=factor, weights=weights)
+        case schema.Aggregate(factor=factor, least_time_constant=least):
+            return Aggregate(
+                grid, factor=factor, least_time_constant=least, weights=weights
+            )
         case schema.ShellOverCore(layers=layers, factor=factor):
             return ShellOverCore(grid, layers=layers, factor=factor, weights=weights)
         case schema.Partition(labels=labels):

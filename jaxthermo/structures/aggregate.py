@@ -3,13 +3,19 @@
 import equinox as eqx
 import numpy as np
 
+from ..errors import InputError
 from ..voxels.grid import VoxelGrid
 from .block_parts import block_parts
 from .blocks import build_blocks, number_by_first_voxel
 from .cache import cached
 from .options import whole_number
+from .slivers import hold_back
 from .structure import AbstractBuiltStructure, Built
 from .weights import ConductionWeights
+
+
+LEAST_TIME_CONSTANT = 0.45
+"""By default: more than halves the steps at factor 4 and adds 0.05 % of error."""
 
 
 class Aggregate(AbstractBuiltStructure):
@@ -22,18 +28,28 @@ class Aggregate(AbstractBuiltStructure):
     grid: VoxelGrid = eqx.field(static=True)
     factor: int = eqx.field(static=True, default=4)
     """Voxels along an edge of a block; 1 is the full volume."""
+    least_time_constant: float = eqx.field(
+        static=True, kw_only=True, default=LEAST_TIME_CONSTANT
+    )
+    """That slivers are held to, of a whole block's inside the body; 0 for none."""
     weights: ConductionWeights = eqx.field(kw_only=True, default=ConductionWeights())
     built: Built = eqx.field(static=True, init=False)
 
     def __post_init__(self):
         self.factor = whole_number(self.factor, "Aggregate(factor=)")
-        grid, factor = self.grid, self.factor
+        grid, factor, least = self.grid, self.factor, self.least_time_constant
+        if not 0 <= least <= 1:
+            raise InputError(
+                f"Aggregate(least_time_constant={least!r}): give a number from 0 to 1"
+            )
+        options = {"factor": factor, "least_time_constant": float(least)}
         self.built = cached(
-            "aggregate", grid, {"factor": factor}, lambda: _build(grid, factor)
+            "aggregate", grid, options, lambda: _build(grid, factor, least)
         )
 
 
-def _build(grid: VoxelGrid, factor: int) -> Built:
+def _build(grid: VoxelGrid, factor: int, least: float) -> Built:
+    factor = min(factor, max(grid.solid.shape))
     labels, first = number_by_first_voxel(block_parts(grid.solid, factor))
     # Blocks in lattice order: neighbours along z follow one another in memory.
     block = np.stack(np.unravel_index(first, labels.shape)) // factor
@@ -42,4 +58,7 @@ def _build(grid: VoxelGrid, factor: int) -> Built:
     # The last entry serves the label -1.
     number = np.full(len(order) + 1, -1, np.int32)
     number[order] = np.arange(len(order))
-    return build_blocks(grid, number[labels], np.zeros(len(order), np.int32))
+    built = build_blocks(grid, number[labels], np.zeros(len(order), np.int32))
+    # Of a whole block with six neighbours: V / sum A / L = (factor pitch)^2 / 6.
+    whole = (factor * grid.pitch) ** 2 / 6 * grid.volume_ratio
+    return hold_back(built, least * whole) if least else built

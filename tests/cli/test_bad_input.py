@@ -194,6 +194,13 @@ image: {palette: sunset}
         ("terms.0={kind: moon}", "unknown kind 'moon'"),
         ("bodies.0.temperature=.nan", "finite"),
         ("bodies.0.voxels_high=4096", "memory"),
+        ("bodies.0.structure=octre", "did you mean 'octree'"),
+        (
+            "bodies.0.structure={kind: octree, factor: 2}",
+            "octree takes levels, weights",
+        ),
+        ("bodies.0.structure.weights.within=[1, 2, 3]", "within has 3 values"),
+        ("bodies.0.structure={kind: partition, labels: block.yaml}", "numpy.save"),
     ],
 )
 def test_an_override_beyond_reason(tmp_path, change, message):

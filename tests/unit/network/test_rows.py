@@ -54,7 +54,9 @@ def test_rows_are_the_pairs(seed, hub):
 def test_every_link_stands_in_the_rows_of_both_its_nodes(seed, hub):
     src, dst = _random_links(seed, hub)
     layout = row_layout(NODES, src, dst)
-    seen = [(n, layout.link[k][n]) for k in range(len(layout.link)) for n in range(NODES)]
+    seen = [
+        (n, layout.link[k][n]) for k in range(len(layout.link)) for n in range(NODES)
+    ]
     seen = [(n, link) for n, link in seen if link < LINKS]
     seen += list(zip(layout.list_node, layout.list_link, strict=True))
     for link in layout.following:

@@ -1,0 +1,217 @@
+"""`experiments run structures`: the coarse shipped comparison, cut short, whole."""
+
+import contextlib
+import io
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from experiments.__main__ import main
+from experiments.structures import study as study_module
+from jaxthermo.config.strict_yaml import read_yaml, write_yaml
+
+
+SHIPPED = Path(__file__).parents[2] / "configs/experiments/structures-figurine.yaml"
+LABELS = ["full volume", "2 levels", "aggregate x4"]
+
+
+def command(*arguments: object) -> tuple[object, str, str]:
+    """Exit status, standard output and standard error."""
+    out, err = io.StringIO(), io.StringIO()
+    code: object = None
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        try:
+            main([str(argument) for argument in arguments])
+        except SystemExit as stopped:
+            code = stopped.code
+    return code, out.getvalue(), err.getvalue()
+
+
+def short_config(folder: Path) -> Path:
+    """The shipped config with two structures, fewer repeats and small claims."""
+    config = read_yaml(SHIPPED)
+    chosen = [e for e in config["structures"] if e["label"] in LABELS]
+    chosen[1]["expect"] = {"error_percent": 1e-6, "nodes": 100000}
+    config |= {
+        "structures": chosen,
+        "full_volume_as_links": False,
+        "repeats": 2,
+        "camera": {"width": 60, "height": 80},
+        "claims": {
+            "levels": {"counts": [1], "hollow": ["innermost"]},
+            "limb": {**config["claims"]["limb"], "structures": ["2 levels"]},
+        },
+    }
+    config["claims"]["limb"]["voxels_high"] = 24
+    path = folder / "short.yaml"
+    path.write_text(write_yaml(config))
+    return path
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """The config, the folder of a finished run and what it said."""
+    folder = tmp_path_factory.mktemp("comparison")
+    config, out = short_config(folder), folder / "out"
+    code, said, err = command("run", "structures", config, "--height", 24, "--out", out)
+    assert (code, err) == (0, "")
+    return config, out, said
+
+
+@pytest.fixture(scope="module")
+def result(finished):
+    return json.loads((finished[1] / "result.json").read_text())
+
+
+def test_every_structure_has_a_row_that_says_what_it_costs(result):
+    found = result["result"]
+    assert found["config"]["voxels_high"] == 24
+    assert [line["label"] for line in found["table"]] == LABELS
+    for row in found["rows"]:
+        assert "refused" not in row
+        for name in ("nodes", "links", "held_bytes", "steps", "setup_time_s"):
+            assert row[name] > 0
+        time, ratio = row["run_time_s"], row["times_faster"]
+        assert 0 < time["fastest"] <= time["median"] <= time["slowest"]
+        assert 0 < ratio["least"] <= ratio["median"] <= ratio["most"]
+        assert row["error"]["times"] == [30, 60, 90, 135, 180]
+        assert len(row["frame"]["ssim"]) == 5 and max(row["frame"]["ssim"]) <= 1
+        assert row["energy_residual"] < 1e-4
+    assert {"versions", "host", "device"} <= set(result)
+
+
+def test_the_full_volume_is_off_by_its_step_only_and_the_source_is_the_same(result):
+    full, *others = [row for row in result["result"]["rows"]][: len(LABELS)]
+    assert full["label"] == "full volume" and full["lattice_voxels_per_s"] > 0
+    assert full["times_faster"]["median"] == 1
+    for row in others:
+        assert row["error"]["worst_rms_percent"] > full["error"]["worst_rms_percent"]
+        assert row["frame"]["worst_ssim"] < full["frame"]["worst_ssim"]
+        assert row["sun_J"] == pytest.approx(full["sun_J"], rel=1e-5)
+
+
+def test_what_is_expected_and_not_met_is_told(finished, result):
+    line = result["result"]["table"][-1]
+    assert {c["what"]: c["met"] for c in line["expected"]} == {
+        "error_percent": False,
+        "nodes": True,
+    }
+    assert "aggregate x4: error_percent" in finished[2]
+    assert "not met" in finished[2]
+
+
+def test_all_levels_are_the_full_volume(result):
+    one, everything = result["result"]["level_rows"]
+    assert everything["nodes"] == result["result"]["table"][0]["nodes"]
+    same = lambda row: row["from_full_volume_at_the_same_step"]["worst_rms_percent"]
+    assert same(everything) < 1e-3 < same(one)
+    claims = {claim["id"]: claim for claim in result["result"]["claims"]}
+    assert claims["C13"]["holds"] and "C14" in claims
+
+
+def test_the_page_needs_nothing_but_itself(finished, result):
+    page = (finished[1] / "report.html").read_text()
+    links = re.findall(r'(?:src|href)="([^"]*)"', page)
+    assert links and all(link.startswith(("data:", "#")) for link in links)
+    assert "<script" not in page and "@import" not in page
+    assert page.count("<svg") == 4 and "<title>aggregate x4, sun on +x" in page
+    for label in LABELS:
+        assert label in page
+
+
+def test_files_named_in_the_result_are_there_and_not_empty(finished, result):
+    names = set(result["result"]["files"])
+    assert {
+        "report.html",
+        "error_against_time_figurine.svg",
+        "error_against_time_figurine.png",
+        "error_over_time_figurine.png",
+        "differences_figurine.png",
+        "frames_figurine.png",
+        "limb_differences_figurine.png",
+        "error_by_levels.png",
+    } <= names
+    for name in names:
+        path = finished[1] / name
+        assert path.stat().st_size > 500
+        if path.suffix == ".png":
+            with Image.open(path) as image:
+                assert len(np.unique(np.asarray(image.convert("L")))) > 5
+
+
+def test_the_same_command_measures_nothing_again(finished, monkeypatch):
+    def fail(*arguments):
+        raise AssertionError("measured again")
+
+    config, out, _ = finished
+    before = (out / "rows.jsonl").read_text()
+    monkeypatch.setattr(study_module.Study, "_row", fail)
+    monkeypatch.setattr(study_module.Study, "_full_row", fail)
+    code, said, err = command("run", "structures", config, "--height=24", "--out", out)
+    assert (code, err) == (0, "")
+    assert "rows were there from an earlier run" in said
+    assert (out / "rows.jsonl").read_text() == before
+
+
+def test_a_run_that_is_interrupted_keeps_its_rows(tmp_path, monkeypatch):
+    def interrupt(*arguments):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(study_module.Study, "_row", interrupt)
+    config = short_config(tmp_path)
+    code, _, err = command(
+        "run", "structures", config, "--height=24", "--out", tmp_path
+    )
+    assert code == 130 and err.startswith("experiments: interrupted")
+    rows = [json.loads(x) for x in (tmp_path / "rows.jsonl").read_text().splitlines()]
+    assert [row["what"] for row in rows] == ["reference", "structure"]
+    assert not (tmp_path / "result.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("structures", "no.yaml"), "no.yaml: cannot be read"),
+        (("structures", SHIPPED, "--height", "4"), "--height: must be at least 8"),
+        (("structures", SHIPPED, "--height", "tall"), "--height"),
+        (("stencil", "--height", "40"), "height: stencil takes no options"),
+        (("voxelize", SHIPPED), "config: voxelize takes no options"),
+        (("structure",), "did you mean structures?"),
+    ],
+)
+def test_a_mistake_is_one_line_and_status_2(tmp_path, arguments, message):
+    code, out, err = command("run", *arguments, "--out", tmp_path / "out")
+    assert (code, out) == (2, "")
+    assert err.startswith("experiments: ") and err.count("\n") == 1
+    assert message in err
+
+
+def test_meshes_that_are_missing_say_where_to_put_them(tmp_path, monkeypatch):
+    monkeypatch.delenv("JAXTHERMO_MESHES", raising=False)
+    code, out, err = command("run", "structures", "--out", tmp_path / "out")
+    assert (code, out) == (2, "")
+    lines = err.splitlines()
+    assert len(lines) == 2 and all("JAXTHERMO_MESHES" in line for line in lines)
+    assert "happy-buddha.obj" in lines[0] and "max-planck.obj" in lines[1]
+
+
+def test_a_structure_that_is_refused_says_why_in_its_row(tmp_path):
+    config = read_yaml(short_config(tmp_path))
+    labels = tmp_path / "labels.npy"
+    labels.write_bytes(b"no labels")
+    partition = {"kind": "partition", "labels": "labels.npy"}
+    entry = {"label": "own parts", "structure": partition}
+    config |= {"structures": [entry], "claims": {}}
+    path = tmp_path / "short.yaml"
+    path.write_text(write_yaml(config))
+    out = tmp_path / "out"
+    code, said, err = command("run", "structures", path, "--height=24", "--out", out)
+    assert (code, err) == (0, "")
+    assert "own parts: " in said and "labels.npy: not an array" in said
+    rows = json.loads((out / "result.json").read_text())["result"]["rows"]
+    assert "labels.npy" in rows[-1]["refused"] and "error" in rows[0]
+    assert "labels.npy" in (out / "report.html").read_text()
