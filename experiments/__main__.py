@@ -14,7 +14,7 @@ from . import catalogue
 app = App(
     name="experiments",
     help="Measurements that can be run again by name.",
-    # `main` tells that the rows so far are kept.
+    # `main` tells where the run was stopped.
     suppress_keyboard_interrupt=False,
 )
 
@@ -63,8 +63,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
             if line.strip():
                 sys.stderr.write(f"experiments: {' '.join(line.split())}\n")
         sys.exit(2)
-    except KeyboardInterrupt:
-        sys.stderr.write("experiments: interrupted; rows that are done are kept\n")
+    except KeyboardInterrupt as stop:
+        sys.stderr.write(f"experiments: {str(stop) or 'interrupted'}\n")
         sys.exit(130)
     sys.exit(0)
 

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 
 from jaxthermo.config.build import build_material, build_mesh, build_term
@@ -12,7 +13,8 @@ from jaxthermo.config.schema_structure import SurfaceMapConfig
 from jaxthermo.materials import Material
 from jaxthermo.physics.source import Sun
 from jaxthermo.physics.values import Until
-from jaxthermo.scene.scene import Body, Scene
+from jaxthermo.scene.scene import Body, Pose, Scene
+from jaxthermo.scene.surface import SolvedSurface, body_geometry
 from jaxthermo.structures.full import FullVolume
 from jaxthermo.structures.structure import AbstractStructure
 from jaxthermo.structures.surface_map import AbstractSurfaceMap, ConstantMap
@@ -63,6 +65,12 @@ class Subject:
             temperature=self.config.temperature,
             surface_map=surface_map,
         )
+
+    @property
+    def surface(self) -> SolvedSurface:
+        """The body's shape; black, since only temperatures are looked at."""
+        one = jnp.ones((), jnp.float32)
+        return SolvedSurface(body_geometry(self.grid, Pose()), one, one)
 
     @property
     def material(self) -> Material:

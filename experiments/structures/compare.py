@@ -13,7 +13,14 @@ from jaxthermo.errors import InputError
 from .cases import all_cases
 from .claims import equilibrium_claim, levels_claim, limb_claim
 from .claims_table import capacity_claim, path_claim, speed_claims
-from .config import ComparedBody, ComparisonConfig, load_comparison, resolved
+from .config import (
+    ComparedBody,
+    ComparisonConfig,
+    EntryConfig,
+    config_hash,
+    load_comparison,
+    resolved,
+)
 from .equilibrium import Equilibrium
 from .levels import level_rows
 from .local import local_rows
@@ -51,7 +58,13 @@ def run(
     with doing(console, "voxelizing"):
         for study in studies:
             study.check()
-    findings = _measure(console, comparison, studies)
+    try:
+        findings = _measure(console, comparison, studies)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(
+            f"stopped with {len(record.rows)} rows in {record.path}; "
+            "the same command goes on from there"
+        ) from None
     if all("refused" in row for row in findings.rows):
         raise InputError(f"nothing could be run: {findings.rows[0]['refused']}")
     if record.reused:
@@ -61,6 +74,7 @@ def run(
     show_table(console, findings.lines)
     return {
         "config": resolved(comparison),
+        "config_hash": config_hash(comparison),
         "program_hash": program_hash(),
         "seed": None,
         "table": findings.lines,
@@ -130,7 +144,7 @@ def limb_study(config: ComparisonConfig, record: Record) -> Study | None:
     update = {
         "voxels_high": limb.voxels_high,
         "loads": (config.picture.load,),
-        "structures": limb.structures,
+        "structures": tuple(EntryConfig(**dict(named)) for named in limb.structures),
         "full_volume_as_links": False,
     }
     return Study(

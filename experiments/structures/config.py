@@ -42,6 +42,8 @@ LINKS = "full volume as links"
 RESERVED = (FULL, LINKS)
 """Labels of what every structure is compared with."""
 
+LEAST_PIXELS = 16
+
 Load: TypeAlias = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
 """The side that the sun shines on, in the file's own axes."""
 
@@ -89,11 +91,16 @@ class ExpectConfig(Model):
     """At least, by the median, than the full volume's explicit loop."""
 
 
-class EntryConfig(Model):
-    """One structure of the comparison, and what the tables call it."""
+class NamedConfig(Model):
+    """A structure and what the tables call it."""
 
     label: Annotated[str, Field(min_length=1, max_length=40)]
     structure: StructureConfig
+
+
+class EntryConfig(NamedConfig):
+    """One structure of the comparison."""
+
     expect: ExpectConfig | None = None
 
 
@@ -124,7 +131,7 @@ class LimbConfig(Model):
 
     shape: ShapeConfig
     voxels_high: Height
-    structures: Annotated[tuple[EntryConfig, ...], NotEmpty]
+    structures: Annotated[tuple[NamedConfig, ...], NotEmpty]
 
     def mistakes(self) -> list[Mistake]:
         """Names given twice."""
@@ -169,6 +176,9 @@ class ComparisonConfig(Model):
         found += _twice(list(self.loads), "loads")
         if self.picture.load not in self.loads:
             found.append((("picture", "load"), "is not one of the `loads`"))
+        if min(self.camera.width, self.camera.height) < LEAST_PIXELS:
+            message = f"frames are compared from {LEAST_PIXELS} pixels up, each way"
+            found.append((("camera",), message))
         shown = self.picture.time
         if not any(math.isclose(shown, time) for time in self.time.save_times):
             found.append((("picture", "time"), "is not a saved time"))
@@ -263,3 +273,10 @@ def common_identity(config: ComparisonConfig) -> dict[str, Any]:
     for listed in ("bodies", "loads", "structures", "claims", "full_volume_as_links"):
         plain.pop(listed, None)
     return plain
+
+
+def config_hash(config: ComparisonConfig) -> str:
+    """16 hex digits that change with the config, but not with the folder of meshes."""
+    plain = resolved(config)
+    plain["bodies"] = [body_identity(body) for body in config.bodies]
+    return fingerprint(plain)

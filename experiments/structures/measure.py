@@ -81,13 +81,18 @@ def _cost(
         "held_bytes": runner.held_bytes,
         "peak_bytes_forecast": receipt.memory_bytes,
         "steps": solution.run.steps,
-        "stable_step_s": solution.run.stable_step,
+        "stable_step_s": _finite(solution.run.stable_step),
         "setup_time_s": setup,
         "compile_time_s": max(first - timing.median, 0.0),
         "run_time_s": timing._asdict(),
         "sun_J": _last(solution.energy.mechanisms.get("sun")),
         "energy_residual": float(np.abs(solution.energy.residual_relative).max()),
     }
+
+
+def _finite(value: float | None) -> float | None:
+    """JSON has no infinity."""
+    return value if value is not None and np.isfinite(value) else None
 
 
 def _last(heat: Float[Array | np.ndarray, " t"] | None) -> float:

@@ -11,7 +11,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float
 
+from jaxthermo.errors import InputError
+from jaxthermo.integrate.error import AnySolution
 from jaxthermo.integrate.euler import ForwardEuler
 from jaxthermo.integrate.schedule import legs
 from jaxthermo.integrate.simulate import (
@@ -23,11 +26,10 @@ from jaxthermo.integrate.simulate import (
     imbalance,
     observe,
     plan,
-    raise_failure,
     start,
     uneven_nodes,
 )
-from jaxthermo.integrate.solution import Solution
+from jaxthermo.integrate.solution import RESULTS, Solution
 from jaxthermo.precision import precision
 from jaxthermo.scene.scene import Scene
 
@@ -52,14 +54,15 @@ class Runner:
         """What `simulate` gives, of a finished loop.
 
         Raises:
-            RuntimeError: if temperatures stopped being finite.
+            InputError: if temperatures stopped being finite or fell below 0 K.
         """
         with precision(self.scene.dtype):
             program, state = self.plan.compiled.program, start(self.plan)
             first = observe(program, state, jnp.zeros((), self.plan.dtype))
             even = imbalance(program, state.theta, uneven_nodes(self.scene))
             found = assemble_solution(self.scene, self.plan, first, seen, even)
-        raise_failure(found.result)
+        if found.result != RESULTS.successful:
+            raise InputError(RESULTS[found.result])
         return found
 
 
@@ -78,6 +81,7 @@ def prepare(
         todo = plan(scene, t1, save_at, ForwardEuler(dt=dt))
         program, state = todo.compiled.program, start(todo)
         layout = _layout(legs(todo.intervals), todo.dtype)
+        jax.block_until_ready((program, state, layout))
 
     def own(*parts: Any) -> Observation:
         return _run_all.__wrapped__(*parts)
@@ -97,7 +101,7 @@ def finish(runner: Runner) -> Solution:
     return runner.solution(jax.block_until_ready(runner.loop()))
 
 
-def surface_at(solution: Solution, time: float) -> np.ndarray:
+def surface_at(solution: AnySolution, time: float) -> Float[np.ndarray, " s"]:
     """Temperatures of all fragments at a saved time [K]."""
     index = int(np.abs(np.asarray(solution.times) - time).argmin())
     return np.asarray(solution.surface_temperature[index], np.float32)

@@ -56,9 +56,7 @@ class Study:
     @cached_property
     def scenery(self) -> Scenery:
         """The body as the camera sees it."""
-        return scenery(
-            self.config.camera, self.baseline(self.config.loads[0]).solution.surfaces
-        )
+        return scenery(self.config.camera, (self.subject.surface,))
 
     @cached_property
     def identity(self) -> dict[str, Any]:
@@ -96,7 +94,7 @@ class Study:
             self._references[load] = StoredSolution(
                 jnp.asarray(kept["times"]),
                 jnp.asarray(kept["surface_temperature"]),
-                self.baseline(load).solution.surfaces,
+                (self.subject.surface,),
             )
         return self._references[load]
 
@@ -104,9 +102,7 @@ class Study:
     def shown_reference(self) -> Float[np.ndarray, " s"]:
         """The reference's surface at the time and load of the pictures [K]."""
         shown = self.config.picture
-        reference = self.reference(shown.load)
-        index = int(np.abs(np.asarray(reference.times) - shown.time).argmin())
-        return np.asarray(reference.surface_temperature[index])
+        return surface_at(self.reference(shown.load), shown.time)
 
     def _reference(self, load: str) -> tuple[Row, Arrays]:
         scene = self.subject.scene(FullVolume(self.subject.grid), NEAREST, load)
@@ -120,8 +116,10 @@ class Study:
         """Voxelize the body and put the scenes together: mistakes are told first.
 
         Raises:
-            InputError: for terms that do not fit the body or one another.
+            InputError: for terms that do not fit the body or one another, or a camera
+                that does not see it.
         """
+        _ = self.scenery
         full = FullVolume(self.subject.grid)
         for load in self.config.loads:
             self.subject.scene(full, NEAREST, load)

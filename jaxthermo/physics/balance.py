@@ -68,49 +68,62 @@ class SurfaceTerms(eqx.Module):
         rates, _ = self._solve(time, theta)
         total = jnp.zeros_like(theta)
         by_mechanism = jnp.zeros(len(self.mechanisms), theta.dtype)
-        held = self._rates(self.held, time, theta)
+        held = [self._rate(n, term, time, theta) for n, term in self.held]
         numbered = (*self.free, *self.held)
         for (number, term), rate in zip(numbered, (*rates, *held), strict=True):
             total = total + rate
             by_mechanism = by_mechanism.at[number].add(_in_all(term, time, rate))
         return total, by_mechanism
 
-    def _rates(self, terms, time, theta):
-        rates = []
-        for number, term in terms:
-            with jax.named_scope(self.mechanisms[number]):
-                rates.append(term.heat_rate(time, theta))
-        return rates
+    def _rate(self, number, term, time, theta):
+        with jax.named_scope(self.mechanisms[number]):
+            return term.heat_rate(time, theta)
 
     def _solve(self, time, theta):
         """Heat rate of each free term, and the excess, which agree to rounding."""
-        excess = jnp.zeros_like(theta)
-        if not self.is_linear:
+        emitting = [(n, term) for n, term in self.free if not term.law.is_linear]
+        others = [term for _, term in self.free if term.law.is_linear]
+        zero = jnp.zeros_like(theta)
+        brought = sum((term.heat_rate(time, zero) for term in others), zero)
+        slope = sum((term.slope(time, zero) for term in others), zero)
+        excess = (brought - slope * theta) * inverse(slope + self.half_cell)
+        corrections = []
+        if emitting:
+
+            def newton(excess):
+                here = theta + excess
+                emitted = [self._rate(n, t, time, here) for n, t in emitting]
+                slopes = [term.slope(time, here) for _, term in emitting]
+                net = sum(emitted, brought - slope * here - self.half_cell * excess)
+                change = net * inverse(sum(slopes, slope + self.half_cell))
+                corrected = [
+                    q - s * change for q, s in zip(emitted, slopes, strict=True)
+                ]
+                return excess + change, corrected
+
+            start = self._hot_side(time, theta, brought, slope)
+            # A loop, whose short body is vectorized, where one long formula is not.
+            excess = jax.lax.fori_loop(
+                0, NEWTON_STEPS - 1, lambda _, excess: newton(excess)[0], start
+            )
             # The last step alone carries the derivative of the solution, exactly.
-            excess = jax.lax.stop_gradient(self._hot_side(time, theta))
-        rates = []
-        for _ in range(1 if self.is_linear else NEWTON_STEPS):
-            here = theta + excess
-            rates = self._rates(self.free, time, here)
-            slopes = [term.slope(time, here) for _, term in self.free]
-            net = sum(rates, -self.half_cell * excess)
-            change = net * inverse(sum(slopes, self.half_cell))
-            rates = [q - s * change for q, s in zip(rates, slopes, strict=True)]
-            excess = excess + change
+            excess, corrections = newton(jax.lax.stop_gradient(excess))
+        corrected, there = iter(corrections), theta + excess
+        rates = [
+            self._rate(n, t, time, there) if t.law.is_linear else next(corrected)
+            for n, t in self.free
+        ]
         return rates, excess
 
-    def _hot_side(self, time, theta):
+    def _hot_side(self, time, theta, brought, slope):
         """An excess at or above the solution, from where Newton cannot overshoot.
 
         The lower of two bounds: what emission sheds alone, of all that is pushed in and
         that a hotter node sends; and what conduction carries off alone.
         """
         emitting = [term for _, term in self.free if not term.law.is_linear]
-        others = [term for _, term in self.free if term.law.is_linear]
         zero = jnp.zeros_like(theta)
-        pushed = lambda here: jnp.maximum(
-            sum((term.heat_rate(time, here) for term in others), zero), 0
-        )
+        pushed = lambda here: jnp.maximum(brought - slope * here, 0)
         ambient = zero - jnp.inf
         for term in emitting:
             ambient = jnp.maximum(ambient, term.law.hot_side(time, zero))

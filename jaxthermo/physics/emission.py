@@ -59,10 +59,11 @@ class Emission(AbstractLaw):
         ambient = value_at(self.temperature, time)
         # Scaled by the surroundings' or 1 K, so that a fourth power stays in float32.
         scale = jnp.maximum(ambient, 1)
-        fourth = (ambient / scale) ** 4
+        square = (ambient / scale) * (ambient / scale)
         shed = jnp.maximum(pushed, 0) / STEFAN_BOLTZMANN / scale**4
-        level = jnp.maximum(fourth + shed, jnp.finfo(pushed.dtype).tiny)
-        return scale * level**0.25 - self.reference
+        level = jnp.maximum(square * square + shed, jnp.finfo(pushed.dtype).tiny)
+        # Two square roots are vectorized, and a power is not.
+        return scale * jnp.sqrt(jnp.sqrt(level)) - self.reference
 
 
 class Surroundings(AbstractTerm):

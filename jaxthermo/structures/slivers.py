@@ -1,10 +1,10 @@
 """Slivers held back: small nodes with large faces must not set everyone's step.
 
-The explicit step is limited by the node with the smallest time constant
-C / sum_j G_j, which for one material is V / (alpha sum_j A_j / L_j). A few thin parts of
-blocks have one far below a whole block's. They follow their neighbours anyway; with
-longer links they follow a little later, and the step is longer for all. Capacities and
-areas stay as they are, so no heat is lost.
+The explicit step is limited by the node with the smallest time constant C / sum_j G_j,
+which for one material is V / (alpha sum_j A_j / L_j). A few thin parts of blocks have
+one far below a whole block's. They follow their neighbours anyway; with longer links
+they follow a little later, and the step is longer for all. Capacities and areas stay as
+they are, so no heat is lost.
 """
 
 import numpy as np

@@ -128,8 +128,8 @@ class LinearMap(AbstractSurfaceMap):
 
 
 FLUX_PART, GRADIENT_PART = 2 / 3, 1 / 3
-"""Between a cell's mean and its surface, of a parabola with the flux at the surface and
-the gradient at the cell's far side: T_s - T = (2 q'' / k + g) / 3 times the distance."""
+"""From a cell's mean to its surface, of a parabola with the flux at the surface and the
+gradient at the cell's far side: T_s - T = (2 q'' / k + g) / 3 times the distance."""
 
 
 class FluxCorrectedMap(AbstractSurfaceMap):

@@ -1,4 +1,4 @@
-"""What every structure must share: the heat it absorbs, its mean in the end, its law."""
+"""What every structure must share: heat absorbed, mean in the end, the laws."""
 
 import numpy as np
 import pytest

@@ -66,6 +66,7 @@ def test_a_mesh_counts_with_its_content_not_with_its_place(tmp_path):
         ("structure: octree", "structure: octre", "unknown kind 'octre'"),
         ("label: octree", "label: full volume", "structures.0: 'full volume' is there"),
         ("voxels_high: 12", "voxels_high: 12\nspeed: 1", "speed: unknown key"),
+        ("time: 5}", "time: 5}\ncamera: {width: 9}", "camera: frames are compared"),
         ("until: 5", "until: 5 K", "sun.until: expected a time"),
         (
             "structure: octree}",

@@ -129,15 +129,15 @@ def test_solutions_of_one_scene_agree_and_go_through_a_simulation_with_a_derivat
         body = jt.Body(jt.FullVolume(grid), steel, temperature=300.0)
         heat = jt.HeatFlux(2e4, on=jt.Side(normal=(1.0, 0.0, 0.0)))
         solver = jt.ForwardEuler(dt=dt)
-        scene, times = jt.Scene((body,), (heat,)), [0.0, 2.0, 4.0]
-        return jt.simulate(scene, 4.0, times, solver=solver)
+        scene = jt.Scene((body,), (heat,))
+        return jt.simulate(scene, 1.0, [0.0, 1.0], solver=solver)
 
     reference = solve(16.0, 0.1)
     assert float(jt.surface_error(reference, reference).worst_max_percent) == 0
     error = lambda k: jt.surface_error(solve(k, 0.1), reference).worst_rms_percent
-    slope = float(jax.grad(error)(20.0))
-    apart = (float(error(20.5)) - float(error(19.5))) / 1.0
-    assert slope == pytest.approx(apart, rel=1e-2)
+    both = jax.jit(jax.value_and_grad(error))
+    (low, _), (_, slope), (high, _) = (both(k) for k in (19.9, 20.0, 20.1))
+    assert float(slope) == pytest.approx(float(high - low) / 0.2, rel=1e-3)
 
 
 def test_a_float32_run_is_measured_against_a_float64_one():
