@@ -11,6 +11,8 @@ with an error of first order in the pitch. Newton's method solves it: in one ste
 every law is linear, from the hot side of emission, where it cannot overshoot, else.
 """
 
+from functools import partial
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -89,18 +91,7 @@ class SurfaceTerms(eqx.Module):
         excess = (brought - slope * theta) * inverse(slope + self.half_cell)
         corrections = []
         if emitting:
-
-            def newton(excess):
-                here = theta + excess
-                emitted = [self._rate(n, t, time, here) for n, t in emitting]
-                slopes = [term.slope(time, here) for _, term in emitting]
-                net = sum(emitted, brought - slope * here - self.half_cell * excess)
-                change = net * inverse(sum(slopes, slope + self.half_cell))
-                corrected = [
-                    q - s * change for q, s in zip(emitted, slopes, strict=True)
-                ]
-                return excess + change, corrected
-
+            newton = partial(self._newton, emitting, brought, slope, time, theta)
             start = self._hot_side(time, theta, brought, slope)
             # A loop, whose short body is vectorized, where one long formula is not.
             excess = jax.lax.fori_loop(
@@ -114,6 +105,16 @@ class SurfaceTerms(eqx.Module):
             for n, t in self.free
         ]
         return rates, excess
+
+    def _newton(self, emitting, brought, slope, time, theta, excess):
+        """The next excess, and what each emission brings as linear about this one."""
+        here = theta + excess
+        emitted = [self._rate(n, term, time, here) for n, term in emitting]
+        slopes = [term.slope(time, here) for _, term in emitting]
+        net = sum(emitted, brought - slope * here - self.half_cell * excess)
+        change = net * inverse(sum(slopes, slope + self.half_cell))
+        rates = [q - s * change for q, s in zip(emitted, slopes, strict=True)]
+        return excess + change, rates
 
     def _hot_side(self, time, theta, brought, slope):
         """An excess at or above the solution, from where Newton cannot overshoot.

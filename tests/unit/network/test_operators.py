@@ -183,12 +183,8 @@ def test_series_with_an_insulator_has_value_and_gradient(first, second):
 
 
 def test_series_of_unequal_lengths_is_a_sum_of_resistances():
-    found = series(
-        *(np.array(v) for v in (3.0, 0.2)),
-        jnp.array(5.0),
-        np.array(0.7),
-        jnp.array(2.0),
-    )
+    area, first, second = (np.array(v) for v in (3.0, 0.2, 0.7))
+    found = series(area, first, jnp.array(5.0), second, jnp.array(2.0))
     assert float(found) == pytest.approx(3.0 / (0.2 / 5.0 + 0.7 / 2.0), rel=1e-14)
 
 
