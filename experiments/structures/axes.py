@@ -10,6 +10,7 @@ import altair as alt
 COLOURS = (
     "#20242c", "#7a808c", "#c1272d", "#e8833a", "#d4b106", "#7ea534", "#1b8a5a",
     "#17a2b8", "#2166ac", "#6a51a3", "#b5539c", "#8c5a2b", "#5b7f95", "#e377c2",
+    "#7b1e3a", "#a3a000", "#004d61", "#ff6f61", "#3b7d23", "#9c88d6", "#c08a5a",
 )  # fmt: skip
 
 MARGIN = 0.08

@@ -96,9 +96,10 @@ def _filled_and_hollow(
     local: LocalError, difference: Float[np.ndarray, " s"], row: Row
 ) -> dict[str, float | None]:
     """RMS [K] where levels from both sides meet in the middle, and where not."""
-    if row["kind"] != "multi_level":
+    options = row["structure"]["options"]
+    if row["kind"] != "multi_level" or options["hollow"] != "empty":
         return {"filled": None, "hollow": None}
-    reach = 2 * int(row["structure"]["options"]["levels"])
+    reach = 2 * int(options["levels"])
     parts = {
         "filled": local.part(difference, 1, reach),
         "hollow": local.part(difference, reach + 1, np.inf),

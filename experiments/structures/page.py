@@ -69,8 +69,11 @@ def marked(text: str, met: bool | None = None) -> Cell:
 
 def verdicts(texts: list[tuple[str, bool]]) -> Cell:
     """A cell of what was met and what was not, a line each."""
-    kinds = ("missed", "met")
-    lines = (f'<span class="{kinds[met]}">{html.escape(t)}</span>' for t, met in texts)
+    kinds = (("missed", "\N{BALLOT X}"), ("met", "\N{CHECK MARK}"))
+    lines = (
+        f'<span class="{kinds[met][0]}">{kinds[met][1]} {html.escape(text)}</span>'
+        for text, met in texts
+    )
     return Cell(f'<td class="left">{"<br>".join(lines)}</td>')
 
 

@@ -77,13 +77,12 @@ def _names(points: list[Point], across: LogAxis, up: LogAxis) -> list[Point]:
         groups.setdefault(point["label"], []).append(point)
     times = [sorted(p["time"] for p in g)[len(g) // 2] for g in groups.values()]
     tops = [max(p["error"] for p in g) for g in groups.values()]
-    x = [across.pixels(time, WIDTH) for time in times]
-    y = [up.pixels(top, HEIGHT) for top in tops]
+    place = lambda time, error: (across.pixels(time, WIDTH), up.pixels(error, HEIGHT))
+    spots = [place(time, top) for time, top in zip(times, tops, strict=True)]
+    heights = apart(list(groups), spots, [place(p["time"], p["error"]) for p in points])
     return [
         {"label": label, "time": time, "error": up.value(height, HEIGHT)}
-        for label, time, height in zip(
-            groups, times, apart(list(groups), x, y), strict=True
-        )
+        for label, time, height in zip(groups, times, heights, strict=True)
     ]
 
 

@@ -5,7 +5,6 @@ The only place that knows how `simulate` is put together.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -34,14 +33,18 @@ from jaxthermo.precision import precision
 from jaxthermo.scene.scene import Scene
 
 
+Loop = Callable[[], Observation]
+"""Takes every step from the start, and reads the surface at the saved times."""
+
+
 @dataclass(frozen=True, eq=False)
 class Runner:
     """All that comes before the first step is done."""
 
     scene: Scene
     plan: Plan
-    loop: Callable[[], Observation]
-    """Takes every step and reads the surface at the saved times; not compiled yet."""
+    compile: Callable[[], Loop]
+    """Makes the loop, anew each time."""
 
     @property
     def held_bytes(self) -> int:
@@ -83,22 +86,24 @@ def prepare(
         layout = _layout(legs(todo.intervals), todo.dtype)
         jax.block_until_ready((program, state, layout))
 
-    def own(*parts: Any) -> Observation:
-        return _run_all.__wrapped__(*parts)
-
-    # Compiled as a function of its own: each runner's first call compiles anew.
-    compiled = eqx.filter_jit(own)
-
-    def loop() -> Observation:
+    def compile_loop() -> Loop:
+        # A function of its own, so that nothing compiled before is used again.
+        own = lambda *parts: _run_all.__wrapped__(*parts)
         with precision(scene.dtype):
-            return compiled(program, state, layout)
+            made = eqx.filter_jit(own).lower(program, state, layout).compile()
 
-    return Runner(scene, todo, loop)
+        def loop() -> Observation:
+            with precision(scene.dtype):
+                return made(program, state, layout)
+
+        return loop
+
+    return Runner(scene, todo, compile_loop)
 
 
 def finish(runner: Runner) -> Solution:
     """Run once, untimed."""
-    return runner.solution(jax.block_until_ready(runner.loop()))
+    return runner.solution(jax.block_until_ready(runner.compile()()))
 
 
 def surface_at(solution: AnySolution, time: float) -> Float[np.ndarray, " s"]:

@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
 
-DECADES = 2.0
-"""Between the end of the scale and d0."""
+DECADES = 2.5
+"""Between d0 and the end of the scale."""
 
 BACKGROUND = (58, 61, 68)
 
@@ -61,8 +61,8 @@ class DifferenceScale:
         return colours
 
     def ticks(self) -> list[float]:
-        """Zero, the ends, and powers of ten of the limit between them [K]."""
-        up = [self.limit / 10**k for k in range(int(DECADES), -1, -1)]
+        """Zero, the ends, and tenths and hundredths of them [K]."""
+        up = [self.limit / 100, self.limit / 10, self.limit]
         return [*(-value for value in up[::-1]), 0.0, *up]
 
 

@@ -11,6 +11,10 @@ from jaxthermo.atomic import replacing
 from .plots import Chart
 
 
+PADDING = {"left": 14, "top": 14, "bottom": 14, "right": 60}
+"""Room on the right for a viewer whose letters are wider than ours."""
+
+
 def write_chart(chart: Chart, path: Path) -> str:
     """Writes `path`.svg and `path`.png; returns the SVG, with tooltips."""
     spec = _styled(chart).to_json()
@@ -25,7 +29,7 @@ def write_chart(chart: Chart, path: Path) -> str:
 
 def _styled(chart: Chart) -> Chart:
     return (
-        chart.configure(font="sans-serif", background="white", padding=14)
+        chart.configure(font="sans-serif", background="white", padding=PADDING)
         .configure_title(fontSize=15, offset=12)
         .configure_axis(
             labelFontSize=12,

@@ -37,7 +37,7 @@ def show_table(console: Console, lines: list[Line]) -> None:
         for line in here:
             for check in line.get("expected", ()):
                 if not check["met"]:
-                    page.print(f"{line['label']}: {in_words(check)}")
+                    page.print(f"not met by {line['label']}: {in_words(check)}")
 
 
 def cells(line: Line, wide: bool) -> list[str]:
@@ -80,9 +80,7 @@ def times(ratio: dict[str, float]) -> str:
 
 
 def in_words(check: dict) -> str:
-    """What was found and expected: "error % 0.41, at most 0.3 expected: not met"."""
+    """What was found and expected: "error % 0.41 (at most 0.3)"."""
     way = "at_most" if "at_most" in check else "at_least"
-    name = NAMES[check["what"]]
-    expected = f"{way.replace('_', ' ')} {check[way]:g} expected"
-    met = "met" if check["met"] else "not met"
-    return f"{name} {check['found']:.4g}, {expected}: {met}"
+    name, limit = NAMES[check["what"]], check[way]
+    return f"{name} {check['found']:,.3g} ({way.replace('_', ' ')} {limit:,g})"

@@ -16,8 +16,8 @@ from jaxtyping import Array, Float, Int
 from .network import AbstractNetwork, inverse, precise_sum
 
 
-LIST_COST = 6.0
-"""Of an entry of the sparse list, in units of a gathered entry, padding included."""
+LIST_COST, LIST_START = 6.0, 30_000.0
+"""Of an entry of the sparse list, and of having one at all, in gathered entries."""
 
 
 class RowLayout(NamedTuple):
@@ -44,6 +44,7 @@ def _columns(degree: Int[np.ndarray, " n"]) -> int:
     """Nodes with at least this degree."""
     left_over = np.append(np.cumsum(beyond[::-1])[::-1][1:], 0)
     cost = len(degree) * np.arange(len(count)) + LIST_COST * left_over
+    cost += LIST_START * (left_over > 0)
     return int(cost.argmin())
 
 

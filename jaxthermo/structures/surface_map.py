@@ -15,6 +15,7 @@ import abc
 from typing import Any, Literal
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
@@ -29,24 +30,26 @@ Components = tuple[Float[Array, " m"], Float[Array, " m"], Float[Array, " m"]]
 class Gradient(eqx.Module):
     """Least squares over the links of the nodes that have surface."""
 
-    neighbour: tuple[tuple[Int[Array, " m"], ...], ...]
+    neighbour: tuple[Int[Array, "k m"], ...]
     """State addresses of the k-th neighbour of each node; its own where it has less."""
-    weight: tuple[Components, ...]
+    weight: tuple[Float[Array, "k m"], Float[Array, "k m"], Float[Array, "k m"]]
     """Of its temperature difference, along x, y, z [1/m]."""
 
     def __call__(
         self, theta: Float[Array, "..."], nodes: Float[Array, " m"]
     ) -> Components:
         """At every node with surface, along x, y, z [K/m]."""
-        gaps = [
-            theta.at[address].get(mode="promise_in_bounds") - nodes
-            for address in self.neighbour
-        ]
+
+        def add(slopes, column):
+            address, weights = column
+            gap = theta.at[address].get(mode="promise_in_bounds") - nodes
+            pairs = zip(slopes, weights, strict=True)
+            return tuple(slope + weight * gap for slope, weight in pairs), None
+
         zero = jnp.zeros_like(nodes)
-        x, y, z = (
-            sum((w[i] * gap for w, gap in zip(self.weight, gaps, strict=True)), zero)
-            for i in range(3)
-        )
+        # A loop, or XLA would compute it anew for every fragment that reads it.
+        slopes, _ = jax.lax.scan(add, (zero,) * 3, (self.neighbour, self.weight))
+        x, y, z = slopes
         return x, y, z
 
 
@@ -195,11 +198,10 @@ def surface_gradient(structure: AbstractStructure, dtype: Any) -> Gradient:
     count = np.bincount(node, minlength=len(surface))
     rank = np.arange(len(node)) - np.repeat(np.cumsum(count) - count, count)
     address = np.stack(structure.node_address())
-    neighbours, weights = [], []
-    for k in range(int(count.max(initial=0))):
-        at = rank == k
-        index, values = surface.copy(), np.zeros((len(surface), 3))
-        index[node[at]], values[node[at]] = other[at], row[at]
-        neighbours.append(tuple(jnp.asarray(a) for a in address[:, index]))
-        weights.append(_components(values, dtype))
-    return Gradient(tuple(neighbours), tuple(weights))
+    columns = int(count.max(initial=0))
+    index = np.tile(surface, (columns, 1))
+    weights = np.zeros((3, columns, len(surface)))
+    index[rank, node] = other
+    weights[:, rank, node] = row.T
+    x, y, z = (jnp.asarray(w, dtype) for w in weights)
+    return Gradient(tuple(jnp.asarray(a[index]) for a in address), (x, y, z))

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
+from jaxthermo.network import rows as rows_module
 from jaxthermo.network.links import LinkNetwork
 from jaxthermo.network.rows import row_layout, row_network
 
@@ -31,7 +32,15 @@ def _both(src, dst, seed):
     return pairs, row_network(row_layout(NODES, src, dst), conductance, capacity)
 
 
-@settings(max_examples=25, deadline=None)
+@pytest.fixture(scope="module", params=[0.0, rows_module.LIST_START], autouse=True)
+def list_start(request):
+    """With a list where it pays by its entries alone, and as it is."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(rows_module, "LIST_START", request.param)
+        yield
+
+
+@settings(max_examples=12, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), hub=st.booleans())
 def test_rows_are_the_pairs(seed, hub):
     src, dst = _random_links(seed, hub)
@@ -68,8 +77,12 @@ def test_every_link_stands_in_the_rows_of_both_its_nodes(seed, hub):
     assert (np.diff(layout.list_node) >= 0).all()
 
 
-def test_a_hub_keeps_the_rest_of_its_neighbours_in_the_list():
+def test_a_hub_keeps_the_rest_of_its_neighbours_in_the_list(monkeypatch):
+    """But a small structure has none: starting on a list costs more than padding."""
     src, dst = _random_links(0, hub=True)
+    monkeypatch.setattr(rows_module, "LIST_START", 30_000.0)
+    assert len(row_layout(NODES, src, dst).list_node) == 0
+    monkeypatch.setattr(rows_module, "LIST_START", 0.0)
     layout = row_layout(NODES, src, dst)
     assert len(layout.list_node) > 0
     assert len(layout.neighbour) < 10
