@@ -1,5 +1,9 @@
 """Names in a chart that do not stand on one another, nor on points."""
 
+import itertools
+from typing import NamedTuple
+
+
 LINE = 16.0
 """Height of a line of text [px]."""
 
@@ -15,8 +19,23 @@ POINT = 7.0
 Spot = tuple[float, float]
 
 
+class Box(NamedTuple):
+    """Where no name may stand [px]."""
+
+    x: float
+    half: float
+    """Of its width."""
+    y: float
+    room: float
+    """Least height from here to the middle of a name."""
+
+    def meets(self, x: float, half: float, y: float) -> bool:
+        """Whether a name there would stand on it."""
+        return abs(self.x - x) < self.half + half and abs(self.y - y) < self.room
+
+
 def apart(names: list[str], spots: list[Spot], points: list[Spot]) -> list[float]:
-    """Heights for names near their points, each raised until it is clear.
+    """Heights for names near their points: the nearest that is clear, above first.
 
     Args:
         names: what is written.
@@ -24,16 +43,13 @@ def apart(names: list[str], spots: list[Spot], points: list[Spot]) -> list[float
             [px].
         points: all that are drawn [px].
     """
-    taken = [(x, POINT, y, RAISE - 2) for x, y in points]
-    found = [0.0] * len(names)
-    for i in sorted(range(len(names)), key=lambda i: spots[i][1]):
-        x, half = spots[i][0], LETTER * len(names[i]) / 2
-        height = spots[i][1] + RAISE
-        # From below upwards, so that what was passed stays below.
-        for other_x, other_half, other, room in sorted(taken, key=lambda t: t[2]):
-            beside = abs(other_x - x) >= half + other_half
-            if not beside and abs(other - height) < room:
-                height = other + room
-        taken.append((x, half, height, LINE))
-        found[i] = height
+    taken = [Box(x, POINT, y, RAISE - 2) for x, y in points]
+    found = []
+    for name, (x, y) in zip(names, spots, strict=True):
+        half = LETTER * len(name) / 2
+        away = (RAISE + step * LINE / 4 for step in itertools.count())
+        tried = (y + sign * distance for distance in away for sign in (1, -1))
+        height = next(h for h in tried if not any(b.meets(x, half, h) for b in taken))
+        taken.append(Box(x, half, height, LINE))
+        found.append(height)
     return found
