@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -19,12 +18,12 @@ from jaxthermo.integrate.schedule import legs
 from jaxthermo.integrate.simulate import (
     Observation,
     Plan,
-    _layout,
-    _run_all,
     assemble_solution,
     imbalance,
+    layout_table,
     observe,
     plan,
+    run_all,
     start,
     uneven_nodes,
 )
@@ -61,7 +60,7 @@ class Runner:
         """
         with precision(self.scene.dtype):
             program, state = self.plan.compiled.program, start(self.plan)
-            first = observe(program, state, jnp.zeros((), self.plan.dtype))
+            first = observe(program, state, None)
             even = imbalance(program, state.theta, uneven_nodes(self.scene))
             found = assemble_solution(self.scene, self.plan, first, seen, even)
         if found.result != RESULTS.successful:
@@ -83,12 +82,12 @@ def prepare(
     with precision(scene.dtype):
         todo = plan(scene, t1, save_at, ForwardEuler(dt=dt))
         program, state = todo.compiled.program, start(todo)
-        layout = _layout(legs(todo.intervals), todo.dtype)
+        layout = layout_table(legs(todo.intervals), todo.dtype)
         jax.block_until_ready((program, state, layout))
 
     def compile_loop() -> Loop:
         # A function of its own, so that nothing compiled before is used again.
-        own = lambda *parts: _run_all.__wrapped__(*parts)
+        own = lambda *parts: run_all.__wrapped__(*parts)
         with precision(scene.dtype):
             made = eqx.filter_jit(own).lower(program, state, layout).compile()
 

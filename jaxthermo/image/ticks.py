@@ -56,11 +56,11 @@ def end_decimals(low: float, high: float) -> int:
 
 
 def label(value: float, decimals: int) -> str:
-    """A number with a fixed count of decimals and a true minus sign."""
+    """A number with a fixed count of decimals; the font has no true minus sign."""
     text = f"{value:.{decimals}f}"
     if float(text) == 0.0:
         text = text.lstrip("-")
-    return text.replace("-", "\N{MINUS SIGN}")
+    return text
 
 
 def to_celsius(temperature: float) -> float:
@@ -70,7 +70,7 @@ def to_celsius(temperature: float) -> float:
 
 def time_label(time: float) -> str:
     """A time [s] as people say it: "t = 90 s", "t = 12 min 30 s", "t = 3 h 05 min"."""
-    sign = "\N{MINUS SIGN}" if time < 0 else ""
+    sign = "-" if time < 0 else ""
     size = abs(time)
     if size < 9.9995:
         return f"t = {sign}{size:.4g} s"

@@ -155,7 +155,7 @@ def imbalance(program: Program, thetas: State, nodes: list) -> Float[Array, ""]:
 
 
 @eqx.filter_jit
-def _run_all(program: Program, state: RunState, layout) -> Observation:
+def run_all(program: Program, state: RunState, layout) -> Observation:
     """Every leg, observed at its end; one program for any numbers of steps."""
 
     def interval(carry, times):
@@ -189,7 +189,7 @@ def last_load(interval: Interval, dtype: Any) -> Float[Array, ""]:
     return jnp.asarray(interval.end - interval.dt / 2, dtype)
 
 
-def _layout(legs_: tuple[tuple[Interval, ...], ...], dtype):
+def layout_table(legs_: tuple[tuple[Interval, ...], ...], dtype):
     """Starts, steps and numbers of steps, a row a leg; the rest takes no step."""
     shape = len(legs_), max(len(leg) for leg in legs_)
     starts, spans, counts = np.zeros(shape), np.zeros(shape), np.zeros(shape, np.int32)
@@ -292,8 +292,8 @@ def simulate(
         elif is_traced(scene):
             seen = _run_traced(program, state, legs(todo.intervals), todo.dtype)
         else:
-            layout = _layout(legs(todo.intervals), todo.dtype)
-            seen = _run_all(program, state, layout)
+            layout = layout_table(legs(todo.intervals), todo.dtype)
+            seen = run_all(program, state, layout)
         solution = assemble_solution(scene, todo, first, seen, even)
     if throw and not is_traced(solution.result):
         raise_failure(solution.result)

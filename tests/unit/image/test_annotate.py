@@ -44,7 +44,7 @@ def test_ticks_of_known_scales():
 
 def test_labels():
     assert label(-0.04, 1) == "0.0"
-    assert label(-12.5, 1) == "−12.5"
+    assert label(-12.5, 1) == "-12.5"
     assert [decimals_of(s) for s in (10.0, 0.5, 0.25, 0.01)] == [0, 1, 2, 2]
     assert [end_decimals(0.0, s) for s in (100.0, 10.0, 1.0, 0.1, 0.0)] == [
         1,
@@ -66,7 +66,7 @@ def test_labels():
         (750.0, "t = 12 min 30 s"),
         (3599.7, "t = 1 h 00 min"),
         (11100.0, "t = 3 h 05 min"),
-        (-30.0, "t = −30 s"),
+        (-30.0, "t = -30 s"),
     ],
 )
 def test_time_label(time, text):
