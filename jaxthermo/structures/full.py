@@ -6,6 +6,7 @@ from jaxtyping import Float, Int
 
 from ..voxels.grid import VoxelGrid
 from .structure import AbstractStructure, Links, Nodes
+from .voxel_links import voxel_links
 from .weights import ConductionWeights
 
 
@@ -42,9 +43,10 @@ class FullVolume(AbstractStructure):
             yield np.moveaxis(body[:-1] & body[1:], 0, axis)
 
     def _numbers(self) -> Int[np.ndarray, "x y z"]:
-        """Node number of each solid voxel, in C order; meaningless elsewhere."""
+        """Node number of each solid voxel, in C order; -1 elsewhere."""
         solid = self.grid.solid
-        return (np.cumsum(solid.reshape(-1)) - 1).reshape(solid.shape)
+        number = np.cumsum(solid.reshape(-1), dtype=np.int32).reshape(solid.shape) - 1
+        return np.where(solid, number, -1)
 
     def nodes(self) -> Nodes:
         """The solid voxels."""
@@ -57,28 +59,11 @@ class FullVolume(AbstractStructure):
 
     def links(self) -> Links:
         """One link per shared face, of area pitch^2 over a distance of one pitch."""
-        number = self._numbers()
-        src, dst = [], []
-        for axis, shared in enumerate(self._shared_faces()):
-            along = np.moveaxis(number, axis, 0)
-            both = np.moveaxis(shared, axis, 0)
-            src.append(along[:-1][both])
-            dst.append(along[1:][both])
-        first, second = np.concatenate(src), np.concatenate(dst)
-        order = np.lexsort([second, first])
-        half = np.full(len(order), self.grid.pitch / 2)
-        return Links(
-            src=first[order].astype(np.int32),
-            dst=second[order].astype(np.int32),
-            area=np.full(len(order), self.grid.pitch**2),
-            distance_src=half,
-            distance_dst=half,
-        )
+        return voxel_links(self._numbers(), self.grid.pitch)
 
     def fragment_node(self) -> Int[np.ndarray, " s"]:
         """The voxel of each fragment, as a node number."""
-        numbers = self._numbers()[tuple(self.grid.fragment_voxel.T)]
-        return numbers.astype(np.int32)
+        return self._numbers()[tuple(self.grid.fragment_voxel.T)]
 
     def fragment_offset(self) -> Float[np.ndarray, "s 3"]:
         """None: a fragment's voxel is its node."""
