@@ -7,10 +7,10 @@ value a node.
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from .network import AbstractNetwork, inverse, precise_sum
+from .network import AbstractNodeNetwork
 
 
-class LinkNetwork(AbstractNetwork):
+class LinkNetwork(AbstractNodeNetwork):
     """Pairs of nodes with a conductance each."""
 
     src: Int[Array, " e"]
@@ -27,30 +27,8 @@ class LinkNetwork(AbstractNetwork):
         inward = jnp.zeros_like(state).at[self.src].add(flow, indices_are_sorted=True)
         return inward.at[self.dst].add(-flow)
 
-    def euler_step(
-        self, state: Float[Array, "..."], dt: Float[Array, ""]
-    ) -> Float[Array, "..."]:
-        """T + dt / C * sum_j G (T_j - T)."""
-        return state + dt * inverse(self.node_capacity) * self.heat_rate(state)
-
     def diagonal(self) -> Float[Array, "..."]:
         """Sum of the conductances of each node's links [W/K]."""
         total = jnp.zeros_like(self.node_capacity)
         total = total.at[self.src].add(self.conductance, indices_are_sorted=True)
         return total.at[self.dst].add(self.conductance)
-
-    def capacity(self) -> Float[Array, "..."]:
-        """Of each node [J/K]."""
-        return self.node_capacity
-
-    def largest_rate(self) -> Float[Array, ""]:
-        """Over all nodes [1/s]."""
-        return (self.diagonal() * inverse(self.node_capacity)).max()
-
-    def total_capacity(self) -> Float[Array, ""]:
-        """Heat capacity of the body [J/K]."""
-        return precise_sum(self.node_capacity)
-
-    def stored(self, state: Float[Array, "..."]) -> Float[Array, ""]:
-        """Heat above the reference temperature [J]."""
-        return precise_sum(self.node_capacity * state)

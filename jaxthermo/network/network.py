@@ -74,3 +74,32 @@ def inverse(values: Float[Array, "..."]) -> Float[Array, "..."]:
     """
     positive = values > 0
     return jnp.where(positive, 1 / jnp.where(positive, values, 1), 0)
+
+
+class AbstractNodeNetwork(AbstractNetwork):
+    """An operator whose state is one value a node."""
+
+    node_capacity: eqx.AbstractVar[Float[Array, " n"]]
+    """[J/K]"""
+
+    def euler_step(
+        self, state: Float[Array, "..."], dt: Float[Array, ""]
+    ) -> Float[Array, "..."]:
+        """T + dt / C * sum_j G (T_j - T)."""
+        return state + dt * inverse(self.node_capacity) * self.heat_rate(state)
+
+    def capacity(self) -> Float[Array, "..."]:
+        """Of each node [J/K]."""
+        return self.node_capacity
+
+    def largest_rate(self) -> Float[Array, ""]:
+        """Over all nodes [1/s]."""
+        return (self.diagonal() * inverse(self.node_capacity)).max()
+
+    def total_capacity(self) -> Float[Array, ""]:
+        """Heat capacity of the body [J/K]."""
+        return precise_sum(self.node_capacity)
+
+    def stored(self, state: Float[Array, "..."]) -> Float[Array, ""]:
+        """Heat above the reference temperature [J]."""
+        return precise_sum(self.node_capacity * state)

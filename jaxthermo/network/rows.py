@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from .network import AbstractNetwork, inverse, precise_sum
+from .network import AbstractNodeNetwork
 
 
 LIST_COST, LIST_START = 6.0, 30_000.0
@@ -96,7 +96,7 @@ def row_layout(
     )
 
 
-class RowNetwork(AbstractNetwork):
+class RowNetwork(AbstractNodeNetwork):
     """Conductances in rows; a state is one value a node."""
 
     following: Float[Array, " f"] | None
@@ -128,12 +128,6 @@ class RowNetwork(AbstractNetwork):
             flow, mode="promise_in_bounds", indices_are_sorted=True
         )
 
-    def euler_step(
-        self, state: Float[Array, "..."], dt: Float[Array, ""]
-    ) -> Float[Array, "..."]:
-        """T + dt / C * sum_j G (T_j - T)."""
-        return state + dt * inverse(self.node_capacity) * self.heat_rate(state)
-
     def diagonal(self) -> Float[Array, "..."]:
         """Sum of the conductances of each node's links [W/K]."""
         total = sum(self.conductance, jnp.zeros_like(self.node_capacity))
@@ -141,22 +135,6 @@ class RowNetwork(AbstractNetwork):
             total = total + jnp.pad(self.following, (0, 1))
             total = total + jnp.pad(self.following, (1, 0))
         return total.at[self.list_node].add(self.list_conductance)
-
-    def capacity(self) -> Float[Array, "..."]:
-        """Of each node [J/K]."""
-        return self.node_capacity
-
-    def largest_rate(self) -> Float[Array, ""]:
-        """Over all nodes [1/s]."""
-        return (self.diagonal() * inverse(self.node_capacity)).max()
-
-    def total_capacity(self) -> Float[Array, ""]:
-        """Heat capacity of the body [J/K]."""
-        return precise_sum(self.node_capacity)
-
-    def stored(self, state: Float[Array, "..."]) -> Float[Array, ""]:
-        """Heat above the reference temperature [J]."""
-        return precise_sum(self.node_capacity * state)
 
 
 def row_network(

@@ -1,5 +1,6 @@
 """The balance at the surface: all mechanisms act at the surface's own temperature."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -58,6 +59,13 @@ def _laws(flux, h, ambient, reference=280.0):
     )
 
 
+@eqx.filter_jit
+def _all_of(surface, theta):
+    """One program for every case: its numbers are all arguments."""
+    time = jnp.zeros(())
+    return surface.surface_excess(time, theta), *surface.heat(time, theta)
+
+
 def _bisected(half_cell, flux, h, ambient, node, share=2.0):
     """Surface temperature by bisection [K]."""
     low, high = 0.0, 1e5
@@ -86,9 +94,9 @@ def test_against_bisection(half_cell, flux, h, ambient, node):
     exact = _bisected(half_cell, flux, h, ambient, node)
     surface = _surface(half_cell, *_laws(flux, h, ambient))
     theta = jnp.full(1, node - 280.0)
-    excess = float(surface.surface_excess(jnp.array(0.0), theta)[0])
+    excesses, heat, by_term = _all_of(surface, theta)
+    excess = float(excesses[0])
     assert node + excess == pytest.approx(exact, rel=1e-6)
-    heat, by_term = surface.heat(jnp.array(0.0), theta)
     scale = float(jnp.abs(by_term).max()) + 1e-30
     assert float(heat[0]) == pytest.approx(float(by_term.sum()), abs=1e-12 * scale)
     carried = half_cell * excess
@@ -108,7 +116,7 @@ def test_what_holds_a_surface_goes_straight_to_the_node():
 
 def test_stiffness_is_the_slope_of_the_heat_rate():
     surface = _surface(3.0, *_laws(500.0, 8.0, 300.0))
-    heat = lambda theta: surface.heat(jnp.array(0.0), theta)[0].sum()
+    heat = jax.jit(lambda theta: surface.heat(jnp.array(0.0), theta)[0].sum())
     theta = jnp.full(1, 40.0)
     here = 320.0 + float(surface.surface_excess(jnp.array(0.0), theta)[0])
     slope = -float(jax.grad(heat)(theta)[0])
