@@ -8,6 +8,8 @@ from jaxthermo.reference.slab import slab_convection
 from tests.bodies import blocks
 
 
+pytestmark = [pytest.mark.slow, pytest.mark.slice]
+
 METAL = jt.Material(16.0, density=8000.0, specific_heat=500.0, emissivity=0.8)
 PITCH = 0.01
 KEEPING = {

@@ -36,7 +36,7 @@ TAKES = {
     "multi_level": {"levels", "hollow"},
     "irregular_multi_level": {"levels", "keep_capacity"},
     "octree": {"levels"},
-    "aggregate": {"factor"},
+    "aggregate": {"factor", "least_time_constant"},
     "shell_over_core": {"layers", "factor"},
     "partition": {"labels"},
 }

@@ -7,6 +7,8 @@ import jaxthermo as jt
 from tests.bodies import blocks
 
 
+pytestmark = [pytest.mark.slow, pytest.mark.slice]
+
 METAL = jt.Material(16.0, density=8000.0, specific_heat=500.0, emissivity=0.8)
 KINDS = {
     "full": lambda g: jt.FullVolume(g),
