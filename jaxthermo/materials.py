@@ -1,16 +1,14 @@
 """The table of named materials: `materials["stainless_steel"]` gives a `Material`."""
 
-import csv
 import difflib
 import functools
 import sys
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from pathlib import Path
 from types import ModuleType
 
 from .errors import InputError
 from .material import DEFAULT_EMISSIVITY, Material
+from .material_data import MaterialRow, material_rows
 
 
 __all__ = [
@@ -18,87 +16,12 @@ __all__ = [
     "Material",
     "MaterialRow",
     "MaterialTable",
+    "find_materials",
     "material_row",
     "material_rows",
     "materials",
     "thesis_material",
 ]
-
-_DATA = Path(__file__).with_name("data")
-
-
-@dataclass(frozen=True)
-class MaterialRow:
-    """One row of the table.
-
-    Attributes:
-        name: as the mapping `materials` knows it.
-        label: as the data file writes it.
-        conductivity: k [W/(m K)].
-        density: rho [kg/m^3].
-        specific_heat: c_p [J/(kg K)].
-        emissivity: eps [-].
-        source: where the numbers come from.
-        thesis_density: rho in Table 5.1 of the thesis [kg/m^3], None if not in it.
-        thesis_specific_heat: c_p in Table 5.1 of the thesis [J/(kg K)], or None.
-        aliases: other names for it.
-    """
-
-    name: str
-    label: str
-    conductivity: float
-    density: float
-    specific_heat: float
-    emissivity: float
-    source: str
-    thesis_density: float | None
-    thesis_specific_heat: float | None
-    aliases: tuple[str, ...]
-
-    @property
-    def in_thesis(self) -> bool:
-        """Whether Table 5.1 of the thesis has it."""
-        return self.thesis_density is not None
-
-
-def _read(file: str, key: str) -> dict[str, dict[str, str]]:
-    with (_DATA / file).open(encoding="utf-8", newline="") as lines:
-        return {row[key]: row for row in csv.DictReader(lines)}
-
-
-def _row(name: dict[str, str], bulk: dict[str, str], surface) -> MaterialRow:
-    if surface is None:
-        emissivity, origin = DEFAULT_EMISSIVITY, "none tabulated, assumed 0.9"
-    else:
-        emissivity = float(surface["emissivity_total_or_LWIR"])
-        origin = f"of '{surface['material']}', {surface['source']}"
-    thesis = bulk["thesis_rho"]
-    return MaterialRow(
-        name=name["name"],
-        label=bulk["material"],
-        conductivity=float(bulk["k_W_mK"]),
-        density=float(bulk["rho_kg_m3"]),
-        specific_heat=float(bulk["cp_J_kgK"]),
-        emissivity=emissivity,
-        source=f"{bulk['source']}; emissivity {origin}",
-        thesis_density=float(thesis) if thesis else None,
-        thesis_specific_heat=float(bulk["thesis_cp"]) if thesis else None,
-        aliases=tuple(name["aliases"].split()),
-    )
-
-
-@functools.cache
-def material_rows() -> tuple[MaterialRow, ...]:
-    """Every named material with its numbers and their source, in the table's order.
-
-    Source: `jaxthermo/data/README.md`.
-    """
-    bulk = _read("materials.csv", "material")
-    surface = _read("emissivity.csv", "material")
-    return tuple(
-        _row(name, bulk[name["material"]], surface.get(name["emissivity_row"]))
-        for name in _read("names.csv", "name").values()
-    )
 
 
 @functools.cache
@@ -121,6 +44,16 @@ def material_row(name: str) -> MaterialRow:
     parts = [k for k in known if len(str(name)) > 2 and str(name).lower() in k]
     hint = ", ".join(dict.fromkeys([*parts, *close])) or ", ".join(materials)
     raise InputError(f"material {name!r} is not known: did you mean {hint}?")
+
+
+def find_materials(part: str) -> tuple[MaterialRow, ...]:
+    """The materials of which a name, or the data file's, has this in it."""
+    sought = part.lower()
+    return tuple(
+        row
+        for row in material_rows()
+        if any(sought in known.lower() for known in (row.name, row.label, *row.aliases))
+    )
 
 
 def thesis_material(name: str) -> Material:

@@ -19,7 +19,7 @@ from .radiance import (
     leaving_radiance,
     surroundings_at,
 )
-from .view import View, look
+from .view import View, look, standing
 
 
 class Image(eqx.Module):
@@ -88,7 +88,7 @@ def draw(
     absorptivity = _spread(view, _per_fragment(surfaces, "absorptivity"))
     irradiance = jnp.zeros_like(surface)
     for number, exposure in view.exposure:
-        strength = value_at(terms[number].irradiance, time)
+        strength = value_at(terms[number].strength, time)
         irradiance = irradiance + strength * jnp.asarray(exposure, surface.dtype)
     ambient = surroundings_at(terms, time)
     radiance = leaving_radiance(
@@ -151,11 +151,13 @@ def render(
         InputError: if the camera is inside a body or sees none.
     """
     with precision(solution.receipt.dtype):
-        view = look(solution.surfaces, solution.terms, camera.finer(samples), smooth)
+        time = float(solution.times[index])
+        surfaces, terms = standing(solution.surfaces, solution.terms, time)
+        view = look(surfaces, terms, camera.finer(samples), smooth)
         image = draw(
             view,
-            solution.surfaces,
-            solution.terms,
+            surfaces,
+            terms,
             jnp.asarray(solution.surface_temperature[index]),
             jnp.asarray(solution.times[index]),
         )

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..errors import InputError
-from ..physics.source import Sun
+from ..physics.source import AbstractSource
 from ..physics.term import AbstractTerm
 from ..raster.layers import peel
 from ..scene.surface import SolvedSurface
@@ -57,6 +57,13 @@ def _check_outside(surfaces: tuple[SolvedSurface, ...], camera: AbstractCamera):
             )
 
 
+def standing(
+    surfaces: tuple[SolvedSurface, ...], terms: tuple[AbstractTerm, ...], time: float
+) -> tuple[tuple[SolvedSurface, ...], tuple[AbstractTerm, ...]]:
+    """Bodies and sources where they stand at a moment [s]."""
+    return tuple(s.at(time) for s in surfaces), tuple(t.at(time) for t in terms)
+
+
 def look(
     surfaces: tuple[SolvedSurface, ...],
     terms: tuple[AbstractTerm, ...],
@@ -88,7 +95,7 @@ def look(
     exposure = tuple(
         (number, term.exposure(triangles, point, normal, pitch))
         for number, term in enumerate(terms)
-        if isinstance(term, Sun)
+        if isinstance(term, AbstractSource)
     )
     weights = _all_weights(surfaces, body, point, normal, smooth)
     return View(camera, pixel, body, depth, normal, weights, exposure)
@@ -119,8 +126,8 @@ def _all_weights(surfaces, body, point, normal, smooth) -> PixelWeights:
         here = np.flatnonzero(body == index)
         geometry = surface.geometry
         if len(here):
-            own = geometry.pose.unplace(point[here])
-            turned = geometry.pose.unturn(normal[here])
+            own = geometry.placed.unplace(point[here])
+            turned = geometry.placed.unturn(normal[here])
             found = (
                 smooth_weights(own, turned, geometry)
                 if smooth

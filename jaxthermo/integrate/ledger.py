@@ -2,11 +2,14 @@
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
+
+from ..scene.program import Entry
 
 
 class Ledger(eqx.Module):
-    """Running totals, one entry a mechanism [J].
+    """Running totals, one for each entry [J].
 
     Sums are compensated (Kahan): a thousand float32 steps would otherwise lose more
     than the solver does.
@@ -30,10 +33,23 @@ class Ledger(eqx.Module):
         )
 
 
-def empty_ledger(mechanisms: int, dtype) -> Ledger:
+def empty_ledger(entries: int, dtype) -> Ledger:
     """Nothing moved yet."""
-    zeros = jnp.zeros(mechanisms, dtype)
+    zeros = jnp.zeros(entries, dtype)
     return Ledger(heat=zeros, carry=zeros, moved=zeros)
+
+
+class BodyEnergy(eqx.Module):
+    """The ledger of one body at the saved times."""
+
+    stored_J: Float[Array, " t"]
+    """Heat it holds above the start."""
+    mechanisms: dict[str, Float[Array, " t"]]
+    """Heat each mechanism brought to it since the start [J]."""
+    contacts: dict[str, Float[Array, " t"]]
+    """Heat that came through each contact, by its name [J]."""
+    residual_relative: Float[Array, " t"]
+    """(stored - all that was brought) / heat moved."""
 
 
 class Energy(eqx.Module):
@@ -42,6 +58,71 @@ class Energy(eqx.Module):
     stored_J: Float[Array, " t"]
     """Heat the bodies hold above the start."""
     mechanisms: dict[str, Float[Array, " t"]]
-    """Heat each mechanism brought since the start [J]."""
+    """Heat each mechanism brought to all bodies since the start [J]."""
+    contacts: dict[str, Float[Array, " t"]]
+    """Heat that went from the first body to the second of each pair in contact, such as
+    "contact 0-1" [J]."""
+    bodies: tuple[BodyEnergy, ...]
     residual_relative: Float[Array, " t"]
     """(stored - sum of mechanisms) / heat moved, by mechanisms or by conduction."""
+
+
+def energies(
+    entries: tuple[Entry, ...],
+    stored: Float[Array, "t b"],
+    heat: Float[Array, "t c"],
+    moved: Float[Array, "t c"],
+    even: Float[Array, " b"],
+) -> Energy:
+    """The ledger by mechanism, by body and by pair.
+
+    Args:
+        entries: what the columns are.
+        stored: by each body since the start [J].
+        heat: of each entry since the start [J].
+        moved: the same without signs [J].
+        even: heat that conduction must move to even out each body's start [J].
+    """
+    bodies = tuple(
+        _of_body(entries, body, stored[:, body], heat, moved, even[body])
+        for body in range(stored.shape[1])
+    )
+    outer = [c for c, entry in enumerate(entries) if entry.other is None]
+    inner = [c for c, entry in enumerate(entries) if entry.other is not None]
+    mechanisms: dict[str, Float[Array, " t"]] = {}
+    for c in outer:
+        name = entries[c].mechanism
+        mechanisms[name] = mechanisms.get(name, 0) + heat[:, c]
+    total = stored.sum(axis=1)
+    error = total - heat[:, np.array(outer, int)].sum(axis=1)
+    return Energy(
+        stored_J=total,
+        mechanisms=mechanisms,
+        contacts={_pair_name(entries[c]): heat[:, c] for c in inner},
+        bodies=bodies,
+        residual_relative=error / _or_one(moved.sum(axis=1) + even.sum()),
+    )
+
+
+def _of_body(entries, body, stored, heat, moved, even) -> BodyEnergy:
+    own = [c for c, e in enumerate(entries) if e.other is None and e.body == body]
+    pairs = [c for c, e in enumerate(entries) if e.other is not None and body in e[1:]]
+    sign = lambda c: 1 if entries[c].other == body else -1
+    contacts = {_pair_name(entries[c]): sign(c) * heat[:, c] for c in pairs}
+    brought = heat[:, np.array(own, int)].sum(axis=1)
+    brought = sum(contacts.values(), brought)
+    through = moved[:, np.array(own + pairs, int)].sum(axis=1)
+    return BodyEnergy(
+        stored_J=stored,
+        mechanisms={entries[c].mechanism: heat[:, c] for c in own},
+        contacts=contacts,
+        residual_relative=(stored - brought) / _or_one(through + even),
+    )
+
+
+def _pair_name(entry: Entry) -> str:
+    return f"{entry.mechanism} {entry.body}-{entry.other}"
+
+
+def _or_one(throughput: Float[Array, " t"]) -> Float[Array, " t"]:
+    return jnp.where(throughput > 0, throughput, 1)

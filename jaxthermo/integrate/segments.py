@@ -19,13 +19,13 @@ from ..scene.program import Program, State
 from ..scene.scene import Scene
 from .euler import RunState, advance
 from .ledger import Ledger
+from .observe import Observation, observe
+from .schedule import Interval
 from .simulate import (
-    Observation,
     Plan,
     assemble_solution,
     imbalance,
     last_load,
-    observe,
     start,
     uneven_nodes,
 )
@@ -83,8 +83,12 @@ def _take(plan: Plan, progress: Progress, steps: int) -> RunState:
         jnp.asarray(steps, jnp.int32),
         jnp.asarray(progress.done, jnp.int32),
     )
-    keep = (plan.compiled.program, progress.state.ledger, span)
+    keep = (_program(plan, interval), progress.state.ledger, span)
     return jax.block_until_ready(_segment(keep, progress.state.theta))
+
+
+def _program(plan: Plan, interval: Interval) -> Program:
+    return plan.compiled.programs[plan.compiled.number_at(interval.start)]
 
 
 def compile_segments(plan: Plan, progress: Progress) -> Progress:
@@ -118,15 +122,18 @@ def segments(
             progress = progress._replace(
                 interval=progress.interval + 1, done=0, state=state
             )
-            if interval.saved or progress.interval == len(plan.intervals):
+            if interval.saved:
                 loads = last_load(interval, plan.dtype)
-                row = observe(plan.compiled.program, state, loads)
+                row = observe(_program(plan, interval), state, loads)
                 progress = progress._replace(seen=(*progress.seen, row))
         yield progress
 
 
 def finish(scene: Scene, plan: Plan, progress: Progress) -> Solution:
     """The solution of a run that has reached its end."""
+    if not progress.seen:
+        nothing = jax.tree.map(lambda a: a[None][:0], progress.first)
+        return assemble_solution(scene, plan, progress.first, nothing, progress.even)
     seen = jax.tree.map(lambda *rows: jnp.stack(rows), *progress.seen)
     return assemble_solution(scene, plan, progress.first, seen, progress.even)
 

@@ -7,7 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from ..array_types import Scalar
 from ..errors import InputError
@@ -15,58 +15,14 @@ from ..network.network import precise_sum
 from ..physics.values import SAMPLES
 from ..precision import precision
 from ..scene.compile import compile_scene
-from ..scene.program import Compiled, Program, State
+from ..scene.program import Compiled, Entry, Program, State
 from ..scene.scene import Scene
 from ..tracing import is_traced
-from .euler import ForwardEuler, RunState, advance, stable_step
-from .ledger import Energy, Ledger, empty_ledger
+from .euler import ForwardEuler, RunState, advance
+from .ledger import Energy, empty_ledger, energies
+from .observe import Observation, observe
 from .schedule import Interval, legs, save_times, schedule
 from .solution import RESULTS, Run, Solution
-
-
-class Observation(NamedTuple):
-    """What is kept of a state at a saved time."""
-
-    surface: Float[Array, " s"]
-    """[K]"""
-    mean: Float[Array, " b"]
-    """[K]"""
-    stored: Float[Array, ""]
-    """Above the references [J]."""
-    finite: Bool[Array, ""]
-    possible: Bool[Array, ""]
-    """Whether no part of the surface is below 0 K, but for rounding."""
-    ledger: Ledger
-
-
-@eqx.filter_jit
-def observe(
-    program: Program, state: RunState, time: Float[Array, ""] | None
-) -> Observation:
-    """Surface temperatures, means and energies of a state.
-
-    Args:
-        program: what made it.
-        state: at some moment.
-        time: of the loads that led to it [s], the middle of the last step: a load that
-            is switched at that moment is still read as it was. None at the start.
-    """
-    surface, mean, stored = [], [], []
-    for body, theta in zip(program.bodies, state.theta, strict=True):
-        here = body.reading.read(theta, time)
-        heat = body.network.stored(theta)
-        surface.append(body.reference + here)
-        mean.append(body.reference + heat / body.network.total_capacity())
-        stored.append(heat)
-    total, outside = jnp.stack(stored).sum(), jnp.concatenate(surface)
-    return Observation(
-        surface=outside,
-        mean=jnp.stack(mean),
-        stored=total,
-        finite=jnp.isfinite(total),
-        possible=outside.min() > -1e-3,
-        ledger=state.ledger,
-    )
 
 
 class Plan(NamedTuple):
@@ -90,16 +46,27 @@ class Plan(NamedTuple):
 
 
 def plan(
-    scene: Scene, t1: float | int, save_at: Sequence[float] | None, solver: ForwardEuler
+    scene: Scene,
+    t1: float | int,
+    save_at: Sequence[float] | None,
+    solver: ForwardEuler,
+    prune: bool = True,
 ) -> Plan:
     """Compile a scene and lay out its steps.
+
+    Args:
+        scene: bodies and terms.
+        t1: end [s].
+        save_at: times to keep [s].
+        solver: with its step, or the stable one.
+        prune: whether what does nothing is left out, see `compile_scene`.
 
     Raises:
         InputError: for save times out of order, or a step above the stable one.
     """
     saves = save_times(t1, save_at)
-    compiled = compile_scene(scene, len(saves))
-    limit = stable_step(compiled.program, compiled.hottest(t1), t1)
+    compiled = compile_scene(scene, len(saves), t1, prune)
+    limit = compiled.stable_step
     if is_traced(limit):
         if solver.dt is None:
             raise InputError(
@@ -111,7 +78,8 @@ def plan(
         dt, known = _checked_step(solver, float(limit)), float(limit)
     if compiled.program.sampled and solver.dt is None and t1 > 0:
         dt = min(dt, t1 / SAMPLES)
-    layout = schedule(t1, saves, compiled.program.knots, dt)
+    landings = (*compiled.program.knots, *compiled.starts)
+    layout = schedule(t1, saves, landings, dt)
     return Plan(compiled, layout, saves, known)
 
 
@@ -136,26 +104,25 @@ def _checked_step(solver: ForwardEuler, limit: float) -> float:
 
 def start(plan: Plan) -> RunState:
     """The state at time 0."""
-    mechanisms = len(plan.compiled.program.mechanisms)
-    return RunState(plan.compiled.state, empty_ledger(mechanisms, plan.dtype))
+    entries = len(plan.compiled.program.entries)
+    return RunState(plan.compiled.state, empty_ledger(entries, plan.dtype))
 
 
-def imbalance(program: Program, thetas: State, nodes: list) -> Float[Array, ""]:
+def imbalance(program: Program, states: State, nodes: list) -> Float[Array, " b"]:
     """Heat that conduction must move to even out each body at the start [J]."""
-    total = jnp.zeros((), thetas[0].dtype)
-    for body, theta, address in zip(program.bodies, thetas, nodes, strict=True):
+    found = []
+    for body, state, address in zip(program.bodies, states, nodes, strict=True):
         if address is None:
+            found.append(jnp.asarray(np.zeros((), state.dtype)))
             continue
-        mean = body.network.stored(theta) / body.network.total_capacity()
-        capacity = body.network.capacity()
-        capacity = capacity[address] if capacity.ndim else capacity
-        excess = jnp.abs(theta[address] - mean) * capacity
-        total = total + precise_sum(excess) / 2
-    return total
+        mean = body.network.stored(state) / body.network.total_capacity()
+        excess = jnp.abs(state[address] - mean) * body.network.capacity_at(address)
+        found.append(precise_sum(excess) / 2)
+    return jnp.stack(found)
 
 
 @eqx.filter_jit
-def run_all(program: Program, state: RunState, layout) -> Observation:
+def run_all(program: Program, state: RunState, layout) -> tuple[RunState, Observation]:
     """Every leg, observed at its end; one program for any numbers of steps."""
 
     def interval(carry, times):
@@ -170,10 +137,10 @@ def run_all(program: Program, state: RunState, layout) -> Observation:
         (state, time), _ = jax.lax.scan(interval, (state, begin), intervals)
         return state, observe(program, state, time)
 
-    return jax.lax.scan(leg, state, layout)[1]
+    return jax.lax.scan(leg, state, layout)
 
 
-def _run_traced(program: Program, state: RunState, legs_, dtype) -> Observation:
+def _run_traced(program: Program, state: RunState, legs_, dtype):
     """The same with fixed lengths, for reverse-mode differentiation."""
     seen = []
     for leg in legs_:
@@ -181,7 +148,40 @@ def _run_traced(program: Program, state: RunState, legs_, dtype) -> Observation:
             begin, dt = jnp.asarray(i.start, dtype), jnp.asarray(i.dt, dtype)
             state = advance(program, state, begin, dt, i.steps)
         seen.append(observe(program, state, last_load(leg[-1], dtype)))
-    return jax.tree.map(lambda *each: jnp.stack(each), *seen)
+    return state, jax.tree.map(lambda *each: jnp.stack(each), *seen)
+
+
+def run(plan: Plan, state: RunState, traced: bool = False) -> Observation:
+    """Everything from the start to the end, observed at the save times.
+
+    Args:
+        plan: of the run.
+        state: at the start.
+        traced: whether it must have fixed lengths, for reverse mode.
+    """
+    parts = by_program(plan)
+    rows = max((len(legs(part)) for _, part in parts), default=0)
+    width = max((len(leg) for _, p in parts for leg in legs(p)), default=0)
+    seen = []
+    for number, part in parts:
+        program, own = plan.compiled.programs[number], legs(part)
+        if traced:
+            state, found = _run_traced(program, state, own, plan.dtype)
+        else:
+            layout = layout_table(own, plan.dtype, rows, width)
+            state, found = run_all(program, state, layout)
+        saved = np.flatnonzero([leg[-1].saved for leg in own])
+        seen.append(jax.tree.map(lambda a, kept=saved: a[kept], found))
+    return jax.tree.map(lambda *each: jnp.concatenate(each), *seen)
+
+
+def by_program(plan: Plan) -> list[tuple[int, tuple[Interval, ...]]]:
+    """The intervals that each program takes, with its number."""
+    number = [plan.compiled.number_at(i.start) for i in plan.intervals]
+    return [
+        (n, tuple(i for i, m in zip(plan.intervals, number, strict=True) if m == n))
+        for n in sorted(set(number))
+    ]
 
 
 def last_load(interval: Interval, dtype: Any) -> Float[Array, ""]:
@@ -189,9 +189,18 @@ def last_load(interval: Interval, dtype: Any) -> Float[Array, ""]:
     return jnp.asarray(interval.end - interval.dt / 2, dtype)
 
 
-def layout_table(legs_: tuple[tuple[Interval, ...], ...], dtype):
-    """Starts, steps and numbers of steps, a row a leg; the rest takes no step."""
-    shape = len(legs_), max(len(leg) for leg in legs_)
+def layout_table(
+    legs_: tuple[tuple[Interval, ...], ...], dtype, rows: int = 0, width: int = 0
+):
+    """Starts, steps and numbers of steps, a row a leg; the rest takes no step.
+
+    Args:
+        legs_: to be taken.
+        dtype: of the times.
+        rows: least number of rows, for one shape whatever the legs.
+        width: least number of intervals in a row.
+    """
+    shape = max(len(legs_), rows), max(width, *(len(leg) for leg in legs_))
     starts, spans, counts = np.zeros(shape), np.zeros(shape), np.zeros(shape, np.int32)
     for row, leg in enumerate(legs_):
         starts[row, : len(leg)] = [i.start for i in leg]
@@ -202,20 +211,18 @@ def layout_table(legs_: tuple[tuple[Interval, ...], ...], dtype):
 
 @eqx.filter_jit
 def _balance(
+    entries: tuple[Entry, ...],
     first: Observation,
     seen: Observation,
-    even: Float[Array, ""],
-    rows: int,
+    even: Float[Array, " b"],
     from_start: bool,
-) -> tuple[Observation, Float[Array, " t"], Float[Array, " t"]]:
-    """Observations at the save times, heat stored since the start, and residual."""
-    at = jax.tree.map(lambda a: a[:rows], seen)
+) -> tuple[Observation, Energy]:
+    """Observations at the save times, and the ledger."""
+    at = seen
     if from_start:
         at = jax.tree.map(lambda one, a: jnp.concatenate([one[None], a]), first, at)
-    stored = at.stored - first.stored
-    throughput = at.ledger.moved.sum(axis=1) + even
-    error = stored - at.ledger.heat.sum(axis=1)
-    return at, stored, error / jnp.where(throughput > 0, throughput, 1)
+    stored = at.stored - first.stored[None]
+    return at, energies(entries, stored, at.ledger.heat, at.ledger.moved, even)
 
 
 def assemble_solution(
@@ -223,27 +230,21 @@ def assemble_solution(
     plan: Plan,
     first: Observation,
     seen: Observation,
-    even: Float[Array, ""],
+    even: Float[Array, " b"],
 ) -> Solution:
     """A `Solution` from the observations at the start and at each leg's end."""
-    rows = sum(interval.saved for interval in plan.intervals)
-    at, stored, residual = _balance(first, seen, even, rows, plan.saves[0] == 0.0)
-    heat = at.ledger.heat
-    names = plan.compiled.program.mechanisms
+    entries = plan.compiled.program.entries
+    at, energy = _balance(entries, first, seen, even, plan.saves[0] == 0.0)
     result = RESULTS.where(
         at.finite.all(),
         RESULTS.where(at.possible.all(), RESULTS.successful, RESULTS.below_zero),
         RESULTS.nonfinite,
     )
     return Solution(
-        times=jnp.asarray(plan.saves, stored.dtype),
+        times=jnp.asarray(plan.saves, energy.stored_J.dtype),
         surface_temperature=at.surface,
         mean_temperature=at.mean,
-        energy=Energy(
-            stored_J=stored,
-            mechanisms={name: heat[:, k] for k, name in enumerate(names)},
-            residual_relative=residual,
-        ),
+        energy=energy,
         result=result,
         run=Run(
             steps=plan.steps,
@@ -254,6 +255,28 @@ def assemble_solution(
         terms=scene.terms,
         receipt=plan.compiled.receipt,
     )
+
+
+def solve(scene: Scene, todo: Plan) -> Solution:
+    """A planned run, from its start to its solution."""
+    seen = run(todo, start(todo), is_traced(scene)) if todo.intervals else None
+    return conclude(scene, todo, seen)
+
+
+def conclude(scene: Scene, todo: Plan, seen: Observation | None) -> Solution:
+    """What a run comes to.
+
+    Args:
+        scene: that was run.
+        todo: how.
+        seen: at the save times; None if there is nothing but the start.
+    """
+    program, state = todo.compiled.program, start(todo)
+    first = observe(program, state, None)
+    even = imbalance(program, state.theta, uneven_nodes(scene))
+    nothing = jax.tree.map(lambda a: a[None][:0], first)
+    rows = nothing if seen is None else seen
+    return assemble_solution(scene, todo, first, rows, even)
 
 
 def simulate(
@@ -284,17 +307,7 @@ def simulate(
     """
     with precision(scene.dtype):
         todo = plan(scene, t1, save_at, solver or ForwardEuler())
-        program, state = todo.compiled.program, start(todo)
-        first = observe(program, state, None)
-        even = imbalance(program, state.theta, uneven_nodes(scene))
-        if not todo.intervals:
-            seen = jax.tree.map(lambda a: a[None][:0], first)
-        elif is_traced(scene):
-            seen = _run_traced(program, state, legs(todo.intervals), todo.dtype)
-        else:
-            layout = layout_table(legs(todo.intervals), todo.dtype)
-            seen = run_all(program, state, layout)
-        solution = assemble_solution(scene, todo, first, seen, even)
+        solution = solve(scene, todo)
     if throw and not is_traced(solution.result):
         raise_failure(solution.result)
     if jnp.result_type(float) == jnp.float64 or is_traced(solution):

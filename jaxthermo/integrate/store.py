@@ -9,7 +9,8 @@ from jaxtyping import Array, Float
 
 from ..atomic import replacing
 from ..errors import InputError
-from ..scene.scene import Pose
+from ..geometry.pose import Pose
+from ..scene.motion import Motion, PoseTable
 from ..scene.surface import BodyGeometry, SolvedSurface
 from .solution import Solution
 
@@ -46,13 +47,30 @@ def save_solution(path: Path, solution: Solution) -> None:
         for field in _GEOMETRY:
             arrays[f"body{b}_{field}"] = getattr(geometry, field)
         arrays[f"body{b}_pitch"] = np.array(geometry.pitch)
-        arrays[f"body{b}_translation"] = np.array(geometry.pose.translation)
-        arrays[f"body{b}_rotation"] = np.array(geometry.pose.rotation)
+        poses = _poses(surface, solution)
+        arrays[f"body{b}_translation"] = np.array([pose.translation for pose in poses])
+        arrays[f"body{b}_rotation"] = np.array([pose.rotation for pose in poses])
         arrays[f"body{b}_emissivity"] = surface.emissivity
         arrays[f"body{b}_absorptivity"] = surface.absorptivity
     with replacing(path) as temporary, open(temporary, "wb") as file:
         kept: dict[str, Any] = {k: np.asarray(v) for k, v in arrays.items()}
         np.savez_compressed(file, **kept)
+
+
+def _poses(surface: SolvedSurface, solution: Solution) -> list[Pose]:
+    """Where a body stands at the saved times; once if it stays there."""
+    times = np.asarray(solution.times, float) if surface.moves else [0.0]
+    return [surface.geometry.pose.at(float(time)) for time in times]
+
+
+def _pose(translation: np.ndarray, rotation: np.ndarray, times) -> Pose | Motion:
+    poses = [
+        Pose(_point(shift), tuple(map(_point, turn)))
+        for shift, turn in zip(translation, rotation, strict=True)
+    ]
+    if len(poses) == 1:
+        return poses[0]
+    return Motion(PoseTable(tuple(times.tolist()), tuple(poses)))
 
 
 def _point(values: Any) -> tuple[float, float, float]:
@@ -62,7 +80,7 @@ def _point(values: Any) -> tuple[float, float, float]:
 
 def _load_surface(kept, b: int) -> SolvedSurface:
     get = lambda field: kept[f"body{b}_{field}"]
-    pose = Pose(_point(get("translation")), tuple(map(_point, get("rotation"))))
+    pose = _pose(get("translation"), get("rotation"), kept["times"])
     geometry = BodyGeometry(
         *(get(field) for field in _GEOMETRY), pitch=float(get("pitch")), pose=pose
     )

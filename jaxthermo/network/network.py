@@ -2,6 +2,9 @@
 
 A state is an array of temperature differences from the body's reference [K]: one
 float32 step at 300 K is 3e-5 K, which would swallow slow changes; differences do not.
+Where the specific heat varies with temperature it is instead the heat that each node
+holds above the reference, over its capacity there: still in kelvin, and the heat stored
+is sum C state for every network.
 """
 
 import abc
@@ -51,6 +54,38 @@ class AbstractNetwork(eqx.Module):
     @abc.abstractmethod
     def stored(self, state: Float[Array, "..."]) -> Float[Array, ""]:
         """Heat above the reference temperature, sum of C T [J]."""
+
+    def capacity_at(self, address: Address) -> Float[Array, "*m"]:
+        """Of some nodes [J/K]; one number if all have the same."""
+        capacity = self.capacity()
+        return capacity[address] if capacity.ndim else capacity
+
+    def temperature(self, state: Float[Array, "*m"]) -> Float[Array, "*m"]:
+        """Above the reference [K], of a state or of any part of one."""
+        return state
+
+    def state_of(self, theta: Float[Array, "*m"]) -> Float[Array, "*m"]:
+        """The state of nodes at temperatures above the reference [K]."""
+        return theta
+
+    def relative_conductivity(self, theta: Float[Array, "*m"]) -> Float[Array, "*#m"]:
+        """k(T) / k(reference) at temperatures above the reference [-]."""
+        return jnp.ones((), theta.dtype)
+
+    def largest_relative_conductivity(self) -> Float[Array, ""]:
+        """At any temperature [-]."""
+        return jnp.ones((), self.total_capacity().dtype)
+
+    def least_relative_capacity(self) -> Float[Array, ""]:
+        """The smallest c(T) / c(reference) at any temperature [-].
+
+        Its inverse is the most that a temperature moves for a change of the state.
+        """
+        return jnp.ones((), self.total_capacity().dtype)
+
+    def largest_relative_diffusivity(self) -> Float[Array, ""]:
+        """The largest k / c over that at the reference, at any temperature [-]."""
+        return jnp.ones((), self.total_capacity().dtype)
 
 
 def precise_sum(values: Float[Array, "..."]) -> Float[Array, ""]:

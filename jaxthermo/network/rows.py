@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from ..arrays import rank_in_group
 from .network import AbstractNodeNetwork
 
 
@@ -73,7 +74,7 @@ def row_layout(
     node, neighbour = node[order], neighbour[order]
     link = np.concatenate([rest, rest])[order]
     degree = np.bincount(node, minlength=nodes)
-    rank = np.arange(len(node)) - np.repeat(np.cumsum(degree) - degree, degree)
+    rank = rank_in_group(node)
     columns = _columns(degree)
     neighbours, links = [], []
     for k in range(columns):

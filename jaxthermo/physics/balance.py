@@ -9,8 +9,12 @@ All mechanisms act at that one T_s, so a sun on an insulator heats its surface, 
 then convects and emits accordingly; a node alone would do so too late and too little,
 with an error of first order in the pitch. Newton's method solves it: in one step where
 every law is linear, from the hot side of emission, where it cannot overshoot, else.
+Laws that are neither, such as convection with properties that vary, bend so little that
+the start may be their tangent at the node.
 """
 
+from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 import equinox as eqx
@@ -20,33 +24,71 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..network.network import inverse, precise_sum
+from ..tracing import is_traced
 from .boundary import ImposedFlux
-from .term import BoundTerm, bound
+from .mutual import Radiation
+from .newton import ALL_STEPS
+from .term import BoundTerm, Values, bound
 
-
-NEWTON_STEPS = 6
-"""From ten times the node's temperature in a near-insulator they leave 1e-6 of q."""
 
 NumberedTerms = tuple[tuple[int, BoundTerm], ...]
-"""Bound terms with the number of their mechanism in the program."""
+"""Bound terms with the number of their entry in the ledger."""
 
 
 class SurfaceTerms(eqx.Module):
     """What acts on the places of a surface: fragments, or several of them as one."""
 
-    mechanisms: tuple[str, ...] = eqx.field(static=True)
-    """Names, by the terms' numbers."""
-    half_cell: Float[Array, " m"]
+    names: tuple[str, ...] = eqx.field(static=True)
+    """Of the mechanisms, by the number of their entry in the ledger."""
+    half_cell: Float[Values, " m"]
     """G of each place's free part [W/K]."""
     free: NumberedTerms
     """At the surface's temperature."""
     held: NumberedTerms
     """Surface held at a temperature: straight to the node."""
+    steps: int = eqx.field(static=True, default=ALL_STEPS)
+    """Of Newton's method; fewer than all start at the node's temperature."""
 
     @property
     def is_linear(self) -> bool:
         """Whether one step of Newton's method is the solution."""
         return all(term.law.is_linear for _, term in self.free)
+
+    def conducting(self, relative: Float[Array, "*#m"]) -> "SurfaceTerms":
+        """The same above nodes whose conductivity is so many times the stated one."""
+        if not relative.ndim:
+            return self
+        held = tuple(
+            (n, BoundTerm(term.share * relative, term.total_share, term.law))
+            for n, term in self.held
+        )
+        return replace(self, half_cell=self.half_cell * relative, held=held)
+
+    def above(self, base: Float[Array, ""]) -> "SurfaceTerms":
+        """The same with radiation counted from `base` [K]."""
+        counted = lambda law: Radiation(law.received, base, law.reference, law.emits)
+        return self._with_radiation(counted)
+
+    def _with_radiation(self, change: Callable[[Radiation], Radiation]):
+        free = tuple(
+            (n, BoundTerm(term.share, term.total_share, change(term.law)))
+            if isinstance(term.law, Radiation)
+            else (n, term)
+            for n, term in self.free
+        )
+        return replace(self, free=free)
+
+    def radiating(
+        self, received: Float[Array, " m"], emits: bool = True
+    ) -> "SurfaceTerms":
+        """The same in the radiation of what is around.
+
+        Args:
+            received: by each place, as `Radiation` takes it [W/m^2].
+            emits: whether its own emission follows its temperature.
+        """
+        bathed = lambda law: Radiation(received, law.base, law.reference, emits)
+        return self._with_radiation(bathed)
 
     def surface_excess(
         self, time: Float[Array, ""], theta: Float[Array, " m"]
@@ -61,7 +103,7 @@ class SurfaceTerms(eqx.Module):
     def heat(
         self, time: Float[Array, ""], theta: Float[Array, " m"]
     ) -> tuple[Float[Array, " m"], Float[Array, " c"]]:
-        """Heat rate through each place, and in all by each mechanism [W].
+        """Heat rate through each place, and in all by each entry of the ledger [W].
 
         Args:
             time: [s].
@@ -69,36 +111,39 @@ class SurfaceTerms(eqx.Module):
         """
         rates, _ = self._solve(time, theta)
         total = jnp.zeros_like(theta)
-        by_mechanism = jnp.zeros(len(self.mechanisms), theta.dtype)
+        by_entry = jnp.zeros(len(self.names), theta.dtype)
         held = [self._rate(n, term, time, theta) for n, term in self.held]
         numbered = (*self.free, *self.held)
         for (number, term), rate in zip(numbered, (*rates, *held), strict=True):
             total = total + rate
-            by_mechanism = by_mechanism.at[number].add(_in_all(term, time, rate))
-        return total, by_mechanism
+            by_entry = by_entry.at[number].add(_in_all(term, time, rate))
+        return total, by_entry
 
     def _rate(self, number, term, time, theta):
-        with jax.named_scope(self.mechanisms[number]):
+        with jax.named_scope(self.names[number]):
             return term.heat_rate(time, theta)
 
     def _solve(self, time, theta):
         """Heat rate of each free term, and the excess, which agree to rounding."""
-        emitting = [(n, term) for n, term in self.free if not term.law.is_linear]
+        bent = [(n, term) for n, term in self.free if not term.law.is_linear]
         others = [term for _, term in self.free if term.law.is_linear]
         zero = jnp.zeros_like(theta)
         brought = sum((term.heat_rate(time, zero) for term in others), zero)
         slope = sum((term.slope(time, zero) for term in others), zero)
-        excess = (brought - slope * theta) * inverse(slope + self.half_cell)
-        corrections = []
-        if emitting:
-            newton = partial(self._newton, emitting, brought, slope, time, theta)
-            start = self._hot_side(time, theta, brought, slope)
-            # A loop, whose short body is vectorized, where one long formula is not.
-            excess = jax.lax.fori_loop(
-                0, NEWTON_STEPS - 1, lambda _, excess: newton(excess)[0], start
-            )
+        if bent:
+            newton = partial(self._newton, bent, brought, slope, time, theta)
+            start = zero
+            if self.steps == ALL_STEPS:
+                start = self._start(time, theta, brought, slope)
+            if self.steps > 1:
+                # A loop's short body is vectorized, where one long formula is not.
+                start = jax.lax.fori_loop(
+                    0, self.steps - 1, lambda _, excess: newton(excess)[0], start
+                )
             # The last step alone carries the derivative of the solution, exactly.
-            excess, corrections = newton(jax.lax.stop_gradient(excess))
+            excess, corrections = newton(jax.lax.stop_gradient(start))
+        else:
+            excess, corrections = self._linear(theta, brought, slope), []
         corrected, there = iter(corrections), theta + excess
         rates = [
             self._rate(n, t, time, there) if t.law.is_linear else next(corrected)
@@ -106,48 +151,74 @@ class SurfaceTerms(eqx.Module):
         ]
         return rates, excess
 
-    def _newton(self, emitting, brought, slope, time, theta, excess):
-        """The next excess, and what each emission brings as linear about this one."""
+    def _linear(self, theta, brought, slope):
+        return (brought - slope * theta) * inverse(slope + self.half_cell)
+
+    def _newton(self, bent, brought, slope, time, theta, excess):
+        """The next excess, and what each bent law brings as linear about this one."""
         here = theta + excess
-        emitted = [self._rate(n, term, time, here) for n, term in emitting]
-        slopes = [term.slope(time, here) for _, term in emitting]
-        net = sum(emitted, brought - slope * here - self.half_cell * excess)
+        bring = [self._rate(n, term, time, here) for n, term in bent]
+        slopes = [term.slope(time, here) for _, term in bent]
+        net = sum(bring, brought - slope * here - self.half_cell * excess)
         change = net * inverse(sum(slopes, slope + self.half_cell))
-        rates = [q - s * change for q, s in zip(emitted, slopes, strict=True)]
+        rates = [q - s * change for q, s in zip(bring, slopes, strict=True)]
         return excess + change, rates
 
-    def _hot_side(self, time, theta, brought, slope):
+    def _start(self, time, theta, brought, slope):
+        """Where Newton's method starts; laws that do not shed by their tangents."""
+        bent = [term for _, term in self.free if not term.law.is_linear]
+        for term in bent:
+            if not term.law.sheds:
+                steep = term.slope(time, theta)
+                brought = brought + term.heat_rate(time, theta) + steep * theta
+                slope = slope + steep
+        shedding = [term for term in bent if term.law.sheds]
+        if not shedding:
+            return self._linear(theta, brought, slope)
+        return self._hot_side(shedding, time, theta, brought, slope)
+
+    def _hot_side(self, shedding, time, theta, brought, slope):
         """An excess at or above the solution, from where Newton cannot overshoot.
 
         The lower of two bounds: what emission sheds alone, of all that is pushed in and
         that a hotter node sends; and what conduction carries off alone.
         """
-        emitting = [term for _, term in self.free if not term.law.is_linear]
         zero = jnp.zeros_like(theta)
         pushed = lambda here: jnp.maximum(brought - slope * here, 0)
         ambient = zero - jnp.inf
-        for term in emitting:
+        for term in shedding:
             ambient = jnp.maximum(ambient, term.law.hot_side(time, zero))
         sent = pushed(ambient) + self.half_cell * jnp.maximum(theta - ambient, 0)
         hot = zero + jnp.inf
-        for term in emitting:
-            shed = term.law.hot_side(time, sent * inverse(term.share))
-            hot = jnp.where(term.share > 0, jnp.minimum(hot, shed), hot)
-        carried = jnp.maximum(theta, ambient) + pushed(theta) * inverse(self.half_cell)
-        hot = jnp.where(self.half_cell > 0, jnp.minimum(hot, carried), hot)
+        for term in shedding:
+            share = jnp.asarray(term.share)
+            shed = term.law.hot_side(time, sent * inverse(share))
+            hot = jnp.where(share > 0, jnp.minimum(hot, shed), hot)
+        conducts = jnp.asarray(self.half_cell)
+        carried = jnp.maximum(theta, ambient) + pushed(theta) * inverse(conducts)
+        hot = jnp.where(conducts > 0, jnp.minimum(hot, carried), hot)
         hot = jnp.maximum(hot, ambient)
         return jnp.where(jnp.isfinite(hot), hot - theta, 0)
 
-    def stiffness(self, hottest: Float[Array, ""], end: float) -> Float[Array, " m"]:
+    def stiffness(
+        self, hottest: Float[Array, ""], end: float, relative: Float[Array, ""]
+    ) -> Float[Array, " m"]:
         """Largest -d(heat rate)/dT of each place below `hottest` [K] to `end` [s].
 
         It adds to its node's conductances in the stable explicit step [W/K].
+
+        Args:
+            hottest: that surfaces can get [K].
+            end: of the run [s].
+            relative: the largest conductivity over the stated one.
         """
-        dtype = self.half_cell.dtype
-        steepest = lambda t: t.share * t.law.steepest(hottest, end).astype(dtype)
-        slope = sum((steepest(t) for _, t in self.free), jnp.zeros_like(self.half_cell))
-        through = slope * self.half_cell * inverse(slope + self.half_cell)
-        return sum((term.share for _, term in self.held), through)
+        conducts = relative * self.half_cell
+        slope = jnp.zeros_like(conducts)
+        for _, term in self.free:
+            steepest = term.law.steepest(hottest, end).astype(conducts.dtype)
+            slope = slope + jnp.asarray(term.share) * steepest
+        through = slope * conducts * inverse(slope + conducts)
+        return sum((relative * term.share for _, term in self.held), through)
 
     def merged(self, place: Int[np.ndarray, " m"], places: int) -> "SurfaceTerms":
         """Several places as one, wherever they have the same number.
@@ -157,15 +228,36 @@ class SurfaceTerms(eqx.Module):
             places: how many there will be.
         """
         kept = np.flatnonzero(place >= 0)
-        number = jnp.asarray(place[kept])
-        add = lambda values: jax.ops.segment_sum(values[kept], number, places)
-        merge = lambda terms: tuple((n, bound(add(t.share), t.law)) for n, t in terms)
-        return SurfaceTerms(
-            self.mechanisms, add(self.half_cell), merge(self.free), merge(self.held)
-        )
+        number = place[kept]
+
+        def add(values):
+            if is_traced(values):
+                return jax.ops.segment_sum(values[..., kept].T, number, places).T
+            sums = _host_sums(np.asarray(values)[..., kept], number, places)
+            return sums.astype(values.dtype)
+
+        def merge(term: BoundTerm) -> BoundTerm:
+            share = add(term.share)
+            each = inverse(jnp.asarray(share))
+            # Of arrays with a value a place on the last axis.
+            along = lambda values, weight: values * weight[(None,) * (values.ndim - 1)]
+            mean = lambda values: along(add(along(values, term.share)), each)
+            return bound(share, term.law.merged(mean))
+
+        each = lambda terms: tuple((n, merge(term)) for n, term in terms)
+        half_cell = add(self.half_cell)
+        free, held = each(self.free), each(self.held)
+        return SurfaceTerms(self.names, half_cell, free, held, self.steps)
+
+
+def _host_sums(values, number, places):
+    """Sums in double precision, along the last axis."""
+    rows = values.reshape(-1, values.shape[-1])
+    sums = np.stack([np.bincount(number, row, places) for row in rows])
+    return sums.reshape(*values.shape[:-1], places)
 
 
 def _in_all(term: BoundTerm, time, rate) -> Float[Array, ""]:
     if isinstance(term.law, ImposedFlux):
-        return term.total_share * term.law.flux(time, rate)
+        return jnp.asarray(term.total_share) * term.law.flux(time, rate)
     return precise_sum(rate)

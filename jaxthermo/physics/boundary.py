@@ -12,12 +12,19 @@ The temperature of the surface is not its node's: see `balance`.
 from typing import Any
 
 import jax.numpy as jnp
-import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from ..array_types import Scalar
-from .term import AbstractLaw, AbstractTerm, Binding, Drive, LeftOut, Surface, binding
-from .values import check_value, for_jit, is_zero, largest, value_at
+from .term import (
+    AbstractLaw,
+    AbstractSurfaceTerm,
+    Binding,
+    Drive,
+    LeftOut,
+    Surface,
+    binding,
+)
+from .values import check_value, for_jit, is_zero, largest, largest_size, value_at
 
 
 class ImposedFlux(AbstractLaw):
@@ -41,6 +48,20 @@ class ImposedFlux(AbstractLaw):
         return jnp.zeros((), theta.dtype)
 
     def steepest(self, hottest: Float[Array, ""], end: float) -> Float[Array, ""]:
+        """None."""
+        del end
+        return jnp.zeros_like(hottest)
+
+    def largest_flux(
+        self, hottest: Float[Array, ""], end: float | int
+    ) -> Float[Array, ""]:
+        """The largest of its values."""
+        del hottest
+        return largest_size(self.heat_flux, end)
+
+    def curvature(
+        self, hottest: Float[Array, ""], end: float | int
+    ) -> Float[Array, ""]:
         """None."""
         del end
         return jnp.zeros_like(hottest)
@@ -80,17 +101,31 @@ class Exchange(AbstractLaw):
             coefficient = largest(coefficient, end)
         return coefficient.astype(hottest.dtype)
 
+    def largest_flux(
+        self, hottest: Float[Array, ""], end: float | int
+    ) -> Float[Array, ""]:
+        """The largest h times the largest difference there can be."""
+        most = jnp.maximum(largest(self.temperature, end), hottest)
+        return largest(self.coefficient, end) * most
+
+    def curvature(
+        self, hottest: Float[Array, ""], end: float | int
+    ) -> Float[Array, ""]:
+        """None."""
+        del end
+        return jnp.zeros_like(hottest)
+
     @property
     def is_linear(self) -> bool:
         """Yes."""
         return True
 
 
-class FixedTemperature(AbstractTerm):
+class FixedTemperature(AbstractSurfaceTerm):
     """The surface held at a temperature; the whole surface without `on`.
 
-    Other terms do nothing where it holds: what they bring, the holding takes. Where two
-    of these meet the later one holds.
+    Other terms do nothing where it holds: what they bring, the holding takes. Two of
+    these on one piece of surface are an error.
     """
 
     temperature: Any
@@ -110,30 +145,31 @@ class FixedTemperature(AbstractTerm):
         """Its temperature."""
         return (self.temperature,)
 
-    def holds(self, surface: Surface) -> Bool[np.ndarray, " s"] | None:
-        """The chosen fragments."""
-        return surface.chosen(self.on) & surface.free
+    @property
+    def holds(self) -> bool:
+        """Yes."""
+        return True
 
-    def bind(self, surface: Surface, reference: Scalar) -> Binding | LeftOut:
+    def bind(
+        self, surface: Surface, reference: Scalar
+    ) -> tuple[Binding, ...] | LeftOut:
         """The chosen fragments; its share is the way to the node [W/K]."""
-        chosen = surface.chosen(self.on)
-        if not chosen.any():
-            return LeftOut("`on` selects no fragment of this body")
-        if not (chosen & surface.free).any():
-            return LeftOut("later terms hold all of its surface")
+        acts = surface.acted_on(self.on)
+        if isinstance(acts, LeftOut):
+            return acts
         law = Exchange(
             coefficient=jnp.ones((), surface.dtype),
             temperature=for_jit(self.temperature, surface.dtype),
             reference=jnp.asarray(reference, surface.dtype),
         )
-        return binding(surface.half_cell, law, chosen & surface.free)
+        return (binding(surface.half_cell, law, acts),)
 
     def drive(self, end: float | int) -> Drive:
         """Towards its temperature [K]."""
         return Drive(temperature=largest(self.temperature, end))
 
 
-class HeatFlux(AbstractTerm):
+class HeatFlux(AbstractSurfaceTerm):
     """A heat flux into the surface; the whole surface without `on`."""
 
     heat_flux: Any
@@ -153,23 +189,25 @@ class HeatFlux(AbstractTerm):
         """Its flux."""
         return (self.heat_flux,)
 
-    def bind(self, surface: Surface, reference: Scalar) -> Binding | LeftOut:
+    def bind(
+        self, surface: Surface, reference: Scalar
+    ) -> tuple[Binding, ...] | LeftOut:
         """The chosen fragments."""
         del reference
-        if is_zero(self.heat_flux):
+        if surface.prune and is_zero(self.heat_flux):
             return LeftOut("the heat flux is 0")
         acts = surface.acted_on(self.on)
         if isinstance(acts, LeftOut):
             return acts
         law = ImposedFlux(for_jit(self.heat_flux, surface.dtype))
-        return binding(surface.area, law, acts)
+        return (binding(surface.area, law, acts),)
 
     def drive(self, end: float | int) -> Drive:
         """An imposed heat flux [W/m^2]."""
         return Drive(heat_flux=largest(self.heat_flux, end))
 
 
-class Convection(AbstractTerm):
+class Convection(AbstractSurfaceTerm):
     """Newton's law with a given coefficient; the whole surface without `on`."""
 
     heat_transfer_coefficient: Any
@@ -193,9 +231,11 @@ class Convection(AbstractTerm):
         """Both its values."""
         return (self.heat_transfer_coefficient, self.temperature)
 
-    def bind(self, surface: Surface, reference: Scalar) -> Binding | LeftOut:
+    def bind(
+        self, surface: Surface, reference: Scalar
+    ) -> tuple[Binding, ...] | LeftOut:
         """The chosen fragments."""
-        if is_zero(self.heat_transfer_coefficient):
+        if surface.prune and is_zero(self.heat_transfer_coefficient):
             return LeftOut("the heat transfer coefficient is 0")
         acts = surface.acted_on(self.on)
         if isinstance(acts, LeftOut):
@@ -205,7 +245,7 @@ class Convection(AbstractTerm):
             temperature=for_jit(self.temperature, surface.dtype),
             reference=jnp.asarray(reference, surface.dtype),
         )
-        return binding(surface.area, law, acts)
+        return (binding(surface.area, law, acts),)
 
     def drive(self, end: float | int) -> Drive:
         """Towards its temperature [K]."""

@@ -8,6 +8,10 @@ The two halves of a link are in series, each with its own length and conductivit
 exact in one dimension, where the arithmetic mean of conductivities is off by their
 ratio. The stable explicit step of a node is C / sum_j G_j (Fourier 1/6 for a voxel with
 six neighbours).
+
+A material whose conductivity differs by axis (diagonal K, in the body's own frame)
+conducts across a face of normal n with k = n . K n: the part of the flux -K grad T
+through the face that the two nodes on its sides can tell.
 """
 
 from typing import Any
@@ -17,13 +21,20 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..errors import InputError
+from ..material import Material
+from ..network.axes import AxisStencil, solid_degrees
 from ..network.lattice import LatticeStencil
 from ..network.network import AbstractNetwork, inverse, precise_sum
 from ..network.rows import row_layout, row_network
 from ..network.stencil import UniformStencil, solid_degree
 from ..structures.full import FullVolume
 from ..structures.structure import AbstractStructure
+from ..structures.voxel_share import link_axes
 from ..structures.weights import ConductionWeights
+from ..tracing import is_traced
+
+
+Values = Array | np.ndarray
 
 
 def series(
@@ -57,15 +68,23 @@ def assemble_uniform(
 
     Args:
         structure: nodes and links.
-        conductivity: k [W/(m K)].
+        conductivity: k [W/(m K)], one number or three, along x, y and z.
         volumetric_heat_capacity: rho c_p [J/(m^3 K)].
         dtype: of the state.
     """
     k = jnp.asarray(conductivity, dtype)
     heat = jnp.asarray(volumetric_heat_capacity, dtype)
     if not _runs_as_stencil(structure):
-        return _assemble_links(structure, k, heat)
+        # One row for all nodes.
+        return _assemble_links(structure, k[None] if k.ndim else k, heat)
     grid = structure.grid
+    if k.ndim:
+        return AxisStencil(
+            degrees=jnp.asarray(solid_degrees(grid.solid)),
+            conductance=k * grid.pitch,
+            node_capacity=heat * grid.voxel_volume,
+            node_count=structure.node_count,
+        )
     return UniformStencil(
         degree=jnp.asarray(solid_degree(grid.solid)),
         conductance=k * grid.pitch,
@@ -77,7 +96,7 @@ def assemble_uniform(
 def assemble_mixed(
     structure: AbstractStructure,
     material: Int[np.ndarray, " n"],
-    conductivity: Float[Array, " c"],
+    conductivity: Float[Array, " c"] | Float[Array, "c 3"],
     volumetric_heat_capacity: Float[Array, " c"],
 ) -> AbstractNetwork:
     """The network of a body of several materials.
@@ -85,7 +104,7 @@ def assemble_mixed(
     Args:
         structure: nodes and links.
         material: number of each node's material, an index into the next two.
-        conductivity: k [W/(m K)].
+        conductivity: k [W/(m K)], one number a material, or three, by axis.
         volumetric_heat_capacity: rho c_p [J/(m^3 K)].
     """
     if _runs_as_stencil(structure):
@@ -97,15 +116,57 @@ def assemble_mixed(
     )
 
 
+def surface_conductivity(
+    material: Material, normal: Float[np.ndarray, "s 3"], dtype: Any
+) -> Float[Values, "*s"]:
+    """Across a surface of normal n, k = n . K n [W/(m K)]: a number if k is one.
+
+    Args:
+        material: that does not vary with temperature; see `Material.at`.
+        normal: outward, in the body's own frame.
+        dtype: of the result, which is of numpy unless k is traced.
+    """
+    k: Any = material.conductivity
+    by_axis = jnp.asarray(k, dtype) if is_traced(k) else np.asarray(k, dtype)
+    return across(by_axis[None], normal) if by_axis.ndim else by_axis
+
+
+def across(
+    conductivity: Float[Values, " s"] | Float[Values, "#s 3"],
+    normal: Float[np.ndarray, "s 3"],
+) -> Float[Values, " s"]:
+    """Across each surface of normal n, k = n . K n [W/(m K)].
+
+    Args:
+        conductivity: of each surface: one number, or three, by axis.
+        normal: outward, in the body's own frame.
+    """
+    if conductivity.ndim == 1:
+        return conductivity
+    return (conductivity * (normal * normal).astype(conductivity.dtype)).sum(axis=1)
+
+
 def _runs_as_stencil(structure: AbstractStructure) -> bool:
     return isinstance(structure, FullVolume) and structure.runs_as_stencil
 
 
+def _at_ends(structure, k):
+    """Conductivity across each link at its two ends; the same number if k is one."""
+    if not k.ndim:
+        return k, k
+    links = structure.links()
+    if k.ndim == 1:
+        return k[links.src], k[links.dst]
+    axes = jnp.asarray(link_axes(structure), k.dtype)
+    ends = [k[node] if len(k) > 1 else k for node in (links.src, links.dst)]
+    return [(axes * by_axis).sum(axis=1) for by_axis in ends]
+
+
 def _assemble_links(
-    structure: AbstractStructure, k: Float[Array, "*n"], heat: Float[Array, "*n"]
+    structure: AbstractStructure, k: Float[Array, "*k"], heat: Float[Array, "*n"]
 ) -> AbstractNetwork:
     links, nodes = structure.links(), structure.nodes()
-    first, second = (k[links.src], k[links.dst]) if k.ndim else (k, k)
+    first, second = _at_ends(structure, k)
     conductance = series(
         links.area, links.distance_src, first, links.distance_dst, second
     )
@@ -169,9 +230,11 @@ def _mixed_stencil(grid, material, conductivity, heat):
     solid = grid.solid
     number = np.zeros(solid.shape, np.int32)
     number[solid] = material
-    k = jnp.where(solid, conductivity[number], 0)
+    by_axis = conductivity[number]
     faces = []
     for axis in range(3):
+        k = by_axis[..., axis] if by_axis.ndim == 4 else by_axis
+        k = jnp.where(solid, k, 0)
         before, after = [slice(None)] * 3, [slice(None)] * 3
         before[axis], after[axis] = slice(None, -1), slice(1, None)
         first, second = k[tuple(before)], k[tuple(after)]

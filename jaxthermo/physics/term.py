@@ -6,6 +6,7 @@ and a law, the heat flux into a unit of share; a term that can do nothing there 
 """
 
 import abc
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -15,8 +16,16 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ..array_types import Scalar
+from ..errors import InputError
+from ..geometry.pose import Pose
 from ..network.network import precise_sum
+from ..tracing import is_traced
+from ..voxels.grid import VoxelGrid
 from ..voxels.select import AbstractSelection
+
+
+Values = Array | np.ndarray
+"""Of numpy wherever nothing is traced: it compiles nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,42 +33,74 @@ class Surface:
     """The surface of one body where the scene has put it, as terms see it."""
 
     body: int
-    pitch: float
+    grid: VoxelGrid
+    """In the body's own frame, which `Side` and `Region` refer to."""
+    pose: Pose
     position: Float[np.ndarray, "s 3"]
     """World [m]."""
     normal: Float[np.ndarray, "s 3"]
     """World, outward."""
-    area: Float[Array, " s"]
-    """True area [m^2]."""
-    own_position: Float[np.ndarray, "s 3"]
-    """In the body's own frame [m], which `Side` and `Region` refer to."""
-    own_normal: Float[np.ndarray, "s 3"]
+    area: Float[np.ndarray, " s"]
+    """True area [m^2], as far as nothing touches it."""
+    bare: Float[np.ndarray, " s"]
+    """Share of each fragment that nothing touches."""
     free: Bool[np.ndarray, " s"]
-    """Fragments that no term holds at a temperature."""
-    half_cell: Float[Array, " s"]
+    """Fragments that no term holds at a temperature, and nothing covers."""
+    half_cell: Float[Values, " s"]
     """Conductance from each fragment to its node, k A / distance [W/K]."""
-    emissivity: Float[Array, "*s"]
-    absorptivity: Float[Array, "*s"]
+    emissivity: Float[Values, "*s"]
+    absorptivity: Float[Values, "*s"]
     scene_triangles: Float[np.ndarray, "f 3 3"]
     """Every body's triangles, world [m]: what may cast a shadow."""
     dtype: Any
+    span: tuple[float, float] | None = None
+    """The coldest and the hottest it can get [K], if that is known."""
+    end: float | int = 0.0
+    """Of the run [s]."""
+    prune: bool = True
+    """Whether terms that do nothing are left out: they are, but for comparison."""
+
+    @property
+    def pitch(self) -> float:
+        """Edge of a voxel [m]."""
+        return self.grid.pitch
+
+    @property
+    def own_position(self) -> Float[np.ndarray, "s 3"]:
+        """In the body's own frame [m]."""
+        return self.grid.fragment_position
+
+    @property
+    def own_normal(self) -> Float[np.ndarray, "s 3"]:
+        """In the body's own frame, outward."""
+        return self.grid.fragment_normal
 
     def chosen(self, on: AbstractSelection | None) -> Bool[np.ndarray, " s"]:
-        """Fragments that `on` selects; all of them for None."""
+        """Fragments that `on` selects; all of them for None.
+
+        Raises:
+            InputError: if it is meant for this body and selects none of it.
+        """
         if on is None:
             return np.ones(len(self.own_position), bool)
         if on.body != self.body:
             return np.zeros(len(self.own_position), bool)
-        return on.chooses(self.own_position, self.own_normal)
+        chosen = on.chooses(self.own_position, self.own_normal)
+        if not chosen.any():
+            raise InputError(
+                f"on={on!r} selects no surface of body {self.body}: check its corners "
+                "or its normal, which are in the body's own frame, in metres"
+            )
+        return chosen
 
     def acted_on(
         self, on: AbstractSelection | None
     ) -> "Bool[np.ndarray, ' s'] | LeftOut":
         """The free fragments that `on` selects."""
         chosen = self.chosen(on)
-        if not chosen.any():
-            return LeftOut("`on` selects no fragment of this body")
-        if not (chosen & self.free).any():
+        if self.prune and not chosen.any():
+            return LeftOut("`on` is on another body")
+        if self.prune and not (chosen & self.free).any():
             return LeftOut("all of its surface is held at a temperature")
         return chosen & self.free
 
@@ -103,12 +144,46 @@ class AbstractLaw(eqx.Module):
     def is_linear(self) -> bool:
         """Whether the slope does not depend on the temperature."""
 
+    def merged(self, mean: Callable[[Array], Array]) -> "AbstractLaw":
+        """The law on places that several of these make up.
+
+        A law that holds arrays with a value a place overrides this.
+
+        Args:
+            mean: from values a place, on the last axis, to those of the new places.
+        """
+        del mean
+        return self
+
+    def largest_flux(
+        self, hottest: Float[Array, ""], end: float | int
+    ) -> Float[Array, ""]:
+        """A bound of |flux| at temperatures up to `hottest` [K] and times to `end`.
+
+        With `curvature` it says how many steps the balance at a surface needs; a law
+        that knows neither gets all there are.
+        """
+        del end
+        return jnp.full_like(hottest, jnp.inf)
+
+    def curvature(
+        self, hottest: Float[Array, ""], end: float | int
+    ) -> Float[Array, ""]:
+        """A bound of |d2 flux / dT2| there."""
+        del end
+        return jnp.full_like(hottest, jnp.inf)
+
+    @property
+    def sheds(self) -> bool:
+        """Whether `hot_side` bounds the surface's temperature."""
+        return False
+
     def hot_side(
         self, time: Float[Array, ""], pushed: Float[Array, " m"]
     ) -> Float[Array, "*#m"]:
         """A temperature above the reference at which it sheds what others push in.
 
-        Newton's method started there or above cannot overshoot. Linear laws need none.
+        Newton's method started there or above cannot overshoot. Of laws that shed.
 
         Args:
             time: [s].
@@ -121,22 +196,22 @@ class AbstractLaw(eqx.Module):
 class BoundTerm(eqx.Module):
     """A law on the places of one body's surface: fragments, or nodes' parts of it."""
 
-    share: Float[Array, " m"]
+    share: Float[Values, " m"]
     """Area times what of the law's flux each place takes; 0 where it does not act."""
-    total_share: Float[Array, ""]
+    total_share: Float[Values, ""]
     law: AbstractLaw
 
     def heat_rate(
         self, time: Float[Array, ""], theta: Float[Array, " m"]
     ) -> Float[Array, " m"]:
         """Heat into each place [W] at surface temperatures above the reference."""
-        return self.share * self.law.flux(time, theta)
+        return jnp.asarray(self.share) * self.law.flux(time, theta)
 
     def slope(
         self, time: Float[Array, ""], theta: Float[Array, " m"]
     ) -> Float[Array, " m"]:
         """-d heat rate / d theta [W/K]."""
-        return self.share * self.law.slope(time, theta)
+        return jnp.asarray(self.share) * self.law.slope(time, theta)
 
 
 class Binding(NamedTuple):
@@ -145,26 +220,28 @@ class Binding(NamedTuple):
     term: BoundTerm
     acts: Bool[np.ndarray, " s"]
     """Where its share may be other than 0; known even where the share is traced."""
+    notes: tuple[str, ...] = ()
+    """What whoever reads the result should know of it, for the receipt."""
 
 
-def bound(share: Float[Array, " m"], law: AbstractLaw) -> BoundTerm:
+def bound(share: Float[Values, " m"], law: AbstractLaw) -> BoundTerm:
     """A law with what of it each place takes."""
-    return BoundTerm(share, precise_sum(share), law)
+    if is_traced(share):
+        return BoundTerm(share, precise_sum(jnp.asarray(share)), law)
+    host = np.asarray(share)
+    return BoundTerm(host, np.asarray(host.sum(dtype=float), host.dtype), law)
 
 
 def binding(
-    share: Float[Array, "*s"], law: AbstractLaw, acts: Bool[np.ndarray, " s"]
+    share: Float[Values, "*s"], law: AbstractLaw, acts: Bool[np.ndarray, " s"]
 ) -> Binding:
     """A law on the fragments where it acts."""
-    return Binding(bound(jnp.where(acts, share, 0), law), acts)
+    own = np if not is_traced(share) else jnp
+    return Binding(bound(own.where(acts, share, own.zeros_like(share)), law), acts)
 
 
 class AbstractTerm(eqx.Module):
     """A mechanism as the user writes it."""
-
-    @abc.abstractmethod
-    def bind(self, surface: Surface, reference: Scalar) -> Binding | LeftOut:
-        """This term on the fragments of a body whose state counts from `reference`."""
 
     @property
     @abc.abstractmethod
@@ -180,7 +257,33 @@ class AbstractTerm(eqx.Module):
     def drive(self, end: float | int) -> Drive:
         """The most this term does to a body up to `end` [s]."""
 
-    def holds(self, surface: Surface) -> Bool[np.ndarray, " s"] | None:
-        """The fragments it holds at a temperature, where no other term matters."""
-        del surface
-        return None
+    @property
+    def named_bodies(self) -> tuple[int, ...]:
+        """Numbers of the bodies that it names; none if it acts on all."""
+        chosen = getattr(self, "on", None)
+        return () if chosen is None else (chosen.body,)
+
+    @property
+    def moves(self) -> bool:
+        """Whether where it acts changes with time, as of a source that travels."""
+        return False
+
+    def at(self, time: float) -> "AbstractTerm":
+        """This term as it stands at a moment [s]."""
+        del time
+        return self
+
+
+class AbstractSurfaceTerm(AbstractTerm):
+    """A mechanism at the surface of each body for itself."""
+
+    @abc.abstractmethod
+    def bind(
+        self, surface: Surface, reference: Scalar
+    ) -> tuple[Binding, ...] | LeftOut:
+        """This term on the fragments of a body whose state counts from `reference`."""
+
+    @property
+    def holds(self) -> bool:
+        """Whether it holds the surface at a temperature, where no other term acts."""
+        return False

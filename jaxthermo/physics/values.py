@@ -120,7 +120,7 @@ def check_value(value: Any, what: str, least: float = -np.inf) -> None:
         raise InputError(f"{what}: got {numbers.tolist()}, which must be {need}")
 
 
-def largest(value: Any, end: float) -> Float[Array, ""]:
+def largest(value: Any, end: float | int) -> Float[Array, ""]:
     """The largest value taken over [0, end] [s]; functions are sampled 1025 times."""
     if isinstance(value, Table):
         return jnp.max(jnp.asarray(value.values, float))
@@ -131,3 +131,17 @@ def largest(value: Any, end: float) -> Float[Array, ""]:
             jax.vmap(lambda t: value_at(value, t))(jnp.linspace(0.0, end, 1025))
         )
     return jnp.asarray(value, float)
+
+
+def largest_size(value: Any, end: float | int) -> Float[Array, ""]:
+    """The largest |value| taken over [0, end] [s]."""
+    if not callable(value):
+        return jnp.abs(jnp.asarray(value, float)).max()
+    return largest(lambda time: jnp.abs(value_at(value, time)), end)
+
+
+def smallest(value: Any, end: float | int) -> Float[Array, ""]:
+    """The smallest value taken over [0, end] [s]."""
+    if not callable(value):
+        return jnp.asarray(value, float).min()
+    return -largest(lambda time: -value_at(value, time), end)

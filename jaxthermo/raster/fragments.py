@@ -26,6 +26,10 @@ LARGEST = 2**20
 """Largest coordinate, in pixels, for which the integer crossings cannot overflow."""
 
 
+SMALLEST = 2**14
+"""Room for triangles or fragments that costs next to nothing."""
+
+
 class Fragments(NamedTuple):
     """Fragments in fixed-size arrays; slots from `count` on are padding."""
 
@@ -137,7 +141,7 @@ def rasterize_fixed(
     )
 
 
-def _rounded_up(number: float | int) -> int:
+def rounded_up(number: float | int) -> int:
     """The next size of a coarse ladder, so that few programs are compiled."""
     power = 2 ** int(np.ceil(np.log2(max(number, 1024.0))))
     return int(0.75 * power) if number <= 0.75 * power else power
@@ -157,7 +161,31 @@ def capacities(
     u, v = b - a, c - a
     area = 0.5 * np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])
     covered = np.minimum(area, (right - left) * (top - bottom)).sum()
-    return _rounded_up(rows), _rounded_up(1.05 * covered + 8 * np.sqrt(covered) + 256)
+    return rounded_up(rows), rounded_up(1.05 * covered + 8 * np.sqrt(covered) + 256)
+
+
+def shared_room(
+    triangles: Float[np.ndarray, "f 3 3"],
+    width: int,
+    height: int,
+    least: tuple[int, int] = (SMALLEST, SMALLEST),
+) -> tuple[int, int]:
+    """`capacities`, and no less than `least`: most of many views share one program."""
+    rows, fragments = capacities(triangles, width, height)
+    return max(rows, least[0]), max(fragments, least[1])
+
+
+def padded(
+    triangles: Float[np.ndarray, "f 3 3"], least: int = SMALLEST
+) -> Float[np.ndarray, "k 3 3"]:
+    """At least so many triangles, those at the end without area: one program for all.
+
+    Args:
+        triangles: as for `rasterize`.
+        least: how many.
+    """
+    spare = max(0, max(least, SMALLEST) - len(triangles))
+    return np.concatenate([triangles, np.zeros((spare, 3, 3))])
 
 
 def rasterize(
@@ -205,5 +233,5 @@ def rasterize(
             rows, count = int(fragments.rows_needed), int(fragments.count)
             if rows <= row_capacity and count <= capacity:
                 return fragments
-            row_capacity = max(row_capacity, _rounded_up(rows))
-            capacity = max(capacity, _rounded_up(count))
+            row_capacity = max(row_capacity, rounded_up(rows))
+            capacity = max(capacity, rounded_up(count))

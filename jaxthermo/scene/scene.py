@@ -1,5 +1,6 @@
 """What is simulated: bodies in space, and a tuple of terms."""
 
+import abc
 from typing import Any
 
 import equinox as eqx
@@ -8,58 +9,52 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..errors import InputError
+from ..geometry.pose import Pose
 from ..materials import Material
+from ..physics.material_network import checked_labels, node_materials
 from ..physics.term import AbstractTerm
 from ..structures.structure import AbstractStructure
 from ..structures.surface_map import AbstractSurfaceMap, FluxCorrectedMap
 from ..tracing import is_traced
+from ..voxels.grid import VoxelGrid
 from ..voxels.select import Region
+from .motion import Motion
 
 
-class Pose(eqx.Module):
-    """A rigid placement: x -> rotation x + translation."""
+class AbstractMaterials(eqx.Module):
+    """Several materials in one body, by number."""
 
-    translation: tuple[float, float, float] = eqx.field(
-        static=True, default=(0.0, 0.0, 0.0)
-    )
-    """[m]"""
-    rotation: tuple[tuple[float, float, float], ...] = eqx.field(
-        static=True, default=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-    )
-    """Rows of a rotation matrix."""
+    @property
+    @abc.abstractmethod
+    def materials(self) -> tuple[Material, ...]:
+        """In the order of their numbers."""
 
-    def __check_init__(self):
-        matrix = np.asarray(self.rotation, float)
-        if matrix.shape != (3, 3) or not (
-            np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-6)
-            and np.linalg.det(matrix) > 0
-        ):
-            raise InputError(
-                f"Pose(rotation={self.rotation!r}): give a 3 x 3 rotation matrix"
-            )
+    @abc.abstractmethod
+    def of_nodes(self, structure: AbstractStructure) -> Int[np.ndarray, " n"]:
+        """The number of each node's."""
 
-    def place(self, points: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
-        """Points of the body in the world [m]."""
-        return self.turn(points) + np.asarray(self.translation, float)
+    @abc.abstractmethod
+    def of_fragments(self, grid: VoxelGrid) -> Int[np.ndarray, " s"]:
+        """The number of each surface fragment's."""
 
-    def turn(self, vectors: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
-        """Directions of the body in the world."""
-        return vectors @ np.asarray(self.rotation, float).T
-
-    def unplace(self, points: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
-        """World points in the body's frame [m]."""
-        return self.unturn(points - np.asarray(self.translation, float))
-
-    def unturn(self, vectors: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
-        """World directions in the body's frame."""
-        return vectors @ np.asarray(self.rotation, float)
+    def table(self, field: str, dtype: Any) -> Float[Array | np.ndarray, " c"]:
+        """One property of every material."""
+        values = [getattr(material, field) for material in self.materials]
+        if is_traced(values):
+            return jnp.stack([jnp.asarray(value, dtype) for value in values])
+        return np.asarray([float(value) for value in values], dtype)
 
 
-class MaterialMap(eqx.Module):
+class MaterialMap(AbstractMaterials):
     """A base material, with others painted over it in boxes, later ones on top."""
 
     base: Material
     painted: tuple[tuple[Region, Material], ...] = ()
+
+    @property
+    def materials(self) -> tuple[Material, ...]:
+        """The base, then what is painted."""
+        return (self.base, *(material for _, material in self.painted))
 
     def number(self, points: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, " n"]:
         """Which material each point has: 0 for the base, i for the i-th painted one."""
@@ -68,20 +63,48 @@ class MaterialMap(eqx.Module):
             number[region.contains(points)] = i + 1
         return number
 
-    def table(self, field: str, dtype: Any) -> Float[Array, " c"]:
-        """One property of every material, in the order of their numbers."""
-        materials = (self.base, *(material for _, material in self.painted))
-        return jnp.stack([jnp.asarray(getattr(m, field), dtype) for m in materials])
+    def of_nodes(self, structure: AbstractStructure) -> Int[np.ndarray, " n"]:
+        """By the nodes' centres."""
+        return self.number(structure.nodes().centre)
+
+    def of_fragments(self, grid: VoxelGrid) -> Int[np.ndarray, " s"]:
+        """By the centres of their voxels."""
+        return self.number(grid.lattice.centres(grid.fragment_voxel))
+
+
+class MaterialLabels(AbstractMaterials):
+    """A material for every voxel, by its number in a label volume.
+
+    A node of several voxels has the material that most of them have.
+    """
+
+    labels: Int[np.ndarray, "x y z"]
+    """Of every voxel of the lattice; what those outside the body have is not read."""
+    given: tuple[Material, ...]
+
+    @property
+    def materials(self) -> tuple[Material, ...]:
+        """As given."""
+        return self.given
+
+    def of_nodes(self, structure: AbstractStructure) -> Int[np.ndarray, " n"]:
+        """By the votes of their voxels."""
+        labels = checked_labels(structure, self.labels, len(self.given))
+        return node_materials(structure, labels)
+
+    def of_fragments(self, grid: VoxelGrid) -> Int[np.ndarray, " s"]:
+        """Their voxels'."""
+        return self.labels[tuple(grid.fragment_voxel.T)]
 
 
 class Body(eqx.Module):
     """A structure of some material at some temperature, somewhere."""
 
     structure: AbstractStructure
-    material: Material | MaterialMap
+    material: Material | AbstractMaterials
     temperature: Any = eqx.field(kw_only=True)
     """At the start [K]: a number, or a function of positions [n 3] (own frame, m)."""
-    pose: Pose = eqx.field(kw_only=True, default=Pose())
+    pose: Pose | Motion = eqx.field(kw_only=True, default=Pose())
     surface_map: AbstractSurfaceMap = eqx.field(
         kw_only=True, default=FluxCorrectedMap()
     )
@@ -122,9 +145,9 @@ class Scene(eqx.Module):
                 "whose temperature may be a function of time"
             )
         for i, term in enumerate(self.terms):
-            on = getattr(term, "on", None)
-            if on is not None and not 0 <= on.body < len(self.bodies):
-                raise InputError(
-                    f"terms[{i}] is on body {on.body}, and there are "
-                    f"{len(self.bodies)}: count from 0"
-                )
+            for body in term.named_bodies:
+                if not 0 <= body < len(self.bodies):
+                    raise InputError(
+                        f"terms[{i}] is on body {body}, and there are "
+                        f"{len(self.bodies)}: count from 0"
+                    )

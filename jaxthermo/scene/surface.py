@@ -1,13 +1,14 @@
 """What of a solved body a camera needs: its shape, its fragments, its finish."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from ..geometry.pose import Pose
 from ..voxels.grid import VoxelGrid
-from .scene import Pose
+from .motion import Motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,12 +21,17 @@ class BodyGeometry:
     fragment_normal: Float[np.ndarray, "s 3"]
     fragment_area: Float[np.ndarray, " s"]
     pitch: float
-    pose: Pose
+    pose: Pose | Motion
+
+    @property
+    def placed(self) -> Pose:
+        """Where it stands; for one that moves, at the start."""
+        return self.pose.at(0.0)
 
     @property
     def triangles(self) -> Float[np.ndarray, "f 3 3"]:
         """World [m]."""
-        return self.pose.place(self.vertices)[self.faces]
+        return self.placed.place(self.vertices)[self.faces]
 
 
 class SolvedSurface(eqx.Module):
@@ -36,8 +42,19 @@ class SolvedSurface(eqx.Module):
     """[-]; one number for one material."""
     absorptivity: Float[Array, "*s"]
 
+    @property
+    def moves(self) -> bool:
+        """Whether it stands elsewhere at other times."""
+        pose = self.geometry.pose
+        return isinstance(pose, Motion) and not pose.is_still
 
-def body_geometry(grid: VoxelGrid, pose: Pose) -> BodyGeometry:
+    def at(self, time: float) -> "SolvedSurface":
+        """Where it stands at a moment [s]."""
+        here = replace(self.geometry, pose=self.geometry.pose.at(time))
+        return SolvedSurface(here, self.emissivity, self.absorptivity)
+
+
+def body_geometry(grid: VoxelGrid, pose: Pose | Motion) -> BodyGeometry:
     """The part of a voxel grid that outlives the solver."""
     return BodyGeometry(
         vertices=grid.mesh.vertices,

@@ -71,4 +71,5 @@ def build_blocks(
         ),
         links=links,
         fragment_node=labels[tuple(grid.fragment_voxel.T)],
+        voxel_node=labels[grid.solid].astype(np.int32),
     )

@@ -23,7 +23,7 @@ from ..voxels.grid import VoxelGrid
 from .structure import Built, Links, Nodes
 
 
-FORMAT = 1
+FORMAT = 2
 """Raised when the arrays in a file come to mean something else."""
 
 LEAST_VOXELS = 20_000
@@ -165,7 +165,8 @@ def _to_arrays(built: Built) -> dict[str, np.ndarray]:
     """A structure's arrays by name."""
     arrays = {f"nodes.{k}": v for k, v in built.nodes._asdict().items()}
     arrays |= {f"links.{k}": v for k, v in built.links._asdict().items()}
-    return {**arrays, "fragment_node": built.fragment_node}
+    fragments, voxels = built.fragment_node, built.voxel_node
+    return {**arrays, "fragment_node": fragments, "voxel_node": voxels}
 
 
 def _from_arrays(array: dict[str, np.ndarray]) -> Built:
@@ -174,4 +175,5 @@ def _from_arrays(array: dict[str, np.ndarray]) -> Built:
         nodes=Nodes(*(array[f"nodes.{k}"] for k in Nodes._fields)),
         links=Links(*(array[f"links.{k}"] for k in Links._fields)),
         fragment_node=array["fragment_node"],
+        voxel_node=array["voxel_node"],
     )

@@ -65,6 +65,10 @@ class FullVolume(AbstractStructure):
         """The voxel of each fragment, as a node number."""
         return self._numbers()[tuple(self.grid.fragment_voxel.T)]
 
+    def voxel_node(self) -> Int[np.ndarray, " v"]:
+        """Every solid voxel is a node."""
+        return np.arange(self.node_count, dtype=np.int32)
+
     def fragment_offset(self) -> Float[np.ndarray, "s 3"]:
         """None: a fragment's voxel is its node."""
         return np.zeros(self.grid.fragment_position.shape)

@@ -53,10 +53,13 @@ class IrregularMultiLevel(AbstractBuiltStructure):
             # Deeper than all cells of these levels there is nothing to conduct.
             body &= depth <= 1 << self.levels
         territory, levels = divide(body, levels)
+        x, y, z = grid.solid.shape
         return Built(
             nodes=self._nodes(levels),
             links=irregular_links(levels, territory, pitch),
             fragment_node=fragment_rank(grid, levels[0] - 1),
+            # The division has one empty voxel before the grid's first.
+            voxel_node=territory.owner[1 : x + 1, 1 : y + 1, 1 : z + 1][grid.solid],
         )
 
     def _nodes(self, levels: LevelCells) -> Nodes:

@@ -53,6 +53,7 @@ class SingleShell(AbstractBuiltStructure):
             ),
             links=_links(grid, voxels),
             fragment_node=fragment_rank(grid, voxels),
+            voxel_node=_voxel_node(grid, voxels),
         )
 
 
@@ -63,6 +64,14 @@ def shell_voxels(grid: VoxelGrid) -> Int[np.ndarray, "m 3"]:
     in_shell[tuple(exposed.T)] = True
     in_shell[tuple(grid.fragment_voxel.T)] = True
     return np.argwhere(in_shell)
+
+
+def _voxel_node(
+    grid: VoxelGrid, voxels: Int[np.ndarray, "m 3"]
+) -> Int[np.ndarray, " v"]:
+    node = np.full(grid.solid.shape, -1, np.int32)
+    node[tuple(voxels.T)] = np.arange(len(voxels))
+    return node[grid.solid]
 
 
 def fragment_rank(

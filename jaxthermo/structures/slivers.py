@@ -7,6 +7,8 @@ they follow a little later, and the step is longer for all. Capacities and areas
 they are, so no heat is lost.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from jaxtyping import Float
 
@@ -30,7 +32,7 @@ def hold_back(built: Built, least: float) -> Built:
         distance_src=links.distance_src * stretch,
         distance_dst=links.distance_dst * stretch,
     )
-    return Built(built.nodes, longer, built.fragment_node)
+    return replace(built, links=longer)
 
 
 def _share(

@@ -50,6 +50,8 @@ class Built:
     links: Links
     fragment_node: Int[np.ndarray, " s"]
     """The node under each surface fragment of the grid, int32."""
+    voxel_node: Int[np.ndarray, " v"]
+    """The node of each solid voxel in lattice order, int32; -1 for one in no node."""
 
 
 class AbstractStructure(eqx.Module):
@@ -81,6 +83,10 @@ class AbstractStructure(eqx.Module):
     @abc.abstractmethod
     def fragment_node(self) -> Int[np.ndarray, " s"]:
         """The node of each surface fragment of the grid."""
+
+    @abc.abstractmethod
+    def voxel_node(self) -> Int[np.ndarray, " v"]:
+        """The node of each solid voxel in lattice order; -1 for one in no node."""
 
     @property
     @abc.abstractmethod
@@ -138,6 +144,10 @@ class AbstractBuiltStructure(AbstractStructure):
     def fragment_node(self) -> Int[np.ndarray, " s"]:
         """The node of each surface fragment of the grid."""
         return self.built.fragment_node
+
+    def voxel_node(self) -> Int[np.ndarray, " v"]:
+        """The node of each solid voxel in lattice order; -1 for one in no node."""
+        return self.built.voxel_node
 
     @property
     def capacity_ratio(self) -> float:

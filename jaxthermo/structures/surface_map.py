@@ -20,6 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from ..arrays import rank_in_group
 from .structure import AbstractStructure
 
 
@@ -195,10 +196,9 @@ def surface_gradient(structure: AbstractStructure, dtype: Any) -> Gradient:
             moment[:, i, j] = np.bincount(node, each, len(surface))
     solved = np.linalg.pinv(moment, rcond=1e-2, hermitian=True)
     row = np.einsum("eij,ej->ei", solved[node], step) * weight[:, None]
-    count = np.bincount(node, minlength=len(surface))
-    rank = np.arange(len(node)) - np.repeat(np.cumsum(count) - count, count)
+    rank = rank_in_group(node)
     address = np.stack(structure.node_address())
-    columns = int(count.max(initial=0))
+    columns = int(rank.max(initial=-1)) + 1
     index = np.tile(surface, (columns, 1))
     weights = np.zeros((3, columns, len(surface)))
     index[rank, node] = other

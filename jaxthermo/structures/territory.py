@@ -46,7 +46,7 @@ def divide(
         parts = np.split(seen, np.cumsum(counts)[:-1])
         levels = [cells[part] for cells, part in zip(levels, parts, strict=True)]
         owner = _paint(body, levels)
-    return Territory(owner, _grow(body, owner)), levels
+    return Territory(owner, grow(body, owner)), levels
 
 
 def _paint(
@@ -84,12 +84,19 @@ def _joined_to_centre(size: int) -> Bool[np.ndarray, "s s s"]:
     return total < max(size - 2, 1)
 
 
-def _grow(
+def grow(
     body: Bool[np.ndarray, "x y z"], owner: Int[np.ndarray, "x y z"]
 ) -> Int[np.ndarray, "x y z"]:
     """Give every voxel without an owner to a neighbour's, step by step, in place.
 
-    Returns the steps; of several neighbours the first in lattice order decides.
+    What the body does not join to any owner keeps -1.
+
+    Args:
+        body: the voxels to divide, with an empty rim.
+        owner: of each voxel, -1 for none.
+
+    Returns:
+        The steps. Of several neighbours the first in lattice order decides.
     """
     gap = np.zeros(body.shape, np.int16)
     flat_owner, flat_gap = owner.reshape(-1), gap.reshape(-1)
@@ -102,6 +109,8 @@ def _grow(
         for jump in (-y * z, -z, -1, 1, z, y * z):
             found = np.where(found < 0, flat_owner[waiting + jump], found)
         reached = found >= 0
+        if not reached.any():
+            break
         flat_owner[waiting[reached]] = found[reached]
         flat_gap[waiting[reached]] = step
         waiting = waiting[~reached]

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 
 from ..raster.layers import DepthLayers
 from .fill import balanced_rays, turn
@@ -11,14 +11,6 @@ from .fill import balanced_rays, turn
 
 SAME_DEPTH = 1e-4
 """Crossings closer than this, in cells, count as one surface when parts touch."""
-
-
-def rank_in_group(group: Int[np.ndarray, " k"]) -> Int[np.ndarray, " k"]:
-    """Rank of each entry among those of its group; groups come one after the other."""
-    slots = np.arange(len(group))
-    first = np.ones(len(group), bool)
-    first[1:] = group[1:] != group[:-1]
-    return slots - np.maximum.accumulate(np.where(first, slots, 0))
 
 
 def hidden_inside(layers: DepthLayers) -> Bool[np.ndarray, " k"]:

@@ -30,6 +30,7 @@ def layer_images(grid: VoxelGrid) -> dict[str, list[UInt8[np.ndarray, "h w 3"]]]
     kept, moved forwards, with their normals.
     """
     normals, dominant = face_axes(grid.mesh)
+    kept = _normal_colours(grid.fragment_normal)
     images = {}
     for axis, layers in enumerate(peel_axes(grid.mesh, grid.lattice)):
         paints = {
@@ -42,20 +43,22 @@ def layer_images(grid: VoxelGrid) -> dict[str, list[UInt8[np.ndarray, "h w 3"]]]
                 _upright(layers.image(k, colours, BACKGROUND), axis)
                 for k in range(layers.count)
             ]
-        images[f"{'xyz'[axis]}_packed"] = _packed_images(grid, axis)
+        images[f"{'xyz'[axis]}_packed"] = packed_images(grid, axis, kept)
     return images
 
 
-def _packed_images(grid: VoxelGrid, axis: int) -> list[UInt8[np.ndarray, "h w 3"]]:
+def packed_images(
+    grid: VoxelGrid, axis: int, colours: UInt8[np.ndarray, "s 3"]
+) -> list[UInt8[np.ndarray, "h w 3"]]:
+    """The fragments that an axis has made, moved forwards, in given colours."""
     mine = grid.fragment_axis == axis
     cell = np.floor(grid.lattice.to_cells(grid.fragment_position[mine])).astype(int)
     rank = grid.fragment_layer[mine, 1]
-    colours = _normal_colours(grid.fragment_normal[mine])
     row_axis, column_axis = pixel_axes(axis)
     height, width = grid.lattice.shape[row_axis], grid.lattice.shape[column_axis]
     stack = np.empty((grid.layers.packed[axis], height, width, 3), np.uint8)
     stack[:] = BACKGROUND
-    stack[rank, cell[:, row_axis], cell[:, column_axis]] = colours
+    stack[rank, cell[:, row_axis], cell[:, column_axis]] = colours[mine]
     return [_upright(image, axis) for image in stack]
 
 

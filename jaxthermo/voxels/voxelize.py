@@ -4,9 +4,9 @@ import numpy as np
 from jaxtyping import Bool, Int
 
 from ..array_types import Scalar
+from ..arrays import rank_in_group
 from ..errors import InputError
 from ..geometry.mesh import Mesh
-from .crossings import rank_in_group
 from .fill import Views, fill_by_vote
 from .grid import LayerCounts, VoxelGrid
 from .lattice import Lattice, check_pitch, lattice_around

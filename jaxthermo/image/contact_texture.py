@@ -1,0 +1,59 @@
+"""Contact textures (thesis 5.3, figures 5.4 and 5.5): a body's layers in false colours.
+
+What is shown is one value a fragment: the share that is in contact, or the heat flux
+through the contact. Fragments without a value are grey.
+"""
+
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from ..array_types import Scalar
+from ..voxels.grid import VoxelGrid
+from ..voxels.textures import packed_images
+from .palette import apply_palette
+
+
+UNTOUCHED = (52, 55, 62)
+"""Of the body where there is no value."""
+
+
+def contact_images(
+    grid: VoxelGrid,
+    values: Float[np.ndarray, " s"],
+    low: Scalar = 0.0,
+    high: Scalar = 1.0,
+    palette: str = "iron",
+    kind: str = "contact",
+) -> dict[str, list[UInt8[np.ndarray, "h w 3"]]]:
+    """The packed layers along x, y and z, front layer first.
+
+    The keys are "x_contact" and so on, of the axes along which any fragment has a
+    value; packed layers behind the last such one are left out.
+
+    Args:
+        grid: of the body.
+        values: of every fragment; NaN where it is not in contact.
+        low: value of the first colour.
+        high: value of the last colour.
+        palette: by name.
+        kind: the second half of the keys.
+
+    Raises:
+        InputError: for an unknown palette, or limits that are not finite and in order.
+    """
+    column = apply_palette(values[:, None], low, high, palette, invalid=UNTOUCHED)
+    images = {}
+    for axis in range(3):
+        shown = (grid.fragment_axis == axis) & ~np.isnan(values)
+        if shown.any():
+            last = int(grid.fragment_layer[shown, 1].max())
+            layers = packed_images(grid, axis, column[:, 0])[: last + 1]
+            images[f"{'xyz'[axis]}_{kind}"] = layers
+    return images
+
+
+def where_covered(
+    values: Float[np.ndarray, " s"], coverage: Float[np.ndarray, " s"]
+) -> Float[np.ndarray, " s"]:
+    """The values of fragments in contact, and NaN for the others."""
+    return np.where(coverage > 0, values, np.nan)

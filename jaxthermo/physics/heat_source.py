@@ -1,0 +1,96 @@
+"""Heat released inside a body: Joule heat, chemistry, decay. Q = q''' V."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from ..errors import InputError
+from ..structures.structure import AbstractStructure
+from ..structures.voxel_share import volume_within
+from ..voxels.select import AbstractSpace
+from .term import AbstractTerm, Drive, LeftOut
+from .values import check_value, is_zero
+
+
+class VolumeBinding(NamedTuple):
+    """A source of heat in the nodes of one body."""
+
+    volume: Float[np.ndarray, " n"]
+    """Of each node, what lies within [m^3]."""
+    heat_rate_density: Any
+    """[W/m^3], a number or a function of time."""
+
+
+class HeatSource(AbstractTerm):
+    """A heat rate density inside bodies; in all of every body without `within`.
+
+    Counted voxel by voxel, by their centres, so that the heat in all is the same in
+    every structure: a node takes that of its voxels, and where a structure leaves the
+    inside out the nearest node takes that of the inside.
+
+    Raises:
+        InputError: for a value that is not finite, or a selection of surface alone.
+    """
+
+    heat_rate_density: Any
+    """q''' [W/m^3], positive into the body; a number or a function of time."""
+    within: Any = None
+    """A `Region` or `Everything`."""
+
+    def __check_init__(self):
+        check_value(self.heat_rate_density, "HeatSource(heat_rate_density [W/m^3])")
+        if self.within is not None and not isinstance(self.within, AbstractSpace):
+            raise InputError(
+                f"HeatSource(within={self.within!r}): it heats the inside: give a "
+                "Region or Everything"
+            )
+
+    @property
+    def name(self) -> str:
+        """In the ledger."""
+        return "heat_source"
+
+    @property
+    def values(self) -> tuple[Any, ...]:
+        """Its density."""
+        return (self.heat_rate_density,)
+
+    @property
+    def named_bodies(self) -> tuple[int, ...]:
+        """The one that it lies within, if it is said."""
+        return () if self.within is None else (self.within.body,)
+
+    def drive(self, end: float | int) -> Drive:
+        """None: what it brings about depends on the body around it."""
+        del end
+        return Drive()
+
+    def bind_volume(
+        self, structure: AbstractStructure, body: int
+    ) -> VolumeBinding | LeftOut:
+        """The nodes of a body that it heats.
+
+        Args:
+            structure: of the body.
+            body: its number.
+
+        Raises:
+            InputError: if no voxel of the body lies within.
+        """
+        if is_zero(self.heat_rate_density):
+            return LeftOut("the heat rate density is 0")
+        grid = structure.grid
+        chosen = np.ones(grid.solid_count, bool)
+        if self.within is not None:
+            if self.within.body != body:
+                return LeftOut("`within` is on another body")
+            centre = grid.lattice.centres(np.argwhere(grid.solid))
+            chosen = self.within.contains(centre)
+        if not chosen.any():
+            raise InputError(
+                f"HeatSource(within={self.within!r}): no voxel of body {body} has its "
+                "centre in it; corners are metres in the body's own frame, and a "
+                f"voxel has {grid.pitch:g} m"
+            )
+        return VolumeBinding(volume_within(structure, chosen), self.heat_rate_density)

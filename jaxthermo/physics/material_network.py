@@ -1,0 +1,139 @@
+"""From a body's materials to its network.
+
+| material | network |
+|---|---|
+| one, numbers | as its structure runs: a stencil or rows |
+| one, with a `Property` | the same at the reference, under Kirchhoff's transform |
+| several, numbers | a conductance for every link |
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from ..array_types import Scalar
+from ..errors import InputError
+from ..material import Material
+from ..network.network import AbstractNetwork
+from ..network.nonlinear import NonlinearNetwork
+from ..network.primitive import primitive
+from ..property import Property
+from ..structures.structure import AbstractStructure
+from ..structures.voxel_share import voxel_owner
+from .conduction import assemble_mixed, assemble_uniform
+
+
+def material_network(
+    structure: AbstractStructure, material: Material, reference: Scalar, dtype: Any
+) -> AbstractNetwork:
+    """The network of a body of one material.
+
+    Args:
+        structure: nodes and links.
+        material: of the body.
+        reference: what its state counts from [K].
+        dtype: of the state.
+    """
+    there = material.at(reference)
+    k, heat = there.conductivity, there.volumetric_heat_capacity
+    network = assemble_uniform(structure, k, heat, dtype)
+    if not material.varies:
+        return network
+    varying = (material.specific_heat, material.conductivity)
+    heat, conduction = (
+        primitive(p, reference, dtype) if isinstance(p, Property) else None
+        for p in varying
+    )
+    return NonlinearNetwork(network, heat, conduction)
+
+
+def materials_network(
+    structure: AbstractStructure,
+    number: Int[np.ndarray, " n"],
+    materials: Sequence[Material],
+    dtype: Any,
+) -> AbstractNetwork:
+    """The network of a body of several materials.
+
+    Args:
+        structure: nodes and links.
+        number: of each node's material.
+        materials: in the order of their numbers.
+        dtype: of the state.
+
+    Raises:
+        InputError: if one of them varies with temperature.
+    """
+    k = conductivity_table(materials, dtype)
+    heat = [jnp.asarray(m.volumetric_heat_capacity, dtype) for m in materials]
+    return assemble_mixed(structure, number, k, jnp.stack(heat))
+
+
+def conductivity_table(
+    materials: Sequence[Material], dtype: Any
+) -> Float[Array, " c"] | Float[Array, "c 3"]:
+    """Conductivities of several materials, three each if any of them has three.
+
+    Args:
+        materials: in the order of their numbers.
+        dtype: of the table.
+
+    Raises:
+        InputError: if one of them varies with temperature.
+    """
+    for index, material in enumerate(materials):
+        if material.varies:
+            raise InputError(
+                f"material {index} of a body of several depends on temperature, which "
+                "only bodies of one material can: give it numbers, as .at(kelvin) does"
+            )
+    given = [jnp.asarray(material.conductivity, dtype) for material in materials]
+    shape = max((k.shape for k in given), key=len)
+    return jnp.stack([jnp.broadcast_to(k, shape) for k in given])
+
+
+def node_materials(
+    structure: AbstractStructure, labels: Int[np.ndarray, "x y z"]
+) -> Int[np.ndarray, " n"]:
+    """The material of each node: the one that most of its voxels have.
+
+    Args:
+        structure: of the body.
+        labels: number of the material of every voxel of the lattice.
+    """
+    owner, solid = voxel_owner(structure), structure.grid.solid
+    of_voxel, count = labels[solid][owner >= 0], int(labels.max()) + 1
+    pair = owner[owner >= 0].astype(np.int64) * count + of_voxel
+    votes = np.bincount(pair, minlength=structure.node_count * count)
+    return votes.reshape(-1, count).argmax(axis=1).astype(np.int32)
+
+
+def checked_labels(
+    structure: AbstractStructure, labels: Any, materials: int
+) -> Int[np.ndarray, "x y z"]:
+    """Labels as integers, 0 where there is no voxel.
+
+    Args:
+        structure: of the body.
+        labels: number of the material of every voxel of the lattice.
+        materials: how many there are.
+
+    Raises:
+        InputError: unless there is one label a voxel, of a material that is there.
+    """
+    given, solid = np.asarray(labels), structure.grid.solid
+    if not np.issubdtype(given.dtype, np.integer) or given.shape != solid.shape:
+        raise InputError(
+            f"material labels: got {given.dtype} values of shape {given.shape}: give "
+            f"one integer for each voxel of the grid, {solid.shape}"
+        )
+    number = np.where(solid, given, 0).astype(np.int32)
+    if number.min() < 0 or number.max() >= materials:
+        raise InputError(
+            f"material labels: {number.min()} to {number.max()}, and there are "
+            f"{materials} materials: number them from 0"
+        )
+    return number

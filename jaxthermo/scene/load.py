@@ -1,0 +1,78 @@
+"""What acts on a body's surface, put together for the time loop and for reading."""
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from ..arrays import rank_in_group
+from ..network.network import Address
+from ..physics.balance import SurfaceTerms
+from .prepare import HostAddress, Prepared
+from .program import SurfaceLoad, SurfaceReading
+
+
+def _pick(address: HostAddress, nodes: Int[np.ndarray, " m"]) -> Address:
+    return tuple(jnp.asarray(index[nodes]) for index in address)
+
+
+def surface_load(
+    one: Prepared,
+    terms: SurfaceTerms,
+    acts: list[Bool[np.ndarray, " s"]],
+    group: Int[np.ndarray, " s"] | None = None,
+) -> tuple[SurfaceLoad | None, Int[np.ndarray, " s"]]:
+    """Fragments of one node with the same terms as one place; which place each is in.
+
+    Args:
+        one: the body.
+        terms: on the fragments.
+        acts: where each of them acts, at any time.
+        group: of every fragment; those of different ones share no place.
+    """
+    nowhere = np.full(len(one.fragment_node), -1, np.int32)
+    if not any(each.any() for each in acts):
+        return None, nowhere
+    signature = np.zeros(len(nowhere), np.int64) if group is None else group.astype(int)
+    for each in acts:
+        # Counted anew each time, so that any number of terms fits.
+        signature = np.unique(2 * signature + each, return_inverse=True)[1].reshape(-1)
+    touched = np.flatnonzero(np.any(acts, axis=0))
+    signatures = signature.max() + 1
+    key = one.fragment_node.astype(np.int64) * signatures + signature
+    places, inverse = np.unique(key[touched], return_inverse=True)
+    place = nowhere
+    place[touched] = inverse.reshape(-1)
+    nodes, node = np.unique(places // signatures, return_inverse=True)
+    node = node.reshape(-1).astype(np.int32)
+    rank = rank_in_group(node)
+    slots = np.full((rank.max() + 1, len(nodes)), len(places), np.int32)
+    slots[rank, node] = np.arange(len(places))
+    where = _pick(one.address, nodes)
+    load = SurfaceLoad(
+        address=where,
+        capacity=one.network.capacity_at(where),
+        node=jnp.asarray(node),
+        slots=tuple(jnp.asarray(slot) for slot in slots),
+        terms=terms.merged(place, len(places)),
+    )
+    return load, place
+
+
+def surface_reading(
+    one: Prepared, terms: SurfaceTerms, bare: Float[np.ndarray, "*s"]
+) -> SurfaceReading:
+    """How every fragment's temperature is read.
+
+    Args:
+        one: the body.
+        terms: on the fragments.
+        bare: share of each fragment that nothing touches.
+    """
+    nodes, node = np.unique(one.fragment_node, return_inverse=True)
+    return SurfaceReading(
+        address=_pick(one.address, nodes),
+        node=jnp.asarray(node.reshape(-1).astype(np.int32)),
+        terms=terms,
+        bare=jnp.asarray(bare),
+        surface_map=one.surface_map,
+    )

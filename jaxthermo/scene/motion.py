@@ -1,0 +1,165 @@
+"""Bodies that move: a pose for every time, by a table or a function.
+
+Between two poses of a table a body goes straight at constant speed while it turns about
+one axis at a constant rate (spherical interpolation, Shoemake 1985).
+"""
+
+import math
+from typing import Any
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Float
+
+from ..errors import InputError
+from ..geometry.pose import Pose
+
+
+MOST_LOOKS = 10_000
+"""At the geometry in a run: each finds shadows and contacts and makes a program."""
+
+
+class PoseTable(eqx.Module):
+    """Poses at increasing times, the first and the last held before and after them."""
+
+    times: tuple[float, ...] = eqx.field(
+        static=True, converter=lambda times: tuple(float(t) for t in times)
+    )
+    """[s]"""
+    poses: tuple[Pose, ...] = eqx.field(static=True, converter=tuple)
+
+    def __check_init__(self):
+        if not self.times or len(self.times) != len(self.poses):
+            raise InputError(
+                f"PoseTable: {len(self.times)} times and {len(self.poses)} poses; "
+                "give as many of each, at least one"
+            )
+        gaps = np.diff(self.times)
+        if not np.isfinite(self.times).all() or (gaps <= 0).any():
+            raise InputError("PoseTable: the times must be finite and increase")
+
+    def __call__(self, time: float) -> Pose:
+        """The pose at `time` [s]."""
+        after = int(np.searchsorted(self.times, time, side="right"))
+        if after in (0, len(self.times)):
+            return self.poses[min(after, len(self.times) - 1)]
+        start, end = self.times[after - 1], self.times[after]
+        share = (time - start) / (end - start)
+        return between(self.poses[after - 1], self.poses[after], share)
+
+
+class Motion(eqx.Module):
+    """A pose that changes with time, taken anew every so often."""
+
+    path: Any = eqx.field(static=True)
+    """A table, or a function of time [s] that gives a pose."""
+    every: float | int | None = eqx.field(static=True, default=None, kw_only=True)
+    """Seconds from one look at the geometry to the next; None: at a table's times."""
+
+    def __check_init__(self):
+        if not isinstance(self.path, PoseTable) and not callable(self.path):
+            raise InputError(
+                f"Motion({self.path!r}): give a PoseTable or a function of time"
+            )
+        if self.every is None and not isinstance(self.path, PoseTable):
+            raise InputError("Motion: give every=, in seconds, with a function of time")
+        if self.every is not None and not 0 < float(self.every) < math.inf:
+            raise InputError(
+                f"Motion(every={self.every!r}): give a positive number of seconds"
+            )
+
+    @property
+    def is_still(self) -> bool:
+        """Whether all poses of a table are the same; a function may always move."""
+        path = self.path
+        return isinstance(path, PoseTable) and all(
+            pose == path.poses[0] for pose in path.poses
+        )
+
+    def at(self, time: float | int) -> Pose:
+        """Where the body stands at `time` [s].
+
+        Raises:
+            InputError: if the function gives something else than a pose.
+        """
+        pose = self.path(float(time))
+        if not isinstance(pose, Pose):
+            raise InputError(
+                f"Motion: its function gave {pose!r} at {float(time):g} s, not a Pose"
+            )
+        return pose
+
+    def moments(self, end: float | int) -> tuple[float, ...]:
+        """Times between 0 and `end` [s] at which the geometry is taken anew.
+
+        Raises:
+            InputError: if they are too many to look at.
+        """
+        if self.is_still:
+            return ()
+        if self.every is None:
+            times = self.path.times
+        else:
+            # A last look a rounding error before the end would see nothing new.
+            looks = math.ceil(end / self.every * (1 - 1e-12))
+            if looks > MOST_LOOKS:
+                raise InputError(
+                    f"Motion(every={self.every:g}): {looks} looks at the geometry in "
+                    f"{end:g} s; give {end / MOST_LOOKS:.2g} s or more"
+                )
+            times = (self.every * k for k in range(1, looks))
+        return tuple(float(t) for t in times if 0 < t < end)
+
+
+def between(first: Pose, second: Pose, share: float) -> Pose:
+    """The pose a share of the way from one pose to another, turned the short way."""
+    a, b = (np.asarray(pose.translation, float) for pose in (first, second))
+    if share == 0 or first == second:
+        return first
+    translation = (1 - share) * a + share * b
+    turned = _slerp(_quaternion(first), _quaternion(second), share)
+    x, y, z = translation.tolist()
+    return Pose((x, y, z), tuple(tuple(row) for row in _matrix(turned).tolist()))
+
+
+def _slerp(a, b, share: float) -> Float[np.ndarray, "4"]:
+    """From one unit quaternion to another at a constant rate."""
+    cosine = float(a @ b)
+    # A quaternion and its reverse are the same turn; the nearer one is the short way.
+    b = b if cosine >= 0 else -b
+    angle = 2 * math.atan2(float(np.linalg.norm(a - b)), float(np.linalg.norm(a + b)))
+    if angle < 1e-9:
+        blend = (1 - share) * a + share * b
+    else:
+        blend = math.sin((1 - share) * angle) * a + math.sin(share * angle) * b
+    return blend / np.linalg.norm(blend)
+
+
+def _quaternion(pose: Pose) -> Float[np.ndarray, "4"]:
+    """The turn of a pose as (w, x, y, z).
+
+    The outer product of the quaternion with itself is linear in the rotation matrix;
+    its largest row is divided by least (Shepperd 1978).
+    """
+    (a, b, c), (d, e, f), (g, h, i) = pose.rotation
+    product = np.array(
+        [
+            [1 + a + e + i, h - f, c - g, d - b],
+            [h - f, 1 + a - e - i, b + d, c + g],
+            [c - g, b + d, 1 - a + e - i, f + h],
+            [d - b, c + g, f + h, 1 - a - e + i],
+        ]
+    )
+    row = product[int(np.argmax(np.diag(product)))]
+    return row / np.linalg.norm(row)
+
+
+def _matrix(quaternion) -> Float[np.ndarray, "3 3"]:
+    w, x, y, z = quaternion.tolist()
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )

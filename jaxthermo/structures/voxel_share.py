@@ -1,0 +1,81 @@
+"""What the voxels under the nodes say: whose they are, and which way links cross them.
+
+A node may stand for many voxels. What is given voxel by voxel, such as a region that
+is heated, reaches the nodes by these, so that its total is the same in all structures.
+"""
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from .structure import AbstractStructure
+from .territory import grow
+
+
+def voxel_owner(structure: AbstractStructure) -> Int[np.ndarray, " v"]:
+    """The node that each solid voxel's heat goes to, in lattice order.
+
+    A voxel in no node, as inside a shell, goes to the node the fewest steps through
+    the body away; one that the body joins to no node keeps -1.
+    """
+    own, solid = structure.voxel_node(), structure.grid.solid
+    if (own >= 0).all():
+        return own
+    owner = np.full(np.add(solid.shape, 2), -1, np.int32)
+    padded = np.pad(solid, 1)
+    owner[padded] = own
+    grow(padded, owner)
+    return owner[padded]
+
+
+def volume_within(
+    structure: AbstractStructure, chosen: Bool[np.ndarray, " v"]
+) -> Float[np.ndarray, " n"]:
+    """Volume of the chosen solid voxels that goes to each node [m^3].
+
+    Args:
+        structure: of the body.
+        chosen: of the solid voxels, in lattice order.
+    """
+    owner = voxel_owner(structure)[chosen]
+    count = np.bincount(owner[owner >= 0], minlength=structure.node_count)
+    return count * structure.grid.voxel_volume
+
+
+def link_axes(structure: AbstractStructure) -> Float[np.ndarray, "e 3"]:
+    """How much of each link crosses along x, y and z: its squared direction, sum 1.
+
+    The direction is the normal of the voxel faces that the two nodes share: along x if
+    all of them lie across x, however far the centres are apart sideways. Nodes that
+    share no face, as voxels over an edge, have that from centre to centre.
+    """
+    links, count = structure.links(), structure.node_count
+    pair = lambda one, other: (
+        np.minimum(one, other).astype(np.int64) * count + np.maximum(one, other)
+    )
+    key = pair(links.src, links.dst)
+    order = np.argsort(key, kind="stable")
+    # One more, so that what is sought beyond the last finds something.
+    ranked = np.append(key[order], -1)
+    across = np.zeros((len(key), 3))
+    for axis, (below, above) in enumerate(_shared_faces(structure)):
+        face = pair(below, above)
+        place = np.searchsorted(ranked[:-1], face)
+        link = order[place[ranked[place] == face]]
+        across[:, axis] = np.bincount(link, minlength=len(key))
+    centre = structure.nodes().centre
+    apart = centre[links.dst] - centre[links.src]
+    across = np.where(across.any(axis=1, keepdims=True), across, apart)
+    squared = np.square(across)
+    return squared / squared.sum(axis=1, keepdims=True)
+
+
+def _shared_faces(structure):
+    """For each axis the nodes below and above every voxel face between two nodes."""
+    solid = structure.grid.solid
+    node = np.full(solid.shape, -1, np.int32)
+    node[solid] = structure.voxel_node()
+    for axis in range(3):
+        line = np.moveaxis(node, axis, 0)
+        below, above = line[:-1], line[1:]
+        shared = (below != above) & (below >= 0) & (above >= 0)
+        yield below[shared], above[shared]
