@@ -28,7 +28,12 @@ Overrides = Annotated[
 
 @app.command
 def simulate(
-    config: Path, /, *, out: Path | None = None, overrides: Overrides = ()
+    config: Path,
+    /,
+    *,
+    out: Path | None = None,
+    overrides: Overrides = (),
+    explain: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
     """Run a scene and write its results and frames.
 
@@ -36,10 +41,14 @@ def simulate(
         config: The scene, a YAML file.
         out: The folder for the results; results/NAME if not given.
         overrides: A value to change, such as bodies.0.pitch=3mm; may be repeated.
+        explain: Only tell what would be computed, what is left out and why.
     """
-    from .cli.simulate import simulate as run
+    from .cli.simulate import explain as tell, simulate as run
 
-    run(config, out, overrides)
+    if explain:
+        tell(config, overrides)
+    else:
+        run(config, out, overrides)
 
 
 @app.command
@@ -84,15 +93,21 @@ def voxelize(
 
 
 @app.command
-def materials(name: str | None = None, /) -> None:
+def materials(
+    name: str | None = None,
+    /,
+    *,
+    emissivity: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
     """List the named materials, or show one with its source.
 
     Args:
-        name: A material, such as stainless_steel.
+        name: A material, such as stainless_steel, or a part of its name.
+        emissivity: List surfaces by their finish instead.
     """
     from .cli.materials import materials as show
 
-    show(name)
+    show(name, emissivity)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -13,7 +13,7 @@ from ..config.schema import SceneConfig
 from ..errors import InputError
 from ..image.files import write_exr, write_png
 from ..image.render import Image, coarsen, draw
-from ..image.view import View, look
+from ..image.view import View, look, standing
 from ..integrate.store import StoredSolution
 from ..physics.term import AbstractTerm
 from ..scene.surface import SolvedSurface
@@ -27,17 +27,36 @@ LEAST = 0.05
 """Of the scale, beyond what is seen or in all [K]."""
 
 
-def prepare_view(
-    config: SceneConfig,
-    surfaces: tuple[SolvedSurface, ...],
-    terms: tuple[AbstractTerm, ...],
-) -> View:
-    """What the config's camera sees; a bad camera is told here, before a long run."""
-    triangles = np.concatenate([s.geometry.triangles for s in surfaces])
-    camera = build_camera(config.camera, triangles)
-    return look(
-        surfaces, terms, camera.finer(config.image.samples), config.image.smooth
-    )
+class Watch:
+    """The config's camera on a scene; a bad one is told at once, before a long run."""
+
+    def __init__(
+        self,
+        config: SceneConfig,
+        surfaces: tuple[SolvedSurface, ...],
+        terms: tuple[AbstractTerm, ...],
+    ):
+        """Looks at the start.
+
+        Raises:
+            InputError: if the camera is inside a body or sees none.
+        """
+        triangles = np.concatenate([s.geometry.triangles for s in surfaces])
+        self._camera = build_camera(config.camera, triangles)
+        self._image = config.image
+        self._surfaces, self._terms = surfaces, terms
+        self._start = self._look(0.0)
+
+    def _look(self, time: float) -> View:
+        surfaces, terms = standing(self._surfaces, self._terms, time)
+        finer = self._camera.finer(self._image.samples)
+        return look(surfaces, terms, finer, self._image.smooth)
+
+    def at(self, time: float) -> View:
+        """What it sees at a moment [s]; looked at once where nothing moves."""
+        if any(each.moves for each in (*self._surfaces, *self._terms)):
+            return self._look(time)
+        return self._start
 
 
 def chosen_frames(config: SceneConfig, times: Float[Array, " t"]) -> list[int]:
@@ -80,7 +99,7 @@ def _scale(config: SceneConfig, images: Iterator[Image]) -> tuple[float, float]:
 
 
 def write_frames(
-    config: SceneConfig, view: View, stored: StoredSolution, folder: Path
+    config: SceneConfig, watch: Watch, stored: StoredSolution, folder: Path
 ) -> int:
     """Draw the chosen times into `folder`; returns how many there are.
 
@@ -94,7 +113,8 @@ def write_frames(
         # Drawn twice, for the scale and for the file: kept, long runs fill the memory.
         for k in chosen:
             temperature, time = stored.surface_temperature[k], stored.times[k]
-            yield draw(view, stored.surfaces, terms, temperature, time)
+            here = standing(stored.surfaces, terms, float(time))
+            yield draw(watch.at(float(time)), *here, temperature, time)
 
     low, high = _scale(config, images())
     before, written = earlier_frames(prepare_folder(folder)), set()

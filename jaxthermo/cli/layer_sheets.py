@@ -22,6 +22,9 @@ SMALLEST = 300
 SHAPE = 1.6
 """Width of a sheet over its height, about."""
 
+PEELED = ("depth", "normal", "dominant")
+"""Kinds of images whose layers are those of the peeling, not moved forwards."""
+
 
 def write_layer_sheets(grid: VoxelGrid, folder: Path) -> list[Path]:
     """Writes `layers_x_depth.png` and so on; returns the paths.
@@ -29,12 +32,23 @@ def write_layer_sheets(grid: VoxelGrid, folder: Path) -> list[Path]:
     Raises:
         InputError: when the folder cannot be written.
     """
+    return write_sheets(layer_images(grid), folder)
+
+
+def write_sheets(
+    named: dict[str, list[UInt8[np.ndarray, "h w 3"]]], folder: Path
+) -> list[Path]:
+    """Writes one sheet for each axis and kind, such as "x_depth"; returns the paths.
+
+    Raises:
+        InputError: when the folder cannot be written.
+    """
     paths = []
-    for name, images in layer_images(grid).items():
+    for name, images in named.items():
         if not images:
             continue
         axis, kind = name.split("_")
-        what = "packed" if kind == "packed" else "layer"
+        what = "layer" if kind in PEELED else "packed"
         tiles = [_tile(image, f"{axis} {what} {k}") for k, image in enumerate(images)]
         path = folder / f"layers_{name}.png"
         write_png(path, contact_sheet(tiles, _columns(tiles)))

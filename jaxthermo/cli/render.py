@@ -10,7 +10,7 @@ from ..integrate.store import load_solution
 from ..precision import precision
 from .console import doing, open_console, tell
 from .files import FRAMES, results_folder
-from .frames import prepare_view, write_frames
+from .frames import Watch, write_frames
 
 
 def render(run: Path, out: Path | None, overrides: tuple[str, ...]) -> None:
@@ -37,7 +37,7 @@ def render_run(config: SceneConfig, run: Path, out: Path) -> None:
     with precision(config.dtype), doing(console, "drawing frames"):
         stored = load_solution(run / "solution.npz")
         terms = tuple(build_term(term) for term in config.terms)
-        view = prepare_view(config, stored.surfaces, terms)
+        watch = Watch(config, stored.surfaces, terms)
         with results_folder(out) as folder:
-            count = write_frames(config, view, stored, folder / FRAMES)
+            count = write_frames(config, watch, stored, folder / FRAMES)
     tell(console, f"{count} frame{'s' * (count != 1)} in {out / FRAMES}")

@@ -5,6 +5,7 @@ import re
 from typing import Any
 
 from rich.console import Console
+from rich.table import Table
 
 from ..constants import ZERO_CELSIUS
 from ..geometry.verdict import verdict_line
@@ -53,6 +54,37 @@ def tell_scene(
         f"{todo.steps} steps, stable step {limit}, about "
         f"{readable_bytes(receipt.memory_bytes)} for the solver",
     )
+
+
+def tell_receipt(console: Console, scene: Scene, todo: Plan) -> None:
+    """All of the receipt: what acts where, what is left out, what it will take.
+
+    Args:
+        console: to tell it on.
+        scene: what would be simulated.
+        todo: how.
+    """
+    receipt = todo.compiled.receipt
+    table = Table(box=None, pad_edge=False, title_justify="left")
+    for title in ("mechanism", "on", "area", "of the surface"):
+        table.add_column(
+            title, justify="left" if title in ("mechanism", "on") else "right"
+        )
+    for index, body in enumerate(scene.bodies):
+        kind = type(body.structure).__name__
+        table.add_row("conduction", f"body {index} ({kind})", "", "")
+    for part in receipt.parts:
+        where = " and ".join(f"body {index}" for index in part.bodies)
+        if part.area:
+            share = f"{100 * part.surface_share:.3g} %"
+            table.add_row(part.mechanism, where, f"{part.area:.4g} m2", share)
+        else:
+            table.add_row(part.mechanism, where, "inside", "")
+    console.print(table)
+    for note in receipt.notes:
+        tell(console, f"note: {note}")
+    looks = "looked at once" if receipt.looks == 1 else f"{receipt.looks} looks"
+    tell(console, f"geometry: {looks}; state in {receipt.dtype}")
 
 
 def structure_lines(report: dict[str, Any]) -> list[str]:

@@ -32,9 +32,9 @@ from ..scene.scene import Scene
 from ..structures.report import structure_report
 from .console import doing, open_console, tell
 from .files import FRAMES, prepare_folder, remove_results, results_folder
-from .frames import prepare_view, write_frames
+from .frames import Watch, write_frames
 from .progress import patient_interrupt, progress_bar
-from .report import tell_result, tell_scene
+from .report import tell_receipt, tell_result, tell_scene
 from .summary import summarize, write_energy, write_json
 
 
@@ -52,6 +52,20 @@ def simulate(config: Path, out: Path | None, overrides: tuple[str, ...]) -> None
     with results_folder(out or Path("results") / config.stem) as folder:
         _spare(config, folder)
         run_simulation(scene, folder)
+
+
+def explain(config: Path, overrides: tuple[str, ...]) -> None:
+    """Compiles the scene and tells what a run would compute, and what it would not."""
+    scene_config = load_config(config, overrides)
+    console = open_console()
+    with precision(scene_config.dtype):
+        with doing(console, "building the scene"):
+            scene = build_scene(scene_config)
+            end, saves = scene_config.time.end, scene_config.time.save_times
+            todo = plan(scene, end, saves, build_solver(scene_config.solver))
+            structures = [structure_report(body.structure) for body in scene.bodies]
+        tell_scene(console, scene, todo, structures)
+        tell_receipt(console, scene, todo)
 
 
 def _spare(config: Path, out: Path) -> None:
@@ -76,7 +90,7 @@ def run_simulation(config: SceneConfig, out: Path) -> None:
             structures = [structure_report(body.structure) for body in scene.bodies]
         tell_scene(console, scene, todo, structures)
         with doing(console, "finding what the camera sees"):
-            view = prepare_view(config, todo.compiled.surfaces, scene.terms)
+            watch = Watch(config, todo.compiled.surfaces, scene.terms)
         setup = time.perf_counter() - clock
         # From here on the folder is this run's: the camera and the scene are sound.
         # Results of an earlier one must not pass for this one's.
@@ -94,7 +108,7 @@ def run_simulation(config: SceneConfig, out: Path) -> None:
         )
         clock = time.perf_counter()
         with doing(console, "drawing frames"):
-            frames = write_frames(config, view, stored, out / FRAMES)
+            frames = write_frames(config, watch, stored, out / FRAMES)
         times |= {"setup_time_s": setup, "frames_time_s": time.perf_counter() - clock}
         summary = summarize(config, scene, solution, times, structures)
         write_json(out / "summary.json", summary)

@@ -17,6 +17,7 @@ from ..atomic import replacing
 from ..config.loader import config_hash, resolved
 from ..config.schema import SceneConfig
 from ..geometry.verdict import describe_mesh
+from ..integrate.ledger import BodyEnergy, Energy
 from ..integrate.solution import RESULTS, Solution
 from ..scene.scene import Scene
 
@@ -32,12 +33,17 @@ def peak_memory() -> int:
     return peak if sys.platform == "darwin" else peak * 1024
 
 
+def _as_lists(energy: Energy | BodyEnergy) -> dict[str, list[float]]:
+    return {name: column.tolist() for name, column in _ledger(energy).items()}
+
+
 def _body(scene: Scene, solution: Solution, index: int) -> dict[str, Any]:
     grid = scene.bodies[index].structure.grid
     temperature = np.asarray(solution.of_body(index), float)
     weight = grid.fragment_area / grid.fragment_area.sum()
     return {
         "mesh": describe_mesh(grid.mesh),
+        "energy": _as_lists(solution.energy.bodies[index]),
         "surface_temperature_K": {
             "min": temperature.min(axis=1).tolist(),
             "mean": (temperature @ weight).tolist(),
@@ -47,6 +53,17 @@ def _body(scene: Scene, solution: Solution, index: int) -> dict[str, Any]:
             solution.mean_temperature[:, index], float
         ).tolist(),
     }
+
+
+def _ledger(energy: Energy | BodyEnergy) -> dict[str, np.ndarray]:
+    """Columns by name: stored, by mechanism, through contacts, residual."""
+    heats = {**energy.mechanisms, **energy.contacts}
+    columns = {
+        "stored_J": energy.stored_J,
+        **{f"{name}_J": heat for name, heat in heats.items()},
+        "residual_relative": energy.residual_relative,
+    }
+    return {name: np.asarray(column, float) for name, column in columns.items()}
 
 
 def summarize(
@@ -66,7 +83,6 @@ def summarize(
         structures: the report of each body's.
     """
     receipt = solution.receipt.as_dict()
-    energy = solution.energy
     device = jax.devices()[0]
     return {
         "result": RESULTS[solution.result] or "successful",
@@ -80,14 +96,7 @@ def summarize(
         **times,
         "peak_memory_bytes": peak_memory(),
         "times_s": np.asarray(solution.times, float).tolist(),
-        "energy": {
-            "stored_J": np.asarray(energy.stored_J, float).tolist(),
-            **{
-                f"{name}_J": np.asarray(heat, float).tolist()
-                for name, heat in energy.mechanisms.items()
-            },
-            "residual_relative": np.asarray(energy.residual_relative, float).tolist(),
-        },
+        "energy": _as_lists(solution.energy),
         "bodies": [_body(scene, solution, b) for b in range(len(scene.bodies))],
         "config": resolved(config),
         "config_hash": config_hash(config),
@@ -110,18 +119,19 @@ def write_json(path: Path, content: dict[str, Any]) -> None:
 
 
 def write_energy(path: Path, solution: Solution) -> None:
-    """Write the ledger at each saved time as CSV, in one step."""
-    energy = solution.energy
-    columns = {
-        "time_s": solution.times,
-        "stored_J": energy.stored_J,
-        **{f"{name}_J": heat for name, heat in energy.mechanisms.items()},
-        "residual_relative": energy.residual_relative,
-    }
+    """Write the ledger at each saved time as CSV, in one step.
+
+    First of all bodies; where there are several, then of each.
+    """
+    columns = {"time_s": np.asarray(solution.times, float), **_ledger(solution.energy)}
+    if len(solution.energy.bodies) > 1:
+        for index, body in enumerate(solution.energy.bodies):
+            named = _ledger(body).items()
+            columns |= {f"body {index}: {name}": column for name, column in named}
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)
-    rows = zip(*(np.asarray(c, float) for c in columns.values()), strict=True)
+    rows = zip(*columns.values(), strict=True)
     writer.writerows([f"{value:.9g}" for value in row] for row in rows)
     with replacing(path) as temporary:
         temporary.write_text(text.getvalue(), encoding="utf-8")

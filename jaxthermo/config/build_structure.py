@@ -1,12 +1,7 @@
 """From a validated config to structures, their weights and surface maps."""
 
-from pathlib import Path
 from typing import assert_never
 
-import numpy as np
-from jaxtyping import Int
-
-from ..errors import InputError
 from ..structures.aggregate import Aggregate
 from ..structures.full import FullVolume
 from ..structures.irregular import IrregularMultiLevel
@@ -25,6 +20,7 @@ from ..structures.surface_map import (
 from ..structures.weights import ConductionWeights
 from ..voxels.grid import VoxelGrid
 from . import schema_structure as schema
+from .array_files import read_labels
 
 
 def build_structure(
@@ -59,31 +55,6 @@ def build_structure(
             return Partition(grid, read_labels(labels), weights=weights)
         case _:
             assert_never(config)
-
-
-def read_labels(path: Path) -> Int[np.ndarray, "x y z"]:
-    """Which node each voxel belongs to, from a file of `numpy.save`.
-
-    Raises:
-        InputError: if the file holds anything but whole numbers on three axes.
-    """
-    try:
-        with path.open("rb") as file:
-            labels = np.lib.format.read_array(file, allow_pickle=False)
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise InputError(f"{path}: cannot be read: {reason}") from error
-    except Exception as error:  # damaged bytes make the reader raise anything
-        raise InputError(
-            f"{path}: not an array of numbers, or damaged ({type(error).__name__}); "
-            "write the labels with numpy.save"
-        ) from error
-    if labels.ndim != 3 or labels.dtype.kind not in "iu":
-        raise InputError(
-            f"{path}: expected whole numbers [x y z], got {labels.dtype} of shape "
-            f"{list(labels.shape)}"
-        )
-    return labels
 
 
 def build_surface_map(config: schema.SurfaceMapConfig) -> AbstractSurfaceMap:

@@ -66,11 +66,18 @@ HeatFlux = Annotated[float, _quantity(units.HEAT_FLUX)]
 HeatTransferCoefficient = Annotated[
     float, _quantity(units.HEAT_TRANSFER_COEFFICIENT), Field(ge=0)
 ]
+ContactConductance = Annotated[float, _quantity(units.CONTACT_CONDUCTANCE), Field(ge=0)]
+HeatRateDensity = Annotated[float, _quantity(units.HEAT_RATE_DENSITY)]
+RadiantIntensity = Annotated[float, _quantity(units.RADIANT_INTENSITY), Field(ge=0)]
+Radiance = Annotated[float, _quantity(units.RADIANCE), Field(ge=0)]
+Speed = Annotated[float, _quantity(units.SPEED), Field(ge=0)]
 Conductivity = Annotated[float, _quantity(units.CONDUCTIVITY), Field(gt=0)]
 Density = Annotated[float, _quantity(units.DENSITY), Field(gt=0)]
 SpecificHeat = Annotated[float, _quantity(units.SPECIFIC_HEAT), Field(gt=0)]
 Flag = Annotated[bool, Strict()]
 Whole = Annotated[int, Strict()]
+Index = Annotated[Whole, Field(ge=0)]
+"""Of a body, counted from 0."""
 
 
 def _auto(value: Any) -> Any:
@@ -98,13 +105,23 @@ def _three(value: Any) -> Any:
     return value
 
 
+def _two(value: Any) -> Any:
+    if not isinstance(value, list | tuple) or len(value) != 2:
+        raise refuse(f"expected two values, got {show(value)}")
+    return value
+
+
 def _not_zero(value: tuple[float, float, float]) -> tuple[float, float, float]:
     if math.hypot(*value) == 0.0:
         raise refuse("must not be [0, 0, 0]: it has to point somewhere")
     return value
 
 
-_Three = BeforeValidator(_three)
-Position = Annotated[tuple[Length, Length, Length], _Three]
-Size = Annotated[tuple[PositiveLength, PositiveLength, PositiveLength], _Three]
-Direction = Annotated[tuple[Number, Number, Number], AfterValidator(_not_zero), _Three]
+Three = BeforeValidator(_three)
+Position = Annotated[tuple[Length, Length, Length], Three]
+Size = Annotated[tuple[PositiveLength, PositiveLength, PositiveLength], Three]
+Direction = Annotated[tuple[Number, Number, Number], AfterValidator(_not_zero), Three]
+_Component = Annotated[float, _quantity(units.SPEED)]
+Velocity = Annotated[tuple[_Component, _Component, _Component], Three]
+Extent = Annotated[tuple[PositiveLength, PositiveLength], BeforeValidator(_two)]
+Indices = Annotated[tuple[Index, Index], BeforeValidator(_two)]

@@ -16,7 +16,6 @@ from .messages import dotted, untagged
 from .model import Location
 from .overrides import parse_override, with_override
 from .schema import SceneConfig
-from .schema_structure import Partition
 from .strict_yaml import read_yaml, write_yaml
 
 
@@ -26,10 +25,10 @@ def load_config(
     """The config in a YAML file, with meshes found and all values in SI units.
 
     Args:
-        path: the file; meshes and labels are looked for beside it, then in
+        path: the file; meshes, labels and masks are looked for beside it, then in
             JAXTHERMO_MESHES.
         overrides: "a.b=c" each, applied in order; c is YAML.
-        find_meshes: whether a mesh or labels that are not there are a mistake.
+        find_meshes: whether a file that is named and not there is a mistake.
 
     Raises:
         InputError: one line for each mistake in the config.
@@ -71,20 +70,16 @@ def to_yaml(config: SceneConfig) -> str:
 def config_hash(config: SceneConfig) -> str:
     """16 hex digits that change with the scene, but not with the folder it lies in.
 
-    Meshes and labels count with their content where the file is there, else with its
-    name.
+    Files count with their content where they are there, else with their names.
     """
-    plain = resolved(config)
-    for body, built in zip(plain["bodies"], config.bodies, strict=True):
-        if built.mesh is not None:
-            body["mesh"]["path"] = _fingerprint(built.mesh.path)
-        if isinstance(built.structure, Partition):
-            body["structure"]["labels"] = _fingerprint(built.structure.labels)
-    text = json.dumps(plain, sort_keys=True, separators=(",", ":"))
+    plain = config.model_dump(exclude_none=True)
+    separators = (",", ":")
+    text = json.dumps(plain, sort_keys=True, separators=separators, default=_content)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def _fingerprint(path: Path) -> str:
+def _content(path: Path) -> str:
+    """What stands for a file in a hash."""
     try:
         return hashlib.sha256(path.read_bytes()).hexdigest()
     except OSError:

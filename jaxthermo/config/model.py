@@ -80,7 +80,8 @@ def _groups(cls: type[Model], data: dict[str, Any]) -> list[Mistake]:
         if not given:
             found.append(((), f"missing {names}: give one of them"))
         elif len(given) > 1:
-            found.append((tuple(given[-1:]), f"give {names}, not both"))
+            several = "both" if len(group) == 2 else "several"
+            found.append((tuple(given[-1:]), f"give {names}, not {several}"))
     return found
 
 

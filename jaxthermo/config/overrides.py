@@ -14,11 +14,12 @@ ALTERNATIVES = (
     ("pitch", "voxels_high"),
     ("unit", "height"),
     ("save_at", "save_every"),
-    ("side", "region"),
+    ("side", "region", "fragments", "body"),
+    ("radiance", "temperature"),
 )
 """Keys of which a mapping holds one: setting it takes the place of the other."""
 
-SHORT = {"structure": "kind", "surface_map": "kind", "material": "name"}
+SHORT = {"structure": "kind", "surface_map": "kind", "wake": "kind", "material": "name"}
 """Keys that may hold a word alone, and what the word is a value of."""
 
 

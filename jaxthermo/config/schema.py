@@ -1,10 +1,10 @@
 """The config of a scene, complete."""
 
-import math
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationError
+from pydantic import Field
 
+from .cross_checks import no_such_body, not_saved, twice_emitted
 from .fields import Auto, Flag, NotEmpty, PositiveTime
 from .model import Mistake, Model
 from .schema_geometry import BodyConfig
@@ -36,54 +36,4 @@ class SceneConfig(Model):
     @classmethod
     def raw_mistakes(cls, data: dict[str, Any]) -> list[Mistake]:
         """Parts that do not fit together, even while other parts are wrong."""
-        return [*_no_such_body(data), *_not_saved(data), *_twice_surrounded(data)]
-
-
-def _no_such_body(data: dict[str, Any]) -> list[Mistake]:
-    bodies, terms = data.get("bodies"), data.get("terms")
-    if not isinstance(bodies, list) or not isinstance(terms, list):
-        return []
-    found: list[Mistake] = []
-    for i, term in enumerate(terms):
-        on = term.get("on") if isinstance(term, dict) else None
-        for key, place in on.items() if isinstance(on, dict) else ():
-            body = place.get("body", 0) if isinstance(place, dict) else 0
-            if type(body) is int and body >= len(bodies) > 0:
-                message = f"there is no body {body}; the last one is {len(bodies) - 1}"
-                found.append((("terms", i, "on", key, "body"), message))
-    return found
-
-
-def _twice_surrounded(data: dict[str, Any]) -> list[Mistake]:
-    terms = data.get("terms")
-    kinds = [
-        term.get("kind") if isinstance(term, dict) else None
-        for term in (terms if isinstance(terms, list) else [])
-    ]
-    found = [i for i, kind in enumerate(kinds) if kind == "surroundings"]
-    message = "a second surroundings would count the emission twice; give one"
-    return [(("terms", i), message) for i in found[1:]]
-
-
-def _not_saved(data: dict[str, Any]) -> list[Mistake]:
-    time = _if_valid(TimeConfig, data.get("time"))
-    image = data.get("image")
-    frames = image.get("frames") if isinstance(image, dict) else None
-    image = _if_valid(ImageConfig, {"frames": frames})
-    if time is None or image is None:
-        return []
-    return [
-        (("image", "frames", i), f"{frame:g} s is not a saved time")
-        for i, frame in enumerate(image.frames or ())
-        if not any(math.isclose(frame, t, rel_tol=1e-9) for t in time.save_times)
-    ]
-
-
-AnyModel = TypeVar("AnyModel", bound=Model)
-
-
-def _if_valid(kind: type[AnyModel], data: Any) -> AnyModel | None:
-    try:
-        return kind.model_validate(data)
-    except ValidationError:
-        return None
+        return [*no_such_body(data), *not_saved(data), *twice_emitted(data)]

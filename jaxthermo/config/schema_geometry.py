@@ -1,6 +1,5 @@
 """Bodies: a mesh or a shape, its voxels, structure, material, temperature and pose."""
 
-import math
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag
@@ -8,8 +7,6 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag
 from ..errors import InputError
 from . import units
 from .fields import (
-    Angle,
-    Direction,
     Position,
     PositiveLength,
     Size,
@@ -20,7 +17,9 @@ from .fields import (
 from .found import FoundPath
 from .kinds import by_kind
 from .model import Mistake, Model
-from .schema_material import Material
+from .schema_material import BodyMaterial, LabelledConfig, Material
+from .schema_place import empty_box
+from .schema_pose import AnyPose, PoseConfig
 from .schema_structure import (
     FluxCorrectedMap,
     FullVolume,
@@ -116,20 +115,6 @@ class PaintConfig(Model):
         return empty_box(self.lower, self.upper)
 
 
-class RotationConfig(Model):
-    """A turn about an axis through the origin, anticlockwise seen against it."""
-
-    axis: Direction
-    angle: Angle
-
-
-class PoseConfig(Model):
-    """Where the body is in the scene: first turned, then moved."""
-
-    translation: Position = (0.0, 0.0, 0.0)
-    rotation: RotationConfig | None = None
-
-
 class BodyConfig(Model):
     """One body of the scene."""
 
@@ -139,20 +124,25 @@ class BodyConfig(Model):
     voxels_high: Annotated[Whole, Field(ge=1, le=4096)] | None = None
     structure: StructureConfig = FullVolume()
     surface_map: SurfaceMapConfig = FluxCorrectedMap()
-    material: Material
+    material: BodyMaterial
     regions: tuple[PaintConfig, ...] = ()
     temperature: Temperature
-    pose: PoseConfig = PoseConfig()
+    pose: AnyPose = PoseConfig()
 
     exactly_one: ClassVar = (("mesh", "shape"), ("pitch", "voxels_high"))
 
-
-def empty_box(
-    lower: tuple[float, float, float], upper: tuple[float, float, float]
-) -> list[Mistake]:
-    """The axes along which a box ends before it begins."""
-    return [
-        (("upper", i), f"{b:g} m is not above the lower corner's {a:g} m")
-        for i, (a, b) in enumerate(zip(lower, upper, strict=True))
-        if not b > a or math.isnan(b)
-    ]
+    def mistakes(self) -> list[Mistake]:
+        """What a body of several materials cannot have."""
+        if not self.regions:
+            return []
+        if isinstance(self.material, LabelledConfig):
+            return [(("regions",), "the labels of `material` say what is where")]
+        painted = enumerate(self.regions)
+        return [
+            *self.material.varying(("material",)),
+            *(
+                m
+                for i, one in painted
+                for m in one.material.varying(("regions", i, "material"))
+            ),
+        ]

@@ -1,75 +1,27 @@
-"""Terms: what heats and cools the bodies, and where on them it acts."""
+"""All terms: what heats and cools the bodies, at their surface and inside."""
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 from pydantic import Discriminator, Field, Tag
 
-from .fields import Direction, Position, PositiveTime, Whole
+from .fields import Indices, PositiveLength, PositiveTime, Whole
 from .kinds import by_kind
 from .model import Mistake, Model
-from .schema_geometry import empty_box
-from .schema_time import (
-    TimeCoefficient,
+from .schema_air import ConvectionConfig, FreeConvectionConfig, WindConfig
+from .schema_place import WhereConfig, WithinConfig
+from .schema_radiation import (
+    AreaSourceConfig,
+    PointSourceConfig,
+    RadiativeExchangeConfig,
+    SunConfig,
+    SurroundingsConfig,
+)
+from .schema_varying import (
+    TimeConductance,
+    TimeDensity,
     TimeHeatFlux,
-    TimeIrradiance,
     TimeTemperature,
 )
-
-
-Index = Annotated[Whole, Field(ge=0)]
-
-
-class SideConfig(Model):
-    """The surface that faces a direction."""
-
-    normal: Direction
-    body: Index = 0
-
-
-class RegionConfig(Model):
-    """The surface within a box [m]."""
-
-    lower: Position
-    upper: Position
-    body: Index = 0
-
-    def mistakes(self) -> list[Mistake]:
-        """A box without inside."""
-        return empty_box(self.lower, self.upper)
-
-
-class WhereConfig(Model):
-    """The part of the surface on which a term acts."""
-
-    side: SideConfig | None = None
-    region: RegionConfig | None = None
-
-    exactly_one: ClassVar = (("side", "region"),)
-
-
-class SunConfig(Model):
-    """Parallel rays that travel along `direction`."""
-
-    kind: Literal["sun"] = "sun"
-    direction: Direction
-    irradiance: TimeIrradiance
-    until: PositiveTime | None = None
-
-
-class ConvectionConfig(Model):
-    """Heat carried off by a fluid, in proportion to the temperature difference."""
-
-    kind: Literal["convection"] = "convection"
-    heat_transfer_coefficient: TimeCoefficient
-    temperature: TimeTemperature
-    on: WhereConfig | None = None
-
-
-class SurroundingsConfig(Model):
-    """Net thermal emission to surroundings of one temperature."""
-
-    kind: Literal["surroundings"] = "surroundings"
-    temperature: TimeTemperature
 
 
 class HeatFluxConfig(Model):
@@ -89,11 +41,44 @@ class FixedTemperatureConfig(Model):
     on: WhereConfig | None = None
 
 
+class HeatSourceConfig(Model):
+    """Heat released inside."""
+
+    kind: Literal["heat_source"] = "heat_source"
+    heat_rate_density: TimeDensity
+    until: PositiveTime | None = None
+    within: WithinConfig | None = None
+
+
+class ContactConfig(Model):
+    """Heat through touching surfaces; of all bodies, or of two."""
+
+    kind: Literal["contact"] = "contact"
+    conductance: TimeConductance
+    bodies: Indices | None = None
+    threshold: PositiveLength | None = None
+    gap_length: PositiveLength | None = None
+    most_pairs: Annotated[Whole, Field(ge=1)] | None = None
+
+    def mistakes(self) -> list[Mistake]:
+        """A body in contact with itself."""
+        if self.bodies is None or self.bodies[0] != self.bodies[1]:
+            return []
+        return [(("bodies", 1), f"is body {self.bodies[1]} again: name two bodies")]
+
+
 TermConfig = Annotated[
     Annotated[SunConfig, Tag("<sun>")]
-    | Annotated[ConvectionConfig, Tag("<convection>")]
+    | Annotated[PointSourceConfig, Tag("<point_source>")]
+    | Annotated[AreaSourceConfig, Tag("<area_source>")]
     | Annotated[SurroundingsConfig, Tag("<surroundings>")]
+    | Annotated[RadiativeExchangeConfig, Tag("<radiative_exchange>")]
+    | Annotated[ConvectionConfig, Tag("<convection>")]
+    | Annotated[WindConfig, Tag("<wind>")]
+    | Annotated[FreeConvectionConfig, Tag("<free_convection>")]
     | Annotated[HeatFluxConfig, Tag("<heat_flux>")]
-    | Annotated[FixedTemperatureConfig, Tag("<fixed_temperature>")],
+    | Annotated[FixedTemperatureConfig, Tag("<fixed_temperature>")]
+    | Annotated[HeatSourceConfig, Tag("<heat_source>")]
+    | Annotated[ContactConfig, Tag("<contact>")],
     Discriminator(by_kind),
 ]

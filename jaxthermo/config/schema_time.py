@@ -1,83 +1,13 @@
-"""Values that vary in time, and the times at which a run ends and saves."""
+"""The times at which a run ends and saves."""
 
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
-from pydantic import Discriminator, Tag
-
-from .fields import (
-    HeatFlux,
-    HeatTransferCoefficient,
-    Irradiance,
-    NotEmpty,
-    PositiveTime,
-    Temperature,
-    Time,
-)
+from .fields import NotEmpty, PositiveTime
 from .model import Mistake, Model
+from .schema_varying import not_increasing
 
 
 _MOST_SAVES = 100_000
-
-
-class Table(Model):
-    """A piecewise linear function of time [s]."""
-
-    times: Annotated[tuple[Time, ...], NotEmpty]
-    values: tuple[float, ...]
-
-    def mistakes(self) -> list[Mistake]:
-        """Times that do not increase; lengths that differ."""
-        found = not_increasing(self.times, "times")
-        if len(self.times) != len(self.values):
-            lengths = f"{len(self.values)} values for {len(self.times)} times"
-            found.append((("values",), f"there are {lengths}"))
-        return found
-
-
-class TemperatureTable(Table):
-    """A temperature [K] that varies in time."""
-
-    values: tuple[Temperature, ...]
-
-
-class IrradianceTable(Table):
-    """An irradiance [W/m^2] that varies in time."""
-
-    values: tuple[Irradiance, ...]
-
-
-class HeatFluxTable(Table):
-    """A heat flux [W/m^2] that varies in time."""
-
-    values: tuple[HeatFlux, ...]
-
-
-class CoefficientTable(Table):
-    """A heat transfer coefficient [W/(m^2 K)] that varies in time."""
-
-    values: tuple[HeatTransferCoefficient, ...]
-
-
-def _number_or_table(value: Any) -> str:
-    return "<table>" if isinstance(value, dict | Table) else "<number>"
-
-
-_NUMBER = Tag("<number>")
-_TABLE = Tag("<table>")
-_EITHER = Discriminator(_number_or_table)
-TimeTemperature = Annotated[
-    Annotated[Temperature, _NUMBER] | Annotated[TemperatureTable, _TABLE], _EITHER
-]
-TimeIrradiance = Annotated[
-    Annotated[Irradiance, _NUMBER] | Annotated[IrradianceTable, _TABLE], _EITHER
-]
-TimeHeatFlux = Annotated[
-    Annotated[HeatFlux, _NUMBER] | Annotated[HeatFluxTable, _TABLE], _EITHER
-]
-TimeCoefficient = Annotated[
-    Annotated[HeatTransferCoefficient, _NUMBER] | Annotated[CoefficientTable, _TABLE],
-    _EITHER,
-]
 
 
 class TimeConfig(Model):
@@ -91,7 +21,7 @@ class TimeConfig(Model):
 
     def mistakes(self) -> list[Mistake]:
         """Saved times that do not increase, or lie after the end."""
-        found = not_increasing(self.save_at or (), "save_at")
+        found = not_increasing(self.save_at or (), "save_at", "s")
         for i, time in enumerate(self.save_at or ()):
             if time > self.end:
                 message = f"{time:g} s is after the end, {self.end:g} s"
@@ -112,12 +42,3 @@ class TimeConfig(Model):
             return self.save_at or ()
         whole = round(self.end / self.save_every * (1.0 - 1e-9) - 0.5)
         return (*(self.save_every * (i + 1) for i in range(whole)), self.end)
-
-
-def not_increasing(times: tuple[float, ...], key: str) -> list[Mistake]:
-    """One mistake for each time that is not after the one before it."""
-    return [
-        ((key, i), f"{times[i]:g} s is not after {times[i - 1]:g} s: times increase")
-        for i in range(1, len(times))
-        if times[i] <= times[i - 1]
-    ]

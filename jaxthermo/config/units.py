@@ -31,6 +31,15 @@ IRRADIANCE = Dimension("an irradiance", "W/m^2", "800 W/m^2")
 HEAT_TRANSFER_COEFFICIENT = Dimension(
     "a heat transfer coefficient", "W/(m^2 K)", "10 W/(m^2 K)"
 )
+CONTACT_CONDUCTANCE = Dimension(
+    "a contact conductance ('bonded' for no resistance)",
+    "W/(m^2 K)",
+    "1000 W/(m^2 K)",
+)
+HEAT_RATE_DENSITY = Dimension("a heat rate density", "W/m^3", "5 kW/m^3")
+RADIANT_INTENSITY = Dimension("a radiant intensity", "W/sr", "20 W/sr")
+RADIANCE = Dimension("a radiance", "W/(m^2 sr)", "100 W/(m^2 sr)")
+SPEED = Dimension("a speed", "m/s", "3 m/s")
 CONDUCTIVITY = Dimension("a conductivity", "W/(m K)", "16 W/(m K)")
 DENSITY = Dimension("a density", "kg/m^3", "8000 kg/m^3")
 SPECIFIC_HEAT = Dimension("a specific heat", "J/(kg K)", "500 J/(kg K)")
@@ -105,11 +114,20 @@ def _with_unit(number: float, unit: str, text: str, dimension: Dimension) -> flo
             f"{_expected(text, dimension)} (unknown unit {show(unit)})"
         ) from error
     try:
-        return float(registry.Quantity(number, parsed).to(dimension.unit).magnitude)
+        quantity = registry.Quantity(number, parsed)
+        # For pint W/sr and W are one: 4 pi apart, they must not be mixed up.
+        if _steradians(quantity) != _steradians(registry.Quantity(1, dimension.unit)):
+            raise ValueError
+        return float(quantity.to(dimension.unit).magnitude)
     except (pint.PintError, ArithmeticError, ValueError) as error:
         hint = {"C": " (degrees Celsius are 'degC')", "F": " (write 'degF')"}
         hint = hint.get(unit, "") if dimension is TEMPERATURE else ""
         raise InputError(_expected(text, dimension) + hint) from error
+
+
+def _steradians(quantity: Any) -> Any:
+    """The power of the steradian in a unit."""
+    return dict(quantity.unit_items()).get("steradian", 0)
 
 
 @cache
