@@ -44,10 +44,38 @@ EXPERIMENTS = (
         "voxelizing beside trimesh at the same pitch",
     ),
     Experiment(
+        "mixed",
+        "experiments.benchmarks.mixed",
+        "benchmarks",
+        "what each mechanism costs in a scene of everything",
+        options=("config", "height"),
+    ),
+    Experiment(
         "counting",
         "experiments.thesis.counting",
         "thesis",
         "how many voxels each structure has, against the thesis' counts",
+    ),
+    Experiment(
+        "contact",
+        "experiments.thesis.contact",
+        "thesis",
+        "area of contact by resolution, pruning, a ball on a head",
+        options=("height",),
+    ),
+    Experiment(
+        "radiation",
+        "experiments.thesis.radiation",
+        "thesis",
+        "what bodies, sources and surroundings radiate: C02, C03, C04, occlusion",
+        options=("height",),
+    ),
+    Experiment(
+        "convection",
+        "experiments.thesis.convection",
+        "thesis",
+        "the local Nusselt number, averages, a cylinder in wind: C20, C21",
+        options=("height",),
     ),
     Experiment(
         "structures",

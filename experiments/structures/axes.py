@@ -6,15 +6,32 @@ from typing import Any
 
 import altair as alt
 
+from .config import FULL, LINKS
 
-COLOURS = (
-    "#20242c", "#7a808c", "#c1272d", "#e8833a", "#d4b106", "#7ea534", "#1b8a5a",
-    "#17a2b8", "#2166ac", "#6a51a3", "#b5539c", "#8c5a2b", "#5b7f95", "#e377c2",
-    "#7b1e3a", "#a3a000", "#004d61", "#ff6f61", "#3b7d23", "#9c88d6", "#c08a5a",
-)  # fmt: skip
+
+SHADES = {
+    FULL: ("#14171d", "#14171d"),
+    LINKS: ("#868d99", "#868d99"),
+    "single_shell": ("#a31621", "#f2877a"),
+    "multi_level": ("#b8500a", "#f5b942"),
+    "irregular_multi_level": ("#4c7a12", "#a9cf62"),
+    "octree": ("#0b6e5f", "#58c4b0"),
+    "aggregate": ("#17358c", "#6db1f2"),
+    "shell_over_core": ("#66228f", "#c78be6"),
+}
+"""The darkest and the lightest of each kind of structure."""
+
+OTHER = ("#6b4423", "#cfa27c")
+"""Of kinds that are not listed."""
+
+ALONE = 0.3
+"""Between the two, where a kind has one structure only."""
 
 MARGIN = 0.08
 """Of an axis, beyond what is shown."""
+
+Paint = dict[str, str]
+"""The colour of each label."""
 
 
 class LogAxis:
@@ -35,14 +52,6 @@ class LogAxis:
         every = (float(f"{f}e{n}") for n in exponents for f in factors)
         return [v for v in every if self.low <= math.log10(v) <= self.high]
 
-    def pixels(self, value: float, length: float) -> float:
-        """Where a value stands on an axis of that length [px]."""
-        return (math.log10(value) - self.low) / (self.high - self.low) * length
-
-    def value(self, pixels: float, length: float) -> float:
-        """What stands there."""
-        return 10 ** (self.low + pixels / length * (self.high - self.low))
-
     def of(self, field: str) -> dict[str, Any]:
         """Arguments of `alt.X` or `alt.Y` for a field of the data."""
         ends = [10**self.low, 10**self.high]
@@ -55,9 +64,29 @@ class LogAxis:
         }
 
 
-def colour(shown: list[str], everyone: list[str], **how: Any) -> alt.Color:
-    """The colour of each label: the same wherever it is shown among others."""
-    number = {label: i for i, label in enumerate(dict.fromkeys(everyone))}
-    colours = [COLOURS[number[label] % len(COLOURS)] for label in shown]
-    scale = alt.Scale(domain=shown, range=colours)
+def colours(kinds: dict[str, str]) -> Paint:
+    """A hue for each kind of structure, and in it a shade for each label.
+
+    Args:
+        kinds: of all labels, in the order in which the shades get lighter.
+    """
+    paint = {}
+    for kind in dict.fromkeys(kinds.values()):
+        labels = [label for label in kinds if kinds[label] == kind]
+        for i, label in enumerate(labels):
+            share = i / (len(labels) - 1) if len(labels) > 1 else ALONE
+            paint[label] = _mixed(*SHADES.get(kind, OTHER), share)
+    return paint
+
+
+def _mixed(dark: str, light: str, share: float) -> str:
+    """A colour that share of the way from one to the other."""
+    ends = [[int(text[i : i + 2], 16) for i in (1, 3, 5)] for text in (dark, light)]
+    mixed = (round(a + share * (b - a)) for a, b in zip(*ends, strict=True))
+    return "#" + "".join(f"{value:02x}" for value in mixed)
+
+
+def colour(shown: list[str], paint: Paint, **how: Any) -> alt.Color:
+    """The colour of each label that is shown, in that order."""
+    scale = alt.Scale(domain=shown, range=[paint[label] for label in shown])
     return alt.Color("label", type="nominal", scale=scale, sort=None, **how)

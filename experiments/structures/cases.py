@@ -6,14 +6,17 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from jaxthermo.config.build import build_material, build_mesh, build_term
+from jaxthermo.config.build import build_mesh
+from jaxthermo.config.build_material import build_material
 from jaxthermo.config.build_structure import build_structure, build_surface_map
+from jaxthermo.config.build_terms import build_term
 from jaxthermo.config.schema_geometry import BodyConfig
 from jaxthermo.config.schema_structure import SurfaceMapConfig
+from jaxthermo.geometry.pose import Pose
 from jaxthermo.materials import Material
 from jaxthermo.physics.source import Sun
 from jaxthermo.physics.values import Until
-from jaxthermo.scene.scene import Body, Pose, Scene
+from jaxthermo.scene.scene import Body, Scene
 from jaxthermo.scene.surface import SolvedSurface, body_geometry
 from jaxthermo.structures.full import FullVolume
 from jaxthermo.structures.structure import AbstractStructure
@@ -146,6 +149,14 @@ def all_cases(config: ComparisonConfig) -> tuple[Case, ...]:
         full.append(Case(LINKS, LINKS))
     entries = (Case(e.label, e.structure.kind, e) for e in config.structures)
     return (*full, *entries)
+
+
+def case_loads(case: Case, config: ComparisonConfig) -> tuple[str, ...]:
+    """Those that a case is run under.
+
+    As links the full volume says what a link costs, under any load: one will do.
+    """
+    return (config.picture.load,) if case.kind == LINKS else config.loads
 
 
 def make_map(config: SurfaceMapConfig) -> AbstractSurfaceMap:

@@ -1,6 +1,7 @@
 """`experiments run structures`: measures, and writes tables, plots and pictures."""
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ from rich.console import Console
 from jaxthermo.cli.console import doing, open_console, tell
 from jaxthermo.errors import InputError
 
-from .cases import all_cases
+from .cases import all_cases, case_loads
 from .claims import equilibrium_claim, levels_claim, limb_claim
 from .claims_table import capacity_claim, path_claim, speed_claims
 from .config import (
@@ -25,7 +26,7 @@ from .equilibrium import Equilibrium
 from .levels import level_rows
 from .local import local_rows
 from .progress import Steps, counted
-from .record import Record, program_hash
+from .record import Record, Row, program_hash
 from .report import Findings, write_report
 from .study import Study
 from .summary import summarize
@@ -131,7 +132,9 @@ def _measure(
     )
 
 
-def _rows(study: Study, steps: Steps):
+def _rows(study: Study, steps: Steps) -> Iterator[Row]:
+    for _ in steps.each(study.reference_rows(), f"{study.body.name}, reference"):
+        pass
     for case in all_cases(study.config):
         yield from steps.each(study.rows(case), f"{study.body.name}, {case.label}")
 
@@ -154,10 +157,16 @@ def limb_study(config: ComparisonConfig, record: Record) -> Study | None:
 
 def count_rows(config: ComparisonConfig, limb: Study | None) -> int:
     """How many rows there will be."""
-    claims, cases = config.claims, len(all_cases(config))
-    total = len(config.bodies) * cases * len(config.loads)
+    claims = config.claims
+    total = len(config.bodies) * count_body_rows(config)
     if claims.levels is not None:
         total += (len(claims.levels.counts) + 1) * len(claims.levels.hollow)
     if claims.equilibrium is not None:
-        total += cases
-    return total + (0 if limb is None else len(all_cases(limb.config)))
+        total += len(all_cases(config))
+    return total + (0 if limb is None else count_body_rows(limb.config))
+
+
+def count_body_rows(config: ComparisonConfig) -> int:
+    """References, and every structure under its loads."""
+    each = (len(case_loads(case, config)) for case in all_cases(config))
+    return len(config.loads) + sum(each)

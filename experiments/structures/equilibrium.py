@@ -53,9 +53,8 @@ class Equilibrium:
         """When the body is even to rounding, or nearly so for a slow structure [s]."""
         subject = self.subject
         height = float(np.ptp(subject.grid.mesh.bounds[:, 2]))
-        material = subject.material
-        diffusivity = material.conductivity / material.volumetric_heat_capacity
-        return float(TIME_CONSTANTS * height**2 / (math.pi**2 * diffusivity))
+        diffusivity = float(subject.material.diffusivity)
+        return TIME_CONSTANTS * height**2 / (math.pi**2 * diffusivity)
 
     def _scene(self, case: Case) -> Scene:
         config, subject = self.study.config, self.subject

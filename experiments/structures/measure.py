@@ -25,6 +25,9 @@ from .runner import Runner, finish, prepare
 Timed = tuple[AbstractStructure, float]
 """A structure and how long it took to build [s]."""
 
+LONG = 20.0
+"""Repeats of a run take this long at most, or are one [s]."""
+
 
 class Baseline(NamedTuple):
     """The full volume's explicit loop at its own stable step, timed in this process."""
@@ -63,11 +66,29 @@ def run_timed(scene: Scene, config: ComparisonConfig) -> tuple[Solution, Timing,
     span = config.time
     runner, setup = timed_call(lambda: prepare(scene, span.end, span.save_times))
     loop, compiling = timed_call(runner.compile)
-    seen, _ = timed_call(loop)
-    spans = [timed_call(loop)[1] for _ in range(config.repeats)]
+    seen, spans = repeated(loop, config.repeats)
     timing = Timing(statistics.median(spans), min(spans), max(spans))
     solution = runner.solution(seen)
-    return solution, timing, _cost(runner, solution, timing, setup, compiling)
+    cost = _cost(runner, solution, timing, setup, compiling)
+    return solution, timing, {**cost, "timed_runs": len(spans)}
+
+
+def repeated(
+    call: Callable[[], Any], repeats: int, most: float = LONG
+) -> tuple[Any, list[float]]:
+    """What a call gives, and how long it took each time [s].
+
+    Args:
+        call: gives the same each time; the first time it warms up and does not count.
+        repeats: wanted of it.
+        most: seconds for all repeats. Where it is too little for them there are fewer,
+            one at least, and the first time counts too: a long call hides its warm-up.
+    """
+    seen, first = timed_call(call)
+    fitting = max(1, int(most / first))
+    if fitting >= repeats:
+        return seen, [timed_call(call)[1] for _ in range(repeats)]
+    return seen, [first, *(timed_call(call)[1] for _ in range(fitting))]
 
 
 def _cost(
@@ -128,9 +149,10 @@ def build_timed(make: Callable[[], AbstractStructure]) -> Timed:
         return structure, time.perf_counter() - clock
 
 
-def run_reference(scene: Scene, config: ComparisonConfig) -> Solution:
-    """The full volume, at the config's share of its stable step."""
+def run_reference(
+    scene: Scene, config: ComparisonConfig, stable_step: float | None
+) -> Solution:
+    """The full volume, at the config's share of its stable step [s]."""
     span = config.time
-    limit = prepare(scene, span.end, span.save_times).plan.limit
-    step = None if limit is None else config.reference_step * limit
+    step = None if stable_step is None else config.reference_step * stable_step
     return finish(prepare(scene, span.end, span.save_times, step))

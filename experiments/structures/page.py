@@ -23,6 +23,9 @@ td.words { white-space: normal; text-align: left; min-width: 14rem; }
 img, svg { max-width: 100%; height: auto; display: block; margin: 1rem 0; }
 pre { background: #f4f5f7; padding: 1rem; overflow-x: auto; font-size: 12px; }
 summary { cursor: pointer; margin: 1rem 0; }
+dl { display: grid; grid-template-columns: max-content 1fr; gap: .2rem 1.2rem;
+  max-width: 60rem; font-size: 14px; color: #5a606c; }
+dt { font-weight: 600; } dd { margin: 0; }
 """
 
 
@@ -47,6 +50,12 @@ def heading(text: str) -> str:
 def paragraph(text: str, note: bool = False) -> str:
     """Plain text."""
     return f"<p{' class=note' if note else ''}>{html.escape(text)}</p>"
+
+
+def terms(pairs: list[tuple[str, str]]) -> str:
+    """Words and what they mean."""
+    lines = (f"<dt>{html.escape(a)}</dt><dd>{html.escape(b)}</dd>" for a, b in pairs)
+    return "<dl>" + "\n".join(lines) + "</dl>"
 
 
 def table(columns: list[str], rows: list[list[str]], left: bool = False) -> str:

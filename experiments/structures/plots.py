@@ -4,9 +4,7 @@ from typing import Any
 
 import altair as alt
 
-from .axes import LogAxis, colour
-from .config import FULL
-from .labels import apart
+from .axes import LogAxis, Paint, colour, colours
 from .record import Row
 
 
@@ -14,55 +12,57 @@ Point = dict[str, Any]
 Chart = alt.Chart | alt.LayerChart | alt.FacetChart
 
 WIDTH, HEIGHT = 640.0, 420.0
-DOT = 90
+
+DOT = 90.0
+"""Area of a point [px^2]."""
+
+SHAPES = ("circle", "square", "triangle-up", "diamond", "triangle-down", "cross")
+"""One for each load."""
 
 
-def error_against_time(rows: list[Row], everyone: list[str], title: str) -> Chart:
+def legend(title: str | None = None) -> alt.Legend:
+    """With room for the longest label."""
+    return alt.Legend(title=title, labelLimit=260, symbolSize=DOT, symbolOpacity=1)
+
+
+def error_against_time(rows: list[Row], paint: Paint, title: str) -> Chart:
     """Error against run time, both logarithmic: a point a structure and load.
 
     Args:
         rows: of one body.
-        everyone: all labels of the comparison, for their colours.
+        paint: the colour of each structure.
         title: of the chart.
     """
     points = [_point(row) for row in rows if row["error"]["worst_rms_percent"] > 0]
     spans = [p[k] for p in points for k in ("fastest", "slowest")]
     across = LogAxis(spans, "run time [s], warm, with the surface map at saved times")
     up = LogAxis([p["error"] for p in points], "error, RMS at its worst time [%]")
-    labels = list(dict.fromkeys(point["label"] for point in points))
-    paint = colour(labels, everyone, legend=None)
-    base = alt.Chart(alt.Data(values=points)).encode(y=alt.Y(**up.of("error")))
-    spread = base.mark_rule(opacity=0.5).encode(
-        x=alt.X(**across.of("fastest")), x2="slowest:Q", color=paint
+    labels, loads = ([*dict.fromkeys(p[k] for p in points)] for k in ("label", "load"))
+    shapes = alt.Scale(domain=loads, range=SHAPES[: len(loads)])
+    base = alt.Chart(alt.Data(values=points)).encode(
+        y=alt.Y(**up.of("error")), color=colour(labels, paint, legend=legend())
     )
-    full = alt.Scale(domain=[False, True], range=["circle", "diamond"])
-    dots = base.mark_point(filled=True, opacity=1).encode(
+    spread = base.mark_rule(opacity=0.5).encode(
+        x=alt.X(**across.of("fastest")), x2="slowest:Q"
+    )
+    # Outlines, so that points which meet show each other.
+    dots = base.mark_point(size=DOT, strokeWidth=2.5, opacity=1).encode(
         x=alt.X(**across.of("time")),
-        color=paint,
-        shape=alt.Shape("is_full:N", scale=full, legend=None),
-        size=alt.condition("datum.is_full", alt.value(3 * DOT), alt.value(DOT)),
+        shape=alt.Shape("load:N", scale=shapes, sort=None, legend=legend("sun on")),
         description="text:N",
     )
-    names = alt.Chart(alt.Data(values=_names(points, across, up)))
-    names = names.mark_text(align="center", fontSize=12, fontWeight=600).encode(
-        x=alt.X(**across.of("time")),
-        y=alt.Y(**up.of("error")),
-        text="label:N",
-        color=paint,
-    )
-    chart = alt.layer(spread, dots, names)
-    return chart.properties(width=WIDTH, height=HEIGHT, title=title)
+    return alt.layer(spread, dots).properties(width=WIDTH, height=HEIGHT, title=title)
 
 
 def _point(row: Row) -> Point:
     error, run, ratio = row["error"], row["run_time_s"], row["times_faster"]
     return {
         "label": row["label"],
+        "load": row["load"],
         "time": run["median"],
         "fastest": run["fastest"],
         "slowest": run["slowest"],
         "error": error["worst_rms_percent"],
-        "is_full": row["label"] == FULL,
         "text": f"{row['label']}, sun on {row['load']}: error "
         f"{error['worst_rms_percent']:.3g} %, {run['median']:.3g} s, "
         f"{ratio['median']:.3g} times faster ({ratio['least']:.3g} to "
@@ -70,28 +70,11 @@ def _point(row: Row) -> Point:
     }
 
 
-def _names(points: list[Point], across: LogAxis, up: LogAxis) -> list[Point]:
-    """A name above the points of each structure, clear of the other names."""
-    groups: dict[str, list[Point]] = {}
-    for point in points:
-        groups.setdefault(point["label"], []).append(point)
-    times = [sorted(p["time"] for p in g)[len(g) // 2] for g in groups.values()]
-    tops = [max(p["error"] for p in g) for g in groups.values()]
-    place = lambda time, error: (across.pixels(time, WIDTH), up.pixels(error, HEIGHT))
-    spots = [place(time, top) for time, top in zip(times, tops, strict=True)]
-    heights = apart(list(groups), spots, [place(p["time"], p["error"]) for p in points])
-    return [
-        {"label": label, "time": time, "error": up.value(height, HEIGHT)}
-        for label, time, height in zip(groups, times, heights, strict=True)
-    ]
-
-
 def _lines(
-    points: list[Point], everyone: list[str], x: alt.X, y_title: str, title: str
+    points: list[Point], paint: Paint, x: alt.X, y_title: str, title: str
 ) -> Chart:
     """A line a label through points of `x`, `value` and `label`; values logarithmic."""
     labels = list(dict.fromkeys(point["label"] for point in points))
-    legend = alt.Legend(title=None, labelLimit=260)
     up = LogAxis([point["value"] for point in points], y_title)
     return (
         alt.Chart(alt.Data(values=points))
@@ -99,14 +82,14 @@ def _lines(
         .encode(
             x=x,
             y=alt.Y(**up.of("value")),
-            color=colour(labels, everyone, legend=legend),
+            color=colour(labels, paint, legend=legend()),
             description="text:N",
         )
         .properties(width=WIDTH, height=HEIGHT, title=title)
     )
 
 
-def error_over_time(rows: list[Row], everyone: list[str], title: str) -> Chart:
+def error_over_time(rows: list[Row], paint: Paint, title: str) -> Chart:
     """The error of each structure at every saved time, for one load."""
     points = [
         {
@@ -122,8 +105,10 @@ def error_over_time(rows: list[Row], everyone: list[str], title: str) -> Chart:
         if value > 0
     ]
     axis = alt.Axis(values=sorted({point["time"] for point in points}), format=".4~r")
-    x = alt.X("time:Q", title="time [s]", axis=axis)
-    return _lines(points, everyone, x, "error, RMS [%]", title)
+    # Points at the ends of the time stand clear of the frame.
+    scale = alt.Scale(padding=16, nice=False, zero=False)
+    x = alt.X("time:Q", title="time [s]", axis=axis, scale=scale)
+    return _lines(points, paint, x, "error, RMS [%]", title)
 
 
 def by_levels(rows: list[Row]) -> Chart:
@@ -140,13 +125,13 @@ def by_levels(rows: list[Row]) -> Chart:
         if "refused" not in row
     ]
     axis = LogAxis([point["x"] for point in points], "levels, up to all there are")
-    everyone = ["hollow empty", "", "hollow innermost"]
+    paint = colours(dict.fromkeys((p["label"] for p in points), "multi_level"))
     title = f"{rows[0]['body']}: error against levels, sun on {rows[0]['load']}"
     y_title = "error, RMS at its worst time [%]"
-    return _lines(points, everyone, alt.X(**axis.of("x")), y_title, title)
+    return _lines(points, paint, alt.X(**axis.of("x")), y_title, title)
 
 
-def by_thickness(local: list[Row], everyone: list[str]) -> Chart:
+def by_thickness(local: list[Row], paint: Paint) -> Chart:
     """The error on parts of the surface, by how thick the body is there."""
     points = [
         {
@@ -164,7 +149,7 @@ def by_thickness(local: list[Row], everyone: list[str]) -> Chart:
     axis = alt.Axis(labelAngle=0)
     x = alt.X("x:N", title="thickness under the surface [voxels]", sort=None, axis=axis)
     title = f"Error by thickness of the body, at {local[0]['time_s']:g} s"
-    return _lines(points, everyone, x, "RMS difference [K]", title)
+    return _lines(points, paint, x, "RMS difference [K]", title)
 
 
 def _range(low: int, high: int) -> str:

@@ -57,6 +57,8 @@ def row_in_words(row: Row) -> str:
     where = " ".join(str(row[name]) for name in names if name in row)
     if "refused" in row:
         return f"{row['what']}, {where}: {row['refused']}"
+    if row["what"] == "reference":
+        return f"reference, {where}: {row['steps']} steps, {row['took_s']:.3g} s in all"
     if row["what"] == "equilibrium":
         return (
             f"equilibrium, {where}: mean {row['mean_K']:.6f} K, uneven by "

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import time
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -52,18 +53,21 @@ class Record:
             make: measures the rest; arrays go to a file of their own.
 
         Returns:
-            The row; `refused` says why there is nothing else in it. Such a row is tried
-            again next time: there may be more memory then.
+            The row, with the seconds that it took; `refused` says why there is nothing
+            else in it. Such a row is tried again next time: there may be more memory
+            then.
         """
         key = _key(identity)
         if self.known(identity):
             self.reused += 1
             return self.rows[key]
+        clock = time.perf_counter()
         try:
             row, arrays = make()
         except InputError as error:
             row, arrays = {"refused": str(error)}, {}
-        row = {"id": key, **head, **row, "arrays": sorted(arrays)}
+        took = time.perf_counter() - clock
+        row = {"id": key, **head, **row, "took_s": took, "arrays": sorted(arrays)}
         if arrays:
             with replacing(self._array_file(key)) as temporary:
                 np.savez(temporary, allow_pickle=False, **arrays)

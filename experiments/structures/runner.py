@@ -14,18 +14,15 @@ from jaxtyping import Float
 from jaxthermo.errors import InputError
 from jaxthermo.integrate.error import AnySolution
 from jaxthermo.integrate.euler import ForwardEuler
+from jaxthermo.integrate.observe import Observation
 from jaxthermo.integrate.schedule import legs
 from jaxthermo.integrate.simulate import (
-    Observation,
     Plan,
-    assemble_solution,
-    imbalance,
+    conclude,
     layout_table,
-    observe,
     plan,
     run_all,
     start,
-    uneven_nodes,
 )
 from jaxthermo.integrate.solution import RESULTS, Solution
 from jaxthermo.precision import precision
@@ -59,10 +56,7 @@ class Runner:
             InputError: if temperatures stopped being finite or fell below 0 K.
         """
         with precision(self.scene.dtype):
-            program, state = self.plan.compiled.program, start(self.plan)
-            first = observe(program, state, None)
-            even = imbalance(program, state.theta, uneven_nodes(self.scene))
-            found = assemble_solution(self.scene, self.plan, first, seen, even)
+            found = conclude(self.scene, self.plan, seen)
         if found.result != RESULTS.successful:
             raise InputError(RESULTS[found.result])
         return found
@@ -93,7 +87,7 @@ def prepare(
 
         def loop() -> Observation:
             with precision(scene.dtype):
-                return made(program, state, layout)
+                return made(program, state, layout)[1]
 
         return loop
 

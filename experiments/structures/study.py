@@ -14,7 +14,7 @@ from jaxthermo.integrate.store import StoredSolution
 from jaxthermo.structures.full import FullVolume
 from jaxthermo.structures.report import structure_report
 
-from .cases import NEAREST, Case, Subject, load_subject, make_map
+from .cases import NEAREST, Case, Subject, case_loads, load_subject, make_map
 from .config import (
     FULL,
     ComparedBody,
@@ -83,11 +83,7 @@ class Study:
     def reference(self, load: str) -> StoredSolution:
         """The full volume at a share of its stable step: what errors are from."""
         if load not in self._references:
-            row = self.record.once(
-                {**self.identity, "load": load, "reference": True},
-                {"what": "reference", "body": self.body.name, "load": load},
-                lambda: self._reference(load),
-            )
+            row = self.reference_row(load)
             if "refused" in row:
                 raise InputError(f"the reference: {row['refused']}")
             kept = self.record.arrays_of(row)
@@ -98,6 +94,18 @@ class Study:
             )
         return self._references[load]
 
+    def reference_rows(self) -> Iterator[Row]:
+        """One row a load, so that what takes longest is told by itself."""
+        return map(self.reference_row, self.config.loads)
+
+    def reference_row(self, load: str) -> Row:
+        """How the reference of a load was run; its surface is in the row's arrays."""
+        return self.record.once(
+            {**self.identity, "load": load, "reference": True},
+            {"what": "reference", "body": self.body.name, "load": load},
+            partial(self._reference, load),
+        )
+
     @property
     def shown_reference(self) -> Float[np.ndarray, " s"]:
         """The reference's surface at the time and load of the pictures [K]."""
@@ -105,8 +113,9 @@ class Study:
         return surface_at(self.reference(shown.load), shown.time)
 
     def _reference(self, load: str) -> tuple[Row, Arrays]:
+        stable_step = self.baseline(load).solution.run.stable_step
         scene = self.subject.scene(FullVolume(self.subject.grid), NEAREST, load)
-        solution = run_reference(scene, self.config)
+        solution = run_reference(scene, self.config, stable_step)
         return {"steps": solution.run.steps, "dt_s": solution.run.dt}, {
             "times": np.asarray(solution.times),
             "surface_temperature": np.asarray(solution.surface_temperature),
@@ -127,7 +136,7 @@ class Study:
     def rows(self, case: Case) -> Iterator[Row]:
         """One row a load; the structure is built if any of them is missing."""
         built = cache(partial(self._built, case))
-        for load in self.config.loads:
+        for load in case_loads(case, self.config):
             head = {
                 "what": "structure",
                 "body": self.body.name,

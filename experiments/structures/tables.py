@@ -63,24 +63,32 @@ def cells(line: Line, wide: bool) -> list[str]:
 
 
 def seconds(value: float) -> str:
-    """A time for people: "13 ms", "1.92 s"."""
-    return f"{value:.3g} s" if value >= 1 else f"{1e3 * value:.3g} ms"
+    """A time for people: "13 ms", "1.92 s", "1085 s"."""
+    return f"{plain(value)} s" if value >= 1 else f"{plain(1e3 * value)} ms"
 
 
 def span(time: dict[str, float]) -> str:
     """A time with its spread in one unit: "13 (12-15) ms"."""
     scale, unit = (1.0, "s") if time["median"] >= 1 else (1e3, "ms")
-    values = (scale * time[k] for k in ("median", "fastest", "slowest"))
-    return "{:.3g} ({:.3g}-{:.3g}) {}".format(*values, unit)
+    median, least, most = (
+        plain(scale * time[k]) for k in ("median", "fastest", "slowest")
+    )
+    return f"{median} ({least}-{most}) {unit}"
 
 
 def times(ratio: dict[str, float]) -> str:
     """A ratio with its spread: "8.1 (7.5-9.0)"."""
-    return f"{ratio['median']:.3g} ({ratio['least']:.3g}-{ratio['most']:.3g})"
+    median, least, most = (plain(ratio[k]) for k in ("median", "least", "most"))
+    return f"{median} ({least}-{most})"
+
+
+def plain(value: float | int) -> str:
+    """Three digits, or all before the point: "0.405", "87,947"."""
+    return f"{value:,.0f}" if abs(value) >= 999.5 else f"{value:.3g}"
 
 
 def in_words(check: dict) -> str:
     """What was found and expected: "error % 0.41 (at most 0.3)"."""
     way = "at_most" if "at_most" in check else "at_least"
-    name, limit = NAMES[check["what"]], check[way]
-    return f"{name} {check['found']:,.3g} ({way.replace('_', ' ')} {limit:,g})"
+    name, found, limit = NAMES[check["what"]], check["found"], check[way]
+    return f"{name} {plain(found)} ({way.replace('_', ' ')} {plain(limit)})"

@@ -26,9 +26,6 @@ camera: {width: 64, height: 48}
 RESULTS = {"config.yaml", "energy.csv", "solution.npz", "summary.json"}
 FRAMES = {"t000005.00s", "t000012.00s", "t000020.00s"}
 
-Command = Callable[..., tuple[object, str, str]]
-"""Arguments to exit status, standard output and standard error."""
-
 
 def scene_file(folder: Path, text: str = SCENE) -> Path:
     path = folder / "block.yaml"
@@ -36,8 +33,13 @@ def scene_file(folder: Path, text: str = SCENE) -> Path:
     return path
 
 
-def run(*arguments: object) -> tuple[object, str, str]:
-    """What pytest's own capture would do, but for fixtures of any scope."""
+def run(
+    *arguments: object, main: Callable[[list[str]], None] = main
+) -> tuple[object, str, str]:
+    """Exit status, standard output and standard error of a command.
+
+    What pytest's own capture would give, but for fixtures of any scope.
+    """
     out, err = io.StringIO(), io.StringIO()
     code: object = None
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):

@@ -216,6 +216,82 @@ def test_the_stable_step_is_told(tmp_path):
     assert "100" in err and "stable step of this scene is 2." in err
 
 
+STACKED = """
+bodies:
+  - {shape: &cube {kind: box, size: [4 cm, 4 cm, 4 cm]}, pitch: 1 cm,
+     material: copper, temperature: 300}
+  - {shape: *cube, pitch: 1 cm, material: copper, temperature: 350,
+     pose: {translation: [0, 0, 4 cm]}}
+terms:
+  - {kind: contact, conductance: 1000}
+  - {kind: surroundings, temperature: 280}
+time: {end: 20, save_at: [20]}
+"""
+"""One cube on another."""
+
+FAR = "{region: {lower: [1, 1, 1], upper: [2, 2, 2]}}"
+
+
+@pytest.mark.parametrize(
+    ("change", "messages"),
+    [
+        ("terms.1={kind: sun, direction: [0, 0, 0], irradiance: 9}",
+         ("terms.1.direction", "[0, 0, 0]", "has to point somewhere")),
+        ("terms.1={kind: wind, velocity: [0, 0, 0], speed: 3, temperature: 290}",
+         ("terms.1.velocity", "[0, 0, 0]", "has to point somewhere")),
+        ("terms.1={kind: area_source, centre: [1, 0, 0], normal: [0, 0, 0], "
+         "size: [1, 1], radiance: 9}", ("terms.1.normal", "has to point somewhere")),
+        ("terms.1={kind: point_source, position: [0, 0, 5 cm], radiant_intensity: 9}",
+         ("PointSource", "inside body 1", "move it out")),
+        ("terms.1={kind: area_source, centre: [0, 0, 1 cm], normal: [0, 0, 1], "
+         "size: [1 cm, 1 cm], radiance: 9}",
+         ("AreaSource", "inside body 0", "move it out")),
+        ("bodies.1.pose.translation=[0, 0, 0]",
+         ("body 0 and body 1 overlap", "move them apart")),
+        ("bodies.1.pose.translation=[0, 0, 1 cm]",
+         ("body 0 and body 1 overlap", "move them apart")),
+        ("bodies.1.material={name: copper, emissivity: 1.2}",
+         ("bodies.1.material.emissivity", "at most 1")),
+        ("bodies.1.material.emissivity=-10 %",
+         ("bodies.1.material.emissivity", "at least 0")),
+        (f"terms.1={{kind: heat_flux, heat_flux: 9, on: {FAR}}}",
+         ("no surface of body 0", "check its corners")),
+        (f"terms.1={{kind: heat_source, heat_rate_density: 9, within: {FAR}}}",
+         ("no voxel of body 0", "corners are metres")),
+        ("terms=[{kind: fixed_temperature, temperature: 300}, {kind: fixed_temperature,"
+         " temperature: 310, on: {side: {normal: [1, 0, 0]}}}]",
+         ("terms[0] and terms[1]", "body 0", "keep their `on` apart")),
+        ("bodies.0.material={name: copper, conductivity: {temperatures: [300, 400], "
+         "values: [400, -2]}}",
+         ("bodies.0.material.conductivity.values.1", "more than 0, got -2")),
+        ("bodies.0.material={name: copper, conductivity: [1, 0, 1]}",
+         ("bodies.0.material.conductivity.1", "more than 0")),
+        ("terms.0.bodies=[0, 2]", ("terms.0.bodies.1", "there is no body 2")),
+        ("terms.0.most_pairs=3", ("bodies 0 and 1", "room for 3", "give a larger")),
+        ("terms.1={kind: contact, conductance: bonded, bodies: [1, 0]}",
+         ("terms[0] and terms[1]", "both join bodies 0 and 1")),
+        ("bodies.1.pose={times: [0, 20], poses: [{translation: [0, 0, 4 cm]}, {}], "
+         "every: 1 ms}", ("20000 looks", "give 0.002 s or more")),
+        ("bodies.0.material={labels: block.yaml, materials: [gold]}",
+         ("block.yaml", "write it with numpy.save")),
+    ],
+)  # fmt: skip
+def test_a_scene_beyond_physics(tmp_path, change, messages):
+    scene, out = scene_file(tmp_path, STACKED), tmp_path / "out"
+    err = refused("simulate", scene, "--out", out, "--set", change)
+    assert all(message in err for message in messages), err
+    assert not out.exists()
+
+
+def test_a_wind_beyond_what_was_measured_is_a_note(tmp_path):
+    wind = "terms.1={kind: wind, velocity: [300, 0, 0], temperature: 290}"
+    scene = scene_file(tmp_path, STACKED)
+    code, out, err = run("simulate", scene, "--explain", "--set", wind)
+    assert (code, err) == (0, "")
+    notes = [line for line in out.splitlines() if line.startswith("note: ")]
+    assert any("wind on body 1: Re " in note and "is above" in note for note in notes)
+
+
 @pytest.mark.parametrize("below", ["", "below", "below/it"])
 @pytest.mark.parametrize("command", ["simulate", "voxelize"])
 def test_out_is_a_file_or_below_one(tmp_path, sphere, command, below):

@@ -39,6 +39,7 @@ def command(capsys):
         (("voxelize", "a.obj", "--pitch=-2 mm"), "--pitch: must be more than 0"),
         (("voxelize", "a.obj", "--pitch", "2mm", "--unit", "mm"), "a.obj"),
         (("materials", "coper"), "copper"),
+        (("materials", "zz", "--emissivity"), "no surface has 'zz' in its name"),
         (("simulate", "nowhere.yaml"), "nowhere.yaml: cannot be read"),
         (("render", "nowhere"), "config.yaml"),
     ],

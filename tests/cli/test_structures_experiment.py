@@ -1,13 +1,13 @@
 """`experiments run structures`: the coarse shipped comparison, cut short, whole."""
 
-import contextlib
-import io
 import json
 import re
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
+from cli_runs import run
 from PIL import Image
 
 from experiments.__main__ import main
@@ -19,16 +19,7 @@ SHIPPED = Path(__file__).parents[2] / "configs/experiments/structures-figurine.y
 LABELS = ["full volume", "aggregate x4"]
 
 
-def command(*arguments: object) -> tuple[object, str, str]:
-    """Exit status, standard output and standard error."""
-    out, err = io.StringIO(), io.StringIO()
-    code: object = None
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-        try:
-            main([str(argument) for argument in arguments])
-        except SystemExit as stopped:
-            code = stopped.code
-    return code, out.getvalue(), err.getvalue()
+command = partial(run, main=main)
 
 
 def short_config(folder: Path) -> Path:

@@ -111,7 +111,7 @@ def test_what_holds_a_surface_goes_straight_to_the_node():
     heat, _ = surface.heat(jnp.array(0.0), theta)
     assert float(heat[0]) == pytest.approx(7.0 * 50.0)
     assert float(surface.surface_excess(jnp.array(0.0), theta)[0]) == 50.0
-    assert float(surface.stiffness(jnp.array(400.0), 1.0)[0]) == 7.0
+    assert float(surface.stiffness(jnp.array(400.0), 1.0, jnp.array(1.0))[0]) == 7.0
 
 
 def test_stiffness_is_the_slope_of_the_heat_rate():
@@ -123,7 +123,7 @@ def test_stiffness_is_the_slope_of_the_heat_rate():
     step = 1e-3
     exact = -float(heat(theta + step) - heat(theta - step)) / (2 * step)
     assert slope == pytest.approx(exact, rel=1e-6)
-    bound_ = float(surface.stiffness(jnp.array(here), 1.0)[0])
+    bound_ = float(surface.stiffness(jnp.array(here), 1.0, jnp.array(1.0))[0])
     assert slope == pytest.approx(bound_, rel=1e-6)
 
 

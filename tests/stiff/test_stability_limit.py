@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.integrate.euler import RunState, advance, stable_step
+from jaxthermo.integrate.euler import RunState, advance
 from jaxthermo.integrate.ledger import empty_ledger
 from jaxthermo.scene.compile import compile_scene
 from tests.bodies import blocks
@@ -37,11 +37,11 @@ def _range_after(mechanism, share, painted, dtype, steps):
     region = jt.Region((0.03, -1.0, -1.0), (1.0, 1.0, 1.0))
     material = jt.MaterialMap(METAL, ((region, OTHER),)) if painted else METAL
     body = jt.Body(structure, material, temperature=_checkerboard)
-    compiled = compile_scene(jt.Scene((body,), TERMS[mechanism], dtype=dtype))
+    scene = jt.Scene((body,), TERMS[mechanism], dtype=dtype)
+    compiled = compile_scene(scene, end=1.0)
     program, kind = compiled.program, jnp.dtype(dtype)
-    limit = stable_step(program, compiled.hottest(1.0), 1.0)
-    dt = (limit * share).astype(kind)
-    state = RunState(compiled.state, empty_ledger(len(program.mechanisms), kind))
+    dt = (compiled.stable_step * share).astype(kind)
+    state = RunState(compiled.state, empty_ledger(len(program.entries), kind))
     state = _advance(program, state, jnp.zeros((), kind), dt, jnp.asarray(steps))
     nodes = np.asarray(state.theta[0], float)[structure.node_address()]
     reference = float(program.bodies[0].reference)

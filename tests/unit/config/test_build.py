@@ -8,16 +8,17 @@ import pytest
 
 from jaxthermo.config.build import (
     build_body,
-    build_material,
-    build_pose,
     build_scene,
     build_solver,
 )
 from jaxthermo.config.build_camera import build_camera
+from jaxthermo.config.build_material import build_material
+from jaxthermo.config.build_pose import build_pose
 from jaxthermo.config.loader import load_config
-from jaxthermo.config.schema_geometry import BodyConfig, PoseConfig
+from jaxthermo.config.schema_geometry import BodyConfig
 from jaxthermo.config.schema_image import OrthographicConfig, PinholeConfig
 from jaxthermo.config.schema_material import MaterialConfig
+from jaxthermo.config.schema_pose import PoseConfig
 from jaxthermo.geometry import shapes
 from jaxthermo.image.camera import Camera, OrthographicCamera
 from jaxthermo.materials import materials
@@ -99,7 +100,7 @@ def test_a_rotation_turns_anticlockwise_about_its_axis():
     pose = PoseConfig.model_validate(
         {"translation": [1, 0, 0], "rotation": {"axis": [0, 0, 2], "angle": "90 deg"}}
     )
-    placed = build_pose(pose).place(np.array([[1.0, 0.0, 0.0]]))
+    placed = build_pose(pose).at(0.0).place(np.array([[1.0, 0.0, 0.0]]))
     np.testing.assert_allclose(placed, [[1.0, 1.0, 0.0]], atol=1e-15)
 
 

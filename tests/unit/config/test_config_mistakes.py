@@ -130,7 +130,7 @@ def lines(tmp_path):
         (
             "terms=[{kind: surroundings, temperature: 290},"
             " {kind: surroundings, temperature: 280}]",
-            "terms.1: a second surroundings",
+            "terms.1: surroundings would count the emission twice, after surroundings",
         ),
         (
             "image.palette=irn",

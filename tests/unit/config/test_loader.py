@@ -5,12 +5,17 @@ from pathlib import Path
 
 import pytest
 
+from jaxthermo.config.build_terms import build_term
 from jaxthermo.config.loader import config_hash, load_config, resolved, to_yaml
 from jaxthermo.config.schema import SceneConfig
+from jaxthermo.config.schema_air import ConvectionConfig
 from jaxthermo.config.schema_geometry import Box
 from jaxthermo.config.schema_image import OrthographicConfig
-from jaxthermo.config.schema_terms import ConvectionConfig, SunConfig
-from jaxthermo.config.schema_time import TemperatureTable, TimeConfig
+from jaxthermo.config.schema_material import MaterialConfig
+from jaxthermo.config.schema_pose import PoseConfig
+from jaxthermo.config.schema_radiation import SunConfig
+from jaxthermo.config.schema_time import TimeConfig
+from jaxthermo.config.schema_varying import Table
 
 
 SCENES = Path(__file__).resolve().parents[3] / "configs" / "scenes"
@@ -55,12 +60,12 @@ def test_values_are_si(full):
     sun, convection = config.terms[:2]
     assert config.name == "full"
     assert isinstance(body.shape, Box) and body.shape.size == (0.1, 0.1, 0.1)
-    assert body.material.name == "copper" and body.material.emissivity == 0.3
-    assert body.pose.rotation is not None
+    assert body.material == MaterialConfig(name="copper", emissivity=0.3)
+    assert isinstance(body.pose, PoseConfig) and body.pose.rotation is not None
     assert body.pose.rotation.angle == pytest.approx(math.pi / 6)
     assert isinstance(sun, SunConfig) and sun.irradiance == 1000.0
     assert isinstance(convection, ConvectionConfig)
-    assert isinstance(convection.temperature, TemperatureTable)
+    assert isinstance(convection.temperature, Table)
     assert convection.temperature.times == (0.0, 60.0)
     assert convection.temperature.values == pytest.approx((293.15, 303.15))
     assert isinstance(config.camera, OrthographicConfig)
@@ -110,7 +115,7 @@ def test_a_part_is_set_of_what_is_written_short(full):
     text = FULL.replace("{name: copper, emissivity: 30 %}", "copper")
     full.write_text(text)
     (body,) = load_config(full, ("bodies.0.material.emissivity=0.4",)).bodies
-    assert (body.material.name, body.material.emissivity) == ("copper", 0.4)
+    assert body.material == MaterialConfig(name="copper", emissivity=0.4)
 
 
 def test_the_hash_follows_the_scene_and_the_mesh_but_not_the_folder(full, tmp_path):
@@ -162,3 +167,7 @@ def test_every_scene_loads(path, tmp_path, monkeypatch):
     config = load_config(path)
     assert isinstance(config, SceneConfig)
     assert config.name == path.stem
+    assert len([build_term(term) for term in config.terms]) == len(config.terms)
+    again = tmp_path / "again.yaml"
+    again.write_text(to_yaml(config))
+    assert load_config(again) == config

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
+from jaxthermo.config.array_files import read_labels
 from jaxthermo.config.build import build_body
-from jaxthermo.config.build_structure import build_surface_map, read_labels
+from jaxthermo.config.build_structure import build_surface_map
 from jaxthermo.config.loader import config_hash, load_config, resolved, to_yaml
 from jaxthermo.config.schema_structure import (
     ConstantMap,

@@ -34,6 +34,12 @@ from jaxthermo.errors import InputError
         ("180 deg", units.ANGLE, math.pi),
         (1.5, units.ANGLE, 1.5),
         ("90 %", units.NUMBER, 0.9),
+        ("5 kW/m^3", units.HEAT_RATE_DENSITY, 5000.0),
+        ("36 km/h", units.SPEED, 10.0),
+        ("20 W/sr", units.RADIANT_INTENSITY, 20.0),
+        ("3 mW/cm^2/sr", units.RADIANCE, 30.0),
+        ("3 kW/(m^2 sr)", units.RADIANCE, 3000.0),
+        ("2 kW/(m^2 K)", units.CONTACT_CONDUCTANCE, 2000.0),
     ],
 )
 def test_reads_quantity(text, dimension, value):
@@ -50,6 +56,10 @@ def test_reads_quantity(text, dimension, value):
         ("20 C", units.TEMPERATURE, r"degC"),
         ("3 deg", units.NUMBER, r"expected a number"),
         ("30 %", units.ANGLE, r"expected an angle"),
+        ("20 W", units.RADIANT_INTENSITY, r"such as '20 W/sr', got '20 W'"),
+        ("20 W sr", units.RADIANT_INTENSITY, r"expected a radiant intensity"),
+        ("20 W/m^2", units.RADIANCE, r"expected a radiance"),
+        ("20 W/m^2/sr", units.IRRADIANCE, r"expected an irradiance"),
         (True, units.LENGTH, r"got true"),
         (None, units.LENGTH, r"got nothing"),
         ([1], units.LENGTH, r"got \[1\]"),

@@ -1,19 +1,23 @@
 """Pieces of the report: scales, labels, tooltips, local thickness, checks."""
 
+import time
+
 import numpy as np
 import pytest
 from bodies import blocks
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, settings
 from hypothesis.extra import numpy as hnp
 
 from experiments.structures import page
-from experiments.structures.axes import LogAxis
+from experiments.structures.axes import SHADES, LogAxis, colour, colours
 from experiments.structures.config import ExpectConfig
-from experiments.structures.labels import LINE, apart
 from experiments.structures.local import LocalError, classes, thickness
+from experiments.structures.measure import repeated
+from experiments.structures.plots import error_against_time
 from experiments.structures.scale import DifferenceScale, nice_limit
 from experiments.structures.summary import check
 from experiments.structures.svg import with_tooltips
+from experiments.structures.tables import plain
 
 
 def test_the_scale_is_symmetric_monotone_and_ends_at_its_limit():
@@ -44,24 +48,64 @@ def test_nice_limits(largest, limit):
     assert nice_limit(largest) == pytest.approx(limit)
 
 
-@settings(deadline=None, max_examples=40)
-@given(st.lists(st.tuples(st.floats(0, 600), st.floats(0, 400)), max_size=12))
-def test_names_do_not_stand_on_one_another_nor_on_points(places):
-    names = ["single shell"] * len(places)
-    found = apart(names, places, places)
-    for i, (x, y) in enumerate(places):
-        assert abs(found[i] - y) >= 13 - 1e-9
-        for j, (other_x, other_y) in enumerate(places):
-            beside = abs(x - other_x) > 60
-            assert beside or i == j or abs(found[i] - found[j]) >= LINE - 1e-9
-            assert beside or abs(found[i] - other_y) >= 10
+def test_a_structure_keeps_its_colour_and_a_kind_its_hue():
+    kinds = {"full volume": "full volume", "x2": "aggregate", "octree": "octree"}
+    few, more = colours(kinds), colours({**kinds, "x4": "aggregate", "own": "mine"})
+    assert few["octree"] == more["octree"] and more["x2"] == SHADES["aggregate"][0]
+    assert more["x4"] == SHADES["aggregate"][1]
+    assert len(set(more.values())) == len(more)
+    shown = colour(["x4", "octree"], more).to_dict()
+    assert shown["scale"] == {
+        "domain": ["x4", "octree"],
+        "range": [more["x4"], more["octree"]],
+    }
 
 
-def test_an_axis_holds_its_values_and_goes_there_and_back():
+def test_an_axis_holds_its_values():
     axis = LogAxis([0.02, 3.0], "s")
     assert axis.ticks == pytest.approx([0.02, 0.05, 0.1, 0.2, 0.5, 1, 2])
-    assert axis.value(axis.pixels(0.7, 400.0), 400.0) == pytest.approx(0.7)
-    assert 0 < axis.pixels(0.02, 400.0) < axis.pixels(3.0, 400.0) < 400
+    low, high = axis.of("x")["scale"].domain
+    assert low < 0.02 and high > 3.0
+
+
+def row(label: str, load: str, error: float, time: float) -> dict:
+    return {
+        "label": label,
+        "load": load,
+        "nodes": 9,
+        "error": {"worst_rms_percent": error},
+        "run_time_s": {"median": time, "fastest": time / 2, "slowest": 2 * time},
+        "times_faster": {"median": 3.0, "least": 2.0, "most": 4.0},
+    }
+
+
+def test_a_point_a_structure_and_load_with_both_in_the_legend():
+    rows = [row(name, load, 1.0, 2.0) for name in "ab" for load in ("+x", "-z")]
+    chart = error_against_time(rows, {"a": "#111111", "b": "#222222"}, "c").to_dict()
+    spread, dots = (layer["encoding"] for layer in chart["layer"])
+    assert dots["shape"]["scale"]["domain"] == ["+x", "-z"]
+    assert dots["color"]["scale"]["domain"] == spread["color"]["scale"]["domain"]
+    low, high = spread["x"]["scale"]["domain"]
+    assert spread["x"]["scale"] == dots["x"]["scale"] and low < 1 < 4 < high
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(0.40541, "0.405"), (999.4, "999"), (999.6, "1,000"), (87947, "87,947")],
+)
+def test_numbers_have_three_digits_or_all_before_the_point(value, text):
+    assert plain(value) == text
+
+
+def test_a_run_is_repeated_as_often_as_there_is_time_for():
+    calls = []
+    call = lambda: calls.append(time.sleep(0.02))
+    _, spans = repeated(call, 3, most=10.0)
+    assert (len(spans), len(calls)) == (3, 4)
+    calls.clear()
+    # Too long for three, and for one: the first counts, and it is repeated once.
+    _, spans = repeated(call, 3, most=1e-6)
+    assert (len(spans), len(calls)) == (2, 2) and min(spans) >= 0.02
 
 
 def test_descriptions_become_tooltips():

@@ -10,8 +10,8 @@ from hypothesis.extra import numpy as hnp
 
 import jaxthermo as jt
 from jaxthermo.errors import InputError
+from jaxthermo.geometry.pose import Pose
 from jaxthermo.integrate.store import StoredSolution
-from jaxthermo.scene.scene import Pose
 from jaxthermo.scene.surface import BodyGeometry, SolvedSurface
 
 

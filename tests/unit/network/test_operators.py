@@ -28,10 +28,6 @@ def _solid(seed, count=36):
     return (order < count).reshape(SHAPE)
 
 
-def _at(values, address):
-    return values[address] if values.ndim else values
-
-
 @eqx.filter_jit
 def _all_of(network, state, address, dt):
     """Everything a network can say, from one program."""
@@ -39,7 +35,7 @@ def _all_of(network, state, address, dt):
         "heat_rate": network.heat_rate(state),
         "euler_step": network.euler_step(state, dt),
         "diagonal": network.diagonal()[address],
-        "capacity": _at(network.capacity(), address),
+        "capacity": network.capacity_at(address),
         "largest_rate": network.largest_rate(),
         "total_capacity": network.total_capacity(),
         "stored": network.stored(state),
@@ -168,7 +164,7 @@ def test_two_materials_take_the_harmonic_mean(mixed):
     rate = _values(structure, network.heat_rate(_state(structure, [1.0, 0.0])))
     conductance = 2 * 401.0 * 0.2 / 401.2 * PITCH
     np.testing.assert_allclose(rate, [-conductance, conductance], rtol=1e-14)
-    capacity = network.capacity()[_address(structure)]
+    capacity = network.capacity_at(_address(structure))
     np.testing.assert_allclose(capacity, [1e6 * PITCH**3, 2e6 * PITCH**3])
 
 

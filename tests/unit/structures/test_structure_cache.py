@@ -35,11 +35,12 @@ class Builder:
                 index[:-1], index[1:], *(np.full((3, 5), 2.0) * [[1], [2], [3]])
             ),
             fragment_node=index[::-1].copy(),
+            voxel_node=index - 1,
         )
 
 
 def arrays(built: Built) -> list[np.ndarray]:
-    return [*built.nodes, *built.links, built.fragment_node]
+    return [*built.nodes, *built.links, built.fragment_node, built.voxel_node]
 
 
 def assert_same(first: Built, second: Built) -> None:

@@ -1,0 +1,189 @@
+"""What each mechanism costs in a scene of everything, against conduction alone.
+
+In one run, in turn: every body's own conduction, the whole scene, and the scene without
+each of its mechanisms. A mechanism's share is what the scene is faster without it.
+Besides, one body whose terms all do nothing against the bare loop of its network.
+"""
+
+import time
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+import jaxthermo as jt
+from jaxthermo.config.build import build_scene
+from jaxthermo.config.loader import load_config
+from jaxthermo.integrate.euler import RunState, advance
+from jaxthermo.integrate.ledger import empty_ledger
+from jaxthermo.scene.compile import compile_scene
+
+
+CONFIG = Path("configs/scenes/mixed.yaml")
+STEPS = 100
+
+Times = dict[str, list[float]]
+
+
+@eqx.filter_jit
+def _steps(program, state: RunState, dt) -> RunState:
+    return advance(program, state, jnp.zeros_like(dt), dt, jnp.asarray(STEPS))
+
+
+def _runner(scene: jt.Scene, dt: float):
+    """A call that takes all steps of a scene."""
+    compiled = compile_scene(scene, 1, dt * STEPS)
+    program = compiled.program
+    state = RunState(
+        compiled.state, empty_ledger(len(program.entries), compiled.state[0].dtype)
+    )
+    step = jnp.asarray(dt, compiled.state[0].dtype)
+    return lambda: jax.block_until_ready(_steps(program, state, step))
+
+
+def _bare(body: jt.Body, dt: float):
+    """The same steps of a network alone, without scene, terms or ledger."""
+    compiled = compile_scene(jt.Scene((body,)))
+    network, state = compiled.program.bodies[0].network, compiled.state[0]
+    step = jnp.asarray(dt, state.dtype)
+
+    @eqx.filter_jit
+    def loop(network, state):
+        twice = lambda _, s: network.euler_step(network.euler_step(s, step), step)
+        return jax.lax.fori_loop(0, STEPS // 2, twice, state)
+
+    return lambda: jax.block_until_ready(loop(network, state))
+
+
+def _measure(runners: dict[str, Any], repeats: int) -> Times:
+    """Wall time of each call [s], in turn, after one that compiles."""
+    times: Times = {name: [] for name in runners}
+    for call in runners.values():
+        call()
+    for _ in range(repeats):
+        for name, call in runners.items():
+            clock = time.perf_counter()
+            call()
+            times[name].append(time.perf_counter() - clock)
+    return times
+
+
+def _runners(scene: jt.Scene, dt: float) -> dict[str, Any]:
+    bodies = {
+        f"conduction of body {n}": _runner(jt.Scene((body,), dtype=scene.dtype), dt)
+        for n, body in enumerate(scene.bodies)
+    }
+    without = {
+        f"without {term.name}": _runner(
+            jt.Scene(
+                scene.bodies,
+                tuple(other for other in scene.terms if other is not term),
+                dtype=scene.dtype,
+            ),
+            dt,
+        )
+        for term in scene.terms
+    }
+    idle = (
+        jt.Sun((0.0, 0.0, -1.0), 0.0),
+        jt.Wind((0.0, 0.0, 0.0), 300.0),
+        jt.Contact(100.0),
+    )
+    first = scene.bodies[0]
+    alone = {
+        "one body, idle terms": _runner(jt.Scene((first,), idle, scene.dtype), dt),
+        "bare loop": _bare(first, dt),
+    }
+    return {"scene": _runner(scene, dt), **bodies, **without, **alone}
+
+
+def run(
+    folder: Path, config: Path = CONFIG, height: int | None = None, repeats: int = 5
+) -> dict[str, Any]:
+    """Times, ratios with their spread, and shares.
+
+    Args:
+        folder: for files, of which there are none.
+        config: of the scene.
+        height: voxels along up of every body, instead of the config's.
+        repeats: of each measurement.
+    """
+    del folder
+    overrides = ()
+    if height is not None:
+        count = len(load_config(config).bodies)
+        overrides = tuple(f"bodies.{n}.voxels_high={height}" for n in range(count))
+    clock = time.perf_counter()
+    scene = build_scene(load_config(config, overrides))
+    built = time.perf_counter() - clock
+    clock = time.perf_counter()
+    compiled = compile_scene(scene, 1, 1.0)
+    set_up = time.perf_counter() - clock
+    dt = float(compiled.stable_step)
+    times = _measure(_runners(scene, dt), repeats)
+    found = _results(scene, times)
+    _show(scene, found, built, set_up)
+    return {
+        **found,
+        "steps": STEPS,
+        "dt_s": dt,
+        "build_s": built,
+        "set_up_s": set_up,
+        "nodes": compiled.receipt.nodes,
+        "fragments": compiled.receipt.fragments,
+        "times_s": times,
+    }
+
+
+def _ratio(above: np.ndarray, below: np.ndarray) -> dict[str, float]:
+    ratios = above / below
+    return {
+        "median": float(np.median(ratios)),
+        "low": float(ratios.min()),
+        "high": float(ratios.max()),
+    }
+
+
+def _results(scene: jt.Scene, times: Times) -> dict[str, Any]:
+    arrays = {name: np.array(each) for name, each in times.items()}
+    conduction = sum(
+        arrays[f"conduction of body {n}"] for n in range(len(scene.bodies))
+    )
+    whole = arrays["scene"]
+    shares = {
+        term.name: float(np.median(1 - arrays[f"without {term.name}"] / whole))
+        for term in scene.terms
+    }
+    return {
+        "over_conduction": _ratio(whole, np.asarray(conduction)),
+        "shares": {"conduction": float(np.median(conduction / whole)), **shares},
+        "idle_over_bare": _ratio(arrays["one body, idle terms"], arrays["bare loop"]),
+        "step_ms": {
+            name: 1e3 * float(np.median(each)) / STEPS for name, each in arrays.items()
+        },
+    }
+
+
+def _show(scene: jt.Scene, found: dict[str, Any], built: float, set_up: float) -> None:
+    table = Table(title=f"{len(scene.bodies)} bodies, {STEPS} steps, this host")
+    for column in ("", "ms a step", "share of the scene's time"):
+        table.add_column(column, justify="left" if not column else "right")
+    for name, step in found["step_ms"].items():
+        share = found["shares"].get(name.removeprefix("without "))
+        told = "" if share is None else f"{100 * share:.0f} %"
+        table.add_row(name, f"{step:.3f}", told)
+    console = Console()
+    console.print(table)
+    for what, key in (
+        ("the scene over the sum of conduction", "over_conduction"),
+        ("one body with idle terms over the bare loop", "idle_over_bare"),
+    ):
+        ratio = found[key]
+        spread = f"({ratio['low']:.2f}-{ratio['high']:.2f})"
+        console.print(f"{what}: {ratio['median']:.2f} {spread}")
+    console.print(f"built in {built:.1f} s, compiled and set up in {set_up:.1f} s")

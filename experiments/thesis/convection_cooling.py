@@ -1,0 +1,220 @@
+"""Claim C21: a cylinder in wind cools by the direction of its normal (figure 5.8)."""
+
+from pathlib import Path
+from typing import Any
+
+import altair as alt
+import jax.numpy as jnp
+import numpy as np
+from rich.table import Table
+
+from jaxthermo.geometry.shapes import cylinder
+from jaxthermo.image.annotate import contact_sheet, write_png
+from jaxthermo.image.camera import OrthographicCamera
+from jaxthermo.image.files import picture
+from jaxthermo.image.render import render
+from jaxthermo.integrate.simulate import simulate
+from jaxthermo.integrate.solution import Solution
+from jaxthermo.material import Material
+from jaxthermo.physics.air import kinematic_viscosity, prandtl
+from jaxthermo.physics.boundary import Convection
+from jaxthermo.physics.cross_flow import local_nusselt
+from jaxthermo.physics.nusselt import AVERAGES, churchill_bernstein
+from jaxthermo.physics.wind import Wind
+from jaxthermo.scene.scene import Body, Scene
+from jaxthermo.structures.full import FullVolume
+from jaxthermo.voxels.voxelize import voxelize
+
+from ..structures.plots import Chart
+from .convection_local import HEIGHT, SHADES, WIDTH
+
+
+DIAMETER, LENGTH = 0.1, 0.05
+ACROSS = 48
+"""Voxels."""
+SPEED, AIR, HOT = 5.0, 300.0, 340.0
+CERAMIC = Material(conductivity=2.0, density=1800.0, specific_heat=900.0)
+SAVED = (0.0, 60.0, 180.0, 600.0, 1200.0)
+"""[s]"""
+COMPARED = 600.0
+"""When the choices are compared [s]."""
+SECTOR = 10
+"""Width of a sector [degrees]."""
+
+
+class Cooling:
+    """One cylinder, upright, in a wind along x."""
+
+    def __init__(self):
+        self.grid = voxelize(cylinder(DIAMETER / 2, LENGTH, 128), DIAMETER / ACROSS)
+        normal = self.grid.fragment_normal
+        self.side = np.abs(normal[:, 2]) < 0.5
+        degrees = np.degrees(np.arccos(np.clip(-normal[self.side, 0], -1, 1)))
+        count = 180 // SECTOR
+        self.sector = np.minimum((degrees / SECTOR).astype(int), count - 1)
+        self.middle = (np.arange(count) + 0.5) * SECTOR
+
+    def run(self, term: Any) -> Solution:
+        """From hot, to the last of the saved times."""
+        body = Body(FullVolume(self.grid), CERAMIC, temperature=HOT)
+        return simulate(Scene((body,), (term,)), SAVED[-1], save_at=SAVED)
+
+    def by_sector(self, solution: Solution) -> np.ndarray:
+        """Mean temperature of the side's sectors [times, sectors]."""
+        every = np.asarray(solution.surface_temperature, float)[:, self.side]
+        count = np.bincount(self.sector)
+        return np.stack([np.bincount(self.sector, row) / count for row in every])
+
+    def local_h(self) -> np.ndarray:
+        """The coefficient at the middle of each sector, at the start [W/(m^2 K)]."""
+        film = jnp.asarray((HOT + AIR) / 2)
+        every = lambda value: jnp.full(len(self.middle), value)
+        reynolds = SPEED * DIAMETER / float(kinematic_viscosity(jnp.asarray(AIR)))
+        cosine = jnp.cos(jnp.radians(jnp.asarray(self.middle)))
+        local = local_nusselt(
+            cosine, every(reynolds), every(prandtl(film)), churchill_bernstein
+        )
+        return np.asarray(local)
+
+
+def measure_cooling(folder: Path) -> dict[str, Any]:
+    """C21, the three averages and a fixed h on one cylinder.
+
+    Args:
+        folder: for the picture of the frames.
+    """
+    case = Cooling()
+    wind = lambda name: Wind((SPEED, 0.0, 0.0), AIR, average=name)
+    runs = {a.name: case.run(wind(a.name)) for a in AVERAGES}
+    first = runs[AVERAGES[0].name]
+    # The same heat at first, spread evenly.
+    law = wind(AVERAGES[0].name)
+    h = _mean_coefficient(case, law)
+    runs[f"fixed h = {h:.1f} W/m²K"] = case.run(Convection(h, AIR))
+    sectors = case.by_sector(first)
+    write_png(folder / "cooling.png", frames(first))
+    at = SAVED.index(COMPARED)
+    local = case.local_h()
+    return {
+        "speed_m_s": SPEED,
+        "diameter_m": DIAMETER,
+        "Re": SPEED * DIAMETER / float(kinematic_viscosity(jnp.asarray(AIR))),
+        "times_s": list(SAVED),
+        "sector_middle_deg": case.middle.tolist(),
+        "temperature_K": sectors.tolist(),
+        "local_number": local.tolist(),
+        "correlation_of_temperature_and_number": _correlation(sectors[2], local),
+        "rank_correlation": _correlation(_rank(sectors[2]), _rank(local)),
+        "choices": [
+            _choice(case, name, solution, at) for name, solution in runs.items()
+        ],
+        "compared_at_s": COMPARED,
+    }
+
+
+def _mean_coefficient(case: Cooling, wind: Wind) -> float:
+    """H that takes from the whole surface what the wind takes at first [W/(m^2 K)]."""
+    body = Body(FullVolume(case.grid), CERAMIC, temperature=HOT)
+    short = simulate(Scene((body,), (wind,), dtype="float64"), 1e-3)
+    lost = -float(short.energy.mechanisms["wind"][0]) / 1e-3
+    return lost / (case.grid.fragment_area.sum() * (HOT - AIR))
+
+
+def _choice(case: Cooling, name: str, solution: Solution, at: int) -> dict[str, Any]:
+    side = case.by_sector(solution)[at]
+    return {
+        "name": name,
+        "mean_K": float(solution.mean_temperature[at, 0]),
+        "side_lowest_K": float(side.min()),
+        "side_highest_K": float(side.max()),
+        "side_range_K": float(np.ptp(side)),
+    }
+
+
+def _correlation(a: np.ndarray, b: np.ndarray) -> float:
+    return float(np.corrcoef(a, b)[0, 1])
+
+
+def _rank(values: np.ndarray) -> np.ndarray:
+    return np.argsort(np.argsort(values))
+
+
+def frames(solution: Solution):
+    """The cylinder from the front and a little above, the wind from the left."""
+    camera = OrthographicCamera(
+        position=(-0.06, -0.3, 0.16),
+        look_at=(0.0, 0.0, 0.0),
+        view_height=0.105,
+        width=340,
+        height=250,
+    )
+    shots = []
+    for index in range(1, len(SAVED)):
+        image = render(solution, camera, index, samples=2)
+        # Each on its own scale: within a frame the body differs by a few kelvin.
+        kelvin = np.asarray(solution.surface_temperature[index], float)
+        low, high = np.quantile(kelvin, (0.002, 0.998))
+        shots.append(picture(image, float(low), float(high), quantity="surface"))
+    return contact_sheet(shots, 2)
+
+
+def cooling_chart(found: dict[str, Any]) -> Chart:
+    """How the side differs from its own mean by angle, at the saved times."""
+    points = [
+        {"time": f"{time:g} s", "angle": angle, "T": value - float(np.mean(row))}
+        for time, row in zip(found["times_s"], found["temperature_K"], strict=True)
+        for angle, value in zip(found["sector_middle_deg"], row, strict=True)
+        if time > 0
+    ]
+    names = [f"{time:g} s" for time in found["times_s"] if time > 0]
+    axis = alt.Axis(values=list(range(0, 181, 30)))
+    x = alt.X(
+        "angle:Q",
+        title="angle from the front [degrees]",
+        axis=axis,
+        scale=alt.Scale(domain=[0, 180], nice=False),
+    )
+    base = alt.Chart(alt.Data(values=points)).encode(
+        x=x,
+        y=alt.Y(
+            "T:Q",
+            title="temperature less the side's mean [K]",
+        ),
+        color=alt.Color(
+            "time:N",
+            title=None,
+            sort=None,
+            scale=alt.Scale(domain=names, range=list(SHADES[: len(names)])),
+        ),
+    )
+    title = "C21: a cylinder that cools in the wind, by angle"
+    both = alt.layer(base.mark_line(strokeWidth=2), base.mark_point(filled=True))
+    return both.properties(width=WIDTH, height=HEIGHT, title=title)
+
+
+CHOICE_HEADS = ["", "mean [K]", "side, coldest [K]", "warmest [K]", "range [K]"]
+
+
+def choice_cells(found: dict[str, Any]) -> list[list[str]]:
+    """As text."""
+    return [
+        [
+            row["name"],
+            f"{row['mean_K']:.2f}",
+            f"{row['side_lowest_K']:.2f}",
+            f"{row['side_highest_K']:.2f}",
+            f"{row['side_range_K']:.2f}",
+        ]
+        for row in found["choices"]
+    ]
+
+
+def choice_table(found: dict[str, Any]) -> Table:
+    """For the terminal."""
+    title = f"A cylinder after {found['compared_at_s']:g} s at Re {found['Re']:.3g}"
+    table = Table(title=title)
+    for head in CHOICE_HEADS:
+        table.add_column(head, justify="right" if head else "left")
+    for cells in choice_cells(found):
+        table.add_row(*cells)
+    return table

@@ -1,0 +1,71 @@
+"""`jaxthermo materials`: the table, a search, one in full, and the finishes."""
+
+import pytest
+
+from jaxthermo.__main__ import main
+from jaxthermo.material_data import emissivity_rows, material_rows
+from jaxthermo.materials import find_materials
+
+
+@pytest.fixture
+def shown(capsys, monkeypatch):
+    """A function from arguments to the lines that they print."""
+    monkeypatch.setenv("COLUMNS", "80")
+
+    def run(*arguments: str) -> list[str]:
+        with pytest.raises(SystemExit) as stopped:
+            main(["materials", *arguments])
+        assert stopped.value.code == 0
+        return capsys.readouterr().out.splitlines()
+
+    return run
+
+
+def test_every_material_has_a_line_of_its_own(shown):
+    lines = shown()
+    rows = material_rows()
+    for row in rows:
+        found = [line for line in lines if line.split()[:1] == [row.name]]
+        assert len(found) == 1
+        assert f"{row.conductivity:g}" in found[0].split()
+        assert ("*" in found[0].split()) == row.in_thesis
+        assert (f"~{row.emissivity:g}" in found[0]) == (row.surface is None)
+    assert sum(" * " in line for line in lines[:-1]) == 12
+    # But for the diamond's, sources fit beside the numbers: nothing is cut off.
+    assert len(lines) == 49 + 7
+    assert not any("…" in line for line in lines)
+    assert "Table 5.1 of the thesis" in lines[-1]
+
+
+def test_a_part_of_a_name_lists_what_has_it(shown):
+    text = "\n".join(shown("ste"))
+    assert "carbon_steel" in text and "stainless_steel" in text
+    assert "copper" not in text
+
+
+@pytest.mark.parametrize("name", ["gold", "gol", "GOLD"])
+def test_one_in_full(shown, name):
+    text = "\n".join(shown(name))
+    assert text.startswith("gold (gold)")
+    assert "318" in text and "rho 19300, c_p 126 (Table 5.1)" in text
+    assert "none tabulated, assumed 0.9" in text
+
+
+def test_an_alias_is_a_name(shown):
+    assert shown("steel")[0].startswith("carbon_steel")
+
+
+def test_finishes(shown):
+    text = "\n".join(shown("--emissivity"))
+    for row in emissivity_rows():
+        assert row.surface in text
+    assert len(emissivity_rows()) == 27
+    assert "long-wave infrared" in text
+    some = "\n".join(shown("alu", "--emissivity"))
+    assert "aluminium foil" in some and "brick" not in some
+
+
+def test_find_materials_looks_at_labels_and_aliases_too():
+    assert [row.name for row in find_materials("octane")] == ["gasoline"]
+    assert [row.name for row in find_materials("Petrol")] == ["gasoline"]
+    assert find_materials("zzz") == ()

@@ -1,0 +1,48 @@
+"""Scenes of `configs/scenes` that need no files run, and what they promise happens."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli_runs import run
+
+
+SCENES = Path(__file__).parents[2] / "configs" / "scenes"
+
+COARSE = ("camera={width: 32, height: 24}", "image.samples=1")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "changes", "mechanisms"),
+    [
+        ("figurine", ("bodies.0.voxels_high=40",), {"sun", "convection", "emission"}),
+        ("windy", ("bodies.0.voxels_high=40", "terms.1.occlusion=16"),
+         {"wind", "emission"}),
+        ("ball-on-figurine", ("bodies.0.voxels_high=50", "bodies.1.pitch=6 mm"),
+         {"contact", "emission"}),
+        ("mixed-small", ("bodies.0.voxels_high=30", "terms.3.occlusion=16"),
+         {"sun", "wind", "contact", "emission"}),
+    ],
+)  # fmt: skip
+def test_it_runs(tmp_path, name, changes, mechanisms):
+    options = [part for change in (*changes, *COARSE) for part in ("--set", change)]
+    scene, out = SCENES / f"{name}.yaml", tmp_path / "out"
+    code, _, err = run("simulate", scene, "--out", out, *options)
+    assert (code, err) == (0, "")
+    summary = json.loads((out / "summary.json").read_text())
+    assert set(summary["receipt"]["included"]) == {"conduction", *mechanisms}
+    assert np.abs(summary["energy"]["residual_relative"]).max() < 1e-5
+    through = [heat for key, heat in summary["energy"].items() if "contact" in key]
+    assert bool(through) == ("contact" in mechanisms)
+    # From the warm ball, which is the later body, to what it stands on.
+    assert all(heat[-1] < 0 for heat in through)
+
+
+def test_each_scene_is_run_or_needs_a_file():
+    marks = test_it_runs.pytestmark
+    (cases,) = (mark.args[1] for mark in marks if mark.name == "parametrize")
+    run_here = {case[0] for case in cases}
+    texts = {path.stem: path.read_text() for path in SCENES.glob("*.yaml")}
+    assert run_here == {name for name, text in texts.items() if "mesh:" not in text}

@@ -1,0 +1,178 @@
+"""View factors to the surroundings, against closed forms and against exchange."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from jaxthermo.constants import STEFAN_BOLTZMANN
+from jaxthermo.geometry.shapes import box, sphere
+from jaxthermo.physics.emission import Surroundings
+from jaxthermo.physics.occlusion import open_view, sky_view
+from jaxthermo.physics.term import LeftOut
+from jaxthermo.physics.view_factor import view_factors
+from jaxthermo.reference.view_factor import (
+    element_to_sphere,
+    groove_mouth,
+    out_of_groove,
+    parallel_rectangles,
+)
+from jaxthermo.voxels.voxelize import voxelize
+from tests.radiating import in_patches, moved, shell, surface_of
+
+
+def quads(corners):
+    """Two triangles for each four corners."""
+    a, b, c, d = np.moveaxis(np.array(corners, float), 1, 0)
+    return np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+
+
+def groove(angle, length=60.0):
+    """An endless V in a flat ground, its walls 1 m long, along y."""
+    s, c = np.sin(angle / 2), np.cos(angle / 2)
+    y = np.array([0.0, length / 2, 0.0])
+    sides = []
+    for sign in (1.0, -1.0):
+        rim, out = np.array([sign * s, 0.0, c]), np.array([sign * 5.0, 0.0, 0.0])
+        sides += [[-y, rim - y, rim + y, y]]
+        sides += [[rim - y, rim + out - y, rim + out + y, rim + y]]
+    # What is below the ground must not be seen through it.
+    sides += [[[-6, -30, -0.5], [6, -30, -0.5], [6, 30, -0.5], [-6, 30, -0.5]]]
+    return quads(sides)
+
+
+@pytest.mark.parametrize("degrees", [60.0, 90.0, 120.0])
+def test_endless_groove(degrees):
+    angle, pitch = np.deg2rad(degrees), 0.05
+    s, c = np.sin(angle / 2), np.cos(angle / 2)
+    x, y = np.meshgrid(
+        (np.arange(20) + 0.5) * pitch, 0.37 * np.arange(9) * pitch, indexing="ij"
+    )
+    place = np.stack([x * s, y, x * c], axis=-1).reshape(-1, 3)
+    normal = np.tile([-c, 0.0, s], (len(place), 1))
+    view = sky_view(groove(angle), place, normal, pitch, 256)
+    found = (view.sky + view.ground).reshape(x.shape).mean(1)
+    exact = np.array([out_of_groove(at, 1.0, angle) for at in x[:, 0]])
+    rms = float(np.sqrt(np.mean((found - exact) ** 2)))
+    print(degrees, "degrees: rms", rms, "mean", found.mean() - exact.mean())
+    assert rms < 0.015
+    assert found.mean() == pytest.approx(groove_mouth(angle), abs=0.008)
+    # The ground is below the horizon, and here all of it is hidden by the walls.
+    assert view.ground.max() < 0.02
+
+
+def test_ball_on_a_plane():
+    ball = sphere(1.0, 3).triangles + np.array([0.0, 0.0, 1.0])
+    place = np.random.default_rng(0).uniform(-3, 3, (800, 3)) * np.array([1, 1, 0.0])
+    place = place[np.hypot(*place[:, :2].T) > 0.2]
+    normal = np.tile([0.0, 0.0, 1.0], (len(place), 1))
+    floor = box((20.0, 20.0, 1.0)).triangles - np.array([0.0, 0.0, 0.5])
+    view = sky_view(np.concatenate([ball, floor]), place, normal, 0.05)
+    away = np.hypot(*place[:, :2].T)
+    exact = [
+        1 - element_to_sphere(1.0, np.hypot(r, 1.0), 1 / np.hypot(r, 1.0)) for r in away
+    ]
+    np.testing.assert_array_equal(view.ground, 0.0)
+    assert np.sqrt(np.mean((view.sky - exact) ** 2)) < 0.02
+
+
+@pytest.mark.parametrize("directions", [8, 33])
+def test_convex_bodies_see_everything_exactly(directions):
+    ball = voxelize(sphere(0.2, 3), 0.02)
+    place, normal = ball.fragment_position, ball.fragment_normal
+    view = sky_view(ball.mesh.triangles, place, normal, 0.02, directions)
+    free = open_view(normal)
+    # On facets next to the terminator a ray may graze the next one.
+    off = np.abs(view.sky + view.ground - 1) > 1e-12
+    assert off.mean() < 0.02
+    np.testing.assert_allclose(view.sky[~off], free.sky[~off], atol=1e-12)
+    block = voxelize(box((0.2, 0.1, 0.1)), 0.02)
+    view = sky_view(
+        block.mesh.triangles, block.fragment_position, block.fragment_normal, 0.02
+    )
+    np.testing.assert_allclose(view.sky, open_view(block.fragment_normal).sky, atol=0)
+    np.testing.assert_allclose(view.sky + view.ground, 1.0, atol=1e-15)
+
+
+def test_two_cubes_against_closed_form_and_exchange():
+    cube = voxelize(box((1.0, 1.0, 1.0)), 0.05)
+    apart = 1.5
+    other = cube.mesh.triangles + np.array([apart, 0.0, 0.0])
+    both = np.concatenate([cube.mesh.triangles, other])
+    place, normal, area = (
+        cube.fragment_position,
+        cube.fragment_normal,
+        cube.fragment_area,
+    )
+    view = sky_view(both, place, normal, 0.05)
+    seen = view.sky + view.ground
+    facing = normal[:, 0] > 0.9
+    exact = 1 - parallel_rectangles(1.0, 1.0, apart - 1.0)
+    assert seen[facing] @ area[facing] == pytest.approx(exact, abs=0.01)
+    assert seen[~facing].min() == 1.0
+    first = in_patches(cube, 60)
+    second = in_patches(cube, 60, moved(apart, 0.0, 0.0))
+    exchange = view_factors((first, second), directions=32, across=48)
+    patches = first.patches
+    by_patch = np.bincount(patches.patch, area * seen) / patches.area
+    np.testing.assert_allclose(
+        by_patch, exchange.to_surroundings[: patches.count], atol=0.03
+    )
+    total = exchange.outside[: patches.count].sum()
+    assert total == pytest.approx(6.0 - (1.0 - exact), rel=4e-3)
+
+
+@pytest.fixture(scope="module")
+def block():
+    return voxelize(box((0.2, 0.1, 0.1)), 0.02)
+
+
+def fluxes(term, surface):
+    """Net heat flux into every fragment at 320 K [W/m^2]."""
+    theta = jnp.zeros(len(surface.area))
+    bindings = term.bind(surface, 320.0)
+    rates = [b.term.heat_rate(jnp.asarray(0.0), theta) for b in bindings]
+    return np.asarray(sum(rates)) / np.asarray(surface.area)
+
+
+def test_sky_and_ground_each_with_its_temperature(block):
+    surface = surface_of(block, emissivity=0.7)
+    found = fluxes(Surroundings(250.0, ground=300.0), surface)
+    up = (1 + block.fragment_normal[:, 2]) / 2
+    exact = up * 250.0**4 + (1 - up) * 300.0**4 - 320.0**4
+    np.testing.assert_allclose(found, 0.7 * STEFAN_BOLTZMANN * exact, rtol=1e-12)
+    same = fluxes(Surroundings(300.0, ground=300.0), surface)
+    plain = fluxes(Surroundings(300.0), surface)
+    np.testing.assert_allclose(same, plain, rtol=1e-12)
+
+
+def test_what_is_hidden_neither_gives_nor_takes(block):
+    roof = box((1.0, 1.0, 0.1)).triangles + np.array([0.0, 0.0, 0.2])
+    surface = surface_of(block, others=[roof])
+    shaded = fluxes(Surroundings(280.0, occlusion=64), surface)
+    free = fluxes(Surroundings(280.0), surface)
+    top = block.fragment_normal[:, 2] > 0.9
+    share = shaded / free
+    assert share[top].max() < 0.45 and share.max() <= 1.0
+    bottom = block.fragment_normal[:, 2] < -0.9
+    np.testing.assert_allclose(share[bottom], 1.0, rtol=1e-12)
+    two = fluxes(Surroundings(280.0, ground=280.0, occlusion=64), surface)
+    np.testing.assert_allclose(two, shaded, rtol=1e-12)
+
+
+def test_a_sealed_body_has_no_surroundings():
+    inner = voxelize(sphere(0.05, 2), 0.01)
+    surface = surface_of(inner, others=[shell(0.1, 0.12, 2).triangles])
+    result = Surroundings(300.0, occlusion=32).bind(surface, 300.0)
+    assert isinstance(result, LeftOut) and "sees" in result.why
+
+
+@pytest.mark.parametrize("directions", [0, 7, -3])
+def test_too_few_directions_are_refused(directions):
+    with pytest.raises(jt.InputError, match=f"occlusion={directions}: give 8"):
+        Surroundings(300.0, occlusion=directions)
+
+
+def test_temperatures_are_checked():
+    with pytest.raises(jt.InputError, match="ground"):
+        Surroundings(300.0, ground=-1.0)

@@ -1,0 +1,141 @@
+"""Bodies in contact: closed forms of half-spaces (V11, V12), a swap that is one."""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from jaxthermo.reference.contact import contact_surfaces, perfect_contact
+from tests.bodies import bar
+
+
+COPPER = jt.Material(conductivity=401.0, density=8933.0, specific_heat=385.0)
+STEEL = jt.Material(conductivity=15.1, density=8055.0, specific_heat=480.0)
+COLD = 273.15
+
+
+_bar = functools.cache(bar)
+
+
+def _scene(contact, pitch=1e-3, cells=(165, 35), dtype="float64"):
+    """A hot copper bar and a cold steel one, end to end at x = 0."""
+    bodies = tuple(
+        jt.Body(
+            jt.FullVolume(_bar(count, pitch)),
+            material,
+            temperature=COLD + start,
+            pose=jt.Pose(translation=(side * count * pitch / 2, 0.0, 0.0)),
+        )
+        for count, material, start, side in zip(
+            cells, (COPPER, STEEL), (100.0, 0.0), (-1.0, 1.0), strict=True
+        )
+    )
+    return jt.Scene(bodies, (contact,), dtype=dtype)
+
+
+def _ends(solution, scene):
+    """Surface temperatures at the faces that touch, above 273.15 K."""
+    found = []
+    for index, sign in ((0, 1.0), (1, -1.0)):
+        normal = scene.bodies[index].structure.grid.fragment_normal
+        face = np.flatnonzero(normal[:, 0] * sign > 0.9)
+        found.append(np.asarray(solution.of_body(index))[:, face].mean(axis=1) - COLD)
+    return found
+
+
+def test_bonded_half_spaces_meet_between():
+    scene = _scene(jt.bonded)
+    end = (5e-3) ** 2 / STEEL.diffusivity
+    solution = jt.simulate(scene, end)
+    one, other = (float(side[0]) for side in _ends(solution, scene))
+    exact = perfect_contact(100.0, 0.0, COPPER.effusivity, STEEL.effusivity)
+    print("V11 two bodies", one, other, "exact", exact)
+    assert one == pytest.approx(exact, abs=0.05)
+    assert other == pytest.approx(one, abs=1e-9)
+
+
+def test_a_contact_conductance_holds_two_half_spaces_apart():
+    scene = _scene(jt.Contact(1000.0))
+    times = [1.0, 6.0]
+    solution = jt.simulate(scene, times[-1], times)
+    one, other = _ends(solution, scene)
+    *exact, _ = contact_surfaces(
+        np.array(times),
+        temperature_a=100.0,
+        temperature_b=0.0,
+        effusivity_a=COPPER.effusivity,
+        effusivity_b=STEEL.effusivity,
+        contact_conductance=1000.0,
+    )
+    print("V12", one - exact[0], other - exact[1])
+    np.testing.assert_allclose(one, exact[0], atol=0.2)
+    np.testing.assert_allclose(other, exact[1], atol=0.2)
+
+
+@pytest.mark.parametrize(("dtype", "most"), [("float64", 1e-12), ("float32", 1e-5)])
+def test_what_one_loses_the_other_gains(dtype, most):
+    scene = _scene(jt.Contact(1000.0), cells=(20, 15), dtype=dtype)
+    energy = jt.simulate(scene, 2.0, [1.0, 2.0]).energy
+    swapped = np.asarray(energy.contacts["contact 0-1"])
+    assert swapped[-1] > 0.1
+    np.testing.assert_array_equal(energy.bodies[0].contacts["contact 0-1"], -swapped)
+    np.testing.assert_array_equal(energy.bodies[1].contacts["contact 0-1"], swapped)
+    for body in energy.bodies:
+        assert np.abs(body.residual_relative).max() < most
+    assert np.abs(energy.residual_relative).max() < most
+
+
+def test_no_conductance_parts_and_more_of_it_bonds():
+    """S11: the limits are the thing itself."""
+    run = lambda contact: jt.simulate(
+        _scene(contact, cells=(10, 8)), 1.0, solver=jt.ForwardEuler(dt=1e-3)
+    )
+    apart, bonded, nearly = map(run, (jt.Contact(0.0), jt.bonded, jt.Contact(1e16)))
+    np.testing.assert_allclose(apart.mean_temperature, [[COLD + 100.0, COLD]], atol=0)
+    np.testing.assert_allclose(
+        nearly.surface_temperature, bonded.surface_temperature, rtol=1e-10
+    )
+    assert float(bonded.mean_temperature[0, 0]) < COLD + 99.0
+
+
+def test_the_gradient_with_respect_to_the_conductance():
+    def cold_end(conductance):
+        scene = _scene(jt.Contact(conductance), cells=(10, 8))
+        solution = jt.simulate(scene, 1.0, solver=jt.ForwardEuler(dt=2e-3))
+        return solution.mean_temperature[0, 1]
+
+    _scene(jt.bonded, cells=(10, 8))
+    value, slope = jax.jit(jax.value_and_grad(cold_end))(1000.0)
+    step = 1e-2
+    run = jax.jit(cold_end)
+    central = (run(1000.0 + step) - run(1000.0 - step)) / (2 * step)
+    assert float(slope) == pytest.approx(float(central), rel=1e-6)
+    assert float(value) > COLD
+    assert bool(jnp.isfinite(jax.jit(jax.grad(cold_end))(0.0)))
+
+
+def test_boxes_in_contact_move_toward_each_other_and_apart_stay():
+    """A19: two boxes of 6 cm, +80 K and -80 K about 22 C, k 200, rho 2000, c 1."""
+    stuff = jt.Material(200.0, density=2000.0, specific_heat=1.0)
+    grid = jt.voxelize(jt.shapes.box((0.06,) * 3), 0.01)
+
+    def means(distance):
+        bodies = tuple(
+            jt.Body(
+                jt.FullVolume(grid),
+                stuff,
+                temperature=295.15 + side * 80.0,
+                pose=jt.Pose(translation=(side * distance / 2, 0.0, 0.0)),
+            )
+            for side in (1, -1)
+        )
+        scene = jt.Scene(bodies, (jt.Contact(1000.0),), dtype="float64")
+        return np.asarray(jt.simulate(scene, 0.05).mean_temperature)[0] - 295.15
+
+    hot, cold = means(0.06)
+    assert hot < 79.0
+    assert cold > -79.0
+    np.testing.assert_allclose(means(0.5), [80.0, -80.0], atol=0.05)

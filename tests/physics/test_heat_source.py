@@ -1,0 +1,153 @@
+"""Heat released inside: as much as asked for, and where, in any structure."""
+
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from jaxthermo.errors import InputError
+from jaxthermo.physics.heat_source import HeatSource, VolumeBinding
+from jaxthermo.physics.term import LeftOut
+from jaxthermo.voxels.select import Everything, FragmentMask, Region, Side
+from tests.bodies import bar, blocks, depth, on_top
+
+
+PITCH = 0.01
+
+
+@pytest.fixture(scope="module")
+def grid():
+    solid = np.ones((12, 10, 11), bool)
+    solid[8:, 6:, :3] = False
+    return blocks(solid, PITCH)
+
+
+STRUCTURES = {
+    "full": jt.FullVolume,
+    "shell": jt.SingleShell,
+    "hollow": lambda grid: jt.SingleShell(grid, capacity="own"),
+    "multi": lambda grid: jt.MultiLevel(grid, levels=2),
+    "irregular": jt.IrregularMultiLevel,
+    "octree": jt.Octree,
+    "aggregate": lambda grid: jt.Aggregate(grid, factor=3),
+    "core": jt.ShellOverCore,
+}
+
+
+def _box(lower, upper):
+    return Region(lower=(lower,) * 3, upper=upper)
+
+
+WITHIN = {
+    "all": None,
+    "everything": Everything(),
+    "corner": _box(-1.0, (0.035, 0.045, 0.055)),
+    "core": _box(0.04, (0.07, 0.06, 0.06)),
+}
+
+
+def _bound(source, structure):
+    found = source.bind_volume(structure, 0)
+    assert isinstance(found, VolumeBinding)
+    return found
+
+
+def _voxels(grid, within):
+    centre = grid.lattice.centres(np.argwhere(grid.solid))
+    chosen = np.ones(len(centre), bool) if within is None else within.contains(centre)
+    return centre[chosen]
+
+
+@pytest.mark.parametrize("within", WITHIN.values(), ids=WITHIN)
+@pytest.mark.parametrize("kind", STRUCTURES)
+def test_the_heat_in_all_is_the_same_in_every_structure(grid, kind, within):
+    structure = STRUCTURES[kind](grid)
+    found = _bound(HeatSource(1e5, within), structure)
+    voxels = _voxels(grid, within)
+    assert found.volume.shape == (structure.node_count,)
+    assert found.volume.min() >= 0.0
+    total = len(voxels) * grid.voxel_volume
+    assert found.volume.sum() == pytest.approx(total, rel=1e-13)
+    assert found.heat_rate_density == 1e5
+
+
+@pytest.mark.parametrize("kind", ["full", "octree", "aggregate", "core"])
+def test_and_so_is_where_it_is(grid, kind):
+    """The middle of the heat is that of the voxels, as far as nodes resolve it."""
+    structure, within = STRUCTURES[kind](grid), WITHIN["corner"]
+    share = _bound(HeatSource(1.0, within), structure).volume
+    middle = share @ structure.nodes().centre / share.sum()
+    away = np.abs(middle - _voxels(grid, within).mean(axis=0)).max()
+    assert away < (1e-12 if kind == "full" else 1.0 * PITCH)
+    untouched = (structure.nodes().centre > 0.035 + 3 * PITCH).any(axis=1)
+    assert share[untouched].sum() == 0.0
+
+
+def test_everything_is_the_volume_of_the_nodes(grid):
+    for kind in ("full", "octree", "aggregate", "core"):
+        structure = STRUCTURES[kind](grid)
+        share = _bound(HeatSource(1.0), structure).volume
+        np.testing.assert_allclose(share, structure.nodes().volume, rtol=1e-12)
+
+
+def test_what_does_nothing_is_left_out(grid):
+    structure = jt.FullVolume(grid)
+    other = HeatSource(1.0, Everything(body=1)).bind_volume(structure, 0)
+    assert other == LeftOut("`within` is on another body")
+    none = HeatSource(0.0).bind_volume(structure, 0)
+    assert none == LeftOut("the heat rate density is 0")
+    zero = jt.Table([0.0, 1.0], [0.0, 0.0])
+    assert isinstance(HeatSource(zero).bind_volume(structure, 0), LeftOut)
+
+
+def test_an_insulated_body_warms_at_q_over_rho_c(grid):
+    """In every structure, to rounding: dT/dt = q''' / (rho c)."""
+    density, heat, kelvin = 1e6, (8e3, 500.0), 300.0
+    for kind in ("full", "octree"):
+        body = jt.Body(
+            STRUCTURES[kind](grid), jt.Material(16.0, *heat), temperature=kelvin
+        )
+        scene = jt.Scene((body,), (HeatSource(density),), dtype="float64")
+        found = jt.simulate(scene, 20.0, [10.0, 20.0])
+        exact = kelvin + density / (heat[0] * heat[1]) * np.array([10.0, 20.0])
+        np.testing.assert_allclose(found.mean_temperature[:, 0], exact, rtol=1e-13)
+        assert float(np.ptp(found.surface_temperature[-1])) < 1e-10
+        total = density * grid.solid_count * grid.voxel_volume * 20.0
+        assert float(found.energy.mechanisms["heat_source"][-1]) == pytest.approx(total)
+        assert float(np.abs(found.energy.residual_relative).max()) < 1e-12
+
+
+def test_a_slab_with_cold_faces_has_a_parabola():
+    """Steady: T = T_0 + q (L x - x^2) / 2 k, and q h^2 / 8 k more on cells of h."""
+    cells, pitch, k, q, cold = 10, 0.01, 50.0, 2e6, 300.0
+    line = bar(cells, pitch)
+    body = jt.Body(jt.FullVolume(line), jt.Material(k, 1e3, 1e2), temperature=cold)
+    ends = [
+        jt.FixedTemperature(cold, on=jt.Side(normal=(sign, 0.0, 0.0)))
+        for sign in (-1.0, 1.0)
+    ]
+    scene = jt.Scene((body,), (HeatSource(q), *ends), dtype="float64")
+    found = jt.simulate(scene, 60.0)
+    x, length = depth(line), cells * pitch
+    exact = cold + q / (2 * k) * (length * x - x**2) + q * pitch**2 / (8 * k)
+    np.testing.assert_allclose(
+        found.surface_temperature[-1][on_top(line)], exact, rtol=1e-9
+    )
+
+
+def test_functions_of_time_are_kept(grid):
+    ramp = jt.Table([0.0, 10.0], [0.0, 1e6])
+    source = HeatSource(ramp)
+    assert source.values == (ramp,)
+    assert _bound(source, jt.FullVolume(grid)).heat_rate_density is ramp
+    assert source.name == "heat_source"
+
+
+def test_mistakes_are_one_line(grid):
+    aside = _box(1.0, (2.0, 2.0, 2.0))
+    with pytest.raises(InputError, match="no voxel of body 0 has its centre in it"):
+        HeatSource(1.0, aside).bind_volume(jt.FullVolume(grid), 0)
+    for within in (Side(normal=(1.0, 0.0, 0.0)), FragmentMask(np.ones(3, bool)), "all"):
+        with pytest.raises(InputError, match="it heats the inside: give a Region"):
+            HeatSource(1.0, within)
+    with pytest.raises(InputError, match="must be finite"):
+        HeatSource(np.nan)

@@ -1,0 +1,72 @@
+"""Bodies and sources that move: contact begins when they meet, shadows travel."""
+
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from jaxthermo.integrate.segments import begin, finish, segments
+from jaxthermo.integrate.simulate import plan
+from jaxthermo.scene.motion import Motion, PoseTable
+
+
+METAL = jt.Material(200.0, density=2000.0, specific_heat=500.0, emissivity=0.5)
+GRID = jt.voxelize(jt.shapes.box((0.04,) * 3), 0.01)
+
+
+def _approaching(arrival):
+    """A hot cube that stands 4 cm off and meets a cold one at the given time [s]."""
+    far, near = jt.Pose((0.08, 0.0, 0.0)), jt.Pose((0.04, 0.0, 0.0))
+    path = PoseTable((0.0, arrival - 1e-6, arrival), (far, far, near))
+    still = jt.Body(jt.FullVolume(GRID), METAL, temperature=300.0)
+    moving = jt.Body(jt.FullVolume(GRID), METAL, temperature=400.0, pose=Motion(path))
+    return jt.Scene((still, moving), (jt.Contact(500.0),), dtype="float64")
+
+
+def test_heat_flows_from_when_they_meet():
+    scene = _approaching(10.0)
+    solution = jt.simulate(scene, 20.0, [5.0, 10.0, 20.0])
+    swapped = np.asarray(solution.energy.contacts["contact 0-1"])
+    np.testing.assert_array_equal(swapped[:2], 0.0)
+    assert swapped[2] < -1.0
+    assert solution.receipt.looks == 3
+    # From then on it is the run of two that touch from the start.
+    touching = jt.Scene(
+        (scene.bodies[0], jt.Body(
+            jt.FullVolume(GRID), METAL, temperature=400.0,
+            pose=jt.Pose((0.04, 0.0, 0.0)),
+        )),
+        scene.terms, dtype="float64",
+    )  # fmt: skip
+    alone = jt.simulate(touching, 10.0)
+    np.testing.assert_allclose(
+        solution.mean_temperature[2], alone.mean_temperature[0], rtol=1e-9
+    )
+    assert np.abs(solution.energy.residual_relative).max() < 1e-12
+
+
+def test_segments_follow_the_motion():
+    scene = _approaching(10.0)
+    todo = plan(scene, 20.0, [5.0, 20.0], jt.ForwardEuler())
+    *_, progress = segments(todo, begin(scene, todo))
+    whole = jt.simulate(scene, 20.0, [5.0, 20.0])
+    pieces = finish(scene, todo, progress)
+    np.testing.assert_array_equal(pieces.surface_temperature, whole.surface_temperature)
+
+
+def test_a_sun_that_travels_brings_what_the_angles_say():
+    """From noon to the horizon at a constant rate, on a plate that looks up."""
+    half_day = 60.0
+
+    def direction(time):
+        angle = time / half_day * np.pi / 2
+        return (float(np.sin(angle)), 0.0, -float(np.cos(angle)))
+
+    plate = jt.voxelize(jt.shapes.box((0.06, 0.06, 0.01)), 0.01)
+    body = jt.Body(jt.FullVolume(plate), METAL, temperature=300.0)
+    only_top = jt.Scene((body,), (jt.Sun(direction, 1000.0),), dtype="float64")
+    heat = jt.simulate(only_top, half_day, [half_day]).energy.mechanisms["sun"][0]
+    # The top takes the cosine, the four edges' lit one the sine.
+    area, edge = 0.06 * 0.06, 0.06 * 0.01
+    exact = 0.5 * 1000.0 * half_day * 2 / np.pi * (area + edge)
+    print("travelling sun", float(heat), "exact", exact)
+    assert float(heat) == pytest.approx(exact, rel=2e-4)

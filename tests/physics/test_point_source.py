@@ -1,0 +1,174 @@
+"""A point source: cosine over distance squared, its shadows, and all it sends out."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from jaxthermo.geometry.shapes import box, sphere
+from jaxthermo.physics.point_source import PointSource
+from jaxthermo.physics.source import Sun
+from jaxthermo.physics.term import LeftOut
+from jaxthermo.voxels.voxelize import voxelize
+from tests.radiating import moved, shell, surface_of
+
+
+PITCH = 0.01
+
+
+@pytest.fixture(scope="module")
+def plate():
+    return voxelize(box((0.2, 0.2, 0.02)), PITCH)
+
+
+@pytest.fixture(scope="module")
+def ball():
+    return voxelize(sphere(0.2, subdivisions=4), PITCH)
+
+
+def exposure(grid, source, *others):
+    triangles = np.concatenate([grid.mesh.triangles, *(m.triangles for m in others)])
+    return source.exposure(
+        triangles, grid.fragment_position, grid.fragment_normal, grid.pitch
+    )
+
+
+@pytest.mark.parametrize(
+    "place", [(0.0, 0.0, 0.5), (0.3, -0.2, 0.05), (0.04, 0.03, 0.011), (9.0, 4.0, 0.5)]
+)
+def test_every_fragment_of_a_box_takes_its_cosine_and_distance(plate, place):
+    away = np.array(place) - plate.fragment_position
+    square = (away**2).sum(1)
+    cosine = (away * plate.fragment_normal).sum(1) / np.sqrt(square)
+    expected = np.maximum(0.0, cosine) / np.maximum(square, 1e-4)
+    found = exposure(plate, PointSource(place, 1.0))
+    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-15)
+
+
+def test_no_distance_is_too_small(plate):
+    here = plate.fragment_position[plate.fragment_normal[:, 2] > 0.9][7]
+    for lift in (0.0, 1e-9, 1e-3):
+        place = tuple(float(x) for x in here + np.array([0.0, 0.0, lift]))
+        found = exposure(plate, PointSource(place, 1.0, least_distance=0.02))
+        assert np.isfinite(found).all() and found.max() <= 1 / 0.02**2
+
+
+@pytest.mark.parametrize("distance", [0.21, 0.25, 0.5, 4.0])
+def test_sphere_catches_its_solid_angle(ball, distance):
+    place = distance * np.array([0.3, -0.5, 1.0]) / np.linalg.norm([0.3, -0.5, 1.0])
+    found = exposure(ball, PointSource(tuple(place.tolist()), 1.0))
+    caught = (found * ball.fragment_area).sum()
+    exact = 2 * np.pi * (1 - np.sqrt(1 - (0.2 / distance) ** 2))
+    print("C04 point source at", distance, "m, error", caught / exact - 1)
+    assert caught == pytest.approx(exact, rel=0.01)
+
+
+@pytest.mark.parametrize("distance", [0.25, 0.5, 4.0])
+def test_terminator_of_a_sphere_is_where_the_source_sets(ball, distance):
+    place = distance * np.array([0.3, -0.5, 1.0]) / np.linalg.norm([0.3, -0.5, 1.0])
+    away = place - ball.fragment_position
+    square = (away**2).sum(1)
+    cosine = (away * ball.fragment_normal).sum(1) / np.sqrt(square)
+    found = exposure(ball, PointSource(tuple(place.tolist()), 1.0)) * square
+    assert found[cosine <= 0].max() == 0.0
+    share = found[cosine > 0] / cosine[cosine > 0]
+    darkest = cosine[cosine > 0][share < 1 - 1e-9].max(initial=0.0)
+    # No acne: within a few degrees of the terminator rays graze the next facet.
+    assert darkest < np.sin(np.deg2rad(5.0))
+
+
+def test_a_lamp_in_a_hollow_ball_loses_nothing():
+    """All round, through the six faces of a cube: 4 pi in all, wherever it hangs."""
+    hollow = voxelize(shell(0.2, 0.24), 0.02)
+    for place in ((0.0, 0.0, 0.0), (0.1, -0.05, 0.08)):
+        found = exposure(hollow, PointSource(place, 1.0))
+        cavity = np.linalg.norm(hollow.fragment_position, axis=1) < 0.22
+        assert found[~cavity].max() == 0.0
+        caught = (found * hollow.fragment_area).sum()
+        assert caught == pytest.approx(4 * np.pi, rel=0.01)
+
+
+@pytest.mark.parametrize("height", [0.1, 0.2, 1.0])
+def test_shadow_of_a_plate_over_a_plate_is_its_projection(plate, height):
+    """A square 4 cm wide, 5 to 6 cm above the plate; its lower face is the wider."""
+    cover = box((0.04, 0.04, 0.01)).moved((0.01, 0.0, 0.01 + 0.055))
+    place = (0.01, 0.0, 0.01 + height)
+    top = plate.fragment_normal[:, 2] > 0.9
+    free = exposure(plate, PointSource(place, 1.0))[top]
+    dark = 1 - exposure(plate, PointSource(place, 1.0), cover)[top] / free
+    upper, lower = height / (height - 0.06), height / (height - 0.05)
+    half = 0.02 * max(upper, lower)
+    seen = lambda c: np.minimum(c + half, 0.1) - np.maximum(c - half, -0.1)
+    expected = float(seen(0.01) * seen(0.0))
+    x, y = (plate.fragment_position[top, :2] - np.array([0.01, 0.0])).T
+    assert abs((dark * PITCH**2).sum() - expected) < 0.5 * PITCH * 8 * min(half, 0.1)
+    away = np.maximum(np.abs(x), np.abs(y))
+    assert dark[away < half - PITCH].min(initial=1.0) == pytest.approx(1.0)
+    assert dark[away > half + PITCH].max(initial=0.0) == pytest.approx(0.0, abs=1e-12)
+    assert (away < half - PITCH).any()
+
+
+def test_no_light_under_a_body_that_stands_on_another(plate):
+    cover = box((0.06, 0.08, 0.02)).moved((0.0, 0.0, 0.02))
+    found = exposure(plate, PointSource((0.08, 0.0, 0.06), 1.0), cover)
+    top = plate.fragment_normal[:, 2] > 0.9
+    x, y = plate.fragment_position[:, 0], plate.fragment_position[:, 1]
+    under = top & (abs(x) < 0.03) & (abs(y) < 0.04)
+    assert found[under].max() == 0.0
+    assert found[top & (x > 0.04)].min() > 0.0
+
+
+def test_from_afar_it_is_the_sun(ball):
+    away = np.array([600.0, -800.0, 0.0])
+    found = 1e6 * exposure(ball, PointSource((600.0, -800.0, 0.0), 1.0))
+    expected = exposure(ball, Sun((-0.6, 0.8, 0.0), 1.0))
+    # A pixel on the rim of a shadow may fall to either side.
+    assert np.mean(np.abs(found - expected) > 1e-3) < 0.01
+    caught = (found * ball.fragment_area).sum()
+    assert caught == pytest.approx((expected * ball.fragment_area).sum(), rel=1e-3)
+    assert np.linalg.norm(away) == 1000.0
+
+
+def test_what_is_absorbed(plate):
+    """A square twice as wide as it is near fills a third of the half space."""
+    bindings = PointSource((0.0, 0.0, 0.11), 25.0).bind(surface_of(plate), 300.0)
+    assert not isinstance(bindings, LeftOut)
+    time, theta = jnp.asarray(0.0), jnp.zeros(len(plate.fragment_area))
+    heat = float(bindings[0].term.heat_rate(time, theta).sum())
+    assert heat == pytest.approx(25.0 * 4 * np.pi / 6, rel=0.01)
+
+
+def test_inside_a_body_is_refused(plate):
+    surface = surface_of(plate, moved(1.0, 0.0, 0.0))
+    lamp = PointSource((1.02, 0.03, 0.005), 1.0)
+    with pytest.raises(jt.InputError, match=r"position=\(1.02.*is inside body 0"):
+        lamp.bind(surface, 300.0)
+    assert not isinstance(
+        PointSource((1.0, 0.0, 0.1), 1.0).bind(surface, 300.0), LeftOut
+    )
+
+
+def test_what_it_does_not_light_is_left_out(plate):
+    surface = surface_of(plate, others=[box(0.05).moved((0.0, 0.0, -0.3)).triangles])
+    hidden = PointSource((0.0, 0.0, -0.9), 1.0)
+    assert not isinstance(hidden.bind(surface, 300.0), LeftOut)
+    wide = surface_of(plate, others=[box((2.0, 2.0, 0.1)).triangles - [0.0, 0.0, 0.3]])
+    result = hidden.bind(wide, 300.0)
+    assert isinstance(result, LeftOut) and "sees" in result.why
+    assert isinstance(PointSource((0.0, 0.0, 1.0), 0.0).bind(surface, 300.0), LeftOut)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (((0.0, 0.0), 1.0), "three finite numbers"),
+        (("up", 1.0), "three finite numbers"),
+        (((0.0, 0.0, np.nan), 1.0), "three finite numbers"),
+        (((0.0, 0.0, 1.0), -1.0), "radiant_intensity"),
+        (((0.0, 0.0, 1.0), 1.0, 0.0), "least_distance"),
+    ],
+)
+def test_bad_input_is_told_in_a_line(arguments, says):
+    with pytest.raises(jt.InputError, match=says) as told:
+        PointSource(*arguments)
+    assert "\n" not in str(told.value)

@@ -1,0 +1,76 @@
+"""Bodies that see each other exchange heat, and lose none between them."""
+
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from jaxthermo.reference.view_factor import parallel_rectangles
+
+
+METAL = jt.Material(50.0, density=2000.0, specific_heat=500.0, emissivity=0.8)
+GRID = jt.voxelize(jt.shapes.box((0.02, 0.06, 0.06)), 0.01)
+
+
+def _facing(gap, hot=500.0, cold=300.0, surroundings=300.0, dtype="float64"):
+    bodies = tuple(
+        jt.Body(
+            jt.FullVolume(GRID),
+            METAL,
+            temperature=start,
+            pose=jt.Pose((place, 0.0, 0.0)),
+        )
+        for start, place in ((hot, 0.0), (cold, 0.02 + gap))
+    )
+    return jt.Scene(
+        bodies,
+        (jt.RadiativeExchange(surroundings, most_patches=48, directions=48),),
+        dtype=dtype,
+    )
+
+
+def test_what_a_hot_plate_sends_a_cold_one_gets():
+    near = jt.simulate(_facing(0.01), 20.0)
+    far = jt.simulate(_facing(1.0), 20.0)
+    rise = lambda run: float(run.mean_temperature[0, 1]) - 300.0
+    print("rise near", rise(near), "far", rise(far))
+    assert rise(near) > 20 * rise(far) > 0
+    for run in (near, far):
+        assert np.abs(run.energy.residual_relative).max() < 1e-12
+        for body in run.energy.bodies:
+            assert np.abs(body.residual_relative).max() < 1e-12
+
+
+def test_a_convex_body_sees_only_its_surroundings():
+    body = jt.Body(jt.FullVolume(GRID), METAL, temperature=400.0)
+    run = lambda term: jt.simulate(jt.Scene((body,), (term,), dtype="float64"), 20.0)
+    alone, plain = run(jt.RadiativeExchange(290.0)), run(jt.Surroundings(290.0))
+    np.testing.assert_allclose(
+        alone.surface_temperature, plain.surface_temperature, rtol=1e-7
+    )
+    assert float(plain.mean_temperature[0, 0]) < 399.9
+
+
+def test_where_all_is_at_one_temperature_nothing_flows():
+    run = jt.simulate(_facing(0.01, hot=350.0, cold=350.0, surroundings=350.0), 20.0)
+    np.testing.assert_allclose(run.surface_temperature, 350.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+def test_the_first_heat_between_two_squares_is_that_of_their_view_factor(dtype):
+    """Black, 6 cm wide and 3 cm apart; the cold one and all around at 0 K."""
+    black = jt.Material(400.0, density=8000.0, specific_heat=400.0, emissivity=1.0)
+    gap, width, hot = 0.03, 0.06, 400.0
+    scene = _facing(gap, hot=hot, cold=0.0, surroundings=0.0, dtype=dtype)
+    bodies = tuple(
+        jt.Body(b.structure, black, temperature=b.temperature, pose=b.pose)
+        for b in scene.bodies
+    )
+    scene = jt.Scene(bodies, scene.terms, dtype=dtype)
+    end = 0.5
+    energy = jt.simulate(scene, end).energy
+    factor = parallel_rectangles(width, width, gap)
+    exact = 5.670374419e-8 * hot**4 * width * width * factor * end
+    got = float(energy.bodies[1].mechanisms["emission"][0])
+    print("two squares", got, "exact", exact)
+    # The edges of the plates see each other's too, by a little.
+    assert got == pytest.approx(exact, rel=0.05)

@@ -1,0 +1,116 @@
+"""View factors between voxelized bodies: closed forms, reciprocity, closure."""
+
+import numpy as np
+import pytest
+
+from jaxthermo.errors import InputError
+from jaxthermo.geometry.shapes import box, sphere
+from jaxthermo.physics.sight_lines import Sight
+from jaxthermo.physics.view_factor import balanced, view_factors
+from jaxthermo.reference.view_factor import parallel_rectangles
+from jaxthermo.voxels.voxelize import voxelize
+from tests.radiating import in_patches, moved, shell
+
+
+@pytest.fixture(scope="module")
+def cube():
+    return voxelize(box((1.0, 1.0, 1.0)), 0.1)
+
+
+def check(found):
+    """Reciprocity and closure of any view factors."""
+    np.testing.assert_array_equal(found.between, found.between.T)
+    closed = found.factor.sum(1) + found.to_surroundings
+    np.testing.assert_allclose(closed, 1.0, rtol=0, atol=1e-12)
+    assert found.to_surroundings.min() >= 0
+    off = found.factor - np.diag(np.diag(found.factor))
+    assert off.min() >= 0 and np.diag(found.factor).min() > -1e-9
+
+
+@pytest.mark.parametrize("gap", [0.1, 0.5, 2.0, 10.0])
+def test_aligned_cubes_are_parallel_squares(cube, gap):
+    """Only the squares that face each other see each other at all."""
+    first, second = in_patches(cube, 60), in_patches(cube, 60, moved(1 + gap, 0, 0))
+    found = view_factors((first, second), directions=48, across=32)
+    check(found)
+    n = first.patches.count
+    exact = parallel_rectangles(1.0, 1.0, gap)
+    between = found.between[:n, n:].sum()
+    print("gap", gap, "sizes: F error", between / exact - 1)
+    assert between == pytest.approx(exact, rel=0.01)
+    assert np.trace(found.factor) == pytest.approx(0.0, abs=1e-10)
+
+
+def test_turning_the_scene_changes_nothing_but_the_sampling(cube):
+    turn = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0]
+    turn *= np.linalg.det(turn)
+    x, y, z = turn[:, 0]
+    first = in_patches(cube, 60, moved(0, 0, 0, turn))
+    second = in_patches(cube, 60, moved(1.5 * x, 1.5 * y, 1.5 * z, turn))
+    found = view_factors((first, second), directions=48, across=32)
+    check(found)
+    n = first.patches.count
+    exact = parallel_rectangles(1.0, 1.0, 0.5)
+    assert found.between[:n, n:].sum() == pytest.approx(exact, rel=0.01)
+
+
+def test_what_stands_between_is_in_the_way(cube):
+    wall = voxelize(box((0.1, 4.0, 4.0)), 0.1)
+    first, second = in_patches(cube, 60), in_patches(cube, 60, moved(2.0, 0, 0))
+    third = in_patches(wall, 60, moved(1.0, 0, 0))
+    found = view_factors((first, second, third), directions=16, across=32)
+    check(found)
+    n = first.patches.count
+    assert found.between[:n, n : 2 * n].sum() == 0.0
+    assert found.between[:n, 2 * n :].sum() > 0.9
+
+
+def test_ball_in_a_hollow_ball():
+    inner = in_patches(voxelize(sphere(0.05, 3), 0.005), 60)
+    outer = in_patches(voxelize(shell(0.1, 0.12), 0.006), 120)
+    found = view_factors((inner, outer), directions=32, across=64)
+    check(found)
+    n = inner.patches.count
+    cavity = np.zeros(len(found.area), bool)
+    cavity[n:] = np.linalg.norm(outer.patches.centre, axis=1) < 0.11
+    # Sealed: not a ray finds its way out, and the scaling must not make one.
+    assert found.outside[:n].sum() == 0.0 and found.outside[cavity].sum() == 0.0
+    np.testing.assert_allclose(found.factor[:n, n:].sum(1), 1.0, atol=1e-12)
+    wall = found.area[cavity]
+    own = found.between[np.ix_(cavity, cavity)].sum() / wall.sum()
+    assert own == pytest.approx(1 - 0.05**2 / 0.1**2, abs=0.01)
+    outside = found.outside[n:][~cavity[n:]]
+    np.testing.assert_allclose(outside, found.area[n:][~cavity[n:]], rtol=1e-10)
+
+
+def test_one_body_alone_sees_the_surroundings(cube):
+    found = view_factors((in_patches(cube, 60),), directions=16, across=48)
+    check(found)
+    np.testing.assert_allclose(found.to_surroundings, 1.0, atol=1e-12)
+
+
+def test_balancing_restores_what_was_scaled():
+    random = np.random.default_rng(2)
+    exact = random.uniform(size=(9, 9)) * (random.uniform(size=(9, 9)) < 0.5)
+    exact = exact + exact.T
+    outside = random.uniform(size=9)
+    area = exact.sum(1) + outside
+    same = balanced(Sight(exact, outside), area)
+    np.testing.assert_allclose(same.between, exact, atol=1e-12)
+    noise = random.uniform(0.95, 1.05, (9, 9))
+    noisy = balanced(Sight(exact * (noise + noise.T) / 2, outside * 1.03), area)
+    check(noisy)
+    np.testing.assert_allclose(noisy.between, exact, atol=0.06)
+    apart = ~np.eye(9, dtype=bool)
+    np.testing.assert_array_equal((noisy.between == 0)[apart], (exact == 0)[apart])
+
+
+def test_a_patch_that_no_line_meets_sees_the_surroundings():
+    lonely = balanced(Sight(np.zeros((2, 2)), np.array([1.0, 0.0])), np.ones(2))
+    np.testing.assert_allclose(lonely.to_surroundings, 1.0)
+
+
+@pytest.mark.parametrize("how", [{"directions": 4}, {"across": 2}])
+def test_too_coarse_is_refused(cube, how):
+    with pytest.raises(InputError, match="give 8 or more"):
+        view_factors((in_patches(cube, 60),), **how)

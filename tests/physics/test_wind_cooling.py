@@ -1,0 +1,108 @@
+"""C21 and the whole way of the wind: cylinders that cool in it."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from jaxthermo.geometry.pose import Pose
+from jaxthermo.physics.air import kinematic_viscosity
+from jaxthermo.physics.cross_flow import local_nusselt, mean_coefficient
+from jaxthermo.physics.nusselt import churchill_bernstein
+from jaxthermo.physics.wake import WakeDeficit
+from jaxthermo.physics.wind import Wind
+
+
+AIR, HOT = 300.0, 340.0
+DIAMETER, HEIGHT, SPEED = 0.1, 0.0125, 5.0
+CERAMIC = jt.Material(conductivity=8.0, density=1800.0, specific_heat=900.0)
+COPPER = jt.Material(conductivity=400.0, density=8900.0, specific_heat=385.0)
+WIND = Wind((SPEED, 0.0, 0.0), AIR)
+
+
+@pytest.fixture(scope="module")
+def grid():
+    """32 voxels across, 4 high."""
+    return jt.voxelize(jt.shapes.cylinder(DIAMETER / 2, HEIGHT), DIAMETER / 32)
+
+
+def body(grid, material, *place):
+    pose = Pose(place) if place else Pose()
+    return jt.Body(jt.FullVolume(grid), material, temperature=HOT, pose=pose)
+
+
+def simulate(bodies, end, *terms):
+    scene = jt.Scene(bodies, terms, dtype="float64")
+    return jt.simulate(scene, end)
+
+
+def _rank(values):
+    return np.argsort(np.argsort(values))
+
+
+def test_the_order_of_side_temperatures_follows_the_local_number(grid):
+    """In sectors of 15 degrees from the front to the rear, both sides together."""
+    solution = simulate((body(grid, CERAMIC),), 60.0, WIND)
+    side = np.abs(grid.fragment_normal[:, 2]) < 0.5
+    angle = np.degrees(np.arccos(np.clip(-grid.fragment_normal[side, 0], -1, 1)))
+    sector = np.minimum((angle / 15).astype(int), 11)
+    temperature = np.asarray(solution.surface_temperature)[0, side]
+    mean = np.bincount(sector, temperature) / np.bincount(sector)
+    middle = jnp.cos(jnp.radians(jnp.asarray(7.5 + 15.0 * np.arange(12))))
+    reynolds = SPEED * DIAMETER / float(kinematic_viscosity(jnp.array(AIR)))
+    every = lambda value: jnp.full(12, value)
+    local = local_nusselt(middle, every(reynolds), every(0.707), churchill_bernstein)
+    by_value = np.corrcoef(mean, local)[0, 1]
+    by_rank = np.corrcoef(_rank(mean), _rank(local))[0, 1]
+    print("temperature by sector", mean.round(2), "local number", local.round(1))
+    print("correlation", by_value, "of ranks", by_rank)
+    assert by_value < -0.95 and by_rank < -0.9
+    assert mean[0] < mean[11] < mean[5]
+
+
+def test_a_good_conductor_cools_as_the_mean_coefficient_says(grid):
+    """C dT/dt = -A h(T) (T - T_air), within the fragments' quadrature."""
+    end = 150.0
+    solution = simulate((body(grid, COPPER),), end, WIND)
+    found = float(solution.mean_temperature[0, 0])
+    area = grid.fragment_area.sum()
+    capacity = COPPER.density * COPPER.specific_heat * np.pi / 4 * DIAMETER**2 * HEIGHT
+    speed, diameter = jnp.array(SPEED), jnp.array(DIAMETER)
+    h = jax.jit(lambda t: mean_coefficient(speed, diameter, t, churchill_bernstein))
+    temperature, dt = HOT, 1.5
+    for _ in range(100):
+        rate = lambda t: -area * float(h((t + AIR) / 2)) * (t - AIR) / capacity
+        temperature += dt * rate(temperature + dt / 2 * rate(temperature))
+    print("copper", found, "lumped", temperature)
+    assert found - HOT == pytest.approx(temperature - HOT, rel=0.02)
+    assert temperature < HOT - 4.0
+
+
+def test_gradients_by_the_speed_go_through_a_run(grid):
+    block = body(grid, CERAMIC)
+
+    def mean(speed):
+        wind = Wind((1.0, 0.0, 0.0), AIR, speed=speed)
+        scene = jt.Scene((block,), (wind,), dtype="float64")
+        solution = jt.simulate(scene, 5.0, solver=jt.ForwardEuler(dt=0.25))
+        return solution.mean_temperature[0, 0]
+
+    both = jax.jit(jax.value_and_grad(mean))
+    slope = float(both(2.0)[1])
+    rise = float(both(2.001)[0] - both(1.999)[0]) / 2e-3
+    assert slope == pytest.approx(rise, rel=1e-5) and slope < 0
+
+
+def test_one_in_the_wake_of_another_cools_less_and_the_ledger_closes(grid):
+    """In gusts."""
+    bodies = (body(grid, CERAMIC), body(grid, CERAMIC, 3 * DIAMETER, 0.0, 0.0))
+    gusts = jt.Table([0.0, 15.0, 30.0], [1.0, 9.0, 0.0])
+    wind = Wind((1.0, 0.0, 0.0), AIR, speed=gusts, wake=WakeDeficit())
+    energy = simulate(bodies, 30.0, wind).energy
+    assert abs(float(energy.residual_relative[0])) < 1e-12
+    first, second = (float(each.mechanisms["wind"][0]) for each in energy.bodies)
+    print("heat into each [J]", first, second)
+    # Such a disc is as wide as it is high: u / U = 0.61 at x / D = 16 behind its rear,
+    # and h goes with the root of that or a little more.
+    assert first < 0 and 0.7 < second / first < 0.61**0.5 + 0.02

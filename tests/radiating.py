@@ -1,0 +1,63 @@
+"""Surfaces and bodies for the tests of radiation."""
+
+import numpy as np
+
+from jaxthermo.geometry.mesh import Mesh
+from jaxthermo.geometry.pose import Pose
+from jaxthermo.geometry.shapes import sphere
+from jaxthermo.physics.patches import group
+from jaxthermo.physics.sight_lines import PatchedBody
+from jaxthermo.physics.term import Surface
+from jaxthermo.voxels.grid import VoxelGrid
+
+
+STANDING = Pose()
+
+
+UPRIGHT = np.eye(3)
+
+
+def moved(x, y, z, rotation=UPRIGHT) -> Pose:
+    a, b, c = ((float(p), float(q), float(r)) for p, q, r in rotation)
+    return Pose((float(x), float(y), float(z)), (a, b, c))
+
+
+def surface_of(grid: VoxelGrid, pose=STANDING, others=(), emissivity=0.8, body=0):
+    """The surface of a body of a metal, with the triangles of others in the scene."""
+    count = len(grid.fragment_area)
+    return Surface(
+        body=body,
+        grid=grid,
+        pose=pose,
+        position=pose.place(grid.fragment_position),
+        normal=pose.turn(grid.fragment_normal),
+        area=grid.fragment_area,
+        bare=np.ones(count),
+        free=np.ones(count, bool),
+        half_cell=np.full(count, 1e3),
+        emissivity=np.asarray(emissivity),
+        absorptivity=np.asarray(1.0),
+        scene_triangles=np.concatenate([pose.place(grid.mesh.triangles), *others]),
+        dtype=np.dtype("float64"),
+    )
+
+
+def shell(inner: float, outer: float, subdivisions: int = 3) -> Mesh:
+    """A hollow sphere."""
+    hole, ball = sphere(inner, subdivisions), sphere(outer, subdivisions)
+    return Mesh(
+        np.concatenate([ball.vertices, hole.vertices]),
+        np.concatenate([ball.faces, hole.faces[:, ::-1] + len(ball.vertices)]),
+        "shell",
+    )
+
+
+def in_patches(grid: VoxelGrid, most: int, pose=STANDING) -> PatchedBody:
+    patches = group(
+        grid.fragment_position,
+        grid.fragment_normal,
+        grid.fragment_area,
+        grid.lattice,
+        most,
+    )
+    return PatchedBody(pose.place(grid.mesh.triangles), patches, pose)

@@ -1,0 +1,159 @@
+"""What bodies are made of and how they move: read, written out again, and built."""
+
+import math
+
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from jaxthermo.config.build import build_body
+from jaxthermo.config.build_material import build_materials
+from jaxthermo.config.build_pose import build_pose
+from jaxthermo.config.loader import config_hash, load_config, to_yaml
+from jaxthermo.config.schema_pose import MotionConfig
+from jaxthermo.errors import InputError
+from jaxthermo.material import Material
+from jaxthermo.property import Property
+from jaxthermo.scene.motion import Motion
+from jaxthermo.scene.scene import MaterialLabels
+
+
+SCENE = """
+bodies:
+  - shape: {{kind: box, size: [0.04, 0.04, 0.04]}}
+    pitch: 1 cm
+    material: {material}
+    temperature: 20 degC
+    {more}
+time: {{end: 60, save_at: [60]}}
+"""
+
+WARM = "{temperatures: [0 degC, 100 degC], values: [10, 20]}"
+VARYING = f"{{name: copper, conductivity: {WARM}}}"
+
+
+@pytest.fixture
+def scene(tmp_path):
+    """A function from a material and lines of a body, and overrides, to the config."""
+    np.save(tmp_path / "parts.npy", np.arange(64).reshape(4, 4, 4) % 2)
+
+    def load(material: str = "copper", more: str = "", *overrides: str):
+        path = tmp_path / "scene.yaml"
+        path.write_text(SCENE.format(material=material, more=more))
+        config = load_config(path, overrides)
+        path.write_text(to_yaml(config))
+        assert load_config(path) == config
+        return config
+
+    return load
+
+
+@pytest.fixture
+def refused(scene):
+    """A function from the same to the lines of refusal, without the file's name."""
+
+    def load(*given: str) -> list[str]:
+        with pytest.raises(InputError) as caught:
+            scene(*given)
+        return [line.split(": ", 1)[1] for line in str(caught.value).splitlines()]
+
+    return load
+
+
+def test_a_property_by_temperature(scene):
+    body = scene(f"{{name: copper, conductivity: {WARM}, specific_heat: {WARM}}}")
+    material = build_materials(body.bodies[0])
+    assert isinstance(material, Material)
+    for table in (material.conductivity, material.specific_heat):
+        assert isinstance(table, Property)
+        assert float(table(273.15 + 25)) == pytest.approx(12.5)
+
+
+def test_a_conductivity_for_each_axis(scene):
+    config = scene("{name: copper, conductivity: [1, 2, 3 kW/(m K)]}")
+    assert build_materials(config.bodies[0]) == Material(
+        (1.0, 2.0, 3000.0), 8960.0, 385.0, 0.05
+    )
+    again = scene("copper", "", "bodies.0.material.conductivity=[1, 2, 3e3]")
+    assert again.bodies == config.bodies
+
+
+def test_a_material_for_each_label(scene, tmp_path):
+    config = scene("{labels: parts.npy, materials: [copper, {name: gold}]}")
+    body = build_body(config.bodies[0])
+    assert isinstance(body.material, MaterialLabels)
+    assert body.material.materials == (jt.materials["copper"], jt.materials["gold"])
+    number = body.material.of_nodes(body.structure)
+    assert np.bincount(number).tolist() == [32, 32]
+    first = config_hash(config)
+    np.save(tmp_path / "parts.npy", np.zeros((4, 4, 4), int))
+    assert config_hash(config) != first
+
+
+def test_a_pose_at_each_time(scene):
+    turn = "rotation: {axis: [0, 0, 1], angle: 90 deg}"
+    poses = f"[{{translation: [1, 0, 0]}}, {{translation: [2, 0, 0], {turn}}}]"
+    config = scene("copper", f"pose: {{times: [0, 1 min], poses: {poses}, every: 5 s}}")
+    motion = build_pose(config.bodies[0].pose)
+    assert isinstance(motion, Motion) and motion.every == 5.0
+    halfway = motion.at(30.0)
+    assert halfway.translation == (1.5, 0.0, 0.0)
+    turned = halfway.turn(np.array([[1.0, 0.0, 0.0]]))
+    np.testing.assert_allclose(turned, [[math.sqrt(0.5), math.sqrt(0.5), 0]], atol=1e-9)
+
+
+def test_a_motion_can_be_taken_anew_more_often(scene):
+    pose = "pose: {times: [0, 9], poses: [{}, {translation: [1, 0, 0]}]}"
+    seldom = scene("copper", pose).bodies[0].pose
+    assert isinstance(seldom, MotionConfig) and seldom.every is None
+    often = scene("copper", pose, "bodies.0.pose.every=100 ms").bodies[0].pose
+    assert isinstance(often, MotionConfig) and often.every == 0.1
+
+
+PAINT = "regions: [{lower: [0, 0, 0], upper: [1, 1, 1], material: gold}]"
+LABELS = "{labels: parts.npy, materials: [copper, gold]}"
+
+
+@pytest.mark.parametrize(
+    ("material", "more", "message"),
+    [
+        ("{name: copper, conductivity: [1, 2]}", "",
+         "material.conductivity: expected three numbers [x, y, z], got [1, 2]"),
+        ("{name: copper, conductivity: [1, 2, -3]}", "",
+         "material.conductivity.2: must be more than 0"),
+        ("{name: copper, conductivity: {temperatures: [300, 400], values: [16, -2]}}",
+         "", "material.conductivity.values.1: must be more than 0, got -2"),
+        ("{name: copper, specific_heat: {temperatures: [400, 300], values: [1, 2]}}",
+         "", "material.specific_heat.temperatures.1: 300 K is not after 400 K"),
+        ("{name: copper, specific_heat: {temperatures: [300], values: [1, 2]}}",
+         "", "material.specific_heat.values: there are 2 values for 1 temperatures"),
+        ("{name: copper, specific_heat: [1, 2, 3]}", "",
+         "material.specific_heat: expected a specific heat such as"),
+        ("{name: copper, emissivity: 1.2}", "", "material.emissivity: must be at most"),
+        (VARYING, PAINT, "material.conductivity: depends on temperature, which only"),
+        ("copper", PAINT.replace("gold", VARYING),
+         "regions.0.material.conductivity: depends on temperature"),
+        (LABELS.replace("gold", VARYING), "",
+         "material.materials.1.conductivity: depends on temperature"),
+        (LABELS, PAINT, "regions: the labels of `material` say what is where"),
+        ("{labels: none.npy, materials: [gold]}", "",
+         "material.labels: there is no file 'none.npy'"),
+        ("{labels: parts.npy}", "", "material.materials: missing"),
+        ("{labels: parts.npy, materials: []}", "",
+         "material.materials: must not be empty"),
+        ("{labels: parts.npy, materials: [golt]}", "",
+         "material.materials.0.name: unknown material 'golt'; did you mean 'gold'?"),
+        ("copper", "pose: {times: [0, 1], poses: [{}]}",
+         "pose.poses: there are 1 poses for 2 times"),
+        ("copper", "pose: {times: [1, 1], poses: [{}, {}]}",
+         "pose.times.1: 1 s is not after 1 s"),
+        ("copper", "pose: {times: [], poses: []}", "pose.times: must not be empty"),
+        ("copper", "pose: {times: [0], poses: [{}], every: 0}",
+         "pose.every: must be more than 0"),
+        ("copper", "pose: {times: [0], poses: [{}], translation: [1, 0, 0]}",
+         "pose.translation: unknown key"),
+    ],
+)  # fmt: skip
+def test_each_mistake_is_one_line_with_its_path(refused, material, more, message):
+    (line,) = refused(material, more)
+    assert f"bodies.0.{message}" in line

@@ -1,0 +1,199 @@
+"""Networks whose material varies with temperature, on every kind of linear one."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from jaxthermo.errors import InputError
+from jaxthermo.network.nonlinear import NonlinearNetwork
+from jaxthermo.physics.conduction import assemble_uniform
+from jaxthermo.physics.material_network import material_network, materials_network
+from jaxthermo.property import Property
+from tests.bodies import blocks
+
+
+PITCH, REFERENCE, DENSITY = 0.01, 310.0, 8000.0
+K = Property([280.0, 320.0, 400.0], [10.0, 16.0, 13.0])
+HEAT = Property([290.0, 300.0, 302.0, 304.0, 380.0], [400.0, 450.0, 4e4, 470.0, 600.0])
+STEEL = jt.Material(K, DENSITY, HEAT)
+
+
+@pytest.fixture(scope="module")
+def grid():
+    solid = np.ones((6, 5, 4), bool)
+    solid[4:, 3:, 2:] = False
+    return blocks(solid, PITCH)
+
+
+STRUCTURES = {
+    "stencil": jt.FullVolume,
+    "links": lambda grid: jt.FullVolume(grid, stencil=False),
+    "aggregate": lambda grid: jt.Aggregate(grid, factor=2),
+}
+
+
+def _start(structure, low=285.0, high=395.0):
+    """Temperatures of the nodes above the reference, as a state's."""
+    kelvin = np.random.default_rng(5).uniform(low, high, structure.node_count)
+    theta = np.zeros(structure.state_shape)
+    theta[structure.node_address()] = kelvin - REFERENCE
+    return jnp.asarray(theta)
+
+
+def _varying(structure, material):
+    network = material_network(structure, material, REFERENCE, jnp.float64)
+    assert isinstance(network, NonlinearNetwork)
+    return network
+
+
+@eqx.filter_jit
+def _run(network, state, dt, steps):
+    return jax.lax.fori_loop(0, steps, lambda _, s: network.euler_step(s, dt), state)
+
+
+@pytest.mark.parametrize("kind", STRUCTURES)
+def test_the_rate_is_that_of_the_integrals(grid, kind):
+    """On the linear network: k_0 A / L (phi_j - phi_i), by temperatures one by one."""
+    structure = STRUCTURES[kind](grid)
+    network = material_network(structure, STEEL, REFERENCE, jnp.float64)
+    theta = _start(structure)
+    phi = np.zeros(theta.shape)
+    for place in zip(*structure.node_address(), strict=True):
+        ends = np.linspace(REFERENCE, REFERENCE + float(theta[place]), 4001)
+        phi[place] = np.trapezoid(K(ends), ends) / K(REFERENCE)
+    linear = assemble_uniform(
+        structure, K(REFERENCE), DENSITY * HEAT(REFERENCE), jnp.float64
+    )
+    state = network.state_of(theta)
+    found, exact = network.heat_rate(state), linear.heat_rate(jnp.asarray(phi))
+    scale = float(jnp.abs(exact).max())
+    np.testing.assert_allclose(found, exact, atol=2e-8 * scale)
+    assert abs(float(found.sum())) < 1e-13 * float(jnp.abs(found).sum())
+
+
+@pytest.mark.parametrize("kind", STRUCTURES)
+def test_heat_is_kept_to_rounding_and_temperatures_stay_within_bounds(grid, kind):
+    structure = STRUCTURES[kind](grid)
+    network = material_network(structure, STEEL, REFERENCE, jnp.float64)
+    theta = _start(structure)
+    state = network.state_of(theta)
+    dt = 1 / network.largest_rate()
+    after = _run(network, state, dt, 300)
+    moved = float(network.stored(jnp.abs(after - state)))
+    drift = float(network.stored(after) - network.stored(state))
+    assert moved > 0.0
+    assert abs(drift) < 1e-12 * moved
+    now = network.temperature(after)[structure.node_address()]
+    before = theta[structure.node_address()]
+    assert before.min() - 1e-9 < now.min() and now.max() < before.max() + 1e-9
+    assert float(now.max() - now.min()) < 0.6 * float(before.max() - before.min())
+
+
+def test_empty_cells_stay_at_zero(grid):
+    structure = jt.FullVolume(grid)
+    network = material_network(structure, STEEL, REFERENCE, jnp.float64)
+    after = np.array(
+        _run(network, network.state_of(_start(structure)), jnp.array(1e-3), 3)
+    )
+    after[structure.node_address()] = 0.0
+    assert not after.any()
+
+
+@pytest.mark.parametrize("kind", STRUCTURES)
+def test_constant_properties_give_the_linear_network(grid, kind):
+    structure = STRUCTURES[kind](grid)
+    flat = jt.Material(
+        Property([250, 300, 500], [16] * 3), 8e3, Property([300, 350], [500] * 2)
+    )
+    network = material_network(structure, flat, REFERENCE, jnp.float64)
+    linear = assemble_uniform(structure, 16.0, 4e6, jnp.float64)
+    assert isinstance(network, NonlinearNetwork)
+    theta, dt = _start(structure), 1 / linear.largest_rate()
+    assert float(network.largest_rate()) == pytest.approx(float(1 / dt), rel=1e-14)
+    found = network.temperature(_run(network, network.state_of(theta), dt, 30))
+    np.testing.assert_allclose(found, _run(linear, theta, dt, 30), atol=1e-11)
+
+
+def test_numbers_give_a_linear_network_and_halves_are_dropped(grid):
+    structure = jt.FullVolume(grid)
+    plain = jt.Material(16.0, 8e3, 500.0)
+    linear = material_network(structure, plain, REFERENCE, jnp.float64)
+    assert not isinstance(linear, NonlinearNetwork)
+    only_k = _varying(structure, jt.Material(K, 8e3, 500.0))
+    only_heat = _varying(structure, jt.Material(16.0, 8e3, HEAT))
+    assert only_k.heat is None and only_heat.conduction is None
+    theta = _start(structure)
+    assert only_k.temperature(theta) is theta and only_k.state_of(theta) is theta
+    assert only_heat.relative_conductivity(theta) == 1.0
+    assert only_k.least_relative_capacity() == 1.0
+
+
+def test_what_the_surface_needs_to_know(grid):
+    network = _varying(jt.FullVolume(grid), STEEL)
+    kelvin = np.array([200.0, 300.0, 310.0, 350.0, 500.0])
+    found = network.relative_conductivity(jnp.asarray(kelvin - REFERENCE))
+    np.testing.assert_allclose(found, K(kelvin) / K(REFERENCE), rtol=1e-13)
+    largest, least = network.largest_relative_conductivity(), HEAT.values.min()
+    assert float(largest) == pytest.approx(16.0 / K(REFERENCE))
+    assert float(network.least_relative_capacity()) == pytest.approx(
+        least / HEAT(REFERENCE)
+    )
+    wide = np.linspace(250.0, 450.0, 200_001)
+    fastest = (K(wide) / HEAT(wide)).max() / (K(REFERENCE) / HEAT(REFERENCE))
+    diffusivity = float(network.largest_relative_diffusivity())
+    assert diffusivity == pytest.approx(fastest, rel=1e-6)
+    linear = network.base.largest_rate()
+    assert float(network.largest_rate()) == pytest.approx(diffusivity * float(linear))
+
+
+def test_the_stable_step_is_needed():
+    """At k / c_p of the table's most, two nodes: a longer step overshoots."""
+    structure = jt.FullVolume(blocks(np.ones((2, 1, 1), bool), PITCH), stencil=False)
+    network = material_network(structure, STEEL, REFERENCE, jnp.float64)
+    # Both where k / c_p is largest, at 320 K, and almost even.
+    state = network.state_of(jnp.array([9.999, 10.001]))
+    dt = 1 / network.largest_rate()
+    gap = lambda dt: float(jnp.diff(network.euler_step(state, dt))[0])
+    # Of two nodes the gap falls by 1 - 2 dt rate.
+    assert gap(dt) == pytest.approx(-gap(0.0 * dt), rel=2e-4)
+    assert abs(gap(1.05 * dt)) > abs(gap(0.0 * dt))
+
+
+def test_gradients_of_a_run_are_finite_differences():
+    structure = jt.FullVolume(blocks(np.ones((3, 2, 1), bool), PITCH), stencil=False)
+    start = _start(structure)
+
+    def warmth(values):
+        """By conductivities at three temperatures and specific heats at two."""
+        steel = jt.Material(
+            Property([280.0, 320.0, 400.0], values[:3]),
+            8e3,
+            Property([290.0, 350.0], values[3:]),
+        )
+        network = _varying(structure, steel)
+        step = lambda _, state: network.euler_step(state, jnp.asarray(2.0))
+        after = jax.lax.fori_loop(0, 8, step, network.state_of(start))
+        return (network.temperature(after) ** 2).mean()
+
+    at = np.array([10.0, 16.0, 13.0, 400.0, 600.0])
+    slopes = jax.jit(jax.grad(warmth))(jnp.asarray(at))
+    steps = np.diag(1e-4 * at)
+    ends = jax.jit(jax.vmap(warmth))(jnp.asarray(np.r_[at + steps, at - steps]))
+    differences = (ends[:5] - ends[5:]) / (2e-4 * at)
+    np.testing.assert_allclose(slopes, differences, rtol=1e-5)
+    assert (np.abs(slopes) > 1e-4).all()
+
+
+def test_several_materials_take_numbers_alone(grid):
+    structure = jt.FullVolume(grid)
+    number = np.zeros(structure.node_count, np.int32)
+    plain = jt.Material(16.0, 8e3, 500.0)
+    with pytest.raises(InputError, match="material 1 of a body of several depends on"):
+        materials_network(structure, number, (plain, STEEL), jnp.float64)
+    network = materials_network(structure, number, (plain, STEEL.at(300)), jnp.float64)
+    assert float(network.total_capacity()) == pytest.approx(
+        4e6 * structure.node_count * PITCH**3
+    )
