@@ -57,7 +57,7 @@ def _thesis_flux(flux: dict[str, Any]) -> list[str]:
             "The thesis lets a body 100 K hotter send 31.15 W/m² over 10 m and fills "
             "Table 5.1 with it. Two black squares of 1 m, 400 K and 300 K, exchange "
             f"{flux['two_squares_of_1_m_W_m2']:.3g} W/m² there: "
-            f"{flux['thesis_over_right']:.2f} times less. That is pi squared: "
+            f"{flux['thesis_over_right']:.2f} times less. That is pi squared, 9.87: "
             "E pi / R² stands where Lambert's law has E / (pi R²)."
         ),
         page.table(

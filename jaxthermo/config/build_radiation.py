@@ -33,6 +33,7 @@ def build_radiation(config: schema.RadiationConfig) -> AbstractTerm:
                 temperature=build_value(config.temperature),
                 ground=build_value(config.ground),
                 occlusion=config.occlusion,
+                linear_within=config.linear_within,
             )
         case schema.RadiativeExchangeConfig():
             return RadiativeExchange(

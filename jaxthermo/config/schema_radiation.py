@@ -4,7 +4,15 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
-from .fields import Direction, Extent, Fraction, PositiveLength, PositiveTime, Whole
+from .fields import (
+    Direction,
+    Extent,
+    Fraction,
+    Number,
+    PositiveLength,
+    PositiveTime,
+    Whole,
+)
 from .model import Mistake, Model
 from .schema_varying import (
     TimeDirection,
@@ -70,6 +78,7 @@ class SurroundingsConfig(Model):
     temperature: TimeTemperature
     ground: TimeTemperature | None = None
     occlusion: Directions | None = None
+    linear_within: Annotated[Number, Field(gt=0, lt=1)] | None = None
 
 
 class RadiativeExchangeConfig(Model):

@@ -126,3 +126,22 @@ def _pair_name(entry: Entry) -> str:
 
 def _or_one(throughput: Float[Array, " t"]) -> Float[Array, " t"]:
     return jnp.where(throughput > 0, throughput, 1)
+
+
+def in_order(energy: Energy, entries: tuple[Entry, ...]) -> Energy:
+    """The same in the order of the scene: jit sorts mechanisms by name."""
+    names = dict.fromkeys(entry.mechanism for entry in entries)
+    sort = lambda found: {name: found[name] for name in names if name in found}
+    bodies = tuple(
+        BodyEnergy(
+            body.stored_J, sort(body.mechanisms), body.contacts, body.residual_relative
+        )
+        for body in energy.bodies
+    )
+    return Energy(
+        energy.stored_J,
+        sort(energy.mechanisms),
+        energy.contacts,
+        bodies,
+        energy.residual_relative,
+    )

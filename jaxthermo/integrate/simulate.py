@@ -19,7 +19,7 @@ from ..scene.program import Compiled, Entry, Program, State
 from ..scene.scene import Scene
 from ..tracing import is_traced
 from .euler import ForwardEuler, RunState, advance
-from .ledger import Energy, empty_ledger, energies
+from .ledger import Energy, empty_ledger, energies, in_order
 from .observe import Observation, observe
 from .schedule import Interval, legs, save_times, schedule
 from .solution import RESULTS, Run, Solution
@@ -244,7 +244,7 @@ def assemble_solution(
         times=jnp.asarray(plan.saves, energy.stored_J.dtype),
         surface_temperature=at.surface,
         mean_temperature=at.mean,
-        energy=energy,
+        energy=in_order(energy, entries),
         result=result,
         run=Run(
             steps=plan.steps,

@@ -152,8 +152,8 @@ def stream_shape(
     """The c_k in a stream of air at one temperature [K].
 
     Where the flow separates is up to the stream as a whole, so the shape goes by its
-    own temperature and not by the film at each place. It would change by a tenth in the
-    few degrees between Re 40 and 100 otherwise, or across the transition near 1.4e5.
+    own temperature, not by the film's at each place. By the film of a surface that is
+    50 K warmer it would differ by 0.2 % at Re 4e3, 5 % at 1e4, 13 % at 1.5e5.
     """
     return shape_coefficients(speed * diameter / kinematic_viscosity(air))
 

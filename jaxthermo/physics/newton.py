@@ -56,8 +56,10 @@ def newton_steps(
     left = flux[acts] / conducts[acts]
     rate = curvature[acts] / 2 / conducts[acts]
     aim = KELVIN_LEFT[np.asarray(half_cell).dtype.name]
-    for steps in range(1, ALL_STEPS):
-        left = rate * left * left
-        if left.max() < aim:
-            return steps
+    # Where the bound overflows it is of no use, and all steps are taken.
+    with np.errstate(over="ignore"):
+        for steps in range(1, ALL_STEPS):
+            left = rate * left * left
+            if left.max() < aim:
+                return steps
     return ALL_STEPS

@@ -7,6 +7,7 @@ belongs to (`voxels.cylinder_parts`), nu, k, Pr of air at the film temperature o
 place (`film`). One binding, whatever the number of cylinders: what differs between them
 is in the coefficients of each place.
 
+The shape of the flow goes by the temperature of the air, that at 0 s where it changes.
 In a wake the speed at a fragment is V f(x / D_upstream) (`wake`, `downstream`); places
 at nearly the same x / D share one Reynolds number.
 """
@@ -14,6 +15,7 @@ at nearly the same x / D share one Reynolds number.
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
@@ -126,25 +128,28 @@ class Wind(AbstractSurfaceTerm):
         acts = surface.acted_on(None)
         if isinstance(acts, LeftOut):
             return acts
+        groups = self._groups(surface)
         law = FilmExchange(
-            coefficients=self._coefficients(surface),
+            coefficients=self._coefficients(surface, groups),
             temperature=for_jit(self.temperature, surface.dtype),
             reference=jnp.asarray(reference, surface.dtype),
         )
         found = binding(surface.area, law, acts)
-        return (found._replace(notes=self.remarks(surface)),)
+        return (found._replace(notes=self._notes(groups)),)
 
-    def remarks(self, surface: Surface) -> tuple[str, ...]:
-        """What a receipt should say of the numbers on this body, as far as known."""
-        groups, average = self._groups(surface), named_average(self.average)
-        share, speed = self._share(groups), known_largest(self.strength)
-        air = known_largest(self.temperature)
-        if speed is None or air is None or is_traced(share):
+    def _notes(self, groups: Groups) -> tuple[str, ...]:
+        """What a receipt should say of the numbers on a body, as far as known."""
+        air, share = at_start(self.temperature, float), self._share(groups)
+        speed = known_largest(self.strength)
+        if speed is None or is_traced((air, share)):
             return ()
-        nu = float(kinematic_viscosity(jnp.asarray(air)))
+        with jax.ensure_compile_time_eval():
+            nu = float(kinematic_viscosity(jnp.asarray(air)))
         reynolds = np.asarray(share) * speed * groups.diameter / nu
-        ends = (float(reynolds.min()), float(reynolds.max()))
-        return tuple(dict.fromkeys(d for end in ends for d in doubts(end, average)))
+        ends, average = (reynolds.min(), reynolds.max()), named_average(self.average)
+        return tuple(
+            dict.fromkeys(d for re in ends for d in doubts(float(re), average))
+        )
 
     def _share(self, groups: Groups) -> Float[Values, " g"]:
         """Of the wind, what each group feels of it."""
@@ -165,9 +170,9 @@ class Wind(AbstractSurfaceTerm):
             )
         return grouped(parts, behind)
 
-    def _coefficients(self, surface: Surface) -> Any:
+    def _coefficients(self, surface: Surface, groups: Groups) -> Any:
         """Of every fragment: constant, or by speed where that changes with time."""
-        groups, dtype = self._groups(surface), surface.dtype
+        dtype = surface.dtype
         wind = surface.pose.unturn(unit_vector(self.velocity))
         harmonics = surface_harmonics(surface.own_normal, groups.axis, wind)
         stream = Stream(

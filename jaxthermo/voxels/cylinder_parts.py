@@ -10,6 +10,7 @@ volume, 2 sqrt(V / (pi L)), whatever the wind.
 """
 
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -96,8 +97,18 @@ def principal_axis(
     return axis * np.sign(axis[np.abs(axis).argmax()]), float(ratio)
 
 
+_FOUND: WeakKeyDictionary[VoxelGrid, CylinderParts] = WeakKeyDictionary()
+"""A body that moves is asked for its parts again and again, and they are the same."""
+
+
 def cylinder_parts(grid: VoxelGrid) -> CylinderParts:
     """The cylinders of a body, and the part of every surface fragment."""
+    if grid not in _FOUND:
+        _FOUND[grid] = _find_parts(grid)
+    return _FOUND[grid]
+
+
+def _find_parts(grid: VoxelGrid) -> CylinderParts:
     blocks = _blocks(grid)
     axis = _snapped(principal_axis(blocks.centre, blocks.volume)[0])
     slab = _slabs(blocks, axis)

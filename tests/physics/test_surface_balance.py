@@ -138,11 +138,15 @@ def test_fragments_of_a_corner_do_not_share_their_half_cells():
     assert means[0] < 390.0
 
 
-def test_later_holds_win_and_share_nothing():
+def test_two_holds_of_one_body_share_nothing():
     body = jt.Body(jt.FullVolume(bar(3, 0.1)), INSULATION, temperature=300.0)
-    terms = (jt.FixedTemperature(500.0), jt.FixedTemperature(350.0, on=FRONT))
+    behind = jt.Side((-1.0, 0.0, 0.0))
+    terms = (
+        jt.FixedTemperature(500.0, on=behind),
+        jt.FixedTemperature(350.0, on=FRONT),
+    )
     scene = jt.Scene((body,), terms, dtype="float64")
     surface = np.asarray(jt.simulate(scene, 10.0).surface_temperature)[0]
-    front = bar(3, 0.1).fragment_normal[:, 0] > 0.9
-    np.testing.assert_allclose(surface[front], 350.0)
-    np.testing.assert_allclose(surface[~front], 500.0)
+    normal = bar(3, 0.1).fragment_normal[:, 0]
+    np.testing.assert_allclose(surface[normal > 0.9], 350.0)
+    np.testing.assert_allclose(surface[normal < -0.9], 500.0)

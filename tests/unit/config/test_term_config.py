@@ -60,8 +60,9 @@ TERMS = {
         temperature=jt.Until(800.0, 3.0), emissivity=0.8,
     ),
     "{kind: surroundings, temperature: 280}": jt.Surroundings(280.0),
-    "{kind: surroundings, temperature: 250, ground: 290, occlusion: 64}": (
-        jt.Surroundings(250.0, ground=290.0, occlusion=64)
+    "{kind: surroundings, temperature: 250, ground: 290, occlusion: 64, "
+    "linear_within: 2 %}": (
+        jt.Surroundings(250.0, ground=290.0, occlusion=64, linear_within=0.02)
     ),
     "{kind: radiative_exchange, temperature: 280}": jt.RadiativeExchange(280.0),
     "{kind: radiative_exchange, temperature: 280, most_patches: 32, directions: 16}": (
@@ -235,6 +236,8 @@ def test_fragments_by_a_file(scene, tmp_path, marks):
          "temperature: 500, emissivity: 1.5}", "terms.0.emissivity: must be at most 1"),
         ("{kind: surroundings, temperature: 280, occlusion: 4}",
          "terms.0.occlusion: must be at least 8, got 4"),
+        ("{kind: surroundings, temperature: 280, linear_within: 2}",
+         "terms.0.linear_within: must be less than 1, got 2"),
         ("{kind: radiative_exchange, temperature: 280, most_patches: 5}",
          "terms.0.most_patches: must be at least 6"),
         ("{kind: surroundings, temperature: 280}, "

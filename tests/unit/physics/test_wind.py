@@ -210,13 +210,33 @@ def test_gradients_reach_the_wakes_parameters(shaded):
     assert slope == pytest.approx(rise, rel=1e-5) and slope > 0
 
 
-def test_remarks_tell_of_recalled_shapes_and_held_numbers(seen):
-    assert Wind((2.0, 0, 0), AIR).remarks(seen) == ()
-    assert "recalled" in Wind((15.0, 0, 0), AIR).remarks(seen)[0]
-    assert "is held" in Wind((1e3, 0, 0), AIR).remarks(seen)[0]
+def notes(wind, seen):
+    (binding,) = wind.bind(seen, 300.0)
+    return binding.notes
+
+
+def test_notes_tell_of_recalled_shapes_and_held_numbers(seen):
+    assert notes(Wind((2.0, 0, 0), AIR), seen) == ()
+    assert "recalled" in notes(Wind((15.0, 0, 0), AIR), seen)[0]
+    held, recalled = notes(Wind((1e3, 0, 0), AIR), seen)
+    assert "is held" in held and "recalled" in recalled
     gusts = jt.Table([0.0, 1.0], [0.0, 15.0])
-    assert "recalled" in Wind(ALONG_X, AIR, speed=gusts).remarks(seen)[0]
-    assert Wind(ALONG_X, AIR, speed=lambda t: 99.0).remarks(seen) == ()
+    assert "recalled" in notes(Wind(ALONG_X, AIR, speed=gusts), seen)[0]
+    assert notes(Wind(ALONG_X, AIR, speed=lambda t: 99.0), seen) == ()
+    narrow = Wind((0.01, 0, 0), AIR, average="sanitjai_goldstein")
+    assert "outside sanitjai_goldstein's range" in notes(narrow, seen)[0]
+
+
+def test_notes_are_known_while_something_else_is_traced(seen):
+    storm = Wind((15.0, 0, 0), AIR)
+    found = []
+
+    def traced(x):
+        found.extend(notes(storm, seen))
+        return x
+
+    jax.make_jaxpr(traced)(1.0)
+    assert "recalled" in found[0]
 
 
 def test_a_storm_is_held_and_finite(seen):

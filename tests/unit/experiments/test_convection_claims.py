@@ -1,0 +1,40 @@
+"""The pieces of the convection experiment, on small cases."""
+
+import numpy as np
+
+from experiments.thesis import convection_average, convection_local, convection_parts
+from jaxthermo.geometry.shapes import cylinder
+from jaxthermo.voxels.cylinder_parts import cylinder_parts
+from jaxthermo.voxels.voxelize import voxelize
+
+
+def test_every_knot_keeps_its_average_and_stays_near_its_points():
+    rows = convection_local.measure_local()
+    assert len(rows) == 18
+    assert max(abs(row["average_mismatch"]) for row in rows) < 1e-12
+    counts = {row["Re"]: len(row["minima_deg"]) for row in rows}
+    assert [counts[re] for re in (20.0, 40.0, 1.013e5, 1.4e5)] == [0, 1, 1, 2]
+    off = {row["Re"]: row["off_data_of_average"] for row in rows}
+    # The computed curves, then the recalled ones with their sharp peaks.
+    assert off[40.0] < 2e-4 and 0.02 < off[2.19e5] < 0.06
+    assert off[1e4] is None
+    assert [row["Re"] for row in rows if row["recalled"]][0] == 7.08e4
+
+
+def test_averages_out_of_their_range_stand_in_brackets():
+    rows = convection_average.measure_averages()
+    cells = {row[0]: row for row in convection_average.average_cells(rows)}
+    assert cells["1000"][2] == "(15.64)" and cells["4000"][2] == "31.53"
+    assert cells["219000"][4] == "1.286"
+
+
+def test_a_picture_shows_the_body_and_the_outline_of_its_cylinder():
+    grid = voxelize(cylinder(0.02, 0.1), 0.005)
+    parts = cylinder_parts(grid)
+    way = convection_parts.WAYS["looking along +y"]
+    image = np.asarray(convection_parts.parts_picture(grid, parts, way, "upright"))
+    high, wide = image.shape[:2]
+    # Upright: 100 mm by 40 mm and a margin.
+    assert 1.7 < high / wide < 2.5
+    own = (image[..., 2].astype(int) - image[..., 0] > 60).mean()
+    assert 0.3 < own < 0.8
