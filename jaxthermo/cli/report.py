@@ -48,6 +48,8 @@ def tell_scene(
     tell(console, f"included: {', '.join(receipt.included)}")
     for omission in receipt.left_out:
         tell(console, f"left out: {omission.what} ({omission.why})")
+    for note in receipt.notes:
+        tell(console, f"note: {note}")
     limit = "none" if todo.limit is None else f"{todo.limit:.4g} s"
     tell(
         console,
@@ -81,8 +83,6 @@ def tell_receipt(console: Console, scene: Scene, todo: Plan) -> None:
         else:
             table.add_row(part.mechanism, where, "inside", "")
     console.print(table)
-    for note in receipt.notes:
-        tell(console, f"note: {note}")
     looks = "looked at once" if receipt.looks == 1 else f"{receipt.looks} looks"
     tell(console, f"geometry: {looks}; state in {receipt.dtype}")
 
