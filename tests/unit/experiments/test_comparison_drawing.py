@@ -1,6 +1,7 @@
 """Pieces of the report: scales, labels, tooltips, local thickness, checks."""
 
 import time
+from typing import Any
 
 import numpy as np
 import pytest
@@ -54,7 +55,7 @@ def test_a_structure_keeps_its_colour_and_a_kind_its_hue():
     assert few["octree"] == more["octree"] and more["x2"] == SHADES["aggregate"][0]
     assert more["x4"] == SHADES["aggregate"][1]
     assert len(set(more.values())) == len(more)
-    shown = colour(["x4", "octree"], more).to_dict()
+    shown: Any = colour(["x4", "octree"], more).to_dict()
     assert shown["scale"] == {
         "domain": ["x4", "octree"],
         "range": [more["x4"], more["octree"]],
