@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from bodies import blocks
 from hypothesis import given, settings
 from hypothesis.extra import numpy as hnp
 
@@ -19,6 +18,7 @@ from experiments.structures.scale import DifferenceScale, nice_limit
 from experiments.structures.summary import check
 from experiments.structures.svg import with_tooltips
 from experiments.structures.tables import plain
+from tests.bodies import blocks
 
 
 def test_the_scale_is_symmetric_monotone_and_ends_at_its_limit():
