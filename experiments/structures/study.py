@@ -153,8 +153,9 @@ class Study:
         return build_timed(lambda: case.make(grid))
 
     def _row(self, load: str, built: Callable[[], Timed]) -> tuple[Row, Arrays]:
-        full = self.baseline(load)
+        # First, since it may be refused.
         structure, build_time = built()
+        full = self.baseline(load)
         scene = self.subject.scene(structure, self.surface_map, load)
         solution, timing, cost = run_timed(scene, self.config)
         row = {

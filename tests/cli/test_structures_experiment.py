@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 from functools import partial
 from pathlib import Path
 
@@ -69,6 +70,7 @@ def test_every_structure_has_a_row_that_says_what_it_costs(result):
         for name in ("nodes", "links", "held_bytes", "steps", "setup_time_s"):
             assert row[name] > 0
         time, ratio = row["run_time_s"], row["times_faster"]
+        assert row["timed_runs"] == 2
         assert 0 < time["fastest"] <= time["median"] <= time["slowest"]
         assert 0 < ratio["least"] <= ratio["median"] <= ratio["most"]
         assert row["error"]["times"] == [30, 60, 90, 135, 180]
@@ -141,19 +143,30 @@ def test_the_same_command_measures_nothing_again(finished, monkeypatch):
     assert (out / "rows.jsonl").read_text() == before
 
 
-def test_a_run_that_is_interrupted_keeps_its_rows(tmp_path, monkeypatch):
+@pytest.fixture
+def cut_off(finished, tmp_path):
+    """A copy of the folder of the run as it was after the full volume's row."""
+    out = shutil.copytree(finished[1], tmp_path / "out")
+    (out / "result.json").unlink()
+    rows = (out / "rows.jsonl").read_text().splitlines(keepends=True)
+    (out / "rows.jsonl").write_text("".join(rows[:2]))
+    return out
+
+
+def test_a_run_that_is_interrupted_keeps_its_rows(finished, cut_off, monkeypatch):
     def interrupt(*arguments):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(study_module.Study, "_row", interrupt)
-    config = short_config(tmp_path)
-    code, _, err = command(
-        "run", "structures", config, "--height=24", "--out", tmp_path
-    )
+    again = ("run", "structures", finished[0], "--height=24", "--out", cut_off)
+    code, _, err = command(*again)
     assert code == 130 and err.startswith("experiments: stopped with 2 rows in ")
-    rows = [json.loads(x) for x in (tmp_path / "rows.jsonl").read_text().splitlines()]
-    assert [row["what"] for row in rows] == ["reference", "structure"]
-    assert not (tmp_path / "result.json").exists()
+    text = (cut_off / "rows.jsonl").read_text()
+    assert [json.loads(x)["what"] for x in text.splitlines()] == [
+        "reference",
+        "structure",
+    ]
+    assert not (cut_off / "result.json").exists()
 
 
 @pytest.mark.parametrize(
@@ -183,22 +196,22 @@ def test_meshes_that_are_missing_say_where_to_put_them(tmp_path, monkeypatch):
     assert "happy-buddha.obj" in lines[0] and "max-planck.obj" in lines[1]
 
 
-def test_a_structure_that_is_refused_says_why_in_its_row(tmp_path):
-    config = read_yaml(short_config(tmp_path))
-    labels = tmp_path / "labels.npy"
-    labels.write_bytes(b"no labels")
+def test_a_structure_that_is_refused_says_why_in_its_row(finished, cut_off):
+    config = read_yaml(finished[0])
+    folder = cut_off.parent
+    (folder / "labels.npy").write_bytes(b"no labels")
     partition = {"kind": "partition", "labels": "labels.npy"}
     entry = {"label": "own parts", "structure": partition}
     config |= {"structures": [entry], "claims": {}}
-    path = tmp_path / "short.yaml"
+    path = folder / "short.yaml"
     path.write_text(write_yaml(config))
-    out = tmp_path / "out"
-    code, said, err = command("run", "structures", path, "--height=24", "--out", out)
+    again = ("run", "structures", path, "--height=24", "--out", cut_off)
+    code, said, err = command(*again)
     assert (code, err) == (0, "")
     assert "own parts: " in said and "labels.npy: not an array" in said
-    rows = json.loads((out / "result.json").read_text())["result"]["rows"]
+    rows = json.loads((cut_off / "result.json").read_text())["result"]["rows"]
     assert "labels.npy" in rows[-1]["refused"] and "error" in rows[0]
-    assert "labels.npy" in (out / "report.html").read_text()
+    assert "labels.npy" in (cut_off / "report.html").read_text()
 
 
 @pytest.mark.slow

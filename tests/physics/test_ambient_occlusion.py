@@ -94,6 +94,8 @@ def test_convex_bodies_see_everything_exactly(directions):
     np.testing.assert_allclose(view.sky + view.ground, 1.0, atol=1e-15)
 
 
+@pytest.mark.slow
+@pytest.mark.slice
 def test_two_cubes_against_closed_form_and_exchange():
     cube = voxelize(box((1.0, 1.0, 1.0)), 0.05)
     apart = 1.5

@@ -36,6 +36,8 @@ def test_v24_concentric_spheres():
     np.testing.assert_allclose(found, [exact, -exact], rtol=1e-12)
 
 
+@pytest.mark.slow
+@pytest.mark.slice
 def test_v24_concentric_spheres_of_voxels():
     inner, outer = voxelize(sphere(0.05, 3), 0.005), voxelize(shell(0.1, 0.12), 0.006)
     surfaces = (

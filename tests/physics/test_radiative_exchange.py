@@ -55,7 +55,10 @@ def test_where_all_is_at_one_temperature_nothing_flows():
     np.testing.assert_allclose(run.surface_temperature, 350.0, atol=1e-9)
 
 
-@pytest.mark.parametrize("dtype", ["float64", "float32"])
+@pytest.mark.parametrize(
+    "dtype",
+    ["float64", pytest.param("float32", marks=[pytest.mark.slow, pytest.mark.slice])],
+)
 def test_the_first_heat_between_two_squares_is_that_of_their_view_factor(dtype):
     """Black, 6 cm wide and 3 cm apart; the cold one and all around at 0 K."""
     black = jt.Material(400.0, density=8000.0, specific_heat=400.0, emissivity=1.0)

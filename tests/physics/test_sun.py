@@ -153,6 +153,8 @@ def _two(plate, cover, height):
     return below, jt.Body(jt.FullVolume(cover), METAL, temperature=300.0, pose=pose)
 
 
+@pytest.mark.slow
+@pytest.mark.slice
 def test_two_bodies_share_the_light_of_one(plate, cover):
     down = (0.0, 0.0, -1.0)
     together = _absorbed(_two(plate, cover, 0.1), down)

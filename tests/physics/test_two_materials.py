@@ -22,6 +22,8 @@ def _painted(grid, base, other, cells):
     return jt.MaterialMap(base, ((region, other),))
 
 
+@pytest.mark.slow
+@pytest.mark.slice
 def test_interface_of_copper_and_steel():
     """In copper one diffusion length is 27 cells, in steel 5."""
     pitch, copper_cells, steel_cells = 1e-3, 165, 35

@@ -96,6 +96,8 @@ def test_a_peak_of_c_takes_up_its_latent_heat(width):
     assert time_to(after) - time_to(before) == pytest.approx(heat / 1e5, rel=1e-12)
 
 
+@pytest.mark.slow
+@pytest.mark.slice
 @pytest.mark.parametrize("dtype", [jnp.float64, jnp.float32])
 def test_a_mushy_front_moves_without_losing_heat(dtype):
     """A warm half melts a cold half: heat is kept, nothing leaves the start's range."""
@@ -123,6 +125,8 @@ def test_a_mushy_front_moves_without_losing_heat(dtype):
     assert mushy[20:].any() and not mushy[:10].any()
 
 
+@pytest.mark.slow
+@pytest.mark.slice
 def test_stefan_problem():
     """A front melts into a solid at its melting point: x = 2 l sqrt(a t), with
 

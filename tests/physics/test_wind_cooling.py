@@ -77,6 +77,8 @@ def test_a_good_conductor_cools_as_the_mean_coefficient_says(grid):
     assert temperature < HOT - 4.0
 
 
+@pytest.mark.slow
+@pytest.mark.slice
 def test_gradients_by_the_speed_go_through_a_run(grid):
     block = body(grid, CERAMIC)
 
@@ -92,6 +94,8 @@ def test_gradients_by_the_speed_go_through_a_run(grid):
     assert slope == pytest.approx(rise, rel=1e-5) and slope < 0
 
 
+@pytest.mark.slow
+@pytest.mark.slice
 def test_one_in_the_wake_of_another_cools_less_and_the_ledger_closes():
     """Two cylinders in one mesh, in gusts."""
     one = jt.shapes.cylinder(DIAMETER / 2, HEIGHT)
