@@ -33,7 +33,7 @@ demo: .venv/.core
 	$(RUN)/jaxthermo simulate configs/scenes/figurine.yaml --out results/demo
 
 test: .venv/.test
-	$(RUN)/python -m pytest
+	$(RUN)/python -m pytest -n auto --dist loadfile
 
 slow: .venv/.test
 	$(RUN)/python -m pytest -m slow

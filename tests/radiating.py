@@ -5,8 +5,8 @@ import numpy as np
 from jaxthermo.geometry.mesh import Mesh
 from jaxthermo.geometry.pose import Pose
 from jaxthermo.geometry.shapes import sphere
-from jaxthermo.physics.patches import group
-from jaxthermo.physics.sight_lines import PatchedBody
+from jaxthermo.physics.radiation.patches import group
+from jaxthermo.physics.radiation.sight_lines import PatchedBody
 from jaxthermo.physics.term import Surface
 from jaxthermo.voxels.grid import VoxelGrid
 

@@ -14,7 +14,7 @@ from jaxthermo.config.schema_geometry import BodyConfig
 from jaxthermo.config.schema_structure import SurfaceMapConfig
 from jaxthermo.geometry.pose import Pose
 from jaxthermo.materials import Material
-from jaxthermo.physics.source import Sun
+from jaxthermo.physics.radiation.source import Sun
 from jaxthermo.physics.values import Until
 from jaxthermo.scene.scene import Body, Scene
 from jaxthermo.scene.surface import SolvedSurface, body_geometry

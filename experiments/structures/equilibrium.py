@@ -6,7 +6,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from jaxthermo.physics.source import Sun
+from jaxthermo.physics.radiation.source import Sun
 from jaxthermo.physics.values import Until
 from jaxthermo.scene.scene import Scene
 

@@ -13,8 +13,8 @@ from jaxthermo.geometry.shapes import box, sphere
 from jaxthermo.image.annotate import write_png
 from jaxthermo.image.contact_texture import contact_images, where_covered
 from jaxthermo.image.palette import palette_table
-from jaxthermo.physics.contact_bodies import PlacedGrid
-from jaxthermo.physics.contact_search import find_contacts
+from jaxthermo.physics.contact.bodies import PlacedGrid
+from jaxthermo.physics.contact.search import find_contacts
 from jaxthermo.voxels.voxelize import voxelize
 
 from ..structures.axes import LogAxis

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from rich.table import Table
 
-from jaxthermo.physics.nusselt import AVERAGES, profile
+from jaxthermo.physics.convection.nusselt import AVERAGES, profile
 
 from ..structures.axes import LogAxis
 

@@ -16,11 +16,11 @@ from jaxthermo.image.render import render
 from jaxthermo.integrate.simulate import simulate
 from jaxthermo.integrate.solution import Solution
 from jaxthermo.material import Material
-from jaxthermo.physics.air import kinematic_viscosity, prandtl
 from jaxthermo.physics.boundary import Convection
-from jaxthermo.physics.cross_flow import local_nusselt
-from jaxthermo.physics.nusselt import AVERAGES, churchill_bernstein
-from jaxthermo.physics.wind import Wind
+from jaxthermo.physics.convection.air import kinematic_viscosity, prandtl
+from jaxthermo.physics.convection.cross_flow import local_nusselt
+from jaxthermo.physics.convection.nusselt import AVERAGES, churchill_bernstein
+from jaxthermo.physics.convection.wind import Wind
 from jaxthermo.scene.scene import Body, Scene
 from jaxthermo.structures.full import FullVolume
 from jaxthermo.voxels.voxelize import voxelize

@@ -11,9 +11,9 @@ import jax.numpy as jnp
 import numpy as np
 from rich.table import Table
 
-from jaxthermo.physics.cross_flow import local_nusselt
-from jaxthermo.physics.knots import cylinder_knots
-from jaxthermo.physics.nusselt import profile
+from jaxthermo.physics.convection.cross_flow import local_nusselt
+from jaxthermo.physics.convection.knots import cylinder_knots
+from jaxthermo.physics.convection.nusselt import profile
 
 from ..structures.plots import Chart
 

@@ -3,10 +3,10 @@
 from typing import assert_never
 
 from ..physics.boundary import Convection
-from ..physics.free_convection import FreeConvection
+from ..physics.convection.free_convection import FreeConvection
+from ..physics.convection.wake import WakeDeficit
+from ..physics.convection.wind import Wind
 from ..physics.term import AbstractTerm
-from ..physics.wake import WakeDeficit
-from ..physics.wind import Wind
 from ..voxels.cylinders import Cylinder
 from . import schema_air as schema
 from .build_place import build_selection

@@ -2,11 +2,11 @@
 
 from typing import assert_never
 
-from ..physics.area_source import AreaSource
-from ..physics.emission import Surroundings
-from ..physics.mutual import RadiativeExchange
-from ..physics.point_source import PointSource
-from ..physics.source import Sun
+from ..physics.radiation.area_source import AreaSource
+from ..physics.radiation.emission import Surroundings
+from ..physics.radiation.mutual import RadiativeExchange
+from ..physics.radiation.point_source import PointSource
+from ..physics.radiation.source import Sun
 from ..physics.term import AbstractTerm
 from . import schema_radiation as schema
 from .build_varying import build_direction, build_position, build_value

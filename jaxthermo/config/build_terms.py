@@ -4,8 +4,8 @@ import math
 from typing import assert_never
 
 from ..physics.boundary import FixedTemperature, HeatFlux
+from ..physics.contact.links import Contact
 from ..physics.heat_source import HeatSource
-from ..physics.joint import Contact
 from ..physics.term import AbstractTerm
 from . import schema_terms as schema
 from .build_air import build_air

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from ..physics.travel import DirectionTable, PointTable
+from ..physics.radiation.travel import DirectionTable, PointTable
 from ..physics.values import Table, Until
 from ..property import Property
 from . import schema_varying as schema

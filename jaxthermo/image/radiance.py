@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 
 from ..constants import STEFAN_BOLTZMANN
 from ..physics.boundary import Convection
-from ..physics.emission import Surroundings
+from ..physics.radiation.emission import Surroundings
 from ..physics.term import AbstractTerm
 from ..physics.values import value_at
 

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..errors import InputError
-from ..physics.source import AbstractSource
+from ..physics.radiation.source import AbstractSource
 from ..physics.term import AbstractTerm
 from ..raster.layers import peel
 from ..scene.surface import SolvedSurface

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from ..physics.joint import ContactLinks
+from ..physics.contact.links import ContactLinks
 from ..scene.program import Program, State
 from .ledger import Ledger
 

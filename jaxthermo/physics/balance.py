@@ -26,8 +26,8 @@ from jaxtyping import Array, Float, Int
 from ..network.network import inverse, precise_sum
 from ..tracing import is_traced
 from .boundary import ImposedFlux
-from .mutual import Radiation
 from .newton import ALL_STEPS
+from .radiation.mutual import Radiation
 from .term import BoundTerm, Values, bound
 
 

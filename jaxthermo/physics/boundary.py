@@ -21,10 +21,19 @@ from .term import (
     Binding,
     Drive,
     LeftOut,
+    Reach,
     Surface,
     binding,
 )
-from .values import check_value, for_jit, is_zero, largest, largest_size, value_at
+from .values import (
+    check_value,
+    for_jit,
+    is_zero,
+    largest,
+    largest_size,
+    smallest,
+    value_at,
+)
 
 
 class ImposedFlux(AbstractLaw):
@@ -52,19 +61,14 @@ class ImposedFlux(AbstractLaw):
         del end
         return jnp.zeros_like(hottest)
 
-    def largest_flux(
-        self, hottest: Float[Array, ""], end: float | int
-    ) -> Float[Array, ""]:
+    def largest_flux(self, reach: Reach) -> float | Float[Array, ""]:
         """The largest of its values."""
-        del hottest
-        return largest_size(self.heat_flux, end)
+        return largest_size(self.heat_flux, reach.end)
 
-    def curvature(
-        self, hottest: Float[Array, ""], end: float | int
-    ) -> Float[Array, ""]:
+    def curvature(self, reach: Reach) -> float | Float[Array, ""]:
         """None."""
-        del end
-        return jnp.zeros_like(hottest)
+        del reach
+        return 0.0
 
     @property
     def is_linear(self) -> bool:
@@ -101,19 +105,17 @@ class Exchange(AbstractLaw):
             coefficient = largest(coefficient, end)
         return coefficient.astype(hottest.dtype)
 
-    def largest_flux(
-        self, hottest: Float[Array, ""], end: float | int
-    ) -> Float[Array, ""]:
+    def largest_flux(self, reach: Reach) -> float | Float[Array, ""]:
         """The largest h times the largest difference there can be."""
-        most = jnp.maximum(largest(self.temperature, end), hottest)
-        return largest(self.coefficient, end) * most
+        most = largest(self.temperature, reach.end)
+        least = smallest(self.temperature, reach.end)
+        gap = jnp.maximum(most - reach.coldest, reach.hottest - least)
+        return largest(self.coefficient, reach.end) * gap
 
-    def curvature(
-        self, hottest: Float[Array, ""], end: float | int
-    ) -> Float[Array, ""]:
+    def curvature(self, reach: Reach) -> float | Float[Array, ""]:
         """None."""
-        del end
-        return jnp.zeros_like(hottest)
+        del reach
+        return 0.0
 
     @property
     def is_linear(self) -> bool:

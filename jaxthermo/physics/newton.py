@@ -9,13 +9,10 @@ conducts a thousand times better than its surface radiates: there one step from 
 node's temperature is exact to rounding, where a near-insulator in the sun needs all.
 """
 
-from typing import Any
-
-import jax.numpy as jnp
 import numpy as np
 
 from ..tracing import is_traced
-from .term import BoundTerm, Values
+from .term import BoundTerm, Reach, Values
 
 
 ALL_STEPS = 6
@@ -24,27 +21,23 @@ ALL_STEPS = 6
 KELVIN_LEFT = {"float32": 1e-6, "float64": 1e-12}
 
 
-def newton_steps(
-    half_cell: Values, terms: list[BoundTerm], hottest: Any, end: float
-) -> int:
+def newton_steps(half_cell: Values, terms: list[BoundTerm], reach: Reach | None) -> int:
     """Steps from the node's temperature that solve the balance, or all there are.
 
     Args:
         half_cell: of each place [W/K].
         terms: that act at the surface's temperature.
-        hottest: that anything gets up to the end [K].
-        end: of the run [s].
+        reach: what the run can get to; None if that is not known.
     """
-    if all(term.law.is_linear for term in terms) or is_traced(
-        (half_cell, terms, hottest)
-    ):
+    if reach is None or all(term.law.is_linear for term in terms):
+        return ALL_STEPS
+    if is_traced((half_cell, terms)):
         return ALL_STEPS
     conducts = np.asarray(half_cell, float)
-    hottest = jnp.asarray(hottest)
     flux, curvature = np.zeros_like(conducts), np.zeros_like(conducts)
     for term in terms:
-        most = float(term.law.largest_flux(hottest, end))
-        bent = float(term.law.curvature(hottest, end))
+        most = float(term.law.largest_flux(reach))
+        bent = float(term.law.curvature(reach))
         if not np.isfinite([most, bent]).all():
             return ALL_STEPS
         share = np.asarray(term.share, float)

@@ -6,6 +6,7 @@ and a law, the heat flux into a unit of share; a term that can do nothing there 
 """
 
 import abc
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -26,6 +27,14 @@ from ..voxels.select import AbstractSelection
 
 Values = Array | np.ndarray
 """Of numpy wherever nothing is traced: it compiles nothing."""
+
+
+class Reach(NamedTuple):
+    """Temperatures of surfaces, air and surroundings, and times, that a run gets to."""
+
+    coldest: float
+    hottest: float
+    end: float | int
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,10 +62,8 @@ class Surface:
     scene_triangles: Float[np.ndarray, "f 3 3"]
     """Every body's triangles, world [m]: what may cast a shadow."""
     dtype: Any
-    span: tuple[float, float] | None = None
-    """The coldest and the hottest it can get [K], if that is known."""
-    end: float | int = 0.0
-    """Of the run [s]."""
+    reach: Reach | None = None
+    """What the run can get to, if that is known."""
     prune: bool = True
     """Whether terms that do nothing are left out: they are, but for comparison."""
 
@@ -155,23 +162,19 @@ class AbstractLaw(eqx.Module):
         del mean
         return self
 
-    def largest_flux(
-        self, hottest: Float[Array, ""], end: float | int
-    ) -> Float[Array, ""]:
-        """A bound of |flux| at temperatures up to `hottest` [K] and times to `end`.
+    def largest_flux(self, reach: Reach) -> float | Float[Array, ""]:
+        """A bound of |flux| at temperatures and times within `reach`.
 
         With `curvature` it says how many steps the balance at a surface needs; a law
         that knows neither gets all there are.
         """
-        del end
-        return jnp.full_like(hottest, jnp.inf)
+        del reach
+        return math.inf
 
-    def curvature(
-        self, hottest: Float[Array, ""], end: float | int
-    ) -> Float[Array, ""]:
+    def curvature(self, reach: Reach) -> float | Float[Array, ""]:
         """A bound of |d2 flux / dT2| there."""
-        del end
-        return jnp.full_like(hottest, jnp.inf)
+        del reach
+        return math.inf
 
     @property
     def sheds(self) -> bool:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from ..physics.polygon import polygon_view_factor
+from ..physics.radiation.polygon import polygon_view_factor
 from ..raster.directions import unit_vector, view_frame
 
 

@@ -5,19 +5,19 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
 from ..network.nonlinear import NonlinearNetwork
 from ..physics.balance import SurfaceTerms
 from ..physics.heat_source import VolumeBinding
-from ..physics.mutual import (
+from ..physics.newton import ALL_STEPS, newton_steps
+from ..physics.radiation.mutual import (
     Enclosure,
     RadiativeExchange,
     enclosure,
     merged_enclosure,
     patches_of,
 )
-from ..physics.newton import ALL_STEPS, newton_steps
+from ..physics.term import Reach
 from ..physics.values import is_unknown_function, knots
 from .bind import Bound, acts_ever
 from .contacts import Key, contact_links, touching_sizes
@@ -81,8 +81,7 @@ def programs(
     looks: list[Look],
     volumes: Volumes,
     entries: Entries,
-    hottest: Float[Array, ""],
-    end: float | int,
+    reach: Reach | None,
 ) -> tuple[Program, ...]:
     """One a moment.
 
@@ -92,8 +91,7 @@ def programs(
         looks: at all moments.
         volumes: what acts inside bodies.
         entries: of the ledger.
-        hottest: that anything gets [K].
-        end: of the run [s].
+        reach: what the run can get to, if that is known.
     """
     bodies = range(len(prepared))
     rules = Rules(
@@ -101,7 +99,7 @@ def programs(
         sizes=touching_sizes([look.touching for look in looks]),
         acts=[acts_ever([look.bounds[b] for look in looks]) for b in bodies],
         steps=[
-            max(_steps(prepared[b], look.bounds[b], hottest, end) for look in looks)
+            max(_steps(prepared[b], look.bounds[b], reach) for look in looks)
             for b in bodies
         ],
     )
@@ -109,11 +107,11 @@ def programs(
     return jax.tree.map(_on_device, made)
 
 
-def _steps(one: Prepared, bound: Bound, hottest, end) -> int:
+def _steps(one: Prepared, bound: Bound, reach: Reach | None) -> int:
     if isinstance(one.network, NonlinearNetwork):
         return ALL_STEPS
     terms = [each.binding.term for each in bound.free]
-    return newton_steps(bound.surface.half_cell, terms, hottest, end)
+    return newton_steps(bound.surface.half_cell, terms, reach)
 
 
 def _program(scene, prepared, look: Look, volumes: Volumes, rules: Rules) -> Program:

@@ -8,6 +8,7 @@ from jaxtyping import Array, Float
 from ..constants import STEFAN_BOLTZMANN
 from ..physics.boundary import HeatFlux
 from ..physics.heat_source import HeatSource
+from ..physics.term import Reach
 from ..physics.values import is_zero, smallest
 from ..tracing import is_traced
 from .prepare import Prepared
@@ -44,10 +45,10 @@ def hottest(
     return (bound**4 + shed) ** 0.25
 
 
-def span(
+def reach(
     scene: Scene, prepared: tuple[Prepared, ...], hottest: Any, end: float | int
-) -> tuple[float, float] | None:
-    """The coldest and the hottest that surfaces can get [K]; None if it is not known.
+) -> Reach | None:
+    """What surfaces can get to; None if it is not known.
 
     Args:
         scene: bodies and terms.
@@ -67,7 +68,7 @@ def span(
         values += [smallest(pull, end) for pull in pulls if pull is not None]
     if is_traced((values, hottest)):
         return None
-    return min(float(value) for value in values), float(hottest)
+    return Reach(min(float(value) for value in values), float(hottest), end)
 
 
 def _least_emissivity(body: Body) -> Any:

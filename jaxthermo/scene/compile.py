@@ -14,7 +14,7 @@ import numpy as np
 from ..tracing import is_traced
 from .assemble import number_entries, programs
 from .bind import Bound
-from .bounds import hottest, span
+from .bounds import hottest, reach
 from .forecast import check_memory
 from .looking import Look, look_around
 from .moments import moments
@@ -57,11 +57,11 @@ def compile_scene(
     memory, dtype = check_memory(scene, saves, len(starts)), jnp.dtype(scene.dtype)
     prepared = tuple(prepare(body, dtype) for body in scene.bodies)
     most = hottest(scene, prepared, end)
-    range_ = span(scene, prepared, most, end)
-    looks = look_around(scene, prepared, names, starts, end, range_, prune)
+    within = reach(scene, prepared, most, end)
+    looks = look_around(scene, prepared, names, starts, end, within, prune)
     volumes, others = bind_volumes(scene, names)
     entries = number_entries(names, looks, volumes)
-    made = programs(scene, prepared, looks, volumes, entries, most, end)
+    made = programs(scene, prepared, looks, volumes, entries, within)
     limit = jnp.stack([stable_step(program, most, end) for program in made]).min()
     others += looks[0].touching.omitted
     bounds, structures = list(looks[0].bounds), [b.structure for b in scene.bodies]

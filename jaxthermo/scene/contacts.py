@@ -8,10 +8,10 @@ from jaxtyping import Float
 
 from ..errors import InputError
 from ..geometry.pose import Pose
-from ..physics.contact_bodies import PlacedGrid
-from ..physics.contact_pairs import ContactPairs, no_pairs
-from ..physics.contact_search import contacts_between
-from ..physics.joint import Contact, ContactLinks
+from ..physics.contact.bodies import PlacedGrid
+from ..physics.contact.links import Contact, ContactLinks
+from ..physics.contact.pairs import ContactPairs, no_pairs
+from ..physics.contact.search import contacts_between
 from ..physics.term import AbstractTerm
 from ..physics.values import for_jit, is_zero
 from .prepare import Prepared

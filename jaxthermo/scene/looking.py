@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..physics.term import Surface
+from ..physics.term import Reach, Surface
 from .bind import Bound, bind_terms, body_surface, drop_idle, surface_terms
 from .contacts import Touching, find_contacts
 from .moments import middles
@@ -29,7 +29,7 @@ def look_around(
     names: tuple[str, ...],
     starts: tuple[float, ...],
     end: float | int,
-    span: tuple[float, float] | None,
+    reach: Reach | None,
     prune: bool,
 ) -> list[Look]:
     """The scene at every moment, with the same bindings at each.
@@ -40,11 +40,11 @@ def look_around(
         names: of the terms.
         starts: when the moments begin [s].
         end: of the last of them [s].
-        span: the coldest and the hottest that surfaces can get [K], if known.
+        reach: what the run can get to, if that is known.
         prune: whether what does nothing is left out.
     """
     once = prune and len(starts) == 1
-    known = partial(replace, span=span, end=end, prune=once)
+    known = partial(replace, reach=reach, prune=once)
     looks = [_look(scene, prepared, names, t, known) for t in middles(starts, end)]
     if once or not prune:
         return looks

@@ -9,8 +9,8 @@ from jaxtyping import Array, Float, Int
 
 from ..network.network import AbstractNetwork, Address
 from ..physics.balance import SurfaceTerms
-from ..physics.joint import ContactLinks
-from ..physics.mutual import Enclosure
+from ..physics.contact.links import ContactLinks
+from ..physics.radiation.mutual import Enclosure
 from ..physics.values import value_at
 from ..structures.surface_map import BoundMap
 from .receipt import Receipt

@@ -5,8 +5,8 @@ import pytest
 
 from jaxthermo.geometry.pose import Pose
 from jaxthermo.geometry.shapes import box, sphere
-from jaxthermo.physics.contact_bodies import PlacedGrid
-from jaxthermo.physics.contact_search import find_contacts
+from jaxthermo.physics.contact.bodies import PlacedGrid
+from jaxthermo.physics.contact.search import find_contacts
 from jaxthermo.voxels.voxelize import voxelize
 
 

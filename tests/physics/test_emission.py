@@ -9,7 +9,7 @@ import pytest
 import jaxthermo as jt
 from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.physics.balance import SurfaceTerms
-from jaxthermo.physics.emission import Emission
+from jaxthermo.physics.radiation.emission import Emission
 from jaxthermo.physics.term import bound
 from jaxthermo.reference.lumped import radiation_temperature
 from jaxthermo.scene.compile import compile_scene

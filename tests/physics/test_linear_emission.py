@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.physics.emission import linear_error
+from jaxthermo.physics.radiation.emission import linear_error
+from jaxthermo.physics.term import Reach
 
 
 METAL = jt.Material(50.0, density=2000.0, specific_heat=500.0, emissivity=0.8)
@@ -38,7 +39,9 @@ def test_the_error_is_that_of_the_laws():
         t = np.array([low, high]) + 1e-9
         ratio = 4 * there**3 * (there - t) / (there**4 - t**4)
         exact = np.abs(ratio - 1).max()
-        assert linear_error(there, (low, high), 1.0) == pytest.approx(exact, rel=1e-5)
+        assert linear_error(there, Reach(low, high, 1.0)) == pytest.approx(
+            exact, rel=1e-5
+        )
 
 
 def test_a_fraction_is_asked_for():

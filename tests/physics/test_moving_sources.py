@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.physics.area_source import AreaSource
-from jaxthermo.physics.point_source import PointSource
-from jaxthermo.physics.source import Sun
+from jaxthermo.physics.radiation.area_source import AreaSource
+from jaxthermo.physics.radiation.point_source import PointSource
+from jaxthermo.physics.radiation.source import Sun
 
 
 def turning(time):

@@ -9,8 +9,12 @@ import pytest
 from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.errors import InputError
 from jaxthermo.geometry.shapes import box, sphere
-from jaxthermo.physics.exchange import exchange_of, net_exchange, patch_exchange
-from jaxthermo.physics.view_factor import ViewFactors, view_factors
+from jaxthermo.physics.radiation.exchange import (
+    exchange_of,
+    net_exchange,
+    patch_exchange,
+)
+from jaxthermo.physics.radiation.view_factor import ViewFactors, view_factors
 from jaxthermo.reference.radiation import between_plates, between_spheres
 from jaxthermo.voxels.voxelize import voxelize
 from tests.radiating import in_patches, moved, shell, surface_of

@@ -10,7 +10,7 @@ import jaxthermo as jt
 from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.physics.balance import SurfaceTerms
 from jaxthermo.physics.boundary import Exchange, ImposedFlux
-from jaxthermo.physics.emission import Emission
+from jaxthermo.physics.radiation.emission import Emission
 from jaxthermo.physics.term import bound
 from tests.bodies import bar
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.physics.air import kinematic_viscosity
-from jaxthermo.physics.cross_flow import local_nusselt, mean_coefficient
-from jaxthermo.physics.nusselt import churchill_bernstein
-from jaxthermo.physics.wake import WakeDeficit
-from jaxthermo.physics.wind import Wind
+from jaxthermo.physics.convection.air import kinematic_viscosity
+from jaxthermo.physics.convection.cross_flow import local_nusselt, mean_coefficient
+from jaxthermo.physics.convection.nusselt import churchill_bernstein
+from jaxthermo.physics.convection.wake import WakeDeficit
+from jaxthermo.physics.convection.wind import Wind
 
 
 AIR, HOT = 300.0, 340.0

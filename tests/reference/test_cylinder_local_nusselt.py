@@ -5,8 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxthermo.physics.cross_flow import local_nusselt
-from jaxthermo.physics.nusselt import profile
+from jaxthermo.physics.convection.cross_flow import local_nusselt
+from jaxthermo.physics.convection.nusselt import profile
 
 
 DEGREES = np.array([0.0, 30.0, 60.0, 90.0, 120.0, 150.0, 180.0])

@@ -23,8 +23,8 @@ from jaxthermo.geometry import shapes
 from jaxthermo.image.camera import Camera, OrthographicCamera
 from jaxthermo.materials import materials
 from jaxthermo.physics.boundary import Convection, FixedTemperature, HeatFlux
-from jaxthermo.physics.emission import Surroundings
-from jaxthermo.physics.source import Sun
+from jaxthermo.physics.radiation.emission import Surroundings
+from jaxthermo.physics.radiation.source import Sun
 from jaxthermo.physics.values import Table, Until
 from jaxthermo.scene.scene import MaterialMap
 from jaxthermo.voxels.select import Region, Side

@@ -13,7 +13,7 @@ from jaxthermo.config.schema_air import WakeDeficitConfig, WindConfig
 from jaxthermo.config.schema_place import WhereConfig
 from jaxthermo.config.schema_radiation import AreaSourceConfig
 from jaxthermo.config.schema_terms import HeatFluxConfig, TermConfig
-from jaxthermo.physics.nusselt import AVERAGES
+from jaxthermo.physics.convection.nusselt import AVERAGES
 from jaxthermo.physics.term import AbstractTerm
 
 

@@ -7,9 +7,9 @@ import pytest
 
 from jaxthermo.physics.balance import SurfaceTerms
 from jaxthermo.physics.boundary import Exchange, ImposedFlux
-from jaxthermo.physics.emission import Emission
 from jaxthermo.physics.newton import ALL_STEPS, KELVIN_LEFT, newton_steps
-from jaxthermo.physics.term import bound
+from jaxthermo.physics.radiation.emission import Emission
+from jaxthermo.physics.term import Reach, bound
 
 
 AREA = np.array([1e-6, 4e-6, 2e-6])
@@ -33,7 +33,7 @@ def _terms(conductivity, pitch, dtype, sun=1000.0):
 
 def _steps(terms, hottest=400.0):
     bound_terms = [term for _, term in terms.free]
-    return newton_steps(terms.half_cell, bound_terms, jnp.asarray(hottest), 1.0)
+    return newton_steps(terms.half_cell, bound_terms, Reach(0.0, hottest, 1.0))
 
 
 @eqx.filter_jit

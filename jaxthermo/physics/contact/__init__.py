@@ -1,0 +1,1 @@
+"""Bodies that touch: where, over what area, and what passes."""

@@ -1,0 +1,117 @@
+"""Which bodies may touch at all: boxes first, then views along the three axes.
+
+Bodies that touch overlap in every view: in some pixel, and there in depth. So a pair is
+dropped as soon as one view tells the two apart (the pruning of CULLIDE, Govindaraju et
+al. 2003, which the thesis takes for its broad phase), and a body without a pair is out
+of the potentially colliding set.
+
+The views are coarse and are drawn from the fragments, the depth layers that the body
+was voxelized from, not from triangles anew: no part that can conduct has none, whereas
+a part thinner than a pixel may miss all of its rays.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ...array_types import Scalar
+from ...geometry.boxes import overlapping_pairs
+from .bodies import PlacedGrid
+from .lookup import FARTHEST
+from .rays import STEEPEST
+
+
+PIXELS = 64
+"""Along the longer edge of a view of two boxes' overlap, at most."""
+
+
+class BroadPhase(NamedTuple):
+    """The pairs of bodies that are left to look at closely, and how many were not."""
+
+    pairs: Int[np.ndarray, "p 2"]
+    """i < j"""
+    possible: int
+    """Pairs there are."""
+    overlapping_boxes: int
+    """Pairs that the boxes left."""
+
+    @property
+    def bodies(self) -> tuple[int, ...]:
+        """The potentially colliding set: bodies with a pair left."""
+        return tuple(np.unique(self.pairs).tolist())
+
+
+def may_touch(
+    bodies: tuple[PlacedGrid, ...], threshold: Scalar | None = None
+) -> BroadPhase:
+    """Pairs of bodies that neither their boxes nor a view along an axis tell apart.
+
+    Args:
+        bodies: all bodies of a scene.
+        threshold: widest gap that is contact [m]; None for one voxel of the finer body.
+    """
+    # What counts as a gap can be a longer way from corner to corner.
+    reach = np.array(
+        [STEEPEST * float(b.pitch if threshold is None else threshold) for b in bodies]
+    )
+    bounds = np.stack([body.world_bounds for body in bodies])
+    lower, upper = bounds[:, 0] - reach[:, None], bounds[:, 1] + reach[:, None]
+    pairs = overlapping_pairs(lower, upper)
+    kept = [
+        not _told_apart(bodies[i], bodies[j], float(reach[[i, j]].max()))
+        for i, j in pairs.tolist()
+    ]
+    return BroadPhase(
+        pairs=pairs[np.array(kept, bool)],
+        possible=len(bodies) * (len(bodies) - 1) // 2,
+        overlapping_boxes=len(pairs),
+    )
+
+
+def _told_apart(a: PlacedGrid, b: PlacedGrid, reach: float) -> bool:
+    """Whether the bodies keep their distance in one of the views along x, y and z."""
+    # A surface point has a fragment this near.
+    spacing = FARTHEST * max(a.pitch, b.pitch)
+    margin = reach + 2 * spacing
+    low = np.maximum(a.world_bounds[0], b.world_bounds[0]) - margin
+    high = np.minimum(a.world_bounds[1], b.world_bounds[1]) + margin
+    pixel = max(margin, float((high - low).max()) / PIXELS)
+    return any(
+        not _overlap_in_view(a, b, axis, low, high, pixel, margin) for axis in range(3)
+    )
+
+
+def _overlap_in_view(a, b, axis: int, low, high, pixel: float, margin: float) -> bool:
+    near_a, far_a = _depths(a.world_fragments, axis, low, high, pixel)
+    near_b, far_b = _depths(b.world_fragments, axis, low, high, pixel)
+    # Points within the margin of each other lie in the same pixel or in neighbours.
+    near_a, far_a = _widened(near_a, np.minimum), _widened(far_a, np.maximum)
+    overlap = (near_a - margin <= far_b) & (near_b - margin <= far_a)
+    return bool(overlap.any())
+
+
+def _depths(
+    points: Float[np.ndarray, "s 3"], axis: int, low, high, pixel: float
+) -> tuple[Float[np.ndarray, "h w"], Float[np.ndarray, "h w"]]:
+    """First and last depth of a body in every pixel [m]; +-inf where it is not."""
+    across = [a for a in range(3) if a != axis]
+    # Of all depths: a body around the other one may have no surface near it.
+    seen = points[((points >= low) & (points <= high))[:, across].all(1)]
+    place = np.floor((seen - low)[:, across] / pixel).astype(np.int64)
+    shape = np.floor((high - low) / pixel).astype(np.int64)[across] + 1
+    near, far = np.full(shape, np.inf), np.full(shape, -np.inf)
+    np.minimum.at(near, tuple(place.T), seen[:, axis])
+    np.maximum.at(far, tuple(place.T), seen[:, axis])
+    return near, far
+
+
+def _widened(depth, pick):
+    """Of every pixel and its eight neighbours, the first or the last depth."""
+    for axis in (0, 1):
+        inner = np.moveaxis(depth, axis, 0)
+        wide = inner.copy()
+        wide[1:] = pick(wide[1:], inner[:-1])
+        wide[:-1] = pick(wide[:-1], inner[1:])
+        depth = np.moveaxis(wide, 0, axis)
+    return depth

@@ -1,0 +1,1 @@
+"""Heat to moving and still air."""

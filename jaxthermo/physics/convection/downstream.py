@@ -1,0 +1,148 @@
+"""How far behind other objects a surface lies in the wind, from depth layers along it.
+
+Along the ray through a fragment, the last place upstream where the wind left another
+object is the rear of that object. What hangs together in the mesh is one object: its
+own wake is in the correlation for a cylinder already. An object's diameter is the width
+of the rectangle that has the second moments of its silhouette, seen along the wind, the
+narrow way: exact for a long cylinder across it, 0.87 D for a sphere.
+"""
+
+import jax
+import numpy as np
+from jaxtyping import Float, Int
+
+from ...geometry.connectivity import part_labels
+from ...memory import require_memory
+from ...raster.directions import orthographic_view
+from ...raster.layers import DepthLayers
+
+
+NEIGHBOURS = sorted(
+    ((down, right) for down in (-1, 0, 1) for right in (-1, 0, 1)),
+    key=lambda offset: offset[0] ** 2 + offset[1] ** 2,
+)
+"""Offsets to a pixel, then to those around it, the nearest first."""
+
+
+def diameters_behind(
+    triangles: Float[np.ndarray, "f 3 3"],
+    position: Float[np.ndarray, "s 3"],
+    direction: Float[np.ndarray, "3"],
+    pitch: float,
+) -> Float[np.ndarray, " s"]:
+    """X / D of each surface point behind the object upstream of it; infinite for none.
+
+    Args:
+        triangles: of everything in the wind, closed, in the world [m].
+        position: the points, on some of the triangles [m].
+        direction: the way the wind blows.
+        pitch: of the rays [m].
+    """
+    view = orthographic_view(triangles, direction, pitch)
+    require_memory(view.width * view.height * 16, "a wake", "use a coarser pitch")
+    # Shapes are known while the rest of a scene is traced.
+    with jax.ensure_compile_time_eval():
+        layers = view.peel(triangles)
+    objects = _objects(triangles)
+    layer_object = objects[layers.triangle]
+    across = _widths(triangles, objects, view.frame) / view.pitch
+    seen = view.project(position)
+    row = np.clip(seen[:, 1].astype(np.int64), 0, view.height - 1)
+    column = np.clip(seen[:, 0].astype(np.int64), 0, view.width - 1)
+    pixel, depth = row * view.width + column, seen[:, 2]
+    own = _own_object(layers, layer_object, pixel, depth)
+    behind = np.full(len(position), np.inf)
+    for each in np.unique(own):
+        mine = np.flatnonzero(own == each)
+        rear = np.flatnonzero(~layers.entering & (layer_object != each))
+        for offset in NEIGHBOURS:
+            # A wake is no narrower than what makes it: one more pixel around.
+            mine = mine[np.isinf(behind[mine])]
+            near = _beside(layers, pixel[mine], offset)
+            last = _last_before(layers, rear, near, depth[mine])
+            there = last >= 0
+            found = rear[last[there]]
+            gap = depth[mine[there]] - layers.depth[found]
+            behind[mine[there]] = gap / across[layer_object[found]]
+    return behind
+
+
+def _objects(triangles: Float[np.ndarray, "f 3 3"]) -> Int[np.ndarray, " f"]:
+    """What hangs together, by corners in the same place."""
+    corners = triangles.reshape(-1, 3)
+    _, vertex = np.unique(corners, axis=0, return_inverse=True)
+    return part_labels(vertex.reshape(-1, 3))
+
+
+def _widths(
+    triangles: Float[np.ndarray, "f 3 3"],
+    objects: Int[np.ndarray, " f"],
+    frame: Float[np.ndarray, "3 3"],
+) -> Float[np.ndarray, " o"]:
+    """Of each object's silhouette [m], by the triangles that face the wind.
+
+    Where one of them hides another both count, which moves the result little.
+    """
+    corners = triangles @ frame[:2].T
+    normal = np.cross(
+        triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+    )
+    area = np.maximum(-normal @ frame[2], 0) / 2
+    total = np.maximum(np.bincount(objects, area), np.finfo(float).tiny)
+    mean = lambda values: np.bincount(objects, area * values, len(total)) / total
+    centre = np.stack([mean(corners[..., i].mean(1)) for i in range(2)], axis=1)
+    corners = corners - centre[objects][:, None]
+    # Of a triangle: (sum of squares of the corners + square of their sum) / 12.
+    square = lambda i, j: (
+        (corners[..., i] * corners[..., j]).sum(1)
+        + corners[..., i].sum(1) * corners[..., j].sum(1)
+    )
+    xx, yy, xy = (mean(square(i, j)) / 12 for i, j in ((0, 0), (1, 1), (0, 1)))
+    return np.sqrt(12 * ((xx + yy) / 2 - np.hypot((xx - yy) / 2, xy)))
+
+
+def _key(layers: DepthLayers, pixel, depth) -> Float[np.ndarray, " n"]:
+    """Rises with the pixel, and in a pixel with the depth."""
+    span = 1 + layers.depth.max(initial=0.0)
+    return pixel * (2 * span) + np.clip(depth, -0.5 * span, span)
+
+
+def _next_layer(layers, chosen, pixel, depth) -> Int[np.ndarray, " s"]:
+    """The first of the chosen layers not before each point, in order of the rays."""
+    keys = _key(layers, layers.pixel[chosen], layers.depth[chosen])
+    return np.searchsorted(keys, _key(layers, pixel, depth))
+
+
+def _last_before(layers, chosen, pixel, depth) -> Int[np.ndarray, " s"]:
+    """Of the chosen layers the last on each ray before a point; -1 for none."""
+    last = _next_layer(layers, chosen, pixel, depth) - 1
+    if not len(chosen):
+        return last
+    return np.where(layers.pixel[chosen[np.maximum(last, 0)]] == pixel, last, -1)
+
+
+def _beside(layers, pixel, offset: tuple[int, int]) -> Int[np.ndarray, " s"]:
+    """The pixel so many rows and columns away, or the last one on the way there."""
+    row, column = np.divmod(pixel, layers.width)
+    row = np.clip(row + offset[0], 0, layers.height - 1)
+    return row * layers.width + np.clip(column + offset[1], 0, layers.width - 1)
+
+
+def _own_object(layers, layer_object, pixel, depth) -> Int[np.ndarray, " s"]:
+    """The object each point lies on: that of the nearest layer around its ray.
+
+    A ray through the middle of a pixel may miss what only touches the pixel, so the
+    eight pixels around it are searched too.
+    """
+    everything = np.arange(len(layers.pixel))
+    own = np.zeros(len(pixel), np.int64)
+    nearest = np.full(len(pixel), np.inf)
+    for offset in NEIGHBOURS:
+        near = _beside(layers, pixel, offset)
+        after = _next_layer(layers, everything, near, depth)
+        for layer in (after - 1, after):
+            layer = np.clip(layer, 0, len(everything) - 1)
+            apart = np.abs(layers.depth[layer] - depth) + np.hypot(*offset)
+            better = (layers.pixel[layer] == near) & (apart < nearest)
+            own[better], nearest[better] = layer_object[layer[better]], apart[better]
+    return own

@@ -1,0 +1,1 @@
+"""Sources, shadows, emission, and what surfaces see of each other."""

@@ -1,0 +1,191 @@
+"""Sources of radiation: Lambert's law at the surface, and the sun (thesis eq. 3).
+
+Each gives an irradiance of strength times exposure, and the surface absorbs
+
+    q = a E A,    E = strength(t) X,
+
+with the absorptivity a and the true area A. The exposure X is geometry: the cosine, the
+distance and the shadows. Where a source moves, it is frozen moment by moment.
+"""
+
+import abc
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Bool, Float
+
+from ...array_types import Scalar
+from ...errors import InputError
+from ...raster.directions import unit_vector
+from ..boundary import ImposedFlux
+from ..term import AbstractSurfaceTerm, Binding, Drive, LeftOut, Surface, binding
+from ..values import check_value, for_jit, is_zero, largest
+from .shadow import lit_share
+
+
+Triple = tuple[float, float, float]
+
+
+def fixed_or_moving(value: Any) -> Any:
+    """Three numbers as a tuple; functions, and what the checks will refuse, as is."""
+    try:
+        return value if callable(value) else tuple(float(number) for number in value)
+    except (TypeError, ValueError):
+        return value
+
+
+class AbstractSource(AbstractSurfaceTerm):
+    """Something that shines on surfaces and is not warmed by them."""
+
+    @property
+    @abc.abstractmethod
+    def strength(self) -> Any:
+        """The irradiance for each unit of exposure; a number or a function of time."""
+
+    @abc.abstractmethod
+    def exposure(
+        self,
+        triangles: Float[np.ndarray, "f 3 3"],
+        position: Float[np.ndarray, "s 3"],
+        normal: Float[np.ndarray, "s 3"],
+        pitch: float,
+    ) -> Float[np.ndarray, " s"]:
+        """Irradiance of surface points for each unit of strength, never negative.
+
+        Args:
+            triangles: everything that casts shadows, world [m].
+            position: the points [m].
+            normal: outward at them.
+            pitch: edge of the squares that the points stand for [m].
+        """
+
+    @abc.abstractmethod
+    def check_place(self, surface: Surface) -> None:
+        """Refuse a source that stands where none can.
+
+        Raises:
+            InputError: if it is inside this body.
+        """
+
+    def bind(
+        self, surface: Surface, reference: Scalar
+    ) -> tuple[Binding, ...] | LeftOut:
+        """The free fragments that the source sees; one that moves must be frozen."""
+        del reference
+        if surface.prune and is_zero(self.strength):
+            return LeftOut("it is switched off at all times")
+        if surface.prune and is_zero(surface.absorptivity):
+            return LeftOut("the surface has absorptivity 0")
+        acts = surface.acted_on(None)
+        if isinstance(acts, LeftOut):
+            return acts
+        self.check_place(surface)
+        exposure = self.exposure(
+            surface.scene_triangles, surface.position, surface.normal, surface.pitch
+        )
+        lit = acts & (exposure > 0)
+        if surface.prune and not lit.any():
+            return LeftOut("no surface of this body sees it")
+        share = surface.absorptivity * exposure.astype(surface.dtype)
+        law = ImposedFlux(for_jit(self.strength, surface.dtype))
+        return (binding(share * surface.area, law, lit),)
+
+
+class Sun(AbstractSource):
+    """Parallel rays with shadows: X = max(0, -d . n) s, lit share s."""
+
+    direction: Triple | Callable[[float], Any] = eqx.field(
+        static=True, converter=fixed_or_moving
+    )
+    """The way the rays travel, any length; or a function of time [s] that gives it."""
+    irradiance: Any
+    """E on a surface that faces the rays [W/m^2]; a number or a function of time."""
+
+    def __check_init__(self):
+        unit_vector(placed(self.direction, 0.0), "Sun(direction=)")
+        check_value(self.irradiance, "Sun(irradiance [W/m^2])", 0.0)
+
+    @property
+    def name(self) -> str:
+        """In the ledger."""
+        return "sun"
+
+    @property
+    def strength(self) -> Any:
+        """Its irradiance [W/m^2]."""
+        return self.irradiance
+
+    @property
+    def values(self) -> tuple[Any, ...]:
+        """Its irradiance."""
+        return (self.irradiance,)
+
+    @property
+    def moves(self) -> bool:
+        """Whether its direction is a function of time."""
+        return callable(self.direction)
+
+    def at(self, time: float) -> "Sun":
+        """The sun as it stands at `time` [s]."""
+        if not self.moves:
+            return self
+        direction = placed(self.direction, time)
+        unit_vector(direction, f"Sun(direction=) at {time:g} s:")
+        return type(self)(triple(direction), self.irradiance)
+
+    def check_place(self, surface: Surface) -> None:
+        """It is nowhere."""
+
+    def exposure(
+        self,
+        triangles: Float[np.ndarray, "f 3 3"],
+        position: Float[np.ndarray, "s 3"],
+        normal: Float[np.ndarray, "s 3"],
+        pitch: float,
+    ) -> Float[np.ndarray, " s"]:
+        """Lambert's cosine times the lit share of surface points: 0 to 1."""
+        cosine = np.maximum(0.0, -normal @ unit_vector(self.direction))
+        return cosine * lit_share(triangles, position, normal, self.direction, pitch)
+
+    def drive(self, end: float | int) -> Drive:
+        """An imposed heat flux [W/m^2]."""
+        return Drive(heat_flux=largest(self.irradiance, end))
+
+
+def placed(value: Any, time: float) -> Any:
+    """A place or direction at `time` [s], whether it is one or a function of time."""
+    return value(time) if callable(value) else value
+
+
+def triple(value: Any) -> Triple:
+    """Three numbers that are known to be such."""
+    x, y, z = (float(number) for number in np.asarray(value, float))
+    return x, y, z
+
+
+def check_point(value: Any, what: str) -> None:
+    """Refuse what is no point in space.
+
+    Raises:
+        InputError: naming `what`.
+    """
+    try:
+        point = np.asarray(value, float)
+    except (TypeError, ValueError):
+        point = np.zeros(0)
+    if point.shape != (3,) or not np.isfinite(point).all():
+        raise InputError(f"{what} {value!r}: give three finite numbers, in metres")
+
+
+def inside_body(
+    surface: Surface, points: Float[np.ndarray, "p 3"]
+) -> Bool[np.ndarray, " p"]:
+    """Which world points [m] lie in a solid voxel of a body."""
+    grid = surface.grid
+    cells = np.floor(grid.lattice.to_cells(surface.pose.unplace(points))).astype(int)
+    within = ((cells >= 0) & (cells < grid.lattice.shape)).all(1)
+    found = np.zeros(len(points), bool)
+    found[within] = grid.solid[tuple(cells[within].T)]
+    return found

@@ -1,0 +1,99 @@
+"""The broad phase drops no pair that touches, and drops those that views tell apart."""
+
+import numpy as np
+from hypothesis import given, settings, strategies as st
+from placed import ball_grid, box_grid, placed
+from scipy.spatial import KDTree
+
+from jaxthermo.physics.contact.broad import may_touch
+from jaxthermo.physics.contact.search import contacts_between, find_contacts
+
+
+PITCH = 0.2
+BOX = box_grid((1.0, 1.0, 0.6), PITCH)
+BALL = ball_grid(0.5, PITCH, subdivisions=3)
+ROD = box_grid((0.2, 0.2, 2.2), PITCH)
+GRIDS = (BOX, BALL, ROD)
+
+
+def points_of(body):
+    """Closely spread over a body's surface, in the world [m]."""
+    triangles = body.grid.mesh.triangles
+    steps = np.linspace(0.0, 1.0, 9 if len(triangles) < 100 else 2)
+    u, v = (w.reshape(-1)[:, None] for w in np.meshgrid(steps, steps))
+    u, v = u[(u + v <= 1)[:, 0]], v[(u + v <= 1)[:, 0]]
+    a, b, c = (triangles[:, None, i] for i in range(3))
+    return body.pose.place((a + u * (b - a) + v * (c - a)).reshape(-1, 3))
+
+
+def closest(one, other):
+    """The least distance between points of two surfaces: no less than the true one."""
+    return float(KDTree(points_of(one)).query(points_of(other))[0].min())
+
+
+@settings(deadline=None, max_examples=25)
+@given(seed=st.integers(0, 10**6), count=st.integers(2, 9), spread=st.floats(0.8, 3.0))
+def test_no_pair_is_lost(seed, count, spread):
+    random = np.random.default_rng(seed)
+    bodies = tuple(
+        placed(
+            GRIDS[random.integers(3)],
+            spread * random.uniform(-1, 1, 3),
+            random.uniform(-180, 180, 3),
+        )
+        for _ in range(count)
+    )
+    found = may_touch(bodies)
+    kept = {tuple(pair) for pair in found.pairs.tolist()}
+    for i in range(count):
+        for j in range(i + 1, count):
+            if closest(bodies[i], bodies[j]) <= PITCH:
+                assert (i, j) in kept
+    assert len(kept) <= found.overlapping_boxes <= found.possible
+    assert set(found.bodies) == {body for pair in kept for body in pair}
+
+
+@settings(deadline=None, max_examples=5)
+@given(seed=st.integers(0, 10**6))
+def test_no_contact_is_lost(seed):
+    """Boxes that stand on a grid, some a gap apart: every pair searched closely."""
+    random = np.random.default_rng(seed)
+    places = random.choice(8, 4, replace=False)
+    where = np.stack(np.unravel_index(places, (2, 2, 2)), axis=1).astype(float)
+    where *= np.array([1.0, 1.0, 0.6]) * random.choice([1.0, 1.1, 1.3])
+    bodies = tuple(placed(BOX, spot) for spot in where)
+    expected = {
+        (i, j)
+        for i in range(4)
+        for j in range(i + 1, 4)
+        if find_contacts(bodies[i], bodies[j]).count
+    }
+    assert set(contacts_between(bodies)) == expected
+
+
+def test_a_body_within_another_is_kept():
+    """Its surface is far from the other's, and only depth tells that it overlaps."""
+    room = placed(box_grid((2.2, 2.2, 2.2), PITCH))
+    assert may_touch((room, placed(BALL))).pairs.tolist() == [[0, 1]]
+
+
+def test_views_prune_what_boxes_do_not():
+    """Rods side by side along a diagonal: boxes overlap, the bodies do not."""
+    rods = tuple(
+        placed(box_grid((0.1, 0.1, 4.0), 0.05), (1.2 * k, 0.0, 0.0), (0.0, 45.0, 0.0))
+        for k in range(4)
+    )
+    found = may_touch(rods)
+    assert (found.possible, found.overlapping_boxes) == (6, 5)
+    assert found.pairs.tolist() == [] and found.bodies == ()
+
+
+def test_a_wide_threshold_keeps_more():
+    pair = placed(BALL), placed(BALL, (3.0, 0.0, 0.0))
+    assert may_touch(pair).pairs.tolist() == []
+    assert may_touch(pair, 2.1).pairs.tolist() == [[0, 1]]
+
+
+def test_one_body_has_no_pair():
+    found = may_touch((placed(BALL),))
+    assert found.possible == found.overlapping_boxes == len(found.pairs) == 0

@@ -1,0 +1,131 @@
+"""Resistances in series from 0 to infinity, with finite derivatives everywhere."""
+
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+
+from jaxthermo.errors import InputError
+from jaxthermo.physics.contact.conductance import (
+    closeness,
+    coefficient_across,
+    contact_conductance_of,
+    half_conductance,
+    series_conductance,
+)
+
+
+AREA = jnp.array([1e-4, 3e-6, 0.0])
+HALF_A = jnp.array([4.0, 1e-3, 0.0])
+HALF_B = jnp.array([0.5, 2e-2, 0.0])
+BONDED = np.array([4.0 * 0.5 / 4.5, 1e-3 * 2e-2 / 2.1e-2, 0.0])
+
+conductance = jax.jit(contact_conductance_of)
+series = jax.jit(series_conductance)
+
+
+@pytest.mark.parametrize("h_c", [1.0, 1e2, 1e4, 1e6])
+def test_resistances_add(h_c):
+    found = np.asarray(conductance(AREA, HALF_A, HALF_B, h_c))[:2]
+    resistance = 1 / HALF_A[:2] + 1 / (h_c * AREA[:2]) + 1 / HALF_B[:2]
+    assert found == pytest.approx(1 / np.asarray(resistance), rel=1e-13)
+
+
+def test_limits():
+    assert np.asarray(conductance(AREA, HALF_A, HALF_B, 0.0)).tolist() == [0, 0, 0]
+    infinite = np.asarray(conductance(AREA, HALF_A, HALF_B, math.inf))
+    assert infinite == pytest.approx(BONDED, rel=1e-15)
+    huge = np.asarray(conductance(AREA, HALF_A, HALF_B, 1e18))
+    assert huge == pytest.approx(BONDED, rel=1e-10)
+
+
+def test_float32_holds_over_its_whole_range():
+    single = lambda values: jnp.asarray(values, jnp.float32)
+    inputs = single(AREA), single(HALF_A), single(HALF_B)
+    total = lambda h_c: contact_conductance_of(*inputs, h_c).sum()
+    h_c = single([0.0, 1e-30, 1.0, 1e30, 3e38, math.inf])
+    found, slope = jax.jit(jax.vmap(jax.value_and_grad(total)))(h_c)
+    assert np.isfinite(found).all() and np.isfinite(slope).all()
+    assert (np.diff(found) >= 0).all() and (slope >= 0).all()
+    assert np.asarray(found[3:]) == pytest.approx(BONDED.sum(), rel=1e-6)
+
+
+def test_all_derivatives_are_finite_and_right():
+    total = lambda area, h_c: contact_conductance_of(area, HALF_A, HALF_B, h_c).sum()
+    h_c = jnp.array([0.0, 1.0, 5e3, 1e9, math.inf])
+    over = lambda f: jax.jit(jax.vmap(f, (None, 0)))
+    by_area, by_h_c = over(jax.grad(total, (0, 1)))(AREA, h_c)
+    assert np.isfinite(by_area).all() and np.isfinite(by_h_c).all()
+    assert float(by_h_c[0]) == pytest.approx(float(AREA.sum()))
+    assert float(by_h_c[-1]) == 0.0
+    step = 1e-5 * h_c[1:4]
+    value = over(total)
+    rise = value(AREA, h_c[1:4] + step) - value(AREA, h_c[1:4] - step)
+    expected = np.asarray(rise / (2 * step))
+    assert np.asarray(by_h_c[1:4]) == pytest.approx(expected, rel=1e-5, abs=1e-16)
+    nudge = jnp.array([1e-9, 0.0, 0.0])
+    rise = value(AREA + nudge, h_c[1:3]) - value(AREA - nudge, h_c[1:3])
+    assert np.asarray(by_area[1:3, 0]) == pytest.approx(
+        np.asarray(rise) / 2e-9, rel=1e-5
+    )
+
+
+@settings(deadline=None, max_examples=50)
+@given(p=st.floats(0, 1e30), q=st.floats(0, 1e30), r=st.floats(0, 1e30))
+def test_the_order_in_a_series_does_not_matter(p, q, r):
+    one, other = (
+        float(series(*(jnp.array(v) for v in values)))
+        for values in ((p, q, r), (r, p, q))
+    )
+    assert one == pytest.approx(other, rel=1e-14, abs=1e-300)
+    assert one <= min(p, q, r)
+
+
+def test_a_fragments_half_cell_is_shared_by_its_pairs():
+    half = half_conductance(
+        jnp.array([6.0, 6.0, 0.0]), jnp.array([1.0, 2.0, 0.0]), jnp.array([4.0, 4.0, 0])
+    )
+    assert np.asarray(half).tolist() == [1.5, 3.0, 0.0]
+
+
+def test_the_gap_law_falls_smoothly_from_one_to_nothing():
+    gap = jnp.array([-1.0, 0.0, 0.25, 0.5, 0.75, 1.0, 2.0]) * 1e-3
+    left = np.asarray(closeness(gap, 1e-3))
+    assert left == pytest.approx([1, 1, 27 / 32, 0.5, 5 / 32, 0, 0], abs=1e-15)
+    slope = jax.jit(jax.vmap(jax.grad(lambda g: closeness(g, 1e-3))))
+    found = np.asarray(slope(jnp.array([-1e-9, 1e-9, 1e-3 - 1e-9, 1e-3 + 1e-9, 5e-4])))
+    assert np.abs(found[:4]).max() < 1e-5 * 1.5 / 1e-3
+    assert found[4] == pytest.approx(-1.5 / 1e-3)
+
+
+@pytest.mark.parametrize("h_c", [0.0, 2e3, math.inf])
+def test_the_coefficient_across_a_gap(h_c):
+    gap = jnp.array([0.0, 4e-4, 2e-3])
+    across = lambda length, h: coefficient_across(gap, h, length)
+    found = np.asarray(across(1e-3, h_c))
+    left = np.asarray(closeness(gap, 1e-3))
+    expected = np.where(left > 0, h_c, 0.0)
+    if math.isfinite(h_c):
+        expected = h_c * left
+    assert found.tolist() == pytest.approx(expected.tolist())
+    areas = jnp.full(3, 1e-4)
+    half = jnp.full(3, 0.1)
+    through = jax.jit(
+        lambda length, h: contact_conductance_of(
+            areas, half, half, across(length, h)
+        ).sum()
+    )
+    slopes = jax.grad(through, argnums=(0, 1))(jnp.array(1e-3), jnp.array(h_c))
+    assert np.isfinite(slopes).all()
+    if h_c == 2e3:
+        rise = through(1e-3 + 1e-9, h_c) - through(1e-3 - 1e-9, h_c)
+        assert float(slopes[0]) == pytest.approx(float(rise) / 2e-9, rel=1e-6)
+
+
+@pytest.mark.parametrize("length", [0.0, -1e-3, math.inf, math.nan])
+def test_a_gap_length_must_be_one(length):
+    with pytest.raises(InputError, match="gap_length"):
+        closeness(jnp.zeros(2), length)

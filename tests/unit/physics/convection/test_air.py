@@ -1,0 +1,64 @@
+"""Properties of air against the tabulated ones that they were fitted to."""
+
+import csv
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxthermo.physics.convection import air
+
+
+TABLE = Path(__file__).with_name("air_coolprop.csv")
+FITS = [
+    ("nu", air.kinematic_viscosity, 8e-5),
+    ("k", air.conductivity, 7e-5),
+    ("mu", air.dynamic_viscosity, 2e-5),
+    ("Pr", air.prandtl, 1.6e-3),
+    ("cp", air.specific_heat, 1.6e-3),
+]
+
+
+def table(column):
+    with TABLE.open(newline="") as lines:
+        rows = list(csv.DictReader(lines))
+    return np.array([float(r["T_K"]) for r in rows]), np.array(
+        [float(r[column]) for r in rows]
+    )
+
+
+@pytest.mark.parametrize(("column", "fit", "error"), FITS)
+def test_the_fits_follow_the_table_within_their_stated_errors(column, fit, error):
+    temperature, value = table(column)
+    found = np.asarray(fit(jnp.asarray(temperature)))
+    worst = np.abs(found / value - 1).max()
+    print(column, "largest relative error", worst)
+    assert 0.2 * error < worst <= error
+
+
+KELVIN = jnp.array([0.0, 100.0, 200.0, 299.9, 300.0, 300.1, 1500.0, 5800.0])
+
+
+@jax.jit
+def values_and_slopes(kelvin):
+    every = lambda t: jnp.stack([fit(t) for _, fit, _ in FITS])
+    return jax.vmap(every)(kelvin), jax.vmap(jax.jacfwd(every))(kelvin)
+
+
+def test_outside_the_range_the_ends_hold_and_gradients_are_finite():
+    value, slope = (np.asarray(v) for v in values_and_slopes(KELVIN))
+    np.testing.assert_array_equal(value[0], value[2])
+    np.testing.assert_array_equal(value[7], value[6])
+    assert np.isfinite(slope).all() and not slope[[0, 1, 7]].any()
+    np.testing.assert_allclose(slope[4], (value[5] - value[3]) / 0.2, rtol=1e-6)
+
+
+def test_viscosity_heat_and_conductivity_give_the_prandtl_number():
+    """Three fits made apart: mu c_p / k = Pr within their errors."""
+    kelvin = jnp.linspace(200.0, 1500.0, 53)
+    made = air.dynamic_viscosity(kelvin) * air.specific_heat(kelvin)
+    np.testing.assert_allclose(
+        made / air.conductivity(kelvin), air.prandtl(kelvin), rtol=3e-3
+    )

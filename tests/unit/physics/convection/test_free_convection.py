@@ -1,0 +1,117 @@
+"""Free convection: Churchill and Chu's formula, its fast form, its slopes."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from wind_bodies import flux_and_slope, flux_at, law_of, surface, upright_cylinder
+
+from jaxthermo.errors import InputError
+from jaxthermo.geometry.pose import Pose
+from jaxthermo.physics.convection.churchill_chu import (
+    CYLINDER,
+    PLATE,
+    churchill_chu,
+    free_coefficient,
+)
+from jaxthermo.physics.convection.free_convection import FreeConvection
+from jaxthermo.voxels.cylinder_parts import parts_of
+from jaxthermo.voxels.cylinders import Cylinder
+
+
+LYING = Pose((0.0, 0.0, 0.0), ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0)))
+APART = np.array([0.02, 0.3, 1.0, 5.0, 30.0, 100.0, 300.0])
+
+
+@pytest.fixture(scope="module")
+def grid():
+    return upright_cylinder()
+
+
+@jax.jit
+def formula(surface, ambient, length):
+    """Of plates and of cylinders."""
+    s, a, l = jnp.broadcast_arrays(surface, ambient, length)
+    return jnp.stack([free_coefficient(s, a, l, k) for k in (PLATE, CYLINDER)])
+
+
+@pytest.mark.parametrize(
+    ("kind", "expected"), [(PLATE, 147.16185223770603), (CYLINDER, 139.13493970073597)]
+)
+def test_values_of_the_library_ht(kind, expected):
+    """Of its documentation, at Pr 0.69 and Gr 2.63e9."""
+    by_kind = jax.jit(churchill_chu, static_argnums=2)
+    found = by_kind(jnp.array(0.69 * 2.63e9), jnp.array(0.69), kind)
+    assert float(found) == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("pose", [Pose(), LYING])
+@pytest.mark.parametrize("ambient", [250.0, 300.0])
+def test_the_law_is_the_formula(grid, pose, ambient):
+    """Standing by its height as a plate, lying by its diameter as a cylinder."""
+    (part,) = parts_of(grid, (), 0).cylinders
+    law = law_of(FreeConvection(ambient), surface(grid, pose))
+    length = part.length if pose == Pose() else part.diameter
+    for sign in (1, -1):
+        hot = jnp.asarray(ambient + sign * APART[: 7 if sign > 0 else 5])
+        exact = np.asarray(formula(hot, ambient, length))[int(pose is LYING)]
+        flux = np.array(
+            [flux_at(law, float(t), len(grid.fragment_area))[0] for t in hot]
+        )
+        h = flux / (ambient - np.asarray(hot))
+        print("relative error of h", h / exact - 1)
+        # The difference is rounded off at 0.01 K: by 4 % of itself at 0.02 K.
+        np.testing.assert_allclose(h[0], exact[0], rtol=0.03)
+        np.testing.assert_allclose(h[1:], exact[1:], rtol=1e-3)
+
+
+def test_the_slope_is_that_of_the_flux_and_below_the_steepest(grid):
+    law = law_of(FreeConvection(300.0), surface(grid))
+    count = len(grid.fragment_area)
+    theta = np.zeros(count)
+    theta[:14] = np.concatenate([-APART[:6], [0.0], APART])
+    both = lambda t: flux_and_slope(law, jnp.asarray(t), jnp.zeros(()))
+    slope = np.asarray(both(theta)[1])
+    rise = (both(theta + 1e-6)[0] - both(theta - 1e-6)[0]) / 2e-6
+    np.testing.assert_allclose(slope, -rise, rtol=1e-4)
+    assert (slope > 0).all()
+    steepest = float(law.steepest(jnp.array(600.0), 1.0))
+    assert slope.max() <= steepest < 10 * slope.max()
+
+
+def test_nothing_flows_at_equal_temperatures_and_gradients_are_finite(grid):
+    seen = surface(grid)
+
+    def heat(air, theta):
+        law = law_of(FreeConvection(air), seen)
+        return law.flux(jnp.zeros(()), jnp.full(len(seen.area), theta)).mean()
+
+    both = jax.jit(jax.value_and_grad(heat, (0, 1)))
+    value, slopes = both(jnp.array(300.0), jnp.array(0.0))
+    assert float(value) == 0.0
+    assert float(slopes[0]) == pytest.approx(-float(slopes[1])) and slopes[0] > 0
+
+
+def test_a_length_takes_the_place_of_the_bodys_own(grid):
+    given = law_of(FreeConvection(300.0, length=2.0), surface(grid))
+    exact = float(formula(350.0, 300.0, 2.0)[0])
+    flux = flux_at(given, 350.0, len(grid.fragment_area))
+    np.testing.assert_allclose(flux / -50.0, exact, rtol=1e-3)
+
+
+def test_an_upright_cylinder_without_ends_needs_a_length(grid):
+    endless = Cylinder((0.0, 0.0, 0.0), (0, 0, 1), 0.1)
+    with pytest.raises(InputError, match="has no length"):
+        FreeConvection(300.0, cylinders=[endless]).bind(surface(grid), 300.0)
+    law_of(FreeConvection(300.0, cylinders=[endless]), surface(grid, LYING))
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [{"temperature": -1.0}, {"temperature": np.nan}, {"length": 0.0}]
+    + [{"length": -2.0}, {"length": np.inf}, {"cylinders": [1]}],
+)
+def test_a_mistake_is_one_line(arguments):
+    with pytest.raises(InputError) as raised:
+        FreeConvection(**{"temperature": 300.0, **arguments})
+    assert "\n" not in str(raised.value)

@@ -1,0 +1,281 @@
+"""The wind on a body: every place's coefficient, speeds, wakes, and bad input."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from wind_bodies import DIAMETER, flux_at, law_of, surface, upright_cylinder
+
+import jaxthermo as jt
+from jaxthermo.errors import InputError
+from jaxthermo.geometry.pose import Pose
+from jaxthermo.physics.convection.air import kinematic_viscosity
+from jaxthermo.physics.convection.cross_flow import local_nusselt, mean_coefficient
+from jaxthermo.physics.convection.film import FilmExchange
+from jaxthermo.physics.convection.nusselt import churchill_bernstein
+from jaxthermo.physics.convection.speed_table import SpeedTable
+from jaxthermo.physics.convection.wake import WakeDeficit
+from jaxthermo.physics.convection.wind import Wind
+from jaxthermo.physics.term import LeftOut
+from jaxthermo.voxels.cylinder_parts import parts_of
+from jaxthermo.voxels.cylinders import Cylinder
+
+
+ALONG_X = (1.0, 0.0, 0.0)
+AIR = 300.0
+
+
+@pytest.fixture(scope="module")
+def grid():
+    return upright_cylinder()
+
+
+@pytest.fixture(scope="module")
+def seen(grid):
+    return surface(grid)
+
+
+def coefficients(term, seen, temperature=AIR + 20.0, time=0.0):
+    """The heat transfer coefficient of every fragment."""
+    count = len(seen.area)
+    return flux_at(law_of(term, seen), temperature, count, time=time) / (
+        AIR - temperature
+    )
+
+
+def side_of(grid):
+    return np.abs(grid.fragment_normal[:, 2]) < 0.5
+
+
+@pytest.mark.parametrize("speed", [0.05, 1.0, 10.0])
+def test_the_mean_over_the_side_is_that_of_the_correlation(grid, seen, speed):
+    """Within the fragments' quadrature around it, 20 voxels across."""
+    diameter = _diameter(seen)
+    film = jnp.array(AIR + 10.0)
+    expected = mean_coefficient(
+        jnp.array(speed), jnp.array(diameter), film, churchill_bernstein
+    )
+    h, side = coefficients(Wind((speed, 0, 0), AIR), seen), side_of(grid)
+    mean = np.average(h[side], weights=grid.fragment_area[side])
+    print("mean over the side, relative", speed, mean / float(expected) - 1)
+    assert mean == pytest.approx(float(expected), rel=2e-2)
+    np.testing.assert_allclose(h[~side], float(expected), rtol=1e-3)
+
+
+def _diameter(seen):
+    """Of the one cylinder that is found."""
+    (only,) = parts_of(seen.grid, (), 0).cylinders
+    return only.diameter
+
+
+def test_every_place_has_the_local_number_of_its_angle(grid, seen):
+    speed, air = 2.0, 300.0
+    h, side = coefficients(Wind((speed, 0, 0), air), seen, 300.2), side_of(grid)
+    cosine = -grid.fragment_normal[side, 0]
+    diameter = _diameter(seen)
+    nu = float(kinematic_viscosity(jnp.array(air)))
+    # By whole rings of equal angles, of which there are few.
+    angles, ring = np.unique(np.round(cosine, 9), return_inverse=True)
+    every = lambda value: jnp.full(len(angles), value)
+    reynolds, prandtl = every(speed * diameter / nu), every(0.7071)
+    by_ring = jax.jit(
+        lambda c: local_nusselt(c, reynolds, prandtl, churchill_bernstein)
+    )
+    local = np.asarray(by_ring(jnp.asarray(angles)))[ring]
+    np.testing.assert_allclose(h[side], local * 0.02638 / diameter, rtol=2e-3)
+
+
+def test_a_turned_body_feels_the_same_wind_turned_with_it(grid, seen):
+    sine, cosine = 0.5, float(np.sqrt(0.75))
+    rotation = ((cosine, -sine, 0.0), (sine, cosine, 0.0), (0.0, 0.0, 1.0))
+    turned = surface(grid, Pose((1.0, 2.0, 3.0), rotation))
+    wind = tuple(float(v) for v in turned.pose.turn(np.array([2.0, 0.0, 0.0])))
+    np.testing.assert_allclose(
+        coefficients(Wind(wind, AIR), turned),
+        coefficients(Wind((2.0, 0.0, 0.0), AIR), seen),
+        rtol=1e-9,
+    )
+
+
+def test_another_average_changes_the_level_alone(seen):
+    base = coefficients(Wind((5.0, 0, 0), AIR), seen)
+    other = coefficients(Wind((5.0, 0, 0), AIR, average="profile"), seen)
+    assert np.ptp(other / base) < 1e-9
+    assert (other / base).mean() > 1.1
+
+
+def _heat(seen, wake, speed, air, surface_temperature):
+    """Into the whole surface [W]."""
+    law = law_of(Wind(ALONG_X, air, speed=speed, wake=wake), seen)
+    theta = jnp.full(len(seen.area), surface_temperature - 300.0)
+    return (law.flux(jnp.zeros(()), theta) * seen.area).sum()
+
+
+def test_gradients_by_speed_and_temperatures_are_finite_and_right(seen):
+    """At V = 0 too, where sqrt(Re) has no slope."""
+    heat = lambda p: _heat(seen, None, p[0], p[1], p[2])
+    both = jax.jit(jax.value_and_grad(heat))
+    value = lambda *p: float(both(jnp.asarray(np.array(p)))[0])
+    for speed in (0.0, 1e-6, 0.3, 4.0):
+        found = both(jnp.array([speed, AIR, 350.0]))[1]
+        step = 1e-12 + 1e-6 * speed
+        low, high = max(speed - step, 0.0), speed + step
+        rises = (
+            (value(high, AIR, 350.0) - value(low, AIR, 350.0)) / (high - low),
+            (value(speed, AIR + 1e-3, 350.0) - value(speed, AIR - 1e-3, 350.0)) / 2e-3,
+            (value(speed, AIR, 350.001) - value(speed, AIR, 349.999)) / 2e-3,
+        )
+        np.testing.assert_allclose(found, rises, rtol=2e-3)
+
+
+def test_a_gusty_wind_is_the_steady_one_at_each_moment(seen):
+    gusts = jt.Table([0.0, 10.0], [0.0, 10.0])
+    law = law_of(Wind(ALONG_X, AIR, speed=gusts), seen)
+    assert isinstance(law, FilmExchange) and isinstance(law.coefficients, SpeedTable)
+    count = len(seen.area)
+    for speed in (0.3, 1.0, 3.7, 10.0):
+        steady = flux_at(law_of(Wind((speed, 0, 0), AIR), seen), 320.0, count)
+        gusty = flux_at(law, 320.0, count, time=speed)
+        np.testing.assert_allclose(gusty, steady, rtol=3e-3)
+        assert gusty.sum() == pytest.approx(steady.sum(), rel=1e-4)
+
+
+def test_a_plain_function_may_be_the_speed_or_the_temperature(seen):
+    by_function = Wind(ALONG_X, lambda t: AIR + 0 * t, speed=lambda t: 2.0 + 0 * t)
+    steady = coefficients(Wind((2.0, 0, 0), AIR), seen)
+    np.testing.assert_allclose(coefficients(by_function, seen), steady, rtol=2e-3)
+
+
+def test_the_air_may_warm_up(seen):
+    wind = Wind((2.0, 0, 0), jt.Table([0.0, 100.0], [AIR, AIR + 50.0]))
+    law, count = law_of(wind, seen), len(seen.area)
+    assert not flux_at(law, AIR + 50.0, count, time=100.0).any()
+    assert (flux_at(law, AIR, count, time=50.0) > 0).all()
+
+
+def test_still_air_is_left_out(seen):
+    for wind in (
+        Wind((0.0, 0.0, 0.0), AIR),
+        Wind(ALONG_X, AIR, speed=0.0),
+        Wind(ALONG_X, AIR, speed=jt.Table([0.0, 1.0], [0.0, 0.0])),
+    ):
+        assert wind.bind(seen, 300.0) == LeftOut("the air stands still")
+
+
+def test_the_places_of_two_cylinders_go_by_their_own_diameters(grid, seen):
+    """The lower half as a thin cylinder, the upper one as a thick one."""
+    halves = (
+        Cylinder((0.0, 0.0, -0.025), (0, 0, 1), 0.05, 0.05),
+        Cylinder((0.0, 0.0, 0.025), (0, 0, 1), 0.2, 0.05),
+    )
+    h = coefficients(Wind((1.0, 0, 0), AIR, cylinders=halves), seen)
+    whole = Cylinder((0.0, 0.0, 0.0), (0, 0, 1), 0.2)
+    thick = coefficients(Wind((1.0, 0, 0), AIR, cylinders=(whole,)), seen)
+    upper = grid.fragment_position[:, 2] > 0
+    np.testing.assert_allclose(h[upper], thick[upper], rtol=1e-12)
+    assert h[~upper].mean() > 1.5 * h[upper].mean()
+
+
+def test_cylinders_of_another_body_are_not_this_ones(seen):
+    other = Cylinder((0.0, 0.0, 0.0), (1, 0, 0), 0.5, body=1)
+    np.testing.assert_array_equal(
+        coefficients(Wind((1.0, 0, 0), AIR, cylinders=(other,)), seen),
+        coefficients(Wind((1.0, 0, 0), AIR), seen),
+    )
+
+
+def _behind(grid, gap):
+    """The cylinder with another of its kind upstream, and both's triangles."""
+    upstream = grid.mesh.triangles - np.array([DIAMETER + gap, 0.0, 0.0])
+    return surface(grid, triangles=np.concatenate([grid.mesh.triangles, upstream]))
+
+
+@pytest.fixture(scope="module")
+def shaded(grid):
+    return _behind(grid, 0.1)
+
+
+def test_a_wake_slows_the_wind_as_its_function_says(seen, shaded):
+    """A constant share is a lower speed, all over the body that is behind."""
+    h = coefficients(Wind((2.0, 0, 0), AIR, wake=lambda x: 0.25 + 0 * x), shaded)
+    slow = coefficients(Wind((0.5, 0, 0), AIR), seen)
+    np.testing.assert_allclose(h, slow, rtol=1e-9)
+
+
+def test_gradients_reach_the_wakes_parameters(shaded):
+    heat = lambda l: _heat(shaded, WakeDeficit(length=l), 2.0, AIR, 350.0)
+    both = jax.jit(jax.value_and_grad(heat))
+    slope = float(both(2.0)[1])
+    rise = float(both(2.001)[0] - both(1.999)[0]) / 0.002
+    assert slope == pytest.approx(rise, rel=1e-5) and slope > 0
+
+
+def notes(wind, seen):
+    (binding,) = wind.bind(seen, 300.0)
+    return binding.notes
+
+
+def test_notes_tell_of_recalled_shapes_and_held_numbers(seen):
+    assert notes(Wind((2.0, 0, 0), AIR), seen) == ()
+    assert "recalled" in notes(Wind((15.0, 0, 0), AIR), seen)[0]
+    held, recalled = notes(Wind((1e3, 0, 0), AIR), seen)
+    assert "is held" in held and "recalled" in recalled
+    gusts = jt.Table([0.0, 1.0], [0.0, 15.0])
+    assert "recalled" in notes(Wind(ALONG_X, AIR, speed=gusts), seen)[0]
+    assert notes(Wind(ALONG_X, AIR, speed=lambda t: 99.0), seen) == ()
+    narrow = Wind((0.01, 0, 0), AIR, average="sanitjai_goldstein")
+    assert "outside sanitjai_goldstein's range" in notes(narrow, seen)[0]
+
+
+def test_notes_are_known_while_something_else_is_traced(seen):
+    storm = Wind((15.0, 0, 0), AIR)
+    found = []
+
+    def traced(x):
+        found.extend(notes(storm, seen))
+        return x
+
+    jax.make_jaxpr(traced)(1.0)
+    assert "recalled" in found[0]
+
+
+def test_a_storm_is_held_and_finite(seen):
+    storm = coefficients(Wind((1e3, 0, 0), AIR), seen)
+    limit = 2.5e5 * float(kinematic_viscosity(jnp.array(AIR))) / DIAMETER
+    held = coefficients(Wind((1.001 * limit, 0, 0), AIR), seen)
+    np.testing.assert_allclose(storm, held, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"velocity": (0, 0, 0), "speed": 2.0}, "not all zero"),
+        ({"velocity": (1, 0)}, "three numbers"),
+        ({"velocity": (np.nan, 0, 0)}, "three finite numbers"),
+        ({"velocity": "north"}, "three numbers"),
+        ({"speed": -1.0}, "at least 0"),
+        ({"speed": jt.Table([0.0, 1.0], [1.0, -2.0])}, "at least 0"),
+        ({"temperature": -3.0}, "at least 0"),
+        ({"temperature": np.nan}, "at least 0"),
+        ({"average": "zukauskas"}, "there are churchill_bernstein"),
+        ({"cylinders": [3]}, "list of Cylinder"),
+        ({"cylinders": 3}, "list of Cylinder"),
+        ({"wake": 0.5}, "a function of x / D"),
+    ],
+)
+def test_a_mistake_is_one_line(arguments, words):
+    given = {"velocity": ALONG_X, "temperature": AIR, **arguments}
+    with pytest.raises(InputError, match=words) as raised:
+        Wind(**given)
+    assert "\n" not in str(raised.value)
+
+
+def test_cylinders_far_from_the_body_are_refused(seen):
+    lost = Cylinder((50.0, 0.0, 0.0), (0, 0, 1), 0.1, 0.1)
+    with pytest.raises(InputError, match="nearest is 49.9 m away"):
+        Wind(ALONG_X, AIR, cylinders=(lost,)).bind(seen, 300.0)
+
+
+def test_a_wake_that_gives_no_share_is_refused(shaded):
+    with pytest.raises(InputError, match=r"must lie in \(0, 1\]"):
+        Wind(ALONG_X, AIR, wake=lambda x: -x).bind(shaded, 300.0)
