@@ -18,7 +18,8 @@ from .term import BoundTerm, Reach, Values
 ALL_STEPS = 6
 """From ten times the node's temperature in a near-insulator they leave 1e-6 of q."""
 
-KELVIN_LEFT = {"float32": 1e-6, "float64": 1e-12}
+KELVIN_LEFT = {"float32": 1e-5, "float64": 1e-12}
+"""About one rounding of a difference of 100 K; not more than a float64 can tell."""
 
 
 def newton_steps(half_cell: Values, terms: list[BoundTerm], reach: Reach | None) -> int:
