@@ -12,9 +12,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from ..physics.contact.links import ContactLinks
 from ..scene.program import Program, State
 from .ledger import Ledger
+from .loads import add_loads
 
 
 class ForwardEuler(eqx.Module):
@@ -35,83 +35,14 @@ def euler_step(
     program: Program, state: RunState, time: Float[Array, ""], dt: Float[Array, ""]
 ) -> RunState:
     """One step of every body, with the heat each mechanism brought entered."""
-    new, rates = [], jnp.zeros_like(state.ledger.heat)
-    nodes = surface_nodes(program, state.theta)
-    radiated = _radiated(program, nodes, time)
-    for index, (body, now) in enumerate(zip(program.bodies, state.theta, strict=True)):
+    conducted = []
+    for body, now in zip(program.bodies, state.theta, strict=True):
         with jax.named_scope("conduction"):
-            after = body.network.euler_step(now, dt)
-        for source in body.sources:
-            with jax.named_scope("heat_source"):
-                after, rate = source.warm(after, time, dt)
-            rates = rates.at[source.entry].add(rate)
-        if body.load is not None:
-            after, each = body.load.warm(
-                after, body.network, nodes[index], time, dt, radiated[index]
-            )
-            rates = rates + each
-        new.append(after)
-    for contact in program.contacts:
-        with jax.named_scope("contact"):
-            rates = _swap(program, contact, state.theta, new, rates, time, dt)
+            conducted.append(body.network.euler_step(now, dt))
+    new, rates = add_loads(program, state.theta, tuple(conducted), time, dt)
     if not len(rates):
-        return RunState(tuple(new), state.ledger)
-    return RunState(tuple(new), state.ledger.add(dt * rates))
-
-
-def surface_nodes(program: Program, states: State) -> list[Float[Array, " m"]]:
-    """Of every body, temperatures of the nodes that carry loads [K]."""
-    found = []
-    for body, state in zip(program.bodies, states, strict=True):
-        if body.load is None:
-            found.append(jnp.zeros(0, state.dtype))
-            continue
-        there = state.at[body.load.address].get(mode="promise_in_bounds")
-        found.append(body.network.temperature(there))
-    return found
-
-
-def _radiated(program: Program, nodes: list, time: Float[Array, ""]) -> list:
-    """Net radiation to each body's places [W/m^2]; None where none is exchanged."""
-    around = program.enclosure
-    if around is None:
-        return [None] * len(program.bodies)
-    at_places = [
-        (None, there) if body.load is None else body.load.at_places(body.network, there)
-        for body, there in zip(program.bodies, nodes, strict=True)
-    ]
-    with jax.named_scope("emission"):
-        received = around.irradiation(time, tuple(here for _, here in at_places))
-        surface = tuple(
-            here
-            if terms is None
-            else here + terms.radiating(heat).surface_excess(time, here)
-            for (terms, here), heat in zip(at_places, received, strict=True)
-        )
-        return around.net(time, surface)
-
-
-def pair_temperatures(
-    program: Program, contact: ContactLinks, states: State
-) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
-    """Of the nodes on both sides of every touching pair, above the references [K]."""
-    first, second = (
-        program.bodies[body].network.temperature(
-            states[body].at[address].get(mode="promise_in_bounds")
-        )
-        for body, address in zip(contact.bodies, contact.address, strict=True)
-    )
-    return first, second
-
-
-def _swap(program, contact, states, new, rates, time, dt):
-    """Heat that two bodies exchange, put into `new` in place; what passes, in rates."""
-    one, other = contact.bodies
-    theta = pair_temperatures(program, contact, states)
-    references = program.bodies[one].reference, program.bodies[other].reference
-    both = new[one], new[other]
-    (new[one], new[other]), rate = contact.warm(both, theta, references, time, dt)
-    return rates.at[contact.entry].add(rate)
+        return RunState(new, state.ledger)
+    return RunState(new, state.ledger.add(dt * rates))
 
 
 def advance(

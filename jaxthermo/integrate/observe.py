@@ -7,8 +7,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from ..scene.program import Program
-from .euler import RunState, pair_temperatures
+from .euler import RunState
 from .ledger import Ledger
+from .loads import pair_temperatures
 
 
 class Observation(NamedTuple):

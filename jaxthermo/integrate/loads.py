@@ -1,0 +1,137 @@
+"""What acts on bodies, added to their states: loads, contacts and mutual radiation."""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..physics.contact.links import ContactLinks
+from ..scene.program import Program, State
+
+
+def add_loads(
+    program: Program,
+    states: State,
+    new: State,
+    time: Float[Array, ""],
+    dt: Float[Array, ""],
+) -> tuple[State, Float[Array, " c"]]:
+    """`new` with the heat of one step of everything but conduction.
+
+    Args:
+        program: of the scene.
+        states: that the loads depend on.
+        new: that the heat goes to.
+        time: of the loads [s].
+        dt: the step [s].
+
+    Returns:
+        The new states, and what each entry of the ledger brought [W].
+    """
+    nodes = surface_nodes(program, states)
+    radiated = received(program, nodes, time)
+    warmed, rates = add_own_loads(program, nodes, radiated, new, time, dt)
+    return add_contacts(program, states, warmed, rates, time, dt)
+
+
+def add_own_loads(
+    program: Program,
+    nodes: list[Float[Array, " m"]],
+    radiated: list[Float[Array, " p"] | None],
+    new: State,
+    time: Float[Array, ""],
+    dt: Float[Array, ""],
+) -> tuple[State, Float[Array, " c"]]:
+    """Of what depends on the temperature of each node alone.
+
+    Args:
+        program: of the scene.
+        nodes: temperatures of those under the surface [K].
+        radiated: net, to each place by what it sees [W/m^2].
+        new: that the heat goes to.
+        time: of the loads [s].
+        dt: the step [s].
+    """
+    warmed, rates = [], jnp.zeros(len(program.entries), new[0].dtype)
+    for index, (body, after) in enumerate(zip(program.bodies, new, strict=True)):
+        for source in body.sources:
+            with jax.named_scope("heat_source"):
+                after, rate = source.warm(after, time, dt)
+            rates = rates.at[source.entry].add(rate)
+        if body.load is not None:
+            after, each = body.load.warm(
+                after, body.network, nodes[index], time, dt, radiated[index]
+            )
+            rates = rates + each
+        warmed.append(after)
+    return tuple(warmed), rates
+
+
+def add_contacts(
+    program: Program,
+    states: State,
+    new: State,
+    rates: Float[Array, " c"],
+    time: Float[Array, ""],
+    dt: Float[Array, ""],
+) -> tuple[State, Float[Array, " c"]]:
+    """Of bodies that touch."""
+    warmed = list(new)
+    for contact in program.contacts:
+        with jax.named_scope("contact"):
+            rates = _swap(program, contact, states, warmed, rates, time, dt)
+    return tuple(warmed), rates
+
+
+def surface_nodes(program: Program, states: State) -> list[Float[Array, " m"]]:
+    """Of every body, temperatures of the nodes that carry loads [K]."""
+    found = []
+    for body, state in zip(program.bodies, states, strict=True):
+        if body.load is None:
+            found.append(jnp.zeros(0, state.dtype))
+            continue
+        there = state.at[body.load.address].get(mode="promise_in_bounds")
+        found.append(body.network.temperature(there))
+    return found
+
+
+def received(program: Program, nodes: list, time: Float[Array, ""]) -> list:
+    """Net radiation to each body's places [W/m^2]; None where none is exchanged."""
+    around = program.enclosure
+    if around is None:
+        return [None] * len(program.bodies)
+    at_places = [
+        (None, there) if body.load is None else body.load.at_places(body.network, there)
+        for body, there in zip(program.bodies, nodes, strict=True)
+    ]
+    with jax.named_scope("emission"):
+        received = around.irradiation(time, tuple(here for _, here in at_places))
+        surface = tuple(
+            here
+            if terms is None
+            else here + terms.radiating(heat).surface_excess(time, here)
+            for (terms, here), heat in zip(at_places, received, strict=True)
+        )
+        return around.net(time, surface)
+
+
+def pair_temperatures(
+    program: Program, contact: ContactLinks, states: State
+) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
+    """Of the nodes on both sides of every touching pair, above the references [K]."""
+    first, second = (
+        program.bodies[body].network.temperature(
+            states[body].at[address].get(mode="promise_in_bounds")
+        )
+        for body, address in zip(contact.bodies, contact.address, strict=True)
+    )
+    return first, second
+
+
+def _swap(program, contact, states, new, rates, time, dt):
+    """Heat that two bodies exchange, put into `new` in place; what passes, in rates."""
+    one, other = contact.bodies
+    theta = pair_temperatures(program, contact, states)
+    references = program.bodies[one].reference, program.bodies[other].reference
+    both = new[one], new[other]
+    (new[one], new[other]), rate = contact.warm(both, theta, references, time, dt)
+    return rates.at[contact.entry].add(rate)

@@ -1,0 +1,57 @@
+"""How fast a scene's temperatures change, and what each mechanism brings.
+
+    d eta / dt = (conduction + loads) / C  [K/s],
+
+of the state eta of every node, as in `network`. An explicit step takes the same with
+fused operators (`euler`); implicit ones need it at states that they are looking for.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..network.network import inverse
+from ..scene.program import Program, State
+from .loads import add_loads, add_own_loads, received, surface_nodes
+
+
+class Rates(NamedTuple):
+    """Of every node, and of every entry of the ledger."""
+
+    change: State
+    """[K/s]"""
+    entries: Float[Array, " c"]
+    """[W]"""
+
+
+def rates(program: Program, states: State, time: Float[Array, ""]) -> Rates:
+    """At given states and a time [s]."""
+    still = tuple(jnp.zeros_like(state) for state in states)
+    second = jnp.ones((), states[0].dtype)
+    loaded, entries = add_loads(program, states, still, time, second)
+    change = tuple(
+        added + inverse(body.network.capacity()) * body.network.heat_rate(state)
+        for added, body, state in zip(loaded, program.bodies, states, strict=True)
+    )
+    return Rates(change, entries)
+
+
+def load_slopes(program: Program, states: State, time: Float[Array, ""]) -> State:
+    """-d(change)/d(state) of each node by its own load [1/s], never negative.
+
+    Loads but for contact act at single nodes, so one derivative along all ones is the
+    whole of it. What bodies radiate to each other counts as given.
+    """
+    still = tuple(jnp.zeros_like(state) for state in states)
+    second = jnp.ones((), states[0].dtype)
+    given = received(program, surface_nodes(program, states), time)
+
+    def alone(here):
+        nodes = surface_nodes(program, here)
+        return add_own_loads(program, nodes, given, still, time, second)[0]
+
+    ones = tuple(jnp.ones_like(state) for state in states)
+    _, slopes = jax.jvp(alone, (states,), (ones,))
+    return tuple(jnp.maximum(-slope, 0) for slope in slopes)
