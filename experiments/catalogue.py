@@ -51,6 +51,13 @@ EXPERIMENTS = (
         options=("config", "height"),
     ),
     Experiment(
+        "multigrid",
+        "experiments.benchmarks.multigrid",
+        "benchmarks",
+        "an implicit step and a steady state beside scipy and pyamg",
+        options=("height",),
+    ),
+    Experiment(
         "counting",
         "experiments.thesis.counting",
         "thesis",

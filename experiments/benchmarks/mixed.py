@@ -19,8 +19,10 @@ from rich.table import Table
 import jaxthermo as jt
 from jaxthermo.config.build import build_scene
 from jaxthermo.config.loader import load_config
-from jaxthermo.integrate.euler import RunState, advance
+from jaxthermo.integrate.advance import advance
+from jaxthermo.integrate.euler import EulerStepper
 from jaxthermo.integrate.ledger import empty_ledger
+from jaxthermo.integrate.state import RunState
 from jaxthermo.scene.compile import compile_scene
 
 
@@ -32,7 +34,8 @@ Times = dict[str, list[float]]
 
 @eqx.filter_jit
 def _steps(program, state: RunState, dt) -> RunState:
-    return advance(program, state, jnp.zeros_like(dt), dt, jnp.asarray(STEPS))
+    start, steps = jnp.zeros_like(dt), jnp.asarray(STEPS)
+    return advance(EulerStepper(), program, state, start, dt, steps)
 
 
 def _runner(scene: jt.Scene, dt: float):

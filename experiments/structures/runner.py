@@ -13,7 +13,6 @@ from jaxtyping import Float
 
 from jaxthermo.errors import InputError
 from jaxthermo.integrate.error import AnySolution
-from jaxthermo.integrate.euler import ForwardEuler
 from jaxthermo.integrate.observe import Observation
 from jaxthermo.integrate.schedule import legs
 from jaxthermo.integrate.simulate import (
@@ -25,6 +24,7 @@ from jaxthermo.integrate.simulate import (
     start,
 )
 from jaxthermo.integrate.solution import RESULTS, Solution
+from jaxthermo.integrate.solvers import ForwardEuler
 from jaxthermo.precision import precision
 from jaxthermo.scene.scene import Scene
 
@@ -76,18 +76,22 @@ def prepare(
     with precision(scene.dtype):
         todo = plan(scene, t1, save_at, ForwardEuler(dt=dt))
         program, state = todo.compiled.program, start(todo)
-        layout = layout_table(legs(todo.intervals), todo.dtype)
+        layout = layout_table(todo, legs(todo.intervals))
         jax.block_until_ready((program, state, layout))
 
     def compile_loop() -> Loop:
         # A function of its own, so that nothing compiled before is used again.
         own = lambda *parts: run_all.__wrapped__(*parts)
         with precision(scene.dtype):
-            made = eqx.filter_jit(own).lower(program, state, layout).compile()
+            made = (
+                eqx.filter_jit(own)
+                .lower(todo.stepper, program, state, layout)
+                .compile()
+            )
 
         def loop() -> Observation:
             with precision(scene.dtype):
-                return made(program, state, layout)[1]
+                return made(todo.stepper, program, state, layout)[1]
 
         return loop
 

@@ -10,6 +10,7 @@ from rich.table import Table
 from ..constants import ZERO_CELSIUS
 from ..geometry.verdict import verdict_line
 from ..image.ticks import time_label
+from ..integrate.adaptive import AdaptiveStepper
 from ..integrate.simulate import Plan
 from ..integrate.solution import Solution
 from ..memory import readable_bytes
@@ -51,10 +52,13 @@ def tell_scene(
     for note in receipt.notes:
         tell(console, f"note: {note}")
     limit = "none" if todo.limit is None else f"{todo.limit:.4g} s"
+    steps = f"{todo.steps} steps"
+    if isinstance(todo.stepper, AdaptiveStepper):
+        steps = f"steps that follow the error, to {todo.steps} landings"
     tell(
         console,
-        f"{todo.steps} steps, stable step {limit}, about "
-        f"{readable_bytes(receipt.memory_bytes)} for the solver",
+        f"{type(todo.solver).__name__} ({todo.why}): {steps}, stable step {limit}, "
+        f"about {readable_bytes(receipt.memory_bytes)} for the solver",
     )
 
 

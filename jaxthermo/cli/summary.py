@@ -19,6 +19,7 @@ from ..config.schema import SceneConfig
 from ..geometry.verdict import describe_mesh
 from ..integrate.ledger import BodyEnergy, Energy
 from ..integrate.solution import RESULTS, Solution
+from ..integrate.stage import Effort
 from ..scene.scene import Scene
 
 
@@ -90,9 +91,11 @@ def summarize(
         "nodes": receipt["nodes"],
         "links": receipt["links"],
         "structures": structures,
+        "solver": solution.run.solver,
         "steps": solution.run.steps,
         "dt_s": solution.run.dt,
         "stable_step_s": _finite(solution.run.stable_step),
+        "effort": _effort(solution.run.effort),
         **times,
         "peak_memory_bytes": peak_memory(),
         "times_s": np.asarray(solution.times, float).tolist(),
@@ -103,6 +106,19 @@ def summarize(
         "versions": _versions(),
         "device": f"{device.platform}: {device.device_kind}",
         "seed": None,
+    }
+
+
+def _effort(effort: Effort | None) -> dict[str, float] | None:
+    """Of an implicit solver, by name."""
+    if effort is None:
+        return None
+    return {
+        "newton_steps": int(effort.newton),
+        "linear_iterations": int(effort.linear),
+        "accepted_steps": int(effort.accepted),
+        "rejected_steps": int(effort.rejected),
+        "largest_linear_residual_K": float(effort.left),
     }
 
 

@@ -1,12 +1,21 @@
 """From a validated config to the objects that are simulated."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ..errors import InputError
 from ..geometry import shapes
 from ..geometry.load import load_mesh
 from ..geometry.mesh import Mesh
-from ..integrate.euler import ForwardEuler
+from ..integrate.solvers import (
+    TRBDF2,
+    AbstractSolver,
+    BackwardEuler,
+    CrankNicolson,
+    ForwardEuler,
+    SuperTimeStepping,
+)
 from ..scene.scene import Body, Scene
 from ..voxels.voxelize import voxelize
 from . import schema_geometry as geometry
@@ -14,7 +23,18 @@ from .build_material import build_materials
 from .build_pose import build_pose
 from .build_structure import build_structure, build_surface_map
 from .build_terms import build_term
-from .schema import SceneConfig, SolverConfig
+from .schema import SceneConfig
+from .schema_solver import SolverConfig
+
+
+_SOLVERS: dict[str, Callable[..., AbstractSolver] | None] = {
+    "auto": None,
+    "forward_euler": ForwardEuler,
+    "super_time_stepping": SuperTimeStepping,
+    "backward_euler": BackwardEuler,
+    "trbdf2": TRBDF2,
+    "crank_nicolson": CrankNicolson,
+}
 
 
 def build_scene(config: SceneConfig) -> Scene:
@@ -62,6 +82,8 @@ def build_body(config: geometry.BodyConfig) -> Body:
     )
 
 
-def build_solver(config: SolverConfig) -> ForwardEuler:
-    """How time is stepped."""
-    return ForwardEuler(dt=config.dt)
+def build_solver(config: SolverConfig) -> AbstractSolver | None:
+    """How time is stepped; None to have it chosen."""
+    given = config.model_dump(exclude={"kind"})
+    made = _SOLVERS[config.kind]
+    return None if made is None else made(**given)

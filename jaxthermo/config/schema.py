@@ -5,19 +5,13 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from .cross_checks import no_such_body, not_saved, twice_emitted
-from .fields import Auto, Flag, NotEmpty, PositiveTime
+from .fields import Flag, NotEmpty
 from .model import Mistake, Model
 from .schema_geometry import BodyConfig
 from .schema_image import CameraConfig, ImageConfig, PinholeConfig
+from .schema_solver import AutoSolver, SolverConfig
 from .schema_terms import TermConfig
 from .schema_time import TimeConfig
-
-
-class SolverConfig(Model):
-    """How time is stepped; without `dt`, at the step that the terms state as stable."""
-
-    kind: Literal["forward_euler"] = "forward_euler"
-    dt: Annotated[PositiveTime | None, Auto] = None
 
 
 class SceneConfig(Model):
@@ -29,7 +23,7 @@ class SceneConfig(Model):
     bodies: Annotated[tuple[BodyConfig, ...], NotEmpty]
     terms: tuple[TermConfig, ...] = ()
     time: TimeConfig
-    solver: SolverConfig = SolverConfig()
+    solver: SolverConfig = AutoSolver()
     camera: CameraConfig = PinholeConfig()
     image: ImageConfig = ImageConfig()
 

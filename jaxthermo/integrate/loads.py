@@ -35,8 +35,8 @@ def add_loads(
 
 def add_own_loads(
     program: Program,
-    nodes: list[Float[Array, " m"]],
-    radiated: list[Float[Array, " p"] | None],
+    nodes: list[Float[Array, " _"]],
+    radiated: list[Float[Array, " _"] | None],
     new: State,
     time: Float[Array, ""],
     dt: Float[Array, ""],
@@ -52,17 +52,48 @@ def add_own_loads(
         dt: the step [s].
     """
     warmed, rates = [], jnp.zeros(len(program.entries), new[0].dtype)
-    for index, (body, after) in enumerate(zip(program.bodies, new, strict=True)):
+    for body, after in zip(program.bodies, new, strict=True):
         for source in body.sources:
             with jax.named_scope("heat_source"):
                 after, rate = source.warm(after, time, dt)
             rates = rates.at[source.entry].add(rate)
+        warmed.append(after)
+    load = _each_surface if program.joined is None else _all_surfaces
+    warmed, brought = load(program, nodes, radiated, tuple(warmed), time, dt)
+    return warmed, rates + brought
+
+
+def _each_surface(program, nodes, radiated, new, time, dt):
+    """Every body's surface for itself."""
+    warmed, rates = [], jnp.zeros(len(program.entries), new[0].dtype)
+    rows = zip(program.bodies, new, nodes, radiated, strict=True)
+    for body, after, there, received in rows:
         if body.load is not None:
-            after, each = body.load.warm(
-                after, body.network, nodes[index], time, dt, radiated[index]
-            )
+            after, each = body.load.warm(after, body.network, there, time, dt, received)
             rates = rates + each
         warmed.append(after)
+    return tuple(warmed), rates
+
+
+def _all_surfaces(program, nodes, radiated, new, time, dt):
+    """Those of all bodies as one."""
+    loaded = [n for n, body in enumerate(program.bodies) if body.load is not None]
+    bodies = [program.bodies[n] for n in loaded]
+    pairs = zip(bodies, loaded, strict=True)
+    thetas = [body.load.here(nodes[n]) for body, n in pairs]
+    heat, rates = program.joined.heat(
+        time,
+        thetas,
+        [
+            body.network.relative_conductivity(here)
+            for body, here in zip(bodies, thetas, strict=True)
+        ],
+        None if program.enclosure is None else [radiated[n] for n in loaded],
+        len(program.entries),
+    )
+    warmed = list(new)
+    for n, body, own in zip(loaded, bodies, heat, strict=True):
+        warmed[n] = body.load.add(warmed[n], dt, own)
     return tuple(warmed), rates
 
 
@@ -82,7 +113,7 @@ def add_contacts(
     return tuple(warmed), rates
 
 
-def surface_nodes(program: Program, states: State) -> list[Float[Array, " m"]]:
+def surface_nodes(program: Program, states: State) -> list[Float[Array, " _"]]:
     """Of every body, temperatures of the nodes that carry loads [K]."""
     found = []
     for body, state in zip(program.bodies, states, strict=True):

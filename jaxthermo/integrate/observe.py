@@ -1,15 +1,16 @@
 """What is kept of a state at a saved time."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from ..scene.program import Program
-from .euler import RunState
 from .ledger import Ledger
 from .loads import pair_temperatures
+from .stage import Effort
+from .state import RunState
 
 
 class Observation(NamedTuple):
@@ -25,6 +26,13 @@ class Observation(NamedTuple):
     possible: Bool[Array, ""]
     """Whether no part of the surface is below 0 K, but for rounding."""
     ledger: Ledger
+    effort: Effort | None
+    """Of an implicit solver."""
+
+
+def effort_of(work: Any) -> Effort | None:
+    """That a solver's own work holds."""
+    return work if isinstance(work, Effort | None) else work.effort
 
 
 @eqx.filter_jit
@@ -62,6 +70,7 @@ def observe(
         finite=jnp.isfinite(heat).all(),
         possible=outside.min() > -1e-3,
         ledger=state.ledger,
+        effort=effort_of(state.work),
     )
 
 

@@ -45,7 +45,11 @@ def save_times(t1: float | int, save_at) -> tuple[float, ...]:
 
 
 def schedule(
-    t1: float | int, saves: tuple[float, ...], knots: tuple[float, ...], dt: float
+    t1: float | int,
+    saves: tuple[float, ...],
+    knots: tuple[float, ...],
+    dt: float,
+    least: int = 1,
 ) -> tuple[Interval, ...]:
     """Intervals between save times, breaks of the terms' values, and the end.
 
@@ -54,6 +58,7 @@ def schedule(
         saves: increasing times in [0, t1].
         knots: other times to land on.
         dt: the largest step allowed [s]; may be infinite.
+        least: steps in each.
 
     Raises:
         InputError: if that takes more steps than can be counted.
@@ -67,7 +72,7 @@ def schedule(
     intervals, start = [], 0.0
     for stop in stops:
         # A quotient that is whole but for rounding must not cost a step more.
-        steps = max(1, math.ceil((stop - start) / dt * (1 - 1e-9)))
+        steps = max(least, math.ceil((stop - start) / dt * (1 - 1e-9)))
         if steps > MOST_STEPS:
             raise InputError(
                 f"{stop - start:g} s take {steps:.2g} steps of {dt:.3g} s, the largest "

@@ -17,8 +17,7 @@ import numpy as np
 from ..atomic import replacing
 from ..scene.program import Program, State
 from ..scene.scene import Scene
-from .euler import RunState, advance
-from .ledger import Ledger
+from .advance import advance
 from .observe import Observation, observe
 from .schedule import Interval
 from .simulate import (
@@ -30,6 +29,7 @@ from .simulate import (
     uneven_nodes,
 )
 from .solution import Solution
+from .state import AbstractStepper, RunState
 
 
 class Progress(NamedTuple):
@@ -47,17 +47,19 @@ class Progress(NamedTuple):
 
 
 @eqx.filter_jit(donate="all-except-first")
-def _segment(keep: tuple[Program, Ledger, tuple], theta: State) -> RunState:
-    """Steps in place; the ledger is small and shared with observations, so it stays."""
-    program, ledger, (begin, dt, steps, done) = keep
-    return advance(program, RunState(theta, ledger), begin, dt, steps, done)
+def _segment(keep: tuple[AbstractStepper, Program, Any, tuple], theta: State):
+    """Steps in place; what else is in a state is small and shared, so it stays."""
+    stepper, program, (ledger, work), (begin, dt, steps, done) = keep
+    state = RunState(theta, ledger, work)
+    return advance(stepper, program, state, begin, dt, steps, done)
 
 
 def begin(scene: Scene, plan: Plan) -> Progress:
     """The progress of a run that has not started."""
     program, fresh = plan.compiled.program, start(plan)
     # A copy, since segments are taken in place and the plan must stay whole.
-    state = RunState(jax.tree.map(jnp.array, fresh.theta), fresh.ledger)
+    theta = jax.tree.map(jnp.array, fresh.theta)
+    state = RunState(theta, fresh.ledger, fresh.work)
     even = imbalance(program, state.theta, uneven_nodes(scene))
     return Progress(0, 0, state, observe(program, state, None), even, ())
 
@@ -83,8 +85,9 @@ def _take(plan: Plan, progress: Progress, steps: int) -> RunState:
         jnp.asarray(steps, jnp.int32),
         jnp.asarray(progress.done, jnp.int32),
     )
-    keep = (_program(plan, interval), progress.state.ledger, span)
-    return jax.block_until_ready(_segment(keep, progress.state.theta))
+    program, state = _program(plan, interval), progress.state
+    keep = (plan.stepper, program, (state.ledger, state.work), span)
+    return jax.block_until_ready(_segment(keep, state.theta))
 
 
 def _program(plan: Plan, interval: Interval) -> Program:
@@ -123,7 +126,7 @@ def segments(
                 interval=progress.interval + 1, done=0, state=state
             )
             if interval.saved:
-                loads = last_load(interval, plan.dtype)
+                loads = last_load(plan, interval)
                 row = observe(_program(plan, interval), state, loads)
                 progress = progress._replace(seen=(*progress.seen, row))
         yield progress

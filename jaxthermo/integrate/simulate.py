@@ -1,6 +1,7 @@
 """`simulate`: scene in, solution out; and the same program in segments for the CLI."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -9,20 +10,23 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..array_types import Scalar
 from ..errors import InputError
 from ..network.network import precise_sum
-from ..physics.values import SAMPLES
 from ..precision import precision
 from ..scene.compile import compile_scene
 from ..scene.program import Compiled, Entry, Program, State
 from ..scene.scene import Scene
 from ..tracing import is_traced
-from .euler import ForwardEuler, RunState, advance
+from .adaptive import AdaptiveStepper
+from .advance import advance
+from .choose import choose
 from .ledger import Energy, empty_ledger, energies, in_order
 from .observe import Observation, observe
 from .schedule import Interval, legs, save_times, schedule
 from .solution import RESULTS, Run, Solution
+from .solvers import AbstractSolver
+from .stage import Effort
+from .state import AbstractStepper, RunState
 
 
 class Plan(NamedTuple):
@@ -33,6 +37,12 @@ class Plan(NamedTuple):
     saves: tuple[float, ...]
     limit: float | None
     """The stable step [s]; None if it is traced."""
+    solver: AbstractSolver
+    stepper: AbstractStepper
+    why: str = "as given"
+    """How the solver came to be chosen."""
+    checkpoints: int | None = None
+    """States that reverse mode keeps; None for all."""
 
     @property
     def steps(self) -> int:
@@ -49,8 +59,9 @@ def plan(
     scene: Scene,
     t1: float | int,
     save_at: Sequence[float] | None,
-    solver: ForwardEuler,
+    solver: AbstractSolver | None = None,
     prune: bool = True,
+    reverse_memory: int | None = None,
 ) -> Plan:
     """Compile a scene and lay out its steps.
 
@@ -58,54 +69,39 @@ def plan(
         scene: bodies and terms.
         t1: end [s].
         save_at: times to keep [s].
-        solver: with its step, or the stable one.
+        solver: of the user; None to have one chosen.
         prune: whether what does nothing is left out, see `compile_scene`.
+        reverse_memory: for states that reverse mode keeps [bytes].
 
     Raises:
         InputError: for save times out of order, or a step above the stable one.
     """
     saves = save_times(t1, save_at)
     compiled = compile_scene(scene, len(saves), t1, prune)
-    limit = compiled.stable_step
-    if is_traced(limit):
-        if solver.dt is None:
-            raise InputError(
-                "simulate: the stable step depends on traced values; give the step, "
-                "as in solver=ForwardEuler(dt=0.1)"
-            )
-        dt, known = _positive_step(solver.dt), None
-    else:
-        dt, known = _checked_step(solver, float(limit)), float(limit)
-    if compiled.program.sampled and solver.dt is None and t1 > 0:
-        dt = min(dt, t1 / SAMPLES)
+    traced = is_traced(compiled.stable_step)
+    known = None if traced else float(compiled.stable_step)
+    why = "as given"
+    if solver is None:
+        solver, why = choose(known, t1)
+    dt = solver.longest(known, t1, compiled.program.sampled)
     landings = (*compiled.program.knots, *compiled.starts)
-    layout = schedule(t1, saves, landings, dt)
-    return Plan(compiled, layout, saves, known)
-
-
-def _positive_step(dt: Scalar) -> float:
-    step = float(dt)
-    if not step > 0:
-        raise InputError(f"solver: dt={step:g} is no step; give a positive time")
-    return step
-
-
-def _checked_step(solver: ForwardEuler, limit: float) -> float:
-    if solver.dt is None:
-        return limit
-    dt = _positive_step(solver.dt)
-    if dt > limit * (1 + 1e-6):
-        raise InputError(
-            f"solver: dt={dt:g} s is too long: the largest stable step of this scene "
-            f"is {limit:.6g} s; give that or less, or no dt to have it chosen"
-        )
-    return dt
+    least = solver.least_steps(len({*saves, *landings}))
+    layout = schedule(t1, saves, landings, dt, least)
+    longest = max((i.dt for i in layout), default=dt)
+    stepper = solver.stepper(scene, compiled, longest, is_traced(scene))
+    kept = None
+    if reverse_memory is not None:
+        kept = checkpoints(compiled.state, reverse_memory)
+    if isinstance(stepper, AdaptiveStepper):
+        stepper = replace(stepper, checkpoints=kept)
+    return Plan(compiled, layout, saves, known, solver, stepper, why, kept)
 
 
 def start(plan: Plan) -> RunState:
     """The state at time 0."""
     entries = len(plan.compiled.program.entries)
-    return RunState(plan.compiled.state, empty_ledger(entries, plan.dtype))
+    fresh = RunState(plan.compiled.state, empty_ledger(entries, plan.dtype))
+    return plan.stepper.begin(fresh)
 
 
 def imbalance(program: Program, states: State, nodes: list) -> Float[Array, " b"]:
@@ -122,15 +118,24 @@ def imbalance(program: Program, states: State, nodes: list) -> Float[Array, " b"
 
 
 @eqx.filter_jit
-def run_all(program: Program, state: RunState, layout) -> tuple[RunState, Observation]:
-    """Every leg, observed at its end; one program for any numbers of steps."""
+def run_all(
+    stepper: AbstractStepper, program: Program, state: RunState, layout
+) -> tuple[RunState, Observation]:
+    """Every leg, observed at its end; one program for any numbers of steps.
+
+    Args:
+        stepper: takes the steps.
+        program: of the scene.
+        state: at the start.
+        layout: of the legs, as `layout_table` makes it.
+    """
 
     def interval(carry, times):
         state, time = carry
-        start, dt, steps = times
+        start, dt, steps, read = times
         # Empty rows of the layout leave the time of the last step as it is.
-        time = jnp.where(steps > 0, start + dt * (steps.astype(dt.dtype) - 0.5), time)
-        return (advance(program, state, start, dt, steps), time), None
+        time = jnp.where(steps > 0, read, time)
+        return (advance(stepper, program, state, start, dt, steps), time), None
 
     def leg(state, intervals):
         begin = jnp.zeros((), intervals[0].dtype)
@@ -140,15 +145,35 @@ def run_all(program: Program, state: RunState, layout) -> tuple[RunState, Observ
     return jax.lax.scan(leg, state, layout)
 
 
-def _run_traced(program: Program, state: RunState, legs_, dtype):
+def _run_traced(plan: Plan, program: Program, state: RunState, legs_):
     """The same with fixed lengths, for reverse-mode differentiation."""
-    seen = []
+    seen, dtype = [], plan.dtype
     for leg in legs_:
         for i in leg:
             begin, dt = jnp.asarray(i.start, dtype), jnp.asarray(i.dt, dtype)
-            state = advance(program, state, begin, dt, i.steps)
-        seen.append(observe(program, state, last_load(leg[-1], dtype)))
+            state = advance(
+                plan.stepper, program, state, begin, dt, i.steps, 0, plan.checkpoints
+            )
+        seen.append(observe(program, state, last_load(plan, leg[-1])))
     return state, jax.tree.map(lambda *each: jnp.stack(each), *seen)
+
+
+def checkpoints(state: State, memory: int) -> int:
+    """How many states reverse mode may keep.
+
+    Args:
+        state: of the run.
+        memory: for them [bytes].
+
+    Raises:
+        InputError: if not even one fits.
+    """
+    size = sum(x.size * x.dtype.itemsize for x in jax.tree.leaves(state))
+    if memory < size:
+        raise InputError(
+            f"simulate: reverse_memory={memory} bytes holds no state, of {size} bytes"
+        )
+    return memory // size
 
 
 def run(plan: Plan, state: RunState, traced: bool = False) -> Observation:
@@ -166,10 +191,10 @@ def run(plan: Plan, state: RunState, traced: bool = False) -> Observation:
     for number, part in parts:
         program, own = plan.compiled.programs[number], legs(part)
         if traced:
-            state, found = _run_traced(program, state, own, plan.dtype)
+            state, found = _run_traced(plan, program, state, own)
         else:
-            layout = layout_table(own, plan.dtype, rows, width)
-            state, found = run_all(program, state, layout)
+            layout = layout_table(plan, own, rows, width)
+            state, found = run_all(plan.stepper, program, state, layout)
         saved = np.flatnonzero([leg[-1].saved for leg in own])
         seen.append(jax.tree.map(lambda a, kept=saved: a[kept], found))
     return jax.tree.map(lambda *each: jnp.concatenate(each), *seen)
@@ -184,17 +209,30 @@ def by_program(plan: Plan) -> list[tuple[int, tuple[Interval, ...]]]:
     ]
 
 
-def last_load(interval: Interval, dtype: Any) -> Float[Array, ""]:
-    """When the loads of an interval's last step were taken [s]."""
-    return jnp.asarray(interval.end - interval.dt / 2, dtype)
+def last_load(plan: Plan, interval: Interval) -> Float[Array, ""]:
+    """When the surface is read at an interval's end [s]: under its last loads."""
+    return jnp.asarray(_read(plan, interval), plan.dtype)
+
+
+def _read(plan: Plan, interval: Interval) -> float:
+    before = (1 - plan.solver.load_time) * interval.dt
+    # Told from the end in the run's own precision.
+    rounding = 8 * float(jnp.finfo(plan.dtype).eps) * abs(interval.end)
+    return interval.end - max(before, rounding)
 
 
 def layout_table(
-    legs_: tuple[tuple[Interval, ...], ...], dtype, rows: int = 0, width: int = 0
+    plan: Plan,
+    legs_: tuple[tuple[Interval, ...], ...],
+    rows: int = 0,
+    width: int = 0,
 ):
-    """Starts, steps and numbers of steps, a row a leg; the rest takes no step.
+    """Starts, steps, numbers of steps and when to read, a row a leg.
+
+    The rest of the table takes no step.
 
     Args:
+        plan: of the run.
         legs_: to be taken.
         dtype: of the times.
         rows: least number of rows, for one shape whatever the legs.
@@ -202,11 +240,14 @@ def layout_table(
     """
     shape = max(len(legs_), rows), max(width, *(len(leg) for leg in legs_))
     starts, spans, counts = np.zeros(shape), np.zeros(shape), np.zeros(shape, np.int32)
+    reads = np.zeros(shape)
     for row, leg in enumerate(legs_):
         starts[row, : len(leg)] = [i.start for i in leg]
         spans[row, : len(leg)] = [i.dt for i in leg]
         counts[row, : len(leg)] = [i.steps for i in leg]
-    return jnp.asarray(starts, dtype), jnp.asarray(spans, dtype), jnp.asarray(counts)
+        reads[row, : len(leg)] = [_read(plan, i) for i in leg]
+    own = lambda values: jnp.asarray(values, plan.dtype)
+    return own(starts), own(spans), jnp.asarray(counts), own(reads)
 
 
 @eqx.filter_jit
@@ -235,21 +276,19 @@ def assemble_solution(
     """A `Solution` from the observations at the start and at each leg's end."""
     entries = plan.compiled.program.entries
     at, energy = _balance(entries, first, seen, even, plan.saves[0] == 0.0)
-    result = RESULTS.where(
-        at.finite.all(),
-        RESULTS.where(at.possible.all(), RESULTS.successful, RESULTS.below_zero),
-        RESULTS.nonfinite,
-    )
+    effort = jax.tree.map(lambda a: a[-1], seen.effort) if len(seen.finite) else None
     return Solution(
         times=jnp.asarray(plan.saves, energy.stored_J.dtype),
         surface_temperature=at.surface,
         mean_temperature=at.mean,
         energy=in_order(energy, entries),
-        result=result,
+        result=_result(at, effort),
         run=Run(
             steps=plan.steps,
             dt=max((i.dt for i in plan.intervals), default=None),
             stable_step=plan.limit,
+            solver=type(plan.solver).__name__,
+            effort=effort,
         ),
         surfaces=plan.compiled.surfaces,
         terms=scene.terms,
@@ -257,9 +296,24 @@ def assemble_solution(
     )
 
 
+def _result(at: Observation, effort: Effort | None) -> RESULTS:
+    """How a run ended: the first thing that went wrong, gravest first."""
+    found = RESULTS.where(at.possible.all(), RESULTS.successful, RESULTS.below_zero)
+    if effort is not None:
+        for failed, told in (
+            (effort.linear_failed, RESULTS.linear_not_converged),
+            (effort.newton_failed, RESULTS.newton_not_converged),
+            (effort.out_of_steps, RESULTS.step_limit),
+        ):
+            found = RESULTS.where(failed, told, found)
+    return RESULTS.where(at.finite.all(), found, RESULTS.nonfinite)
+
+
 def solve(scene: Scene, todo: Plan) -> Solution:
     """A planned run, from its start to its solution."""
-    seen = run(todo, start(todo), is_traced(scene)) if todo.intervals else None
+    seen = None
+    if todo.intervals:
+        seen = run(todo, start(todo), is_traced(scene))
     return conclude(scene, todo, seen)
 
 
@@ -284,21 +338,24 @@ def simulate(
     t1: float | int,
     save_at: Sequence[float] | None = None,
     *,
-    solver: ForwardEuler | None = None,
+    solver: AbstractSolver | None = None,
     throw: bool = True,
+    reverse_memory: int | None = None,
 ) -> Solution:
     """Temperatures of a scene's surface up to `t1`.
 
     One jitted program. It may itself be jitted, mapped or differentiated with respect
-    to anything in the scene that is a number; then give the step in `solver`, and keep
-    the runs short, since reverse mode stores every step.
+    to anything in the scene that is a number; then give the step in `solver`, and, for
+    long runs in reverse mode, a `reverse_memory`.
 
     Args:
         scene: bodies and terms.
         t1: end [s].
         save_at: increasing times to keep [s]; the end if not given.
-        solver: explicit Euler at the stable step if not given.
+        solver: one of `solvers`; chosen from the scene if not given.
         throw: whether a run that failed raises instead of saying so in `result`.
+        reverse_memory: for states that reverse mode keeps [bytes]; it takes steps anew
+            from the nearest one. None keeps all.
 
     Raises:
         InputError: for times out of order, a step above the stable one, or too little
@@ -306,7 +363,7 @@ def simulate(
         RuntimeError: if temperatures stop being finite and `throw` is set.
     """
     with precision(scene.dtype):
-        todo = plan(scene, t1, save_at, solver or ForwardEuler())
+        todo = plan(scene, t1, save_at, solver, True, reverse_memory)
         solution = solve(scene, todo)
     if throw and not is_traced(solution.result):
         raise_failure(solution.result)

@@ -8,6 +8,7 @@ from ..physics.term import AbstractTerm
 from ..scene.receipt import Receipt
 from ..scene.surface import SolvedSurface
 from .ledger import Energy
+from .stage import Effort
 
 
 class RESULTS(eqx.Enumeration):
@@ -18,6 +19,18 @@ class RESULTS(eqx.Enumeration):
         "A temperature is no longer finite: a heat flux, coefficient or function of "
         "time gives values that are too large or not finite, or a step was given for "
         "traced values and is above the stable one; check the terms and the step."
+    )
+    linear_not_converged = (
+        "A linear solve stopped short of its tolerance, in the precision at hand or in "
+        "its iterations: use dtype float64, a shorter step, or a larger tolerance."
+    )
+    newton_not_converged = (
+        "Newton's method did not settle in 20 steps: give a shorter step, or a smaller "
+        "error to a solver that chooses its own."
+    )
+    step_limit = (
+        "The error stayed above what was asked however short the step: ask for a "
+        "larger error, or float64; a term may be not finite."
     )
     below_zero = (
         "A temperature fell below 0 K: a negative heat flux takes out more heat than "
@@ -33,6 +46,9 @@ class Run(eqx.Module):
     """The largest step taken [s]."""
     stable_step: float | None = eqx.field(static=True)
     """The limit it was held against [s]; None where it could not be known."""
+    solver: str = eqx.field(static=True, default="ForwardEuler")
+    effort: Effort | None = None
+    """At the end, of an implicit solver."""
 
 
 class Solution(eqx.Module):

@@ -60,9 +60,9 @@ class NonlinearNetwork(AbstractNetwork):
 
     def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
         """Conduction into each node [W]."""
-        return self.base.heat_rate(_apart(self._potential, state))
+        return self.base.heat_rate(_apart(self.potential, state))
 
-    def _potential(self, state: Float[Array, "*m"]) -> Float[Array, "*m"]:
+    def potential(self, state: Float[Array, "*m"]) -> Float[Array, "*m"]:
         """Phi, what drives conduction at the reference [K]."""
         theta = self.temperature(state)
         return theta if self.conduction is None else self.conduction(theta)

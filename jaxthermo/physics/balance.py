@@ -109,15 +109,28 @@ class SurfaceTerms(eqx.Module):
             time: [s].
             theta: temperature of each place's node above the reference [K].
         """
-        rates, _ = self._solve(time, theta)
-        total = jnp.zeros_like(theta)
         by_entry = jnp.zeros(len(self.names), theta.dtype)
-        held = [self._rate(n, term, time, theta) for n, term in self.held]
-        numbered = (*self.free, *self.held)
-        for (number, term), rate in zip(numbered, (*rates, *held), strict=True):
-            total = total + rate
+        total, rates = self.rates(time, theta)
+        for (number, term), rate in zip(self.numbered, rates, strict=True):
             by_entry = by_entry.at[number].add(_in_all(term, time, rate))
         return total, by_entry
+
+    @property
+    def numbered(self) -> NumberedTerms:
+        """All of them, in the order of `rates`."""
+        return (*self.free, *self.held)
+
+    def rates(
+        self, time: Float[Array, ""], theta: Float[Array, " m"]
+    ) -> tuple[Float[Array, " m"], list[Float[Array, " m"]]]:
+        """Heat rate through each place, in all and of each term [W].
+
+        Arguments as of `heat`. What all free terms bring is what conduction carries on.
+        """
+        rates, excess = self._solve(time, theta)
+        held = [self._rate(n, term, time, theta) for n, term in self.held]
+        carried = jnp.asarray(self.half_cell) * excess
+        return sum(held, carried), [*rates, *held]
 
     def _rate(self, number, term, time, theta):
         with jax.named_scope(self.names[number]):
@@ -152,7 +165,7 @@ class SurfaceTerms(eqx.Module):
         return rates, excess
 
     def _linear(self, theta, brought, slope):
-        return (brought - slope * theta) * inverse(slope + self.half_cell)
+        return _ratio(brought - slope * theta, slope + self.half_cell)
 
     def _newton(self, bent, brought, slope, time, theta, excess):
         """The next excess, and what each bent law brings as linear about this one."""
@@ -160,7 +173,7 @@ class SurfaceTerms(eqx.Module):
         bring = [self._rate(n, term, time, here) for n, term in bent]
         slopes = [term.slope(time, here) for _, term in bent]
         net = sum(bring, brought - slope * here - self.half_cell * excess)
-        change = net * inverse(sum(slopes, slope + self.half_cell))
+        change = _ratio(net, sum(slopes, slope + self.half_cell))
         rates = [q - s * change for q, s in zip(bring, slopes, strict=True)]
         return excess + change, rates
 
@@ -248,6 +261,16 @@ class SurfaceTerms(eqx.Module):
         half_cell = add(self.half_cell)
         free, held = each(self.free), each(self.held)
         return SurfaceTerms(self.names, half_cell, free, held, self.steps)
+
+
+def _ratio(above, below):
+    """Above / below, and 0 where below is 0.
+
+    A division at the end is what XLA makes an array of, instead of computing a whole
+    step anew for every sum that reads it.
+    """
+    positive = below > 0
+    return jnp.where(positive, above, 0) / jnp.where(positive, below, 1)
 
 
 def _host_sums(values, number, places):

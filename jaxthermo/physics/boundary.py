@@ -83,7 +83,7 @@ class Exchange(AbstractLaw):
     """[W/(m^2 K)]: a number or a function of time."""
     temperature: Any
     """[K]"""
-    reference: Float[Array, ""]
+    reference: Float[Array, "*#m"]
 
     def flux(
         self, time: Float[Array, ""], theta: Float[Array, " m"]

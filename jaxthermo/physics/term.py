@@ -201,7 +201,8 @@ class BoundTerm(eqx.Module):
 
     share: Float[Values, " m"]
     """Area times what of the law's flux each place takes; 0 where it does not act."""
-    total_share: Float[Values, ""]
+    total_share: Float[Values, "*b"]
+    """Sum over the places; of a term on the places of several bodies, one a body."""
     law: AbstractLaw
 
     def heat_rate(

@@ -1,5 +1,6 @@
 """From looks at a scene to its programs: alike at all moments but for their numbers."""
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import jax
@@ -21,6 +22,7 @@ from ..physics.term import Reach
 from ..physics.values import is_unknown_function, knots
 from .bind import Bound, acts_ever
 from .contacts import Key, contact_links, touching_sizes
+from .join import join_loads
 from .load import surface_load, surface_reading
 from .looking import Look
 from .prepare import Prepared
@@ -104,7 +106,19 @@ def programs(
         ],
     )
     made = tuple(_program(scene, prepared, look, volumes, rules) for look in looks)
-    return jax.tree.map(_on_device, made)
+    return jax.tree.map(_on_device, _joined(made))
+
+
+def _joined(made: tuple[Program, ...]) -> tuple[Program, ...]:
+    """With the loads of all bodies as one, where more than one has any."""
+    loads = [
+        tuple(body.load for body in program.bodies if body.load is not None)
+        for program in made
+    ]
+    if len(loads[0]) < 2:
+        return made
+    pairs = zip(made, join_loads(loads), strict=True)
+    return tuple(replace(program, joined=joined) for program, joined in pairs)
 
 
 def _steps(one: Prepared, bound: Bound, reach: Reach | None) -> int:
@@ -127,6 +141,7 @@ def _program(scene, prepared, look: Look, volumes: Volumes, rules: Rules) -> Pro
         places.append(place)
     return Program(
         bodies=tuple(bodies),
+        joined=None,
         contacts=tuple(
             contact_links(
                 scene.terms[key[0]],

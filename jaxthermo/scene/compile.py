@@ -72,6 +72,7 @@ def compile_scene(
         state=tuple(one.state for one in prepared),
         surfaces=tuple(map(_solved, scene.bodies, bounds)),
         stable_step=limit,
+        hottest=most,
         receipt=Receipt(
             included=("conduction", *_mechanisms(made[0])),
             parts=reached,

@@ -8,7 +8,8 @@ from ..arrays import rank_in_group
 from ..network.network import Address
 from ..physics.balance import SurfaceTerms
 from .prepare import HostAddress, Prepared
-from .program import SurfaceLoad, SurfaceReading
+from .program import SurfaceReading
+from .surface_load import SurfaceLoad
 
 
 def _pick(address: HostAddress, nodes: Int[np.ndarray, " m"]) -> Address:

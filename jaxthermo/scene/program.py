@@ -4,7 +4,6 @@ import bisect
 from typing import Any, NamedTuple
 
 import equinox as eqx
-import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from ..network.network import AbstractNetwork, Address
@@ -13,8 +12,10 @@ from ..physics.contact.links import ContactLinks
 from ..physics.radiation.mutual import Enclosure
 from ..physics.values import value_at
 from ..structures.surface_map import BoundMap
+from .joined import JoinedLoad
 from .receipt import Receipt
 from .surface import SolvedSurface
+from .surface_load import SurfaceLoad
 
 
 State = tuple[Float[Array, "..."], ...]
@@ -29,85 +30,6 @@ class Entry(NamedTuple):
     body: int
     other: int | None = None
     """Where two bodies exchange heat, the one that it goes to, from `body`."""
-
-
-class SurfaceLoad(eqx.Module):
-    """What acts on a body's surface in the time loop.
-
-    Fragments of one node on which the same terms act are one place; a fragment on which
-    nothing acts has none. Places are summed by gathering, and every node is then
-    written once, which is several times faster than adding to it in turn.
-    """
-
-    address: Address
-    """Of the nodes that have such places, each once, in the order of the state."""
-    capacity: Float[Array, "*m"]
-    """Of those nodes [J/K]; one number if all have the same."""
-    node: Int[Array, " p"]
-    """Of each place, its node among them."""
-    slots: tuple[Int[Array, " m"], ...]
-    """Of each node, its k-th place; one past the last where it has fewer."""
-    terms: SurfaceTerms
-    """On the places."""
-
-    def _by_node(self, values: Float[Array, " p"]) -> Float[Array, " m"]:
-        padded = jnp.append(values, jnp.zeros(1, values.dtype))
-        gather = lambda slot: padded.at[slot].get(mode="promise_in_bounds")
-        return sum((gather(slot) for slot in self.slots[1:]), gather(self.slots[0]))
-
-    def at_places(
-        self, network: AbstractNetwork, nodes: Float[Array, " m"]
-    ) -> tuple[SurfaceTerms, Float[Array, " p"]]:
-        """What acts on the places, and the temperatures of their nodes [K]."""
-        here = nodes.at[self.node].get(mode="promise_in_bounds")
-        return self.terms.conducting(network.relative_conductivity(here)), here
-
-    def warm(
-        self,
-        new: Float[Array, "..."],
-        network: AbstractNetwork,
-        nodes: Float[Array, " m"],
-        time: Float[Array, ""],
-        dt: Float[Array, ""],
-        radiated: Float[Array, " p"] | None = None,
-    ) -> tuple[Float[Array, "..."], Float[Array, " c"]]:
-        """`new` with the heat of one step, and what each entry brings [W].
-
-        The state stays three-dimensional here: flattening it for the scatter would make
-        XLA compute the whole stencil with flat indices, slowly.
-
-        Args:
-            new: the state so far.
-            network: of the body.
-            nodes: temperatures at `address` before the step, above the reference [K].
-            time: of the loads [s].
-            dt: the step [s].
-            radiated: net, to each place by what it sees [W/m^2].
-        """
-        terms, here = self.at_places(network, nodes)
-        if radiated is not None:
-            terms = terms.radiating(radiated, emits=False)
-        heat, by_entry = terms.heat(time, here)
-        rise = dt * self._by_node(heat) / self.capacity
-        warmed = new.at[self.address].add(
-            rise,
-            mode="promise_in_bounds",
-            indices_are_sorted=True,
-            unique_indices=True,
-        )
-        return warmed, by_entry
-
-    def stiffness(
-        self, hottest: Float[Array, ""], end: float, relative: Float[Array, ""]
-    ) -> Float[Array, " m"]:
-        """What it adds to each node's conductances in the stable step [W/K].
-
-        Args:
-            hottest: that surfaces can get [K].
-            end: of the run [s].
-            relative: the largest conductivity over that at the reference.
-        """
-        return self._by_node(self.terms.stiffness(hottest, end, relative))
 
 
 class VolumeLoad(eqx.Module):
@@ -197,6 +119,8 @@ class Program(eqx.Module):
     """All that the solver needs, and nothing else."""
 
     bodies: tuple[BodyProgram, ...]
+    joined: JoinedLoad | None
+    """The bodies' surface loads as one; None where fewer than two have one."""
     contacts: tuple[ContactLinks, ...]
     enclosure: Enclosure | None
     """What bodies radiate to each other, on the places of their surfaces."""
@@ -232,6 +156,8 @@ class Compiled(eqx.Module):
     surfaces: tuple[SolvedSurface, ...]
     stable_step: Float[Array, ""]
     """The largest explicit step [s]."""
+    hottest: Float[Array, ""]
+    """That anything gets up to the end [K]."""
     receipt: Receipt = eqx.field(static=True)
 
     @property

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.integrate.euler import RunState, advance
+from jaxthermo.integrate.advance import advance
+from jaxthermo.integrate.euler import EulerStepper
 from jaxthermo.integrate.ledger import empty_ledger
+from jaxthermo.integrate.state import RunState
 from jaxthermo.scene.compile import compile_scene
 from tests.bodies import blocks
 
@@ -42,7 +44,9 @@ def _range_after(mechanism, share, painted, dtype, steps):
     program, kind = compiled.program, jnp.dtype(dtype)
     dt = (compiled.stable_step * share).astype(kind)
     state = RunState(compiled.state, empty_ledger(len(program.entries), kind))
-    state = _advance(program, state, jnp.zeros((), kind), dt, jnp.asarray(steps))
+    state = _advance(
+        EulerStepper(), program, state, jnp.zeros((), kind), dt, jnp.asarray(steps)
+    )
     nodes = np.asarray(state.theta[0], float)[structure.node_address()]
     reference = float(program.bodies[0].reference)
     return nodes.min() + reference, nodes.max() + reference

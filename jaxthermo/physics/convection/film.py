@@ -28,7 +28,7 @@ class FilmExchange(AbstractLaw):
     """Of the polynomial for h [W/(m^2 K)], [n m], or a `SpeedTable`."""
     temperature: Any
     """T_inf [K], a number or a function of time."""
-    reference: Float[Any, ""]
+    reference: Float[Any, "*#m"]
 
     def _at(self, time, theta) -> tuple[Array, Array, Array]:
         """T_inf - T_s, h, and d h / d T_s."""

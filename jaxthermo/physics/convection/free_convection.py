@@ -79,7 +79,7 @@ class FreeExchange(AbstractLaw):
     """Film polynomial of a plate's beta."""
     temperature: Any
     """T_inf [K], a number or a function of time."""
-    reference: Float[Any, ""]
+    reference: Float[Any, "*#m"]
 
     def _at(self, time, theta) -> tuple[Array, Array, Array]:
         """T_inf - T_s, h, and d h / d T_s."""

@@ -38,7 +38,7 @@ class Emission(AbstractLaw):
 
     temperature: Any
     """Of the surroundings [K]."""
-    reference: Float[Array, ""]
+    reference: Float[Array, "*#m"]
 
     def flux(
         self, time: Float[Array, ""], theta: Float[Array, " m"]

@@ -36,11 +36,11 @@ from .view_factor import DIRECTIONS
 class Radiation(AbstractLaw):
     """What a grey surface receives, less what it emits; the share holds eps."""
 
-    received: Float[Array, "*m"]
+    received: Float[Array, "*#m"]
     """Irradiation of each place less sigma T_0^4; without `emits`, net [W/m^2]."""
     base: Float[Array, ""]
     """T_0 [K], the same for all bodies."""
-    reference: Float[Array, ""]
+    reference: Float[Array, "*#m"]
     """What this body's temperatures count from [K]."""
     emits: bool = eqx.field(static=True, default=True)
     """Whether emission follows the temperature, or is in what is received."""
@@ -157,11 +157,11 @@ class Enclosure(eqx.Module):
     above: tuple[Float[Array, ""], ...]
     """The bodies' references less T_0 [K]."""
 
-    def _joined(self, thetas: tuple[Float[Array, " m"], ...]) -> Float[Array, " s"]:
+    def _joined(self, thetas: tuple[Float[Array, " _"], ...]) -> Float[Array, " s"]:
         pairs = zip(thetas, self.above, strict=True)
         return jnp.concatenate([theta + above for theta, above in pairs])
 
-    def _apart(self, values: Float[Array, " s"]) -> list[Float[Array, " m"]]:
+    def _apart(self, values: Float[Array, " s"]) -> list[Float[Array, " _"]]:
         ends = np.cumsum(self.exchange.fragments)[:-1].tolist()
         return jnp.split(values, ends)
 
@@ -169,16 +169,16 @@ class Enclosure(eqx.Module):
         return value_at(self.temperature, time) - self.base
 
     def irradiation(
-        self, time: Float[Array, ""], thetas: tuple[Float[Array, " m"], ...]
-    ) -> list[Float[Array, " m"]]:
+        self, time: Float[Array, ""], thetas: tuple[Float[Array, " _"], ...]
+    ) -> list[Float[Array, " _"]]:
         """Of each body's places, less sigma T_0^4 [W/m^2], at surfaces of `thetas`."""
         emitted = self.exchange.emitted(self._joined(thetas), self.base)
         around = self.exchange.emitted(self._around(time), self.base)
         return self._apart(self.exchange.irradiation(emitted, around))
 
     def net(
-        self, time: Float[Array, ""], thetas: tuple[Float[Array, " m"], ...]
-    ) -> list[Float[Array, " m"]]:
+        self, time: Float[Array, ""], thetas: tuple[Float[Array, " _"], ...]
+    ) -> list[Float[Array, " _"]]:
         """Irradiation less emission of each body's places [W/m^2]."""
         emitted = self.exchange.emitted(self._joined(thetas), self.base)
         around = self.exchange.emitted(self._around(time), self.base)

@@ -21,6 +21,7 @@ from jaxthermo.config.schema_material import MaterialConfig
 from jaxthermo.config.schema_pose import PoseConfig
 from jaxthermo.geometry import shapes
 from jaxthermo.image.camera import Camera, OrthographicCamera
+from jaxthermo.integrate.solvers import ForwardEuler
 from jaxthermo.materials import materials
 from jaxthermo.physics.boundary import Convection, FixedTemperature, HeatFlux
 from jaxthermo.physics.radiation.emission import Surroundings
@@ -63,7 +64,7 @@ def test_scene_holds_what_the_config_says(tmp_path: Path):
     scene = build_scene(config)
     (body,) = scene.bodies
     assert scene.dtype == "float64"
-    assert build_solver(config.solver).dt == 0.5
+    assert build_solver(config.solver) == ForwardEuler(dt=0.5)
     assert body.structure.node_count == 5 * 5 * 10
     assert body.temperature == pytest.approx(293.15)
     assert isinstance(body.material, MaterialMap)

@@ -14,6 +14,7 @@ from jaxthermo.config.schema_image import OrthographicConfig
 from jaxthermo.config.schema_material import MaterialConfig
 from jaxthermo.config.schema_pose import PoseConfig
 from jaxthermo.config.schema_radiation import SunConfig
+from jaxthermo.config.schema_solver import ForwardEuler
 from jaxthermo.config.schema_time import TimeConfig
 from jaxthermo.config.schema_varying import Table
 
@@ -107,7 +108,7 @@ def test_overrides(full):
     assert config.terms[2] == config.terms[2].model_copy(update={"temperature": 303.15})
     assert config.time.save_times == (1.0, 2.0)
     assert config.camera.width == 320 and config.camera.kind == "pinhole"
-    assert config.solver.dt == 1e-3
+    assert config.solver == ForwardEuler(dt=1e-3)
     assert config.name == "a=b"
 
 

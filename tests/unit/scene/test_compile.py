@@ -9,7 +9,6 @@ import pytest
 
 import jaxthermo as jt
 from jaxthermo.integrate import simulate as simulate_module
-from jaxthermo.integrate.euler import euler_step
 from jaxthermo.integrate.simulate import plan, start
 from tests.bodies import blocks
 
@@ -44,7 +43,9 @@ def _step(scene):
     todo = plan(scene, 2.0, None, jt.ForwardEuler())
     arrays, rest = eqx.partition(todo.compiled.program, eqx.is_array)
     now = jnp.zeros((), todo.dtype)
-    step = lambda arrays, state: euler_step(eqx.combine(arrays, rest), state, now, now)
+    step = lambda arrays, state: todo.stepper.step(
+        eqx.combine(arrays, rest), state, now, now
+    )
     return jax.make_jaxpr(step)(arrays, start(todo)), arrays
 
 

@@ -1,0 +1,213 @@
+"""An implicit step and a steady state of the full volume, beside scipy, in one run.
+
+The same system for all, in float64, to the same relative residual: conjugate gradients
+with this multigrid on the dense lattice, whose diagonals are taken anew for every
+solve; and scipy's on a sparse matrix of the solid voxels alone, with the diagonal and
+with pyamg's smoothed aggregation, whose set-up is told apart. They take turns.
+"""
+
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from statistics import median
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pyamg
+import scipy.sparse as sparse
+from rich.console import Console
+from rich.table import Table
+
+import jaxthermo as jt
+from jaxthermo.geometry.figurine import figurine
+from jaxthermo.network.multigrid import Hierarchy, hierarchy
+from jaxthermo.network.network import AbstractNetwork
+from jaxthermo.physics.conduction import assemble_uniform
+from jaxthermo.timing import Timing
+
+
+HEIGHT = 0.5
+"""Of the figurine [m]."""
+
+CONDUCTIVITY, HEAT_CAPACITY, AIR = 16.0, 4e6, 10.0
+"""Of stainless steel [W/(m K)], [J/(m^3 K)], and of its surface [W/(m^2 K)]."""
+
+STEPS = {"step of 5 s": 5.0, "step of 60 s": 60.0, "steady": None}
+
+TOLERANCE = 1e-8
+"""Residual over right-hand side, in the norm of vectors."""
+
+MOST = 5000
+
+
+class System(NamedTuple):
+    """(diag(m) - K) x = b, as a state and as a matrix of the solid voxels."""
+
+    network: AbstractNetwork
+    levels: Hierarchy
+    m: jax.Array
+    b: jax.Array
+    address: tuple[np.ndarray, ...]
+    matrix: Any
+
+
+class Solved(NamedTuple):
+    """What one solver did."""
+
+    values: np.ndarray
+    """Of the solid voxels [K]."""
+    iterations: int
+    seconds: float
+
+
+def system(height: int, dt: float | None) -> System:
+    """The figurine, heated from +x, in still air; at rest if there is no step."""
+    structure = jt.FullVolume(jt.voxelize(figurine(HEIGHT), HEIGHT / height))
+    network = assemble_uniform(structure, CONDUCTIVITY, HEAT_CAPACITY, np.float64)
+    grid, node, n = structure.grid, structure.fragment_node(), structure.node_count
+    surface = np.bincount(node, grid.fragment_area, n)
+    shone_on = np.maximum(grid.fragment_normal[:, 0], 0) * grid.fragment_area
+    m = AIR * surface
+    if dt is not None:
+        m = m + HEAT_CAPACITY * structure.nodes().volume / dt
+    address, state = structure.node_address(), np.zeros(structure.state_shape)
+    put = lambda values: jnp.asarray(state).at[address].set(values)
+    links = structure.links()
+    g = np.full(len(links.src), CONDUCTIVITY * grid.pitch)
+    half = sparse.coo_array((g, (links.src, links.dst)), (n, n)).tocsr()
+    k = half + half.T
+    matrix = sparse.csr_array(sparse.diags_array(k.sum(axis=1) + m) - k)
+    b = 5000.0 * np.bincount(node, shone_on, n)
+    return System(
+        network, hierarchy(structure, network), put(m), put(b), address, matrix
+    )
+
+
+@jax.jit
+def conjugate_gradients(
+    network: AbstractNetwork, levels: Hierarchy, m: jax.Array, b: jax.Array
+) -> tuple[jax.Array, jax.Array]:
+    """The solution and how many iterations it took."""
+    cycle = levels.prepared(m)
+    enough = TOLERANCE**2 * jnp.vdot(b, b)
+
+    def more(carry):
+        _, r, _, _, count = carry
+        return (jnp.vdot(r, r) > enough) & (count < MOST)
+
+    def iterate(carry):
+        x, r, p, rz, count = carry
+        ap = m * p - network.heat_rate(p)
+        step = rz / jnp.vdot(p, ap)
+        x, r = x + step * p, r - step * ap
+        z = cycle(r)
+        new = jnp.vdot(r, z)
+        return x, r, z + new / rz * p, new, count + 1
+
+    z = cycle(b)
+    start = (jnp.zeros_like(b), b, z, jnp.vdot(b, z), jnp.asarray(0))
+    x, _, _, _, count = jax.lax.while_loop(more, iterate, start)
+    return x, count
+
+
+def _ours(given: System) -> Solved:
+    clock = time.perf_counter()
+    x, count = conjugate_gradients(given.network, given.levels, given.m, given.b)
+    jax.block_until_ready(x)
+    seconds = time.perf_counter() - clock
+    return Solved(np.asarray(x[given.address]), int(count), seconds)
+
+
+def _scipy(given: System, preconditioner: Any) -> Solved:
+    count = 0
+
+    def counted(_):
+        nonlocal count
+        count += 1
+
+    b = np.asarray(given.b[given.address])
+    clock = time.perf_counter()
+    x, _ = sparse.linalg.cg(
+        given.matrix,
+        b,
+        rtol=TOLERANCE,
+        maxiter=MOST,
+        M=preconditioner,
+        callback=counted,
+    )
+    return Solved(x, count, time.perf_counter() - clock)
+
+
+def _compare(given: System, repeats: int) -> dict[str, Any]:
+    """Times, iterations and true residuals of one system."""
+    clock = time.perf_counter()
+    arguments = given.network, given.levels, given.m, given.b
+    conjugate_gradients.lower(*arguments).compile()
+    compiled = time.perf_counter() - clock
+    clock = time.perf_counter()
+    aggregation = pyamg.smoothed_aggregation_solver(given.matrix, symmetry="symmetric")
+    set_up = time.perf_counter() - clock
+    diagonal = sparse.diags_array(1 / given.matrix.diagonal())
+    solvers: dict[str, Callable[[], Solved]] = {
+        "jaxthermo": partial(_ours, given),
+        "scipy, diagonal": partial(_scipy, given, diagonal),
+        "scipy, pyamg": partial(_scipy, given, aggregation.aspreconditioner()),
+    }
+    last = {name: solve() for name, solve in solvers.items()}
+    spans = {name: [] for name in solvers}
+    for _ in range(repeats):
+        for name, solve in solvers.items():
+            spans[name].append(solve().seconds)
+    b = np.asarray(given.b[given.address])
+    left = lambda x: np.linalg.norm(b - given.matrix @ x) / np.linalg.norm(b)
+    rows = {
+        name: {
+            "iterations": solved.iterations,
+            "residual": float(left(solved.values)),
+            "solve_s": Timing(median(t := spans[name]), min(t), max(t))._asdict(),
+        }
+        for name, solved in last.items()
+    }
+    fastest = min(median(spans[name]) for name in list(solvers)[1:])
+    return {
+        "solvers": rows,
+        "compile_s": compiled,
+        "pyamg_set_up_s": set_up,
+        "faster_than_the_faster_peer": fastest / median(spans["jaxthermo"]),
+    }
+
+
+def run(
+    folder: Path | None = None, height: int = 128, repeats: int = 3
+) -> dict[str, Any]:
+    """Every step at `height` voxels, and how iterations grow from half of it."""
+    result: dict[str, Any] = {"height": height, "dtype": "float64", "steps": {}}
+    with jax.enable_x64(True):
+        for name, dt in STEPS.items():
+            given, coarser = system(height, dt), system(height // 2, dt)
+            found = _compare(given, repeats)
+            found["iterations_at_half"] = _ours(coarser).iterations
+            result["steps"][name] = found
+            result["solid_voxels"] = given.matrix.shape[0]
+            result["lattice"] = list(given.m.shape)
+            _show(name, found, result)
+    return result
+
+
+def _show(name: str, found: dict[str, Any], result: dict[str, Any]) -> None:
+    size = f"{result['height']} high, {result['solid_voxels']} voxels"
+    table = Table(title=f"{name}, {size}, float64 to {TOLERANCE:g}")
+    for column in ("", "solve (fastest-slowest)", "iterations", "residual"):
+        table.add_column(column, justify="left" if not column else "right")
+    for solver, row in found["solvers"].items():
+        spread = Timing(**row["solve_s"]).text()
+        table.add_row(solver, spread, str(row["iterations"]), f"{row['residual']:.1e}")
+    console = Console()
+    console.print(table)
+    console.print(
+        f"{found['iterations_at_half']} iterations at half the height; compiled in "
+        f"{found['compile_s']:.1f} s, pyamg set up in {found['pyamg_set_up_s']:.1f} s"
+    )

@@ -1,0 +1,172 @@
+"""Diagonally implicit Runge-Kutta steps: one implicit coefficient, any tableau.
+
+    eta_i = eta_n + dt sum_{j<i} a_ij f_j + d dt f_i,    eta_{n+1} = the last eta_i.
+
+Of a stage that was solved f_i = (eta_i - base_i) / (d dt), which does not amplify what
+the solve left over. The heat that the ledger enters is the same sum of the mechanisms'
+rates; what rounding and the solver's tolerance leave between the two is given back in
+proportion to how far every node went, so that energy closes whatever the tolerance, and
+what has not changed stays so bit by bit.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..network.network import precise_sum
+from ..scene.program import Program, State
+from .rates import rates
+from .stage import Effort, Stage, no_effort, solve_stage
+from .state import AbstractStepper, RunState
+from .tools import Tools
+
+
+class Tableau(NamedTuple):
+    """Of a stiffly accurate method: its last stage is its result."""
+
+    explicit: bool
+    """Whether the first stage is the start itself."""
+    weights: tuple[tuple[float, ...], ...]
+    """Row by row, of the stages that are solved, the implicit one last."""
+    times: tuple[float, ...]
+    """At which each stage takes its loads, in steps."""
+
+
+ROOT = float(np.sqrt(2.0))
+
+BACKWARD_EULER = Tableau(False, ((1.0,),), (0.5,))
+"""Loads at the middle of the step: the heat of a ramp is exact."""
+
+CRANK_NICOLSON = Tableau(True, ((0.5, 0.5),), (0.0, 1.0))
+
+TR_BDF2 = Tableau(
+    True,
+    ((1 - ROOT / 2, 1 - ROOT / 2), (ROOT / 4, ROOT / 4, 1 - ROOT / 2)),
+    (0.0, 2 - ROOT, 1.0),
+)
+"""Source: Hosea and Shampine, Applied Numerical Mathematics 20 (1996) 21-37."""
+
+
+class Taken(NamedTuple):
+    """A step, before it is accepted."""
+
+    states: State
+    heat: Float[Array, " c"]
+    """That each entry of the ledger brings [J]."""
+    slopes: tuple[State, ...]
+    """f of every stage [K/s]."""
+    effort: Effort
+
+
+def take(
+    program: Program,
+    tools: Tools,
+    tableau: Tableau,
+    states: State,
+    start: Float[Array, ""],
+    dt: Float[Array, ""],
+) -> Taken:
+    """One step.
+
+    Args:
+        program: of the scene.
+        tools: for it.
+        tableau: of the method.
+        states: at the start.
+        start: [s].
+        dt: the step [s].
+    """
+    slopes: list[State] = []
+    entries: list[Float[Array, " c"]] = []
+    effort, times = no_effort(states[0].dtype), list(tableau.times)
+    if tableau.explicit:
+        first = rates(program, states, _within(start, dt, times.pop(0)))
+        slopes.append(first.change)
+        entries.append(first.entries)
+    guess = states
+    for row, share in zip(tableau.weights, times, strict=True):
+        base = _sum(states, dt, row[:-1], slopes)
+        g = row[-1] * dt
+        solved: Stage = solve_stage(
+            program, tools, base, g, _within(start, dt, share), guess
+        )
+        guess, effort = solved.states, effort.plus(solved.effort)
+        slopes.append(jax.tree.map(lambda e, b, g=g: (e - b) / g, guess, base))
+        entries.append(solved.entries)
+    last = tableau.weights[-1]
+    heat = dt * sum(w * e for w, e in zip(last, entries, strict=True))
+    closed = _closed(program, states, guess, heat)
+    return Taken(closed, heat, tuple(slopes), effort)
+
+
+def _sum(states: State, dt, weights, slopes) -> State:
+    for weight, slope in zip(weights, slopes, strict=True):
+        states = jax.tree.map(lambda s, f, w=weight: s + w * dt * f, states, slope)
+    return states
+
+
+def _within(start, dt, share: float) -> Float[Array, ""]:
+    """A time in the step; its end is just before whatever is switched there."""
+    if share < 1:
+        return start + dt * share
+    end = start + dt
+    rounding = 8 * jnp.finfo(end.dtype).eps * jnp.abs(end)
+    return end - jnp.maximum(rounding, 1e-6 * dt)
+
+
+def into_bodies(program: Program) -> np.ndarray:
+    """What an entry of the ledger counts for in each body, [bodies entries]."""
+    counts = np.zeros((len(program.bodies), len(program.entries)))
+    for column, entry in enumerate(program.entries):
+        if entry.other is None:
+            counts[entry.body, column] = 1
+        else:
+            counts[entry.body, column], counts[entry.other, column] = -1, 1
+    return counts
+
+
+def _closed(program: Program, before: State, after: State, heat) -> State:
+    """States that hold exactly the heat that was brought."""
+    brought = jnp.asarray(into_bodies(program), heat.dtype) @ heat
+    found = []
+    for body, old, new, in_all in zip(
+        program.bodies, before, after, brought, strict=True
+    ):
+        moved = new - old
+        stored = body.network.capacity() * moved
+        through = precise_sum(jnp.abs(stored))
+        missing = in_all - precise_sum(stored)
+        share = missing / jnp.where(through > 0, through, 1)
+        # A step that moves less heat than rounding leaves has nothing to share by.
+        share = jnp.clip(share, -1, 1)
+        found.append(old + moved + share * jnp.abs(moved))
+    return tuple(found)
+
+
+class ImplicitStepper(AbstractStepper):
+    """Steps of a given length."""
+
+    tools: Tools
+    tableau: Tableau = eqx.field(static=True)
+
+    def begin(self, state: RunState) -> RunState:
+        """With an account of the effort."""
+        return RunState(state.theta, state.ledger, no_effort(state.theta[0].dtype))
+
+    def step(
+        self,
+        program: Program,
+        state: RunState,
+        start: Float[Array, ""],
+        dt: Float[Array, ""],
+    ) -> RunState:
+        """One step of the method."""
+        taken = take(program, self.tools, self.tableau, state.theta, start, dt)
+        ledger = state.ledger
+        if len(program.entries):
+            ledger = ledger.add(taken.heat)
+        return RunState(taken.states, ledger, state.work.plus(taken.effort))

@@ -1,0 +1,148 @@
+"""The derivative of an implicit step's balance, as a symmetric operator.
+
+A stage looks for eta = base + g f(eta), with f of `rates`. Its derivative, in heat
+rates for a change u of what drives conduction (of temperature, where k is constant),
+
+    A u = (C / g + s) / d u - K u + contacts,
+
+is symmetric and positive definite: K is the linear network, s the slope of each node's
+load [W/K], d = d(phi)/d(eta) of `NonlinearNetwork`, 1 elsewhere.
+"""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from ..network.multigrid import jacobi
+from ..network.network import AbstractNetwork, inverse
+from ..network.nonlinear import NonlinearNetwork
+from ..physics.contact.links import ContactLinks
+from ..scene.program import Program, State
+from .rates import load_slopes
+from .tools import Tools
+
+
+def linear_part(network: AbstractNetwork) -> AbstractNetwork:
+    """The network that conducts what drives conduction."""
+    return network.base if isinstance(network, NonlinearNetwork) else network
+
+
+class Jacobian(eqx.Module):
+    """A of all bodies."""
+
+    networks: tuple[AbstractNetwork, ...]
+    diagonal: State
+    """(C / g + s) / d [W/K]."""
+    contacts: tuple[ContactLinks, ...]
+    time: Float[Array, ""]
+
+    def mv(self, u: State) -> State:
+        """A u [W]."""
+        image = [
+            own * each - network.heat_rate(each)
+            for own, network, each in zip(self.diagonal, self.networks, u, strict=True)
+        ]
+        zero = jnp.zeros((), u[0].dtype)
+        for contact in self.contacts:
+            first, second = (
+                u[body].at[address].get(mode="promise_in_bounds")
+                for body, address in zip(contact.bodies, contact.address, strict=True)
+            )
+            flow = contact.heat_rate(self.time, (first, second), (zero, zero))
+            for side, sign in ((0, 1), (1, -1)):
+                body, address = contact.bodies[side], contact.address[side]
+                image[body] = image[body].at[address].add(sign * flow)
+        return tuple(image)
+
+    def with_contacts(self) -> State:
+        """The diagonal with what contacts add to it."""
+        found = list(self.diagonal)
+        zero = jnp.zeros((), found[0].dtype)
+        for contact in self.contacts:
+            one = jnp.ones_like(contact.area)
+            flow = contact.heat_rate(self.time, (one, 0 * one), (zero, zero))
+            for body, address in zip(contact.bodies, contact.address, strict=True):
+                found[body] = found[body].at[address].add(flow)
+        return tuple(found)
+
+
+class BodyByBody(eqx.Module):
+    """A preconditioner that knows no contact but on the diagonal."""
+
+    cycles: tuple[Any, ...]
+
+    def __call__(self, residual: State) -> State:
+        """Of every body."""
+        return tuple(c(r) for c, r in zip(self.cycles, residual, strict=True))
+
+
+class Linearized(NamedTuple):
+    """What a step of Newton's method solves with."""
+
+    operator: Jacobian
+    preconditioner: BodyByBody
+    steepness: tuple[Float[Array, "..."] | None, ...]
+    """d of every body; None for 1."""
+    kelvin: State
+    """g / C: from a heat rate to what it changes [K/W]."""
+    nodes: tuple[Bool[Array, "..."] | None, ...]
+    """Where each body's state has nodes; None for everywhere."""
+
+
+def linearized(
+    program: Program,
+    tools: Tools,
+    states: State,
+    g: Float[Array, ""],
+    time: Float[Array, ""],
+) -> Linearized:
+    """At given states.
+
+    Args:
+        program: of the scene.
+        tools: for it.
+        states: of the bodies.
+        g: step of the stage [s]; infinite for a steady state.
+        time: of the loads [s].
+    """
+    slopes = load_slopes(program, states, time)
+    networks = tuple(linear_part(body.network) for body in program.bodies)
+    steepness = tuple(map(_steepness, program.bodies, states))
+    diagonal = on_nodes(
+        tuple(
+            _over(network.capacity() * (1 / g + slope), steep)
+            for network, slope, steep in zip(networks, slopes, steepness, strict=True)
+        ),
+        tools.nodes,
+    )
+    operator = Jacobian(networks, diagonal, program.contacts, time)
+    parts = zip(networks, tools.hierarchies, operator.with_contacts(), strict=True)
+    cycles = tuple(
+        jacobi(network, m) if levels is None else levels.prepared(m)
+        for network, levels, m in parts
+    )
+    kelvin = tuple(
+        g * inverse(jnp.broadcast_to(network.capacity(), state.shape))
+        for network, state in zip(networks, states, strict=True)
+    )
+    return Linearized(operator, BodyByBody(cycles), steepness, kelvin, tools.nodes)
+
+
+def on_nodes(values: State, nodes: tuple[Bool[Array, "..."] | None, ...]) -> State:
+    """Values with 0 where there is no node."""
+    masked = lambda v, here: v if here is None else jnp.where(here, v, 0)
+    return tuple(map(masked, values, nodes))
+
+
+def _steepness(body, state) -> Float[Array, "..."] | None:
+    network = body.network
+    if not isinstance(network, NonlinearNetwork):
+        return None
+    return jax.jvp(network.potential, (state,), (jnp.ones_like(state),))[1]
+
+
+def _over(values, steep):
+    return values if steep is None else values * inverse(steep)

@@ -1,0 +1,216 @@
+"""One implicit stage: eta = base + g f(eta), by Newton's method in all nodes at once.
+
+The balances at the surfaces are convex in the temperatures, so Newton's iterates come
+down to the solution without overshooting once one of them is above it; `ceiling`, from
+the maximum principle, keeps the first from going far beyond. A linear scene takes one.
+
+Derivatives are those of the solution, by the implicit function theorem, whatever the
+iterations: at the solution one more solve, of a right-hand side whose value is 0.
+"""
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import lineax as lx
+from jaxtyping import Array, Bool, Float, Int
+
+from ..network.network import inverse
+from ..scene.program import Program, State
+from .conjugate import ConjugateGradients
+from .jacobian import Linearized, linearized, on_nodes
+from .rates import rates
+from .tools import Tools
+
+
+MOST_NEWTON = 20
+DERIVATIVE_TOLERANCE = 1e-6
+"""Of the right-hand side, or some roundings in float32."""
+
+
+class Effort(eqx.Module):
+    """What a run has cost so far, and what went wrong."""
+
+    newton: Int[Array, ""]
+    """Steps of Newton's method."""
+    linear: Int[Array, ""]
+    """Iterations of linear solves."""
+    accepted: Int[Array, ""]
+    """Steps of a length that the solver chose."""
+    rejected: Int[Array, ""]
+    """Steps that were taken again, shorter."""
+    left: Float[Array, ""]
+    """Largest residual that a linear solve left [K]."""
+    linear_failed: Bool[Array, ""]
+    newton_failed: Bool[Array, ""]
+    out_of_steps: Bool[Array, ""]
+    """Whether the solver gave up shortening its steps."""
+
+    def plus(self, other: "Effort") -> "Effort":
+        """Both."""
+        return Effort(
+            self.newton + other.newton,
+            self.linear + other.linear,
+            self.accepted + other.accepted,
+            self.rejected + other.rejected,
+            jnp.maximum(self.left, other.left),
+            self.linear_failed | other.linear_failed,
+            self.newton_failed | other.newton_failed,
+            self.out_of_steps | other.out_of_steps,
+        )
+
+
+def no_effort(dtype) -> Effort:
+    """Nothing done."""
+    none, no = jnp.zeros((), jnp.int32), jnp.zeros((), bool)
+    return Effort(none, none, none, none, jnp.zeros((), dtype), no, no, no)
+
+
+class Stage(NamedTuple):
+    """A stage's solution."""
+
+    states: State
+    entries: Float[Array, " c"]
+    """What each entry of the ledger brings there [W]."""
+    effort: Effort
+
+
+def solve_stage(
+    program: Program,
+    tools: Tools,
+    base: State,
+    g: Float[Array, ""],
+    time: Float[Array, ""],
+    guess: State,
+) -> Stage:
+    """The states with eta = base + g f(eta).
+
+    Args:
+        program: of the scene.
+        tools: for it.
+        base: where the stage starts from [K].
+        g: its step [s].
+        time: of its loads [s].
+        guess: of the states.
+    """
+    fixed = held((program, tools, base, g, time, guess))
+    states, effort = _newton(*fixed)
+    if tools.differentiable:
+        states = _differentiable(program, tools, base, g, time, states, fixed)
+    return Stage(states, rates(program, states, time).entries, effort)
+
+
+def held(tree: Any) -> Any:
+    """Without derivatives."""
+    stop = lambda x: jax.lax.stop_gradient(x) if eqx.is_array(x) else x
+    return jax.tree.map(stop, tree)
+
+
+def _residual(program, base, g, time, states) -> State:
+    """Eta - base - g f(eta) [K]."""
+    change = rates(program, states, time).change
+    return jax.tree.map(lambda e, b, f: (e - b) - g * f, states, base, change)
+
+
+def linear_step(
+    at: Linearized,
+    residual: State,
+    tolerance,
+    start: State | None = None,
+    relative: bool = False,
+) -> tuple[State, Any]:
+    """The change of the states that takes a residual [K] away, and the solve's stats.
+
+    Args:
+        at: where the balance is linear.
+        residual: [K].
+        tolerance: [K], or relative to the residual.
+        start: a guess of the change.
+        relative: whether the tolerance is.
+    """
+    heat = jax.tree.map(lambda r, k: -r * inverse(k), residual, at.kelvin)
+    # The transposed solve of reverse mode would bring something to where no node is.
+    heat = on_nodes(heat, at.nodes)
+    shapes = jax.eval_shape(lambda: heat)
+    operator = lx.FunctionLinearOperator(
+        at.operator.mv, shapes, lx.positive_semidefinite_tag
+    )
+    options: dict[str, Any] = {"preconditioner": at.preconditioner}
+    if start is not None:
+        driving = (_times(u, d) for u, d in zip(start, at.steepness, strict=True))
+        options["start"] = tuple(driving)
+    solver = ConjugateGradients(None if relative else at.kelvin, tolerance)
+    found = lx.linear_solve(operator, heat, solver, options=options, throw=False)
+    change = tuple(
+        u if d is None else u * inverse(d)
+        for u, d in zip(on_nodes(found.value, at.nodes), at.steepness, strict=True)
+    )
+    return change, (found.result == lx.RESULTS.successful, found.stats)
+
+
+def _times(u, d):
+    return u if d is None else u * d
+
+
+class _Iterate(NamedTuple):
+    states: State
+    residual: State
+    """[K]"""
+    moved: Float[Array, ""]
+    """By the last step, at most [K]."""
+    effort: Effort
+
+
+def _newton(program, tools: Tools, base, g, time, guess) -> tuple[State, Effort]:
+    dtype = guess[0].dtype
+
+    def iterate(now: _Iterate) -> _Iterate:
+        at = linearized(program, tools, now.states, g, time)
+        change, (reached, stats) = linear_step(at, now.residual, tools.tolerance)
+        after = jax.tree.map(jnp.add, now.states, change)
+        if not tools.linear:
+            after = jax.tree.map(jnp.minimum, after, tools.ceilings)
+        moved = _largest(jax.tree.map(jnp.subtract, after, now.states))
+        # Whether an earlier solve was exact does not matter.
+        spent = replace(now.effort, linear_failed=~reached, left=stats["left"])
+        one = replace(
+            no_effort(dtype),
+            newton=jnp.asarray(1, jnp.int32),
+            linear=stats["iterations"],
+        )
+        residual = _residual(program, base, g, time, after)
+        return _Iterate(after, residual, moved, spent.plus(one))
+
+    first = _residual(program, base, g, time, guess)
+    now = _Iterate(guess, first, jnp.asarray(jnp.inf, dtype), no_effort(dtype))
+    if tools.linear:
+        now = iterate(now)
+        return now.states, now.effort
+    rounding = 8 * jnp.finfo(dtype).eps * (1 + _largest(base))
+    goes_on = lambda i: (_largest(i.residual) > tools.tolerance) & (i.moved > rounding)
+    now = jax.lax.while_loop(
+        lambda i: goes_on(i) & (i.effort.newton < MOST_NEWTON), iterate, now
+    )
+    # What is left where no step moves anything is rounding; NaN is no convergence.
+    settled = (_largest(now.residual) <= tools.tolerance) | (
+        now.moved <= jnp.maximum(rounding, 10 * tools.tolerance)
+    )
+    return now.states, replace(now.effort, newton_failed=~settled)
+
+
+def _largest(states: State) -> Float[Array, ""]:
+    return jnp.stack([jnp.abs(x).max() for x in states]).max()
+
+
+def _differentiable(program, tools, base, g, time, states, fixed) -> State:
+    """The same states with the derivative of the solution."""
+    residual = _residual(program, base, g, time, states)
+    none = jax.tree.map(lambda r: r - jax.lax.stop_gradient(r), residual)
+    still, own, _, still_g, still_time, _ = fixed
+    at = linearized(still, own, held(states), still_g, still_time)
+    dtype = states[0].dtype
+    tolerance = max(DERIVATIVE_TOLERANCE, 20 * float(jnp.finfo(dtype).eps))
+    change, _ = linear_step(at, none, tolerance, relative=True)
+    return jax.tree.map(jnp.add, states, change)

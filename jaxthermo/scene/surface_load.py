@@ -1,0 +1,98 @@
+"""What acts on a body's surface in the time loop."""
+
+import equinox as eqx
+from jaxtyping import Array, Float, Int
+
+from ..network.network import AbstractNetwork, Address
+from ..physics.balance import SurfaceTerms
+
+
+def by_node(
+    values: Float[Array, " p"], slots: tuple[Int[Array, " m"], ...]
+) -> Float[Array, " m"]:
+    """Sums over the places of each node, whose k-th is `slots[k]`."""
+    gather = lambda slot: values.at[slot].get(mode="fill", fill_value=0)
+    return sum((gather(slot) for slot in slots[1:]), gather(slots[0]))
+
+
+class SurfaceLoad(eqx.Module):
+    """What acts on a body's surface in the time loop.
+
+    Fragments of one node on which the same terms act are one place; a fragment on which
+    nothing acts has none. Places are summed by gathering, and every node is then
+    written once, which is several times faster than adding to it in turn.
+    """
+
+    address: Address
+    """Of the nodes that have such places, each once, in the order of the state."""
+    capacity: Float[Array, "*m"]
+    """Of those nodes [J/K]; one number if all have the same."""
+    node: Int[Array, " p"]
+    """Of each place, its node among them."""
+    slots: tuple[Int[Array, " m"], ...]
+    """Of each node, its k-th place; one past the last where it has fewer."""
+    terms: SurfaceTerms
+    """On the places."""
+
+    def at_places(
+        self, network: AbstractNetwork, nodes: Float[Array, " m"]
+    ) -> tuple[SurfaceTerms, Float[Array, " p"]]:
+        """What acts on the places, and the temperatures of their nodes [K]."""
+        here = self.here(nodes)
+        return self.terms.conducting(network.relative_conductivity(here)), here
+
+    def here(self, nodes: Float[Array, " m"]) -> Float[Array, " p"]:
+        """Values of the places' nodes."""
+        return nodes.at[self.node].get(mode="promise_in_bounds")
+
+    def warm(
+        self,
+        new: Float[Array, "..."],
+        network: AbstractNetwork,
+        nodes: Float[Array, " m"],
+        time: Float[Array, ""],
+        dt: Float[Array, ""],
+        radiated: Float[Array, " p"] | None = None,
+    ) -> tuple[Float[Array, "..."], Float[Array, " c"]]:
+        """`new` with the heat of one step, and what each entry brings [W].
+
+        Args:
+            new: the state so far.
+            network: of the body.
+            nodes: temperatures at `address` before the step, above the reference [K].
+            time: of the loads [s].
+            dt: the step [s].
+            radiated: net, to each place by what it sees [W/m^2].
+        """
+        terms, here = self.at_places(network, nodes)
+        if radiated is not None:
+            terms = terms.radiating(radiated, emits=False)
+        heat, by_entry = terms.heat(time, here)
+        return self.add(new, dt, heat), by_entry
+
+    def add(
+        self, new: Float[Array, "..."], dt: Float[Array, ""], heat: Float[Array, " p"]
+    ) -> Float[Array, "..."]:
+        """`new` with the heat rates of all places [W] over `dt` [s].
+
+        The state stays three-dimensional here: flattening it for the scatter would make
+        XLA compute the whole stencil with flat indices, slowly.
+        """
+        return new.at[self.address].add(
+            dt * by_node(heat, self.slots) / self.capacity,
+            mode="promise_in_bounds",
+            indices_are_sorted=True,
+            unique_indices=True,
+        )
+
+    def stiffness(
+        self, hottest: Float[Array, ""], end: float, relative: Float[Array, ""]
+    ) -> Float[Array, " m"]:
+        """What it adds to each node's conductances in the stable step [W/K].
+
+        Args:
+            hottest: that surfaces can get [K].
+            end: of the run [s].
+            relative: the largest conductivity over that at the reference.
+        """
+        return by_node(self.terms.stiffness(hottest, end, relative), self.slots)

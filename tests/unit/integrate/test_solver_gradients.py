@@ -1,0 +1,108 @@
+"""Derivatives through every solver: forward, reverse, and reverse from checkpoints."""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from tests.bodies import blocks
+
+
+END = 80.0
+START = jnp.array([1.0, 10.0, 0.9, 1500.0])
+"""k, h, emissivity, and a pulse of sun that is long over at the end."""
+
+SOLVERS = {
+    "ForwardEuler": jt.ForwardEuler(dt=5.0),
+    "SuperTimeStepping": jt.SuperTimeStepping(dt=20.0, stages=5),
+    "BackwardEuler": jt.BackwardEuler(dt=20.0),
+    "CrankNicolson": jt.CrankNicolson(dt=20.0),
+    "TRBDF2": jt.TRBDF2(dt=20.0),
+}
+LONG = (pytest.mark.slow, pytest.mark.slice)
+EACH = [
+    "ForwardEuler",
+    *(pytest.param(name, marks=pytest.mark.slow) for name in list(SOLVERS)[1:4]),
+    pytest.param("TRBDF2", marks=LONG),
+]
+
+
+@functools.cache
+def _structure():
+    return jt.FullVolume(blocks(np.ones((3, 2, 2), bool), 0.01))
+
+
+def _loss(values, solver, memory=None):
+    k, h, emissivity, sun = values
+    material = jt.Material(
+        k, density=2000.0, specific_heat=800.0, emissivity=emissivity
+    )
+    body = jt.Body(_structure(), material, temperature=300.0)
+    terms = (
+        jt.Sun((1.0, 0.0, 0.0), jt.Until(sun, 40.0)),
+        jt.Convection(h, 290.0),
+        jt.Surroundings(280.0),
+    )
+    scene = jt.Scene((body,), terms, dtype="float64")
+    run = jt.simulate(scene, END, solver=solver, reverse_memory=memory)
+    return (run.surface_temperature[-1] ** 2).mean() / 1e4
+
+
+def _numeric(loss):
+    """Central differences."""
+    step = 1e-5
+    at = lambda i, sign: loss(START.at[i].multiply(1 + sign * step))
+    pairs = [(at(i, 1) - at(i, -1)) / (2 * step * START[i]) for i in range(len(START))]
+    return np.array(pairs)
+
+
+@pytest.mark.parametrize("name", EACH)
+def test_forward_and_reverse_agree_with_differences(name):
+    loss = jax.jit(functools.partial(_loss, solver=SOLVERS[name]))
+    numeric = _numeric(loss)
+    reverse = jax.jit(jax.grad(loss))(START)
+    forward = jax.jit(jax.jacfwd(loss))(START)
+    print(name, numeric, np.abs(reverse / numeric - 1), np.abs(forward / numeric - 1))
+    assert (np.abs(numeric) > 1e-9).all()
+    np.testing.assert_allclose(reverse, numeric, rtol=1e-5)
+    np.testing.assert_allclose(forward, reverse, rtol=1e-6)
+
+
+def _taylor(loss, gradient):
+    """Log-log slope of what a gradient leaves, along one direction."""
+    direction = START * jnp.array([0.3, -0.5, 0.2, 0.4])
+    slope = gradient @ direction
+    sizes = np.array([1e-2, 5e-3, 2.5e-3])
+    along = lambda e: float(loss(START + e * direction) - loss(START) - e * slope)
+    left = [abs(along(e)) for e in sizes]
+    return np.diff(np.log(left)) / np.diff(np.log(sizes))
+
+
+@pytest.mark.parametrize("states", [pytest.param(1, marks=pytest.mark.slow), 4])
+def test_checkpoints_give_the_same_gradient_and_it_is_of_first_order(states):
+    solver = SOLVERS["ForwardEuler"]
+    size = 8 * int(np.prod(_structure().state_shape))
+    loss = jax.jit(functools.partial(_loss, solver=solver))
+    kept = functools.partial(_loss, solver=solver, memory=states * size)
+    gradient = jax.jit(jax.grad(kept))(START)
+    np.testing.assert_allclose(gradient, jax.jit(jax.grad(loss))(START), rtol=1e-12)
+    np.testing.assert_allclose(_taylor(loss, gradient), 2.0, atol=0.05)
+
+
+def test_no_room_for_a_state_is_said():
+    with pytest.raises(jt.InputError, match="reverse_memory=10 bytes holds no state"):
+        _loss(START, SOLVERS["ForwardEuler"], 10)
+
+
+@pytest.mark.slow
+@pytest.mark.slice
+def test_adaptive_steps_have_a_gradient_from_checkpoints():
+    solver = jt.TRBDF2(error=1e-4)
+    loss = jax.jit(functools.partial(_loss, solver=solver))
+    kept = functools.partial(_loss, solver=solver, memory=100_000)
+    reverse = jax.jit(jax.grad(kept))(START)
+    # Steps are taken as given: what their choice changes is of the error's size.
+    np.testing.assert_allclose(reverse, _numeric(loss), rtol=2e-3)

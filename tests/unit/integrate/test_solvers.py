@@ -1,0 +1,111 @@
+"""What solvers decide before a run, and what they refuse."""
+
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from jaxthermo.integrate.choose import FEW, MANY, choose
+from jaxthermo.integrate.legendre import coefficients, stages_for
+from jaxthermo.integrate.solution import RESULTS
+from tests.bodies import blocks
+
+
+METAL = jt.Material(16.0, density=8000.0, specific_heat=500.0)
+
+
+def _scene(*terms, dtype="float64"):
+    structure = jt.FullVolume(blocks(np.ones((3, 3, 3), bool), 0.01))
+    return jt.Scene((jt.Body(structure, METAL, temperature=300.0),), terms, dtype=dtype)
+
+
+def test_the_choice_goes_by_how_many_stable_steps_there_are():
+    kinds = [type(choose(1.0, steps)[0]) for steps in (0, FEW, FEW + 1, MANY, MANY + 1)]
+    assert kinds[:2] == [jt.ForwardEuler] * 2
+    assert kinds[2:] == [jt.SuperTimeStepping, jt.SuperTimeStepping, jt.TRBDF2]
+    assert choose(None, 1.0)[0] == jt.ForwardEuler()
+    assert type(choose(float("inf"), 1e9)[0]) is jt.ForwardEuler
+
+
+def test_the_choice_is_in_the_solution():
+    assert jt.simulate(_scene(), 1.0).run.solver == "ForwardEuler"
+    run = jt.simulate(_scene(jt.Convection(10.0, 290.0)), 1e5).run
+    assert run.solver == "SuperTimeStepping"
+    assert run.steps == 128
+    early = jt.simulate(_scene(jt.Convection(10.0, 290.0)), 1e5, [10.0, 1e5]).run
+    assert early.steps == 16 + 128
+
+
+@pytest.mark.parametrize("ratio", [0.5, 1.0, 2.4, 10.0, 333.3, 1e6])
+def test_stages_cover_the_step_and_no_more(ratio):
+    stages = stages_for(ratio, 1.0)
+    covered = lambda s: (s * s + s - 2) / 4
+    assert stages % 2 == 1
+    assert covered(stages) >= ratio * (1 - 1e-8)
+    assert stages == 3 or covered(stages - 2) < ratio
+
+
+@pytest.mark.parametrize("stages", [3, 9, 31])
+def test_a_mode_decays_by_the_schemes_polynomial_within_one(stages):
+    """Of second order at small steps, and never above 1 up to the stable one."""
+    table, weight = coefficients(stages), 4 / (stages**2 + stages - 2)
+
+    def factor(z):
+        step = lambda y: y * (1 - weight * z)
+        before, last = 1.0, 1 - weight * z / 3
+        for j in range(2, stages + 1):
+            mu, nu, a = (table[name][j] for name in ("mu", "nu", "a"))
+            mixed = mu * step(last) + nu * before + (1 - mu - nu) + a * mu * weight * z
+            before, last = last, mixed
+        return last
+
+    off = [abs(factor(z) - np.exp(-z)) for z in (0.02, 0.01)]
+    assert np.log2(off[0] / off[1]) == pytest.approx(3.0, abs=0.1)
+    assert max(abs(factor(z)) for z in np.linspace(0, 2 / weight, 400)) <= 1 + 1e-12
+    assert (np.diff(table["time"][1:]) > 0).all()
+    assert table["time"][1:].max() < 1
+
+
+@pytest.mark.parametrize(
+    ("solver", "message"),
+    [
+        (jt.BackwardEuler(dt=0.0), "dt=0 is no step"),
+        (jt.TRBDF2(dt=float("nan")), "dt=nan is no step"),
+        (jt.SuperTimeStepping(dt=100.0, stages=3), "asks for [0-9]+ stages"),
+        (jt.SuperTimeStepping(dt=1.0, stages=2), "give 3 or more"),
+        (jt.ForwardEuler(dt=1e3), "another solver"),
+    ],
+)
+def test_what_cannot_be_stepped_is_refused(solver, message):
+    with pytest.raises(jt.InputError, match=message):
+        jt.simulate(_scene(), 200.0, solver=solver)
+    with pytest.raises(jt.InputError, match="give a positive one"):
+        jt.TRBDF2(error=0.0)
+
+
+def test_a_tolerance_out_of_reach_is_said():
+    scene = _scene(jt.Convection(1000.0, 290.0), dtype="float32")
+    solver = jt.BackwardEuler(dt=100.0, tolerance=1e-12)
+    run = jt.simulate(scene, 100.0, solver=solver, throw=False)
+    assert run.result == RESULTS.linear_not_converged
+    assert np.isfinite(run.surface_temperature).all()
+    with pytest.raises(RuntimeError, match="use dtype float64"):
+        jt.simulate(scene, 100.0, solver=solver)
+
+
+def test_a_flux_that_is_not_finite_is_said_by_every_solver():
+    bad = jt.HeatFlux(lambda time: 1e3 / (time - time))
+    for solver in (
+        jt.SuperTimeStepping(dt=1.0),
+        jt.BackwardEuler(dt=1.0),
+        jt.TRBDF2(),
+    ):
+        run = jt.simulate(_scene(bad), 2.0, solver=solver, throw=False)
+        assert run.result != RESULTS.successful
+
+
+def test_nothing_to_do_is_done_by_every_solver():
+    for solver in (jt.BackwardEuler(), jt.TRBDF2(), jt.SuperTimeStepping()):
+        run = jt.simulate(_scene(), 0.0, solver=solver)
+        np.testing.assert_array_equal(run.surface_temperature, 300.0)
+        still = jt.simulate(_scene(), 50.0, solver=solver)
+        np.testing.assert_array_equal(still.surface_temperature, 300.0)

@@ -1,0 +1,150 @@
+"""The cycle is a fixed symmetric positive map, exact where few nodes are left."""
+
+import hypothesis.strategies as st
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+from jaxthermo.network import multigrid
+from jaxthermo.network.lattice import LatticeStencil
+from jaxthermo.network.links import LinkNetwork
+from jaxthermo.network.multigrid import hierarchy, jacobi
+from jaxthermo.network.multigrid_cycle import SMOOTHED_RANGE, dense_solve, level
+from jaxthermo.physics.conduction import assemble_mixed, assemble_uniform
+from jaxthermo.structures.full import FullVolume
+from jaxthermo.structures.octree import Octree
+from tests.bodies import blocks
+
+
+SHAPE = (7, 6, 9)
+
+
+def _solid():
+    """Odd and even sizes, holes, a gap, a part and a voxel of their own."""
+    solid = np.ones(SHAPE, bool)
+    solid[3, :, 2:] = False
+    solid[:, 4, 3:] = False
+    solid[5:, 5, 7:] = False
+    solid[6, 5, 8] = True
+    return solid
+
+
+def _network(kind):
+    grid = blocks(_solid())
+    structure = FullVolume(grid, stencil=kind in ("stencil", "axes", "mixed"))
+    if kind == "mixed":
+        number = (structure.nodes().centre[:, 2] > 3).astype(np.int32)
+        k, heat = jnp.array([1.0, 1e5]), jnp.ones(2)
+        return structure, assemble_mixed(structure, number, k, heat)
+    k = jnp.array([3.0, 1.0, 0.5]) if kind == "axes" else 2.0
+    network = assemble_uniform(structure, k, 1.0, np.float64)
+    if kind != "links":
+        return structure, network
+    links = structure.links()
+    ends = jnp.asarray(links.src), jnp.asarray(links.dst)
+    return structure, LinkNetwork(
+        *ends, jnp.full(len(links.src), 2.0), jnp.ones(structure.node_count)
+    )
+
+
+_cycles = jax.jit(lambda levels, m, states: jax.vmap(levels.prepared(m))(states))
+_operators = jax.jit(
+    lambda network, m, states: jax.vmap(lambda v: m * v - network.heat_rate(v))(states)
+)
+
+
+def _matrix(call, given, m, structure):
+    """Of a linear map between states, on the nodes alone."""
+    address, shape = structure.node_address(), structure.state_shape
+    n = structure.node_count
+    unit = jnp.zeros((n, *shape)).at[(jnp.arange(n), *address)].set(1.0)
+    images = call(given, m, unit)
+    columns = images[(slice(None), *address)]
+    others = np.abs(images).reshape(n, -1).sum(1) - np.abs(columns).sum(1)
+    assert np.abs(others).max() < 1e-12 * np.abs(columns).max()
+    return np.asarray(columns)
+
+
+def _state(structure, values):
+    return jnp.zeros(structure.state_shape).at[structure.node_address()].set(values)
+
+
+@pytest.fixture(params=["stencil", "axes", "mixed", "rows", "links"])
+def body(request, monkeypatch):
+    """With coarse levels although it is small."""
+    monkeypatch.setattr(multigrid, "MOST_AT_ONCE", 60)
+    return _network(request.param)
+
+
+def test_the_cycle_is_symmetric_positive_and_near_the_inverse(body):
+    structure, network = body
+    random = np.random.default_rng(0)
+    m = _state(structure, 10.0 ** random.uniform(-4, 1, structure.node_count))
+    levels = hierarchy(structure, network)
+    assert len(levels.networks) > 1
+    found = _matrix(_cycles, levels, m, structure)
+    scale = np.sqrt(np.outer(np.diag(found), np.diag(found)))
+    assert (np.abs(found - found.T) / scale).max() < 1e-12
+    exact = _matrix(_operators, network, m, structure)
+    half = np.linalg.cholesky(exact)
+    spectrum = np.linalg.eigvalsh(half.T @ found @ half)
+    assert spectrum.min() > 0
+    if isinstance(network, LatticeStencil):
+        # Parts that conduct well and hang together badly, joined by larger blocks.
+        spectrum = spectrum[3:]
+    assert spectrum.min() > 0.1
+    assert spectrum.max() < 2.5
+    plain = np.linalg.eigvalsh(half.T @ (half / np.diag(exact)[:, None]))
+    assert spectrum.max() / spectrum.min() < plain.max() / plain.min() / 10
+
+
+@settings(max_examples=8, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_few_nodes_are_solved_exactly(seed):
+    structure = Octree(blocks(np.ones((4, 4, 4), bool)))
+    network = assemble_uniform(structure, 2.0, 1.0, np.float64)
+    random = np.random.default_rng(seed)
+    m = jnp.asarray(10.0 ** random.uniform(-4, 4, structure.node_count))
+    levels = hierarchy(structure, network)
+    assert len(levels.networks) == 1
+    inverse = _matrix(_cycles, levels, m, structure)
+    product = inverse @ _matrix(_operators, network, m, structure)
+    np.testing.assert_allclose(product, np.eye(len(product)), atol=1e-6)
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_a_body_that_nothing_holds_stays_finite_and_solved(dtype):
+    """The heat given sums to nothing: the solution is one up to a constant."""
+    structure = FullVolume(blocks(np.ones((4, 3, 2), bool)))
+    network = assemble_uniform(structure, 1.0, 1.0, dtype)
+    nothing = jnp.zeros(structure.state_shape, dtype)
+    wanted = _state(structure, np.random.default_rng(1).normal(size=24)).astype(dtype)
+    r = -network.heat_rate(wanted)
+    found = dense_solve(network, nothing)(r)
+    gap = np.asarray(found - wanted)[structure.node_address()]
+    assert np.ptp(gap) < (2e-3 if dtype == np.float32 else 1e-9)
+
+
+def test_the_smoother_is_chebyshevs():
+    """1 - x q(x) on the smoothed range is no larger than 1 / T_2 of its middle."""
+    structure = FullVolume(blocks(np.ones((6, 6, 6), bool)))
+    network = assemble_uniform(structure, 1.0, 1.0, np.float64)
+    finest = level(network, _state(structure, np.zeros(216)))
+    x = np.linspace(2 / SMOOTHED_RANGE, 2, 101)
+    left = np.abs(1 - x * (float(finest.first) - float(finest.second) * x))
+    middle = (SMOOTHED_RANGE + 1) / (SMOOTHED_RANGE - 1)
+    assert left.max() == pytest.approx(1 / (2 * middle**2 - 1), rel=1e-12)
+    unit = jnp.asarray(_state(structure, np.random.default_rng(0).normal(size=216)))
+    twice = jacobi(network, finest.m)
+    d = twice(unit)
+    by_hand = finest.first * d - finest.second * twice(finest.apply(d))
+    np.testing.assert_allclose(finest.smoothed(unit), by_hand, atol=1e-14)
+
+
+def test_without_links_one_sweep_of_the_smoother_is_exact():
+    structure = FullVolume(blocks(np.ones((1, 1, 1), bool)))
+    network = assemble_uniform(structure, 1.0, 1.0, np.float64)
+    alone = level(network, _state(structure, 4.0))
+    np.testing.assert_allclose(alone.smoothed(_state(structure, 2.0)).sum(), 0.5)

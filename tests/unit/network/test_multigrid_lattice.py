@@ -1,0 +1,71 @@
+"""Coarser lattices conduct as if the body had been cut into larger voxels."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxthermo.network.lattice import LatticeStencil
+from jaxthermo.network.multigrid_lattice import LatticeTransfer, lattice_levels
+from jaxthermo.physics.conduction import assemble_mixed, assemble_uniform
+from jaxthermo.structures.full import FullVolume
+from tests.bodies import blocks
+
+
+_levels = eqx.filter_jit(lattice_levels)
+
+
+def _body(shape, k, stencil=True):
+    structure = FullVolume(blocks(np.ones(shape, bool)), stencil=stencil)
+    return assemble_uniform(structure, k, 1.0, np.float64)
+
+
+@pytest.mark.parametrize("shape", [(4, 6, 8), (3, 5, 1)])
+def test_total_and_spread_are_transposes(shape):
+    random = np.random.default_rng(0)
+    transfer = LatticeTransfer(shape)
+    fine = jnp.pad(jnp.asarray(random.normal(size=shape)), 1)
+    coarse = transfer.total(fine)
+    assert coarse.shape == tuple((n + 1) // 2 + 2 for n in shape)
+    np.testing.assert_allclose(coarse.sum(), fine.sum(), atol=1e-12)
+    other = jnp.pad(jnp.asarray(random.normal(size=coarse.shape))[1:-1, 1:-1, 1:-1], 1)
+    spread = transfer.spread(other)
+    assert spread.shape == fine.shape
+    np.testing.assert_allclose((spread * fine).sum(), (other * coarse).sum())
+    i, j, k = 2, 3, 0
+    assert spread[i + 1, j + 1, k + 1] == other[i // 2 + 1, j // 2 + 1, k // 2 + 1]
+
+
+@pytest.mark.parametrize("k", [2.0, (3.0, 1.0, 0.5)])
+def test_a_coarse_box_is_a_box_of_larger_voxels(k):
+    """K A / L between voxels twice as large: twice that of the small ones."""
+    fine, coarse = _levels(_body((8, 4, 6), jnp.asarray(k)), 200)[0]
+    again = _body((4, 2, 3), 2 * jnp.asarray(k))
+    state = jnp.pad(jnp.asarray(np.random.default_rng(0).normal(size=(4, 2, 3))), 1)
+    inside = (slice(1, -1),) * 3
+    np.testing.assert_allclose(
+        coarse.heat_rate(state)[inside], again.heat_rate(state)[inside], atol=1e-12
+    )
+
+
+def test_faces_of_a_mixed_body_are_those_between_its_blocks():
+    """Counted by hand from links between voxels."""
+    random = np.random.default_rng(3)
+    solid = random.random((5, 4, 3)) < 0.7
+    structure = FullVolume(blocks(solid))
+    number = random.integers(0, 2, structure.node_count).astype(np.int32)
+    network = assemble_mixed(structure, number, jnp.array([1.0, 1e5]), jnp.ones(2))
+    assert isinstance(network, LatticeStencil)
+    coarse = _levels(network, 100)[0][1]
+    assert isinstance(coarse, LatticeStencil)
+    plain = _levels(assemble_uniform(structure, 1.0, 1.0, np.float64), 100)[0][1]
+    assert isinstance(plain, LatticeStencil)
+    for axis, face in enumerate(network.face_conductance):
+        wanted = np.zeros(coarse.face_conductance[axis].shape)
+        counted = np.zeros_like(wanted)
+        for place in np.argwhere(np.asarray(face) > 0):
+            if place[axis] % 2 == 0:
+                wanted[tuple(place // 2)] += face[tuple(place)] / 2
+                counted[tuple(place // 2)] += 0.5
+        np.testing.assert_allclose(coarse.face_conductance[axis], wanted, rtol=1e-12)
+        np.testing.assert_allclose(plain.face_conductance[axis], counted)

@@ -1,0 +1,179 @@
+"""The surfaces of several bodies as one are every body's for itself, to rounding."""
+
+from dataclasses import replace
+
+import equinox as eqx
+import jax
+import jax.extend
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from jaxthermo.integrate.loads import add_loads
+from jaxthermo.scene.compile import compile_scene
+
+
+PITCH = 0.01
+STEEL = jt.Material(16.0, density=8000.0, specific_heat=500.0, emissivity=0.9)
+WOOD = jt.Material(0.2, density=600.0, specific_heat=1500.0, emissivity=0.6)
+MIRROR = jt.Material(16.0, density=8000.0, specific_heat=500.0, emissivity=0.0)
+MELTING = jt.Material(
+    jt.Property([250.0, 350.0], [10.0, 30.0]),
+    density=8000.0,
+    specific_heat=jt.Property([250.0, 350.0], [400.0, 600.0]),
+    emissivity=0.5,
+)
+TOP = jt.Side((0.0, 0.0, 1.0), body=1)
+
+
+def turning(time):
+    return (np.sin(time), 0.3, -1.0)
+
+
+ALL = (
+    jt.Sun((0.5, 0.3, -1.0), jt.Until(800.0, 4.0)),
+    jt.Wind((0.0, 3.0, 0.0), 283.0, speed=lambda time: 1.0 + time),
+    jt.Surroundings(268.0, ground=288.0),
+    jt.Convection(20.0, jt.Table([0.0, 5.0], [280.0, 290.0]), on=TOP),
+    jt.HeatFlux(200.0, on=jt.Side((0.0, 1.0, 0.0), body=2)),
+    jt.FixedTemperature(310.0, on=jt.Side((0.0, 0.0, -1.0))),
+)
+MUTUAL = (
+    jt.RadiativeExchange(280.0, most_patches=24, directions=24),
+    jt.FreeConvection(285.0, length=0.05),
+    jt.Sun((0.5, 0.3, -1.0), 800.0),
+)
+SCENES = {
+    "everything": (ALL, (STEEL, WOOD, STEEL)),
+    "properties": (ALL[2:], (STEEL, MELTING, WOOD)),
+    "motion": ((jt.Sun(turning, 800.0), jt.Surroundings(268.0)), (STEEL, WOOD, STEEL)),
+    "mutual radiation": (MUTUAL, (STEEL, MIRROR, WOOD)),
+}
+
+
+@pytest.fixture(scope="module")
+def grids():
+    box = jt.voxelize(jt.shapes.box((0.03, 0.04, 0.05)), PITCH)
+    return box, jt.voxelize(jt.shapes.sphere(0.025), PITCH)
+
+
+def _scene(grids, terms, materials, starts=(300.0, 290.0, 320.0)):
+    box, ball = grids
+    structures = jt.FullVolume(box), jt.SingleShell(ball), jt.Octree(ball)
+    places = (0.0, 0.04, -0.08)
+    return jt.Scene(
+        tuple(
+            jt.Body(structure, material, temperature=start, pose=jt.Pose((x, 0.0, 0.0)))
+            for structure, material, start, x in zip(
+                structures, materials, starts, places, strict=False
+            )
+        ),
+        terms,
+        dtype="float64",
+    )
+
+
+@eqx.filter_jit
+def _loaded(program, states, time):
+    dt = jnp.ones((), time.dtype)
+    return add_loads(program, states, states, time, dt)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "everything",
+        *(
+            pytest.param(name, marks=(pytest.mark.slow, pytest.mark.slice))
+            for name in SCENES
+            if name != "everything"
+        ),
+    ],
+)
+def test_one_balance_is_all_bodies_own(grids, name):
+    compiled = compile_scene(_scene(grids, *SCENES[name]), 1, 5.0)
+    chance = np.random.default_rng(0)
+    states = tuple(
+        state + chance.uniform(-5, 5, state.shape) for state in compiled.state
+    )
+    first = jax.tree.map(np.shape, eqx.filter(compiled.programs[0], eqx.is_array))
+    for program in compiled.programs[:: len(compiled.programs) // 2 or 1]:
+        # Every moment runs the same compiled step.
+        assert jax.tree.map(np.shape, eqx.filter(program, eqx.is_array)) == first
+        now = jnp.asarray(0.5)
+        joined = _loaded(program, states, now)
+        alone = _loaded(replace(program, joined=None), states, now)
+        for one, other in zip(joined[0], alone[0], strict=True):
+            np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(joined[1], alone[1], rtol=1e-12, atol=1e-14)
+        assert np.abs(joined[1]).max() > 0.1
+
+
+def _equations(jaxpr):
+    for equation in jaxpr.eqns:
+        yield equation
+        for inner in jax.extend.core.jaxprs_in_params(equation.params):
+            yield from _equations(inner)
+
+
+def _wind_equations(scene):
+    compiled = compile_scene(scene, 1, 5.0)
+    arrays, rest = eqx.partition(compiled.program, eqx.is_array)
+    now = jnp.zeros(())
+    step = lambda arrays, states: add_loads(
+        eqx.combine(arrays, rest), states, states, now, now
+    )
+    jaxpr = jax.make_jaxpr(step)(arrays, compiled.state)
+    scopes = [str(e.source_info.name_stack) for e in _equations(jaxpr.jaxpr)]
+    return sum("wind" in scope for scope in scopes)
+
+
+def test_the_program_holds_one_balance(grids):
+    wind = (jt.Wind((0.0, 3.0, 0.0), 283.0),)
+    three = _scene(grids, wind, (STEEL,) * 3)
+    one = jt.Scene(three.bodies[:1], wind, dtype="float64")
+    assert 0 < _wind_equations(three) == _wind_equations(one)
+
+
+def test_only_several_surfaces_are_joined(grids):
+    flux = jt.HeatFlux(200.0, on=TOP)
+    joined = lambda *terms: (
+        compile_scene(_scene(grids, terms, (STEEL,) * 3)).program.joined
+    )
+    assert joined() is None and joined(flux) is None
+    assert joined(flux, jt.Surroundings(280.0)) is not None
+
+
+def test_sky_and_ground_are_one_entry_and_an_absent_term_none(grids):
+    terms = (jt.Surroundings(300.0, ground=290.0), jt.HeatFlux(10.0, on=TOP))
+    joined = compile_scene(_scene(grids, terms, (STEEL, STEEL, MIRROR))).program.joined
+    assert joined is not None
+    # The third body has no surface load.
+    assert joined.entries == ((0, 1), (0, 1), (-1, 2)) and len(joined.places) == 2
+
+
+@pytest.mark.slow
+@pytest.mark.slice
+def test_gradients_go_through_the_joined_balance(grids):
+    """By the second body's parameters, and the wind's."""
+
+    def run(p):
+        own = jt.Material(
+            p["conductivity"], 8000.0, specific_heat=500.0, emissivity=p["emissivity"]
+        )
+        terms = (
+            jt.Wind((0.0, 1.0, 0.0), 283.0, speed=p["speed"]),
+            jt.Surroundings(268.0, ground=288.0),
+        )
+        scene = _scene(grids, terms, (STEEL, own), starts=(300.0, p["start"]))
+        solution = jt.simulate(scene, 1.0, solver=jt.ForwardEuler(dt=0.5))
+        return jnp.mean((solution.surface_temperature - 300.0) ** 2)
+
+    at = {"emissivity": 0.7, "start": 310.0, "conductivity": 16.0, "speed": 3.0}
+    slopes, value = jax.jit(jax.grad(run))(at), jax.jit(run)
+    for name in at:
+        step = 1e-4 * at[name]
+        up, down = (value(at | {name: at[name] + d}) for d in (step, -step))
+        assert abs(slopes[name]) > 1e-6
+        np.testing.assert_allclose(slopes[name], (up - down) / (2 * step), rtol=1e-5)
