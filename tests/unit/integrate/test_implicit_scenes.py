@@ -1,0 +1,91 @@
+"""Implicit steps of everything that a scene may hold, against small explicit ones."""
+
+import functools
+
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from jaxthermo.integrate.segments import begin, finish, segments
+from jaxthermo.integrate.simulate import plan
+from jaxthermo.property import Property
+from tests.bodies import blocks
+
+
+LONG = (pytest.mark.slow, pytest.mark.slice)
+METAL = jt.Material(20.0, density=2000.0, specific_heat=500.0, emissivity=0.8)
+VARYING = jt.Material(
+    Property([250.0, 450.0], [10.0, 30.0]),
+    2000.0,
+    Property([250.0, 450.0], [400.0, 900.0]),
+    emissivity=0.8,
+)
+END = 60.0
+LINKS = functools.partial(jt.FullVolume, stencil=False)
+
+
+@functools.cache
+def _grid():
+    return blocks(np.ones((4, 3, 3), bool), 0.01)
+
+
+def _body(start, place=0.0, material=METAL, structure=jt.FullVolume):
+    pose = jt.Pose(translation=(place, 0.0, 0.0))
+    return jt.Body(structure(_grid()), material, temperature=start, pose=pose)
+
+
+def _scene(name):
+    air, sky = jt.Convection(20.0, 290.0), jt.Surroundings(280.0)
+    sun = jt.Sun((0.0, 0.0, -1.0), jt.Until(5000.0, 30.0))
+    bodies = {
+        "contact": (_body(400.0), _body(300.0, 0.04)),
+        "varying properties": (_body(400.0, material=VARYING),),
+        "links": (
+            _body(400.0, structure=functools.partial(jt.FullVolume, stencil=False)),
+        ),
+        "exchange": (_body(500.0), _body(300.0, 0.06)),
+        "wind": (_body(400.0),),
+    }[name]
+    terms = {
+        "contact": (jt.Contact(2000.0), air, sky),
+        "varying properties": (air, sky, sun),
+        "links": (air, sky, sun),
+        "exchange": (jt.RadiativeExchange(300.0, most_patches=24, directions=32),),
+        "wind": (jt.Wind((3.0, 0.0, 0.0), 280.0), sun),
+    }[name]
+    return jt.Scene(bodies, terms, dtype="float64")
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "contact",
+        "varying properties",
+        *(pytest.param(n, marks=LONG) for n in ("links", "exchange", "wind")),
+    ],
+)
+def test_it_is_what_small_explicit_steps_give(name):
+    scene = _scene(name)
+    exact = jt.simulate(scene, END, [30.0, END], solver=jt.ForwardEuler(dt=0.01))
+    run = jt.simulate(scene, END, [30.0, END], solver=jt.TRBDF2(dt=2.0))
+    off = np.abs(run.surface_temperature - exact.surface_temperature).max()
+    print(name, "off", off, "newton", int(run.run.effort.newton))
+    assert off < 0.1
+    assert np.abs(run.energy.residual_relative).max() < 1e-11
+    for body in run.energy.bodies:
+        assert np.abs(body.residual_relative).max() < 1e-11
+    # Two stages a step, each settled well before the limit.
+    assert run.run.effort.newton <= 8 * 2 * run.run.steps
+
+
+def test_an_implicit_run_in_segments_is_one_long_run():
+    scene = _scene("varying properties")
+    solver = jt.BackwardEuler(dt=5.0)
+    todo = plan(scene, END, [30.0, END], solver)
+    *_, last = segments(todo, begin(scene, todo))
+    pieces = finish(scene, todo, last)
+    whole = jt.simulate(scene, END, [30.0, END], solver=solver)
+    np.testing.assert_allclose(
+        pieces.surface_temperature, whole.surface_temperature, rtol=1e-12
+    )
+    assert pieces.run.effort.newton == whole.run.effort.newton
