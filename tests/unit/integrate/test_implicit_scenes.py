@@ -59,9 +59,11 @@ def _scene(name):
 @pytest.mark.parametrize(
     "name",
     [
-        "contact",
         "varying properties",
-        *(pytest.param(n, marks=LONG) for n in ("links", "exchange", "wind")),
+        *(
+            pytest.param(n, marks=LONG)
+            for n in ("contact", "links", "exchange", "wind")
+        ),
     ],
 )
 def test_it_is_what_small_explicit_steps_give(name):
