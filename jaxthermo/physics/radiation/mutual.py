@@ -208,7 +208,7 @@ def patches_of(fine: Enclosure) -> list[Int[np.ndarray, " s"]]:
     return np.split(np.asarray(fine.exchange.patch), ends)
 
 
-def merged_enclosure(fine: Enclosure, place: list[Int[np.ndarray, " s"]]) -> Enclosure:
+def merged_enclosure(fine: Enclosure, place: list[Int[np.ndarray, " _"]]) -> Enclosure:
     """The same on places that several fragments of one patch make up.
 
     Args:

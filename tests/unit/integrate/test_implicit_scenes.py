@@ -77,6 +77,7 @@ def test_it_is_what_small_explicit_steps_give(name):
     for body in run.energy.bodies:
         assert np.abs(body.residual_relative).max() < 1e-11
     # Two stages a step, each settled well before the limit.
+    assert run.run.effort is not None
     assert run.run.effort.newton <= 8 * 2 * run.run.steps
 
 
@@ -90,4 +91,5 @@ def test_an_implicit_run_in_segments_is_one_long_run():
     np.testing.assert_allclose(
         pieces.surface_temperature, whole.surface_temperature, rtol=1e-12
     )
+    assert pieces.run.effort is not None and whole.run.effort is not None
     assert pieces.run.effort.newton == whole.run.effort.newton
