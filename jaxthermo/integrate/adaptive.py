@@ -143,9 +143,7 @@ class AdaptiveStepper(AbstractStepper):
             step=following,
             error=jnp.where(good, error, work.error),
         )
-        ledger = state.ledger
-        if len(program.entries):
-            ledger = ledger.add(taken.heat)
+        ledger = state.ledger.add(taken.heat)
         choose = lambda new, old: jnp.where(good, new, old)
         theta = jax.tree.map(choose, taken.states, state.theta)
         ledger = jax.tree.map(choose, ledger, state.ledger)

@@ -19,7 +19,9 @@ from jaxtyping import Array, Float
 
 from ..network.network import precise_sum
 from ..scene.program import Program, State
+from .ledger import into_bodies
 from .rates import rates
+from .schedule import END_ROUNDINGS, END_SHARE
 from .stage import Effort, Stage, no_effort, solve_stage
 from .state import AbstractStepper, RunState
 from .tools import Tools
@@ -114,24 +116,13 @@ def _within(start, dt, share: float) -> Float[Array, ""]:
     if share < 1:
         return start + dt * share
     end = start + dt
-    rounding = 8 * jnp.finfo(end.dtype).eps * jnp.abs(end)
-    return end - jnp.maximum(rounding, 1e-6 * dt)
-
-
-def into_bodies(program: Program) -> np.ndarray:
-    """What an entry of the ledger counts for in each body, [bodies entries]."""
-    counts = np.zeros((len(program.bodies), len(program.entries)))
-    for column, entry in enumerate(program.entries):
-        if entry.other is None:
-            counts[entry.body, column] = 1
-        else:
-            counts[entry.body, column], counts[entry.other, column] = -1, 1
-    return counts
+    rounding = END_ROUNDINGS * jnp.finfo(end.dtype).eps * jnp.abs(end)
+    return end - jnp.maximum(rounding, END_SHARE * dt)
 
 
 def _closed(program: Program, before: State, after: State, heat) -> State:
     """States that hold exactly the heat that was brought."""
-    brought = jnp.asarray(into_bodies(program), heat.dtype) @ heat
+    brought = into_bodies(heat, program.entries, len(program.bodies))
     found = []
     for body, old, new, in_all in zip(
         program.bodies, before, after, brought, strict=True
@@ -166,7 +157,5 @@ class ImplicitStepper(AbstractStepper):
     ) -> RunState:
         """One step of the method."""
         taken = take(program, self.tools, self.tableau, state.theta, start, dt)
-        ledger = state.ledger
-        if len(program.entries):
-            ledger = ledger.add(taken.heat)
+        ledger = state.ledger.add(taken.heat)
         return RunState(taken.states, ledger, state.work.plus(taken.effort))

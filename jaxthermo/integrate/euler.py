@@ -49,5 +49,4 @@ class EulerStepper(AbstractStepper):
         is switched off at a landing is on before it and off after it.
         """
         new, rates = euler_change(program, state.theta, start + dt / 2, dt)
-        ledger = state.ledger.add(dt * rates) if len(rates) else state.ledger
-        return RunState(new, ledger, state.work)
+        return RunState(new, state.ledger.add(dt * rates), state.work)

@@ -25,11 +25,6 @@ from .rates import load_slopes
 from .tools import Tools
 
 
-def linear_part(network: AbstractNetwork) -> AbstractNetwork:
-    """The network that conducts what drives conduction."""
-    return network.base if isinstance(network, NonlinearNetwork) else network
-
-
 class Jacobian(eqx.Module):
     """A of all bodies."""
 
@@ -105,11 +100,11 @@ def linearized(
         program: of the scene.
         tools: for it.
         states: of the bodies.
-        g: step of the stage [s]; infinite for a steady state.
+        g: step of the stage [s].
         time: of the loads [s].
     """
     slopes = load_slopes(program, states, time)
-    networks = tuple(linear_part(body.network) for body in program.bodies)
+    networks = tuple(body.network.linear for body in program.bodies)
     steepness = tuple(map(_steepness, program.bodies, states))
     diagonal = on_nodes(
         tuple(

@@ -24,6 +24,8 @@ class Ledger(eqx.Module):
 
     def add(self, heat: Float[Array, " m"]) -> "Ledger":
         """The ledger after one step brought `heat` [J]."""
+        if not len(heat):
+            return self
         term = heat - self.carry
         total = self.heat + term
         return Ledger(
@@ -107,7 +109,7 @@ def energies(
 def _of_body(entries, body, stored, heat, moved, even) -> BodyEnergy:
     own = [c for c, e in enumerate(entries) if e.other is None and e.body == body]
     pairs = [c for c, e in enumerate(entries) if e.other is not None and body in e[1:]]
-    sign = lambda c: 1 if entries[c].other == body else -1
+    sign = lambda c: _sign(entries[c], body)
     contacts = {_pair_name(entries[c]): sign(c) * heat[:, c] for c in pairs}
     brought = heat[:, np.array(own, int)].sum(axis=1)
     brought = sum(contacts.values(), brought)
@@ -117,6 +119,23 @@ def _of_body(entries, body, stored, heat, moved, even) -> BodyEnergy:
         mechanisms={entries[c].mechanism: heat[:, c] for c in own},
         contacts=contacts,
         residual_relative=(stored - brought) / _or_one(through + even),
+    )
+
+
+def _sign(entry: Entry, body: int) -> int:
+    """What an entry counts for in a body: a pair's goes from its first to its other."""
+    if entry.other is None:
+        return int(entry.body == body)
+    return int(entry.other == body) - int(entry.body == body)
+
+
+def into_bodies(
+    heat: Float[Array, " c"], entries: tuple[Entry, ...], bodies: int
+) -> Float[Array, " b"]:
+    """What the entries bring to each body [J]."""
+    counts = [[_sign(entry, body) for entry in entries] for body in range(bodies)]
+    return (
+        jnp.asarray(np.array(counts).reshape(bodies, len(entries)), heat.dtype) @ heat
     )
 
 

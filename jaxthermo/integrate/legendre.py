@@ -114,5 +114,4 @@ class LegendreStepper(AbstractStepper):
             return last, jax.tree.map(mix, stepped, before, first, change)
 
         _, (theta, heat) = jax.lax.fori_loop(2, self.stages + 1, stage, (first, second))
-        ledger = state.ledger.add(heat) if len(heat) else state.ledger
-        return RunState(theta, ledger, state.work)
+        return RunState(theta, state.ledger.add(heat), state.work)

@@ -9,6 +9,10 @@ from ..errors import InputError
 MOST_STEPS = 2**31 - 1
 """In one interval: they are counted in 32 bits."""
 
+END_SHARE, END_ROUNDINGS = 1e-6, 8
+"""How long before its end, in steps and at least in roundings of the time, the end of a
+step takes its loads: just before whatever is switched there."""
+
 
 @dataclass(frozen=True)
 class Interval:

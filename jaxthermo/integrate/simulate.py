@@ -22,7 +22,7 @@ from .advance import advance
 from .choose import choose
 from .ledger import Energy, empty_ledger, energies, in_order
 from .observe import Observation, observe
-from .schedule import Interval, legs, save_times, schedule
+from .schedule import END_ROUNDINGS, Interval, legs, save_times, schedule
 from .solution import RESULTS, Run, Solution
 from .solvers import AbstractSolver
 from .stage import Effort
@@ -217,7 +217,7 @@ def last_load(plan: Plan, interval: Interval) -> Float[Array, ""]:
 def _read(plan: Plan, interval: Interval) -> float:
     before = (1 - plan.solver.load_time) * interval.dt
     # Told from the end in the run's own precision.
-    rounding = 8 * float(jnp.finfo(plan.dtype).eps) * abs(interval.end)
+    rounding = END_ROUNDINGS * float(jnp.finfo(plan.dtype).eps) * abs(interval.end)
     return interval.end - max(before, rounding)
 
 
@@ -363,7 +363,7 @@ def simulate(
         RuntimeError: if temperatures stop being finite and `throw` is set.
     """
     with precision(scene.dtype):
-        todo = plan(scene, t1, save_at, solver, True, reverse_memory)
+        todo = plan(scene, t1, save_at, solver, reverse_memory=reverse_memory)
         solution = solve(scene, todo)
     if throw and not is_traced(solution.result):
         raise_failure(solution.result)

@@ -28,6 +28,7 @@ from .adaptive import AdaptiveStepper
 from .dirk import BACKWARD_EULER, CRANK_NICOLSON, TR_BDF2, ImplicitStepper
 from .euler import EulerStepper
 from .legendre import LegendreStepper, stages_for
+from .schedule import END_SHARE
 from .state import AbstractStepper
 from .tools import Tools
 
@@ -55,7 +56,7 @@ class AbstractSolver(eqx.Module):
     @property
     def load_time(self) -> float:
         """Where in its last step a surface is read, as it is loaded there."""
-        return 1 - 1e-6
+        return 1 - END_SHARE
 
     def least_steps(self, landings: int) -> int:
         """From one landing to the next.

@@ -96,10 +96,11 @@ def solve_stage(
         guess: of the states.
     """
     fixed = held((program, tools, base, g, time, guess))
-    states, effort = _newton(*fixed)
-    if tools.differentiable:
-        states = _differentiable(program, tools, base, g, time, states, fixed)
-    return Stage(states, rates(program, states, time).entries, effort)
+    found = _newton(*fixed)
+    if not tools.differentiable:
+        return Stage(found.states, found.entries, found.effort)
+    states = _differentiable(program, tools, base, g, time, found.states, fixed)
+    return Stage(states, rates(program, states, time).entries, found.effort)
 
 
 def held(tree: Any) -> Any:
@@ -108,17 +109,17 @@ def held(tree: Any) -> Any:
     return jax.tree.map(stop, tree)
 
 
-def _residual(program, base, g, time, states) -> State:
-    """Eta - base - g f(eta) [K]."""
-    change = rates(program, states, time).change
-    return jax.tree.map(lambda e, b, f: (e - b) - g * f, states, base, change)
+def _residual(program, base, g, time, states) -> tuple[State, Float[Array, " c"]]:
+    """Eta - base - g f(eta) [K], and what each entry of the ledger brings there [W]."""
+    change, entries = rates(program, states, time)
+    short = lambda e, b, f: (e - b) - g * f
+    return jax.tree.map(short, states, base, change), entries
 
 
 def linear_step(
     at: Linearized,
     residual: State,
     tolerance,
-    start: State | None = None,
     relative: bool = False,
 ) -> tuple[State, Any]:
     """The change of the states that takes a residual [K] away, and the solve's stats.
@@ -127,7 +128,6 @@ def linear_step(
         at: where the balance is linear.
         residual: [K].
         tolerance: [K], or relative to the residual.
-        start: a guess of the change.
         relative: whether the tolerance is.
     """
     heat = jax.tree.map(lambda r, k: -r * inverse(k), residual, at.kelvin)
@@ -137,10 +137,7 @@ def linear_step(
     operator = lx.FunctionLinearOperator(
         at.operator.mv, shapes, lx.positive_semidefinite_tag
     )
-    options: dict[str, Any] = {"preconditioner": at.preconditioner}
-    if start is not None:
-        driving = (_times(u, d) for u, d in zip(start, at.steepness, strict=True))
-        options["start"] = tuple(driving)
+    options = {"preconditioner": at.preconditioner}
     solver = ConjugateGradients(None if relative else at.kelvin, tolerance)
     found = lx.linear_solve(operator, heat, solver, options=options, throw=False)
     change = tuple(
@@ -150,20 +147,18 @@ def linear_step(
     return change, (found.result == lx.RESULTS.successful, found.stats)
 
 
-def _times(u, d):
-    return u if d is None else u * d
-
-
 class _Iterate(NamedTuple):
     states: State
     residual: State
     """[K]"""
+    entries: Float[Array, " c"]
+    """[W]"""
     moved: Float[Array, ""]
     """By the last step, at most [K]."""
     effort: Effort
 
 
-def _newton(program, tools: Tools, base, g, time, guess) -> tuple[State, Effort]:
+def _newton(program, tools: Tools, base, g, time, guess) -> _Iterate:
     dtype = guess[0].dtype
 
     def iterate(now: _Iterate) -> _Iterate:
@@ -180,14 +175,13 @@ def _newton(program, tools: Tools, base, g, time, guess) -> tuple[State, Effort]
             newton=jnp.asarray(1, jnp.int32),
             linear=stats["iterations"],
         )
-        residual = _residual(program, base, g, time, after)
-        return _Iterate(after, residual, moved, spent.plus(one))
+        found = _residual(program, base, g, time, after)
+        return _Iterate(after, *found, moved, spent.plus(one))
 
     first = _residual(program, base, g, time, guess)
-    now = _Iterate(guess, first, jnp.asarray(jnp.inf, dtype), no_effort(dtype))
+    now = _Iterate(guess, *first, jnp.asarray(jnp.inf, dtype), no_effort(dtype))
     if tools.linear:
-        now = iterate(now)
-        return now.states, now.effort
+        return iterate(now)
     rounding = 8 * jnp.finfo(dtype).eps * (1 + _largest(base))
     goes_on = lambda i: (_largest(i.residual) > tools.tolerance) & (i.moved > rounding)
     now = jax.lax.while_loop(
@@ -197,7 +191,7 @@ def _newton(program, tools: Tools, base, g, time, guess) -> tuple[State, Effort]
     settled = (_largest(now.residual) <= tools.tolerance) | (
         now.moved <= jnp.maximum(rounding, 10 * tools.tolerance)
     )
-    return now.states, replace(now.effort, newton_failed=~settled)
+    return now._replace(effort=replace(now.effort, newton_failed=~settled))
 
 
 def _largest(states: State) -> Float[Array, ""]:
@@ -206,7 +200,7 @@ def _largest(states: State) -> Float[Array, ""]:
 
 def _differentiable(program, tools, base, g, time, states, fixed) -> State:
     """The same states with the derivative of the solution."""
-    residual = _residual(program, base, g, time, states)
+    residual, _ = _residual(program, base, g, time, states)
     none = jax.tree.map(lambda r: r - jax.lax.stop_gradient(r), residual)
     still, own, _, still_g, still_time, _ = fixed
     at = linearized(still, own, held(states), still_g, still_time)

@@ -18,7 +18,6 @@ from .multigrid_cycle import (
 from .multigrid_lattice import lattice_levels
 from .multigrid_nodes import node_layout, node_levels
 from .network import AbstractNetwork, AbstractNodeNetwork, inverse
-from .nonlinear import NonlinearNetwork
 
 
 MOST_AT_ONCE = 256
@@ -71,8 +70,7 @@ def hierarchy(structure: AbstractStructure, network: AbstractNetwork) -> Hierarc
         structure: of the body.
         network: made of it.
     """
-    if isinstance(network, NonlinearNetwork):
-        network = network.base
+    network = network.linear
     if isinstance(network, AbstractNodeNetwork):
         layout = node_layout(structure, MOST_AT_ONCE)
         return Hierarchy(*_node_levels(layout, network))

@@ -15,12 +15,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..arrays import rank_in_group
+from ..arrays import members
 from ..geometry.connectivity import connected_labels
 from ..structures.structure import AbstractBuiltStructure, AbstractStructure
 from .links import LinkNetwork
 from .multigrid_cycle import AbstractTransfer
-from .network import AbstractNodeNetwork
+from .network import AbstractNodeNetwork, slot_sums
 from .rows import RowLayout, RowNetwork, row_layout, row_network
 
 
@@ -38,9 +38,7 @@ class NodeTransfer(AbstractTransfer):
 
     def total(self, fine: Float[Array, "..."]) -> Float[Array, "..."]:
         """For each group the sum over its nodes."""
-        padded = jnp.append(fine, jnp.zeros(1, fine.dtype))
-        gather = lambda index: padded.at[index].get(mode="promise_in_bounds")
-        return sum((gather(k) for k in self.members[1:]), gather(self.members[0]))
+        return slot_sums(fine, self.members)
 
     def spread(self, coarse: Float[Array, "..."]) -> Float[Array, "..."]:
         """For each node the value of its group."""
@@ -144,7 +142,7 @@ def _merged(graph: _Graph, group: Int[np.ndarray, " n"]) -> tuple[CoarseLayout, 
     nearer = before / np.maximum(after, before)
     layout = CoarseLayout(
         group=group,
-        members=_members(group, count),
+        members=tuple(members(group, count)),
         kept=kept.astype(np.int32),
         link=link.astype(np.int32),
         nearer=nearer,
@@ -156,21 +154,6 @@ def _merged(graph: _Graph, group: Int[np.ndarray, " n"]) -> tuple[CoarseLayout, 
 
 def _lengths(centre, pairs):
     return np.linalg.norm(centre[pairs[:, 0]] - centre[pairs[:, 1]], axis=1)
-
-
-def _members(
-    group: Int[np.ndarray, " n"], count: int
-) -> tuple[Int[np.ndarray, " c"], ...]:
-    """The first node of every group, the second, and so on."""
-    order = np.argsort(group, kind="stable").astype(np.int32)
-    rank = rank_in_group(group[order])
-    columns = []
-    for k in range(int(rank.max()) + 1):
-        column = np.full(count, len(group), np.int32)
-        here = order[rank == k]
-        column[group[here]] = here
-        columns.append(column)
-    return tuple(columns)
 
 
 def node_levels(
@@ -188,10 +171,10 @@ def node_levels(
         dtype = conductance.dtype
         part = conductance[coarse.kept] * jnp.asarray(coarse.nearer, dtype)
         conductance = jnp.zeros(coarse.links, dtype).at[coarse.link].add(part)
-        members = tuple(jnp.asarray(column) for column in coarse.members)
-        transfers.append(NodeTransfer(jnp.asarray(coarse.group), members))
+        columns = tuple(jnp.asarray(column) for column in coarse.members)
+        transfers.append(NodeTransfer(jnp.asarray(coarse.group), columns))
         # Conduction alone is asked of it: what groups hold is in m.
-        nothing = jnp.zeros(len(members[0]), dtype)
+        nothing = jnp.zeros(len(columns[0]), dtype)
         networks.append(row_network(coarse.rows, conductance, nothing))
     return tuple(networks), tuple(transfers)
 

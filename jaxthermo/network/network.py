@@ -25,6 +25,11 @@ class AbstractNetwork(eqx.Module):
     node gains another loses.
     """
 
+    @property
+    def linear(self) -> "AbstractNetwork":
+        """What conducts what drives conduction: itself, or as at the reference."""
+        return self
+
     @abc.abstractmethod
     def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
         """Conduction into each node [W]."""
@@ -100,6 +105,17 @@ def precise_sum(values: Float[Array, "..."]) -> Float[Array, ""]:
         padded = jnp.pad(flat, (0, -flat.shape[0] % block))
         flat = padded.reshape(-1, block).sum(axis=1)
     return flat.sum()
+
+
+def slot_sums(
+    values: Float[Array, " p"], slots: tuple[Int[Array, " m"], ...]
+) -> Float[Array, " m"]:
+    """For each of m the sum of its values: the k-th, if there is one, at `slots[k]`.
+
+    Several times faster than adding to it in turn.
+    """
+    gather = lambda slot: values.at[slot].get(mode="fill", fill_value=0)
+    return sum((gather(slot) for slot in slots[1:]), gather(slots[0]))
 
 
 def inverse(values: Float[Array, "..."]) -> Float[Array, "..."]:

@@ -50,6 +50,11 @@ class NonlinearNetwork(AbstractNetwork):
     conduction: Primitive | None
     """Of k; None where it does not vary."""
 
+    @property
+    def linear(self) -> AbstractNetwork:
+        """The network at the reference, which conducts phi."""
+        return self.base
+
     def temperature(self, state: Float[Array, "*m"]) -> Float[Array, "*m"]:
         """Above the reference [K], of a state or of any part of one."""
         return state if self.heat is None else self.heat.inverse(state)

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ..arrays import rank_in_group
+from ..arrays import members
 from ..network.network import Address
 from ..physics.balance import SurfaceTerms
 from .prepare import HostAddress, Prepared
@@ -45,15 +45,12 @@ def surface_load(
     place[touched] = inverse.reshape(-1)
     nodes, node = np.unique(places // signatures, return_inverse=True)
     node = node.reshape(-1).astype(np.int32)
-    rank = rank_in_group(node)
-    slots = np.full((rank.max() + 1, len(nodes)), len(places), np.int32)
-    slots[rank, node] = np.arange(len(places))
     where = _pick(one.address, nodes)
     load = SurfaceLoad(
         address=where,
         capacity=one.network.capacity_at(where),
         node=jnp.asarray(node),
-        slots=tuple(jnp.asarray(slot) for slot in slots),
+        slots=tuple(jnp.asarray(slot) for slot in members(node, len(nodes))),
         terms=terms.merged(place, len(places)),
     )
     return load, place

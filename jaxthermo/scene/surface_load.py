@@ -3,16 +3,8 @@
 import equinox as eqx
 from jaxtyping import Array, Float, Int
 
-from ..network.network import AbstractNetwork, Address
+from ..network.network import AbstractNetwork, Address, slot_sums
 from ..physics.balance import SurfaceTerms
-
-
-def by_node(
-    values: Float[Array, " p"], slots: tuple[Int[Array, " m"], ...]
-) -> Float[Array, " m"]:
-    """Sums over the places of each node, whose k-th is `slots[k]`."""
-    gather = lambda slot: values.at[slot].get(mode="fill", fill_value=0)
-    return sum((gather(slot) for slot in slots[1:]), gather(slots[0]))
 
 
 class SurfaceLoad(eqx.Module):
@@ -79,7 +71,7 @@ class SurfaceLoad(eqx.Module):
         XLA compute the whole stencil with flat indices, slowly.
         """
         return new.at[self.address].add(
-            dt * by_node(heat, self.slots) / self.capacity,
+            dt * slot_sums(heat, self.slots) / self.capacity,
             mode="promise_in_bounds",
             indices_are_sorted=True,
             unique_indices=True,
@@ -95,4 +87,4 @@ class SurfaceLoad(eqx.Module):
             end: of the run [s].
             relative: the largest conductivity over that at the reference.
         """
-        return by_node(self.terms.stiffness(hottest, end, relative), self.slots)
+        return slot_sums(self.terms.stiffness(hottest, end, relative), self.slots)

@@ -8,7 +8,6 @@ distance: no surface receives more than pi L. Shadows are those of the patches' 
 """
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
@@ -31,7 +30,6 @@ from .source import (
     fixed_or_moving,
     inside_body,
     placed,
-    triple,
 )
 
 
@@ -121,17 +119,9 @@ class AreaSource(AbstractSource):
         return (self.temperature if self.radiance is None else self.radiance,)
 
     @property
-    def moves(self) -> bool:
-        """Whether its centre is a function of time."""
-        return callable(self.centre)
-
-    def at(self, time: float) -> "AreaSource":
-        """The source as it stands at `time` [s]."""
-        if not self.moves:
-            return self
-        centre = placed(self.centre, time)
-        check_point(centre, f"AreaSource(centre=) at {time:g} s:")
-        return replace(self, centre=triple(centre))
+    def place(self) -> str:
+        """Its centre."""
+        return "centre"
 
     @property
     def edges(self) -> tuple[np.ndarray, np.ndarray]:

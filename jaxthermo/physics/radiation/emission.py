@@ -87,13 +87,25 @@ class Emission(AbstractLaw):
     ) -> Float[Array, "*#m"]:
         """Where emission alone sheds what is pushed in, or the surroundings'."""
         ambient = value_at(self.temperature, time)
-        # Scaled by the surroundings' or 1 K, so that a fourth power stays in float32.
-        scale = jnp.maximum(ambient, 1)
-        square = (ambient / scale) * (ambient / scale)
-        shed = jnp.maximum(pushed, 0) / STEFAN_BOLTZMANN / scale**4
-        level = jnp.maximum(square * square + shed, jnp.finfo(pushed.dtype).tiny)
-        # Two square roots are vectorized, and a power is not.
-        return scale * jnp.sqrt(jnp.sqrt(level)) - self.reference
+        return shedding_temperature(ambient, jnp.maximum(pushed, 0)) - self.reference
+
+
+def shedding_temperature(
+    around: Float[Array, "*#m"], pushed: Float[Array, "*#m"]
+) -> Float[Array, "*#m"]:
+    """T at which sigma T^4 = sigma T_a^4 + q'' [K]; close to 0 where that is negative.
+
+    Args:
+        around: T_a [K].
+        pushed: heat flux [W/m^2].
+    """
+    # Scaled by T_a or 1 K, so that a fourth power stays in float32.
+    scale = jnp.maximum(around, 1)
+    square = (around / scale) * (around / scale)
+    level = square * square + pushed / STEFAN_BOLTZMANN / scale**4
+    level = jnp.maximum(level, jnp.finfo(pushed.dtype).tiny)
+    # Two square roots are vectorized, and a power is not.
+    return scale * jnp.sqrt(jnp.sqrt(level))
 
 
 class RadiativeCoefficient(eqx.Module):

@@ -29,6 +29,7 @@ from ..term import (
     binding,
 )
 from ..values import check_value, for_jit, is_zero, largest, value_at
+from .emission import shedding_temperature
 from .exchange import MOST_PATCHES, PatchExchange, patch_exchange
 from .view_factor import DIRECTIONS
 
@@ -96,13 +97,8 @@ class Radiation(AbstractLaw):
     ) -> Float[Array, "*#m"]:
         """Where emission alone sheds what is received and pushed in."""
         del time
-        # Scaled by T_0 or 1 K, so that a fourth power stays in float32.
-        scale = jnp.maximum(self.base, 1)
-        square = (self.base / scale) * (self.base / scale)
-        brought = (self.received + jnp.maximum(pushed, 0)) / STEFAN_BOLTZMANN
-        level = square * square + brought / scale**4
-        level = jnp.maximum(level, jnp.finfo(pushed.dtype).tiny)
-        return scale * jnp.sqrt(jnp.sqrt(level)) - self.reference
+        brought = self.received + jnp.maximum(pushed, 0)
+        return shedding_temperature(self.base, brought) - self.reference
 
 
 class RadiativeExchange(AbstractSurfaceTerm):

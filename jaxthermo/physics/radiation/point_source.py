@@ -23,7 +23,6 @@ from .source import (
     fixed_or_moving,
     inside_body,
     placed,
-    triple,
 )
 
 
@@ -65,17 +64,9 @@ class PointSource(AbstractSource):
         return (self.radiant_intensity,)
 
     @property
-    def moves(self) -> bool:
-        """Whether its position is a function of time."""
-        return callable(self.position)
-
-    def at(self, time: float) -> "PointSource":
-        """The source as it stands at `time` [s]."""
-        if not self.moves:
-            return self
-        position = placed(self.position, time)
-        check_point(position, f"PointSource(position=) at {time:g} s:")
-        return type(self)(triple(position), self.radiant_intensity, self.least_distance)
+    def place(self) -> str:
+        """Its position."""
+        return "position"
 
     def check_place(self, surface: Surface) -> None:
         """Refuse a source inside a body.

@@ -10,6 +10,7 @@ distance and the shadows. Where a source moves, it is frozen moment by moment.
 
 import abc
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
@@ -43,6 +44,32 @@ class AbstractSource(AbstractSurfaceTerm):
     @abc.abstractmethod
     def strength(self) -> Any:
         """The irradiance for each unit of exposure; a number or a function of time."""
+
+    @property
+    @abc.abstractmethod
+    def place(self) -> str:
+        """Which of its fields says where it is, and may be a function of time."""
+
+    def check_given(self, value: Any, what: str) -> None:
+        """Refuse what is no place.
+
+        Raises:
+            InputError: naming `what`.
+        """
+        check_point(value, what)
+
+    @property
+    def moves(self) -> bool:
+        """Whether its place is a function of time."""
+        return callable(getattr(self, self.place))
+
+    def at(self, time: float) -> "AbstractSource":
+        """The source as it stands at `time` [s]."""
+        if not self.moves:
+            return self
+        value = placed(getattr(self, self.place), time)
+        self.check_given(value, f"{type(self).__name__}({self.place}=) at {time:g} s:")
+        return replace(self, **{self.place: triple(value)})
 
     @abc.abstractmethod
     def exposure(
@@ -104,7 +131,7 @@ class Sun(AbstractSource):
     """E on a surface that faces the rays [W/m^2]; a number or a function of time."""
 
     def __check_init__(self):
-        unit_vector(placed(self.direction, 0.0), "Sun(direction=)")
+        self.check_given(placed(self.direction, 0.0), "Sun(direction=)")
         check_value(self.irradiance, "Sun(irradiance [W/m^2])", 0.0)
 
     @property
@@ -123,17 +150,13 @@ class Sun(AbstractSource):
         return (self.irradiance,)
 
     @property
-    def moves(self) -> bool:
-        """Whether its direction is a function of time."""
-        return callable(self.direction)
+    def place(self) -> str:
+        """Its direction."""
+        return "direction"
 
-    def at(self, time: float) -> "Sun":
-        """The sun as it stands at `time` [s]."""
-        if not self.moves:
-            return self
-        direction = placed(self.direction, time)
-        unit_vector(direction, f"Sun(direction=) at {time:g} s:")
-        return type(self)(triple(direction), self.irradiance)
+    def check_given(self, value: Any, what: str) -> None:
+        """Refuse what is no direction."""
+        unit_vector(value, what)
 
     def check_place(self, surface: Surface) -> None:
         """It is nowhere."""
