@@ -1,5 +1,7 @@
 """Small bodies for tests: bars of voxels, and bodies of given voxels."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from jaxthermo.geometry.shapes import box
@@ -40,11 +42,12 @@ def blocks(solid: np.ndarray, pitch: float = 1.0) -> VoxelGrid:
     order = np.lexsort(cells.T[::-1])
     cells, outward = cells[order], outward[order]
     count = len(cells)
-    x, y, z = solid.shape
+    size = np.array(solid.shape) * pitch
+    around = box(tuple(size))
     return VoxelGrid(
-        lattice=Lattice((x, y, z), np.zeros(3), pitch),
+        lattice=Lattice(solid.shape, np.zeros(3), pitch),
         solid=solid,
-        mesh=box((x * pitch, y * pitch, z * pitch)),
+        mesh=replace(around, vertices=around.vertices + size / 2),
         fragment_position=(cells + 0.5 + 0.5 * outward) * pitch,
         fragment_normal=outward,
         fragment_area=np.full(count, pitch**2),

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..integrate.solution import Solution
+from ..integrate.solution import AbstractSolution
 from ..physics.values import value_at
 from ..precision import precision
 from ..scene.surface import SolvedSurface
@@ -131,7 +131,7 @@ def coarsen(image: Image, samples: int) -> Image:
 
 
 def render(
-    solution: Solution,
+    solution: AbstractSolution,
     camera: AbstractCamera,
     index: int = -1,
     *,
@@ -141,7 +141,7 @@ def render(
     """The thermal image of one saved time.
 
     Args:
-        solution: of `simulate`.
+        solution: of `simulate` or `steady`.
         camera: where from.
         index: which saved time, as in a list.
         smooth: whether temperatures are smoothed over the voxels.

@@ -22,9 +22,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from ..scene.program import Program, State
+from .conjugate import ConjugateGradients
 from .dirk import ROOT, TR_BDF2, Taken, take
 from .jacobian import linearized
-from .stage import Effort, held, linear_step, no_effort
+from .stage import Effort, held, kelvin_left, linear_step, no_effort, per_step
 from .state import AbstractStepper, RunState
 from .tools import Tools
 
@@ -42,6 +43,8 @@ ERROR_WEIGHTS = (
 SLOWEST, FASTEST, SAFETY = 0.2, 5.0, 0.9
 LEAST = 1e-4
 """An error, over the tolerance, below which it says no more."""
+ENOUGH = 1e-2
+"""Of the tolerance, to which an error is found."""
 FIRST = 1e-3
 """Of the time to the first landing."""
 MOST_TRIES = 5000
@@ -159,9 +162,13 @@ class AdaptiveStepper(AbstractStepper):
             lambda *f: span * sum(w * x for w, x in zip(ERROR_WEIGHTS, f, strict=True)),
             *taken.slopes,
         )
-        at = linearized(program, tools, taken.states, SOLVED * span, time)
+        g = SOLVED * span
+        at = linearized(program, tools, taken.states, 1 / g, time)
         # (I - g f')^-1 of the difference: what it changes if g times it is brought.
-        smooth, _ = linear_step(at, mixed, tools.tolerance)
+        # Two digits of an error are enough: none is worth thousands of iterations.
+        enough = jnp.maximum(tools.tolerance, ENOUGH * self.tolerance)
+        solver = ConjugateGradients(kelvin_left(at, g), enough)
+        smooth, _ = linear_step(at, per_step(mixed, at, 1 / g), solver)
         return jnp.stack([jnp.abs(x).max() for x in smooth]).max()
 
 

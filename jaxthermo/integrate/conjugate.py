@@ -8,16 +8,19 @@ besides. Here a solve of an energy balance is done when
 
 whatever the voxel; so it works as a solver of `lineax.linear_solve`, which knows its
 derivatives. The residual it reports is recomputed at the end, not the one that the
-recurrence believes in, which in float32 may be far smaller.
+recurrence believes in, which in float32 may be far smaller. Without a step there is no
+such scale: a steady state asks how far an iteration still moves it.
 """
 
-from typing import Any
+import abc
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import lineax as lx
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float, Int
 
 
 def _dot(a: Any, b: Any) -> Float[Array, ""]:
@@ -29,6 +32,80 @@ def _along(y: Any, step: Float[Array, ""] | float, p: Any) -> Any:
     return jax.tree.map(lambda a, b: a + step * b, y, p)
 
 
+class AbstractMeasure(eqx.Module):
+    """How far a solve still is from its end."""
+
+    @abc.abstractmethod
+    def before(self, residual: Any) -> Float[Array, ""]:
+        """Any iteration."""
+
+    @abc.abstractmethod
+    def after(self, residual: Any, moved: Any) -> Float[Array, ""]:
+        """An iteration that moved the solution, and left a residual."""
+
+    @abc.abstractmethod
+    def at_end(self, residual: Any, correct: Callable[[Any], Any]) -> Float[Array, ""]:
+        """Of a solution whose residual was computed anew."""
+
+
+def largest(values: Any) -> Float[Array, ""]:
+    """Largest magnitude in a pytree of arrays."""
+    return jnp.stack([jnp.abs(x).max() for x in jax.tree.leaves(values)]).max()
+
+
+class Residual(AbstractMeasure):
+    """The residual, each value in its own scale."""
+
+    scale: Any
+    """Such as the step over the capacity of every node [K/W]; a number for all."""
+
+    def before(self, residual: Any) -> Float[Array, ""]:
+        """Max |scale * residual|."""
+        if not isinstance(self.scale, tuple):
+            return largest(residual) * self.scale
+        return largest(jax.tree.map(jnp.multiply, residual, self.scale))
+
+    def after(self, residual: Any, moved: Any) -> Float[Array, ""]:
+        """The same."""
+        del moved
+        return self.before(residual)
+
+    def at_end(self, residual: Any, correct: Callable[[Any], Any]) -> Float[Array, ""]:
+        """The same."""
+        del correct
+        return self.before(residual)
+
+
+class Correction(AbstractMeasure):
+    """What still moves the solution: about its error, if the preconditioner is good."""
+
+    def before(self, residual: Any) -> Float[Array, ""]:
+        """Not known."""
+        return jnp.full((), jnp.inf, jax.tree.leaves(residual)[0].dtype)
+
+    def after(self, residual: Any, moved: Any) -> Float[Array, ""]:
+        """Max |moved|."""
+        del residual
+        return largest(moved)
+
+    def at_end(self, residual: Any, correct: Callable[[Any], Any]) -> Float[Array, ""]:
+        """Max |what the preconditioner would still change|."""
+        return largest(correct(residual))
+
+
+class _Iteration(NamedTuple):
+    y: Any
+    residual: Any
+    direction: Any
+    gamma: Float[Array, ""]
+    """Of the residual in the preconditioner's norm, before the last step."""
+    size: Float[Array, ""]
+    """What is left."""
+    first: Float[Array, ""]
+    """What was left at first."""
+    count: Int[Array, ""]
+
+
 class ConjugateGradients(lx.AbstractLinearSolver):
     """Preconditioned; the operator and the preconditioner are positive definite.
 
@@ -36,11 +113,13 @@ class ConjugateGradients(lx.AbstractLinearSolver):
     to a correction, and `start`, a first guess.
     """
 
-    kelvin: Any
-    """From a residual to kelvin, 1 / C of every node [K/J]; None: relative to the
-    right-hand side, for derivatives, which have any unit."""
+    measure: AbstractMeasure
+    """Of what is left over."""
     tolerance: Float[Array, ""] | float
-    """[K], or a fraction."""
+    """In the measure's unit."""
+    relative: bool = eqx.field(static=True, default=False)
+    """Whether it is a fraction of the right-hand side's measure instead, as for
+    derivatives, which have any unit."""
     most: int = eqx.field(static=True, default=2000)
     """Iterations."""
 
@@ -48,12 +127,6 @@ class ConjugateGradients(lx.AbstractLinearSolver):
         """The operator itself."""
         del options
         return operator
-
-    def _size(self, residual: Any) -> Float[Array, ""]:
-        scaled = residual
-        if self.kelvin is not None:
-            scaled = jax.tree.map(jnp.multiply, residual, self.kelvin)
-        return jnp.stack([jnp.abs(x).max() for x in jax.tree.leaves(scaled)]).max()
 
     def compute(self, state, vector: Any, options: dict[str, Any]):
         """The solution, how it went, and `iterations` and `left`, the residual."""
@@ -64,31 +137,51 @@ class ConjugateGradients(lx.AbstractLinearSolver):
             y, r = jax.tree.map(jnp.zeros_like, vector), vector
         else:
             y, r = start, _along(vector, -1.0, operator.mv(start))
-        aim = jnp.asarray(self.tolerance, jax.tree.leaves(vector)[0].dtype)
-        if self.kelvin is None:
-            aim = aim * self._size(vector)
+        dtype = jax.tree.leaves(vector)[0].dtype
+        aim = jnp.asarray(self.tolerance, dtype)
 
-        def goes_on(carry):
-            _, r, _, gamma, count = carry
-            return (self._size(r) > aim) & (gamma > 0) & (count < self.most)
+        def goal(i: _Iteration) -> Float[Array, ""]:
+            known = jnp.isfinite(i.first)
+            return jnp.where(known, aim * i.first, 0) if self.relative else aim
 
-        def iterate(carry):
-            y, r, p, gamma, count = carry
+        def goes_on(i: _Iteration) -> Bool[Array, ""]:
+            return (i.size > goal(i)) & (i.gamma > 0) & (i.count < self.most)
+
+        def iterate(i: _Iteration) -> _Iteration:
+            z = correct(i.residual)
+            gamma = _dot(i.residual, z)
+            p = _along(z, gamma / i.gamma, i.direction)
             image = operator.mv(p)
             bent = _dot(p, image)
-            # Where rounding has eaten the curvature, the step is none.
+            # Where rounding has eaten the curvature, the step is none, and the last.
             step = jnp.where(bent > 0, gamma / jnp.where(bent > 0, bent, 1), 0)
-            y, r = _along(y, step, p), _along(r, -step, image)
-            z = correct(r)
-            # No better direction is left where the step is none: gamma 0 ends it.
-            after = jnp.where(bent > 0, _dot(r, z), 0)
-            p = _along(z, after / gamma, p)
-            return y, r, p, after, count + 1
+            moved = jax.tree.map(lambda each: step * each, p)
+            r = _along(i.residual, -step, image)
+            size = self.measure.after(r, moved)
+            return _Iteration(
+                y=jax.tree.map(jnp.add, i.y, moved),
+                residual=r,
+                direction=p,
+                gamma=jnp.where(bent > 0, gamma, 0),
+                size=size,
+                first=jnp.where(jnp.isfinite(i.first), i.first, size),
+                count=i.count + 1,
+            )
 
-        z = correct(r)
-        carry = (y, r, z, _dot(r, z), jnp.asarray(0, jnp.int32))
-        y, r, _, _, count = jax.lax.while_loop(goes_on, iterate, carry)
-        left = self._size(_along(vector, -1.0, operator.mv(y)))
+        size, endless = self.measure.before(r), jnp.asarray(jnp.inf, dtype)
+        first = _Iteration(
+            y=y,
+            residual=r,
+            direction=jax.tree.map(jnp.zeros_like, r),
+            gamma=endless,
+            size=size,
+            first=self.measure.before(vector),
+            count=jnp.asarray(0, jnp.int32),
+        )
+        last = jax.lax.while_loop(goes_on, iterate, first)
+        y, count, aim = last.y, last.count, goal(last)
+        r = _along(vector, -1.0, operator.mv(y))
+        left = self.measure.at_end(r, correct)
         reached = left <= 2 * aim
         result = lx.RESULTS.where(
             reached, lx.RESULTS.successful, lx.RESULTS.max_steps_reached

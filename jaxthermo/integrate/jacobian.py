@@ -6,9 +6,11 @@ rates for a change u of what drives conduction (of temperature, where k is const
     A u = (C / g + s) / d u - K u + contacts,
 
 is symmetric and positive definite: K is the linear network, s the slope of each node's
-load [W/K], d = d(phi)/d(eta) of `NonlinearNetwork`, 1 elsewhere.
+load [W/K], d = d(phi)/d(eta) of `NonlinearNetwork`, 1 elsewhere. With 1 / g = 0 it is
+that of a steady state, which is singular where nothing holds a part.
 """
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -81,8 +83,8 @@ class Linearized(NamedTuple):
     preconditioner: BodyByBody
     steepness: tuple[Float[Array, "..."] | None, ...]
     """d of every body; None for 1."""
-    kelvin: State
-    """g / C: from a heat rate to what it changes [K/W]."""
+    capacity: State
+    """Of every node [J/K]."""
     nodes: tuple[Bool[Array, "..."] | None, ...]
     """Where each body's state has nodes; None for everywhere."""
 
@@ -91,8 +93,9 @@ def linearized(
     program: Program,
     tools: Tools,
     states: State,
-    g: Float[Array, ""],
+    rate: Float[Array, ""],
     time: Float[Array, ""],
+    held: Callable[[State], State] | None = None,
 ) -> Linearized:
     """At given states.
 
@@ -100,30 +103,35 @@ def linearized(
         program: of the scene.
         tools: for it.
         states: of the bodies.
-        g: step of the stage [s].
+        rate: one over the stage's step, 0 for a steady state [1/s].
         time: of the loads [s].
+        held: from the diagonal to what is added to it where it is preconditioned, as
+            A may be singular [W/K].
     """
     slopes = load_slopes(program, states, time)
     networks = tuple(body.network.linear for body in program.bodies)
     steepness = tuple(map(_steepness, program.bodies, states))
     diagonal = on_nodes(
         tuple(
-            _over(network.capacity() * (1 / g + slope), steep)
+            _over(network.capacity() * (rate + slope), steep)
             for network, slope, steep in zip(networks, slopes, steepness, strict=True)
         ),
         tools.nodes,
     )
     operator = Jacobian(networks, diagonal, program.contacts, time)
-    parts = zip(networks, tools.hierarchies, operator.with_contacts(), strict=True)
+    whole = operator.with_contacts()
+    if held is not None:
+        whole = jax.tree.map(jnp.add, whole, held(whole))
+    parts = zip(networks, tools.hierarchies, whole, strict=True)
     cycles = tuple(
         jacobi(network, m) if levels is None else levels.prepared(m)
         for network, levels, m in parts
     )
-    kelvin = tuple(
-        g * inverse(jnp.broadcast_to(network.capacity(), state.shape))
+    capacity = tuple(
+        jnp.broadcast_to(network.capacity(), state.shape)
         for network, state in zip(networks, states, strict=True)
     )
-    return Linearized(operator, BodyByBody(cycles), steepness, kelvin, tools.nodes)
+    return Linearized(operator, BodyByBody(cycles), steepness, capacity, tools.nodes)
 
 
 def on_nodes(values: State, nodes: tuple[Bool[Array, "..."] | None, ...]) -> State:

@@ -69,6 +69,51 @@ class Energy(eqx.Module):
     """(stored - sum of mechanisms) / heat moved, by mechanisms or by conduction."""
 
 
+class BodyHeatRates(eqx.Module):
+    """What comes to one body in a steady state."""
+
+    mechanisms: dict[str, Float[Array, ""]]
+    """By each mechanism [W]."""
+    contacts: dict[str, Float[Array, ""]]
+    """Through each contact, by its name [W]."""
+    residual_relative: Float[Array, ""]
+    """All that comes over all that comes or goes, 0 if the state is steady."""
+
+
+class HeatRates(eqx.Module):
+    """What comes to the bodies in a steady state, and goes."""
+
+    mechanisms: dict[str, Float[Array, ""]]
+    """By each mechanism, to all bodies [W]."""
+    contacts: dict[str, Float[Array, ""]]
+    """From the first body to the second of each pair in contact [W]."""
+    bodies: tuple[BodyHeatRates, ...]
+    residual_relative: Float[Array, ""]
+    """All that comes over all that comes or goes."""
+
+
+def heat_rates(
+    entries: tuple[Entry, ...], rates: Float[Array, " c"], bodies: int
+) -> HeatRates:
+    """What each entry brings, by mechanism, by body and by pair.
+
+    Args:
+        entries: what the values are.
+        rates: of each entry [W].
+        bodies: how many there are.
+    """
+    still = jnp.zeros((1, bodies), rates.dtype)
+    found = energies(entries, still, rates[None], jnp.abs(rates)[None], still[0])
+    found = in_order(found, entries)
+    only = lambda table: {name: each[0] for name, each in table.items()}
+    each = lambda e: (only(e.mechanisms), only(e.contacts))
+    return HeatRates(
+        *each(found),
+        tuple(BodyHeatRates(*each(b), -b.residual_relative[0]) for b in found.bodies),
+        -found.residual_relative[0],
+    )
+
+
 def energies(
     entries: tuple[Entry, ...],
     stored: Float[Array, "t b"],

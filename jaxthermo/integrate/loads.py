@@ -1,11 +1,23 @@
 """What acts on bodies, added to their states: loads, contacts and mutual radiation."""
 
+from collections.abc import Sequence
+from typing import NamedTuple
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..physics.contact.links import ContactLinks
 from ..scene.program import Program, State
+
+
+class Radiated(NamedTuple):
+    """What each body's places get from what they see."""
+
+    flux: Sequence[Float[Array, " _"] | None]
+    """[W/m^2]; None where none is exchanged."""
+    emits: bool
+    """Whether their own emission is not yet taken off."""
 
 
 def add_loads(
@@ -28,7 +40,7 @@ def add_loads(
         The new states, and what each entry of the ledger brought [W].
     """
     nodes = surface_nodes(program, states)
-    radiated = received(program, nodes, time)
+    radiated = radiated_net(program, nodes, time)
     warmed, rates = add_own_loads(program, nodes, radiated, new, time, dt)
     return add_contacts(program, states, warmed, rates, time, dt)
 
@@ -36,7 +48,7 @@ def add_loads(
 def add_own_loads(
     program: Program,
     nodes: list[Float[Array, " _"]],
-    radiated: list[Float[Array, " _"] | None],
+    radiated: "Radiated",
     new: State,
     time: Float[Array, ""],
     dt: Float[Array, ""],
@@ -46,7 +58,7 @@ def add_own_loads(
     Args:
         program: of the scene.
         nodes: temperatures of those under the surface [K].
-        radiated: net, to each place by what it sees [W/m^2].
+        radiated: to each place by what it sees.
         new: that the heat goes to.
         time: of the loads [s].
         dt: the step [s].
@@ -66,10 +78,12 @@ def add_own_loads(
 def _each_surface(program, nodes, radiated, new, time, dt):
     """Every body's surface for itself."""
     warmed, rates = [], jnp.zeros(len(program.entries), new[0].dtype)
-    rows = zip(program.bodies, new, nodes, radiated, strict=True)
-    for body, after, there, received in rows:
+    rows = zip(program.bodies, new, nodes, radiated.flux, strict=True)
+    for body, after, there, flux in rows:
         if body.load is not None:
-            after, each = body.load.warm(after, body.network, there, time, dt, received)
+            after, each = body.load.warm(
+                after, body.network, there, time, dt, flux, radiated.emits
+            )
             rates = rates + each
         warmed.append(after)
     return tuple(warmed), rates
@@ -88,8 +102,9 @@ def _all_surfaces(program, nodes, radiated, new, time, dt):
             body.network.relative_conductivity(here)
             for body, here in zip(bodies, thetas, strict=True)
         ],
-        None if program.enclosure is None else [radiated[n] for n in loaded],
+        None if program.enclosure is None else [radiated.flux[n] for n in loaded],
         len(program.entries),
+        radiated.emits,
     )
     warmed = list(new)
     for n, body, own in zip(loaded, bodies, heat, strict=True):
@@ -125,24 +140,39 @@ def surface_nodes(program: Program, states: State) -> list[Float[Array, " _"]]:
     return found
 
 
-def received(program: Program, nodes: list, time: Float[Array, ""]) -> list:
-    """Net radiation to each body's places [W/m^2]; None where none is exchanged."""
+def radiated_net(program: Program, nodes: list, time: Float[Array, ""]) -> Radiated:
+    """Irradiation less emission of each body's places, at their surfaces."""
     around = program.enclosure
+    given = irradiation(program, nodes, time)
     if around is None:
-        return [None] * len(program.bodies)
-    at_places = [
-        (None, there) if body.load is None else body.load.at_places(body.network, there)
-        for body, there in zip(program.bodies, nodes, strict=True)
-    ]
+        return Radiated(given.flux, emits=False)
     with jax.named_scope("emission"):
-        received = around.irradiation(time, tuple(here for _, here in at_places))
         surface = tuple(
             here
             if terms is None
             else here + terms.radiating(heat).surface_excess(time, here)
-            for (terms, here), heat in zip(at_places, received, strict=True)
+            for (terms, here), heat in zip(
+                _at_places(program, nodes), given.flux, strict=True
+            )
         )
-        return around.net(time, surface)
+        return Radiated(around.net(time, surface), emits=False)
+
+
+def irradiation(program: Program, nodes: list, time: Float[Array, ""]) -> Radiated:
+    """Of each body's places, at their nodes' temperatures."""
+    around = program.enclosure
+    if around is None:
+        return Radiated([None] * len(program.bodies), emits=True)
+    with jax.named_scope("emission"):
+        each = tuple(here for _, here in _at_places(program, nodes))
+        return Radiated(around.irradiation(time, each), emits=True)
+
+
+def _at_places(program: Program, nodes: list) -> list:
+    return [
+        (None, there) if body.load is None else body.load.at_places(body.network, there)
+        for body, there in zip(program.bodies, nodes, strict=True)
+    ]
 
 
 def pair_temperatures(

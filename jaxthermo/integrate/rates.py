@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 
 from ..network.network import inverse
 from ..scene.program import Program, State
-from .loads import add_loads, add_own_loads, received, surface_nodes
+from .loads import add_loads, add_own_loads, irradiation, surface_nodes
 
 
 class Rates(NamedTuple):
@@ -42,11 +42,11 @@ def load_slopes(program: Program, states: State, time: Float[Array, ""]) -> Stat
     """-d(change)/d(state) of each node by its own load [1/s], never negative.
 
     Loads but for contact act at single nodes, so one derivative along all ones is the
-    whole of it. What bodies radiate to each other counts as given.
+    whole of it. What bodies radiate counts, what comes back of it does not.
     """
     still = tuple(jnp.zeros_like(state) for state in states)
     second = jnp.ones((), states[0].dtype)
-    given = received(program, surface_nodes(program, states), time)
+    given = irradiation(program, surface_nodes(program, states), time)
 
     def alone(here):
         nodes = surface_nodes(program, here)

@@ -23,9 +23,8 @@ from .choose import choose
 from .ledger import Energy, empty_ledger, energies, in_order
 from .observe import Observation, observe
 from .schedule import END_ROUNDINGS, Interval, legs, save_times, schedule
-from .solution import RESULTS, Run, Solution
+from .solution import Run, Solution, keeping_digits, outcome, raise_failure
 from .solvers import AbstractSolver
-from .stage import Effort
 from .state import AbstractStepper, RunState
 
 
@@ -282,7 +281,7 @@ def assemble_solution(
         surface_temperature=at.surface,
         mean_temperature=at.mean,
         energy=in_order(energy, entries),
-        result=_result(at, effort),
+        result=outcome(at.finite.all(), at.possible.all(), effort),
         run=Run(
             steps=plan.steps,
             dt=max((i.dt for i in plan.intervals), default=None),
@@ -294,19 +293,6 @@ def assemble_solution(
         terms=scene.terms,
         receipt=plan.compiled.receipt,
     )
-
-
-def _result(at: Observation, effort: Effort | None) -> RESULTS:
-    """How a run ended: the first thing that went wrong, gravest first."""
-    found = RESULTS.where(at.possible.all(), RESULTS.successful, RESULTS.below_zero)
-    if effort is not None:
-        for failed, told in (
-            (effort.linear_failed, RESULTS.linear_not_converged),
-            (effort.newton_failed, RESULTS.newton_not_converged),
-            (effort.out_of_steps, RESULTS.step_limit),
-        ):
-            found = RESULTS.where(failed, told, found)
-    return RESULTS.where(at.finite.all(), found, RESULTS.nonfinite)
 
 
 def solve(scene: Scene, todo: Plan) -> Solution:
@@ -367,25 +353,7 @@ def simulate(
         solution = solve(scene, todo)
     if throw and not is_traced(solution.result):
         raise_failure(solution.result)
-    if jnp.result_type(float) == jnp.float64 or is_traced(solution):
-        return solution
-    return _keeping_digits(solution)
-
-
-def _keeping_digits(solution: Solution) -> Solution:
-    """A solution with its float64 in numpy arrays.
-
-    Where JAX is not set to 64 bits it warns at every use of its own, and rounds.
-    """
-    double = lambda leaf: isinstance(leaf, jax.Array) and leaf.dtype == jnp.float64
-    keep = lambda leaf: np.asarray(leaf) if double(leaf) else leaf
-    return jax.tree.map(keep, solution)
-
-
-def raise_failure(result: RESULTS) -> None:
-    """Raise what went wrong, with its remedy, unless nothing did."""
-    if result != RESULTS.successful:
-        raise RuntimeError(RESULTS[result])
+    return keeping_digits(solution)
 
 
 def uneven_nodes(scene: Scene) -> list:

@@ -19,7 +19,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ..network.network import inverse
 from ..scene.program import Program, State
-from .conjugate import ConjugateGradients
+from .conjugate import ConjugateGradients, Residual, largest
 from .jacobian import Linearized, linearized, on_nodes
 from .rates import rates
 from .tools import Tools
@@ -116,21 +116,26 @@ def _residual(program, base, g, time, states) -> tuple[State, Float[Array, " c"]
     return jax.tree.map(short, states, base, change), entries
 
 
-def linear_step(
-    at: Linearized,
-    residual: State,
-    tolerance,
-    relative: bool = False,
-) -> tuple[State, Any]:
-    """The change of the states that takes a residual [K] away, and the solve's stats.
+def kelvin_left(at: Linearized, g: Float[Array, ""]) -> Residual:
+    """A residual [W] as the kelvin that it is worth in a step.
 
     Args:
         at: where the balance is linear.
-        residual: [K].
-        tolerance: [K], or relative to the residual.
-        relative: whether the tolerance is.
+        g: the step [s].
     """
-    heat = jax.tree.map(lambda r, k: -r * inverse(k), residual, at.kelvin)
+    return Residual(tuple(g * inverse(c) for c in at.capacity))
+
+
+def linear_step(
+    at: Linearized, heat: State, solver: ConjugateGradients
+) -> tuple[State, Any]:
+    """The change of the states that brings a heat rate, and the solve's stats.
+
+    Args:
+        at: where the balance is linear.
+        heat: to be balanced [W].
+        solver: and how well.
+    """
     # The transposed solve of reverse mode would bring something to where no node is.
     heat = on_nodes(heat, at.nodes)
     shapes = jax.eval_shape(lambda: heat)
@@ -138,13 +143,17 @@ def linear_step(
         at.operator.mv, shapes, lx.positive_semidefinite_tag
     )
     options = {"preconditioner": at.preconditioner}
-    solver = ConjugateGradients(None if relative else at.kelvin, tolerance)
     found = lx.linear_solve(operator, heat, solver, options=options, throw=False)
     change = tuple(
         u if d is None else u * inverse(d)
         for u, d in zip(on_nodes(found.value, at.nodes), at.steepness, strict=True)
     )
     return change, (found.result == lx.RESULTS.successful, found.stats)
+
+
+def per_step(values: State, at: Linearized, rate: Float[Array, ""]) -> State:
+    """Minus the heat rate that changes states by `values` [K] in a step [W]."""
+    return jax.tree.map(lambda v, c: -v * (c * rate), values, at.capacity)
 
 
 class _Iterate(NamedTuple):
@@ -162,12 +171,14 @@ def _newton(program, tools: Tools, base, g, time, guess) -> _Iterate:
     dtype = guess[0].dtype
 
     def iterate(now: _Iterate) -> _Iterate:
-        at = linearized(program, tools, now.states, g, time)
-        change, (reached, stats) = linear_step(at, now.residual, tools.tolerance)
+        at = linearized(program, tools, now.states, 1 / g, time)
+        solver = ConjugateGradients(kelvin_left(at, g), tools.tolerance)
+        heat = per_step(now.residual, at, 1 / g)
+        change, (reached, stats) = linear_step(at, heat, solver)
         after = jax.tree.map(jnp.add, now.states, change)
         if not tools.linear:
             after = jax.tree.map(jnp.minimum, after, tools.ceilings)
-        moved = _largest(jax.tree.map(jnp.subtract, after, now.states))
+        moved = largest(jax.tree.map(jnp.subtract, after, now.states))
         # Whether an earlier solve was exact does not matter.
         spent = replace(now.effort, linear_failed=~reached, left=stats["left"])
         one = replace(
@@ -182,20 +193,16 @@ def _newton(program, tools: Tools, base, g, time, guess) -> _Iterate:
     now = _Iterate(guess, *first, jnp.asarray(jnp.inf, dtype), no_effort(dtype))
     if tools.linear:
         return iterate(now)
-    rounding = 8 * jnp.finfo(dtype).eps * (1 + _largest(base))
-    goes_on = lambda i: (_largest(i.residual) > tools.tolerance) & (i.moved > rounding)
+    rounding = 8 * jnp.finfo(dtype).eps * (1 + largest(base))
+    goes_on = lambda i: (largest(i.residual) > tools.tolerance) & (i.moved > rounding)
     now = jax.lax.while_loop(
         lambda i: goes_on(i) & (i.effort.newton < MOST_NEWTON), iterate, now
     )
     # What is left where no step moves anything is rounding; NaN is no convergence.
-    settled = (_largest(now.residual) <= tools.tolerance) | (
+    settled = (largest(now.residual) <= tools.tolerance) | (
         now.moved <= jnp.maximum(rounding, 10 * tools.tolerance)
     )
     return now._replace(effort=replace(now.effort, newton_failed=~settled))
-
-
-def _largest(states: State) -> Float[Array, ""]:
-    return jnp.stack([jnp.abs(x).max() for x in states]).max()
 
 
 def _differentiable(program, tools, base, g, time, states, fixed) -> State:
@@ -203,8 +210,14 @@ def _differentiable(program, tools, base, g, time, states, fixed) -> State:
     residual, _ = _residual(program, base, g, time, states)
     none = jax.tree.map(lambda r: r - jax.lax.stop_gradient(r), residual)
     still, own, _, still_g, still_time, _ = fixed
-    at = linearized(still, own, held(states), still_g, still_time)
-    dtype = states[0].dtype
-    tolerance = max(DERIVATIVE_TOLERANCE, 20 * float(jnp.finfo(dtype).eps))
-    change, _ = linear_step(at, none, tolerance, relative=True)
+    rate = 1 / still_g
+    at = linearized(still, own, held(states), rate, still_time)
+    change, _ = linear_step(at, per_step(none, at, rate), for_derivatives(states))
     return jax.tree.map(jnp.add, states, change)
+
+
+def for_derivatives(states: State) -> ConjugateGradients:
+    """A solver whose right-hand side may have any unit."""
+    eps = float(jnp.finfo(states[0].dtype).eps)
+    tolerance = max(DERIVATIVE_TOLERANCE, 20 * eps)
+    return ConjugateGradients(Residual(1.0), tolerance, relative=True)

@@ -166,7 +166,7 @@ def node_levels(
         network: rows or links.
     """
     networks, transfers = [network], []
-    conductance = _of_links(layout.links, layout.rows, network)
+    conductance = link_conductance(layout, network)
     for coarse in layout.coarser:
         dtype = conductance.dtype
         part = conductance[coarse.kept] * jnp.asarray(coarse.nearer, dtype)
@@ -179,16 +179,22 @@ def node_levels(
     return tuple(networks), tuple(transfers)
 
 
-def _of_links(
-    links: int, rows: RowLayout, network: AbstractNodeNetwork
+def link_conductance(
+    layout: NodeLayout, network: AbstractNodeNetwork
 ) -> Float[Array, " e"]:
-    """The conductance of every link, read from where it is kept [W/K]."""
+    """The conductance of every link, read from where it is kept [W/K].
+
+    Args:
+        layout: of the network's structure.
+        network: rows or links.
+    """
+    rows = layout.rows
     if isinstance(network, LinkNetwork):
         return network.conductance
     if not isinstance(network, RowNetwork):
         raise TypeError(f"no node levels of a {type(network).__name__}")
     # One past the last link for the rows' empty entries.
-    found = jnp.zeros(links + 1, network.node_capacity.dtype)
+    found = jnp.zeros(layout.links + 1, network.node_capacity.dtype)
     if network.following is not None:
         found = found.at[rows.following].set(network.following[rows.first])
     for link, conductance in zip(rows.link, network.conductance, strict=True):

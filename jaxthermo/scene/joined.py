@@ -39,6 +39,7 @@ class JoinedLoad(eqx.Module):
         relative: Sequence[Float[Array, "..."]],
         radiated: Sequence[Float[Array, " _"]] | None,
         entries: int,
+        emits: bool = False,
     ) -> tuple[list[Float[Array, " _"]], Float[Array, " c"]]:
         """Heat rate through each body's places, and by each entry of the ledger [W].
 
@@ -46,8 +47,9 @@ class JoinedLoad(eqx.Module):
             time: of the loads [s].
             thetas: of the places' nodes above the references [K].
             relative: their conductivities over the stated ones.
-            radiated: net, to each place by what it sees [W/m^2].
+            radiated: to each place by what it sees [W/m^2].
             entries: how many the ledger has.
+            emits: whether its own emission is not yet taken off what is radiated.
         """
         terms = self.terms
         if any(each.ndim for each in relative):
@@ -55,7 +57,7 @@ class JoinedLoad(eqx.Module):
             every = [jnp.broadcast_to(each, here.shape) for each, here in pairs]
             terms = terms.conducting(jnp.concatenate(every))
         if radiated is not None:
-            terms = terms.radiating(jnp.concatenate(radiated), emits=False)
+            terms = terms.radiating(jnp.concatenate(radiated), emits)
         here = jnp.concatenate(thetas)
         heat, rates = terms.rates(time, here)
         whole, summed = [], {}

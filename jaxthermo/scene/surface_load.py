@@ -45,6 +45,7 @@ class SurfaceLoad(eqx.Module):
         time: Float[Array, ""],
         dt: Float[Array, ""],
         radiated: Float[Array, " p"] | None = None,
+        emits: bool = False,
     ) -> tuple[Float[Array, "..."], Float[Array, " c"]]:
         """`new` with the heat of one step, and what each entry brings [W].
 
@@ -54,11 +55,12 @@ class SurfaceLoad(eqx.Module):
             nodes: temperatures at `address` before the step, above the reference [K].
             time: of the loads [s].
             dt: the step [s].
-            radiated: net, to each place by what it sees [W/m^2].
+            radiated: to each place by what it sees [W/m^2].
+            emits: whether its own emission is not yet taken off that.
         """
         terms, here = self.at_places(network, nodes)
         if radiated is not None:
-            terms = terms.radiating(radiated, emits=False)
+            terms = terms.radiating(radiated, emits)
         heat, by_entry = terms.heat(time, here)
         return self.add(new, dt, heat), by_entry
 

@@ -9,7 +9,11 @@ import lineax as lx
 import numpy as np
 import pytest
 
-from jaxthermo.integrate.conjugate import ConjugateGradients
+from jaxthermo.integrate.conjugate import (
+    ConjugateGradients,
+    Correction,
+    Residual,
+)
 
 
 SIZE = 40
@@ -39,7 +43,8 @@ def _solve(weight, vector, kelvin, tolerance, start=None, most=2000):
     options: dict[str, Any] = {"preconditioner": jax.tree_util.Partial(scale, held)}
     if start is not None:
         options["start"] = (start,)
-    solver = ConjugateGradients(kelvin, tolerance, most)
+    measure = Residual(1.0 if kelvin is None else kelvin)
+    solver = ConjugateGradients(measure, tolerance, kelvin is None, most)
     return lx.linear_solve(operator, (vector,), solver, options=options, throw=False)
 
 
@@ -58,6 +63,23 @@ def test_every_node_is_within_the_tolerance(tolerance):
     np.testing.assert_allclose(left, found.stats["left"], rtol=1e-3, atol=1e-12)
     exact = np.linalg.solve(np.asarray(_matrix()), np.asarray(vector))
     np.testing.assert_allclose(found.value[0], exact, atol=20 * tolerance)
+
+
+def test_corrections_measure_the_error_where_the_preconditioner_is_good():
+    matrix, vector = _matrix(), _heat(4)
+    held = jnp.linalg.inv(matrix)
+    exact = jax.tree_util.Partial(lambda b, r: (b @ r[0],), held)
+    operator = lx.FunctionLinearOperator(
+        lambda u: (matrix @ u[0],),
+        jax.eval_shape(lambda: (vector,)),
+        lx.positive_semidefinite_tag,
+    )
+    solver = ConjugateGradients(Correction(), 1e-9)
+    options: dict[str, Any] = {"preconditioner": exact}
+    found = lx.linear_solve(operator, (vector,), solver, options=options, throw=False)
+    assert found.result == lx.RESULTS.successful
+    assert found.stats["iterations"] <= 2
+    np.testing.assert_allclose(found.value[0], held @ vector, rtol=0, atol=1e-9)
 
 
 def test_a_good_start_takes_no_iterations_and_nothing_takes_none():

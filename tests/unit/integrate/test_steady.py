@@ -1,0 +1,250 @@
+"""`steady`: closed forms, the end of long runs, islands, bad scenes and derivatives."""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from jaxthermo.property import Property
+from tests.bodies import blocks
+
+
+PITCH = 0.01
+METAL = jt.Material(20.0, density=2000.0, specific_heat=500.0, emissivity=0.8)
+VARYING = jt.Material(
+    Property([250.0, 450.0], [10.0, 30.0]),
+    2000.0,
+    Property([250.0, 450.0], [400.0, 900.0]),
+    emissivity=0.8,
+)
+LEFT = jt.Side((-1.0, 0.0, 0.0))
+RIGHT = jt.Side((1.0, 0.0, 0.0))
+AIR, SKY = jt.Convection(20.0, 290.0), jt.Surroundings(280.0)
+EXACT = {"float64": 1e-9, "float32": 2e-3}
+
+
+@functools.cache
+def _grid(*shape):
+    return blocks(np.ones(shape, bool), PITCH)
+
+
+def _body(start=300.0, material=METAL, place=0.0, shape=(6, 3, 3), kind=jt.FullVolume):
+    pose = jt.Pose(translation=(place, 0.0, 0.0))
+    return jt.Body(kind(_grid(*shape)), material, temperature=start, pose=pose)
+
+
+def _along(solution, body=0):
+    """Temperature of a body's side +z, by x [m], [K]."""
+    grid = solution.surfaces[body].geometry
+    top = np.flatnonzero(grid.fragment_normal[:, 2] > 0.9)
+    x = grid.fragment_position[top, 0]
+    return x, np.asarray(solution.of_body(body)[0])[top]
+
+
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+@pytest.mark.parametrize(
+    "kind", [jt.FullVolume, functools.partial(jt.FullVolume, stencil=False)]
+)
+def test_a_bar_between_two_temperatures_is_a_straight_line(kind, dtype):
+    terms = (jt.FixedTemperature(400.0, on=LEFT), jt.FixedTemperature(300.0, on=RIGHT))
+    found = jt.steady(jt.Scene((_body(kind=kind),), terms, dtype=dtype))
+    x, theta = _along(found)
+    exact = 400.0 - 100.0 * x / (6 * PITCH)
+    assert np.abs(theta - exact).max() < EXACT[dtype]
+    # k A / L times the difference comes in on the one side, and goes out again.
+    through = 20.0 * (3 * PITCH) ** 2 / (6 * PITCH) * 100.0
+    sides = [float(rate) for rate in found.heat_rates.mechanisms.values()]
+    np.testing.assert_allclose(sides, [through, -through], rtol=1e-5)
+    assert abs(float(found.heat_rates.residual_relative)) < 1e-5
+    assert found.result == jt.RESULTS.successful
+    assert found.islands == 0
+
+
+def test_conductivity_that_varies_makes_its_integral_a_straight_line():
+    terms = (jt.FixedTemperature(440.0, on=LEFT), jt.FixedTemperature(260.0, on=RIGHT))
+    found = jt.steady(jt.Scene((_body(material=VARYING),), terms, dtype="float64"))
+    x, theta = _along(found)
+    phi = lambda t: 10.0 * (t - 250.0) + 0.05 * (t - 250.0) ** 2
+    exact = phi(440.0) + (phi(260.0) - phi(440.0)) * x / (6 * PITCH)
+    # Half a cell at the ends conducts as its node does, an error of second order.
+    np.testing.assert_allclose(phi(theta), exact, rtol=0, atol=0.01 * np.ptp(exact))
+    steps = np.diff(np.unique(np.asarray(phi(theta)).round(6)))
+    np.testing.assert_allclose(steps, steps[0], rtol=1e-6)
+
+
+SCENES = {
+    "air, sky and sun": ((_body(400.0),), (AIR, SKY, jt.Sun((0.0, 0, -1), 900.0))),
+    "varying properties": ((_body(400.0, VARYING),), (AIR, SKY)),
+    "contact": (
+        (_body(400.0), _body(300.0, place=6 * PITCH)),
+        (jt.Contact(2000.0), jt.FixedTemperature(350.0, on=LEFT), SKY),
+    ),
+    "wind": ((_body(400.0),), (jt.Wind((3.0, 0.0, 0.0), 280.0), jt.HeatSource(2e5))),
+    "exchange": (
+        (_body(500.0), _body(300.0, place=8 * PITCH)),
+        (
+            jt.RadiativeExchange(300.0, most_patches=24, directions=32),
+            jt.HeatSource(2e5, within=jt.Region((0.0, 0.0, 0.0), (0.02, 0.03, 0.03))),
+        ),
+    ),
+}
+
+
+LONG = (pytest.mark.slow, pytest.mark.slice)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "varying properties",
+        *(pytest.param(n, marks=LONG) for n in SCENES if n != "varying properties"),
+    ],
+)
+def test_it_is_where_a_long_run_ends(name):
+    bodies, terms = SCENES[name]
+    scene = jt.Scene(bodies, terms, dtype="float64")
+    found = jt.steady(scene)
+    run = jt.simulate(scene, 1e7, solver=jt.BackwardEuler(dt=5e5), throw=False)
+    off = np.abs(found.surface_temperature - run.surface_temperature[-1:]).max()
+    print(name, "off", off, "newton", int(found.run.effort.newton))
+    assert off < 1e-5
+    assert abs(float(found.heat_rates.residual_relative)) < 1e-9
+    bodies = found.heat_rates.bodies
+    each = [[*body.mechanisms.values(), *body.contacts.values()] for body in bodies]
+    passes = max(abs(float(rate)) for body in each for rate in body)
+    assert all(abs(float(sum(body))) < 1e-8 * passes for body in each)
+
+
+@pytest.mark.parametrize("start", [1e-3, 5800.0])
+def test_it_settles_from_any_start(start):
+    found = jt.steady(jt.Scene((_body(start),), (SKY,), dtype="float64"))
+    print(start, "newton", int(found.run.effort.newton))
+    assert found.run.effort.newton <= 20
+    np.testing.assert_allclose(found.surface_temperature, 280.0, rtol=0, atol=1e-6)
+
+
+def _split():
+    """A block and a speck apart from it."""
+    solid = np.zeros((6, 2, 2), bool)
+    solid[:3], solid[5, 0, 0] = True, True
+    return blocks(solid, PITCH)
+
+
+@pytest.mark.parametrize(
+    "kind", [jt.FullVolume, jt.Octree, functools.partial(jt.Aggregate, factor=2)]
+)
+def test_an_island_keeps_the_mean_that_it_starts_with(kind):
+    start = lambda points: 300.0 + 1000.0 * points[:, 0]
+    body = jt.Body(kind(_split()), METAL, temperature=start)
+    hold = jt.Region((-1.0, -1.0, -1.0), (1e-4, 1.0, 1.0))
+    scene = jt.Scene((body,), (jt.FixedTemperature(350.0, on=hold),), dtype="float64")
+    found = jt.steady(scene)
+    apart = body.structure.grid.fragment_position[:, 0] > 4.5 * PITCH
+    theta = np.asarray(found.surface_temperature[0])
+    assert found.islands == 1
+    np.testing.assert_allclose(theta[~apart], 350.0, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(theta[apart], 355.0, rtol=0, atol=1e-9)
+
+
+def test_two_bodies_that_only_touch_even_out():
+    bodies = (_body(400.0), _body(300.0, VARYING, place=6 * PITCH))
+    scene = jt.Scene(bodies, (jt.Contact(500.0),), dtype="float64")
+    found = jt.steady(scene)
+    run = jt.simulate(scene, 1e7, solver=jt.BackwardEuler(dt=1e5))
+    assert found.islands == 1
+    theta = np.asarray(found.surface_temperature)
+    assert np.ptp(theta) < 1e-6
+    np.testing.assert_allclose(theta, run.surface_temperature[-1:], rtol=0, atol=1e-5)
+
+
+def test_heat_in_and_out_of_an_island_leaves_a_slope_about_its_mean():
+    terms = (jt.HeatFlux(1000.0, on=LEFT), jt.HeatFlux(-1000.0, on=RIGHT))
+    found = jt.steady(jt.Scene((_body(320.0),), terms, dtype="float64"))
+    x, theta = _along(found)
+    exact = 320.0 - 1000.0 / 20.0 * (x - 3 * PITCH)
+    np.testing.assert_allclose(theta, exact, rtol=0, atol=1e-7)
+
+
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+def test_heat_that_nothing_carries_off_is_refused(dtype):
+    scene = jt.Scene((_body(),), (jt.Sun((0.0, 0, -1), 900.0),), dtype=dtype)
+    with pytest.raises(jt.InputError, match=r"1\.3 W is brought to body 0") as told:
+        jt.steady(scene)
+    assert "\n" not in str(told.value)
+    speck = jt.HeatSource(1e5, within=jt.Region((0.05, 0.0, 0.0), (0.06, 0.01, 0.01)))
+    body = jt.Body(jt.FullVolume(_split()), METAL, temperature=300.0)
+    hold = jt.FixedTemperature(350.0, on=jt.Region((-1.0,) * 3, (1e-4, 1.0, 1.0)))
+    with pytest.raises(jt.InputError, match=r"7\.69 % of its capacity"):
+        jt.steady(jt.Scene((body,), (hold, speck), dtype=dtype))
+
+
+def test_what_varies_with_time_is_held_at_a_moment():
+    terms = (AIR, jt.HeatFlux(jt.Until(500.0, 30.0), on=LEFT))
+    scene = jt.Scene((_body(),), terms, dtype="float64")
+    with pytest.raises(jt.InputError, match="say at which moment"):
+        jt.steady(scene)
+    on, off = (jt.steady(scene, at=at) for at in (10.0, 40.0))
+    constant = jt.Scene((_body(),), (AIR, jt.HeatFlux(500.0, on=LEFT)), dtype="float64")
+    same = jt.steady(constant)
+    np.testing.assert_array_equal(on.surface_temperature, same.surface_temperature)
+    np.testing.assert_allclose(off.surface_temperature, 290.0, rtol=0, atol=1e-8)
+    assert on.times.tolist() == [10.0]
+
+
+@pytest.mark.parametrize("tolerance", [0.0, -1.0, float("nan")])
+def test_a_tolerance_that_is_none_is_refused(tolerance):
+    scene = jt.Scene((_body(),), (AIR,), dtype="float64")
+    with pytest.raises(jt.InputError, match="give a positive one"):
+        jt.steady(scene, tolerance=tolerance)
+
+
+def test_what_cannot_be_reached_is_said():
+    scene = jt.Scene((_body(400.0),), (AIR, jt.HeatFlux(1e3, on=LEFT)))
+    found = jt.steady(scene, tolerance=1e-9, throw=False)
+    assert found.result == jt.RESULTS.linear_not_converged
+    assert np.isfinite(found.surface_temperature).all()
+    with pytest.raises(RuntimeError, match="tolerance"):
+        jt.steady(scene, tolerance=1e-9)
+
+
+START = jnp.array([1.0, 10.0, 0.9, 900.0])
+"""k, h, emissivity and sun."""
+
+
+def _loss(values):
+    k, h, emissivity, sun = values
+    material = jt.Material(
+        k, density=2000.0, specific_heat=800.0, emissivity=emissivity
+    )
+    body = _body(300.0, material, shape=(3, 2, 2))
+    terms = (jt.Sun((1.0, 0.0, 0.0), sun), jt.Convection(h, 290.0), SKY)
+    found = jt.steady(jt.Scene((body,), terms, dtype="float64"), throw=False)
+    return (found.surface_temperature**2).mean() / 1e4
+
+
+def test_derivatives_are_those_of_the_steady_state():
+    step, loss = 1e-4, jax.jit(_loss)
+    at = lambda i, sign: loss(START.at[i].multiply(1 + sign * step))
+    numeric = [
+        (at(i, 1) - at(i, -1)) / (2 * step * START[i]) for i in range(len(START))
+    ]
+    reverse = jax.jit(jax.grad(_loss))(START)
+    forward = jax.jit(jax.jacfwd(_loss))(START)
+    print("reverse", reverse, "off", reverse / np.array(numeric) - 1)
+    np.testing.assert_allclose(reverse, numeric, rtol=1e-6)
+    np.testing.assert_allclose(forward, numeric, rtol=1e-6)
+
+
+def test_it_makes_a_picture():
+    found = jt.steady(jt.Scene((_body(320.0),), (AIR,)))
+    centre = (0.03, 0.015, 0.015)
+    camera = jt.OrthographicCamera(
+        (0.03, -1.0, 0.015), centre, view_height=0.05, width=24, height=16
+    )
+    image = jt.render(found, camera)
+    shown = np.asarray(image.object_id) == 0
+    assert shown.any()
+    np.testing.assert_allclose(np.asarray(image.temperature)[shown], 290.0, atol=1e-2)
