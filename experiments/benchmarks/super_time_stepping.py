@@ -1,0 +1,199 @@
+"""RKL2 of the full volume beside the same scheme in numba, in one run.
+
+The same voxels, links, loads, steps and stages. The peer is what an engineer would
+write by hand: row spans of solid voxels, the stage's mix fused into the stencil, two
+threads; loads are one flux and one coefficient for each voxel with surface, which its
+author knows to be enough here and the scene compiler does not. They take turns.
+"""
+
+import time
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numba
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+import jaxthermo as jt
+from jaxthermo.integrate.advance import advance
+from jaxthermo.integrate.legendre import LegendreStepper, coefficients, stages_for
+from jaxthermo.integrate.simulate import Plan, plan, start
+from jaxthermo.network.stencil import UniformStencil
+from jaxthermo.timing import Timing
+
+from .standard import STEEL, standard_scene
+
+
+STEPS = (18, 36)
+"""Of the sunny half of the standard scene, 90 s."""
+
+END = 90.0
+
+
+class Peer(NamedTuple):
+    """What numba needs of a scene."""
+
+    rows: np.ndarray
+    """Of every span of solid voxels: x and y, and first and past-the-last z."""
+    degree: np.ndarray
+    conducts: float
+    """Conductance over capacity [1/s]."""
+    surface: np.ndarray
+    """Places of voxels with surface in the flat state."""
+    gain: np.ndarray
+    """Of each, its loads at 0 above the reference [K/s]."""
+    loss: np.ndarray
+    """And what they fall by for each kelvin [1/s]."""
+
+
+@numba.njit(parallel=True, fastmath=True)
+def _stage(rows, degree, last, before, zero, change, out, c):
+    """One stage but for its loads; c: dt w G/C, mu, nu, 1 - mu - nu, a mu."""
+    g, mu, nu, rest, a = c
+    for r in numba.prange(rows.shape[0]):
+        i, j, low, high = rows[r]
+        here, above, below = last[i, j], last[i, j + 1], last[i, j - 1]
+        ahead, behind, links = last[i + 1, j], last[i - 1, j], degree[i, j]
+        old, first, slope, target = before[i, j], zero[i, j], change[i, j], out[i, j]
+        # Apart, each loop has few enough arrays to be vectorized.
+        for k in range(low, high):
+            near = here[k - 1] + here[k + 1] + above[k] + below[k] + ahead[k]
+            near += behind[k] - np.float32(links[k]) * here[k]
+            target[k] = mu * (here[k] + g * near)
+        for k in range(low, high):
+            target[k] += nu * old[k] + rest * first[k] - a * slope[k]
+
+
+@numba.njit(parallel=True, fastmath=True)
+def _load(surface, gain, loss, last, out, span):
+    """The stage's loads."""
+    for n in numba.prange(surface.shape[0]):
+        place = surface[n]
+        out[place] += span * (gain[n] - loss[n] * last[place])
+
+
+@numba.njit(parallel=True, fastmath=True)
+def _first(rows, zero, change, last):
+    """The stage's start: from E - Y to Y + (E - Y) / 3."""
+    for r in numba.prange(rows.shape[0]):
+        i, j, low, high = rows[r]
+        for k in range(low, high):
+            last[i, j, k] = zero[i, j, k] + change[i, j, k] / np.float32(3)
+
+
+def _peer_run(peer: Peer, state: np.ndarray, dt: float, steps: int, stages: int):
+    """All steps of the scheme on a copy of the state."""
+    weight, table = 4 / (stages**2 + stages - 2), coefficients(stages)
+    one = lambda *values: tuple(np.float32(v) for v in values)
+    span = dt * weight
+    g = span * peer.conducts
+    zero = state.copy()
+    before, last, change, other = (np.zeros_like(state) for _ in range(4))
+
+    def stage(here, old, slope, out, mu, nu, rest, a):
+        c = one(g, mu, nu, rest, a)
+        _stage(peer.rows, peer.degree, here, old, zero, slope, out, c)
+        flat = here.reshape(-1), out.reshape(-1)
+        _load(peer.surface, peer.gain, peer.loss, *flat, np.float32(span * mu))
+
+    for _ in range(steps):
+        # Of what is not there yet the weight is 0.
+        stage(zero, zero, zero, change, 1, 0, -1, 0)
+        _first(peer.rows, zero, change, last)
+        old = zero
+        for j in range(2, stages + 1):
+            mu, nu, a = (table[name][j] for name in ("mu", "nu", "a"))
+            stage(last, old, change, other, mu, nu, 1 - mu - nu, a * mu)
+            free = before if old is zero else old
+            old, last, other = last, other, free
+        zero, last, before = last, zero, old
+    return zero
+
+
+def _peer_of(todo: Plan, scene: jt.Scene) -> Peer:
+    """The same loads and links as plain arrays."""
+    program, structure = todo.compiled.program, scene.bodies[0].structure
+    network, load = program.bodies[0].network, program.bodies[0].load
+    assert isinstance(network, UniformStencil) and load is not None
+    solid = np.pad(structure.grid.solid, 1)
+    edges = np.diff(solid.astype(np.int8), axis=2)
+    i, j, low = np.nonzero(edges == 1)
+    high = np.nonzero(edges == -1)[2]
+    begin = jnp.float32(0)
+    zero = jnp.zeros(load.node.shape, jnp.float32)
+    capacity = float(network.node_capacity)
+    heat = lambda theta: np.asarray(load.terms.heat(begin, theta)[0], float)
+    own = lambda each: np.bincount(load.node, each) / capacity
+    cold, warm = own(heat(zero)), own(heat(zero + 1))
+    address = tuple(np.asarray(index) for index in load.address)
+    return Peer(
+        rows=np.stack([i, j, low + 1, high + 1], axis=1),
+        degree=np.pad(np.asarray(network.degree), 1),
+        conducts=float(network.conductance) / capacity,
+        surface=np.ravel_multi_index(address, solid.shape),
+        gain=cold.astype(np.float32),
+        loss=(cold - warm).astype(np.float32),
+    )
+
+
+def _compare(scene: jt.Scene, steps: int, repeats: int) -> dict[str, Any]:
+    dt = END / steps
+    todo = plan(scene, END, None, jt.SuperTimeStepping(dt=dt))
+    stages = stages_for(dt, float(todo.compiled.stable_step))
+    peer, first = _peer_of(todo, scene), start(todo)
+    begin, span = jnp.float32(0), jnp.float32(dt)
+    program, stepper = todo.compiled.program, LegendreStepper(stages)
+    count = jnp.int32(steps)
+    loop = eqx.filter_jit(lambda p, s: advance(stepper, p, s, begin, span, count))
+    ours = lambda: jax.block_until_ready(loop(program, first)).theta[0]
+    theirs = lambda: _peer_run(peer, np.asarray(first.theta[0]), dt, steps, stages)
+    difference = np.abs(np.asarray(ours()) - theirs()).max()
+    spans: dict[str, list[float]] = {"jaxthermo": [], "numba": []}
+    for _ in range(repeats):
+        for name, call in (("jaxthermo", ours), ("numba", theirs)):
+            clock = time.perf_counter()
+            call()
+            spans[name].append(time.perf_counter() - clock)
+    ratios = np.array(spans["jaxthermo"]) / np.array(spans["numba"])
+    return {
+        "steps": steps,
+        "stages": stages,
+        "evaluations": steps * stages,
+        "largest_difference_K": float(difference),
+        "times_s": spans,
+        "ratio": [float(v) for v in (np.median(ratios), ratios.min(), ratios.max())],
+    }
+
+
+def run(folder: Path, height: int = 250, repeats: int = 5) -> dict[str, Any]:
+    """Time of both for each number of steps, their ratio and largest difference.
+
+    Args:
+        folder: for files, of which there are none.
+        height: voxels along up.
+        repeats: of each measurement.
+    """
+    del folder
+    scene, name = standard_scene(STEEL, jt.FullVolume, height)
+    rows = [_compare(scene, steps, repeats) for steps in STEPS]
+    table = Table(title=f"RKL2 on {name}, {height} high, {END:g} s, this host")
+    for column in ("", "jaxthermo", "numba", "ratio", "differ by [K]"):
+        table.add_column(column, justify="left" if not column else "right")
+    for row in rows:
+        text = lambda key, row=row: Timing(
+            float(np.median(t := row["times_s"][key])), min(t), max(t)
+        ).text()
+        middle, low, high = row["ratio"]
+        table.add_row(
+            f"{row['steps']} steps of {row['stages']} stages",
+            text("jaxthermo"),
+            text("numba"),
+            f"{middle:.2f} ({low:.2f}-{high:.2f})",
+            f"{row['largest_difference_K']:.1e}",
+        )
+    Console().print(table)
+    return {"mesh": name, "height": height, "rows": rows}
