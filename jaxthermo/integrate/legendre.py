@@ -25,7 +25,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..scene.program import Program, State
-from .euler import euler_change
+from .loads import add_loads
 from .state import AbstractStepper, RunState
 
 
@@ -91,34 +91,43 @@ class LegendreStepper(AbstractStepper):
             for name, values in coefficients(self.stages).items()
         }
         none = jnp.zeros_like(state.ledger.heat)
-        first: Mixed = (state.theta, none)
+        theta, bodies, span = state.theta, program.bodies, dt * weight
 
-        def euler(mixed: Mixed, share) -> Mixed:
-            states, heat = mixed
-            time, span = start + dt * share, dt * weight
-            new, entries = euler_change(program, states, time, span)
-            return new, heat + span * entries
+        def conducted(states: State) -> State:
+            each = zip(bodies, states, strict=True)
+            return tuple(body.network.euler_step(own, span) for body, own in each)
 
-        after = euler(first, 0.0)
-        change = jax.tree.map(jnp.subtract, after, first)
+        def loaded(new: State, states: State, share, part) -> Mixed:
+            """With the loads of a part of a stage, and their heat."""
+            time = start + dt * share
+            warm, entries = add_loads(program, states, new, time, span * part)
+            return warm, span * entries
+
+        whole = jnp.ones((), dt.dtype)
+        after, heat = loaded(conducted(theta), theta, 0.0, whole)
+        change = jax.tree.map(jnp.subtract, after, theta)
         # b_1 = 1/3 of a whole Euler step.
-        second = jax.tree.map(lambda y, d: y + d / 3, first, change)
+        third = jax.tree.map(lambda y, d: y + d / 3, theta, change)
+        first: tuple[Mixed, Mixed] = ((theta, none), (third, heat / 3))
 
         def stage(j, pair):
-            before, last = pair
+            (before, heat_before), (last, heat_last) = pair
             mu, nu, a = table["mu"][j], table["nu"][j], table["a"][j]
             # Differences to the start: what has not changed stays so bit by bit, and
             # weights of about 2 and -1 multiply no rounding of what is large.
             mix = lambda e, y, zero, d: (
                 zero + (mu * (e - zero) + nu * (y - zero) - a * mu * d)
             )
-            stepped = euler(last, table["time"][j])
-            return last, jax.tree.map(mix, stepped, before, first, change)
+            # Mixed before loads are added, all is done in one pass over the nodes.
+            mixed = jax.tree.map(mix, conducted(last), before, theta, change)
+            new, brought = loaded(mixed, last, table["time"][j], mu)
+            total = mu * (heat_last + brought) + nu * heat_before - a * mu * heat
+            return pair[1], (new, total)
 
         # Two stages an iteration trade their buffers; one would copy them.
         both = lambda i, pair: stage(2 * i + 3, stage(2 * i + 2, pair))
-        pair = jax.lax.fori_loop(0, (self.stages - 1) // 2, both, (first, second))
+        pair = jax.lax.fori_loop(0, (self.stages - 1) // 2, both, first)
         if self.stages % 2 == 0:
             pair = stage(self.stages, pair)
-        theta, heat = pair[1]
-        return RunState(theta, state.ledger.add(heat), state.work)
+        end, total = pair[1]
+        return RunState(end, state.ledger.add(total), state.work)

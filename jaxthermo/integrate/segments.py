@@ -60,7 +60,7 @@ def begin(scene: Scene, plan: Plan) -> Progress:
     # A copy, since segments are taken in place and the plan must stay whole.
     theta = jax.tree.map(jnp.array, fresh.theta)
     state = RunState(theta, fresh.ledger, fresh.work)
-    even = imbalance(program, state.theta, uneven_nodes(scene))
+    even = imbalance(program, state.theta, uneven_nodes(plan.scene))
     return Progress(0, 0, state, observe(program, state, None), even, ())
 
 

@@ -31,6 +31,8 @@ from .state import AbstractStepper, RunState
 class Plan(NamedTuple):
     """A compiled scene and when it steps: all decisions made, nothing run."""
 
+    scene: Scene
+    """Laid out as the solver runs fast."""
     compiled: Compiled
     intervals: tuple[Interval, ...]
     saves: tuple[float, ...]
@@ -76,24 +78,28 @@ def plan(
         InputError: for save times out of order, or a step above the stable one.
     """
     saves = save_times(t1, save_at)
-    compiled = compile_scene(scene, len(saves), t1, prune)
+    suited = scene if solver is None else solver.suited(scene)
+    compiled = compile_scene(suited, len(saves), t1, prune)
     traced = is_traced(compiled.stable_step)
     known = None if traced else float(compiled.stable_step)
     why = "as given"
     if solver is None:
         solver, why = choose(known, t1)
+        suited = solver.suited(scene)
+        if suited is not scene:
+            compiled = compile_scene(suited, len(saves), t1, prune)
     dt = solver.longest(known, t1, compiled.program.sampled)
     landings = (*compiled.program.knots, *compiled.starts)
     least = solver.least_steps(len({*saves, *landings}))
     layout = schedule(t1, saves, landings, dt, least)
     longest = max((i.dt for i in layout), default=dt)
-    stepper = solver.stepper(scene, compiled, longest, is_traced(scene))
+    stepper = solver.stepper(suited, compiled, longest, is_traced(scene))
     kept = None
     if reverse_memory is not None:
         kept = checkpoints(compiled.state, reverse_memory)
     if isinstance(stepper, AdaptiveStepper):
         stepper = replace(stepper, checkpoints=kept)
-    return Plan(compiled, layout, saves, known, solver, stepper, why, kept)
+    return Plan(suited, compiled, layout, saves, known, solver, stepper, why, kept)
 
 
 def start(plan: Plan) -> RunState:
@@ -313,7 +319,7 @@ def conclude(scene: Scene, todo: Plan, seen: Observation | None) -> Solution:
     """
     program, state = todo.compiled.program, start(todo)
     first = observe(program, state, None)
-    even = imbalance(program, state.theta, uneven_nodes(scene))
+    even = imbalance(program, state.theta, uneven_nodes(todo.scene))
     nothing = jax.tree.map(lambda a: a[None][:0], first)
     rows = nothing if seen is None else seen
     return assemble_solution(scene, todo, first, rows, even)

@@ -30,7 +30,7 @@ from .ledger import empty_ledger, heat_rates
 from .observe import observe
 from .rates import rates
 from .solution import Run, SteadySolution, keeping_digits, outcome, raise_failure
-from .solvers import tools
+from .solvers import for_solves, tools
 from .stage import Effort, for_derivatives, held, linear_step, no_effort
 from .state import RunState
 from .tools import Tools
@@ -171,6 +171,7 @@ def steady(
 
 def _solution(scene: Scene, at: float, tolerance: float | None) -> SteadySolution:
     """Of a scene in which nothing moves, loaded as at a moment [s]."""
+    scene = for_solves(scene)
     compiled, traced = compile_scene(scene, 1, at), is_traced(scene)
     program, dtype = compiled.program, jnp.dtype(scene.dtype)
     aim = KELVIN[scene.dtype] if tolerance is None else tolerance

@@ -1,5 +1,7 @@
 """The full volume: every solid voxel is a node, linked over its faces."""
 
+from dataclasses import replace
+
 import equinox as eqx
 import numpy as np
 from jaxtyping import Float, Int
@@ -8,6 +10,10 @@ from ..voxels.grid import VoxelGrid
 from .structure import AbstractStructure, Links, Nodes
 from .voxel_links import voxel_links
 from .weights import ConductionWeights
+
+
+DENSE = 0.5
+"""Share of solid voxels in the box from which a stencil solves as fast as links."""
 
 
 class FullVolume(AbstractStructure):
@@ -25,6 +31,14 @@ class FullVolume(AbstractStructure):
     def runs_as_stencil(self) -> bool:
         """Whether a state is the lattice: not if links were asked for, or weighted."""
         return self.stencil and self.weights.are_one
+
+    def for_solves(self) -> "FullVolume":
+        """As links, unless most of the bounding box is solid.
+
+        A solve keeps half a dozen arrays, which are as long as the box for a stencil.
+        """
+        full = self.grid.solid_count > DENSE * self.grid.solid.size
+        return self if full else replace(self, stencil=False)
 
     @property
     def node_count(self) -> int:

@@ -102,6 +102,10 @@ class AbstractStructure(eqx.Module):
     def node_address(self) -> tuple[Int[np.ndarray, " n"], ...]:
         """Where every node lies in the state."""
 
+    def for_solves(self) -> "AbstractStructure":
+        """The same nodes and links, as implicit steps and steady states run fast."""
+        return self
+
     def fragment_offset(self) -> Float[np.ndarray, "s 3"]:
         """From the node under each fragment to the fragment's own voxel [m]."""
         grid, centre = self.grid, self.nodes().centre

@@ -1,0 +1,197 @@
+"""Numbers of radiation and of convection averages: V23, V24, V25, A14, A15."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxthermo.constants import STEFAN_BOLTZMANN
+from jaxthermo.integrate.simulate import simulate
+from jaxthermo.integrate.solvers import ForwardEuler
+from jaxthermo.material import Material
+from jaxthermo.physics.convection.cross_flow import local_nusselt
+from jaxthermo.physics.convection.nusselt import AVERAGES
+from jaxthermo.physics.radiation.emission import Surroundings
+from jaxthermo.physics.radiation.polygon import polygon_view_factor
+from jaxthermo.reference import radiation as forms
+from jaxthermo.reference.patch_quadrature import (
+    disc_rule,
+    rectangle_rule,
+    view_factor,
+    view_factor_to_polygon,
+)
+from jaxthermo.scene.scene import Body, Scene
+from jaxthermo.structures.full import FullVolume
+
+from .bodies import bar
+from .case import Bound, Case, Measured, Value, values
+
+
+X, Y, Z = np.eye(3)
+ORIGIN = np.zeros(3)
+POINTS = 24
+"""Of a rectangle's quadrature, along each edge."""
+
+PLATES, SPHERES = 441.0291215, 20.78300772
+"""[W/m^2], [W]"""
+PEERS_CONSTANT = 5.670367e-8
+"""Stefan and Boltzmann's, as A15 has it: CODATA 2014 [W/(m^2 K^4)]."""
+REYNOLDS, PRANDTL = 6071.0, 0.7
+NUSSELT = {"churchill_bernstein": 40.63709, "sanitjai_goldstein": 40.38327}
+
+
+def measure_view_factors() -> Measured:
+    """V23: Lambert's formula for polygons, integrated over the patch that emits."""
+    floor = rectangle_rule(ORIGIN, X, Y, POINTS)
+    ceiling = np.array([Z, Z + Y, Z + X + Y, Z + X])
+    wall = np.array([ORIGIN, Y, Y + Z, Z])
+    across, beside = (view_factor_to_polygon(floor, p) for p in (ceiling, wall))
+    discs = view_factor(disc_rule(ORIGIN, Z, 1.0, 16), disc_rule(Z, -Z, 1.0, 16))
+    found = (
+        ("parallel unit squares, gap 1", 0.1998248957, across),
+        ("unit squares that share an edge", 0.2000437761, beside),
+        ("the six sides of a cube in all", 1.0, across + 4 * beside),
+        ("coaxial discs, r1 = r2 = H", 0.3819660113, discs),
+        ("element under a disc, R = H", 0.5, _seen(_disc(1.0))),
+    )
+    return Measured(tuple(Value(name, "", e, c, 1e-6) for name, e, c in found))
+
+
+def _disc(radius: float, corners: int = 8192) -> np.ndarray:
+    """A polygon for a disc 1 m above an element, seen from below [m]."""
+    turn = -2 * np.pi * np.arange(corners) / corners
+    rim = radius * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    return np.column_stack([rim, np.ones(corners)])
+
+
+def _seen(corners: np.ndarray) -> float:
+    """From an element at the origin that looks up."""
+    return float(polygon_view_factor(ORIGIN[None], Z[None], corners)[0])
+
+
+def measure_enclosures() -> Measured:
+    """V24 in closed form."""
+    plates = forms.between_plates(400.0, 300.0, 0.8, 0.5)
+    spheres = forms.between_spheres(0.05, 0.1, 400.0, 300.0, 0.8, 0.5)
+    return Measured(
+        (
+            Value("endless plates", "W/m^2", PLATES, plates, 1e-6),
+            Value("concentric spheres", "W", SPHERES, spheres, 1e-6),
+        )
+    )
+
+
+def measure_sun() -> Measured:
+    """V25 in closed form."""
+    angle = np.pi * (forms.SUN_RADIUS / forms.ASTRONOMICAL_UNIT) ** 2
+    found = (
+        ("irradiance, 5772 K", "W/m^2", 1361.1632, forms.solar_irradiance(5772.0)),
+        ("irradiance, 5800 K", "W/m^2", 1387.768, forms.solar_irradiance(5800.0)),
+        ("solid angle", "sr", 6.794274e-5, angle),
+    )
+    return Measured(tuple(Value(n, u, e, c, 1e-6 * e) for n, u, e, c in found))
+
+
+def measure_plate() -> Measured:
+    """A14: black plates of 1000 degC, 1 m above an element."""
+    black = STEFAN_BOLTZMANN * 1273.15**4 / 1e3
+    square = np.array([[-1, 1, 1], [1, 1, 1], [1, -1, 1], [-1, -1, 1]], float)
+    strip = square * np.array([1e5, 1.0, 1.0])
+    found = [black * _seen(p) for p in (square, strip, _disc(1.0))]
+    listed = (82.554, 105.345, 74.490)
+    names = ("plate of 2 x 2 m", "endless strip of 2 m", "disc of 2 m")
+    return Measured(values(names, "kW/m^2", listed, found, 1e-3))
+
+
+def _net_emission(emissivity: float, kelvin: float, around: float) -> float:
+    """Of a voxel, in its first millisecond [W/m^2]."""
+    row = bar(1, 1.0)
+    metal = Material(1e9, 8000.0, 500.0, emissivity)
+    body = Body(FullVolume(row.grid), metal, temperature=kelvin)
+    scene = Scene((body,), (Surroundings(around),), dtype="float64")
+    solution = simulate(scene, 1e-3, solver=ForwardEuler(1e-3))
+    heat = float(solution.energy.mechanisms["emission"][0])
+    return -heat / 1e-3 / float(row.grid.fragment_area.sum())
+
+
+def measure_emission() -> Measured:
+    """A15: emission of a body, by the heat that it loses."""
+    found = [_net_emission(1.0, 400.0, 0.0), _net_emission(0.85, 400.0, 305.0)]
+    listed = ((1451.614, 5e-4), (816.7822, 5e-5))
+    names = ("black, 400 K", "0.85, 400 K among 305 K")
+    newer = STEFAN_BOLTZMANN / PEERS_CONSTANT
+    rows = zip(names, listed, found, strict=True)
+    return Measured(
+        tuple(
+            Value(name, "W/m^2", old * newer, now, digit)
+            for name, (old, digit), now in rows
+        )
+    )
+
+
+def measure_nusselt() -> Measured:
+    """A15: averages of cross-flow, and of the local numbers around a cylinder."""
+    averages, checks = {a.name: a.nusselt for a in AVERAGES}, []
+    with jax.enable_x64(True):
+        one = lambda x: jnp.full((64,), x, jnp.float64)
+        cosine = jnp.asarray(np.cos(2 * np.pi * np.arange(64) / 64), jnp.float64)
+        for name, listed in NUSSELT.items():
+            found = float(averages[name](one(REYNOLDS), one(PRANDTL))[0])
+            checks.append(Value(name, "", listed, found, 5e-6))
+        for name, average in averages.items():
+            around = local_nusselt(cosine, one(REYNOLDS), one(PRANDTL), average)
+            mean = float(around.mean())
+            checks.append(Bound(f"local numbers on {name}", "", mean, 40.0, 50.0))
+    return Measured(tuple(checks))
+
+
+CASES = (
+    Case(
+        "V23",
+        "view factors",
+        "Incropera, table 13.2",
+        "1e-6",
+        "Lambert's formula for polygons under quadrature; discs: both quadratures",
+        measure_view_factors,
+    ),
+    Case(
+        "V24",
+        "two grey surfaces, closed forms",
+        "Incropera 13.19 to 13.21",
+        "1e-6",
+        "reference/radiation",
+        measure_enclosures,
+    ),
+    Case(
+        "V25",
+        "the sun",
+        "nominal radius, astronomical unit",
+        "1e-6",
+        "reference/radiation; expected to 7 digits",
+        measure_sun,
+    ),
+    Case(
+        "A14",
+        "FDS plate_view_factor: an element under hot plates",
+        "closed forms (FDS prints 81.8, which is 0.9 % low)",
+        "none stated; 1e-3, its digits",
+        "Lambert's formula for polygons",
+        measure_plate,
+    ),
+    Case(
+        "A15, emission",
+        "grey emission",
+        "ht tests/test_radiation.py",
+        "none stated; half its last digit",
+        "one voxel, its first millisecond; 1451.614 and 816.7822 are listed, with "
+        "the constant of 2014",
+        measure_emission,
+    ),
+    Case(
+        "A15, cross-flow",
+        "average Nusselt numbers of a cylinder, Re 6071, Pr 0.7",
+        "ht tests/test_conv_external.py",
+        "none stated; half the last digit; ours within 40 to 50",
+        "physics/convection",
+        measure_nusselt,
+    ),
+)

@@ -1,0 +1,214 @@
+"""Steady walls in one dimension: V13, V18, V20a, 1fa and 1fc of A9, sol-air of V25."""
+
+import numpy as np
+
+from jaxthermo.geometry.pose import Pose
+from jaxthermo.integrate.solution import SteadySolution
+from jaxthermo.integrate.steady import steady
+from jaxthermo.material import Material
+from jaxthermo.physics.boundary import Convection, FixedTemperature, HeatFlux
+from jaxthermo.physics.contact.links import Contact
+from jaxthermo.physics.heat_source import HeatSource
+from jaxthermo.physics.radiation.emission import Surroundings
+from jaxthermo.physics.radiation.source import Sun
+from jaxthermo.scene.scene import Body, MaterialMap, Scene
+from jaxthermo.structures.full import FullVolume
+from jaxthermo.voxels.select import Region, Side
+from jaxthermo.voxels.voxelize import voxelize
+
+from .bodies import LEFT, RIGHT, Bar, bar, between, mirrored
+from .case import ZERO_CELSIUS, Case, Measured, Order, Value, largest_error, values
+from .meshes import of_blocks
+
+
+def solid(conductivity: float, emissivity: float = 0.9) -> Material:
+    """All that a steady state asks of a material."""
+    return Material(conductivity, 1000.0, 1000.0, emissivity)
+
+
+def solve(bodies: tuple[Body, ...], terms: tuple) -> SteadySolution:
+    """The steady state in double precision."""
+    return steady(Scene(bodies, terms, dtype="float64"))
+
+
+def on_bar(row: Bar, material, terms: tuple, start: float = 300.0) -> np.ndarray:
+    """The surface of a bar in its steady state [K]."""
+    body = Body(FullVolume(row.grid), material, temperature=start)
+    return np.asarray(solve((body,), terms).surface_temperature)[0]
+
+
+def _relative(name, unit, expected, computed, tolerance) -> Value:
+    return Value(name, unit, expected, float(computed), tolerance * abs(expected))
+
+
+COMPOSITE = {"q": 499.687851, "T1-": 99.987539, "T1+": 99.93757, "Ts": 49.968785}
+"""Of V13, as listed: too few digits for what is asked."""
+
+
+def composite() -> tuple[float, float, float, float]:
+    """The same by series resistances [W/m^2], [degC]."""
+    copper, contact, cover, air = 0.01 / 401.0, 1e-4, 0.02 / 0.2, 1 / 10.0
+    q = 100.0 / (copper + contact + cover + air)
+    return q, 100.0 - q * copper, q * (cover + air), q * air
+
+
+def measure_composite() -> Measured:
+    """V13: 100 degC, 10 mm of copper, a contact, 20 mm of insulation, air at 0."""
+    pitch = 0.005
+    copper, cover = bar(2, pitch), bar(4, pitch)
+    beside = Pose(((copper.length + cover.length) / 2, 0.0, 0.0))
+    cold = ZERO_CELSIUS
+    bodies = (
+        Body(FullVolume(copper.grid), solid(401.0), temperature=cold),
+        Body(FullVolume(cover.grid), solid(0.2), temperature=cold, pose=beside),
+    )
+    terms = (
+        FixedTemperature(cold + 100.0, on=LEFT),
+        Contact(1e4),
+        Convection(10.0, cold, on=Side(normal=RIGHT.normal, body=1)),
+    )
+    solution = solve(bodies, terms)
+    one, other = (np.asarray(solution.of_body(b))[0] for b in (0, 1))
+    through = float(solution.heat_rates.mechanisms["fixed_temperature"]) / pitch**2
+    found = (
+        through,
+        copper.end(one, RIGHT) - cold,
+        cover.end(other, LEFT) - cold,
+        cover.end(other, RIGHT) - cold,
+    )
+    rows = zip(COMPOSITE, composite(), found, strict=True)
+    return Measured(
+        tuple(
+            _relative(name, "W/m^2" if name == "q" else "degC", exact, now, 1e-9)
+            for name, exact, now in rows
+        )
+    )
+
+
+def measure_source() -> Measured:
+    """V18: half a slab of 0.2 m; on cells the first node has what the centre has."""
+    row = bar(10, 0.01)
+    terms = HeatSource(1e4), Convection(20.0, 300.0, on=RIGHT)
+    surface = on_bar(row, solid(1.0), terms)
+    found = [float(surface[row.along[0]]) - 300.0, row.end(surface, RIGHT) - 300.0]
+    return Measured(values(("centre", "surface"), "K", (100.0, 50.0), found, 1e-6))
+
+
+def measure_radiating_end() -> Measured:
+    """V20a: the sides radiate nothing because a sleeve covers them, bonded to nothing.
+
+    Surroundings act on all that is bare; 1e-9 W/(m^2 K) leak into the sleeve.
+    """
+    row = bar(4, 0.025)
+    wall = 0.025 * np.array([-1.5, -0.5, 0.5, 1.5])
+    around = np.ones((1, 3, 3), bool)
+    around[:, 1, 1] = False
+    sleeve = voxelize(of_blocks(around, np.array([-0.05, 0.05]), wall, wall), 0.025)
+    bodies = (
+        Body(FullVolume(row.grid), solid(55.6, 0.98), temperature=1000.0),
+        Body(FullVolume(sleeve), solid(1.0), temperature=300.0),
+    )
+    terms = FixedTemperature(1000.0, on=LEFT), Surroundings(300.0), Contact(1e-9)
+    found = np.asarray(solve(bodies, terms).of_body(0))[0]
+    end = row.end(found, RIGHT)
+    return Measured((Value("radiating end", "K", 927.00395, end, 0.1),))
+
+
+def measure_slab_with_source() -> Measured:
+    """A9 1fa: 300 + 1280 (1 - x^2 / 2.56); nodes of cells stand q h^2 / 8 k above."""
+    found, sizes, places = [], (10, 20, 40), (0.0, 0.4, 0.8, 1.2)
+    terms = HeatSource(1e4), FixedTemperature(300.0, on=RIGHT)
+    for cells in sizes:
+        row = bar(cells, 1.6 / cells)
+        surface = on_bar(row, solid(10.0), terms)
+        at = between(*mirrored(row.depth, surface[row.along]), places)
+        exact = (300.0 + 1280.0 * (1.0 - x * x / 2.56) for x in places)
+        found.append(
+            tuple(
+                _relative(f"T({x:g} m)", "K", full, now, 5e-4)
+                for x, full, now in zip(places, exact, at, strict=True)
+            )
+        )
+    errors = tuple(map(largest_error, found))
+    order = Order(tuple(1.6 / n for n in sizes), errors, asked=2.0)
+    return Measured(found[-1], order)
+
+
+def measure_two_metals() -> Measured:
+    """A9 1fc: the interface of 40 cm of copper and 40 cm of iron, 600 and 0 K."""
+    row = bar(8, 0.1)
+    beyond = Region(lower=(0.0, -1.0, -1.0), upper=(1.0, 1.0, 1.0))
+    metals = MaterialMap(
+        Material(401.0, 1.0, 3.4392e6), ((beyond, Material(80.2, 1.0, 3.5179e6)),)
+    )
+    terms = FixedTemperature(600.0, on=LEFT), FixedTemperature(0.0, on=RIGHT)
+    nodes = on_bar(row, metals, terms)[row.along]
+    interface = (401.0 * nodes[3] + 80.2 * nodes[4]) / (401.0 + 80.2)
+    return Measured((_relative("interface", "K", 500.0, interface, 1e-9),))
+
+
+def measure_sol_air() -> Measured:
+    """V25: walls that let nothing through stand at the sol-air temperature."""
+    row = bar(3, 0.01)
+    painted = Material(1.0, 1000.0, 1000.0, 0.9, absorptivity=0.9)
+    air = Convection(17.0, ZERO_CELSIUS + 35.0, on=RIGHT)
+    sun = Sun((-1.0, 0.0, 0.0), 1000.0)
+    to_sky = HeatFlux(-0.9 * 63.0, on=RIGHT)
+    found = [
+        row.end(on_bar(row, painted, terms), RIGHT) - ZERO_CELSIUS
+        for terms in ((air, sun), (air, sun, to_sky))
+    ]
+    names = ("wall", "with 0.9 x 63 W/m^2 to the sky")
+    return Measured(values(names, "degC", (87.941176, 84.605882), found, 1e-6))
+
+
+CASES = (
+    Case(
+        "V13",
+        "composite wall with a contact resistance",
+        "series resistances",
+        "1e-9 relative",
+        "two bodies of 2 and 4 voxels; steady",
+        measure_composite,
+    ),
+    Case(
+        "V18",
+        "slab that makes heat, in a fluid",
+        "Incropera 3.47",
+        "1e-6",
+        "half of it, 10 voxels; steady",
+        measure_source,
+    ),
+    Case(
+        "V20a",
+        "NAFEMS T2: a bar with a radiating end",
+        "NAFEMS Standard Benchmarks (927.0 K)",
+        "0.1 K",
+        "4 voxels in an insulating sleeve; steady",
+        measure_radiating_end,
+    ),
+    Case(
+        "A9 1fa",
+        "slab that makes heat, one face held",
+        "TMAP8 ver-1fa",
+        "0.05 %, what the peer is off by",
+        "40 voxels of 40 mm; steady",
+        measure_slab_with_source,
+    ),
+    Case(
+        "A9 1fc",
+        "copper and iron between 600 and 0 K",
+        "TMAP8 ver-1fc",
+        "none stated; 1e-9 relative as for V13",
+        "one body of 4 and 4 voxels; steady",
+        measure_two_metals,
+    ),
+    Case(
+        "V25, sol-air",
+        "insulated walls in sun and air",
+        "ASHRAE Handbook, Fundamentals",
+        "1e-6",
+        "3 voxels; steady; expected to 6 decimals",
+        measure_sol_air,
+    ),
+)

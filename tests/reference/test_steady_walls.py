@@ -1,0 +1,27 @@
+"""V13, V18, V20a, 1fa and 1fc of A9, the sol-air wall of V25: steady, to tolerance."""
+
+import pytest
+
+from experiments.verification.verify import find_case
+
+
+LONG = [pytest.mark.slow, pytest.mark.slice]
+
+
+@pytest.mark.parametrize(
+    "id_",
+    [
+        "V18",
+        "A9 1fc",
+        pytest.param("V13", marks=LONG),
+        pytest.param("V20a", marks=LONG),
+        pytest.param("A9 1fa", marks=LONG),
+        pytest.param("V25, sol-air", marks=LONG),
+    ],
+)
+def test_within_the_tolerance_that_is_stated(id_):
+    measured = find_case(id_).measure()
+    for check in measured.checks:
+        print(id_, check)
+        assert check.passes
+    assert measured.order is None or measured.order.passes
