@@ -33,6 +33,7 @@ def run(
     /,
     *,
     height: int | None = None,
+    cases: str | None = None,
     out: Path | None = None,
 ) -> None:
     """Run an experiment, or several that share a group name.
@@ -42,9 +43,10 @@ def run(
         config: A YAML file, for an experiment that takes one; the standard one if not
             given.
         height: Voxels along up, instead of the config's.
+        cases: Which ones, such as S01,S06, of an experiment that has cases.
         out: The folder for result.json; results/experiments/NAME if not given.
     """
-    given = {"config": config, "height": height}
+    given = {"config": config, "height": height, "cases": cases}
     options = {k: v for k, v in given.items() if v is not None}
     for experiment in catalogue.find(name):
         folder = out or Path("results/experiments") / experiment.name

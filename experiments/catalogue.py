@@ -58,6 +58,27 @@ EXPERIMENTS = (
         options=("height",),
     ),
     Experiment(
+        "stepping",
+        "experiments.benchmarks.stepping",
+        "benchmarks",
+        "work to a given error in time: every solver against the explicit loop",
+        options=("height",),
+    ),
+    Experiment(
+        "super-time-stepping",
+        "experiments.benchmarks.super_time_stepping",
+        "benchmarks",
+        "RKL2 of the full volume beside the same scheme in numba",
+        options=("height",),
+    ),
+    Experiment(
+        "gradients",
+        "experiments.benchmarks.gradients",
+        "benchmarks",
+        "a reverse-mode gradient beside its forward run",
+        options=("height",),
+    ),
+    Experiment(
         "counting",
         "experiments.thesis.counting",
         "thesis",
@@ -91,16 +112,31 @@ EXPERIMENTS = (
         "every structure against the full volume: cost, error, pictures",
         options=("config", "height"),
     ),
+    Experiment(
+        "verification",
+        "experiments.verification.verify",
+        "verification",
+        "published cases and closed forms: expected, computed, tolerance, order",
+        options=("cases",),
+    ),
+    Experiment(
+        "stiff",
+        "experiments.stiff.run",
+        "verification",
+        "stiff and extreme cases S01 to S22 through every solver",
+        options=("cases",),
+    ),
 )
 
 
 def find(name: str) -> tuple[Experiment, ...]:
-    """The experiments of that name or group.
+    """The experiment of that name, or else those of that group.
 
     Raises:
         InputError: if there is none.
     """
-    found = tuple(e for e in EXPERIMENTS if name in (e.name, e.group))
+    found = tuple(e for e in EXPERIMENTS if name == e.name)
+    found = found or tuple(e for e in EXPERIMENTS if name == e.group)
     if not found:
         names = sorted({e.name for e in EXPERIMENTS} | {e.group for e in EXPERIMENTS})
         close = difflib.get_close_matches(name, names, 1)

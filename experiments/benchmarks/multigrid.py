@@ -1,10 +1,10 @@
 """An implicit step and a steady state of the full volume, beside scipy, in one run.
 
 The same system for all, in float64, to the same relative residual: conjugate gradients
-on the layout that solves take, with the diagonal and with this multigrid, whose diagonals are
-taken anew for every solve, of which solvers choose one by the step; and scipy's on a
-sparse matrix of the solid voxels alone, with the diagonal and with pyamg's smoothed
-aggregation, whose set-up is told apart. They take turns.
+on the layout that solves take, with the diagonal and with this multigrid, whose
+diagonals are taken anew for every solve, of which solvers choose one by the step; and
+scipy's on a sparse matrix, with the diagonal and with pyamg's smoothed aggregation,
+whose set-up is told apart. They take turns.
 """
 
 import time

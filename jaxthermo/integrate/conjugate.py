@@ -23,6 +23,13 @@ import lineax as lx
 from jaxtyping import Array, Bool, Float, Int
 
 
+STALLED = 200
+"""Iterations without progress after which there is none to come."""
+
+LEAST, DIGITS = 3, 1e-3
+"""Iterations made whatever is left, unless it is so much less than at first."""
+
+
 def _dot(a: Any, b: Any) -> Float[Array, ""]:
     each = jax.tree.map(lambda x, y: jnp.vdot(x, y), a, b)
     return jnp.stack(jax.tree.leaves(each)).sum()
@@ -103,6 +110,10 @@ class _Iteration(NamedTuple):
     """What is left."""
     first: Float[Array, ""]
     """What was left at first."""
+    least: Float[Array, ""]
+    """The least that was left so far."""
+    since: Int[Array, ""]
+    """The iteration that left it."""
     count: Int[Array, ""]
 
 
@@ -145,7 +156,10 @@ class ConjugateGradients(lx.AbstractLinearSolver):
             return jnp.where(known, aim * i.first, 0) if self.relative else aim
 
         def goes_on(i: _Iteration) -> Bool[Array, ""]:
-            return (i.size > goal(i)) & (i.gamma > 0) & (i.count < self.most)
+            more = (i.count < self.most) & (i.count - i.since < STALLED)
+            # A step that changes less than the tolerance must not be taken for none.
+            early = (i.count < LEAST) & (i.size > DIGITS * i.first)
+            return ((i.size > goal(i)) | early) & (i.gamma > 0) & more
 
         def iterate(i: _Iteration) -> _Iteration:
             z = correct(i.residual)
@@ -165,6 +179,8 @@ class ConjugateGradients(lx.AbstractLinearSolver):
                 gamma=jnp.where(bent > 0, gamma, 0),
                 size=size,
                 first=jnp.where(jnp.isfinite(i.first), i.first, size),
+                least=jnp.minimum(i.least, size),
+                since=jnp.where(size < i.least, i.count + 1, i.since),
                 count=i.count + 1,
             )
 
@@ -176,13 +192,25 @@ class ConjugateGradients(lx.AbstractLinearSolver):
             gamma=endless,
             size=size,
             first=self.measure.before(vector),
+            least=size,
+            since=jnp.asarray(0, jnp.int32),
             count=jnp.asarray(0, jnp.int32),
         )
         last = jax.lax.while_loop(goes_on, iterate, first)
-        y, count, aim = last.y, last.count, goal(last)
-        r = _along(vector, -1.0, operator.mv(y))
+        found, count, aim = last.y, last.count, goal(last)
+        r = _along(vector, -1.0, operator.mv(found))
         left = self.measure.at_end(r, correct)
         reached = left <= 2 * aim
+
+        def better() -> Any:
+            # Where rounding has eaten the operator the start may be the better answer,
+            # by what the preconditioner would still change.
+            both = jax.tree.map(lambda *each: jnp.stack(each), r, first.residual)
+            now, before = jax.lax.map(lambda each: largest(correct(each)), both)
+            pick = lambda new, old: jnp.where(now <= before, new, old)
+            return jax.tree.map(pick, found, y)
+
+        y = jax.lax.cond(reached, lambda: found, better)
         result = lx.RESULTS.where(
             reached, lx.RESULTS.successful, lx.RESULTS.max_steps_reached
         )

@@ -4,9 +4,8 @@
 
 Of a stage that was solved f_i = (eta_i - base_i) / (d dt), which does not amplify what
 the solve left over. The heat that the ledger enters is the same sum of the mechanisms'
-rates; what rounding and the solver's tolerance leave between the two is given back in
-proportion to how far every node went, so that energy closes whatever the tolerance, and
-what has not changed stays so bit by bit.
+rates; what rounding and the solver's tolerance leave between the two, `closing` evens
+out, so that energy closes whatever the tolerance.
 """
 
 from typing import NamedTuple
@@ -17,9 +16,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..network.network import precise_sum
 from ..scene.program import Program, State
-from .ledger import into_bodies
+from .closing import closed
 from .rates import rates
 from .schedule import END_ROUNDINGS, END_SHARE
 from .stage import Effort, Stage, no_effort, solve_stage
@@ -101,8 +99,9 @@ def take(
         entries.append(solved.entries)
     last = tableau.weights[-1]
     heat = dt * sum(w * e for w, e in zip(last, entries, strict=True))
-    closed = _closed(program, states, guess, heat)
-    return Taken(closed, heat, tuple(slopes), effort)
+    end = _within(start, dt, times[-1])
+    after, heat = closed(program, states, guess, heat, last[-1] * dt, end)
+    return Taken(after, heat, tuple(slopes), effort)
 
 
 def _sum(states: State, dt, weights, slopes) -> State:
@@ -118,24 +117,6 @@ def _within(start, dt, share: float) -> Float[Array, ""]:
     end = start + dt
     rounding = END_ROUNDINGS * jnp.finfo(end.dtype).eps * jnp.abs(end)
     return end - jnp.maximum(rounding, END_SHARE * dt)
-
-
-def _closed(program: Program, before: State, after: State, heat) -> State:
-    """States that hold exactly the heat that was brought."""
-    brought = into_bodies(heat, program.entries, len(program.bodies))
-    found = []
-    for body, old, new, in_all in zip(
-        program.bodies, before, after, brought, strict=True
-    ):
-        moved = new - old
-        stored = body.network.capacity() * moved
-        through = precise_sum(jnp.abs(stored))
-        missing = in_all - precise_sum(stored)
-        share = missing / jnp.where(through > 0, through, 1)
-        # A step that moves less heat than rounding leaves has nothing to share by.
-        share = jnp.clip(share, -1, 1)
-        found.append(old + moved + share * jnp.abs(moved))
-    return tuple(found)
 
 
 class ImplicitStepper(AbstractStepper):

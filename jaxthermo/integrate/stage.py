@@ -194,7 +194,11 @@ def _newton(program, tools: Tools, base, g, time, guess) -> _Iterate:
     if tools.linear:
         return iterate(now)
     rounding = 8 * jnp.finfo(dtype).eps * (1 + largest(base))
-    goes_on = lambda i: (largest(i.residual) > tools.tolerance) & (i.moved > rounding)
+    # At least once: steps that change less than the tolerance would add up to nothing.
+    goes_on = lambda i: (
+        (i.effort.newton < 1)
+        | ((largest(i.residual) > tools.tolerance) & (i.moved > rounding))
+    )
     now = jax.lax.while_loop(
         lambda i: goes_on(i) & (i.effort.newton < MOST_NEWTON), iterate, now
     )

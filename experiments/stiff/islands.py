@@ -1,0 +1,181 @@
+"""Islands (S12), no conductivity (S13), no capacity (S14), few voxels (S15)."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import jaxthermo as jt
+from jaxthermo.geometry.mesh import Mesh
+from jaxthermo.physics.conduction import series
+from jaxthermo.precision import precision
+
+from .bodies import COLD, COPPER, HOT, STEEL, block
+from .case import Case, Check, Row, broken, refusal
+from .contrasts import insulated, through_all
+from .methods import every_solver
+from .solved import row_of, run_nodes, stable_step
+
+
+PITCH = 0.01
+
+
+def island_body() -> jt.Body:
+    """Two blocks with a gap between them, as one body; warmer along x."""
+    left, right = (jt.shapes.box((0.03, 0.02, 0.02)) for _ in range(2))
+    meshes = [left, right.moved((0.05, 0.0, 0.0))]
+    mesh = Mesh(
+        np.concatenate([m.vertices for m in meshes]),
+        np.concatenate([meshes[0].faces, meshes[1].faces + len(left.vertices)]),
+    )
+    grid = jt.voxelize(mesh, PITCH)
+    return jt.Body(
+        jt.FullVolume(grid),
+        STEEL,
+        temperature=lambda points: 320.0 + 10.0 * (points[:, 0] > 0.02),
+    )
+
+
+def islands() -> Iterator[Row]:
+    """S12."""
+    body = island_body()
+    region = jt.Region((-1.0, -1.0, -1.0), (0.02, 1.0, 1.0))
+    air = jt.Convection(50.0, 300.0, on=region)
+    for dtype in ("float64", "float32"):
+        scene = jt.Scene((body,), (air,), dtype=dtype)
+        far = body.structure.nodes().centre[:, 0] > 0.02
+        before = run_nodes(scene, jt.ForwardEuler(), 1e-9).nodes[0]
+        for method in every_solver(stable_step(scene)):
+            ran = run_nodes(scene, method.solver, method.end)
+            moved = float(np.abs(ran.nodes[0] - before)[far].max())
+            check = Check("island moved", moved, 0.0)
+            row = row_of("an island", dtype, method, ran, (300.0, 330.0), more=(check,))
+            yield row._replace(
+                seen=f"its neighbour by {_moved(ran, before, ~far):.2g} K"
+            )
+    yield _at_rest(jt.Scene((body,), (air,), dtype="float64"))
+
+
+def _moved(ran, before, there) -> float:
+    return float(np.abs(ran.nodes[0] - before)[there].max())
+
+
+def _at_rest(scene: jt.Scene) -> Row:
+    """The steady state, in which the island is found and keeps its mean."""
+    try:
+        rest = jt.steady(scene)
+    except Exception as error:
+        return broken("steady state", error, "steady", scene.dtype)
+    surface = np.asarray(rest.surface_temperature)[0]
+    far = scene.bodies[0].structure.grid.fragment_position[:, 0] > 0.02
+    off = max(abs(surface[far] - 330.0).max(), abs(surface[~far] - 300.0).max())
+    checks = (
+        Check("islands", rest.islands, 1, 1),
+        Check("off [K]", float(off), 1e-6),
+    )
+    return Row("steady state", "steady", scene.dtype, checks=checks)
+
+
+def no_conductivity() -> Iterator[Row]:
+    """S13."""
+    yield refusal("k = 0", lambda: jt.Material(0.0, 1.0, 1.0), "positive, finite")
+    with precision("float64"):
+        one = jnp.ones((), jnp.float64)
+        conductance = lambda k: series(one, one, k, one, one)
+        value, slope = jax.value_and_grad(conductance)(0 * one)
+        both, slopes = jax.value_and_grad(lambda k: series(one, one, k, one, k))(
+            0 * one
+        )
+    finite = Check("slope", float(slope), 1.0, 1.0)
+    zero = Check("conductance", float(value), 0.0, 0.0)
+    yield Row("a half of k = 0, traced", dtype="float64", checks=(zero, finite))
+    # 0 / 0 is met by a slope of 0, which is a choice.
+    checks = (
+        Check("conductance", float(both), 0, 0),
+        Check("slope", float(slopes), 1, 0),
+    )
+    yield Row("both halves of k = 0, traced", dtype="float64", checks=checks)
+    nearly = jt.Material(1e-30, density=1000.0, specific_heat=1000.0)
+    for dtype in ("float64", "float32"):
+        scene = insulated("checkerboard", (nearly, COPPER), dtype)
+        yield from through_all("every other voxel of k = 1e-30", scene)
+
+
+def no_capacity() -> Iterator[Row]:
+    """S14."""
+    yield refusal("density 0", lambda: jt.Material(1.0, 0.0, 1.0), "positive, finite")
+    yield refusal("c_p 0", lambda: jt.Material(1.0, 1.0, 0.0), "positive, finite")
+    yield refusal(
+        "c_p that falls to 0",
+        lambda: jt.Material(1.0, 1.0, jt.Property([300.0, 400.0], [100.0, 0.0])),
+        "give positive, finite values",
+    )
+    light = jt.Material(1.0, density=1e-6, specific_heat=1.0)
+    scene = insulated("checkerboard", (light, COPPER), "float64")
+    yield from through_all("every other voxel of 1e-6 J/(m^3 K)", scene)
+
+
+def few_voxels() -> Iterator[Row]:
+    """S15."""
+    for size in ((1, 1, 1), (1, 9, 1)):
+        grid = block(*size, PITCH)
+        body = jt.Body(jt.FullVolume(grid), STEEL, temperature=HOT)
+        air = jt.Convection(100.0, COLD)
+        scene = jt.Scene((body,), (air,), dtype="float64")
+        what = "x".join(map(str, size))
+        for method in every_solver(stable_step(scene)):
+            ran = run_nodes(scene, method.solver, method.end)
+            shape = ran.solution.surface_temperature.shape
+            fits = Check("fragments", shape[1], *2 * (len(grid.fragment_area),))
+            yield row_of(what, "float64", method, ran, (COLD, HOT), more=(fits,))
+    none = Mesh(np.zeros((0, 3)), np.zeros((0, 3), int))
+    yield refusal("a mesh of nothing", lambda: jt.voxelize(none, PITCH), "no triangles")
+    small = jt.shapes.box(0.1 * PITCH)
+    yield refusal(
+        "a body below a voxel", lambda: jt.voxelize(small, PITCH), "finer pitch"
+    )
+    yield refusal("a grid of air alone", _in_air, "no solid voxel")
+
+
+def _in_air() -> None:
+    """A grid made by hand, without a solid voxel."""
+    full = block(3, 3, 3, PITCH)
+    fields = ("position", "normal", "area", "voxel", "axis", "layer")
+    none = {f"fragment_{f}": getattr(full, f"fragment_{f}")[:0] for f in fields}
+    grid = replace(full, solid=np.zeros_like(full.solid), **none)
+    body = jt.Body(jt.FullVolume(grid), STEEL, temperature=HOT)
+    jt.simulate(jt.Scene((body,), ()), 1.0, solver=jt.ForwardEuler(dt=0.1))
+
+
+CASES = (
+    Case(
+        "S12",
+        "an island: a part of a body that nothing reaches",
+        "its temperature stays bit by bit; the steady state finds it",
+        "C / dt is on the diagonal: no step is singular",
+        islands,
+    ),
+    Case(
+        "S13",
+        "no conductivity",
+        "refused as a material; conductance 0 with a finite slope where it is traced",
+        "harmonic mean, 0 if either half insulates",
+        no_conductivity,
+    ),
+    Case(
+        "S14",
+        "no heat capacity",
+        "refused; and 1e-6 beside 3.4e6 J/(m^3 K) keeps the bounds",
+        "maximum principle",
+        no_capacity,
+    ),
+    Case(
+        "S15",
+        "one voxel, one line of voxels, none",
+        "a value for every fragment; what has no voxel is refused in one line",
+        "an InputError says what, where and what to do",
+        few_voxels,
+    ),
+)

@@ -1,0 +1,117 @@
+"""Voxels of 10 um and 1 m in one scene (S03); Biot numbers of 1e-6 and 1e6 (S05)."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+import jaxthermo as jt
+
+from .bodies import AEROGEL, DIAMOND, beside, block
+from .case import Case, Check, Row
+from .methods import adaptive, explicit, implicit, too_long
+from .solved import (
+    LIMITS,
+    Limits,
+    Method,
+    judged,
+    row_of,
+    run_nodes,
+    stable_step,
+)
+
+
+def small_and_large() -> Iterator[Row]:
+    """S03."""
+    for dtype in ("float64", "float32"):
+        small = beside(block(3, 3, 3, 1e-5), 0.0, DIAMOND, 400.0)
+        large = beside(block(3, 3, 3, 1.0), 10.0, AEROGEL, 300.0)
+        scene = jt.Scene((small, large), (jt.Convection(10.0, 350.0),), dtype=dtype)
+        what, stable = "10 um diamond, 1 m aerogel", stable_step(scene)
+        limit = 1e-10 / (6 * DIAMOND.diffusivity)
+        ratio = Check("limit over h^2 / 6 alpha", stable / limit, 1 + 1e-5, 1 - 1e-5)
+        yield Row("the explicit limit", seen=f"{stable:.4g} s", checks=(ratio,))
+        yield too_long(what, scene, 1.0 / stable)
+        methods = [*explicit(stable), *implicit(100.0, "100 s", 100)]
+        exact = dtype == "float64"
+        methods.append(adaptive(1e4 if exact else 1e3 * stable))
+        for method in methods:
+            yield judged(what, scene, method, (300.0, 400.0))
+        if not exact:
+            yield Row(f"{what}, 1e4 s", "TRBDF2, adaptive", dtype, seen=SLOW)
+
+
+SLOW = (
+    "not run: rounding of rates of 1e8 K/s keeps its steps short, and the tries it has "
+    "before it says step_limit take minutes: use float64"
+)
+
+LENGTH, AIR, START = 0.1, 300.0, 400.0
+MATERIAL = jt.Material(1.0, density=1000.0, specific_heat=1000.0)
+
+
+def biot_numbers() -> Iterator[Row]:
+    """S05."""
+    end = LENGTH**2 / MATERIAL.diffusivity / 1e-6
+    yield from _slab(1e-6, 8, end, float(np.exp(-1.0)), 128)
+    odd = np.arange(1, 200, 2) * np.pi / 2
+    fourier = 0.5
+    series = float((2 / odd**2 * np.exp(-(odd**2) * fourier)).sum())
+    end = fourier * LENGTH**2 / MATERIAL.diffusivity
+    yield from _slab(1e6, 160, end, series, 400)
+
+
+def _slab(biot: float, cells: int, end: float, exact: float, steps: int):
+    """A rod that convects at one end, against a limit of its Biot number."""
+    body = jt.Body(
+        jt.FullVolume(block(cells, 1, 1, LENGTH / cells)), MATERIAL, temperature=START
+    )
+    air = jt.Convection(
+        biot * MATERIAL.conductivity / LENGTH, AIR, on=jt.Side((1.0, 0.0, 0.0))
+    )
+    scene = jt.Scene((body,), (air,), dtype="float64")
+    stable, dt, note = stable_step(scene), end / steps, f"{steps} steps"
+    methods = [
+        Method(f"SuperTimeStepping, {note}", jt.SuperTimeStepping(dt=dt), end),
+        *implicit(dt, note, steps),
+        adaptive(end, error=1e-5),
+    ]
+    if end / stable < 1e5:
+        near = jt.ForwardEuler(dt=stable / 2)
+        methods.append(Method("ForwardEuler, half its limit", near, end))
+    else:
+        yield too_long(f"Bi = {biot:g}", scene, dt / stable)
+    for method in methods:
+        ran = run_nodes(scene, method.solver, end)
+        found = (float(ran.nodes[0].mean()) - AIR) / (START - AIR)
+        off = Check("off the limit", abs(found - exact), 1e-5)
+        # Of first order: its own error is larger.
+        first = method.name.startswith("BackwardEuler")
+        more = () if first else (off,)
+        row = row_of(f"Bi = {biot:g}", "float64", method, ran, (AIR, START), more=more)
+        seen = f"{found:.7f}, the limit {exact:.7f}"
+        yield row._replace(seen=f"{seen}; first order: not judged" if first else seen)
+
+
+def _rounding(stages: int) -> Limits:
+    """Of s stages of super time stepping rounding grows as s^2 (Meyer et al. 2014)."""
+    eps = float(np.finfo(float).eps)
+    return Limits(LIMITS.overshoot, {"float64": max(1e-12, stages**2 * eps)})
+
+
+CASES = (
+    Case(
+        "S03",
+        "voxels of 10 um and of 1 m in one scene: limits 8.6e13 to 1",
+        "implicit steps of 100 s are taken; explicit Euler refuses and names its limit",
+        "h^2 / 6 alpha; maximum principle",
+        small_and_large,
+    ),
+    Case(
+        "S05",
+        "Biot numbers of 1e-6 and 1e6",
+        "the mean of a slab agrees with exp(-t / tau), and with the series of a held "
+        "surface, to 1e-5 of the first excess",
+        "Carslaw and Jaeger, Conduction of Heat in Solids, 3.3 and 3.11",
+        biot_numbers,
+    ),
+)

@@ -1,0 +1,215 @@
+"""One scene by one solver: bounds at every node, energy, effort and time."""
+
+import time
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+
+import jaxthermo as jt
+from jaxthermo.integrate.schedule import legs
+from jaxthermo.integrate.simulate import (
+    conclude,
+    layout_table,
+    plan,
+    run_all,
+    start,
+)
+from jaxthermo.integrate.solvers import KELVIN, AbstractSolver
+from jaxthermo.precision import precision
+
+from .case import PASS, REPORTED, Check, Row, broken
+
+
+Bounds = tuple[float, float]
+"""Between which the maximum principle holds every temperature [K]."""
+
+
+class Limits(NamedTuple):
+    """By the dtype of a scene."""
+
+    overshoot: dict[str, float]
+    """[K]"""
+    energy: dict[str, float]
+    """Of the heat that moved [-]."""
+
+
+LIMITS = Limits(
+    overshoot={"float64": 1e-9, "float32": 5e-3},
+    energy={"float64": 1e-12, "float32": 1e-4},
+)
+"""Measured on a chain of 200 alternating cells at Fo up to 1e6, and rounded up."""
+
+
+class Method(NamedTuple):
+    """A solver, and how far."""
+
+    name: str
+    solver: AbstractSolver
+    end: float
+    """[s]"""
+    bounds: str = "kept"
+    """`kept` to rounding, `bounded` by the range of the data, or `reported`."""
+
+
+class Ran(NamedTuple):
+    """A run with its nodes."""
+
+    solution: jt.Solution
+    nodes: tuple[np.ndarray, ...]
+    """Temperatures of every body's at the end [K]."""
+    compile_s: float
+    run_s: float
+
+    @property
+    def result(self) -> str:
+        """Name of its `RESULTS`."""
+        return result_name(self.solution.result)
+
+    def beyond(self, bounds: Bounds) -> float:
+        """How far any node or fragment is out of bounds [K]."""
+        low, high = bounds
+        values = [*self.nodes, np.asarray(self.solution.surface_temperature, float)]
+        ends = [end for v in values for end in (v.max() - high, low - v.min())]
+        # Not `max`, which would lose a NaN.
+        return float(np.max([0.0, *ends]))
+
+    @property
+    def residual(self) -> float:
+        """The largest of the energy ledger, relative."""
+        return float(np.abs(np.asarray(self.solution.energy.residual_relative)).max())
+
+
+def result_name(result: jt.RESULTS) -> str:
+    """Of how a run ended."""
+    names = jt.RESULTS._name_to_item
+    return next(name for name in names if result == getattr(jt.RESULTS, name))
+
+
+def run_nodes(
+    scene: jt.Scene,
+    solver: AbstractSolver,
+    end: float,
+    save_at: Sequence[float] | None = None,
+) -> Ran:
+    """The same as `simulate`, run twice to time it, with the temperatures of all nodes.
+
+    Args:
+        scene: in which nothing moves.
+        solver: to take.
+        end: of the run [s].
+        save_at: times to keep [s].
+    """
+    with precision(scene.dtype):
+        todo = plan(scene, end, save_at, solver)
+        program, layout = (
+            todo.compiled.program,
+            layout_table(todo, legs(todo.intervals)),
+        )
+        begin = time.perf_counter()
+        jax.block_until_ready(run_all(todo.stepper, program, start(todo), layout)[1])
+        middle = time.perf_counter()
+        state, seen = run_all(todo.stepper, program, start(todo), layout)
+        jax.block_until_ready(seen)
+        took = time.perf_counter() - middle
+        solution = conclude(scene, todo, seen)
+        nodes = tuple(
+            float(part.reference)
+            + np.asarray(part.network.temperature(theta), float)[
+                body.structure.node_address()
+            ]
+            for body, part, theta in zip(
+                scene.bodies, program.bodies, state.theta, strict=True
+            )
+        )
+    return Ran(solution, nodes, max(middle - begin - took, 0.0), took)
+
+
+def stable_step(scene: jt.Scene) -> float:
+    """The largest explicit step [s]."""
+    with precision(scene.dtype):
+        limit = plan(scene, 0.0, None).limit
+    assert limit is not None
+    return limit
+
+
+def judged(
+    what: str,
+    scene: jt.Scene,
+    method: Method,
+    bounds: Bounds,
+    limits: Limits = LIMITS,
+    most_newton: int | None = None,
+) -> Row:
+    """One solver on one scene, by bounds, energy and what it says of itself.
+
+    Args:
+        what: the scene is.
+        scene: in which nothing moves.
+        method: the solver.
+        bounds: of the maximum principle [K].
+        limits: of overshoot and energy.
+        most_newton: steps of Newton's method allowed in a stage.
+    """
+    try:
+        ran = run_nodes(scene, method.solver, method.end)
+    except Exception as error:
+        return broken(what, error, method.name, scene.dtype)
+    return row_of(what, scene.dtype, method, ran, bounds, limits, most_newton)
+
+
+def row_of(
+    what: str,
+    dtype: str,
+    method: Method,
+    ran: Ran,
+    bounds: Bounds,
+    limits: Limits = LIMITS,
+    most_newton: int | None = None,
+    more: tuple[Check, ...] = (),
+) -> Row:
+    """The row of a run; arguments as of `judged`, with `more` checks."""
+    over, effort = ran.beyond(bounds), ran.solution.run.effort
+    most = {
+        "kept": limits.overshoot[dtype],
+        "bounded": bounds[1] - bounds[0],
+        # Whatever it is, it is a number.
+        "reported": np.finfo(dtype).max,
+    }[method.bounds]
+    checks = [
+        Check("overshoot", over, float(most)),
+        Check("energy", ran.residual, limits.energy[dtype]),
+    ]
+    if effort is not None:
+        checks.append(Check("unsaid", float(unsaid(ran, dtype, method.solver)), 0.0))
+    if effort is not None and most_newton is not None:
+        taken = int(effort.newton) / max(ran.solution.run.steps, 1)
+        checks.append(Check("Newton steps", taken, most_newton))
+    return Row(
+        what,
+        method.name,
+        dtype,
+        overshoot_K=over,
+        energy_residual=ran.residual,
+        newton=None if effort is None else int(effort.newton),
+        linear=None if effort is None else int(effort.linear),
+        compile_s=ran.compile_s,
+        run_s=ran.run_s,
+        result=ran.result,
+        checks=(*checks, *more),
+        if_met=REPORTED if method.bounds == "reported" else PASS,
+    )
+
+
+def unsaid(ran: Ran, dtype: str, solver: Any) -> bool:
+    """Whether a solve stopped short of its tolerance and the result is a success.
+
+    A solve is called done within twice its tolerance; steps of an adaptive solver that
+    were rejected and taken again do not count.
+    """
+    effort = ran.solution.run.effort
+    given = getattr(solver, "tolerance", None)
+    tolerance = KELVIN[dtype] if given is None else given
+    short = float(effort.left) > 2 * tolerance and int(effort.rejected) == 0
+    return ran.result == "successful" and (short or bool(effort.linear_failed))

@@ -1,0 +1,144 @@
+"""The rows of the cases on the terminal and on a page."""
+
+from rich.box import SIMPLE
+from rich.markup import escape
+from rich.table import Table
+
+from ..structures import page
+from .case import FAIL, PASS, REFUSED, REPORTED, Case, Row
+
+
+COLOURS = {PASS: "green", REFUSED: "green", FAIL: "bold red", REPORTED: "yellow"}
+HEADS = (
+    "what",
+    "solver",
+    "dtype",
+    "over [K]",
+    "energy",
+    "Newton",
+    "linear",
+    "run",
+    "result",
+    "verdict",
+)
+
+
+def counts(rows: list[Row]) -> dict[str, int]:
+    """Rows by verdict."""
+    verdicts = [row.verdict for row in rows]
+    return {name: verdicts.count(name) for name in (PASS, REFUSED, REPORTED, FAIL)}
+
+
+def cells(row: Row) -> list[str]:
+    """As text, in the order of `HEADS`."""
+    number = lambda v: "" if v is None else f"{v:.1e}" if v else "0"
+    whole = lambda v: "" if v is None else f"{v:,}"
+    return [
+        row.what,
+        row.solver,
+        row.dtype,
+        number(row.overshoot_K),
+        number(row.energy_residual),
+        whole(row.newton),
+        whole(row.linear),
+        _time(row.run_s),
+        row.result,
+        row.verdict,
+    ]
+
+
+def _time(seconds: float | None) -> str:
+    if seconds is None:
+        return ""
+    return f"{seconds:.2f} s" if seconds >= 1 else f"{1e3 * seconds:.1f} ms"
+
+
+def told(row: Row) -> list[str]:
+    """What was seen, and every check with its limits."""
+    return [*([row.seen] if row.seen else []), *(check.text for check in row.checks)]
+
+
+def case_table(case: Case, rows: list[Row]) -> Table:
+    """For the terminal: a line a solver under what it solves; a failure says why."""
+    title = f"[bold]{case.name}[/]: {escape(case.title)}\n[dim]{escape(case.holds)}[/]"
+    table = Table(title=title, title_justify="left", title_style="", box=SIMPLE)
+    for n, head in enumerate(HEADS[1:], 1):
+        right = 3 <= n <= 7
+        table.add_column(head, justify="right" if right else "left", no_wrap=n > 1)
+    what = None
+    for row in rows:
+        first, solver, *most, verdict = map(escape, cells(row))
+        if first != what:
+            table.add_row(f"[bold]{first}[/]")
+            what = first
+        colour = COLOURS[row.verdict]
+        table.add_row(f"  {solver}", *most, f"[{colour}]{verdict}[/]")
+        if row.verdict == FAIL:
+            table.add_row(f"[red]{escape('; '.join(_missed(row)))}[/]")
+    return table
+
+
+def _missed(row: Row) -> list[str]:
+    missed = [check.text for check in row.checks if not check.met]
+    return [*missed, *([row.seen] if row.seen else [])]
+
+
+def page_of(found: list[tuple[Case, list[Row]]], took: float) -> str:
+    """The report.
+
+    Args:
+        found: cases with their rows.
+        took: all of it [s].
+    """
+    sections = [
+        page.paragraph(
+            "Each row is one solver on one scene. It passes if all of its checks lie "
+            "in their limits, which stand beside it; a run that must be refused passes "
+            "if the refusal says why. Reported: the energy is judged, the overshoot is "
+            "shown for comparison only."
+        ),
+        page.paragraph(
+            "A result other than successful is what the run says of itself: an error "
+            "unless one asks for the result. Bounds and energy are judged all the "
+            "same. Run times are of the second run of each, without compilation; "
+            f"everything took {took:.0f} s."
+        ),
+        page.table(
+            ["case", "about", *(PASS, REFUSED, REPORTED, FAIL)],
+            [_summary(case, rows) for case, rows in found],
+        ),
+    ]
+    for case, rows in found:
+        sections += [
+            page.heading(f"{case.name}: {case.title}"),
+            page.terms([("must hold", case.holds), ("source", case.source)]),
+            page.table(
+                [*HEADS, "seen; checks and their limits"],
+                [_page_cells(row) for row in rows],
+            ),
+        ]
+    return page.document("Stiff and extreme cases", sections)
+
+
+def _summary(case: Case, rows: list[Row]) -> list[str]:
+    *good, failed = counts(rows).values()
+    number = lambda n: str(n) if n else ""
+    return [
+        case.name,
+        page.prose([case.title]),
+        *(number(n) for n in good),
+        page.marked(number(failed), False if failed else None),
+    ]
+
+
+def _page_cells(row: Row) -> list[str]:
+    *most, verdict = cells(row)
+    met = {FAIL: False, REPORTED: None}.get(row.verdict, True)
+    left = [page.marked(text) for text in most[:3]]
+    return [
+        *left,
+        *most[3:8],
+        page.marked(most[8]),
+        page.marked(verdict, met),
+        page.prose(told(row)),
+    ]

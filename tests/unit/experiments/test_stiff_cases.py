@@ -1,0 +1,119 @@
+"""The verdicts of the stiff cases, and cheap cases through them."""
+
+import json
+
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from experiments import catalogue
+from experiments.stiff import islands, run as stiff
+from experiments.stiff.case import (
+    FAIL,
+    PASS,
+    REFUSED,
+    REPORTED,
+    Case,
+    Check,
+    Row,
+    refusal,
+    rows_of,
+)
+from experiments.stiff.emission import cube
+from experiments.stiff.solved import Limits, Method, row_of, run_nodes
+from jaxthermo.errors import InputError
+
+
+def test_it_is_listed_with_all_its_cases():
+    (found,) = catalogue.find("stiff")
+    assert found.options == ("cases",)
+    assert [case.name for case in stiff.CASES] == [f"S{n:02}" for n in range(1, 23)]
+
+
+@pytest.mark.parametrize("found", [2.0, -1.0, float("nan"), float("inf")])
+def test_a_check_out_of_its_limits_fails_the_row(found):
+    good, bad = Check("x", 0.5, 1.0, 0.0), Check("x", found, 1.0, 0.0)
+    assert Row("", checks=(good,)).verdict == PASS
+    assert Row("", checks=(good, bad)).verdict == FAIL
+    assert Row("", checks=(good, bad), if_met=REPORTED).verdict == FAIL
+    assert Row("").verdict == REPORTED
+
+
+def _raises(error):
+    def call():
+        raise error
+
+    return call
+
+
+def test_only_a_refusal_that_says_why_is_met():
+    row = lambda call: refusal("", call, "the limit is 3")
+    assert row(_raises(InputError("too long: the limit is 3"))).verdict == REFUSED
+    assert row(_raises(InputError("too long"))).verdict == FAIL
+    assert row(_raises(InputError("the limit is 3\nor so"))).verdict == FAIL
+    assert row(_raises(ValueError("the limit is 3"))).verdict == FAIL
+    assert row(lambda: None).verdict == FAIL
+
+
+def test_a_case_that_breaks_is_a_row_that_fails():
+    def measure():
+        yield Row("first", checks=(Check("x", 0.0, 1.0),))
+        raise ZeroDivisionError("by none")
+
+    rows = list(rows_of(Case("S00", "", "", "", measure)))
+    assert [row.verdict for row in rows] == [PASS, FAIL]
+    assert "ZeroDivisionError: by none" in rows[1].seen
+
+
+def test_a_run_out_of_bounds_or_energy_fails():
+    ran = run_nodes(cube(400.0), jt.ForwardEuler(dt=0.1), 1.0)
+    method = Method("ForwardEuler", jt.ForwardEuler(dt=0.1), 1.0)
+    row = lambda *given: row_of("", "float64", method, ran, *given)
+    assert row((300.0, 400.0)).verdict == PASS
+    # The same run, were it to keep below 350 K, or its energy closer than it can be.
+    assert row((300.0, 350.0)).verdict == FAIL
+    none = {"float64": -1.0}
+    assert row((300.0, 400.0), Limits({"float64": 1e-9}, none)).verdict == FAIL
+    assert row((300.0, 350.0)).overshoot_K == pytest.approx(50.0, abs=1.0)
+    worse = ran._replace(nodes=(np.array([np.nan]),))
+    assert row_of("", "float64", method, worse, (300.0, 400.0)).verdict == FAIL
+
+
+def _some():
+    yield refusal("k = 0", lambda: jt.Material(0.0, 1.0, 1.0), "positive, finite")
+    yield Row("not a number", checks=(Check("x", float("nan"), 1.0),))
+
+
+def test_what_fails_is_written_as_what_passes_is(tmp_path, monkeypatch):
+    small = Case("S00", "two rows", "both", "none", _some)
+    monkeypatch.setattr(stiff, "CASES", (small,))
+    (found,) = catalogue.find("stiff")
+    result = catalogue.run(found, tmp_path, cases=" s00")["result"]
+    assert result["verdicts"] == {PASS: 0, REFUSED: 1, REPORTED: 0, FAIL: 1}
+    kept = json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))
+    rows = kept["result"]["cases"][0]["rows"]
+    assert [row["verdict"] for row in rows] == [REFUSED, FAIL]
+    assert rows[1]["checks"][0]["found"] == "nan"
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "S00: two rows" in text and "http" not in text
+    assert 'class="left missed">FAIL' in text
+
+
+@pytest.mark.slow
+@pytest.mark.slice
+def test_cheap_cases_pass(tmp_path):
+    (found,) = catalogue.find("stiff")
+    result = catalogue.run(found, tmp_path, cases="S14,S16")["result"]
+    assert result["verdicts"][FAIL] == 0
+    assert [case["case"] for case in result["cases"]] == ["S14", "S16"]
+
+
+def test_unknown_cases_are_refused():
+    for names in ("S99", "S01,x", " , "):
+        with pytest.raises(InputError, match="there are S01, S02"):
+            stiff.chosen(names)
+
+
+def test_the_island_has_a_gap():
+    solid = islands.island_body().structure.grid.solid
+    assert solid.any(axis=(1, 2)).tolist() == [True] * 3 + [False] * 2 + [True] * 3
