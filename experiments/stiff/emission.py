@@ -12,6 +12,8 @@ from .solved import Limits, judged, stable_step
 
 AROUND = 300.0
 METAL = jt.Material(200.0, density=2700.0, specific_heat=900.0, emissivity=1.0)
+EDGE = 1e-3
+"""Of a voxel [m]: of a cube that 1 s is long for."""
 MOST_NEWTON = 20
 STEPS = (1.0, 1e4, 1e8, 1e12)
 LIMITS = Limits(
@@ -29,7 +31,7 @@ def cube(start, dtype: str = "float64", around: float = AROUND) -> jt.Scene:
         dtype: of the scene.
         around: temperature of the enclosure [K].
     """
-    body = jt.Body(jt.FullVolume(block(2, 2, 2, 0.01)), METAL, temperature=start)
+    body = jt.Body(jt.FullVolume(block(2, 2, 2, EDGE)), METAL, temperature=start)
     return jt.Scene((body,), (jt.Surroundings(around),), dtype=dtype)
 
 

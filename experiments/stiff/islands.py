@@ -15,8 +15,9 @@ from jaxthermo.precision import precision
 from .bodies import COLD, COPPER, HOT, STEEL, block
 from .case import Case, Check, Row, broken, refusal
 from .contrasts import insulated, through_all
-from .methods import every_solver
-from .solved import row_of, run_nodes, stable_step
+from .digits import SOLVERS, heated
+from .methods import damping
+from .solved import Bounds, Method, row_of, run_nodes, stable_step
 
 
 PITCH = 0.01
@@ -43,19 +44,17 @@ def islands() -> Iterator[Row]:
     body = island_body()
     region = jt.Region((-1.0, -1.0, -1.0), (0.02, 1.0, 1.0))
     air = jt.Convection(50.0, 300.0, on=region)
-    for dtype in ("float64", "float32"):
-        scene = jt.Scene((body,), (air,), dtype=dtype)
-        far = body.structure.nodes().centre[:, 0] > 0.02
-        before = run_nodes(scene, jt.ForwardEuler(), 1e-9).nodes[0]
-        for method in every_solver(stable_step(scene)):
-            ran = run_nodes(scene, method.solver, method.end)
-            moved = float(np.abs(ran.nodes[0] - before)[far].max())
-            check = Check("island moved", moved, 0.0)
-            row = row_of("an island", dtype, method, ran, (300.0, 330.0), more=(check,))
-            yield row._replace(
-                seen=f"its neighbour by {_moved(ran, before, ~far):.2g} K"
-            )
-    yield _at_rest(jt.Scene((body,), (air,), dtype="float64"))
+    scene = jt.Scene((body,), (air,), dtype="float64")
+    far = body.structure.nodes().centre[:, 0] > 0.02
+    before = run_nodes(scene, jt.ForwardEuler(), 1e-9).nodes[0]
+    for method in damping(stable_step(scene)):
+        ran = run_nodes(scene, method.solver, method.end)
+        check = Check("island moved", _moved(ran, before, far), 0.0)
+        row = row_of(
+            "an island", scene.dtype, method, ran, (300.0, 330.0), more=(check,)
+        )
+        yield row._replace(seen=f"its neighbour by {_moved(ran, before, ~far):.2g} K")
+    yield _at_rest(scene)
 
 
 def _moved(ran, before, there) -> float:
@@ -119,17 +118,14 @@ def no_capacity() -> Iterator[Row]:
 
 def few_voxels() -> Iterator[Row]:
     """S15."""
-    for size in ((1, 1, 1), (1, 9, 1)):
-        grid = block(*size, PITCH)
-        body = jt.Body(jt.FullVolume(grid), STEEL, temperature=HOT)
-        air = jt.Convection(100.0, COLD)
-        scene = jt.Scene((body,), (air,), dtype="float64")
-        what = "x".join(map(str, size))
-        for method in every_solver(stable_step(scene)):
-            ran = run_nodes(scene, method.solver, method.end)
-            shape = ran.solution.surface_temperature.shape
-            fits = Check("fragments", shape[1], *2 * (len(grid.fragment_area),))
-            yield row_of(what, "float64", method, ran, (COLD, HOT), more=(fits,))
+    grid = block(1, 9, 1, PITCH)
+    body = jt.Body(jt.FullVolume(grid), STEEL, temperature=HOT)
+    line = jt.Scene((body,), (jt.Convection(100.0, COLD),), dtype="float64")
+    for method in damping(stable_step(line)):
+        yield _all_there("1x9x1", line, method, (COLD, HOT))
+    one = heated(STEEL, PITCH, "float32")
+    for name, solver in SOLVERS.items():
+        yield _all_there("1x1x1", one, Method(name, solver, 1000.0), (COLD, HOT))
     none = Mesh(np.zeros((0, 3)), np.zeros((0, 3), int))
     yield refusal("a mesh of nothing", lambda: jt.voxelize(none, PITCH), "no triangles")
     small = jt.shapes.box(0.1 * PITCH)
@@ -137,6 +133,15 @@ def few_voxels() -> Iterator[Row]:
         "a body below a voxel", lambda: jt.voxelize(small, PITCH), "finer pitch"
     )
     yield refusal("a grid of air alone", _in_air, "no solid voxel")
+
+
+def _all_there(what: str, scene: jt.Scene, method: Method, bounds: Bounds) -> Row:
+    """A run with a temperature for every fragment."""
+    ran = run_nodes(scene, method.solver, method.end)
+    fragments = len(scene.bodies[0].structure.grid.fragment_area)
+    shape = ran.solution.surface_temperature.shape
+    fits = Check("fragments", shape[1], fragments, fragments)
+    return row_of(what, scene.dtype, method, ran, bounds, more=(fits,))
 
 
 def _in_air() -> None:

@@ -8,7 +8,7 @@ import jaxthermo as jt
 
 from .bodies import COLD, STEEL, block
 from .case import Case, Check, Row, broken
-from .methods import every_solver
+from .methods import damping
 from .solved import Method, run_nodes, stable_step
 
 
@@ -49,7 +49,7 @@ def sources() -> Iterator[Row]:
     body = jt.Body(jt.FullVolume(grid), STEEL, temperature=COLD)
     lamp = jt.PointSource((1.0, 0.0, 0.03), 100.0, least_distance=LEAST)
     scene = jt.Scene((body,), (lamp,), dtype="float64")
-    for method in every_solver(stable_step(scene), ratio=100.0):
+    for method in damping(stable_step(scene), ratio=100.0)[:3]:
         yield _grazed(scene, method, grid)
 
 

@@ -75,6 +75,17 @@ def every_solver(stable: float, ratio: float = 1e3, steps: int = STEPS) -> list[
     ]
 
 
+def damping(stable: float, ratio: float = 1e3) -> list[Method]:
+    """All but the trapezoidal rule, which is there for comparison.
+
+    Args:
+        stable: the largest explicit step [s].
+        ratio: of the implicit solvers' step to it.
+    """
+    methods = every_solver(stable, ratio)
+    return [m for m in methods if not isinstance(m.solver, jt.CrankNicolson)]
+
+
 def too_long(what: str, scene: jt.Scene, ratio: float = 2.0) -> Row:
     """Explicit Euler above its limit, which it must refuse and name.
 

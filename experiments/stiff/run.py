@@ -117,10 +117,10 @@ def plain(row: Row) -> dict[str, Any]:
     fields["checks"] = [
         {
             "what": check.what,
-            "found": _number(check.found),
-            "least": _number(check.least),
-            "most": _number(check.most),
-            "met": check.met,
+            "found": _number(float(check.found)),
+            "least": _number(float(check.least)),
+            "most": _number(float(check.most)),
+            "met": bool(check.met),
         }
         for check in row.checks
     ]

@@ -20,7 +20,7 @@ from jaxtyping import Array, Float
 from ..network.network import inverse, precise_sum
 from ..scene.program import Program, State
 from .ledger import into_bodies
-from .loads import add_own_loads, irradiation, surface_nodes
+from .rates import load_slopes
 
 
 def closed(
@@ -105,16 +105,7 @@ def _slopes(
     program: Program, states: State, time: Float[Array, ""]
 ) -> tuple[Float[Array, " c"], Float[Array, " c"]]:
     """-d(entry)/d(state) of loads on one body, and of contacts [W/K], 0 or more."""
-    still = tuple(jnp.zeros_like(state) for state in states)
-    second = jnp.ones((), states[0].dtype)
-    given = irradiation(program, surface_nodes(program, states), time)
-
-    def brought(here):
-        nodes = surface_nodes(program, here)
-        return add_own_loads(program, nodes, given, still, time, second)[1]
-
-    ones = tuple(jnp.ones_like(state) for state in states)
-    own = jnp.maximum(-jax.jvp(brought, (states,), (ones,))[1], 0)
+    own = load_slopes(program, states, time).entries
     pairs = jnp.zeros_like(own)
     zero = jnp.zeros((), own.dtype)
     for contact in program.contacts:

@@ -103,7 +103,7 @@ def find_islands(
         InputError: if heat is brought to one, or taken from it.
     """
     part = _parts(scene, program, time)
-    slopes = load_slopes(program, _warm(program, states), time)
+    slopes = load_slopes(program, _warm(program, states), time).change
     capacity = _capacity(program, tools, states)
     leads_out = np.zeros(len(part), bool)
     leads_out[part[(_flat(slopes) > 0) | (capacity == 0)]] = True

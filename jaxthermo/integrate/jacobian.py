@@ -108,7 +108,7 @@ def linearized(
         held: from the diagonal to what is added to it where it is preconditioned, as
             A may be singular [W/K].
     """
-    slopes = load_slopes(program, states, time)
+    slopes = load_slopes(program, states, time).change
     networks = tuple(body.network.linear for body in program.bodies)
     steepness = tuple(map(_steepness, program.bodies, states))
     diagonal = on_nodes(

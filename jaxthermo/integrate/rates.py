@@ -38,8 +38,17 @@ def rates(program: Program, states: State, time: Float[Array, ""]) -> Rates:
     return Rates(change, entries)
 
 
-def load_slopes(program: Program, states: State, time: Float[Array, ""]) -> State:
-    """-d(change)/d(state) of each node by its own load [1/s], never negative.
+class Slopes(NamedTuple):
+    """How what loads bring falls as their nodes get warmer; never negative."""
+
+    change: State
+    """Of each node [1/s]."""
+    entries: Float[Array, " c"]
+    """Of each entry of the ledger, for all its nodes at once [W/K]."""
+
+
+def load_slopes(program: Program, states: State, time: Float[Array, ""]) -> Slopes:
+    """-d(loads)/d(state), of all but contacts.
 
     Loads but for contact act at single nodes, so one derivative along all ones is the
     whole of it. What bodies radiate counts, what comes back of it does not.
@@ -50,8 +59,8 @@ def load_slopes(program: Program, states: State, time: Float[Array, ""]) -> Stat
 
     def alone(here):
         nodes = surface_nodes(program, here)
-        return add_own_loads(program, nodes, given, still, time, second)[0]
+        return add_own_loads(program, nodes, given, still, time, second)
 
     ones = tuple(jnp.ones_like(state) for state in states)
-    _, slopes = jax.jvp(alone, (states,), (ones,))
-    return tuple(jnp.maximum(-slope, 0) for slope in slopes)
+    _, found = jax.jvp(alone, (states,), (ones,))
+    return Slopes(*jax.tree.map(lambda slope: jnp.maximum(-slope, 0), found))

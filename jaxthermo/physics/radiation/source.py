@@ -11,7 +11,7 @@ distance and the shadows. Where a source moves, it is frozen moment by moment.
 import abc
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import equinox as eqx
 import numpy as np
@@ -35,6 +35,9 @@ def fixed_or_moving(value: Any) -> Any:
         return value if callable(value) else tuple(float(number) for number in value)
     except (TypeError, ValueError):
         return value
+
+
+Own = TypeVar("Own", bound="AbstractSource")
 
 
 class AbstractSource(AbstractSurfaceTerm):
@@ -63,7 +66,7 @@ class AbstractSource(AbstractSurfaceTerm):
         """Whether its place is a function of time."""
         return callable(getattr(self, self.place))
 
-    def at(self, time: float) -> "AbstractSource":
+    def at(self: Own, time: float) -> Own:
         """The source as it stands at `time` [s]."""
         if not self.moves:
             return self
