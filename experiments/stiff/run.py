@@ -78,8 +78,11 @@ def run(folder: Path, cases: str | None = None) -> dict[str, Any]:
         cases: their names, with commas between; all if not given.
     """
     console, found, clock = _console(), [], time.perf_counter()
+    spans = {}
     for case in chosen(cases):
+        begin = time.perf_counter()
         rows = list(rows_of(case))
+        spans[case.name] = time.perf_counter() - begin
         console.print(case_table(case, rows))
         found.append((case, rows))
     took = time.perf_counter() - clock
@@ -96,6 +99,7 @@ def run(folder: Path, cases: str | None = None) -> dict[str, Any]:
                 "title": case.title,
                 "holds": case.holds,
                 "source": case.source,
+                "took_s": spans[case.name],
                 "rows": [plain(row) for row in rows],
             }
             for case, rows in found

@@ -186,6 +186,7 @@ def row_of(
     if effort is not None and most_newton is not None:
         taken = int(effort.newton) / max(ran.solution.run.steps, 1)
         checks.append(Check("Newton steps", taken, most_newton))
+        checks.append(Check("not settled", float(effort.newton_failed), 0.0))
     return Row(
         what,
         method.name,

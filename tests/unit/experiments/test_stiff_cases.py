@@ -20,7 +20,7 @@ from experiments.stiff.case import (
     rows_of,
 )
 from experiments.stiff.emission import cube
-from experiments.stiff.solved import Limits, Method, row_of, run_nodes
+from experiments.stiff.solved import Limits, Method, row_of, run_nodes, stable_step
 from jaxthermo.errors import InputError
 
 
@@ -66,8 +66,10 @@ def test_a_case_that_breaks_is_a_row_that_fails():
 
 
 def test_a_run_out_of_bounds_or_energy_fails():
-    ran = run_nodes(cube(400.0), jt.ForwardEuler(dt=0.1), 1.0)
-    method = Method("ForwardEuler", jt.ForwardEuler(dt=0.1), 1.0)
+    scene = cube(400.0)
+    dt = stable_step(scene) / 2
+    method = Method("ForwardEuler", jt.ForwardEuler(dt=dt), 10 * dt)
+    ran = run_nodes(scene, method.solver, method.end)
     row = lambda *given: row_of("", "float64", method, ran, *given)
     assert row((300.0, 400.0)).verdict == PASS
     # The same run, were it to keep below 350 K, or its energy closer than it can be.
