@@ -33,6 +33,8 @@ class Check(NamedTuple):
     @property
     def text(self) -> str:
         """As in "energy 2e-16 <= 1e-12"."""
+        if self.least == self.most:
+            return f"{self.what} {self.found:.6g} = {self.most:.6g}"
         below = "" if self.least == -math.inf else f"{self.least:.6g} <= "
         above = "" if self.most == math.inf else f" <= {self.most:.6g}"
         return f"{below}{self.what} {self.found:.3g}{above}"

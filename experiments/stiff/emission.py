@@ -44,7 +44,7 @@ def _from(start: float) -> Iterator[Row]:
         methods = [
             *explicit(stable),
             *(m for dt in STEPS for m in implicit(dt, f"{dt:g} s", 1)),
-            adaptive(1e6, error=0.1),
+            adaptive(1e3, error=0.1),
         ]
         for method in methods:
             # Newton's steps are counted over all stages: one for backward Euler.

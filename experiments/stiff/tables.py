@@ -54,8 +54,9 @@ def _time(seconds: float | None) -> str:
 
 
 def told(row: Row) -> list[str]:
-    """What was seen, and every check with its limits."""
-    return [*([row.seen] if row.seen else []), *(check.text for check in row.checks)]
+    """What was seen, and below it all checks with their limits."""
+    checks = "; ".join(check.text for check in row.checks)
+    return [line for line in (row.seen, checks) if line]
 
 
 def case_table(case: Case, rows: list[Row]) -> Table:
@@ -106,6 +107,7 @@ def page_of(found: list[tuple[Case, list[Row]]], took: float) -> str:
         page.table(
             ["case", "about", *(PASS, REFUSED, REPORTED, FAIL)],
             [_summary(case, rows) for case, rows in found],
+            left=True,
         ),
     ]
     for case, rows in found:
@@ -113,8 +115,9 @@ def page_of(found: list[tuple[Case, list[Row]]], took: float) -> str:
             page.heading(f"{case.name}: {case.title}"),
             page.terms([("must hold", case.holds), ("source", case.source)]),
             page.table(
-                [*HEADS, "seen; checks and their limits"],
-                [_page_cells(row) for row in rows],
+                [*HEADS[1:], "seen; checks and their limits"],
+                _page_rows(rows),
+                left=True,
             ),
         ]
     return page.document("Stiff and extreme cases", sections)
@@ -126,19 +129,29 @@ def _summary(case: Case, rows: list[Row]) -> list[str]:
     return [
         case.name,
         page.prose([case.title]),
-        *(number(n) for n in good),
+        *(page.marked(number(n)) for n in good),
         page.marked(number(failed), False if failed else None),
     ]
 
 
+def _page_rows(rows: list[Row]) -> list[list[str]]:
+    """A line a solver under what it solves."""
+    lines, what = [], None
+    for row in rows:
+        if row.what != what:
+            lines.append([page.spanning(row.what, len(HEADS))])
+            what = row.what
+        lines.append(_page_cells(row))
+    return lines
+
+
 def _page_cells(row: Row) -> list[str]:
-    *most, verdict = cells(row)
+    _, *most, verdict = cells(row)
     met = {FAIL: False, REPORTED: None}.get(row.verdict, True)
-    left = [page.marked(text) for text in most[:3]]
     return [
-        *left,
-        *most[3:8],
-        page.marked(most[8]),
+        *map(page.marked, most[:2]),
+        *most[2:7],
+        page.marked(most[7]),
         page.marked(verdict, met),
         page.prose(told(row)),
     ]
