@@ -42,7 +42,7 @@ def advance(
 
     if isinstance(steps, int):
         if checkpoints is None or checkpoints >= steps:
-            return jax.lax.fori_loop(0, steps, one, state)
+            return jax.lax.fori_loop(0, steps, _kept_alone(stepper, one), state)
         return eqxi.scan(
             lambda carry, i: (one(i, carry), None),
             state,
@@ -57,3 +57,14 @@ def advance(
     both = lambda i, state: one(2 * i + 1, one(2 * i, state))
     state = jax.lax.fori_loop(0, steps // 2, both, state)
     return jax.lax.fori_loop(steps - steps % 2, steps, one, state)
+
+
+def _kept_alone(stepper, one):
+    """A step of which reverse mode keeps nothing but the state before it.
+
+    All that a cheap step is made of takes longer to write and to read than to find
+    anew.
+    """
+    if not stepper.two_buffers:
+        return one
+    return jax.checkpoint(one, prevent_cse=False)

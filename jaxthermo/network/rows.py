@@ -9,12 +9,14 @@ cell with fine ones all round it) keep the rest of theirs in a sparse list.
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..arrays import rank_in_group
 from .network import AbstractNodeNetwork
+from .symmetric import Operator, computed_once, conduct
 
 
 LIST_COST, LIST_START = 6.0, 30_000.0
@@ -97,6 +99,36 @@ def row_layout(
     )
 
 
+def row_change(state, factors, layout):
+    """Conduction into each node [W], of rows of conductances and of neighbours."""
+    following, conductances, list_conductance = factors
+    neighbours, list_node, list_neighbour = layout
+    rate = jnp.zeros_like(state)
+    if following is not None:
+        flow = following * jnp.diff(state)
+        rate = rate + jnp.pad(flow, (0, 1)) - jnp.pad(flow, (1, 0))
+    for index, conductance in zip(neighbours, conductances, strict=True):
+        there = state.at[index].get(mode="promise_in_bounds")
+        rate = rate + conductance * (there - state)
+    if not len(list_node):
+        return rate
+    there = state.at[list_neighbour].get(mode="promise_in_bounds")
+    here = state.at[list_node].get(mode="promise_in_bounds")
+    flow = list_conductance * (there - here)
+    return rate.at[list_node].add(
+        flow, mode="promise_in_bounds", indices_are_sorted=True
+    )
+
+
+def _pull(values, state, factors, layout):
+    values, state = computed_once(values), computed_once(state)
+    change = lambda factors: row_change(state, factors, layout)
+    return jax.linear_transpose(change, factors)(values)[0]
+
+
+ROWS = Operator(row_change, row_change, lambda values, _: values, _pull)
+
+
 class RowNetwork(AbstractNodeNetwork):
     """Conductances in rows; a state is one value a node."""
 
@@ -113,21 +145,9 @@ class RowNetwork(AbstractNodeNetwork):
 
     def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
         """Conduction into each node [W]."""
-        rate = jnp.zeros_like(state)
-        if self.following is not None:
-            flow = self.following * jnp.diff(state)
-            rate = rate + jnp.pad(flow, (0, 1)) - jnp.pad(flow, (1, 0))
-        for index, conductance in zip(self.neighbour, self.conductance, strict=True):
-            there = state.at[index].get(mode="promise_in_bounds")
-            rate = rate + conductance * (there - state)
-        if not len(self.list_node):
-            return rate
-        there = state.at[self.list_neighbour].get(mode="promise_in_bounds")
-        here = state.at[self.list_node].get(mode="promise_in_bounds")
-        flow = self.list_conductance * (there - here)
-        return rate.at[self.list_node].add(
-            flow, mode="promise_in_bounds", indices_are_sorted=True
-        )
+        factors = self.following, self.conductance, self.list_conductance
+        layout = self.neighbour, self.list_node, self.list_neighbour
+        return conduct(ROWS, state, factors, layout)
 
     def diagonal(self) -> Float[Array, "..."]:
         """Sum of the conductances of each node's links [W/K]."""

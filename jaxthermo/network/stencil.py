@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, UInt8
 
 from .network import AbstractNetwork, precise_sum
+from .symmetric import Operator, computed_once, conduct, conduct_step
 
 
 def solid_degree(solid: Bool[np.ndarray, "x y z"]) -> np.ndarray:
@@ -32,6 +33,44 @@ def _neighbour_sum(state):
     return along_z + along_y + along_x
 
 
+def _spread(state, degree):
+    """The state inside, and the sum of neighbours less degree times it."""
+    # The barrier keeps XLA from widening the bytes once, outside the time loop:
+    # five bytes a voxel more to read at every step.
+    state, degree = jax.lax.optimization_barrier((state, degree))
+    centre = state[1:-1, 1:-1, 1:-1]
+    spread = _neighbour_sum(state) - degree.astype(state.dtype) * centre
+    return centre, jnp.where(degree > 0, spread, 0)
+
+
+def uniform_change(state, ratio, degree):
+    """Ratio (sum of six neighbours - degree T)."""
+    return jnp.pad(ratio * _spread(state, degree)[1], 1)
+
+
+def uniform_step(state, ratio, degree):
+    """T + ratio (sum of six neighbours - degree T)."""
+    centre, spread = _spread(state, degree)
+    # As a row in memory: the CPU compiler vectorizes a loop over it, and one that
+    # reloads a scalar it does not.
+    row = jnp.broadcast_to(ratio, (1, 1, degree.shape[2]))
+    return jnp.pad(centre + jax.lax.optimization_barrier(row) * spread, 1)
+
+
+def _inside(values, degree):
+    """Zero where no node has a neighbour: nothing conducts there."""
+    return jnp.pad(jnp.where(degree > 0, values[1:-1, 1:-1, 1:-1], 0), 1)
+
+
+def _pull(values, state, ratio, degree):
+    # Apart, or the compiler reduces over the stencil without vectors.
+    spread = conduct(UNIFORM, computed_once(values), jnp.ones_like(ratio), degree)
+    return (computed_once(spread) * state).sum()
+
+
+UNIFORM = Operator(uniform_change, uniform_step, _inside, _pull)
+
+
 class UniformStencil(AbstractNetwork):
     """A body of one material: one conductance, one capacity, and a byte a voxel."""
 
@@ -42,28 +81,16 @@ class UniformStencil(AbstractNetwork):
     """Of each voxel, rho c_p V [J/K]."""
     node_count: int
 
-    def _difference(self, state):
-        # The barrier keeps XLA from widening the bytes once, outside the time loop:
-        # five bytes a voxel more to read at every step.
-        state, degree = jax.lax.optimization_barrier((state, self.degree))
-        centre = state[1:-1, 1:-1, 1:-1]
-        spread = _neighbour_sum(state) - degree.astype(state.dtype) * centre
-        return centre, jnp.where(degree > 0, spread, 0)
-
     def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
         """Conduction into each node [W]."""
-        return jnp.pad(self.conductance * self._difference(state)[1], 1)
+        return conduct(UNIFORM, state, self.conductance, self.degree)
 
     def euler_step(
         self, state: Float[Array, "..."], dt: Float[Array, ""]
     ) -> Float[Array, "..."]:
         """T + r (sum of six neighbours - degree T), r = dt G / C."""
-        centre, spread = self._difference(state)
         ratio = dt * (self.conductance / self.node_capacity)
-        # As a row in memory: the CPU compiler vectorizes a loop over it, and one that
-        # reloads a scalar it does not.
-        row = jnp.broadcast_to(ratio, (1, 1, self.degree.shape[2]))
-        return jnp.pad(centre + jax.lax.optimization_barrier(row) * spread, 1)
+        return conduct_step(UNIFORM, state, ratio, self.degree)
 
     def diagonal(self) -> Float[Array, "..."]:
         """Conductance times degree [W/K]."""

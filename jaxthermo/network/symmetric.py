@@ -1,0 +1,149 @@
+"""Conduction as one linear primitive: its transpose is itself.
+
+What node i gets from node j is G_ij (T_j - T_i) with G symmetric, so the transpose of
+conduction is conduction of the cotangent, by the same fused loop. JAX would instead
+transpose every slice, pad and gather, several times slower, and keep an array for each.
+Forward mode, reverse mode and any mixture of the two are those of JAX: the primitive
+is linear in the state and linear in the conductances, and says so. Where a link has an
+entry for each of its ends, second derivatives hold for both together, not for one.
+"""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax.extend.core import Primitive
+from jax.interpreters import ad, batching, mlir
+from jaxtyping import Array, Float
+
+
+class Operator(NamedTuple):
+    """What conducts: functions of a state, of factors and of a layout.
+
+    A state is zero where there is no node. Factors are arrays that the change is
+    proportional to; a layout is arrays that nothing is differentiated by.
+    """
+
+    change: Callable[..., Float[Array, "..."]]
+    """change(state, factors, layout): bilinear, and symmetric in the state."""
+    step: Callable[..., Float[Array, "..."]]
+    """The state and its change, in one."""
+    inside: Callable[..., Float[Array, "..."]]
+    """inside(values, layout): zero where there is no node."""
+    pull: Callable[..., Any]
+    """pull(values, state, factors, layout): derivative of the sum of values times
+    change by each factor; values are zero where there is no node."""
+
+
+def conduct(
+    operator: Operator,
+    state: Float[Array, "..."],
+    factors: Any,
+    layout: Any,
+) -> Float[Array, "..."]:
+    """The change of a state.
+
+    Args:
+        operator: what conducts.
+        state: of every node.
+        factors: arrays that the change is proportional to.
+        layout: arrays of which nothing depends smoothly.
+    """
+    return _bind(operator.change, operator, state, factors, layout)
+
+
+def conduct_step(
+    operator: Operator,
+    state: Float[Array, "..."],
+    factors: Any,
+    layout: Any,
+) -> Float[Array, "..."]:
+    """The state with its change, for the same arguments."""
+    return _bind(operator.step, operator, state, factors, layout)
+
+
+def computed_once(values: Float[Array, "..."]) -> Float[Array, "..."]:
+    """The values, which a compiler does not find again for each neighbour.
+
+    XLA puts whatever is cheap into the loop that reads it, once for every read. A
+    division is not cheap; the barrier hides that this one is by 1.
+    """
+    row = (1,) * (values.ndim - 1) + values.shape[-1:]
+    one = jnp.ones(row, values.dtype)
+    return values / jax.lax.optimization_barrier(one)
+
+
+def _bind(function, operator, state, factors, layout):
+    values, tree = jax.tree.flatten((factors, layout))
+    count = len(jax.tree.leaves(factors))
+    return _conduction.bind(
+        state, *values, function=function, operator=operator, tree=tree, count=count
+    )
+
+
+_conduction = Primitive("conduction")
+
+
+def _plain(state, *values, function, operator, tree, count):
+    del operator, count
+    return function(state, *jax.tree.unflatten(tree, values))
+
+
+def _shape(state, *values, **params):
+    del values, params
+    return state.update(weak_type=False)
+
+
+def _jvp(primals, tangents, *, function, operator, tree, count):
+    state, *values = primals
+    along_state, *along_values = tangents
+    rest = {"operator": operator, "tree": tree, "count": count}
+    out = _conduction.bind(*primals, function=function, **rest)
+    along = ad.Zero(jax.typeof(out).to_tangent_aval())
+    if not isinstance(along_state, ad.Zero):
+        along = _conduction.bind(along_state, *values, function=function, **rest)
+    moved = along_values[:count]
+    if not all(isinstance(value, ad.Zero) for value in moved):
+        moved = [ad.instantiate_zeros(value) for value in moved]
+        change = _conduction.bind(
+            state, *moved, *values[count:], function=operator.change, **rest
+        )
+        along = ad.add_tangents(along, change)
+    return out, along
+
+
+def _transpose(cotangent, state, *values, function, operator, tree, count):
+    nothing = [None] * (1 + len(values))
+    if isinstance(cotangent, ad.Zero):
+        return nothing
+    linear = [ad.is_undefined_primal(value) for value in values]
+    known = [
+        jnp.zeros(value.aval.shape, value.aval.dtype) if free else value
+        for free, value in zip(linear, values, strict=True)
+    ]
+    factors, layout = jax.tree.unflatten(tree, known)
+    inside = operator.inside(cotangent, layout)
+    if ad.is_undefined_primal(state):
+        once = computed_once(inside)
+        out = _bind(function, operator, once, factors, layout)
+        # What does not conduct keeps what it has.
+        kept = cotangent - inside if function is operator.step else 0
+        return [out + kept, *nothing[1:]]
+    pulled = jax.tree.leaves(operator.pull(inside, state, factors, layout))
+    given = zip(linear[:count], pulled, strict=True)
+    return [None, *(p if free else None for free, p in given), *nothing[count + 1 :]]
+
+
+def _batch(values, axes, **params):
+    return jax.vmap(partial(_plain, **params), axes)(*values), 0
+
+
+_static = ("function", "operator", "tree", "count")
+_conduction.def_impl(jax.jit(_plain, static_argnames=_static))
+_conduction.def_abstract_eval(_shape)
+mlir.register_lowering(_conduction, mlir.lower_fun(_plain, multiple_results=False))
+ad.primitive_jvps[_conduction] = _jvp
+ad.primitive_transposes[_conduction] = _transpose
+batching.primitive_batchers[_conduction] = _batch
