@@ -2,12 +2,14 @@
 
 In one run, in turn: every body's own conduction, the whole scene, and the scene without
 each of its mechanisms. A mechanism's share is what the scene is faster without it.
-Besides, one body whose terms all do nothing against the bare loop of its network.
+Besides, one body whose terms all do nothing against the bare loop of its network:
+these two alone, in turn, over more steps and more often, for they hardly differ.
 """
 
 import time
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -28,29 +30,45 @@ from jaxthermo.scene.compile import compile_scene
 
 CONFIG = Path("configs/scenes/mixed.yaml")
 STEPS = 100
+MORE_STEPS = 500
+"""Of one body with idle terms and of its bare loop, for a call of a third of a
+second."""
+MORE_REPEATS = 4
+"""How many times as often these two are measured."""
 
 Times = dict[str, list[float]]
+"""Wall time of a step [s], of each call."""
+
+
+class Runner(NamedTuple):
+    """A call that takes some steps."""
+
+    call: Callable[[], Any]
+    steps: int
 
 
 @eqx.filter_jit
-def _steps(program, state: RunState, dt) -> RunState:
-    start, steps = jnp.zeros_like(dt), jnp.asarray(STEPS)
+def _steps(program, state: RunState, dt, steps) -> RunState:
+    start = jnp.zeros_like(dt)
     return advance(EulerStepper(), program, state, start, dt, steps)
 
 
-def _runner(scene: jt.Scene, dt: float):
-    """A call that takes all steps of a scene."""
-    compiled = compile_scene(scene, 1, dt * STEPS)
+def _runner(scene: jt.Scene, dt: float, steps: int = STEPS) -> Runner:
+    """Steps of a scene."""
+    compiled = compile_scene(scene, 1, dt * steps)
     program = compiled.program
     state = RunState(
         compiled.state, empty_ledger(len(program.entries), compiled.state[0].dtype)
     )
     step = jnp.asarray(dt, compiled.state[0].dtype)
-    return lambda: jax.block_until_ready(_steps(program, state, step))
+    count = jnp.asarray(steps)
+    return Runner(
+        lambda: jax.block_until_ready(_steps(program, state, step, count)), steps
+    )
 
 
-def _bare(body: jt.Body, dt: float):
-    """The same steps of a network alone, without scene, terms or ledger."""
+def _bare(body: jt.Body, dt: float, steps: int) -> Runner:
+    """Steps of a network alone, without scene, terms or ledger."""
     compiled = compile_scene(jt.Scene((body,)))
     network, state = compiled.program.bodies[0].network, compiled.state[0]
     step = jnp.asarray(dt, state.dtype)
@@ -58,25 +76,28 @@ def _bare(body: jt.Body, dt: float):
     @eqx.filter_jit
     def loop(network, state):
         twice = lambda _, s: network.euler_step(network.euler_step(s, step), step)
-        return jax.lax.fori_loop(0, STEPS // 2, twice, state)
+        return jax.lax.fori_loop(0, steps // 2, twice, state)
 
-    return lambda: jax.block_until_ready(loop(network, state))
+    return Runner(lambda: jax.block_until_ready(loop(network, state)), steps)
 
 
-def _measure(runners: dict[str, Any], repeats: int) -> Times:
-    """Wall time of each call [s], in turn, after one that compiles."""
+def _measure(runners: dict[str, Runner], repeats: int) -> Times:
+    """All in turn, forth and back, after a call of each that compiles."""
     times: Times = {name: [] for name in runners}
-    for call in runners.values():
-        call()
+    for runner in runners.values():
+        runner.call()
+    order = list(runners.items())
     for _ in range(repeats):
-        for name, call in runners.items():
+        for name, runner in order:
             clock = time.perf_counter()
-            call()
-            times[name].append(time.perf_counter() - clock)
+            runner.call()
+            times[name].append((time.perf_counter() - clock) / runner.steps)
+        order.reverse()
     return times
 
 
-def _runners(scene: jt.Scene, dt: float) -> dict[str, Any]:
+def _runners(scene: jt.Scene, dt: float) -> dict[str, Runner]:
+    """The scene, its bodies alone, and the scene without each term."""
     bodies = {
         f"conduction of body {n}": _runner(jt.Scene((body,), dtype=scene.dtype), dt)
         for n, body in enumerate(scene.bodies)
@@ -92,17 +113,22 @@ def _runners(scene: jt.Scene, dt: float) -> dict[str, Any]:
         )
         for term in scene.terms
     }
+    return {"scene": _runner(scene, dt), **bodies, **without}
+
+
+def _idle_runners(scene: jt.Scene, dt: float) -> dict[str, Runner]:
+    """The first body with terms that do nothing, and its network alone."""
     idle = (
         jt.Sun((0.0, 0.0, -1.0), 0.0),
         jt.Wind((0.0, 0.0, 0.0), 300.0),
         jt.Contact(100.0),
     )
     first = scene.bodies[0]
-    alone = {
-        "one body, idle terms": _runner(jt.Scene((first,), idle, scene.dtype), dt),
-        "bare loop": _bare(first, dt),
+    with_idle = jt.Scene((first,), idle, scene.dtype)
+    return {
+        "one body, idle terms": _runner(with_idle, dt, MORE_STEPS),
+        "bare loop": _bare(first, dt, MORE_STEPS),
     }
-    return {"scene": _runner(scene, dt), **bodies, **without, **alone}
 
 
 def run(
@@ -129,6 +155,7 @@ def run(
     set_up = time.perf_counter() - clock
     dt = float(compiled.stable_step)
     times = _measure(_runners(scene, dt), repeats)
+    times |= _measure(_idle_runners(scene, dt), MORE_REPEATS * repeats)
     found = _results(scene, times)
     _show(scene, found, built, set_up)
     return {
@@ -139,7 +166,7 @@ def run(
         "set_up_s": set_up,
         "nodes": compiled.receipt.nodes,
         "fragments": compiled.receipt.fragments,
-        "times_s": times,
+        "step_s": times,
     }
 
 
@@ -167,7 +194,7 @@ def _results(scene: jt.Scene, times: Times) -> dict[str, Any]:
         "shares": {"conduction": float(np.median(conduction / whole)), **shares},
         "idle_over_bare": _ratio(arrays["one body, idle terms"], arrays["bare loop"]),
         "step_ms": {
-            name: 1e3 * float(np.median(each)) / STEPS for name, each in arrays.items()
+            name: 1e3 * float(np.median(each)) for name, each in arrays.items()
         },
     }
 

@@ -111,38 +111,53 @@ class SurfaceTerms(eqx.Module):
         """
         by_entry = jnp.zeros(len(self.names), theta.dtype)
         total, rates = self.rates(time, theta)
-        for (number, term), rate in zip(self.numbered, rates, strict=True):
-            by_entry = by_entry.at[number].add(_in_all(term, time, rate))
+        for number, whole in self.imposed(time, theta):
+            by_entry = by_entry.at[number].add(whole)
+        for number, rate in rates.items():
+            by_entry = by_entry.at[number].add(precise_sum(rate))
         return total, by_entry
 
-    @property
-    def numbered(self) -> NumberedTerms:
-        """All of them, in the order of `rates`."""
-        return (*self.free, *self.held)
+    def imposed(
+        self, time: Float[Array, ""], theta: Float[Array, " m"]
+    ) -> list[tuple[int, Float[Array, "*b"]]]:
+        """What terms of one flux for all places bring in all, by their entries [W].
+
+        Arguments as of `heat`. Known without a look at the places.
+        """
+        found = []
+        for n, term in self.free:
+            if _is_uniform(term, time, theta):
+                with jax.named_scope(self.names[n]):
+                    whole = jnp.asarray(term.total_share) * term.law.flux(time, theta)
+                found.append((n, whole))
+        return found
 
     def rates(
         self, time: Float[Array, ""], theta: Float[Array, " m"]
-    ) -> tuple[Float[Array, " m"], list[Float[Array, " m"]]]:
-        """Heat rate through each place, in all and of each term [W].
+    ) -> tuple[Float[Array, " m"], dict[int, Float[Array, " m"]]]:
+        """Heat rate through each place, in all and by entry, but of the `imposed` [W].
 
         Arguments as of `heat`. What all free terms bring is what conduction carries on.
         """
         rates, excess = self._solve(time, theta)
-        held = [self._rate(n, term, time, theta) for n, term in self.held]
-        carried = jnp.asarray(self.half_cell) * excess
-        return sum(held, carried), [*rates, *held]
+        total = jnp.asarray(self.half_cell) * excess
+        for n, term in self.held:
+            rate = self._rate(n, term, time, theta)
+            rates[n] = rates.get(n, 0) + rate
+            total = total + rate
+        return total, rates
 
     def _rate(self, number, term, time, theta):
         with jax.named_scope(self.names[number]):
             return term.heat_rate(time, theta)
 
     def _solve(self, time, theta):
-        """Heat rate of each free term, and the excess, which agree to rounding."""
+        """Heat rate of each free entry, and the excess, which agree to rounding."""
         bent = [(n, term) for n, term in self.free if not term.law.is_linear]
-        others = [term for _, term in self.free if term.law.is_linear]
+        linear = [(n, term) for n, term in self.free if term.law.is_linear]
         zero = jnp.zeros_like(theta)
-        brought = sum((term.heat_rate(time, zero) for term in others), zero)
-        slope = sum((term.slope(time, zero) for term in others), zero)
+        brought = sum((term.heat_rate(time, zero) for _, term in linear), zero)
+        slope = sum((term.slope(time, zero) for _, term in linear), zero)
         if bent:
             newton = partial(self._newton, bent, brought, slope, time, theta)
             start = zero
@@ -154,28 +169,29 @@ class SurfaceTerms(eqx.Module):
                     0, self.steps - 1, lambda _, excess: newton(excess)[0], start
                 )
             # The last step alone carries the derivative of the solution, exactly.
-            excess, corrections = newton(jax.lax.stop_gradient(start))
+            excess, rates = newton(jax.lax.stop_gradient(start))
         else:
-            excess, corrections = self._linear(theta, brought, slope), []
-        corrected, there = iter(corrections), theta + excess
-        rates = [
-            self._rate(n, t, time, there) if t.law.is_linear else next(corrected)
-            for n, t in self.free
-        ]
+            excess, rates = self._linear(theta, brought, slope), {}
+        for n, term in linear:
+            if not _is_uniform(term, time, theta):
+                rates[n] = rates.get(n, 0) + self._rate(n, term, time, theta + excess)
         return rates, excess
 
     def _linear(self, theta, brought, slope):
         return _ratio(brought - slope * theta, slope + self.half_cell)
 
     def _newton(self, bent, brought, slope, time, theta, excess):
-        """The next excess, and what each bent law brings as linear about this one."""
-        here = theta + excess
-        bring = [self._rate(n, term, time, here) for n, term in bent]
-        slopes = [term.slope(time, here) for _, term in bent]
-        net = sum(bring, brought - slope * here - self.half_cell * excess)
-        change = _ratio(net, sum(slopes, slope + self.half_cell))
-        rates = [q - s * change for q, s in zip(bring, slopes, strict=True)]
-        return excess + change, rates
+        """The next excess, and what the bent laws of each entry bring, as linear here.
+
+        Those of one entry, such as sky and ground, are one: fewer arrays are written.
+        """
+        here, bring, slopes = theta + excess, {}, {}
+        for n, term in bent:
+            bring[n] = bring.get(n, 0) + self._rate(n, term, time, here)
+            slopes[n] = slopes.get(n, 0) + term.slope(time, here)
+        net = sum(bring.values(), brought - slope * here - self.half_cell * excess)
+        change = _ratio(net, sum(slopes.values(), slope + self.half_cell))
+        return excess + change, {n: bring[n] - slopes[n] * change for n in bring}
 
     def _start(self, time, theta, brought, slope):
         """Where Newton's method starts; laws that do not shed by their tangents."""
@@ -280,7 +296,6 @@ def _host_sums(values, number, places):
     return sums.reshape(*values.shape[:-1], places)
 
 
-def _in_all(term: BoundTerm, time, rate) -> Float[Array, ""]:
-    if isinstance(term.law, ImposedFlux):
-        return jnp.asarray(term.total_share) * term.law.flux(time, rate)
-    return precise_sum(rate)
+def _is_uniform(term: BoundTerm, time, theta) -> bool:
+    """Whether one flux goes into all places; on several bodies it may differ."""
+    return isinstance(term.law, ImposedFlux) and not term.law.flux(time, theta).ndim

@@ -139,6 +139,7 @@ def _program(scene, prepared, look: Look, volumes: Volumes, rules: Rules) -> Pro
         body, place = _body(one, bound, volumes, rules, group, around, dtype)
         bodies.append(body)
         places.append(place)
+    counts = tuple(0 if b.load is None else len(b.load.node) for b in bodies)
     return Program(
         bodies=tuple(bodies),
         joined=None,
@@ -154,7 +155,7 @@ def _program(scene, prepared, look: Look, volumes: Volumes, rules: Rules) -> Pro
             )
             for key, size in rules.sizes.items()
         ),
-        enclosure=None if around is None else merged_enclosure(around, places),
+        enclosure=None if around is None else merged_enclosure(around, places, counts),
         fine_enclosure=around,
         entries=rules.entries.entries,
         knots=tuple(sorted({k for value in values for k in knots(value)})),

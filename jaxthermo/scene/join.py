@@ -39,19 +39,22 @@ def join_loads(moments: Sequence[tuple[SurfaceLoad, ...]]) -> list[JoinedLoad]:
     held = _joints(moments, lambda terms: terms.held)
     joints, steps = [*free, *held], _steps(first)
     bound = [_bound(joint, places) for joint in joints]
+    each = [
+        tuple(joint.entry.get(body, -1) for body in range(len(places)))
+        for joint in joints
+    ]
+    # Those of the same entries, such as sky and ground, have one number.
+    entries = tuple(dict.fromkeys(each))
+    numbers = [entries.index(own) for own in each]
     made = []
     for m, loads in enumerate(moments):
-        numbered = tuple((k, terms[m]) for k, terms in enumerate(bound))
+        numbered = tuple((k, t[m]) for k, t in zip(numbers, bound, strict=True))
         terms = SurfaceTerms(
-            names=tuple(joint.name for joint in joints),
+            names=tuple(joints[numbers.index(k)].name for k in range(len(entries))),
             half_cell=_concatenate([load.terms.half_cell for load in loads]),
             free=numbered[: len(free)],
             held=numbered[len(free) :],
             steps=steps,
-        )
-        entries = tuple(
-            tuple(joint.entry.get(body, -1) for body in range(len(places)))
-            for joint in joints
         )
         made.append(JoinedLoad(terms, entries, places))
     return made

@@ -9,13 +9,13 @@ would run at once and in many small pieces, three times slower than one after th
 from collections.abc import Sequence
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from ..network.network import precise_sum
 from ..physics.balance import SurfaceTerms
-from ..physics.boundary import ImposedFlux
 
 
 class JoinedLoad(eqx.Module):
@@ -28,7 +28,7 @@ class JoinedLoad(eqx.Module):
     """On their places, one body's after another's, numbered as `entries` are. Total
     shares are one a body."""
     entries: tuple[tuple[int, ...], ...] = eqx.field(static=True)
-    """Of each term on each body, its entry in the ledger; -1 where it does not act."""
+    """Of each number, each body's entry in the ledger; -1 where it has none."""
     places: tuple[int, ...] = eqx.field(static=True)
     """How many each body has."""
 
@@ -60,35 +60,35 @@ class JoinedLoad(eqx.Module):
             terms = terms.radiating(jnp.concatenate(radiated), emits)
         here = jnp.concatenate(thetas)
         heat, rates = terms.rates(time, here)
-        whole, summed = [], {}
-        for (number, term), rate in zip(terms.numbered, rates, strict=True):
-            entry = self.entries[number]
-            flux = _imposed(term.law, time, here)
-            if flux is not None:
-                whole.append((entry, term.total_share * flux))
-            else:
-                # Those of the same entries, such as sky and ground, are summed as one.
-                summed[entry] = summed[entry] + rate if entry in summed else rate
-        for entry, rate in summed.items():
-            each = [precise_sum(own) for own in self._apart(rate)]
-            whole.append((entry, jnp.stack(each)))
-        return self._apart(heat), _entered(whole, entries, heat.dtype)
+        closed = self._closed()
+        each = [(n, self._sums(rate)) for n, rate in rates.items() if n != closed]
+        each += [(n, flux) for n, flux in terms.imposed(time, here) if n != closed]
+        if closed is not None:
+            each.append((closed, self._sums(heat) - sum(own for _, own in each)))
+        return self._apart(heat), self._entered(each, entries, heat.dtype)
+
+    def _closed(self) -> int | None:
+        """The entry of the laws that cost most, if any bends: what others leave.
+
+        All bring what goes through, so it need not be summed, nor kept in an array, nor
+        computed twice; it is as exact as the heat of all.
+        """
+        sizes: dict[int, int] = {}
+        for n, term in self.terms.free:
+            if not term.law.is_linear:
+                held = sum(np.size(leaf) for leaf in jax.tree.leaves(term.law))
+                sizes[n] = sizes.get(n, 0) + held
+        return max(sizes, key=lambda n: sizes[n], default=None)
+
+    def _sums(self, values: Float[Array, " p"]) -> Float[Array, " b"]:
+        return jnp.stack([precise_sum(own) for own in self._apart(values)])
+
+    def _entered(self, each, entries: int, dtype) -> Float[Array, " c"]:
+        """What terms bring to each body, by the entries of the ledger."""
+        where = np.array([entry for n, _ in each for entry in self.entries[n]])
+        acts = np.flatnonzero(where >= 0)
+        brought = jnp.concatenate([own for _, own in each])
+        return jnp.zeros(entries, dtype).at[where[acts]].add(brought[acts])
 
     def _apart(self, values: Float[Array, " p"]) -> list[Float[Array, " _"]]:
         return jnp.split(values, np.cumsum(self.places)[:-1].tolist())
-
-
-def _imposed(law, time, here):
-    """A flux that is one number for all bodies; of traced ones that is not known."""
-    if not isinstance(law, ImposedFlux):
-        return None
-    flux = law.flux(time, here)
-    return None if flux.ndim else flux
-
-
-def _entered(whole, entries: int, dtype) -> Float[Array, " c"]:
-    """What terms bring to each body, by the entries of the ledger."""
-    where = np.array([number for entry, _ in whole for number in entry])
-    brought = jnp.concatenate([each for _, each in whole])
-    acts = np.flatnonzero(where >= 0)
-    return jnp.zeros(entries, dtype).at[where[acts]].add(brought[acts])

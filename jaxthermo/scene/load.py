@@ -12,8 +12,23 @@ from .program import SurfaceReading
 from .surface_load import SurfaceLoad
 
 
+FEWEST_SPARE, MOST_SPARE = 16, 1024
+"""Places come in multiples of a power of two between these."""
+
+
 def _pick(address: HostAddress, nodes: Int[np.ndarray, " m"]) -> Address:
     return tuple(jnp.asarray(index[nodes]) for index in address)
+
+
+def even_size(count: int) -> int:
+    """The next size that processors share without a rest, at most 1/16 or 16 larger.
+
+    XLA checks the bounds of every element of a loop that its threads do not divide
+    evenly, and such a loop is not vectorized: several times slower.
+    """
+    most = max(count // 16, 1)
+    step = min(max(1 << (most.bit_length() - 1), FEWEST_SPARE), MOST_SPARE)
+    return -(-count // step) * step
 
 
 def surface_load(
@@ -45,13 +60,13 @@ def surface_load(
     place[touched] = inverse.reshape(-1)
     nodes, node = np.unique(places // signatures, return_inverse=True)
     node = node.reshape(-1).astype(np.int32)
-    where = _pick(one.address, nodes)
+    where, count = _pick(one.address, nodes), even_size(len(places))
     load = SurfaceLoad(
         address=where,
         capacity=one.network.capacity_at(where),
-        node=jnp.asarray(node),
+        node=jnp.asarray(np.pad(node, (0, count - len(node)))),
         slots=tuple(jnp.asarray(slot) for slot in members(node, len(nodes))),
-        terms=terms.merged(place, len(places)),
+        terms=terms.merged(place, count),
     )
     return load, place
 

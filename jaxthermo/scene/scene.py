@@ -111,6 +111,12 @@ class Body(eqx.Module):
     """How the surface's temperature is read from the nodes."""
 
     def __check_init__(self):
+        if not self.structure.grid.solid.any():
+            raise InputError(
+                f"Body({type(self.structure).__name__}): its grid of "
+                f"{' x '.join(map(str, self.structure.grid.solid.shape))} voxels has "
+                "no solid voxel; voxelize a closed mesh at a finer pitch"
+            )
         if callable(self.temperature) or is_traced(self.temperature):
             return
         try:

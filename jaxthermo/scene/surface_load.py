@@ -11,8 +11,9 @@ class SurfaceLoad(eqx.Module):
     """What acts on a body's surface in the time loop.
 
     Fragments of one node on which the same terms act are one place; a fragment on which
-    nothing acts has none. Places are summed by gathering, and every node is then
-    written once, which is several times faster than adding to it in turn.
+    nothing acts has none. Some more at the end, without share, make their number even
+    (`load.even_size`). Places are summed by gathering, and every node is then written
+    once, which is several times faster than adding to it in turn.
     """
 
     address: Address
@@ -22,7 +23,7 @@ class SurfaceLoad(eqx.Module):
     node: Int[Array, " p"]
     """Of each place, its node among them."""
     slots: tuple[Int[Array, " m"], ...]
-    """Of each node, its k-th place; one past the last where it has fewer."""
+    """Of each node, its k-th place; where it has fewer, one without share or none."""
     terms: SurfaceTerms
     """On the places."""
 

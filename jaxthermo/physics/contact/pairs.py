@@ -11,6 +11,8 @@ from ...errors import InputError
 SETTLING_STEPS = 50
 SETTLED = 1e-3
 """Share of a fragment's area that may be covered twice."""
+ROUNDING = 1e-12
+"""Share of a fragment's area that is none."""
 
 
 class ContactPairs(NamedTuple):
@@ -121,8 +123,9 @@ def paired(
 
 
 def _coverage(fragment, area, fragment_area):
-    covered = np.bincount(fragment, area, minlength=len(fragment_area))
-    return np.minimum(covered / fragment_area, 1.0)
+    share = np.bincount(fragment, area, minlength=len(fragment_area)) / fragment_area
+    # Or a place would be left that is nothing but rounding, at some pitches.
+    return np.where(share > 1 - ROUNDING, 1.0, share)
 
 
 def _settled(a, b, area, fragment_area_b):

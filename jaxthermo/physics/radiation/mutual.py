@@ -204,15 +204,17 @@ def patches_of(fine: Enclosure) -> list[Int[np.ndarray, " s"]]:
     return np.split(np.asarray(fine.exchange.patch), ends)
 
 
-def merged_enclosure(fine: Enclosure, place: list[Int[np.ndarray, " _"]]) -> Enclosure:
+def merged_enclosure(
+    fine: Enclosure, place: list[Int[np.ndarray, " _"]], places: tuple[int, ...]
+) -> Enclosure:
     """The same on places that several fragments of one patch make up.
 
     Args:
         fine: on fragments.
         place: of the fragments of each body; -1 where no place is.
+        places: how many each body has; one without fragments exchanges nothing.
     """
     exchange = fine.exchange
-    places = tuple(int(own.max(initial=-1)) + 1 for own in place)
     first = np.cumsum([0, *places])
     number = np.concatenate(
         [

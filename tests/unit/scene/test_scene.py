@@ -1,5 +1,7 @@
 """Scenes that cannot be meant are refused when they are put together."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -16,6 +18,16 @@ def structure():
 def test_a_start_that_is_no_temperature_is_refused(structure, temperature):
     with pytest.raises(jt.InputError, match="give kelvin"):
         jt.Body(structure, jt.materials["copper"], temperature=temperature)
+
+
+def test_a_body_of_air_alone_is_refused_in_one_line(structure):
+    full = structure.grid
+    fields = ("position", "normal", "area", "voxel", "axis", "layer")
+    none = {f"fragment_{f}": getattr(full, f"fragment_{f}")[:0] for f in fields}
+    grid = replace(full, solid=np.zeros_like(full.solid), **none)
+    with pytest.raises(jt.InputError, match="2 x 2 x 2 .* no solid voxel") as raised:
+        jt.Body(jt.FullVolume(grid), jt.materials["copper"], temperature=300.0)
+    assert "\n" not in str(raised.value)
 
 
 def test_two_surroundings_are_refused(structure):

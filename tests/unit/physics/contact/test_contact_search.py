@@ -8,6 +8,7 @@ from placed import ball_grid, box_grid, moved, placed, pose
 
 from jaxthermo.errors import InputError
 from jaxthermo.physics.contact.search import contacts_between, find_contacts
+from tests.bodies import blocks
 
 
 # Small enough for one compiled program to make all grids.
@@ -44,6 +45,16 @@ def test_matching_lattices_touch_fragment_by_fragment():
     assert (pairs.coverage_a > 0).sum() == (pairs.coverage_b > 0).sum() == 25
     assert pairs.coverage_a.max() == pytest.approx(1.0)
     check_sums(pairs, ON_TOP, BELOW)
+
+
+@pytest.mark.parametrize("pitch", [1e-5 * 3**n for n in range(10)])
+def test_faces_that_match_are_covered_whole_at_any_scale(pitch):
+    """To the last digit: rounding of the pitch leaves no sliver bare."""
+    grid = blocks(np.ones((3, 2, 2), bool), pitch)
+    pairs = find_contacts(placed(grid), placed(grid, (3 * pitch, 0.0, 0.0)))
+    assert pairs.count == 4
+    for coverage in (pairs.coverage_a, pairs.coverage_b):
+        assert np.unique(coverage).tolist() == [0.0, 1.0]
 
 
 def test_swapping_the_bodies_swaps_the_pairs():
