@@ -17,6 +17,7 @@ from .case import Case, Check, Row, broken, refusal
 from .contrasts import insulated, through_all
 from .digits import SOLVERS, heated
 from .methods import damping
+from .scales import rod
 from .solved import Bounds, Method, row_of, run_nodes, stable_step
 
 
@@ -118,11 +119,9 @@ def no_capacity() -> Iterator[Row]:
 
 def few_voxels() -> Iterator[Row]:
     """S15."""
-    grid = block(1, 9, 1, PITCH)
-    body = jt.Body(jt.FullVolume(grid), STEEL, temperature=HOT)
-    line = jt.Scene((body,), (jt.Convection(100.0, COLD),), dtype="float64")
+    line = rod(8, STEEL, 100.0)
     for method in damping(stable_step(line)):
-        yield _all_there("1x9x1", line, method, (COLD, HOT))
+        yield _all_there("8x1x1", line, method, (COLD, HOT))
     one = heated(STEEL, PITCH, "float32")
     for name, solver in SOLVERS.items():
         yield _all_there("1x1x1", one, Method(name, solver, 1000.0), (COLD, HOT))

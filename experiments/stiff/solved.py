@@ -171,16 +171,13 @@ def row_of(
 ) -> Row:
     """The row of a run; arguments as of `judged`, with `more` checks."""
     over, effort = ran.beyond(bounds), ran.solution.run.effort
-    most = {
-        "kept": limits.overshoot[dtype],
-        "bounded": bounds[1] - bounds[0],
-        # Whatever it is, it is a number.
-        "reported": np.finfo(dtype).max,
+    kept, bounded = limits.overshoot[dtype], bounds[1] - bounds[0]
+    overshoot = {
+        "kept": Check("overshoot", over, kept),
+        "bounded": Check("overshoot", over, bounded),
+        "reported": Check("not finite", float(not np.isfinite(over)), 0.0),
     }[method.bounds]
-    checks = [
-        Check("overshoot", over, float(most)),
-        Check("energy", ran.residual, limits.energy[dtype]),
-    ]
+    checks = [overshoot, Check("energy", ran.residual, limits.energy[dtype])]
     if effort is not None:
         checks.append(Check("unsaid", float(unsaid(ran, dtype, method.solver)), 0.0))
     if effort is not None and most_newton is not None:

@@ -4,7 +4,8 @@ from rich.box import SIMPLE
 from rich.markup import escape
 from rich.table import Table
 
-from ..structures import page
+from jaxthermo.cli import page
+
 from .case import FAIL, PASS, REFUSED, REPORTED, Case, Row
 
 

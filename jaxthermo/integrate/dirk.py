@@ -6,15 +6,21 @@ Of a stage that was solved f_i = (eta_i - base_i) / (d dt), which does not ampli
 the solve left over. The heat that the ledger enters is the same sum of the mechanisms'
 rates; what rounding and the solver's tolerance leave between the two, `closing` evens
 out, so that energy closes whatever the tolerance.
+
+A method whose first stage is explicit takes the start's rates for a part of the step. A
+body far hotter than what is around would lose more heat by that than it holds: nodes
+would fall below 0 K, from where no implicit part brings them back; a far colder one
+would get hotter than anything there is. Where laws are not linear, such a step is
+backward Euler's instead, in the same stages.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from ..scene.program import Program, State
 from .closing import closed
@@ -50,6 +56,19 @@ TR_BDF2 = Tableau(
 )
 """Source: Hosea and Shampine, Applied Numerical Mathematics 20 (1996) 21-37."""
 
+RETREATS = {
+    CRANK_NICOLSON: Tableau(True, ((0.0, 1.0),), (0.0, 0.5)),
+    TR_BDF2: Tableau(True, ((0.0, 0.5), (0.0, 0.5, 0.5)), (0.0, 0.25, 0.75)),
+}
+"""Steps of backward Euler, of the same stages as another method."""
+
+LEAST_LEFT = 0.5
+"""Of a node's absolute temperature, after the explicit part of a step: with less even
+the next stage of TR-BDF2, which goes 1.2 times as far, might start from below 0 K."""
+
+MOST_REACHED = 2.0
+"""Of the hottest that a body can get, if that is known."""
+
 
 class Taken(NamedTuple):
     """A step, before it is accepted."""
@@ -69,6 +88,7 @@ def take(
     states: State,
     start: Float[Array, ""],
     dt: Float[Array, ""],
+    retreat: Tableau | None = None,
 ) -> Taken:
     """One step.
 
@@ -79,16 +99,28 @@ def take(
         states: at the start.
         start: [s].
         dt: the step [s].
+        retreat: method where an explicit first stage goes too far.
     """
     slopes: list[State] = []
     entries: list[Float[Array, " c"]] = []
-    effort, times = no_effort(states[0].dtype), list(tableau.times)
+    effort, weights = no_effort(states[0].dtype), tableau.weights
+    times: Any = tableau.times
     if tableau.explicit:
-        first = rates(program, states, _within(start, dt, times.pop(0)))
+        first = rates(program, states, _within(start, dt, times[0]))
         slopes.append(first.change)
         entries.append(first.entries)
+        if retreat is not None:
+            ahead = _sum(states, dt, weights[0][:1], slopes)
+            kept = _in_reach(program, tools, states, ahead)
+            # The same numbers in the same places, or the step would be compiled twice.
+            weights, times = jax.tree.map(
+                lambda own, other: jnp.where(kept, jnp.asarray(own, dt.dtype), other),
+                (weights, times),
+                (retreat.weights, retreat.times),
+            )
+        times = times[1:]
     guess = states
-    for row, share in zip(tableau.weights, times, strict=True):
+    for row, share in zip(weights, times, strict=True):
         base = _sum(states, dt, row[:-1], slopes)
         g = row[-1] * dt
         solved: Stage = solve_stage(
@@ -97,11 +129,30 @@ def take(
         guess, effort = solved.states, effort.plus(solved.effort)
         slopes.append(jax.tree.map(lambda e, b, g=g: (e - b) / g, guess, base))
         entries.append(solved.entries)
-    last = tableau.weights[-1]
+    last = weights[-1]
     heat = dt * sum(w * e for w, e in zip(last, entries, strict=True))
     end = _within(start, dt, times[-1])
     after, heat = closed(program, states, guess, heat, last[-1] * dt, end)
     return Taken(after, heat, tuple(slopes), effort)
+
+
+def _in_reach(
+    program: Program, tools: Tools, states: State, ahead: State
+) -> Bool[Array, ""]:
+    """Whether no node is taken far below its temperature, or above any there can be."""
+    found = []
+    bodies = zip(program.bodies, tools.ceilings, states, ahead, strict=True)
+    for body, ceiling, now, then in bodies:
+        known = jnp.isfinite(ceiling)
+        above = (
+            body.network.temperature(x)
+            for x in (now, then, jnp.where(known, ceiling, 0))
+        )
+        before, after, most = (body.reference + each for each in above)
+        most = MOST_REACHED * jnp.maximum(most, before)
+        low = after < LEAST_LEFT * before
+        found.append(~(low | (known & (after > most))).any())
+    return jnp.stack(found).all()
 
 
 def _sum(states: State, dt, weights, slopes) -> State:
@@ -110,13 +161,12 @@ def _sum(states: State, dt, weights, slopes) -> State:
     return states
 
 
-def _within(start, dt, share: float) -> Float[Array, ""]:
+def _within(start, dt, share) -> Float[Array, ""]:
     """A time in the step; its end is just before whatever is switched there."""
-    if share < 1:
-        return start + dt * share
     end = start + dt
     rounding = END_ROUNDINGS * jnp.finfo(end.dtype).eps * jnp.abs(end)
-    return end - jnp.maximum(rounding, END_SHARE * dt)
+    last = end - jnp.maximum(rounding, END_SHARE * dt)
+    return jnp.where(share < 1, start + dt * share, last)
 
 
 class ImplicitStepper(AbstractStepper):
@@ -137,6 +187,7 @@ class ImplicitStepper(AbstractStepper):
         dt: Float[Array, ""],
     ) -> RunState:
         """One step of the method."""
-        taken = take(program, self.tools, self.tableau, state.theta, start, dt)
+        retreat = None if self.tools.linear else RETREATS.get(self.tableau)
+        taken = take(program, self.tools, self.tableau, state.theta, start, dt, retreat)
         ledger = state.ledger.add(taken.heat)
         return RunState(taken.states, ledger, state.work.plus(taken.effort))

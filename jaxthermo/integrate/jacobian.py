@@ -23,7 +23,7 @@ from ..network.network import AbstractNetwork, inverse
 from ..network.nonlinear import NonlinearNetwork
 from ..physics.contact.links import ContactLinks
 from ..scene.program import Program, State
-from .rates import load_slopes
+from .rates import conduction, load_slopes
 from .tools import Tools
 
 
@@ -39,7 +39,7 @@ class Jacobian(eqx.Module):
     def mv(self, u: State) -> State:
         """A u [W]."""
         image = [
-            own * each - network.heat_rate(each)
+            own * each - conduction(network, each)
             for own, network, each in zip(self.diagonal, self.networks, u, strict=True)
         ]
         zero = jnp.zeros((), u[0].dtype)

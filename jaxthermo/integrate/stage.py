@@ -169,6 +169,8 @@ class _Iterate(NamedTuple):
 
 def _newton(program, tools: Tools, base, g, time, guess) -> _Iterate:
     dtype = guess[0].dtype
+    # A stage may start from where an explicit part overshot all that bounds the scene.
+    ceilings = jax.tree.map(lambda c, b: jnp.maximum(c, b.max()), tools.ceilings, base)
 
     def iterate(now: _Iterate) -> _Iterate:
         at = linearized(program, tools, now.states, 1 / g, time)
@@ -177,7 +179,7 @@ def _newton(program, tools: Tools, base, g, time, guess) -> _Iterate:
         change, (reached, stats) = linear_step(at, heat, solver)
         after = jax.tree.map(jnp.add, now.states, change)
         if not tools.linear:
-            after = jax.tree.map(jnp.minimum, after, tools.ceilings)
+            after = jax.tree.map(jnp.minimum, after, ceilings)
         moved = largest(jax.tree.map(jnp.subtract, after, now.states))
         # Whether an earlier solve was exact does not matter.
         spent = replace(now.effort, linear_failed=~reached, left=stats["left"])
@@ -193,18 +195,19 @@ def _newton(program, tools: Tools, base, g, time, guess) -> _Iterate:
     now = _Iterate(guess, *first, jnp.asarray(jnp.inf, dtype), no_effort(dtype))
     if tools.linear:
         return iterate(now)
-    rounding = 8 * jnp.finfo(dtype).eps * (1 + largest(base))
+    # Of what was found: a stage may end thousands of kelvin from where it starts.
+    rounding = lambda i: 8 * jnp.finfo(dtype).eps * (1 + largest((base, i.states)))
     # At least once: steps that change less than the tolerance would add up to nothing.
     goes_on = lambda i: (
         (i.effort.newton < 1)
-        | ((largest(i.residual) > tools.tolerance) & (i.moved > rounding))
+        | ((largest(i.residual) > tools.tolerance) & (i.moved > rounding(i)))
     )
     now = jax.lax.while_loop(
         lambda i: goes_on(i) & (i.effort.newton < MOST_NEWTON), iterate, now
     )
     # What is left where no step moves anything is rounding; NaN is no convergence.
     settled = (largest(now.residual) <= tools.tolerance) | (
-        now.moved <= jnp.maximum(rounding, 10 * tools.tolerance)
+        now.moved <= jnp.maximum(rounding(now), 10 * tools.tolerance)
     )
     return now._replace(effort=replace(now.effort, newton_failed=~settled))
 

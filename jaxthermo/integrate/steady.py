@@ -126,7 +126,9 @@ def _newton(program, own: Tools, start: State, time, islands: Islands | None):
 
     first = _Iterate(start, endless, endless, no_effort(dtype))
     last = jax.lax.while_loop(goes_on, iterate, first)
-    failed = ~(last.moved <= own.tolerance)
+    # Less than a last digit moves nothing, and is not reached by that.
+    digit = jnp.finfo(dtype).eps * largest(last.states)
+    failed = ~(jnp.maximum(last.moved, digit) <= own.tolerance)
     return last.states, replace(
         last.effort,
         linear_failed=last.effort.linear_failed | (failed & own.linear),
