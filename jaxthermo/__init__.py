@@ -21,6 +21,8 @@ _HOME = {
     "FragmentMask": "voxels.select",
     "Cylinder": "voxels.cylinders",
     "ConductionWeights": "structures.weights",
+    "FitCard": "structures.card",
+    "load_card": "config.card_file",
     "FullVolume": "structures.full",
     "SingleShell": "structures.shell",
     "MultiLevel": "structures.multilevel",

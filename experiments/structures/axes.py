@@ -1,7 +1,5 @@
-"""Logarithmic axes, and colours that stay with their structure in every chart."""
+"""Colours that stay with their structure in every chart."""
 
-import math
-from collections.abc import Sequence
 from typing import Any
 
 import altair as alt
@@ -27,41 +25,8 @@ OTHER = ("#6b4423", "#cfa27c")
 ALONE = 0.3
 """Between the two, where a kind has one structure only."""
 
-MARGIN = 0.08
-"""Of an axis, beyond what is shown."""
-
 Paint = dict[str, str]
 """The colour of each label."""
-
-
-class LogAxis:
-    """Holds all values, with ticks at 1, 2 and 5 or at powers of ten."""
-
-    def __init__(self, values: Sequence[float | int], title: str):
-        """Values above 0."""
-        low, high = math.log10(min(values)), math.log10(max(values))
-        margin = MARGIN * max(high - low, 0.5)
-        self.low, self.high = low - margin, high + margin
-        self.title = title
-
-    @property
-    def ticks(self) -> list[float]:
-        """Round numbers on the axis."""
-        factors = (1, 2, 5) if self.high - self.low < 3.2 else (1,)
-        exponents = range(math.floor(self.low) - 1, math.ceil(self.high) + 1)
-        every = (float(f"{f}e{n}") for n in exponents for f in factors)
-        return [v for v in every if self.low <= math.log10(v) <= self.high]
-
-    def of(self, field: str) -> dict[str, Any]:
-        """Arguments of `alt.X` or `alt.Y` for a field of the data."""
-        ends = [10**self.low, 10**self.high]
-        return {
-            "shorthand": field,
-            "type": "quantitative",
-            "title": self.title,
-            "scale": alt.Scale(type="log", domain=ends, nice=False),
-            "axis": alt.Axis(values=self.ticks, format=".4~r"),
-        }
 
 
 def colours(kinds: dict[str, str]) -> Paint:

@@ -6,6 +6,13 @@ import numpy as np
 from jaxtyping import Float
 from PIL import Image
 
+from jaxthermo.cli.difference_scale import (
+    BACKGROUND,
+    DifferenceScale,
+    difference_bar,
+    nice_limit,
+)
+from jaxthermo.cli.sheet import ColourBar, Tile, sheet
 from jaxthermo.image.annotate import write_png
 from jaxthermo.image.palette import apply_palette
 from jaxthermo.image.ticks import decimals_of, label, nice_ticks, time_label, to_celsius
@@ -13,8 +20,6 @@ from jaxthermo.image.ticks import decimals_of, label, nice_ticks, time_label, to
 from .config import FULL
 from .frames import Scenery
 from .record import Record, Row
-from .scale import BACKGROUND, DifferenceScale, nice_limit
-from .sheet import ColourBar, Tile, sheet
 from .study import Study
 
 
@@ -68,13 +73,9 @@ def difference_sheet(
         Tile(scale.picture(d, scene.body), row["label"], _rms(d, scene))
         for d, row in zip(differences, rows, strict=True)
     ]
-    line = np.linspace(-1.0, 1.0, 512)
-    ticks = np.asarray(scale.ticks())
-    places = (scale.place(ticks) + 1) / 2
-    bar = ColourBar(
-        colours=scale.colour(line),
-        ticks=tuple((float(p), _signed(t)) for p, t in zip(places, ticks, strict=True)),
-        title="structure less full volume [K], one scale for all; "
+    bar = difference_bar(
+        scale,
+        "structure less full volume [K], one scale for all; "
         f"the largest difference is {sizes.max():.2g} K",
     )
     title = f"{where}: difference from the full volume"
@@ -116,8 +117,3 @@ def _frame_tile(
 
 def _rms(difference: Frame, scene: Scenery) -> str:
     return f"RMS {np.sqrt((difference[scene.body] ** 2).mean()):.2g} K"
-
-
-def _signed(value: float) -> str:
-    sign = "" if value == 0 else "+" if value > 0 else "-"
-    return f"{sign}{abs(value):g}"

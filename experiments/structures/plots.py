@@ -4,25 +4,18 @@ from typing import Any
 
 import altair as alt
 
-from .axes import LogAxis, Paint, colour, colours
+from jaxthermo.cli.charts import DOT, Chart, LogAxis, legend
+
+from .axes import Paint, colour, colours
 from .record import Row
 
 
 Point = dict[str, Any]
-Chart = alt.Chart | alt.LayerChart | alt.FacetChart
 
 WIDTH, HEIGHT = 640.0, 420.0
 
-DOT = 90.0
-"""Area of a point [px^2]."""
-
 SHAPES = ("circle", "square", "triangle-up", "diamond", "triangle-down", "cross")
 """One for each load."""
-
-
-def legend(title: str | None = None) -> alt.Legend:
-    """With room for the longest label."""
-    return alt.Legend(title=title, labelLimit=260, symbolSize=DOT, symbolOpacity=1)
 
 
 def error_against_time(rows: list[Row], paint: Paint, title: str) -> Chart:

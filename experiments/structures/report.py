@@ -5,9 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from jaxthermo.atomic import replacing
+from jaxthermo.cli import page
+from jaxthermo.cli.charts import write_chart
 from jaxthermo.memory import readable_bytes
 
-from . import page
 from .axes import Paint, colours
 from .cases import all_cases
 from .claims import Claim
@@ -18,7 +19,6 @@ from .plots import by_levels, by_thickness, error_against_time, error_over_time
 from .record import Row
 from .study import Study
 from .summary import Line
-from .svg import write_chart
 from .tables import in_words, seconds, span, times
 
 

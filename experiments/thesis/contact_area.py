@@ -8,6 +8,8 @@ import altair as alt
 import numpy as np
 from rich.table import Table
 
+from jaxthermo.cli.charts import LogAxis, write_chart
+from jaxthermo.cli.sheet import ColourBar, Tile, sheet
 from jaxthermo.geometry.pose import Pose
 from jaxthermo.geometry.shapes import box, sphere
 from jaxthermo.image.annotate import write_png
@@ -16,10 +18,6 @@ from jaxthermo.image.palette import palette_table
 from jaxthermo.physics.contact.bodies import PlacedGrid
 from jaxthermo.physics.contact.search import find_contacts
 from jaxthermo.voxels.voxelize import voxelize
-
-from ..structures.axes import LogAxis
-from ..structures.sheet import ColourBar, Tile, sheet
-from ..structures.svg import write_chart
 
 
 RESOLUTIONS = (8, 16, 32, 64, 128, 256)

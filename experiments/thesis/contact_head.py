@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from rich.table import Table
 
+from jaxthermo.cli.sheet import ColourBar, Tile, sheet
 from jaxthermo.geometry.mesh import Mesh
 from jaxthermo.geometry.pose import Pose
 from jaxthermo.geometry.shapes import sphere
@@ -20,8 +21,6 @@ from jaxthermo.physics.contact.conductance import contact_conductance_of
 from jaxthermo.physics.contact.pairs import ContactPairs, contact_flux
 from jaxthermo.physics.contact.search import find_contacts
 from jaxthermo.voxels.voxelize import voxelize
-
-from ..structures.sheet import ColourBar, Tile, sheet
 
 
 BALL = 0.18

@@ -6,11 +6,11 @@ from typing import Any
 from rich.console import Console
 
 from jaxthermo.atomic import replacing
+from jaxthermo.cli import page
+from jaxthermo.cli.charts import write_chart
 from jaxthermo.geometry.shapes import figurine
 from jaxthermo.voxels.cylinder_parts import ALIKE
 
-from ..structures import page
-from ..structures.svg import write_chart
 from . import (
     convection_average as average,
     convection_cooling as cooling,

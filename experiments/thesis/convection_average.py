@@ -8,9 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from rich.table import Table
 
+from jaxthermo.cli.charts import LogAxis
 from jaxthermo.physics.convection.nusselt import AVERAGES, profile
-
-from ..structures.axes import LogAxis
 
 
 REYNOLDS = (1.0, 40.0, 1e3, 4e3, 1e4, 3e4, 7.08e4, 1.4e5, 2.19e5)

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from rich.table import Table
 
+from jaxthermo.cli.charts import Chart
 from jaxthermo.geometry.shapes import cylinder
 from jaxthermo.image.annotate import contact_sheet, write_png
 from jaxthermo.image.camera import OrthographicCamera
@@ -25,7 +26,6 @@ from jaxthermo.scene.scene import Body, Scene
 from jaxthermo.structures.full import FullVolume
 from jaxthermo.voxels.voxelize import voxelize
 
-from ..structures.plots import Chart
 from .convection_local import HEIGHT, SHADES, WIDTH
 
 

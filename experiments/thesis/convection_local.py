@@ -11,11 +11,10 @@ import jax.numpy as jnp
 import numpy as np
 from rich.table import Table
 
+from jaxthermo.cli.charts import Chart
 from jaxthermo.physics.convection.cross_flow import local_nusselt
 from jaxthermo.physics.convection.knots import cylinder_knots
 from jaxthermo.physics.convection.nusselt import profile
-
-from ..structures.plots import Chart
 
 
 DATA = Path(__file__).with_name("data") / "nu_local_cylinder.csv"

@@ -6,9 +6,9 @@ from typing import Any
 from rich.console import Console
 
 from jaxthermo.atomic import replacing
+from jaxthermo.cli import page
+from jaxthermo.cli.charts import write_chart
 
-from ..structures import page
-from ..structures.svg import write_chart
 from . import radiation_bodies as bodies, radiation_light as light
 from .radiation_occlusion import show_occlusion
 

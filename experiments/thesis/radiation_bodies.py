@@ -6,6 +6,7 @@ import altair as alt
 import numpy as np
 from rich.table import Table
 
+from jaxthermo.cli.charts import Chart, LogAxis
 from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.geometry.pose import Pose
 from jaxthermo.geometry.shapes import box
@@ -15,9 +16,6 @@ from jaxthermo.physics.radiation.view_factor import DIRECTIONS, view_factors
 from jaxthermo.reference.view_factor import parallel_rectangles
 from jaxthermo.voxels.grid import VoxelGrid
 from jaxthermo.voxels.voxelize import voxelize
-
-from ..structures.axes import LogAxis
-from ..structures.plots import Chart
 
 
 HOT, COLD = 400.0, 300.0

@@ -8,6 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxthermo as jt
+from jaxthermo.cli.difference_scale import BACKGROUND
+from jaxthermo.cli.sheet import ColourBar, Tile, sheet
 from jaxthermo.geometry.shapes import box, figurine, sphere
 from jaxthermo.image.annotate import write_png
 from jaxthermo.image.camera import OrthographicCamera, frame_all
@@ -19,9 +21,6 @@ from jaxthermo.image.view import look
 from jaxthermo.physics.radiation.occlusion import DIRECTIONS, sky_view
 from jaxthermo.raster.layers import peel
 from jaxthermo.voxels.voxelize import voxelize
-
-from ..structures.scale import BACKGROUND
-from ..structures.sheet import ColourBar, Tile, sheet
 
 
 TALL = 0.3

@@ -7,8 +7,8 @@ from rich.table import Table
 from rich.text import Text
 
 from jaxthermo.atomic import replacing
+from jaxthermo.cli import page
 
-from ..structures import page
 from .case import Bound, Check, Group, Order
 from .running import FAILED, PASSED, REPORTED, Outcome, named
 from .uncovered import NOT_COVERED

@@ -1,7 +1,9 @@
 """From a validated config to structures, their weights and surface maps."""
 
-from typing import assert_never
+from collections.abc import Mapping
+from typing import Any, assert_never
 
+from ..errors import InputError
 from ..structures.aggregate import Aggregate
 from ..structures.full import FullVolume
 from ..structures.irregular import IrregularMultiLevel
@@ -21,6 +23,7 @@ from ..structures.weights import ConductionWeights
 from ..voxels.grid import VoxelGrid
 from . import schema_structure as schema
 from .array_files import read_labels
+from .card_file import load_card
 
 
 def build_structure(
@@ -29,9 +32,9 @@ def build_structure(
     """The nodes and links that stand for a body.
 
     Raises:
-        InputError: if the labels of a partition are not to be used.
+        InputError: if the labels of a partition, or a fit card, are not to be used.
     """
-    weights = ConductionWeights(**dict(config.weights))
+    weights = build_weights(config)
     match config:
         case schema.FullVolume():
             return FullVolume(grid, weights=weights)
@@ -55,6 +58,34 @@ def build_structure(
             return Partition(grid, read_labels(labels), weights=weights)
         case _:
             assert_never(config)
+
+
+def build_weights(config: schema.StructureConfig) -> ConductionWeights:
+    """The weights as given, or those of a fit card.
+
+    Raises:
+        InputError: for a card of another kind of structure.
+    """
+    given = config.weights
+    if given.card is None:
+        return ConductionWeights(**given.model_dump(exclude={"card"}))
+    card = load_card(given.card)
+    own = structure_options(config)
+    if dict(card.structure) != own:
+        raise InputError(
+            f"weights: {given.card.name} is of {_listed(card.structure)}, and the "
+            f"structure is {_listed(own)}: fit one for it, or use the card's structure"
+        )
+    return card.weights
+
+
+def structure_options(config: schema.StructureConfig) -> dict[str, Any]:
+    """The kind and options of a structure as plain values, without its weights."""
+    return config.model_dump(mode="json", exclude={"weights"}, exclude_none=True)
+
+
+def _listed(options: Mapping[str, Any]) -> str:
+    return ", ".join(f"{name} {value}" for name, value in options.items())
 
 
 def build_surface_map(config: schema.SurfaceMapConfig) -> AbstractSurfaceMap:

@@ -19,7 +19,13 @@ ALTERNATIVES = (
 )
 """Keys of which a mapping holds one: setting it takes the place of the other."""
 
-SHORT = {"structure": "kind", "surface_map": "kind", "wake": "kind", "material": "name"}
+SHORT = {
+    "structure": "kind",
+    "surface_map": "kind",
+    "wake": "kind",
+    "material": "name",
+    "weights": "card",
+}
 """Keys that may hold a word alone, and what the word is a value of."""
 
 

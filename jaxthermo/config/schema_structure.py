@@ -2,12 +2,12 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import BeforeValidator, Discriminator, Field, Tag
 
 from .fields import Auto, Flag, NotEmpty, Number, Whole
 from .found import FoundPath
 from .kinds import KindModel, by_kind, short_kind
-from .model import Model
+from .model import Mistake, Model
 
 
 def _number_or_list(value: Any) -> str:
@@ -41,13 +41,35 @@ class WeightsConfig(Model):
     surface: Weight = 1.0
     capacity: Shares = 1.0
     surface_distance: Weight = 1.0
+    share: Annotated[Number, Field(ge=-10, le=10)] = 0.0
+    card: FoundPath | None = None
+    """A fit card, whose weights they are."""
+
+    def mistakes(self) -> list[Mistake]:
+        """Weights beside those of a card."""
+        if self.card is None:
+            return []
+        given = [
+            name
+            for name, field in type(self).model_fields.items()
+            if name != "card" and getattr(self, name) != field.default
+        ]
+        return [((name,), "is in the card: give one or the other") for name in given]
+
+
+def _card(value: Any) -> Any:
+    return {"card": value} if isinstance(value, str) else value
+
+
+CardOrWeights = Annotated[WeightsConfig, BeforeValidator(_card)]
+"""Factors, or the path of a fit card."""
 
 
 class FullVolume(KindModel):
     """Every solid voxel."""
 
     kind: Literal["full_volume"] = "full_volume"
-    weights: WeightsConfig = WeightsConfig()
+    weights: CardOrWeights = WeightsConfig()
 
 
 class SingleShell(KindModel):
@@ -55,7 +77,7 @@ class SingleShell(KindModel):
 
     kind: Literal["single_shell"] = "single_shell"
     capacity: Literal["body", "own"] = "body"
-    weights: WeightsConfig = WeightsConfig()
+    weights: CardOrWeights = WeightsConfig()
 
 
 class MultiLevel(KindModel):
@@ -64,7 +86,7 @@ class MultiLevel(KindModel):
     kind: Literal["multi_level"] = "multi_level"
     levels: Count = 10
     hollow: Literal["empty", "innermost"] = "empty"
-    weights: WeightsConfig = WeightsConfig()
+    weights: CardOrWeights = WeightsConfig()
 
 
 class IrregularMultiLevel(KindModel):
@@ -73,7 +95,7 @@ class IrregularMultiLevel(KindModel):
     kind: Literal["irregular_multi_level"] = "irregular_multi_level"
     levels: Levels = None
     keep_capacity: Flag = False
-    weights: WeightsConfig = WeightsConfig()
+    weights: CardOrWeights = WeightsConfig()
 
 
 class Octree(KindModel):
@@ -81,7 +103,7 @@ class Octree(KindModel):
 
     kind: Literal["octree"] = "octree"
     levels: Levels = None
-    weights: WeightsConfig = WeightsConfig()
+    weights: CardOrWeights = WeightsConfig()
 
 
 class Aggregate(KindModel):
@@ -90,7 +112,7 @@ class Aggregate(KindModel):
     kind: Literal["aggregate"] = "aggregate"
     factor: Count = 4
     least_time_constant: Annotated[float, Field(ge=0, le=1)] = 0.45
-    weights: WeightsConfig = WeightsConfig()
+    weights: CardOrWeights = WeightsConfig()
 
 
 class ShellOverCore(KindModel):
@@ -99,7 +121,7 @@ class ShellOverCore(KindModel):
     kind: Literal["shell_over_core"] = "shell_over_core"
     layers: Count = 1
     factor: Count = 4
-    weights: WeightsConfig = WeightsConfig()
+    weights: CardOrWeights = WeightsConfig()
 
 
 class Partition(KindModel):
@@ -107,7 +129,7 @@ class Partition(KindModel):
 
     kind: Literal["partition"] = "partition"
     labels: FoundPath
-    weights: WeightsConfig = WeightsConfig()
+    weights: CardOrWeights = WeightsConfig()
 
 
 StructureConfig = Annotated[

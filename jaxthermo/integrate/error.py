@@ -75,7 +75,7 @@ def surface_error(solution: AnySolution, reference: AnySolution) -> SurfaceError
         InputError: if they differ in their fragments or times, no time is after 0, or
             the reference's surface has no range to measure by.
     """
-    _check_surfaces(solution.surfaces, reference.surfaces)
+    check_surfaces(solution.surfaces, reference.surfaces)
     wide = {str(s.surface_temperature.dtype) for s in (solution, reference)}
     with precision("float64" if "float64" in wide else "float32"):
         later = _later(solution, reference)
@@ -172,9 +172,10 @@ def _listed(times: Float[np.ndarray, " t"]) -> str:
     return f"[{', '.join(shown)}]"
 
 
-def _check_surfaces(
+def check_surfaces(
     found: tuple[SolvedSurface, ...], expected: tuple[SolvedSurface, ...]
 ) -> None:
+    """Raise unless both are the same fragments of the same bodies."""
     if len(found) != len(expected):
         raise InputError(
             f"surface_error: {len(found)} bodies and the reference has "

@@ -29,8 +29,7 @@ from ..network.rows import row_layout, row_network
 from ..network.stencil import UniformStencil, solid_degree
 from ..structures.full import FullVolume
 from ..structures.structure import AbstractStructure
-from ..structures.voxel_share import link_axes
-from ..structures.weights import ConductionWeights
+from ..structures.voxel_share import link_axes, nearest_volume
 from ..tracing import is_traced
 
 
@@ -173,7 +172,7 @@ def _assemble_links(
     capacity = heat * jnp.asarray(nodes.volume, k.dtype)
     if not structure.weights.are_one:
         conductance = conductance * link_weights(structure, k.dtype)
-        capacity = weighted_capacity(structure.weights, nodes.level, capacity)
+        capacity = weighted_capacity(structure, capacity)
     layout = row_layout(len(nodes.volume), links.src, links.dst)
     return row_network(layout, conductance, capacity)
 
@@ -195,23 +194,45 @@ def link_weights(structure: AbstractStructure, dtype: Any) -> Float[Array, " e"]
     outside[structure.fragment_node()] = True
     touches = outside[links.src] | outside[links.dst]
     surface = jnp.where(touches, jnp.asarray(weights.surface, dtype), 1)
-    return jnp.where(crosses, between, within) * surface
+    return jnp.where(crosses, between, within) * surface * _of_links(structure, dtype)
+
+
+def _of_links(structure: AbstractStructure, dtype: Any) -> Float[Array, "*#e"]:
+    each = jnp.asarray(structure.weights.links, dtype)
+    if each.ndim and len(each) != structure.link_count:
+        raise InputError(
+            f"weights: links has {len(each)} values and the structure has "
+            f"{structure.link_count} links: they were fitted to another body or pitch"
+        )
+    return each
 
 
 def weighted_capacity(
-    weights: ConductionWeights,
-    level: Int[np.ndarray, " n"],
-    capacity: Float[Array, " n"],
+    structure: AbstractStructure, capacity: Float[Array, " n"]
 ) -> Float[Array, " n"]:
-    """Capacities with the factors of their levels, and the same total [J/K].
+    """Capacities with the factors of their levels and shares.
+
+    Their total stays, or goes with the share from that of the nodes to the body's.
+
+    Args:
+        structure: with its weights.
+        capacity: of its nodes' own volumes [J/K].
 
     Raises:
         InputError: if the factors are of another number of levels.
     """
-    levels = int(level.max()) + 1
-    factor = _of_level(weights.capacity, levels, level, "capacity", capacity.dtype)
-    shifted = capacity * factor
-    return shifted * (precise_sum(capacity) / precise_sum(shifted))
+    weights, nodes = structure.weights, structure.nodes()
+    levels, dtype = int(nodes.level.max()) + 1, capacity.dtype
+    factor = _of_level(weights.capacity, levels, nodes.level, "capacity", dtype)
+    shifted, total = capacity * factor, precise_sum(capacity)
+    if weights.shares:
+        nearest = nearest_volume(structure) / nodes.volume
+        share = jnp.asarray(weights.share, dtype)
+        shifted = shifted * jnp.exp(share * jnp.asarray(np.log(nearest), dtype))
+        # Where nodes hold less than the body, at a share of 1 they hold all of it.
+        whole = precise_sum(capacity * jnp.asarray(nearest, dtype))
+        total = total * jnp.exp(share * jnp.log(whole / total))
+    return shifted * (total / precise_sum(shifted))
 
 
 def _of_level(value, levels: int, level, name: str, dtype) -> Float[Array, " m"]:

@@ -8,6 +8,7 @@ from ..voxels.grid import VoxelGrid
 from .block_parts import block_parts
 from .blocks import build_blocks, number_by_first_voxel
 from .cache import cached
+from .card import as_weights
 from .options import whole_number
 from .slivers import hold_back
 from .structure import AbstractBuiltStructure, Built
@@ -32,7 +33,9 @@ class Aggregate(AbstractBuiltStructure):
         static=True, kw_only=True, default=LEAST_TIME_CONSTANT
     )
     """That slivers are held to, of a whole block's inside the body; 0 for none."""
-    weights: ConductionWeights = eqx.field(kw_only=True, default=ConductionWeights())
+    weights: ConductionWeights = eqx.field(
+        kw_only=True, default=ConductionWeights(), converter=as_weights
+    )
     built: Built = eqx.field(static=True, init=False)
 
     def __post_init__(self):

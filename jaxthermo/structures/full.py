@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..voxels.grid import VoxelGrid
+from .card import as_weights
 from .structure import AbstractStructure, Links, Nodes
 from .voxel_links import voxel_links
 from .weights import ConductionWeights
@@ -25,7 +26,9 @@ class FullVolume(AbstractStructure):
 
     grid: VoxelGrid = eqx.field(static=True)
     stencil: bool = eqx.field(static=True, default=True)
-    weights: ConductionWeights = eqx.field(kw_only=True, default=ConductionWeights())
+    weights: ConductionWeights = eqx.field(
+        kw_only=True, default=ConductionWeights(), converter=as_weights
+    )
 
     @property
     def runs_as_stencil(self) -> bool:

@@ -6,6 +6,7 @@ from jaxtyping import Int
 
 from ..voxels.grid import VoxelGrid
 from .cache import cached
+from .card import as_weights
 from .coverage import Coverage, cover_count, coverage
 from .irregular_cells import LevelCells, nested_cells, voxel_depth
 from .irregular_links import irregular_links
@@ -33,7 +34,9 @@ class IrregularMultiLevel(AbstractBuiltStructure):
     """At most so many; without, as many as fit. What lies deeper is left empty."""
     keep_capacity: bool = eqx.field(static=True, default=False)
     """Scale all capacities by one factor, so that the total is the body's."""
-    weights: ConductionWeights = eqx.field(kw_only=True, default=ConductionWeights())
+    weights: ConductionWeights = eqx.field(
+        kw_only=True, default=ConductionWeights(), converter=as_weights
+    )
     built: Built = eqx.field(static=True, init=False)
 
     def __post_init__(self):

@@ -9,6 +9,7 @@ from ..errors import InputError
 from ..voxels.grid import VoxelGrid
 from .blocks import build_blocks, index_type, number_by_first_voxel
 from .cache import cached
+from .card import as_weights
 from .layers import voxel_layers
 from .options import whole_number
 from .structure import AbstractBuiltStructure, Built
@@ -26,7 +27,9 @@ class MultiLevel(AbstractBuiltStructure):
     hollow: str = eqx.field(static=True, default="empty")
     """Capacity of what lies deeper: "empty" drops it, "innermost" spreads it evenly
     over the nodes of the innermost level."""
-    weights: ConductionWeights = eqx.field(kw_only=True, default=ConductionWeights())
+    weights: ConductionWeights = eqx.field(
+        kw_only=True, default=ConductionWeights(), converter=as_weights
+    )
     built: Built = eqx.field(static=True, init=False)
 
     def __post_init__(self):

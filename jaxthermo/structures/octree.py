@@ -9,6 +9,7 @@ from jaxtyping import Bool, Int
 from ..voxels.grid import VoxelGrid
 from .blocks import build_blocks, index_type, number_by_first_voxel
 from .cache import cached
+from .card import as_weights
 from .options import whole_number
 from .structure import AbstractBuiltStructure, Built
 from .weights import ConductionWeights
@@ -25,7 +26,9 @@ class Octree(AbstractBuiltStructure):
     grid: VoxelGrid = eqx.field(static=True)
     levels: int | None = eqx.field(static=True, default=None)
     """Sizes of cells that may occur, 1 being single voxels only; None: no limit."""
-    weights: ConductionWeights = eqx.field(kw_only=True, default=ConductionWeights())
+    weights: ConductionWeights = eqx.field(
+        kw_only=True, default=ConductionWeights(), converter=as_weights
+    )
     built: Built = eqx.field(static=True, init=False)
 
     def __post_init__(self):

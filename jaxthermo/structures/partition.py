@@ -11,6 +11,7 @@ from ..errors import InputError
 from ..voxels.grid import VoxelGrid
 from .blocks import build_blocks, index_type, number_by_first_voxel
 from .cache import cached
+from .card import as_weights
 from .structure import AbstractBuiltStructure, Built
 from .weights import ConductionWeights
 
@@ -28,7 +29,9 @@ class Partition(AbstractBuiltStructure):
 
     grid: VoxelGrid = eqx.field(static=True)
     labels: InitVar[Any]
-    weights: ConductionWeights = eqx.field(kw_only=True, default=ConductionWeights())
+    weights: ConductionWeights = eqx.field(
+        kw_only=True, default=ConductionWeights(), converter=as_weights
+    )
     built: Built = eqx.field(static=True, init=False)
 
     def __post_init__(self, labels: Any):

@@ -9,6 +9,7 @@ from ..voxels.grid import VoxelGrid
 from ..voxels.links import surface_links
 from ..voxels.surface import surface_voxels
 from .cache import cached
+from .card import as_weights
 from .structure import AbstractBuiltStructure, Built, Links, Nodes
 from .weights import ConductionWeights
 
@@ -27,7 +28,9 @@ class SingleShell(AbstractBuiltStructure):
     capacity: str = eqx.field(static=True, default="body")
     """"body" spreads the whole body's volume evenly over the shell; "own" leaves each
     voxel its own: a hollow body."""
-    weights: ConductionWeights = eqx.field(kw_only=True, default=ConductionWeights())
+    weights: ConductionWeights = eqx.field(
+        kw_only=True, default=ConductionWeights(), converter=as_weights
+    )
     built: Built = eqx.field(static=True, init=False)
 
     def __post_init__(self):

@@ -7,6 +7,7 @@ from ..voxels.grid import VoxelGrid
 from .block_parts import block_parts
 from .blocks import build_blocks, number_by_first_voxel
 from .cache import cached
+from .card import as_weights
 from .layers import voxel_layers
 from .options import whole_number
 from .structure import AbstractBuiltStructure, Built
@@ -23,7 +24,9 @@ class ShellOverCore(AbstractBuiltStructure):
     layers: int = eqx.field(static=True, default=1)
     factor: int = eqx.field(static=True, default=4)
     """Voxels along an edge of a block of the core."""
-    weights: ConductionWeights = eqx.field(kw_only=True, default=ConductionWeights())
+    weights: ConductionWeights = eqx.field(
+        kw_only=True, default=ConductionWeights(), converter=as_weights
+    )
     built: Built = eqx.field(static=True, init=False)
 
     def __post_init__(self):

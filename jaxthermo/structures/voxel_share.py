@@ -41,6 +41,17 @@ def volume_within(
     return count * structure.grid.voxel_volume
 
 
+LEAST_SHARE = 0.1
+"""Of its own volume, that a node keeps however little is nearest to it."""
+
+
+def nearest_volume(structure: AbstractStructure) -> Float[np.ndarray, " n"]:
+    """Volume of all solid voxels that are nearest to each node [m^3]."""
+    everything = np.ones(structure.grid.solid_count, bool)
+    least = LEAST_SHARE * structure.nodes().volume
+    return np.maximum(volume_within(structure, everything), least)
+
+
 def link_axes(structure: AbstractStructure) -> Float[np.ndarray, "e 3"]:
     """How much of each link crosses along x, y and z: its squared direction, sum 1.
 

@@ -4,6 +4,11 @@ A link's conductance is w k A / L with w the product of the weights of its class
 link within a level, a link between two levels, and, on top, a link that touches the
 surface (one of its nodes has surface fragments). The thesis turned one such number by
 hand. A capacity factor per level shifts heat capacity between levels; the total stays.
+
+Where nodes do not fill the body, as in a shell, each can be given the capacity of all
+that is nearest to it instead of its own: with V its volume and S that of the voxels
+nearest to it, capacities are as V^(1-x) S^x, x = `share`. So is their total: at 1 it is
+the body's, also where the nodes alone would hold less.
 """
 
 from typing import Any
@@ -29,6 +34,10 @@ class ConductionWeights(eqx.Module):
     [levels]."""
     surface_distance: Any = 1.0
     """Of the distance between a surface and its node, in the surface map."""
+    share: Any = 0.0
+    """Of what is nearest to a node in its capacity: 0 none, 1 all; any number."""
+    links: Any = 1.0
+    """Of every link, on top of the others; one number, or [links]."""
 
     def __check_init__(self):
         for name, value in self.__dict__.items():
@@ -38,24 +47,47 @@ class ConductionWeights(eqx.Module):
                 numbers = np.asarray(value, float)
             except (TypeError, ValueError):
                 numbers = np.full((), np.nan)
-            least_ok = numbers >= 0 if name != "capacity" else numbers > 0
-            if not np.isfinite(numbers).all() or not least_ok.all():
+            words, allowed = _RANGES.get(name, _AT_LEAST_0)
+            if not np.isfinite(numbers).all() or not allowed(numbers).all():
                 raise InputError(
-                    f"ConductionWeights({name}={value!r}): give finite numbers "
-                    + ("above 0" if name == "capacity" else "of at least 0")
+                    f"ConductionWeights({name}={_shown(value)}): give finite numbers "
+                    + words
                 )
-            if numbers.ndim > (1 if name in _PER_LEVEL else 0):
+            if numbers.ndim > (1 if name in _LISTS else 0):
                 raise InputError(
                     f"ConductionWeights({name}=): give one number"
-                    + (" or a list, one a level" if name in _PER_LEVEL else "")
+                    + (f" or a list, one a {_LISTS[name]}" if name in _LISTS else "")
                 )
 
     @property
     def are_one(self) -> bool:
         """Whether conduction is known to be the plain two-point flux."""
-        values = (self.within, self.between, self.surface, self.capacity)
-        known = not any(is_traced(value) for value in values)
-        return known and all(np.all(np.asarray(value) == 1) for value in values)
+        values = (self.within, self.between, self.surface, self.capacity, self.links)
+        known = not any(is_traced(value) for value in (*values, self.share))
+        plain = known and all(np.all(np.asarray(value) == 1) for value in values)
+        return plain and not self.shares
+
+    @property
+    def shares(self) -> bool:
+        """Whether what is nearest to a node counts in its capacity, or may."""
+        return is_traced(self.share) or bool(np.asarray(self.share) != 0)
 
 
-_PER_LEVEL = ("within", "between", "capacity")
+_LISTS = {
+    "within": "level",
+    "between": "level",
+    "capacity": "level",
+    "links": "link",
+}
+"""Weights that may be a list, and of what."""
+
+_AT_LEAST_0 = ("of at least 0", lambda numbers: numbers >= 0)
+_RANGES = {
+    "capacity": ("above 0", lambda numbers: numbers > 0),
+    "share": ("from -10 to 10", lambda numbers: abs(numbers) <= 10),
+}
+
+
+def _shown(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) < 60 else f"{text[:56]}..."

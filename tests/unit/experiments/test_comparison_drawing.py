@@ -1,4 +1,4 @@
-"""Pieces of the report: scales, labels, tooltips, local thickness, checks."""
+"""Pieces of the report: colours, points, local thickness, checks."""
 
 import time
 from typing import Any
@@ -8,45 +8,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis.extra import numpy as hnp
 
-from experiments.structures import page
-from experiments.structures.axes import SHADES, LogAxis, colour, colours
+from experiments.structures.axes import SHADES, colour, colours
 from experiments.structures.config import ExpectConfig
 from experiments.structures.local import LocalError, classes, thickness
 from experiments.structures.measure import repeated
 from experiments.structures.plots import error_against_time
-from experiments.structures.scale import DifferenceScale, nice_limit
 from experiments.structures.summary import check
-from experiments.structures.svg import with_tooltips
 from experiments.structures.tables import plain
 from tests.bodies import blocks
-
-
-def test_the_scale_is_symmetric_monotone_and_ends_at_its_limit():
-    scale = DifferenceScale(20.0)
-    kelvin = np.linspace(-30, 30, 601)
-    place = scale.place(kelvin)
-    np.testing.assert_allclose(place, -place[::-1], atol=1e-12)
-    inside = np.abs(kelvin) < 20
-    assert (np.diff(place[inside]) > 0).all()
-    assert place[0] == -1 and place[-1] == 1 and place[300] == 0
-    assert scale.ticks() == pytest.approx([-20, -2, -0.2, 0, 0.2, 2, 20])
-    # A hundredth of the limit is still told from none.
-    assert scale.place(np.array([0.2]))[0] > 0.1
-
-
-def test_no_difference_is_light_and_the_background_dark():
-    scale, kelvin = DifferenceScale(1.0), np.array([[0.0, -1.0, 1.0, 0.0]])
-    body = np.array([[True, True, True, False]])
-    none, cold, hot, outside = scale.picture(kelvin, body)[0].astype(int)
-    assert none.min() > 230 and outside.max() < 80
-    assert cold[2] > cold[0] and hot[0] > hot[2]
-
-
-@pytest.mark.parametrize(
-    ("largest", "limit"), [(0.7, 1), (1.0, 1), (1.1, 2), (23.0, 50), (60.0, 100)]
-)
-def test_nice_limits(largest, limit):
-    assert nice_limit(largest) == pytest.approx(limit)
 
 
 def test_a_structure_keeps_its_colour_and_a_kind_its_hue():
@@ -60,13 +29,6 @@ def test_a_structure_keeps_its_colour_and_a_kind_its_hue():
         "domain": ["x4", "octree"],
         "range": [more["x4"], more["octree"]],
     }
-
-
-def test_an_axis_holds_its_values():
-    axis = LogAxis([0.02, 3.0], "s")
-    assert axis.ticks == pytest.approx([0.02, 0.05, 0.1, 0.2, 0.5, 1, 2])
-    low, high = axis.of("x")["scale"].domain
-    assert low < 0.02 and high > 3.0
 
 
 def row(label: str, load: str, error: float, time: float) -> dict:
@@ -107,18 +69,6 @@ def test_a_run_is_repeated_as_often_as_there_is_time_for():
     # Too long for three, and for one: the first counts, and it is repeated once.
     _, spans = repeated(call, 3, most=1e-6)
     assert (len(spans), len(calls)) == (2, 2) and min(spans) >= 0.02
-
-
-def test_descriptions_become_tooltips():
-    svg = '<g><path aria-label="a &lt; 1 %, &quot;b&quot;" d="M0,0"/><path d="M1"/></g>'
-    with_titles = with_tooltips(svg)
-    assert "<title>a &lt; 1 %, &quot;b&quot;</title></path>" in with_titles
-    assert with_titles.count("<title>") == 1
-
-
-def test_what_users_write_is_text_in_the_page():
-    assert "<script>" not in page.table(["<script>"], [["<script>", "x"]])
-    assert page.table(["a"], [[page.marked("yes", True)]]).count("<td") == 1
 
 
 def brute_thickness(solid, voxel, axis):

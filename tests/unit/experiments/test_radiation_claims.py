@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from experiments.structures.svg import write_chart
 from experiments.thesis import radiation_bodies as bodies, radiation_light as light
+from jaxthermo.cli.charts import write_chart
 
 
 def test_c02_is_pi_squared_too_much():

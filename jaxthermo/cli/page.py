@@ -93,7 +93,12 @@ def prose(texts: list[str]) -> Cell:
 
 def picture(path: Path, words: str) -> str:
     """A PNG within the page."""
-    data = base64.b64encode(path.read_bytes()).decode("ascii")
+    return embedded(path.read_bytes(), words)
+
+
+def embedded(png: bytes, words: str) -> str:
+    """The bytes of a PNG within the page."""
+    data = base64.b64encode(png).decode("ascii")
     return f'<img alt="{html.escape(words)}" src="data:image/png;base64,{data}">'
 
 

@@ -9,9 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
+from .sheet import ColourBar
+
 
 DECADES = 2.5
-"""Between d0 and the end of the scale."""
+"""Between d0 and the end of the scale, if not given."""
+CLEAR = 0.1
+"""Of the scale, between a tick and zero."""
 
 BACKGROUND = (58, 61, 68)
 
@@ -34,11 +38,12 @@ class DifferenceScale:
     """Symmetric about zero, with its ends at `limit` [K]."""
 
     limit: float
+    decades: float = DECADES
 
     @property
     def linear(self) -> float:
         """d0 [K]."""
-        return self.limit / 10**DECADES
+        return self.limit / 10**self.decades
 
     def place(self, kelvin: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
         """Along the scale: -1 to 1; differences beyond the ends take the end's."""
@@ -61,8 +66,9 @@ class DifferenceScale:
         return colours
 
     def ticks(self) -> list[float]:
-        """Zero, the ends, and tenths and hundredths of them [K]."""
-        up = [self.limit / 100, self.limit / 10, self.limit]
+        """Zero, the ends, and tenths and hundredths of them that are clear of it."""
+        down = self.limit / np.array([100.0, 10.0, 1.0])
+        up = [float(value) for value in down[self.place(down) > CLEAR]]
         return [*(-value for value in up[::-1]), 0.0, *up]
 
 
@@ -73,3 +79,24 @@ def nice_limit(largest: float) -> float:
         if largest <= factor * 10.0**exponent * (1 + 1e-9):
             return float(factor * 10.0**exponent)
     return float(10.0 ** (exponent + 1))
+
+
+def difference_bar(scale: DifferenceScale, title: str) -> ColourBar:
+    """The bar of a scale, with its ticks.
+
+    Args:
+        scale: of the pictures above.
+        title: with the unit.
+    """
+    ticks = np.asarray(scale.ticks())
+    places = (scale.place(ticks) + 1) / 2
+    return ColourBar(
+        colours=scale.colour(np.linspace(-1.0, 1.0, 512)),
+        ticks=tuple((float(p), _signed(t)) for p, t in zip(places, ticks, strict=True)),
+        title=title,
+    )
+
+
+def _signed(value: float) -> str:
+    sign = "" if value == 0 else "+" if value > 0 else "-"
+    return f"{sign}{abs(value):g}"

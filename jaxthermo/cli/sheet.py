@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import UInt8
 from PIL import Image, ImageDraw, ImageFont
 
-from jaxthermo.image.annotate import contact_sheet
+from ..image.annotate import contact_sheet
 
 
 PAPER = (16, 17, 20)
@@ -46,7 +46,8 @@ def sheet(tiles: list[Tile], bar: ColourBar, title: str) -> Image.Image:
     text = _text_size(tiles[0].pixels.shape[0])
     font = ImageFont.load_default(size=round(1.25 * text))
     head, foot = 3 * text, 6 * text
-    needed = math.ceil(font.getlength(title)) + 2 * text
+    below = ImageFont.load_default(size=text).getlength(bar.title)
+    needed = math.ceil(max(font.getlength(title), below)) + 2 * text
     width = max(grid.width, needed)
     whole = Image.new("RGB", (width, grid.height + head + foot), PAPER)
     whole.paste(grid, ((width - grid.width) // 2, head))

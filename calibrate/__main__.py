@@ -1,0 +1,98 @@
+"""The command line of calibrations: fit, check, identify, show."""
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import App, CycloptsError, Parameter
+
+from jaxthermo.errors import InputError
+
+
+app = App(
+    name="calibrate",
+    help="Weights, materials and coefficients fitted to references or to frames.",
+    # `main` tells where a fit was stopped.
+    suppress_keyboard_interrupt=False,
+)
+
+Overrides = Annotated[
+    tuple[str, ...],
+    Parameter(name="--set", negative="", metavar="KEY=VALUE", show_default=False),
+]
+
+
+@app.command
+def fit(config: Path, /, *, out: Path | None = None, overrides: Overrides = ()) -> None:
+    """Fit what a config asks for; leaves fit.json, card.yaml and report.html.
+
+    A fit that was stopped or killed goes on where it was.
+
+    Args:
+        config: The calibration, a YAML file.
+        out: The folder for the results; results/calibration/NAME if not given.
+        overrides: A value to change, such as fit.seed=3; may be repeated.
+    """
+    from .console import fit as run
+
+    run(config, out or Path("results/calibration") / config.stem, overrides)
+
+
+@app.command
+def identify(config: Path, /, *, overrides: Overrides = ()) -> None:
+    """Tell what the data could tell of each parameter, before anything is fitted.
+
+    Args:
+        config: The calibration, a YAML file.
+        overrides: A value to change; may be repeated.
+    """
+    from .console import identify as run
+
+    run(config, overrides)
+
+
+@app.command
+def check(card: Path, /, *, scene: Path, overrides: Overrides = ()) -> None:
+    """Tell whether a fit card holds for a scene: its ranges, and the error there.
+
+    Args:
+        card: The card.yaml of a fit.
+        scene: The config of a scene; its body gets the card's structure.
+        overrides: A value of the scene to change; may be repeated.
+    """
+    from .console import check as run
+
+    run(card, scene, overrides)
+
+
+@app.command
+def show(folder: Path, /) -> None:
+    """Show what a fit came to.
+
+    Args:
+        folder: That `calibrate fit` left.
+    """
+    from .console import show as run
+
+    run(folder)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Runs one command and exits: 0 if it worked, 2 for a mistake of the user."""
+    tokens = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        app(tokens, exit_on_error=False, print_error=False)
+    except (InputError, CycloptsError) as error:
+        for line in str(error).splitlines() or [""]:
+            if line.strip():
+                sys.stderr.write(f"calibrate: {' '.join(line.split())}\n")
+        sys.exit(2)
+    except KeyboardInterrupt as stop:
+        sys.stderr.write(f"calibrate: {str(stop) or 'interrupted'}\n")
+        sys.exit(130)
+    sys.exit(0)
+
+
+if __name__ == "__main__":
+    main()

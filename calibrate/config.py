@@ -1,0 +1,86 @@
+"""A calibration's YAML file, read and checked, and the scenes that it speaks of."""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from jaxthermo.config.found import FOLDERS
+from jaxthermo.config.loader import load_config, mesh_folders
+from jaxthermo.config.messages import dotted, untagged
+from jaxthermo.config.overrides import parse_override, with_override
+from jaxthermo.config.schema import SceneConfig
+from jaxthermo.config.strict_yaml import read_yaml
+from jaxthermo.errors import InputError
+
+from .schema import CalibrationConfig
+
+
+def load_calibration(
+    path: str | Path, overrides: tuple[str, ...] = (), *, find_files: bool = True
+) -> CalibrationConfig:
+    """The config in a YAML file.
+
+    Args:
+        path: the file; the scene is looked for beside it.
+        overrides: "a.b=c" each, applied in order.
+        find_files: whether a file that is named and not there is a mistake.
+
+    Raises:
+        InputError: one line for each mistake.
+    """
+    path = Path(path)
+    data: dict[str, Any] = read_yaml(path)
+    for text in overrides:
+        location, value = parse_override(text)
+        try:
+            data = with_override(data, location, value)
+        except InputError as error:
+            raise InputError(f"--set {error}") from error
+    data = {"name": path.stem, **data}
+    context = {FOLDERS: mesh_folders(path.parent) if find_files else ()}
+    try:
+        return CalibrationConfig.model_validate(data, context=context)
+    except ValidationError as error:
+        lines = []
+        for entry in error.errors(include_url=False):
+            parts = (str(path), dotted(untagged(entry["loc"])), entry["msg"])
+            lines.append(": ".join(filter(None, parts)))
+        raise InputError("\n".join(lines)) from error
+
+
+def scene_config(config: CalibrationConfig, *changes: Mapping[str, Any]) -> SceneConfig:
+    """The scene with its values changed, in order.
+
+    Args:
+        config: of the calibration.
+        changes: after those that it makes in every case.
+
+    Raises:
+        InputError: one line for each mistake.
+    """
+    texts = [
+        f"{place}={json.dumps(value)}"
+        for change in (config.set, *changes)
+        for place, value in change.items()
+    ]
+    return load_config(config.scene, texts)
+
+
+def plain(config: CalibrationConfig) -> dict[str, Any]:
+    """The config as plain values; files by their names."""
+    return config.model_dump(mode="json", exclude_none=True)
+
+
+def calibration_hash(config: CalibrationConfig) -> str:
+    """16 hex digits that change with the config and with the scene's file.
+
+    Folders do not count, contents do.
+    """
+    values = plain(config)
+    values["scene"] = hashlib.sha256(Path(config.scene).read_bytes()).hexdigest()
+    text = json.dumps(values, sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]

@@ -1,0 +1,228 @@
+"""A calibration from its config to its folder."""
+
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from jaxthermo.atomic import replacing
+from jaxthermo.cli.files import results_folder
+from jaxthermo.cli.summary import write_json
+from jaxthermo.config.card_file import write_card
+from jaxthermo.config.strict_yaml import write_yaml
+from jaxthermo.errors import InputError
+from jaxthermo.precision import precision
+
+from .build import Built, build
+from .cards import make_card
+from .config import calibration_hash, load_calibration, plain
+from .errors import CaseError, case_errors
+from .fit import Fit, Step, enough_steps, run_fit
+from .identifiability import Identified, identify, information_gain, left_over
+from .problem import Problem, with_jacobian
+from .reference import program_hash
+from .report import write_report
+from .result import Errors, fit_json
+from .rules import Program
+from .schema import CalibrationConfig
+from .search import Setting
+from .speed import measure_speed
+from .starts import design, losses
+
+
+STATE, MARKER = "state.npz", "state.txt"
+PACKAGES = ("jax", "optimistix", "equinox", "numpy")
+
+
+class Told:
+    """What a calibration says while it runs; silent unless somebody listens."""
+
+    def doing(self, what: str) -> None:
+        """Something that takes a while begins."""
+
+    def step(self, step: Step, took: float, most: int) -> None:
+        """A step of the fit is done."""
+
+
+def fit_config(
+    path: Path,
+    out: Path,
+    overrides: tuple[str, ...] = (),
+    told: Told | None = None,
+    stop: Callable[[], bool] = lambda: False,
+) -> dict[str, Any]:
+    """Fit what a config asks for, and write `fit.json` into a folder.
+
+    Args:
+        path: of the config.
+        out: folder; a fit that was cut off there goes on.
+        overrides: "a.b=c" each.
+        told: is told what happens.
+        stop: whether to end with the best so far.
+
+    Raises:
+        InputError: for a mistake in the config or its data.
+    """
+    told = Told() if told is None else told
+    config = load_calibration(path, overrides)
+    with results_folder(out) as folder:
+        built = build(config, told.doing)
+        state = folder / STATE
+        _fresh(folder, config)
+        told.doing("compiling")
+        setting = settings(config)
+        start = best_start(config, built.train)
+        fit = run_fit(
+            built.train,
+            setting,
+            start=start,
+            keep=state,
+            tell=lambda step, took: told.step(step, took, setting.most_steps),
+            stop=stop,
+        )
+        result = conclude(config, built, fit, told.doing)
+        with replacing(folder / "config.yaml") as target:
+            target.write_text(write_yaml(plain(config)), encoding="utf-8")
+        write_json(folder / "fit.json", result)
+        write_card(folder / "card.yaml", make_card(config, built, fit, result))
+        told.doing("drawing the report")
+        write_report(folder, built, fit, result)
+        if fit.ended != "interrupted":
+            for left in (state, folder / MARKER):
+                left.unlink(missing_ok=True)
+    return result
+
+
+def settings(config: CalibrationConfig) -> Setting:
+    """Of the search."""
+    given = config.fit
+    return Setting(
+        given.method,
+        given.tolerance,
+        given.most_steps,
+        given.huber,
+        int(given.memory * 2**30),
+    )
+
+
+def _fresh(folder: Path, config: CalibrationConfig) -> None:
+    """Go on only from a state of the same config."""
+    marker = folder / MARKER
+    text = f"{calibration_hash(config)} {program_hash(fits=True)}"
+    state = folder / STATE
+    if state.exists() and (not marker.exists() or marker.read_text() != text):
+        state.unlink()
+    with replacing(marker) as target:
+        target.write_text(text, encoding="utf-8")
+
+
+def best_start(
+    config: CalibrationConfig, problem: Problem
+) -> Float[np.ndarray, " p"] | None:
+    """The best of several starts; None for the one that is given."""
+    given = config.fit
+    if given.starts == 1:
+        return None
+    points = design(given.starts, problem.parameters.size, given.spread, given.seed)
+    with precision(problem.dtype.name):
+        layouts = problem.layouts()
+        program = Program(
+            problem.trace(layouts), layouts, jnp.asarray(jnp.inf, problem.dtype)
+        )
+        tried = eqx.filter_jit(losses)(
+            program, jnp.asarray(points, problem.dtype), problem.batch()
+        )
+    found = np.asarray(tried, float)
+    if not np.isfinite(found).any():
+        raise InputError("fit: starts: the misfits are finite at none of them")
+    return points[int(found.argmin())]
+
+
+def conclude(
+    config: CalibrationConfig, built: Built, fit: Fit, doing: Callable[[str], None]
+) -> dict[str, Any]:
+    """Errors before and after, what the fit is worth, advice and speed."""
+    cases = built.train.cases
+    errors: Errors = {
+        "train": {
+            "default": case_errors(cases, fit.initial_errors),
+            "fitted": case_errors(cases, fit.errors),
+        }
+    }
+    if built.held_out is not None:
+        doing("checking what was held out")
+        both = errors_at(built.held_out, [np.zeros_like(fit.z), fit.z])
+        errors["held_out"] = dict(zip(("default", "fitted"), both, strict=True))
+    sd = left_over(fit.residual, len(fit.z), built.train.known_sd)
+    identified = identify(built.train.parameters, fit.z, fit.jacobian, sd)
+    told = advice(config, built, fit, sd, doing)
+    doing("timing")
+    case = cases[0]
+    with precision(built.train.dtype.name):
+        scene = built.train.scene(case, jnp.asarray(fit.z, built.train.dtype))
+    speed = measure_speed(built.configs[case.name], scene)
+    versions = {name: version(name) for name in PACKAGES}
+    return fit_json(config, built, fit, identified, errors, told, speed, versions)
+
+
+def errors_at(
+    problem: Problem, points: list[Float[np.ndarray, " p"]]
+) -> list[dict[str, CaseError]]:
+    """Of every case, at several points; one program for all.
+
+    Args:
+        problem: parameters and cases.
+        points: free numbers of each.
+    """
+    found = []
+    with precision(problem.dtype.name):
+        layouts = problem.layouts()
+        traced = problem.trace(layouts)
+        run = eqx.filter_jit(lambda traced, z, layouts: traced(z, layouts)[1])
+        for point in points:
+            z = jnp.asarray(point, problem.dtype)
+            layouts = enough_steps(layouts, problem.stable_steps(z))
+            seen = run(traced, z, layouts)
+            found.append(case_errors(problem.cases, seen.errors))
+    return found
+
+
+def jacobian(problem: Problem, z: Float[np.ndarray, " p"]) -> Float[np.ndarray, "p r"]:
+    """Of the misfits by the free numbers."""
+    with precision(problem.dtype.name):
+        at = jnp.asarray(z, problem.dtype)
+        layouts = enough_steps(problem.layouts(), problem.stable_steps(at))
+        traced = problem.trace(layouts)
+
+        @eqx.filter_jit
+        def rows(traced, z, layouts):
+            return with_jacobian(lambda y: traced(y, layouts), z, problem.batch())[1]
+
+        return np.asarray(rows(traced, at, layouts), float)
+
+
+def advice(
+    config: CalibrationConfig,
+    built: Built,
+    fit: Fit,
+    sd: float,
+    doing: Callable[[str], None],
+) -> list[dict[str, Any]]:
+    """Which further run would tell most, best first."""
+    found = []
+    for given in config.further:
+        doing(f"{given.name}: what it would tell")
+        problem = built.problem((given.name,))
+        gain = information_gain(fit.jacobian, jacobian(problem, fit.z), sd)
+        found.append({"case": given.name, "gain_nats": gain})
+    return sorted(found, key=lambda entry: -entry["gain_nats"])
+
+
+def told_apart(identified: Identified) -> int:
+    """How many parameters the data tell."""
+    return sum(v.standard_error is not None for v in identified.verdicts)

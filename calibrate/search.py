@@ -1,0 +1,140 @@
+"""The search for the best values, one step at a time, by a solver of optimistix.
+
+A host loop over the solver's init, step and terminate: after every step there is
+progress to tell, a state to keep, and a chance to stop. The steps are one compiled
+program: what changes from one to the next, and between fits of one shape, are arrays.
+
+| method | derivatives | for |
+|---|---|---|
+| Levenberg-Marquardt | the Jacobian, forward mode | some dozens of values |
+| Gauss-Newton | products with it, forward and reverse | hundreds |
+| BFGS, L-BFGS | the gradient, reverse mode | dozens; fields of thousands |
+
+Derivatives are taken once a point. optimistix linearizes what it is given wherever it
+tries; `rules` has what that linear function is.
+"""
+
+import copy
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import lineax as lx
+import optimistix as optx
+from jaxtyping import Array, Float
+
+from .problem import Layouts
+from .rules import Program, by_gradient, by_jacobian, by_products
+
+
+class Setting(NamedTuple):
+    """Of a search."""
+
+    method: str = "levenberg_marquardt"
+    tolerance: float = 1e-4
+    """Relative change of values and of misfits at which it ends."""
+    most_steps: int = 50
+    huber: float | None = None
+    """Misfit, in units of their root mean square at the start, above which they count
+    linearly; None for squares."""
+    memory: int = 2**30
+    """For the states of a run, in reverse mode [bytes]."""
+
+
+class Point(NamedTuple):
+    """Where a search stands."""
+
+    z: Float[Array, " p"]
+    state: Any
+    """Of the solver."""
+    steps: int
+    done: bool
+
+
+class Search:
+    """A search by one method."""
+
+    def __init__(self, program: Program, setting: Setting, batch: int):
+        """Nothing is compiled yet.
+
+        Args:
+            program: of the misfits.
+            setting: method and tolerance.
+            batch: derivatives to take at once, in forward mode.
+        """
+        arrays, static = eqx.partition(program, eqx.is_array)
+        inner = RULES[setting.method](batch)
+        self._function = lambda z, arrays: inner(z, eqx.combine(arrays, static))
+        self._arrays, self._static = arrays, static
+        self._solver = SOLVERS[setting.method](setting.tolerance)
+        self._options = OPTIONS.get(setting.method, {})
+        self._step = eqx.filter_jit(self._take)
+
+    def with_layouts(self, layouts: Layouts) -> "Search":
+        """The same search, which steps otherwise in time; compiled programs stay."""
+        other = copy.copy(self)
+        other._arrays = eqx.tree_at(lambda p: p.layouts, self._arrays, layouts)
+        return other
+
+    def begin(self, z: Float[Array, " p"]) -> Point:
+        """A search at its start."""
+        shapes, seen = eqx.filter_eval_shape(self._function, z, self._arrays)
+        state = self._solver.init(
+            self._function, z, self._arrays, self._options, shapes, seen, frozenset()
+        )
+        return Point(z, state, 0, False)
+
+    def compiled(self, point: Point) -> "Search":
+        """The same search with its step compiled, so that steps can be timed."""
+        other = copy.copy(self)
+        other._step = self._step.lower(point.z, point.state, self._arrays).compile()
+        return other
+
+    def _take(self, z, state, arrays):
+        rest = (arrays, self._options)
+        z, state, seen = self._solver.step(self._function, z, *rest, state, frozenset())
+        done, _ = self._solver.terminate(self._function, z, *rest, state, frozenset())
+        return z, state, done, seen
+
+    def step(self, point: Point) -> Point:
+        """The next point."""
+        z, state, done, _ = self._step(point.z, point.state, self._arrays)
+        return Point(z, state, point.steps + 1, bool(done))
+
+    def tried(self, point: Point) -> Float[Array, " p"]:
+        """The values that the next step will run with."""
+        return point.state.y_eval
+
+    def loss(self, point: Point) -> float:
+        """Half of the sum of squares at the point itself."""
+        info = point.state.f_info
+        if hasattr(info, "residual"):
+            return float(0.5 * (info.residual**2).sum())
+        return float(info.f)
+
+
+def _gauss_newton(tolerance: float) -> Any:
+    """Damped; its linear solves go by products with J^T J alone."""
+    linear = lx.Normal(lx.CG(rtol=1e-3, atol=1e-8, max_steps=100))
+    return optx.LevenbergMarquardt(rtol=tolerance, atol=tolerance, linear_solver=linear)
+
+
+SOLVERS: dict[str, Callable[[float], Any]] = {
+    "levenberg_marquardt": lambda t: optx.LevenbergMarquardt(rtol=t, atol=t),
+    "gauss_newton": _gauss_newton,
+    "bfgs": lambda t: optx.BFGS(rtol=t, atol=t),
+    "lbfgs": lambda t: optx.LBFGS(rtol=t, atol=t, history_length=20),
+}
+RULES = {
+    "levenberg_marquardt": by_jacobian,
+    "gauss_newton": by_products,
+    "bfgs": by_gradient,
+    "lbfgs": by_gradient,
+}
+REVERSE = ("gauss_newton", "bfgs", "lbfgs")
+"""Methods that take derivatives in reverse mode."""
+
+OPTIONS: dict[str, dict[str, Any]] = {
+    "bfgs": {"autodiff_mode": "bwd"},
+    "lbfgs": {"autodiff_mode": "bwd"},
+}

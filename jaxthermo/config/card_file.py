@@ -1,0 +1,116 @@
+"""Fit cards on disk: a YAML file, and long lists of weights in an `.npz` beside it."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..atomic import replacing
+from ..errors import InputError
+from ..structures.card import FitCard
+from ..structures.weights import ConductionWeights
+from .strict_yaml import read_yaml, write_yaml
+
+
+FORMAT = 1
+LONG = 64
+"""Values of a list that are still written into the YAML file."""
+
+_KEYS = {
+    "card",
+    "name",
+    "structure",
+    "weights",
+    "parameters",
+    "ranges",
+    "mechanisms",
+    "error_percent",
+    "origin",
+}
+
+
+def write_card(path: Path, card: FitCard) -> None:
+    """Write a card, and its long lists beside it.
+
+    Args:
+        path: of the YAML file.
+        card: to be kept.
+    """
+    weights: dict[str, Any] = {}
+    arrays: dict[str, np.ndarray] = {}
+    for name, value in vars(card.weights).items():
+        numbers = np.asarray(value, float)
+        if numbers.ndim and len(numbers) > LONG:
+            arrays[name] = numbers.astype(np.float32)
+            weights[name] = path.with_suffix(".npz").name
+        else:
+            weights[name] = numbers.tolist()
+    if arrays:
+        with replacing(path.with_suffix(".npz")) as temporary:
+            np.savez_compressed(temporary, allow_pickle=False, **arrays)
+    plain = {
+        "card": FORMAT,
+        "name": card.name,
+        "structure": dict(card.structure),
+        "weights": weights,
+        "parameters": dict(card.parameters),
+        "ranges": {name: list(ends) for name, ends in card.ranges.items()},
+        "mechanisms": list(card.mechanisms),
+        "error_percent": {k: dict(v) for k, v in card.error_percent.items()},
+        "origin": dict(card.origin),
+    }
+    with replacing(path) as temporary:
+        temporary.write_text(write_yaml(plain), encoding="utf-8")
+
+
+def load_card(path: str | Path) -> FitCard:
+    """The card in a file.
+
+    Raises:
+        InputError: if it is missing or no card.
+    """
+    path = Path(path)
+    data = read_yaml(path)
+    missing = sorted({"card", "name", "structure", "weights"} - set(data))
+    if missing or data["card"] != FORMAT:
+        what = f"it has no {', '.join(missing)}" if missing else "of another format"
+        raise InputError(f"{path}: is no fit card: {what}; `calibrate fit` makes them")
+    unknown = sorted(set(data) - _KEYS)
+    if unknown:
+        raise InputError(f"{path}: a fit card has no {', '.join(unknown)}")
+    try:
+        return FitCard(
+            name=str(data["name"]),
+            structure=dict(data["structure"]),
+            weights=ConductionWeights(**_weights(path, data["weights"])),
+            parameters=dict(data.get("parameters", {})),
+            ranges={
+                name: (float(low), float(high))
+                for name, (low, high) in data.get("ranges", {}).items()
+            },
+            mechanisms=tuple(data.get("mechanisms", ())),
+            error_percent=data.get("error_percent", {}),
+            origin=data.get("origin", {}),
+        )
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{path}: is no fit card: {error}") from error
+
+
+def _weights(path: Path, given: dict[str, Any]) -> dict[str, Any]:
+    found = {}
+    for name, value in given.items():
+        if not isinstance(value, str):
+            found[name] = value
+            continue
+        beside = path.with_name(value)
+        try:
+            with beside.open("rb") as stream, np.load(stream) as kept:
+                found[name] = kept[name]
+        except Exception as error:
+            raise InputError(
+                f"{beside} with the weights `{name}` cannot be read "
+                f"({type(error).__name__}): keep it beside the card"
+            ) from error
+    return found

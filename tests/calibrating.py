@@ -1,0 +1,49 @@
+"""A small calibration whose truth is known: a block under two loads."""
+
+import jax.numpy as jnp
+import numpy as np
+
+import jaxthermo as jt
+from calibrate.parameters import Parameter, ParameterSet
+from calibrate.problem import Case, Problem
+from calibrate.targets import surface_target
+from jaxthermo.integrate.response import Response
+from jaxthermo.integrate.store import StoredSolution
+from tests.bodies import blocks
+
+
+SAVES = (2.0, 6.0)
+METAL = jt.Material(16.0, density=8000.0, specific_heat=500.0, emissivity=0.8)
+WITHIN = Parameter("weights.within", (1.0,), 0.01, 100.0)
+BETWEEN = Parameter("weights.between", (1.0,), 0.01, 100.0)
+TRUTH = {"weights.within": 1.7, "weights.between": 0.6}
+
+
+def scene(side, dtype="float64", weights=None):
+    """A block of fine voxels over a core, heated from one side."""
+    given = jt.ConductionWeights() if weights is None else weights
+    solid = np.ones((7, 6, 5), bool)
+    structure = jt.ShellOverCore(blocks(solid, 0.01), factor=2, weights=given)
+    body = jt.Body(structure, METAL, temperature=300.0)
+    terms = (jt.HeatFlux(2e4, on=jt.Side(side)), jt.Convection(30.0, 300.0))
+    return jt.Scene((body,), terms, dtype=dtype)
+
+
+def data(made, dtype):
+    """A run of a scene as what fits are held against."""
+    response = Response(SAVES)
+    answer = response(made, response.layout(made))
+    run = StoredSolution(jnp.asarray(SAVES), answer.surface, answer.surfaces)
+    return surface_target(run, dtype)
+
+
+def twin(parameters=(WITHIN, BETWEEN), dtype="float64", truth=TRUTH, solver=None):
+    """A problem whose data come of the same model at the truth."""
+    chosen, cases = ParameterSet(tuple(parameters)), []
+    for side in ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0)):
+        start = scene(side, dtype)
+        names = {name.removeprefix("weights."): v for name, v in truth.items()}
+        true = scene(side, dtype, jt.ConductionWeights(**names))
+        target = data(true, jnp.dtype(dtype))
+        cases.append(Case(str(side), start, Response(SAVES, solver), target))
+    return Problem(chosen, tuple(cases))

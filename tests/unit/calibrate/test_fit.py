@@ -1,0 +1,126 @@
+"""Fits: the truth is found by every method, a stop goes on, one trace does it all."""
+
+from dataclasses import replace
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from calibrate.fit import run_fit
+from calibrate.parameters import Parameter
+from calibrate.search import Setting
+from calibrate.targets import SurfaceTarget
+from tests.calibrating import BETWEEN, TRUTH, WITHIN, twin
+
+
+def _found(problem, fit):
+    values = problem.parameters.values(fit.z)
+    return {name: float(value) for name, value in values.items()}
+
+
+SLOW = {"gauss_newton": [pytest.mark.slice], "bfgs": [], "lbfgs": [pytest.mark.slice]}
+METHODS = (
+    "levenberg_marquardt",
+    *(pytest.param(m, marks=[pytest.mark.slow, *more]) for m, more in SLOW.items()),
+)
+
+
+@pytest.fixture(scope="module")
+def problem():
+    return twin()
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_the_truth_is_found(problem, method):
+    """Noise-free data: within 1e-4 of the values that made them."""
+    fit = run_fit(problem, Setting(method, tolerance=1e-9, most_steps=60))
+    assert _found(problem, fit) == pytest.approx(TRUTH, rel=1e-4)
+    assert fit.loss < 1e-8 * fit.initial_loss
+
+
+@pytest.mark.slow
+@pytest.mark.slice
+def test_a_fit_that_is_stopped_goes_on_to_the_same_result(problem, tmp_path):
+    setting = Setting(tolerance=1e-6)
+    whole = run_fit(problem, setting)
+    count = [0]
+
+    def stop():
+        count[0] += 1
+        return count[0] > 3
+
+    keep = tmp_path / "state.npz"
+    part = run_fit(problem, setting, keep=keep, stop=stop)
+    assert part.ended == "interrupted"
+    assert len(part.steps) == 3
+    rest = run_fit(problem, setting, keep=keep)
+    np.testing.assert_array_equal(rest.z, whole.z)
+    assert [s.loss for s in rest.steps] == [s.loss for s in whole.steps]
+
+
+@pytest.mark.slow
+def test_a_stiffer_fit_takes_more_steps_instead_of_becoming_unstable():
+    """The truth conducts six times as well as the start: steps at the start's limit
+    would blow up on the way there."""
+    truth = {"weights.within": 6.0, "weights.between": 1.0}
+    problem = twin(truth=truth)
+    fit = run_fit(problem, Setting(tolerance=1e-9))
+    # As near as the steps of fit and data, which differ, let it come.
+    assert _found(problem, fit)["weights.within"] == pytest.approx(6.0, rel=0.02)
+    assert fit.loss < 1e-4 * fit.initial_loss
+
+
+def test_the_loss_is_that_of_the_values_returned(problem):
+    fit = run_fit(problem, Setting(tolerance=1e-3, most_steps=2))
+    layouts = problem.layouts()
+    rows, _ = problem.misfits(fit.z, layouts)
+    assert fit.loss == pytest.approx(0.5 * float((rows**2).sum()), rel=1e-6)
+
+
+@pytest.mark.slow
+def test_outliers_weigh_less_by_a_robust_loss():
+    """A tenth of the data far off: squares follow them, the robust loss hardly does."""
+    problem = twin()
+    target = problem.cases[0].target
+    assert isinstance(target, SurfaceTarget)
+    spoiled = np.array(target.reference)
+    spoiled[:, ::10] += 30.0
+    object.__setattr__(target, "reference", jnp.asarray(spoiled))
+    errors = {}
+    for name, huber in (("squares", None), ("robust", 0.05)):
+        fit = run_fit(problem, Setting(tolerance=1e-7, huber=huber))
+        found = _found(problem, fit)
+        errors[name] = max(abs(found[n] / TRUTH[n] - 1) for n in TRUTH)
+    assert errors["robust"] < 0.3 * errors["squares"]
+
+
+def test_more_parameters_than_misfits_are_refused():
+    """428 pixels of one load, and 431 numbers."""
+    sizes = {
+        "links": 423, "within": 2, "capacity": 2, "between": 1, "surface": 1,
+        "share": 1, "surface_distance": 1,
+    }  # fmt: skip
+    many = tuple(
+        Parameter(f"weights.{name}", (0.9,) * n, 0.1, 10.0, is_scalar=n == 1)
+        for name, n in sizes.items()
+    )
+    problem = twin(many)
+    problem = replace(problem, cases=problem.cases[:1])
+    with pytest.raises(jt.InputError, match="431 parameters and 428 misfits"):
+        run_fit(problem, Setting())
+
+
+def test_a_loss_that_is_not_finite_at_the_start_is_refused():
+    problem = twin()
+    target = problem.cases[0].target
+    assert isinstance(target, SurfaceTarget)
+    nothing = jnp.full(target.reference.shape, jnp.nan)
+    object.__setattr__(target, "reference", nothing)
+    with pytest.raises(jt.InputError, match="not finite at the start"):
+        run_fit(problem, Setting())
+
+
+def test_parameters_that_set_the_same_place_are_refused():
+    with pytest.raises(jt.InputError, match="it is there twice"):
+        twin((WITHIN, BETWEEN, WITHIN))

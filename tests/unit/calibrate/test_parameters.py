@@ -1,0 +1,102 @@
+"""Parameters: where they lie in a scene, their values, priors, and mistakes."""
+
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from calibrate.parameters import Parameter, ParameterSet, Prior, Smoothness
+from calibrate.paths import find, get
+from tests.calibrating import scene
+
+
+@pytest.fixture(scope="module")
+def made():
+    return scene((1.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("weights.within", 1.0),
+        ("bodies.0.structure.weights.between", 1.0),
+        ("material.conductivity", 16.0),
+        ("convection.heat_transfer_coefficient", 30.0),
+        ("terms.0.heat_flux", 2e4),
+        ("temperature", 300.0),
+    ],
+)
+def test_names_lead_to_their_place(made, name, value):
+    assert get(made, find(made, name)) == value
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("weights.witin", "did you mean 'within'"),
+        ("wind.speed", "a scene has no 'wind'"),
+        ("terms.7.heat_flux", "terms has no '7'"),
+        ("material", "name one of its parts"),
+    ],
+)
+def test_a_place_that_is_not_there_is_told(made, name, message):
+    with pytest.raises(jt.InputError, match=message):
+        find(made, name)
+
+
+def test_the_scene_takes_the_values_of_free_numbers(made):
+    chosen = ParameterSet(
+        (
+            Parameter("weights.within", (1.0, 1.0), 0.01, 100.0, is_scalar=False),
+            Parameter("material.conductivity", (16.0,), 0.0, also=("temperature",)),
+        )
+    )
+    z = np.array([0.1, -0.2, 0.3])
+    put = chosen.put(made, z)
+    np.testing.assert_allclose(
+        put.bodies[0].structure.weights.within, np.exp([0.1, -0.2]), rtol=0.02
+    )
+    k = float(np.asarray(get(put, find(put, "material.conductivity"))))
+    assert k == pytest.approx(16 * np.exp(0.3))
+    assert float(put.bodies[0].temperature) == k
+    np.testing.assert_allclose(chosen.free(chosen.values(z)), z, atol=1e-12)
+
+
+def test_of_capacities_only_ratios_count():
+    """The first is held: a common factor would change nothing."""
+    one = Parameter(
+        "weights.capacity", (1.0, 1.0), 0.01, 100.0, is_scalar=False, anchored=True
+    )
+    chosen = ParameterSet((one,))
+    assert chosen.labels == ("weights.capacity.1",)
+    values = chosen.values(np.array([0.5]))["weights.capacity"]
+    assert float(values[0]) == 1.0
+    assert float(values[1]) > 1.4
+
+
+def test_a_prior_counts_standard_deviations():
+    free = Prior(10.0, 2.0).misfit(np.asarray(13.0))
+    ratio = Prior(10.0, 0.1, of_logarithm=True).misfit(np.asarray(11.0))
+    assert float(free) == pytest.approx(1.5)
+    assert float(ratio) == pytest.approx(np.log(1.1) / 0.1)
+
+
+def test_smoothness_is_0_where_all_are_alike_and_1_a_deviation_off():
+    src, dst = np.array([0, 0, 1, 2]), np.array([1, 2, 3, 3])
+    smooth = Smoothness(src, dst, 0.5)
+    assert float((smooth.misfit(np.full(4, 3.0)) ** 2).sum()) < 1e-30
+    # Links (0, 1) and (2, 3) above, the others below their nodes' means by 0.5.
+    values = np.exp([0.5, -0.5, -0.5, 0.5])
+    assert float((smooth.misfit(values) ** 2).sum()) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Parameter("a", (5.0,), 0.0, 1.0), "not between its bounds 0 and 1"),
+        (lambda: Parameter("a", (0.5,), 1.0, 0.0), "lower one must be less"),
+        (lambda: ParameterSet(()), "nothing to fit"),
+    ],
+)
+def test_mistakes_are_told(make, message):
+    with pytest.raises(jt.InputError, match=message):
+        make()

@@ -1,0 +1,77 @@
+"""Pieces of reports: axes, scales of differences, tooltips, text in a page."""
+
+import numpy as np
+import pytest
+
+from jaxthermo.cli import page
+from jaxthermo.cli.charts import LogAxis, with_tooltips
+from jaxthermo.cli.difference_scale import (
+    DifferenceScale,
+    difference_bar,
+    nice_limit,
+)
+
+
+def test_the_scale_is_symmetric_monotone_and_ends_at_its_limit():
+    scale = DifferenceScale(20.0)
+    kelvin = np.linspace(-30, 30, 601)
+    place = scale.place(kelvin)
+    np.testing.assert_allclose(place, -place[::-1], atol=1e-12)
+    inside = np.abs(kelvin) < 20
+    assert (np.diff(place[inside]) > 0).all()
+    assert place[0] == -1 and place[-1] == 1 and place[300] == 0
+    assert scale.ticks() == pytest.approx([-20, -2, -0.2, 0, 0.2, 2, 20])
+    # A hundredth of the limit is still told from none.
+    assert scale.place(np.array([0.2]))[0] > 0.1
+
+
+def test_no_difference_is_light_and_the_background_dark():
+    scale, kelvin = DifferenceScale(1.0), np.array([[0.0, -1.0, 1.0, 0.0]])
+    body = np.array([[True, True, True, False]])
+    none, cold, hot, outside = scale.picture(kelvin, body)[0].astype(int)
+    assert none.min() > 230 and outside.max() < 80
+    assert cold[2] > cold[0] and hot[0] > hot[2]
+
+
+@pytest.mark.parametrize(
+    ("largest", "limit"), [(0.7, 1), (1.0, 1), (1.1, 2), (23.0, 50), (60.0, 100)]
+)
+def test_nice_limits(largest, limit):
+    assert nice_limit(largest) == pytest.approx(limit)
+
+
+def test_a_scale_of_one_decade_has_no_ticks_that_meet_zero():
+    scale = DifferenceScale(2.0, decades=1.0)
+    assert scale.ticks() == pytest.approx([-2, -0.2, 0, 0.2, 2])
+    bar = difference_bar(scale, "K")
+    assert [text for _, text in bar.ticks] == ["-2", "-0.2", "0", "+0.2", "+2"]
+    places = [place for place, _ in bar.ticks]
+    np.testing.assert_allclose(places, 1 - np.array(places[::-1]), atol=1e-12)
+    assert places[0] == 0 and places[-1] == 1
+
+
+def test_an_axis_holds_its_values():
+    axis = LogAxis([0.02, 3.0], "s")
+    assert axis.ticks == pytest.approx([0.02, 0.05, 0.1, 0.2, 0.5, 1, 2])
+    low, high = axis.of("x")["scale"].domain
+    assert low < 0.02 and high > 3.0
+
+
+@pytest.mark.parametrize("ends", [(0.71, 1.37), (1.437, 2.505), (3.0, 3.0)])
+def test_a_short_axis_has_ticks_all_the_same(ends):
+    axis = LogAxis(ends, "")
+    ticks = np.array(axis.ticks)
+    assert len(ticks) >= 3
+    assert (axis.low <= np.log10(ticks)).all() and (np.log10(ticks) <= axis.high).all()
+
+
+def test_descriptions_become_tooltips():
+    svg = '<g><path aria-label="a &lt; 1 %, &quot;b&quot;" d="M0,0"/><path d="M1"/></g>'
+    with_titles = with_tooltips(svg)
+    assert "<title>a &lt; 1 %, &quot;b&quot;</title></path>" in with_titles
+    assert with_titles.count("<title>") == 1
+
+
+def test_what_users_write_is_text_in_the_page():
+    assert "<script>" not in page.table(["<script>"], [["<script>", "x"]])
+    assert page.table(["a"], [[page.marked("yes", True)]]).count("<td") == 1

@@ -1,0 +1,112 @@
+"""Fit cards: written and read back, used by name, and refused where they do not fit."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from jaxthermo.config.build import build_scene
+from jaxthermo.config.card_file import load_card, write_card
+from jaxthermo.config.loader import load_config, to_yaml
+from jaxthermo.structures.card import FitCard, outside
+from tests.bodies import blocks
+
+
+SCENE = Path(__file__).resolve().parents[3] / "configs/scenes/figurine-steel.yaml"
+KIND = {"kind": "shell_over_core", "layers": 1, "factor": 4}
+
+
+def _card(**weights):
+    return FitCard(
+        name="one",
+        structure=KIND,
+        weights=jt.ConductionWeights(**weights),
+        ranges={"biot": (0.01, 0.02), "voxels_across": (5.0, 5.0)},
+        mechanisms=("sun", "convection"),
+        error_percent={"train": {"default": 2.0, "fitted": 1.0}},
+    )
+
+
+def test_a_card_comes_back_as_it_was(tmp_path):
+    card = _card(within=[1.5, 0.7], between=1.4, share=0.25)
+    write_card(tmp_path / "card.yaml", card)
+    again = load_card(tmp_path / "card.yaml")
+    assert again.structure == KIND
+    assert again.ranges == card.ranges
+    assert again.error_percent == card.error_percent
+    for name, value in vars(card.weights).items():
+        np.testing.assert_array_equal(vars(again.weights)[name], value)
+
+
+def test_long_lists_lie_beside_it(tmp_path):
+    links = np.linspace(0.5, 2.0, 1000)
+    write_card(tmp_path / "card.yaml", _card(links=links))
+    assert len((tmp_path / "card.yaml").read_text()) < 2000
+    np.testing.assert_allclose(
+        load_card(tmp_path / "card.yaml").weights.links, links, rtol=1e-6
+    )
+    (tmp_path / "card.npz").unlink()
+    with pytest.raises(jt.InputError, match="keep it beside the card"):
+        load_card(tmp_path / "card.yaml")
+
+
+def test_structures_take_a_card():
+    card = _card(within=[1.5, 0.7])
+    made = jt.ShellOverCore(blocks(np.ones((6, 6, 6), bool)), weights=card)
+    assert made.weights is card.weights
+
+
+def _scene(tmp_path, *changes):
+    write_card(tmp_path / "card.yaml", _card(within=[1.5, 0.7]))
+    kind = "{kind: shell_over_core, layers: 1, factor: 4, weights: " + str(
+        tmp_path / "card.yaml"
+    )
+    start = f"bodies.0.structure={kind}}}"
+    return load_config(SCENE, ("bodies.0.voxels_high=12", start, *changes))
+
+
+def test_a_scene_names_a_card(tmp_path):
+    config = _scene(tmp_path)
+    weights = build_scene(config).bodies[0].structure.weights
+    np.testing.assert_array_equal(weights.within, [1.5, 0.7])
+    kept = tmp_path / "kept.yaml"
+    kept.write_text(to_yaml(config))
+    assert load_config(kept) == config
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ("bodies.0.structure.factor=2", "is of kind shell_over_core, .* factor 4"),
+        ("bodies.0.structure.weights.between=2", "give one or the other"),
+        ("bodies.0.structure.weights=nowhere.yaml", "there is no file"),
+    ],
+)
+def test_a_card_that_does_not_fit_is_refused(tmp_path, change, message):
+    with pytest.raises(jt.InputError, match=message):
+        build_scene(_scene(tmp_path, change))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("a: 1", "is no fit card: it has no card"),
+        ("{card: 9, name: a, structure: {}, weights: {}}", "of another format"),
+        ("{card: 1, name: a, structure: {}, weights: {inside: 2}}", "is no fit card"),
+        ("{card: 1, name: a, structure: {}, weights: {within: -2}}", "at least 0"),
+    ],
+)
+def test_what_is_no_card_is_told(tmp_path, text, message):
+    path = tmp_path / "card.yaml"
+    path.write_text(text)
+    with pytest.raises(jt.InputError, match=message):
+        load_card(path)
+
+
+def test_a_scene_outside_the_fitted_range_is_told():
+    card = _card()
+    inside = {"biot": 0.021, "voxels_across": 5.5}
+    assert outside(card, inside, ("sun",)) == []
+    found = outside(card, {"biot": 0.5, "voxels_across": 2.0}, ("sun", "wind"))
+    assert [line.split()[0] for line in found] == ["biot", "voxels", "wind:"]
