@@ -44,7 +44,7 @@ def _of_body(scene: Scene, body: Body, end: float) -> dict[str, float]:
     grid = body.structure.grid
     volume = grid.solid_count * grid.voxel_volume
     length = float(characteristic_length(volume, grid.fragment_area.sum()))
-    material = getattr(body.material, "materials", (body.material,))[0]
+    material: Any = getattr(body.material, "materials", (body.material,))[0]
     start = body.temperature
     kelvin = 300.0 if callable(start) else float(start)
     known = material.at(kelvin)
