@@ -28,9 +28,9 @@ class FrameTarget(AbstractTarget):
 
     times: tuple[float, ...] = eqx.field(static=True)
     views: tuple[View, ...] = eqx.field(static=True)
-    data: tuple[Float[Array, "t p"], ...]
+    data: tuple[Float[Array, "_ _"], ...]
     """Of the pixels of each view that count [K or W/(m^2 sr)]."""
-    chosen: tuple[Int[Array, " p"], ...]
+    chosen: tuple[Int[Array, " _"], ...]
     """Those pixels, by number."""
     noise: float = eqx.field(static=True)
     quantity: str = eqx.field(static=True)
@@ -133,10 +133,10 @@ def shown_bodies(view: View) -> Bool[np.ndarray, "h w"]:
 def frame_target(
     times: tuple[float, ...],
     views: tuple[View, ...],
-    frames: list[Float[np.ndarray, "t h w"]],
+    frames: list[Float[np.ndarray, "_ _ _"]],
     noise: float,
     quantity: str,
-    masks: list[Bool[np.ndarray, "h w"]],
+    masks: list[Bool[np.ndarray, "_ _"]],
     dtype: Any,
 ) -> FrameTarget:
     """Data for a fit.

@@ -35,11 +35,13 @@ class Jacobian(eqx.Module):
     """(C / g + s) / d [W/K]."""
     contacts: tuple[ContactLinks, ...]
     time: Float[Array, ""]
+    conduct: Callable = eqx.field(static=True, default=conduction)
+    """Of a network and a state, into each node [W]."""
 
     def mv(self, u: State) -> State:
         """A u [W]."""
         image = [
-            own * each - conduction(network, each)
+            own * each - self.conduct(network, each)
             for own, network, each in zip(self.diagonal, self.networks, u, strict=True)
         ]
         zero = jnp.zeros((), u[0].dtype)
@@ -118,7 +120,10 @@ def linearized(
         ),
         tools.nodes,
     )
-    operator = Jacobian(networks, diagonal, program.contacts, time)
+    # Conjugate gradients end where a direction has no curvature at all, as one along an
+    # island; what rounding leaves of a stencil there lets them go on.
+    conduct = conduction if held is None else _as_stepped
+    operator = Jacobian(networks, diagonal, program.contacts, time, conduct)
     whole = operator.with_contacts()
     if held is not None:
         whole = jax.tree.map(jnp.add, whole, held(whole))
@@ -132,6 +137,10 @@ def linearized(
         for network, state in zip(networks, states, strict=True)
     )
     return Linearized(operator, BodyByBody(cycles), steepness, capacity, tools.nodes)
+
+
+def _as_stepped(network: AbstractNetwork, state: Float[Array, "*m"]):
+    return network.heat_rate(state)
 
 
 def on_nodes(values: State, nodes: tuple[Bool[Array, "..."] | None, ...]) -> State:

@@ -6,7 +6,7 @@ of the state eta of every node, as in `network`. An explicit step takes the same
 fused operators (`euler`); implicit ones need it at states that they are looking for.
 
 A long step multiplies what rounding leaves of conduction, and a body that hardly sheds
-heat turns it into kelvins. So conduction is that of the differences to a body's mean.
+heat turns it into kelvins. So conduction is that of differences over faces.
 """
 
 from typing import NamedTuple

@@ -18,6 +18,7 @@ COARSE = ("camera={width: 32, height: 24}", "image.samples=1")
     ("name", "changes", "mechanisms"),
     [
         ("figurine", ("bodies.0.voxels_high=40",), {"sun", "convection", "emission"}),
+        ("figurine-steel", ("bodies.0.voxels_high=30",), {"sun", "convection"}),
         ("windy", ("bodies.0.voxels_high=40", "terms.1.occlusion=16"),
          {"wind", "emission"}),
         ("ball-on-figurine", ("bodies.0.voxels_high=50", "bodies.1.pitch=6 mm"),
