@@ -1,13 +1,12 @@
 """The command line of calibrations: fit, check, identify, show."""
 
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import App, CycloptsError, Parameter
+from cyclopts import App, Parameter
 
-from jaxthermo.errors import InputError
+from jaxthermo.cli.entry import run_app
 
 
 app = App(
@@ -80,18 +79,7 @@ def show(folder: Path, /) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs one command and exits: 0 if it worked, 2 for a mistake of the user."""
-    tokens = list(sys.argv[1:] if arguments is None else arguments)
-    try:
-        app(tokens, exit_on_error=False, print_error=False)
-    except (InputError, CycloptsError) as error:
-        for line in str(error).splitlines() or [""]:
-            if line.strip():
-                sys.stderr.write(f"calibrate: {' '.join(line.split())}\n")
-        sys.exit(2)
-    except KeyboardInterrupt as stop:
-        sys.stderr.write(f"calibrate: {str(stop) or 'interrupted'}\n")
-        sys.exit(130)
-    sys.exit(0)
+    run_app(app, "calibrate", arguments)
 
 
 if __name__ == "__main__":

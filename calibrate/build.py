@@ -218,6 +218,10 @@ class TargetMaker:
 
     def target(self, name: str) -> AbstractTarget:
         """Of one case."""
+        with precision(self.scenes[name].dtype):
+            return self._made(name)
+
+    def _made(self, name: str) -> AbstractTarget:
         match self.config.reference:
             case schema.FullVolumeReference() as given:
                 return self._full_volume(name, given)

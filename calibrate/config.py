@@ -3,6 +3,7 @@
 import hashlib
 import json
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +11,8 @@ from pydantic import ValidationError
 
 from jaxthermo.config.found import FOLDERS
 from jaxthermo.config.loader import load_config, mesh_folders
-from jaxthermo.config.messages import dotted, untagged
-from jaxthermo.config.overrides import parse_override, with_override
+from jaxthermo.config.messages import described, in_file
+from jaxthermo.config.overrides import with_overrides
 from jaxthermo.config.schema import SceneConfig
 from jaxthermo.config.strict_yaml import read_yaml
 from jaxthermo.errors import InputError
@@ -33,23 +34,13 @@ def load_calibration(
         InputError: one line for each mistake.
     """
     path = Path(path)
-    data: dict[str, Any] = read_yaml(path)
-    for text in overrides:
-        location, value = parse_override(text)
-        try:
-            data = with_override(data, location, value)
-        except InputError as error:
-            raise InputError(f"--set {error}") from error
+    data, _ = with_overrides(read_yaml(path), overrides)
     data = {"name": path.stem, **data}
     context = {FOLDERS: mesh_folders(path.parent) if find_files else ()}
     try:
         return CalibrationConfig.model_validate(data, context=context)
     except ValidationError as error:
-        lines = []
-        for entry in error.errors(include_url=False):
-            parts = (str(path), dotted(untagged(entry["loc"])), entry["msg"])
-            lines.append(": ".join(filter(None, parts)))
-        raise InputError("\n".join(lines)) from error
+        raise InputError(described(error, partial(in_file, path))) from error
 
 
 def scene_config(config: CalibrationConfig, *changes: Mapping[str, Any]) -> SceneConfig:

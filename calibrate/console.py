@@ -16,8 +16,8 @@ from jaxthermo.errors import InputError
 from .build import build
 from .check import check_card
 from .config import load_calibration
-from .fit import Step
 from .identifiability import identify as judge, left_over
+from .progress import Step
 from .quantities import unit_of
 from .run import Told, errors_at, fit_config, jacobian
 
@@ -102,7 +102,14 @@ def tell_fit(console: Console, result: dict[str, Any]) -> None:
     tell(
         console,
         f"runs {speed['times_faster']:.3g} times as fast as the full volume "
-        f"({speed['least']:.3g} to {speed['most']:.3g})",
+        f"({speed['least']:.3g} to {speed['most']:.3g}); "
+        f"{speed['default']['times_faster']:.3g} times before the fit",
+    )
+    spans = result["run_time_s"]
+    tell(
+        console,
+        f"the fit took {spans['fit']:.3g} s, as long as "
+        f"{spans['fit'] / max(spans['one_run'], 1e-9):.3g} runs of all its cases",
     )
     for entry in result["advice"]:
         tell(console, f"{entry['case']} would tell {entry['gain_nats']:.2f} nats more")

@@ -16,25 +16,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxthermo.atomic import replacing
 from jaxthermo.errors import InputError
-from jaxthermo.integrate.response import with_more_steps
+from jaxthermo.integrate.response import Layout, with_more_steps
 from jaxthermo.precision import precision
 
-from .problem import Layouts, Problem, with_jacobian
+from .problem import Layouts, Problem, Seen, with_jacobian
+from .progress import Progress, Step, kept
 from .rules import Program, residuals
-from .search import REVERSE, Point, Search, Setting
-
-
-@dataclass(frozen=True)
-class Step:
-    """What is told of a step."""
-
-    number: int
-    loss: float
-    """Half of the sum of squares, at the best point so far."""
-    accepted: bool
-    values: tuple[float, ...]
+from .search import REVERSE, Search, Setting
+from .starts import losses
 
 
 @dataclass
@@ -50,132 +40,225 @@ class Fit:
     """Of the misfits at `z` by the free numbers; no rows where there are too many."""
     errors: tuple[Float[np.ndarray, " t"], ...]
     """At `z`, of every case at every time, as `Seen` has them."""
-    initial_errors: tuple[Float[np.ndarray, " t"], ...]
     steps: list[Step] = field(default_factory=list)
+    initial_errors: tuple[Float[np.ndarray, " t"], ...] = ()
     ended: str = "converged"
     """Or "step limit", or "interrupted"."""
     took: float = 0.0
     """Of the steps, without compiling [s]."""
+    one_run: float = 0.0
+    """Of all cases once at `z`, without derivatives, in the fit's own steps [s]."""
     compiling: float = 0.0
 
 
 MOST_JUDGED = 200
 """Free numbers whose Jacobian is kept, to judge them by."""
 
-STILL = 3
-"""Steps without progress that end a fit: no more is to be had in this precision."""
+STILL, NEAR = 2, 0.03
+"""Steps without progress that end a fit: no more is to be had in this precision. A step
+that was refused counts if it was as near as this, in free numbers: a search that tried
+too far goes back first."""
+
+MOST_STIFFER = 10.0
+"""Than the start: trials beyond are refused."""
 
 Tell = Callable[[Step, float], None]
 """Told of every step, with the seconds that steps took so far."""
 
 
-def run_fit(
-    problem: Problem,
-    setting: Setting,
-    *,
-    start: Float[np.ndarray, " p"] | None = None,
-    keep: Path | None = None,
-    tell: Tell | None = None,
-    stop: Callable[[], bool] = lambda: False,
-) -> Fit:
-    """Fit the parameters of a problem.
+class Fitting:
+    """A problem and how it is searched, traced once: its programs serve every run."""
+
+    def __init__(self, problem: Problem, setting: Setting):
+        """Nothing is compiled yet.
+
+        Args:
+            problem: parameters and cases.
+            setting: of the search.
+        """
+        reverse = setting.method in REVERSE
+        self.setting = setting
+        self.problem = problem.with_fixed_steps() if reverse else problem
+        with precision(problem.dtype.name):
+            layouts = self.problem.layouts()
+            traced = self.problem.trace(layouts)
+            back = self.problem.backward(setting.memory) if reverse else None
+            backward = None if back is None else back.trace(layouts)
+            endless = jnp.asarray(jnp.inf, problem.dtype)
+            none = jnp.zeros((), problem.dtype)
+            self.program = Program(traced, layouts, endless, none, backward)
+            self._search = Search(self.program, setting, self.problem.batch())
+        self._evaluate = eqx.filter_jit(residuals)
+        self._rows = eqx.filter_jit(self._rows_at)
+        self._stable = eqx.filter_jit(self.problem.stable_steps)
+
+    def run(
+        self,
+        *,
+        start: Float[np.ndarray, " p"] | None = None,
+        keep: Path | None = None,
+        tell: Tell | None = None,
+        stop: Callable[[], bool] = lambda: False,
+        noise: Float[np.ndarray, " r"] | None = None,
+    ) -> Fit:
+        """Fit the parameters.
+
+        Args:
+            start: free numbers to start from; those of the values as given if None.
+            keep: a file for the state after every step; a fit goes on from there.
+            tell: of every step.
+            stop: whether to end after this step.
+            noise: added to the misfits, as of measurements that are repeated.
+
+        Raises:
+            InputError: if there are more parameters than misfits, or the misfits at the
+                start are not finite.
+        """
+        with precision(self.problem.dtype.name):
+            clock = time.perf_counter()
+            dtype = self.problem.dtype
+            z = self.problem.start() if start is None else jnp.asarray(start, dtype)
+            program = self.program
+            if noise is not None:
+                given = jnp.asarray(noise, dtype)
+                program = eqx.tree_at(lambda p: p.noise, program, given)
+            program, first, seen = self._begin(program, z)
+            search = self._search.with_program(program)
+            at = Progress(search.begin(z), program.layouts, [])
+            at = at if keep is None else kept(keep, at)
+            search = search.compiled(at.point)
+            compiling = time.perf_counter() - clock
+            at, ended, took = self._loop(search, program, at, first, keep, tell, stop)
+            fit = self._found(program, at, z, first)
+        fit.initial_errors = seen.known_errors()
+        fit.ended, fit.took, fit.compiling = ended, took, compiling
+        return fit
+
+    def best_of(
+        self,
+        points: Float[np.ndarray, "n p"],
+        stop: Callable[[], bool] = lambda: False,
+    ) -> Float[np.ndarray, " p"]:
+        """The best that is found from several starts, all searched together.
+
+        Args:
+            points: to start from; one whose misfits are not finite is left out.
+            stop: whether to end with the best so far.
+
+        Raises:
+            InputError: if the misfits are finite at none of them.
+        """
+        dtype, batch = self.problem.dtype, self.problem.batch()
+        with precision(dtype.name):
+            tried = self._losses(jnp.asarray(points, dtype))
+            points = points[np.isfinite(tried)]
+            if not len(points):
+                raise InputError("fit: starts: the misfits are finite at none of them")
+            begun = [self._search.begin(z) for z in jnp.asarray(points, dtype)]
+            together = max(1, batch // len(points[0]))
+            several, program = self._search.at_once(begun, together), self.program
+            for _ in range(self.setting.most_steps):
+                if several.done.all() or stop():
+                    break
+                stable = jax.lax.map(self._stable, several.tried()).min(axis=0)
+                layouts = self._enough(program.layouts, stable)
+                program = with_layouts(program, layouts)
+                several = several.step(program)
+            found = np.asarray(self._losses(several.z, program))
+        return np.asarray(several.z[int(found.argmin())], float)
+
+    def _losses(self, points, program: Program | None = None):
+        program = self.program if program is None else program
+        found = eqx.filter_jit(losses)(program, points, self.problem.batch())
+        return np.asarray(found, float)
+
+    def _begin(self, program: Program, z) -> tuple[Program, Array, Seen]:
+        """Checks, and where the loss starts to be robust."""
+        first, seen = self._evaluate(program, z)
+        _check(self.problem, first)
+        if self.setting.huber is not None:
+            knee = self.setting.huber * jnp.sqrt((first * first).mean())
+            program = eqx.tree_at(lambda p: p.knee, program, knee)
+            first, seen = self._evaluate(program, z)
+        return program, first, seen
+
+    def _loop(
+        self, search: Search, program: Program, at: Progress, first, keep, tell, stop
+    ) -> tuple[Progress, str, float]:
+        """Steps, until one of them is the last; why it is, and their seconds."""
+        took, setting = 0.0, self.setting
+        while not (at.point.done or self._settled(at.steps)):
+            if at.point.steps >= setting.most_steps:
+                return at, "step limit", took
+            if stop():
+                return at, "interrupted", took
+            clock = time.perf_counter()
+            layouts = self._enough(at.layouts, self._stable(search.tried(at.point)))
+            search = search.with_program(with_layouts(program, layouts))
+            before = at.steps[-1].loss if at.steps else _loss(first)
+            reach = float(jnp.abs(search.tried(at.point) - at.point.z).max())
+            point = search.step(at.point)
+            loss = search.loss(point)
+            took += time.perf_counter() - clock
+            values = map(float, self.problem.parameters.flat_values(point.z))
+            step = Step(point.steps, loss, loss < before, reach, tuple(values))
+            at = Progress(point, layouts, [*at.steps, step])
+            if keep is not None:
+                at.keep(keep)
+            if tell is not None:
+                tell(step, took)
+        return at, "converged", took
+
+    def _enough(self, layouts: Layouts, stable) -> Layouts:
+        return enough_steps(layouts, stable, self.program.layouts)
+
+    def _settled(self, steps: list[Step]) -> bool:
+        return settled(steps, self.setting.tolerance, self.problem.dtype)
+
+    def _found(self, program: Program, at: Progress, z, first: Array) -> Fit:
+        """Evaluated at the point itself; never worse than where it began."""
+        program, z_found = with_layouts(program, at.layouts), at.point.z
+        initial = _loss(first)
+        residual, seen = self._evaluate(program, z_found)
+        if not bool(seen.finite) or not _loss(residual) <= initial * (1 + 1e-6):
+            z_found = z
+            residual, seen = self._evaluate(program, z)
+        clock = time.perf_counter()
+        jax.block_until_ready(self._evaluate(program, z_found))
+        one_run = time.perf_counter() - clock
+        rows = np.zeros((0, len(residual)))
+        if len(z) <= MOST_JUDGED:
+            rows = self._rows(program, z_found)
+        return Fit(
+            z=np.asarray(z_found, float),
+            loss=_loss(residual),
+            initial_loss=initial,
+            residual=np.asarray(residual, float),
+            jacobian=np.asarray(rows, float),
+            errors=seen.known_errors(),
+            steps=at.steps,
+            one_run=one_run,
+        )
+
+    def _rows_at(self, program: Program, z) -> Float[Array, "p r"]:
+        batch = self.problem.batch()
+        return with_jacobian(lambda y: residuals(program, y), z, batch)[1]
+
+
+def run_fit(problem: Problem, setting: Setting, **given: Any) -> Fit:
+    """Fit the parameters of a problem once.
 
     Args:
         problem: parameters and cases.
         setting: of the search.
-        start: free numbers to start from; those of the values as given if None.
-        keep: a file for the state after every step; a fit goes on from there.
-        tell: of every step.
-        stop: whether to end after this step.
-
-    Raises:
-        InputError: if there are more parameters than misfits, or the misfits at the
-            start are not finite.
+        given: as `Fitting.run` takes it.
     """
-    with precision(problem.dtype.name):
-        return _run(problem, setting, start, keep, tell, stop)
+    return Fitting(problem, setting).run(**given)
 
 
-def _run(problem, setting, start, keep, tell, stop) -> Fit:
-    clock = time.perf_counter()
-    reverse = setting.method in REVERSE
-    if reverse:
-        problem = problem.with_fixed_steps()
-    layouts = problem.layouts()
-    traced = problem.trace(layouts)
-    z = problem.start() if start is None else jnp.asarray(start, problem.dtype)
-    knee = jnp.asarray(jnp.inf, problem.dtype)
-    backward = problem.backward(setting.memory).trace(layouts) if reverse else None
-    program = Program(traced, layouts, knee, backward)
-    evaluate = eqx.filter_jit(residuals)
-    first, before_all = evaluate(program, z)
-    _check(problem, first)
-    if setting.huber is not None:
-        root = jnp.sqrt((first * first).mean())
-        program = eqx.tree_at(lambda p: p.knee, program, setting.huber * root)
-        first, _ = evaluate(program, z)
-    initial = _loss(first)
-    search = Search(program, setting, problem.batch())
-    point = search.begin(z)
-    steps: list[Step] = []
-    point, layouts, steps = _kept(keep, point, layouts, steps)
-    stable = eqx.filter_jit(problem.stable_steps)
-    search = search.compiled(point)
-    compiling, took = time.perf_counter() - clock, 0.0
-    ended = "converged"
-    while not (point.done or settled(steps, setting.tolerance, problem.dtype)):
-        if point.steps >= setting.most_steps:
-            ended = "step limit"
-            break
-        if stop():
-            ended = "interrupted"
-            break
-        clock = time.perf_counter()
-        longer = enough_steps(layouts, stable(search.tried(point)))
-        if longer is not layouts:
-            layouts = longer
-        search = search.with_layouts(layouts)
-        before = steps[-1].loss if steps else initial
-        point = search.step(point)
-        loss = search.loss(point)
-        took += time.perf_counter() - clock
-        values = tuple(map(float, problem.parameters.flat_values(point.z)))
-        steps.append(Step(point.steps, loss, loss < before, values))
-        _keep(keep, point, layouts, steps)
-        if tell is not None:
-            tell(steps[-1], took)
-    program = eqx.tree_at(lambda p: p.layouts, program, layouts)
-    residual, seen = evaluate(program, point.z)
-    loss = _loss(residual)
-    if not bool(seen.finite) or loss > initial * (1 + 1e-6):
-        # Never worse than where it began.
-        point = point._replace(z=z)
-        residual, seen = evaluate(program, z)
-        loss = _loss(residual)
-    rows = np.zeros((0, len(residual)))
-    if len(z) <= MOST_JUDGED:
-        rows = eqx.filter_jit(with_jacobian_at)(program, point.z, problem.batch())
-    arrays = lambda seen: tuple(np.asarray(e, float) for e in seen.errors)
-    return Fit(
-        z=np.asarray(point.z, float),
-        loss=loss,
-        initial_loss=initial,
-        residual=np.asarray(residual, float),
-        jacobian=np.asarray(rows, float),
-        errors=arrays(seen),
-        initial_errors=arrays(before_all),
-        steps=steps,
-        ended=ended,
-        took=took,
-        compiling=compiling,
-    )
-
-
-def with_jacobian_at(
-    program: Program, z: Float[Array, " p"], batch: int
-) -> Float[Array, "p r"]:
-    """The Jacobian of the residuals at a point."""
-    return with_jacobian(lambda y: residuals(program, y), z, batch)[1]
+def with_layouts(program: Program, layouts: Layouts) -> Program:
+    """The program with other steps in time."""
+    return eqx.tree_at(lambda p: p.layouts, program, layouts)
 
 
 def _loss(residual: Array) -> float:
@@ -200,82 +283,42 @@ def settled(steps: list[Step], tolerance: float, dtype: Any) -> bool:
 
     Args:
         steps: so far.
-        tolerance: of the fit; the loss, flat at its least, is told far better.
+        tolerance: relative, of the loss.
         dtype: whose rounding they cannot get below.
     """
     if len(steps) <= STILL:
         return False
+    if any(not s.accepted and s.reach > NEAR for s in steps[-STILL:]):
+        return False
     before, now = steps[-1 - STILL].loss, steps[-1].loss
-    least = max(16 * float(jnp.finfo(dtype).eps), 1e-2 * tolerance)
-    return before - now <= least * before
+    return before - now <= max(16 * float(jnp.finfo(dtype).eps), tolerance) * before
 
 
-def enough_steps(layouts: Layouts, stable: Float[Array, " c"]) -> Layouts:
+def enough_steps(
+    layouts: Layouts, stable: Float[Array, " c"], first: Layouts | None = None
+) -> Layouts:
     """Layouts whose explicit steps are stable.
 
     Args:
         layouts: of the cases.
         stable: step of each, infinite where the solver gives its own [s].
+        first: those of a fit's start: a trial that is far stiffer than those keeps its
+            layouts, so that it blows up and is refused; it would take for ever.
     """
     found, changed = [], False
-    for layout, limit in zip(layouts, np.asarray(stable, float), strict=True):
-        spans, counts = np.asarray(layout[1]), np.asarray(layout[2])
-        longest = float(spans[counts > 0].max())
-        if np.isfinite(limit) and limit > 0 and longest > limit:
+    for n, (layout, limit) in enumerate(
+        zip(layouts, np.asarray(stable, float), strict=True)
+    ):
+        longest = _longest(layout)
+        least = 0.0 if first is None else _longest(first[n]) / MOST_STIFFER
+        if np.isfinite(limit) and least < limit < longest:
             # More than is needed now: each change moves the misfits a little.
             layout, changed = with_more_steps(layout, 1.25 * longest / limit), True
         found.append(layout)
     return tuple(found) if changed else layouts
 
 
-def _keep(path: Path | None, point: Point, layouts: Layouts, steps: list[Step]) -> None:
-    if path is None:
-        return
-    arrays = {
-        f"leaf{n}": np.asarray(leaf) for n, leaf in enumerate(_leaves(point, layouts))
-    }
-    told = np.array([[s.number, s.loss, s.accepted, *s.values] for s in steps])
-    with replacing(path) as temporary, open(temporary, "wb") as file:
-        kept: dict[str, Any] = {
-            "steps": told,
-            "count": np.asarray(point.steps),
-            "done": np.asarray(point.done),
-            **arrays,
-        }
-        np.savez(file, allow_pickle=False, **kept)
-
-
-def _leaves(point: Point, layouts: Layouts) -> list[Any]:
-    return jax.tree.leaves(eqx.filter((point.z, point.state, layouts), eqx.is_array))
-
-
-def _kept(
-    path: Path | None, point: Point, layouts: Layouts, steps: list[Step]
-) -> tuple[Point, Layouts, list[Step]]:
-    """Where an earlier process was, or the start."""
-    if path is None or not path.exists():
-        return point, layouts, steps
-    dynamic, static = eqx.partition((point.z, point.state, layouts), eqx.is_array)
-    leaves, tree = jax.tree.flatten(dynamic)
-    try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as kept:
-            found = [kept[f"leaf{n}"] for n in range(len(leaves))]
-            told = kept["steps"]
-            count, done = int(kept["count"]), bool(kept["done"])
-    except Exception as error:
-        raise InputError(
-            f"{path}: cannot be read ({type(error).__name__}): delete it to start anew"
-        ) from error
-    same = all(
-        a.shape == b.shape and a.dtype == b.dtype
-        for a, b in zip(found, leaves, strict=True)
-    )
-    if not same:
-        raise InputError(f"{path}: is of another fit: delete it to start anew")
-    dynamic = jax.tree.unflatten(tree, [jnp.asarray(a) for a in found])
-    z, state, layouts = eqx.combine(dynamic, static)
-    steps = [
-        Step(int(row[0]), float(row[1]), bool(row[2]), tuple(map(float, row[3:])))
-        for row in told
-    ]
-    return Point(z, state, count, done), layouts, steps
+def _longest(layout: Layout) -> float:
+    """Of the steps that are taken [s]."""
+    spans, counts = np.asarray(layout[1]), np.asarray(layout[2])
+    return float(spans[counts > 0].max())

@@ -1,5 +1,6 @@
 """A fit as one function: free numbers in, misfits of all cases out."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -56,6 +57,10 @@ class Seen(NamedTuple):
     errors: tuple[Float[Array, " t"], ...]
     """Of every case at every time: root of the sum of its squared misfits."""
 
+    def known_errors(self) -> tuple[Float[np.ndarray, " t"], ...]:
+        """The errors on the host."""
+        return tuple(np.asarray(each, float) for each in self.errors)
+
 
 Layouts = tuple[Layout, ...]
 
@@ -87,7 +92,7 @@ class Problem:
         if len(found) > 1:
             raise InputError("cases: fit to references or to frames, not to both")
         known = found.pop()
-        return None if known is None else known / np.sqrt(len(self.cases))
+        return None if known is None else known / math.sqrt(len(self.cases))
 
     def start(self) -> Float[Array, " p"]:
         """The free numbers that a fit starts from."""
@@ -124,7 +129,7 @@ class Problem:
             steps.append(answer.stable_step)
             finite = finite & answer.finite
         z = jnp.asarray(z)
-        share = 1 / np.sqrt(len(self.cases))
+        share = 1 / math.sqrt(len(self.cases))
         data = share * jnp.concatenate(rows)
         prior = self.parameters.prior_misfit(z)
         sd = self.known_sd
@@ -219,9 +224,11 @@ def with_jacobian(
         z: where.
         batch: derivatives at once.
     """
-    value, aux = function(z)
-    along = lambda t: jax.jvp(lambda y: function(y)[0], (z,), (t,))[1]
+    along = lambda t: jax.jvp(function, (z,), (t,), has_aux=True)
     directions = jnp.eye(len(z), dtype=z.dtype)
     if batch >= len(z):
-        return value, jax.vmap(along)(directions), aux
-    return value, jax.lax.map(along, directions, batch_size=batch), aux
+        # The value comes with them: one run less.
+        return jax.vmap(along, out_axes=(None, 0, None))(directions)
+    value, aux = function(z)
+    rows = jax.lax.map(lambda t: along(t)[1], directions, batch_size=batch)
+    return value, rows, aux

@@ -88,7 +88,11 @@ def fit_json(
             }
             for step in fit.steps
         ],
-        "run_time_s": {"fit": fit.took, "compile": fit.compiling},
+        "run_time_s": {
+            "fit": fit.took,
+            "one_run": fit.one_run,
+            "compile": fit.compiling,
+        },
         "reference": config.reference.kind,
         "config": plain(config),
         "config_hash": calibration_hash(config),

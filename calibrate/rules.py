@@ -29,6 +29,8 @@ class Program(eqx.Module):
     layouts: Layouts
     knee: Float[Array, ""]
     """Misfit above which it counts linearly."""
+    noise: Float[Array, "*_"]
+    """Added to the misfits."""
     backward: Traced | None = None
     """The misfits by steps that reverse mode goes back through."""
 
@@ -51,44 +53,55 @@ def softened(misfits: Float[Array, " r"], knee: Float[Array, ""]) -> Float[Array
 def residuals(program: Program, z: Float[Array, " p"]) -> tuple[Array, Seen]:
     """What is squared."""
     misfits, seen = program.traced(z, program.layouts)
-    return softened(misfits, program.knee), seen
+    return softened(misfits + program.noise, program.knee), seen
 
 
 def backward_residuals(program: Program, z: Float[Array, " p"]) -> Array:
     """The same, for reverse mode."""
     assert program.backward is not None
-    return softened(program.backward(z, program.layouts)[0], program.knee)
+    misfits, _ = program.backward(z, program.layouts)
+    return softened(misfits + program.noise, program.knee)
+
+
+def _with_tangent(
+    function: Callable[[Program, Array], tuple[Array, Seen]],
+    linearize: Callable[[Program, Array, Array], tuple[tuple[Array, Seen], Array]],
+) -> Callable[..., tuple[Array, Seen]]:
+    """A function whose tangents are ready made; what was seen has none.
+
+    Args:
+        function: of a program and z.
+        linearize: of both and a tangent of z: the same, and the value's tangent.
+    """
+
+    @jax.custom_jvp
+    def given(z, program):
+        return function(program, z)
+
+    @given.defjvp
+    def _(primals, tangents):
+        z, program = primals
+        (value, seen), moved = linearize(program, z, tangents[0])
+        return (value, seen), (moved, jax.tree.map(_zero_tangent, seen))
+
+    return given
 
 
 def by_jacobian(batch: int) -> Callable[..., tuple[Array, Seen]]:
     """The residuals, whose derivative is a product with a Jacobian of their own."""
 
-    @jax.custom_jvp
-    def function(z, program):
-        return residuals(program, z)
-
-    @function.defjvp
-    def _(primals, tangents):
-        z, program = primals
+    def linearize(program, z, along):
         value, rows, seen = with_jacobian(lambda y: residuals(program, y), z, batch)
-        still = jax.tree.map(_zero_tangent, seen)
-        return (value, seen), (tangents[0] @ rows, still)
+        return (value, seen), along @ rows
 
-    return function
+    return _with_tangent(residuals, linearize)
 
 
 def by_products(batch: int) -> Callable[..., tuple[Array, Seen]]:
     """The residuals, whose derivative is a product without a Jacobian."""
     del batch
 
-    @jax.custom_jvp
-    def function(z, program):
-        return residuals(program, z)
-
-    @function.defjvp
-    def _(primals, tangents):
-        z, program = primals
-        value, seen = residuals(program, z)
+    def linearize(program, z, along):
         arrays, static = eqx.partition(program, eqx.is_array)
 
         def forward(point, along):
@@ -102,34 +115,25 @@ def by_products(batch: int) -> Callable[..., tuple[Array, Seen]]:
             _, pull = jax.vjp(lambda y: backward_residuals(own, y), z)
             return pull(pulled)[0]
 
-        moved = linear_call(forward, back, (z, arrays), tangents[0])
-        return (value, seen), (moved, jax.tree.map(_zero_tangent, seen))
+        return residuals(program, z), linear_call(forward, back, (z, arrays), along)
 
-    return function
+    return _with_tangent(residuals, linearize)
 
 
 def by_gradient(batch: int) -> Callable[..., tuple[Array, Seen]]:
     """Half of the sum of squares, whose derivative is a product with its gradient."""
     del batch
 
-    def loss(z, program):
+    def loss(program, z):
         found, seen = residuals(program, z)
         return _half_sum(found), seen
 
-    @jax.custom_jvp
-    def function(z, program):
-        return loss(z, program)
+    def linearize(program, z, along):
+        back = lambda y: _half_sum(backward_residuals(program, y))
+        value, slope = jax.value_and_grad(back)(z)
+        return (value, residuals(program, z)[1]), slope @ along
 
-    @function.defjvp
-    def _(primals, tangents):
-        z, program = primals
-        value, slope = jax.value_and_grad(
-            lambda y: _half_sum(backward_residuals(program, y))
-        )(z)
-        _, seen = residuals(program, z)
-        return (value, seen), (slope @ tangents[0], jax.tree.map(_zero_tangent, seen))
-
-    return function
+    return _with_tangent(loss, linearize)
 
 
 def _half_sum(values: Float[Array, " r"]) -> Float[Array, ""]:

@@ -15,24 +15,23 @@ from jaxthermo.cli.files import results_folder
 from jaxthermo.cli.summary import write_json
 from jaxthermo.config.card_file import write_card
 from jaxthermo.config.strict_yaml import write_yaml
-from jaxthermo.errors import InputError
 from jaxthermo.precision import precision
 
 from .build import Built, build
 from .cards import make_card
 from .config import calibration_hash, load_calibration, plain
 from .errors import CaseError, case_errors
-from .fit import Fit, Step, enough_steps, run_fit
-from .identifiability import Identified, identify, information_gain, left_over
+from .fit import Fit, Fitting, enough_steps
+from .identifiability import identify, information_gain, left_over
 from .problem import Problem, with_jacobian
+from .progress import Step
 from .reference import program_hash
 from .report import write_report
 from .result import Errors, fit_json
-from .rules import Program
 from .schema import CalibrationConfig
 from .search import Setting
 from .speed import measure_speed
-from .starts import design, losses
+from .starts import design
 
 
 STATE, MARKER = "state.npz", "state.txt"
@@ -76,11 +75,9 @@ def fit_config(
         _fresh(folder, config)
         told.doing("compiling")
         setting = settings(config)
-        start = best_start(config, built.train)
-        fit = run_fit(
-            built.train,
-            setting,
-            start=start,
+        fitting = Fitting(built.train, setting)
+        fit = fitting.run(
+            start=_start(config, fitting, state, told, stop),
             keep=state,
             tell=lambda step, took: told.step(step, took, setting.most_steps),
             stop=stop,
@@ -96,6 +93,21 @@ def fit_config(
             for left in (state, folder / MARKER):
                 left.unlink(missing_ok=True)
     return result
+
+
+def _start(
+    config: CalibrationConfig,
+    fitting: Fitting,
+    state: Path,
+    told: Told,
+    stop: Callable[[], bool],
+) -> Float[np.ndarray, " p"] | None:
+    """The best of several starts; None for the one that is given, or kept."""
+    given, size = config.fit, fitting.problem.parameters.size
+    if given.starts == 1 or state.exists():
+        return None
+    told.doing(f"searching from {given.starts} starts")
+    return fitting.best_of(design(given.starts, size, given.spread, given.seed), stop)
 
 
 def settings(config: CalibrationConfig) -> Setting:
@@ -121,28 +133,6 @@ def _fresh(folder: Path, config: CalibrationConfig) -> None:
         target.write_text(text, encoding="utf-8")
 
 
-def best_start(
-    config: CalibrationConfig, problem: Problem
-) -> Float[np.ndarray, " p"] | None:
-    """The best of several starts; None for the one that is given."""
-    given = config.fit
-    if given.starts == 1:
-        return None
-    points = design(given.starts, problem.parameters.size, given.spread, given.seed)
-    with precision(problem.dtype.name):
-        layouts = problem.layouts()
-        program = Program(
-            problem.trace(layouts), layouts, jnp.asarray(jnp.inf, problem.dtype)
-        )
-        tried = eqx.filter_jit(losses)(
-            program, jnp.asarray(points, problem.dtype), problem.batch()
-        )
-    found = np.asarray(tried, float)
-    if not np.isfinite(found).any():
-        raise InputError("fit: starts: the misfits are finite at none of them")
-    return points[int(found.argmin())]
-
-
 def conclude(
     config: CalibrationConfig, built: Built, fit: Fit, doing: Callable[[str], None]
 ) -> dict[str, Any]:
@@ -165,7 +155,7 @@ def conclude(
     case = cases[0]
     with precision(built.train.dtype.name):
         scene = built.train.scene(case, jnp.asarray(fit.z, built.train.dtype))
-    speed = measure_speed(built.configs[case.name], scene)
+    speed = measure_speed(built.configs[case.name], case.scene, scene)
     versions = {name: version(name) for name in PACKAGES}
     return fit_json(config, built, fit, identified, errors, told, speed, versions)
 
@@ -188,7 +178,7 @@ def errors_at(
             z = jnp.asarray(point, problem.dtype)
             layouts = enough_steps(layouts, problem.stable_steps(z))
             seen = run(traced, z, layouts)
-            found.append(case_errors(problem.cases, seen.errors))
+            found.append(case_errors(problem.cases, seen.known_errors()))
     return found
 
 
@@ -221,8 +211,3 @@ def advice(
         gain = information_gain(fit.jacobian, jacobian(problem, fit.z), sd)
         found.append({"case": given.name, "gain_nats": gain})
     return sorted(found, key=lambda entry: -entry["gain_nats"])
-
-
-def told_apart(identified: Identified) -> int:
-    """How many parameters the data tell."""
-    return sum(v.standard_error is not None for v in identified.verdicts)

@@ -156,7 +156,8 @@ class FitConfig(Model):
     method: Literal["levenberg_marquardt", "gauss_newton", "bfgs", "lbfgs"] = (
         "levenberg_marquardt"
     )
-    tolerance: Annotated[Number, Field(gt=0, lt=1)] = 1e-4
+    tolerance: Annotated[Number, Field(gt=0, lt=1)] = 1e-3
+    """Relative change of the loss by a step, and of the values, at which it ends."""
     most_steps: Annotated[Whole, Field(ge=1, le=10_000)] = 50
     huber: Annotated[Number, Field(gt=0)] | None = None
     """Misfit, in root mean squares at the start, above which it counts linearly."""

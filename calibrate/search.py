@@ -19,11 +19,13 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
+import jax
+import jax.numpy as jnp
 import lineax as lx
+import numpy as np
 import optimistix as optx
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
-from .problem import Layouts
 from .rules import Program, by_gradient, by_jacobian, by_products
 
 
@@ -31,7 +33,7 @@ class Setting(NamedTuple):
     """Of a search."""
 
     method: str = "levenberg_marquardt"
-    tolerance: float = 1e-4
+    tolerance: float = 1e-3
     """Relative change of values and of misfits at which it ends."""
     most_steps: int = 50
     huber: float | None = None
@@ -51,6 +53,31 @@ class Point(NamedTuple):
     done: bool
 
 
+class Several(NamedTuple):
+    """Searches that go on together, each by the same compiled step."""
+
+    advance: Callable[[Any, Any, Any], Any]
+    z: Float[Array, "n p"]
+    states: Any
+    done: Bool[np.ndarray, " n"]
+
+    def tried(self) -> Float[Array, "n p"]:
+        """The values that the next step will run with."""
+        return self.states.y_eval
+
+    def step(self, program: Program) -> "Several":
+        """One step of all that are not done; those stay as they are."""
+        arrays = eqx.filter(program, eqx.is_array)
+        z, states, done = self.advance(self.z, self.states, arrays)
+        stays = lambda old, new: jnp.where(
+            self.done.reshape((-1,) + (1,) * (new.ndim - 1)), old, new
+        )
+        moved = jax.tree.map(stays, (self.z, self.states), (z, states))
+        return self._replace(
+            z=moved[0], states=moved[1], done=self.done | np.asarray(done)
+        )
+
+
 class Search:
     """A search by one method."""
 
@@ -68,12 +95,13 @@ class Search:
         self._arrays, self._static = arrays, static
         self._solver = SOLVERS[setting.method](setting.tolerance)
         self._options = OPTIONS.get(setting.method, {})
-        self._step = eqx.filter_jit(self._take)
+        self._step: Any = eqx.filter_jit(self._take)
+        self._compiled: dict[tuple, Any] = {}
 
-    def with_layouts(self, layouts: Layouts) -> "Search":
-        """The same search, which steps otherwise in time; compiled programs stay."""
+    def with_program(self, program: Program) -> "Search":
+        """The same search with other arrays; what is compiled stays."""
         other = copy.copy(self)
-        other._arrays = eqx.tree_at(lambda p: p.layouts, self._arrays, layouts)
+        other._arrays = eqx.filter(program, eqx.is_array)
         return other
 
     def begin(self, z: Float[Array, " p"]) -> Point:
@@ -86,8 +114,13 @@ class Search:
 
     def compiled(self, point: Point) -> "Search":
         """The same search with its step compiled, so that steps can be timed."""
+        given = (point.z, point.state, self._arrays)
+        arrays = jax.tree.leaves(eqx.filter(given, eqx.is_array))
+        shapes = tuple(array.shape for array in arrays)
+        if shapes not in self._compiled:
+            self._compiled[shapes] = self._step.lower(*given).compile()
         other = copy.copy(self)
-        other._step = self._step.lower(point.z, point.state, self._arrays).compile()
+        other._step = self._compiled[shapes]
         return other
 
     def _take(self, z, state, arrays):
@@ -100,6 +133,34 @@ class Search:
         """The next point."""
         z, state, done, _ = self._step(point.z, point.state, self._arrays)
         return Point(z, state, point.steps + 1, bool(done))
+
+    def at_once(self, points: list[Point], batch: int) -> "Several":
+        """A search from several points together.
+
+        Args:
+            points: to start from.
+            batch: how many of them the memory holds.
+        """
+        _, static = eqx.partition(points[0].state, eqx.is_array)
+
+        @eqx.filter_jit
+        def step(z, states, arrays):
+            def one(given):
+                z, state, done, _ = self._take(
+                    given[0], eqx.combine(given[1], static), arrays
+                )
+                return z, eqx.filter(state, eqx.is_array), done
+
+            return jax.lax.map(one, (z, states), batch_size=batch)
+
+        stack = lambda *each: jnp.stack(each)
+        states = [eqx.filter(p.state, eqx.is_array) for p in points]
+        return Several(
+            step,
+            stack(*(p.z for p in points)),
+            jax.tree.map(stack, *states),
+            np.zeros(len(points), bool),
+        )
 
     def tried(self, point: Point) -> Float[Array, " p"]:
         """The values that the next step will run with."""

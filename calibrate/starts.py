@@ -1,4 +1,4 @@
-"""Several starts from a seeded design: the fit goes on from the best of them."""
+"""Several starts from a seeded design, and what the misfits are there."""
 
 import jax
 import jax.numpy as jnp

@@ -127,7 +127,7 @@ def _speed(result: Result) -> list[str]:
         return []
     text = f"It runs {speed['times_faster']:.3g} times as fast as the full volume "
     text += f"({speed['least']:.3g} to {speed['most']:.3g} in "
-    text += f"{plural(len(speed['fitted_s']), 'warm run')}), "
+    text += f"{plural(len(speed['run_time_s']['fitted']), 'warm run')}), "
     text += f"with {speed['nodes']['fitted']:,} nodes for "
     text += f"{speed['nodes']['full_volume']:,} and {speed['steps']['fitted']:,} steps "
     text += f"for {speed['steps']['full_volume']:,}."

@@ -4,9 +4,9 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from cyclopts import App, CycloptsError
+from cyclopts import App
 
-from jaxthermo.errors import InputError
+from jaxthermo.cli.entry import run_app
 
 from . import catalogue
 
@@ -56,19 +56,7 @@ def run(
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs one command and exits: 0 if it worked, 2 for a mistake of the user."""
-    tokens = list(sys.argv[1:] if arguments is None else arguments)
-    try:
-        app(tokens, exit_on_error=False, print_error=False)
-    except (InputError, CycloptsError) as error:
-        # A config may hold several mistakes: a line for each.
-        for line in str(error).splitlines() or [""]:
-            if line.strip():
-                sys.stderr.write(f"experiments: {' '.join(line.split())}\n")
-        sys.exit(2)
-    except KeyboardInterrupt as stop:
-        sys.stderr.write(f"experiments: {str(stop) or 'interrupted'}\n")
-        sys.exit(130)
-    sys.exit(0)
+    run_app(app, "experiments", arguments)
 
 
 if __name__ == "__main__":

@@ -1,15 +1,13 @@
 """The command line. Commands import what they need when they run: help stays fast."""
 
-import os
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import App, CycloptsError, Parameter
+from cyclopts import App, Parameter
 
 from . import __version__
-from .errors import InputError
+from .cli.entry import run_app
 
 
 app = App(
@@ -112,29 +110,7 @@ def materials(
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs one command and exits: 0 if it worked, 2 for a mistake of the user."""
-    try:
-        tokens = list(sys.argv[1:] if arguments is None else arguments)
-        app(tokens, exit_on_error=False, print_error=False)
-        sys.stdout.flush()
-    except (InputError, CycloptsError) as error:
-        sys.exit(_refuse(error))
-    except KeyboardInterrupt as stop:
-        sys.stderr.write(f"jaxthermo: {str(stop) or 'interrupted'}\n")
-        sys.exit(130)
-    except BrokenPipeError:
-        # The reader has gone; what is still buffered must not raise again at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(141)
-    sys.exit(0)
-
-
-def _refuse(error: Exception) -> int:
-    text = str(error)
-    if isinstance(error, CycloptsError):
-        text = f"{' '.join(text.split())} Try `jaxthermo --help`."
-    for line in text.splitlines():
-        sys.stderr.write(f"jaxthermo: {line}\n")
-    return 2
+    run_app(app, "jaxthermo", arguments)
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ from jaxthermo.config.fields import (
 )
 from jaxthermo.config.found import FOLDERS
 from jaxthermo.config.loader import mesh_folders
-from jaxthermo.config.messages import dotted, untagged
+from jaxthermo.config.messages import described, in_file
 from jaxthermo.config.model import Location, Mistake, Model
 from jaxthermo.config.schema_geometry import MeshConfig, ShapeConfig
 from jaxthermo.config.schema_image import PinholeConfig
@@ -230,13 +230,9 @@ def load_comparison(
     try:
         return ComparisonConfig.model_validate(data, context=context)
     except ValidationError as error:
-        lines = []
-        for entry in error.errors(include_url=False):
-            where = dotted(untagged(entry["loc"]))
-            given = where == "voxels_high" and height is not None
-            parts = ("--height",) if given else (str(path), where)
-            lines.append(": ".join(filter(None, (*parts, entry["msg"]))))
-        raise InputError("\n".join(lines)) from error
+        given = lambda place: place == ("voxels_high",) and height is not None
+        source = lambda place: "--height" if given(place) else in_file(path, place)
+        raise InputError(described(error, source)) from error
 
 
 def resolved(config: ComparisonConfig) -> dict[str, Any]:

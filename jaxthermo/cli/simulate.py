@@ -30,6 +30,7 @@ from ..integrate.store import StoredSolution, save_solution
 from ..precision import precision
 from ..scene.scene import Scene
 from ..structures.report import structure_report
+from .cards import card_warnings
 from .console import doing, open_console, tell
 from .files import FRAMES, prepare_folder, remove_results, results_folder
 from .frames import Watch, write_frames
@@ -65,6 +66,8 @@ def explain(config: Path, overrides: tuple[str, ...]) -> None:
             todo = plan(scene, end, saves, build_solver(scene_config.solver))
             structures = [structure_report(body.structure) for body in scene.bodies]
         tell_scene(console, scene, todo, structures)
+        for warning in card_warnings(scene_config, scene):
+            tell(console, f"warning: {warning}")
         tell_receipt(console, scene, todo)
 
 
@@ -89,6 +92,8 @@ def run_simulation(config: SceneConfig, out: Path) -> None:
             todo = plan(scene, end, saves, build_solver(config.solver))
             structures = [structure_report(body.structure) for body in scene.bodies]
         tell_scene(console, scene, todo, structures)
+        for warning in card_warnings(config, scene):
+            tell(console, f"warning: {warning}")
         with doing(console, "finding what the camera sees"):
             watch = Watch(config, todo.compiled.surfaces, scene.terms)
         setup = time.perf_counter() - clock

@@ -12,9 +12,9 @@ from pydantic import ValidationError
 from ..errors import InputError
 from .fields import ALLOW_EXTREME
 from .found import FOLDERS
-from .messages import dotted, untagged
+from .messages import described, in_file
 from .model import Location
-from .overrides import parse_override, with_override
+from .overrides import Change, with_overrides
 from .schema import SceneConfig
 from .strict_yaml import read_yaml, write_yaml
 
@@ -35,20 +35,13 @@ def load_config(
     """
     path = Path(path)
     read = read_yaml(path)
-    data: dict[str, Any] = read
-    changed: list[tuple[Location, str]] = []
-    for text in overrides:
-        location, value = parse_override(text)
-        try:
-            data = with_override(data, location, value)
-        except InputError as error:
-            raise InputError(f"--set {error}") from error
-        changed.append((location, text))
+    data, changed = with_overrides(read, overrides)
     data = {"name": path.stem, **data}
     try:
         return _validated(data, mesh_folders(path.parent) if find_meshes else ())
     except ValidationError as error:
-        raise InputError(_lines(error, str(path), read, changed)) from error
+        source = lambda place: in_file(_blamed(place, read, changed) or path, place)
+        raise InputError(described(error, source)) from error
 
 
 def mesh_folders(beside: Path) -> tuple[Path, ...]:
@@ -92,16 +85,10 @@ def _validated(data: dict[str, Any], folders: tuple[Path, ...]) -> SceneConfig:
     return SceneConfig.model_validate(data, context=context)
 
 
-def _lines(
-    error: ValidationError, source: str, read: Any, changed: list[tuple[Location, str]]
-) -> str:
-    lines = []
-    for entry in error.errors(include_url=False):
-        path = untagged(entry["loc"])
-        blamed = [text for where, text in changed if _is_from(path, where, read)]
-        origin = f"--set {blamed[-1]}" if blamed else source
-        lines.append(": ".join(filter(None, (origin, dotted(path), entry["msg"]))))
-    return "\n".join(lines)
+def _blamed(place: Location, read: Any, changed: list[Change]) -> str:
+    """The override that the value there came with; empty for none."""
+    found = [text for where, text in changed if _is_from(place, where, read)]
+    return f"--set {found[-1]}" if found else ""
 
 
 def _is_from(path: Location, where: Location, read: Any) -> bool:

@@ -1,7 +1,9 @@
 """What pydantic found, in words for the person who wrote the config."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
+
+from pydantic import ValidationError
 
 from .show import close_match, show
 
@@ -57,6 +59,24 @@ def place(error: Mapping[str, Any]) -> tuple[str | int, ...]:
 def untagged(location: Iterable[str | int]) -> tuple[str | int, ...]:
     """The location without the <tags> that mark the member of a union."""
     return tuple(part for part in location if not str(part).startswith("<"))
+
+
+def described(
+    error: ValidationError, source: Callable[[tuple[str | int, ...]], str]
+) -> str:
+    """A line for each mistake: where it is, and what is wrong.
+
+    Args:
+        error: of a config.
+        source: where a mistake is, such as file and place; of its place.
+    """
+    entries = error.errors(include_url=False)
+    return "\n".join(f"{source(untagged(e['loc']))}: {e['msg']}" for e in entries)
+
+
+def in_file(source: object, place: tuple[str | int, ...]) -> str:
+    """A place with where it was written: "scene.yaml: bodies.0.pitch"."""
+    return ": ".join(filter(None, (str(source), dotted(place))))
 
 
 def dotted(location: Iterable[str | int]) -> str:

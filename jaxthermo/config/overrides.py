@@ -1,6 +1,7 @@
 """`--set bodies.0.pitch=3mm`: a value of the config, replaced from the command line."""
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, TypeAlias
 
 from ..errors import InputError
 from .messages import dotted
@@ -27,6 +28,27 @@ SHORT = {
     "weights": "card",
 }
 """Keys that may hold a word alone, and what the word is a value of."""
+
+
+Change: TypeAlias = tuple[Location, str]
+"""Where an override set a value, and its text."""
+
+
+def with_overrides(data: Any, texts: Sequence[str]) -> tuple[Any, list[Change]]:
+    """A copy of the data with "a.b=c" each, in order; c is YAML.
+
+    Raises:
+        InputError: for one that is none, or has no place in the data.
+    """
+    changed: list[Change] = []
+    for text in texts:
+        location, value = parse_override(text)
+        try:
+            data = with_override(data, location, value)
+        except InputError as error:
+            raise InputError(f"--set {error}") from error
+        changed.append((location, text))
+    return data, changed
 
 
 def parse_override(text: str) -> tuple[Location, Any]:

@@ -4,6 +4,7 @@ Such a part keeps what it has: it evens out at the mean that it starts with. If 
 brought to it there is no steady state.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import equinox as eqx
@@ -65,6 +66,14 @@ class Islands(eqx.Module):
             for state, number in zip(states, self.number, strict=True)
         )
 
+    def without_mean(self, change: State) -> State:
+        """Changes that leave every island what it holds."""
+        mean = jnp.append(self.means(change), 0)
+        return tuple(
+            each - mean[number].reshape(each.shape)
+            for each, number in zip(change, self.number, strict=True)
+        )
+
     def balanced(self, heat: State) -> State:
         """Heat rates that bring nothing to any island in all: what did is rounding."""
         total = self._sums(heat).at[-1].set(0)
@@ -85,6 +94,22 @@ class Islands(eqx.Module):
             jnp.where((number < self.count).reshape(own.shape), HELD * own, 0)
             for number, own in zip(self.number, diagonal, strict=True)
         )
+
+
+class AmongIslands(eqx.Module):
+    """A preconditioner that moves no heat into an island, nor its mean.
+
+    A has no curvature along an island: without this a search ends where rounding first
+    points there. Symmetric, as what is taken from the heat is the transpose of what is
+    taken from the change.
+    """
+
+    cycle: Callable[[State], State]
+    islands: Islands
+
+    def __call__(self, residual: State) -> State:
+        """Of every body."""
+        return self.islands.without_mean(self.cycle(self.islands.balanced(residual)))
 
 
 def find_islands(

@@ -11,7 +11,7 @@ that of a steady state, which is singular where nothing holds a part.
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -23,7 +23,8 @@ from ..network.network import AbstractNetwork, inverse
 from ..network.nonlinear import NonlinearNetwork
 from ..physics.contact.links import ContactLinks
 from ..scene.program import Program, State
-from .rates import conduction, load_slopes
+from .means import WithMeans
+from .rates import load_slopes
 from .tools import Tools
 
 
@@ -35,13 +36,11 @@ class Jacobian(eqx.Module):
     """(C / g + s) / d [W/K]."""
     contacts: tuple[ContactLinks, ...]
     time: Float[Array, ""]
-    conduct: Callable = eqx.field(static=True, default=conduction)
-    """Of a network and a state, into each node [W]."""
 
     def mv(self, u: State) -> State:
         """A u [W]."""
         image = [
-            own * each - self.conduct(network, each)
+            own * each - network.face_heat_rate(each)
             for own, network, each in zip(self.diagonal, self.networks, u, strict=True)
         ]
         zero = jnp.zeros((), u[0].dtype)
@@ -71,7 +70,7 @@ class Jacobian(eqx.Module):
 class BodyByBody(eqx.Module):
     """A preconditioner that knows no contact but on the diagonal."""
 
-    cycles: tuple[Any, ...]
+    cycles: tuple[WithMeans, ...]
 
     def __call__(self, residual: State) -> State:
         """Of every body."""
@@ -82,7 +81,7 @@ class Linearized(NamedTuple):
     """What a step of Newton's method solves with."""
 
     operator: Jacobian
-    preconditioner: BodyByBody
+    preconditioner: Callable[[State], State]
     steepness: tuple[Float[Array, "..."] | None, ...]
     """d of every body; None for 1."""
     capacity: State
@@ -120,27 +119,21 @@ def linearized(
         ),
         tools.nodes,
     )
-    # Conjugate gradients end where a direction has no curvature at all, as one along an
-    # island; what rounding leaves of a stencil there lets them go on.
-    conduct = conduction if held is None else _as_stepped
-    operator = Jacobian(networks, diagonal, program.contacts, time, conduct)
-    whole = operator.with_contacts()
+    operator = Jacobian(networks, diagonal, program.contacts, time)
+    whole = sums = operator.with_contacts()
     if held is not None:
         whole = jax.tree.map(jnp.add, whole, held(whole))
     parts = zip(networks, tools.hierarchies, whole, strict=True)
-    cycles = tuple(
+    plain = tuple(
         jacobi(network, m) if levels is None else levels.prepared(m)
         for network, levels, m in parts
     )
+    cycles = tuple(map(WithMeans, plain, tools.parts, sums))
     capacity = tuple(
         jnp.broadcast_to(network.capacity(), state.shape)
         for network, state in zip(networks, states, strict=True)
     )
     return Linearized(operator, BodyByBody(cycles), steepness, capacity, tools.nodes)
-
-
-def _as_stepped(network: AbstractNetwork, state: Float[Array, "*m"]):
-    return network.heat_rate(state)
 
 
 def on_nodes(values: State, nodes: tuple[Bool[Array, "..."] | None, ...]) -> State:

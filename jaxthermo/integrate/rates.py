@@ -5,8 +5,7 @@
 of the state eta of every node, as in `network`. An explicit step takes the same with
 fused operators (`euler`); implicit ones need it at states that they are looking for.
 
-A long step multiplies what rounding leaves of conduction, and a body that hardly sheds
-heat turns it into kelvins. So conduction is that of differences over faces.
+Conduction is that of differences over faces: see `AbstractNetwork.face_heat_rate`.
 """
 
 from typing import NamedTuple
@@ -15,40 +14,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..network.axes import AxisStencil
-from ..network.network import AbstractNetwork, inverse
-from ..network.stencil import UniformStencil
+from ..network.network import inverse
 from ..scene.program import Program, State
 from .loads import add_loads, add_own_loads, irradiation, surface_nodes
-
-
-def conduction(
-    network: AbstractNetwork, state: Float[Array, "*m"]
-) -> Float[Array, "*m"]:
-    """Into each node [W]: exactly 0 where all neighbours are equally warm.
-
-    Stencils take neighbours together and then the node as many times, of which rounding
-    leaves something: little in a step, much in one of 1e8 s. Here they take differences
-    over the faces between two nodes, as other networks do.
-    """
-    match network:
-        case UniformStencil():
-            each, linked = (network.conductance,) * 3, (network.degree,) * 3
-        case AxisStencil():
-            each = tuple(network.conductance)
-            linked = tuple((network.degrees >> (2 * n)) & 3 for n in range(3))
-        case _:
-            return network.heat_rate(state)
-    total = jnp.zeros_like(state)
-    for axis, (conductance, degree) in enumerate(zip(each, linked, strict=True)):
-        # Two cells beside each other that both have neighbours are each other's.
-        node = jnp.moveaxis(jnp.pad(degree > 0, 1), axis, 0)
-        here = jnp.moveaxis(state, axis, 0)
-        flow = jnp.where(node[1:] & node[:-1], here[1:] - here[:-1], 0) * conductance
-        none = jnp.zeros_like(flow[:1])
-        net = jnp.concatenate([flow, none]) - jnp.concatenate([none, flow])
-        total = total + jnp.moveaxis(net, 0, axis)
-    return total
 
 
 class Rates(NamedTuple):
@@ -66,7 +34,7 @@ def rates(program: Program, states: State, time: Float[Array, ""]) -> Rates:
     second = jnp.ones((), states[0].dtype)
     loaded, entries = add_loads(program, states, still, time, second)
     change = tuple(
-        added + inverse(body.network.capacity()) * conduction(body.network, state)
+        added + inverse(body.network.capacity()) * body.network.face_heat_rate(state)
         for added, body, state in zip(loaded, program.bodies, states, strict=True)
     )
     return Rates(change, entries)

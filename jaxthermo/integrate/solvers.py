@@ -29,6 +29,7 @@ from .adaptive import AdaptiveStepper
 from .dirk import BACKWARD_EULER, CRANK_NICOLSON, TR_BDF2, ImplicitStepper
 from .euler import EulerStepper
 from .legendre import LegendreStepper, stages_for
+from .means import parts_of
 from .schedule import END_SHARE
 from .state import AbstractStepper
 from .tools import Tools
@@ -325,6 +326,7 @@ def tools(
     kelvin = KELVIN[dtype] if tolerance is None else tolerance
     return Tools(
         hierarchies=levels,
+        parts=tuple(parts_of(body.structure) for body in scene.bodies),
         nodes=tuple(_nodes(body.structure) for body in scene.bodies),
         ceilings=tuple(_ceiling(part, compiled) for part in program.bodies),
         tolerance=jnp.asarray(kelvin, dtype),

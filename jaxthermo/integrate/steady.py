@@ -24,7 +24,7 @@ from ..scene.program import Program, State
 from ..scene.scene import Scene
 from ..tracing import is_traced
 from .conjugate import ConjugateGradients, Correction, largest
-from .islands import Islands, find_islands
+from .islands import AmongIslands, Islands, find_islands
 from .jacobian import linearized
 from .ledger import empty_ledger, heat_rates
 from .observe import observe
@@ -79,9 +79,10 @@ def _settle(
 
 def _linear(program, own: Tools, states: State, time, islands: Islands | None):
     rate = jnp.zeros((), states[0].dtype)
-    return linearized(
-        program, own, states, rate, time, None if islands is None else islands.held
-    )
+    if islands is None:
+        return linearized(program, own, states, rate, time)
+    at = linearized(program, own, states, rate, time, islands.held)
+    return at._replace(preconditioner=AmongIslands(at.preconditioner, islands))
 
 
 def _watts(change: State, at) -> State:

@@ -6,6 +6,7 @@ import equinox as eqx
 from jaxtyping import Array, Bool
 
 from ..network.multigrid import Hierarchy
+from .means import Parts
 
 
 class Tools(eqx.Module):
@@ -13,6 +14,8 @@ class Tools(eqx.Module):
 
     hierarchies: tuple[Hierarchy | None, ...]
     """Of the bodies; None to precondition by the diagonal."""
+    parts: tuple[Parts, ...]
+    """Of each body."""
     nodes: tuple[Bool[Array, "..."] | None, ...]
     """Where each body's state has nodes; None for everywhere."""
     ceilings: tuple[Any, ...]

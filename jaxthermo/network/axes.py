@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, UInt8
 
+from .faces import face_heat_rate
 from .network import AbstractNetwork, precise_sum
 
 
@@ -59,6 +60,11 @@ class AxisStencil(AbstractNetwork):
     def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
         """Conduction into each node [W]."""
         return jnp.pad(self._change(state, self.conductance)[1], 1)
+
+    def face_heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
+        """Conduction into each node, of differences over faces [W]."""
+        degrees = tuple(map(self._degree, range(3)))
+        return face_heat_rate(state, tuple(self.conductance), degrees)
 
     def euler_step(
         self, state: Float[Array, "..."], dt: Float[Array, ""]

@@ -34,6 +34,14 @@ class AbstractNetwork(eqx.Module):
     def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
         """Conduction into each node [W]."""
 
+    def face_heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
+        """The same of differences over faces: 0 where all neighbours are equally warm.
+
+        A long step multiplies what rounding leaves of a stencil, and a body that hardly
+        sheds heat turns it into kelvins. Other networks take differences anyway.
+        """
+        return self.heat_rate(state)
+
     @abc.abstractmethod
     def euler_step(
         self, state: Float[Array, "..."], dt: Float[Array, ""]

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, UInt8
 
+from .faces import face_heat_rate
 from .network import AbstractNetwork, precise_sum
 from .symmetric import Operator, computed_once, conduct, conduct_step
 
@@ -84,6 +85,10 @@ class UniformStencil(AbstractNetwork):
     def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
         """Conduction into each node [W]."""
         return conduct(UNIFORM, state, self.conductance, self.degree)
+
+    def face_heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
+        """Conduction into each node, of differences over faces [W]."""
+        return face_heat_rate(state, (self.conductance,) * 3, (self.degree,) * 3)
 
     def euler_step(
         self, state: Float[Array, "..."], dt: Float[Array, ""]

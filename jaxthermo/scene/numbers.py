@@ -30,7 +30,7 @@ def scene_numbers(scene: Scene, end: float) -> dict[str, float]:
         scene: with values that are known.
         end: of its run [s].
     """
-    each = [_of_body(scene, body, end) for body in scene.bodies]
+    each = [body_numbers(scene, body, end) for body in scene.bodies]
     pick = lambda name, rule: float(rule([one[name] for one in each]))
     return {
         "biot": pick("biot", max),
@@ -40,7 +40,14 @@ def scene_numbers(scene: Scene, end: float) -> dict[str, float]:
     }
 
 
-def _of_body(scene: Scene, body: Body, end: float) -> dict[str, float]:
+def body_numbers(scene: Scene, body: Body, end: float) -> dict[str, float]:
+    """The same of one body.
+
+    Args:
+        scene: it is in.
+        body: itself.
+        end: of its run [s].
+    """
     grid = body.structure.grid
     volume = grid.solid_count * grid.voxel_volume
     length = float(characteristic_length(volume, grid.fragment_area.sum()))

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from calibrate.fit import run_fit
+from calibrate.fit import Fitting, run_fit
 from calibrate.parameters import Parameter
 from calibrate.search import Setting
+from calibrate.starts import design
 from calibrate.targets import SurfaceTarget
 from tests.calibrating import BETWEEN, TRUTH, WITHIN, twin
 
@@ -119,6 +120,16 @@ def test_a_loss_that_is_not_finite_at_the_start_is_refused():
     object.__setattr__(target, "reference", nothing)
     with pytest.raises(jt.InputError, match="not finite at the start"):
         run_fit(problem, Setting())
+
+
+@pytest.mark.slow
+@pytest.mark.slice
+def test_the_best_of_several_starts_is_where_one_alone_ends(problem):
+    """Searched together, from far apart."""
+    fitting = Fitting(problem, Setting(tolerance=1e-9, most_steps=40))
+    z = fitting.best_of(design(4, 2, 0.5, seed=3))
+    found = problem.parameters.values(z)
+    assert {n: float(v) for n, v in found.items()} == pytest.approx(TRUTH, rel=1e-4)
 
 
 def test_parameters_that_set_the_same_place_are_refused():

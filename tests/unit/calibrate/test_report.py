@@ -106,7 +106,7 @@ def small_pictures(monkeypatch):
 
 def fit_at(z: list[float]) -> Fit:
     none = np.zeros((len(z), 0))
-    return Fit(np.array(z), 1.0, 2.0, np.zeros(0), none, (), ())
+    return Fit(np.array(z), 1.0, 2.0, np.zeros(0), none, ())
 
 
 def parameter(value: float, error: float | None, **more: Any) -> dict[str, Any]:
@@ -145,8 +145,7 @@ def result_of(
             "times_faster": 3.0,
             "least": 2.0,
             "most": 4.0,
-            "full_volume_s": [3.0, 3.0],
-            "fitted_s": [1.0, 1.0],
+            "run_time_s": {"full_volume": [3.0, 3.0], "fitted": [1.0, 1.0]},
             "nodes": {"full_volume": 80, "fitted": 10},
             "steps": {"full_volume": 9, "fitted": 3},
         },

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.integrate.rates import conduction
 from jaxthermo.physics.material_network import material_network
 from tests.bodies import blocks
 
@@ -14,7 +13,7 @@ from tests.bodies import blocks
 COLDER = -5499.9927
 """Than the reference, of nodes that are all equally warm [K]."""
 SHAPE = (3, 4, 2)
-_conduction = eqx.filter_jit(conduction)
+_conduction = eqx.filter_jit(lambda network, state: network.face_heat_rate(state))
 
 
 def _network(conductivity, dtype):

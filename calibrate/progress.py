@@ -1,0 +1,96 @@
+"""Where a fit stands: kept in a file after every step, and read from there again."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxthermo.atomic import replacing
+from jaxthermo.errors import InputError
+
+from .problem import Layouts
+from .search import Point
+
+
+@dataclass(frozen=True)
+class Step:
+    """What is told of a step."""
+
+    number: int
+    loss: float
+    """Half of the sum of squares, at the best point so far."""
+    accepted: bool
+    reach: float
+    """From the best point before to the one that was tried, in free numbers."""
+    values: tuple[float, ...]
+
+
+class Progress(NamedTuple):
+    """Of a fit."""
+
+    point: Point
+    layouts: Layouts
+    steps: list[Step]
+
+    def keep(self, path: Path) -> None:
+        """Write it to a file, whole or not at all."""
+        leaves = {f"leaf{n}": np.asarray(leaf) for n, leaf in enumerate(_leaves(self))}
+        told = [[s.number, s.loss, s.accepted, s.reach, *s.values] for s in self.steps]
+        values: dict[str, Any] = {
+            "steps": np.array(told),
+            "count": np.asarray(self.point.steps),
+            "done": np.asarray(self.point.done),
+            **leaves,
+        }
+        with replacing(path) as temporary, open(temporary, "wb") as file:
+            np.savez(file, allow_pickle=False, **values)
+
+
+def _arrays(at: Progress) -> Any:
+    return at.point.z, at.point.state, at.layouts
+
+
+def _leaves(at: Progress) -> list[Any]:
+    return jax.tree.leaves(eqx.filter(_arrays(at), eqx.is_array))
+
+
+def kept(path: Path, begin: Progress) -> Progress:
+    """Where an earlier process was, or the start.
+
+    Args:
+        path: that it kept its progress in.
+        begin: where a fit starts.
+
+    Raises:
+        InputError: if the file is damaged, or of another fit.
+    """
+    if not path.exists():
+        return begin
+    dynamic, static = eqx.partition(_arrays(begin), eqx.is_array)
+    leaves, tree = jax.tree.flatten(dynamic)
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as read:
+            found = [read[f"leaf{n}"] for n in range(len(leaves))]
+            told = read["steps"]
+            count, done = int(read["count"]), bool(read["done"])
+    except Exception as error:
+        raise InputError(
+            f"{path}: cannot be read ({type(error).__name__}): delete it to start anew"
+        ) from error
+    same = all(
+        a.shape == b.shape and a.dtype == b.dtype
+        for a, b in zip(found, leaves, strict=True)
+    )
+    if not same:
+        raise InputError(f"{path}: is of another fit: delete it to start anew")
+    dynamic = jax.tree.unflatten(tree, [jnp.asarray(a) for a in found])
+    z, state, layouts = eqx.combine(dynamic, static)
+    steps = [
+        Step(int(number), loss, bool(accepted), reach, tuple(values))
+        for number, loss, accepted, reach, *values in told.tolist()
+    ]
+    return Progress(Point(z, state, count, done), layouts, steps)

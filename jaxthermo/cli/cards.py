@@ -1,0 +1,26 @@
+"""Where a scene leaves what its fit cards were fitted on."""
+
+from ..config.card_file import load_card
+from ..config.schema import SceneConfig
+from ..scene.compile import mechanism_names
+from ..scene.numbers import body_numbers
+from ..scene.scene import Scene
+from ..structures.card import outside
+
+
+def card_warnings(config: SceneConfig, scene: Scene) -> list[str]:
+    """A sentence for each number of a body that its card has not seen.
+
+    Args:
+        config: that names the cards.
+        scene: made of it.
+    """
+    found = []
+    for n, (given, body) in enumerate(zip(config.bodies, scene.bodies, strict=True)):
+        path = given.structure.weights.card
+        if path is None:
+            continue
+        numbers = body_numbers(scene, body, config.time.end)
+        for words in outside(load_card(path), numbers, mechanism_names(scene)):
+            found.append(f"bodies.{n}: beyond the range of {path.name}: {words}")
+    return found

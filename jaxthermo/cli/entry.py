@@ -1,0 +1,44 @@
+"""How a command line ends: what a user did wrong in one line, never a traceback."""
+
+import os
+import sys
+from collections.abc import Sequence
+
+from cyclopts import App, CycloptsError
+
+from ..errors import InputError
+
+
+def run_app(app: App, name: str, arguments: Sequence[str] | None = None) -> None:
+    """Runs one command and exits: 0 if it worked, 2 for a mistake of the user.
+
+    Args:
+        app: the commands.
+        name: how it is called, before every message.
+        arguments: those of the process if None.
+    """
+    try:
+        tokens = list(sys.argv[1:] if arguments is None else arguments)
+        app(tokens, exit_on_error=False, print_error=False)
+        sys.stdout.flush()
+    except (InputError, CycloptsError) as error:
+        sys.exit(_refuse(name, error))
+    except KeyboardInterrupt as stop:
+        sys.stderr.write(f"{name}: {str(stop) or 'interrupted'}\n")
+        sys.exit(130)
+    except BrokenPipeError:
+        # The reader has gone; what is still buffered must not raise again at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(141)
+    sys.exit(0)
+
+
+def _refuse(name: str, error: Exception) -> int:
+    text = str(error)
+    if isinstance(error, CycloptsError):
+        text = f"{' '.join(text.split())} Try `{name} --help`."
+    # A config may hold several mistakes: a line for each.
+    for line in text.splitlines():
+        if line.strip():
+            sys.stderr.write(f"{name}: {' '.join(line.split())}\n")
+    return 2

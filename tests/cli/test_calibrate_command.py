@@ -1,0 +1,187 @@
+"""`calibrate`: fit, show, identify and check, in this process, of a small sphere."""
+
+import json
+from pathlib import Path
+
+import pytest
+from cli_runs import run
+
+from calibrate import pictures
+from calibrate.__main__ import main
+from calibrate.progress import Progress
+from jaxthermo.__main__ import main as simulate
+
+
+SCENE = """
+bodies:
+  - shape: {kind: sphere, radius: 0.1 m}
+    voxels_high: 8
+    structure: {kind: aggregate, factor: 2}
+    material: {conductivity: 16, density: 8000, specific_heat: 500, absorptivity: 1}
+    temperature: 293.15
+terms:
+  - {kind: sun, direction: [-1, 0, 0], irradiance: 5000}
+dtype: float64
+time: {end: 200, save_at: [100, 200]}
+camera: {width: 40, height: 30}
+"""
+FIT = """
+scene: scene.yaml
+train: [{name: "+x"}]
+held_out: [{name: "+y", set: {terms.0.direction: [0, -1, 0]}}]
+further: [{name: longer, set: {time.save_at: [100, 200, 400], time.end: 400}}]
+parameters: [{name: weights.within}, {name: weights.surface_distance}]
+"""
+FILES = {"card.yaml", "config.yaml", "fit.json", "report.html"}
+
+
+def _write(folder: Path, fit: str = FIT) -> Path:
+    (folder / "scene.yaml").write_text(SCENE)
+    (folder / "fit.yaml").write_text(fit)
+    return folder / "fit.yaml"
+
+
+def _calibrate(*arguments):
+    return run(*arguments, main=main)
+
+
+@pytest.fixture(scope="module")
+def fitted(tmp_path_factory):
+    """A folder with a finished fit in `out`, and what was said."""
+    folder = tmp_path_factory.mktemp("fitted")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pictures, "SIDE", 60)
+        code, out, err = _calibrate("fit", _write(folder), "--out", folder / "out")
+    assert code == 0, err
+    return folder, out + err
+
+
+def test_a_fit_leaves_its_files_and_says_what_it_found(fitted):
+    folder, said = fitted
+    assert {path.name for path in (folder / "out").iterdir()} == FILES
+    for words in ("weights.within", "fitted to", "held out", "longer would tell"):
+        assert words in said
+    result = json.loads((folder / "out" / "fit.json").read_text())
+    error = result["error_percent"]
+    assert error["train"]["fitted"] < error["train"]["default"]
+
+
+def test_show_says_the_same_again(fitted):
+    folder, said = fitted
+    code, out, err = _calibrate("show", folder / "out")
+    assert code == 0
+    for line in (out + err).splitlines():
+        assert line in said
+
+
+def test_identify_judges_the_start_and_fits_nothing(fitted):
+    folder, _ = fitted
+    before = sorted(folder.rglob("*"))
+    code, out, err = _calibrate("identify", folder / "fit.yaml")
+    assert code == 0
+    assert "what the data could tell" in out + err
+    assert "at the start" in out + err
+    assert sorted(folder.rglob("*")) == before
+
+
+def test_check_holds_where_it_was_fitted_and_warns_outside(fitted):
+    folder, _ = fitted
+    arguments = (
+        "check",
+        folder / "out" / "card.yaml",
+        "--scene",
+        folder / "scene.yaml",
+    )
+    code, out, err = _calibrate(*arguments)
+    assert code == 0
+    assert "the card holds here" in out + err
+    assert "warning" not in out + err
+    code, out, err = _calibrate(*arguments, "--set", "bodies.0.material.conductivity=1")
+    assert code == 0
+    assert "warning: " in out + err
+
+
+def test_a_simulation_warns_outside_the_range_of_its_card(fitted, tmp_path):
+    folder, _ = fitted
+    chosen = "bodies.0.structure={kind: aggregate, factor: 2, weights: out/card.yaml}"
+    arguments = ("simulate", folder / "scene.yaml", "--set", chosen, "--out", tmp_path)
+    assert "beyond" not in "".join(map(str, run(*arguments, main=simulate)))
+    more = ("--set", "bodies.0.material.conductivity=1")
+    code, out, err = run(*arguments, *more, main=simulate)
+    assert code == 0
+    assert "beyond the range of card.yaml: heating" in out + err
+
+
+@pytest.mark.slow
+def test_the_same_config_makes_the_same_card(fitted, tmp_path):
+    folder, _ = fitted
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pictures, "SIDE", 60)
+        code, _, _ = _calibrate("fit", folder / "fit.yaml", "--out", tmp_path)
+    assert code == 0
+    first = (folder / "out" / "card.yaml").read_text()
+    assert (tmp_path / "card.yaml").read_text() == first
+
+
+@pytest.mark.slow
+@pytest.mark.slice
+@pytest.mark.parametrize("at", [0, 2])
+def test_a_fit_that_is_killed_goes_on_to_the_same_card(fitted, tmp_path, at):
+    """Killed while it writes its state, which is whole or not there."""
+    folder, _ = fitted
+    killed = []
+
+    def keep(progress, path):
+        if len(progress.steps) > at and not killed:
+            killed.append(True)
+            raise SystemExit(137)
+        return written(progress, path)
+
+    written = Progress.keep
+    arguments = ("fit", folder / "fit.yaml", "--out", tmp_path)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pictures, "SIDE", 60)
+        patch.setattr(Progress, "keep", keep)
+        assert _calibrate(*arguments)[0] == 137
+        assert not (tmp_path / "card.yaml").exists()
+        assert _calibrate(*arguments)[0] == 0
+    first = (folder / "out" / "card.yaml").read_text()
+    assert (tmp_path / "card.yaml").read_text() == first
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (("fit", "nowhere.yaml"), "nowhere.yaml"),
+        (("identify", "nowhere.yaml"), "nowhere.yaml"),
+        (("show", "nowhere"), "`calibrate fit` makes it"),
+        (
+            ("fit", "fit.yaml", "--set", "parameters.0.name=weights.witin"),
+            "did you mean",
+        ),
+        (
+            ("fit", "fit.yaml", "--set", "parameters.0.bounds=[2, 3]"),
+            "between its bounds",
+        ),
+        (("fit", "fit.yaml", "--set", "fit.metod=bfgs"), "unknown key"),
+        (
+            ("fit", "fit.yaml", "--set", "parameters.0.name=material.mass"),
+            "has no 'mass'",
+        ),
+        (("check", "scene.yaml", "--scene", "scene.yaml"), "scene.yaml"),
+        (("fit",), "Try `calibrate --help`"),
+    ],
+)
+def test_a_mistake_is_one_line_and_leaves_nothing(
+    tmp_path, monkeypatch, given, message
+):
+    _write(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    before = sorted(tmp_path.rglob("*"))
+    code, out, err = _calibrate(*given)
+    assert code == 2
+    assert out == ""
+    assert err.startswith("calibrate: ")
+    assert err.count("\n") == 1
+    assert message in err
+    assert sorted(tmp_path.rglob("*")) == before

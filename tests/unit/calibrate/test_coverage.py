@@ -1,0 +1,93 @@
+"""Intervals of 95 % hold the truth as often as they say, of frames with 50 mK noise."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from calibrate.fit import Fitting
+from calibrate.frames import frame_target, frames_of, see
+from calibrate.identifiability import identify
+from calibrate.parameters import Parameter, ParameterSet
+from calibrate.problem import Case, Problem
+from calibrate.search import Setting
+from jaxthermo.integrate.response import Response
+from jaxthermo.scene.compile import compile_scene
+from tests.bodies import blocks
+
+
+SAVES = (20.0, 60.0, 120.0)
+NOISE = 0.05
+WIDE = 1.96
+TRUTH = {
+    "material.conductivity": 16.0,
+    "convection.heat_transfer_coefficient": 30.0,
+    "material.emissivity": 0.8,
+}
+START = (11.0, 40.0, 0.6)
+BOUNDS = ((1.0, 1000.0), (1.0, 1000.0), (0.05, 1.0))
+CAMERA = jt.Camera(
+    position=(0.16, -0.11, 0.11), look_at=(0.03, 0.03, 0.03), width=20, height=16
+)
+
+
+def _scene(conductivity, h, emissivity):
+    structure = jt.ShellOverCore(blocks(np.ones((6, 6, 6), bool), 0.01), factor=2)
+    metal = jt.Material(conductivity, 8000.0, 500.0, emissivity=emissivity)
+    body = jt.Body(structure, metal, temperature=350.0)
+    terms = (
+        jt.HeatFlux(2e4, on=jt.Side((1.0, 0.0, 0.0))),
+        jt.Convection(h, 300.0),
+        jt.Surroundings(220.0),
+    )
+    return jt.Scene((body,), terms, dtype="float64")
+
+
+@pytest.fixture(scope="module")
+def fitting():
+    """Fits of frames without noise, which is added to the misfits."""
+    true, start = _scene(*TRUTH.values()), _scene(*START)
+    # The same steps for data and fits: what is left is noise alone.
+    response = Response(SAVES, jt.ForwardEuler(dt=2.0))
+    answer = response(true, response.layout(start))
+    view = see(compile_scene(true, 1, 1.0).surfaces, true, CAMERA)
+    frames = np.asarray(frames_of(view, true, answer, SAVES, "temperature"), float)
+    everywhere = [np.ones(frames.shape[1:], bool)]
+    target = frame_target(
+        SAVES, (view,), [frames], NOISE, "temperature", everywhere, jnp.float64
+    )
+    fitted = tuple(
+        Parameter(name, (value,), *bounds)
+        for name, value, bounds in zip(TRUTH, START, BOUNDS, strict=True)
+    )
+    case = Case("frames", start, response, target)
+    return Fitting(Problem(ParameterSet(fitted), (case,)), Setting(tolerance=1e-6))
+
+
+def _held(fitting, repeats):
+    """How often each parameter's interval holds its truth."""
+    sd = fitting.problem.known_sd
+    count = round(1 / sd**2)
+    held = np.zeros(len(TRUTH), int)
+    for seed in range(repeats):
+        noise = sd * np.random.default_rng(seed).standard_normal(count)
+        fit = fitting.run(noise=noise)
+        found = identify(fitting.problem.parameters, fit.z, fit.jacobian, sd)
+        for n, (verdict, true) in enumerate(
+            zip(found.verdicts, TRUTH.values(), strict=True)
+        ):
+            assert verdict.standard_error is not None
+            held[n] += abs(verdict.value - true) <= WIDE * verdict.standard_error
+    return held
+
+
+def test_the_truth_lies_in_most_intervals(fitting):
+    """30 of them: fewer than 24 have a probability of 3e-4."""
+    assert _held(fitting, 10).sum() >= 24
+
+
+@pytest.mark.slow
+def test_the_truth_lies_in_95_percent_of_the_intervals(fitting):
+    held = _held(fitting, 100)
+    assert (held >= 90).all()
+    assert (held <= 99).all()
