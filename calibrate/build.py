@@ -11,6 +11,7 @@ from jaxthermo.config.build import build_scene, build_solver
 from jaxthermo.config.build_camera import build_camera
 from jaxthermo.config.build_terms import build_term
 from jaxthermo.config.schema import SceneConfig
+from jaxthermo.config.schema_image import CameraConfig
 from jaxthermo.errors import InputError
 from jaxthermo.image.exr import read_exr
 from jaxthermo.image.view import View
@@ -34,6 +35,8 @@ from .schema import CalibrationConfig, CaseConfig, ParameterConfig
 from .targets import AbstractTarget, surface_target
 
 
+Views = tuple[View, ...]
+
 SMOOTH = 0.5
 """Of the logarithm of a link's weight beside its neighbours', by default."""
 
@@ -54,7 +57,7 @@ class Built:
     ):
         """Makes the data of what is fitted and of what is held out."""
         self.parameters, self.configs = parameters, configs
-        self._scenes, self._worst = scenes, config.fit.worst
+        self.scenes, self._worst = scenes, config.fit.worst
         self._maker = TargetMaker(config, configs, scenes, doing)
         self.train = self.problem(tuple(c.name for c in config.train))
         held = tuple(case.name for case in config.held_out)
@@ -69,13 +72,25 @@ class Built:
         cases = tuple(
             Case(
                 name,
-                self._scenes[name],
+                self.scenes[name],
                 _response(self.configs[name]),
                 self._maker.target(name),
             )
             for name in names
         )
         return Problem(self.parameters, cases, self._worst)
+
+    def saves(self, name: str) -> tuple[float, ...]:
+        """Save times of a case [s]."""
+        return self.configs[name].time.save_times
+
+    def views(self, cameras: tuple[CameraConfig, ...], scene: Scene) -> Views:
+        """What cameras see of a scene's bodies."""
+        with precision(scene.dtype):
+            surfaces = compile_scene(scene, 1, 1.0).surfaces
+        triangles = np.concatenate([s.geometry.triangles for s in surfaces])
+        made = (build_camera(camera, triangles) for camera in cameras)
+        return tuple(see(surfaces, scene, camera) for camera in made)
 
 
 def build(config: CalibrationConfig, doing: Doing) -> Built:

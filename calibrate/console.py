@@ -111,9 +111,11 @@ def tell_fit(console: Console, result: dict[str, Any]) -> None:
         f"the fit took {spans['fit']:.3g} s, as long as "
         f"{spans['fit'] / max(spans['one_run'], 1e-9):.3g} runs of all its cases",
     )
-    for entry in result["advice"]:
-        tell(console, f"{entry['case']} would tell {entry['gain_nats']:.2f} nats more")
+    for entry in result["advice"][:MOST_ADVICE]:
+        tell(console, f"{entry['what']}: would tell {entry['gain_nats']:.2f} nats more")
 
+
+MOST_ADVICE = 5
 
 _LEFT = ("parameter", "verdict")
 

@@ -83,6 +83,30 @@ class FrameTarget(AbstractTarget):
         return found.reshape(len(found), -1)[:, self.chosen[view]]
 
 
+def seen_in(
+    views: tuple[View, ...],
+    target: FrameTarget,
+    scene: Scene,
+    answer: Answer,
+    times: tuple[float, ...],
+) -> Float[Array, "t r"]:
+    """Pixels of bodies in some views, in a target's quantity and noise.
+
+    Args:
+        views: of the bodies.
+        target: whose camera it is.
+        scene: that was run.
+        answer: of the run.
+        times: that were saved [s].
+    """
+    rows = []
+    for view in views:
+        found = frames_of(view, scene, answer, times, target.quantity)
+        chosen = np.flatnonzero(shown_bodies(view))
+        rows.append(found.reshape(len(found), -1)[:, chosen])
+    return jnp.concatenate(rows, axis=1) / target.noise
+
+
 def frames_of(
     view: View,
     scene: Scene,

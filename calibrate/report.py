@@ -229,7 +229,7 @@ def _loss(result: Result) -> list[str]:
 def _advice(result: Result) -> list[str]:
     if not result["advice"]:
         return []
-    rows = [[e["case"], f"{e['gain_nats']:.2f}"] for e in result["advice"]]
+    rows = [[e["what"], f"{e['gain_nats']:.2f}"] for e in result["advice"]]
     text = (
         "What a further case would add to what is known of the values: half of the "
         "gain of the logarithm of the information's determinant. One nat shrinks the "

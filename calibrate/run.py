@@ -17,12 +17,13 @@ from jaxthermo.config.card_file import write_card
 from jaxthermo.config.strict_yaml import write_yaml
 from jaxthermo.precision import precision
 
+from .advice import advise
 from .build import Built, build
 from .cards import make_card
 from .config import calibration_hash, load_calibration, plain
 from .errors import CaseError, case_errors
 from .fit import Fit, Fitting, enough_steps
-from .identifiability import identify, information_gain, left_over
+from .identifiability import identify, left_over
 from .problem import Problem, with_jacobian
 from .progress import Step
 from .reference import program_hash
@@ -150,7 +151,7 @@ def conclude(
         errors["held_out"] = dict(zip(("default", "fitted"), both, strict=True))
     sd = left_over(fit.residual, len(fit.z), built.train.known_sd)
     identified = identify(built.train.parameters, fit.z, fit.jacobian, sd)
-    told = advice(config, built, fit, sd, doing)
+    told = advise(config, built, fit, sd, doing)
     doing("timing")
     case = cases[0]
     with precision(built.train.dtype.name):
@@ -194,20 +195,3 @@ def jacobian(problem: Problem, z: Float[np.ndarray, " p"]) -> Float[np.ndarray, 
             return with_jacobian(lambda y: traced(y, layouts), z, problem.batch())[1]
 
         return np.asarray(rows(traced, at, layouts), float)
-
-
-def advice(
-    config: CalibrationConfig,
-    built: Built,
-    fit: Fit,
-    sd: float,
-    doing: Callable[[str], None],
-) -> list[dict[str, Any]]:
-    """Which further run would tell most, best first."""
-    found = []
-    for given in config.further:
-        doing(f"{given.name}: what it would tell")
-        problem = built.problem((given.name,))
-        gain = information_gain(fit.jacobian, jacobian(problem, fit.z), sd)
-        found.append({"case": given.name, "gain_nats": gain})
-    return sorted(found, key=lambda entry: -entry["gain_nats"])

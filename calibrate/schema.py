@@ -27,6 +27,13 @@ class CaseConfig(Model):
     set: Settings = {}
 
 
+class FurtherConfig(CaseConfig):
+    """A run that might be measured too; there are no data of it."""
+
+    views: tuple[CameraConfig, ...] = ()
+    """Of frames; those of the reference if there are none."""
+
+
 class FullVolumeReference(KindModel):
     """Runs of the same scene on every voxel, made once and kept."""
 
@@ -184,7 +191,7 @@ class CalibrationConfig(Model):
     train: Annotated[tuple[CaseConfig, ...], NotEmpty]
     held_out: tuple[CaseConfig, ...] = ()
     """Not fitted to; their error is told beside."""
-    further: tuple[CaseConfig, ...] = ()
+    further: tuple[FurtherConfig, ...] = ()
     """That might be measured too: advice says which would tell most."""
     reference: ReferenceConfig = FullVolumeReference()
     parameters: Annotated[tuple[ParameterConfig, ...], NotEmpty]

@@ -59,7 +59,7 @@ def fitted(tmp_path_factory):
 def test_a_fit_leaves_its_files_and_says_what_it_found(fitted):
     folder, said = fitted
     assert {path.name for path in (folder / "out").iterdir()} == FILES
-    for words in ("weights.within", "fitted to", "held out", "longer would tell"):
+    for words in ("weights.within", "fitted to", "held out", "longer: would tell"):
         assert words in said
     result = json.loads((folder / "out" / "fit.json").read_text())
     error = result["error_percent"]
