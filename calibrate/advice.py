@@ -101,7 +101,8 @@ def _rows(
         response = Response(saves, problem.cases[0].response.solver)
         longest = None
         if response.follows_stability:
-            longest = float(response.stable_step(at))
+            # Laid out for the scene as given, which may be the stiffer one.
+            longest = min(float(response.stable_step(s)) for s in (at, scene))
         layout = response.layout(scene, longest)
 
         def look(z, layout):

@@ -20,6 +20,7 @@ from .identifiability import identify as judge, left_over
 from .progress import Step
 from .quantities import unit_of
 from .run import Told, errors_at, fit_config, jacobian
+from .words import about_errors
 
 
 class _Shown(Told):
@@ -89,6 +90,7 @@ def tell_fit(console: Console, result: dict[str, Any]) -> None:
             row["verdict"] + others,
         )
     console.print(table)
+    tell(console, about_errors(result))
     for group, words in (("train", "fitted to"), ("held_out", "held out")):
         if group in result["error_percent"]:
             both = result["error_percent"][group]
@@ -156,6 +158,8 @@ def identify(config: Path, overrides: tuple[str, ...]) -> None:
     console.print(table)
     for name, error in errors.items():
         tell(console, f"{name}: error {error.worst:.3g} % at the start")
+    if problem.known_sd is not None:
+        tell(console, "standard errors are of the pixels' noise alone, not the model's")
 
 
 def check(card: Path, scene: Path, overrides: tuple[str, ...]) -> None:

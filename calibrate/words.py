@@ -64,17 +64,22 @@ def about_bars(result: Result) -> str:
         "Bars are one standard error to each side; on a logarithmic axis a factor "
         "exp(standard error / value). What the data do not tell has none. "
     )
+    return text + about_errors(result)
+
+
+def about_errors(result: Result) -> str:
+    """What standard errors follow from."""
     if not is_frames(result):
-        return text + (
-            "Without noise they are by what the fit left over: they say which values "
-            "the data tell best, not how near they are to a truth."
+        return (
+            "Standard errors are by what the fit left over, as there is no noise: they "
+            "say which values the data tell best, not how near they are to a truth."
         )
     over = result["error_percent"]["train"]["fitted"] / 100
-    text += "They follow from the noise of a pixel."
+    text = "Standard errors follow from the noise of a pixel."
     if over > FAR:
         text += (
             f" But model and data differ by {over:.3g} times the noise: the model is "
-            "wrong by more than its values can mend, and the bars are too short."
+            "wrong by more than its values can mend, and they are too small."
         )
     return text
 

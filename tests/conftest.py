@@ -13,6 +13,12 @@ jax.config.update("jax_numpy_dtype_promotion", "strict")
 
 ROOT = Path(__file__).resolve().parents[1]
 
+# More than half of the time is compilation: programs are kept from one test, process
+# and run to the next.
+jax.config.update("jax_compilation_cache_dir", str(ROOT / ".pytest_cache" / "jax"))
+jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+
 
 def _mesh_folders() -> list[Path]:
     named = os.environ.get("JAXTHERMO_MESHES")

@@ -65,6 +65,7 @@ def test_the_error_of_adaptive_steps_follows_what_is_asked():
     assert taken[2] / taken[1] == pytest.approx(10 ** (1 / 3), rel=0.4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ORDERS)
 def test_single_precision_closes_energy_too(name):
     make, _ = ORDERS[name]

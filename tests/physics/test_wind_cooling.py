@@ -39,6 +39,7 @@ def _rank(values):
     return np.argsort(np.argsort(values))
 
 
+@pytest.mark.slow
 def test_the_order_of_side_temperatures_follows_the_local_number(grid):
     """In sectors of 15 degrees from the front to the rear, both sides together."""
     solution = simulate((body(grid, CERAMIC),), 60.0, WIND)

@@ -27,7 +27,9 @@ def _laminate(pattern, dtype):
 
 
 @pytest.mark.parametrize("dtype", ["float64", "float32"])
-@pytest.mark.parametrize("pattern", ["laminate", "checkerboard"])
+@pytest.mark.parametrize(
+    "pattern", [pytest.param("laminate", marks=pytest.mark.slow), "checkerboard"]
+)
 def test_no_step_overshoots_and_none_loses_heat(pattern, dtype):
     scene = _laminate(pattern, dtype)
     stable = jt.simulate(scene, 0.0).run.stable_step

@@ -72,6 +72,8 @@ def test_a_stiffer_fit_takes_more_steps_instead_of_becoming_unstable():
     assert fit.loss < 1e-4 * fit.initial_loss
 
 
+@pytest.mark.slow
+@pytest.mark.slice
 def test_the_loss_is_that_of_the_values_returned(problem):
     fit = run_fit(problem, Setting(tolerance=1e-3, most_steps=2))
     layouts = problem.layouts()

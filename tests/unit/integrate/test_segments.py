@@ -67,7 +67,9 @@ def run_on(todo, progress, seconds=1.0):
     return [progress, *segments(todo, progress, seconds)][-1]
 
 
-@pytest.mark.parametrize("dtype", ["float32", "float64"])
+@pytest.mark.parametrize(
+    "dtype", ["float32", pytest.param("float64", marks=pytest.mark.slow)]
+)
 @pytest.mark.parametrize("seconds", [0.0, 1.0], ids=["two steps each", "long"])
 def test_segments_are_one_long_run(dtype, seconds):
     here = scene(dtype)

@@ -81,7 +81,9 @@ def _taylor(loss, gradient):
     return np.diff(np.log(left)) / np.diff(np.log(sizes))
 
 
-@pytest.mark.parametrize("states", [pytest.param(1, marks=pytest.mark.slow), 4])
+@pytest.mark.parametrize(
+    "states", [pytest.param(n, marks=pytest.mark.slow) for n in (1, 4)]
+)
 def test_checkpoints_give_the_same_gradient_and_it_is_of_first_order(states):
     solver = SOLVERS["ForwardEuler"]
     size = 8 * int(np.prod(_structure().state_shape))

@@ -44,7 +44,9 @@ def _along(solution, body=0):
     return x, np.asarray(solution.of_body(body)[0])[top]
 
 
-@pytest.mark.parametrize("dtype", ["float64", "float32"])
+@pytest.mark.parametrize(
+    "dtype", ["float64", pytest.param("float32", marks=pytest.mark.slow)]
+)
 @pytest.mark.parametrize(
     "kind", [jt.FullVolume, functools.partial(jt.FullVolume, stencil=False)]
 )
@@ -149,6 +151,8 @@ def test_an_island_keeps_the_mean_that_it_starts_with(kind):
     np.testing.assert_allclose(theta[apart], 355.0, rtol=0, atol=1e-9)
 
 
+@pytest.mark.slow
+@pytest.mark.slice
 def test_two_bodies_that_only_touch_even_out():
     bodies = (_body(400.0), _body(300.0, VARYING, place=6 * PITCH))
     scene = jt.Scene(bodies, (jt.Contact(500.0),), dtype="float64")
@@ -181,6 +185,7 @@ def test_heat_that_nothing_carries_off_is_refused(dtype):
         jt.steady(jt.Scene((body,), (hold, speck), dtype=dtype))
 
 
+@pytest.mark.slow
 def test_what_varies_with_time_is_held_at_a_moment():
     terms = (AIR, jt.HeatFlux(jt.Until(500.0, 30.0), on=LEFT))
     scene = jt.Scene((_body(),), terms, dtype="float64")

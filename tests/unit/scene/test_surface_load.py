@@ -34,6 +34,7 @@ def _loaded(program, states):
     return add_loads(program, states, states, now, jnp.ones(()))
 
 
+@pytest.mark.slow
 def test_spare_places_do_nothing(monkeypatch):
     grid = jt.voxelize(jt.shapes.sphere(0.025), 0.01)
     bodies = tuple(
