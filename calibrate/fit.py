@@ -128,10 +128,10 @@ class Fitting:
             at = at if keep is None else kept(keep, at)
             search = search.compiled(at.point)
             compiling = time.perf_counter() - clock
-            at, ended, took = self._loop(search, program, at, first, keep, tell, stop)
+            at, ended = self._loop(search, program, at, first, keep, tell, stop)
             fit = self._found(program, at, z, first)
         fit.initial_errors = seen.known_errors()
-        fit.ended, fit.took, fit.compiling = ended, took, compiling
+        fit.ended, fit.took, fit.compiling = ended, at.took, compiling
         return fit
 
     def best_of(
@@ -184,14 +184,14 @@ class Fitting:
 
     def _loop(
         self, search: Search, program: Program, at: Progress, first, keep, tell, stop
-    ) -> tuple[Progress, str, float]:
-        """Steps, until one of them is the last; why it is, and their seconds."""
-        took, setting = 0.0, self.setting
+    ) -> tuple[Progress, str]:
+        """Steps, until one of them is the last, and why it is."""
+        setting = self.setting
         while not (at.point.done or self._settled(at.steps)):
             if at.point.steps >= setting.most_steps:
-                return at, "step limit", took
+                return at, "step limit"
             if stop():
-                return at, "interrupted", took
+                return at, "interrupted"
             clock = time.perf_counter()
             layouts = self._enough(at.layouts, self._stable(search.tried(at.point)))
             search = search.with_program(with_layouts(program, layouts))
@@ -199,15 +199,15 @@ class Fitting:
             reach = float(jnp.abs(search.tried(at.point) - at.point.z).max())
             point = search.step(at.point)
             loss = search.loss(point)
-            took += time.perf_counter() - clock
+            took = at.took + time.perf_counter() - clock
             values = map(float, self.problem.parameters.flat_values(point.z))
             step = Step(point.steps, loss, loss < before, reach, tuple(values))
-            at = Progress(point, layouts, [*at.steps, step])
+            at = Progress(point, layouts, [*at.steps, step], took)
             if keep is not None:
                 at.keep(keep)
             if tell is not None:
                 tell(step, took)
-        return at, "converged", took
+        return at, "converged"
 
     def _enough(self, layouts: Layouts, stable) -> Layouts:
         return enough_steps(layouts, stable, self.program.layouts)

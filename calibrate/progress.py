@@ -35,6 +35,8 @@ class Progress(NamedTuple):
     point: Point
     layouts: Layouts
     steps: list[Step]
+    took: float = 0.0
+    """Of the steps, by all processes that took some [s]."""
 
     def keep(self, path: Path) -> None:
         """Write it to a file, whole or not at all."""
@@ -44,6 +46,7 @@ class Progress(NamedTuple):
             "steps": np.array(told),
             "count": np.asarray(self.point.steps),
             "done": np.asarray(self.point.done),
+            "took": np.asarray(self.took),
             **leaves,
         }
         with replacing(path) as temporary, open(temporary, "wb") as file:
@@ -77,6 +80,7 @@ def kept(path: Path, begin: Progress) -> Progress:
             found = [read[f"leaf{n}"] for n in range(len(leaves))]
             told = read["steps"]
             count, done = int(read["count"]), bool(read["done"])
+            took = float(read["took"])
     except Exception as error:
         raise InputError(
             f"{path}: cannot be read ({type(error).__name__}): delete it to start anew"
@@ -93,4 +97,4 @@ def kept(path: Path, begin: Progress) -> Progress:
         Step(int(number), loss, bool(accepted), reach, tuple(values))
         for number, loss, accepted, reach, *values in told.tolist()
     ]
-    return Progress(Point(z, state, count, done), layouts, steps)
+    return Progress(Point(z, state, count, done), layouts, steps, took)
