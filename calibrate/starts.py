@@ -25,7 +25,9 @@ def design(count: int, size: int, spread: float, seed: int) -> Float[np.ndarray,
     sampler = qmc.MultivariateNormalQMC(
         np.zeros(size), spread**2 * np.eye(size), rng=np.random.default_rng(seed)
     )
-    drawn = np.asarray(sampler.random(count - 1))
+    # Sobol' points are balanced by powers of 2.
+    power = 1 << max(count - 2, 0).bit_length()
+    drawn = np.asarray(sampler.random(power))[: count - 1]
     return np.concatenate([np.zeros((1, size)), drawn])
 
 

@@ -16,6 +16,20 @@ SAVES = (2.0, 6.0)
 METAL = jt.Material(16.0, density=8000.0, specific_heat=500.0, emissivity=0.8)
 WITHIN = Parameter("weights.within", (1.0,), 0.01, 100.0)
 BETWEEN = Parameter("weights.between", (1.0,), 0.01, 100.0)
+SPHERE = """
+bodies:
+  - shape: {kind: sphere, radius: 0.1 m}
+    voxels_high: 8
+    structure: {kind: aggregate, factor: 2}
+    material: {conductivity: 16, density: 8000, specific_heat: 500, absorptivity: 1}
+    temperature: 293.15
+terms:
+  - {kind: sun, direction: [-1, 0, 0], irradiance: 5000}
+dtype: float64
+time: {end: 60, save_at: [30, 60]}
+camera: {width: 40, height: 30}
+"""
+"""A config of a scene that is built and run in no time."""
 TRUTH = {"weights.within": 1.7, "weights.between": 0.6}
 
 

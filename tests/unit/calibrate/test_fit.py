@@ -73,7 +73,6 @@ def test_a_stiffer_fit_takes_more_steps_instead_of_becoming_unstable():
 
 
 @pytest.mark.slow
-@pytest.mark.slice
 def test_the_loss_is_that_of_the_values_returned(problem):
     fit = run_fit(problem, Setting(tolerance=1e-3, most_steps=2))
     layouts = problem.layouts()
@@ -125,7 +124,6 @@ def test_a_loss_that_is_not_finite_at_the_start_is_refused():
 
 
 @pytest.mark.slow
-@pytest.mark.slice
 def test_the_best_of_several_starts_is_where_one_alone_ends(problem):
     """Searched together, from far apart."""
     fitting = Fitting(problem, Setting(tolerance=1e-9, most_steps=40))

@@ -36,23 +36,11 @@ from calibrate.problem import Problem
 from calibrate.report import write_report
 from calibrate.words import MEANING, summary
 from jaxthermo.precision import precision
+from tests.calibrating import SPHERE
 
 
 SMALL = 60
 """Side of pictures here [px]."""
-SCENE = """
-bodies:
-  - shape: {kind: sphere, radius: 0.1 m}
-    voxels_high: 8
-    structure: {kind: aggregate, factor: 2}
-    material: {conductivity: 16, density: 8000, specific_heat: 500, absorptivity: 1}
-    temperature: 293.15
-terms:
-  - {kind: sun, direction: [-1, 0, 0], irradiance: 5000}
-dtype: float64
-time: {end: 60, save_at: [30, 60]}
-camera: {width: 40, height: 30}
-"""
 FIT = """
 scene: scene.yaml
 train: [{name: "+x"}]
@@ -67,7 +55,7 @@ parameters: [{name: material.conductivity}]
 
 
 def build_in(folder: Path, text: str) -> Built:
-    (folder / "scene.yaml").write_text(SCENE)
+    (folder / "scene.yaml").write_text(SPHERE)
     (folder / "fit.yaml").write_text(text)
     return build(load_calibration(folder / "fit.yaml"), lambda what: None)
 

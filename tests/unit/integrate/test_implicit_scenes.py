@@ -85,7 +85,6 @@ def test_it_is_what_small_explicit_steps_give(name):
 
 
 @pytest.mark.slow
-@pytest.mark.slice
 def test_an_implicit_run_in_segments_is_one_long_run():
     scene = _scene("varying properties")
     solver = jt.BackwardEuler(dt=5.0)

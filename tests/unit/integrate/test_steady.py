@@ -152,7 +152,6 @@ def test_an_island_keeps_the_mean_that_it_starts_with(kind):
 
 
 @pytest.mark.slow
-@pytest.mark.slice
 def test_two_bodies_that_only_touch_even_out():
     bodies = (_body(400.0), _body(300.0, VARYING, place=6 * PITCH))
     scene = jt.Scene(bodies, (jt.Contact(500.0),), dtype="float64")
