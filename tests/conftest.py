@@ -13,12 +13,6 @@ jax.config.update("jax_numpy_dtype_promotion", "strict")
 
 ROOT = Path(__file__).resolve().parents[1]
 
-# More than half of the time is compilation: programs are kept from one test, process
-# and run to the next.
-jax.config.update("jax_compilation_cache_dir", str(ROOT / ".pytest_cache" / "jax"))
-jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
-jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
-
 
 def _mesh_folders() -> list[Path]:
     named = os.environ.get("JAXTHERMO_MESHES")
@@ -29,6 +23,19 @@ def _mesh_folders() -> list[Path]:
 def structures_kept_for_the_session_only(tmp_path_factory):
     """Structures are cached in a folder of this run, never in the user's own."""
     os.environ["JAXTHERMO_CACHE"] = str(tmp_path_factory.mktemp("cache"))
+
+
+MOST_MAPPED = 20_000
+"""Pieces of memory; a process may have 65 530, and crashes without a word beyond."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def programs_do_not_pile_up():
+    """Every compiled program holds some pieces until it is forgotten."""
+    yield
+    mapped = Path("/proc/self/maps")
+    if mapped.exists() and mapped.read_text().count("\n") > MOST_MAPPED:
+        jax.clear_caches()
 
 
 @pytest.fixture
