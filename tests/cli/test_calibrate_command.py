@@ -174,18 +174,3 @@ def test_a_mistake_is_one_line_and_leaves_nothing(
     assert err.count("\n") == 1
     assert message in err
     assert sorted(tmp_path.rglob("*")) == before
-
-
-@pytest.mark.slow
-@pytest.mark.slice
-def test_the_shipped_calibration_needs_no_files_and_helps_what_it_has_not_seen(
-    tmp_path,
-):
-    config = Path(__file__).resolve().parents[2] / "configs/calibration"
-    code, out, err = _calibrate(
-        "fit", config / "figurine-quick.yaml", "--out", tmp_path
-    )
-    assert code == 0, err
-    error = json.loads((tmp_path / "fit.json").read_text())["error_percent"]
-    assert error["train"]["fitted"] < 0.8 * error["train"]["default"]
-    assert error["held_out"]["fitted"] < 0.9 * error["held_out"]["default"]
