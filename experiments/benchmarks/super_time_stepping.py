@@ -117,8 +117,9 @@ def _peer_run(peer: Peer, state: np.ndarray, dt: float, steps: int, stages: int)
 def _peer_of(todo: Plan, scene: jt.Scene) -> Peer:
     """The same loads and links as plain arrays."""
     program, structure = todo.compiled.program, scene.bodies[0].structure
-    network, load = program.bodies[0].network, program.bodies[0].load
-    assert isinstance(network, UniformStencil) and load is not None
+    network, acting = program.bodies[0].network, program.bodies[0].load
+    assert isinstance(network, UniformStencil) and acting is not None
+    load = acting.places
     solid = np.pad(structure.grid.solid, 1)
     edges = np.diff(solid.astype(np.int8), axis=2)
     i, j, low = np.nonzero(edges == 1)

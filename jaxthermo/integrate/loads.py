@@ -94,7 +94,7 @@ def _all_surfaces(program, nodes, radiated, new, time, dt):
     loaded = [n for n, body in enumerate(program.bodies) if body.load is not None]
     bodies = [program.bodies[n] for n in loaded]
     pairs = zip(bodies, loaded, strict=True)
-    thetas = [body.load.here(nodes[n]) for body, n in pairs]
+    thetas = [body.load.places.here(nodes[n]) for body, n in pairs]
     heat, rates = program.joined.heat(
         time,
         thetas,
@@ -108,7 +108,7 @@ def _all_surfaces(program, nodes, radiated, new, time, dt):
     )
     warmed = list(new)
     for n, body, own in zip(loaded, bodies, heat, strict=True):
-        warmed[n] = body.load.add(warmed[n], dt, own)
+        warmed[n] = body.load.places.add(warmed[n], dt, own)
     return tuple(warmed), rates
 
 
@@ -135,8 +135,7 @@ def surface_nodes(program: Program, states: State) -> list[Float[Array, " _"]]:
         if body.load is None:
             found.append(jnp.zeros(0, state.dtype))
             continue
-        there = state.at[body.load.address].get(mode="promise_in_bounds")
-        found.append(body.network.temperature(there))
+        found.append(body.network.temperature(body.load.nodes_of(state)))
     return found
 
 
@@ -170,7 +169,9 @@ def irradiation(program: Program, nodes: list, time: Float[Array, ""]) -> Radiat
 
 def _at_places(program: Program, nodes: list) -> list:
     return [
-        (None, there) if body.load is None else body.load.at_places(body.network, there)
+        (None, there)
+        if body.load is None
+        else body.load.places.at_places(body.network, there)
         for body, there in zip(program.bodies, nodes, strict=True)
     ]
 

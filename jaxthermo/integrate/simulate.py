@@ -8,7 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from ..errors import InputError
 from ..network.network import precise_sum
@@ -192,7 +192,7 @@ def run(plan: Plan, state: RunState, traced: bool = False) -> Observation:
     parts = by_program(plan)
     rows = max((len(legs(part)) for _, part in parts), default=0)
     width = max((len(leg) for _, p in parts for leg in legs(p)), default=0)
-    seen = []
+    seen, rows_saved = [], []
     for number, part in parts:
         program, own = plan.compiled.programs[number], legs(part)
         if traced:
@@ -200,14 +200,30 @@ def run(plan: Plan, state: RunState, traced: bool = False) -> Observation:
         else:
             layout = layout_table(plan, own, rows, width)
             state, found = run_all(plan.stepper, program, state, layout)
-        saved = np.flatnonzero([leg[-1].saved for leg in own])
-        seen.append(jax.tree.map(lambda a, kept=saved: a[kept], found))
-    return jax.tree.map(lambda *each: jnp.concatenate(each), *seen)
+        seen.append(found)
+        kept = np.flatnonzero([leg[-1].saved for leg in own])
+        rows_saved.append(jnp.asarray(kept))
+    if len(seen) == 1 and len(rows_saved[0]) == len(seen[0].finite):
+        return seen[0]
+    return _saved(tuple(seen), tuple(rows_saved))
+
+
+@eqx.filter_jit
+def _saved(
+    seen: tuple[Observation, ...], rows: tuple[Int[Array, " _"], ...]
+) -> Observation:
+    """The rows of save times, of all parts in turn."""
+    picked = [
+        jax.tree.map(lambda a, kept=kept: a[kept], found)
+        for found, kept in zip(seen, rows, strict=True)
+    ]
+    return jax.tree.map(lambda *each: jnp.concatenate(each), *picked)
 
 
 def by_program(plan: Plan) -> list[tuple[int, tuple[Interval, ...]]]:
     """The intervals that each program takes, with its number."""
-    number = [plan.compiled.number_at(i.start) for i in plan.intervals]
+    number_at = plan.compiled.number_at
+    number = [number_at(i.start) for i in plan.intervals]
     return [
         (n, tuple(i for i, m in zip(plan.intervals, number, strict=True) if m == n))
         for n in sorted(set(number))

@@ -11,6 +11,7 @@ The temperature of the surface is not its node's: see `balance`.
 
 from typing import Any
 
+import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -21,6 +22,7 @@ from .term import (
     Binding,
     Drive,
     LeftOut,
+    Linear,
     Reach,
     Surface,
     binding,
@@ -28,6 +30,7 @@ from .term import (
 from .values import (
     check_value,
     for_jit,
+    is_number,
     is_zero,
     largest,
     largest_size,
@@ -56,6 +59,12 @@ class ImposedFlux(AbstractLaw):
         del time
         return jnp.zeros((), theta.dtype)
 
+    def linear(self) -> Linear | None:
+        """One flux for all, or one a place that does not change."""
+        if not callable(self.heat_flux):
+            return Linear(self.heat_flux, 1.0)
+        return Linear(1.0, self.heat_flux) if is_number(self.heat_flux) else None
+
     def steepest(self, hottest: Float[Array, ""], end: float) -> Float[Array, ""]:
         """None."""
         del end
@@ -74,6 +83,17 @@ class ImposedFlux(AbstractLaw):
     def is_linear(self) -> bool:
         """Yes."""
         return True
+
+
+class Above(eqx.Module):
+    """A temperature that changes, above the reference."""
+
+    temperature: Any
+    reference: Float[Array, ""]
+
+    def __call__(self, time: Float[Array, ""]) -> Float[Array, ""]:
+        """At `time` [s], [K]."""
+        return value_at(self.temperature, time) - self.reference
 
 
 class Exchange(AbstractLaw):
@@ -97,6 +117,17 @@ class Exchange(AbstractLaw):
     ) -> Float[Array, "*#m"]:
         """The coefficient, h."""
         return value_at(self.coefficient, time).astype(theta.dtype)
+
+    def linear(self) -> Linear | None:
+        """If h does not change, and T_inf is one for all or does not either."""
+        h, there = self.coefficient, self.temperature
+        if callable(h):
+            return None
+        if not callable(there):
+            return Linear(h * (there - self.reference), 1.0, h)
+        if not is_number(there) or jnp.ndim(self.reference):
+            return None
+        return Linear(h, Above(there, self.reference), h)
 
     def steepest(self, hottest: Float[Array, ""], end: float) -> Float[Array, ""]:
         """The largest h."""

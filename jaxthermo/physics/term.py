@@ -127,6 +127,17 @@ class Drive(NamedTuple):
     """The highest heat flux it imposes whatever the temperature [W/m^2]."""
 
 
+class Linear(NamedTuple):
+    """A heat flux w d(t) - s theta, with s constant."""
+
+    weight: Any
+    """w, a number or one a place."""
+    drive: Any
+    """d, a number or a function of time that gives one."""
+    slope: Any = None
+    """s [W/(m^2 K)], a number or one a place; None for 0."""
+
+
 class AbstractLaw(eqx.Module):
     """A heat flux into a surface of a given temperature."""
 
@@ -150,6 +161,10 @@ class AbstractLaw(eqx.Module):
     @abc.abstractmethod
     def is_linear(self) -> bool:
         """Whether the slope does not depend on the temperature."""
+
+    def linear(self) -> Linear | None:
+        """Its parts, where it is linear with a constant slope."""
+        return None
 
     def merged(self, mean: Callable[[Array], Array]) -> "AbstractLaw":
         """The law on places that several of these make up.

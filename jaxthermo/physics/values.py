@@ -70,6 +70,13 @@ def for_jit(value: Any, dtype: Any) -> Any:
     return jax.tree.map(as_array, value)
 
 
+def is_number(value: Any) -> bool:
+    """Whether this is one number at any time, not one a place."""
+    time = jax.ShapeDtypeStruct((), jnp.result_type(float))
+    found = eqx.filter_eval_shape(lambda t: value_at(value, t), time)
+    return not found.shape
+
+
 def is_zero(value: Any) -> bool:
     """Whether this is known to be 0 at all times: such a term can be left out."""
     stated = value.value if isinstance(value, Until) else value

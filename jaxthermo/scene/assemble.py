@@ -25,6 +25,7 @@ from .contacts import Key, contact_links, touching_sizes
 from .join import join_loads
 from .load import surface_load, surface_reading
 from .looking import Look
+from .node_load import by_nodes
 from .prepare import Prepared
 from .program import BodyProgram, Entry, Program
 from .scene import Scene
@@ -106,13 +107,13 @@ def programs(
         ],
     )
     made = tuple(_program(scene, prepared, look, volumes, rules) for look in looks)
-    return jax.tree.map(_on_device, _joined(made))
+    return jax.tree.map(_on_device, by_nodes(made) or _joined(made))
 
 
 def _joined(made: tuple[Program, ...]) -> tuple[Program, ...]:
     """With the loads of all bodies as one, where more than one has any."""
     loads = [
-        tuple(body.load for body in program.bodies if body.load is not None)
+        tuple(body.load.places for body in program.bodies if body.load is not None)
         for program in made
     ]
     if len(loads[0]) < 2:
@@ -139,7 +140,7 @@ def _program(scene, prepared, look: Look, volumes: Volumes, rules: Rules) -> Pro
         body, place = _body(one, bound, volumes, rules, group, around, dtype)
         bodies.append(body)
         places.append(place)
-    counts = tuple(0 if b.load is None else len(b.load.node) for b in bodies)
+    counts = tuple(0 if b.load is None else len(b.load.places.node) for b in bodies)
     return Program(
         bodies=tuple(bodies),
         joined=None,

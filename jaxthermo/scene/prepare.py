@@ -78,7 +78,7 @@ def _initial(
     theta = jnp.asarray(np.zeros(body.structure.state_shape, dtype))
     values: Any = body.temperature
     if callable(values):
-        values = values(body.structure.nodes().centre)
+        values = values(body.structure.nodes().place)
     elif not is_traced(values):
         return float(values), theta
     if is_traced(values):

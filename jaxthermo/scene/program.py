@@ -15,7 +15,7 @@ from ..structures.surface_map import BoundMap
 from .joined import JoinedLoad
 from .receipt import Receipt
 from .surface import SolvedSurface
-from .surface_load import SurfaceLoad
+from .surface_load import AbstractLoad
 
 
 State = tuple[Float[Array, "..."], ...]
@@ -109,7 +109,7 @@ class BodyProgram(eqx.Module):
     network: AbstractNetwork
     reference: Float[Array, ""]
     """What the state counts from [K]."""
-    load: SurfaceLoad | None
+    load: AbstractLoad | None
     """None if nothing acts on the surface."""
     sources: tuple[VolumeLoad, ...]
     reading: SurfaceReading

@@ -1,5 +1,7 @@
 """What acts on a body's surface in the time loop."""
 
+import abc
+
 import equinox as eqx
 from jaxtyping import Array, Float, Int
 
@@ -7,7 +9,62 @@ from ..network.network import AbstractNetwork, Address, slot_sums
 from ..physics.balance import SurfaceTerms
 
 
-class SurfaceLoad(eqx.Module):
+class AbstractLoad(eqx.Module):
+    """What acts on a body's surface in the time loop."""
+
+    address: eqx.AbstractVar[Address]
+    """Of the nodes that have places, each once, in the order of the state."""
+    terms: eqx.AbstractVar[SurfaceTerms]
+    """On the places."""
+
+    @property
+    @abc.abstractmethod
+    def places(self) -> "SurfaceLoad":
+        """The same, place by place."""
+
+    @abc.abstractmethod
+    def nodes_of(self, state: Float[Array, "..."]) -> Float[Array, " m"]:
+        """Of a state, the nodes that it takes."""
+
+    @abc.abstractmethod
+    def warm(
+        self,
+        new: Float[Array, "..."],
+        network: AbstractNetwork,
+        nodes: Float[Array, " m"],
+        time: Float[Array, ""],
+        dt: Float[Array, ""],
+        radiated: Float[Array, " p"] | None = None,
+        emits: bool = False,
+    ) -> tuple[Float[Array, "..."], Float[Array, " c"]]:
+        """`new` with the heat of one step, and what each entry brings [W].
+
+        Args:
+            new: the state so far.
+            network: of the body.
+            nodes: temperatures before the step, above the reference [K].
+            time: of the loads [s].
+            dt: the step [s].
+            radiated: to each place by what it sees [W/m^2].
+            emits: whether its own emission is not yet taken off that.
+        """
+
+    def stiffness(
+        self, hottest: Float[Array, ""], end: float, relative: Float[Array, ""]
+    ) -> Float[Array, " m"]:
+        """What it adds to each node's conductances in the stable step [W/K].
+
+        Args:
+            hottest: that surfaces can get [K].
+            end: of the run [s].
+            relative: the largest conductivity over that at the reference.
+        """
+        places = self.places
+        most = places.terms.stiffness(hottest, end, relative)
+        return slot_sums(most, places.slots)
+
+
+class SurfaceLoad(AbstractLoad):
     """What acts on a body's surface in the time loop.
 
     Fragments of one node on which the same terms act are one place; a fragment on which
@@ -26,6 +83,15 @@ class SurfaceLoad(eqx.Module):
     """Of each node, its k-th place; where it has fewer, one without share or none."""
     terms: SurfaceTerms
     """On the places."""
+
+    @property
+    def places(self) -> "SurfaceLoad":
+        """Itself."""
+        return self
+
+    def nodes_of(self, state: Float[Array, "..."]) -> Float[Array, " m"]:
+        """Those at `address`."""
+        return state.at[self.address].get(mode="promise_in_bounds")
 
     def at_places(
         self, network: AbstractNetwork, nodes: Float[Array, " m"]
@@ -48,17 +114,7 @@ class SurfaceLoad(eqx.Module):
         radiated: Float[Array, " p"] | None = None,
         emits: bool = False,
     ) -> tuple[Float[Array, "..."], Float[Array, " c"]]:
-        """`new` with the heat of one step, and what each entry brings [W].
-
-        Args:
-            new: the state so far.
-            network: of the body.
-            nodes: temperatures at `address` before the step, above the reference [K].
-            time: of the loads [s].
-            dt: the step [s].
-            radiated: to each place by what it sees [W/m^2].
-            emits: whether its own emission is not yet taken off that.
-        """
+        """`new` with the heat of one step, and what each entry brings [W]."""
         terms, here = self.at_places(network, nodes)
         if radiated is not None:
             terms = terms.radiating(radiated, emits)
@@ -68,26 +124,20 @@ class SurfaceLoad(eqx.Module):
     def add(
         self, new: Float[Array, "..."], dt: Float[Array, ""], heat: Float[Array, " p"]
     ) -> Float[Array, "..."]:
-        """`new` with the heat rates of all places [W] over `dt` [s].
+        """`new` with the heat rates of all places [W] over `dt` [s]."""
+        return self.add_nodes(new, dt, slot_sums(heat, self.slots))
+
+    def add_nodes(
+        self, new: Float[Array, "..."], dt: Float[Array, ""], heat: Float[Array, " m"]
+    ) -> Float[Array, "..."]:
+        """The same with those of the nodes at `address`.
 
         The state stays three-dimensional here: flattening it for the scatter would make
         XLA compute the whole stencil with flat indices, slowly.
         """
         return new.at[self.address].add(
-            dt * slot_sums(heat, self.slots) / self.capacity,
+            dt * heat / self.capacity,
             mode="promise_in_bounds",
             indices_are_sorted=True,
             unique_indices=True,
         )
-
-    def stiffness(
-        self, hottest: Float[Array, ""], end: float, relative: Float[Array, ""]
-    ) -> Float[Array, " m"]:
-        """What it adds to each node's conductances in the stable step [W/K].
-
-        Args:
-            hottest: that surfaces can get [K].
-            end: of the run [s].
-            relative: the largest conductivity over that at the reference.
-        """
-        return slot_sums(self.terms.stiffness(hottest, end, relative), self.slots)

@@ -212,7 +212,10 @@ class Surroundings(AbstractSurfaceTerm):
         told = f"the linear law is off by up to {100 * error:.2g} % of the net emission"
         if not error <= self.linear_within:
             return law, (f"{told}, more than allowed: not used",)
-        return Exchange(RadiativeCoefficient(there), there, base), (told,)
+        h = RadiativeCoefficient(there)
+        # A number where it is one: the balance is then known beforehand.
+        h = h if callable(there) else h(jnp.zeros((), surface.dtype))
+        return Exchange(h, there, base), (told,)
 
     def _parts(self, surface: Surface) -> list[tuple[Any, Float[np.ndarray, " s"]]]:
         """Each temperature with the view factor to it."""

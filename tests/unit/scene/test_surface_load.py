@@ -47,7 +47,7 @@ def test_spare_places_do_nothing(monkeypatch):
     plain = compile_scene(scene)
     for one, other in zip(even.program.bodies, plain.program.bodies, strict=True):
         assert one.load is not None and other.load is not None
-        assert len(one.load.node) > len(other.load.node)
+        assert len(one.load.places.node) > len(other.load.places.node)
     chance = np.random.default_rng(0)
     states = tuple(s + chance.uniform(-5, 5, s.shape) for s in even.state)
     found, wanted = (_loaded(one.program, states) for one in (even, plain))
