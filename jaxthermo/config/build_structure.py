@@ -48,9 +48,13 @@ def build_structure(
             )
         case schema.Octree(levels=levels):
             return Octree(grid, levels=levels, weights=weights)
-        case schema.Aggregate(factor=factor, least_time_constant=least):
+        case schema.Aggregate():
             return Aggregate(
-                grid, factor=factor, least_time_constant=least, weights=weights
+                grid,
+                factor=config.factor,
+                least_time_constant=config.least_time_constant,
+                alignment=config.alignment,
+                weights=weights,
             )
         case schema.ShellOverCore(layers=layers, factor=factor):
             return ShellOverCore(grid, layers=layers, factor=factor, weights=weights)

@@ -112,6 +112,7 @@ class Aggregate(KindModel):
     kind: Literal["aggregate"] = "aggregate"
     factor: Count = 4
     least_time_constant: Annotated[float, Field(ge=0, le=1)] = 0.45
+    alignment: Annotated[float, Field(ge=0, le=1)] = 0.7
     weights: CardOrWeights = WeightsConfig()
 
 

@@ -9,6 +9,7 @@ from .block_parts import block_parts
 from .blocks import build_blocks, number_by_first_voxel
 from .cache import cached
 from .card import as_weights
+from .in_line import in_line
 from .options import whole_number
 from .slivers import hold_back
 from .structure import AbstractBuiltStructure, Built
@@ -18,12 +19,17 @@ from .weights import ConductionWeights
 LEAST_TIME_CONSTANT = 0.45
 """By default: more than halves the steps at factor 4 and adds 0.05 % of error."""
 
+ALIGNMENT = 0.7
+"""By default: halved the error of a heated bust and took a fifth off a statue's and a
+bunny's, at factors 2 to 4; between 0.5 and 0.8 it hardly matters."""
+
 
 class Aggregate(AbstractBuiltStructure):
     """Blocks of factor^3 voxels, each with the volume and centre of what is solid.
 
     Parts of a block that do not touch inside it are nodes of their own, so that heat
     does not leap across a gap. Blocks at the upper ends of the lattice may be cut.
+    Where nodes stand, see `alignment`.
     """
 
     grid: VoxelGrid = eqx.field(static=True)
@@ -33,6 +39,9 @@ class Aggregate(AbstractBuiltStructure):
         static=True, kw_only=True, default=LEAST_TIME_CONSTANT
     )
     """That slivers are held to, of a whole block's inside the body; 0 for none."""
+    alignment: float = eqx.field(static=True, kw_only=True, default=ALIGNMENT)
+    """How far nodes stand from their centre (0) towards the middle of their block (1),
+    in line with their neighbours."""
     weights: ConductionWeights = eqx.field(
         kw_only=True, default=ConductionWeights(), converter=as_weights
     )
@@ -40,18 +49,25 @@ class Aggregate(AbstractBuiltStructure):
 
     def __post_init__(self):
         self.factor = whole_number(self.factor, "Aggregate(factor=)")
-        grid, factor, least = self.grid, self.factor, self.least_time_constant
-        if not 0 <= least <= 1:
-            raise InputError(
-                f"Aggregate(least_time_constant={least!r}): give a number from 0 to 1"
-            )
-        options = {"factor": factor, "least_time_constant": float(least)}
+        grid, factor = self.grid, self.factor
+        options = {
+            "least_time_constant": float(self.least_time_constant),
+            "alignment": float(self.alignment),
+        }
+        for name, value in options.items():
+            if not 0 <= value <= 1:
+                raise InputError(
+                    f"Aggregate({name}={value!r}): give a number from 0 to 1"
+                )
         self.built = cached(
-            "aggregate", grid, options, lambda: _build(grid, factor, least)
+            "aggregate",
+            grid,
+            {"factor": factor, **options},
+            lambda: _build(grid, factor, *options.values()),
         )
 
 
-def _build(grid: VoxelGrid, factor: int, least: float) -> Built:
+def _build(grid: VoxelGrid, factor: int, least: float, alignment: float) -> Built:
     factor = min(factor, max(grid.solid.shape))
     labels, first = number_by_first_voxel(block_parts(grid.solid, factor))
     # Blocks in lattice order: neighbours along z follow one another in memory.
@@ -62,6 +78,8 @@ def _build(grid: VoxelGrid, factor: int, least: float) -> Built:
     number = np.full(len(order) + 1, -1, np.int32)
     number[order] = np.arange(len(order))
     built = build_blocks(grid, number[labels], np.zeros(len(order), np.int32))
+    edge, corner = factor * grid.pitch, grid.lattice.origin
+    built = in_line(built, block.T[order], corner, edge, alignment)
     # Of a whole block with six neighbours: V / sum A / L = (factor pitch)^2 / 6.
     whole = (factor * grid.pitch) ** 2 / 6 * grid.volume_ratio
     return hold_back(built, least * whole) if least else built

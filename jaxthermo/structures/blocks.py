@@ -63,11 +63,13 @@ def build_blocks(
         links = voxel_links(labels, grid.pitch)
     else:
         links = block_links(labels, centre, grid.pitch)
+    middle = grid.lattice.origin + centre * grid.pitch
     return Built(
         nodes=Nodes(
-            centre=grid.lattice.origin + centre * grid.pitch,
+            centre=middle,
             volume=voxels * grid.voxel_volume,
             level=level.astype(np.int32),
+            place=middle,
         ),
         links=links,
         fragment_node=labels[tuple(grid.fragment_voxel.T)],

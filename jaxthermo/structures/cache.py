@@ -23,7 +23,7 @@ from ..voxels.grid import VoxelGrid
 from .structure import Built, Links, Nodes
 
 
-FORMAT = 2
+FORMAT = 3
 """Raised when the arrays in a file come to mean something else."""
 
 LEAST_VOXELS = 20_000

@@ -68,10 +68,12 @@ class FullVolume(AbstractStructure):
     def nodes(self) -> Nodes:
         """The solid voxels."""
         cells = np.argwhere(self.grid.solid)
+        centre = self.grid.lattice.centres(cells)
         return Nodes(
-            centre=self.grid.lattice.centres(cells),
+            centre=centre,
             volume=np.full(len(cells), self.grid.voxel_volume),
             level=np.zeros(len(cells), np.int32),
+            place=centre,
         )
 
     def links(self) -> Links:

@@ -76,7 +76,8 @@ class IrregularMultiLevel(AbstractBuiltStructure):
         volume = size[:, 0] ** 3 * grid.voxel_volume
         if self.keep_capacity:
             volume *= grid.solid_count * grid.voxel_volume / volume.sum()
-        return Nodes(grid.origin + middle * grid.pitch, volume, level)
+        centre = grid.origin + middle * grid.pitch
+        return Nodes(centre, volume, level, centre)
 
     @property
     def level_count(self) -> int:

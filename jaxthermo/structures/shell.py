@@ -48,11 +48,13 @@ class SingleShell(AbstractBuiltStructure):
         volume = grid.voxel_volume
         if self.capacity == "body":
             volume *= grid.solid_count / max(count, 1)
+        centre = grid.lattice.centres(voxels)
         return Built(
             nodes=Nodes(
-                centre=grid.lattice.centres(voxels),
+                centre=centre,
                 volume=np.full(count, volume),
                 level=np.zeros(count, np.int32),
+                place=centre,
             ),
             links=_links(grid, voxels),
             fragment_node=fragment_rank(grid, voxels),

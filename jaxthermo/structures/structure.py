@@ -26,6 +26,9 @@ class Nodes(NamedTuple):
     """That the node's capacity is taken of [m^3], scaled by the grid's ratio."""
     level: Int[np.ndarray, " n"]
     """0 at the surface, counted inwards or upwards in size as the kind says."""
+    place: Float[np.ndarray, "n 3"]
+    """Where the node's temperature is that of the body, own frame [m]: the centre,
+    unless the structure says better."""
 
 
 class Links(NamedTuple):
@@ -108,9 +111,9 @@ class AbstractStructure(eqx.Module):
 
     def fragment_offset(self) -> Float[np.ndarray, "s 3"]:
         """From the node under each fragment to the fragment's own voxel [m]."""
-        grid, centre = self.grid, self.nodes().centre
+        grid, place = self.grid, self.nodes().place
         voxel = grid.lattice.centres(grid.fragment_voxel)
-        return voxel - centre[self.fragment_node()]
+        return voxel - place[self.fragment_node()]
 
     def fragment_distance(self) -> Float[np.ndarray, " s"]:
         """From each fragment straight down to the level of its node [m].

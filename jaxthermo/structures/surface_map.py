@@ -159,6 +159,11 @@ class FluxCorrectedMap(AbstractSurfaceMap):
         return _with_gradient(structure, inside, flux, dtype)
 
 
+FLAT = 0.05
+"""Of the largest moment of a node's neighbours, the least in a direction that has a
+gradient: from neighbours nearly in a plane it would be multiplied errors."""
+
+
 def _with_gradient(structure, offset, part, dtype) -> BoundMap:
     if np.abs(offset).max(initial=0) < 1e-6 * structure.grid.pitch:
         return BoundMap(None, None, part)
@@ -186,7 +191,7 @@ def surface_gradient(structure: AbstractStructure, dtype: Any) -> Gradient:
     here = np.flatnonzero(slot[node] >= 0)
     here = here[np.argsort(slot[node[here]], kind="stable")]
     node, other, area = slot[node[here]], other[here], area[here]
-    step = nodes.centre[other] - nodes.centre[surface][node]
+    step = nodes.place[other] - nodes.place[surface][node]
     length = np.einsum("ei,ei->e", step, step)
     weight = area / np.where(length > 0, length, 1)
     moment = np.zeros((len(surface), 3, 3))
@@ -194,7 +199,7 @@ def surface_gradient(structure: AbstractStructure, dtype: Any) -> Gradient:
         for j in range(3):
             each = weight * step[:, i] * step[:, j]
             moment[:, i, j] = np.bincount(node, each, len(surface))
-    solved = np.linalg.pinv(moment, rcond=1e-2, hermitian=True)
+    solved = np.linalg.pinv(moment, rcond=FLAT, hermitian=True)
     row = np.einsum("eij,ej->ei", solved[node], step) * weight[:, None]
     rank = rank_in_group(node)
     address = np.stack(structure.node_address())

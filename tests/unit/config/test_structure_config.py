@@ -37,7 +37,7 @@ TAKES = {
     "multi_level": {"levels", "hollow"},
     "irregular_multi_level": {"levels", "keep_capacity"},
     "octree": {"levels"},
-    "aggregate": {"factor", "least_time_constant"},
+    "aggregate": {"factor", "least_time_constant", "alignment"},
     "shell_over_core": {"layers", "factor"},
     "partition": {"labels"},
 }

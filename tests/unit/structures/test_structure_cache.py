@@ -30,7 +30,12 @@ class Builder:
         self.calls += 1
         index = np.arange(6, dtype=np.int32)
         return Built(
-            nodes=Nodes(np.arange(18.0).reshape(6, 3), index + 0.5, index % 3),
+            nodes=Nodes(
+                np.arange(18.0).reshape(6, 3),
+                index + 0.5,
+                index % 3,
+                np.arange(18.0, 36.0).reshape(6, 3),
+            ),
             links=Links(
                 index[:-1], index[1:], *(np.full((3, 5), 2.0) * [[1], [2], [3]])
             ),
