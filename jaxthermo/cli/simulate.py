@@ -2,6 +2,7 @@
 
 import time
 from pathlib import Path
+from typing import Any, NamedTuple
 
 from rich.console import Console
 
@@ -60,15 +61,29 @@ def explain(config: Path, overrides: tuple[str, ...]) -> None:
     scene_config = load_config(config, overrides)
     console = open_console()
     with precision(scene_config.dtype):
-        with doing(console, "building the scene"):
-            scene = build_scene(scene_config)
-            end, saves = scene_config.time.end, scene_config.time.save_times
-            todo = plan(scene, end, saves, build_solver(scene_config.solver))
-            structures = [structure_report(body.structure) for body in scene.bodies]
-        tell_scene(console, scene, todo, structures)
-        for warning in card_warnings(scene_config, scene):
-            tell(console, f"warning: {warning}")
-        tell_receipt(console, scene, todo)
+        planned = _planned(console, scene_config)
+        tell_receipt(console, planned.scene, planned.todo)
+
+
+class _Planned(NamedTuple):
+    scene: Scene
+    todo: Plan
+    structures: list[dict[str, Any]]
+    warnings: list[str]
+
+
+def _planned(console: Console, config: SceneConfig) -> _Planned:
+    """The scene and how it will be run, told."""
+    with doing(console, "building the scene"):
+        scene = build_scene(config)
+        end, saves = config.time.end, config.time.save_times
+        todo = plan(scene, end, saves, build_solver(config.solver))
+        structures = [structure_report(body.structure) for body in scene.bodies]
+        warnings = card_warnings(config, scene)
+    tell_scene(console, scene, todo, structures)
+    for warning in warnings:
+        tell(console, f"warning: {warning}")
+    return _Planned(scene, todo, structures, warnings)
 
 
 def _spare(config: Path, out: Path) -> None:
@@ -86,14 +101,7 @@ def run_simulation(config: SceneConfig, out: Path) -> None:
     console = open_console()
     with precision(config.dtype):
         clock = time.perf_counter()
-        with doing(console, "building the scene"):
-            scene = build_scene(config)
-            end, saves = config.time.end, config.time.save_times
-            todo = plan(scene, end, saves, build_solver(config.solver))
-            structures = [structure_report(body.structure) for body in scene.bodies]
-        tell_scene(console, scene, todo, structures)
-        for warning in card_warnings(config, scene):
-            tell(console, f"warning: {warning}")
+        scene, todo, structures, warnings = _planned(console, config)
         with doing(console, "finding what the camera sees"):
             watch = Watch(config, todo.compiled.surfaces, scene.terms)
         setup = time.perf_counter() - clock
@@ -115,7 +123,7 @@ def run_simulation(config: SceneConfig, out: Path) -> None:
         with doing(console, "drawing frames"):
             frames = write_frames(config, watch, stored, out / FRAMES)
         times |= {"setup_time_s": setup, "frames_time_s": time.perf_counter() - clock}
-        summary = summarize(config, scene, solution, times, structures)
+        summary = summarize(config, scene, solution, times, structures, warnings)
         write_json(out / "summary.json", summary)
     (out / CHECKPOINT).unlink(missing_ok=True)
     tell_result(console, solution, times)

@@ -73,6 +73,7 @@ def summarize(
     solution: Solution,
     times: dict[str, float],
     structures: list[dict[str, Any]],
+    warnings: list[str],
 ) -> dict[str, Any]:
     """Everything about a finished run but its fields, in plain types.
 
@@ -82,12 +83,14 @@ def summarize(
         solution: of the scene.
         times: wall times by name.
         structures: the report of each body's.
+        warnings: where the scene leaves the range of its fit cards.
     """
     receipt = solution.receipt.as_dict()
     device = jax.devices()[0]
     return {
         "result": RESULTS[solution.result] or "successful",
         "receipt": receipt,
+        "warnings": warnings,
         "nodes": receipt["nodes"],
         "links": receipt["links"],
         "structures": structures,
