@@ -7,7 +7,6 @@ at the values that were found the model says what it would be.
 from collections.abc import Callable
 from typing import Any
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -21,7 +20,7 @@ from .build import Built
 from .fit import Fit
 from .frames import FrameTarget, seen_in
 from .identifiability import information_gain
-from .problem import with_jacobian
+from .problem import call, jacobian_rows
 from .reference import Doing
 from .schema import CalibrationConfig
 from .traced import trace
@@ -43,13 +42,14 @@ def advise(
         sd: standard deviation of a misfit.
         doing: is told what takes a while.
     """
-    if not len(fit.jacobian):
+    if fit.jacobian is None:
         return []
     known, found = fit.jacobian / sd, []
     gain = lambda rows: information_gain(known, rows, 1.0)
     for given in config.further:
         doing(f"{given.name}: what it would tell")
-        scene, saves = built.scenes[given.name], built.saves(given.name)
+        scene = built.scenes[given.name]
+        saves = built.configs[given.name].time.save_times
         rows = _rows(
             built, fit, scene, saves, _measured(built, given.views, scene, saves, sd)
         )
@@ -110,11 +110,6 @@ def _rows(
             found = seen(own, response(own, layout))
             return found.reshape(-1), jnp.zeros((), jnp.int32)
 
-        traced, batch = trace(look, z, layout), problem.batch()
-        run = eqx.filter_jit(
-            lambda traced, z, layout: with_jacobian(
-                lambda y: traced(y, layout), z, batch
-            )[1]
-        )
-        rows = np.asarray(run(traced, z, layout), float)
+        program = trace(look, z, layout), layout
+        rows = np.asarray(jacobian_rows(call, program, z, problem.batch()), float)
     return list(np.moveaxis(rows.reshape(len(rows), len(saves), -1), 1, 0))

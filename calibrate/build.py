@@ -80,17 +80,26 @@ class Built:
         )
         return Problem(self.parameters, cases, self._worst)
 
-    def saves(self, name: str) -> tuple[float, ...]:
-        """Save times of a case [s]."""
-        return self.configs[name].time.save_times
-
     def views(self, cameras: tuple[CameraConfig, ...], scene: Scene) -> Views:
         """What cameras see of a scene's bodies."""
-        with precision(scene.dtype):
-            surfaces = compile_scene(scene, 1, 1.0).surfaces
-        triangles = np.concatenate([s.geometry.triangles for s in surfaces])
-        made = (build_camera(camera, triangles) for camera in cameras)
-        return tuple(see(surfaces, scene, camera) for camera in made)
+        return views(cameras, scene, surfaces_of(scene))
+
+
+def surfaces_of(scene: Scene) -> tuple[SolvedSurface, ...]:
+    """Of its bodies, where they are at the start."""
+    with precision(scene.dtype):
+        return compile_scene(scene, 1, 1.0).surfaces
+
+
+def views(
+    cameras: tuple[CameraConfig, ...],
+    scene: Scene,
+    surfaces: tuple[SolvedSurface, ...],
+) -> Views:
+    """What cameras see of surfaces in a scene."""
+    triangles = np.concatenate([s.geometry.triangles for s in surfaces])
+    made = (build_camera(camera, triangles) for camera in cameras)
+    return tuple(see(surfaces, scene, camera) for camera in made)
 
 
 def build(config: CalibrationConfig, doing: Doing) -> Built:
@@ -252,7 +261,7 @@ class TargetMaker:
         found = full_volume_run(
             truth, given.step, lambda what: self.doing(f"{name}: {what}")
         )
-        check_surfaces(self._surfaces(name), found.surfaces)
+        check_surfaces(surfaces_of(self.scenes[name]), found.surfaces)
         return surface_target(found, self._dtype(name))
 
     def _solution(self, name: str, given) -> AbstractTarget:
@@ -261,7 +270,7 @@ class TargetMaker:
         path = given.files[name]
         times = self.configs[name].time.save_times
         found = check_reference(load_solution(path), times, path)
-        check_surfaces(self._surfaces(name), found.surfaces)
+        check_surfaces(surfaces_of(self.scenes[name]), found.surfaces)
         return surface_target(found, self._dtype(name))
 
     def _simulated(self, name: str, given) -> FrameTarget:
@@ -275,8 +284,7 @@ class TargetMaker:
         with precision(truth.dtype):
             response = Response(times, build_solver(truth.solver))
             answer: Answer = response(scene, response.layout(scene))
-            for camera in self._cameras(given, name, answer.surfaces):
-                view = see(answer.surfaces, scene, camera)
+            for view in views(self._cameras(given, name), scene, answer.surfaces):
                 seen = frames_of(view, scene, answer, times, given.quantity)
                 frames.append(np.asarray(seen, float))
         if not given.noiseless:
@@ -311,14 +319,11 @@ class TargetMaker:
         return self._frames(name, given, frames, mask)
 
     def _frames(self, name: str, given, frames, mask) -> FrameTarget:
-        surfaces, scene = self._surfaces(name), self.scenes[name]
-        views: tuple[View, ...] = tuple(
-            see(surfaces, scene, camera)
-            for camera in self._cameras(given, name, surfaces)
-        )
-        if len(views) != len(frames):
+        scene = self.scenes[name]
+        seen = views(self._cameras(given, name), scene, surfaces_of(scene))
+        if len(seen) != len(frames):
             raise InputError(
-                f"{name}: {len(frames)} sequences of frames and {len(views)} views"
+                f"{name}: {len(frames)} sequences of frames and {len(seen)} views"
             )
         masks = []
         for frame in frames:
@@ -330,7 +335,7 @@ class TargetMaker:
             masks.append(np.ones(frame.shape[1:], bool) if mask is None else mask)
         return frame_target(
             self.configs[name].time.save_times,
-            views,
+            seen,
             frames,
             given.noise,
             given.quantity,
@@ -338,15 +343,8 @@ class TargetMaker:
             self._dtype(name),
         )
 
-    def _cameras(self, given, name: str, surfaces: tuple[SolvedSurface, ...]):
-        triangles = np.concatenate([s.geometry.triangles for s in surfaces])
-        listed = given.views or (self.configs[name].camera,)
-        return [build_camera(camera, triangles) for camera in listed]
-
-    def _surfaces(self, name: str) -> tuple[SolvedSurface, ...]:
-        scene = self.scenes[name]
-        with precision(scene.dtype):
-            return compile_scene(scene, 1, 1.0).surfaces
+    def _cameras(self, given, name: str) -> tuple[CameraConfig, ...]:
+        return given.views or (self.configs[name].camera,)
 
     def _case(self, name: str) -> CaseConfig:
         every = (*self.config.train, *self.config.held_out, *self.config.further)

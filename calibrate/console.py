@@ -20,7 +20,7 @@ from .identifiability import identify as judge, left_over
 from .progress import Step
 from .quantities import unit_of
 from .run import Told, errors_at, fit_config, jacobian
-from .words import about_errors
+from .words import about_errors, change, error_words, name_of
 
 
 class _Shown(Told):
@@ -83,7 +83,7 @@ def tell_fit(console: Console, result: dict[str, Any]) -> None:
         unit = f" {row['unit']}" if row["unit"] else ""
         others = f" with {', '.join(row['with'])}" if row["with"] else ""
         table.add_row(
-            name,
+            name_of(name, row),
             f"{row['initial']:.4g}{unit}",
             f"{row['value']:.4g}{unit}",
             "" if error is None else f"{error:.2g}",
@@ -94,11 +94,11 @@ def tell_fit(console: Console, result: dict[str, Any]) -> None:
     for group, words in (("train", "fitted to"), ("held_out", "held out")):
         if group in result["error_percent"]:
             both = result["error_percent"][group]
-            ratio = both["default"] / both["fitted"] if both["fitted"] > 0 else np.inf
+            before = error_words(both["default"], result)
+            after = error_words(both["fitted"], result)
             tell(
                 console,
-                f"error, {words}: {both['default']:.3g} % before, {both['fitted']:.3g} "
-                f"% after ({ratio:.2f} times less)",
+                f"error, {words}: {before} before, {after} after ({change(**both)})",
             )
     speed = result["speedup"]
     tell(
@@ -157,7 +157,10 @@ def identify(config: Path, overrides: tuple[str, ...]) -> None:
         )
     console.print(table)
     for name, error in errors.items():
-        tell(console, f"{name}: error {error.worst:.3g} % at the start")
+        words = f"{error.worst:.3g} %"
+        if problem.known_sd is not None:
+            words = f"{error.worst / 100:.3g} times the noise"
+        tell(console, f"{name}: error {words} at the start")
     if problem.known_sd is not None:
         tell(console, "standard errors are of the pixels' noise alone, not the model's")
 

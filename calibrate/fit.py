@@ -20,11 +20,12 @@ from jaxthermo.errors import InputError
 from jaxthermo.integrate.response import Layout, with_more_steps
 from jaxthermo.precision import precision
 
-from .problem import Layouts, Problem, Seen, with_jacobian
+from .problem import Layouts, Problem, Seen, jacobian_rows
 from .progress import Progress, Step, kept
 from .rules import Program, residuals
 from .search import REVERSE, Search, Setting
 from .starts import losses
+from .together import searched_together
 
 
 @dataclass
@@ -36,8 +37,8 @@ class Fit:
     """Evaluated at `z` itself."""
     initial_loss: float
     residual: Float[np.ndarray, " r"]
-    jacobian: Float[np.ndarray, "p r"]
-    """Of the misfits at `z` by the free numbers; no rows where there are too many."""
+    jacobian: Float[np.ndarray, "p r"] | None
+    """Of the misfits at `z` by the free numbers; None where there are too many."""
     errors: tuple[Float[np.ndarray, " t"], ...]
     """At `z`, of every case at every time, as `Seen` has them."""
     steps: list[Step] = field(default_factory=list)
@@ -89,7 +90,7 @@ class Fitting:
             self.program = Program(traced, layouts, endless, none, backward)
             self._search = Search(self.program, setting, self.problem.batch())
         self._evaluate = eqx.filter_jit(residuals)
-        self._rows = eqx.filter_jit(self._rows_at)
+        self._losses_of = eqx.filter_jit(losses)
         self._stable = eqx.filter_jit(self.problem.stable_steps)
 
     def run(
@@ -127,6 +128,7 @@ class Fitting:
             at = Progress(search.begin(z), program.layouts, [])
             at = at if keep is None else kept(keep, at)
             search = search.compiled(at.point)
+            jax.block_until_ready(self._stable(search.tried(at.point)))
             compiling = time.perf_counter() - clock
             at, ended = self._loop(search, program, at, first, keep, tell, stop)
             fit = self._found(program, at, z, first)
@@ -154,9 +156,9 @@ class Fitting:
             points = points[np.isfinite(tried)]
             if not len(points):
                 raise InputError("fit: starts: the misfits are finite at none of them")
-            begun = [self._search.begin(z) for z in jnp.asarray(points, dtype)]
-            together = max(1, batch // len(points[0]))
-            several, program = self._search.at_once(begun, together), self.program
+            starts, room = jnp.asarray(points, dtype), max(1, batch // len(points[0]))
+            several = searched_together(self._search, starts, room)
+            program = self.program
             for _ in range(self.setting.most_steps):
                 if several.done.all() or stop():
                     break
@@ -169,7 +171,7 @@ class Fitting:
 
     def _losses(self, points, program: Program | None = None):
         program = self.program if program is None else program
-        found = eqx.filter_jit(losses)(program, points, self.problem.batch())
+        found = self._losses_of(program, points, self.problem.batch())
         return np.asarray(found, float)
 
     def _begin(self, program: Program, z) -> tuple[Program, Array, Seen]:
@@ -196,12 +198,13 @@ class Fitting:
             layouts = self._enough(at.layouts, self._stable(search.tried(at.point)))
             search = search.with_program(with_layouts(program, layouts))
             before = at.steps[-1].loss if at.steps else _loss(first)
-            reach = float(jnp.abs(search.tried(at.point) - at.point.z).max())
+            tried, here = np.asarray(search.tried(at.point)), np.asarray(at.point.z)
+            reach = float(np.abs(tried - here).max())
             point = search.step(at.point)
             loss = search.loss(point)
             took = at.took + time.perf_counter() - clock
-            values = map(float, self.problem.parameters.flat_values(point.z))
-            step = Step(point.steps, loss, loss < before, reach, tuple(values))
+            values = self._told(point.z)
+            step = Step(point.steps, loss, loss < before, reach, values)
             at = Progress(point, layouts, [*at.steps, step], took)
             if keep is not None:
                 at.keep(keep)
@@ -209,11 +212,18 @@ class Fitting:
                 tell(step, took)
         return at, "converged"
 
+    def _told(self, z) -> tuple[float, ...]:
+        """Values to be told of a step; of a field none."""
+        if len(z) > MOST_JUDGED:
+            return ()
+        return tuple(map(float, self.problem.parameters.flat_values(z)))
+
     def _enough(self, layouts: Layouts, stable) -> Layouts:
         return enough_steps(layouts, stable, self.program.layouts)
 
     def _settled(self, steps: list[Step]) -> bool:
-        return settled(steps, self.setting.tolerance, self.problem.dtype)
+        tolerance = self.setting.tolerance * self.problem.worst
+        return settled(steps, tolerance, self.problem.dtype)
 
     def _found(self, program: Program, at: Progress, z, first: Array) -> Fit:
         """Evaluated at the point itself; never worse than where it began."""
@@ -226,34 +236,21 @@ class Fitting:
         clock = time.perf_counter()
         jax.block_until_ready(self._evaluate(program, z_found))
         one_run = time.perf_counter() - clock
-        rows = np.zeros((0, len(residual)))
+        rows = None
         if len(z) <= MOST_JUDGED:
-            rows = self._rows(program, z_found)
+            batch = self.problem.batch()
+            rows = jacobian_rows(residuals, program, z_found, batch)
+            rows = np.asarray(rows, float)
         return Fit(
             z=np.asarray(z_found, float),
             loss=_loss(residual),
             initial_loss=initial,
             residual=np.asarray(residual, float),
-            jacobian=np.asarray(rows, float),
+            jacobian=rows,
             errors=seen.known_errors(),
             steps=at.steps,
             one_run=one_run,
         )
-
-    def _rows_at(self, program: Program, z) -> Float[Array, "p r"]:
-        batch = self.problem.batch()
-        return with_jacobian(lambda y: residuals(program, y), z, batch)[1]
-
-
-def run_fit(problem: Problem, setting: Setting, **given: Any) -> Fit:
-    """Fit the parameters of a problem once.
-
-    Args:
-        problem: parameters and cases.
-        setting: of the search.
-        given: as `Fitting.run` takes it.
-    """
-    return Fitting(problem, setting).run(**given)
 
 
 def with_layouts(program: Program, layouts: Layouts) -> Program:

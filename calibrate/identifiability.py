@@ -55,7 +55,7 @@ class Identified(NamedTuple):
 def identify(
     parameters: ParameterSet,
     z: Float[np.ndarray, " p"],
-    jacobian: Float[np.ndarray, "p r"],
+    jacobian: Float[np.ndarray, "p r"] | None,
     sd: float,
 ) -> Identified:
     """Judge every free number at a point.
@@ -63,9 +63,11 @@ def identify(
     Args:
         parameters: of the fit.
         z: the free numbers.
-        jacobian: of the misfits, a row a free number.
+        jacobian: of the misfits, a row a free number; None where there are too many.
         sd: standard deviation of a misfit.
     """
+    if jacobian is None:
+        return _not_judged(parameters, z)
     rows = np.asarray(jacobian, float)
     gram = rows @ rows.T
     norms = np.sqrt(np.diag(gram))
@@ -104,6 +106,14 @@ def identify(
         verdicts.append(Verdict(label, kind, float(values[n]), error, names))
     spread = np.sort(singular)[::-1] / max(singular.max(initial=0.0), 1e-300)
     return Identified(tuple(verdicts), correlation, spread)
+
+
+def _not_judged(parameters: ParameterSet, z: Float[np.ndarray, " p"]) -> Identified:
+    """Of more values than there is a Jacobian of."""
+    values = np.asarray(parameters.flat_values(z), float)
+    pairs = zip(parameters.labels, values, strict=True)
+    verdicts = tuple(Verdict(n, "not judged", float(v), None) for n, v in pairs)
+    return Identified(verdicts, np.zeros((0, 0)), np.zeros(0))
 
 
 def _nothing():

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -232,3 +233,27 @@ def with_jacobian(
     value, aux = function(z)
     rows = jax.lax.map(lambda t: along(t)[1], directions, batch_size=batch)
     return value, rows, aux
+
+
+@eqx.filter_jit
+def jacobian_rows(
+    function: Callable[..., tuple[Float[Array, " r"], Any]],
+    program: Any,
+    z: Free,
+    batch: int,
+) -> Float[Array, "p r"]:
+    """The derivatives alone, compiled once for a function and programs of one shape.
+
+    Args:
+        function: of a program and free numbers.
+        program: its arrays are arguments of what is compiled.
+        z: where.
+        batch: derivatives at once.
+    """
+    return with_jacobian(lambda y: function(program, y), z, batch)[1]
+
+
+def call(program: tuple[Traced, Any], z: Free) -> tuple[Float[Array, " r"], Any]:
+    """A traced function of free numbers and layouts, as `jacobian_rows` takes it."""
+    traced, layouts = program
+    return traced(z, layouts)

@@ -33,6 +33,7 @@ from .words import (
     definition,
     error_title,
     is_frames,
+    name_of,
     number,
     summary,
 )
@@ -163,7 +164,7 @@ def _parameters(result: Result) -> list[str]:
     ]
     rows = [
         [
-            name,
+            name_of(name, row),
             _with_unit(row["initial"], row["unit"]),
             _with_unit(row["value"], row["unit"]),
             _error_bar(row),
@@ -198,6 +199,8 @@ def _identifiability(result: Result) -> list[str]:
     ]
     made = [page.heading("What the data tell")]
     fine = len(parameters) - len(rows)
+    if not result["correlation"]:
+        return [*made, page.paragraph("There are too many values to be judged.")]
     text = f"The data tell {fine} of {len(parameters)} values."
     made.append(page.paragraph(text))
     if rows:

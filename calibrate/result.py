@@ -48,17 +48,8 @@ def fit_json(
         versions: of the packages.
     """
     start = np.asarray(built.train.parameters.flat_values(np.zeros_like(fit.z)), float)
-    parameters = {
-        verdict.label: {
-            "value": verdict.value,
-            "initial": float(first),
-            "standard_error": verdict.standard_error,
-            "verdict": verdict.verdict,
-            "with": list(verdict.with_others),
-            "unit": unit_of(verdict.label),
-        }
-        for verdict, first in zip(identified.verdicts, start, strict=True)
-    }
+    judged = fit.jacobian is not None
+    parameters = (_each if judged else _fields)(built, identified, start)
     return {
         "name": config.name,
         "parameters": parameters,
@@ -84,7 +75,7 @@ def fit_json(
                 "step": step.number,
                 "loss": step.loss,
                 "accepted": step.accepted,
-                "values": list(step.values),
+                "values": list(step.values) if judged else [],
             }
             for step in fit.steps
         ],
@@ -100,3 +91,41 @@ def fit_json(
         "seed": config.fit.seed,
         "versions": {"jaxthermo": __version__, **versions},
     }
+
+
+def _each(built: Built, identified: Identified, start) -> dict[str, dict[str, Any]]:
+    """A row a value."""
+    del built
+    return {
+        verdict.label: {
+            "value": verdict.value,
+            "initial": float(first),
+            "standard_error": verdict.standard_error,
+            "verdict": verdict.verdict,
+            "with": list(verdict.with_others),
+            "unit": unit_of(verdict.label),
+        }
+        for verdict, first in zip(identified.verdicts, start, strict=True)
+    }
+
+
+def _fields(built: Built, identified: Identified, start) -> dict[str, dict[str, Any]]:
+    """A row a parameter, of thousands of values: the card has them all."""
+    found, begin = {}, 0
+    values = np.array([verdict.value for verdict in identified.verdicts])
+    for parameter in built.train.parameters.parameters:
+        end = begin + len(parameter.labels)
+        own, first = values[begin:end], start[begin:end]
+        found[parameter.name] = {
+            "value": float(np.median(own)),
+            "initial": float(np.median(first)),
+            "standard_error": None,
+            "verdict": identified.verdicts[begin].verdict,
+            "with": [],
+            "unit": unit_of(parameter.name),
+            "count": len(own),
+            "least": float(own.min()),
+            "most": float(own.max()),
+        }
+        begin = end
+    return found

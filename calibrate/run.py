@@ -24,7 +24,7 @@ from .config import calibration_hash, load_calibration, plain
 from .errors import CaseError, case_errors
 from .fit import Fit, Fitting, enough_steps
 from .identifiability import identify, left_over
-from .problem import Problem, with_jacobian
+from .problem import Problem, call, jacobian_rows
 from .progress import Step
 from .reference import program_hash
 from .report import write_report
@@ -188,10 +188,5 @@ def jacobian(problem: Problem, z: Float[np.ndarray, " p"]) -> Float[np.ndarray, 
     with precision(problem.dtype.name):
         at = jnp.asarray(z, problem.dtype)
         layouts = enough_steps(problem.layouts(), problem.stable_steps(at))
-        traced = problem.trace(layouts)
-
-        @eqx.filter_jit
-        def rows(traced, z, layouts):
-            return with_jacobian(lambda y: traced(y, layouts), z, problem.batch())[1]
-
-        return np.asarray(rows(traced, at, layouts), float)
+        program = problem.trace(layouts), layouts
+        return np.asarray(jacobian_rows(call, program, at, problem.batch()), float)

@@ -164,7 +164,7 @@ class FitConfig(Model):
         "levenberg_marquardt"
     )
     tolerance: Annotated[Number, Field(gt=0, lt=1)] = 1e-3
-    """Relative change of the loss by a step, and of the values, at which it ends."""
+    """Relative change of the error by two steps, or of the values, at which it ends."""
     most_steps: Annotated[Whole, Field(ge=1, le=10_000)] = 50
     huber: Annotated[Number, Field(gt=0)] | None = None
     """Misfit, in root mean squares at the start, above which it counts linearly."""

@@ -20,11 +20,9 @@ from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import lineax as lx
-import numpy as np
 import optimistix as optx
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from .rules import Program, by_gradient, by_jacobian, by_products
 
@@ -34,7 +32,7 @@ class Setting(NamedTuple):
 
     method: str = "levenberg_marquardt"
     tolerance: float = 1e-3
-    """Relative change of values and of misfits at which it ends."""
+    """Relative change of values, and of the error, at which it ends."""
     most_steps: int = 50
     huber: float | None = None
     """Misfit, in units of their root mean square at the start, above which they count
@@ -53,31 +51,6 @@ class Point(NamedTuple):
     done: bool
 
 
-class Several(NamedTuple):
-    """Searches that go on together, each by the same compiled step."""
-
-    advance: Callable[[Any, Any, Any], Any]
-    z: Float[Array, "n p"]
-    states: Any
-    done: Bool[np.ndarray, " n"]
-
-    def tried(self) -> Float[Array, "n p"]:
-        """The values that the next step will run with."""
-        return self.states.y_eval
-
-    def step(self, program: Program) -> "Several":
-        """One step of all that are not done; those stay as they are."""
-        arrays = eqx.filter(program, eqx.is_array)
-        z, states, done = self.advance(self.z, self.states, arrays)
-        stays = lambda old, new: jnp.where(
-            self.done.reshape((-1,) + (1,) * (new.ndim - 1)), old, new
-        )
-        moved = jax.tree.map(stays, (self.z, self.states), (z, states))
-        return self._replace(
-            z=moved[0], states=moved[1], done=self.done | np.asarray(done)
-        )
-
-
 class Search:
     """A search by one method."""
 
@@ -92,10 +65,10 @@ class Search:
         arrays, static = eqx.partition(program, eqx.is_array)
         inner = RULES[setting.method](batch)
         self._function = lambda z, arrays: inner(z, eqx.combine(arrays, static))
-        self._arrays, self._static = arrays, static
+        self._arrays = arrays
         self._solver = SOLVERS[setting.method](setting.tolerance)
         self._options = OPTIONS.get(setting.method, {})
-        self._step: Any = eqx.filter_jit(self._take)
+        self._step: Any = eqx.filter_jit(self.take)
         self._compiled: dict[tuple, Any] = {}
 
     def with_program(self, program: Program) -> "Search":
@@ -123,7 +96,14 @@ class Search:
         other._step = self._compiled[shapes]
         return other
 
-    def _take(self, z, state, arrays):
+    def take(self, z: Any, state: Any, arrays: Any) -> tuple[Any, Any, Any, Any]:
+        """One step, to be compiled: values, the solver's state, if done, what is seen.
+
+        Args:
+            z: values.
+            state: of the solver.
+            arrays: of the program.
+        """
         rest = (arrays, self._options)
         z, state, seen = self._solver.step(self._function, z, *rest, state, frozenset())
         done, _ = self._solver.terminate(self._function, z, *rest, state, frozenset())
@@ -133,34 +113,6 @@ class Search:
         """The next point."""
         z, state, done, _ = self._step(point.z, point.state, self._arrays)
         return Point(z, state, point.steps + 1, bool(done))
-
-    def at_once(self, points: list[Point], batch: int) -> "Several":
-        """A search from several points together.
-
-        Args:
-            points: to start from.
-            batch: how many of them the memory holds.
-        """
-        _, static = eqx.partition(points[0].state, eqx.is_array)
-
-        @eqx.filter_jit
-        def step(z, states, arrays):
-            def one(given):
-                z, state, done, _ = self._take(
-                    given[0], eqx.combine(given[1], static), arrays
-                )
-                return z, eqx.filter(state, eqx.is_array), done
-
-            return jax.lax.map(one, (z, states), batch_size=batch)
-
-        stack = lambda *each: jnp.stack(each)
-        states = [eqx.filter(p.state, eqx.is_array) for p in points]
-        return Several(
-            step,
-            stack(*(p.z for p in points)),
-            jax.tree.map(stack, *states),
-            np.zeros(len(points), bool),
-        )
 
     def tried(self, point: Point) -> Float[Array, " p"]:
         """The values that the next step will run with."""

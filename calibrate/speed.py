@@ -6,7 +6,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from jaxthermo.config.build import build_scene
+from jaxthermo.config.build import build_scene, build_solver
 from jaxthermo.config.schema import SceneConfig
 from jaxthermo.integrate.simulate import Plan, plan, run, start
 from jaxthermo.integrate.solvers import ForwardEuler
@@ -24,6 +24,8 @@ LONG = 20.0
 def measure_speed(config: SceneConfig, default: Scene, fitted: Scene) -> dict[str, Any]:
     """Times of the compiled loops, in turn, with surfaces read at the saved times.
 
+    The full volume takes its stable steps, the others what the config says.
+
     Args:
         config: of the case.
         default: its scene with the values that a fit started from.
@@ -31,11 +33,12 @@ def measure_speed(config: SceneConfig, default: Scene, fitted: Scene) -> dict[st
     """
     full = build_scene(on_every_voxel(config))
     end, saves = config.time.end, config.time.save_times
+    own = build_solver(config.solver)
     with precision(config.dtype):
         plans = {
             "full_volume": plan(full, end, saves, ForwardEuler()),
-            "default": plan(default, end, saves),
-            "fitted": plan(fitted, end, saves),
+            "default": plan(default, end, saves, own),
+            "fitted": plan(fitted, end, saves, own),
         }
         spans = {name: [_once(todo)] for name, todo in plans.items()}
         repeats = REPEATS if sum(s[0] for s in spans.values()) < LONG else 1

@@ -16,6 +16,7 @@ MEANING = {
     "not pinned": "its standard error is wider than its bounds, or than a factor of e",
     "flat": "the data tell only a combination of it with the others named: fix one of "
     "them, give a prior, or add a case",
+    "not judged": "one of too many values to be judged one by one",
     "dead": "nothing that is compared changes with it: leave it out, or add a case "
     "in which it acts",
 }
@@ -38,6 +39,22 @@ def is_frames(result: Result) -> bool:
 def error_title(result: Result) -> str:
     """Of the axis of an error."""
     return "RMS error [% of the noise]" if is_frames(result) else "RMS error [%]"
+
+
+def error_words(percent: float, result: Result) -> str:
+    """An error with what it is counted in."""
+    if is_frames(result):
+        return f"{number(percent / 100)} times the noise"
+    return f"{number(percent)} %"
+
+
+def name_of(name: str, row: dict[str, Any]) -> str:
+    """Of a value; of a field, what its row says of its many values."""
+    count = row.get("count", 1)
+    if count == 1:
+        return name
+    span = f"{row['least']:.3g} to {row['most']:.3g}"
+    return f"{name}: median of {count:,}, {span}"
 
 
 def definition(result: Result) -> str:
@@ -92,7 +109,8 @@ def summary(result: Result) -> list[str]:
 def _what(result: Result) -> str:
     cases = {group: list(both["fitted"]) for group, both in result["errors"].items()}
     data = "frames" if is_frames(result) else "reference runs"
-    text = f"{plural(len(result['parameters']), 'value')} fitted to {data} of "
+    values = sum(row.get("count", 1) for row in result["parameters"].values())
+    text = f"{plural(values, 'value')} fitted to {data} of "
     text += f"{plural(len(cases['train']), 'case')} ({', '.join(cases['train'])}); "
     held = cases.get("held_out")
     if not held:
@@ -103,13 +121,14 @@ def _what(result: Result) -> str:
 
 def _errors(result: Result) -> list[str]:
     return [
-        f"Error, {GROUPS[group]}: {number(both['default'])} % before, "
-        f"{number(both['fitted'])} % after ({_change(**both)})."
+        f"Error, {GROUPS[group]}: {error_words(both['default'], result)} before, "
+        f"{error_words(both['fitted'], result)} after ({change(**both)})."
         for group, both in result["error_percent"].items()
     ]
 
 
-def _change(default: float, fitted: float) -> str:
+def change(default: float, fitted: float) -> str:
+    """How many times less an error is."""
     if not (default > 0 and fitted > 0):
         return "no ratio"
     if fitted <= default:

@@ -21,6 +21,7 @@ held_out: [{name: "+y", set: {terms.0.direction: [0, -1, 0]}}]
 further: [{name: longer, set: {time.save_at: [100, 200, 400], time.end: 400}}]
 parameters: [{name: weights.within}, {name: weights.surface_distance}]
 """
+ROOT = Path(__file__).resolve().parents[2]
 FILES = {"card.yaml", "config.yaml", "fit.json", "report.html"}
 
 
@@ -99,6 +100,40 @@ def test_a_simulation_warns_outside_the_range_of_its_card(fitted, tmp_path):
     code, out, err = run(*arguments, *more, main=simulate)
     assert code == 0
     assert "beyond the range of card.yaml: heating" in out + err
+    told = json.loads((tmp_path / "summary.json").read_text())["warnings"]
+    assert len(told) >= 1
+    assert all(f"warning: {words}" in " ".join((out + err).split()) for words in told)
+
+
+def test_values_too_many_to_judge_are_told_as_one(fitted, tmp_path):
+    folder, _ = fitted
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pictures, "SIDE", 60)
+        patch.setattr("calibrate.fit.MOST_JUDGED", 0)
+        code, out, err = _calibrate("fit", folder / "fit.yaml", "--out", tmp_path)
+    assert code == 0
+    assert "not judged" in out + err
+    found = json.loads((tmp_path / "fit.json").read_text())
+    assert found["correlation"] == [] and found["advice"] == []
+    assert all(row["count"] >= 1 for row in found["parameters"].values())
+    assert "too many values" in (tmp_path / "report.html").read_text()
+    first = (folder / "out" / "card.yaml").read_text()
+    assert (tmp_path / "card.yaml").read_text() == first
+
+
+@pytest.mark.slow
+@pytest.mark.slice
+def test_the_quick_one_of_the_readme(tmp_path):
+    """In double precision, as all tests are."""
+    config = ROOT / "configs" / "calibration" / "figurine-quick.yaml"
+    double = ("--set", "set.dtype=float64")
+    code, out, err = _calibrate("fit", config, *double, "--out", tmp_path)
+    assert code == 0, out + err
+    found = json.loads((tmp_path / "fit.json").read_text())
+    for both in found["error_percent"].values():
+        assert both["default"] > 1.3 * both["fitted"] > 1
+    verdicts = {row["verdict"] for row in found["parameters"].values()}
+    assert verdicts == {"fine"}
 
 
 @pytest.mark.slow

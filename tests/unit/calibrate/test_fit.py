@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from calibrate.fit import Fitting, run_fit
+from calibrate.fit import Fitting
 from calibrate.parameters import Parameter
 from calibrate.search import Setting
 from calibrate.starts import design
@@ -35,7 +35,7 @@ def problem():
 @pytest.mark.parametrize("method", METHODS)
 def test_the_truth_is_found(problem, method):
     """Noise-free data: within 1e-4 of the values that made them."""
-    fit = run_fit(problem, Setting(method, tolerance=1e-9, most_steps=60))
+    fit = Fitting(problem, Setting(method, tolerance=1e-9, most_steps=60)).run()
     assert _found(problem, fit) == pytest.approx(TRUTH, rel=1e-4)
     assert fit.loss < 1e-8 * fit.initial_loss
 
@@ -44,7 +44,7 @@ def test_the_truth_is_found(problem, method):
 @pytest.mark.slice
 def test_a_fit_that_is_stopped_goes_on_to_the_same_result(problem, tmp_path):
     setting = Setting(tolerance=1e-6)
-    whole = run_fit(problem, setting)
+    whole = Fitting(problem, setting).run()
     count = [0]
 
     def stop():
@@ -52,10 +52,10 @@ def test_a_fit_that_is_stopped_goes_on_to_the_same_result(problem, tmp_path):
         return count[0] > 3
 
     keep = tmp_path / "state.npz"
-    part = run_fit(problem, setting, keep=keep, stop=stop)
+    part = Fitting(problem, setting).run(keep=keep, stop=stop)
     assert part.ended == "interrupted"
     assert len(part.steps) == 3
-    rest = run_fit(problem, setting, keep=keep)
+    rest = Fitting(problem, setting).run(keep=keep)
     np.testing.assert_array_equal(rest.z, whole.z)
     assert [s.loss for s in rest.steps] == [s.loss for s in whole.steps]
 
@@ -66,7 +66,7 @@ def test_a_stiffer_fit_takes_more_steps_instead_of_becoming_unstable():
     would blow up on the way there."""
     truth = {"weights.within": 6.0, "weights.between": 1.0}
     problem = twin(truth=truth)
-    fit = run_fit(problem, Setting(tolerance=1e-9))
+    fit = Fitting(problem, Setting(tolerance=1e-9)).run()
     # As near as the steps of fit and data, which differ, let it come.
     assert _found(problem, fit)["weights.within"] == pytest.approx(6.0, rel=0.02)
     assert fit.loss < 1e-4 * fit.initial_loss
@@ -74,7 +74,7 @@ def test_a_stiffer_fit_takes_more_steps_instead_of_becoming_unstable():
 
 @pytest.mark.slow
 def test_the_loss_is_that_of_the_values_returned(problem):
-    fit = run_fit(problem, Setting(tolerance=1e-3, most_steps=2))
+    fit = Fitting(problem, Setting(tolerance=1e-3, most_steps=2)).run()
     layouts = problem.layouts()
     rows, _ = problem.misfits(fit.z, layouts)
     assert fit.loss == pytest.approx(0.5 * float((rows**2).sum()), rel=1e-6)
@@ -91,7 +91,7 @@ def test_outliers_weigh_less_by_a_robust_loss():
     object.__setattr__(target, "reference", jnp.asarray(spoiled))
     errors = {}
     for name, huber in (("squares", None), ("robust", 0.05)):
-        fit = run_fit(problem, Setting(tolerance=1e-7, huber=huber))
+        fit = Fitting(problem, Setting(tolerance=1e-7, huber=huber)).run()
         found = _found(problem, fit)
         errors[name] = max(abs(found[n] / TRUTH[n] - 1) for n in TRUTH)
     assert errors["robust"] < 0.3 * errors["squares"]
@@ -110,7 +110,7 @@ def test_more_parameters_than_misfits_are_refused():
     problem = twin(many)
     problem = replace(problem, cases=problem.cases[:1])
     with pytest.raises(jt.InputError, match="431 parameters and 428 misfits"):
-        run_fit(problem, Setting())
+        Fitting(problem, Setting()).run()
 
 
 def test_a_loss_that_is_not_finite_at_the_start_is_refused():
@@ -120,7 +120,7 @@ def test_a_loss_that_is_not_finite_at_the_start_is_refused():
     nothing = jnp.full(target.reference.shape, jnp.nan)
     object.__setattr__(target, "reference", nothing)
     with pytest.raises(jt.InputError, match="not finite at the start"):
-        run_fit(problem, Setting())
+        Fitting(problem, Setting()).run()
 
 
 @pytest.mark.slow
