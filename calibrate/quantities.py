@@ -30,6 +30,7 @@ BOUNDS: dict[str, tuple[float, float]] = {
     "links": (0.1, 10.0),
     "surface_distance": (0.01, 100.0),
     "share": (-3.0, 3.0),
+    "sideways": (-1.0, 2.0),
     "emissivity": (0.0, 1.0),
     "absorptivity": (0.0, 1.0),
     "temperature": (0.0, math.inf),

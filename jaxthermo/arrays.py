@@ -23,3 +23,22 @@ def rank_in_group(group: Int[np.ndarray, " k"]) -> Int[np.ndarray, " k"]:
     first = np.ones(len(group), bool)
     first[1:] = group[1:] != group[:-1]
     return slots - np.maximum.accumulate(np.where(first, slots, 0))
+
+
+LIST_COST, LIST_START = 6.0, 30_000.0
+"""Of an entry of a sparse list, and of having one at all, in gathered entries."""
+
+
+def gathered_columns(degree: Int[np.ndarray, " n"]) -> int:
+    """How many entries to gather for every row, the rest in a list, at the least cost.
+
+    Args:
+        degree: entries of each row.
+    """
+    count = np.bincount(degree)
+    beyond = np.cumsum(count[::-1])[::-1]
+    """Rows with at least this degree."""
+    left_over = np.append(np.cumsum(beyond[::-1])[::-1][1:], 0)
+    cost = len(degree) * np.arange(len(count)) + LIST_COST * left_over
+    cost += LIST_START * (left_over > 0)
+    return int(cost.argmin())

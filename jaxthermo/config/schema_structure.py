@@ -42,6 +42,7 @@ class WeightsConfig(Model):
     capacity: Shares = 1.0
     surface_distance: Weight = 1.0
     share: Annotated[Number, Field(ge=-10, le=10)] = 0.0
+    sideways: Annotated[Number, Field(ge=-1, le=2)] = 0.0
     card: FoundPath | None = None
     """A fit card, whose weights they are."""
 

@@ -315,8 +315,17 @@ def tools(
         longest: step that will be asked for [s].
         tolerance: of linear solves [K]; None for the usual one.
         traced: whether derivatives may be asked for.
+
+    Raises:
+        InputError: where conduction is not symmetric.
     """
     dtype, program = compiled.receipt.dtype, compiled.program
+    if not all(body.network.symmetric for body in program.bodies):
+        raise InputError(
+            "a body has weights with `sideways`, whose conduction is not symmetric and "
+            "cannot be solved for: step with ForwardEuler() or SuperTimeStepping(), or "
+            "set sideways to 0"
+        )
     stable = compiled.receipt.stable_step_s
     coarse = stable is None or longest > COARSE_RATIO * stable
     levels: tuple[Hierarchy | None, ...] = tuple(

@@ -21,14 +21,19 @@ Address = tuple[Int[Array, " m"], ...]
 class AbstractNetwork(eqx.Module):
     """Capacities and conductances of one body.
 
-    Conduction into node i is sum_j G_ij (T_j - T_i) [W]; G is symmetric, so what one
-    node gains another loses.
+    Conduction into node i is sum_j G_ij (T_j - T_i) [W]; what one node gains another
+    loses. G is symmetric, unless the network says that it is not.
     """
 
     @property
     def linear(self) -> "AbstractNetwork":
         """What conducts what drives conduction: itself, or as at the reference."""
         return self
+
+    @property
+    def symmetric(self) -> bool:
+        """Whether G is: solves need it."""
+        return True
 
     @abc.abstractmethod
     def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:

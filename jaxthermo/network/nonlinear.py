@@ -55,6 +55,11 @@ class NonlinearNetwork(AbstractNetwork):
         """The network at the reference, which conducts phi."""
         return self.base
 
+    @property
+    def symmetric(self) -> bool:
+        """As the network at the reference is."""
+        return self.base.symmetric
+
     def temperature(self, state: Float[Array, "*m"]) -> Float[Array, "*m"]:
         """Above the reference [K], of a state or of any part of one."""
         return state if self.heat is None else self.heat.inverse(state)

@@ -14,13 +14,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..arrays import rank_in_group
+from ..arrays import gathered_columns, rank_in_group
 from .network import AbstractNodeNetwork
 from .symmetric import Operator, computed_once, conduct
-
-
-LIST_COST, LIST_START = 6.0, 30_000.0
-"""Of an entry of the sparse list, and of having one at all, in gathered entries."""
 
 
 class RowLayout(NamedTuple):
@@ -38,17 +34,6 @@ class RowLayout(NamedTuple):
     """Sorted: nodes of the entries that did not fit."""
     list_neighbour: Int[np.ndarray, " r"]
     list_link: Int[np.ndarray, " r"]
-
-
-def _columns(degree: Int[np.ndarray, " n"]) -> int:
-    """How many neighbours to gather of every node, at the least cost in all."""
-    count = np.bincount(degree)
-    beyond = np.cumsum(count[::-1])[::-1]
-    """Nodes with at least this degree."""
-    left_over = np.append(np.cumsum(beyond[::-1])[::-1][1:], 0)
-    cost = len(degree) * np.arange(len(count)) + LIST_COST * left_over
-    cost += LIST_START * (left_over > 0)
-    return int(cost.argmin())
 
 
 def row_layout(
@@ -77,7 +62,7 @@ def row_layout(
     link = np.concatenate([rest, rest])[order]
     degree = np.bincount(node, minlength=nodes)
     rank = rank_in_group(node)
-    columns = _columns(degree)
+    columns = gathered_columns(degree)
     neighbours, links = [], []
     for k in range(columns):
         here = rank == k

@@ -25,9 +25,11 @@ from ..material import Material
 from ..network.axes import AxisStencil, solid_degrees
 from ..network.lattice import LatticeStencil
 from ..network.network import AbstractNetwork, inverse, precise_sum
+from ..network.non_orthogonal import non_orthogonal
 from ..network.rows import row_layout, row_network
 from ..network.stencil import UniformStencil, solid_degree
 from ..structures.full import FullVolume
+from ..structures.sideways import sideways_links
 from ..structures.structure import AbstractStructure
 from ..structures.voxel_share import link_axes, nearest_volume
 from ..tracing import is_traced
@@ -174,7 +176,22 @@ def _assemble_links(
         conductance = conductance * link_weights(structure, k.dtype)
         capacity = weighted_capacity(structure, capacity)
     layout = row_layout(len(nodes.volume), links.src, links.dst)
-    return row_network(layout, conductance, capacity)
+    if not structure.weights.straightens:
+        return row_network(layout, conductance, capacity)
+    return _straightened(structure, layout, conductance, capacity)
+
+
+def _straightened(structure, layout, conductance, capacity) -> AbstractNetwork:
+    """With what passes along faces taken off."""
+    found, weight = sideways_links(structure), structure.weights.sideways
+    if not len(found.link):
+        return row_network(layout, conductance, capacity)
+    weight = jnp.asarray(weight, conductance.dtype)
+    longer = jnp.asarray(found.stretch - 1, conductance.dtype)
+    conductance = conductance * (1 + weight * longer)
+    straight = row_network(layout, conductance, capacity)
+    corrected = weight * conductance[found.link]
+    return non_orthogonal(straight, structure, found, corrected)
 
 
 def link_weights(structure: AbstractStructure, dtype: Any) -> Float[Array, " e"]:

@@ -15,43 +15,12 @@ import abc
 from typing import Any, Literal
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..arrays import rank_in_group
+from .gradient import Components, Gradient, gradient_at
 from .structure import AbstractStructure
-
-
-Components = tuple[Float[Array, " m"], Float[Array, " m"], Float[Array, " m"]]
-"""Of vectors, each an array of its own: rows of three are slow to work on."""
-
-
-class Gradient(eqx.Module):
-    """Least squares over the links of the nodes that have surface."""
-
-    neighbour: tuple[Int[Array, "k m"], ...]
-    """State addresses of the k-th neighbour of each node; its own where it has less."""
-    weight: tuple[Float[Array, "k m"], Float[Array, "k m"], Float[Array, "k m"]]
-    """Of its temperature difference, along x, y, z [1/m]."""
-
-    def __call__(
-        self, theta: Float[Array, "..."], nodes: Float[Array, " m"]
-    ) -> Components:
-        """At every node with surface, along x, y, z [K/m]."""
-
-        def add(slopes, column):
-            address, weights = column
-            gap = theta.at[address].get(mode="promise_in_bounds") - nodes
-            pairs = zip(slopes, weights, strict=True)
-            return tuple(slope + weight * gap for slope, weight in pairs), None
-
-        zero = jnp.zeros_like(nodes)
-        # A loop, or XLA would compute it anew for every fragment that reads it.
-        slopes, _ = jax.lax.scan(add, (zero,) * 3, (self.neighbour, self.weight))
-        x, y, z = slopes
-        return x, y, z
 
 
 class BoundMap(eqx.Module):
@@ -159,54 +128,13 @@ class FluxCorrectedMap(AbstractSurfaceMap):
         return _with_gradient(structure, inside, flux, dtype)
 
 
-FLAT = 0.05
-"""Of the largest moment of a node's neighbours, the least in a direction that has a
-gradient: from neighbours nearly in a plane it would be multiplied errors."""
-
-
 def _with_gradient(structure, offset, part, dtype) -> BoundMap:
     if np.abs(offset).max(initial=0) < 1e-6 * structure.grid.pitch:
         return BoundMap(None, None, part)
-    gradient = surface_gradient(structure, dtype)
+    gradient = gradient_at(structure, np.unique(structure.fragment_node()), dtype)
     return BoundMap(gradient, _components(offset, dtype), part)
 
 
 def _components(vectors: Float[np.ndarray, "m 3"], dtype: Any) -> Components:
     x, y, z = (jnp.asarray(vectors[:, i], dtype) for i in range(3))
     return x, y, z
-
-
-def surface_gradient(structure: AbstractStructure, dtype: Any) -> Gradient:
-    """Least squares of the differences to all linked nodes, weighted by area.
-
-    Directions in which no neighbour lies get no gradient (the pseudo-inverse).
-    """
-    links, nodes = structure.links(), structure.nodes()
-    surface = np.unique(structure.fragment_node())
-    slot = np.full(len(nodes.volume), -1)
-    slot[surface] = np.arange(len(surface))
-    node = np.concatenate([links.src, links.dst])
-    other = np.concatenate([links.dst, links.src])
-    area = np.concatenate([links.area, links.area])
-    here = np.flatnonzero(slot[node] >= 0)
-    here = here[np.argsort(slot[node[here]], kind="stable")]
-    node, other, area = slot[node[here]], other[here], area[here]
-    step = nodes.place[other] - nodes.place[surface][node]
-    length = np.einsum("ei,ei->e", step, step)
-    weight = area / np.where(length > 0, length, 1)
-    moment = np.zeros((len(surface), 3, 3))
-    for i in range(3):
-        for j in range(3):
-            each = weight * step[:, i] * step[:, j]
-            moment[:, i, j] = np.bincount(node, each, len(surface))
-    solved = np.linalg.pinv(moment, rcond=FLAT, hermitian=True)
-    row = np.einsum("eij,ej->ei", solved[node], step) * weight[:, None]
-    rank = rank_in_group(node)
-    address = np.stack(structure.node_address())
-    columns = int(rank.max(initial=-1)) + 1
-    index = np.tile(surface, (columns, 1))
-    weights = np.zeros((3, columns, len(surface)))
-    index[rank, node] = other
-    weights[:, rank, node] = row.T
-    x, y, z = (jnp.asarray(w, dtype) for w in weights)
-    return Gradient(tuple(jnp.asarray(a[index]) for a in address), (x, y, z))

@@ -60,6 +60,28 @@ def link_axes(structure: AbstractStructure) -> Float[np.ndarray, "e 3"]:
     all of them lie across x, however far the centres are apart sideways. Nodes that
     share no face, as voxels over an edge, have that from centre to centre.
     """
+    upward, downward = _face_counts(structure)
+    across, links = upward + downward, structure.links()
+    centre = structure.nodes().centre
+    apart = centre[links.dst] - centre[links.src]
+    across = np.where(across.any(axis=1, keepdims=True), across, apart)
+    squared = np.square(across)
+    return squared / squared.sum(axis=1, keepdims=True)
+
+
+def face_normals(structure: AbstractStructure) -> Float[np.ndarray, "e 3"]:
+    """Unit normal from `src` to `dst` of the voxel faces that each link's nodes share.
+
+    Zero where they share none, or as many looking one way as the other.
+    """
+    upward, downward = _face_counts(structure)
+    normal = upward - downward
+    length = np.linalg.norm(normal, axis=1, keepdims=True)
+    return np.divide(normal, length, out=np.zeros_like(normal), where=length > 0)
+
+
+def _face_counts(structure):
+    """Voxel faces of every link along x, y, z: with `dst` above, and with it below."""
     links, count = structure.links(), structure.node_count
     pair = lambda one, other: (
         np.minimum(one, other).astype(np.int64) * count + np.maximum(one, other)
@@ -68,17 +90,16 @@ def link_axes(structure: AbstractStructure) -> Float[np.ndarray, "e 3"]:
     order = np.argsort(key, kind="stable")
     # One more, so that what is sought beyond the last finds something.
     ranked = np.append(key[order], -1)
-    across = np.zeros((len(key), 3))
+    upward, downward = np.zeros((2, len(key), 3))
     for axis, (below, above) in enumerate(_shared_faces(structure)):
         face = pair(below, above)
         place = np.searchsorted(ranked[:-1], face)
-        link = order[place[ranked[place] == face]]
-        across[:, axis] = np.bincount(link, minlength=len(key))
-    centre = structure.nodes().centre
-    apart = centre[links.dst] - centre[links.src]
-    across = np.where(across.any(axis=1, keepdims=True), across, apart)
-    squared = np.square(across)
-    return squared / squared.sum(axis=1, keepdims=True)
+        found = ranked[place] == face
+        link = order[place[found]]
+        rises = links.src[link] == below[found]
+        upward[:, axis] = np.bincount(link[rises], minlength=len(key))
+        downward[:, axis] = np.bincount(link[~rises], minlength=len(key))
+    return upward, downward
 
 
 def _shared_faces(structure):

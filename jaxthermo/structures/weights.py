@@ -9,6 +9,9 @@ Where nodes do not fill the body, as in a shell, each can be given the capacity 
 that is nearest to it instead of its own: with V its volume and S that of the voxels
 nearest to it, capacities are as V^(1-x) S^x, x = `share`. So is their total: at 1 it is
 the body's, also where the nodes alone would hold less.
+
+Nodes on either side of a face may also be apart along it, and then a difference along
+the face passes for one across it. `sideways` takes it off (`sideways`).
 """
 
 from typing import Any
@@ -36,6 +39,9 @@ class ConductionWeights(eqx.Module):
     """Of the distance between a surface and its node, in the surface map."""
     share: Any = 0.0
     """Of what is nearest to a node in its capacity: 0 none, 1 all; any number."""
+    sideways: Any = 0.0
+    """Of what links take for a difference across their face and is one along it, the
+    part that is taken off: 0 none, 1 all. Only explicit solvers can step it."""
     links: Any = 1.0
     """Of every link, on top of the others; one number, or [links]."""
 
@@ -61,7 +67,7 @@ class ConductionWeights(eqx.Module):
 
     @property
     def are_one(self) -> bool:
-        """Whether conduction is known to be the plain two-point flux."""
+        """Whether links and capacities are known to have no factors."""
         values = (self.within, self.between, self.surface, self.capacity, self.links)
         known = not any(is_traced(value) for value in (*values, self.share))
         plain = known and all(np.all(np.asarray(value) == 1) for value in values)
@@ -70,7 +76,16 @@ class ConductionWeights(eqx.Module):
     @property
     def shares(self) -> bool:
         """Whether what is nearest to a node counts in its capacity, or may."""
-        return is_traced(self.share) or bool(np.asarray(self.share) != 0)
+        return _counts(self.share)
+
+    @property
+    def straightens(self) -> bool:
+        """Whether differences along faces are taken off, or may be."""
+        return _counts(self.sideways)
+
+
+def _counts(value: Any) -> bool:
+    return is_traced(value) or bool(np.asarray(value) != 0)
 
 
 _LISTS = {
@@ -85,6 +100,7 @@ _AT_LEAST_0 = ("of at least 0", lambda numbers: numbers >= 0)
 _RANGES = {
     "capacity": ("above 0", lambda numbers: numbers > 0),
     "share": ("from -10 to 10", lambda numbers: abs(numbers) <= 10),
+    "sideways": ("from -1 to 2", lambda numbers: (numbers >= -1) & (numbers <= 2)),
 }
 
 

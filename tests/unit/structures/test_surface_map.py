@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.structures.surface_map import surface_gradient
+from jaxthermo.structures.gradient import gradient_at
 from tests.bodies import bar, blocks
 
 
@@ -105,7 +105,7 @@ def test_no_gradient_where_nodes_are_the_voxels(grid):
 
 def test_a_lone_node_has_no_gradient():
     structure = jt.Aggregate(blocks(np.ones((2, 2, 2), bool), PITCH), factor=2)
-    gradient = surface_gradient(structure, jnp.float64)
+    gradient = gradient_at(structure, np.unique(structure.fragment_node()), jnp.float64)
     assert gradient.weight[0].shape == (0, 1)
     found = _read(structure, jt.LinearMap(), field=lambda p: np.full(len(p), 311.0))
     np.testing.assert_array_equal(found, 311.0)

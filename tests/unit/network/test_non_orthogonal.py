@@ -1,0 +1,155 @@
+"""Differences along faces taken off: exact for linear temperatures; heat is kept."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from jaxthermo.integrate.error import surface_error
+from jaxthermo.network.non_orthogonal import NonOrthogonalNetwork
+from jaxthermo.network.rows import RowNetwork
+from jaxthermo.physics.conduction import assemble_uniform
+from jaxthermo.structures.voxel_share import face_normals
+from tests.bodies import blocks
+
+
+K, HEAT, PITCH = 16.0, 4e6, 0.01
+SLOPE = np.array([30.0, -20.0, 50.0])
+STEEL = jt.Material(K, density=8000.0, specific_heat=500.0)
+
+
+@pytest.fixture(scope="module")
+def slanted():
+    """All voxels below a plane that no axis is along."""
+    place = np.argwhere(np.ones((16, 12, 12), bool))
+    below = place @ [0.4, 0.3, 1.0] < 13.0
+    solid = np.zeros((16, 12, 12), bool)
+    solid[tuple(place[below].T)] = True
+    return blocks(solid, PITCH)
+
+
+def _structure(grid, kind, sideways=1.0):
+    weights = jt.ConductionWeights(sideways=sideways)
+    if kind == "core":
+        return jt.ShellOverCore(grid, factor=3, weights=weights)
+    return jt.Aggregate(
+        grid, factor=3, alignment=0.0, least_time_constant=0.0, weights=weights
+    )
+
+
+def _network(structure):
+    return assemble_uniform(structure, K, HEAT, jnp.float64)
+
+
+@pytest.mark.parametrize("kind", ["aggregate", "core"])
+def test_linear_temperatures_conduct_exactly(slanted, kind):
+    """Through every face flows k A g . n, whatever lies on its sides."""
+    structure = _structure(slanted, kind)
+    links, place = structure.links(), structure.nodes().place
+    flow = K * links.area * (face_normals(structure) @ SLOPE)
+    exact = np.zeros(structure.node_count)
+    np.add.at(exact, links.src, flow)
+    np.add.at(exact, links.dst, -flow)
+    errors = [
+        np.abs(network.heat_rate(jnp.asarray(place @ SLOPE)) - exact).max()
+        for network in (_network(structure), _network(_structure(slanted, kind, 0.0)))
+    ]
+    # The flat moments of nodes at edges have no gradient across.
+    corrected = np.asarray(_network(structure).heat_rate(jnp.asarray(place @ SLOPE)))
+    near = np.abs(corrected - exact) < 1e-9 * np.abs(exact).max()
+    assert near.mean() > 0.9
+    assert errors[0] < errors[1]
+
+
+@pytest.mark.parametrize("kind", ["aggregate", "core"])
+def test_heat_is_kept_and_uniform_bodies_rest(slanted, kind):
+    network = _network(_structure(slanted, kind))
+    assert isinstance(network, NonOrthogonalNetwork)
+    assert not network.symmetric
+    state = jnp.asarray(np.random.default_rng(3).normal(size=len(network.capacity())))
+    rates = network.heat_rate(state)
+    assert abs(float(rates.sum())) < 1e-10 * float(jnp.abs(rates).sum())
+    at_rest = network.heat_rate(jnp.full_like(state, 7.0))
+    np.testing.assert_allclose(at_rest, 0, atol=1e-11)
+
+
+def test_no_weight_is_the_two_point_flux(slanted):
+    plain = _network(_structure(slanted, "core", 0.0))
+    assert isinstance(plain, RowNetwork)
+    state = jnp.asarray(np.random.default_rng(4).normal(size=len(plain.capacity())))
+
+    @jax.jit
+    def rates(weight):
+        return _network(_structure(slanted, "core", weight)).heat_rate(state)
+
+    np.testing.assert_allclose(rates(0.0), plain.heat_rate(state), rtol=1e-12)
+    assert isinstance(_network(jt.FullVolume(slanted)).symmetric, bool)
+
+
+def test_nothing_apart_needs_nothing(slanted):
+    straight = jt.SingleShell(slanted, weights=jt.ConductionWeights(sideways=1.0))
+    assert isinstance(_network(straight), RowNetwork)
+
+
+@pytest.mark.parametrize("kind", ["aggregate", "core"])
+@pytest.mark.parametrize("weight", [0.5, 1.0, 2.0])
+def test_all_modes_decay_and_the_stable_step_is_safe(slanted, kind, weight):
+    network = _network(_structure(slanted, kind, weight))
+    count = len(network.capacity())
+    matrix = jax.vmap(network.heat_rate)(jnp.eye(count)).T
+    modes = np.linalg.eigvals(np.asarray(matrix / network.capacity()[:, None]))
+    fastest = 2 * float(network.largest_rate())
+    assert modes.real.max() < 1e-9 * fastest
+    assert np.abs(modes).max() <= fastest
+    # A step of many stages damps modes near the real axis.
+    modes = modes[np.abs(modes) > 1e-6 * fastest]
+    turning = 0.02 if weight <= 1 else 0.2
+    assert (np.abs(modes.imag) <= turning * np.abs(modes.real)).all()
+
+
+def test_slopes_by_the_weight_are_finite_differences(slanted):
+    state = jnp.asarray(np.random.default_rng(5).normal(size=2000))
+
+    def rates(weight):
+        network = _network(_structure(slanted, "core", weight))
+        return network.heat_rate(state[: len(network.capacity())])
+
+    at, step = jnp.asarray(0.7), 1e-5
+    along = jax.jvp(rates, (at,), (jnp.ones(()),))[1]
+    difference = (rates(at + step) - rates(at - step)) / (2 * step)
+    np.testing.assert_allclose(along, difference, atol=1e-6 * np.abs(along).max())
+    back = jax.grad(lambda w: (rates(w) * state[: len(along)]).sum())(at)
+    assert float(back) == pytest.approx(float(along @ state[: len(along)]), rel=1e-9)
+
+
+def _scene(structure):
+    sun = jt.Sun(direction=(-1.0, 0.0, -1.0), irradiance=5000.0)
+    body = jt.Body(structure, STEEL, temperature=293.15)
+    return jt.Scene(bodies=(body,), terms=(sun,), dtype="float64")
+
+
+def test_it_is_nearer_to_the_full_volume(slanted):
+    times = [60.0, 240.0]
+    run = lambda structure: jt.simulate(_scene(structure), 240.0, times)
+    reference = run(jt.FullVolume(slanted))
+    plain, corrected = (
+        surface_error(run(_structure(slanted, "core", w)), reference).rms_percent
+        for w in (0.0, 1.0)
+    )
+    assert (np.asarray(corrected) < np.asarray(plain)).all()
+    assert float(corrected[-1]) < 0.85 * float(plain[-1])
+
+
+def test_what_solves_refuses_it_in_a_line(slanted):
+    scene = _scene(_structure(slanted, "core"))
+    for solver in (jt.TRBDF2(), jt.BackwardEuler(dt=10.0)):
+        with pytest.raises(jt.InputError, match="not symmetric") as found:
+            jt.simulate(scene, 60.0, solver=solver)
+        assert "\n" not in str(found.value)
+    cooled = jt.Convection(heat_transfer_coefficient=10.0, temperature=300.0)
+    scene = jt.Scene(scene.bodies, (cooled,), dtype="float64")
+    with pytest.raises(jt.InputError, match="sideways"):
+        jt.steady(scene)
+    solution = jt.simulate(scene, 60.0, solver=jt.SuperTimeStepping(dt=10.0))
+    assert np.isfinite(np.asarray(solution.surface_temperature)).all()
