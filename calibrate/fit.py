@@ -92,6 +92,7 @@ class Fitting:
         self._evaluate = eqx.filter_jit(residuals)
         self._losses_of = eqx.filter_jit(losses)
         self._stable = eqx.filter_jit(self.problem.stable_steps)
+        self._values = eqx.filter_jit(self.problem.parameters.flat_values)
 
     def run(
         self,
@@ -129,6 +130,7 @@ class Fitting:
             at = at if keep is None else kept(keep, at)
             search = search.compiled(at.point)
             jax.block_until_ready(self._stable(search.tried(at.point)))
+            self._told(at.point.z)
             compiling = time.perf_counter() - clock
             at, ended = self._loop(search, program, at, first, keep, tell, stop)
             fit = self._found(program, at, z, first)
@@ -216,7 +218,7 @@ class Fitting:
         """Values to be told of a step; of a field none."""
         if len(z) > MOST_JUDGED:
             return ()
-        return tuple(map(float, self.problem.parameters.flat_values(z)))
+        return tuple(np.asarray(self._values(z), float).tolist())
 
     def _enough(self, layouts: Layouts, stable) -> Layouts:
         return enough_steps(layouts, stable, self.program.layouts)

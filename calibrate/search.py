@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import lineax as lx
+import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
@@ -122,7 +123,7 @@ class Search:
         """Half of the sum of squares at the point itself."""
         info = point.state.f_info
         if hasattr(info, "residual"):
-            return float(0.5 * (info.residual**2).sum())
+            return float(0.5 * (np.asarray(info.residual) ** 2).sum())
         return float(info.f)
 
 

@@ -142,12 +142,11 @@ def with_more_steps(layout: Layout, factor: float) -> Layout:
         layout: of a run.
         factor: more steps, at least.
     """
-    starts, spans, counts, reads = layout
-    before = np.asarray(counts)
+    starts, spans, before, reads = (np.asarray(each) for each in layout)
     after = np.ceil(before * factor).astype(before.dtype)
     ratio = np.where(after > 0, before / np.maximum(after, 1), 1.0)
-    shorter = spans * jnp.asarray(ratio, spans.dtype)
+    shorter = spans * ratio.astype(spans.dtype)
     # Loads are read where the last step takes its own, in its middle.
-    ends = np.asarray(starts) + np.asarray(spans) * before
-    middle = jnp.asarray(ends - np.asarray(shorter) / 2, spans.dtype)
-    return starts, shorter, jnp.asarray(after), jnp.where(counts > 0, middle, reads)
+    middle = (starts + spans * before - shorter / 2).astype(spans.dtype)
+    reads = np.where(before > 0, middle, reads)
+    return layout[0], jnp.asarray(shorter), jnp.asarray(after), jnp.asarray(reads)
