@@ -59,3 +59,12 @@ def blocks(solid: np.ndarray, pitch: float = 1.0) -> VoxelGrid:
         layers=LayerCounts((0, 0, 0), (0, 0, 0)),
         thin=NO_THIN_PARTS,
     )
+
+
+def slanted(pitch: float) -> VoxelGrid:
+    """All voxels below a plane that no axis is along."""
+    place = np.argwhere(np.ones((16, 12, 12), bool))
+    below = place[place @ [0.4, 0.3, 1.0] < 13.0]
+    solid = np.zeros((16, 12, 12), bool)
+    solid[tuple(below.T)] = True
+    return blocks(solid, pitch)

@@ -11,7 +11,7 @@ from jaxthermo.network.non_orthogonal import NonOrthogonalNetwork
 from jaxthermo.network.rows import RowNetwork
 from jaxthermo.physics.conduction import assemble_uniform
 from jaxthermo.structures.voxel_share import face_normals
-from tests.bodies import blocks
+from tests.bodies import slanted
 
 
 K, HEAT, PITCH = 16.0, 4e6, 0.01
@@ -19,14 +19,9 @@ SLOPE = np.array([30.0, -20.0, 50.0])
 STEEL = jt.Material(K, density=8000.0, specific_heat=500.0)
 
 
-@pytest.fixture(scope="module")
-def slanted():
-    """All voxels below a plane that no axis is along."""
-    place = np.argwhere(np.ones((16, 12, 12), bool))
-    below = place @ [0.4, 0.3, 1.0] < 13.0
-    solid = np.zeros((16, 12, 12), bool)
-    solid[tuple(place[below].T)] = True
-    return blocks(solid, PITCH)
+@pytest.fixture(scope="module", name="slanted")
+def slanted_body():
+    return slanted(PITCH)
 
 
 def _structure(grid, kind, sideways=1.0):

@@ -7,20 +7,15 @@ import jaxthermo as jt
 from jaxthermo.structures.block_links import link_distance
 from jaxthermo.structures.sideways import LEAST_ACROSS, sideways_links
 from jaxthermo.structures.voxel_share import face_normals, link_axes
-from tests.bodies import blocks
+from tests.bodies import blocks, slanted
 
 
 PITCH = 0.01
 
 
-@pytest.fixture(scope="module")
-def slanted():
-    """All voxels below a plane that no axis is along."""
-    place = np.argwhere(np.ones((16, 12, 12), bool))
-    below = place @ [0.4, 0.3, 1.0] < 13.0
-    solid = np.zeros((16, 12, 12), bool)
-    solid[tuple(place[below].T)] = True
-    return blocks(solid, PITCH)
+@pytest.fixture(scope="module", name="slanted")
+def slanted_body():
+    return slanted(PITCH)
 
 
 def _kinds(grid):
