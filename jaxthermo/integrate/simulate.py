@@ -222,8 +222,7 @@ def _saved(
 
 def by_program(plan: Plan) -> list[tuple[int, tuple[Interval, ...]]]:
     """The intervals that each program takes, with its number."""
-    number_at = plan.compiled.number_at
-    number = [number_at(i.start) for i in plan.intervals]
+    number = [plan.compiled.number_at(i.start) for i in plan.intervals]
     return [
         (n, tuple(i for i, m in zip(plan.intervals, number, strict=True) if m == n))
         for n in sorted(set(number))

@@ -11,7 +11,7 @@ nearest to it, capacities are as V^(1-x) S^x, x = `share`. So is their total: at
 the body's, also where the nodes alone would hold less.
 
 Nodes on either side of a face may also be apart along it, and then a difference along
-the face passes for one across it. `sideways` takes it off (`sideways`).
+the face passes for one across it, which the weight `sideways` takes off: see there.
 """
 
 from typing import Any
