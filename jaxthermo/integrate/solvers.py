@@ -356,7 +356,7 @@ def is_linear(program: Program) -> bool:
     """Whether the balance is linear in all temperatures."""
     return program.enclosure is None and all(
         not isinstance(body.network, NonlinearNetwork)
-        and (body.load is None or body.load.terms.is_linear)
+        and (body.load is None or body.load.places.terms.is_linear)
         for body in program.bodies
     )
 
@@ -365,7 +365,7 @@ def _ceiling(body: BodyProgram, compiled: Compiled) -> Any:
     """What a body's states cannot exceed [K]; infinite where nothing bounds them."""
     dtype = compiled.receipt.dtype
     load = body.load
-    if load is None or not any(term.law.sheds for _, term in load.terms.free):
+    if load is None or not any(term.law.sheds for _, term in load.places.terms.free):
         return jnp.asarray(jnp.inf, dtype)
     above = jnp.asarray(compiled.hottest, dtype) - body.reference
     return body.network.state_of(above)

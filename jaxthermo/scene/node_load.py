@@ -24,12 +24,11 @@ from jaxtyping import Array, Float
 from ..network.network import (
     AbstractNetwork,
     AbstractNodeNetwork,
-    Address,
     inverse,
     precise_sum,
 )
 from ..network.nonlinear import NonlinearNetwork
-from ..physics.balance import NumberedTerms, SurfaceTerms
+from ..physics.balance import NumberedTerms
 from ..physics.term import Linear
 from ..physics.values import value_at
 from ..tracing import is_traced
@@ -56,10 +55,6 @@ class NodeLoad(AbstractLoad):
     """What acts on a body's surface, by its nodes."""
 
     by_place: SurfaceLoad
-    address: Address
-    """Of the nodes under the surface."""
-    terms: SurfaceTerms
-    """On the places."""
     drives: tuple[Any, ...]
     """Numbers or functions of time."""
     driven: tuple[Float[Array, " n"], ...]
@@ -68,7 +63,7 @@ class NodeLoad(AbstractLoad):
     """b [W/K]; None for nothing."""
     sums: tuple[EntrySums, ...]
     everywhere: bool = eqx.field(static=True)
-    """Whether arrays go over all nodes of the body, in order; or those at `address`."""
+    """Whether arrays go over all nodes of the body, in order; or those under places."""
 
     @property
     def places(self) -> SurfaceLoad:
@@ -95,9 +90,10 @@ class NodeLoad(AbstractLoad):
         rate = jnp.zeros_like(nodes) if self.slope is None else -self.slope * nodes
         for each, drive in zip(self.driven, now, strict=True):
             rate = rate + each * drive
-        by_entry = jnp.zeros(len(self.terms.names), nodes.dtype)
+        names = self.places.terms.names
+        by_entry = jnp.zeros(len(names), nodes.dtype)
         for entry in self.sums:
-            with jax.named_scope(self.terms.names[entry.number]):
+            with jax.named_scope(names[entry.number]):
                 pairs = zip(entry.driven, now, strict=True)
                 brought = sum(each * drive for each, drive in pairs)
                 if entry.slope is not None:
@@ -168,8 +164,6 @@ def _node_load(
     slopes = [entry.slope for entry in entries if entry.slope is not None]
     return NodeLoad(
         by_place=load,
-        address=load.address,
-        terms=load.terms,
         drives=tuple(places.drives),
         driven=tuple(to_nodes(places.driven(drive)) for drive in drives),
         slope=sum(slopes[1:], slopes[0]) if slopes else None,

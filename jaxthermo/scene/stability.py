@@ -12,7 +12,8 @@ def _touched(program: Program, number: int, body: BodyProgram, hottest, end):
     found = []
     if body.load is not None:
         steepest = body.network.largest_relative_conductivity()
-        found.append((body.load.address, body.load.stiffness(hottest, end, steepest)))
+        address = body.load.places.address
+        found.append((address, body.load.stiffness(hottest, end, steepest)))
     for contact in program.contacts:
         for side in (0, 1):
             if contact.bodies[side] == number:

@@ -12,11 +12,6 @@ from ..physics.balance import SurfaceTerms
 class AbstractLoad(eqx.Module):
     """What acts on a body's surface in the time loop."""
 
-    address: eqx.AbstractVar[Address]
-    """Of the nodes that have places, each once, in the order of the state."""
-    terms: eqx.AbstractVar[SurfaceTerms]
-    """On the places."""
-
     @property
     @abc.abstractmethod
     def places(self) -> "SurfaceLoad":
