@@ -25,6 +25,7 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
+from .damping import with_scale
 from .rules import Program, by_gradient, by_jacobian, by_products
 
 
@@ -130,11 +131,12 @@ class Search:
 def _gauss_newton(tolerance: float) -> Any:
     """Damped; its linear solves go by products with J^T J alone."""
     linear = lx.Normal(lx.CG(rtol=1e-3, atol=1e-8, max_steps=100))
-    return optx.LevenbergMarquardt(rtol=tolerance, atol=tolerance, linear_solver=linear)
+    solver = optx.LevenbergMarquardt(tolerance, tolerance, linear_solver=linear)
+    return with_scale(solver)
 
 
 SOLVERS: dict[str, Callable[[float], Any]] = {
-    "levenberg_marquardt": lambda t: optx.LevenbergMarquardt(rtol=t, atol=t),
+    "levenberg_marquardt": lambda t: with_scale(optx.LevenbergMarquardt(t, t)),
     "gauss_newton": _gauss_newton,
     "bfgs": lambda t: optx.BFGS(rtol=t, atol=t),
     "lbfgs": lambda t: optx.LBFGS(rtol=t, atol=t, history_length=20),

@@ -30,6 +30,10 @@ SHORT = {
 """Keys that may hold a word alone, and what the word is a value of."""
 
 
+PATHS = ("set",)
+"""Keys whose mapping has paths as keys: the rest of a location is one of them."""
+
+
 Change: TypeAlias = tuple[Location, str]
 """Where an override set a value, and its text."""
 
@@ -74,6 +78,9 @@ def _replaced(data: Any, rest: Location, value: Any, before: Location) -> Any:
         index = _index(data, key, before)
         item = _replaced(data[index], rest[1:], value, here)
         return [*data[:index], item, *data[index + 1 :]]
+    if before and before[-1] in PATHS:
+        rest = (dotted(rest),)
+        key = rest[0]
     if data is None or data == "auto":
         data = {}
     elif isinstance(data, str) and before and before[-1] in SHORT:

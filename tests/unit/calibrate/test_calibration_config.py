@@ -55,6 +55,14 @@ def _scene(config, high=12):
     return build_scene(scene_config(config, config.train[0].set, small))
 
 
+def test_a_change_of_all_cases_is_set_from_the_command_line():
+    given = ("set.bodies.0.voxels_high=30", "train.0.set.terms.0.direction=[1, 0, 0]")
+    config = load_calibration(QUICK, given)
+    assert config.set["bodies.0.voxels_high"] == 30
+    assert config.train[0].set["terms.0.direction"] == [1, 0, 0]
+    assert scene_config(config, config.train[0].set).bodies[0].voxels_high == 30
+
+
 def test_levels_and_starts_come_from_the_scene():
     config = load_calibration(QUICK)
     made = build_parameters(config, _scene(config, 48))
