@@ -36,7 +36,7 @@ class _Shown(Told):
 
     def step(self, step: Step, took: float, most: int) -> None:
         """A step of the fit is done."""
-        kind = "" if step.accepted else ", not accepted"
+        kind = "" if step.told == "accepted" else f", {step.told}"
         left = took / step.number * (most - step.number)
         note = f"loss {step.loss:.6g}{kind}, at most {left:.0f} s left"
         self._bar.update(

@@ -20,6 +20,9 @@ FIRST = 0.01
 TRUSTED = 0.75
 """Share of the promised decrease from which on the next step is damped less."""
 
+FARTHEST = 1.0
+"""That a number moves in a step; free ones have the unit of their own size."""
+
 LESS, MORE = 10.0, 0.1
 """Factors of the step size, which is 1 / lambda: after a good step, after a bad one."""
 
@@ -60,11 +63,11 @@ class ScaledTrustRegion(optx.AbstractSearch):
         return size, accept, result, eqx.tree_at(lambda s: s.step_size, state, size)
 
 
-def first_size(misfits: optx.FunctionInfo.ResidualJac) -> Float[Array, ""]:
+def first_size(misfits: Any) -> Float[Array, ""]:
     """One over the first lambda; 1 where there is no slope.
 
     Args:
-        misfits: at the start, with their Jacobian.
+        misfits: optimistix' residual and Jacobian at the start.
     """
     slope = misfits.compute_grad()
     steep, moved = (slope**2).sum(), (misfits.jac.mv(slope) ** 2).sum()
@@ -73,10 +76,34 @@ def first_size(misfits: optx.FunctionInfo.ResidualJac) -> Float[Array, ""]:
     return jnp.where(known, share / FIRST, 1.0)
 
 
+class Near(optx.AbstractDescent):
+    """Steps in which no number moves by more than 1, which is about its own size.
+
+    What is linear at one point seldom is as far from it as that.
+    """
+
+    inner: optx.DampedNewtonDescent
+
+    def init(self, y: Any, f_info_struct: Any) -> Any:
+        """As the inner one."""
+        return self.inner.init(y, f_info_struct)
+
+    def query(self, y: Any, f_info: Any, state: Any) -> Any:
+        """As the inner one."""
+        return self.inner.query(y, f_info, state)
+
+    def step(self, step_size: Any, state: Any) -> Any:
+        """Its step, as a whole made shorter."""
+        moved, result = self.inner.step(step_size, state)
+        shorter = FARTHEST / jnp.maximum(jnp.abs(moved).max(), FARTHEST)
+        return moved * shorter, result
+
+
 def with_scale(solver: Any) -> Any:
-    """A solver of least squares with such a region.
+    """A solver of least squares with such a region and such steps.
 
     Args:
         solver: of optimistix, by Levenberg-Marquardt.
     """
-    return eqx.tree_at(lambda s: s.search, solver, ScaledTrustRegion())
+    parts = ScaledTrustRegion(), Near(solver.descent)
+    return eqx.tree_at(lambda s: (s.search, s.descent), solver, parts)

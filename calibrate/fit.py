@@ -21,7 +21,7 @@ from jaxthermo.integrate.response import Layout, with_more_steps
 from jaxthermo.precision import precision
 
 from .problem import Layouts, Problem, Seen, jacobian_rows
-from .progress import Progress, Step, kept
+from .progress import Progress, Step, begins, fails, held_fresh, kept
 from .rules import Program, residuals
 from .search import REVERSE, Search, Setting
 from .starts import losses
@@ -190,29 +190,37 @@ class Fitting:
         self, search: Search, program: Program, at: Progress, first, keep, tell, stop
     ) -> tuple[Progress, str]:
         """Steps, until one of them is the last, and why it is."""
-        setting = self.setting
-        while not (at.point.done or self._settled(at.steps)):
-            if at.point.steps >= setting.most_steps:
+        while True:
+            ends = at.point.done or self._settled(at.steps)
+            over = ends and not begins(at.steps)
+            if over and held_fresh(at.steps[:-1]):
+                return at, "converged"
+            if at.point.steps >= self.setting.most_steps:
                 return at, "step limit"
             if stop():
                 return at, "interrupted"
             clock = time.perf_counter()
+            again = over or fails(at.steps)
+            if again:
+                at = at._replace(point=search.again(at.point))
             layouts = self._enough(at.layouts, self._stable(search.tried(at.point)))
+            # What other steps in time change is not by the parameters.
+            kept = at.steps and not again and layouts is at.layouts
+            fresh = not (search.keeps and kept)
             search = search.with_program(with_layouts(program, layouts))
             before = at.steps[-1].loss if at.steps else _loss(first)
             tried, here = np.asarray(search.tried(at.point)), np.asarray(at.point.z)
             reach = float(np.abs(tried - here).max())
-            point = search.step(at.point)
+            point = search.step(at.point, fresh)
             loss = search.loss(point)
             took = at.took + time.perf_counter() - clock
             values = self._told(point.z)
-            step = Step(point.steps, loss, loss < before, reach, values)
+            step = Step(point.steps, loss, loss < before, reach, values, fresh)
             at = Progress(point, layouts, [*at.steps, step], took)
             if keep is not None:
                 at.keep(keep)
             if tell is not None:
                 tell(step, took)
-        return at, "converged"
 
     def _told(self, z) -> tuple[float, ...]:
         """Values to be told of a step; of a field none."""

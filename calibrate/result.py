@@ -74,7 +74,8 @@ def fit_json(
             {
                 "step": step.number,
                 "loss": step.loss,
-                "accepted": step.accepted,
+                "accepted": step.told != "not accepted",
+                "derivatives_found": step.fresh,
                 "values": list(step.values) if judged else [],
             }
             for step in fit.steps

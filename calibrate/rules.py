@@ -19,6 +19,7 @@ from jax.custom_derivatives import linear_call
 from jaxtyping import Array, Float
 
 from .problem import Layouts, Seen, with_jacobian
+from .secant import Known, Linear, corrected
 from .traced import Traced
 
 
@@ -33,6 +34,8 @@ class Program(eqx.Module):
     """Added to the misfits."""
     backward: Traced | None = None
     """The misfits by steps that reverse mode goes back through."""
+    known: Known | None = None
+    """Of the point before; None where every Jacobian is found anew."""
 
 
 def softened(misfits: Float[Array, " r"], knee: Float[Array, ""]) -> Float[Array, " r"]:
@@ -88,11 +91,21 @@ def _with_tangent(
 
 
 def by_jacobian(batch: int) -> Callable[..., tuple[Array, Seen]]:
-    """The residuals, whose derivative is a product with a Jacobian of their own."""
+    """The residuals, whose derivative is a product with a Jacobian of their own.
+
+    It is the one before, corrected, where that is known and nothing asks for another.
+    """
 
     def linearize(program, z, along):
-        value, rows, seen = with_jacobian(lambda y: residuals(program, y), z, batch)
-        return (value, seen), along @ rows
+        anew = lambda: Linear(*with_jacobian(lambda y: residuals(program, y), z, batch))
+        known = program.known
+
+        def by_one_run():
+            value, seen = residuals(program, z)
+            return Linear(value, corrected(known, z, value), seen)
+
+        found = anew() if known is None else jax.lax.cond(known.fresh, anew, by_one_run)
+        return (found.value, found.seen), along @ found.rows
 
     return _with_tangent(residuals, linearize)
 

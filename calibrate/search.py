@@ -16,6 +16,7 @@ tries; `rules` has what that linear function is.
 
 import copy
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -27,6 +28,7 @@ from jaxtyping import Array, Float
 
 from .damping import with_scale
 from .rules import Program, by_gradient, by_jacobian, by_products
+from .secant import known_of
 
 
 class Setting(NamedTuple):
@@ -41,6 +43,8 @@ class Setting(NamedTuple):
     linearly; None for squares."""
     memory: int = 2**30
     """For the states of a run, in reverse mode [bytes]."""
+    secant: bool = True
+    """Whether Levenberg-Marquardt keeps its Jacobian between points, see `secant`."""
 
 
 class Point(NamedTuple):
@@ -51,6 +55,9 @@ class Point(NamedTuple):
     """Of the solver."""
     steps: int
     done: bool
+
+
+ANEW = np.asarray(True)
 
 
 class Search:
@@ -66,7 +73,10 @@ class Search:
         """
         arrays, static = eqx.partition(program, eqx.is_array)
         inner = RULES[setting.method](batch)
-        self._function = lambda z, arrays: inner(z, eqx.combine(arrays, static))
+        self._function = lambda z, given: inner(
+            z, replace(eqx.combine(given[0], static), known=given[1])
+        )
+        self.keeps = setting.secant and setting.method == "levenberg_marquardt"
         self._arrays = arrays
         self._solver = SOLVERS[setting.method](setting.tolerance)
         self._options = OPTIONS.get(setting.method, {})
@@ -81,15 +91,16 @@ class Search:
 
     def begin(self, z: Float[Array, " p"]) -> Point:
         """A search at its start."""
-        shapes, seen = eqx.filter_eval_shape(self._function, z, self._arrays)
+        given = (self._arrays, None)
+        shapes, seen = eqx.filter_eval_shape(self._function, z, given)
         state = self._solver.init(
-            self._function, z, self._arrays, self._options, shapes, seen, frozenset()
+            self._function, z, given, self._options, shapes, seen, frozenset()
         )
         return Point(z, state, 0, False)
 
     def compiled(self, point: Point) -> "Search":
         """The same search with its step compiled, so that steps can be timed."""
-        given = (point.z, point.state, self._arrays)
+        given = (point.z, point.state, self._arrays, ANEW)
         arrays = jax.tree.leaves(eqx.filter(given, eqx.is_array))
         shapes = tuple(array.shape for array in arrays)
         if shapes not in self._compiled:
@@ -98,23 +109,39 @@ class Search:
         other._step = self._compiled[shapes]
         return other
 
-    def take(self, z: Any, state: Any, arrays: Any) -> tuple[Any, Any, Any, Any]:
+    def take(
+        self, z: Any, state: Any, arrays: Any, fresh: Any = None
+    ) -> tuple[Any, Any, Any, Any]:
         """One step, to be compiled: values, the solver's state, if done, what is seen.
 
         Args:
             z: values.
             state: of the solver.
             arrays: of the program.
+            fresh: whether a Jacobian is found anew; None for always.
         """
-        rest = (arrays, self._options)
+        known = None
+        if self.keeps and fresh is not None:
+            known = known_of(z, state.f_info, fresh)
+        rest = ((arrays, known), self._options)
         z, state, seen = self._solver.step(self._function, z, *rest, state, frozenset())
         done, _ = self._solver.terminate(self._function, z, *rest, state, frozenset())
         return z, state, done, seen
 
-    def step(self, point: Point) -> Point:
-        """The next point."""
-        z, state, done, _ = self._step(point.z, point.state, self._arrays)
+    def step(self, point: Point, fresh: bool = True) -> Point:
+        """The next point.
+
+        Args:
+            point: where the search stands.
+            fresh: whether to find the Jacobian anew, where it may be kept.
+        """
+        anew = ANEW if fresh else ~ANEW
+        z, state, done, _ = self._step(point.z, point.state, self._arrays, anew)
         return Point(z, state, point.steps + 1, bool(done))
+
+    def again(self, point: Point) -> Point:
+        """From the same point, of which nothing is known but where it is."""
+        return self.begin(point.z)._replace(steps=point.steps)
 
     def tried(self, point: Point) -> Float[Array, " p"]:
         """The values that the next step will run with."""

@@ -54,6 +54,21 @@ def test_where_nothing_slopes_a_search_stays():
     np.testing.assert_array_equal(found.value, [1.0, 1.0])
 
 
+def test_no_number_moves_by_more_than_its_own_size():
+    """A line whose end is far: it is gone to in steps of 1 for the farthest number."""
+    line = lambda z, _: z - jnp.asarray([3.5, -0.7])
+    solver = with_scale(optx.LevenbergMarquardt(1e-9, 1e-9))
+    after = lambda steps: (
+        optx.least_squares(
+            line, solver, jnp.zeros(2), max_steps=steps, throw=False
+        ).value
+    )
+    # The first step is for what is known at the start.
+    np.testing.assert_allclose(after(2), [1.0, -0.2], rtol=1e-9)
+    np.testing.assert_allclose(after(3), [2.0, -0.4], rtol=1e-9)
+    np.testing.assert_allclose(after(40), [3.5, -0.7], rtol=1e-7)
+
+
 def linearized(z, unit):
     """What a search knows of the misfits at a point."""
     value, along = jax.linearize(lambda y: bent(y, unit), z)

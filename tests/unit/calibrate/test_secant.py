@@ -1,0 +1,102 @@
+"""Jacobians that are kept: Broyden's rule, and fits that come to the same values."""
+
+from types import SimpleNamespace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from calibrate.fit import Fitting
+from calibrate.progress import Step, begins, fails, held_fresh
+from calibrate.search import Setting
+from calibrate.secant import Known, corrected, known_of
+from tests.calibrating import TRUTH, twin
+
+
+ROWS = jnp.asarray(np.cos(np.outer([1.0, 2.0, 3.0], np.arange(5.0))))
+FIRST = jnp.asarray([0.3, -0.2, 1.0])
+
+
+def line(z):
+    """Misfits that are linear."""
+    return z @ ROWS + 1.0
+
+
+def known(rows):
+    return Known(FIRST, line(FIRST), rows, jnp.asarray(False))
+
+
+def test_rows_that_are_right_stay():
+    found = corrected(known(ROWS), FIRST + 0.5, line(FIRST + 0.5))
+    np.testing.assert_allclose(found, ROWS, atol=1e-14)
+
+
+def test_corrected_rows_tell_what_was_seen_and_nothing_across():
+    wrong, moved = ROWS + 0.1, jnp.asarray([0.25, 0.0, -0.5])
+    found = corrected(known(wrong), FIRST + moved, line(FIRST + moved))
+    np.testing.assert_allclose(moved @ found, line(FIRST + moved) - line(FIRST))
+    across = jnp.asarray([0.5, 7.0, 0.25])
+    assert across @ moved == 0
+    np.testing.assert_allclose(across @ found, across @ wrong, atol=1e-13)
+
+
+def test_steps_across_each_other_make_any_rows_right():
+    at = known(jnp.zeros_like(ROWS))
+    for moved in jnp.eye(3):
+        z = at.z + moved
+        at = Known(z, line(z), corrected(at, z, line(z)), at.fresh)
+    np.testing.assert_allclose(at.rows, ROWS, atol=1e-13)
+
+
+def test_where_nothing_moved_rows_stay():
+    np.testing.assert_array_equal(corrected(known(ROWS), FIRST, line(FIRST)), ROWS)
+
+
+def test_rows_are_read_from_the_operator_of_a_search():
+    value, along = jax.linearize(line, FIRST)
+    misfits = SimpleNamespace(residual=value, jac=SimpleNamespace(mv=along))
+    found = known_of(FIRST, misfits, jnp.asarray(True))
+    np.testing.assert_allclose(found.rows, ROWS)
+
+
+def step(accepted, fresh, reach=0.1):
+    return Step(1, 1.0, accepted, reach, (), fresh)
+
+
+def test_a_step_fails_by_kept_derivatives_only():
+    assert not fails([])
+    assert not fails([step(True, True), step(True, False)])
+    assert fails([step(True, True), step(True, False), step(False, False)])
+    # The point before has its own: the step was too long, not the derivatives wrong.
+    assert not fails([step(True, True), step(False, False)])
+    assert not held_fresh([step(True, True), step(True, False)])
+    assert held_fresh([step(True, False), step(False, True, 0.0)])
+
+
+def test_a_step_that_goes_nowhere_begins_once():
+    still, far = step(False, True, 0.0), step(True, False)
+    assert begins([still]) and begins([far, still])
+    assert not begins([]) and not begins([far]) and not begins([still, still])
+
+
+@pytest.fixture(scope="module")
+def fits():
+    problem = twin()
+    every = Setting(tolerance=1e-7, secant=False)
+    return [Fitting(problem, s).run() for s in (every, every._replace(secant=True))]
+
+
+def test_a_fit_comes_to_the_values_of_one_that_finds_all_derivatives(fits):
+    every, kept = fits
+    assert all(s.fresh for s in every.steps)
+    assert sum(s.fresh for s in kept.steps) < len(every.steps)
+    np.testing.assert_allclose(kept.z, every.z, atol=1e-6)
+    assert kept.loss < 1e-8 * kept.initial_loss
+
+
+def test_a_fit_ends_by_a_step_from_derivatives_that_were_found_there(fits):
+    _, kept = fits
+    assert kept.ended == "converged"
+    assert held_fresh(kept.steps[:-1])
+    assert len(kept.steps[-1].values) == len(TRUTH)
