@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import lineax as lx
 import numpy as np
 import optimistix as optx
@@ -57,9 +58,6 @@ class Point(NamedTuple):
     done: bool
 
 
-ANEW = np.asarray(True)
-
-
 class Search:
     """A search by one method."""
 
@@ -82,6 +80,7 @@ class Search:
         self._options = OPTIONS.get(setting.method, {})
         self._step: Any = eqx.filter_jit(self.take)
         self._compiled: dict[tuple, Any] = {}
+        self._blank: Any = None
 
     def with_program(self, program: Program) -> "Search":
         """The same search with other arrays; what is compiled stays."""
@@ -96,11 +95,13 @@ class Search:
         state = self._solver.init(
             self._function, z, given, self._options, shapes, seen, frozenset()
         )
+        # The same at every start, and long in the making.
+        self._blank = state
         return Point(z, state, 0, False)
 
     def compiled(self, point: Point) -> "Search":
         """The same search with its step compiled, so that steps can be timed."""
-        given = (point.z, point.state, self._arrays, ANEW)
+        given = (point.z, point.state, self._arrays, jnp.asarray(True))
         arrays = jax.tree.leaves(eqx.filter(given, eqx.is_array))
         shapes = tuple(array.shape for array in arrays)
         if shapes not in self._compiled:
@@ -135,13 +136,14 @@ class Search:
             point: where the search stands.
             fresh: whether to find the Jacobian anew, where it may be kept.
         """
-        anew = ANEW if fresh else ~ANEW
-        z, state, done, _ = self._step(point.z, point.state, self._arrays, anew)
+        given = (point.state, self._arrays, jnp.asarray(fresh))
+        z, state, done, _ = self._step(point.z, *given)
         return Point(z, state, point.steps + 1, bool(done))
 
     def again(self, point: Point) -> Point:
         """From the same point, of which nothing is known but where it is."""
-        return self.begin(point.z)._replace(steps=point.steps)
+        state = eqx.tree_at(lambda s: s.y_eval, self._blank, point.z)
+        return Point(point.z, state, point.steps, False)
 
     def tried(self, point: Point) -> Float[Array, " p"]:
         """The values that the next step will run with."""
