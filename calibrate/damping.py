@@ -13,6 +13,8 @@ import jax.numpy as jnp
 import optimistix as optx
 from jaxtyping import Array, Float
 
+from jaxthermo.network.network import inverse
+
 
 FIRST = 0.01
 """Damping of the first step, as a share of what J^T J is along the slope."""
@@ -21,7 +23,7 @@ TRUSTED = 0.75
 """Share of the promised decrease from which on the next step is damped less."""
 
 FARTHEST = 1.0
-"""That a number moves in a step; free ones have the unit of their own size."""
+"""The most that a number moves in a step; free ones have the unit of their own size."""
 
 LESS, MORE = 10.0, 0.1
 """Factors of the step size, which is 1 / lambda: after a good step, after a bad one."""
@@ -71,9 +73,8 @@ def first_size(misfits: Any) -> Float[Array, ""]:
     """
     slope = misfits.compute_grad()
     steep, moved = (slope**2).sum(), (misfits.jac.mv(slope) ** 2).sum()
-    known = (steep > 0) & (moved > 0)
-    share = jnp.where(known, steep, 1.0) / jnp.where(known, moved, 1.0)
-    return jnp.where(known, share / FIRST, 1.0)
+    size = steep * inverse(moved) / FIRST
+    return jnp.where(size > 0, size, 1.0)
 
 
 class Near(optx.AbstractDescent):

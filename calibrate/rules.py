@@ -19,7 +19,7 @@ from jax.custom_derivatives import linear_call
 from jaxtyping import Array, Float
 
 from .problem import Layouts, Seen, with_jacobian
-from .secant import Known, Linear, corrected
+from .secant import Known, corrected
 from .traced import Traced
 
 
@@ -97,15 +97,17 @@ def by_jacobian(batch: int) -> Callable[..., tuple[Array, Seen]]:
     """
 
     def linearize(program, z, along):
-        anew = lambda: Linear(*with_jacobian(lambda y: residuals(program, y), z, batch))
+        anew = lambda: with_jacobian(lambda y: residuals(program, y), z, batch)
         known = program.known
 
         def by_one_run():
             value, seen = residuals(program, z)
-            return Linear(value, corrected(known, z, value), seen)
+            return value, corrected(known, z, value), seen
 
-        found = anew() if known is None else jax.lax.cond(known.fresh, anew, by_one_run)
-        return (found.value, found.seen), along @ found.rows
+        always = known is None
+        found = anew() if always else jax.lax.cond(known.fresh, anew, by_one_run)
+        value, rows, seen = found
+        return (value, seen), along @ rows
 
     return _with_tangent(residuals, linearize)
 

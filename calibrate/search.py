@@ -80,7 +80,6 @@ class Search:
         self._options = OPTIONS.get(setting.method, {})
         self._step: Any = eqx.filter_jit(self.take)
         self._compiled: dict[tuple, Any] = {}
-        self._blank: Any = None
 
     def with_program(self, program: Program) -> "Search":
         """The same search with other arrays; what is compiled stays."""
@@ -95,8 +94,6 @@ class Search:
         state = self._solver.init(
             self._function, z, given, self._options, shapes, seen, frozenset()
         )
-        # The same at every start, and long in the making.
-        self._blank = state
         return Point(z, state, 0, False)
 
     def compiled(self, point: Point) -> "Search":
@@ -142,7 +139,8 @@ class Search:
 
     def again(self, point: Point) -> Point:
         """From the same point, of which nothing is known but where it is."""
-        state = eqx.tree_at(lambda s: s.y_eval, self._blank, point.z)
+        places = lambda s: (s.first_step, s.y_eval)
+        state = eqx.tree_at(places, point.state, (jnp.asarray(True), point.z))
         return Point(point.z, state, point.steps, False)
 
     def tried(self, point: Point) -> Float[Array, " p"]:

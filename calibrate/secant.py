@@ -14,12 +14,14 @@ damping Madsen, Nielsen and Tingleff, Methods for Non-Linear Least Squares Probl
 IMM, Technical University of Denmark (2004), 3.5.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
+
+from jaxthermo.network.network import inverse
 
 
 class Known(eqx.Module):
@@ -31,14 +33,6 @@ class Known(eqx.Module):
     """Of the Jacobian, transposed."""
     fresh: Bool[Array, ""]
     """Whether it is to be found anew where the next step goes."""
-
-
-class Linear(NamedTuple):
-    """Misfits near a point."""
-
-    value: Float[Array, " r"]
-    rows: Float[Array, "p r"]
-    seen: Any
 
 
 def known_of(z: Float[Array, " p"], misfits: Any, fresh: Bool[Array, ""]) -> Known:
@@ -64,7 +58,6 @@ def corrected(
         value: its misfits.
     """
     moved = z - known.z
-    square = moved @ moved
     unseen = value - known.residual - moved @ known.rows
-    along = jnp.where(square > 0, moved / jnp.where(square > 0, square, 1), 0)
+    along = moved * inverse(moved @ moved)
     return known.rows + along[:, None] * unseen[None, :]
