@@ -8,7 +8,6 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -20,8 +19,9 @@ from jaxthermo.errors import InputError
 from jaxthermo.integrate.response import Layout, with_more_steps
 from jaxthermo.precision import precision
 
+from .decide import next_of
 from .problem import Layouts, Problem, Seen, jacobian_rows
-from .progress import Progress, Step, begins, fails, held_fresh, kept
+from .progress import Progress, Step, kept
 from .rules import Program, residuals
 from .search import REVERSE, Search, Setting
 from .starts import losses
@@ -54,11 +54,6 @@ class Fit:
 
 MOST_JUDGED = 200
 """Free numbers whose Jacobian is kept, to judge them by."""
-
-STILL, NEAR = 2, 0.03
-"""Steps without progress that end a fit: no more is to be had in this precision. A step
-that was refused counts if it was as near as this, in free numbers: a search that tried
-too far goes back first."""
 
 MOST_STIFFER = 10.0
 """Than the start: trials beyond are refused."""
@@ -132,7 +127,7 @@ class Fitting:
             jax.block_until_ready(self._stable(search.tried(at.point)))
             self._told(at.point.z)
             compiling = time.perf_counter() - clock
-            at, ended = self._loop(search, program, at, first, keep, tell, stop)
+            at, ended = self._loop(search, program, at, keep, tell, stop)
             fit = self._found(program, at, z, first)
         fit.initial_errors = seen.known_errors()
         fit.ended, fit.took, fit.compiling = ended, at.took, compiling
@@ -187,40 +182,42 @@ class Fitting:
         return program, first, seen
 
     def _loop(
-        self, search: Search, program: Program, at: Progress, first, keep, tell, stop
+        self, search: Search, program: Program, at: Progress, keep, tell, stop
     ) -> tuple[Progress, str]:
         """Steps, until one of them is the last, and why it is."""
+        tolerance = self.setting.tolerance * self.problem.worst
         while True:
-            ends = at.point.done or self._settled(at.steps)
-            over = ends and not begins(at.steps)
-            if over and held_fresh(at.steps[:-1]):
+            then = next_of(at.steps, at.point.done, tolerance, self.problem.dtype)
+            if then == "end":
                 return at, "converged"
             if at.point.steps >= self.setting.most_steps:
                 return at, "step limit"
             if stop():
                 return at, "interrupted"
-            clock = time.perf_counter()
-            again = over or fails(at.steps)
-            if again:
-                at = at._replace(point=search.again(at.point))
-            layouts = self._enough(at.layouts, self._stable(search.tried(at.point)))
-            # What other steps in time change is not by the parameters.
-            kept = at.steps and not again and layouts is at.layouts
-            fresh = not (search.keeps and kept)
-            search = search.with_program(with_layouts(program, layouts))
-            before = at.steps[-1].loss if at.steps else _loss(first)
-            tried, here = np.asarray(search.tried(at.point)), np.asarray(at.point.z)
-            reach = float(np.abs(tried - here).max())
-            point = search.step(at.point, fresh)
-            loss = search.loss(point)
-            took = at.took + time.perf_counter() - clock
-            values = self._told(point.z)
-            step = Step(point.steps, loss, loss < before, reach, values, fresh)
-            at = Progress(point, layouts, [*at.steps, step], took)
+            at = self._stepped(search, program, at, then == "look")
             if keep is not None:
                 at.keep(keep)
             if tell is not None:
-                tell(step, took)
+                tell(at.steps[-1], at.took)
+
+    def _stepped(
+        self, search: Search, program: Program, at: Progress, look: bool
+    ) -> Progress:
+        """After one step more, in as many steps in time as its trial needs."""
+        clock = time.perf_counter()
+        point = search.again(at.point) if look else at.point
+        layouts = self._enough(at.layouts, self._stable(search.tried(point)))
+        # What other steps in time change is not by the parameters.
+        fresh = look or not search.keeps or layouts is not at.layouts
+        search = search.with_program(with_layouts(program, layouts))
+        reach = np.abs(np.asarray(search.tried(point)) - np.asarray(point.z)).max()
+        point = search.step(point, fresh)
+        loss = search.loss(point)
+        took = at.took + time.perf_counter() - clock
+        accepted = look or loss < at.steps[-1].loss
+        told = self._told(point.z)
+        step = Step(point.steps, loss, accepted, float(reach), told, fresh, look)
+        return Progress(point, layouts, [*at.steps, step], took)
 
     def _told(self, z) -> tuple[float, ...]:
         """Values to be told of a step; of a field none."""
@@ -230,10 +227,6 @@ class Fitting:
 
     def _enough(self, layouts: Layouts, stable) -> Layouts:
         return enough_steps(layouts, stable, self.program.layouts)
-
-    def _settled(self, steps: list[Step]) -> bool:
-        tolerance = self.setting.tolerance * self.problem.worst
-        return settled(steps, tolerance, self.problem.dtype)
 
     def _found(self, program: Program, at: Progress, z, first: Array) -> Fit:
         """Evaluated at the point itself; never worse than where it began."""
@@ -283,22 +276,6 @@ def _check(problem: Problem, first: Array) -> None:
             f"{problem.parameters.size} parameters and {len(first)} misfits: leave out "
             "parameters, or add cases or save times"
         )
-
-
-def settled(steps: list[Step], tolerance: float, dtype: Any) -> bool:
-    """Whether steps no longer change the loss.
-
-    Args:
-        steps: so far.
-        tolerance: relative, of the loss.
-        dtype: whose rounding they cannot get below.
-    """
-    if len(steps) <= STILL:
-        return False
-    if any(not s.accepted and s.reach > NEAR for s in steps[-STILL:]):
-        return False
-    before, now = steps[-1 - STILL].loss, steps[-1].loss
-    return before - now <= max(16 * float(jnp.finfo(dtype).eps), tolerance) * before
 
 
 def enough_steps(

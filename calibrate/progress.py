@@ -24,34 +24,21 @@ class Step:
     loss: float
     """Half of the sum of squares, at the best point so far."""
     accepted: bool
+    """Whether the search goes on from where it tried."""
     reach: float
     """From the best point before to the one that was tried, in free numbers."""
     values: tuple[float, ...]
     fresh: bool = True
-    """Whether derivatives were found there, not kept from the step before."""
+    """Whether derivatives were found where it tried, not kept from the step before."""
+    look: bool = False
+    """Whether it tried nothing, and found out how things are at the best point."""
 
     @property
     def told(self) -> str:
         """What became of it, in words."""
-        if self.reach == 0 and self.fresh:
+        if self.look:
             return "derivatives found"
         return "accepted" if self.accepted else "not accepted"
-
-
-def held_fresh(steps: list[Step]) -> bool:
-    """Whether the derivatives at the best point were found there."""
-    return next((s.fresh for s in reversed(steps) if s.accepted or s.fresh), True)
-
-
-def fails(steps: list[Step]) -> bool:
-    """Whether the last step was refused, by derivatives that were kept."""
-    return bool(steps) and not steps[-1].accepted and not held_fresh(steps)
-
-
-def begins(steps: list[Step]) -> bool:
-    """Whether the last step went nowhere, to find out how things are there."""
-    still = [step.reach == 0 for step in steps[-2:]]
-    return still in ([True], [False, True])
 
 
 class Progress(NamedTuple):
@@ -67,7 +54,7 @@ class Progress(NamedTuple):
         """Write it to a file, whole or not at all."""
         leaves = {f"leaf{n}": np.asarray(leaf) for n, leaf in enumerate(_leaves(self))}
         told = [
-            [s.number, s.loss, s.accepted, s.reach, s.fresh, *s.values]
+            [s.number, s.loss, s.accepted, s.reach, s.fresh, s.look, *s.values]
             for s in self.steps
         ]
         values: dict[str, Any] = {
@@ -122,7 +109,7 @@ def kept(path: Path, begin: Progress) -> Progress:
     dynamic = jax.tree.unflatten(tree, [jnp.asarray(a) for a in found])
     z, state, layouts = eqx.combine(dynamic, static)
     steps = [
-        Step(int(number), loss, bool(accepted), reach, tuple(values), bool(fresh))
-        for number, loss, accepted, reach, fresh, *values in told.tolist()
+        Step(int(number), loss, bool(ok), reach, tuple(values), bool(fresh), bool(look))
+        for number, loss, ok, reach, fresh, look, *values in told.tolist()
     ]
     return Progress(Point(z, state, count, done), layouts, steps, took)

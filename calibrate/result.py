@@ -74,7 +74,7 @@ def fit_json(
             {
                 "step": step.number,
                 "loss": step.loss,
-                "accepted": step.told != "not accepted",
+                "accepted": step.accepted,
                 "derivatives_found": step.fresh,
                 "values": list(step.values) if judged else [],
             }

@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from calibrate.decide import STILL
 from calibrate.fit import Fitting
-from calibrate.progress import Step, begins, fails, held_fresh
 from calibrate.search import Setting
 from calibrate.secant import Known, corrected, known_of
 from tests.calibrating import TRUTH, twin
@@ -60,26 +60,6 @@ def test_rows_are_read_from_the_operator_of_a_search():
     np.testing.assert_allclose(found.rows, ROWS)
 
 
-def step(accepted, fresh, reach=0.1):
-    return Step(1, 1.0, accepted, reach, (), fresh)
-
-
-def test_a_step_fails_by_kept_derivatives_only():
-    assert not fails([])
-    assert not fails([step(True, True), step(True, False)])
-    assert fails([step(True, True), step(True, False), step(False, False)])
-    # The point before has its own: the step was too long, not the derivatives wrong.
-    assert not fails([step(True, True), step(False, False)])
-    assert not held_fresh([step(True, True), step(True, False)])
-    assert held_fresh([step(True, False), step(False, True, 0.0)])
-
-
-def test_a_step_that_goes_nowhere_begins_once():
-    still, far = step(False, True, 0.0), step(True, False)
-    assert begins([still]) and begins([far, still])
-    assert not begins([]) and not begins([far]) and not begins([still, still])
-
-
 @pytest.fixture(scope="module")
 def fits():
     problem = twin()
@@ -95,8 +75,11 @@ def test_a_fit_comes_to_the_values_of_one_that_finds_all_derivatives(fits):
     assert kept.loss < 1e-8 * kept.initial_loss
 
 
-def test_a_fit_ends_by_a_step_from_derivatives_that_were_found_there(fits):
+def test_a_fit_ends_by_trials_from_derivatives_that_were_found_there(fits):
     _, kept = fits
     assert kept.ended == "converged"
-    assert held_fresh(kept.steps[:-1])
+    looks = [n for n, s in enumerate(kept.steps) if s.look]
+    assert looks[0] == 0 and kept.steps[-1].fresh is False
+    last = len(kept.steps) - looks[-1] - 1
+    assert 1 <= last <= STILL
     assert len(kept.steps[-1].values) == len(TRUTH)
