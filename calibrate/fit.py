@@ -187,7 +187,8 @@ class Fitting:
         """Steps, until one of them is the last, and why it is."""
         tolerance = self.setting.tolerance * self.problem.worst
         while True:
-            then = next_of(at.steps, at.point.done, tolerance, self.problem.dtype)
+            size, dtype = len(at.point.z), self.problem.dtype
+            then = next_of(at.steps, at.point.done, size, tolerance, dtype)
             if then == "end":
                 return at, "converged"
             if at.point.steps >= self.setting.most_steps:

@@ -80,6 +80,7 @@ class Search:
         self._options = OPTIONS.get(setting.method, {})
         self._step: Any = eqx.filter_jit(self.take)
         self._compiled: dict[tuple, Any] = {}
+        self._begun: dict[tuple, Any] = {}
 
     def with_program(self, program: Program) -> "Search":
         """The same search with other arrays; what is compiled stays."""
@@ -88,20 +89,28 @@ class Search:
         return other
 
     def begin(self, z: Float[Array, " p"]) -> Point:
-        """A search at its start."""
+        """A search at its start; what it traces for that is traced once."""
+        shapes = self._shapes(z)
+        if shapes not in self._begun:
+            self._begun[shapes] = self._first_state(z)
+        return self.again(Point(z, self._begun[shapes], 0, False))
+
+    def _first_state(self, z: Float[Array, " p"]) -> Any:
         given = (self._arrays, None)
-        shapes, seen = eqx.filter_eval_shape(self._function, z, given)
-        state = self._solver.init(
-            self._function, z, given, self._options, shapes, seen, frozenset()
+        like, seen = eqx.filter_eval_shape(self._function, z, given)
+        return self._solver.init(
+            self._function, z, given, self._options, like, seen, frozenset()
         )
-        return Point(z, state, 0, False)
+
+    def _shapes(self, *rest: Any) -> tuple:
+        arrays = jax.tree.leaves(eqx.filter((rest, self._arrays), eqx.is_array))
+        return tuple((array.shape, array.dtype) for array in arrays)
 
     def compiled(self, point: Point) -> "Search":
         """The same search with its step compiled, so that steps can be timed."""
-        given = (point.z, point.state, self._arrays, jnp.asarray(True))
-        arrays = jax.tree.leaves(eqx.filter(given, eqx.is_array))
-        shapes = tuple(array.shape for array in arrays)
+        shapes = self._shapes(point.z, point.state)
         if shapes not in self._compiled:
+            given = (point.z, point.state, self._arrays, jnp.asarray(True))
             self._compiled[shapes] = self._step.lower(*given).compile()
         other = copy.copy(self)
         other._step = self._compiled[shapes]

@@ -81,13 +81,8 @@ def _held(fitting, repeats):
     return held
 
 
-def test_the_truth_lies_in_most_intervals(fitting):
-    """30 of them: fewer than 24 have a probability of 3e-4."""
-    assert _held(fitting, 10).sum() >= 24
-
-
-@pytest.mark.slow
 def test_the_truth_lies_in_95_percent_of_the_intervals(fitting):
     held = _held(fitting, 100)
+    print("held of 100", held)
     assert (held >= 90).all()
     assert (held <= 99).all()

@@ -7,6 +7,9 @@ from calibrate.decide import next_of
 from calibrate.progress import Step
 
 
+SIZE = 4
+
+
 def look(loss=1.0):
     return Step(1, loss, True, 0.0, (), fresh=True, look=True)
 
@@ -20,7 +23,7 @@ def refused(loss, fresh=False, reach=0.01):
 
 
 def then(*steps, done=False):
-    return next_of(list(steps), done, 1e-3, jnp.float32)
+    return next_of(list(steps), done, SIZE, 1e-3, jnp.float32)
 
 
 def test_a_fit_begins_with_a_look_and_then_tries():
@@ -63,6 +66,16 @@ def test_it_does_not_end_by_derivatives_of_other_points(done):
     assert then(*still, look(0.3), went(0.3), went(0.3), done=done) == "end"
 
 
+def test_it_does_not_look_again_where_the_last_look_was_not_worth_it():
+    """Of four numbers: worth three times the tolerance."""
+    before = [look(), went(0.5), refused(0.5), look(0.5)]
+    for loss, what in ((0.499, "end"), (0.498, "look")):
+        assert then(*before, went(loss), refused(loss)) == what
+        assert then(*before, went(loss), went(loss), went(loss)) == what
+        assert then(*before, went(loss), done=True) == "end"
+        assert then(*before, went(loss), went(loss - 1e-5), done=True) == what
+
+
 def test_the_solver_ends_a_fit_by_one_trial_from_found_derivatives():
     assert then(look(), went(0.5), done=True) == "end"
     assert then(look(), went(0.5), went(0.3), done=True) == "look"
@@ -72,5 +85,5 @@ def test_the_solver_ends_a_fit_by_one_trial_from_found_derivatives():
 def test_a_loss_at_its_rounding_is_still():
     tiny = 1.0 - 1e-7
     steps = [look(), went(tiny), went(tiny)]
-    assert next_of(steps, False, 0.0, jnp.float32) == "end"
-    assert next_of(steps, False, 0.0, jnp.float64) == "try"
+    assert next_of(steps, False, SIZE, 0.0, jnp.float32) == "end"
+    assert next_of(steps, False, SIZE, 0.0, jnp.float64) == "try"

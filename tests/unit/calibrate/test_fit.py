@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
+from calibrate.decide import STILL
 from calibrate.fit import Fitting
 from calibrate.parameters import Parameter
 from calibrate.search import Setting
@@ -20,24 +21,49 @@ def _found(problem, fit):
     return {name: float(value) for name, value in values.items()}
 
 
-SLOW = {"gauss_newton": [pytest.mark.slice], "bfgs": [], "lbfgs": [pytest.mark.slice]}
-METHODS = (
-    "levenberg_marquardt",
-    *(pytest.param(m, marks=[pytest.mark.slow, *more]) for m, more in SLOW.items()),
-)
-
-
 @pytest.fixture(scope="module")
 def problem():
     return twin()
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_the_truth_is_found(problem, method):
-    """Noise-free data: within 1e-4 of the values that made them."""
-    fit = Fitting(problem, Setting(method, tolerance=1e-9, most_steps=60)).run()
+@pytest.fixture(scope="module")
+def fit(problem):
+    """By Levenberg-Marquardt, of data without noise."""
+    return Fitting(problem, Setting(tolerance=1e-9, most_steps=60)).run()
+
+
+def _is_the_truth(problem, fit):
+    """Within 1e-4 of the values that made the data."""
     assert _found(problem, fit) == pytest.approx(TRUTH, rel=1e-4)
     assert fit.loss < 1e-8 * fit.initial_loss
+
+
+def test_the_truth_is_found(problem, fit):
+    _is_the_truth(problem, fit)
+
+
+def test_a_fit_ends_by_trials_from_derivatives_that_were_found_there(fit):
+    assert fit.ended == "converged"
+    looks = [n for n, step in enumerate(fit.steps) if step.look]
+    assert looks[0] == 0
+    assert not all(step.fresh for step in fit.steps)
+    assert 1 <= len(fit.steps) - 1 - looks[-1] <= STILL
+    assert all(len(step.values) == len(TRUTH) for step in fit.steps)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "method",
+    [
+        pytest.param("gauss_newton", marks=pytest.mark.slice),
+        "bfgs",
+        pytest.param("lbfgs", marks=pytest.mark.slice),
+    ],
+)
+def test_the_truth_is_found_by_other_methods(problem, method):
+    other = Fitting(problem, Setting(method, tolerance=1e-9, most_steps=60)).run()
+    _is_the_truth(problem, other)
+    assert all(step.fresh for step in other.steps)
 
 
 @pytest.mark.slow

@@ -7,11 +7,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from calibrate.decide import STILL
 from calibrate.fit import Fitting
 from calibrate.search import Setting
 from calibrate.secant import Known, corrected, known_of
-from tests.calibrating import TRUTH, twin
+from tests.calibrating import twin
 
 
 ROWS = jnp.asarray(np.cos(np.outer([1.0, 2.0, 3.0], np.arange(5.0))))
@@ -60,26 +59,13 @@ def test_rows_are_read_from_the_operator_of_a_search():
     np.testing.assert_allclose(found.rows, ROWS)
 
 
-@pytest.fixture(scope="module")
-def fits():
-    problem = twin()
-    every = Setting(tolerance=1e-7, secant=False)
-    return [Fitting(problem, s).run() for s in (every, every._replace(secant=True))]
-
-
-def test_a_fit_comes_to_the_values_of_one_that_finds_all_derivatives(fits):
-    every, kept = fits
+@pytest.mark.slow
+@pytest.mark.slice
+def test_a_fit_comes_to_the_values_of_one_that_finds_all_derivatives():
+    problem, setting = twin(), Setting(tolerance=1e-7)
+    every = Fitting(problem, setting._replace(secant=False)).run()
+    kept = Fitting(problem, setting).run()
     assert all(s.fresh for s in every.steps)
     assert sum(s.fresh for s in kept.steps) < len(every.steps)
     np.testing.assert_allclose(kept.z, every.z, atol=1e-6)
     assert kept.loss < 1e-8 * kept.initial_loss
-
-
-def test_a_fit_ends_by_trials_from_derivatives_that_were_found_there(fits):
-    _, kept = fits
-    assert kept.ended == "converged"
-    looks = [n for n, s in enumerate(kept.steps) if s.look]
-    assert looks[0] == 0 and kept.steps[-1].fresh is False
-    last = len(kept.steps) - looks[-1] - 1
-    assert 1 <= last <= STILL
-    assert len(kept.steps[-1].values) == len(TRUTH)

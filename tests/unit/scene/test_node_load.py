@@ -98,7 +98,7 @@ def test_energy_closes_and_gradients_are_differences(ball):
         return solved.surface_temperature.mean(), solved.energy.residual_relative
 
     at = jnp.array([30.0, 16.0, 900.0])
-    found, residual = jax.jacfwd(warmth, has_aux=True)(at)
+    found, residual = eqx.filter_jit(jax.jacfwd(warmth, has_aux=True))(at)
     assert np.abs(residual).max() < 1e-12
     for n, step in enumerate(1e-4 * at):
         ends = [warmth(at.at[n].add(sign * step))[0] for sign in (1, -1)]
