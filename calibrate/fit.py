@@ -208,8 +208,8 @@ class Fitting:
         clock = time.perf_counter()
         point = search.again(at.point) if look else at.point
         layouts = self._enough(at.layouts, self._stable(search.tried(point)))
-        # What other steps in time change is not by the parameters.
-        fresh = look or not search.keeps or layouts is not at.layouts
+        # More steps in time move misfits too, but less than the trial that needs them.
+        fresh = look or not search.keeps
         search = search.with_program(with_layouts(program, layouts))
         reach = np.abs(np.asarray(search.tried(point)) - np.asarray(point.z)).max()
         point = search.step(point, fresh)

@@ -105,6 +105,8 @@ def test_a_simulation_warns_outside_the_range_of_its_card(fitted, tmp_path):
     assert all(f"warning: {words}" in " ".join((out + err).split()) for words in told)
 
 
+@pytest.mark.slow
+@pytest.mark.slice
 def test_values_too_many_to_judge_are_told_as_one(fitted, tmp_path):
     folder, _ = fitted
     with pytest.MonkeyPatch.context() as patch:
