@@ -6,8 +6,8 @@ that was seen between them (Broyden's rule):
 
     J' = J + (r' - r - J d) d^T / |d|^2,  d = z' - z.
 
-It is found anew where a step by such a Jacobian fails, and before a fit ends: what is
-told of the values is never by a guess.
+It is found anew where a step by such a Jacobian fails or the fit would end by it (see
+`decide`), and at what was found: what is told of the values is never by a guess.
 
 Source: Broyden, Mathematics of Computation 19 (1965) 577-593; for least squares with
 damping Madsen, Nielsen and Tingleff, Methods for Non-Linear Least Squares Problems,
