@@ -33,7 +33,7 @@ def fit(config: Path, /, *, out: Path | None = None, overrides: Overrides = ()) 
         out: The folder for the results; results/calibration/NAME if not given.
         overrides: A value to change, such as fit.seed=3; may be repeated.
     """
-    from .console import fit as run
+    from .cli import fit as run
 
     run(config, out or Path("results/calibration") / config.stem, overrides)
 
@@ -46,7 +46,7 @@ def identify(config: Path, /, *, overrides: Overrides = ()) -> None:
         config: The calibration, a YAML file.
         overrides: A value to change; may be repeated.
     """
-    from .console import identify as run
+    from .cli import identify as run
 
     run(config, overrides)
 
@@ -60,7 +60,7 @@ def check(card: Path, /, *, scene: Path, overrides: Overrides = ()) -> None:
         scene: The config of a scene; its body gets the card's structure.
         overrides: A value of the scene to change; may be repeated.
     """
-    from .console import check as run
+    from .cli import check as run
 
     run(card, scene, overrides)
 
@@ -72,7 +72,7 @@ def show(folder: Path, /) -> None:
     Args:
         folder: That `calibrate fit` left.
     """
-    from .console import show as run
+    from .cli import show as run
 
     run(folder)
 

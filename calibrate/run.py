@@ -17,22 +17,22 @@ from jaxthermo.config.card_file import write_card
 from jaxthermo.config.strict_yaml import write_yaml
 from jaxthermo.precision import precision
 
-from .advice import advise
-from .build import Built, build
-from .cards import make_card
-from .config import calibration_hash, load_calibration, plain
-from .errors import CaseError, case_errors
-from .fit import Fit, Fitting, enough_steps
-from .identifiability import identify, left_over
-from .problem import Problem, call, jacobian_rows
-from .progress import Step
-from .reference import program_hash
-from .report import write_report
-from .result import Errors, fit_json
-from .schema import CalibrationConfig
-from .search import Setting
-from .speed import measure_speed
-from .starts import design
+from .analysis.errors import CaseError, case_errors
+from .analysis.experiment_design import advise
+from .analysis.fit_card import make_card
+from .analysis.identifiability import identify, left_over
+from .analysis.speedup import measure_speed
+from .config.loader import calibration_hash, load_calibration, plain
+from .config.schema import CalibrationConfig
+from .problem.build import Built, build
+from .problem.problem import Problem, call, jacobian_rows
+from .problem.reference import program_hash
+from .report.page import write_report
+from .report.result import Errors, fit_json
+from .solvers.checkpoint import Step
+from .solvers.fit import Fit, Fitting, enough_steps
+from .solvers.search import Setting
+from .solvers.starts import design
 
 
 STATE, MARKER = "state.npz", "state.txt"

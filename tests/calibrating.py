@@ -4,11 +4,11 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxthermo as jt
-from calibrate.parameters import Parameter, ParameterSet
-from calibrate.problem import Case, Problem
-from calibrate.targets import surface_target
-from jaxthermo.integrate.response import Response
-from jaxthermo.integrate.store import StoredSolution
+from calibrate.problem.parameters import Parameter, ParameterSet
+from calibrate.problem.problem import Case, Problem
+from calibrate.problem.targets import surface_target
+from jaxthermo.integrate.run.parametric_run import Response
+from jaxthermo.integrate.run.solution_file import StoredSolution
 from tests.bodies import blocks
 
 

@@ -6,7 +6,7 @@ from jaxthermo.geometry.mesh import Mesh
 from jaxthermo.geometry.pose import Pose
 from jaxthermo.geometry.shapes import sphere
 from jaxthermo.physics.radiation.patches import group
-from jaxthermo.physics.radiation.sight_lines import PatchedBody
+from jaxthermo.physics.radiation.view_factors import PatchedBody
 from jaxthermo.physics.term import Surface
 from jaxthermo.voxels.grid import VoxelGrid
 

@@ -21,11 +21,11 @@ from rich.table import Table
 import jaxthermo as jt
 from jaxthermo.config.build import build_scene
 from jaxthermo.config.loader import load_config
-from jaxthermo.integrate.advance import advance
-from jaxthermo.integrate.euler import EulerStepper
-from jaxthermo.integrate.ledger import empty_ledger
-from jaxthermo.integrate.state import RunState
-from jaxthermo.scene.compile import compile_scene
+from jaxthermo.integrate.explicit.euler import EulerStepper
+from jaxthermo.integrate.run.ledger import empty_ledger
+from jaxthermo.integrate.run.state import RunState
+from jaxthermo.integrate.run.time_loop import advance
+from jaxthermo.scene.compile.compile import compile_scene
 
 
 CONFIG = Path("configs/scenes/mixed.yaml")

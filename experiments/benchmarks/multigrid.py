@@ -25,7 +25,10 @@ from rich.table import Table
 
 import jaxthermo as jt
 from jaxthermo.geometry.figurine import figurine
-from jaxthermo.integrate.conjugate import AbstractMeasure, ConjugateGradients
+from jaxthermo.integrate.implicit.conjugate_gradient import (
+    AbstractMeasure,
+    ConjugateGradients,
+)
 from jaxthermo.integrate.solvers import COARSE_RATIO
 from jaxthermo.network.multigrid import Hierarchy, hierarchy, jacobi
 from jaxthermo.network.network import AbstractNetwork

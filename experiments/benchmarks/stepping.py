@@ -17,9 +17,9 @@ from rich.console import Console
 from rich.table import Table
 
 import jaxthermo as jt
-from jaxthermo.integrate.legendre import stages_for
-from jaxthermo.integrate.simulate import Plan, plan, run as run_plan, solve, start
-from jaxthermo.integrate.solution import RESULTS
+from jaxthermo.integrate.explicit.rkl2 import stages_for
+from jaxthermo.integrate.run.simulate import Plan, plan, run as run_plan, solve, start
+from jaxthermo.integrate.run.solution import RESULTS
 from jaxthermo.timing import Timing
 
 from .standard import COPPER, END, SAVE_AT, STEEL, standard_scene

@@ -19,9 +19,9 @@ from rich.console import Console
 from rich.table import Table
 
 import jaxthermo as jt
-from jaxthermo.integrate.advance import advance
-from jaxthermo.integrate.legendre import LegendreStepper, coefficients, stages_for
-from jaxthermo.integrate.simulate import Plan, plan, start
+from jaxthermo.integrate.explicit.rkl2 import LegendreStepper, coefficients, stages_for
+from jaxthermo.integrate.run.simulate import Plan, plan, start
+from jaxthermo.integrate.run.time_loop import advance
 from jaxthermo.network.stencil import UniformStencil
 from jaxthermo.timing import Timing
 

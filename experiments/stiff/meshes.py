@@ -7,8 +7,8 @@ import numpy as np
 
 import jaxthermo as jt
 from jaxthermo.geometry.mesh import Mesh
+from jaxthermo.geometry.mesh_report import verdict_line
 from jaxthermo.geometry.repair import repair_mesh
-from jaxthermo.geometry.verdict import verdict_line
 
 from .bodies import STEEL
 from .case import Case, Check, Row, broken

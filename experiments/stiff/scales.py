@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 import jaxthermo as jt
-from jaxthermo.integrate.legendre import stages_for
+from jaxthermo.integrate.explicit.rkl2 import stages_for
 
 from .bodies import AEROGEL, DIAMOND, beside, block
 from .case import Case, Check, Row

@@ -8,8 +8,8 @@ import jax
 import numpy as np
 
 import jaxthermo as jt
-from jaxthermo.integrate.schedule import legs
-from jaxthermo.integrate.simulate import (
+from jaxthermo.integrate.run.schedule import legs
+from jaxthermo.integrate.run.simulate import (
     conclude,
     layout_table,
     plan,

@@ -13,14 +13,14 @@ from jaxthermo.config.build_terms import build_term
 from jaxthermo.config.schema_geometry import BodyConfig
 from jaxthermo.config.schema_structure import SurfaceMapConfig
 from jaxthermo.geometry.pose import Pose
-from jaxthermo.materials import Material
+from jaxthermo.material.table import Material
 from jaxthermo.physics.radiation.source import Sun
-from jaxthermo.physics.values import Until
+from jaxthermo.physics.time_varying import Until
 from jaxthermo.scene.scene import Body, Scene
-from jaxthermo.scene.surface import SolvedSurface, body_geometry
-from jaxthermo.structures.full import FullVolume
+from jaxthermo.scene.solved_surface import SolvedSurface, body_geometry
+from jaxthermo.structures.kinds.full import FullVolume
 from jaxthermo.structures.structure import AbstractStructure
-from jaxthermo.structures.surface_map import AbstractSurfaceMap, ConstantMap
+from jaxthermo.structures.surface.surface_map import AbstractSurfaceMap, ConstantMap
 from jaxthermo.voxels.grid import VoxelGrid
 from jaxthermo.voxels.voxelize import voxelize
 

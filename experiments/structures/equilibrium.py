@@ -7,7 +7,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from jaxthermo.physics.radiation.source import Sun
-from jaxthermo.physics.values import Until
+from jaxthermo.physics.time_varying import Until
 from jaxthermo.scene.scene import Scene
 
 from .cases import NEAREST, Case, Subject, all_cases, load_subject

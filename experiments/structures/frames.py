@@ -11,8 +11,8 @@ from jaxthermo.config.build_camera import build_camera
 from jaxthermo.config.schema_image import PinholeConfig
 from jaxthermo.image.render import draw
 from jaxthermo.image.view import View, look
-from jaxthermo.integrate.error import AnySolution, error_span
-from jaxthermo.scene.surface import SolvedSurface
+from jaxthermo.integrate.surface_error import AnySolution, error_span
+from jaxthermo.scene.solved_surface import SolvedSurface
 
 from .record import Row
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from functools import partial
 
-from jaxthermo.structures.multilevel import MultiLevel
+from jaxthermo.structures.kinds.multilevel import MultiLevel
 
 from .config import LevelsConfig
 from .measure import build_timed, error_row

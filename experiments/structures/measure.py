@@ -11,8 +11,8 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxthermo.integrate.error import AnySolution, surface_error
-from jaxthermo.integrate.solution import Solution
+from jaxthermo.integrate.run.solution import Solution
+from jaxthermo.integrate.surface_error import AnySolution, surface_error
 from jaxthermo.scene.scene import Scene
 from jaxthermo.structures.structure import AbstractStructure
 from jaxthermo.timing import Timing

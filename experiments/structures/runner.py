@@ -12,10 +12,9 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxthermo.errors import InputError
-from jaxthermo.integrate.error import AnySolution
-from jaxthermo.integrate.observe import Observation
-from jaxthermo.integrate.schedule import legs
-from jaxthermo.integrate.simulate import (
+from jaxthermo.integrate.run.observe import Observation
+from jaxthermo.integrate.run.schedule import legs
+from jaxthermo.integrate.run.simulate import (
     Plan,
     conclude,
     layout_table,
@@ -23,8 +22,9 @@ from jaxthermo.integrate.simulate import (
     run_all,
     start,
 )
-from jaxthermo.integrate.solution import RESULTS, Solution
+from jaxthermo.integrate.run.solution import RESULTS, Solution
 from jaxthermo.integrate.solvers import ForwardEuler
+from jaxthermo.integrate.surface_error import AnySolution
 from jaxthermo.precision import precision
 from jaxthermo.scene.scene import Scene
 

@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxthermo.errors import InputError
-from jaxthermo.integrate.solution import Solution
-from jaxthermo.integrate.store import StoredSolution
-from jaxthermo.structures.full import FullVolume
+from jaxthermo.integrate.run.solution import Solution
+from jaxthermo.integrate.run.solution_file import StoredSolution
+from jaxthermo.structures.kinds.full import FullVolume
 from jaxthermo.structures.report import structure_report
 
 from .cases import NEAREST, Case, Subject, case_loads, load_subject, make_map

@@ -6,8 +6,8 @@ import numpy as np
 from rich.table import Table
 
 from jaxthermo.geometry.mesh import Mesh
-from jaxthermo.structures.irregular import IrregularMultiLevel
-from jaxthermo.structures.shell import SingleShell
+from jaxthermo.structures.kinds.irregular import IrregularMultiLevel
+from jaxthermo.structures.kinds.shell import SingleShell
 from jaxthermo.voxels.voxelize import voxelize
 
 

@@ -14,16 +14,16 @@ from jaxthermo.image.annotate import contact_sheet, write_png
 from jaxthermo.image.camera import OrthographicCamera
 from jaxthermo.image.files import picture
 from jaxthermo.image.render import render
-from jaxthermo.integrate.simulate import simulate
-from jaxthermo.integrate.solution import Solution
-from jaxthermo.material import Material
+from jaxthermo.integrate.run.simulate import simulate
+from jaxthermo.integrate.run.solution import Solution
+from jaxthermo.material.material import Material
 from jaxthermo.physics.boundary import Convection
 from jaxthermo.physics.convection.air import kinematic_viscosity, prandtl
 from jaxthermo.physics.convection.cross_flow import local_nusselt
 from jaxthermo.physics.convection.nusselt import AVERAGES, churchill_bernstein
 from jaxthermo.physics.convection.wind import Wind
 from jaxthermo.scene.scene import Body, Scene
-from jaxthermo.structures.full import FullVolume
+from jaxthermo.structures.kinds.full import FullVolume
 from jaxthermo.voxels.voxelize import voxelize
 
 from .convection_local import HEIGHT, SHADES, WIDTH

@@ -13,8 +13,8 @@ from rich.table import Table
 
 from jaxthermo.cli.charts import Chart
 from jaxthermo.physics.convection.cross_flow import local_nusselt
-from jaxthermo.physics.convection.knots import cylinder_knots
 from jaxthermo.physics.convection.nusselt import profile
+from jaxthermo.physics.convection.nusselt_table import cylinder_knots
 
 
 DATA = Path(__file__).with_name("data") / "nu_local_cylinder.csv"

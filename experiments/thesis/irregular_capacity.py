@@ -7,7 +7,7 @@ from rich.table import Table
 
 from jaxthermo.geometry.mesh import Mesh
 from jaxthermo.structures.coverage import capacity_by_region
-from jaxthermo.structures.irregular import IrregularMultiLevel
+from jaxthermo.structures.kinds.irregular import IrregularMultiLevel
 from jaxthermo.structures.report import structure_report
 from jaxthermo.voxels.voxelize import voxelize
 

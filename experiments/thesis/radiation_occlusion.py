@@ -15,7 +15,7 @@ from jaxthermo.image.annotate import write_png
 from jaxthermo.image.camera import OrthographicCamera, frame_all
 from jaxthermo.image.palette import apply_palette, palette_table
 from jaxthermo.image.render import draw
-from jaxthermo.image.screen_occlusion import screen_space_occlusion
+from jaxthermo.image.ssao import screen_space_occlusion
 from jaxthermo.image.ticks import decimals_of, label as written, nice_ticks, to_celsius
 from jaxthermo.image.view import look
 from jaxthermo.physics.radiation.occlusion import DIRECTIONS, sky_view

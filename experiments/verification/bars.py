@@ -3,18 +3,18 @@
 import jax.numpy as jnp
 import numpy as np
 
-from jaxthermo.integrate.simulate import simulate
+from jaxthermo.integrate.run.simulate import simulate
 from jaxthermo.integrate.solvers import (
     AbstractSolver,
     BackwardEuler,
     CrankNicolson,
     ForwardEuler,
 )
-from jaxthermo.material import Material
+from jaxthermo.material.material import Material
 from jaxthermo.physics.boundary import FixedTemperature
 from jaxthermo.reference import sine_mode
 from jaxthermo.scene.scene import Body, Scene
-from jaxthermo.structures.full import FullVolume
+from jaxthermo.structures.kinds.full import FullVolume
 
 from .bodies import FOURIER, LEFT, RIGHT, bar, between
 from .case import (

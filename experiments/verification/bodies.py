@@ -7,7 +7,7 @@ from jaxtyping import Float, Int
 
 from jaxthermo.geometry.shapes import box
 from jaxthermo.voxels.grid import VoxelGrid
-from jaxthermo.voxels.select import Side
+from jaxthermo.voxels.selection import Side
 from jaxthermo.voxels.voxelize import voxelize
 
 

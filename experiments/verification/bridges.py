@@ -7,8 +7,8 @@ import numpy as np
 from jaxthermo.geometry.shapes import box
 from jaxthermo.physics.boundary import Convection, FixedTemperature
 from jaxthermo.scene.scene import Body, MaterialLabels
-from jaxthermo.structures.full import FullVolume
-from jaxthermo.voxels.select import FragmentMask, Side
+from jaxthermo.structures.kinds.full import FullVolume
+from jaxthermo.voxels.selection import FragmentMask, Side
 from jaxthermo.voxels.voxelize import voxelize
 
 from .bodies import LEFT, layered

@@ -6,13 +6,13 @@ import numpy as np
 
 from jaxthermo.geometry.pose import Pose
 from jaxthermo.geometry.shapes import box
-from jaxthermo.integrate.simulate import simulate
+from jaxthermo.integrate.run.simulate import simulate
 from jaxthermo.integrate.solvers import ForwardEuler
-from jaxthermo.material import Material
+from jaxthermo.material.material import Material
 from jaxthermo.physics.contact.links import Contact, bonded
 from jaxthermo.scene.scene import Body, MaterialMap, Scene
-from jaxthermo.structures.full import FullVolume
-from jaxthermo.voxels.select import Region
+from jaxthermo.structures.kinds.full import FullVolume
+from jaxthermo.voxels.selection import Region
 from jaxthermo.voxels.voxelize import voxelize
 
 from .bodies import FOURIER, LEFT, RIGHT, bar

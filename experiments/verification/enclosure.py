@@ -6,10 +6,10 @@ from jaxthermo.geometry.mesh import Mesh
 from jaxthermo.geometry.shapes import sphere
 from jaxthermo.physics.boundary import FixedTemperature
 from jaxthermo.physics.heat_source import HeatSource
-from jaxthermo.physics.radiation.mutual import RadiativeExchange
+from jaxthermo.physics.radiation.radiative_exchange import RadiativeExchange
 from jaxthermo.scene.scene import Body
-from jaxthermo.structures.full import FullVolume
-from jaxthermo.voxels.select import Everything, FragmentMask
+from jaxthermo.structures.kinds.full import FullVolume
+from jaxthermo.voxels.selection import Everything, FragmentMask
 from jaxthermo.voxels.voxelize import voxelize
 
 from .case import Case, Measured, Value

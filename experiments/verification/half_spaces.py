@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from jaxthermo.integrate.simulate import simulate
+from jaxthermo.integrate.run.simulate import simulate
 from jaxthermo.integrate.solvers import ForwardEuler
-from jaxthermo.material import Material
+from jaxthermo.material.material import Material
 from jaxthermo.physics.boundary import Convection, FixedTemperature, HeatFlux
 from jaxthermo.scene.scene import Body, Scene
-from jaxthermo.structures.full import FullVolume
+from jaxthermo.structures.kinds.full import FullVolume
 
 from .bodies import FOURIER, LEFT, bar, between
 from .case import ZERO_CELSIUS, Case, Measured, Order, Value, largest_error, values

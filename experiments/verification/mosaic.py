@@ -6,8 +6,8 @@ from jaxthermo.geometry.shapes import box
 from jaxthermo.physics.boundary import FixedTemperature, HeatFlux
 from jaxthermo.physics.heat_source import HeatSource
 from jaxthermo.scene.scene import Body
-from jaxthermo.structures.full import FullVolume
-from jaxthermo.voxels.select import Region
+from jaxthermo.structures.kinds.full import FullVolume
+from jaxthermo.voxels.selection import Region
 from jaxthermo.voxels.voxelize import voxelize
 
 from .bodies import LEFT, RIGHT

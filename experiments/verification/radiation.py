@@ -5,9 +5,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxthermo.constants import STEFAN_BOLTZMANN
-from jaxthermo.integrate.simulate import simulate
+from jaxthermo.integrate.run.simulate import simulate
 from jaxthermo.integrate.solvers import ForwardEuler
-from jaxthermo.material import Material
+from jaxthermo.material.material import Material
 from jaxthermo.physics.convection.cross_flow import local_nusselt
 from jaxthermo.physics.convection.nusselt import AVERAGES
 from jaxthermo.physics.radiation.emission import Surroundings
@@ -20,7 +20,7 @@ from jaxthermo.reference.patch_quadrature import (
     view_factor_to_polygon,
 )
 from jaxthermo.scene.scene import Body, Scene
-from jaxthermo.structures.full import FullVolume
+from jaxthermo.structures.kinds.full import FullVolume
 
 from .bodies import bar
 from .case import Bound, Case, Measured, Value, values

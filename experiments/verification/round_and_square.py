@@ -3,14 +3,14 @@
 import numpy as np
 
 from jaxthermo.geometry.shapes import box, cylinder
-from jaxthermo.integrate.simulate import simulate
+from jaxthermo.integrate.run.simulate import simulate
 from jaxthermo.integrate.solvers import TRBDF2, ForwardEuler
-from jaxthermo.material import Material
+from jaxthermo.material.material import Material
 from jaxthermo.physics.boundary import Convection
 from jaxthermo.physics.radiation.emission import Surroundings
 from jaxthermo.scene.scene import Body, Scene
-from jaxthermo.structures.full import FullVolume
-from jaxthermo.voxels.select import FragmentMask
+from jaxthermo.structures.kinds.full import FullVolume
+from jaxthermo.voxels.selection import FragmentMask
 from jaxthermo.voxels.voxelize import voxelize
 
 from .bodies import bar

@@ -3,17 +3,17 @@
 import numpy as np
 
 from jaxthermo.geometry.pose import Pose
-from jaxthermo.integrate.solution import SteadySolution
-from jaxthermo.integrate.steady import steady
-from jaxthermo.material import Material
+from jaxthermo.integrate.run.solution import SteadySolution
+from jaxthermo.integrate.steady.steady import steady
+from jaxthermo.material.material import Material
 from jaxthermo.physics.boundary import Convection, FixedTemperature, HeatFlux
 from jaxthermo.physics.contact.links import Contact
 from jaxthermo.physics.heat_source import HeatSource
 from jaxthermo.physics.radiation.emission import Surroundings
 from jaxthermo.physics.radiation.source import Sun
 from jaxthermo.scene.scene import Body, MaterialMap, Scene
-from jaxthermo.structures.full import FullVolume
-from jaxthermo.voxels.select import Region, Side
+from jaxthermo.structures.kinds.full import FullVolume
+from jaxthermo.voxels.selection import Region, Side
 from jaxthermo.voxels.voxelize import voxelize
 
 from .bodies import LEFT, RIGHT, Bar, bar, between, mirrored

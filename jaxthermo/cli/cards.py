@@ -2,10 +2,10 @@
 
 from ..config.card_file import load_card
 from ..config.schema import SceneConfig
-from ..scene.compile import mechanism_names
-from ..scene.numbers import body_numbers
+from ..scene.compile.compile import mechanism_names
+from ..scene.dimensionless_groups import body_numbers
 from ..scene.scene import Scene
-from ..structures.card import outside
+from ..structures.fit_card import outside
 
 
 def card_warnings(config: SceneConfig, scene: Scene) -> list[str]:

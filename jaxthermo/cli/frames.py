@@ -14,9 +14,9 @@ from ..errors import InputError
 from ..image.files import write_exr, write_png
 from ..image.render import Image, coarsen, draw
 from ..image.view import View, look, standing
-from ..integrate.store import StoredSolution
+from ..integrate.run.solution_file import StoredSolution
 from ..physics.term import AbstractTerm
-from ..scene.surface import SolvedSurface
+from ..scene.solved_surface import SolvedSurface
 from .files import earlier_frames, frame_names, prepare_folder
 
 

@@ -6,7 +6,7 @@ from ..config.build import build_term
 from ..config.loader import load_config
 from ..config.schema import SceneConfig
 from ..errors import InputError
-from ..integrate.store import load_solution
+from ..integrate.run.solution_file import load_solution
 from ..precision import precision
 from .console import doing, open_console, tell
 from .files import FRAMES, results_folder

@@ -8,11 +8,11 @@ from rich.console import Console
 from rich.table import Table
 
 from ..constants import ZERO_CELSIUS
-from ..geometry.verdict import verdict_line
+from ..geometry.mesh_report import verdict_line
 from ..image.ticks import time_label
-from ..integrate.adaptive import AdaptiveStepper
-from ..integrate.simulate import Plan
-from ..integrate.solution import Solution
+from ..integrate.implicit.adaptive import AdaptiveStepper
+from ..integrate.run.simulate import Plan
+from ..integrate.run.solution import Solution
 from ..memory import readable_bytes
 from ..scene.scene import Scene
 from .console import tell

@@ -14,7 +14,7 @@ from ..config.schema import SceneConfig
 from ..config.schema_image import ImageConfig, PinholeConfig
 from ..errors import InputError
 from ..image.ticks import time_label
-from ..integrate.segments import (
+from ..integrate.run.segments import (
     Progress,
     begin,
     compile_segments,
@@ -25,9 +25,9 @@ from ..integrate.segments import (
     steps_done,
     time_reached,
 )
-from ..integrate.simulate import Plan, plan
-from ..integrate.solution import RESULTS, Solution
-from ..integrate.store import StoredSolution, save_solution
+from ..integrate.run.simulate import Plan, plan
+from ..integrate.run.solution import RESULTS, Solution
+from ..integrate.run.solution_file import StoredSolution, save_solution
 from ..precision import precision
 from ..scene.scene import Scene
 from ..structures.report import structure_report

@@ -16,10 +16,10 @@ import numpy as np
 from ..atomic import replacing
 from ..config.loader import config_hash, resolved
 from ..config.schema import SceneConfig
-from ..geometry.verdict import describe_mesh
-from ..integrate.ledger import BodyEnergy, Energy
-from ..integrate.solution import RESULTS, Solution
-from ..integrate.stage import Effort
+from ..geometry.mesh_report import describe_mesh
+from ..integrate.implicit.newton_stage import Effort
+from ..integrate.run.ledger import BodyEnergy, Energy
+from ..integrate.run.solution import RESULTS, Solution
 from ..scene.scene import Scene
 
 

@@ -1,9 +1,9 @@
 """From a validated config to what bodies are made of."""
 
-from ..material import Material
-from ..materials import materials
+from ..material.material import Material
+from ..material.table import materials
 from ..scene.scene import AbstractMaterials, MaterialLabels, MaterialMap
-from ..voxels.select import Region
+from ..voxels.selection import Region
 from .array_files import read_labels
 from .build_varying import build_property
 from .schema_geometry import BodyConfig

@@ -1,6 +1,6 @@
 """From a validated config to where a term acts."""
 
-from ..voxels.select import (
+from ..voxels.selection import (
     AbstractSelection,
     AbstractSpace,
     Everything,

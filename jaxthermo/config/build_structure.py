@@ -4,16 +4,16 @@ from collections.abc import Mapping
 from typing import Any, assert_never
 
 from ..errors import InputError
-from ..structures.aggregate import Aggregate
-from ..structures.full import FullVolume
-from ..structures.irregular import IrregularMultiLevel
-from ..structures.multilevel import MultiLevel
-from ..structures.octree import Octree
-from ..structures.partition import Partition
-from ..structures.shell import SingleShell
-from ..structures.shell_over_core import ShellOverCore
+from ..structures.kinds.aggregate import Aggregate
+from ..structures.kinds.full import FullVolume
+from ..structures.kinds.irregular import IrregularMultiLevel
+from ..structures.kinds.multilevel import MultiLevel
+from ..structures.kinds.octree import Octree
+from ..structures.kinds.partition import Partition
+from ..structures.kinds.shell import SingleShell
+from ..structures.kinds.shell_over_core import ShellOverCore
 from ..structures.structure import AbstractStructure
-from ..structures.surface_map import (
+from ..structures.surface.surface_map import (
     AbstractSurfaceMap,
     ConstantMap,
     FluxCorrectedMap,

@@ -2,9 +2,9 @@
 
 from typing import Any
 
-from ..physics.radiation.travel import DirectionTable, PointTable
-from ..physics.values import Table, Until
-from ..property import Property
+from ..material.property import Property
+from ..physics.radiation.moving_source import DirectionTable, PointTable
+from ..physics.time_varying import Table, Until
 from . import schema_varying as schema
 
 

@@ -11,7 +11,7 @@ _PACKAGE = Path(__file__).parents[1]
 
 @cache
 def material_names() -> tuple[str, ...]:
-    """Names and aliases of `jaxthermo.materials`."""
+    """Names and aliases of `jaxthermo.material.table`."""
     table = _PACKAGE / "data" / "names.csv"
     with table.open(encoding="utf-8", newline="") as lines:
         rows = list(csv.DictReader(lines))

@@ -15,8 +15,8 @@ from .distance import (
     smooth_intersection,
     smooth_union,
 )
-from .frame import positive_length
 from .mesh import Mesh
+from .units_and_axes import positive_length
 
 
 # Lengths in units of the height. The figure looks along -y; its right is at -x.

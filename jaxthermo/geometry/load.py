@@ -15,9 +15,9 @@ from jaxtyping import Float, Int
 from jaxthermo.errors import InputError
 
 from .file_checks import declared_counts, file_fault, plain_obj
-from .frame import axes_for_up, metres_per_unit, positive_length, turn_matrix
 from .mesh import Mesh
 from .repair import MAX_HOLE_EDGES, repair_mesh
+from .units_and_axes import axes_for_up, metres_per_unit, positive_length, turn_matrix
 
 
 FORMATS = (".obj", ".ply", ".stl", ".glb", ".off")

@@ -10,8 +10,8 @@ from jaxtyping import Float, Int
 from jaxthermo.errors import InputError
 
 from .figurine import figurine
-from .frame import positive_length
 from .mesh import Mesh
+from .units_and_axes import positive_length
 
 
 __all__ = ["box", "cylinder", "figurine", "slab", "sphere"]

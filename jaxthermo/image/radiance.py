@@ -14,7 +14,7 @@ from ..constants import STEFAN_BOLTZMANN
 from ..physics.boundary import Convection
 from ..physics.radiation.emission import Surroundings
 from ..physics.term import AbstractTerm
-from ..physics.values import value_at
+from ..physics.time_varying import value_at
 
 
 DEFAULT_SURROUNDINGS = 293.15

@@ -8,10 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..integrate.solution import AbstractSolution
-from ..physics.values import value_at
+from ..integrate.run.solution import AbstractSolution
+from ..physics.time_varying import value_at
 from ..precision import precision
-from ..scene.surface import SolvedSurface
+from ..scene.solved_surface import SolvedSurface
 from .camera import AbstractCamera
 from .radiance import (
     apparent_temperature,

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from ..scene.surface import BodyGeometry
+from ..scene.solved_surface import BodyGeometry
 
 
 REACH = 2.0

@@ -9,7 +9,7 @@ from ..errors import InputError
 from ..physics.radiation.source import AbstractSource
 from ..physics.term import AbstractTerm
 from ..raster.layers import peel
-from ..scene.surface import SolvedSurface
+from ..scene.solved_surface import SolvedSurface
 from .camera import AbstractCamera
 from .smooth import PixelWeights, block_weights, smooth_weights
 

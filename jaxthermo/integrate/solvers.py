@@ -21,18 +21,23 @@ import numpy as np
 from ..errors import InputError
 from ..network.multigrid import Hierarchy, hierarchy
 from ..network.nonlinear import NonlinearNetwork
-from ..physics.values import SAMPLES
-from ..scene.program import BodyProgram, Compiled, Program
+from ..physics.time_varying import SAMPLES
+from ..scene.compile.program import BodyProgram, Compiled, Program
 from ..scene.scene import Scene
 from ..structures.structure import AbstractStructure
-from .adaptive import AdaptiveStepper
-from .dirk import BACKWARD_EULER, CRANK_NICOLSON, TR_BDF2, ImplicitStepper
-from .euler import EulerStepper
-from .legendre import LegendreStepper, stages_for
-from .means import parts_of
-from .schedule import END_SHARE
-from .state import AbstractStepper
-from .tools import Tools
+from .explicit.euler import EulerStepper
+from .explicit.rkl2 import LegendreStepper, stages_for
+from .implicit.adaptive import AdaptiveStepper
+from .implicit.context import Tools
+from .implicit.deflation import parts_of
+from .implicit.runge_kutta import (
+    BACKWARD_EULER,
+    CRANK_NICOLSON,
+    TR_BDF2,
+    ImplicitStepper,
+)
+from .run.schedule import END_SHARE
+from .run.state import AbstractStepper
 
 
 KELVIN = {"float32": 1e-4, "float64": 1e-9}

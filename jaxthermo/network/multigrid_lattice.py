@@ -12,10 +12,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .axes import AxisStencil
-from .lattice import LatticeStencil
+from .heterogeneous_stencil import LatticeStencil
 from .multigrid_cycle import AbstractTransfer
 from .network import AbstractNetwork
+from .orthotropic_stencil import AxisStencil
 from .stencil import UniformStencil
 
 

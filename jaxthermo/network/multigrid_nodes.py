@@ -18,10 +18,10 @@ from jaxtyping import Array, Float, Int
 from ..arrays import members
 from ..geometry.connectivity import connected_labels
 from ..structures.structure import AbstractBuiltStructure, AbstractStructure
-from .links import LinkNetwork
+from .coo_operator import LinkNetwork
+from .ell_operator import RowLayout, RowNetwork, row_layout, row_network
 from .multigrid_cycle import AbstractTransfer
 from .network import AbstractNodeNetwork, slot_sums
-from .rows import RowLayout, RowNetwork, row_layout, row_network
 
 
 LEAST_SHRINKING = 0.9

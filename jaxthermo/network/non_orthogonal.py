@@ -15,9 +15,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..structures.gradient import Gradient, gradient_at
-from ..structures.sideways import Sideways
+from ..structures.build.non_orthogonality import Sideways
 from ..structures.structure import AbstractStructure
+from ..structures.surface.gradient import Gradient, gradient_at
 from .network import AbstractNodeNetwork, inverse
 
 

@@ -19,8 +19,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .kirchhoff_transform import Primitive
 from .network import AbstractNetwork, inverse
-from .primitive import Primitive
 
 
 ROWS = 4

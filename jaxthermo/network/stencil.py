@@ -9,9 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, UInt8
 
-from .faces import face_heat_rate
+from .face_flux import face_heat_rate
 from .network import AbstractNetwork, precise_sum
-from .symmetric import Operator, computed_once, conduct, conduct_step
+from .self_adjoint_primitive import Operator, computed_once, conduct, conduct_step
 
 
 def solid_degree(solid: Bool[np.ndarray, "x y z"]) -> np.ndarray:

@@ -27,7 +27,7 @@ from .term import (
     Surface,
     binding,
 )
-from .values import (
+from .time_varying import (
     check_value,
     for_jit,
     is_number,

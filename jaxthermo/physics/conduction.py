@@ -21,17 +21,17 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..errors import InputError
-from ..material import Material
-from ..network.axes import AxisStencil, solid_degrees
-from ..network.lattice import LatticeStencil
+from ..material.material import Material
+from ..network.ell_operator import row_layout, row_network
+from ..network.heterogeneous_stencil import LatticeStencil
 from ..network.network import AbstractNetwork, inverse, precise_sum
 from ..network.non_orthogonal import non_orthogonal
-from ..network.rows import row_layout, row_network
+from ..network.orthotropic_stencil import AxisStencil, solid_degrees
 from ..network.stencil import UniformStencil, solid_degree
-from ..structures.full import FullVolume
-from ..structures.sideways import sideways_links
+from ..structures.build.non_orthogonality import sideways_links
+from ..structures.build.voxel_to_node import link_axes, nearest_volume
+from ..structures.kinds.full import FullVolume
 from ..structures.structure import AbstractStructure
-from ..structures.voxel_share import link_axes, nearest_volume
 from ..tracing import is_traced
 
 

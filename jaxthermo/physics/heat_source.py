@@ -6,11 +6,11 @@ import numpy as np
 from jaxtyping import Float
 
 from ..errors import InputError
+from ..structures.build.voxel_to_node import volume_within
 from ..structures.structure import AbstractStructure
-from ..structures.voxel_share import volume_within
-from ..voxels.select import AbstractSpace
+from ..voxels.selection import AbstractSpace
 from .term import AbstractTerm, Drive, LeftOut
-from .values import check_value, is_zero
+from .time_varying import check_value, is_zero
 
 
 class VolumeBinding(NamedTuple):

@@ -16,13 +16,13 @@ from jaxtyping import Array, Float, Int
 
 from ..array_types import Scalar
 from ..errors import InputError
-from ..material import Material
+from ..material.material import Material
+from ..material.property import Property
+from ..network.kirchhoff_transform import primitive
 from ..network.network import AbstractNetwork
 from ..network.nonlinear import NonlinearNetwork
-from ..network.primitive import primitive
-from ..property import Property
+from ..structures.build.voxel_to_node import voxel_owner
 from ..structures.structure import AbstractStructure
-from ..structures.voxel_share import voxel_owner
 from .conduction import assemble_mixed, assemble_uniform
 
 

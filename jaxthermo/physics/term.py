@@ -22,7 +22,7 @@ from ..geometry.pose import Pose
 from ..network.network import precise_sum
 from ..tracing import is_traced
 from ..voxels.grid import VoxelGrid
-from ..voxels.select import AbstractSelection
+from ..voxels.selection import AbstractSelection
 
 
 Values = Array | np.ndarray

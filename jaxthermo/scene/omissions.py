@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from .bind import Bound
-from .contacts import Touching
-from .program import Entry
+from .compile.contacts import Touching
+from .compile.program import Entry
+from .compile.surface_terms import Bound
 from .receipt import Omission, Part
 from .scene import AbstractMaterials, Scene
 

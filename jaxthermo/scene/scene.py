@@ -10,14 +10,14 @@ from jaxtyping import Array, Float, Int
 
 from ..errors import InputError
 from ..geometry.pose import Pose
-from ..materials import Material
+from ..material.table import Material
 from ..physics.material_network import checked_labels, node_materials
 from ..physics.term import AbstractTerm
 from ..structures.structure import AbstractStructure
-from ..structures.surface_map import AbstractSurfaceMap, FluxCorrectedMap
+from ..structures.surface.surface_map import AbstractSurfaceMap, FluxCorrectedMap
 from ..tracing import is_traced
 from ..voxels.grid import VoxelGrid
-from ..voxels.select import Region
+from ..voxels.selection import Region
 from .motion import Motion
 
 

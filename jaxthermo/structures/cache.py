@@ -93,7 +93,7 @@ def _code() -> str:
     """Hash of the files that build voxels and structures: edited ones build anew."""
     digest = hashlib.sha256()
     here = Path(__file__).parent
-    for path in sorted([*here.glob("*.py"), *here.parent.glob("voxels/*.py")]):
+    for path in sorted([*here.rglob("*.py"), *here.parent.glob("voxels/*.py")]):
         digest.update(path.read_bytes())
     return digest.hexdigest()
 

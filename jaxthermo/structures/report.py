@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from .irregular import IrregularMultiLevel
+from .kinds.irregular import IrregularMultiLevel
 from .structure import AbstractStructure
 
 

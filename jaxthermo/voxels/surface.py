@@ -12,8 +12,8 @@ from jaxtyping import Bool, Float, Int
 
 from ..geometry.mesh import Mesh
 from ..raster.layers import DepthLayers
-from .crossings import hidden_inside, select, thickness_behind
 from .fill import first_cell_behind
+from .ray_parity import hidden_inside, select, thickness_behind
 from .views import pixel_axes
 
 

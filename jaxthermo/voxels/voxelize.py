@@ -12,7 +12,7 @@ from .grid import LayerCounts, VoxelGrid
 from .lattice import Lattice, check_pitch, lattice_around
 from .scaling import true_scaling
 from .surface import AxisFragments, attach_to_solid, axis_fragments, face_axes
-from .thin import report_thin_parts
+from .thin_wall_report import report_thin_parts
 from .views import peel_axes
 
 

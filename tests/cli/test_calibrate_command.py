@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 from cli_runs import run
 
-from calibrate import pictures
 from calibrate.__main__ import main
-from calibrate.progress import Progress
+from calibrate.report import pictures
+from calibrate.solvers.checkpoint import Progress
 from jaxthermo.__main__ import main as simulate
 from tests.calibrating import SPHERE
 
@@ -111,7 +111,7 @@ def test_values_too_many_to_judge_are_told_as_one(fitted, tmp_path):
     folder, _ = fitted
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(pictures, "SIDE", 60)
-        patch.setattr("calibrate.fit.MOST_JUDGED", 0)
+        patch.setattr("calibrate.solvers.fit.MOST_JUDGED", 0)
         code, out, err = _calibrate("fit", folder / "fit.yaml", "--out", tmp_path)
     assert code == 0
     assert "not judged" in out + err

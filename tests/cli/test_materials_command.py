@@ -3,8 +3,8 @@
 import pytest
 
 from jaxthermo.__main__ import main
-from jaxthermo.material_data import emissivity_rows, material_rows
-from jaxthermo.materials import find_materials
+from jaxthermo.material.data import emissivity_rows, material_rows
+from jaxthermo.material.table import find_materials
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.material import Material
+from jaxthermo.material.material import Material
 from jaxthermo.physics.conduction import across, assemble_uniform, surface_conductivity
 from jaxthermo.physics.material_network import conductivity_table, materials_network
 from jaxthermo.reference.sine_mode import (

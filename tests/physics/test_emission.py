@@ -8,11 +8,11 @@ import pytest
 
 import jaxthermo as jt
 from jaxthermo.constants import STEFAN_BOLTZMANN
-from jaxthermo.physics.balance import SurfaceTerms
 from jaxthermo.physics.radiation.emission import Emission
+from jaxthermo.physics.surface_energy_balance import SurfaceTerms
 from jaxthermo.physics.term import bound
 from jaxthermo.reference.lumped import radiation_temperature
-from jaxthermo.scene.compile import compile_scene
+from jaxthermo.scene.compile.compile import compile_scene
 from tests.bodies import bar
 
 

@@ -7,7 +7,7 @@ import jaxthermo as jt
 from jaxthermo.errors import InputError
 from jaxthermo.physics.heat_source import HeatSource, VolumeBinding
 from jaxthermo.physics.term import LeftOut
-from jaxthermo.voxels.select import Everything, FragmentMask, Region, Side
+from jaxthermo.voxels.selection import Everything, FragmentMask, Region, Side
 from tests.bodies import bar, blocks, depth, on_top
 
 

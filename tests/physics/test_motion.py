@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.integrate.segments import begin, finish, segments
-from jaxthermo.integrate.simulate import plan
+from jaxthermo.integrate.run.segments import begin, finish, segments
+from jaxthermo.integrate.run.simulate import plan
 from jaxthermo.scene.motion import Motion, PoseTable
 
 

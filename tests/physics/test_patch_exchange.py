@@ -9,7 +9,7 @@ import pytest
 from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.errors import InputError
 from jaxthermo.geometry.shapes import box, sphere
-from jaxthermo.physics.radiation.exchange import (
+from jaxthermo.physics.radiation.radiosity import (
     exchange_of,
     net_exchange,
     patch_exchange,

@@ -6,7 +6,7 @@ import pytest
 import jaxthermo as jt
 from jaxthermo.geometry.shapes import box, sphere
 from jaxthermo.physics.radiation.source import Sun
-from jaxthermo.scene.compile import compile_scene
+from jaxthermo.scene.compile.compile import compile_scene
 from jaxthermo.voxels.voxelize import voxelize
 
 

@@ -8,9 +8,9 @@ import pytest
 
 import jaxthermo as jt
 from jaxthermo.constants import STEFAN_BOLTZMANN
-from jaxthermo.physics.balance import SurfaceTerms
 from jaxthermo.physics.boundary import Exchange, ImposedFlux
 from jaxthermo.physics.radiation.emission import Emission
+from jaxthermo.physics.surface_energy_balance import SurfaceTerms
 from jaxthermo.physics.term import bound
 from tests.bodies import bar
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
+from jaxthermo.material.property import Property
 from jaxthermo.physics.material_network import material_network
-from jaxthermo.property import Property
 from tests.bodies import blocks
 
 

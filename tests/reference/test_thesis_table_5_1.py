@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.materials import thesis_material
+from jaxthermo.material.table import thesis_material
 from tests.bodies import bar
 
 

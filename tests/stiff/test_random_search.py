@@ -13,16 +13,16 @@ import pytest
 from hypothesis import HealthCheck, given, settings, strategies as st
 
 import jaxthermo as jt
-from jaxthermo.integrate import adaptive
-from jaxthermo.integrate.schedule import legs
-from jaxthermo.integrate.simulate import (
+from jaxthermo.integrate.implicit import adaptive
+from jaxthermo.integrate.run.schedule import legs
+from jaxthermo.integrate.run.simulate import (
     conclude,
     layout_table,
     plan,
     run_all,
     start,
 )
-from jaxthermo.integrate.solution import RESULTS
+from jaxthermo.integrate.run.solution import RESULTS
 from jaxthermo.integrate.solvers import KELVIN
 from jaxthermo.precision import precision
 from tests.bodies import blocks

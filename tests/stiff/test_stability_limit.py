@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.integrate.advance import advance
-from jaxthermo.integrate.euler import EulerStepper
-from jaxthermo.integrate.ledger import empty_ledger
-from jaxthermo.integrate.state import RunState
-from jaxthermo.scene.compile import compile_scene
+from jaxthermo.integrate.explicit.euler import EulerStepper
+from jaxthermo.integrate.run.ledger import empty_ledger
+from jaxthermo.integrate.run.state import RunState
+from jaxthermo.integrate.run.time_loop import advance
+from jaxthermo.scene.compile.compile import compile_scene
 from tests.bodies import blocks
 
 

@@ -13,6 +13,7 @@ import jaxthermo
 
 ROOT = Path(__file__).resolve().parents[2]
 ORDER = [
+    "material",
     "geometry",
     "raster",
     "voxels",

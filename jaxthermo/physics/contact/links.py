@@ -16,7 +16,7 @@ from jaxtyping import Array, Float, Int
 from ...errors import InputError
 from ...network.network import Address, precise_sum
 from ..term import AbstractTerm, Drive
-from ..values import check_value, largest, value_at
+from ..time_varying import check_value, largest, value_at
 from .conductance import closeness, contact_conductance_of
 
 

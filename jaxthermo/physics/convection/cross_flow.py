@@ -26,8 +26,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .air import conductivity, kinematic_viscosity, prandtl
-from .knots import cylinder_knots
 from .nusselt import Average, NamedAverage
+from .nusselt_table import cylinder_knots
 from .pchip import Pchip, pchip
 
 

@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 
 from ...tracing import is_traced
 from ..term import AbstractLaw, Reach
-from ..values import largest, value_at
+from ..time_varying import largest, value_at
 from .film_bounds import MISSED, film_derivatives, film_reach
 from .film_polynomial import HIGHEST, LOWEST, film_place, horner
 from .speed_table import OVERSHOOT, SpeedTable

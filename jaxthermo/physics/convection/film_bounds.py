@@ -11,7 +11,7 @@ from jaxtyping import Float
 from numpy.polynomial import polynomial
 
 from ..term import Reach
-from ..values import largest, smallest
+from ..time_varying import largest, smallest
 from .film_polynomial import HALF, HIGHEST, LOWEST, MIDDLE, SHIFT
 
 

@@ -33,7 +33,7 @@ from ..term import (
     Surface,
     binding,
 )
-from ..values import check_value, for_jit, largest, value_at
+from ..time_varying import check_value, for_jit, largest, value_at
 from .churchill_chu import CYLINDER, CYLINDER_RISE, PLATE, film_factors
 from .film_bounds import MISSED, film_derivatives, film_reach
 from .film_polynomial import (

@@ -25,7 +25,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ...errors import InputError
-from .knots import PROFILE_PRANDTL, cylinder_knots
+from .nusselt_table import PROFILE_PRANDTL, cylinder_knots
 from .pchip import Pchip, pchip
 
 

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..values import value_at
+from ..time_varying import value_at
 
 
 SMALL_SPEED = 1e-6

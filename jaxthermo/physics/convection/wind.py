@@ -35,14 +35,9 @@ from ..term import (
     Values,
     binding,
 )
-from ..values import check_value, for_jit, is_zero, largest
+from ..time_varying import check_value, for_jit, is_zero, largest
 from .air import kinematic_viscosity
-from .cross_flow import doubts, surface_harmonics
-from .downstream import diameters_behind
-from .film import FilmExchange
-from .nusselt import named_average
-from .speed_table import speed_nodes, speed_table
-from .stream import (
+from .approach_flow import (
     Groups,
     Stream,
     at_places,
@@ -51,7 +46,12 @@ from .stream import (
     highest_speed,
     known_largest,
 )
-from .wake import wake_share
+from .cross_flow import doubts, surface_harmonics
+from .film import FilmExchange
+from .nusselt import named_average
+from .speed_table import speed_nodes, speed_table
+from .wake_deficit import wake_share
+from .wake_distance import diameters_behind
 
 
 SPEEDS = 25

@@ -20,7 +20,7 @@ from ...errors import InputError
 from ...raster.directions import unit_vector, view_frame
 from ...tracing import is_traced
 from ..term import Drive, Surface
-from ..values import check_value, largest, value_at
+from ..time_varying import check_value, largest, value_at
 from .polygon import polygon_view_factor
 from .shadow import lit_share_from
 from .source import (

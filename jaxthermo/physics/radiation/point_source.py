@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from ...errors import InputError
 from ..term import Drive, Surface
-from ..values import check_value, largest
+from ..time_varying import check_value, largest
 from .shadow import lit_share_from
 from .source import (
     AbstractSource,

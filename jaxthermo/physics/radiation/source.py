@@ -22,7 +22,7 @@ from ...errors import InputError
 from ...raster.directions import unit_vector
 from ..boundary import ImposedFlux
 from ..term import AbstractSurfaceTerm, Binding, Drive, LeftOut, Surface, binding
-from ..values import check_value, for_jit, is_zero, largest
+from ..time_varying import check_value, for_jit, is_zero, largest
 from .shadow import lit_share
 
 

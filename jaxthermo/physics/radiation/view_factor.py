@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...errors import InputError
-from .sight_lines import PatchedBody, Sight, all_round, towards
+from .view_factors import PatchedBody, Sight, all_round, towards
 
 
 DIRECTIONS = 128

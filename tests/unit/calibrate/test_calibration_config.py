@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from calibrate.build import build_parameters
-from calibrate.config import calibration_hash, load_calibration, scene_config
+from calibrate.config.loader import calibration_hash, load_calibration, scene_config
+from calibrate.problem.build import build_parameters
 from jaxthermo.config.build import build_scene
 
 

@@ -5,14 +5,14 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from calibrate.fit import Fitting
-from calibrate.frames import frame_target, frames_of, see
-from calibrate.identifiability import identify
-from calibrate.parameters import Parameter, ParameterSet
-from calibrate.problem import Case, Problem
-from calibrate.search import Setting
-from jaxthermo.integrate.response import Response
-from jaxthermo.scene.compile import compile_scene
+from calibrate.analysis.identifiability import identify
+from calibrate.problem.parameters import Parameter, ParameterSet
+from calibrate.problem.problem import Case, Problem
+from calibrate.problem.thermogram_targets import frame_target, frames_of, see
+from calibrate.solvers.fit import Fitting
+from calibrate.solvers.search import Setting
+from jaxthermo.integrate.run.parametric_run import Response
+from jaxthermo.scene.compile.compile import compile_scene
 from tests.bodies import blocks
 
 

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from calibrate.decide import STILL
-from calibrate.fit import Fitting
-from calibrate.parameters import Parameter
-from calibrate.search import Setting
-from calibrate.starts import design
-from calibrate.targets import SurfaceTarget
+from calibrate.problem.parameters import Parameter
+from calibrate.problem.targets import SurfaceTarget
+from calibrate.solvers.fit import Fitting
+from calibrate.solvers.search import Setting
+from calibrate.solvers.starts import design
+from calibrate.solvers.stopping_rule import STILL
 from tests.calibrating import BETWEEN, TRUTH, WITHIN, twin
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from calibrate.identifiability import identify, information_gain
-from calibrate.parameters import Parameter, ParameterSet
+from calibrate.analysis.identifiability import identify, information_gain
+from calibrate.problem.parameters import Parameter, ParameterSet
 
 
 def _set(count, lower=0.01, upper=100.0):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from calibrate.parameters import Parameter, ParameterSet, Prior, Smoothness
-from calibrate.paths import find, get
+from calibrate.problem.parameter_paths import find, get
+from calibrate.problem.parameters import Parameter, ParameterSet, Prior, Smoothness
 from tests.calibrating import scene
 
 

@@ -14,17 +14,18 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from calibrate import pictures, report
-from calibrate.build import Built, build
-from calibrate.charts import (
+from calibrate.config.loader import load_calibration
+from calibrate.problem.build import Built, build
+from calibrate.problem.problem import Problem
+from calibrate.report import page as report, pictures
+from calibrate.report.charts import (
     correlation_chart,
     error_chart,
     loss_chart,
     parameter_charts,
 )
-from calibrate.config import load_calibration
-from calibrate.fit import Fit
-from calibrate.pictures import (
+from calibrate.report.page import write_report
+from calibrate.report.pictures import (
     Answers,
     answers,
     close_up,
@@ -32,9 +33,8 @@ from calibrate.pictures import (
     frame_picture,
     whole,
 )
-from calibrate.problem import Problem
-from calibrate.report import write_report
-from calibrate.words import MEANING, summary
+from calibrate.report.text_summary import MEANING, summary
+from calibrate.solvers.fit import Fit
 from jaxthermo.precision import precision
 from tests.calibrating import SPHERE
 

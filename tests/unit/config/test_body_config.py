@@ -12,8 +12,8 @@ from jaxthermo.config.build_pose import build_pose
 from jaxthermo.config.loader import config_hash, load_config, to_yaml
 from jaxthermo.config.schema_pose import MotionConfig
 from jaxthermo.errors import InputError
-from jaxthermo.material import Material
-from jaxthermo.property import Property
+from jaxthermo.material.material import Material
+from jaxthermo.material.property import Property
 from jaxthermo.scene.motion import Motion
 from jaxthermo.scene.scene import MaterialLabels
 

@@ -22,13 +22,13 @@ from jaxthermo.config.schema_pose import PoseConfig
 from jaxthermo.geometry import shapes
 from jaxthermo.image.camera import Camera, OrthographicCamera
 from jaxthermo.integrate.solvers import ForwardEuler
-from jaxthermo.materials import materials
+from jaxthermo.material.table import materials
 from jaxthermo.physics.boundary import Convection, FixedTemperature, HeatFlux
 from jaxthermo.physics.radiation.emission import Surroundings
 from jaxthermo.physics.radiation.source import Sun
-from jaxthermo.physics.values import Table, Until
+from jaxthermo.physics.time_varying import Table, Until
 from jaxthermo.scene.scene import MaterialMap
-from jaxthermo.voxels.select import Region, Side
+from jaxthermo.voxels.selection import Region, Side
 
 
 SCENE = """

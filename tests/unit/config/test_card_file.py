@@ -9,7 +9,7 @@ import jaxthermo as jt
 from jaxthermo.config.build import build_scene
 from jaxthermo.config.card_file import load_card, write_card
 from jaxthermo.config.loader import load_config, to_yaml
-from jaxthermo.structures.card import FitCard, outside
+from jaxthermo.structures.fit_card import FitCard, outside
 from tests.bodies import blocks
 
 

@@ -5,8 +5,8 @@ import pytest
 
 from jaxthermo.errors import InputError
 from jaxthermo.geometry import shapes
+from jaxthermo.geometry.mesh_report import describe_mesh
 from jaxthermo.geometry.repair import repair_mesh
-from jaxthermo.geometry.verdict import describe_mesh
 
 
 ALL = [

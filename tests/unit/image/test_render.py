@@ -11,7 +11,7 @@ from jaxthermo.image.radiance import apparent_temperature, leaving_radiance
 from jaxthermo.image.render import coarsen, draw
 from jaxthermo.image.smooth import block_weights, smooth_weights
 from jaxthermo.image.view import look, winding_number
-from jaxthermo.scene.surface import SolvedSurface, body_geometry
+from jaxthermo.scene.solved_surface import SolvedSurface, body_geometry
 
 
 METAL = jt.Material(

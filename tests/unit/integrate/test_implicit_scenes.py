@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.integrate.segments import begin, finish, segments
-from jaxthermo.integrate.simulate import plan
-from jaxthermo.property import Property
+from jaxthermo.integrate.run.segments import begin, finish, segments
+from jaxthermo.integrate.run.simulate import plan
+from jaxthermo.material.property import Property
 from tests.bodies import blocks
 
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 
 from jaxthermo.errors import InputError
-from jaxthermo.integrate.schedule import legs, save_times, schedule
+from jaxthermo.integrate.run.schedule import legs, save_times, schedule
 
 
 TIMES = st.lists(

@@ -8,8 +8,8 @@ import pytest
 from bodies import bar
 
 import jaxthermo as jt
-from jaxthermo.integrate import segments as module
-from jaxthermo.integrate.segments import (
+from jaxthermo.integrate.run import segments as module
+from jaxthermo.integrate.run.segments import (
     begin,
     compile_segments,
     finish,
@@ -19,7 +19,7 @@ from jaxthermo.integrate.segments import (
     steps_done,
     time_reached,
 )
-from jaxthermo.integrate.simulate import plan
+from jaxthermo.integrate.run.simulate import plan
 from jaxthermo.precision import precision
 
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.integrate.choose import FEW, MANY, choose
-from jaxthermo.integrate.legendre import coefficients, stages_for
-from jaxthermo.integrate.solution import RESULTS
+from jaxthermo.integrate.explicit.rkl2 import coefficients, stages_for
+from jaxthermo.integrate.run.solution import RESULTS
+from jaxthermo.integrate.solver_selection import FEW, MANY, choose
 from tests.bodies import blocks
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.property import Property
+from jaxthermo.material.property import Property
 from tests.bodies import blocks
 
 

@@ -11,8 +11,8 @@ from hypothesis.extra import numpy as hnp
 import jaxthermo as jt
 from jaxthermo.errors import InputError
 from jaxthermo.geometry.pose import Pose
-from jaxthermo.integrate.store import StoredSolution
-from jaxthermo.scene.surface import BodyGeometry, SolvedSurface
+from jaxthermo.integrate.run.solution_file import StoredSolution
+from jaxthermo.scene.solved_surface import BodyGeometry, SolvedSurface
 
 
 def surface(area, shift: float = 0.0) -> SolvedSurface:

@@ -13,9 +13,9 @@ import scipy.sparse as sparse
 from jaxthermo.network.multigrid import Hierarchy, hierarchy, jacobi
 from jaxthermo.network.nonlinear import NonlinearNetwork
 from jaxthermo.physics.conduction import assemble_mixed, assemble_uniform
-from jaxthermo.structures.full import FullVolume
-from jaxthermo.structures.octree import Octree
-from jaxthermo.structures.shell_over_core import ShellOverCore
+from jaxthermo.structures.kinds.full import FullVolume
+from jaxthermo.structures.kinds.octree import Octree
+from jaxthermo.structures.kinds.shell_over_core import ShellOverCore
 from tests.bodies import blocks
 
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from jaxthermo.network import multigrid_nodes
-from jaxthermo.network.links import LinkNetwork
+from jaxthermo.network.coo_operator import LinkNetwork
 from jaxthermo.network.multigrid_lattice import lattice_levels
 from jaxthermo.network.multigrid_nodes import node_layout, node_levels
 from jaxthermo.network.network import AbstractNodeNetwork
 from jaxthermo.physics.conduction import assemble_uniform
-from jaxthermo.structures.full import FullVolume
-from jaxthermo.structures.octree import Octree
+from jaxthermo.structures.kinds.full import FullVolume
+from jaxthermo.structures.kinds.octree import Octree
 from tests.bodies import blocks
 
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.integrate.error import surface_error
+from jaxthermo.integrate.surface_error import surface_error
+from jaxthermo.network.ell_operator import RowNetwork
 from jaxthermo.network.non_orthogonal import NonOrthogonalNetwork
-from jaxthermo.network.rows import RowNetwork
 from jaxthermo.physics.conduction import assemble_uniform
-from jaxthermo.structures.voxel_share import face_normals
+from jaxthermo.structures.build.voxel_to_node import face_normals
 from tests.bodies import slanted
 
 

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from jaxthermo.network.links import LinkNetwork
+from jaxthermo.network.coo_operator import LinkNetwork
 from jaxthermo.network.network import precise_sum
 from jaxthermo.physics.conduction import assemble_mixed, assemble_uniform, series
-from jaxthermo.structures.full import FullVolume
+from jaxthermo.structures.kinds.full import FullVolume
 from tests.bodies import blocks
 
 

@@ -11,8 +11,8 @@ from jaxthermo.physics.convection.free_convection import FreeExchange
 from jaxthermo.physics.convection.speed_table import speed_table
 from jaxthermo.physics.join_laws import can_join, join_laws
 from jaxthermo.physics.radiation.emission import Emission
-from jaxthermo.physics.radiation.mutual import Radiation
-from jaxthermo.physics.values import Table
+from jaxthermo.physics.radiation.radiative_exchange import Radiation
+from jaxthermo.physics.time_varying import Table
 
 
 PLACES = (3, 2, 4)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.integrate import simulate as simulate_module
-from jaxthermo.integrate.simulate import plan, start
+from jaxthermo.integrate.run import simulate as simulate_module
+from jaxthermo.integrate.run.simulate import plan, start
 from tests.bodies import blocks
 
 

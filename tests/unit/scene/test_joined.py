@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.integrate.loads import add_loads
-from jaxthermo.scene.compile import compile_scene
+from jaxthermo.integrate.run.heat_rates import add_loads
+from jaxthermo.scene.compile.compile import compile_scene
 
 
 PITCH = 0.01

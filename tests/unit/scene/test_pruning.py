@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.integrate.simulate import plan, solve
+from jaxthermo.integrate.run.simulate import plan, solve
 
 
 PITCH = 0.01

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.integrate.loads import add_loads
-from jaxthermo.scene import load
-from jaxthermo.scene.compile import compile_scene
+from jaxthermo.integrate.run.heat_rates import add_loads
+from jaxthermo.scene.compile.compile import compile_scene
+from jaxthermo.scene.loads import load
 
 
 STEEL = jt.Material(16.0, density=8000.0, specific_heat=500.0, emissivity=0.9)

@@ -6,11 +6,11 @@ from hypothesis import given, settings
 from voxel_volumes import labelled, links_of, members, solids
 
 from jaxthermo.errors import InputError
-from jaxthermo.structures import block_links as links_module
-from jaxthermo.structures.block_links import block_links, link_distance
-from jaxthermo.structures.blocks import build_blocks, number_by_first_voxel
+from jaxthermo.structures.build import block_links as links_module
+from jaxthermo.structures.build.block_links import block_links, link_distance
+from jaxthermo.structures.build.blocks import build_blocks, number_by_first_voxel
+from jaxthermo.structures.build.voxel_links import voxel_links
 from jaxthermo.structures.options import whole_number
-from jaxthermo.structures.voxel_links import voxel_links
 from tests.bodies import blocks
 
 

@@ -9,8 +9,8 @@ from voxel_volumes import ball, solids
 
 from jaxthermo.errors import InputError
 from jaxthermo.geometry.load import load_mesh
-from jaxthermo.structures.full import FullVolume
-from jaxthermo.structures.octree import Octree, octree_cells
+from jaxthermo.structures.kinds.full import FullVolume
+from jaxthermo.structures.kinds.octree import Octree, octree_cells
 from jaxthermo.voxels.voxelize import voxelize
 from tests.bodies import blocks
 

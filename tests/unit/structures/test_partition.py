@@ -7,9 +7,9 @@ from hypothesis import given, settings, strategies as st
 from voxel_volumes import ball, solids
 
 from jaxthermo.errors import InputError
-from jaxthermo.structures.aggregate import Aggregate
-from jaxthermo.structures.full import FullVolume
-from jaxthermo.structures.partition import Partition
+from jaxthermo.structures.kinds.aggregate import Aggregate
+from jaxthermo.structures.kinds.full import FullVolume
+from jaxthermo.structures.kinds.partition import Partition
 from tests.bodies import blocks
 
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from jaxthermo.errors import InputError
-from jaxthermo.structures.shell import SingleShell
+from jaxthermo.structures.kinds.shell import SingleShell
 from jaxthermo.structures.weights import ConductionWeights
 from tests.bodies import blocks
 

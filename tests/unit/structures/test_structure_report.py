@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 
-from jaxthermo.structures.full import FullVolume
-from jaxthermo.structures.irregular import IrregularMultiLevel
+from jaxthermo.structures.kinds.full import FullVolume
+from jaxthermo.structures.kinds.irregular import IrregularMultiLevel
+from jaxthermo.structures.kinds.shell import SingleShell
 from jaxthermo.structures.report import structure_report
-from jaxthermo.structures.shell import SingleShell
 from tests.bodies import blocks
 
 

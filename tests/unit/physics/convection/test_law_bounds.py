@@ -7,12 +7,16 @@ import numpy as np
 import pytest
 from wind_bodies import law_of, surface, upright_cylinder
 
-from jaxthermo.physics.balance import SurfaceTerms
 from jaxthermo.physics.convection.free_convection import FreeConvection
 from jaxthermo.physics.convection.wind import Wind
-from jaxthermo.physics.newton import ALL_STEPS, KELVIN_LEFT, newton_steps
+from jaxthermo.physics.newton_iteration_bound import (
+    ALL_STEPS,
+    KELVIN_LEFT,
+    newton_steps,
+)
+from jaxthermo.physics.surface_energy_balance import SurfaceTerms
 from jaxthermo.physics.term import Reach, bound
-from jaxthermo.physics.values import Table
+from jaxthermo.physics.time_varying import Table
 
 
 REACH = Reach(230.0, 450.0, 10.0)

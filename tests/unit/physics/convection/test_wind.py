@@ -14,7 +14,7 @@ from jaxthermo.physics.convection.cross_flow import local_nusselt, mean_coeffici
 from jaxthermo.physics.convection.film import FilmExchange
 from jaxthermo.physics.convection.nusselt import churchill_bernstein
 from jaxthermo.physics.convection.speed_table import SpeedTable
-from jaxthermo.physics.convection.wake import WakeDeficit
+from jaxthermo.physics.convection.wake_deficit import WakeDeficit
 from jaxthermo.physics.convection.wind import Wind
 from jaxthermo.physics.term import LeftOut
 from jaxthermo.voxels.cylinder_parts import parts_of

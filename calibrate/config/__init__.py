@@ -1,0 +1,1 @@
+"""Calibration configurations: schema and loader."""

@@ -1,0 +1,1 @@
+"""The least-squares problem: parameters, targets and reference runs."""

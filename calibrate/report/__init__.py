@@ -1,0 +1,1 @@
+"""What a fit leaves: JSON, report page and pictures."""

@@ -1,0 +1,1 @@
+"""Implicit time steps and the solve of their stages."""

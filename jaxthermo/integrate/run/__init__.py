@@ -1,0 +1,1 @@
+"""The run: time loop, save intervals, energy ledger, solution."""

@@ -1,0 +1,1 @@
+"""Materials: properties, the table of named ones and its data."""

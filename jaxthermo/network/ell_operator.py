@@ -1,0 +1,166 @@
+"""The general operator, as it is run: each node gathers from its neighbours.
+
+Rows instead of pairs: every link stands in the rows of both its nodes, so that nothing
+is scattered. Neighbours that follow one another in node order (the next voxel of a
+column) are shifted slices; the others are gathered, one neighbour of every node at a
+time, which a compiler vectorizes. Nodes with far more neighbours than most (a coarse
+cell with fine ones all round it) keep the rest of theirs in a sparse list.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from ..arrays import gathered_columns, rank_in_group
+from .network import AbstractNodeNetwork
+from .self_adjoint_primitive import Operator, computed_once, conduct
+
+
+class RowLayout(NamedTuple):
+    """Which link stands where; made once a structure, on the host."""
+
+    following: Int[np.ndarray, " f"]
+    """Links from a node to the next one."""
+    first: Int[np.ndarray, " f"]
+    """The earlier node of each of them."""
+    neighbour: tuple[Int[np.ndarray, " n"], ...]
+    """Of every node, its k-th other neighbour; itself where it has fewer."""
+    link: tuple[Int[np.ndarray, " n"], ...]
+    """The links to them; one past the last link where there is none."""
+    list_node: Int[np.ndarray, " r"]
+    """Sorted: nodes of the entries that did not fit."""
+    list_neighbour: Int[np.ndarray, " r"]
+    list_link: Int[np.ndarray, " r"]
+
+
+def row_layout(
+    nodes: int, src: Int[np.ndarray, " e"], dst: Int[np.ndarray, " e"]
+) -> RowLayout:
+    """Rows of the links of `nodes` nodes.
+
+    Args:
+        nodes: how many there are.
+        src: one end of each link.
+        dst: the other end.
+    """
+    low, high = np.minimum(src, dst), np.maximum(src, dst)
+    follows = high == low + 1
+    # A pair that is linked twice keeps one of its links here.
+    following = np.flatnonzero(follows)
+    _, once = np.unique(low[following], return_index=True)
+    following = following[once]
+    other = np.ones(len(src), bool)
+    other[following] = False
+    rest = np.flatnonzero(other)
+    node = np.concatenate([src[rest], dst[rest]])
+    neighbour = np.concatenate([dst[rest], src[rest]])
+    order = np.argsort(node, kind="stable")
+    node, neighbour = node[order], neighbour[order]
+    link = np.concatenate([rest, rest])[order]
+    degree = np.bincount(node, minlength=nodes)
+    rank = rank_in_group(node)
+    columns = gathered_columns(degree)
+    neighbours, links = [], []
+    for k in range(columns):
+        here = rank == k
+        beside = np.arange(nodes, dtype=np.int32)
+        beside[node[here]] = neighbour[here]
+        through = np.full(nodes, len(src), np.int32)
+        through[node[here]] = link[here]
+        neighbours.append(beside)
+        links.append(through)
+    more = rank >= columns
+    return RowLayout(
+        following=following.astype(np.int32),
+        first=low[following].astype(np.int32),
+        neighbour=tuple(neighbours),
+        link=tuple(links),
+        list_node=node[more].astype(np.int32),
+        list_neighbour=neighbour[more].astype(np.int32),
+        list_link=link[more].astype(np.int32),
+    )
+
+
+def row_change(state, factors, layout):
+    """Conduction into each node [W], of rows of conductances and of neighbours."""
+    following, conductances, list_conductance = factors
+    neighbours, list_node, list_neighbour = layout
+    rate = jnp.zeros_like(state)
+    if following is not None:
+        flow = following * jnp.diff(state)
+        rate = rate + jnp.pad(flow, (0, 1)) - jnp.pad(flow, (1, 0))
+    for index, conductance in zip(neighbours, conductances, strict=True):
+        there = state.at[index].get(mode="promise_in_bounds")
+        rate = rate + conductance * (there - state)
+    if not len(list_node):
+        return rate
+    there = state.at[list_neighbour].get(mode="promise_in_bounds")
+    here = state.at[list_node].get(mode="promise_in_bounds")
+    flow = list_conductance * (there - here)
+    return rate.at[list_node].add(
+        flow, mode="promise_in_bounds", indices_are_sorted=True
+    )
+
+
+def _pull(values, state, factors, layout):
+    values, state = computed_once(values), computed_once(state)
+    change = lambda factors: row_change(state, factors, layout)
+    return jax.linear_transpose(change, factors)(values)[0]
+
+
+ROWS = Operator(row_change, row_change, lambda values, _: values, _pull)
+
+
+class RowNetwork(AbstractNodeNetwork):
+    """Conductances in rows; a state is one value a node."""
+
+    following: Float[Array, " f"] | None
+    """Between every node and the next one [W/K]; None if no such two are linked."""
+    neighbour: tuple[Int[Array, " n"], ...]
+    conductance: tuple[Float[Array, " n"], ...]
+    """[W/K]; 0 where there is no such neighbour."""
+    list_node: Int[Array, " r"]
+    list_neighbour: Int[Array, " r"]
+    list_conductance: Float[Array, " r"]
+    node_capacity: Float[Array, " n"]
+    """[J/K]"""
+
+    def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
+        """Conduction into each node [W]."""
+        factors = self.following, self.conductance, self.list_conductance
+        layout = self.neighbour, self.list_node, self.list_neighbour
+        return conduct(ROWS, state, factors, layout)
+
+    def diagonal(self) -> Float[Array, "..."]:
+        """Sum of the conductances of each node's links [W/K]."""
+        total = sum(self.conductance, jnp.zeros_like(self.node_capacity))
+        if self.following is not None:
+            total = total + jnp.pad(self.following, (0, 1))
+            total = total + jnp.pad(self.following, (1, 0))
+        return total.at[self.list_node].add(self.list_conductance)
+
+
+def row_network(
+    layout: RowLayout,
+    conductance: Float[Array, " e"],
+    node_capacity: Float[Array, " n"],
+) -> RowNetwork:
+    """The operator of links with these conductances [W/K] and capacities [J/K]."""
+    nodes = node_capacity.shape[0]
+    padded = jnp.append(conductance, jnp.zeros(1, conductance.dtype))
+    following = None
+    if len(layout.following):
+        following = jnp.zeros(nodes - 1, conductance.dtype)
+        following = following.at[layout.first].set(conductance[layout.following])
+    return RowNetwork(
+        following=following,
+        neighbour=tuple(jnp.asarray(index) for index in layout.neighbour),
+        conductance=tuple(padded[link] for link in layout.link),
+        list_node=jnp.asarray(layout.list_node),
+        list_neighbour=jnp.asarray(layout.list_neighbour),
+        list_conductance=conductance[layout.list_link],
+        node_capacity=node_capacity,
+    )

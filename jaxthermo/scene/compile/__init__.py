@@ -1,0 +1,1 @@
+"""A scene to the program that computes it."""

@@ -1,0 +1,129 @@
+"""What of a body stays as it is however bodies and sources move."""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from ...array_types import Scalar
+from ...errors import InputError
+from ...network.network import AbstractNetwork
+from ...physics.conduction import across, surface_conductivity
+from ...physics.material_network import (
+    conductivity_table,
+    material_network,
+    materials_network,
+)
+from ...physics.term import Values
+from ...tracing import is_traced
+from ..scene import AbstractMaterials, Body
+
+
+HostAddress = tuple[np.ndarray, ...]
+"""Of every node of a body, in the order of its state."""
+
+
+class Prepared(NamedTuple):
+    """One body with its network and its start."""
+
+    body: Body
+    network: AbstractNetwork
+    reference: Scalar
+    """What the state counts from [K]."""
+    state: Float[Array, "..."]
+    half_cell: Float[Values, " s"]
+    """From every fragment to its node [W/K]."""
+    fragment_node: Int[np.ndarray, " s"]
+    address: HostAddress
+    surface_map: Any
+    """Bound to the body."""
+
+
+def prepare(body: Body, dtype: Any) -> Prepared:
+    """Network, start and addresses of a body."""
+    structure = body.structure
+    address = structure.node_address()
+    reference, theta = _initial(body, address, dtype)
+    network = _network(body, reference, dtype)
+    return Prepared(
+        body=body,
+        network=network,
+        reference=reference,
+        state=network.state_of(theta),
+        half_cell=_half_cells(body, reference, dtype),
+        fragment_node=structure.fragment_node(),
+        address=address,
+        surface_map=body.surface_map.bind(structure, dtype),
+    )
+
+
+def _network(body: Body, reference: Scalar, dtype: Any) -> AbstractNetwork:
+    structure, material = body.structure, body.material
+    if isinstance(material, AbstractMaterials):
+        number = material.of_nodes(structure)
+        return materials_network(structure, number, material.materials, dtype)
+    return material_network(structure, material, reference, dtype)
+
+
+def _initial(
+    body: Body, address: HostAddress, dtype: Any
+) -> tuple[Scalar, Float[Array, "..."]]:
+    """The body's reference temperature [K] and what its nodes are above it.
+
+    The reference is the mean at the start. It is no variable: of a traced start only
+    the difference, which is 0 where the start is uniform, carries a derivative.
+    """
+    theta = jnp.asarray(np.zeros(body.structure.state_shape, dtype))
+    values: Any = body.temperature
+    if callable(values):
+        values = values(body.structure.nodes().place)
+    elif not is_traced(values):
+        return float(values), theta
+    if is_traced(values):
+        values = values.astype(dtype)
+        reference = jax.lax.stop_gradient(values.mean())
+    else:
+        values = np.asarray(values, float)
+        if not np.isfinite(values).all() or (values < 0).any():
+            raise InputError(
+                "Body(temperature=) gives values that are no temperatures in kelvin"
+            )
+        reference = float(values.mean())
+    above = jnp.asarray(values - reference, dtype)
+    return reference, theta.at[address].set(above)
+
+
+def surface_property(body: Body, field: str, dtype: Any) -> Float[Values, "*s"]:
+    """One property of a body at its surface: a number, or one a fragment.
+
+    Args:
+        body: the body.
+        field: "emissivity" or "absorptivity", as `Material` calls it.
+        dtype: of the state.
+    """
+    material, grid = body.material, body.structure.grid
+    if isinstance(material, AbstractMaterials):
+        return material.table(field, dtype)[material.of_fragments(grid)]
+    value = getattr(material, field)
+    return jnp.asarray(value, dtype) if is_traced(value) else np.asarray(value, dtype)
+
+
+def _half_cells(body: Body, reference: Scalar, dtype: Any) -> Float[Values, " s"]:
+    """Conductance from every fragment to its node, k A / distance [W/K].
+
+    Args:
+        body: the body.
+        reference: where the conductivity is read, if it varies [K].
+        dtype: of the state.
+    """
+    structure, material = body.structure, body.material
+    grid = structure.grid
+    if isinstance(material, AbstractMaterials):
+        table = conductivity_table(material.materials, dtype)
+        k = across(table[material.of_fragments(grid)], grid.fragment_normal)
+    else:
+        k = surface_conductivity(material.at(reference), grid.fragment_normal, dtype)
+    per_length = grid.fragment_area / structure.fragment_distance()
+    return k * per_length.astype(dtype)

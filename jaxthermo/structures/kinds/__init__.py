@@ -1,0 +1,1 @@
+"""The kinds of structure, one a file."""

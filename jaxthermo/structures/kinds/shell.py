@@ -1,0 +1,105 @@
+"""The single shell: only the surface voxels, linked to all that they touch."""
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Int
+
+from ...errors import InputError
+from ...voxels.grid import VoxelGrid
+from ...voxels.links import surface_links
+from ...voxels.surface import surface_voxels
+from ..cache import cached
+from ..fit_card import as_weights
+from ..structure import AbstractBuiltStructure, Built, Links, Nodes
+from ..weights import ConductionWeights
+
+
+class SingleShell(AbstractBuiltStructure):
+    """The surface voxels, linked over faces, edges and corners (thesis 4.2).
+
+    Each of the up to 26 links has the area pitch^2, so a flat sheet conducts
+    1 + sqrt(2) times as well along itself as its material: `weights` can undo that.
+
+    Raises:
+        InputError: if the capacity is neither "body" nor "own".
+    """
+
+    grid: VoxelGrid = eqx.field(static=True)
+    capacity: str = eqx.field(static=True, default="body")
+    """"body" spreads the whole body's volume evenly over the shell; "own" leaves each
+    voxel its own: a hollow body."""
+    weights: ConductionWeights = eqx.field(
+        kw_only=True, default=ConductionWeights(), converter=as_weights
+    )
+    built: Built = eqx.field(static=True, init=False)
+
+    def __post_init__(self):
+        if self.capacity not in ("body", "own"):
+            raise InputError(
+                f'SingleShell(capacity={self.capacity!r}): give "body" or "own"'
+            )
+        options = {"capacity": self.capacity}
+        self.built = cached("single_shell", self.grid, options, self._build)
+
+    def _build(self) -> Built:
+        grid = self.grid
+        voxels = shell_voxels(grid)
+        count = len(voxels)
+        volume = grid.voxel_volume
+        if self.capacity == "body":
+            volume *= grid.solid_count / max(count, 1)
+        centre = grid.lattice.centres(voxels)
+        return Built(
+            nodes=Nodes(
+                centre=centre,
+                volume=np.full(count, volume),
+                level=np.zeros(count, np.int32),
+                place=centre,
+            ),
+            links=_links(grid, voxels),
+            fragment_node=fragment_rank(grid, voxels),
+            voxel_node=_voxel_node(grid, voxels),
+        )
+
+
+def shell_voxels(grid: VoxelGrid) -> Int[np.ndarray, "m 3"]:
+    """Voxels with an open face or a surface fragment, in lattice order."""
+    exposed = surface_voxels(grid.solid)
+    in_shell = np.zeros(grid.solid.shape, bool)
+    in_shell[tuple(exposed.T)] = True
+    in_shell[tuple(grid.fragment_voxel.T)] = True
+    return np.argwhere(in_shell)
+
+
+def _voxel_node(
+    grid: VoxelGrid, voxels: Int[np.ndarray, "m 3"]
+) -> Int[np.ndarray, " v"]:
+    node = np.full(grid.solid.shape, -1, np.int32)
+    node[tuple(voxels.T)] = np.arange(len(voxels))
+    return node[grid.solid]
+
+
+def fragment_rank(
+    grid: VoxelGrid, voxels: Int[np.ndarray, "m 3"]
+) -> Int[np.ndarray, " s"]:
+    """Which of the voxels, in lattice order, each fragment lies on."""
+    shape = grid.solid.shape
+    number = np.ravel_multi_index(tuple(voxels.T), shape)
+    sought = np.ravel_multi_index(tuple(grid.fragment_voxel.T), shape)
+    return np.asarray(np.searchsorted(number, sought), np.int32)
+
+
+def _links(grid: VoxelGrid, voxels: Int[np.ndarray, "m 3"]) -> Links:
+    """Pairs that touch; 1, sqrt(2) or sqrt(3) pitches apart."""
+    pairs = surface_links(voxels, grid.lattice.shape)
+    # Runs of ascending first voxels, one for each of 13 directions.
+    src, dst = pairs[np.argsort(pairs[:, 0], kind="stable")].T
+    steps = np.abs(voxels[dst] - voxels[src]).sum(1)
+    half = 0.5 * grid.pitch * np.sqrt(np.arange(4))[steps]
+    return Links(
+        src=np.ascontiguousarray(src),
+        dst=np.ascontiguousarray(dst),
+        area=np.full(len(src), grid.pitch**2),
+        distance_src=half,
+        distance_dst=half,
+    )

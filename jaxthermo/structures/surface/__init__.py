@@ -1,0 +1,1 @@
+"""Node temperatures to surface temperatures."""

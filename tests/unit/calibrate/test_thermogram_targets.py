@@ -1,0 +1,105 @@
+"""Frames: what a pixel shows goes with every value; data must fit the camera."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from calibrate.problem.parameters import Parameter, ParameterSet
+from calibrate.problem.problem import Case, Problem
+from calibrate.problem.thermogram_targets import (
+    frame_target,
+    frames_of,
+    see,
+    shown_bodies,
+)
+from jaxthermo.integrate.run.parametric_run import Response
+from jaxthermo.scene.compile.compile import compile_scene
+from tests.bodies import blocks
+
+
+SAVES = (4.0, 8.0)
+CAMERA = jt.Camera(
+    position=(0.16, -0.11, 0.11), look_at=(0.03, 0.03, 0.03), width=14, height=12
+)
+FITTED = ParameterSet(
+    (
+        Parameter("material.conductivity", (16.0,), 0.0),
+        Parameter("convection.heat_transfer_coefficient", (30.0,), 0.0),
+        Parameter("material.emissivity", (0.8,), 0.0, 1.0),
+        Parameter("weights.within", (1.0,), 0.01, 100.0),
+    )
+)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    structure = jt.ShellOverCore(blocks(np.ones((6, 6, 6), bool), 0.01), factor=2)
+    metal = jt.Material(16.0, density=8000.0, specific_heat=500.0, emissivity=0.8)
+    body = jt.Body(structure, metal, temperature=300.0)
+    terms = (
+        jt.HeatFlux(2e4, on=jt.Side((1.0, 0.0, 0.0))),
+        jt.Convection(30.0, 300.0),
+        jt.Surroundings(260.0),
+    )
+    return jt.Scene((body,), terms, dtype="float64")
+
+
+@pytest.fixture(scope="module")
+def view(scene):
+    return see(compile_scene(scene, 1, 1.0).surfaces, scene, CAMERA)
+
+
+def test_a_pixels_radiance_has_the_gradient_of_its_differences(scene, view):
+    """By k, h, emissivity and a weight, to 1e-6 of the largest."""
+    response = Response(SAVES)
+    layout = response.layout(scene, float(response.stable_step(scene)) / 2)
+    row, column = (int(n) for n in np.argwhere(shown_bodies(view))[20])
+
+    @jax.jit
+    def radiance(z):
+        own = FITTED.put(scene, z)
+        answer = response(own, layout)
+        return frames_of(view, own, answer, SAVES, "radiance")[1, row, column]
+
+    found = np.asarray(jax.jit(jax.jacfwd(radiance))(jnp.zeros(4)))
+    step = 1e-4
+    for n, slope in enumerate(found):
+        z = jnp.zeros(4).at[n].set(step)
+        difference = float(radiance(z) - radiance(-z)) / (2 * step)
+        assert slope == pytest.approx(difference, rel=1e-6, abs=1e-9)
+        assert abs(slope) > 1e-4
+
+
+def _target(view, frames, masks=None, times=SAVES):
+    masks = [np.ones((12, 14), bool)] if masks is None else masks
+    return frame_target(times, (view,), [frames], 0.05, "radiance", masks, jnp.float64)
+
+
+def test_misfits_count_standard_deviations(scene, view):
+    """Data off by one standard deviation everywhere: the squares sum to 1."""
+    response = Response(SAVES)
+    answer = response(scene, response.layout(scene))
+    frames = np.asarray(frames_of(view, scene, answer, SAVES, "radiance"), float)
+    target = _target(view, frames + 0.05)
+    rows = np.asarray(target.misfit(scene, answer))
+    assert (rows**2).sum() == pytest.approx(1.0)
+    assert target.known_sd == pytest.approx(1 / np.sqrt(rows.size))
+    assert target.counts(0).sum() == rows.shape[1] == shown_bodies(view).sum()
+    problem = Problem(FITTED, (Case("one", scene, response, target),))
+    assert problem.known_sd == pytest.approx(target.known_sd)
+
+
+@pytest.mark.parametrize(
+    ("frames", "masks", "message"),
+    [
+        (np.ones((2, 12, 13)), None, "13 x 12 pixels and a camera of 14 x 12"),
+        (np.ones((3, 12, 14)), None, "3 frames for 2 saved times"),
+        (np.full((2, 12, 14), np.nan), None, "are not finite"),
+        (np.ones((2, 12, 14)), [np.zeros((12, 14), bool)], "no pixel of a body"),
+    ],
+)
+def test_frames_that_do_not_fit_are_refused(view, frames, masks, message):
+    with pytest.raises(jt.InputError, match=message):
+        _target(view, frames, masks)

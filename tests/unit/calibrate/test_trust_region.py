@@ -1,0 +1,76 @@
+"""The damping of a search: the unit of the misfits makes no difference to its steps."""
+
+import jax
+import jax.numpy as jnp
+import lineax as lx
+import numpy as np
+import optimistix as optx
+import pytest
+
+from calibrate.solvers.trust_region import FIRST, first_size, with_scale
+
+
+STEEP = jnp.asarray(
+    np.linspace(0.1, 2.0, 4)[:, None] * np.cos(np.outer(range(4), range(9)))
+)
+
+
+def bent(z, unit):
+    """Misfits that are not linear, in a unit of one's choice."""
+    return unit * (jnp.sinh(z) @ STEEP - jnp.arange(9.0) / 9)
+
+
+def after_four_steps(unit, scaled):
+    """Where a search stands by then."""
+    solver = optx.LevenbergMarquardt(rtol=1e-12, atol=1e-12)
+    solver = with_scale(solver) if scaled else solver
+    start = jnp.zeros(4)
+    found = optx.least_squares(bent, solver, start, unit, max_steps=4, throw=False)
+    return np.asarray(found.value)
+
+
+@pytest.mark.parametrize("unit", [1e-3, 1e3])
+def test_steps_do_not_depend_on_the_unit_of_the_misfits(unit):
+    same = after_four_steps(1.0, True)
+    np.testing.assert_allclose(after_four_steps(unit, True), same, rtol=1e-9)
+    # They do where the first damping is 1.
+    off = after_four_steps(unit, False) - after_four_steps(1.0, False)
+    assert np.abs(off).max() > 1e-3 * np.abs(same).max()
+
+
+def test_the_first_size_is_of_the_steepness_along_the_slope():
+    z = jnp.full(4, 0.3)
+    jacobian = np.asarray(jax.jacobian(bent)(z, 2.0))
+    slope = jacobian.T @ np.asarray(bent(z, 2.0))
+    damping = FIRST * ((jacobian @ slope) ** 2).sum() / (slope**2).sum()
+    size = first_size(linearized(z, 2.0))
+    np.testing.assert_allclose(size, 1 / damping, rtol=1e-12)
+
+
+def test_where_nothing_slopes_a_search_stays():
+    flat = lambda z, unit: 0 * z + unit
+    solver = with_scale(optx.LevenbergMarquardt(1e-9, 1e-9))
+    found = optx.least_squares(flat, solver, jnp.ones(2), 1.0, max_steps=9, throw=False)
+    np.testing.assert_array_equal(found.value, [1.0, 1.0])
+
+
+def test_no_number_moves_by_more_than_its_own_size():
+    """A line whose end is far: it is gone to in steps of 1 for the farthest number."""
+    line = lambda z, _: z - jnp.asarray([3.5, -0.7])
+    solver = with_scale(optx.LevenbergMarquardt(1e-9, 1e-9))
+    after = lambda steps: (
+        optx.least_squares(
+            line, solver, jnp.zeros(2), max_steps=steps, throw=False
+        ).value
+    )
+    # The first step is for what is known at the start.
+    np.testing.assert_allclose(after(2), [1.0, -0.2], rtol=1e-9)
+    np.testing.assert_allclose(after(3), [2.0, -0.4], rtol=1e-9)
+    np.testing.assert_allclose(after(40), [3.5, -0.7], rtol=1e-7)
+
+
+def linearized(z, unit):
+    """What a search knows of the misfits at a point."""
+    value, along = jax.linearize(lambda y: bent(y, unit), z)
+    shape = jax.ShapeDtypeStruct(z.shape, z.dtype)
+    return optx.FunctionInfo.ResidualJac(value, lx.FunctionLinearOperator(along, shape))

@@ -1,0 +1,115 @@
+"""Conjugate gradients that stop in kelvin: solutions, reports and derivatives."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import lineax as lx
+import numpy as np
+import pytest
+
+from jaxthermo.integrate.implicit.conjugate_gradient import (
+    ConjugateGradients,
+    Correction,
+    Residual,
+)
+
+
+SIZE = 40
+KELVIN = np.geomspace(1e-6, 1e3, SIZE)
+"""1 / C of nodes of very different size."""
+
+
+def _matrix(weight=1.0):
+    """A chain whose conductances and capacities differ by nine decades."""
+    links = np.geomspace(1e-3, 1e3, SIZE - 1)
+    laplace = np.diag(np.append(links, 0) + np.append(0, links))
+    laplace -= np.diag(links, 1) + np.diag(links, -1)
+    return jnp.asarray(laplace) + jnp.diag(weight / KELVIN)
+
+
+@eqx.filter_jit
+def _solve(weight, vector, kelvin, tolerance, start=None, most=2000):
+    matrix = _matrix(weight)
+    diagonal = jnp.diagonal(matrix)
+    operator = lx.FunctionLinearOperator(
+        lambda u: (matrix @ u[0],),
+        jax.eval_shape(lambda: (vector,)),
+        lx.positive_semidefinite_tag,
+    )
+    scale = lambda d, r: (r[0] / d,)
+    held = jax.lax.stop_gradient(diagonal)
+    options: dict[str, Any] = {"preconditioner": jax.tree_util.Partial(scale, held)}
+    if start is not None:
+        options["start"] = (start,)
+    measure = Residual(1.0 if kelvin is None else kelvin)
+    solver = ConjugateGradients(measure, tolerance, kelvin is None, most)
+    return lx.linear_solve(operator, (vector,), solver, options=options, throw=False)
+
+
+def _heat(seed=0):
+    return jnp.asarray(np.random.default_rng(seed).normal(size=SIZE)) / KELVIN
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-9])
+def test_every_node_is_within_the_tolerance(tolerance):
+    vector = _heat()
+    found = _solve(1.0, vector, (jnp.asarray(KELVIN),), tolerance)
+    left = np.abs(KELVIN * (vector - _matrix() @ found.value[0])).max()
+    print(tolerance, int(found.stats["iterations"]), left)
+    assert found.result == lx.RESULTS.successful
+    assert left <= 2 * tolerance
+    np.testing.assert_allclose(left, found.stats["left"], rtol=1e-3, atol=1e-12)
+    exact = np.linalg.solve(np.asarray(_matrix()), np.asarray(vector))
+    np.testing.assert_allclose(found.value[0], exact, atol=20 * tolerance)
+
+
+def test_corrections_measure_the_error_where_the_preconditioner_is_good():
+    matrix, vector = _matrix(), _heat(4)
+    held = jnp.linalg.inv(matrix)
+    exact = jax.tree_util.Partial(lambda b, r: (b @ r[0],), held)
+    operator = lx.FunctionLinearOperator(
+        lambda u: (matrix @ u[0],),
+        jax.eval_shape(lambda: (vector,)),
+        lx.positive_semidefinite_tag,
+    )
+    solver = ConjugateGradients(Correction(), 1e-9)
+    options: dict[str, Any] = {"preconditioner": exact}
+    found = lx.linear_solve(operator, (vector,), solver, options=options, throw=False)
+    assert found.result == lx.RESULTS.successful
+    assert found.stats["iterations"] <= 2
+    np.testing.assert_allclose(found.value[0], held @ vector, rtol=0, atol=1e-9)
+
+
+def test_a_good_start_takes_no_iterations_and_nothing_takes_none():
+    vector = _heat(1)
+    exact = jnp.linalg.solve(_matrix(), vector)
+    found = _solve(1.0, vector, (jnp.asarray(KELVIN),), 1e-6, exact)
+    assert found.stats["iterations"] == 0
+    nothing = _solve(1.0, jnp.zeros(SIZE), None, 1e-9)
+    assert nothing.stats["iterations"] == 0
+    np.testing.assert_array_equal(nothing.value[0], np.zeros(SIZE))
+
+
+def test_what_is_not_reached_is_said_and_finite():
+    found = _solve(1.0, _heat(2), (jnp.asarray(KELVIN),), 1e-12, None, 3)
+    assert found.result != lx.RESULTS.successful
+    assert np.isfinite(found.value[0]).all()
+    asked = _solve(1.0, _heat(2), (jnp.asarray(KELVIN),), 0.0)
+    assert asked.result != lx.RESULTS.successful
+    assert np.isfinite(asked.value[0]).all()
+
+
+def test_derivatives_are_those_of_the_solution():
+    vector = _heat(3)
+    loss = lambda w, b: (_solve(w, b, None, 1e-12).value[0] ** 2).sum()
+    step = 1e-6
+    numeric = (loss(1 + step, vector) - loss(1 - step, vector)) / (2 * step)
+    forward = jax.jvp(lambda w: loss(w, vector), (1.0,), (1.0,))[1]
+    np.testing.assert_allclose(forward, numeric, rtol=1e-6)
+    np.testing.assert_allclose(jax.grad(loss)(1.0, vector), numeric, rtol=1e-6)
+    inverse = np.linalg.inv(np.asarray(_matrix()))
+    exact = 2 * inverse @ (inverse @ np.asarray(vector))
+    found = jax.grad(loss, argnums=1)(1.0, vector)
+    np.testing.assert_allclose(found, exact, rtol=1e-6, atol=1e-9 * abs(exact).max())

@@ -1,0 +1,99 @@
+"""Reverse mode of many steps, whatever of them it keeps."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from jaxthermo.integrate.run.simulate import plan, start
+from jaxthermo.integrate.run.time_loop import advance
+from tests.bodies import blocks
+
+
+STEPS, DT = 7, 0.5
+
+
+@pytest.fixture(scope="module")
+def value():
+    """The weighted end of a run by k and the emissivity; how it is advanced, given."""
+    structure = jt.FullVolume(blocks(np.ones((3, 2, 2), bool), 0.01))
+
+    def run(values, loop):
+        k, emissivity = values
+        material = jt.Material(
+            k, density=8000.0, specific_heat=500.0, emissivity=emissivity
+        )
+        body = jt.Body(structure, material, temperature=350.0)
+        terms = jt.Convection(25.0, 280.0), jt.Surroundings(290.0)
+        scene = jt.Scene((body,), terms, dtype="float64")
+        todo = plan(scene, STEPS * DT, None, jt.ForwardEuler(dt=DT))
+        end = loop(todo.stepper, todo.compiled.program, start(todo), jnp.array(DT))
+        theta = end.theta[0]
+        return (jnp.arange(float(theta.size)).reshape(theta.shape) * theta**2).sum()
+
+    return run
+
+
+def _plain(stepper, program, state, dt):
+    """Step after step, without a loop or a choice of what is kept."""
+    for i in range(STEPS):
+        state = stepper.step(program, state, dt * i, dt)
+    return state
+
+
+def _kept(checkpoints):
+    def loop(stepper, program, state, dt):
+        begin = jnp.zeros_like(dt)
+        return advance(stepper, program, state, begin, dt, STEPS, 0, checkpoints)
+
+    return loop
+
+
+VALUES = jnp.array([16.0, 0.7])
+
+
+@pytest.mark.parametrize("checkpoints", [None, 2, STEPS])
+def test_reverse_mode_is_that_of_the_plain_steps(value, checkpoints):
+    found = jax.jit(jax.grad(lambda v: value(v, _kept(checkpoints))))(VALUES)
+    expected = jax.jit(jax.grad(lambda v: value(v, _plain)))(VALUES)
+    np.testing.assert_allclose(found, expected, rtol=1e-11)
+
+
+def test_reverse_mode_is_the_central_difference(value):
+    run = jax.jit(lambda v: value(v, _kept(None)))
+    found, steps = jax.jit(jax.grad(run))(VALUES), 1e-5 * VALUES
+    for i, step in enumerate(steps):
+        move = jnp.zeros(2).at[i].set(step)
+        difference = (run(VALUES + move) - run(VALUES - move)) / (2 * step)
+        np.testing.assert_allclose(found[i], difference, rtol=1e-6)
+
+
+def test_forward_mode_is_reverse_mode(value):
+    run = lambda v: value(v, _kept(None))
+    found = jax.jit(jax.jacfwd(run))(VALUES)
+    np.testing.assert_allclose(found, jax.jit(jax.grad(run))(VALUES), rtol=1e-11)
+
+
+def test_one_state_a_step_is_kept():
+    """Of a cheap step; what its loads are made of is not."""
+    structure = jt.FullVolume(blocks(np.ones((6, 6, 6), bool), 0.01))
+
+    def mean(emissivity, steps):
+        material = jt.Material(
+            16.0, density=8000.0, specific_heat=500.0, emissivity=emissivity
+        )
+        body = jt.Body(structure, material, temperature=350.0)
+        scene = jt.Scene((body,), (jt.Surroundings(290.0),), dtype="float64")
+        found = jt.simulate(scene, steps * DT, solver=jt.ForwardEuler(dt=DT))
+        return found.surface_temperature.mean()
+
+    held = []
+    for n in (20, 120):
+        call = jax.jit(lambda e, n=n: jax.grad(mean)(e, n)).lower(jnp.array(0.7))
+        report = call.compile().memory_analysis()
+        assert report is not None
+        held.append(report.temp_size_in_bytes)
+    state = 8 * 8 * 8 * 8
+    # The state, and the ledger's few numbers.
+    assert held[1] - held[0] < 1.2 * 100 * state

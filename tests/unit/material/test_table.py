@@ -1,0 +1,154 @@
+"""Materials: what is refused, what is derived, and the table."""
+
+import importlib
+from collections.abc import Mapping
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxthermo
+from jaxthermo.errors import InputError
+from jaxthermo.material.table import (
+    Material,
+    material_row,
+    material_rows,
+    materials,
+    thesis_material,
+)
+
+
+THESIS_ROWS = [
+    "platinum",
+    "gold",
+    "mercury",
+    "lead",
+    "silver",
+    "copper",
+    "iron",
+    "diamond",
+    "aluminium",
+    "water",
+    "ethanol",
+    "gasoline",
+]
+
+
+def test_derived_properties():
+    steel = Material(conductivity=16.0, density=8000.0, specific_heat=500.0)
+    assert steel.volumetric_heat_capacity == 4.0e6
+    assert steel.diffusivity == 4.0e-6
+    assert steel.effusivity == 8000.0
+    assert steel.emissivity == 0.9
+    assert steel.absorptivity == 0.9
+
+
+def test_absorptivity_is_the_emissivity_unless_given():
+    assert Material(1.0, 1.0, 1.0, 0.3).absorptivity == 0.3
+    assert Material(1.0, 1.0, 1.0, 0.3, absorptivity=0.0).absorptivity == 0.0
+    grey = Material(1.0, 1.0, 1.0, 0.3)
+    fitted = eqx.tree_at(lambda m: m.emissivity, grey, 0.5)
+    assert fitted.absorptivity == 0.5
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"conductivity": 0.0}, r"conductivity=0.0: give a positive.*W/\(m K\)"),
+        ({"density": -1.0}, "density=-1.0: give a positive"),
+        ({"specific_heat": np.inf}, "specific_heat=inf: give a positive, finite"),
+        ({"specific_heat": np.nan}, "specific_heat=nan"),
+        ({"emissivity": 1.1}, "emissivity=1.1: give a fraction"),
+        ({"emissivity": np.nan}, "emissivity=nan"),
+        ({"absorptivity": -0.1}, "absorptivity=-0.1: give a fraction"),
+        ({"density": jnp.asarray(-2.0)}, "density=-2.0"),
+    ],
+)
+def test_refused_values(change, says):
+    numbers = {"conductivity": 1.0, "density": 1.0, "specific_heat": 1.0}
+    with pytest.raises(InputError, match=says):
+        Material(**{**numbers, **change})
+
+
+def test_traced_values_and_gradients():
+    def diffusivity(k, rho):
+        return Material(k, rho, 500.0).diffusivity
+
+    k, rho = jnp.asarray(16.0), jnp.asarray(8000.0)
+    assert jax.jit(diffusivity)(k, rho) == 4.0e-6
+    slope = jax.grad(diffusivity, argnums=(0, 1))(k, rho)
+    np.testing.assert_allclose(slope[0], 1.0 / 4.0e6)
+    np.testing.assert_allclose(slope[1], -4.0e-6 / 8000.0)
+
+
+def test_is_a_pytree_of_its_numbers():
+    steel = Material(16.0, 8000.0, 500.0)
+    assert jax.tree_util.tree_leaves(steel) == [16.0, 8000.0, 500.0, 0.9]
+
+
+def test_float32_stays_float32():
+    steel = Material(*(jnp.asarray(x, jnp.float32) for x in (16.0, 8e3, 500.0)))
+    assert jnp.asarray(steel.effusivity).dtype == jnp.float32
+
+
+def test_table_has_every_row_of_the_data():
+    rows = material_rows()
+    assert len(rows) == len(materials) == 49
+    assert len({row.label for row in rows}) == 49
+    assert list(materials) == [row.name for row in rows]
+    assert all(name == name.lower() and name.isidentifier() for name in materials)
+    assert all(isinstance(materials[name], Material) for name in materials)
+    assert isinstance(materials, Mapping)
+
+
+def test_known_numbers():
+    steel = materials["stainless_steel"]
+    assert (steel.conductivity, steel.density, steel.specific_heat) == (17, 7900, 460)
+    assert steel.emissivity == 0.16
+    assert materials["copper"].conductivity == 401.0
+    np.testing.assert_allclose(materials["copper"].diffusivity, 1.162e-4, rtol=1e-3)
+    np.testing.assert_allclose(materials["copper"].effusivity, 3.719e4, rtol=1e-3)
+
+
+def test_aliases():
+    assert materials["aluminum"] == materials["aluminium"]
+    assert "steel" in materials and "steel" not in list(materials)
+
+
+def test_the_source_says_where_the_emissivity_comes_from():
+    assert "of 'brick, red', IDEAL" in material_row("brick").source
+    gold = material_row("gold")
+    assert gold.emissivity == 0.9
+    assert "none tabulated, assumed 0.9" in gold.source
+    assert "CRC" in gold.source
+
+
+def test_unknown_names_get_help():
+    with pytest.raises(InputError, match="'stainles' .* did you mean stainless_steel"):
+        materials["stainles"]
+    with pytest.raises(InputError, match="plywood"):
+        materials["wood"]
+    with pytest.raises(InputError, match="platinum, gold"):
+        materials["zzz"]
+
+
+def test_get_and_in_do_not_raise():
+    assert "unobtainium" not in materials
+    assert materials.get("unobtainium") is None
+    assert materials.get("copper") == materials["copper"]
+
+
+def test_the_package_gives_the_mapping_and_not_a_module():
+    importlib.import_module("jaxthermo.material.table")
+    assert jaxthermo.materials is materials
+
+
+def test_thesis_materials():
+    assert [row.name for row in material_rows() if row.in_thesis] == THESIS_ROWS
+    gold = thesis_material("gold")
+    assert (gold.density, gold.specific_heat, gold.emissivity) == (19300, 126, 1)
+    assert gold.conductivity == 318.0
+    with pytest.raises(InputError, match="not in Table 5.1: use one of platinum"):
+        thesis_material("titanium")

@@ -1,0 +1,122 @@
+"""Rows do what plain pairs do, for any links; layouts hold every link twice."""
+
+import hypothesis.strategies as st
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+from jaxthermo import arrays
+from jaxthermo.network.coo_operator import LinkNetwork
+from jaxthermo.network.ell_operator import row_layout, row_network
+
+
+NODES, LINKS = 40, 90
+
+
+def _random_links(seed, hub=False):
+    """Links between random nodes, some twice, in no order; or most at one node."""
+    random = np.random.default_rng(seed)
+    src = np.zeros(LINKS, int) if hub else random.integers(0, NODES, LINKS)
+    dst = (src + random.integers(1, NODES, LINKS)) % NODES
+    order = np.argsort(src, kind="stable")
+    return src[order].astype(np.int32), dst[order].astype(np.int32)
+
+
+def _both(src, dst, seed):
+    random = np.random.default_rng(seed)
+    conductance = jnp.asarray(random.random(len(src)))
+    capacity = jnp.asarray(1 + random.random(NODES))
+    pairs = LinkNetwork(jnp.asarray(src), jnp.asarray(dst), conductance, capacity)
+    return pairs, row_network(row_layout(NODES, src, dst), conductance, capacity)
+
+
+@pytest.fixture(scope="module", params=[0.0, arrays.LIST_START], autouse=True)
+def list_start(request):
+    """With a list where it pays by its entries alone, and as it is."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(arrays, "LIST_START", request.param)
+        yield
+
+
+@settings(max_examples=12, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), hub=st.booleans())
+def test_rows_are_the_pairs(seed, hub):
+    src, dst = _random_links(seed, hub)
+    pairs, rows = _both(src, dst, seed)
+    state = jnp.asarray(np.random.default_rng(seed + 1).normal(size=NODES))
+    same = lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-13)
+    same(rows.heat_rate(state), pairs.heat_rate(state))
+    same(
+        rows.euler_step(state, jnp.array(0.01)),
+        pairs.euler_step(state, jnp.array(0.01)),
+    )
+    same(rows.diagonal(), pairs.diagonal())
+    same(rows.largest_rate(), pairs.largest_rate())
+    same(rows.stored(state), pairs.stored(state))
+    assert abs(float(rows.heat_rate(state).sum())) < 1e-12
+
+
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), hub=st.booleans())
+def test_every_link_stands_in_the_rows_of_both_its_nodes(seed, hub):
+    src, dst = _random_links(seed, hub)
+    layout = row_layout(NODES, src, dst)
+    seen = [
+        (n, layout.link[k][n]) for k in range(len(layout.link)) for n in range(NODES)
+    ]
+    seen = [(n, link) for n, link in seen if link < LINKS]
+    seen += list(zip(layout.list_node, layout.list_link, strict=True))
+    for link in layout.following:
+        seen += [(src[link], link), (dst[link], link)]
+    wanted = [(n, link) for link in range(LINKS) for n in (src[link], dst[link])]
+    assert sorted((int(a), int(b)) for a, b in seen) == sorted(
+        (int(a), int(b)) for a, b in wanted
+    )
+    assert (np.diff(layout.list_node) >= 0).all()
+
+
+def test_a_hub_keeps_the_rest_of_its_neighbours_in_the_list(monkeypatch):
+    """But a small structure has none: starting on a list costs more than padding."""
+    src, dst = _random_links(0, hub=True)
+    monkeypatch.setattr(arrays, "LIST_START", 30_000.0)
+    assert len(row_layout(NODES, src, dst).list_node) == 0
+    monkeypatch.setattr(arrays, "LIST_START", 0.0)
+    layout = row_layout(NODES, src, dst)
+    assert len(layout.list_node) > 0
+    assert len(layout.neighbour) < 10
+
+
+def test_a_chain_is_shifted_slices_alone():
+    src = np.arange(NODES - 1, dtype=np.int32)
+    layout = row_layout(NODES, src, src + 1)
+    assert len(layout.following) == NODES - 1
+    assert layout.neighbour == ()
+    assert len(layout.list_node) == 0
+
+
+def test_nodes_without_any_link():
+    none = np.zeros(0, np.int32)
+    pairs, rows = _both(none, none, 0)
+    state = jnp.arange(NODES, dtype=float)
+    np.testing.assert_array_equal(rows.heat_rate(state), 0.0)
+    np.testing.assert_array_equal(rows.euler_step(state, jnp.array(1.0)), state)
+    assert float(rows.largest_rate()) == float(pairs.largest_rate()) == 0.0
+
+
+def test_the_derivative_reaches_every_conductance():
+    src, dst = _random_links(3)
+    state = jnp.asarray(np.random.default_rng(4).normal(size=NODES))
+    layout = row_layout(NODES, src, dst)
+    capacity = jnp.ones(NODES)
+
+    def energy(conductance):
+        rate = row_network(layout, conductance, capacity).heat_rate(state)
+        return -(state * rate).sum()
+
+    found = jax.grad(energy)(jnp.ones(LINKS))
+    exact = (np.asarray(state)[src] - np.asarray(state)[dst]) ** 2
+    np.testing.assert_allclose(found, exact, rtol=1e-12)
+    assert float(found.min()) >= 0.0
+    assert exact.max() == pytest.approx(float(found.max()))

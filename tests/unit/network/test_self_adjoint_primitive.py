@@ -1,0 +1,173 @@
+"""Conduction as a primitive: every derivative is that of the plain operator."""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxthermo import arrays
+from jaxthermo.network.ell_operator import ROWS, row_layout, row_network
+from jaxthermo.network.self_adjoint_primitive import conduct, conduct_step
+from jaxthermo.network.stencil import UNIFORM, solid_degree
+
+
+class Case(NamedTuple):
+    operator: Any
+    state: Any
+    given: Any
+    """Conductances, of all links or of each."""
+    factors: Any
+    """The factors that they make: a link stands in the rows of both its nodes."""
+    layout: Any
+    nodes: Any
+    """Where they are in a state."""
+
+
+def _uniform():
+    random = np.random.default_rng(3)
+    solid = random.random((4, 5, 6)) < 0.7
+    # A voxel without neighbours, at a corner.
+    solid[:2, :2, :2] = False
+    solid[0, 0, 0] = True
+    degree = solid_degree(solid)
+    assert degree[0, 0, 0] == 0
+    nodes = np.pad(solid, 1)
+    state = jnp.asarray(np.where(nodes, random.normal(size=nodes.shape), 0.0))
+    return Case(
+        UNIFORM, state, jnp.asarray(0.11), lambda g: g, jnp.asarray(degree), nodes
+    )
+
+
+def _rows():
+    random, nodes = np.random.default_rng(4), 14
+    src = np.sort(random.integers(0, nodes, 24)).astype(np.int32)
+    dst = ((src + random.integers(1, 4, 24)) % nodes).astype(np.int32)
+    with pytest.MonkeyPatch.context() as patch:
+        # So that some links stand in the list.
+        patch.setattr(arrays, "LIST_START", 0.0)
+        layout = row_layout(nodes, src, dst)
+    given = jnp.asarray(random.random(24) / 8)
+    rows = row_network(layout, given, jnp.ones(nodes))
+
+    def factors(given):
+        made = row_network(layout, given, jnp.ones(nodes))
+        return made.following, made.conductance, made.list_conductance
+
+    assert rows.following is not None
+    assert len(rows.list_node)
+    return Case(
+        ROWS,
+        jnp.asarray(random.normal(size=nodes)),
+        given,
+        factors,
+        (rows.neighbour, rows.list_node, rows.list_neighbour),
+        np.ones(nodes, bool),
+    )
+
+
+CASES = {"uniform": _uniform, "rows": _rows}
+
+
+@pytest.fixture(scope="module", params=list(CASES))
+def case(request):
+    return CASES[request.param]()
+
+
+def _weights(case):
+    """Of every entry of a state, those without a node too."""
+    return jnp.asarray(np.random.default_rng(5).normal(size=case.state.shape))
+
+
+def _chain(case, plain):
+    """A number that depends on all of a few changes, in a loop."""
+    if plain:
+        change = lambda s, f: case.operator.change(s, f, case.layout)
+        step = lambda s, f: case.operator.step(s, f, case.layout)
+    else:
+        change = lambda s, f: conduct(case.operator, s, f, case.layout)
+        step = lambda s, f: conduct_step(case.operator, s, f, case.layout)
+
+    def run(scale, state, given):
+        factors = case.factors(scale * given)
+        state = jnp.where(jnp.asarray(case.nodes), state, 0)
+        one = lambda _, s: step(s, factors) + change(s * s, factors) / 10
+        end = jax.lax.fori_loop(0, 3, one, state)
+        return (_weights(case) * (end + end**2)).sum()
+
+    return run
+
+
+def _same(found, expected):
+    def compare(a, b):
+        size = float(jnp.abs(b).max())
+        np.testing.assert_allclose(a, b, rtol=1e-10, atol=1e-12 * size)
+
+    jax.tree.map(compare, found, expected)
+
+
+ONE = jnp.asarray(1.0)
+
+
+@pytest.mark.parametrize(
+    "derive",
+    [
+        lambda run: jax.value_and_grad(run, argnums=(0, 1, 2)),
+        lambda run: jax.jacfwd(run, argnums=(0, 1)),
+        lambda run: jax.grad(jax.grad(run), argnums=(0, 1, 2)),
+        lambda run: jax.jacfwd(jax.grad(run, argnums=(0, 1, 2))),
+        lambda run: jax.grad(jax.checkpoint(run), argnums=(0, 1, 2)),
+    ],
+    ids=["reverse", "forward", "twice reverse", "forward of reverse", "checkpoint"],
+)
+def test_derivatives_are_those_of_the_plain_operator(case, derive):
+    given = ONE, case.state, case.given
+    found = jax.jit(derive(_chain(case, plain=False)))(*given)
+    _same(found, jax.jit(derive(_chain(case, plain=True)))(*given))
+
+
+def test_derivatives_map_over_a_batch(case):
+    scales = jnp.array([0.5, 1.0, 1.5])
+    batch = lambda run: (
+        jax.vmap(jax.value_and_grad(run), (0, None, None)),
+        jax.vmap(jax.jacfwd(run), (0, None, None)),
+        jax.grad(lambda s, *rest: jax.vmap(run, (0, None, None))(s, *rest).sum()),
+    )
+    given = scales, case.state, case.given
+    pairs = zip(
+        batch(_chain(case, plain=False)), batch(_chain(case, plain=True)), strict=True
+    )
+    for fast, plain in pairs:
+        _same(jax.jit(fast)(*given), jax.jit(plain)(*given))
+
+
+def test_the_gradient_is_the_central_difference(case):
+    run = jax.jit(_chain(case, plain=False))
+    rest = case.state, case.given
+    found = jax.grad(run)(ONE, *rest)
+    step = 1e-5
+    difference = (run(ONE + step, *rest) - run(ONE - step, *rest)) / (2 * step)
+    np.testing.assert_allclose(found, difference, rtol=1e-7)
+
+
+def test_the_operator_is_its_own_transpose(case):
+    inside = jnp.where(jnp.asarray(case.nodes), _weights(case), 0)
+    change = lambda state: conduct(
+        case.operator, state, case.factors(case.given), case.layout
+    )
+    one, other = (
+        (inside * change(case.state)).sum(),
+        (case.state * change(inside)).sum(),
+    )
+    assert float(jnp.abs(one)) > 0.1
+    np.testing.assert_allclose(one, other, rtol=1e-12)
+
+
+def test_a_node_without_neighbours_passes_its_cotangent_on():
+    case = _uniform()
+    step = lambda s: conduct_step(
+        case.operator, s, case.factors(case.given), case.layout
+    )
+    _, pull = jax.vjp(step, case.state)
+    assert pull(_weights(case))[0][1, 1, 1] == _weights(case)[1, 1, 1]

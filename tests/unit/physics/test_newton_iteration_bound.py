@@ -1,0 +1,76 @@
+"""Newton's steps at a surface: as many as the bound says are as good as all."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxthermo.physics.boundary import Exchange, ImposedFlux
+from jaxthermo.physics.newton_iteration_bound import (
+    ALL_STEPS,
+    KELVIN_LEFT,
+    newton_steps,
+)
+from jaxthermo.physics.radiation.emission import Emission
+from jaxthermo.physics.surface_energy_balance import SurfaceTerms
+from jaxthermo.physics.term import Reach, bound
+
+
+AREA = np.array([1e-6, 4e-6, 2e-6])
+ZERO = jnp.zeros(())
+
+
+def _terms(conductivity, pitch, dtype, sun=1000.0):
+    """Sun, air and surroundings on three fragments above nodes of one material."""
+    number = lambda value: jnp.asarray(value, dtype)
+    area = AREA.astype(dtype)
+    reference = number(300.0)
+    laws = (
+        ImposedFlux(number(sun)),
+        Exchange(number(20.0), number(285.0), reference),
+        Emission(number(280.0), reference),
+    )
+    half_cell = area * np.asarray(conductivity / (pitch / 2), dtype)
+    free = tuple((n, bound(area, law)) for n, law in enumerate(laws))
+    return SurfaceTerms(("sun", "air", "sky"), half_cell, free, ())
+
+
+def _steps(terms, hottest=400.0):
+    bound_terms = [term for _, term in terms.free]
+    return newton_steps(terms.half_cell, bound_terms, Reach(0.0, hottest, 1.0))
+
+
+@eqx.filter_jit
+def _solved(terms, theta):
+    return terms.surface_excess(jnp.zeros((), theta.dtype), theta), terms.heat(
+        jnp.zeros((), theta.dtype), theta
+    )[0]
+
+
+@pytest.mark.parametrize("dtype", ["float32", "float64"])
+@pytest.mark.parametrize(
+    ("conductivity", "pitch"), [(400.0, 1e-3), (16.0, 2e-3), (1.0, 5e-3), (0.03, 0.05)]
+)
+def test_fewer_steps_leave_what_they_promise(conductivity, pitch, dtype):
+    terms = _terms(conductivity, pitch, dtype)
+    steps = _steps(terms)
+    theta = jnp.asarray([-20.0, 0.0, 90.0], dtype)
+    few = SurfaceTerms(terms.names, terms.half_cell, terms.free, (), steps)
+    (excess, heat), (exact, all_heat) = _solved(few, theta), _solved(terms, theta)
+    print(conductivity, pitch, dtype, "steps", steps, "off", excess - exact)
+    rounding = 40 * np.finfo(dtype).eps * 400.0
+    np.testing.assert_allclose(excess, exact, atol=KELVIN_LEFT[dtype] + rounding)
+    np.testing.assert_allclose(
+        heat, all_heat, rtol=1e-3 if dtype == "float32" else 1e-9
+    )
+
+
+def test_a_metal_takes_one_step_and_an_insulator_all():
+    assert _steps(_terms(400.0, 1e-3, "float32")) == 1
+    assert 1 < _steps(_terms(1.0, 5e-3, "float64")) < ALL_STEPS
+    assert _steps(_terms(0.03, 0.05, "float64")) == ALL_STEPS
+    assert _steps(_terms(16.0, 1e-3, "float64")) > _steps(_terms(16.0, 1e-3, "float32"))
+
+
+def test_no_conduction_asks_for_all():
+    assert _steps(_terms(0.0, 1e-3, "float64")) == ALL_STEPS

@@ -1,0 +1,35 @@
+"""The numbers of a scene, of a box where each is known."""
+
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from jaxthermo.scene.dimensionless_groups import scene_numbers
+from tests.bodies import blocks
+
+
+def test_numbers_of_a_cube():
+    """V / A of a cube is a sixth of its edge."""
+    cube = jt.FullVolume(blocks(np.ones((6, 6, 6), bool), 0.01))
+    metal = jt.Material(20.0, density=8000.0, specific_heat=500.0, absorptivity=0.5)
+    body = jt.Body(cube, metal, temperature=300.0)
+    terms = (
+        jt.Sun((0.0, 0.0, -1.0), jt.Until(1000.0, 5.0)),
+        jt.Convection(10.0, 290.0),
+        jt.HeatFlux(-200.0, on=jt.Side((1.0, 0.0, 0.0))),
+    )
+    found = scene_numbers(jt.Scene((body,), terms), 100.0)
+    assert found["biot"] == pytest.approx(10.0 * 0.01 / 20.0)
+    assert found["fourier"] == pytest.approx(20.0 / 4e6 * 100.0 / 0.01**2)
+    assert found["voxels_across"] == pytest.approx(1.0)
+    assert found["heating"] == pytest.approx(700.0 * 0.01 / 20.0)
+
+
+def test_radiation_counts_as_a_coefficient():
+    cube = jt.FullVolume(blocks(np.ones((6, 6, 6), bool), 0.01))
+    metal = jt.Material(20.0, density=8000.0, specific_heat=500.0, emissivity=0.5)
+    scene = jt.Scene(
+        (jt.Body(cube, metal, temperature=300.0),), (jt.Surroundings(280.0),)
+    )
+    h = 0.5 * 4 * 5.670374419e-8 * 300.0**3
+    assert scene_numbers(scene, 1.0)["biot"] == pytest.approx(h * 0.01 / 20.0)

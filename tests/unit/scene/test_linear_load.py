@@ -1,0 +1,107 @@
+"""Linear loads summed by nodes are those of the places, to rounding."""
+
+from dataclasses import replace
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from jaxthermo.integrate.run.heat_rates import add_loads
+from jaxthermo.scene.compile.compile import compile_scene
+from jaxthermo.scene.loads.linear_load import NodeLoad
+from jaxthermo.scene.loads.surface_load import SurfaceLoad
+
+
+STEEL = jt.Material(16.0, density=8000.0, specific_heat=500.0, emissivity=0.9)
+WOOL = jt.Material(0.01, density=100.0, specific_heat=800.0, emissivity=0.9)
+BELOW = jt.Side((0.0, 0.0, -1.0))
+TERMS = (
+    jt.Sun((0.5, 0.3, -1.0), jt.Until(800.0, 4.0)),
+    jt.Convection(500.0, jt.Table([0.0, 5.0], [280.0, 310.0])),
+    jt.Convection(20.0, 270.0),
+    jt.HeatFlux(jt.Table([0.0, 10.0], [100.0, 500.0]), on=jt.Side((1.0, 0.0, 0.0))),
+    jt.FixedTemperature(jt.Table([0.0, 5.0], [300.0, 330.0]), on=BELOW),
+)
+
+
+@pytest.fixture(scope="module")
+def ball():
+    return jt.voxelize(jt.shapes.sphere(0.025), 0.005)
+
+
+def _scene(structures, terms=TERMS, material=STEEL):
+    bodies = tuple(
+        jt.Body(
+            each, material, temperature=295.0 + n, pose=jt.Pose((0.1 * n, 0.0, 0.0))
+        )
+        for n, each in enumerate(structures)
+    )
+    return jt.Scene(bodies, terms, dtype="float64")
+
+
+@eqx.filter_jit
+def _loaded(program, states, time):
+    return add_loads(program, states, states, time, jnp.ones(()))
+
+
+def _by_place(program):
+    bodies = tuple(replace(b, load=b.load.places) for b in program.bodies)
+    return replace(program, bodies=bodies)
+
+
+@pytest.mark.parametrize("material", [STEEL, WOOL], ids=["steel", "wool"])
+@pytest.mark.parametrize(
+    "kinds", [(jt.FullVolume,), (jt.Aggregate, jt.Octree)], ids=["lattice", "two"]
+)
+def test_they_bring_what_the_places_do(ball, kinds, material):
+    compiled = compile_scene(_scene([kind(ball) for kind in kinds], TERMS, material))
+    program = compiled.program
+    assert all(isinstance(body.load, NodeLoad) for body in program.bodies)
+    assert program.joined is None
+    chance = np.random.default_rng(0)
+    states = tuple(s + chance.uniform(-5, 5, s.shape) for s in compiled.state)
+    for time in (0.0, 3.0, 4.5):
+        found, entries = _loaded(program, states, jnp.full((), time))
+        wanted, told = _loaded(_by_place(program), states, jnp.full((), time))
+        for one, other, before in zip(found, wanted, states, strict=True):
+            assert np.abs(one - before).max() > 1e-4
+            np.testing.assert_allclose(one, other, rtol=0, atol=1e-11)
+        np.testing.assert_allclose(entries, told, rtol=1e-11, atol=1e-11)
+
+
+def test_what_is_not_linear_goes_by_places(ball):
+    program = lambda *terms: compile_scene(_scene([jt.Aggregate(ball)], terms)).program
+    kind = lambda *terms: type(program(*terms).bodies[0].load)
+    assert kind(TERMS[0], TERMS[2]) is NodeLoad
+    assert kind(TERMS[0], jt.Surroundings(280.0)) is SurfaceLoad
+    assert kind(jt.Convection(lambda time: 1.0 + time, 280.0)) is SurfaceLoad
+    warm = jt.Surroundings(295.0, linear_within=0.2)
+    assert kind(TERMS[2], warm) is NodeLoad
+
+
+def test_energy_closes_and_gradients_are_differences(ball):
+    structure = jt.Aggregate(ball, factor=2)
+
+    def warmth(values):
+        h, k, watts = values
+        terms = (
+            jt.Sun((0.5, 0.3, -1.0), jt.Until(watts, 4.0)),
+            jt.Convection(h, 290.0),
+            jt.FixedTemperature(300.0, on=BELOW),
+        )
+        metal = jt.Material(k, density=8000.0, specific_heat=500.0, emissivity=0.9)
+        scene = _scene([structure], terms, metal)
+        solved = jt.simulate(scene, 8.0, [3.0, 8.0], solver=jt.ForwardEuler(dt=0.1))
+        return solved.surface_temperature.mean(), solved.energy.residual_relative
+
+    at = jnp.array([30.0, 16.0, 900.0])
+    found, residual = eqx.filter_jit(jax.jacfwd(warmth, has_aux=True))(at)
+    assert np.abs(residual).max() < 1e-12
+    value = jax.jit(lambda values: warmth(values)[0])
+    for n, step in enumerate(1e-4 * at):
+        ends = [value(at.at[n].add(sign * step)) for sign in (1, -1)]
+        wanted = float((ends[0] - ends[1]) / (2 * step))
+        assert float(found[n]) == pytest.approx(wanted, rel=1e-6)

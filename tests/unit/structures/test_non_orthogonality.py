@@ -1,0 +1,67 @@
+"""Ways along and across faces, and which links have any along."""
+
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from jaxthermo.structures.build.block_links import link_distance
+from jaxthermo.structures.build.non_orthogonality import LEAST_ACROSS, sideways_links
+from jaxthermo.structures.build.voxel_to_node import face_normals, link_axes
+from tests.bodies import blocks, slanted
+
+
+PITCH = 0.01
+
+
+@pytest.fixture(scope="module", name="slanted")
+def slanted_body():
+    return slanted(PITCH)
+
+
+def _kinds(grid):
+    return {
+        "aggregate": jt.Aggregate(
+            grid, factor=3, alignment=0.0, least_time_constant=0.0
+        ),
+        "core": jt.ShellOverCore(grid, factor=3),
+        "octree": jt.Octree(grid, levels=2),
+    }
+
+
+@pytest.mark.parametrize("kind", ["aggregate", "core", "octree"])
+def test_a_way_is_its_parts_across_and_along(slanted, kind):
+    structure = _kinds(slanted)[kind]
+    links, place = structure.links(), structure.nodes().place
+    normal, found = face_normals(structure), sideways_links(structure)
+    np.testing.assert_allclose(normal**2, link_axes(structure), atol=1e-14)
+    way = (place[links.dst] - place[links.src])[found.link]
+    straight = np.linalg.norm(way, axis=1)
+    across = way - found.apart
+    length = np.linalg.norm(across, axis=1)
+    assert len(found.link) > 20
+    assert (length >= LEAST_ACROSS * straight * (1 - 1e-12)).all()
+    assert (across * normal[found.link] > -1e-12).all()
+    free = length > LEAST_ACROSS * straight * (1 + 1e-9)
+    assert free.mean() > 0.8
+    turned = np.einsum("ei,ei->e", found.apart, normal[found.link])
+    np.testing.assert_allclose(turned[free], 0, atol=1e-12 * PITCH)
+    stretch = found.stretch[found.link]
+    np.testing.assert_allclose(stretch * length, link_distance(length, straight))
+
+
+def test_links_in_line_have_no_way_along(slanted):
+    for structure in (
+        jt.SingleShell(slanted),
+        jt.Aggregate(slanted, factor=1),
+        jt.Aggregate(blocks(np.ones((6, 6, 6), bool), PITCH), factor=2),
+    ):
+        found = sideways_links(structure)
+        assert len(found.link) == 0
+        np.testing.assert_array_equal(found.stretch, 1.0)
+
+
+def test_normals_turn_with_their_links():
+    structure = jt.FullVolume(blocks(np.ones((3, 2, 2), bool), PITCH))
+    links, centre = structure.links(), structure.nodes().centre
+    way = (centre[links.dst] - centre[links.src]) / PITCH
+    np.testing.assert_allclose(face_normals(structure), way, atol=1e-12)
