@@ -59,11 +59,8 @@ def docstrings(tree: ast.Module) -> Iterator[tuple[str, ast.Constant]]:
         if not isinstance(body, list):
             continue
         for index, node in enumerate(body):
-            if not (
-                isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
-            ):
-                continue
-            if not isinstance(node.value.value, str):
+            value = node.value if isinstance(node, ast.Expr) else None
+            if not isinstance(value, ast.Constant) or not isinstance(value.value, str):
                 continue
             first = index == 0 and isinstance(parent, (*_DEFINITIONS, ast.Module))
             yield ("definition" if first else "attribute"), value
@@ -119,9 +116,9 @@ def imports(module: Module, names: set[str]) -> set[tuple[str, str]]:
             if f"{base}.{alias.name}" in names:
                 modules[alias.asname or alias.name] = f"{base}.{alias.name}"
     for node in ast.walk(module.tree):
-        owner = node.value if isinstance(node, ast.Attribute) else None
-        if isinstance(owner, ast.Name) and owner.id in modules:
-            taken.add((modules[owner.id], node.attr))
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+            home = modules.get(node.value.id)
+            taken |= {(home, node.attr)} if home else set()
     return taken
 
 
@@ -152,15 +149,13 @@ def public_names(module: Module) -> tuple[list[str], list[str]]:
 
 def imports_in_functions(module: Module) -> list[int]:
     """Lines that import from the packages inside a function."""
-    found = set()
+    found: set[int] = set()
     for function in ast.walk(module.tree):
         if isinstance(function, ast.FunctionDef | ast.AsyncFunctionDef):
             for node in ast.walk(function):
-                own = isinstance(node, ast.ImportFrom) and (
-                    node.level or (node.module or "").split(".")[0] in PACKAGES
-                )
-                if own:
-                    found.add(node.lineno)
+                if isinstance(node, ast.ImportFrom):
+                    top = (node.module or "").split(".")[0]
+                    found |= {node.lineno} if node.level or top in PACKAGES else set()
     return sorted(found)
 
 
