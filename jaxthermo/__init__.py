@@ -35,7 +35,7 @@ _HOME = {
     "LinearMap": "structures.surface.surface_map",
     "FluxCorrectedMap": "structures.surface.surface_map",
     "Material": "material.table",
-    "material.table": "material.table",
+    "materials": "material.table",
     "Property": "material.property",
     "Table": "physics.time_varying",
     "Until": "physics.time_varying",
