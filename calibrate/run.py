@@ -10,12 +10,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from jaxthermo.arrays import precision
 from jaxthermo.atomic import replacing
 from jaxthermo.cli.files import results_folder
 from jaxthermo.cli.summary import write_json
 from jaxthermo.config.card_file import write_card
 from jaxthermo.config.strict_yaml import write_yaml
-from jaxthermo.precision import precision
 
 from .analysis.errors import CaseError, case_errors
 from .analysis.experiment_design import advise

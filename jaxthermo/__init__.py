@@ -34,7 +34,7 @@ _HOME = {
     "ConstantMap": "structures.surface.surface_map",
     "LinearMap": "structures.surface.surface_map",
     "FluxCorrectedMap": "structures.surface.surface_map",
-    "Material": "material.table",
+    "Material": "material.material",
     "materials": "material.table",
     "Property": "material.property",
     "Table": "physics.time_varying",

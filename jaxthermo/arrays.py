@@ -1,7 +1,37 @@
 """Array code that several packages need."""
 
+import contextlib
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.core
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Array, Bool, Float, Int
+
+
+Vec3 = tuple[float, float, float] | Float[np.ndarray, "3"]
+"""A point or a direction given by the user [m or -]."""
+
+Scalar = float | int | Float[Array, ""] | Float[np.ndarray, ""] | np.floating
+"""One number, traced or not."""
+
+TimeValue = Scalar | Callable
+"""A number, or a function of time [s] that gives one."""
+
+HostFloat = Float[np.ndarray, "..."]
+HostInt = Int[np.ndarray, "..."]
+HostBool = Bool[np.ndarray, "..."]
+
+
+def precision(dtype: str) -> contextlib.AbstractContextManager:
+    """A context in which arrays of `dtype` can be made."""
+    return jax.enable_x64(True) if dtype == "float64" else contextlib.nullcontext()
+
+
+def is_traced(tree: Any) -> bool:
+    """Whether anything in a pytree is being differentiated, mapped or compiled."""
+    return any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(tree))
 
 
 def members(group: Int[np.ndarray, " k"], groups: int) -> Int[np.ndarray, "m g"]:

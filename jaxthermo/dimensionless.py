@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Array, Float
 
-from .array_types import Scalar
+from .arrays import Scalar
 
 
 Quantity = Scalar | Float[Array, "..."] | Float[np.ndarray, "..."]

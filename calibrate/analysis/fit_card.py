@@ -5,8 +5,8 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from jaxthermo.arrays import precision
 from jaxthermo.config.build_structure import structure_options
-from jaxthermo.precision import precision
 from jaxthermo.scene.compile.compile import mechanism_names
 from jaxthermo.scene.dimensionless_groups import scene_numbers
 from jaxthermo.structures.fit_card import FitCard

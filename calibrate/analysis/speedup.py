@@ -6,11 +6,11 @@ from typing import Any
 import jax
 import numpy as np
 
+from jaxthermo.arrays import precision
 from jaxthermo.config.build import build_scene, build_solver
 from jaxthermo.config.schema import SceneConfig
 from jaxthermo.integrate.run.simulate import Plan, plan, run, start
 from jaxthermo.integrate.solvers import ForwardEuler
-from jaxthermo.precision import precision
 from jaxthermo.scene.scene import Scene
 
 from ..problem.reference import on_every_voxel

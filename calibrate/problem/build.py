@@ -7,18 +7,18 @@ import jax.numpy as jnp
 import numpy as np
 from PIL import Image
 
+from jaxthermo.arrays import precision
 from jaxthermo.config.build import build_scene, build_solver
 from jaxthermo.config.build_camera import build_camera
 from jaxthermo.config.build_terms import build_term
 from jaxthermo.config.schema import SceneConfig
 from jaxthermo.config.schema_image import CameraConfig
 from jaxthermo.errors import InputError
-from jaxthermo.image.exr import read_exr
+from jaxthermo.image.files import read_exr
 from jaxthermo.image.view import View
 from jaxthermo.integrate.run.parametric_run import Answer, Response
 from jaxthermo.integrate.run.solution_file import load_solution
 from jaxthermo.integrate.surface_error import check_surfaces
-from jaxthermo.precision import precision
 from jaxthermo.scene.compile.compile import compile_scene
 from jaxthermo.scene.scene import Scene
 from jaxthermo.scene.solved_surface import SolvedSurface

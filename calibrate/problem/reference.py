@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxthermo
+from jaxthermo.arrays import precision
 from jaxthermo.config.build import build_scene
 from jaxthermo.config.loader import config_hash
 from jaxthermo.config.schema import SceneConfig
@@ -21,7 +22,6 @@ from jaxthermo.integrate.run.solution_file import (
     save_solution,
 )
 from jaxthermo.integrate.solvers import ForwardEuler
-from jaxthermo.precision import precision
 from jaxthermo.scene.compile.compile import compile_scene
 from jaxthermo.structures.cache import cache_folder
 

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 from PIL import Image
 
+from jaxthermo.arrays import precision
 from jaxthermo.cli.difference_scale import (
     BACKGROUND,
     DifferenceScale,
@@ -21,7 +22,6 @@ from jaxthermo.image.palette import apply_palette
 from jaxthermo.image.render import draw
 from jaxthermo.image.ticks import decimals_of, label, nice_ticks, time_label
 from jaxthermo.integrate.run.parametric_run import Answer
-from jaxthermo.precision import precision
 
 from ..problem.problem import Case, Problem
 from ..problem.targets import SurfaceTarget

@@ -15,9 +15,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jaxthermo.arrays import precision
 from jaxthermo.errors import InputError
 from jaxthermo.integrate.run.parametric_run import Layout, with_more_steps
-from jaxthermo.precision import precision
 
 from ..problem.problem import Layouts, Problem, Seen, jacobian_rows
 from .checkpoint import Progress, Step, kept

@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxthermo as jt
+from jaxthermo.arrays import precision
 from jaxthermo.physics.convection.nusselt import churchill_bernstein
-from jaxthermo.precision import precision
 
 from .bodies import COLD, HOT, STEEL, block
 from .case import Case, Check, Row, broken

@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxthermo as jt
+from jaxthermo.arrays import precision
 from jaxthermo.constants import STEFAN_BOLTZMANN
-from jaxthermo.precision import precision
 
 from .case import Case, Check, Row, broken
 from .emission import EDGE, METAL, cube

@@ -8,9 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxthermo as jt
+from jaxthermo.arrays import precision
 from jaxthermo.geometry.mesh import Mesh
 from jaxthermo.physics.conduction import series
-from jaxthermo.precision import precision
 
 from .bodies import COLD, COPPER, HOT, STEEL, block
 from .case import Case, Check, Row, broken, refusal

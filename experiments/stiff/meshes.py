@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 import jaxthermo as jt
-from jaxthermo.geometry.mesh import Mesh
-from jaxthermo.geometry.mesh_report import verdict_line
+from jaxthermo.geometry.mesh import Mesh, verdict_line
 from jaxthermo.geometry.repair import repair_mesh
 
 from .bodies import STEEL

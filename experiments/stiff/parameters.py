@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxthermo as jt
-from jaxthermo.precision import precision
+from jaxthermo.arrays import precision
 
 from .bodies import COLD, HOT, block, two_halves
 from .case import Case, Check, Row, broken, refusal

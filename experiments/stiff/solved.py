@@ -8,6 +8,7 @@ import jax
 import numpy as np
 
 import jaxthermo as jt
+from jaxthermo.arrays import precision
 from jaxthermo.integrate.run.schedule import legs
 from jaxthermo.integrate.run.simulate import (
     conclude,
@@ -17,7 +18,6 @@ from jaxthermo.integrate.run.simulate import (
     start,
 )
 from jaxthermo.integrate.solvers import KELVIN, AbstractSolver
-from jaxthermo.precision import precision
 
 from .case import PASS, REPORTED, Check, Row, broken
 

@@ -13,7 +13,7 @@ from jaxthermo.config.build_terms import build_term
 from jaxthermo.config.schema_geometry import BodyConfig
 from jaxthermo.config.schema_structure import SurfaceMapConfig
 from jaxthermo.geometry.pose import Pose
-from jaxthermo.material.table import Material
+from jaxthermo.material.material import Material
 from jaxthermo.physics.radiation.source import Sun
 from jaxthermo.physics.time_varying import Until
 from jaxthermo.scene.scene import Body, Scene

@@ -11,6 +11,7 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
+from jaxthermo.arrays import precision
 from jaxthermo.errors import InputError
 from jaxthermo.integrate.run.observe import Observation
 from jaxthermo.integrate.run.schedule import legs
@@ -25,7 +26,6 @@ from jaxthermo.integrate.run.simulate import (
 from jaxthermo.integrate.run.solution import RESULTS, Solution
 from jaxthermo.integrate.solvers import ForwardEuler
 from jaxthermo.integrate.surface_error import AnySolution
-from jaxthermo.precision import precision
 from jaxthermo.scene.scene import Scene
 
 

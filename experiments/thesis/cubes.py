@@ -6,7 +6,7 @@ import numpy as np
 from rich.table import Table
 
 from jaxthermo.geometry.shapes import box
-from jaxthermo.structures.build.irregular_cells import nested_cells, voxel_depth
+from jaxthermo.structures.build.assignment import nested_cells, voxel_depth
 from jaxthermo.voxels.voxelize import voxelize
 
 

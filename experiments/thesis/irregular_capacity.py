@@ -6,8 +6,7 @@ import numpy as np
 from rich.table import Table
 
 from jaxthermo.geometry.mesh import Mesh
-from jaxthermo.structures.coverage import capacity_by_region
-from jaxthermo.structures.kinds.irregular import IrregularMultiLevel
+from jaxthermo.structures.kinds.irregular import IrregularMultiLevel, capacity_by_region
 from jaxthermo.structures.report import structure_report
 from jaxthermo.voxels.voxelize import voxelize
 

@@ -2,12 +2,12 @@
 
 import numpy as np
 
+from jaxthermo.arrays import precision
 from jaxthermo.image.camera import Camera
 from jaxthermo.image.render import render
 from jaxthermo.integrate.run.simulate import simulate
 from jaxthermo.material.material import Material
 from jaxthermo.physics.radiation.emission import Surroundings
-from jaxthermo.precision import precision
 from jaxthermo.scene.scene import Body, Scene
 from jaxthermo.structures.kinds.full import FullVolume
 

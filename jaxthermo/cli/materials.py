@@ -7,8 +7,15 @@ from rich.console import Console
 from rich.table import Table
 
 from ..errors import InputError
-from ..material.data import EmissivityRow, MaterialRow, emissivity_rows, material_rows
-from ..material.table import find_materials, material_row, materials as by_name
+from ..material.table import (
+    EmissivityRow,
+    MaterialRow,
+    emissivity_rows,
+    find_materials,
+    material_row,
+    material_rows,
+    materials as by_name,
+)
 from .console import open_console, tell
 
 

@@ -2,12 +2,12 @@
 
 from pathlib import Path
 
+from ..arrays import precision
 from ..config.build import build_term
 from ..config.loader import load_config
 from ..config.schema import SceneConfig
 from ..errors import InputError
 from ..integrate.run.solution_file import load_solution
-from ..precision import precision
 from .console import doing, open_console, tell
 from .files import FRAMES, results_folder
 from .frames import Watch, write_frames

@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.table import Table
 
 from ..constants import ZERO_CELSIUS
-from ..geometry.mesh_report import verdict_line
+from ..geometry.mesh import verdict_line
 from ..image.ticks import time_label
 from ..integrate.implicit.adaptive import AdaptiveStepper
 from ..integrate.run.simulate import Plan

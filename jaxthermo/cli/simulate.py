@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 from rich.console import Console
 
 from .. import __version__
+from ..arrays import precision
 from ..atomic import replacing
 from ..config.build import build_scene, build_solver
 from ..config.loader import config_hash, load_config, to_yaml
@@ -28,7 +29,6 @@ from ..integrate.run.segments import (
 from ..integrate.run.simulate import Plan, plan
 from ..integrate.run.solution import RESULTS, Solution
 from ..integrate.run.solution_file import StoredSolution, save_solution
-from ..precision import precision
 from ..scene.scene import Scene
 from ..structures.report import structure_report
 from .cards import card_warnings

@@ -11,7 +11,7 @@ from ..atomic import replacing
 from ..config import units
 from ..errors import InputError
 from ..geometry.load import load_mesh
-from ..geometry.mesh_report import describe_mesh, verdict_line
+from ..geometry.mesh import describe_mesh, verdict_line
 from ..voxels.report import voxel_report
 from ..voxels.voxelize import voxelize as make_voxels
 from .console import doing, open_console, tell

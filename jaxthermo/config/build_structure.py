@@ -52,7 +52,7 @@ def build_structure(
             return Aggregate(
                 grid,
                 factor=config.factor,
-                least_time_constant=config.least_time_constant,
+                min_time_constant=config.min_time_constant,
                 alignment=config.alignment,
                 weights=weights,
             )

@@ -41,8 +41,8 @@ class WeightsConfig(Model):
     surface: Weight = 1.0
     capacity: Shares = 1.0
     surface_distance: Weight = 1.0
-    share: Annotated[Number, Field(ge=-10, le=10)] = 0.0
-    sideways: Annotated[Number, Field(ge=-1, le=2)] = 0.0
+    nearest_capacity: Annotated[Number, Field(ge=-10, le=10)] = 0.0
+    non_orthogonal: Annotated[Number, Field(ge=-1, le=2)] = 0.0
     card: FoundPath | None = None
     """A fit card, whose weights they are."""
 
@@ -112,7 +112,7 @@ class Aggregate(KindModel):
 
     kind: Literal["aggregate"] = "aggregate"
     factor: Count = 4
-    least_time_constant: Annotated[float, Field(ge=0, le=1)] = 0.45
+    min_time_constant: Annotated[float, Field(ge=0, le=1)] = 0.45
     alignment: Annotated[float, Field(ge=0, le=1)] = 0.7
     weights: CardOrWeights = WeightsConfig()
 

@@ -5,6 +5,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from jaxtyping import Float, Int
 
+from .connectivity import edges_of, is_closed, part_labels
+
 
 @dataclass(frozen=True)
 class Mesh:
@@ -65,3 +67,85 @@ class Mesh:
     def moved(self, offset: tuple[float, float, float] | np.ndarray) -> "Mesh":
         """The same mesh, translated by `offset` [m]."""
         return replace(self, vertices=self.vertices + np.asarray(offset, float))
+
+
+def describe_mesh(mesh: Mesh) -> dict:
+    """Facts about a mesh as plain types, ready for JSON.
+
+    `area` [m^2], `volume` [m^3] (None if the mesh is open: it has no inside), `size`
+    along x, y, z [m]; `bodies` counts the connected parts that point outward or are
+    open, `cavities` the closed ones that point inward.
+    """
+    labels = part_labels(mesh.faces)
+    parts = int(labels.max(initial=-1)) + 1
+    closed = is_closed(edges_of(mesh.faces), labels, parts)
+    cavities = int((closed & (part_volumes(mesh, labels, parts) < 0.0)).sum())
+    return {
+        "name": mesh.name,
+        "vertices": len(mesh.vertices),
+        "faces": len(mesh.faces),
+        "watertight": mesh.is_watertight,
+        "open_edges": mesh.open_edges,
+        "volume": mesh.volume if mesh.is_watertight else None,
+        "area": mesh.area,
+        "size": [float(side) for side in np.ptp(mesh.bounds, axis=0)],
+        "bodies": parts - cavities,
+        "cavities": cavities,
+        "axes": list(mesh.axes),
+        "repairs": dict(mesh.repairs),
+    }
+
+
+def verdict_line(mesh: Mesh) -> str:
+    """One line for the terminal: closed or not, how large, what was mended."""
+    facts = describe_mesh(mesh)
+    width, depth, height = facts["size"]
+    if facts["watertight"]:
+        state = f"watertight, volume {facts['volume']:.4g} m^3"
+    else:
+        state = f"open ({_count(facts['open_edges'], 'open edge')}), no volume"
+    parts = _count(facts["bodies"], "body", "bodies")
+    if facts["cavities"]:
+        parts += f" with {_count(facts['cavities'], 'cavity', 'cavities')}"
+    repairs = ", ".join(
+        f"{number} {kind.replace('_', ' ')}"
+        for kind, number in facts["repairs"].items()
+    )
+    return (
+        f"{facts['name']}: {facts['faces']} faces, {state}, area {facts['area']:.4g} "
+        f"m^2, {width:.4g} x {depth:.4g} x {height:.4g} m, {parts}; "
+        f"repaired: {repairs or 'nothing'}"
+    )
+
+
+def _count(number: int, one: str, many: str | None = None) -> str:
+    return f"{number} {one if number == 1 else many or one + 's'}"
+
+
+def part_volumes(
+    mesh: Mesh, labels: Int[np.ndarray, "f"], parts: int
+) -> Float[np.ndarray, "parts"]:
+    """Signed volume of each part about its own centre [m^3]."""
+    centre = mesh.triangles.mean(1)
+    weight = np.bincount(labels, minlength=parts)
+    origin = np.stack(
+        [np.bincount(labels, axis, parts) / weight for axis in centre.T], axis=1
+    )
+    share = ((centre - origin[labels]) * mesh.area_vectors).sum(1) / 3.0
+    return np.bincount(labels, share, parts)
+
+
+def winding_number(
+    triangles: Float[np.ndarray, "f 3 3"], point: Float[np.ndarray, "3"]
+) -> float:
+    """How often a surface goes round a point [-]: the sum of solid angles over 4 pi.
+
+    Van Oosterom and Strackee, "The solid angle of a plane triangle" (1983). It stays
+    near a whole number for surfaces with small holes, where counting hits does not.
+    """
+    a, b, c = np.moveaxis(triangles - point, 1, 0)
+    la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
+    triple = (a * np.cross(b, c)).sum(1)
+    base = la * lb * lc + (a * b).sum(1) * lc + (b * c).sum(1) * la
+    base += (c * a).sum(1) * lb
+    return float(np.arctan2(triple, base).sum() / (2.0 * np.pi))

@@ -1,14 +1,13 @@
 """Mend what a scan or an exporter leaves behind, and count each kind of defect."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Bool, Int
+from jaxtyping import Bool, Float, Int
 
-from .connectivity import edges_of, part_labels
-from .holes import fill_small_holes
-from .mesh import Mesh
-from .winding import consistent_winding, outward_winding
+from .connectivity import connected_labels, edge_pairs, edges_of, is_closed, part_labels
+from .mesh import Mesh, part_volumes, winding_number
 
 
 MAX_HOLE_EDGES = 8
@@ -99,3 +98,165 @@ def _drop_unused(mesh: Mesh) -> Mesh:
     used[mesh.faces] = True
     number = np.cumsum(used) - 1
     return replace(mesh, vertices=mesh.vertices[used], faces=number[mesh.faces])
+
+
+# Below this volume over area^1.5 an open part is a sheet, which has no inside.
+_SHEET = 1e-3
+
+
+def consistent_winding(faces: Int[np.ndarray, "f 3"]) -> Int[np.ndarray, "f 3"]:
+    """Turn the fewest faces such that neighbours agree across every two-face edge.
+
+    Each face stands twice in a graph, as it is and turned; a link joins the two states
+    that agree. A part's two components are its two windings, so one labelling solves
+    all parts at once. A part where they coincide (a Moebius band) is left as it is.
+    """
+    edges = edges_of(faces)
+    pairs = edge_pairs(edges)
+    differ = edges.start[pairs[:, 0]] == edges.start[pairs[:, 1]]
+    if not differ.any():
+        return faces
+    count = len(faces)
+    a, b = pairs.T // 3
+    shift = np.where(differ, count, 0)
+    links = np.concatenate(
+        [np.stack([a, b + shift], 1), np.stack([a + count, b + count - shift], 1)]
+    )
+    label = connected_labels(2 * count, links)
+    as_is, turned = label[:count], label[count:]
+    # Each part is known by the lower label of its two windings.
+    part = np.minimum(as_is, turned)
+    off = (as_is != part) & (as_is != turned)
+    outvoted = np.bincount(part, off, 2 * count) > np.bincount(part, ~off, 2 * count)
+    one_sided = np.bincount(part, as_is == turned, 2 * count) > 0
+    return _flip(faces, (off ^ outvoted[part]) & ~one_sided[part])
+
+
+def outward_winding(mesh: Mesh) -> Int[np.ndarray, "f 3"]:
+    """Turn each outermost part outward, and all that lies inside it along with it.
+
+    Turning a nest as a whole keeps the sense of its parts to each other: a cavity stays
+    a cavity, whichever way the file had the outer surface.
+    """
+    labels = part_labels(mesh.faces)
+    parts = int(labels.max(initial=-1)) + 1
+    volumes = part_volumes(mesh, labels, parts)
+    areas = np.bincount(labels, np.linalg.norm(mesh.area_vectors, axis=1), parts)
+    closed = is_closed(edges_of(mesh.faces), labels, parts)
+    inward = volumes < -np.where(closed, 0.0, _SHEET) * areas**1.5
+    if not inward.any():
+        return mesh.faces
+    lower, upper = _part_bounds(mesh, labels, parts)
+    triangles, outermost = mesh.triangles, np.arange(parts)
+    for outer in np.argsort(-np.prod(upper - lower, axis=1), kind="stable"):
+        if outermost[outer] != outer:
+            continue
+        boxed = (lower > lower[outer]).all(1) & (upper < upper[outer]).all(1)
+        # Being inside matters only where it changes whether the part is turned.
+        boxed &= (outermost == np.arange(parts)) & (inward != inward[outer])
+        surface = triangles[labels == outer] if boxed.any() else triangles[:0]
+        for inner in np.flatnonzero(boxed):
+            point = triangles[np.argmax(labels == inner)].mean(0)
+            if abs(winding_number(surface, point)) > 0.5:
+                outermost[inner] = outer
+    return _flip(mesh.faces, inward[outermost][labels])
+
+
+def _part_bounds(
+    mesh: Mesh, labels: Int[np.ndarray, "f"], parts: int
+) -> tuple[Float[np.ndarray, "parts 3"], Float[np.ndarray, "parts 3"]]:
+    lower, upper = np.full((parts, 3), np.inf), np.full((parts, 3), -np.inf)
+    np.minimum.at(lower, labels, mesh.triangles.min(1))
+    np.maximum.at(upper, labels, mesh.triangles.max(1))
+    return lower, upper
+
+
+def _flip(
+    faces: Int[np.ndarray, "f 3"], which: Bool[np.ndarray, "f"]
+) -> Int[np.ndarray, "f 3"]:
+    return np.where(which[:, None], faces[:, [0, 2, 1]], faces)
+
+
+# A hole of more than this share of its part's area is meant: a cup is no defect.
+_AREA_SHARE = 0.1
+
+
+def fill_small_holes(mesh: Mesh, max_edges: int) -> tuple[Mesh, int]:
+    """Close the holes of at most `max_edges` edges; tells how many were closed.
+
+    A hole stays open if it is large beside its part, or if no fan over it is free of
+    edges that the mesh already has.
+    """
+    loops = [loop for loop in boundary_loops(mesh.faces) if len(loop) <= max_edges]
+    if not loops:
+        return mesh, 0
+    labels = part_labels(mesh.faces)
+    areas = np.bincount(labels, np.linalg.norm(mesh.area_vectors, axis=1))
+    limit = np.zeros(len(mesh.vertices))
+    limit[mesh.faces] = _AREA_SHARE * areas[labels][:, None]
+    edges = edges_of(mesh.faces)
+    taken = set(zip(edges.start.tolist(), edges.end.tolist(), strict=True))
+    fans: list[Int[np.ndarray, "t 3"]] = []
+    for loop in loops:
+        fan = _best_fan(mesh.vertices, loop, taken, float(limit[loop[0]]))
+        if fan is not None:
+            fans.append(fan)
+            rim = np.roll(fan, -1, axis=1).reshape(-1)
+            taken.update(zip(fan.reshape(-1).tolist(), rim.tolist(), strict=True))
+    if not fans:
+        return mesh, 0
+    return replace(mesh, faces=np.concatenate([mesh.faces, *fans])), len(fans)
+
+
+def boundary_loops(faces: Int[np.ndarray, "f 3"]) -> list[list[int]]:
+    """The holes of a mesh as rings of vertices, in the winding of a face that fills.
+
+    Where two holes meet in a vertex the walk drops each ring as it closes, so that
+    every ring visits a vertex once.
+    """
+    edges = edges_of(faces)
+    lone = edges.uses[edges.edge] == 1
+    onward: dict[int, list[int]] = {}
+    for tail, head in zip(edges.end[lone], edges.start[lone], strict=True):
+        onward.setdefault(int(tail), []).append(int(head))
+    loops = []
+    for first in list(onward):
+        while onward.get(first):
+            loops += _walk(first, onward)
+    return loops
+
+
+def _walk(first: int, onward: dict[int, list[int]]) -> list[list[int]]:
+    path, place, loops = [first], {first: 0}, []
+    while onward.get(path[-1]):
+        vertex = onward[path[-1]].pop()
+        if vertex not in place:
+            place[vertex] = len(path)
+            path.append(vertex)
+            continue
+        loops.append(path[place[vertex] :])
+        for dropped in path[place[vertex] + 1 :]:
+            del place[dropped]
+        path = path[: place[vertex] + 1]
+    return loops
+
+
+def _best_fan(
+    vertices: Float[np.ndarray, "v 3"],
+    loop: list[int],
+    taken: set[tuple[int, int]],
+    largest: float,
+) -> Int[np.ndarray, "t 3"] | None:
+    """The fan of least area over a ring, or None where none is fit."""
+    best, best_area = None, largest
+    for turn in range(len(loop)):
+        ring = loop[turn:] + loop[:turn]
+        spokes = [(ring[0], tip) for tip in ring[2:-1]]
+        if len(ring) < 3 or any(s in taken or s[::-1] in taken for s in spokes):
+            continue
+        fan = np.array([(ring[0], *side) for side in pairwise(ring[1:])])
+        a, b, c = np.moveaxis(vertices[fan], 1, 0)
+        area = float(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+        if area < best_area:
+            best, best_area = fan, area
+    return best

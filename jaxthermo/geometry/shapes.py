@@ -9,9 +9,9 @@ from jaxtyping import Float, Int
 
 from jaxthermo.errors import InputError
 
+from ..errors import positive_length
 from .figurine import figurine
 from .mesh import Mesh
-from .units_and_axes import positive_length
 
 
 __all__ = ["box", "cylinder", "figurine", "slab", "sphere"]

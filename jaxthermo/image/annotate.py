@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import UInt8
 from PIL import Image, ImageDraw, ImageFont
 
-from ..array_types import Scalar
+from ..arrays import Scalar
 from ..atomic import replacing
 from ..errors import InputError
 from .palette import apply_palette, check_limits

@@ -7,9 +7,11 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..errors import InputError
+from ..raster.clip import clip_half_space
 from ..raster.directions import unit_vector
-from .clip import clip_near
 
+
+_FORWARD = np.array([0.0, 0.0, 1.0])
 
 NEAR = 0.02
 """Nearest depth drawn, as a share of the distance to what is looked at."""
@@ -115,7 +117,7 @@ class Camera(AbstractCamera):
         frame = _frame(self.position, self.look_at, self.up)
         distance = float(np.linalg.norm(np.subtract(self.look_at, self.position)))
         seen = (triangles - np.asarray(self.position)) @ frame.T
-        pieces, parent = clip_near(seen, NEAR * distance)
+        pieces, parent = clip_half_space(seen, _FORWARD, NEAR * distance)
         depth = pieces[..., 2]
         column = self.width / 2 + self._focal * pieces[..., 0] / depth
         row = self.height / 2 + self._focal * pieces[..., 1] / depth
@@ -177,7 +179,7 @@ class OrthographicCamera(AbstractCamera):
         """Parallel: the key is the depth."""
         frame = _frame(self.position, self.look_at, self.up)
         seen = (triangles - np.asarray(self.position)) @ frame.T
-        pieces, parent = clip_near(seen, 0.0)
+        pieces, parent = clip_half_space(seen, _FORWARD, 0.0)
         scale = self.height / self.view_height
         column = self.width / 2 + scale * pieces[..., 0]
         row = self.height / 2 + scale * pieces[..., 1]

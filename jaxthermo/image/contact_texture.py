@@ -7,7 +7,7 @@ through the contact. Fragments without a value are grey.
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from ..array_types import Scalar
+from ..arrays import Scalar
 from ..voxels.grid import VoxelGrid
 from ..voxels.textures import packed_images
 from .palette import apply_palette

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Array, Float, UInt8
 
-from ..array_types import Scalar
+from ..arrays import Scalar
 from ..errors import InputError
 
 

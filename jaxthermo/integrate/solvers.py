@@ -327,9 +327,9 @@ def tools(
     dtype, program = compiled.receipt.dtype, compiled.program
     if not all(body.network.symmetric for body in program.bodies):
         raise InputError(
-            "a body has weights with `sideways`, whose conduction is not symmetric and "
-            "cannot be solved for: step with ForwardEuler() or SuperTimeStepping(), or "
-            "set sideways to 0"
+            "a body has weights with `non_orthogonal`, whose conduction is not "
+            "symmetric and cannot be solved for: step with ForwardEuler() or "
+            "SuperTimeStepping(), or set non_orthogonal to 0"
         )
     stable = compiled.receipt.stable_step_s
     coarse = stable is None or longest > COARSE_RATIO * stable

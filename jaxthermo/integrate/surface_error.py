@@ -14,10 +14,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from ..arrays import is_traced, precision
 from ..errors import InputError
-from ..precision import precision
 from ..scene.solved_surface import SolvedSurface
-from ..tracing import is_traced
 from .run.solution import Solution
 from .run.solution_file import StoredSolution
 

@@ -6,9 +6,8 @@ from collections.abc import Sequence
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from ..array_types import Scalar
+from ..arrays import Scalar, is_traced
 from ..errors import InputError
-from ..tracing import is_traced
 from .property import Property
 
 

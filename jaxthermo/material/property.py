@@ -6,8 +6,8 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
+from ..arrays import is_traced
 from ..errors import InputError
-from ..tracing import is_traced
 
 
 def _as_array(numbers: Any) -> Any:

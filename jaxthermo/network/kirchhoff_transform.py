@@ -12,9 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..array_types import Scalar
+from ..arrays import Scalar, is_traced
 from ..material.property import Property
-from ..tracing import is_traced
 
 
 class Primitive(eqx.Module):

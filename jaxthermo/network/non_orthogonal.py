@@ -1,9 +1,10 @@
-"""Conduction with what passes along faces taken off (`structures.sideways`).
+"""Conduction with what passes along faces taken off (`structures.build.links`).
 
 Into node i flows sum_j G_ij (T_j - T_i - x g_ij . s_ij), g the mean of the gradients at
-the two ends and x the weight `sideways`. What one node gains another still loses, and a
-uniform temperature still rests; but the operator is no longer symmetric, which solves
-need, and a node may get a little hotter than its neighbours. Its modes still decay.
+the two ends and x the weight `non_orthogonal`. What one node gains another still loses,
+and a uniform temperature still rests; but the operator is no longer symmetric, which
+solves need, and a node may get a little hotter than its neighbours. Its modes still
+decay.
 
 Source: Jasak, Error Analysis and Estimation for the Finite Volume Method, thesis,
 Imperial College (1996), 3.3.1.3.
@@ -15,9 +16,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..structures.build.non_orthogonality import Sideways
+from ..structures.build.links import NonOrthogonalLinks
 from ..structures.structure import AbstractStructure
-from ..structures.surface.gradient import Gradient, gradient_at
+from ..structures.surface.surface_map import Gradient, gradient_at
 from .network import AbstractNodeNetwork, inverse
 
 
@@ -80,7 +81,7 @@ class NonOrthogonalNetwork(AbstractNodeNetwork):
 def non_orthogonal(
     straight: AbstractNodeNetwork,
     structure: AbstractStructure,
-    sideways: Sideways,
+    skewed: NonOrthogonalLinks,
     conductance: Float[Array, " k"],
 ) -> NonOrthogonalNetwork:
     """The network of a structure with some of its links corrected.
@@ -88,14 +89,14 @@ def non_orthogonal(
     Args:
         straight: the two-point flux.
         structure: nodes and links.
-        sideways: which are corrected.
+        skewed: which are corrected.
         conductance: of those, times the weight [W/K].
     """
     links, dtype = structure.links(), conductance.dtype
-    ends = links.src[sideways.link], links.dst[sideways.link]
+    ends = links.src[skewed.link], links.dst[skewed.link]
     chosen, place = np.unique(np.concatenate(ends), return_inverse=True)
     first, second = (jnp.asarray(each) for each in np.split(place.astype(np.int32), 2))
-    x, y, z = (jnp.asarray(half, dtype) for half in sideways.apart.T / 2)
+    x, y, z = (jnp.asarray(half, dtype) for half in skewed.offset.T / 2)
     network = NonOrthogonalNetwork(
         straight=straight,
         node_capacity=straight.node_capacity,

@@ -15,7 +15,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..array_types import Scalar
+from ..arrays import Scalar
 from .term import (
     AbstractLaw,
     AbstractSurfaceTerm,

@@ -20,6 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from ..arrays import is_traced
 from ..errors import InputError
 from ..material.material import Material
 from ..network.ell_operator import row_layout, row_network
@@ -28,11 +29,10 @@ from ..network.network import AbstractNetwork, inverse, precise_sum
 from ..network.non_orthogonal import non_orthogonal
 from ..network.orthotropic_stencil import AxisStencil, solid_degrees
 from ..network.stencil import UniformStencil, solid_degree
-from ..structures.build.non_orthogonality import sideways_links
-from ..structures.build.voxel_to_node import link_axes, nearest_volume
+from ..structures.build.assignment import nearest_volume
+from ..structures.build.links import link_axes, non_orthogonal_links
 from ..structures.kinds.full import FullVolume
 from ..structures.structure import AbstractStructure
-from ..tracing import is_traced
 
 
 Values = Array | np.ndarray
@@ -176,14 +176,14 @@ def _assemble_links(
         conductance = conductance * link_weights(structure, k.dtype)
         capacity = weighted_capacity(structure, capacity)
     layout = row_layout(len(nodes.volume), links.src, links.dst)
-    if not structure.weights.straightens:
+    if not structure.weights.corrects_non_orthogonality:
         return row_network(layout, conductance, capacity)
     return _straightened(structure, layout, conductance, capacity)
 
 
 def _straightened(structure, layout, conductance, capacity) -> AbstractNetwork:
     """With what passes along faces taken off."""
-    found, weight = sideways_links(structure), structure.weights.sideways
+    found, weight = non_orthogonal_links(structure), structure.weights.non_orthogonal
     if not len(found.link):
         return row_network(layout, conductance, capacity)
     weight = jnp.asarray(weight, conductance.dtype)
@@ -242,9 +242,9 @@ def weighted_capacity(
     levels, dtype = int(nodes.level.max()) + 1, capacity.dtype
     factor = _of_level(weights.capacity, levels, nodes.level, "capacity", dtype)
     shifted, total = capacity * factor, precise_sum(capacity)
-    if weights.shares:
+    if weights.uses_nearest_capacity:
         nearest = nearest_volume(structure) / nodes.volume
-        share = jnp.asarray(weights.share, dtype)
+        share = jnp.asarray(weights.nearest_capacity, dtype)
         shifted = shifted * jnp.exp(share * jnp.asarray(np.log(nearest), dtype))
         # Where nodes hold less than the body, at a share of 1 they hold all of it.
         whole = precise_sum(capacity * jnp.asarray(nearest, dtype))

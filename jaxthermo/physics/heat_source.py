@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..errors import InputError
-from ..structures.build.voxel_to_node import volume_within
+from ..structures.build.assignment import volume_within
 from ..structures.structure import AbstractStructure
 from ..voxels.selection import AbstractSpace
 from .term import AbstractTerm, Drive, LeftOut

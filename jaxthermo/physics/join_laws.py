@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..tracing import is_traced
+from ..arrays import is_traced
 from .term import AbstractLaw
 
 

@@ -14,14 +14,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..array_types import Scalar
+from ..arrays import Scalar
 from ..errors import InputError
 from ..material.material import Material
 from ..material.property import Property
 from ..network.kirchhoff_transform import primitive
 from ..network.network import AbstractNetwork
 from ..network.nonlinear import NonlinearNetwork
-from ..structures.build.voxel_to_node import voxel_owner
+from ..structures.build.assignment import voxel_owner
 from ..structures.structure import AbstractStructure
 from .conduction import assemble_mixed, assemble_uniform
 

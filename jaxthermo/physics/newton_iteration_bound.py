@@ -11,7 +11,7 @@ node's temperature is exact to rounding, where a near-insulator in the sun needs
 
 import numpy as np
 
-from ..tracing import is_traced
+from ..arrays import is_traced
 from .term import BoundTerm, Reach, Values
 
 

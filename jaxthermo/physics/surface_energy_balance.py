@@ -23,8 +23,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from ..arrays import is_traced
 from ..network.network import inverse, precise_sum
-from ..tracing import is_traced
 from .boundary import ImposedFlux
 from .newton_iteration_bound import ALL_STEPS
 from .radiation.radiative_exchange import Radiation

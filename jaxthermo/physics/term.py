@@ -16,11 +16,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ..array_types import Scalar
+from ..arrays import Scalar, is_traced
 from ..errors import InputError
 from ..geometry.pose import Pose
 from ..network.network import precise_sum
-from ..tracing import is_traced
 from ..voxels.grid import VoxelGrid
 from ..voxels.selection import AbstractSelection
 

@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..arrays import is_traced
 from ..errors import InputError
-from ..tracing import is_traced
 
 
 def _as_array(numbers: Any) -> Any:

@@ -8,7 +8,7 @@ from jaxtyping import Float, Int
 from .clip import clip_half_space
 from .directions import unit_vector, view_frame
 from .fragments import padded, rounded_up
-from .nearest import depth_range
+from .layers import depth_range
 
 
 WIDEST = 0.6
@@ -68,7 +68,7 @@ class PerspectiveView:
             ((top + size[1]) * forward - down, 0.0),
         ]
         for normal, least in planes:
-            triangles = clip_half_space(triangles, normal, least + self.eye @ normal)
+            triangles, _ = clip_half_space(triangles, normal, least + self.eye @ normal)
         return triangles
 
 

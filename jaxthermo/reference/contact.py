@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..array_types import HostFloat, Scalar
+from ..arrays import HostFloat, Scalar
 from ..dimensionless import Quantity
 from .special import erfcx, host
 

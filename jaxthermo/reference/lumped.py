@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..array_types import HostFloat, Scalar
+from ..arrays import HostFloat, Scalar
 from ..constants import STEFAN_BOLTZMANN
 from ..dimensionless import Quantity
 from .special import host

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..array_types import Scalar
+from ..arrays import Scalar
 from ..constants import STEFAN_BOLTZMANN
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..array_types import HostFloat
+from ..arrays import HostFloat
 from ..dimensionless import Quantity
 from .special import erf, erfc, erfcx, host
 

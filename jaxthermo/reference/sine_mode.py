@@ -6,7 +6,7 @@ at 0 through half a cell, conductance 2 k A / h: there too the mode is an eigenv
 
 import math
 
-from ..array_types import Scalar
+from ..arrays import Scalar
 
 
 def sine_rate(diffusivity: Scalar, length: Scalar, mode: int = 1) -> float:

@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float
 
-from ..array_types import HostFloat, Scalar
+from ..arrays import HostFloat, Scalar
 from ..dimensionless import Quantity
 from .special import host
 

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from ..array_types import HostFloat
+from ..arrays import HostFloat
 from ..dimensionless import Quantity
 
 

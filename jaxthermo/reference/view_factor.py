@@ -6,7 +6,7 @@ Incropera et al., Fundamentals of Heat and Mass Transfer, table 13.2.
 
 import numpy as np
 
-from ..array_types import Scalar
+from ..arrays import Scalar
 
 
 def parallel_rectangles(width: Scalar, length: Scalar, gap: Scalar) -> float:

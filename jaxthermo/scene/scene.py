@@ -8,14 +8,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from ..arrays import is_traced
 from ..errors import InputError
 from ..geometry.pose import Pose
-from ..material.table import Material
+from ..material.material import Material
 from ..physics.material_network import checked_labels, node_materials
 from ..physics.term import AbstractTerm
 from ..structures.structure import AbstractStructure
 from ..structures.surface.surface_map import AbstractSurfaceMap, FluxCorrectedMap
-from ..tracing import is_traced
 from ..voxels.grid import VoxelGrid
 from ..voxels.selection import Region
 from .motion import Motion

@@ -7,11 +7,11 @@ hand. A capacity factor per level shifts heat capacity between levels; the total
 
 Where nodes do not fill the body, as in a shell, each can be given the capacity of all
 that is nearest to it instead of its own: with V its volume and S that of the voxels
-nearest to it, capacities are as V^(1-x) S^x, x = `share`. So is their total: at 1 it is
-the body's, also where the nodes alone would hold less.
+nearest to it, capacities are as V^(1-x) S^x, x = `nearest_capacity`. So is their
+total: at 1 it is the body's, also where the nodes alone would hold less.
 
 Nodes on either side of a face may also be apart along it, and then a difference along
-the face passes for one across it, which the weight `sideways` takes off: see there.
+the face passes for one across it, which the weight `non_orthogonal` takes off.
 """
 
 from typing import Any
@@ -19,8 +19,8 @@ from typing import Any
 import equinox as eqx
 import numpy as np
 
+from ..arrays import is_traced
 from ..errors import InputError
-from ..tracing import is_traced
 
 
 class ConductionWeights(eqx.Module):
@@ -37,9 +37,9 @@ class ConductionWeights(eqx.Module):
     [levels]."""
     surface_distance: Any = 1.0
     """Of the distance between a surface and its node, in the surface map."""
-    share: Any = 0.0
+    nearest_capacity: Any = 0.0
     """Of what is nearest to a node in its capacity: 0 none, 1 all; any number."""
-    sideways: Any = 0.0
+    non_orthogonal: Any = 0.0
     """Of what links take for a difference across their face and is one along it, the
     part that is taken off: 0 none, 1 all. Only explicit solvers can step it."""
     links: Any = 1.0
@@ -69,19 +69,19 @@ class ConductionWeights(eqx.Module):
     def are_one(self) -> bool:
         """Whether links and capacities are known to have no factors."""
         values = (self.within, self.between, self.surface, self.capacity, self.links)
-        known = not any(is_traced(value) for value in (*values, self.share))
+        known = not any(is_traced(value) for value in (*values, self.nearest_capacity))
         plain = known and all(np.all(np.asarray(value) == 1) for value in values)
-        return plain and not self.shares
+        return plain and not self.uses_nearest_capacity
 
     @property
-    def shares(self) -> bool:
+    def uses_nearest_capacity(self) -> bool:
         """Whether what is nearest to a node counts in its capacity, or may."""
-        return _counts(self.share)
+        return _counts(self.nearest_capacity)
 
     @property
-    def straightens(self) -> bool:
+    def corrects_non_orthogonality(self) -> bool:
         """Whether differences along faces are taken off, or may be."""
-        return _counts(self.sideways)
+        return _counts(self.non_orthogonal)
 
 
 def _counts(value: Any) -> bool:
@@ -99,8 +99,11 @@ _LISTS = {
 _AT_LEAST_0 = ("of at least 0", lambda numbers: numbers >= 0)
 _RANGES = {
     "capacity": ("above 0", lambda numbers: numbers > 0),
-    "share": ("from -10 to 10", lambda numbers: abs(numbers) <= 10),
-    "sideways": ("from -1 to 2", lambda numbers: (numbers >= -1) & (numbers <= 2)),
+    "nearest_capacity": ("from -10 to 10", lambda numbers: abs(numbers) <= 10),
+    "non_orthogonal": (
+        "from -1 to 2",
+        lambda numbers: (numbers >= -1) & (numbers <= 2),
+    ),
 }
 
 

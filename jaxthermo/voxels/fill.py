@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, Int8
 
 from ..raster.layers import DepthLayers
-from .views import pixel_axes
+from .lattice import pixel_axes
 
 
 Views = tuple[DepthLayers, DepthLayers, DepthLayers]

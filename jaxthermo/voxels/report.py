@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 
 from .grid import VoxelGrid
-from .links import surface_links
-from .surface import surface_voxels
+from .surface import surface_links, surface_voxels
 
 
 def voxel_report(grid: VoxelGrid) -> dict[str, Any]:

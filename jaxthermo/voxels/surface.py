@@ -5,6 +5,7 @@ grid of that view cuts the surface into pieces of area pitch^2 / |n_i| (thesis' 
 pitch^2 counts only 83 % of a sphere, exposed voxel faces 150 %).
 """
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -12,9 +13,58 @@ from jaxtyping import Bool, Float, Int
 
 from ..geometry.mesh import Mesh
 from ..raster.layers import DepthLayers
-from .fill import first_cell_behind
-from .ray_parity import hidden_inside, select, thickness_behind
-from .views import pixel_axes
+from .fill import balanced_rays, first_cell_behind, turn
+from .lattice import pixel_axes
+
+
+SAME_DEPTH = 1e-4
+"""Crossings closer than this, in cells, count as one surface when parts touch."""
+
+
+def hidden_inside(layers: DepthLayers) -> Bool[np.ndarray, " k"]:
+    """Crossings with the body on both sides: where closed parts overlap or touch.
+
+    On a ray that has passed a hole nothing can be said, and nothing is hidden.
+    """
+    if not len(layers.pixel):
+        return np.zeros(0, bool)
+    step = turn(layers).astype(np.int64)
+    # Balanced rays sum to zero, and of the others nothing is asked.
+    balanced = balanced_rays(layers)[layers.pixel]
+    after = np.cumsum(np.where(balanced, step, 0))
+    apart = np.ones(len(after), bool)
+    apart[1:] = (layers.pixel[1:] != layers.pixel[:-1]) | (
+        np.diff(layers.depth) > SAME_DEPTH
+    )
+    start = np.flatnonzero(apart)
+    last = np.append(start[1:], len(after)) - 1
+    between = ((after - step)[start] != 0) & (after[last] != 0)
+    return between[np.cumsum(apart) - 1] & balanced
+
+
+def select(layers: DepthLayers, keep: Bool[np.ndarray, " k"]) -> DepthLayers:
+    """Some of the fragments, with the layer numbers they had."""
+    return replace(
+        layers,
+        pixel=layers.pixel[keep],
+        depth=layers.depth[keep],
+        triangle=layers.triangle[keep],
+        entering=layers.entering[keep],
+        layer=layers.layer[keep],
+    )
+
+
+def thickness_behind(layers: DepthLayers) -> Float[np.ndarray, " k"]:
+    """Depth from each crossing to the next one on the body's side of it.
+
+    Infinite where that one does not close the body.
+    """
+    last = max(len(layers.pixel) - 1, 0)
+    entering = layers.entering
+    other = np.arange(len(entering)) + np.where(entering, 1, -1)
+    other = np.clip(other, 0, last)
+    paired = (layers.pixel[other] == layers.pixel) & (entering[other] != entering)
+    return np.where(paired, np.abs(layers.depth[other] - layers.depth), np.inf)
 
 
 class AxisFragments(NamedTuple):
@@ -119,3 +169,22 @@ def surface_voxels(solid: Bool[np.ndarray, "x y z"]) -> Int[np.ndarray, "m 3"]:
         open_side[[0, -1]] = True
     exposed &= solid
     return np.argwhere(exposed)
+
+
+def surface_links(
+    voxels: Int[np.ndarray, "m 3"], shape: tuple[int, int, int]
+) -> Int[np.ndarray, "e 2"]:
+    """Pairs of surface voxels that touch over a face, an edge or a corner (26)."""
+    padded = np.array(shape) + 2
+    strides = np.array([padded[1] * padded[2], padded[2], 1])
+    key = (voxels + 1) @ strides
+    slot = np.full(int(padded.prod()), -1, np.int32)
+    slot[key] = np.arange(len(voxels), dtype=np.int32)
+    offsets = np.indices((3, 3, 3)).reshape(3, -1).T - 1
+    pairs = []
+    # The half of the 26 neighbours that come later in lattice order.
+    for jump in (offsets @ strides)[14:]:
+        other = slot[key + jump]
+        linked = np.flatnonzero(other >= 0)
+        pairs.append(np.stack([linked.astype(np.int32), other[linked]], axis=1))
+    return np.concatenate(pairs)

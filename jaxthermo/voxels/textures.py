@@ -7,8 +7,8 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from .grid import VoxelGrid
+from .lattice import peel_axes, pixel_axes
 from .surface import face_axes
-from .views import peel_axes, pixel_axes
 
 
 BACKGROUND = np.array([16, 17, 20], np.uint8)

@@ -1,19 +1,17 @@
 """`voxelize`: mesh to solid voxels and surface fragments, by depth layers."""
 
-import numpy as np
-from jaxtyping import Bool, Int
+from typing import NamedTuple
 
-from ..array_types import Scalar
-from ..arrays import rank_in_group
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from ..arrays import Scalar, rank_in_group
 from ..errors import InputError
 from ..geometry.mesh import Mesh
 from .fill import Views, fill_by_vote
-from .grid import LayerCounts, VoxelGrid
-from .lattice import Lattice, check_pitch, lattice_around
-from .scaling import true_scaling
+from .grid import LayerCounts, ThinParts, VoxelGrid
+from .lattice import Lattice, check_pitch, lattice_around, peel_axes
 from .surface import AxisFragments, attach_to_solid, axis_fragments, face_axes
-from .thin_wall_report import report_thin_parts
-from .views import peel_axes
 
 
 def voxelize(mesh: Mesh, pitch: Scalar) -> VoxelGrid:
@@ -103,3 +101,98 @@ def _layer_counts(
     x, y, z = (layers.count for layers in views)
     counts = [int(packed[axis == a].max(initial=-1)) + 1 for a in range(3)]
     return LayerCounts((x, y, z), (counts[0], counts[1], counts[2]))
+
+
+TRUSTED_RATIO = 2.0
+"""A ratio beyond this means that parts are lost, not that a surface is rounded off."""
+
+TRUSTED_OVERLAP = 2e-3
+"""Share of the surface that may lie inside the body before its volume is doubted."""
+
+
+class Scaling(NamedTuple):
+    """Factors from counted to true area and volume; 1 if they cannot be trusted."""
+
+    area_ratio: float
+    volume_ratio: float
+    unscaled_because: str
+    """Empty if the ratios apply."""
+
+
+def true_scaling(mesh: Mesh, area: float, volume: float, hidden_area: float) -> Scaling:
+    """The scaling that gives back the mesh's own area and volume.
+
+    Args:
+        mesh: the body.
+        area: of all fragments kept [m^2].
+        volume: of all solid voxels [m^3].
+        hidden_area: of the fragments inside the body [m^2].
+    """
+    doubt = _doubt(mesh, area, volume, hidden_area)
+    if doubt:
+        return Scaling(1.0, 1.0, doubt)
+    return Scaling(mesh.area / area, mesh.volume / volume, "")
+
+
+def _doubt(mesh: Mesh, area: float, volume: float, hidden_area: float) -> str:
+    edges = mesh.open_edges
+    if edges:
+        return f"the mesh is open ({edges} open edges): it has no volume of its own"
+    overlap = hidden_area / (area + hidden_area)
+    if overlap > TRUSTED_OVERLAP:
+        return f"parts overlap or touch: {overlap:.1%} of the surface lies inside"
+    for what, ratio in ("area", mesh.area / area), ("volume", mesh.volume / volume):
+        if not 1 / TRUSTED_RATIO < ratio < TRUSTED_RATIO:
+            return (
+                f"the mesh has {ratio:.2g} times the {what} of what was voxelized: "
+                "parts of it are too thin for this pitch"
+            )
+    return ""
+
+
+BLOCK = 8
+"""Thin fragments within a block of this many cells are reported as one place."""
+
+
+def report_thin_parts(
+    position: Float[np.ndarray, "s 3"],
+    thickness: Float[np.ndarray, " s"],
+    area: Float[np.ndarray, " s"],
+    lost: Bool[np.ndarray, " s"],
+    cell: Int[np.ndarray, "s 3"],
+    pitch: float,
+    most: int = 10,
+) -> ThinParts:
+    """Sum up fragments with less than one voxel behind them, by place.
+
+    Args:
+        position: of every fragment [m].
+        thickness: of the body behind it, along its normal [m].
+        area: true area [m^2].
+        lost: whether no solid voxel is near.
+        cell: lattice cell of the fragment.
+        pitch: edge of a voxel [m].
+        most: how many places to name.
+    """
+    thin = lost | (thickness < pitch)
+    blocks, inverse = np.unique(cell[thin] // BLOCK, axis=0, return_inverse=True)
+    total = np.bincount(inverse, weights=area[thin], minlength=len(blocks))
+    gone = np.bincount(inverse, weights=(area * lost)[thin], minlength=len(blocks))
+    places = []
+    for block in np.argsort(-total)[:most]:
+        members = np.flatnonzero(thin)[inverse == block]
+        places.append(
+            {
+                "centre_m": [round(float(c), 6) for c in position[members].mean(0)],
+                "thickness_m": round(float(thickness[members].min()), 9),
+                "area_m2": float(total[block]),
+                "lost_share": float(gone[block] / total[block]),
+            }
+        )
+    return ThinParts(
+        thin_fragments=int(thin.sum()),
+        thin_area=float(area[thin].sum()),
+        lost_fragments=int(lost.sum()),
+        lost_area=float(area[lost].sum()),
+        places=tuple(places),
+    )

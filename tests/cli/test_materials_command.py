@@ -3,8 +3,7 @@
 import pytest
 
 from jaxthermo.__main__ import main
-from jaxthermo.material.data import emissivity_rows, material_rows
-from jaxthermo.material.table import find_materials
+from jaxthermo.material.table import emissivity_rows, find_materials, material_rows
 
 
 @pytest.fixture

@@ -13,6 +13,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings, strategies as st
 
 import jaxthermo as jt
+from jaxthermo.arrays import precision
 from jaxthermo.integrate.implicit import adaptive
 from jaxthermo.integrate.run.schedule import legs
 from jaxthermo.integrate.run.simulate import (
@@ -24,7 +25,6 @@ from jaxthermo.integrate.run.simulate import (
 )
 from jaxthermo.integrate.run.solution import RESULTS
 from jaxthermo.integrate.solvers import KELVIN
-from jaxthermo.precision import precision
 from tests.bodies import blocks
 
 

@@ -16,8 +16,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from ...arrays import precision
 from ...errors import InputError
-from ...precision import precision
 from ...scene.compile.compile import compile_scene
 from ...scene.scene import Scene
 from ...scene.solved_surface import SolvedSurface

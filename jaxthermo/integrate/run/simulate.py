@@ -10,13 +10,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from ...arrays import is_traced, precision
 from ...errors import InputError
 from ...network.network import precise_sum
-from ...precision import precision
 from ...scene.compile.compile import compile_scene
 from ...scene.compile.program import Compiled, Entry, Program, State
 from ...scene.scene import Scene
-from ...tracing import is_traced
 from ..implicit.adaptive import AdaptiveStepper
 from ..solver_selection import choose
 from ..solvers import AbstractSolver

@@ -8,10 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from ...arrays import is_traced
 from ...physics.term import AbstractTerm
 from ...scene.receipt import Receipt
 from ...scene.solved_surface import SolvedSurface
-from ...tracing import is_traced
 from ..implicit.newton_stage import Effort
 from .ledger import Energy, HeatRates
 

@@ -16,13 +16,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from ...arrays import is_traced, precision
 from ...errors import InputError
-from ...precision import precision
 from ...scene.compile.compile import compile_scene
 from ...scene.compile.program import Program, State
 from ...scene.motion import Motion
 from ...scene.scene import Scene
-from ...tracing import is_traced
 from ..implicit.conjugate_gradient import ConjugateGradients, Correction, largest
 from ..implicit.context import Tools
 from ..implicit.jacobian import linearized

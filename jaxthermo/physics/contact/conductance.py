@@ -12,10 +12,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...array_types import Scalar
+from ...arrays import Scalar, is_traced
 from ...errors import InputError
 from ...network.network import inverse
-from ...tracing import is_traced
 
 
 Rows = Float[Array | np.ndarray, "*p"]

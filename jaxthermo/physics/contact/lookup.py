@@ -6,8 +6,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ...voxels.grid import VoxelGrid
+from ...voxels.lattice import pixel_axes
 from ...voxels.surface import face_axes
-from ...voxels.views import pixel_axes
 
 
 FARTHEST = 2.0

@@ -24,9 +24,8 @@ from jaxtyping import Float, Int
 from ...memory import require_memory
 from ...raster.fragments import capacities
 from ...raster.layers import DepthLayers, peel
-from ...voxels.lattice import BYTES_PER_FRAGMENT, Lattice
+from ...voxels.lattice import BYTES_PER_FRAGMENT, Lattice, pixel_axes
 from ...voxels.surface import face_axes
-from ...voxels.views import pixel_axes
 from .bodies import PlacedGrid
 
 

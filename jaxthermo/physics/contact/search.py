@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Int
 
-from ...array_types import Scalar
+from ...arrays import Scalar
 from ...errors import InputError
 from .bodies import PlacedGrid
 from .broad import may_touch

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ...tracing import is_traced
+from ...arrays import is_traced
 from ...voxels.cylinders import CylinderParts
 from ..term import Values
 from ..time_varying import Table, Until, is_unknown_function, largest, value_at

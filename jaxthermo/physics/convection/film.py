@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...tracing import is_traced
+from ...arrays import is_traced
 from ..term import AbstractLaw, Reach
 from ..time_varying import largest, value_at
 from .film_bounds import MISSED, film_derivatives, film_reach

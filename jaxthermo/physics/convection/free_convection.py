@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...array_types import Scalar
+from ...arrays import Scalar
 from ...errors import InputError
 from ...voxels.cylinder_parts import parts_of
 from ...voxels.cylinders import Cylinder, given_cylinders

@@ -16,9 +16,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...array_types import Scalar
+from ...arrays import Scalar, is_traced
 from ...errors import InputError
-from ...tracing import is_traced
 
 
 STILL = 0.05

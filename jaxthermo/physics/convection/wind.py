@@ -20,10 +20,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from ...array_types import Scalar
+from ...arrays import Scalar, is_traced
 from ...errors import InputError
 from ...raster.directions import unit_vector
-from ...tracing import is_traced
 from ...voxels.cylinder_parts import parts_of
 from ...voxels.cylinders import Cylinder, given_cylinders
 from ..term import (

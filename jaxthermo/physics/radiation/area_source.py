@@ -15,10 +15,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ...arrays import is_traced
 from ...constants import STEFAN_BOLTZMANN
 from ...errors import InputError
 from ...raster.directions import unit_vector, view_frame
-from ...tracing import is_traced
 from ..term import Drive, Surface
 from ..time_varying import check_value, largest, value_at
 from .polygon import polygon_view_factor

@@ -14,10 +14,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...array_types import Scalar
+from ...arrays import Scalar, is_traced
 from ...constants import STEFAN_BOLTZMANN
 from ...errors import InputError
-from ...tracing import is_traced
 from ..boundary import Exchange
 from ..term import (
     AbstractLaw,

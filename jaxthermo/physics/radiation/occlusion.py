@@ -17,10 +17,13 @@ from jaxtyping import Float
 
 from ...errors import InputError
 from ...memory import require_memory
-from ...raster.directions import OrthographicView, orthographic_view
-from ...raster.fibonacci_directions import half_sphere_directions
+from ...raster.directions import (
+    OrthographicView,
+    half_sphere_directions,
+    orthographic_view,
+)
 from ...raster.fragments import SMALLEST, shared_room
-from ...raster.nearest import depth_range
+from ...raster.layers import depth_range
 
 
 DIRECTIONS = 128

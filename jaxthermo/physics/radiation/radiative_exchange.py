@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ...array_types import Scalar
+from ...arrays import Scalar
 from ...constants import STEFAN_BOLTZMANN
 from ..term import (
     AbstractLaw,

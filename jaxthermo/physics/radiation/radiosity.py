@@ -16,9 +16,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from ...arrays import is_traced
 from ...constants import STEFAN_BOLTZMANN
 from ...errors import InputError
-from ...tracing import is_traced
 from ..term import Surface, Values
 from .patches import group
 from .view_factor import ACROSS, DIRECTIONS, ViewFactors, view_factors

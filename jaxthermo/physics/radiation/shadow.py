@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from ...memory import require_memory
 from ...raster.directions import OrthographicView, orthographic_view, view_frame
-from ...raster.nearest import depth_range
+from ...raster.layers import depth_range
 from ...raster.perspective import PerspectiveView, perspective_views
 
 

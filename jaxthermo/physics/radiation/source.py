@@ -17,7 +17,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ...array_types import Scalar
+from ...arrays import Scalar
 from ...errors import InputError
 from ...raster.directions import unit_vector
 from ..boundary import ImposedFlux

@@ -20,8 +20,12 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ...geometry.pose import Pose
-from ...raster.directions import OrthographicView, orthographic_view
-from ...raster.fibonacci_directions import cap_directions, half_sphere_directions
+from ...raster.directions import (
+    OrthographicView,
+    cap_directions,
+    half_sphere_directions,
+    orthographic_view,
+)
 from ...raster.fragments import SMALLEST, padded, shared_room
 from ...raster.layers import DepthLayers, peel
 from .patches import Patches

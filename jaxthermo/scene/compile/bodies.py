@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ...array_types import Scalar
+from ...arrays import Scalar, is_traced
 from ...errors import InputError
 from ...network.network import AbstractNetwork
 from ...physics.conduction import across, surface_conductivity
@@ -17,7 +17,6 @@ from ...physics.material_network import (
     materials_network,
 )
 from ...physics.term import Values
-from ...tracing import is_traced
 from ..scene import AbstractMaterials, Body
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from ...tracing import is_traced
+from ...arrays import is_traced
 from ..omissions import omissions, parts
 from ..receipt import Receipt
 from ..scene import Body, Scene

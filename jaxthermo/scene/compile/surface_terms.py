@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ...array_types import Scalar
+from ...arrays import Scalar
 from ...errors import InputError
 from ...geometry.pose import Pose
 from ...physics.term import AbstractSurfaceTerm, Binding, LeftOut, Surface

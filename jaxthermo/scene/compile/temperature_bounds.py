@@ -5,12 +5,12 @@ from typing import Any
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ...arrays import is_traced
 from ...constants import STEFAN_BOLTZMANN
 from ...physics.boundary import HeatFlux
 from ...physics.heat_source import HeatSource
 from ...physics.term import Reach
 from ...physics.time_varying import is_zero, smallest
-from ...tracing import is_traced
 from ..scene import AbstractMaterials, Body, Scene
 from .bodies import Prepared
 

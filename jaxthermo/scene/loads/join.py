@@ -6,11 +6,11 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
+from ...arrays import is_traced
 from ...physics.join_laws import Moments, can_join, join_laws
 from ...physics.newton_iteration_bound import ALL_STEPS
 from ...physics.surface_energy_balance import SurfaceTerms
 from ...physics.term import BoundTerm
-from ...tracing import is_traced
 from .joined import JoinedLoad
 from .surface_load import SurfaceLoad
 

@@ -21,6 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ...arrays import is_traced
 from ...network.network import (
     AbstractNetwork,
     AbstractNodeNetwork,
@@ -31,7 +32,6 @@ from ...network.nonlinear import NonlinearNetwork
 from ...physics.surface_energy_balance import NumberedTerms
 from ...physics.term import Linear
 from ...physics.time_varying import value_at
-from ...tracing import is_traced
 from ..compile.program import BodyProgram, Program
 from .linear_surface_balance import LinearBalance
 from .surface_load import AbstractLoad, SurfaceLoad

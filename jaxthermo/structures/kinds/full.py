@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ...voxels.grid import VoxelGrid
-from ..build.voxel_links import voxel_links
+from ..build.links import voxel_links
 from ..fit_card import as_weights
 from ..structure import AbstractStructure, Links, Nodes
 from ..weights import ConductionWeights

@@ -1,20 +1,92 @@
 """Irregular levels (thesis 4.3): shells inside shells, each of cells twice as large."""
 
+from typing import NamedTuple
+
 import equinox as eqx
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Float, Int
 
+from ...errors import whole_number
 from ...voxels.grid import VoxelGrid
-from ..build.irregular_cells import LevelCells, nested_cells, voxel_depth
-from ..build.irregular_links import irregular_links
-from ..build.voxel_assignment import divide
+from ..build.assignment import LevelCells, Territory, divide, nested_cells, voxel_depth
 from ..cache import cached
-from ..coverage import Coverage, cover_count, coverage
 from ..fit_card import as_weights
-from ..options import whole_number
-from ..structure import AbstractBuiltStructure, Built, Nodes
+from ..structure import AbstractBuiltStructure, Built, Links, Nodes
 from ..weights import ConductionWeights
 from .shell import fragment_rank
+
+
+class Coverage(NamedTuple):
+    """Shares of the body's volume; the cells' is 1 + overlap - crack + outside."""
+
+    overlap: float
+    """Covered more than once, each further time counted."""
+    crack: float
+    """Covered by no cell."""
+    outside: float
+    """Of cells that stick out of the body."""
+
+
+def cover_count(grid: VoxelGrid, nodes: Nodes) -> Int[np.ndarray, "x y z"]:
+    """How many nodes cover each voxel, a node of level l being a cube of 2^l voxels.
+
+    Each cube adds at its eight corners, with alternating sign; the running sums along
+    x, y and z then fill the cubes.
+
+    Args:
+        grid: the body.
+        nodes: all inside the lattice.
+    """
+    change = np.zeros(np.array(grid.solid.shape) + 1, np.int16)
+    size = 1 << nodes.level
+    low = grid.lattice.to_cells(nodes.centre) - size[:, None] / 2
+    corner = np.rint(low).astype(int)
+    for far in np.ndindex(2, 2, 2):
+        at = corner + np.array(far) * size[:, None]
+        np.add.at(change, tuple(at.T), np.int16((-1) ** sum(far)))
+    for axis in range(3):
+        np.cumsum(change, axis=axis, out=change)
+    return change[:-1, :-1, :-1]
+
+
+def coverage(grid: VoxelGrid, count: Int[np.ndarray, "x y z"]) -> Coverage:
+    """Shares of the whole body.
+
+    Args:
+        grid: the body.
+        count: from `cover_count`.
+    """
+    inside = count[grid.solid]
+    total, solid = int(count.sum(dtype=np.int64)), max(len(inside), 1)
+    covered = int(np.count_nonzero(inside))
+    within = int(inside.sum(dtype=np.int64))
+    return Coverage(
+        overlap=(within - covered) / solid,
+        crack=(len(inside) - covered) / solid,
+        outside=(total - within) / solid,
+    )
+
+
+def capacity_by_region(
+    grid: VoxelGrid, count: Int[np.ndarray, "x y z"], width: int
+) -> tuple[Float[np.ndarray, "a b c"], Float[np.ndarray, "a b c"]]:
+    """Volume of the cells, and of the body, in boxes of the lattice [m^3].
+
+    The two differ where cells overlap, stick out or leave cracks.
+
+    Args:
+        grid: the body.
+        count: from `cover_count`.
+        width: of a box, in voxels.
+    """
+    starts = [np.arange(0, n, width) for n in count.shape]
+
+    def per_box(values: Int[np.ndarray, "x y z"]) -> Float[np.ndarray, "a b c"]:
+        for axis, start in enumerate(starts):
+            values = np.add.reduceat(values, start, axis=axis, dtype=np.int64)
+        return values * grid.voxel_volume
+
+    return per_box(count), per_box(grid.solid.astype(np.int8))
 
 
 class IrregularMultiLevel(AbstractBuiltStructure):
@@ -91,3 +163,85 @@ class IrregularMultiLevel(AbstractBuiltStructure):
     def coverage(self) -> Coverage:
         """Overlap, cracks and what sticks out, as shares of the body."""
         return coverage(self.grid, self.cover_count())
+
+
+class _Pairs(NamedTuple):
+    """Pairs of cells, src < dst, each once, in order; lengths in voxels."""
+
+    key: Int[np.ndarray, " k"]
+    """src * number of cells + dst."""
+    area: Float[np.ndarray, " k"]
+    distance_src: Float[np.ndarray, " k"]
+    distance_dst: Float[np.ndarray, " k"]
+
+
+def irregular_links(levels: LevelCells, territory: Territory, pitch: float) -> Links:
+    """All links, sorted.
+
+    Two cells of level l that share a face of their lattice have the area (2^l h)^2 and
+    half a cell on either side. All others that touch in the division of the body have
+    the area of the voxel faces between them, and on either side half a cell and the
+    mean gap that the division bridged.
+
+    Args:
+        levels: cells of each level, that of level l being 2^l voxels wide.
+        territory: the division of the body among them.
+        pitch: edge of a voxel h [m].
+    """
+    counts = [len(cells) for cells in levels]
+    half = np.repeat(0.5 * (1 << np.arange(len(levels))), counts)
+    lattice, contact = _lattice_pairs(levels, half), _contacts(territory, half)
+    apart = ~np.isin(contact.key, lattice.key, assume_unique=True)
+    pairs = _Pairs(
+        *(
+            np.concatenate([ours, theirs[apart]])
+            for ours, theirs in zip(lattice, contact, strict=True)
+        )
+    )
+    order = np.argsort(pairs.key)
+    src, dst = np.divmod(pairs.key[order], max(len(half), 1))
+    return Links(
+        src=src.astype(np.int32),
+        dst=dst.astype(np.int32),
+        area=pairs.area[order] * pitch**2,
+        distance_src=pairs.distance_src[order] * pitch,
+        distance_dst=pairs.distance_dst[order] * pitch,
+    )
+
+
+def _lattice_pairs(levels: LevelCells, half: Float[np.ndarray, " n"]) -> _Pairs:
+    """Cells of one level that share a face."""
+    pairs, first = [np.zeros((2, 0), np.int64)], 0
+    for cells in levels:
+        shape = cells.max(axis=0, initial=0) + 2
+        key = np.asarray(np.ravel_multi_index(tuple(cells.T), tuple(shape)))
+        for stride in (shape[1] * shape[2], shape[2], 1):
+            place = np.searchsorted(key, key + stride)
+            here = np.flatnonzero(np.append(key, -1)[place] == key + stride)
+            pairs.append(first + np.stack([here, place[here]]))
+        first += len(cells)
+    src, dst = np.concatenate(pairs, axis=1)
+    return _Pairs(src * len(half) + dst, 4 * half[src] ** 2, half[src], half[dst])
+
+
+def _contacts(territory: Territory, half: Float[np.ndarray, " n"]) -> _Pairs:
+    """Cells with voxel faces between what they own."""
+    sides = np.concatenate([_faces(territory, axis) for axis in range(3)], axis=1)
+    owners, gaps = sides[:2].astype(np.int64), sides[2:]
+    key = owners.min(axis=0) * len(half) + owners.max(axis=0)
+    key, which, area = np.unique(key, return_inverse=True, return_counts=True)
+    ascending = owners[0] < owners[1]
+    gap_src = np.bincount(which, np.where(ascending, *gaps), len(key)) / area
+    gap_dst = np.bincount(which, np.where(ascending, *gaps[::-1]), len(key)) / area
+    src, dst = np.divmod(key, max(len(half), 1))
+    return _Pairs(key, area.astype(float), half[src] + gap_src, half[dst] + gap_dst)
+
+
+def _faces(territory: Territory, axis: int) -> Int[np.ndarray, "4 k"]:
+    """Owner below and above, gap below and above, of faces across one axis."""
+    owner = np.moveaxis(territory.owner, axis, 0)
+    gap = np.moveaxis(territory.gap, axis, 0)
+    below, above = owner[:-1], owner[1:]
+    between = (below != above) & (below >= 0) & (above >= 0)
+    parts = (below, above, gap[:-1], gap[1:])
+    return np.stack([part[between].astype(np.int32) for part in parts])

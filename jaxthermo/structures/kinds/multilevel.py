@@ -5,13 +5,11 @@ from dataclasses import replace
 import equinox as eqx
 import numpy as np
 
-from ...errors import InputError
+from ...errors import InputError, whole_number
 from ...voxels.grid import VoxelGrid
-from ..build.blocks import build_blocks, index_type, number_by_first_voxel
-from ..build.layers import voxel_layers
+from ..build.blocks import build_blocks, index_type, number_by_first_voxel, voxel_layers
 from ..cache import cached
 from ..fit_card import as_weights
-from ..options import whole_number
 from ..structure import AbstractBuiltStructure, Built
 from ..weights import ConductionWeights
 

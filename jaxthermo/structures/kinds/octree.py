@@ -6,11 +6,11 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Int
 
+from ...errors import whole_number
 from ...voxels.grid import VoxelGrid
 from ..build.blocks import build_blocks, index_type, number_by_first_voxel
 from ..cache import cached
 from ..fit_card import as_weights
-from ..options import whole_number
 from ..structure import AbstractBuiltStructure, Built
 from ..weights import ConductionWeights
 

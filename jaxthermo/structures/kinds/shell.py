@@ -6,8 +6,8 @@ from jaxtyping import Int
 
 from ...errors import InputError
 from ...voxels.grid import VoxelGrid
-from ...voxels.links import surface_links
-from ...voxels.surface import surface_voxels
+from ...voxels.surface import surface_links
+from ..build.blocks import shell_voxels
 from ..cache import cached
 from ..fit_card import as_weights
 from ..structure import AbstractBuiltStructure, Built, Links, Nodes
@@ -60,15 +60,6 @@ class SingleShell(AbstractBuiltStructure):
             fragment_node=fragment_rank(grid, voxels),
             voxel_node=_voxel_node(grid, voxels),
         )
-
-
-def shell_voxels(grid: VoxelGrid) -> Int[np.ndarray, "m 3"]:
-    """Voxels with an open face or a surface fragment, in lattice order."""
-    exposed = surface_voxels(grid.solid)
-    in_shell = np.zeros(grid.solid.shape, bool)
-    in_shell[tuple(exposed.T)] = True
-    in_shell[tuple(grid.fragment_voxel.T)] = True
-    return np.argwhere(in_shell)
 
 
 def _voxel_node(

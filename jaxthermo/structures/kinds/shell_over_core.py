@@ -3,13 +3,16 @@
 import equinox as eqx
 import numpy as np
 
+from ...errors import whole_number
 from ...voxels.grid import VoxelGrid
-from ..build.block_parts import block_parts
-from ..build.blocks import build_blocks, number_by_first_voxel
-from ..build.layers import voxel_layers
+from ..build.blocks import (
+    block_parts,
+    build_blocks,
+    number_by_first_voxel,
+    voxel_layers,
+)
 from ..cache import cached
 from ..fit_card import as_weights
-from ..options import whole_number
 from ..structure import AbstractBuiltStructure, Built
 from ..weights import ConductionWeights
 

@@ -127,7 +127,7 @@ def test_more_parameters_than_misfits_are_refused():
     """428 pixels of one load, and 431 numbers."""
     sizes = {
         "links": 423, "within": 2, "capacity": 2, "between": 1, "surface": 1,
-        "share": 1, "surface_distance": 1,
+        "nearest_capacity": 1, "surface_distance": 1,
     }  # fmt: skip
     many = tuple(
         Parameter(f"weights.{name}", (0.9,) * n, 0.1, 10.0, is_scalar=n == 1)

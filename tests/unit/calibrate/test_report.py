@@ -35,7 +35,7 @@ from calibrate.report.pictures import (
 )
 from calibrate.report.text_summary import MEANING, summary
 from calibrate.solvers.fit import Fit
-from jaxthermo.precision import precision
+from jaxthermo.arrays import precision
 from tests.calibrating import SPHERE
 
 
@@ -187,7 +187,7 @@ def test_values_that_share_a_unit_share_a_chart():
         result_of(
             {
                 "weights.within": parameter(0.5, 0.1),
-                "weights.share": parameter(-0.5, 0.1),
+                "weights.nearest_capacity": parameter(-0.5, 0.1),
                 "material.conductivity": parameter(20.0, 1.0, unit="W/(m K)"),
                 "weights.between": parameter(1.5, 0.1),
             }
@@ -196,7 +196,7 @@ def test_values_that_share_a_unit_share_a_chart():
     names = [[r["name"] for r in c.to_dict()["data"]["values"]] for c in charts]
     assert names == [
         ["weights.within", "weights.between"],
-        ["weights.share"],
+        ["weights.nearest_capacity"],
         ["material.conductivity"],
     ]
 

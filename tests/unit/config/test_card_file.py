@@ -29,7 +29,7 @@ def _card(**weights):
 
 
 def test_a_card_comes_back_as_it_was(tmp_path):
-    card = _card(within=[1.5, 0.7], between=1.4, share=0.25)
+    card = _card(within=[1.5, 0.7], between=1.4, nearest_capacity=0.25)
     write_card(tmp_path / "card.yaml", card)
     again = load_card(tmp_path / "card.yaml")
     assert again.structure == KIND

@@ -37,7 +37,7 @@ TAKES = {
     "multi_level": {"levels", "hollow"},
     "irregular_multi_level": {"levels", "keep_capacity"},
     "octree": {"levels"},
-    "aggregate": {"factor", "least_time_constant", "alignment"},
+    "aggregate": {"factor", "min_time_constant", "alignment"},
     "shell_over_core": {"layers", "factor"},
     "partition": {"labels"},
 }
@@ -277,7 +277,7 @@ def test_the_labels_of_another_body(tmp_path, body):
     ids=lambda value: value.split(",")[0] if isinstance(value, str) else "",
 )
 def test_each_kind_is_built_as_the_config_says(body, more, make, default):
-    weights = "weights: {surface: 0.5, surface_distance: 2, sideways: 0.5}"
+    weights = "weights: {surface: 0.5, surface_distance: 2, non_orthogonal: 0.5}"
     config = body(
         f"structure: {{kind: {more}, {weights}}}", "bodies.0.surface_map=constant"
     )
@@ -293,7 +293,7 @@ def test_each_kind_is_built_as_the_config_says(body, more, make, default):
     if default is not None:
         assert structure.node_count != default(structure.grid).node_count
     assert structure.weights == jt.ConductionWeights(
-        surface=0.5, surface_distance=2.0, sideways=0.5
+        surface=0.5, surface_distance=2.0, non_orthogonal=0.5
     )
     assert isinstance(built.surface_map, jt.ConstantMap)
 

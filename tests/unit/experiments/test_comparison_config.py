@@ -8,7 +8,7 @@ import pytest
 from experiments.structures.cases import all_cases, rays
 from experiments.structures.config import body_identity, load_comparison
 from jaxthermo.errors import InputError
-from jaxthermo.geometry.units_and_axes import axes_for_up, turn_matrix
+from jaxthermo.geometry.load import axes_for_up, turn_matrix
 
 
 CONFIGS = Path(__file__).resolve().parents[3] / "configs" / "experiments"

@@ -5,8 +5,7 @@ import pytest
 import trimesh
 
 from jaxthermo.geometry import shapes
-from jaxthermo.geometry.load import load_mesh
-from jaxthermo.geometry.units_and_axes import axes_for_up, turn_matrix
+from jaxthermo.geometry.load import axes_for_up, load_mesh, turn_matrix
 
 
 KINDS = ["obj", "ply", "ply_ascii", "stl", "stl_ascii", "glb", "off"]

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from jaxthermo.geometry import shapes
-from jaxthermo.geometry.mesh import Mesh
-from jaxthermo.geometry.mesh_report import describe_mesh, verdict_line
+from jaxthermo.geometry.mesh import Mesh, describe_mesh, verdict_line
 from jaxthermo.geometry.repair import repair_mesh
 
 

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from jaxthermo.geometry import shapes
-from jaxthermo.geometry.mesh import Mesh
+from jaxthermo.geometry.mesh import Mesh, winding_number
 from jaxthermo.geometry.repair import repair_mesh
-from jaxthermo.geometry.winding import winding_number
 
 
 def joined(*meshes):

@@ -5,7 +5,7 @@ import pytest
 
 from jaxthermo.errors import InputError
 from jaxthermo.geometry import shapes
-from jaxthermo.geometry.mesh_report import describe_mesh
+from jaxthermo.geometry.mesh import describe_mesh
 from jaxthermo.geometry.repair import repair_mesh
 
 

@@ -7,9 +7,10 @@ from hypothesis import given, settings, strategies as st
 from jaxthermo.errors import InputError
 from jaxthermo.geometry.shapes import box, sphere
 from jaxthermo.image.camera import Camera, OrthographicCamera, frame_all
-from jaxthermo.image.clip import clip_near
+from jaxthermo.raster.clip import clip_half_space
 
 
+FORWARD = np.array([0.0, 0.0, 1.0])
 PINHOLE = Camera((2.0, -1.0, 0.7), (0.0, 0.1, 0.2), width=64, height=48)
 PARALLEL = OrthographicCamera(
     (2.0, -1.0, 0.7), (0.0, 0.1, 0.2), view_height=1.5, width=64, height=48
@@ -65,7 +66,7 @@ def test_finer_keeps_the_view():
 def test_clipping_cuts_exactly_at_the_plane(heights):
     flat = np.array([[0.0, 0.0], [1.0, 0.2], [0.3, 1.1]])
     triangle = np.column_stack([flat, heights])[None]
-    pieces, parent = clip_near(triangle, 0.5)
+    pieces, parent = clip_half_space(triangle, FORWARD, 0.5)
     assert (pieces[..., 2] >= 0.5 - 1e-12).all()
     assert (parent == 0).all()
     kept = np.abs(
@@ -85,7 +86,7 @@ def test_clipping_cuts_exactly_at_the_plane(heights):
 def test_clipped_pieces_keep_the_winding():
     triangle = np.array([[[0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, -1.0]]])
     for turn in range(3):
-        pieces, _ = clip_near(np.roll(triangle, turn, axis=1), 0.0)
+        pieces, _ = clip_half_space(np.roll(triangle, turn, axis=1), FORWARD, 0.0)
         normals = np.cross(pieces[:, 1] - pieces[:, 0], pieces[:, 2] - pieces[:, 0])
         whole = np.cross(
             triangle[0, 1] - triangle[0, 0], triangle[0, 2] - triangle[0, 0]

@@ -6,7 +6,7 @@ import OpenEXR
 import pytest
 
 from jaxthermo.errors import InputError
-from jaxthermo.image.exr import read_exr, write_exr_channels
+from jaxthermo.image.files import read_exr, write_exr_channels
 
 
 RAMP = np.arange(12.0).reshape(3, 4) + 293.15

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from jaxthermo.errors import InputError
-from jaxthermo.image import palette_build
+from jaxthermo.image import palette_design
 from jaxthermo.image.palette import apply_palette, palette_names, palette_table
 
 
 def test_baked_tables_regenerate():
-    built = palette_build.build_palettes()
+    built = palette_design.build_palettes()
     assert tuple(built) == palette_names()
     for name, table in built.items():
         difference = table.astype(int) - palette_table(name).astype(int)
@@ -21,21 +21,21 @@ def test_baked_tables_regenerate():
 
 
 def test_bake_writes_what_is_read(tmp_path):
-    palette_build.bake(tmp_path / "palettes.json")
-    assert (tmp_path / "palettes.json").read_text() == palette_build.BAKED.read_text()
+    palette_design.bake(tmp_path / "palettes.json")
+    assert (tmp_path / "palettes.json").read_text() == palette_design.BAKED.read_text()
 
 
 def test_ember_takes_equal_steps_and_brightens():
-    ucs = palette_build.ember_ucs()
+    ucs = palette_design.ember_ucs()
     step = np.linalg.norm(np.diff(ucs, axis=0), axis=1)
     assert step.std() / step.mean() < 1e-3
     assert (np.diff(ucs[:, 0]) > 0.3 * step).all()
-    rgb = palette_build.ucs_to_rgb(ucs)
+    rgb = palette_design.ucs_to_rgb(ucs)
     assert rgb.min() > 0.0 and rgb.max() < 1.0
 
 
 def test_baked_ember_is_uniform_but_for_eight_bits():
-    ucs = palette_build.rgb_to_ucs(palette_table("ember") / 255.0)
+    ucs = palette_design.rgb_to_ucs(palette_table("ember") / 255.0)
     assert (np.diff(ucs[:, 0]) > 0.0).all()
     step = np.linalg.norm(ucs[8:] - ucs[:-8], axis=1)
     assert step.std() / step.mean() < 0.04
@@ -43,7 +43,7 @@ def test_baked_ember_is_uniform_but_for_eight_bits():
 
 @pytest.mark.parametrize("name", ["iron", "white-hot"])
 def test_lightness_rises(name):
-    lightness = palette_build.rgb_to_ucs(palette_table(name) / 255.0)[:, 0]
+    lightness = palette_design.rgb_to_ucs(palette_table(name) / 255.0)[:, 0]
     assert (np.diff(lightness) > 0.0).all()
 
 
@@ -55,7 +55,7 @@ def test_colour_leaves_no_stand_in_modules_and_still_works():
     code = (
         "import sys, warnings; warnings.simplefilter('error')\n"
         "import numpy as np\n"
-        "from jaxthermo.image import palette_build as build\n"
+        "from jaxthermo.image import palette_design as build\n"
         "assert not [k for k in sys.modules if k.startswith('matplotlib')]\n"
         "ucs = build.rgb_to_ucs(np.ones((1, 3)))\n"
         "assert abs(ucs[0, 0] - 100.0) < 0.1\n"

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.image.exr import read_exr
-from jaxthermo.image.radiance import apparent_temperature, leaving_radiance
-from jaxthermo.image.render import coarsen, draw
-from jaxthermo.image.smooth import block_weights, smooth_weights
-from jaxthermo.image.view import look, winding_number
+from jaxthermo.geometry.mesh import winding_number
+from jaxthermo.image.files import read_exr
+from jaxthermo.image.render import apparent_temperature, coarsen, draw, leaving_radiance
+from jaxthermo.image.view import block_weights, look, smooth_weights
 from jaxthermo.scene.solved_surface import SolvedSurface, body_geometry
 
 

@@ -8,6 +8,7 @@ import pytest
 from bodies import bar
 
 import jaxthermo as jt
+from jaxthermo.arrays import precision
 from jaxthermo.integrate.run import segments as module
 from jaxthermo.integrate.run.segments import (
     begin,
@@ -20,7 +21,6 @@ from jaxthermo.integrate.run.segments import (
     time_reached,
 )
 from jaxthermo.integrate.run.simulate import plan
-from jaxthermo.precision import precision
 
 
 END, SAVES = 20.0, (4.0, 11.0)

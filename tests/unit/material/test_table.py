@@ -11,8 +11,8 @@ import pytest
 
 import jaxthermo
 from jaxthermo.errors import InputError
+from jaxthermo.material.material import Material
 from jaxthermo.material.table import (
-    Material,
     material_row,
     material_rows,
     materials,

@@ -10,7 +10,7 @@ from jaxthermo.integrate.surface_error import surface_error
 from jaxthermo.network.ell_operator import RowNetwork
 from jaxthermo.network.non_orthogonal import NonOrthogonalNetwork
 from jaxthermo.physics.conduction import assemble_uniform
-from jaxthermo.structures.build.voxel_to_node import face_normals
+from jaxthermo.structures.build.links import face_normals
 from tests.bodies import slanted
 
 
@@ -24,12 +24,12 @@ def slanted_body():
     return slanted(PITCH)
 
 
-def _structure(grid, kind, sideways=1.0):
-    weights = jt.ConductionWeights(sideways=sideways)
+def _structure(grid, kind, correction=1.0):
+    weights = jt.ConductionWeights(non_orthogonal=correction)
     if kind == "core":
         return jt.ShellOverCore(grid, factor=3, weights=weights)
     return jt.Aggregate(
-        grid, factor=3, alignment=0.0, least_time_constant=0.0, weights=weights
+        grid, factor=3, alignment=0.0, min_time_constant=0.0, weights=weights
     )
 
 
@@ -81,7 +81,7 @@ def test_no_weight_is_the_two_point_flux(slanted):
 
 
 def test_nothing_apart_needs_nothing(slanted):
-    straight = jt.SingleShell(slanted, weights=jt.ConductionWeights(sideways=1.0))
+    straight = jt.SingleShell(slanted, weights=jt.ConductionWeights(non_orthogonal=1.0))
     assert isinstance(_network(straight), RowNetwork)
 
 
@@ -142,7 +142,7 @@ def test_what_solves_refuses_it_in_a_line(slanted):
         assert "\n" not in str(found.value)
     cooled = jt.Convection(heat_transfer_coefficient=10.0, temperature=300.0)
     scene = jt.Scene(scene.bodies, (cooled,), dtype="float64")
-    with pytest.raises(jt.InputError, match="sideways"):
+    with pytest.raises(jt.InputError, match="non_orthogonal"):
         jt.steady(scene)
     solution = jt.simulate(scene, 60.0, solver=jt.SuperTimeStepping(dt=10.0))
     assert np.isfinite(np.asarray(solution.surface_temperature)).all()

@@ -17,8 +17,8 @@ def test_both_sides_make_up_the_whole(seed):
     random = np.random.default_rng(seed)
     triangles = random.normal(size=(40, 3, 3))
     normal, least = random.normal(size=3), random.normal() * 0.5
-    ahead = clip_half_space(triangles, normal, least)
-    behind = clip_half_space(triangles, -normal, -least)
+    ahead, _ = clip_half_space(triangles, normal, least)
+    behind, _ = clip_half_space(triangles, -normal, -least)
     assert (ahead @ normal >= least - 1e-12).all()
     assert (behind @ normal <= least + 1e-12).all()
     whole = area_vectors(triangles)
@@ -32,5 +32,5 @@ def test_both_sides_make_up_the_whole(seed):
 def test_none_left_and_all_left():
     triangle = np.array([[[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]])
     up = np.array([0.0, 0.0, 1.0])
-    assert len(clip_half_space(triangle, up, 0.1)) == 0
-    np.testing.assert_array_equal(clip_half_space(triangle, up, 0.0), triangle)
+    assert len(clip_half_space(triangle, up, 0.1)[0]) == 0
+    np.testing.assert_array_equal(clip_half_space(triangle, up, 0.0)[0], triangle)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy import special as scipy_special
 
-from jaxthermo.material.table import Material
+from jaxthermo.material.material import Material
 from jaxthermo.reference import contact, lumped, semi_infinite, sine_mode, slab, special
 
 

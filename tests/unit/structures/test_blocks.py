@@ -5,12 +5,10 @@ import pytest
 from hypothesis import given, settings
 from voxel_volumes import labelled, links_of, members, solids
 
-from jaxthermo.errors import InputError
-from jaxthermo.structures.build import block_links as links_module
-from jaxthermo.structures.build.block_links import block_links, link_distance
+from jaxthermo.errors import InputError, whole_number
+from jaxthermo.structures.build import links as links_module
 from jaxthermo.structures.build.blocks import build_blocks, number_by_first_voxel
-from jaxthermo.structures.build.voxel_links import voxel_links
-from jaxthermo.structures.options import whole_number
+from jaxthermo.structures.build.links import block_links, link_distance, voxel_links
 from tests.bodies import blocks
 
 

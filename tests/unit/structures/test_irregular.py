@@ -7,11 +7,9 @@ import pytest
 from hypothesis import example, given, settings, strategies as st
 
 from jaxthermo.errors import InputError
-from jaxthermo.structures.build.irregular_cells import voxel_depth
-from jaxthermo.structures.build.voxel_assignment import divide
-from jaxthermo.structures.coverage import capacity_by_region
+from jaxthermo.structures.build.assignment import divide, voxel_depth
 from jaxthermo.structures.kinds.full import FullVolume
-from jaxthermo.structures.kinds.irregular import IrregularMultiLevel
+from jaxthermo.structures.kinds.irregular import IrregularMultiLevel, capacity_by_region
 from tests.bodies import blocks
 from tests.unit.structures.irregular_bodies import (
     cells_one_by_one,

@@ -8,7 +8,7 @@ from hypothesis import given, settings, strategies as st
 from voxel_volumes import ball, solids
 
 from jaxthermo.errors import InputError
-from jaxthermo.structures.build.layers import voxel_layers
+from jaxthermo.structures.build.blocks import voxel_layers
 from jaxthermo.structures.kinds.full import FullVolume
 from jaxthermo.structures.kinds.multilevel import MultiLevel
 from tests.bodies import blocks

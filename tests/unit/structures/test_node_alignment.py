@@ -45,7 +45,7 @@ def test_a_straight_field_flows_as_it_is(wedge, gradient):
     off = []
     for alignment in (0.0, 0.7, 1.0):
         structure = jt.Aggregate(
-            wedge, EDGE, least_time_constant=0.0, alignment=alignment
+            wedge, EDGE, min_time_constant=0.0, alignment=alignment
         )
         found, wanted = _flows(structure, gradient)
         off.append(np.abs(found - wanted).max())
@@ -63,7 +63,7 @@ def test_only_along_axes_with_neighbours(wedge):
 
 
 def test_distances_reach_from_node_to_node(wedge):
-    structure = jt.Aggregate(wedge, EDGE, least_time_constant=0.0, alignment=1.0)
+    structure = jt.Aggregate(wedge, EDGE, min_time_constant=0.0, alignment=1.0)
     links, place = structure.links(), structure.nodes().place
     length = links.distance_src + links.distance_dst
     apart = np.linalg.norm(place[links.dst] - place[links.src], axis=1)

@@ -4,9 +4,13 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.structures.build.block_links import link_distance
-from jaxthermo.structures.build.non_orthogonality import LEAST_ACROSS, sideways_links
-from jaxthermo.structures.build.voxel_to_node import face_normals, link_axes
+from jaxthermo.structures.build.links import (
+    LEAST_ACROSS,
+    face_normals,
+    link_axes,
+    link_distance,
+    non_orthogonal_links,
+)
 from tests.bodies import blocks, slanted
 
 
@@ -20,9 +24,7 @@ def slanted_body():
 
 def _kinds(grid):
     return {
-        "aggregate": jt.Aggregate(
-            grid, factor=3, alignment=0.0, least_time_constant=0.0
-        ),
+        "aggregate": jt.Aggregate(grid, factor=3, alignment=0.0, min_time_constant=0.0),
         "core": jt.ShellOverCore(grid, factor=3),
         "octree": jt.Octree(grid, levels=2),
     }
@@ -32,18 +34,18 @@ def _kinds(grid):
 def test_a_way_is_its_parts_across_and_along(slanted, kind):
     structure = _kinds(slanted)[kind]
     links, place = structure.links(), structure.nodes().place
-    normal, found = face_normals(structure), sideways_links(structure)
+    normal, found = face_normals(structure), non_orthogonal_links(structure)
     np.testing.assert_allclose(normal**2, link_axes(structure), atol=1e-14)
     way = (place[links.dst] - place[links.src])[found.link]
     straight = np.linalg.norm(way, axis=1)
-    across = way - found.apart
+    across = way - found.offset
     length = np.linalg.norm(across, axis=1)
     assert len(found.link) > 20
     assert (length >= LEAST_ACROSS * straight * (1 - 1e-12)).all()
     assert (across * normal[found.link] > -1e-12).all()
     free = length > LEAST_ACROSS * straight * (1 + 1e-9)
     assert free.mean() > 0.8
-    turned = np.einsum("ei,ei->e", found.apart, normal[found.link])
+    turned = np.einsum("ei,ei->e", found.offset, normal[found.link])
     np.testing.assert_allclose(turned[free], 0, atol=1e-12 * PITCH)
     stretch = found.stretch[found.link]
     np.testing.assert_allclose(stretch * length, link_distance(length, straight))
@@ -55,7 +57,7 @@ def test_links_in_line_have_no_way_along(slanted):
         jt.Aggregate(slanted, factor=1),
         jt.Aggregate(blocks(np.ones((6, 6, 6), bool), PITCH), factor=2),
     ):
-        found = sideways_links(structure)
+        found = non_orthogonal_links(structure)
         assert len(found.link) == 0
         np.testing.assert_array_equal(found.stretch, 1.0)
 

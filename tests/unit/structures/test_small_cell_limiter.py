@@ -31,7 +31,7 @@ def grid():
 @pytest.mark.parametrize("least", [0.4, 0.45, 1.0])
 def test_no_node_is_below_the_least(grid, least):
     kind = partial(jt.Aggregate, grid, factor=4, alignment=0.0)
-    free, held = kind(least_time_constant=0.0), kind(least_time_constant=least)
+    free, held = kind(min_time_constant=0.0), kind(min_time_constant=least)
     whole = (4 * PITCH) ** 2 / 6
     assert _time_constants(free).min() < 0.39 * whole
     assert _time_constants(held).min() >= least * whole * (1 - 1e-12)
@@ -41,8 +41,8 @@ def test_no_node_is_below_the_least(grid, least):
 
 
 def test_nodes_that_are_slow_enough_keep_their_links(grid):
-    free = jt.Aggregate(grid, factor=4, least_time_constant=0.0)
-    held = jt.Aggregate(grid, factor=4, least_time_constant=0.5)
+    free = jt.Aggregate(grid, factor=4, min_time_constant=0.0)
+    held = jt.Aggregate(grid, factor=4, min_time_constant=0.5)
     links, volume = free.links(), free.nodes().volume
     conductance = links.area / (links.distance_src + links.distance_dst)
     total = np.bincount(links.src, conductance, len(volume))
@@ -57,15 +57,15 @@ def test_nodes_that_are_slow_enough_keep_their_links(grid):
 
 def test_whole_blocks_are_never_touched():
     grid = blocks(np.ones((8, 8, 8), bool), PITCH)
-    free = jt.Aggregate(grid, factor=2, least_time_constant=0.0)
-    held = jt.Aggregate(grid, factor=2, least_time_constant=1.0)
+    free = jt.Aggregate(grid, factor=2, min_time_constant=0.0)
+    held = jt.Aggregate(grid, factor=2, min_time_constant=1.0)
     np.testing.assert_array_equal(free.links().distance_src, held.links().distance_src)
 
 
 @pytest.mark.parametrize("least", [-0.1, 1.5, float("nan")])
 def test_what_is_no_share_is_told(grid, least):
     with pytest.raises(jt.InputError, match="from 0 to 1"):
-        jt.Aggregate(grid, least_time_constant=least)
+        jt.Aggregate(grid, min_time_constant=least)
 
 
 def test_a_factor_beyond_any_body_is_one_block():

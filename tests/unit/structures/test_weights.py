@@ -83,7 +83,7 @@ def test_capacity_moves_between_levels_and_its_total_stays(grid):
         ({"within": -1.0}, "at least 0"),
         ({"within": [1.0, np.nan]}, "finite"),
         ({"capacity": 0.0}, "above 0"),
-        ({"sideways": 3.0}, "from -1 to 2"),
+        ({"non_orthogonal": 3.0}, "from -1 to 2"),
         ({"surface": [1.0, 2.0]}, "one number"),
         ({"between": "much"}, "finite numbers"),
         ({"within": [[1.0]]}, "one a level"),

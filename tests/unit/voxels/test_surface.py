@@ -6,9 +6,8 @@ from hypothesis import given, settings, strategies as st
 from voxel_bodies import BALL, joined
 
 from jaxthermo.geometry import shapes
-from jaxthermo.voxels.links import surface_links
-from jaxthermo.voxels.surface import attach_to_solid, surface_voxels
-from jaxthermo.voxels.views import pixel_axes
+from jaxthermo.voxels.lattice import pixel_axes
+from jaxthermo.voxels.surface import attach_to_solid, surface_links, surface_voxels
 from jaxthermo.voxels.voxelize import voxelize
 
 

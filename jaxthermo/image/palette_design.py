@@ -1,7 +1,7 @@
 """Builds the palettes; the only file that imports colour-science.
 
 The library reads the baked `palettes.json` instead (`import colour` takes seconds).
-After a change here, bake again: `python -m jaxthermo.image.palette_build`.
+After a change here, bake again: `python -m jaxthermo.image.palette_design`.
 """
 
 import json
