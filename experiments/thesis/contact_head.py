@@ -17,7 +17,7 @@ from jaxthermo.image.contact_texture import contact_images, where_covered
 from jaxthermo.image.palette import palette_table
 from jaxthermo.image.ticks import label
 from jaxthermo.physics.contact.bodies import PlacedGrid
-from jaxthermo.physics.contact.conductance import contact_conductance_of
+from jaxthermo.physics.contact.links import contact_conductance_of
 from jaxthermo.physics.contact.pairs import ContactPairs, contact_flux
 from jaxthermo.physics.contact.search import find_contacts
 from jaxthermo.voxels.voxelize import voxelize

@@ -9,10 +9,8 @@ from rich.table import Table
 from jaxthermo.errors import InputError
 from jaxthermo.geometry.pose import Pose
 from jaxthermo.geometry.shapes import box, sphere
-from jaxthermo.physics.contact.bodies import PlacedGrid
-from jaxthermo.physics.contact.broad import may_touch
-from jaxthermo.physics.contact.overlap import require_shallow
-from jaxthermo.physics.contact.search import contacts_between, find_contacts
+from jaxthermo.physics.contact.bodies import PlacedGrid, require_shallow
+from jaxthermo.physics.contact.search import contacts_between, find_contacts, may_touch
 from jaxthermo.voxels.grid import VoxelGrid
 from jaxthermo.voxels.voxelize import voxelize
 

@@ -13,8 +13,7 @@ from rich.table import Table
 
 from jaxthermo.cli.charts import Chart
 from jaxthermo.physics.convection.cross_flow import local_nusselt
-from jaxthermo.physics.convection.nusselt import profile
-from jaxthermo.physics.convection.nusselt_table import cylinder_knots
+from jaxthermo.physics.convection.nusselt import cylinder_knots, profile
 
 
 DATA = Path(__file__).with_name("data") / "nu_local_cylinder.csv"

@@ -11,8 +11,11 @@ from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.geometry.pose import Pose
 from jaxthermo.geometry.shapes import box
 from jaxthermo.physics.radiation.patches import group
-from jaxthermo.physics.radiation.view_factor import DIRECTIONS, view_factors
-from jaxthermo.physics.radiation.view_factors import PatchedBody
+from jaxthermo.physics.radiation.view_factors import (
+    DIRECTIONS,
+    PatchedBody,
+    view_factors,
+)
 from jaxthermo.reference.view_factor import parallel_rectangles
 from jaxthermo.voxels.grid import VoxelGrid
 from jaxthermo.voxels.voxelize import voxelize

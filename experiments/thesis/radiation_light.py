@@ -10,8 +10,7 @@ from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.geometry.mesh import Mesh
 from jaxthermo.geometry.shapes import box, sphere
 from jaxthermo.physics.radiation.area_source import AreaSource
-from jaxthermo.physics.radiation.point_source import PointSource
-from jaxthermo.physics.radiation.source import AbstractSource, Sun
+from jaxthermo.physics.radiation.source import AbstractSource, PointSource, Sun
 from jaxthermo.reference.view_factor import element_to_rectangle
 from jaxthermo.voxels.grid import VoxelGrid
 from jaxthermo.voxels.voxelize import voxelize

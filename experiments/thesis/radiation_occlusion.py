@@ -18,7 +18,7 @@ from jaxthermo.image.render import draw
 from jaxthermo.image.ssao import screen_space_occlusion
 from jaxthermo.image.ticks import decimals_of, label as written, nice_ticks, to_celsius
 from jaxthermo.image.view import look
-from jaxthermo.physics.radiation.occlusion import DIRECTIONS, sky_view
+from jaxthermo.physics.radiation.visibility import DIRECTIONS, sky_view
 from jaxthermo.raster.layers import peel
 from jaxthermo.voxels.voxelize import voxelize
 

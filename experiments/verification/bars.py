@@ -12,7 +12,7 @@ from jaxthermo.integrate.solvers import (
 )
 from jaxthermo.material.material import Material
 from jaxthermo.physics.boundary import FixedTemperature
-from jaxthermo.reference import sine_mode
+from jaxthermo.reference import slab as sine_mode
 from jaxthermo.scene.scene import Body, Scene
 from jaxthermo.structures.kinds.full import FullVolume
 

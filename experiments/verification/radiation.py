@@ -10,10 +10,10 @@ from jaxthermo.integrate.solvers import ForwardEuler
 from jaxthermo.material.material import Material
 from jaxthermo.physics.convection.cross_flow import local_nusselt
 from jaxthermo.physics.convection.nusselt import AVERAGES
+from jaxthermo.physics.radiation.area_source import polygon_view_factor
 from jaxthermo.physics.radiation.emission import Surroundings
-from jaxthermo.physics.radiation.polygon import polygon_view_factor
 from jaxthermo.reference import radiation as forms
-from jaxthermo.reference.patch_quadrature import (
+from jaxthermo.reference.view_factor import (
     disc_rule,
     rectangle_rule,
     view_factor,

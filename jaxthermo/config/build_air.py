@@ -4,7 +4,7 @@ from typing import assert_never
 
 from ..physics.boundary import Convection
 from ..physics.convection.free_convection import FreeConvection
-from ..physics.convection.wake_deficit import WakeDeficit
+from ..physics.convection.wake import WakeDeficit
 from ..physics.convection.wind import Wind
 from ..physics.term import AbstractTerm
 from ..voxels.cylinders import Cylinder

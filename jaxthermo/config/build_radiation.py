@@ -4,9 +4,8 @@ from typing import assert_never
 
 from ..physics.radiation.area_source import AreaSource
 from ..physics.radiation.emission import Surroundings
-from ..physics.radiation.point_source import PointSource
 from ..physics.radiation.radiative_exchange import RadiativeExchange
-from ..physics.radiation.source import Sun
+from ..physics.radiation.source import PointSource, Sun
 from ..physics.term import AbstractTerm
 from . import schema_radiation as schema
 from .build_varying import build_direction, build_position, build_value

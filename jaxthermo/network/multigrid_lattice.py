@@ -12,11 +12,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .heterogeneous_stencil import LatticeStencil
 from .multigrid_cycle import AbstractTransfer
 from .network import AbstractNetwork
-from .orthotropic_stencil import AxisStencil
-from .stencil import UniformStencil
+from .stencil import AxisStencil, LatticeStencil, UniformStencil
 
 
 Faces = tuple[Array, Array, Array]

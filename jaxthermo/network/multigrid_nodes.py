@@ -18,8 +18,7 @@ from jaxtyping import Array, Float, Int
 from ..arrays import members
 from ..geometry.connectivity import connected_labels
 from ..structures.structure import AbstractBuiltStructure, AbstractStructure
-from .coo_operator import LinkNetwork
-from .ell_operator import RowLayout, RowNetwork, row_layout, row_network
+from .link_operator import LinkNetwork, RowLayout, RowNetwork, row_layout, row_network
 from .multigrid_cycle import AbstractTransfer
 from .network import AbstractNodeNetwork, slot_sums
 

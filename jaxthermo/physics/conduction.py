@@ -23,12 +23,16 @@ from jaxtyping import Array, Float, Int
 from ..arrays import is_traced
 from ..errors import InputError
 from ..material.material import Material
-from ..network.ell_operator import row_layout, row_network
-from ..network.heterogeneous_stencil import LatticeStencil
+from ..network.link_operator import row_layout, row_network
 from ..network.network import AbstractNetwork, inverse, precise_sum
 from ..network.non_orthogonal import non_orthogonal
-from ..network.orthotropic_stencil import AxisStencil, solid_degrees
-from ..network.stencil import UniformStencil, solid_degree
+from ..network.stencil import (
+    AxisStencil,
+    LatticeStencil,
+    UniformStencil,
+    solid_degree,
+    solid_degrees,
+)
 from ..structures.build.assignment import nearest_volume
 from ..structures.build.links import link_axes, non_orthogonal_links
 from ..structures.kinds.full import FullVolume

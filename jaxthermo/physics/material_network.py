@@ -18,9 +18,8 @@ from ..arrays import Scalar
 from ..errors import InputError
 from ..material.material import Material
 from ..material.property import Property
-from ..network.kirchhoff_transform import primitive
 from ..network.network import AbstractNetwork
-from ..network.nonlinear import NonlinearNetwork
+from ..network.nonlinear import NonlinearNetwork, primitive
 from ..structures.build.assignment import voxel_owner
 from ..structures.structure import AbstractStructure
 from .conduction import assemble_mixed, assemble_uniform

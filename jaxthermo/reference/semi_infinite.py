@@ -1,10 +1,60 @@
 """A half-space, uniform at first: closed forms for three loads on its surface."""
 
+import math
+
 import numpy as np
 
-from ..arrays import HostFloat
+from ..arrays import HostFloat, Scalar
 from ..dimensionless import Quantity
-from .special import erf, erfc, erfcx, host
+
+
+# Error functions on arrays, in float64 whatever JAX is set to.
+
+
+# From here the asymptotic series is exact to rounding; below, exp(x^2) is harmless.
+_FAR = 10.0
+_SERIES_TERMS = 12
+
+
+def _scaled_erfc(x: float) -> float:
+    if x < _FAR:
+        return math.exp(x * x) * math.erfc(x)
+    term = total = 1.0
+    for k in range(1, _SERIES_TERMS + 1):
+        term *= -(2 * k - 1) / (2.0 * x * x)
+        total += term
+    return total / (x * math.sqrt(math.pi))
+
+
+_erf = np.vectorize(math.erf, otypes=[np.float64])
+_erfc = np.vectorize(math.erfc, otypes=[np.float64])
+_erfcx = np.vectorize(_scaled_erfc, otypes=[np.float64])
+
+
+def host(x: Quantity) -> HostFloat:
+    """The value in host memory, in float64."""
+    return np.asarray(x, np.float64)
+
+
+def erf(x: Quantity) -> HostFloat:
+    """The error function, 2/sqrt(pi) int_0^x exp(-u^2) du [-]."""
+    return np.asarray(_erf(host(x)))
+
+
+def erfc(x: Quantity) -> HostFloat:
+    """Its complement, 1 - erf(x) [-], without the cancellation."""
+    return np.asarray(_erfc(host(x)))
+
+
+def erfcx(x: Quantity) -> HostFloat:
+    """The scaled complement, exp(x^2) erfc(x) [-], for x >= 0 of any size.
+
+    For large x, sum_k (-1)^k (2k-1)!! / (2 x^2)^k / (x sqrt(pi)), because the product
+    itself is infinity times zero.
+
+    Source: NIST Digital Library of Mathematical Functions, 7.12.1.
+    """
+    return np.asarray(_erfcx(host(x)))
 
 
 def _scaled_depth(depth: Quantity, time: Quantity, diffusivity: Quantity) -> HostFloat:
@@ -105,3 +155,65 @@ def surface_convection(
     reach = np.sqrt(host(diffusivity) * host(time)) / host(conductivity)
     rise = erfc(z) - np.exp(-z * z) * erfcx(z + host(heat_transfer_coefficient) * reach)
     return np.asarray(host(initial) + (host(ambient) - host(initial)) * rise)
+
+
+# Two half-spaces that touch from t = 0.
+
+
+def perfect_contact(
+    temperature_a: Scalar,
+    temperature_b: Scalar,
+    effusivity_a: Scalar,
+    effusivity_b: Scalar,
+) -> float:
+    """The temperature of the shared surface, the same at all times [K].
+
+    T_s = (e_A T_A + e_B T_B) / (e_A + e_B)
+
+    Args:
+        temperature_a: T_A of the first body at first [K].
+        temperature_b: T_B of the second [K].
+        effusivity_a: e_A = sqrt(k rho c_p) [W s^0.5/(m^2 K)].
+        effusivity_b: e_B [W s^0.5/(m^2 K)].
+
+    Source: Carslaw and Jaeger, Conduction of Heat in Solids, 2.15.
+    """
+    e_a, e_b = float(effusivity_a), float(effusivity_b)
+    return (e_a * float(temperature_a) + e_b * float(temperature_b)) / (e_a + e_b)
+
+
+def contact_surfaces(
+    time: Quantity,
+    *,
+    temperature_a: Scalar,
+    temperature_b: Scalar,
+    effusivity_a: Scalar,
+    effusivity_b: Scalar,
+    contact_conductance: Scalar,
+) -> tuple[HostFloat, HostFloat, HostFloat]:
+    """Both surface temperatures and the flux when the contact resists.
+
+    T_sA = T_s + (T_A - T_s) w, T_sB = T_s + (T_B - T_s) w, q'' = h_c (T_sA - T_sB),
+    w = erfcx(h_c (1/e_A + 1/e_B) sqrt(t)), T_s that of perfect contact
+
+    Args:
+        time: t >= 0 [s].
+        temperature_a: T_A of the first body at first [K].
+        temperature_b: T_B of the second [K].
+        effusivity_a: e_A = sqrt(k rho c_p) [W s^0.5/(m^2 K)].
+        effusivity_b: e_B [W s^0.5/(m^2 K)].
+        contact_conductance: h_c [W/(m^2 K)].
+
+    Returns:
+        T_sA [K], T_sB [K] and q'' from A to B [W/m^2].
+
+    Source: two half-spaces with surface flux h_c (T_sA - T_sB), by Laplace transform;
+    checked against a Crank-Nicolson run of 8000 cells.
+    """
+    h_c = float(contact_conductance)
+    rate = h_c * (1.0 / float(effusivity_a) + 1.0 / float(effusivity_b))
+    apart = erfcx(rate * np.sqrt(host(time)))
+    shared = perfect_contact(temperature_a, temperature_b, effusivity_a, effusivity_b)
+    surface_a = np.asarray(shared + (float(temperature_a) - shared) * apart)
+    surface_b = np.asarray(shared + (float(temperature_b) - shared) * apart)
+    return surface_a, surface_b, np.asarray(h_c * (surface_a - surface_b))

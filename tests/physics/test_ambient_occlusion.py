@@ -8,8 +8,8 @@ import jaxthermo as jt
 from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.geometry.shapes import box, sphere
 from jaxthermo.physics.radiation.emission import Surroundings
-from jaxthermo.physics.radiation.occlusion import open_view, sky_view
-from jaxthermo.physics.radiation.view_factor import view_factors
+from jaxthermo.physics.radiation.view_factors import view_factors
+from jaxthermo.physics.radiation.visibility import open_view, sky_view
 from jaxthermo.physics.term import LeftOut
 from jaxthermo.reference.view_factor import (
     element_to_sphere,

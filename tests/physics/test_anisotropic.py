@@ -11,11 +11,7 @@ import jaxthermo as jt
 from jaxthermo.material.material import Material
 from jaxthermo.physics.conduction import across, assemble_uniform, surface_conductivity
 from jaxthermo.physics.material_network import conductivity_table, materials_network
-from jaxthermo.reference.sine_mode import (
-    decay_explicit_euler,
-    sine_rate,
-    sine_rate_of_cells,
-)
+from jaxthermo.reference.slab import decay_explicit_euler, sine_rate, sine_rate_of_cells
 from tests.bodies import blocks
 
 

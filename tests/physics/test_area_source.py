@@ -8,7 +8,7 @@ import jaxthermo as jt
 from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.geometry.shapes import box
 from jaxthermo.physics.radiation.area_source import AreaSource
-from jaxthermo.physics.radiation.point_source import PointSource
+from jaxthermo.physics.radiation.source import PointSource
 from jaxthermo.physics.term import LeftOut
 from jaxthermo.voxels.voxelize import voxelize
 from tests.radiating import shell, surface_of

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.reference.contact import contact_surfaces, perfect_contact
+from jaxthermo.reference.semi_infinite import contact_surfaces, perfect_contact
 from tests.bodies import bar
 
 

@@ -11,7 +11,7 @@ from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.physics.radiation.emission import Emission
 from jaxthermo.physics.surface_energy_balance import SurfaceTerms
 from jaxthermo.physics.term import bound
-from jaxthermo.reference.lumped import radiation_temperature
+from jaxthermo.reference.radiation import radiation_temperature
 from jaxthermo.scene.compile.compile import compile_scene
 from tests.bodies import bar
 

@@ -5,8 +5,7 @@ import pytest
 
 import jaxthermo as jt
 from jaxthermo.physics.radiation.area_source import AreaSource
-from jaxthermo.physics.radiation.point_source import PointSource
-from jaxthermo.physics.radiation.source import Sun
+from jaxthermo.physics.radiation.source import PointSource, Sun
 
 
 def turning(time):

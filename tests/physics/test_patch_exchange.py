@@ -14,7 +14,7 @@ from jaxthermo.physics.radiation.radiosity import (
     net_exchange,
     patch_exchange,
 )
-from jaxthermo.physics.radiation.view_factor import ViewFactors, view_factors
+from jaxthermo.physics.radiation.view_factors import ViewFactors, view_factors
 from jaxthermo.reference.radiation import between_plates, between_spheres
 from jaxthermo.voxels.voxelize import voxelize
 from tests.radiating import in_patches, moved, shell, surface_of

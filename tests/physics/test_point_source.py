@@ -6,8 +6,7 @@ import pytest
 
 import jaxthermo as jt
 from jaxthermo.geometry.shapes import box, sphere
-from jaxthermo.physics.radiation.point_source import PointSource
-from jaxthermo.physics.radiation.source import Sun
+from jaxthermo.physics.radiation.source import PointSource, Sun
 from jaxthermo.physics.term import LeftOut
 from jaxthermo.voxels.voxelize import voxelize
 from tests.radiating import moved, shell, surface_of

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.reference.sine_mode import decay_explicit_euler, sine_rate_of_cells
+from jaxthermo.reference.slab import decay_explicit_euler, sine_rate_of_cells
 from tests.bodies import bar, depth, on_top
 
 

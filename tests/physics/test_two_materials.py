@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.reference.contact import perfect_contact
+from jaxthermo.reference.semi_infinite import perfect_contact
 from tests.bodies import bar, depth, on_top
 
 

@@ -5,8 +5,7 @@ import pytest
 
 from jaxthermo.errors import InputError
 from jaxthermo.geometry.shapes import box, sphere
-from jaxthermo.physics.radiation.view_factor import balanced, view_factors
-from jaxthermo.physics.radiation.view_factors import Sight
+from jaxthermo.physics.radiation.view_factors import Sight, balanced, view_factors
 from jaxthermo.reference.view_factor import parallel_rectangles
 from jaxthermo.voxels.voxelize import voxelize
 from tests.radiating import in_patches, moved, shell

@@ -9,7 +9,7 @@ import jaxthermo as jt
 from jaxthermo.physics.convection.air import kinematic_viscosity
 from jaxthermo.physics.convection.cross_flow import local_nusselt, mean_coefficient
 from jaxthermo.physics.convection.nusselt import churchill_bernstein
-from jaxthermo.physics.convection.wake_deficit import WakeDeficit
+from jaxthermo.physics.convection.wake import WakeDeficit
 from jaxthermo.physics.convection.wind import Wind
 
 

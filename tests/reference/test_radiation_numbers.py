@@ -5,7 +5,7 @@ import pytest
 
 from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.reference import radiation, view_factor as forms
-from jaxthermo.reference.patch_quadrature import (
+from jaxthermo.reference.view_factor import (
     Rule,
     disc_rule,
     rectangle_rule,

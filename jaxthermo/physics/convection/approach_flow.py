@@ -17,8 +17,8 @@ from ...arrays import is_traced
 from ...voxels.cylinders import CylinderParts
 from ..term import Values
 from ..time_varying import Table, Until, is_unknown_function, largest, value_at
+from .air import FILM_TEMPERATURES, film_polynomial
 from .cross_flow import held_speed, mean_coefficient, stream_shape
-from .film_polynomial import FILM_TEMPERATURES, film_polynomial
 from .nusselt import Average
 
 

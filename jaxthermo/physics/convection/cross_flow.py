@@ -26,9 +26,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .air import conductivity, kinematic_viscosity, prandtl
-from .nusselt import Average, NamedAverage
-from .nusselt_table import cylinder_knots
-from .pchip import Pchip, pchip
+from .nusselt import Average, NamedAverage, Pchip, cylinder_knots, pchip
 
 
 HIGHEST_REYNOLDS = 2.5e5

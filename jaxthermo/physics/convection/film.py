@@ -6,19 +6,163 @@ within 2.1 % of the other two averages, which bend sharply above Re 4000.
 """
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+from numpy.polynomial import polynomial
 
 from ...arrays import is_traced
 from ..term import AbstractLaw, Reach
-from ..time_varying import largest, value_at
-from .film_bounds import MISSED, film_derivatives, film_reach
-from .film_polynomial import HIGHEST, LOWEST, film_place, horner
-from .speed_table import OVERSHOOT, SpeedTable
+from ..time_varying import largest, smallest, value_at
+from .air import (
+    HALF,
+    MAX_FILM_TEMPERATURE,
+    MIDDLE,
+    MIN_FILM_TEMPERATURE,
+    SHIFT,
+    film_place,
+    horner,
+)
+
+
+# Coefficients of every place by a speed that changes with time.
+
+
+SMALL_SPEED = 1e-6
+"""Added under the root [m/s], for its slope at 0."""
+
+Speeds = Float[Array, "*v"] | Float[np.ndarray, "*v"] | float
+
+
+def speed_root(speed: Speeds) -> Speeds:
+    """The fourth root of a speed [m/s], lifted off 0 and less what that adds."""
+    return (speed + SMALL_SPEED) ** 0.25 - SMALL_SPEED**0.25
+
+
+def speed_nodes(highest: Speeds, count: int, dtype: Any) -> Any:
+    """Speeds [m/s] from 0 to the highest, even in their fourth root."""
+    root = np.linspace(0, 1, count).astype(dtype) * speed_root(highest)
+    nodes = (root + SMALL_SPEED**0.25) ** 4 - SMALL_SPEED
+    # The first may round to less than 0.
+    return nodes * (nodes > 0)
+
+
+OVERSHOOT = 1.25
+"""Most that the cubic between nodes makes of their largest absolute value."""
+
+
+class SpeedTable(eqx.Module):
+    """Values by speed, with a smooth cubic (Catmull and Rom) between the nodes.
+
+    The nodes are even in the fourth root of the speed: a heat transfer coefficient goes
+    with its square or more, without a bend at 0.
+    """
+
+    table: Float[Any, "v n m"]
+    """The nodes', with one more on each side for the slopes at the ends."""
+    highest: Any
+    """[m/s]; above, the last value holds."""
+    speed: Callable
+    """Of time [s], [m/s]; below 0 it counts as 0."""
+
+    def __call__(self, time: Float[Array, ""]) -> Float[Array, "n m"]:
+        """The values at `time` [s]."""
+        inner = self.table.shape[0] - 2
+        speed = value_at(self.speed, time)
+        speed = jnp.where(speed > 0, speed, 0)
+        share = speed_root(speed) / speed_root(jnp.asarray(self.highest, time.dtype))
+        place = jnp.clip(share, 0, 1) * (inner - 1)
+        first = jnp.clip(jnp.floor(place), 0, inner - 2)
+        t = place - first
+        weights = [
+            t * (t * (2 - t) - 1),
+            t * t * (3 * t - 5) + 2,
+            t * (t * (4 - 3 * t) + 1),
+            t * t * (t - 1),
+        ]
+        # Row 0 is the node below zero.
+        rows = jax.lax.dynamic_slice_in_dim(
+            jnp.asarray(self.table), first.astype(jnp.int32), 4
+        )
+        return jnp.tensordot(jnp.stack(weights) / 2, rows, 1)
+
+
+def speed_table(
+    values: Float[Any, "v n m"], highest: Any, speed: Callable
+) -> SpeedTable:
+    """From the values at the `speed_nodes`."""
+    own = np if isinstance(values, np.ndarray) else jnp
+    below, above = 2 * values[0] - values[1], 2 * values[-1] - values[-2]
+    table = own.concatenate([below[None], values, above[None]])
+    return SpeedTable(table, highest, speed)
+
+
+# How large and how bent a film polynomial gets, for the balance at the surface.
+#
+# Between `MIN_FILM_TEMPERATURE` and `MAX_FILM_TEMPERATURE` it is smooth; at those film
+# temperatures it has a kink, whose curvature has no bound.
+
+
+FILM_SAMPLES = 33
+MISSED = 1.05
+"""The samples may miss the top by this much."""
+
+
+class FilmReach(NamedTuple):
+    """Temperatures of air and of film that a run can get to."""
+
+    air: tuple[float, float]
+    """The coldest and the warmest [K]."""
+    gap: float
+    """The largest difference to a surface [K]."""
+    film: Float[np.ndarray, " f"]
+    """Samples of the film temperature [K]."""
+    smooth: bool
+    """Whether all of them are inside the interpolation."""
+
+
+def film_reach(temperature: Any, reach: Reach) -> FilmReach:
+    """Of air at a temperature [K], which may change with time."""
+    air = (
+        float(smallest(temperature, reach.end)),
+        float(largest(temperature, reach.end)),
+    )
+    low, high = (air[0] + reach.coldest) / 2, (air[1] + reach.hottest) / 2
+    return FilmReach(
+        air=air,
+        gap=max(reach.hottest - air[0], air[1] - reach.coldest, 0.0),
+        film=np.clip(
+            np.linspace(low, high, FILM_SAMPLES),
+            MIN_FILM_TEMPERATURE,
+            MAX_FILM_TEMPERATURE,
+        ),
+        smooth=low > MIN_FILM_TEMPERATURE and high < MAX_FILM_TEMPERATURE,
+    )
+
+
+def film_derivatives(
+    rows: Float[np.ndarray, "n *g"], film: Float[np.ndarray, " f"]
+) -> tuple[Float[np.ndarray, "*g f"], ...]:
+    """A film polynomial and its first and second derivative by T_s.
+
+    Args:
+        rows: its coefficients, the powers on the first axis.
+        film: temperatures T_f [K].
+    """
+    inverse = 1 / (film + SHIFT)
+    x, slope = (MIDDLE - inverse) / HALF, inverse**2 / (2 * HALF)
+    bend = -slope * inverse
+    once, twice = polynomial.polyder(rows), polynomial.polyder(rows, 2)
+    by_x = polynomial.polyval(x, once)
+    return (
+        polynomial.polyval(x, rows),
+        by_x * slope,
+        polynomial.polyval(x, twice) * slope**2 + by_x * bend,
+    )
 
 
 class FilmExchange(AbstractLaw):
@@ -61,7 +205,7 @@ class FilmExchange(AbstractLaw):
         rows = jnp.asarray(self._rows, hottest.dtype)
         warmest = jnp.asarray(largest(self.temperature, end), hottest.dtype)
         bound = jnp.zeros_like(hottest)
-        for film in np.linspace(LOWEST, HIGHEST, 17):
+        for film in np.linspace(MIN_FILM_TEMPERATURE, MAX_FILM_TEMPERATURE, 17):
             x, per_kelvin = film_place(jnp.asarray(2 * film * (1 - 1e-6), rows.dtype))
             h, slope = horner(rows, jnp.broadcast_to(x, rows.shape[1:]))
             # Per kelvin of T_s, which is half of one of T_f.

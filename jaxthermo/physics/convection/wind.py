@@ -46,11 +46,9 @@ from .approach_flow import (
     known_largest,
 )
 from .cross_flow import doubts, surface_harmonics
-from .film import FilmExchange
+from .film import FilmExchange, speed_nodes, speed_table
 from .nusselt import named_average
-from .speed_table import speed_nodes, speed_table
-from .wake_deficit import wake_share
-from .wake_distance import diameters_behind
+from .wake import diameters_behind, wake_share
 
 
 SPEEDS = 25

@@ -29,7 +29,7 @@ from ..term import (
     binding,
 )
 from ..time_varying import check_value, for_jit, is_zero, largest, smallest, value_at
-from .occlusion import SkyView, check_directions, open_view, sky_view
+from .visibility import SkyView, check_directions, open_view, sky_view
 
 
 class Emission(AbstractLaw):

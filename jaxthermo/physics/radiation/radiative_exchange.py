@@ -31,7 +31,7 @@ from ..term import (
 from ..time_varying import check_value, for_jit, is_zero, largest, value_at
 from .emission import shedding_temperature
 from .radiosity import MOST_PATCHES, PatchExchange, patch_exchange
-from .view_factor import DIRECTIONS
+from .view_factors import DIRECTIONS
 
 
 class Radiation(AbstractLaw):

@@ -21,8 +21,7 @@ from ...constants import STEFAN_BOLTZMANN
 from ...errors import InputError
 from ..term import Surface, Values
 from .patches import group
-from .view_factor import ACROSS, DIRECTIONS, ViewFactors, view_factors
-from .view_factors import PatchedBody
+from .view_factors import ACROSS, DIRECTIONS, PatchedBody, ViewFactors, view_factors
 
 
 LEAST_EMISSIVITY = 1e-6

@@ -24,7 +24,7 @@ from experiments.verification.running import (
 )
 from experiments.verification.uncovered import NOT_COVERED
 from jaxthermo.errors import InputError
-from jaxthermo.reference import sine_mode
+from jaxthermo.reference import slab as sine_mode
 
 
 RIGHT = Value("right", "K", 300.0, 300.05, 0.1)

@@ -7,7 +7,7 @@ from jaxthermo.errors import InputError
 from jaxthermo.geometry.shapes import box, sphere
 from jaxthermo.image.camera import Camera, OrthographicCamera
 from jaxthermo.image.ssao import screen_space_occlusion
-from jaxthermo.physics.radiation.occlusion import sky_view
+from jaxthermo.physics.radiation.visibility import sky_view
 from jaxthermo.raster.fragments import padded
 from jaxthermo.raster.layers import peel
 

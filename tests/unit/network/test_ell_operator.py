@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given, settings
 
 from jaxthermo import arrays
-from jaxthermo.network.coo_operator import LinkNetwork
-from jaxthermo.network.ell_operator import row_layout, row_network
+from jaxthermo.network.link_operator import LinkNetwork, row_layout, row_network
 
 
 NODES, LINKS = 40, 90

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 
 from jaxthermo.material.property import Property
-from jaxthermo.network.kirchhoff_transform import primitive
+from jaxthermo.network.nonlinear import primitive
 
 
 KNOTS = 4

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 
 from jaxthermo.network import multigrid
-from jaxthermo.network.coo_operator import LinkNetwork
-from jaxthermo.network.heterogeneous_stencil import LatticeStencil
+from jaxthermo.network.link_operator import LinkNetwork
 from jaxthermo.network.multigrid import hierarchy, jacobi
 from jaxthermo.network.multigrid_cycle import SMOOTHED_RANGE, dense_solve, level
+from jaxthermo.network.stencil import LatticeStencil
 from jaxthermo.physics.conduction import assemble_mixed, assemble_uniform
 from jaxthermo.structures.kinds.full import FullVolume
 from jaxthermo.structures.kinds.octree import Octree

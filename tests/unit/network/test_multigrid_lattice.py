@@ -5,8 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxthermo.network.heterogeneous_stencil import LatticeStencil
 from jaxthermo.network.multigrid_lattice import LatticeTransfer, lattice_levels
+from jaxthermo.network.stencil import LatticeStencil
 from jaxthermo.physics.conduction import assemble_mixed, assemble_uniform
 from jaxthermo.structures.kinds.full import FullVolume
 from tests.bodies import blocks

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from jaxthermo.network import multigrid_nodes
-from jaxthermo.network.coo_operator import LinkNetwork
+from jaxthermo.network.link_operator import LinkNetwork
 from jaxthermo.network.multigrid_lattice import lattice_levels
 from jaxthermo.network.multigrid_nodes import node_layout, node_levels
 from jaxthermo.network.network import AbstractNodeNetwork

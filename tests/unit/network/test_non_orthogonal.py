@@ -7,7 +7,7 @@ import pytest
 
 import jaxthermo as jt
 from jaxthermo.integrate.surface_error import surface_error
-from jaxthermo.network.ell_operator import RowNetwork
+from jaxthermo.network.link_operator import RowNetwork
 from jaxthermo.network.non_orthogonal import NonOrthogonalNetwork
 from jaxthermo.physics.conduction import assemble_uniform
 from jaxthermo.structures.build.links import face_normals

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from jaxthermo.network.coo_operator import LinkNetwork
+from jaxthermo.network.link_operator import LinkNetwork
 from jaxthermo.network.network import precise_sum
 from jaxthermo.physics.conduction import assemble_mixed, assemble_uniform, series
 from jaxthermo.structures.kinds.full import FullVolume

@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from jaxthermo.network.ell_operator import RowNetwork
-from jaxthermo.network.heterogeneous_stencil import LatticeStencil
-from jaxthermo.network.orthotropic_stencil import AxisStencil, solid_degrees
-from jaxthermo.network.stencil import solid_degree
+from jaxthermo.network.link_operator import RowNetwork
+from jaxthermo.network.stencil import (
+    AxisStencil,
+    LatticeStencil,
+    solid_degree,
+    solid_degrees,
+)
 from jaxthermo.physics.conduction import assemble_mixed, assemble_uniform
 from jaxthermo.structures.kinds.full import FullVolume
 from tests.bodies import blocks

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from jaxthermo import arrays
-from jaxthermo.network.ell_operator import ROWS, row_layout, row_network
+from jaxthermo.network.link_operator import ROWS, row_layout, row_network
 from jaxthermo.network.self_adjoint_primitive import conduct, conduct_step
 from jaxthermo.network.stencil import UNIFORM, solid_degree
 

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from jaxthermo.physics.boundary import Exchange, ImposedFlux
-from jaxthermo.physics.convection.film import FilmExchange
+from jaxthermo.physics.convection.film import FilmExchange, speed_table
 from jaxthermo.physics.convection.free_convection import FreeExchange
-from jaxthermo.physics.convection.speed_table import speed_table
 from jaxthermo.physics.join_laws import can_join, join_laws
 from jaxthermo.physics.radiation.emission import Emission
 from jaxthermo.physics.radiation.radiative_exchange import Radiation

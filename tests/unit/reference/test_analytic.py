@@ -10,7 +10,14 @@ import pytest
 from scipy import special as scipy_special
 
 from jaxthermo.material.material import Material
-from jaxthermo.reference import contact, lumped, semi_infinite, sine_mode, slab, special
+from jaxthermo.reference import (
+    radiation as lumped,
+    semi_infinite,
+    semi_infinite as contact,
+    semi_infinite as special,
+    slab,
+    slab as sine_mode,
+)
 
 
 STEEL = Material(conductivity=45.0, density=7800.0, specific_heat=460.0)

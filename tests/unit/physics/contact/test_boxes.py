@@ -3,7 +3,7 @@
 import numpy as np
 from hypothesis import given, settings, strategies as st
 
-from jaxthermo.physics.contact.broad import overlapping_pairs
+from jaxthermo.physics.contact.search import overlapping_pairs
 
 
 def every_pair(lower, upper):

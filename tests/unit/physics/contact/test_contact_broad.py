@@ -5,8 +5,7 @@ from hypothesis import given, settings, strategies as st
 from placed import ball_grid, box_grid, placed
 from scipy.spatial import KDTree
 
-from jaxthermo.physics.contact.broad import may_touch
-from jaxthermo.physics.contact.search import contacts_between, find_contacts
+from jaxthermo.physics.contact.search import contacts_between, find_contacts, may_touch
 
 
 PITCH = 0.2

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from jaxthermo.errors import InputError
-from jaxthermo.physics.contact.conductance import (
+from jaxthermo.physics.contact.links import (
     closeness,
     coefficient_across,
     contact_conductance_of,

@@ -5,7 +5,7 @@ import pytest
 from placed import ball_grid, box_grid
 
 from jaxthermo.geometry.mesh import Mesh
-from jaxthermo.physics.contact.lookup import FARTHEST, nearest_fragments
+from jaxthermo.physics.contact.rays import FARTHEST, nearest_fragments
 from jaxthermo.voxels.voxelize import voxelize
 
 

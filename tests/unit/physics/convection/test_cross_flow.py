@@ -15,8 +15,7 @@ from jaxthermo.physics.convection.cross_flow import (
     shape_factor,
     surface_harmonics,
 )
-from jaxthermo.physics.convection.nusselt import AVERAGES
-from jaxthermo.physics.convection.nusselt_table import cylinder_knots
+from jaxthermo.physics.convection.nusselt import AVERAGES, cylinder_knots
 
 
 ANGLES = jnp.linspace(0, jnp.pi, 721)

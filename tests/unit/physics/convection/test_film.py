@@ -6,19 +6,15 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jaxthermo.physics.convection.air import FILM_TEMPERATURES, film_polynomial, horner
 from jaxthermo.physics.convection.cross_flow import mean_coefficient
-from jaxthermo.physics.convection.film import FilmExchange
-from jaxthermo.physics.convection.film_polynomial import (
-    FILM_TEMPERATURES,
-    film_polynomial,
-    horner,
-)
-from jaxthermo.physics.convection.nusselt import AVERAGES
-from jaxthermo.physics.convection.speed_table import (
+from jaxthermo.physics.convection.film import (
+    FilmExchange,
     SpeedTable,
     speed_nodes,
     speed_table,
 )
+from jaxthermo.physics.convection.nusselt import AVERAGES
 
 
 DIAMETERS = np.array([1e-4, 1e-3, 1e-2, 0.1, 1.0])

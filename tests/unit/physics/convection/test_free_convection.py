@@ -8,13 +8,13 @@ from wind_bodies import flux_and_slope, flux_at, law_of, surface, upright_cylind
 
 from jaxthermo.errors import InputError
 from jaxthermo.geometry.pose import Pose
-from jaxthermo.physics.convection.churchill_chu import (
+from jaxthermo.physics.convection.free_convection import (
     CYLINDER,
     PLATE,
+    FreeConvection,
     churchill_chu,
     free_coefficient,
 )
-from jaxthermo.physics.convection.free_convection import FreeConvection
 from jaxthermo.voxels.cylinder_parts import parts_of
 from jaxthermo.voxels.cylinders import Cylinder
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from jaxthermo.errors import InputError
-from jaxthermo.physics.convection.nusselt import AVERAGES, named_average
-from jaxthermo.physics.convection.nusselt_table import cylinder_knots
+from jaxthermo.physics.convection.nusselt import AVERAGES, cylinder_knots, named_average
 
 
 @jax.jit

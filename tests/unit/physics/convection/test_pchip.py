@@ -7,7 +7,7 @@ import numpy as np
 from hypothesis import given, settings, strategies as st
 from scipy.interpolate import PchipInterpolator
 
-from jaxthermo.physics.convection.pchip import pchip
+from jaxthermo.physics.convection.nusselt import pchip
 
 
 values = st.lists(st.floats(-10, 10), min_size=8, max_size=8)

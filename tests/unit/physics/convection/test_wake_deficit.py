@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jaxthermo.errors import InputError
-from jaxthermo.physics.convection.wake_deficit import WakeDeficit, wake_share
+from jaxthermo.physics.convection.wake import WakeDeficit, wake_share
 
 
 # Centreline of a computed steady wake at Re 20: x / D from the centre, u / U.

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jaxthermo.geometry import shapes
-from jaxthermo.physics.convection.wake_distance import diameters_behind
+from jaxthermo.physics.convection.wake import diameters_behind
 
 
 PITCH = 0.0125

@@ -11,10 +11,9 @@ from jaxthermo.errors import InputError
 from jaxthermo.geometry.pose import Pose
 from jaxthermo.physics.convection.air import kinematic_viscosity
 from jaxthermo.physics.convection.cross_flow import local_nusselt, mean_coefficient
-from jaxthermo.physics.convection.film import FilmExchange
+from jaxthermo.physics.convection.film import FilmExchange, SpeedTable
 from jaxthermo.physics.convection.nusselt import churchill_bernstein
-from jaxthermo.physics.convection.speed_table import SpeedTable
-from jaxthermo.physics.convection.wake_deficit import WakeDeficit
+from jaxthermo.physics.convection.wake import WakeDeficit
 from jaxthermo.physics.convection.wind import Wind
 from jaxthermo.physics.term import LeftOut
 from jaxthermo.voxels.cylinder_parts import parts_of

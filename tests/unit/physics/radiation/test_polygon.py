@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from jaxthermo.physics.radiation.polygon import polygon_view_factor
+from jaxthermo.physics.radiation.area_source import polygon_view_factor
 from jaxthermo.reference.view_factor import element_to_rectangle
 
 
