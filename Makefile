@@ -47,4 +47,4 @@ bench: .venv/.test
 	$(RUN)/python -m experiments run benchmarks
 
 clean:
-	rm -rf .venv .uv results
+	rm -rf .venv .uv results .jax_cache

@@ -1,17 +1,54 @@
 """Settings shared by all tests: float64, strict promotion, real meshes if present."""
 
+import hashlib
 import os
+import platform
+import shutil
 from pathlib import Path
 
 import jax
+import jaxlib
 import pytest
 
 
+ROOT = Path(__file__).resolve().parents[1]
+MAX_COMPILATION_CACHE_BYTES = 500_000_000
+
+
+def _compilation_cache() -> Path:
+    """Folder of compiled programs, shared by all test processes, kept between runs."""
+    # Code compiled for another processor or by another jaxlib can crash when loaded,
+    # which JAX's own key does not rule out: those two name the folder.
+    cpuinfo = Path("/proc/cpuinfo")
+    lines = cpuinfo.read_text().splitlines() if cpuinfo.exists() else []
+    processor = [line for line in lines if line.startswith(("model name", "flags"))]
+    text = "\n".join([platform.machine(), platform.processor(), *processor[:2]])
+    digest = hashlib.sha256(text.encode()).hexdigest()[:12]
+    return ROOT / ".jax_cache" / f"{jaxlib.__version__}-{digest}"
+
+
+# In the environment, so that the commands that tests start share it too.
+os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(_compilation_cache()))
+# Most programs here compile in under the second from which JAX keeps them by default.
+os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
+os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", "-1")
+# JAX reads the environment when it is imported, which a plugin may have done before.
+jax.config.update("jax_compilation_cache_dir", os.environ["JAX_COMPILATION_CACHE_DIR"])
+jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
+jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_rank_promotion", "raise")
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 
-ROOT = Path(__file__).resolve().parents[1]
+
+def pytest_configure(config: pytest.Config) -> None:
+    """The first process empties the compilation cache when it has grown too large."""
+    folder = ROOT / ".jax_cache"
+    if hasattr(config, "workerinput") or not folder.exists():
+        return
+    size = sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())
+    if size > MAX_COMPILATION_CACHE_BYTES:
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def _mesh_folders() -> list[Path]:
