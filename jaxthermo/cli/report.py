@@ -87,8 +87,9 @@ def tell_receipt(console: Console, scene: Scene, todo: Plan) -> None:
         else:
             table.add_row(part.mechanism, where, "inside", "")
     console.print(table)
-    looks = "looked at once" if receipt.looks == 1 else f"{receipt.looks} looks"
-    tell(console, f"geometry: {looks}; state in {receipt.dtype}")
+    count = receipt.snapshots
+    snapshots = "one snapshot" if count == 1 else f"{count} snapshots"
+    tell(console, f"geometry: {snapshots}; state in {receipt.dtype}")
 
 
 def structure_lines(report: dict[str, Any]) -> list[str]:

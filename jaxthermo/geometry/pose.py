@@ -50,7 +50,7 @@ class Pose(eqx.Module):
         del time
         return self
 
-    def moments(self, end: float) -> tuple[float, ...]:
+    def snapshot_times(self, end: float) -> tuple[float, ...]:
         """When it must be taken anew: never."""
         del end
         return ()

@@ -370,7 +370,9 @@ def _ceiling(body: BodyProgram, compiled: Compiled) -> Any:
     """What a body's states cannot exceed [K]; infinite where nothing bounds them."""
     dtype = compiled.receipt.dtype
     load = body.load
-    if load is None or not any(term.law.sheds for _, term in load.places.terms.free):
+    if load is None or not any(
+        term.law.is_dissipative for _, term in load.places.terms.natural
+    ):
         return jnp.asarray(jnp.inf, dtype)
     above = jnp.asarray(compiled.hottest, dtype) - body.reference
     return body.network.state_of(above)

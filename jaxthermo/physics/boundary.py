@@ -17,14 +17,14 @@ from jaxtyping import Array, Float
 
 from ..arrays import Scalar
 from .term import (
-    AbstractLaw,
+    AbstractFluxLaw,
     AbstractSurfaceTerm,
     Binding,
-    Drive,
-    LeftOut,
-    Linear,
-    Reach,
+    Forcing,
+    LinearLaw,
+    Omitted,
     Surface,
+    TemperatureRange,
     binding,
 )
 from .time_varying import (
@@ -39,7 +39,7 @@ from .time_varying import (
 )
 
 
-class ImposedFlux(AbstractLaw):
+class ImposedFlux(AbstractFluxLaw):
     """A heat flux that does not depend on the temperature."""
 
     heat_flux: Any
@@ -59,22 +59,22 @@ class ImposedFlux(AbstractLaw):
         del time
         return jnp.zeros((), theta.dtype)
 
-    def linear(self) -> Linear | None:
+    def linear(self) -> LinearLaw | None:
         """One flux for all, or one a place that does not change."""
         if not callable(self.heat_flux):
-            return Linear(self.heat_flux, 1.0)
-        return Linear(1.0, self.heat_flux) if is_number(self.heat_flux) else None
+            return LinearLaw(self.heat_flux, 1.0)
+        return LinearLaw(1.0, self.heat_flux) if is_number(self.heat_flux) else None
 
-    def steepest(self, hottest: Float[Array, ""], end: float) -> Float[Array, ""]:
+    def max_slope(self, hottest: Float[Array, ""], end: float) -> Float[Array, ""]:
         """None."""
         del end
         return jnp.zeros_like(hottest)
 
-    def largest_flux(self, reach: Reach) -> float | Float[Array, ""]:
+    def max_flux(self, reach: TemperatureRange) -> float | Float[Array, ""]:
         """The largest of its values."""
         return largest_size(self.heat_flux, reach.end)
 
-    def curvature(self, reach: Reach) -> float | Float[Array, ""]:
+    def curvature(self, reach: TemperatureRange) -> float | Float[Array, ""]:
         """None."""
         del reach
         return 0.0
@@ -96,7 +96,7 @@ class Above(eqx.Module):
         return value_at(self.temperature, time) - self.reference
 
 
-class Exchange(AbstractLaw):
+class Exchange(AbstractFluxLaw):
     """Heat exchanged with something at a given temperature through a coefficient."""
 
     coefficient: Any
@@ -118,32 +118,32 @@ class Exchange(AbstractLaw):
         """The coefficient, h."""
         return value_at(self.coefficient, time).astype(theta.dtype)
 
-    def linear(self) -> Linear | None:
+    def linear(self) -> LinearLaw | None:
         """If h does not change, and T_inf is one for all or does not either."""
         h, there = self.coefficient, self.temperature
         if callable(h):
             return None
         if not callable(there):
-            return Linear(h * (there - self.reference), 1.0, h)
+            return LinearLaw(h * (there - self.reference), 1.0, h)
         if not is_number(there) or jnp.ndim(self.reference):
             return None
-        return Linear(h, Above(there, self.reference), h)
+        return LinearLaw(h, Above(there, self.reference), h)
 
-    def steepest(self, hottest: Float[Array, ""], end: float) -> Float[Array, ""]:
+    def max_slope(self, hottest: Float[Array, ""], end: float) -> Float[Array, ""]:
         """The largest h."""
         coefficient = self.coefficient
         if callable(coefficient):
             coefficient = largest(coefficient, end)
         return coefficient.astype(hottest.dtype)
 
-    def largest_flux(self, reach: Reach) -> float | Float[Array, ""]:
+    def max_flux(self, reach: TemperatureRange) -> float | Float[Array, ""]:
         """The largest h times the largest difference there can be."""
         most = largest(self.temperature, reach.end)
         least = smallest(self.temperature, reach.end)
-        gap = jnp.maximum(most - reach.coldest, reach.hottest - least)
+        gap = jnp.maximum(most - reach.lowest, reach.highest - least)
         return largest(self.coefficient, reach.end) * gap
 
-    def curvature(self, reach: Reach) -> float | Float[Array, ""]:
+    def curvature(self, reach: TemperatureRange) -> float | Float[Array, ""]:
         """None."""
         del reach
         return 0.0
@@ -179,16 +179,16 @@ class FixedTemperature(AbstractSurfaceTerm):
         return (self.temperature,)
 
     @property
-    def holds(self) -> bool:
+    def is_dirichlet(self) -> bool:
         """Yes."""
         return True
 
     def bind(
         self, surface: Surface, reference: Scalar
-    ) -> tuple[Binding, ...] | LeftOut:
+    ) -> tuple[Binding, ...] | Omitted:
         """The chosen fragments; its share is the way to the node [W/K]."""
         acts = surface.acted_on(self.on)
-        if isinstance(acts, LeftOut):
+        if isinstance(acts, Omitted):
             return acts
         law = Exchange(
             coefficient=jnp.ones((), surface.dtype),
@@ -197,9 +197,9 @@ class FixedTemperature(AbstractSurfaceTerm):
         )
         return (binding(surface.half_cell, law, acts),)
 
-    def drive(self, end: float | int) -> Drive:
+    def forcing(self, end: float | int) -> Forcing:
         """Towards its temperature [K]."""
-        return Drive(temperature=largest(self.temperature, end))
+        return Forcing(temperature=largest(self.temperature, end))
 
 
 class HeatFlux(AbstractSurfaceTerm):
@@ -224,20 +224,20 @@ class HeatFlux(AbstractSurfaceTerm):
 
     def bind(
         self, surface: Surface, reference: Scalar
-    ) -> tuple[Binding, ...] | LeftOut:
+    ) -> tuple[Binding, ...] | Omitted:
         """The chosen fragments."""
         del reference
         if surface.prune and is_zero(self.heat_flux):
-            return LeftOut("the heat flux is 0")
+            return Omitted("the heat flux is 0")
         acts = surface.acted_on(self.on)
-        if isinstance(acts, LeftOut):
+        if isinstance(acts, Omitted):
             return acts
         law = ImposedFlux(for_jit(self.heat_flux, surface.dtype))
         return (binding(surface.area, law, acts),)
 
-    def drive(self, end: float | int) -> Drive:
+    def forcing(self, end: float | int) -> Forcing:
         """An imposed heat flux [W/m^2]."""
-        return Drive(heat_flux=largest(self.heat_flux, end))
+        return Forcing(heat_flux=largest(self.heat_flux, end))
 
 
 class Convection(AbstractSurfaceTerm):
@@ -266,12 +266,12 @@ class Convection(AbstractSurfaceTerm):
 
     def bind(
         self, surface: Surface, reference: Scalar
-    ) -> tuple[Binding, ...] | LeftOut:
+    ) -> tuple[Binding, ...] | Omitted:
         """The chosen fragments."""
         if surface.prune and is_zero(self.heat_transfer_coefficient):
-            return LeftOut("the heat transfer coefficient is 0")
+            return Omitted("the heat transfer coefficient is 0")
         acts = surface.acted_on(self.on)
-        if isinstance(acts, LeftOut):
+        if isinstance(acts, Omitted):
             return acts
         law = Exchange(
             coefficient=for_jit(self.heat_transfer_coefficient, surface.dtype),
@@ -280,6 +280,6 @@ class Convection(AbstractSurfaceTerm):
         )
         return (binding(surface.area, law, acts),)
 
-    def drive(self, end: float | int) -> Drive:
+    def forcing(self, end: float | int) -> Forcing:
         """Towards its temperature [K]."""
-        return Drive(temperature=largest(self.temperature, end))
+        return Forcing(temperature=largest(self.temperature, end))

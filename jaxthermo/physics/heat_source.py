@@ -9,7 +9,7 @@ from ..errors import InputError
 from ..structures.build.assignment import volume_within
 from ..structures.structure import AbstractStructure
 from ..voxels.selection import AbstractSpace
-from .term import AbstractTerm, Drive, LeftOut
+from .term import AbstractTerm, Forcing, Omitted
 from .time_varying import check_value, is_zero
 
 
@@ -61,14 +61,14 @@ class HeatSource(AbstractTerm):
         """The one that it lies within, if it is said."""
         return () if self.within is None else (self.within.body,)
 
-    def drive(self, end: float | int) -> Drive:
+    def forcing(self, end: float | int) -> Forcing:
         """None: what it brings about depends on the body around it."""
         del end
-        return Drive()
+        return Forcing()
 
     def bind_volume(
         self, structure: AbstractStructure, body: int
-    ) -> VolumeBinding | LeftOut:
+    ) -> VolumeBinding | Omitted:
         """The nodes of a body that it heats.
 
         Args:
@@ -79,12 +79,12 @@ class HeatSource(AbstractTerm):
             InputError: if no voxel of the body lies within.
         """
         if is_zero(self.heat_rate_density):
-            return LeftOut("the heat rate density is 0")
+            return Omitted("the heat rate density is 0")
         grid = structure.grid
         chosen = np.ones(grid.solid_count, bool)
         if self.within is not None:
             if self.within.body != body:
-                return LeftOut("`within` is on another body")
+                return Omitted("`within` is on another body")
             centre = grid.lattice.centres(np.argwhere(grid.solid))
             chosen = self.within.contains(centre)
         if not chosen.any():

@@ -13,10 +13,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..arrays import is_traced
-from .term import AbstractLaw
+from .term import AbstractFluxLaw
 
 
-Moments = tuple[AbstractLaw, ...]
+Moments = tuple[AbstractFluxLaw, ...]
 """One law at all moments, alike but for its numbers."""
 
 
@@ -35,9 +35,9 @@ def _same(one: Any, other: Any) -> bool:
     return np.array_equal(one, other)
 
 
-def _each_place(law: AbstractLaw) -> list[bool]:
+def _each_place(law: AbstractFluxLaw) -> list[bool]:
     """Of every leaf, whether it holds a value a place: it grows with the places."""
-    grown = law.merged(lambda values: _own(values).concatenate([values, values], -1))
+    grown = law.coarsened(lambda values: _own(values).concatenate([values, values], -1))
     pairs = zip(jax.tree.leaves(law), jax.tree.leaves(grown), strict=True)
     return [np.shape(leaf) != np.shape(more) for leaf, more in pairs]
 
@@ -90,12 +90,12 @@ def join_laws(laws: Sequence[Moments | None], places: Sequence[int]) -> Moments:
     )
 
 
-def _join(laws, places, kinds) -> AbstractLaw:
+def _join(laws, places, kinds) -> AbstractFluxLaw:
     """Of one moment; `kinds`: whether a leaf has a value a place, and differs."""
     first = next(law for law in laws if law is not None)
     starts = np.cumsum([0, *places[:-1]]).tolist()
     spread = [
-        jax.tree.leaves(law.merged(lambda v, at=at: _placed(v, at, sum(places))))
+        jax.tree.leaves(law.coarsened(lambda v, at=at: _placed(v, at, sum(places))))
         for law, at in zip(laws, starts, strict=True)
         if law is not None
     ]

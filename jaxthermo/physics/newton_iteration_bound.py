@@ -12,7 +12,7 @@ node's temperature is exact to rounding, where a near-insulator in the sun needs
 import numpy as np
 
 from ..arrays import is_traced
-from .term import BoundTerm, Reach, Values
+from .term import BoundTerm, TemperatureRange, Values
 
 
 ALL_STEPS = 6
@@ -22,7 +22,9 @@ KELVIN_LEFT = {"float32": 1e-5, "float64": 1e-12}
 """About one rounding of a difference of 100 K; not more than a float64 can tell."""
 
 
-def newton_steps(half_cell: Values, terms: list[BoundTerm], reach: Reach | None) -> int:
+def newton_steps(
+    half_cell: Values, terms: list[BoundTerm], reach: TemperatureRange | None
+) -> int:
     """Steps from the node's temperature that solve the balance, or all there are.
 
     Args:
@@ -37,11 +39,11 @@ def newton_steps(half_cell: Values, terms: list[BoundTerm], reach: Reach | None)
     conducts = np.asarray(half_cell, float)
     flux, curvature = np.zeros_like(conducts), np.zeros_like(conducts)
     for term in terms:
-        most = float(term.law.largest_flux(reach))
+        most = float(term.law.max_flux(reach))
         bent = float(term.law.curvature(reach))
         if not np.isfinite([most, bent]).all():
             return ALL_STEPS
-        share = np.asarray(term.share, float)
+        share = np.asarray(term.effective_area, float)
         flux += share * most
         curvature += share * bent
     acts = (flux > 0) & (conducts > 0)

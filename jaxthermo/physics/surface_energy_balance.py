@@ -42,9 +42,9 @@ class SurfaceTerms(eqx.Module):
     """Of the mechanisms, by the number of their entry in the ledger."""
     half_cell: Float[Values, " m"]
     """G of each place's free part [W/K]."""
-    free: NumberedTerms
+    natural: NumberedTerms
     """At the surface's temperature."""
-    held: NumberedTerms
+    prescribed: NumberedTerms
     """Surface held at a temperature: straight to the node."""
     steps: int = eqx.field(static=True, default=ALL_STEPS)
     """Of Newton's method; fewer than all start at the node's temperature."""
@@ -52,17 +52,22 @@ class SurfaceTerms(eqx.Module):
     @property
     def is_linear(self) -> bool:
         """Whether one step of Newton's method is the solution."""
-        return all(term.law.is_linear for _, term in self.free)
+        return all(term.law.is_linear for _, term in self.natural)
 
     def conducting(self, relative: Float[Array, "*#m"]) -> "SurfaceTerms":
         """The same above nodes whose conductivity is so many times the stated one."""
         if not relative.ndim:
             return self
         held = tuple(
-            (n, BoundTerm(term.share * relative, term.total_share, term.law))
-            for n, term in self.held
+            (
+                n,
+                BoundTerm(
+                    term.effective_area * relative, term.total_effective_area, term.law
+                ),
+            )
+            for n, term in self.prescribed
         )
-        return replace(self, half_cell=self.half_cell * relative, held=held)
+        return replace(self, half_cell=self.half_cell * relative, prescribed=held)
 
     def above(self, base: Float[Array, ""]) -> "SurfaceTerms":
         """The same with radiation counted from `base` [K]."""
@@ -71,12 +76,17 @@ class SurfaceTerms(eqx.Module):
 
     def _with_radiation(self, change: Callable[[Radiation], Radiation]):
         free = tuple(
-            (n, BoundTerm(term.share, term.total_share, change(term.law)))
+            (
+                n,
+                BoundTerm(
+                    term.effective_area, term.total_effective_area, change(term.law)
+                ),
+            )
             if isinstance(term.law, Radiation)
             else (n, term)
-            for n, term in self.free
+            for n, term in self.natural
         )
-        return replace(self, free=free)
+        return replace(self, natural=free)
 
     def radiating(
         self, received: Float[Array, " m"], emits: bool = True
@@ -95,9 +105,9 @@ class SurfaceTerms(eqx.Module):
     ) -> Float[Array, " m"]:
         """Temperature of each place's surface above its node's [K]."""
         excess = self._solve(time, theta)[1]
-        for _, term in self.held:
+        for _, term in self.prescribed:
             gap = term.law.flux(time, theta)
-            excess = jnp.where(term.share > 0, gap, excess)
+            excess = jnp.where(term.effective_area > 0, gap, excess)
         return excess
 
     def heat(
@@ -125,10 +135,12 @@ class SurfaceTerms(eqx.Module):
         Arguments as of `heat`. Known without a look at the places.
         """
         found = []
-        for n, term in self.free:
+        for n, term in self.natural:
             if _is_uniform(term, time, theta):
                 with jax.named_scope(self.names[n]):
-                    whole = jnp.asarray(term.total_share) * term.law.flux(time, theta)
+                    whole = jnp.asarray(term.total_effective_area) * term.law.flux(
+                        time, theta
+                    )
                 found.append((n, whole))
         return found
 
@@ -141,7 +153,7 @@ class SurfaceTerms(eqx.Module):
         """
         rates, excess = self._solve(time, theta)
         total = jnp.asarray(self.half_cell) * excess
-        for n, term in self.held:
+        for n, term in self.prescribed:
             rate = self._rate(n, term, time, theta)
             rates[n] = rates.get(n, 0) + rate
             total = total + rate
@@ -153,8 +165,8 @@ class SurfaceTerms(eqx.Module):
 
     def _solve(self, time, theta):
         """Heat rate of each free entry, and the excess, which agree to rounding."""
-        bent = [(n, term) for n, term in self.free if not term.law.is_linear]
-        linear = [(n, term) for n, term in self.free if term.law.is_linear]
+        bent = [(n, term) for n, term in self.natural if not term.law.is_linear]
+        linear = [(n, term) for n, term in self.natural if term.law.is_linear]
         zero = jnp.zeros_like(theta)
         brought = sum((term.heat_rate(time, zero) for _, term in linear), zero)
         slope = sum((term.slope(time, zero) for _, term in linear), zero)
@@ -195,13 +207,13 @@ class SurfaceTerms(eqx.Module):
 
     def _start(self, time, theta, brought, slope):
         """Where Newton's method starts; laws that do not shed by their tangents."""
-        bent = [term for _, term in self.free if not term.law.is_linear]
+        bent = [term for _, term in self.natural if not term.law.is_linear]
         for term in bent:
-            if not term.law.sheds:
+            if not term.law.is_dissipative:
                 steep = term.slope(time, theta)
                 brought = brought + term.heat_rate(time, theta) + steep * theta
                 slope = slope + steep
-        shedding = [term for term in bent if term.law.sheds]
+        shedding = [term for term in bent if term.law.is_dissipative]
         if not shedding:
             return self._linear(theta, brought, slope)
         return self._hot_side(shedding, time, theta, brought, slope)
@@ -216,12 +228,12 @@ class SurfaceTerms(eqx.Module):
         pushed = lambda here: jnp.maximum(brought - slope * here, 0)
         ambient = zero - jnp.inf
         for term in shedding:
-            ambient = jnp.maximum(ambient, term.law.hot_side(time, zero))
+            ambient = jnp.maximum(ambient, term.law.supersolution(time, zero))
         sent = pushed(ambient) + self.half_cell * jnp.maximum(theta - ambient, 0)
         hot = zero + jnp.inf
         for term in shedding:
-            share = jnp.asarray(term.share)
-            shed = term.law.hot_side(time, sent * inverse(share))
+            share = jnp.asarray(term.effective_area)
+            shed = term.law.supersolution(time, sent * inverse(share))
             hot = jnp.where(share > 0, jnp.minimum(hot, shed), hot)
         conducts = jnp.asarray(self.half_cell)
         carried = jnp.maximum(theta, ambient) + pushed(theta) * inverse(conducts)
@@ -243,13 +255,15 @@ class SurfaceTerms(eqx.Module):
         """
         conducts = relative * self.half_cell
         slope = jnp.zeros_like(conducts)
-        for _, term in self.free:
-            steepest = term.law.steepest(hottest, end).astype(conducts.dtype)
-            slope = slope + jnp.asarray(term.share) * steepest
+        for _, term in self.natural:
+            steepest = term.law.max_slope(hottest, end).astype(conducts.dtype)
+            slope = slope + jnp.asarray(term.effective_area) * steepest
         through = slope * conducts * inverse(slope + conducts)
-        return sum((relative * term.share for _, term in self.held), through)
+        return sum(
+            (relative * term.effective_area for _, term in self.prescribed), through
+        )
 
-    def merged(self, place: Int[np.ndarray, " m"], places: int) -> "SurfaceTerms":
+    def coarsened(self, place: Int[np.ndarray, " m"], places: int) -> "SurfaceTerms":
         """Several places as one, wherever they have the same number.
 
         Args:
@@ -266,16 +280,16 @@ class SurfaceTerms(eqx.Module):
             return sums.astype(values.dtype)
 
         def merge(term: BoundTerm) -> BoundTerm:
-            share = add(term.share)
+            share = add(term.effective_area)
             each = inverse(jnp.asarray(share))
             # Of arrays with a value a place on the last axis.
             along = lambda values, weight: values * weight[(None,) * (values.ndim - 1)]
-            mean = lambda values: along(add(along(values, term.share)), each)
-            return bound(share, term.law.merged(mean))
+            mean = lambda values: along(add(along(values, term.effective_area)), each)
+            return bound(share, term.law.coarsened(mean))
 
         each = lambda terms: tuple((n, merge(term)) for n, term in terms)
         half_cell = add(self.half_cell)
-        free, held = each(self.free), each(self.held)
+        free, held = each(self.natural), each(self.prescribed)
         return SurfaceTerms(self.names, half_cell, free, held, self.steps)
 
 

@@ -2,7 +2,7 @@
 
 A term is what the user writes. Bound to a body it is a share of every surface fragment
 and a law, the heat flux into a unit of share; a term that can do nothing there binds to
-`LeftOut` with the reason, and no trace of it is in the compiled program.
+`Omitted` with the reason, and no trace of it is in the compiled program.
 """
 
 import abc
@@ -28,11 +28,11 @@ Values = Array | np.ndarray
 """Of numpy wherever nothing is traced: it compiles nothing."""
 
 
-class Reach(NamedTuple):
+class TemperatureRange(NamedTuple):
     """Temperatures of surfaces, air and surroundings, and times, that a run gets to."""
 
-    coldest: float
-    hottest: float
+    lowest: float
+    highest: float
     end: float | int
 
 
@@ -50,9 +50,9 @@ class Surface:
     """World, outward."""
     area: Float[np.ndarray, " s"]
     """True area [m^2], as far as nothing touches it."""
-    bare: Float[np.ndarray, " s"]
+    exposed_fraction: Float[np.ndarray, " s"]
     """Share of each fragment that nothing touches."""
-    free: Bool[np.ndarray, " s"]
+    natural: Bool[np.ndarray, " s"]
     """Fragments that no term holds at a temperature, and nothing covers."""
     half_cell: Float[Values, " s"]
     """Conductance from each fragment to its node, k A / distance [W/K]."""
@@ -61,7 +61,7 @@ class Surface:
     scene_triangles: Float[np.ndarray, "f 3 3"]
     """Every body's triangles, world [m]: what may cast a shadow."""
     dtype: Any
-    reach: Reach | None = None
+    temperature_range: TemperatureRange | None = None
     """What the run can get to, if that is known."""
     prune: bool = True
     """Whether terms that do nothing are left out: they are, but for comparison."""
@@ -101,23 +101,23 @@ class Surface:
 
     def acted_on(
         self, on: AbstractSelection | None
-    ) -> "Bool[np.ndarray, ' s'] | LeftOut":
+    ) -> "Bool[np.ndarray, ' s'] | Omitted":
         """The free fragments that `on` selects."""
         chosen = self.chosen(on)
         if self.prune and not chosen.any():
-            return LeftOut("`on` is on another body")
-        if self.prune and not (chosen & self.free).any():
-            return LeftOut("all of its surface is held at a temperature")
-        return chosen & self.free
+            return Omitted("`on` is on another body")
+        if self.prune and not (chosen & self.natural).any():
+            return Omitted("all of its surface is held at a temperature")
+        return chosen & self.natural
 
 
-class LeftOut(NamedTuple):
+class Omitted(NamedTuple):
     """Why a term has no part in the program."""
 
-    why: str
+    reason: str
 
 
-class Drive(NamedTuple):
+class Forcing(NamedTuple):
     """What bounds the temperatures that a term can bring about."""
 
     temperature: Any = 0.0
@@ -126,18 +126,18 @@ class Drive(NamedTuple):
     """The highest heat flux it imposes whatever the temperature [W/m^2]."""
 
 
-class Linear(NamedTuple):
+class LinearLaw(NamedTuple):
     """A heat flux w d(t) - s theta, with s constant."""
 
     weight: Any
     """w, a number or one a place."""
-    drive: Any
+    forcing: Any
     """d, a number or a function of time that gives one."""
     slope: Any = None
     """s [W/(m^2 K)], a number or one a place; None for 0."""
 
 
-class AbstractLaw(eqx.Module):
+class AbstractFluxLaw(eqx.Module):
     """A heat flux into a surface of a given temperature."""
 
     @abc.abstractmethod
@@ -153,7 +153,7 @@ class AbstractLaw(eqx.Module):
         """-d flux / d theta, never negative."""
 
     @abc.abstractmethod
-    def steepest(self, hottest: Float[Array, ""], end: float) -> Float[Array, ""]:
+    def max_slope(self, hottest: Float[Array, ""], end: float) -> Float[Array, ""]:
         """The largest slope below `hottest` [K] up to `end` [s]."""
 
     @property
@@ -161,11 +161,11 @@ class AbstractLaw(eqx.Module):
     def is_linear(self) -> bool:
         """Whether the slope does not depend on the temperature."""
 
-    def linear(self) -> Linear | None:
+    def linear(self) -> LinearLaw | None:
         """Its parts, where it is linear with a constant slope."""
         return None
 
-    def merged(self, mean: Callable[[Array], Array]) -> "AbstractLaw":
+    def coarsened(self, mean: Callable[[Array], Array]) -> "AbstractFluxLaw":
         """The law on places that several of these make up.
 
         A law that holds arrays with a value a place overrides this.
@@ -176,7 +176,7 @@ class AbstractLaw(eqx.Module):
         del mean
         return self
 
-    def largest_flux(self, reach: Reach) -> float | Float[Array, ""]:
+    def max_flux(self, reach: TemperatureRange) -> float | Float[Array, ""]:
         """A bound of |flux| at temperatures and times within `reach`.
 
         With `curvature` it says how many steps the balance at a surface needs; a law
@@ -185,17 +185,17 @@ class AbstractLaw(eqx.Module):
         del reach
         return math.inf
 
-    def curvature(self, reach: Reach) -> float | Float[Array, ""]:
+    def curvature(self, reach: TemperatureRange) -> float | Float[Array, ""]:
         """A bound of |d2 flux / dT2| there."""
         del reach
         return math.inf
 
     @property
-    def sheds(self) -> bool:
-        """Whether `hot_side` bounds the surface's temperature."""
+    def is_dissipative(self) -> bool:
+        """Whether `supersolution` bounds the surface's temperature."""
         return False
 
-    def hot_side(
+    def supersolution(
         self, time: Float[Array, ""], pushed: Float[Array, " m"]
     ) -> Float[Array, "*#m"]:
         """A temperature above the reference at which it sheds what others push in.
@@ -213,23 +213,23 @@ class AbstractLaw(eqx.Module):
 class BoundTerm(eqx.Module):
     """A law on the places of one body's surface: fragments, or nodes' parts of it."""
 
-    share: Float[Values, " m"]
+    effective_area: Float[Values, " m"]
     """Area times what of the law's flux each place takes; 0 where it does not act."""
-    total_share: Float[Values, "*b"]
+    total_effective_area: Float[Values, "*b"]
     """Sum over the places; of a term on the places of several bodies, one a body."""
-    law: AbstractLaw
+    law: AbstractFluxLaw
 
     def heat_rate(
         self, time: Float[Array, ""], theta: Float[Array, " m"]
     ) -> Float[Array, " m"]:
         """Heat into each place [W] at surface temperatures above the reference."""
-        return jnp.asarray(self.share) * self.law.flux(time, theta)
+        return jnp.asarray(self.effective_area) * self.law.flux(time, theta)
 
     def slope(
         self, time: Float[Array, ""], theta: Float[Array, " m"]
     ) -> Float[Array, " m"]:
         """-d heat rate / d theta [W/K]."""
-        return jnp.asarray(self.share) * self.law.slope(time, theta)
+        return jnp.asarray(self.effective_area) * self.law.slope(time, theta)
 
 
 class Binding(NamedTuple):
@@ -242,20 +242,25 @@ class Binding(NamedTuple):
     """What whoever reads the result should know of it, for the receipt."""
 
 
-def bound(share: Float[Values, " m"], law: AbstractLaw) -> BoundTerm:
+def bound(effective_area: Float[Values, " m"], law: AbstractFluxLaw) -> BoundTerm:
     """A law with what of it each place takes."""
-    if is_traced(share):
-        return BoundTerm(share, precise_sum(jnp.asarray(share)), law)
-    host = np.asarray(share)
+    if is_traced(effective_area):
+        return BoundTerm(effective_area, precise_sum(jnp.asarray(effective_area)), law)
+    host = np.asarray(effective_area)
     return BoundTerm(host, np.asarray(host.sum(dtype=float), host.dtype), law)
 
 
 def binding(
-    share: Float[Values, "*s"], law: AbstractLaw, acts: Bool[np.ndarray, " s"]
+    effective_area: Float[Values, "*s"],
+    law: AbstractFluxLaw,
+    acts: Bool[np.ndarray, " s"],
 ) -> Binding:
     """A law on the fragments where it acts."""
-    own = np if not is_traced(share) else jnp
-    return Binding(bound(own.where(acts, share, own.zeros_like(share)), law), acts)
+    own = np if not is_traced(effective_area) else jnp
+    return Binding(
+        bound(own.where(acts, effective_area, own.zeros_like(effective_area)), law),
+        acts,
+    )
 
 
 class AbstractTerm(eqx.Module):
@@ -272,7 +277,7 @@ class AbstractTerm(eqx.Module):
         """Those of its values that may be functions of time."""
 
     @abc.abstractmethod
-    def drive(self, end: float | int) -> Drive:
+    def forcing(self, end: float | int) -> Forcing:
         """The most this term does to a body up to `end` [s]."""
 
     @property
@@ -298,10 +303,10 @@ class AbstractSurfaceTerm(AbstractTerm):
     @abc.abstractmethod
     def bind(
         self, surface: Surface, reference: Scalar
-    ) -> tuple[Binding, ...] | LeftOut:
+    ) -> tuple[Binding, ...] | Omitted:
         """This term on the fragments of a body whose state counts from `reference`."""
 
     @property
-    def holds(self) -> bool:
+    def is_dirichlet(self) -> bool:
         """Whether it holds the surface at a temperature, where no other term acts."""
         return False

@@ -97,13 +97,13 @@ def is_unknown_function(value: Any) -> bool:
     return callable(value) and not isinstance(value, Table)
 
 
-def knots(value: Any) -> tuple[float, ...]:
+def breakpoints(value: Any) -> tuple[float, ...]:
     """Times at which a value breaks, which the solver lands on exactly [s].
 
     Those of a traced table have no numbers to land on.
     """
     if isinstance(value, Until):
-        return (value.end, *knots(value.value))
+        return (value.end, *breakpoints(value.value))
     if isinstance(value, Table) and not is_traced(value.times):
         return tuple(float(t) for t in np.asarray(value.times))
     return ()

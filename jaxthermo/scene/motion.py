@@ -15,7 +15,7 @@ from ..errors import InputError
 from ..geometry.pose import Pose
 
 
-MOST_LOOKS = 10_000
+MAX_SNAPSHOTS = 10_000
 """At the geometry in a run: each finds shadows and contacts and makes a program."""
 
 
@@ -54,7 +54,7 @@ class Motion(eqx.Module):
     path: Any = eqx.field(static=True)
     """A table, or a function of time [s] that gives a pose."""
     every: float | int | None = eqx.field(static=True, default=None, kw_only=True)
-    """Seconds from one look at the geometry to the next; None: at a table's times."""
+    """Interval between snapshots of the geometry [s]; None: a table's own times."""
 
     def __check_init__(self):
         if not isinstance(self.path, PoseTable) and not callable(self.path):
@@ -89,7 +89,7 @@ class Motion(eqx.Module):
             )
         return pose
 
-    def moments(self, end: float | int) -> tuple[float, ...]:
+    def snapshot_times(self, end: float | int) -> tuple[float, ...]:
         """Times between 0 and `end` [s] at which the geometry is taken anew.
 
         Raises:
@@ -100,14 +100,14 @@ class Motion(eqx.Module):
         if self.every is None:
             times = self.path.times
         else:
-            # A last look a rounding error before the end would see nothing new.
-            looks = math.ceil(end / self.every * (1 - 1e-12))
-            if looks > MOST_LOOKS:
+            # A last snapshot a rounding error before the end would see nothing new.
+            snapshots = math.ceil(end / self.every * (1 - 1e-12))
+            if snapshots > MAX_SNAPSHOTS:
                 raise InputError(
-                    f"Motion(every={self.every:g}): {looks} looks at the geometry in "
-                    f"{end:g} s; give {end / MOST_LOOKS:.2g} s or more"
+                    f"Motion(every={self.every:g}): {snapshots} snapshots of the "
+                    f"geometry in {end:g} s; give {end / MAX_SNAPSHOTS:.2g} s or more"
                 )
-            times = (self.every * k for k in range(1, looks))
+            times = (self.every * k for k in range(1, snapshots))
         return tuple(float(t) for t in times if 0 < t < end)
 
 

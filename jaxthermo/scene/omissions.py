@@ -3,7 +3,7 @@
 import numpy as np
 
 from .compile.contacts import Touching
-from .compile.program import Entry
+from .compile.program import LedgerEntry
 from .compile.surface_terms import Bound
 from .receipt import Omission, Part
 from .scene import AbstractMaterials, Scene
@@ -46,7 +46,7 @@ def omissions(
             )
     found += [*others, *_absent(scene)]
     if not moving:
-        found.append(Omission("motion", "nothing moves: looked at once"))
+        found.append(Omission("motion", "nothing moves: one snapshot"))
     return tuple(found)
 
 
@@ -65,7 +65,7 @@ def _absent(scene: Scene) -> list[Omission]:
 
 
 def parts(
-    entries: tuple[Entry, ...],
+    entries: tuple[LedgerEntry, ...],
     numbers: list[tuple[int, ...]],
     bounds: list[Bound],
     touching: Touching,

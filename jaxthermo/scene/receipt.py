@@ -36,7 +36,7 @@ class Receipt:
     nodes: int
     links: int
     fragments: int
-    looks: int
+    snapshots: int
     """How often bodies and sources are taken anew as they move; 1 if nothing does."""
     capacity_ratios: tuple[float, ...]
     """Of each body: what its nodes can store over what it could; 1 if all of it."""

@@ -66,7 +66,7 @@ def test_all_of_them_together(tmp_path):
     config = load_config(scene)
     names = {term.kind for term in config.terms} - {"radiative_exchange"}
     assert set(summary["receipt"]["included"]) == {"conduction", "emission", *names}
-    assert summary["receipt"]["looks"] == 3
+    assert summary["receipt"]["snapshots"] == 3
     assert np.abs(summary["energy"]["residual_relative"]).max() < 1e-5
     for name in ("sun", "point_source", "area_source", "heat_flux", "heat_source"):
         assert min(summary["energy"][f"{name}_J"]) > 0

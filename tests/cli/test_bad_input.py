@@ -271,7 +271,7 @@ FAR = "{region: {lower: [1, 1, 1], upper: [2, 2, 2]}}"
         ("terms.1={kind: contact, conductance: bonded, bodies: [1, 0]}",
          ("terms[0] and terms[1]", "both join bodies 0 and 1")),
         ("bodies.1.pose={times: [0, 20], poses: [{translation: [0, 0, 4 cm]}, {}], "
-         "every: 1 ms}", ("20000 looks", "give 0.002 s or more")),
+         "every: 1 ms}", ("20000 snapshots", "give 0.002 s or more")),
         ("bodies.0.material={labels: block.yaml, materials: [gold]}",
          ("block.yaml", "write it with numpy.save")),
     ],

@@ -10,7 +10,7 @@ from jaxthermo.geometry.shapes import box, sphere
 from jaxthermo.physics.radiation.emission import Surroundings
 from jaxthermo.physics.radiation.view_factors import view_factors
 from jaxthermo.physics.radiation.visibility import open_view, sky_view
-from jaxthermo.physics.term import LeftOut
+from jaxthermo.physics.term import Omitted
 from jaxthermo.reference.view_factor import (
     element_to_sphere,
     groove_mouth,
@@ -166,7 +166,7 @@ def test_a_sealed_body_has_no_surroundings():
     inner = voxelize(sphere(0.05, 2), 0.01)
     surface = surface_of(inner, others=[shell(0.1, 0.12, 2).triangles])
     result = Surroundings(300.0, occlusion=32).bind(surface, 300.0)
-    assert isinstance(result, LeftOut) and "sees" in result.why
+    assert isinstance(result, Omitted) and "sees" in result.reason
 
 
 @pytest.mark.parametrize("directions", [0, 7, -3])

@@ -9,7 +9,7 @@ from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.geometry.shapes import box
 from jaxthermo.physics.radiation.area_source import AreaSource
 from jaxthermo.physics.radiation.source import PointSource
-from jaxthermo.physics.term import LeftOut
+from jaxthermo.physics.term import Omitted
 from jaxthermo.voxels.voxelize import voxelize
 from tests.radiating import shell, surface_of
 
@@ -106,7 +106,7 @@ def test_a_grey_panel_radiates_by_its_temperature():
     for time, kelvin in ((0.0, 300.0), (5.0, 600.0), (10.0, 900.0)):
         found = float(panel.strength(jnp.asarray(time)))
         assert found == pytest.approx(black * kelvin**4, rel=1e-12)
-    assert float(panel.drive(10.0).heat_flux) == pytest.approx(
+    assert float(panel.forcing(10.0).heat_flux) == pytest.approx(
         np.pi * black * 900.0**4, rel=1e-6
     )
 
@@ -118,7 +118,7 @@ def test_what_is_absorbed():
         (0, 0, 0.15), (0, 0, -1.0), (0.1, 0.1), radiance=100.0, patches=2
     )
     bindings = panel.bind(surface_of(grid), 300.0)
-    assert not isinstance(bindings, LeftOut)
+    assert not isinstance(bindings, Omitted)
     time, theta = jnp.asarray(0.0), jnp.zeros(len(grid.fragment_area))
     heat = float(bindings[0].term.heat_rate(time, theta).sum())
     top = grid.fragment_position[:, 2] > 0.049
@@ -126,7 +126,7 @@ def test_what_is_absorbed():
         NOTHING, grid.fragment_position[top], grid.fragment_normal[top], 0.02
     )
     assert heat == pytest.approx(100.0 * free @ grid.fragment_area[top], rel=1e-12)
-    assert (np.asarray(bindings[0].term.share)[~top] == 0).all()
+    assert (np.asarray(bindings[0].term.effective_area)[~top] == 0).all()
 
 
 @pytest.mark.parametrize("normal", [(0.0, 0.0, 1.0), (0.0, 0.0, -3.0), (1.0, 1.0, 0.1)])

@@ -91,7 +91,7 @@ def test_a_millikelvin_in_float32(voxel):
     body = compiled.program.bodies[0]
     terms = body.reading.terms
     above = jnp.full(terms.half_cell.shape, 1e-3, jnp.float32)
-    ((_, emission),) = terms.free
+    ((_, emission),) = terms.natural
     found = emission.heat_rate(jnp.float32(0.0), above).sum()
     exact = 0.9 * STEFAN_BOLTZMANN * AREA * (300.0**4 - 300.001**4)
     assert float(found) == pytest.approx(exact, rel=3e-6)

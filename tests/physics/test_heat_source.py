@@ -6,7 +6,7 @@ import pytest
 import jaxthermo as jt
 from jaxthermo.errors import InputError
 from jaxthermo.physics.heat_source import HeatSource, VolumeBinding
-from jaxthermo.physics.term import LeftOut
+from jaxthermo.physics.term import Omitted
 from jaxthermo.voxels.selection import Everything, FragmentMask, Region, Side
 from tests.bodies import bar, blocks, depth, on_top
 
@@ -92,11 +92,11 @@ def test_everything_is_the_volume_of_the_nodes(grid):
 def test_what_does_nothing_is_left_out(grid):
     structure = jt.FullVolume(grid)
     other = HeatSource(1.0, Everything(body=1)).bind_volume(structure, 0)
-    assert other == LeftOut("`within` is on another body")
+    assert other == Omitted("`within` is on another body")
     none = HeatSource(0.0).bind_volume(structure, 0)
-    assert none == LeftOut("the heat rate density is 0")
+    assert none == Omitted("the heat rate density is 0")
     zero = jt.Table([0.0, 1.0], [0.0, 0.0])
-    assert isinstance(HeatSource(zero).bind_volume(structure, 0), LeftOut)
+    assert isinstance(HeatSource(zero).bind_volume(structure, 0), Omitted)
 
 
 def test_an_insulated_body_warms_at_q_over_rho_c(grid):

@@ -28,7 +28,7 @@ def test_heat_flows_from_when_they_meet():
     swapped = np.asarray(solution.energy.contacts["contact 0-1"])
     np.testing.assert_array_equal(swapped[:2], 0.0)
     assert swapped[2] < -1.0
-    assert solution.receipt.looks == 3
+    assert solution.receipt.snapshots == 3
     # From then on it is the run of two that touch from the start.
     touching = jt.Scene(
         (scene.bodies[0], jt.Body(

@@ -194,7 +194,7 @@ def test_no_slope_is_steeper_than_own_emission(scene):
     theta = jnp.asarray(theta_of(scene))
     flux = lambda t: exchange.heat_flux(t, jnp.asarray(-20.0), jnp.asarray(300.0))
     matrix = np.asarray(jax.jit(jax.jacobian(flux))(theta))
-    steepest = np.asarray(exchange.steepest(jnp.asarray(300.0 + theta.max())))
+    steepest = np.asarray(exchange.max_slope(jnp.asarray(300.0 + theta.max())))
     assert (-np.diag(matrix) <= steepest).all()
     off = matrix - np.diag(np.diag(matrix))
     assert off.min() >= -1e-12 and (np.diag(matrix) < 0).all()

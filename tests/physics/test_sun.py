@@ -166,7 +166,7 @@ def test_body_in_another_one_s_shadow_has_no_sun_in_its_program(plate, cover):
     compiled = compile_scene(scene)
     load = compiled.program.bodies[0].load
     assert load is not None
-    assert len(load.places.terms.free) == 1
+    assert len(load.places.terms.natural) == 1
     assert compiled.program.bodies[1].load is None
     left_out = {(o.what, o.why) for o in compiled.receipt.left_out}
     assert ("sun on body 1", "no surface of this body sees it") in left_out

@@ -67,7 +67,7 @@ def add_own_loads(
     for body, after in zip(program.bodies, new, strict=True):
         for source in body.sources:
             with jax.named_scope("heat_source"):
-                after, rate = source.warm(after, time, dt)
+                after, rate = source.apply_heat(after, time, dt)
             rates = rates.at[source.entry].add(rate)
         warmed.append(after)
     load = _each_surface if program.joined is None else _all_surfaces
@@ -81,7 +81,7 @@ def _each_surface(program, nodes, radiated, new, time, dt):
     rows = zip(program.bodies, new, nodes, radiated.flux, strict=True)
     for body, after, there, flux in rows:
         if body.load is not None:
-            after, each = body.load.warm(
+            after, each = body.load.apply_heat(
                 after, body.network, there, time, dt, flux, radiated.emits
             )
             rates = rates + each
@@ -195,5 +195,5 @@ def _swap(program, contact, states, new, rates, time, dt):
     theta = pair_temperatures(program, contact, states)
     references = program.bodies[one].reference, program.bodies[other].reference
     both = new[one], new[other]
-    (new[one], new[other]), rate = contact.warm(both, theta, references, time, dt)
+    (new[one], new[other]), rate = contact.apply_heat(both, theta, references, time, dt)
     return rates.at[contact.entry].add(rate)

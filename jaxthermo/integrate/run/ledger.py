@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...scene.compile.program import Entry
+from ...scene.compile.program import LedgerEntry
 
 
 class Ledger(eqx.Module):
@@ -93,7 +93,7 @@ class HeatRates(eqx.Module):
 
 
 def heat_rates(
-    entries: tuple[Entry, ...], rates: Float[Array, " c"], bodies: int
+    entries: tuple[LedgerEntry, ...], rates: Float[Array, " c"], bodies: int
 ) -> HeatRates:
     """What each entry brings, by mechanism, by body and by pair.
 
@@ -115,7 +115,7 @@ def heat_rates(
 
 
 def energies(
-    entries: tuple[Entry, ...],
+    entries: tuple[LedgerEntry, ...],
     stored: Float[Array, "t b"],
     heat: Float[Array, "t c"],
     moved: Float[Array, "t c"],
@@ -167,7 +167,7 @@ def _of_body(entries, body, stored, heat, moved, even) -> BodyEnergy:
     )
 
 
-def _sign(entry: Entry, body: int) -> int:
+def _sign(entry: LedgerEntry, body: int) -> int:
     """What an entry counts for in a body: a pair's goes from its first to its other."""
     if entry.other is None:
         return int(entry.body == body)
@@ -175,7 +175,7 @@ def _sign(entry: Entry, body: int) -> int:
 
 
 def into_bodies(
-    heat: Float[Array, " c"], entries: tuple[Entry, ...], bodies: int
+    heat: Float[Array, " c"], entries: tuple[LedgerEntry, ...], bodies: int
 ) -> Float[Array, " b"]:
     """What the entries bring to each body [J]."""
     counts = [[_sign(entry, body) for entry in entries] for body in range(bodies)]
@@ -184,7 +184,7 @@ def into_bodies(
     )
 
 
-def _pair_name(entry: Entry) -> str:
+def _pair_name(entry: LedgerEntry) -> str:
     return f"{entry.mechanism} {entry.body}-{entry.other}"
 
 
@@ -192,7 +192,7 @@ def _or_one(throughput: Float[Array, " t"]) -> Float[Array, " t"]:
     return jnp.where(throughput > 0, throughput, 1)
 
 
-def in_order(energy: Energy, entries: tuple[Entry, ...]) -> Energy:
+def in_order(energy: Energy, entries: tuple[LedgerEntry, ...]) -> Energy:
     """The same in the order of the scene: jit sorts mechanisms by name."""
     names = dict.fromkeys(entry.mechanism for entry in entries)
     sort = lambda found: {name: found[name] for name in names if name in found}

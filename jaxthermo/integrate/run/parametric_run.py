@@ -119,7 +119,7 @@ class Response:
                 plan(scene, end, self.saves, self.solver, reverse_memory=memory)
             )
         compiled = compile_scene(scene, len(self.saves), end)
-        landings = (*compiled.program.knots, *compiled.starts)
+        landings = (*compiled.program.breakpoints, *compiled.starts)
         once = schedule(end, self.saves, landings, math.inf)
         solver, stepper = ForwardEuler(), EulerStepper()
         return _still(Plan(scene, compiled, once, self.saves, None, solver, stepper))

@@ -14,7 +14,7 @@ from ...arrays import is_traced, precision
 from ...errors import InputError
 from ...network.network import precise_sum
 from ...scene.compile.compile import compile_scene
-from ...scene.compile.program import Compiled, Entry, Program, State
+from ...scene.compile.program import Compiled, LedgerEntry, Program, State
 from ...scene.scene import Scene
 from ..implicit.adaptive import AdaptiveStepper
 from ..solver_selection import choose
@@ -88,7 +88,7 @@ def plan(
         if suited is not scene:
             compiled = compile_scene(suited, len(saves), t1, prune)
     dt = solver.longest(known, t1, compiled.program.sampled)
-    landings = (*compiled.program.knots, *compiled.starts)
+    landings = (*compiled.program.breakpoints, *compiled.starts)
     least = solver.least_steps(len({*saves, *landings}))
     layout = schedule(t1, saves, landings, dt, least)
     longest = max((i.dt for i in layout), default=dt)
@@ -271,7 +271,7 @@ def layout_table(
 
 @eqx.filter_jit
 def _balance(
-    entries: tuple[Entry, ...],
+    entries: tuple[LedgerEntry, ...],
     first: Observation,
     seen: Observation,
     even: Float[Array, " b"],

@@ -17,7 +17,7 @@ from jaxtyping import Array, Float, Int
 from ...arrays import Scalar, is_traced
 from ...errors import InputError
 from ...network.network import Address, inverse, precise_sum
-from ..term import AbstractTerm, Drive
+from ..term import AbstractTerm, Forcing
 from ..time_varying import check_value, largest, value_at
 
 
@@ -158,7 +158,7 @@ class ContactLinks(eqx.Module):
         gap = (theta[0] - theta[1]) + (references[0] - references[1])
         return self._links(value_at(self.conductance, time)) * gap
 
-    def warm(
+    def apply_heat(
         self,
         new: tuple[Float[Array, "..."], Float[Array, "..."]],
         theta: tuple[Float[Array, " p"], Float[Array, " p"]],
@@ -240,10 +240,10 @@ class Contact(AbstractTerm):
         """Its conductance."""
         return (self.conductance,)
 
-    def drive(self, end: float | int) -> Drive:
+    def forcing(self, end: float | int) -> Forcing:
         """Bodies drive each other to nothing that they do not have."""
         del end
-        return Drive()
+        return Forcing()
 
     @property
     def named_bodies(self) -> tuple[int, ...]:

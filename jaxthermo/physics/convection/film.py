@@ -16,7 +16,7 @@ from jaxtyping import Array, Float
 from numpy.polynomial import polynomial
 
 from ...arrays import is_traced
-from ..term import AbstractLaw, Reach
+from ..term import AbstractFluxLaw, TemperatureRange
 from ..time_varying import largest, smallest, value_at
 from .air import (
     HALF,
@@ -125,16 +125,16 @@ class FilmReach(NamedTuple):
     """Whether all of them are inside the interpolation."""
 
 
-def film_reach(temperature: Any, reach: Reach) -> FilmReach:
+def film_reach(temperature: Any, reach: TemperatureRange) -> FilmReach:
     """Of air at a temperature [K], which may change with time."""
     air = (
         float(smallest(temperature, reach.end)),
         float(largest(temperature, reach.end)),
     )
-    low, high = (air[0] + reach.coldest) / 2, (air[1] + reach.hottest) / 2
+    low, high = (air[0] + reach.lowest) / 2, (air[1] + reach.highest) / 2
     return FilmReach(
         air=air,
-        gap=max(reach.hottest - air[0], air[1] - reach.coldest, 0.0),
+        gap=max(reach.highest - air[0], air[1] - reach.lowest, 0.0),
         film=np.clip(
             np.linspace(low, high, FILM_SAMPLES),
             MIN_FILM_TEMPERATURE,
@@ -165,7 +165,7 @@ def film_derivatives(
     )
 
 
-class FilmExchange(AbstractLaw):
+class FilmExchange(AbstractFluxLaw):
     """Exchange with air through a coefficient that follows the film temperature."""
 
     coefficients: Any
@@ -195,7 +195,7 @@ class FilmExchange(AbstractLaw):
         below, h, bend = self._at(time, theta)
         return jnp.maximum(h - below * bend, 0)
 
-    def steepest(self, hottest: Float[Array, ""], end: float) -> Float[Array, ""]:
+    def max_slope(self, hottest: Float[Array, ""], end: float) -> Float[Array, ""]:
         """An upper bound at any film temperature that is interpolated.
 
         With T_s - T_inf = 2 (T_f - T_inf) the slope is h + dh/dT_f (T_f - T_inf),
@@ -215,13 +215,13 @@ class FilmExchange(AbstractLaw):
         # The samples may miss the top by this much, and a table's cubic exceed it.
         return bound * (1.05 if tabulated else 1.01)
 
-    def largest_flux(self, reach: Reach) -> float:
+    def max_flux(self, reach: TemperatureRange) -> float:
         """The largest h times the largest difference."""
         air = film_reach(self.temperature, reach)
         h, _, _ = film_derivatives(np.asarray(self._rows, float), air.film)
         return MISSED * self._overshoot * float(h.max(initial=0.0)) * air.gap
 
-    def curvature(self, reach: Reach) -> float:
+    def curvature(self, reach: TemperatureRange) -> float:
         """|d2h/dT_s2 (T_inf - T_s) - 2 dh/dT_s|, largest at an end of the air's range.
 
         There T_inf - T_s = 2 (T_inf - T_f). At the ends of the interpolation h has a
@@ -253,7 +253,7 @@ class FilmExchange(AbstractLaw):
         """No."""
         return False
 
-    def merged(self, mean: Callable[[Array], Array]) -> "FilmExchange":
+    def coarsened(self, mean: Callable[[Array], Array]) -> "FilmExchange":
         """With the mean coefficient of each new place."""
         where = lambda law: (
             law.coefficients.table

@@ -24,13 +24,13 @@ from ...errors import InputError
 from ...voxels.cylinder_parts import parts_of
 from ...voxels.cylinders import Cylinder, given_cylinders
 from ..term import (
-    AbstractLaw,
+    AbstractFluxLaw,
     AbstractSurfaceTerm,
     Binding,
-    Drive,
-    LeftOut,
-    Reach,
+    Forcing,
+    Omitted,
     Surface,
+    TemperatureRange,
     binding,
 )
 from ..time_varying import check_value, for_jit, largest, value_at
@@ -141,7 +141,7 @@ def _sixth_root(x: Float[Array, "*m"]) -> Float[Array, "*m"]:
     return guess * (cube + 2 * root) / (2 * cube + root)
 
 
-class FreeExchange(AbstractLaw):
+class FreeExchange(AbstractFluxLaw):
     """Free convection, one characteristic length a place."""
 
     still: Float[Any, " m"]
@@ -185,7 +185,7 @@ class FreeExchange(AbstractLaw):
         below, h, bend = self._at(time, theta)
         return h - below * bend
 
-    def steepest(self, hottest: Float[Array, ""], end: float) -> Float[Array, ""]:
+    def max_slope(self, hottest: Float[Array, ""], end: float) -> Float[Array, ""]:
         """An upper bound, at a difference that is never exceeded.
 
         The slope is at most 7/3 h: with the difference h grows with a power below 1/3,
@@ -203,12 +203,12 @@ class FreeExchange(AbstractLaw):
         h = (root + rise * _sixth_root(apart)) ** 2
         return 7 / 3 * 1.01 * h.max()
 
-    def largest_flux(self, reach: Reach) -> float:
+    def max_flux(self, reach: TemperatureRange) -> float:
         """The largest h (T_inf - T_s)."""
         apart, whole, _, _ = self._sampled(reach)
         return MISSED * float((apart * whole**2).max())
 
-    def curvature(self, reach: Reach) -> float:
+    def curvature(self, reach: TemperatureRange) -> float:
         """|h'' (T_inf - T_s)| + 2 |h'| of h = w^2, at most.
 
         A difference bends its own power without bound where it is 0, but for `ROUNDED`.
@@ -219,7 +219,9 @@ class FreeExchange(AbstractLaw):
         bent = 2 * apart * (once**2 + whole * twice) + 4 * whole * once
         return MISSED * float(bent.max())
 
-    def _sampled(self, reach: Reach) -> tuple[Float[np.ndarray, "d #f"], ...]:
+    def _sampled(
+        self, reach: TemperatureRange
+    ) -> tuple[Float[np.ndarray, "d #f"], ...]:
         """Differences [K], and the most there of w = a r + b s sigma and derivatives.
 
         Every part of a derivative counts with its absolute value.
@@ -254,7 +256,7 @@ class FreeExchange(AbstractLaw):
         """No."""
         return False
 
-    def merged(self, mean: Callable[[Array], Array]) -> "FreeExchange":
+    def coarsened(self, mean: Callable[[Array], Array]) -> "FreeExchange":
         """With the mean of each new place."""
         where = lambda law: (law.still, law.rising)
         return eqx.tree_at(where, self, tuple(map(mean, where(self))))
@@ -296,16 +298,16 @@ class FreeConvection(AbstractSurfaceTerm):
         """Its temperature."""
         return (self.temperature,)
 
-    def drive(self, end: float | int) -> Drive:
+    def forcing(self, end: float | int) -> Forcing:
         """Towards its temperature [K]."""
-        return Drive(temperature=largest(self.temperature, end))
+        return Forcing(temperature=largest(self.temperature, end))
 
     def bind(
         self, surface: Surface, reference: Scalar
-    ) -> tuple[Binding, ...] | LeftOut:
+    ) -> tuple[Binding, ...] | Omitted:
         """Every free fragment, as part of a plate or of a cylinder."""
         acts = surface.acted_on(None)
-        if isinstance(acts, LeftOut):
+        if isinstance(acts, Omitted):
             return acts
         dtype = surface.dtype
         parts = parts_of(surface.grid, self.cylinders, surface.body)

@@ -28,8 +28,8 @@ from ...voxels.cylinders import Cylinder, given_cylinders
 from ..term import (
     AbstractSurfaceTerm,
     Binding,
-    Drive,
-    LeftOut,
+    Forcing,
+    Omitted,
     Surface,
     Values,
     binding,
@@ -120,18 +120,18 @@ class Wind(AbstractSurfaceTerm):
             float(np.linalg.norm(self.velocity)) if self.speed is None else self.speed
         )
 
-    def drive(self, end: float | int) -> Drive:
+    def forcing(self, end: float | int) -> Forcing:
         """Towards its temperature [K]."""
-        return Drive(temperature=largest(self.temperature, end))
+        return Forcing(temperature=largest(self.temperature, end))
 
     def bind(
         self, surface: Surface, reference: Scalar
-    ) -> tuple[Binding, ...] | LeftOut:
+    ) -> tuple[Binding, ...] | Omitted:
         """Every free fragment, with the coefficients of its own place."""
         if is_zero(self.strength):
-            return LeftOut("the air stands still")
+            return Omitted("the air stands still")
         acts = surface.acted_on(None)
-        if isinstance(acts, LeftOut):
+        if isinstance(acts, Omitted):
             return acts
         groups = self._groups(surface)
         law = FilmExchange(

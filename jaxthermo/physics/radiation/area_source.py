@@ -19,7 +19,7 @@ from ...arrays import is_traced
 from ...constants import STEFAN_BOLTZMANN
 from ...errors import InputError
 from ...raster.directions import unit_vector, view_frame
-from ..term import Drive, Surface
+from ..term import Forcing, Surface
 from ..time_varying import check_value, largest, value_at
 from .source import (
     AbstractSource,
@@ -228,9 +228,9 @@ class AreaSource(AbstractSource):
                 found[seen] += np.pi * factor[seen] * lit
         return found
 
-    def drive(self, end: float | int) -> Drive:
+    def forcing(self, end: float | int) -> Forcing:
         """The heat flux right in front of it [W/m^2]."""
         if self.radiance is not None:
-            return Drive(heat_flux=np.pi * largest(self.radiance, end))
+            return Forcing(heat_flux=np.pi * largest(self.radiance, end))
         hottest = GreyRadiance(largest(self.temperature, end), self.emissivity)
-        return Drive(heat_flux=np.pi * hottest(jnp.zeros((), float)))
+        return Forcing(heat_flux=np.pi * hottest(jnp.zeros((), float)))

@@ -19,20 +19,20 @@ from ...constants import STEFAN_BOLTZMANN
 from ...errors import InputError
 from ..boundary import Exchange
 from ..term import (
-    AbstractLaw,
+    AbstractFluxLaw,
     AbstractSurfaceTerm,
     Binding,
-    Drive,
-    LeftOut,
-    Reach,
+    Forcing,
+    Omitted,
     Surface,
+    TemperatureRange,
     binding,
 )
 from ..time_varying import check_value, for_jit, is_zero, largest, smallest, value_at
 from .visibility import SkyView, check_directions, open_view, sky_view
 
 
-class Emission(AbstractLaw):
+class Emission(AbstractFluxLaw):
     """Net emission of a black surface; the share holds the emissivity."""
 
     temperature: Any
@@ -57,19 +57,19 @@ class Emission(AbstractLaw):
         hot = jnp.maximum(self.reference + theta, 0)
         return 4 * STEFAN_BOLTZMANN * hot * hot * hot
 
-    def steepest(self, hottest: Float[Array, ""], end: float) -> Float[Array, ""]:
+    def max_slope(self, hottest: Float[Array, ""], end: float) -> Float[Array, ""]:
         """4 sigma T^3 at the hottest."""
         del end
         return 4 * STEFAN_BOLTZMANN * hottest**3
 
-    def largest_flux(self, reach: Reach) -> float | Float[Array, ""]:
+    def max_flux(self, reach: TemperatureRange) -> float | Float[Array, ""]:
         """Sigma T^4 of the hotter side."""
-        most = jnp.maximum(largest(self.temperature, reach.end), reach.hottest)
+        most = jnp.maximum(largest(self.temperature, reach.end), reach.highest)
         return STEFAN_BOLTZMANN * most**4
 
-    def curvature(self, reach: Reach) -> float | Float[Array, ""]:
+    def curvature(self, reach: TemperatureRange) -> float | Float[Array, ""]:
         """12 sigma T^2 at the hottest."""
-        return 12 * STEFAN_BOLTZMANN * reach.hottest**2
+        return 12 * STEFAN_BOLTZMANN * reach.highest**2
 
     @property
     def is_linear(self) -> bool:
@@ -77,11 +77,11 @@ class Emission(AbstractLaw):
         return False
 
     @property
-    def sheds(self) -> bool:
+    def is_dissipative(self) -> bool:
         """Yes."""
         return True
 
-    def hot_side(
+    def supersolution(
         self, time: Float[Array, ""], pushed: Float[Array, " m"]
     ) -> Float[Array, "*#m"]:
         """Where emission alone sheds what is pushed in, or the surroundings'."""
@@ -119,7 +119,7 @@ class RadiativeCoefficient(eqx.Module):
         return 4 * STEFAN_BOLTZMANN * there * there * there
 
 
-def linear_error(temperature: Any, reach: Reach) -> float:
+def linear_error(temperature: Any, reach: TemperatureRange) -> float:
     """The largest relative error of 4 T_s^3 (T_s - T) for T_s^4 - T^4.
 
     With r = T / T_s it is |4 / ((1 + r)(1 + r^2)) - 1|, largest at an end of the range.
@@ -132,7 +132,7 @@ def linear_error(temperature: Any, reach: Reach) -> float:
     high = float(largest(temperature, reach.end))
     if not low > 0:
         return math.inf
-    ratios = reach.coldest / high, reach.hottest / low
+    ratios = reach.lowest / high, reach.highest / low
     return max(abs(4 / ((1 + r) * (1 + r * r)) - 1) for r in ratios)
 
 
@@ -180,12 +180,12 @@ class Surroundings(AbstractSurfaceTerm):
 
     def bind(
         self, surface: Surface, reference: Scalar
-    ) -> tuple[Binding, ...] | LeftOut:
+    ) -> tuple[Binding, ...] | Omitted:
         """Every free fragment, with the emissivity of its material."""
         if surface.prune and is_zero(surface.emissivity):
-            return LeftOut("the surface has emissivity 0")
+            return Omitted("the surface has emissivity 0")
         acts = surface.acted_on(None)
-        if isinstance(acts, LeftOut):
+        if isinstance(acts, Omitted):
             return acts
         bindings = []
         for temperature, factor in self._parts(surface):
@@ -194,20 +194,20 @@ class Surroundings(AbstractSurfaceTerm):
             sees = acts & (factor > 0)
             if sees.any() or not surface.prune:
                 bindings.append(binding(share, law, sees)._replace(notes=notes))
-        return tuple(bindings) or LeftOut("none of the surface sees the surroundings")
+        return tuple(bindings) or Omitted("none of the surface sees the surroundings")
 
     def _law(
         self, temperature: Any, surface: Surface, reference: Scalar
-    ) -> tuple[AbstractLaw, tuple[str, ...]]:
+    ) -> tuple[AbstractFluxLaw, tuple[str, ...]]:
         """The law of the fourth power, or the linear one where it is good enough."""
         there = for_jit(temperature, surface.dtype)
         base = jnp.asarray(reference, surface.dtype)
         law = Emission(temperature=there, reference=base)
         if self.linear_within is None:
             return law, ()
-        if surface.reach is None or is_traced(temperature):
+        if surface.temperature_range is None or is_traced(temperature):
             return law, ("not linear: the range of temperatures is not known",)
-        error = linear_error(temperature, surface.reach)
+        error = linear_error(temperature, surface.temperature_range)
         told = f"the linear law is off by up to {100 * error:.2g} % of the net emission"
         if not error <= self.linear_within:
             return law, (f"{told}, more than allowed: not used",)
@@ -236,7 +236,7 @@ class Surroundings(AbstractSurfaceTerm):
             self.occlusion,
         )
 
-    def drive(self, end: float | int) -> Drive:
+    def forcing(self, end: float | int) -> Forcing:
         """Towards the warmest of its temperatures [K]."""
         most = [largest(value, end) for value in self.values]
-        return Drive(temperature=jnp.max(jnp.stack(most)))
+        return Forcing(temperature=jnp.max(jnp.stack(most)))

@@ -19,13 +19,13 @@ from jaxtyping import Array, Float, Int
 from ...arrays import Scalar
 from ...constants import STEFAN_BOLTZMANN
 from ..term import (
-    AbstractLaw,
+    AbstractFluxLaw,
     AbstractSurfaceTerm,
     Binding,
-    Drive,
-    LeftOut,
-    Reach,
+    Forcing,
+    Omitted,
     Surface,
+    TemperatureRange,
     binding,
 )
 from ..time_varying import check_value, for_jit, is_zero, largest, value_at
@@ -34,7 +34,7 @@ from .radiosity import MOST_PATCHES, PatchExchange, patch_exchange
 from .view_factors import DIRECTIONS
 
 
-class Radiation(AbstractLaw):
+class Radiation(AbstractFluxLaw):
     """What a grey surface receives, less what it emits; the share holds eps."""
 
     received: Float[Array, "*#m"]
@@ -69,18 +69,18 @@ class Radiation(AbstractLaw):
         hot = jnp.maximum(self.reference + theta, 0)
         return 4 * STEFAN_BOLTZMANN * hot * hot * hot
 
-    def steepest(self, hottest: Float[Array, ""], end: float) -> Float[Array, ""]:
+    def max_slope(self, hottest: Float[Array, ""], end: float) -> Float[Array, ""]:
         """4 sigma T^3 at the hottest."""
         del end
         return 4 * STEFAN_BOLTZMANN * hottest**3
 
-    def largest_flux(self, reach: Reach) -> float | Float[Array, ""]:
+    def max_flux(self, reach: TemperatureRange) -> float | Float[Array, ""]:
         """Sigma T^4: nothing that is seen is hotter."""
-        return STEFAN_BOLTZMANN * reach.hottest**4
+        return STEFAN_BOLTZMANN * reach.highest**4
 
-    def curvature(self, reach: Reach) -> float | Float[Array, ""]:
+    def curvature(self, reach: TemperatureRange) -> float | Float[Array, ""]:
         """12 sigma T^2 at the hottest."""
-        return 12 * STEFAN_BOLTZMANN * reach.hottest**2
+        return 12 * STEFAN_BOLTZMANN * reach.highest**2
 
     @property
     def is_linear(self) -> bool:
@@ -88,11 +88,11 @@ class Radiation(AbstractLaw):
         return not self.emits
 
     @property
-    def sheds(self) -> bool:
+    def is_dissipative(self) -> bool:
         """Where it emits."""
         return self.emits
 
-    def hot_side(
+    def supersolution(
         self, time: Float[Array, ""], pushed: Float[Array, " m"]
     ) -> Float[Array, "*#m"]:
         """Where emission alone sheds what is received and pushed in."""
@@ -124,18 +124,18 @@ class RadiativeExchange(AbstractSurfaceTerm):
         """The temperature of the surroundings."""
         return (self.temperature,)
 
-    def drive(self, end: float | int) -> Drive:
+    def forcing(self, end: float | int) -> Forcing:
         """Towards that temperature [K]."""
-        return Drive(temperature=largest(self.temperature, end))
+        return Forcing(temperature=largest(self.temperature, end))
 
     def bind(
         self, surface: Surface, reference: Scalar
-    ) -> tuple[Binding, ...] | LeftOut:
+    ) -> tuple[Binding, ...] | Omitted:
         """Every free fragment; what it receives is found at every step."""
         if surface.prune and is_zero(surface.emissivity):
-            return LeftOut("the surface has emissivity 0")
+            return Omitted("the surface has emissivity 0")
         acts = surface.acted_on(None)
-        if isinstance(acts, LeftOut):
+        if isinstance(acts, Omitted):
             return acts
         zero = jnp.zeros((), surface.dtype)
         law = Radiation(zero, zero, jnp.asarray(reference, surface.dtype))

@@ -157,7 +157,7 @@ class PatchExchange(eqx.Module):
         around = self.emitted(surroundings, base)
         return self.grey_area @ (self.from_surroundings * (of_patch - around))
 
-    def steepest(self, hottest: Float[Array, ""]) -> Float[Array, " s"]:
+    def max_slope(self, hottest: Float[Array, ""]) -> Float[Array, " s"]:
         """4 eps sigma T^3: no -d(heat flux)/dT is larger below `hottest` [K]."""
         return 4 * STEFAN_BOLTZMANN * self.emissivity * hottest**3
 

@@ -21,7 +21,7 @@ from ...arrays import Scalar
 from ...errors import InputError
 from ...raster.directions import unit_vector
 from ..boundary import ImposedFlux
-from ..term import AbstractSurfaceTerm, Binding, Drive, LeftOut, Surface, binding
+from ..term import AbstractSurfaceTerm, Binding, Forcing, Omitted, Surface, binding
 from ..time_varying import check_value, for_jit, is_zero, largest
 from .visibility import lit_share, lit_share_from
 
@@ -101,15 +101,15 @@ class AbstractSource(AbstractSurfaceTerm):
 
     def bind(
         self, surface: Surface, reference: Scalar
-    ) -> tuple[Binding, ...] | LeftOut:
+    ) -> tuple[Binding, ...] | Omitted:
         """The free fragments that the source sees; one that moves must be frozen."""
         del reference
         if surface.prune and is_zero(self.strength):
-            return LeftOut("it is switched off at all times")
+            return Omitted("it is switched off at all times")
         if surface.prune and is_zero(surface.absorptivity):
-            return LeftOut("the surface has absorptivity 0")
+            return Omitted("the surface has absorptivity 0")
         acts = surface.acted_on(None)
-        if isinstance(acts, LeftOut):
+        if isinstance(acts, Omitted):
             return acts
         self.check_place(surface)
         exposure = self.exposure(
@@ -117,7 +117,7 @@ class AbstractSource(AbstractSurfaceTerm):
         )
         lit = acts & (exposure > 0)
         if surface.prune and not lit.any():
-            return LeftOut("no surface of this body sees it")
+            return Omitted("no surface of this body sees it")
         share = surface.absorptivity * exposure.astype(surface.dtype)
         law = ImposedFlux(for_jit(self.strength, surface.dtype))
         return (binding(share * surface.area, law, lit),)
@@ -175,9 +175,9 @@ class Sun(AbstractSource):
         cosine = np.maximum(0.0, -normal @ unit_vector(self.direction))
         return cosine * lit_share(triangles, position, normal, self.direction, pitch)
 
-    def drive(self, end: float | int) -> Drive:
+    def forcing(self, end: float | int) -> Forcing:
         """An imposed heat flux [W/m^2]."""
-        return Drive(heat_flux=largest(self.irradiance, end))
+        return Forcing(heat_flux=largest(self.irradiance, end))
 
 
 def placed(value: Any, time: float) -> Any:
@@ -300,7 +300,7 @@ class PointSource(AbstractSource):
         )
         return found
 
-    def drive(self, end: float | int) -> Drive:
+    def forcing(self, end: float | int) -> Forcing:
         """The heat flux at the least distance [W/m^2]."""
         most = largest(self.radiant_intensity, end)
-        return Drive(heat_flux=most / (self.least_distance * self.least_distance))
+        return Forcing(heat_flux=most / (self.least_distance * self.least_distance))

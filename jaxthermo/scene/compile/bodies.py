@@ -24,7 +24,7 @@ HostAddress = tuple[np.ndarray, ...]
 """Of every node of a body, in the order of its state."""
 
 
-class Prepared(NamedTuple):
+class PreparedBody(NamedTuple):
     """One body with its network and its start."""
 
     body: Body
@@ -40,13 +40,13 @@ class Prepared(NamedTuple):
     """Bound to the body."""
 
 
-def prepare(body: Body, dtype: Any) -> Prepared:
+def prepare(body: Body, dtype: Any) -> PreparedBody:
     """Network, start and addresses of a body."""
     structure = body.structure
     address = structure.node_address()
     reference, theta = _initial(body, address, dtype)
     network = _network(body, reference, dtype)
-    return Prepared(
+    return PreparedBody(
         body=body,
         network=network,
         reference=reference,

@@ -20,8 +20,8 @@ from .bodies import prepare
 from .memory_estimate import check_memory
 from .program import Compiled, Program
 from .program_builder import number_entries, programs
-from .snapshot_times import moments
-from .snapshots import Look, look_around
+from .snapshot_times import snapshot_times
+from .snapshots import Snapshot, take_snapshots
 from .stability import stable_step
 from .surface_terms import Bound
 from .temperature_bounds import hottest, reach
@@ -53,19 +53,21 @@ def compile_scene(
         InputError: if the program would not fit into memory, or terms contradict each
             other.
     """
-    starts, names = moments(scene, end), mechanism_names(scene)
+    starts, names = snapshot_times(scene, end), mechanism_names(scene)
     memory, dtype = check_memory(scene, saves, len(starts)), jnp.dtype(scene.dtype)
     prepared = tuple(prepare(body, dtype) for body in scene.bodies)
     most = hottest(scene, prepared, end)
     within = reach(scene, prepared, most, end)
-    looks = look_around(scene, prepared, names, starts, end, within, prune)
+    snapshots = take_snapshots(scene, prepared, names, starts, end, within, prune)
     volumes, others = bind_volumes(scene, names)
-    entries = number_entries(names, looks, volumes)
-    made = programs(scene, prepared, looks, volumes, entries, within)
+    entries = number_entries(names, snapshots, volumes)
+    made = programs(scene, prepared, snapshots, volumes, entries, within)
     limit = jnp.stack([stable_step(program, most, end) for program in made]).min()
-    others += looks[0].touching.omitted
-    bounds, structures = list(looks[0].bounds), [b.structure for b in scene.bodies]
-    reached = parts(entries.entries, list(entries.number), bounds, looks[0].touching)
+    others += snapshots[0].touching.omitted
+    bounds, structures = list(snapshots[0].bounds), [b.structure for b in scene.bodies]
+    reached = parts(
+        entries.entries, list(entries.number), bounds, snapshots[0].touching
+    )
     return Compiled(
         programs=made,
         starts=starts,
@@ -77,11 +79,11 @@ def compile_scene(
             included=("conduction", *_mechanisms(made[0])),
             parts=reached,
             left_out=omissions(scene, names, bounds, others, len(starts) > 1),
-            notes=_notes(looks, names),
+            notes=_notes(snapshots, names),
             nodes=sum(s.node_count for s in structures),
             links=sum(s.link_count for s in structures),
             fragments=sum(len(b.surface.area) for b in bounds),
-            looks=len(starts),
+            snapshots=len(starts),
             capacity_ratios=tuple(s.capacity_ratio for s in structures),
             dtype=scene.dtype,
             memory_bytes=memory,
@@ -90,12 +92,12 @@ def compile_scene(
     )
 
 
-def _notes(looks: list[Look], names: tuple[str, ...]) -> tuple[str, ...]:
+def _notes(snapshots: list[Snapshot], names: tuple[str, ...]) -> tuple[str, ...]:
     """Of all bindings, each once."""
     found = {
         f"{names[each.number]} on body {bound.surface.body}: {note}": None
-        for look in looks
-        for bound in look.bounds
+        for snapshot in snapshots
+        for bound in snapshot.bounds
         for each in bound.everything
         for note in each.binding.notes
     }

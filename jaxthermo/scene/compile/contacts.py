@@ -16,7 +16,7 @@ from ...physics.term import AbstractTerm
 from ...physics.time_varying import for_jit, is_zero
 from ..receipt import Omission
 from ..scene import Scene
-from .bodies import Prepared
+from .bodies import PreparedBody
 
 
 Key = tuple[int, int, int]
@@ -87,18 +87,18 @@ def _refuse_twice(pairs: dict[Key, ContactPairs], number: int, one: int, other: 
             )
 
 
-def touching_sizes(looks: list[Touching]) -> dict[Key, int]:
+def touching_sizes(snapshots: list[Touching]) -> dict[Key, int]:
     """The most pairs at any moment, of all bodies that ever touch."""
     sizes: dict[Key, int] = {}
-    for look in looks:
-        for key, pairs in look.pairs.items():
+    for snapshot in snapshots:
+        for key, pairs in snapshot.pairs.items():
             sizes[key] = max(sizes.get(key, 0), len(pairs.area))
     return {key: sizes[key] for key in sorted(sizes)}
 
 
 def contact_links(
     term: AbstractTerm,
-    prepared: tuple[Prepared, ...],
+    prepared: tuple[PreparedBody, ...],
     touching: Touching,
     key: Key,
     size: int,
@@ -141,7 +141,7 @@ def contact_links(
     )
 
 
-def _end(one: Prepared, fragment: np.ndarray, area: np.ndarray, dtype: Any):
+def _end(one: PreparedBody, fragment: np.ndarray, area: np.ndarray, dtype: Any):
     """Address, half cell, 1 / capacity and share of the pairs' fragments."""
     node = one.fragment_node[fragment]
     address = tuple(jnp.asarray(index[node]) for index in one.address)

@@ -6,13 +6,13 @@ from ...memory import require_memory
 from ..scene import AbstractMaterials, Scene
 
 
-def check_memory(scene: Scene, saves: int, looks: int) -> int:
+def check_memory(scene: Scene, saves: int, snapshots: int) -> int:
     """Forecast of the solver's peak memory [bytes], refused if there is not enough.
 
     Args:
         scene: bodies and terms.
         saves: how many times will be kept.
-        looks: how many times the scene is taken anew.
+        snapshots: how many times the scene is taken anew.
 
     Raises:
         InputError: if it would not fit.
@@ -25,7 +25,7 @@ def check_memory(scene: Scene, saves: int, looks: int) -> int:
         fragments = len(structure.grid.fragment_area)
         copies = 4 if not isinstance(body.material, AbstractMaterials) else 12
         # Saved rows are held twice while the solution is put together.
-        each = 40 * looks + 2 * saves
+        each = 40 * snapshots + 2 * saves
         total += cells * (copies * width + 1) + fragments * each * width
         if len(structure.state_shape) == 1:
             # A link stands in two rows, with the neighbour's number and conductance.

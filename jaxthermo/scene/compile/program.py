@@ -23,7 +23,7 @@ State = tuple[Float[Array, "..."], ...]
 capacity depends on temperature, heat over the capacity at the reference."""
 
 
-class Entry(NamedTuple):
+class LedgerEntry(NamedTuple):
     """One line of the energy ledger: what a mechanism brings to a body."""
 
     mechanism: str
@@ -45,7 +45,7 @@ class VolumeLoad(eqx.Module):
     heat_rate_density: Any
     """[W/m^3]"""
 
-    def warm(
+    def apply_heat(
         self, new: Float[Array, "..."], time: Float[Array, ""], dt: Float[Array, ""]
     ) -> tuple[Float[Array, "..."], Float[Array, ""]]:
         """`new` with the heat of one step, and its rate [W]."""
@@ -68,7 +68,7 @@ class SurfaceReading(eqx.Module):
     """Of each fragment, its node among them."""
     terms: SurfaceTerms
     """On the fragments."""
-    bare: Float[Array, "*s"]
+    exposed_fraction: Float[Array, "*s"]
     """Share of each fragment that nothing touches."""
     surface_map: BoundMap
 
@@ -99,7 +99,7 @@ class SurfaceReading(eqx.Module):
                 terms = terms.radiating(received)
             excess = terms.surface_excess(time, below)
             if pressed is not None:
-                excess = excess * self.bare + pressed
+                excess = excess * self.exposed_fraction + pressed
         return self.surface_map.read(theta, nodes, below, self.node, excess)
 
 
@@ -126,8 +126,8 @@ class Program(eqx.Module):
     """What bodies radiate to each other, on the places of their surfaces."""
     fine_enclosure: Enclosure | None
     """The same on fragments, for reading."""
-    entries: tuple[Entry, ...] = eqx.field(static=True)
-    knots: tuple[float, ...] = eqx.field(static=True)
+    entries: tuple[LedgerEntry, ...] = eqx.field(static=True)
+    breakpoints: tuple[float, ...] = eqx.field(static=True)
     """Times the solver lands on besides the save times [s]."""
     sampled: bool = eqx.field(static=True)
     """Whether some value is a function of time, known only where it is evaluated."""

@@ -1,4 +1,4 @@
-"""From looks at a scene to its programs: alike at all moments but for their numbers."""
+"""From snapshots of a scene to programs, alike but for their numbers."""
 
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -18,16 +18,16 @@ from ...physics.radiation.radiative_exchange import (
     patches_of,
 )
 from ...physics.surface_energy_balance import SurfaceTerms
-from ...physics.term import Reach
-from ...physics.time_varying import is_unknown_function, knots
+from ...physics.term import TemperatureRange
+from ...physics.time_varying import breakpoints, is_unknown_function
 from ..loads.join import join_loads
 from ..loads.linear_load import by_nodes
 from ..loads.load import surface_load, surface_reading
 from ..scene import Scene
-from .bodies import Prepared
+from .bodies import PreparedBody
 from .contacts import Key, contact_links, touching_sizes
-from .program import BodyProgram, Entry, Program
-from .snapshots import Look
+from .program import BodyProgram, LedgerEntry, Program
+from .snapshots import Snapshot
 from .surface_terms import Bound, acts_ever
 from .volume import volume_load
 
@@ -39,7 +39,7 @@ Volumes = dict[tuple[int, int], VolumeBinding]
 class Entries(NamedTuple):
     """The entries of a ledger, and where to find them."""
 
-    entries: tuple[Entry, ...]
+    entries: tuple[LedgerEntry, ...]
     number: dict[tuple[int, ...], int]
     """Of the term's number with that of its body, or of both its bodies."""
 
@@ -57,41 +57,41 @@ class Rules(NamedTuple):
 
 
 def number_entries(
-    names: tuple[str, ...], looks: list[Look], volumes: Volumes
+    names: tuple[str, ...], snapshots: list[Snapshot], volumes: Volumes
 ) -> Entries:
     """An entry for every body that a term acts on, in the order of the terms.
 
     Args:
         names: of the terms.
-        looks: at all moments.
+        snapshots: at all moments.
         volumes: what acts inside bodies.
     """
     keys = {
         (number, body)
-        for look in looks
-        for body, bound in enumerate(look.bounds)
+        for snapshot in snapshots
+        for body, bound in enumerate(snapshot.bounds)
         for number in bound.numbers
     }
-    touching = touching_sizes([look.touching for look in looks])
+    touching = touching_sizes([s.touching for s in snapshots])
     ordered = sorted({*keys, *volumes, *touching})
-    entries = tuple(Entry(names[key[0]], *key[1:]) for key in ordered)
+    entries = tuple(LedgerEntry(names[key[0]], *key[1:]) for key in ordered)
     return Entries(entries, {key: n for n, key in enumerate(ordered)})
 
 
 def programs(
     scene: Scene,
-    prepared: tuple[Prepared, ...],
-    looks: list[Look],
+    prepared: tuple[PreparedBody, ...],
+    snapshots: list[Snapshot],
     volumes: Volumes,
     entries: Entries,
-    reach: Reach | None,
+    reach: TemperatureRange | None,
 ) -> tuple[Program, ...]:
     """One a moment.
 
     Args:
         scene: bodies and terms.
         prepared: the bodies.
-        looks: at all moments.
+        snapshots: at all moments.
         volumes: what acts inside bodies.
         entries: of the ledger.
         reach: what the run can get to, if that is known.
@@ -99,14 +99,14 @@ def programs(
     bodies = range(len(prepared))
     rules = Rules(
         entries=entries,
-        sizes=touching_sizes([look.touching for look in looks]),
-        acts=[acts_ever([look.bounds[b] for look in looks]) for b in bodies],
+        sizes=touching_sizes([s.touching for s in snapshots]),
+        acts=[acts_ever([s.bounds[b] for s in snapshots]) for b in bodies],
         steps=[
-            max(_steps(prepared[b], look.bounds[b], reach) for look in looks)
+            max(_steps(prepared[b], s.bounds[b], reach) for s in snapshots)
             for b in bodies
         ],
     )
-    made = tuple(_program(scene, prepared, look, volumes, rules) for look in looks)
+    made = tuple(_program(scene, prepared, s, volumes, rules) for s in snapshots)
     return jax.tree.map(_on_device, by_nodes(made) or _joined(made))
 
 
@@ -122,21 +122,23 @@ def _joined(made: tuple[Program, ...]) -> tuple[Program, ...]:
     return tuple(replace(program, joined=joined) for program, joined in pairs)
 
 
-def _steps(one: Prepared, bound: Bound, reach: Reach | None) -> int:
+def _steps(one: PreparedBody, bound: Bound, reach: TemperatureRange | None) -> int:
     if isinstance(one.network, NonlinearNetwork):
         return ALL_STEPS
-    terms = [each.binding.term for each in bound.free]
+    terms = [each.binding.term for each in bound.natural]
     return newton_steps(bound.surface.half_cell, terms, reach)
 
 
-def _program(scene, prepared, look: Look, volumes: Volumes, rules: Rules) -> Program:
+def _program(
+    scene, prepared, snapshot: Snapshot, volumes: Volumes, rules: Rules
+) -> Program:
     used = {key[0] for key in rules.entries.number}
     values = [value for n in used for value in scene.terms[n].values]
     dtype = jnp.dtype(scene.dtype)
-    around = _enclosure(scene, prepared, look, used)
+    around = _enclosure(scene, prepared, snapshot, used)
     groups = [None] * len(prepared) if around is None else patches_of(around)
     bodies, places = [], []
-    for one, bound, group in zip(prepared, look.bounds, groups, strict=True):
+    for one, bound, group in zip(prepared, snapshot.bounds, groups, strict=True):
         body, place = _body(one, bound, volumes, rules, group, around, dtype)
         bodies.append(body)
         places.append(place)
@@ -148,7 +150,7 @@ def _program(scene, prepared, look: Look, volumes: Volumes, rules: Rules) -> Pro
             contact_links(
                 scene.terms[key[0]],
                 prepared,
-                look.touching,
+                snapshot.touching,
                 key,
                 size,
                 rules.entries.number[key],
@@ -159,23 +161,25 @@ def _program(scene, prepared, look: Look, volumes: Volumes, rules: Rules) -> Pro
         enclosure=None if around is None else merged_enclosure(around, places, counts),
         fine_enclosure=around,
         entries=rules.entries.entries,
-        knots=tuple(sorted({k for value in values for k in knots(value)})),
+        breakpoints=tuple(sorted({k for value in values for k in breakpoints(value)})),
         sampled=any(is_unknown_function(value) for value in values),
     )
 
 
-def _enclosure(scene: Scene, prepared, look: Look, used: set[int]) -> Enclosure | None:
+def _enclosure(
+    scene: Scene, prepared, snapshot: Snapshot, used: set[int]
+) -> Enclosure | None:
     """What bodies radiate to each other, if a term asks for it and they do."""
     for number in sorted(used):
         term = scene.terms[number]
         if isinstance(term, RadiativeExchange):
-            surfaces = tuple(bound.surface for bound in look.bounds)
+            surfaces = tuple(bound.surface for bound in snapshot.bounds)
             return enclosure(term, surfaces, tuple(one.reference for one in prepared))
     return None
 
 
 def _body(
-    one: Prepared,
+    one: PreparedBody,
     bound: Bound,
     volumes: Volumes,
     rules: Rules,
@@ -186,12 +190,12 @@ def _body(
     """The program of one body, and the place that each of its fragments is in."""
     index, number = bound.surface.body, rules.entries.number
     touched = any(index in key[1:] for key in rules.sizes)
-    bare = bound.surface.bare if touched else np.ones((), dtype)
+    exposed = bound.surface.exposed_fraction if touched else np.ones((), dtype)
     terms = SurfaceTerms(
         names=tuple(entry.mechanism for entry in rules.entries.entries),
-        half_cell=bound.surface.half_cell * bound.surface.free.astype(dtype),
-        free=tuple((number[n, index], b.term) for n, b in bound.free),
-        held=tuple((number[n, index], b.term) for n, b in bound.held),
+        half_cell=bound.surface.half_cell * bound.surface.natural.astype(dtype),
+        natural=tuple((number[n, index], b.term) for n, b in bound.natural),
+        prescribed=tuple((number[n, index], b.term) for n, b in bound.prescribed),
         steps=rules.steps[index],
     )
     if around is not None:
@@ -207,7 +211,7 @@ def _body(
         reference=jnp.asarray(one.reference, dtype),
         load=load,
         sources=sources,
-        reading=surface_reading(one, terms, bare),
+        reading=surface_reading(one, terms, exposed),
     )
     return program, place
 

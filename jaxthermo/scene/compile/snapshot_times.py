@@ -7,17 +7,17 @@ to second order in their distance for whatever moves smoothly.
 from ..scene import Scene
 
 
-MOMENTS = 64
+SOURCE_SNAPSHOTS = 64
 """How often a source that moves by a plain function of time is taken anew in a run."""
 
 
-def moments(scene: Scene, end: float) -> tuple[float, ...]:
+def snapshot_times(scene: Scene, end: float) -> tuple[float, ...]:
     """Increasing times from 0, each the start of a time in which nothing moves [s]."""
     times = {0.0}
     for body in scene.bodies:
-        times |= {t for t in body.pose.moments(end) if 0 < t < end}
+        times |= {t for t in body.pose.snapshot_times(end) if 0 < t < end}
     if any(term.moves for term in scene.terms):
-        times |= {end * k / MOMENTS for k in range(1, MOMENTS)} if end > 0 else set()
+        times |= {end * k / SOURCE_SNAPSHOTS for k in range(SOURCE_SNAPSHOTS)}
     return tuple(sorted(times))
 
 

@@ -7,15 +7,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...physics.term import Reach, Surface
+from ...physics.term import Surface, TemperatureRange
 from ..scene import Scene
-from .bodies import Prepared
+from .bodies import PreparedBody
 from .contacts import Touching, find_contacts
 from .snapshot_times import middles
 from .surface_terms import Bound, bind_terms, body_surface, drop_idle, surface_terms
 
 
-class Look(NamedTuple):
+class Snapshot(NamedTuple):
     """A scene at one moment."""
 
     touching: Touching
@@ -23,15 +23,15 @@ class Look(NamedTuple):
     """Of every body."""
 
 
-def look_around(
+def take_snapshots(
     scene: Scene,
-    prepared: tuple[Prepared, ...],
+    prepared: tuple[PreparedBody, ...],
     names: tuple[str, ...],
     starts: tuple[float, ...],
     end: float | int,
-    reach: Reach | None,
+    reach: TemperatureRange | None,
     prune: bool,
-) -> list[Look]:
+) -> list[Snapshot]:
     """The scene at every moment, with the same bindings at each.
 
     Args:
@@ -44,24 +44,26 @@ def look_around(
         prune: whether what does nothing is left out.
     """
     once = prune and len(starts) == 1
-    known = partial(replace, reach=reach, prune=once)
-    looks = [_look(scene, prepared, names, t, known) for t in middles(starts, end)]
+    known = partial(replace, temperature_range=reach, prune=once)
+    snapshots = [
+        _snapshot(scene, prepared, names, t, known) for t in middles(starts, end)
+    ]
     if once or not prune:
-        return looks
-    bodies = [drop_idle([x.bounds[b] for x in looks]) for b in range(len(prepared))]
+        return snapshots
+    bodies = [drop_idle([x.bounds[b] for x in snapshots]) for b in range(len(prepared))]
     return [
-        look._replace(bounds=bounds)
-        for look, *bounds in zip(looks, *bodies, strict=True)
+        snapshot._replace(bounds=bounds)
+        for snapshot, *bounds in zip(snapshots, *bodies, strict=True)
     ]
 
 
-def _look(
+def _snapshot(
     scene: Scene,
-    prepared: tuple[Prepared, ...],
+    prepared: tuple[PreparedBody, ...],
     names: tuple[str, ...],
     time: float,
     known: Callable[[Surface], Surface],
-) -> Look:
+) -> Snapshot:
     poses = tuple(body.pose.at(time) for body in scene.bodies)
     triangles = np.concatenate(
         [
@@ -77,4 +79,4 @@ def _look(
         covered = touching.covered[index]
         surface = body_surface(index, one, poses[index], covered, triangles, dtype)
         bounds.append(bind_terms(terms, known(surface), one.reference))
-    return Look(touching, tuple(bounds))
+    return Snapshot(touching, tuple(bounds))

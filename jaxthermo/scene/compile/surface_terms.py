@@ -13,9 +13,9 @@ from jaxtyping import Bool, Float
 from ...arrays import Scalar
 from ...errors import InputError
 from ...geometry.pose import Pose
-from ...physics.term import AbstractSurfaceTerm, Binding, LeftOut, Surface
+from ...physics.term import AbstractSurfaceTerm, Binding, Omitted, Surface
 from ..scene import Scene
-from .bodies import Prepared, surface_property
+from .bodies import PreparedBody, surface_property
 
 
 class Numbered(NamedTuple):
@@ -28,15 +28,15 @@ class Numbered(NamedTuple):
 class Bound(NamedTuple):
     """The terms on one body at one moment, and what was left out with the reason."""
 
-    free: tuple[Numbered, ...]
-    held: tuple[Numbered, ...]
+    natural: tuple[Numbered, ...]
+    prescribed: tuple[Numbered, ...]
     omitted: tuple[tuple[int, str], ...]
     surface: Surface
 
     @property
     def everything(self) -> tuple[Numbered, ...]:
         """What acts at the surface's temperature, then what holds it."""
-        return (*self.free, *self.held)
+        return (*self.natural, *self.prescribed)
 
     @property
     def numbers(self) -> set[int]:
@@ -46,7 +46,7 @@ class Bound(NamedTuple):
 
 def body_surface(
     index: int,
-    one: Prepared,
+    one: PreparedBody,
     pose: Pose,
     covered: Float[np.ndarray, " s"],
     triangles: Float[np.ndarray, "f 3 3"],
@@ -71,8 +71,8 @@ def body_surface(
         position=pose.place(grid.fragment_position),
         normal=pose.turn(grid.fragment_normal),
         area=(grid.fragment_area * bare).astype(dtype),
-        bare=bare.astype(dtype),
-        free=bare > 0,
+        exposed_fraction=bare.astype(dtype),
+        natural=bare > 0,
         half_cell=one.half_cell * bare.astype(dtype),
         emissivity=surface_property(body, "emissivity", dtype),
         absorptivity=surface_property(body, "absorptivity", dtype),
@@ -92,14 +92,14 @@ def bind_terms(
         InputError: if two terms hold one piece of the surface.
     """
     omitted: list[tuple[int, str]] = []
-    holding = [(n, term) for n, term in terms if term.holds]
+    holding = [(n, term) for n, term in terms if term.is_dirichlet]
     held = _bind(holding, surface, reference, omitted)
-    taken = np.full(len(surface.free), -1)
+    taken = np.full(len(surface.natural), -1)
     for number, binding in held:
         _refuse_twice(taken[binding.acts], number, surface.body)
         taken[binding.acts] = number
-    rest = replace(surface, free=surface.free & (taken < 0))
-    acting = [(n, term) for n, term in terms if not term.holds]
+    rest = replace(surface, natural=surface.natural & (taken < 0))
+    acting = [(n, term) for n, term in terms if not term.is_dirichlet]
     free = _bind(acting, rest, reference, omitted)
     return Bound(free, held, tuple(sorted(omitted)), rest)
 
@@ -108,8 +108,8 @@ def _bind(terms, surface, reference, omitted) -> tuple[Numbered, ...]:
     numbered = []
     for number, term in terms:
         bindings = term.bind(surface, reference)
-        if isinstance(bindings, LeftOut):
-            omitted.append((number, bindings.why))
+        if isinstance(bindings, Omitted):
+            omitted.append((number, bindings.reason))
         else:
             numbered += [Numbered(number, each) for each in bindings]
     return tuple(numbered)
@@ -132,10 +132,13 @@ def acts_ever(bounds: list[Bound]) -> list[Bool[np.ndarray, " s"]]:
 def drop_idle(bounds: list[Bound]) -> list[Bound]:
     """One body's bindings at all moments, without those that never act."""
     kept = [acts.any() for acts in acts_ever(bounds)]
-    free = len(bounds[0].free)
+    free = len(bounds[0].natural)
     pick = lambda row, keep: tuple(x for x, k in zip(row, keep, strict=True) if k)
     return [
-        b._replace(free=pick(b.free, kept[:free]), held=pick(b.held, kept[free:]))
+        b._replace(
+            natural=pick(b.natural, kept[:free]),
+            prescribed=pick(b.prescribed, kept[free:]),
+        )
         for b in bounds
     ]
 

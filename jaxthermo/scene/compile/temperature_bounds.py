@@ -9,10 +9,10 @@ from ...arrays import is_traced
 from ...constants import STEFAN_BOLTZMANN
 from ...physics.boundary import HeatFlux
 from ...physics.heat_source import HeatSource
-from ...physics.term import Reach
+from ...physics.term import TemperatureRange
 from ...physics.time_varying import is_zero, smallest
 from ..scene import AbstractMaterials, Body, Scene
-from .bodies import Prepared
+from .bodies import PreparedBody
 
 
 UNBOUNDED = 1e5
@@ -21,7 +21,7 @@ then taken to be as steep as the half cell below it lets it be."""
 
 
 def hottest(
-    scene: Scene, prepared: tuple[Prepared, ...], end: float | int
+    scene: Scene, prepared: tuple[PreparedBody, ...], end: float | int
 ) -> Float[Array, ""]:
     """An upper bound of temperatures up to `end` [K] where surfaces emit.
 
@@ -32,7 +32,7 @@ def hottest(
     start = [
         one.reference + jnp.max(one.network.temperature(one.state)) for one in prepared
     ]
-    drives = [term.drive(end) for term in scene.terms]
+    drives = [term.forcing(end) for term in scene.terms]
     pulls = [drive.temperature for drive in drives]
     if any(isinstance(t, HeatSource) and not is_zero(t.values[0]) for t in scene.terms):
         pulls.append(UNBOUNDED)
@@ -46,8 +46,8 @@ def hottest(
 
 
 def reach(
-    scene: Scene, prepared: tuple[Prepared, ...], hottest: Any, end: float | int
-) -> Reach | None:
+    scene: Scene, prepared: tuple[PreparedBody, ...], hottest: Any, end: float | int
+) -> TemperatureRange | None:
     """What surfaces can get to; None if it is not known.
 
     Args:
@@ -68,7 +68,7 @@ def reach(
         values += [smallest(pull, end) for pull in pulls if pull is not None]
     if is_traced((values, hottest)):
         return None
-    return Reach(min(float(value) for value in values), float(hottest), end)
+    return TemperatureRange(min(float(value) for value in values), float(hottest), end)
 
 
 def _least_emissivity(body: Body) -> Any:

@@ -6,11 +6,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...physics.heat_source import HeatSource, VolumeBinding
-from ...physics.term import LeftOut
+from ...physics.term import Omitted
 from ...physics.time_varying import for_jit
 from ..receipt import Omission
 from ..scene import Scene
-from .bodies import Prepared
+from .bodies import PreparedBody
 from .program import VolumeLoad
 
 
@@ -24,16 +24,16 @@ def bind_volumes(
             continue
         for index, body in enumerate(scene.bodies):
             result = term.bind_volume(body.structure, index)
-            if isinstance(result, LeftOut):
+            if isinstance(result, Omitted):
                 where = f" on body {index}" if len(scene.bodies) > 1 else ""
-                omitted.append(Omission(names[number] + where, result.why))
+                omitted.append(Omission(names[number] + where, result.reason))
             else:
                 found[number, index] = result
     return found, omitted
 
 
 def volume_load(
-    entry: int, found: VolumeBinding, one: Prepared, dtype: Any
+    entry: int, found: VolumeBinding, one: PreparedBody, dtype: Any
 ) -> VolumeLoad:
     """Heat of one source in one body.
 

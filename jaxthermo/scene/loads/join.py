@@ -35,8 +35,8 @@ def join_loads(moments: Sequence[tuple[SurfaceLoad, ...]]) -> list[JoinedLoad]:
     """
     first = moments[0]
     places = tuple(len(load.node) for load in first)
-    free = _joints(moments, lambda terms: terms.free)
-    held = _joints(moments, lambda terms: terms.held)
+    free = _joints(moments, lambda terms: terms.natural)
+    held = _joints(moments, lambda terms: terms.prescribed)
     joints, steps = [*free, *held], _steps(first)
     bound = [_bound(joint, places) for joint in joints]
     each = [
@@ -52,8 +52,8 @@ def join_loads(moments: Sequence[tuple[SurfaceLoad, ...]]) -> list[JoinedLoad]:
         terms = SurfaceTerms(
             names=tuple(joints[numbers.index(k)].name for k in range(len(entries))),
             half_cell=_concatenate([load.terms.half_cell for load in loads]),
-            free=numbered[: len(free)],
-            held=numbered[len(free) :],
+            natural=numbered[: len(free)],
+            prescribed=numbered[len(free) :],
             steps=steps,
         )
         made.append(JoinedLoad(terms, entries, places))
@@ -86,14 +86,18 @@ def _bound(joint: _Joint, places: tuple[int, ...]) -> list[BoundTerm]:
     """The joined term at every moment."""
     own = [joint.terms.get(body) for body in range(len(places))]
     laws = join_laws([None if each is None else _laws(each) for each in own], places)
-    dtype = next(iter(joint.terms.values()))[0].share.dtype
+    dtype = next(iter(joint.terms.values()))[0].effective_area.dtype
     nothing = [np.zeros(count, dtype) for count in places]
     none = np.zeros((), dtype)
     pairs = list(zip(own, nothing, strict=True))
     return [
         BoundTerm(
-            share=_concatenate([t[m].share if t else no for t, no in pairs]),
-            total_share=_stack([t[m].total_share if t else none for t in own]),
+            effective_area=_concatenate(
+                [t[m].effective_area if t else no for t, no in pairs]
+            ),
+            total_effective_area=_stack(
+                [t[m].total_effective_area if t else none for t in own]
+            ),
             law=law,
         )
         for m, law in enumerate(laws)

@@ -74,7 +74,7 @@ class JoinedLoad(eqx.Module):
         computed twice; it is as exact as the heat of all.
         """
         sizes: dict[int, int] = {}
-        for n, term in self.terms.free:
+        for n, term in self.terms.natural:
             if not term.law.is_linear:
                 held = sum(np.size(leaf) for leaf in jax.tree.leaves(term.law))
                 sizes[n] = sizes.get(n, 0) + held

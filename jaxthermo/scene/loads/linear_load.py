@@ -30,7 +30,7 @@ from ...network.network import (
 )
 from ...network.nonlinear import NonlinearNetwork
 from ...physics.surface_energy_balance import NumberedTerms
-from ...physics.term import Linear
+from ...physics.term import LinearLaw
 from ...physics.time_varying import value_at
 from ..compile.program import BodyProgram, Program
 from .linear_surface_balance import LinearBalance
@@ -74,7 +74,7 @@ class NodeLoad(AbstractLoad):
         """Of all nodes, or of those under the surface."""
         return state if self.everywhere else self.places.nodes_of(state)
 
-    def warm(
+    def apply_heat(
         self,
         new: Float[Array, "..."],
         network: AbstractNetwork,
@@ -126,13 +126,13 @@ def _by_nodes(body: BodyProgram) -> BodyProgram | None:
         return body
     if isinstance(body.network, NonlinearNetwork) or not isinstance(load, SurfaceLoad):
         return None
-    free, held = _linear(load.terms.free), _linear(load.terms.held)
+    free, held = _linear(load.terms.natural), _linear(load.terms.prescribed)
     if free is None or held is None:
         return None
     return replace(body, load=_node_load(load, body.network, free, held))
 
 
-def _linear(terms: NumberedTerms) -> list[Linear] | None:
+def _linear(terms: NumberedTerms) -> list[LinearLaw] | None:
     """Of all terms; None if one is not linear."""
     found = [law for law in (term.law.linear() for _, term in terms) if law is not None]
     return found if len(found) == len(terms) else None
@@ -141,8 +141,8 @@ def _linear(terms: NumberedTerms) -> list[Linear] | None:
 def _node_load(
     load: SurfaceLoad,
     network: AbstractNetwork,
-    free: list[Linear],
-    held: list[Linear],
+    free: list[LinearLaw],
+    held: list[LinearLaw],
 ) -> NodeLoad:
     """Sums over places."""
     traced, width = is_traced((load, free, held)), load.terms.half_cell.dtype

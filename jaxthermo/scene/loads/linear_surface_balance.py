@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...physics.surface_energy_balance import SurfaceTerms
-from ...physics.term import BoundTerm, Linear
+from ...physics.term import BoundTerm, LinearLaw
 
 
 class _Part(NamedTuple):
@@ -39,16 +39,16 @@ class LinearBalance:
     def __init__(
         self,
         terms: SurfaceTerms,
-        free: list[Linear],
-        held: list[Linear],
+        free: list[LinearLaw],
+        held: list[LinearLaw],
         traced: bool,
     ):
         """Of linear terms at the surface's temperature, and of those that hold it."""
         self._own, self._width = jnp if traced else np, terms.half_cell.dtype
         self._precise = self._width if traced else np.float64
         self.drives: list[Any] = [jnp.ones((), self._width)]
-        self._free = [self._part(*e) for e in zip(terms.free, free, strict=True)]
-        self._held = [self._part(*e) for e in zip(terms.held, held, strict=True)]
+        self._free = [self._part(*e) for e in zip(terms.natural, free, strict=True)]
+        self._held = [self._part(*e) for e in zip(terms.prescribed, held, strict=True)]
         self._cell = self._number(terms.half_cell)
         both = self._cell + self._loss(self._free)
         some = self._own.where(both > 0, both, 1)
@@ -92,17 +92,17 @@ class LinearBalance:
     def _loss(self, parts: list[_Part]) -> Any:
         return sum((p.loss for p in parts if p.loss is not None), 0 * self._cell)
 
-    def _part(self, numbered: tuple[int, BoundTerm], law: Linear) -> _Part:
+    def _part(self, numbered: tuple[int, BoundTerm], law: LinearLaw) -> _Part:
         """A term; what drives it joins the others if it is a function of time."""
         entry, term = numbered
-        share, drive = self._number(term.share), 0
+        share, drive = self._number(term.effective_area), 0
         weight = share * self._number(law.weight)
-        if not callable(law.drive):
-            weight = weight * self._number(law.drive)
+        if not callable(law.forcing):
+            weight = weight * self._number(law.forcing)
         else:
-            same = (d for d, each in enumerate(self.drives) if law.drive is each)
+            same = (d for d, each in enumerate(self.drives) if law.forcing is each)
             drive = next(same, len(self.drives))
             if drive == len(self.drives):
-                self.drives.append(law.drive)
+                self.drives.append(law.forcing)
         loss = None if law.slope is None else share * self._number(law.slope)
         return _Part(entry, drive, weight, loss)

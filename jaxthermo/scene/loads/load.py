@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float, Int
 from ...arrays import members
 from ...network.network import Address
 from ...physics.surface_energy_balance import SurfaceTerms
-from ..compile.bodies import HostAddress, Prepared
+from ..compile.bodies import HostAddress, PreparedBody
 from ..compile.program import SurfaceReading
 from .surface_load import SurfaceLoad
 
@@ -32,7 +32,7 @@ def even_size(count: int) -> int:
 
 
 def surface_load(
-    one: Prepared,
+    one: PreparedBody,
     terms: SurfaceTerms,
     acts: list[Bool[np.ndarray, " s"]],
     group: Int[np.ndarray, " s"] | None = None,
@@ -66,26 +66,26 @@ def surface_load(
         capacity=one.network.capacity_at(where),
         node=jnp.asarray(np.pad(node, (0, count - len(node)))),
         slots=tuple(jnp.asarray(slot) for slot in members(node, len(nodes))),
-        terms=terms.merged(place, count),
+        terms=terms.coarsened(place, count),
     )
     return load, place
 
 
 def surface_reading(
-    one: Prepared, terms: SurfaceTerms, bare: Float[np.ndarray, "*s"]
+    one: PreparedBody, terms: SurfaceTerms, exposed_fraction: Float[np.ndarray, "*s"]
 ) -> SurfaceReading:
     """How every fragment's temperature is read.
 
     Args:
         one: the body.
         terms: on the fragments.
-        bare: share of each fragment that nothing touches.
+        exposed_fraction: part of each fragment that nothing touches.
     """
     nodes, node = np.unique(one.fragment_node, return_inverse=True)
     return SurfaceReading(
         address=_pick(one.address, nodes),
         node=jnp.asarray(node.reshape(-1).astype(np.int32)),
         terms=terms,
-        bare=jnp.asarray(bare),
+        exposed_fraction=jnp.asarray(exposed_fraction),
         surface_map=one.surface_map,
     )

@@ -22,7 +22,7 @@ class AbstractLoad(eqx.Module):
         """Of a state, the nodes that it takes."""
 
     @abc.abstractmethod
-    def warm(
+    def apply_heat(
         self,
         new: Float[Array, "..."],
         network: AbstractNetwork,
@@ -99,7 +99,7 @@ class SurfaceLoad(AbstractLoad):
         """Values of the places' nodes."""
         return nodes.at[self.node].get(mode="promise_in_bounds")
 
-    def warm(
+    def apply_heat(
         self,
         new: Float[Array, "..."],
         network: AbstractNetwork,

@@ -13,7 +13,7 @@ from jaxthermo.physics.newton_iteration_bound import (
 )
 from jaxthermo.physics.radiation.emission import Emission
 from jaxthermo.physics.surface_energy_balance import SurfaceTerms
-from jaxthermo.physics.term import Reach, bound
+from jaxthermo.physics.term import TemperatureRange, bound
 
 
 AREA = np.array([1e-6, 4e-6, 2e-6])
@@ -36,8 +36,10 @@ def _terms(conductivity, pitch, dtype, sun=1000.0):
 
 
 def _steps(terms, hottest=400.0):
-    bound_terms = [term for _, term in terms.free]
-    return newton_steps(terms.half_cell, bound_terms, Reach(0.0, hottest, 1.0))
+    bound_terms = [term for _, term in terms.natural]
+    return newton_steps(
+        terms.half_cell, bound_terms, TemperatureRange(0.0, hottest, 1.0)
+    )
 
 
 @eqx.filter_jit
@@ -55,7 +57,7 @@ def test_fewer_steps_leave_what_they_promise(conductivity, pitch, dtype):
     terms = _terms(conductivity, pitch, dtype)
     steps = _steps(terms)
     theta = jnp.asarray([-20.0, 0.0, 90.0], dtype)
-    few = SurfaceTerms(terms.names, terms.half_cell, terms.free, (), steps)
+    few = SurfaceTerms(terms.names, terms.half_cell, terms.natural, (), steps)
     (excess, heat), (exact, all_heat) = _solved(few, theta), _solved(terms, theta)
     print(conductivity, pitch, dtype, "steps", steps, "off", excess - exact)
     rounding = 40 * np.finfo(dtype).eps * 400.0

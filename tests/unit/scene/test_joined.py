@@ -151,7 +151,7 @@ def test_sky_and_ground_are_one_entry_and_an_absent_term_none(grids):
     assert joined is not None
     # The third body has no surface load.
     assert joined.entries == ((0, 1), (-1, 2)) and len(joined.places) == 2
-    assert [n for n, _ in joined.terms.free] == [0, 0, 1]
+    assert [n for n, _ in joined.terms.natural] == [0, 0, 1]
 
 
 @pytest.mark.slow

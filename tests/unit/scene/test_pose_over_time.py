@@ -60,16 +60,16 @@ def test_a_function_is_asked():
 
 def test_moments():
     table = PoseTable((0.0, 1.0, 3.0), (about_z(0.0), about_z(90.0), about_z(0.0)))
-    assert Motion(table).moments(3.0) == (1.0,)
-    assert Motion(table).moments(4.0) == (1.0, 3.0)
-    assert Motion(table, every=0.75).moments(3) == (0.75, 1.5, 2.25)
-    assert Motion(table, every=0.1).moments(0.3) == pytest.approx((0.1, 0.2))
-    assert Motion(table, every=5.0).moments(3.0) == ()
+    assert Motion(table).snapshot_times(3.0) == (1.0,)
+    assert Motion(table).snapshot_times(4.0) == (1.0, 3.0)
+    assert Motion(table, every=0.75).snapshot_times(3) == (0.75, 1.5, 2.25)
+    assert Motion(table, every=0.1).snapshot_times(0.3) == pytest.approx((0.1, 0.2))
+    assert Motion(table, every=5.0).snapshot_times(3.0) == ()
 
 
 def test_equal_poses_are_still():
     still = Motion(PoseTable([0, 1], [about_z(30.0), about_z(30.0)]), every=0.1)
-    assert still.is_still and still.moments(10.0) == ()
+    assert still.is_still and still.snapshot_times(10.0) == ()
     assert not Motion(PoseTable((0, 1), (about_z(30.0), about_z(31.0)))).is_still
 
 
@@ -86,7 +86,7 @@ def test_equal_poses_are_still():
         (lambda: Motion(lambda time: Pose(), every=math.nan), "positive number"),
         (lambda: Motion(lambda time: time, every=1.0).at(2.0), "not a Pose"),
         (
-            lambda: Motion(lambda time: Pose(), every=1e-9).moments(60.0),
+            lambda: Motion(lambda time: Pose(), every=1e-9).snapshot_times(60.0),
             "give 0.006 s or more",
         ),
     ],

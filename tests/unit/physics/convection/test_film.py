@@ -50,7 +50,7 @@ def evaluated(law, surface, time=TIME):
 
 @eqx.filter_jit
 def steepest_of(law, hottest):
-    return law.steepest(jnp.asarray(hottest), 10.0)
+    return law.max_slope(jnp.asarray(hottest), 10.0)
 
 
 @eqx.filter_jit
@@ -139,7 +139,7 @@ def test_places_are_merged_by_their_mean_coefficient():
     found = law(AVERAGES[0].nusselt, 2.0, 300.0)
     # The first place twice, then the mean of the next two, and so on.
     mean = lambda row: (jnp.asarray(row) + jnp.asarray(row)[SWAPPED]) / 2
-    merged = found.merged(mean)
+    merged = found.coarsened(mean)
     surface = jnp.asarray(SURFACES)
     whole, flux = evaluated(found, surface)[0], evaluated(merged, surface)[0]
     np.testing.assert_allclose(flux, np.stack([mean(q) for q in whole]), rtol=1e-12)

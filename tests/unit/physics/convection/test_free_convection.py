@@ -75,7 +75,7 @@ def test_the_slope_is_that_of_the_flux_and_below_the_steepest(grid):
     rise = (both(theta + 1e-6)[0] - both(theta - 1e-6)[0]) / 2e-6
     np.testing.assert_allclose(slope, -rise, rtol=1e-4)
     assert (slope > 0).all()
-    steepest = float(law.steepest(jnp.array(600.0), 1.0))
+    steepest = float(law.max_slope(jnp.array(600.0), 1.0))
     assert slope.max() <= steepest < 10 * slope.max()
 
 

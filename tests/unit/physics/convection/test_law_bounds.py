@@ -15,11 +15,11 @@ from jaxthermo.physics.newton_iteration_bound import (
     newton_steps,
 )
 from jaxthermo.physics.surface_energy_balance import SurfaceTerms
-from jaxthermo.physics.term import Reach, bound
+from jaxthermo.physics.term import TemperatureRange, bound
 from jaxthermo.physics.time_varying import Table
 
 
-REACH = Reach(230.0, 450.0, 10.0)
+REACH = TemperatureRange(230.0, 450.0, 10.0)
 GUST = Table([0.0, 5.0, 10.0], [2.0, 9.0, 0.0])
 TERMS = {
     "wind": Wind((3.0, 0.0, 0.0), 290.0),
@@ -52,18 +52,18 @@ def law_places(law):
 def test_no_flux_and_no_curvature_is_above_its_bound(side, name):
     law = law_of(TERMS[name], side)
     close = 290 + np.geomspace(1e-4, 1, 50)
-    kelvin = np.append(np.linspace(REACH.coldest, REACH.hottest, 150), close)
+    kelvin = np.append(np.linspace(REACH.lowest, REACH.highest, 150), close)
     times = map(jnp.asarray, (0.0, 3.0, 8.0))
     found = [_flux_and_curvature(law, time, kelvin) for time in times]
     flux, bend = (np.abs(np.stack(each)) for each in zip(*found, strict=True))
-    most, bent = float(law.largest_flux(REACH)), float(law.curvature(REACH))
+    most, bent = float(law.max_flux(REACH)), float(law.curvature(REACH))
     print(name, "flux", flux.max() / most, "curvature", bend.max() / bent)
     assert 0.2 * most < flux.max() < most
     assert 0.02 * bent < bend.max() < bent
 
 
 def test_a_kink_of_the_film_has_no_bound(side):
-    far = Reach(230.0, 2000.0, 10.0)
+    far = TemperatureRange(230.0, 2000.0, 10.0)
     for name in ("wind", "still"):
         assert law_of(TERMS[name], side).curvature(far) == np.inf
 
@@ -81,7 +81,7 @@ def test_few_steps_are_as_good_as_all(side, name, conductivity):
     half_cell = area * conductivity / 5e-4
     free = ((0, bound(area, law)),)
     steps = newton_steps(half_cell, [free[0][1]], REACH)
-    theta = jnp.linspace(REACH.coldest, REACH.hottest, len(area)) - law.reference
+    theta = jnp.linspace(REACH.lowest, REACH.highest, len(area)) - law.reference
     few = SurfaceTerms((name,), half_cell, free, (), steps)
     every = SurfaceTerms((name,), half_cell, free, ())
     off = np.abs(_excess(few, theta) - _excess(every, theta)).max()

@@ -15,7 +15,7 @@ from jaxthermo.physics.convection.film import FilmExchange, SpeedTable
 from jaxthermo.physics.convection.nusselt import churchill_bernstein
 from jaxthermo.physics.convection.wake import WakeDeficit
 from jaxthermo.physics.convection.wind import Wind
-from jaxthermo.physics.term import LeftOut
+from jaxthermo.physics.term import Omitted
 from jaxthermo.voxels.cylinder_parts import parts_of
 from jaxthermo.voxels.cylinders import Cylinder
 
@@ -158,7 +158,7 @@ def test_still_air_is_left_out(seen):
         Wind(ALONG_X, AIR, speed=0.0),
         Wind(ALONG_X, AIR, speed=jt.Table([0.0, 1.0], [0.0, 0.0])),
     ):
-        assert wind.bind(seen, 300.0) == LeftOut("the air stands still")
+        assert wind.bind(seen, 300.0) == Omitted("the air stands still")
 
 
 def test_the_places_of_two_cylinders_go_by_their_own_diameters(grid, seen):
