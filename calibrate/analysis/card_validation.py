@@ -7,11 +7,9 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from jaxthermo.config.build import build_scene, build_solver
-from jaxthermo.config.build_structure import structure_options
 from jaxthermo.config.card_file import load_card
 from jaxthermo.config.loader import load_config
-from jaxthermo.config.schema import SceneConfig
+from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.errors import InputError
 from jaxthermo.integrate.run.simulate import simulate
 from jaxthermo.integrate.surface_error import surface_error
@@ -47,7 +45,7 @@ def check_card(
     card = load_card(card_path)
     config = with_structure(load_config(scene_path, overrides), card)
     doing("building the scene")
-    scene = build_scene(config)
+    scene = config.build()
     numbers = scene_numbers(scene, config.time.end)
     warnings = outside(card, numbers, mechanism_names(scene))
     reference = full_volume_run(config, 0.25, doing)
@@ -61,7 +59,7 @@ def check_card(
             one,
             config.time.end,
             config.time.save_times,
-            solver=build_solver(config.solver),
+            solver=config.solver.build(),
         )
         errors[name] = float(
             np.asarray(surface_error(found, reference).rms_percent).max()
@@ -89,7 +87,7 @@ def with_structure(config: SceneConfig, card: FitCard) -> SceneConfig:
     made = type(body).model_validate(
         {**body.model_dump(mode="python"), "structure": dict(card.structure)}
     )
-    if structure_options(made.structure) != dict(card.structure):
+    if made.structure.options != dict(card.structure):
         raise InputError(
             f"check: the card's structure is not one of ours: {card.structure}"
         )

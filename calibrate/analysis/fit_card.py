@@ -6,7 +6,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxthermo.arrays import precision
-from jaxthermo.config.build_structure import structure_options
 from jaxthermo.scene.compile.compile import mechanism_names
 from jaxthermo.scene.dimensionless_groups import scene_numbers
 from jaxthermo.structures.fit_card import FitCard
@@ -45,7 +44,7 @@ def make_card(
     numbers = [scene_numbers(case.scene, end) for case, end in pairs]
     return FitCard(
         name=config.name or "",
-        structure=structure_options(built.configs[first.name].bodies[0].structure),
+        structure=built.configs[first.name].bodies[0].structure.options,
         weights=ConductionWeights(**known),
         parameters=others,
         ranges={

@@ -7,8 +7,7 @@ import jax
 import numpy as np
 
 from jaxthermo.arrays import precision
-from jaxthermo.config.build import build_scene, build_solver
-from jaxthermo.config.schema import SceneConfig
+from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.integrate.run.simulate import Plan, plan, run, start
 from jaxthermo.integrate.solvers import ForwardEuler
 from jaxthermo.scene.scene import Scene
@@ -31,9 +30,9 @@ def measure_speed(config: SceneConfig, default: Scene, fitted: Scene) -> dict[st
         default: its scene with the values that a fit started from.
         fitted: with those that were found.
     """
-    full = build_scene(on_every_voxel(config))
+    full = on_every_voxel(config).build()
     end, saves = config.time.end, config.time.save_times
-    own = build_solver(config.solver)
+    own = config.solver.build()
     with precision(config.dtype):
         plans = {
             "full_volume": plan(full, end, saves, ForwardEuler()),

@@ -9,12 +9,12 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from jaxthermo.config.found import FOLDERS
 from jaxthermo.config.loader import load_config, mesh_folders
 from jaxthermo.config.messages import described, in_file
 from jaxthermo.config.overrides import with_overrides
-from jaxthermo.config.schema import SceneConfig
+from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.config.strict_yaml import read_yaml
+from jaxthermo.config.types.files import FOLDERS
 from jaxthermo.errors import InputError
 
 from .schema import CalibrationConfig

@@ -3,13 +3,19 @@
 import math
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import BeforeValidator, Discriminator, Field, Tag
+from pydantic import BeforeValidator, Field
 
-from jaxthermo.config.fields import Flag, Fraction, NotEmpty, Number, Whole, refuse
-from jaxthermo.config.found import FoundPath
-from jaxthermo.config.kinds import KindModel, by_kind, short_kind
-from jaxthermo.config.model import Mistake, Model
-from jaxthermo.config.schema_image import CameraConfig
+from jaxthermo.config.schema.image import CameraConfig
+from jaxthermo.config.types.files import FoundPath
+from jaxthermo.config.types.model import ByKind, KindModel, Mistake, Model, Short
+from jaxthermo.config.types.quantities import (
+    Flag,
+    Fraction,
+    NotEmpty,
+    Number,
+    Whole,
+    refuse,
+)
 
 from ..problem.parameter_units import value_in_si
 
@@ -93,12 +99,9 @@ class MeasuredFrames(KindModel):
 
 
 ReferenceConfig = Annotated[
-    Annotated[FullVolumeReference, Tag("<full_volume>")]
-    | Annotated[SolutionReference, Tag("<solution>")]
-    | Annotated[SimulatedFrames, Tag("<simulated_frames>")]
-    | Annotated[MeasuredFrames, Tag("<frames>")],
-    Discriminator(by_kind),
-    short_kind("full_volume"),
+    FullVolumeReference | SolutionReference | SimulatedFrames | MeasuredFrames,
+    ByKind(),
+    Short("kind", "full_volume"),
 ]
 
 

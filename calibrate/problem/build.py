@@ -8,11 +8,9 @@ import numpy as np
 from PIL import Image
 
 from jaxthermo.arrays import precision
-from jaxthermo.config.build import build_scene, build_solver
-from jaxthermo.config.build_camera import build_camera
-from jaxthermo.config.build_terms import build_term
-from jaxthermo.config.schema import SceneConfig
-from jaxthermo.config.schema_image import CameraConfig
+from jaxthermo.config.camera_framing import build_camera
+from jaxthermo.config.schema.image import CameraConfig
+from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.errors import InputError
 from jaxthermo.image.files import read_exr
 from jaxthermo.image.view import View
@@ -135,16 +133,16 @@ def _scenes(configs: Mapping[str, SceneConfig]) -> dict[str, Scene]:
     for name, config in configs.items():
         same = next((s for c, s in made if c.bodies == config.bodies), None)
         if same is None:
-            found[name] = build_scene(config)
+            found[name] = config.build()
             made.append((config, found[name]))
             continue
-        terms = tuple(build_term(term) for term in config.terms)
+        terms = tuple(term.build() for term in config.terms)
         found[name] = Scene(same.bodies, terms, config.dtype)
     return found
 
 
 def _response(config: SceneConfig) -> Response:
-    return Response(config.time.save_times, build_solver(config.solver))
+    return Response(config.time.save_times, config.solver.build())
 
 
 def build_parameters(config: CalibrationConfig, scene: Scene) -> ParameterSet:
@@ -278,11 +276,11 @@ class TargetMaker:
         if truth.time.save_times != self.configs[name].time.save_times:
             raise InputError("reference: set: the save times are the case's")
         self.doing(f"{name}: running the truth")
-        scene = build_scene(truth)
+        scene = truth.build()
         times = truth.time.save_times
         frames = []
         with precision(truth.dtype):
-            response = Response(times, build_solver(truth.solver))
+            response = Response(times, truth.solver.build())
             answer: Answer = response(scene, response.layout(scene))
             for view in views(self._cameras(given, name), scene, answer.surfaces):
                 seen = frames_of(view, scene, answer, times, given.quantity)

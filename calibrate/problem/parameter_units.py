@@ -3,12 +3,12 @@
 import math
 from typing import Any
 
-from jaxthermo.config import units
-from jaxthermo.config.units import Dimension, to_si
+from jaxthermo.config.types import quantities as units
+from jaxthermo.config.types.quantities import Unit, to_si
 from jaxthermo.errors import InputError
 
 
-DIMENSIONS: dict[str, Dimension] = {
+DIMENSIONS: dict[str, Unit] = {
     "conductivity": units.CONDUCTIVITY,
     "density": units.DENSITY,
     "specific_heat": units.SPECIFIC_HEAT,
@@ -45,7 +45,7 @@ def _known(name: str, table: dict[str, Any]) -> Any:
 def unit_of(name: str) -> str:
     """The SI unit of a parameter; none for a factor."""
     dimension = _known(name, DIMENSIONS)
-    return "" if dimension is None else dimension.unit
+    return "" if dimension is None else dimension.symbol
 
 
 def value_in_si(value: Any, name: str) -> float:

@@ -10,9 +10,8 @@ import numpy as np
 
 import jaxthermo
 from jaxthermo.arrays import precision
-from jaxthermo.config.build import build_scene
 from jaxthermo.config.loader import config_hash
-from jaxthermo.config.schema import SceneConfig
+from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.errors import InputError
 from jaxthermo.integrate.run.simulate import simulate
 from jaxthermo.integrate.run.solution import RESULTS
@@ -101,7 +100,7 @@ def full_volume_run(config: SceneConfig, step: float, doing: Doing) -> StoredSol
 
 
 def _run(config: SceneConfig, step: float):
-    scene = build_scene(config)
+    scene = config.build()
     end, saves = config.time.end, config.time.save_times
     with precision(config.dtype):
         stable = float(compile_scene(scene, len(saves), end).stable_step)

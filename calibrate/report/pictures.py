@@ -17,7 +17,7 @@ from jaxthermo.cli.difference_scale import (
     nice_limit,
 )
 from jaxthermo.cli.sheet import ColourBar, Tile, sheet
-from jaxthermo.config.build_camera import build_camera
+from jaxthermo.config.camera_framing import build_camera
 from jaxthermo.image.palette import apply_palette
 from jaxthermo.image.render import draw
 from jaxthermo.image.ticks import decimals_of, label, nice_ticks, time_label

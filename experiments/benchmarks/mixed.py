@@ -19,7 +19,6 @@ from rich.console import Console
 from rich.table import Table
 
 import jaxthermo as jt
-from jaxthermo.config.build import build_scene
 from jaxthermo.config.loader import load_config
 from jaxthermo.integrate.explicit.euler import EulerStepper
 from jaxthermo.integrate.run.ledger import empty_ledger
@@ -148,7 +147,7 @@ def run(
         count = len(load_config(config).bodies)
         overrides = tuple(f"bodies.{n}.voxels_high={height}" for n in range(count))
     clock = time.perf_counter()
-    scene = build_scene(load_config(config, overrides))
+    scene = load_config(config, overrides).build()
     built = time.perf_counter() - clock
     clock = time.perf_counter()
     compiled = compile_scene(scene, 1, 1.0)

@@ -6,12 +6,8 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from jaxthermo.config.build import build_mesh
-from jaxthermo.config.build_material import build_material
-from jaxthermo.config.build_structure import build_structure, build_surface_map
-from jaxthermo.config.build_terms import build_term
-from jaxthermo.config.schema_geometry import BodyConfig
-from jaxthermo.config.schema_structure import SurfaceMapConfig
+from jaxthermo.config.schema.structure import SurfaceMapConfig
+from jaxthermo.errors import InputError
 from jaxthermo.geometry.pose import Pose
 from jaxthermo.material.material import Material
 from jaxthermo.physics.radiation.source import Sun
@@ -55,7 +51,7 @@ class Subject:
     ) -> Scene:
         """A structure in the sun from the side that the load names."""
         body = self.body(structure, surface_map)
-        others = (build_term(term) for term in self.config.terms)
+        others = (term.build() for term in self.config.terms)
         return Scene((body,), (self.sun(load), *others))
 
     def body(
@@ -78,7 +74,7 @@ class Subject:
     @property
     def material(self) -> Material:
         """Of the whole body."""
-        return build_material(self.config.material)
+        return self.config.material.build()
 
     def sun(self, load: str) -> Sun:
         """Rays onto the side that the load names."""
@@ -108,15 +104,10 @@ def load_subject(
     body: ComparedBody, config: ComparisonConfig, voxels_high: int
 ) -> Subject:
     """The body's mesh, voxelized to so many voxels along up."""
-    mesh = build_mesh(
-        BodyConfig(
-            mesh=body.mesh,
-            shape=body.shape,
-            voxels_high=voxels_high,
-            material=config.material,
-            temperature=config.temperature,
-        )
-    )
+    given = body.mesh or body.shape
+    if given is None:
+        raise InputError("bodies: a body needs a `mesh` or a `shape`")
+    mesh = given.build()
     pitch = float(np.ptp(mesh.bounds[:, 2])) / voxels_high
     return Subject(body.name, voxelize(mesh, pitch), config)
 
@@ -139,7 +130,7 @@ class Case:
         """The structure of a body's voxels."""
         if self.entry is None:
             return FullVolume(grid, stencil=self.kind != LINKS)
-        return build_structure(self.entry.structure, grid)
+        return self.entry.structure.build(grid)
 
 
 def all_cases(config: ComparisonConfig) -> tuple[Case, ...]:
@@ -161,7 +152,7 @@ def case_loads(case: Case, config: ComparisonConfig) -> tuple[str, ...]:
 
 def make_map(config: SurfaceMapConfig) -> AbstractSurfaceMap:
     """How all structures but the full volume are read."""
-    return build_surface_map(config)
+    return config.build()
 
 
 NEAREST = ConstantMap()

@@ -8,7 +8,23 @@ from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
 from pydantic import Field, ValidationError
 
-from jaxthermo.config.fields import (
+from jaxthermo.config.loader import mesh_folders
+from jaxthermo.config.messages import close_match, described, in_file
+from jaxthermo.config.schema.body import MeshConfig, ShapeConfig
+from jaxthermo.config.schema.image import PinholeConfig
+from jaxthermo.config.schema.material import Material
+from jaxthermo.config.schema.scene import TimeConfig
+from jaxthermo.config.schema.structure import (
+    FluxCorrectedMap,
+    Partition,
+    StructureConfig,
+    SurfaceMapConfig,
+)
+from jaxthermo.config.schema.terms import TermConfig
+from jaxthermo.config.strict_yaml import read_yaml
+from jaxthermo.config.types.files import FOLDERS
+from jaxthermo.config.types.model import Location, Mistake, Model
+from jaxthermo.config.types.quantities import (
     Fraction,
     Irradiance,
     NotEmpty,
@@ -17,23 +33,6 @@ from jaxthermo.config.fields import (
     Temperature,
     Whole,
 )
-from jaxthermo.config.found import FOLDERS
-from jaxthermo.config.loader import mesh_folders
-from jaxthermo.config.messages import described, in_file
-from jaxthermo.config.model import Location, Mistake, Model
-from jaxthermo.config.schema_geometry import MeshConfig, ShapeConfig
-from jaxthermo.config.schema_image import PinholeConfig
-from jaxthermo.config.schema_material import Material
-from jaxthermo.config.schema_structure import (
-    FluxCorrectedMap,
-    Partition,
-    StructureConfig,
-    SurfaceMapConfig,
-)
-from jaxthermo.config.schema_terms import TermConfig
-from jaxthermo.config.schema_time import TimeConfig
-from jaxthermo.config.show import close_match
-from jaxthermo.config.strict_yaml import read_yaml
 from jaxthermo.errors import InputError
 
 

@@ -7,8 +7,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 from skimage.metrics import structural_similarity
 
-from jaxthermo.config.build_camera import build_camera
-from jaxthermo.config.schema_image import PinholeConfig
+from jaxthermo.config.camera_framing import build_camera
+from jaxthermo.config.schema.image import PinholeConfig
 from jaxthermo.image.render import draw
 from jaxthermo.image.view import View, look
 from jaxthermo.integrate.surface_error import AnySolution, error_span

@@ -1,7 +1,7 @@
 """Where a scene leaves what its fit cards were fitted on."""
 
 from ..config.card_file import load_card
-from ..config.schema import SceneConfig
+from ..config.schema.scene import SceneConfig
 from ..scene.compile.compile import mechanism_names
 from ..scene.dimensionless_groups import body_numbers
 from ..scene.scene import Scene

@@ -6,10 +6,9 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..config.build import build_term
-from ..config.build_camera import build_camera
+from ..config.camera_framing import build_camera
 from ..config.loader import to_yaml
-from ..config.schema import SceneConfig
+from ..config.schema.scene import SceneConfig
 from ..errors import InputError
 from ..image.files import write_exr, write_png
 from ..image.render import Image, coarsen, draw
@@ -106,7 +105,7 @@ def write_frames(
     They take the place of all frames that are there: frames of another camera or
     scale must not pass for these. Files with other names are kept.
     """
-    terms = tuple(build_term(term) for term in config.terms)
+    terms = tuple(term.build() for term in config.terms)
     chosen = chosen_frames(config, stored.times)
 
     def images() -> Iterator[Image]:

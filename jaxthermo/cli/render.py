@@ -3,9 +3,8 @@
 from pathlib import Path
 
 from ..arrays import precision
-from ..config.build import build_term
 from ..config.loader import load_config
-from ..config.schema import SceneConfig
+from ..config.schema.scene import SceneConfig
 from ..errors import InputError
 from ..integrate.run.solution_file import load_solution
 from .console import doing, open_console, tell
@@ -36,7 +35,7 @@ def render_run(config: SceneConfig, run: Path, out: Path) -> None:
     console = open_console()
     with precision(config.dtype), doing(console, "drawing frames"):
         stored = load_solution(run / "solution.npz")
-        terms = tuple(build_term(term) for term in config.terms)
+        terms = tuple(term.build() for term in config.terms)
         watch = Watch(config, stored.surfaces, terms)
         with results_folder(out) as folder:
             count = write_frames(config, watch, stored, folder / FRAMES)

@@ -9,10 +9,9 @@ from rich.console import Console
 from .. import __version__
 from ..arrays import precision
 from ..atomic import replacing
-from ..config.build import build_scene, build_solver
 from ..config.loader import config_hash, load_config, to_yaml
-from ..config.schema import SceneConfig
-from ..config.schema_image import ImageConfig, PinholeConfig
+from ..config.schema.image import ImageConfig, PinholeConfig
+from ..config.schema.scene import SceneConfig
 from ..errors import InputError
 from ..image.ticks import time_label
 from ..integrate.run.segments import (
@@ -75,9 +74,9 @@ class _Planned(NamedTuple):
 def _planned(console: Console, config: SceneConfig) -> _Planned:
     """The scene and how it will be run, told."""
     with doing(console, "building the scene"):
-        scene = build_scene(config)
+        scene = config.build()
         end, saves = config.time.end, config.time.save_times
-        todo = plan(scene, end, saves, build_solver(config.solver))
+        todo = plan(scene, end, saves, config.solver.build())
         structures = [structure_report(body.structure) for body in scene.bodies]
         warnings = card_warnings(config, scene)
     tell_scene(console, scene, todo, structures)

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..atomic import replacing
 from ..config.loader import config_hash, resolved
-from ..config.schema import SceneConfig
+from ..config.schema.scene import SceneConfig
 from ..geometry.mesh import describe_mesh
 from ..integrate.implicit.newton_stage import Effort
 from ..integrate.run.ledger import BodyEnergy, Energy

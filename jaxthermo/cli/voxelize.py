@@ -8,7 +8,7 @@ from rich import box
 from rich.table import Table
 
 from ..atomic import replacing
-from ..config import units
+from ..config.types.quantities import LENGTH, to_si
 from ..errors import InputError
 from ..geometry.load import load_mesh
 from ..geometry.mesh import describe_mesh, verdict_line
@@ -96,7 +96,7 @@ def _layer_table(layers: dict[str, dict[str, Any]]) -> Table:
 
 def _length(option: str, text: str) -> float:
     try:
-        value = units.to_si(text, units.LENGTH)
+        value = to_si(text, LENGTH)
     except InputError as error:
         raise InputError(f"{option}: {error}") from error
     if value <= 0.0:

@@ -5,30 +5,45 @@ import json
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
 from ..errors import InputError
-from .fields import ALLOW_EXTREME
-from .found import FOLDERS
 from .messages import described, in_file
-from .model import Location
 from .overrides import Change, with_overrides
-from .schema import SceneConfig
+from .schema.scene import SceneConfig
 from .strict_yaml import read_yaml, write_yaml
+from .types.files import FOLDERS
+from .types.model import Location, Model
+from .types.quantities import ALLOW_EXTREME
+
+
+AnyModel = TypeVar("AnyModel", bound=Model)
 
 
 def load_config(
     path: str | Path, overrides: Sequence[str] = (), *, find_meshes: bool = True
 ) -> SceneConfig:
-    """The config in a YAML file, with meshes found and all values in SI units.
+    """The config of a scene; see `load_model`."""
+    return load_model(SceneConfig, path, overrides, find_files=find_meshes)
+
+
+def load_model(
+    model: type[AnyModel],
+    path: str | Path,
+    overrides: Sequence[str] = (),
+    *,
+    find_files: bool = True,
+) -> AnyModel:
+    """The config in a YAML file, with files found and all values in SI units.
 
     Args:
-        path: the file; meshes, labels and masks are looked for beside it, then in
-            JAXTHERMO_MESHES.
-        overrides: "a.b=c" each, applied in order; c is YAML.
-        find_meshes: whether a file that is named and not there is a mistake.
+        model: type of the config; one with a `name` gets the file's, if none is given.
+        path: the file; meshes, labels and masks are searched for beside it, then in
+            the folders of JAXTHERMO_MESHES.
+        overrides: texts "a.b=c", applied in order; c is YAML.
+        find_files: False to accept files that are named and do not exist.
 
     Raises:
         InputError: one line for each mistake in the config.
@@ -36,34 +51,41 @@ def load_config(
     path = Path(path)
     read = read_yaml(path)
     data, changed = with_overrides(read, overrides)
-    data = {"name": path.stem, **data}
+    if "name" in model.model_fields:
+        data = {"name": path.stem, **data}
+    context = {
+        ALLOW_EXTREME: data.get(ALLOW_EXTREME) is True,
+        FOLDERS: mesh_folders(path.parent) if find_files else (),
+    }
     try:
-        return _validated(data, mesh_folders(path.parent) if find_meshes else ())
+        return model.model_validate(data, context=context)
     except ValidationError as error:
-        source = lambda place: in_file(_blamed(place, read, changed) or path, place)
+        source = lambda where: in_file(
+            _override_at(where, read, changed) or path, where
+        )
         raise InputError(described(error, source)) from error
 
 
 def mesh_folders(beside: Path) -> tuple[Path, ...]:
-    """Where meshes are looked for: a folder, then those of JAXTHERMO_MESHES."""
+    """Folders that are searched for files: the given one, those of JAXTHERMO_MESHES."""
     named = os.environ.get("JAXTHERMO_MESHES", "").split(os.pathsep)
     return (beside.resolve(), *(Path(folder).resolve() for folder in named if folder))
 
 
-def resolved(config: SceneConfig) -> dict[str, Any]:
-    """The config as plain values in SI units, as `summary.json` keeps it."""
+def resolved(config: Model) -> dict[str, Any]:
+    """The config as plain values in SI units, as `summary.json` records it."""
     return config.model_dump(mode="json", exclude_none=True)
 
 
-def to_yaml(config: SceneConfig) -> str:
+def to_yaml(config: Model) -> str:
     """The config as text that loads again to an equal config."""
     return write_yaml(resolved(config))
 
 
-def config_hash(config: SceneConfig) -> str:
-    """16 hex digits that change with the scene, but not with the folder it lies in.
+def config_hash(config: Model) -> str:
+    """16 hex digits that depend on the scene, but not on the folder it is in.
 
-    Files count with their content where they are there, else with their names.
+    Files count with their content if they exist, else with their names.
     """
     plain = config.model_dump(exclude_none=True)
     separators = (",", ":")
@@ -72,33 +94,26 @@ def config_hash(config: SceneConfig) -> str:
 
 
 def _content(path: Path) -> str:
-    """What stands for a file in a hash."""
     try:
         return hashlib.sha256(path.read_bytes()).hexdigest()
     except OSError:
         return path.name
 
 
-def _validated(data: dict[str, Any], folders: tuple[Path, ...]) -> SceneConfig:
-    extreme = data.get(ALLOW_EXTREME) is True
-    context = {ALLOW_EXTREME: extreme, FOLDERS: folders}
-    return SceneConfig.model_validate(data, context=context)
-
-
-def _blamed(place: Location, read: Any, changed: list[Change]) -> str:
-    """The override that the value there came with; empty for none."""
-    found = [text for where, text in changed if _is_from(place, where, read)]
+def _override_at(where: Location, read: Any, changed: list[Change]) -> str:
+    """The last override that the value at the location came with; empty for none."""
+    found = [text for target, text in changed if _is_from(where, target, read)]
     return f"--set {found[-1]}" if found else ""
 
 
-def _is_from(path: Location, where: Location, read: Any) -> bool:
-    """Whether the value at the path came with the override that set `where`."""
-    if path[: len(where)] == where:
+def _is_from(where: Location, target: Location, read: Any) -> bool:
+    if where[: len(target)] == target:
         return True
-    return where[: len(path)] == path and not _holds(read, path)
+    # Above the target: a mapping that only the override made.
+    return target[: len(where)] == where and not _contains(read, where)
 
 
-def _holds(data: Any, path: Location) -> bool:
+def _contains(data: Any, path: Location) -> bool:
     for key in path:
         try:
             data = data[key]

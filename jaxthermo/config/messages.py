@@ -1,15 +1,15 @@
-"""What pydantic found, in words for the person who wrote the config."""
+"""Messages about mistakes in a config: what is wrong, where, and what to write."""
 
+import difflib
+import reprlib
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from pydantic import ValidationError
 
-from .show import close_match, show
-
 
 MISTAKE = "mistake"
-"""The type of an error whose message is ours already."""
+"""Type of an error whose message is already one of this package."""
 
 _EXPECTED = {
     "bool_type": "true or false",
@@ -25,6 +25,27 @@ _LIMITS = {
     "less_than": ("less than", "lt"),
     "less_than_equal": ("at most", "le"),
 }
+_SHORT = reprlib.Repr()
+_SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 60
+_SHORT.maxlevel = 3
+
+
+def quoted(value: Any) -> str:
+    """The value as the user wrote it, on one line, shortened where it is long."""
+    if value is None:
+        return "nothing"
+    if isinstance(value, bool):
+        return str(value).lower()
+    return _SHORT.repr(value)
+
+
+def close_match(word: object, choices: Iterable[str]) -> str:
+    """An ending "; did you mean 'x'?" or, without a match, the choices."""
+    names = list(choices)
+    matches = difflib.get_close_matches(str(word), names, n=1)
+    if matches:
+        return f"; did you mean '{matches[0]}'?"
+    return f"; choose from {', '.join(names)}" if names else ""
 
 
 def explain(error: Mapping[str, Any]) -> str:
@@ -34,15 +55,15 @@ def explain(error: Mapping[str, Any]) -> str:
     if kind == "missing":
         return "missing, and it has no default"
     if kind in _EXPECTED:
-        return f"expected {_EXPECTED[kind]}, got {show(value)}"
+        return f"expected {_EXPECTED[kind]}, got {quoted(value)}"
     if kind in _LIMITS:
         words, limit = _LIMITS[kind]
-        return f"must be {words} {context[limit]:g}, got {show(value)}"
+        return f"must be {words} {context[limit]:g}, got {quoted(value)}"
     if kind == "literal_error":
         choices = context["expected"].replace(" or ", ", ").replace("'", "")
-        return f"{show(value)} is not known{close_match(value, choices.split(', '))}"
+        return f"{quoted(value)} is not known{close_match(value, choices.split(', '))}"
     if kind == "union_tag_not_found":
-        return f"expected a mapping with a `kind`, got {show(value)}"
+        return f"expected a mapping with a `kind`, got {quoted(value)}"
     if kind == "union_tag_invalid":
         choices = context["expected_tags"].translate(str.maketrans("", "", "<>'"))
         given = context["tag"].strip("<>")
@@ -50,8 +71,8 @@ def explain(error: Mapping[str, Any]) -> str:
     return error["msg"]
 
 
-def place(error: Mapping[str, Any]) -> tuple[str | int, ...]:
-    """Where the mistake stands: of a union without such a member, at its `kind`."""
+def location_of(error: Mapping[str, Any]) -> tuple[str | int, ...]:
+    """Location of an entry's mistake; an unknown member of a union is at its `kind`."""
     beyond = ("kind",) if error["type"] == "union_tag_invalid" else ()
     return (*error["loc"], *beyond)
 
@@ -64,19 +85,19 @@ def untagged(location: Iterable[str | int]) -> tuple[str | int, ...]:
 def described(
     error: ValidationError, source: Callable[[tuple[str | int, ...]], str]
 ) -> str:
-    """A line for each mistake: where it is, and what is wrong.
+    """A line for each mistake of a config.
 
     Args:
-        error: of a config.
-        source: where a mistake is, such as file and place; of its place.
+        error: raised by a config model.
+        source: function of a mistake's location that gives the start of its line.
     """
     entries = error.errors(include_url=False)
     return "\n".join(f"{source(untagged(e['loc']))}: {e['msg']}" for e in entries)
 
 
-def in_file(source: object, place: tuple[str | int, ...]) -> str:
-    """A place with where it was written: "scene.yaml: bodies.0.pitch"."""
-    return ": ".join(filter(None, (str(source), dotted(place))))
+def in_file(source: object, location: tuple[str | int, ...]) -> str:
+    """A location after the file that it is in: "scene.yaml: bodies.0.pitch"."""
+    return ": ".join(filter(None, (str(source), dotted(location))))
 
 
 def dotted(location: Iterable[str | int]) -> str:

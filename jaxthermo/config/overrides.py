@@ -4,10 +4,9 @@ from collections.abc import Sequence
 from typing import Any, TypeAlias
 
 from ..errors import InputError
-from .messages import dotted
-from .model import Location
-from .show import close_match, show
+from .messages import close_match, dotted, quoted
 from .strict_yaml import parse_yaml
+from .types.model import Location
 
 
 ALTERNATIVES = (
@@ -87,8 +86,8 @@ def _replaced(data: Any, rest: Location, value: Any, before: Location) -> Any:
         data = {SHORT[str(before[-1])]: data}
     if not isinstance(data, dict):
         raise InputError(
-            f"{dotted(here)}: `{dotted(before)}` is {show(data)} in the config, which "
-            f"has no parts; set `{dotted(before)}` as a whole"
+            f"{dotted(here)}: `{dotted(before)}` is {quoted(data)} in the config, "
+            f"which has no parts; set `{dotted(before)}` as a whole"
         )
     if isinstance(key, int):
         hint = close_match(key, data)

@@ -11,11 +11,10 @@ from PIL import Image
 
 import jaxthermo as jt
 from jaxthermo.cli.report import structure_lines
-from jaxthermo.config.build import build_scene
-from jaxthermo.config.known import palette_names
 from jaxthermo.config.loader import config_hash, load_config, resolved
 from jaxthermo.image.camera import frame_all
 from jaxthermo.image.files import exr_channels
+from jaxthermo.image.palette import palette_names
 
 
 SECOND_BODY = """
@@ -38,7 +37,7 @@ def summary(finished):
 def solved(finished):
     """The same scene by the library, without the command line."""
     config = load_config(finished / "config.yaml")
-    return jt.simulate(build_scene(config), config.time.end, config.time.save_times)
+    return jt.simulate(config.build(), config.time.end, config.time.save_times)
 
 
 def simulate(tmp_path, *overrides, text=SCENE):
@@ -193,7 +192,7 @@ def test_the_terminal_and_the_summary_tell_the_structure(tmp_path, structure, to
     assert (code, err) == (0, "")
     found = json.loads((out / "summary.json").read_text())
     (report,) = found["structures"]
-    (expected,) = build_scene(load_config(out / "config.yaml")).bodies
+    (expected,) = load_config(out / "config.yaml").build().bodies
     assert report["kind"] == type(expected.structure).__name__
     assert report["nodes"] == found["nodes"] == expected.structure.node_count
     assert report["links"] == found["links"] == expected.structure.link_count

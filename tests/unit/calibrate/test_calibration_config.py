@@ -8,7 +8,6 @@ import pytest
 import jaxthermo as jt
 from calibrate.config.loader import calibration_hash, load_calibration, scene_config
 from calibrate.problem.build import build_parameters
-from jaxthermo.config.build import build_scene
 
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -52,7 +51,7 @@ def test_mistakes_are_told_in_one_line(change, message):
 
 def _scene(config, high=12):
     small = {"bodies.0.voxels_high": high}
-    return build_scene(scene_config(config, config.train[0].set, small))
+    return scene_config(config, config.train[0].set, small).build()
 
 
 def test_a_change_of_all_cases_is_set_from_the_command_line():

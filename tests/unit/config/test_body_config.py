@@ -6,11 +6,8 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.config.build import build_body
-from jaxthermo.config.build_material import build_materials
-from jaxthermo.config.build_pose import build_pose
 from jaxthermo.config.loader import config_hash, load_config, to_yaml
-from jaxthermo.config.schema_pose import MotionConfig
+from jaxthermo.config.schema.body import MotionConfig
 from jaxthermo.errors import InputError
 from jaxthermo.material.material import Material
 from jaxthermo.material.property import Property
@@ -62,7 +59,7 @@ def refused(scene):
 
 def test_a_property_by_temperature(scene):
     body = scene(f"{{name: copper, conductivity: {WARM}, specific_heat: {WARM}}}")
-    material = build_materials(body.bodies[0])
+    material = body.bodies[0].build_materials()
     assert isinstance(material, Material)
     for table in (material.conductivity, material.specific_heat):
         assert isinstance(table, Property)
@@ -71,7 +68,7 @@ def test_a_property_by_temperature(scene):
 
 def test_a_conductivity_for_each_axis(scene):
     config = scene("{name: copper, conductivity: [1, 2, 3 kW/(m K)]}")
-    assert build_materials(config.bodies[0]) == Material(
+    assert config.bodies[0].build_materials() == Material(
         (1.0, 2.0, 3000.0), 8960.0, 385.0, 0.05
     )
     again = scene("copper", "", "bodies.0.material.conductivity=[1, 2, 3e3]")
@@ -80,7 +77,7 @@ def test_a_conductivity_for_each_axis(scene):
 
 def test_a_material_for_each_label(scene, tmp_path):
     config = scene("{labels: parts.npy, materials: [copper, {name: gold}]}")
-    body = build_body(config.bodies[0])
+    body = config.bodies[0].build()
     assert isinstance(body.material, MaterialLabels)
     assert body.material.materials == (jt.materials["copper"], jt.materials["gold"])
     number = body.material.of_nodes(body.structure)
@@ -94,7 +91,7 @@ def test_a_pose_at_each_time(scene):
     turn = "rotation: {axis: [0, 0, 1], angle: 90 deg}"
     poses = f"[{{translation: [1, 0, 0]}}, {{translation: [2, 0, 0], {turn}}}]"
     config = scene("copper", f"pose: {{times: [0, 1 min], poses: {poses}, every: 5 s}}")
-    motion = build_pose(config.bodies[0].pose)
+    motion = config.bodies[0].pose.build()
     assert isinstance(motion, Motion) and motion.every == 5.0
     halfway = motion.at(30.0)
     assert halfway.translation == (1.5, 0.0, 0.0)

@@ -6,19 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from jaxthermo.config.build import (
-    build_body,
-    build_scene,
-    build_solver,
-)
-from jaxthermo.config.build_camera import build_camera
-from jaxthermo.config.build_material import build_material
-from jaxthermo.config.build_pose import build_pose
+from jaxthermo.config.camera_framing import build_camera
 from jaxthermo.config.loader import load_config
-from jaxthermo.config.schema_geometry import BodyConfig
-from jaxthermo.config.schema_image import OrthographicConfig, PinholeConfig
-from jaxthermo.config.schema_material import MaterialConfig
-from jaxthermo.config.schema_pose import PoseConfig
+from jaxthermo.config.schema.body import BodyConfig, PoseConfig
+from jaxthermo.config.schema.image import OrthographicConfig, PinholeConfig
+from jaxthermo.config.schema.material import MaterialConfig
 from jaxthermo.geometry import shapes
 from jaxthermo.image.camera import Camera, OrthographicCamera
 from jaxthermo.integrate.solvers import ForwardEuler
@@ -61,10 +53,10 @@ def test_scene_holds_what_the_config_says(tmp_path: Path):
     path = tmp_path / "scene.yaml"
     path.write_text(SCENE)
     config = load_config(path)
-    scene = build_scene(config)
+    scene = config.build()
     (body,) = scene.bodies
     assert scene.dtype == "float64"
-    assert build_solver(config.solver) == ForwardEuler(dt=0.5)
+    assert config.solver.build() == ForwardEuler(dt=0.5)
     assert body.structure.node_count == 5 * 5 * 10
     assert body.temperature == pytest.approx(293.15)
     assert isinstance(body.material, MaterialMap)
@@ -93,7 +85,7 @@ def test_shapes_have_their_volume(shape, volume):
     config = BodyConfig.model_validate(
         {"shape": shape, "pitch": 0.01, "material": "copper", "temperature": 300}
     )
-    grid = build_body(config).structure.grid
+    grid = config.build().structure.grid
     assert grid.mesh.volume == pytest.approx(volume, rel=0.02)
 
 
@@ -101,7 +93,7 @@ def test_a_rotation_turns_anticlockwise_about_its_axis():
     pose = PoseConfig.model_validate(
         {"translation": [1, 0, 0], "rotation": {"axis": [0, 0, 2], "angle": "90 deg"}}
     )
-    placed = build_pose(pose).at(0.0).place(np.array([[1.0, 0.0, 0.0]]))
+    placed = pose.build().at(0.0).place(np.array([[1.0, 0.0, 0.0]]))
     np.testing.assert_allclose(placed, [[1.0, 1.0, 0.0]], atol=1e-15)
 
 
@@ -109,7 +101,7 @@ def test_a_material_without_a_name():
     config = MaterialConfig.model_validate(
         {"conductivity": 16, "density": 8000, "specific_heat": 500, "emissivity": 0.5}
     )
-    built = build_material(config)
+    built = config.build()
     assert (built.conductivity, built.absorptivity) == (16.0, 0.5)
 
 

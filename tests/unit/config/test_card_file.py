@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.config.build import build_scene
 from jaxthermo.config.card_file import load_card, write_card
 from jaxthermo.config.loader import load_config, to_yaml
 from jaxthermo.structures.fit_card import FitCard, outside
@@ -68,7 +67,7 @@ def _scene(tmp_path, *changes):
 
 def test_a_scene_names_a_card(tmp_path):
     config = _scene(tmp_path)
-    weights = build_scene(config).bodies[0].structure.weights
+    weights = config.build().bodies[0].structure.weights
     np.testing.assert_array_equal(weights.within, [1.5, 0.7])
     kept = tmp_path / "kept.yaml"
     kept.write_text(to_yaml(config))
@@ -85,7 +84,7 @@ def test_a_scene_names_a_card(tmp_path):
 )
 def test_a_card_that_does_not_fit_is_refused(tmp_path, change, message):
     with pytest.raises(jt.InputError, match=message):
-        build_scene(_scene(tmp_path, change))
+        _scene(tmp_path, change).build()
 
 
 @pytest.mark.parametrize(

@@ -5,18 +5,14 @@ from pathlib import Path
 
 import pytest
 
-from jaxthermo.config.build_terms import build_term
 from jaxthermo.config.loader import config_hash, load_config, resolved, to_yaml
-from jaxthermo.config.schema import SceneConfig
-from jaxthermo.config.schema_air import ConvectionConfig
-from jaxthermo.config.schema_geometry import Box
-from jaxthermo.config.schema_image import OrthographicConfig
-from jaxthermo.config.schema_material import MaterialConfig
-from jaxthermo.config.schema_pose import PoseConfig
-from jaxthermo.config.schema_radiation import SunConfig
-from jaxthermo.config.schema_solver import ForwardEuler
-from jaxthermo.config.schema_time import TimeConfig
-from jaxthermo.config.schema_varying import Table
+from jaxthermo.config.schema.body import Box, PoseConfig
+from jaxthermo.config.schema.image import OrthographicConfig
+from jaxthermo.config.schema.material import MaterialConfig
+from jaxthermo.config.schema.scene import SceneConfig, TimeConfig
+from jaxthermo.config.schema.solver import ForwardEuler
+from jaxthermo.config.schema.terms import ConvectionConfig, SunConfig
+from jaxthermo.config.types.varying import Table
 
 
 SCENES = Path(__file__).resolve().parents[3] / "configs" / "scenes"
@@ -168,7 +164,7 @@ def test_every_scene_loads(path, tmp_path, monkeypatch):
     config = load_config(path)
     assert isinstance(config, SceneConfig)
     assert config.name == path.stem
-    assert len([build_term(term) for term in config.terms]) == len(config.terms)
+    assert len([term.build() for term in config.terms]) == len(config.terms)
     again = tmp_path / "again.yaml"
     again.write_text(to_yaml(config))
     assert load_config(again) == config

@@ -3,7 +3,6 @@
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.config.build import build_solver
 from jaxthermo.config.loader import load_config
 
 
@@ -42,11 +41,11 @@ def scene(tmp_path):
 )
 def test_each_kind_makes_its_solver(scene, given, made):
     config = load_config(scene, (f"solver={given}",))
-    assert build_solver(config.solver) == made
+    assert config.solver.build() == made
 
 
 def test_without_a_solver_one_is_chosen(scene):
-    assert build_solver(load_config(scene).solver) is None
+    assert load_config(scene).solver.build() is None
 
 
 @pytest.mark.parametrize(

@@ -6,11 +6,8 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.config.array_files import read_labels
-from jaxthermo.config.build import build_body
-from jaxthermo.config.build_structure import build_surface_map
 from jaxthermo.config.loader import config_hash, load_config, resolved, to_yaml
-from jaxthermo.config.schema_structure import (
+from jaxthermo.config.schema.structure import (
     ConstantMap,
     FluxCorrectedMap,
     FullVolume,
@@ -18,6 +15,7 @@ from jaxthermo.config.schema_structure import (
     Octree,
     WeightsConfig,
 )
+from jaxthermo.config.types.files import read_labels
 from jaxthermo.errors import InputError
 
 
@@ -119,7 +117,7 @@ def test_a_weight_of_no_structure_is_of_the_full_volume(body):
 def test_surface_maps(body, more, expected):
     found = body(more).surface_map
     assert found == expected
-    built = build_surface_map(found)
+    built = found.build()
     assert type(built).__name__ == type(expected).__name__
     assert getattr(built, "at", None) == getattr(expected, "at", None)
 
@@ -247,7 +245,7 @@ def test_the_labels_of_another_body(tmp_path, body):
     np.save(tmp_path / "a.npy", np.zeros((3, 3, 3), int))
     config = body("structure: {kind: partition, labels: a.npy}")
     with pytest.raises(InputError) as caught:
-        build_body(config)
+        config.build()
     assert "\n" not in str(caught.value)
 
 
@@ -281,7 +279,7 @@ def test_each_kind_is_built_as_the_config_says(body, more, make, default):
     config = body(
         f"structure: {{kind: {more}, {weights}}}", "bodies.0.surface_map=constant"
     )
-    built = build_body(config)
+    built = config.build()
     structure = built.structure
     expected = make(structure.grid)
     assert type(structure) is type(expected)
@@ -303,7 +301,7 @@ def test_a_partition_has_a_node_for_each_label(tmp_path, body):
     labels[6:] = 7
     labels[:, :, 9:] = 3
     np.save(tmp_path / "a.npy", labels)
-    built = build_body(body("structure: {kind: partition, labels: a.npy}"))
+    built = body("structure: {kind: partition, labels: a.npy}").build()
     assert isinstance(built.structure, jt.Partition)
     assert built.structure.node_count == 3
     assert built.structure.capacity_ratio == pytest.approx(1)

@@ -7,12 +7,15 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.config.build_terms import build_term
 from jaxthermo.config.loader import config_hash, load_config, to_yaml
-from jaxthermo.config.schema_air import WakeDeficitConfig, WindConfig
-from jaxthermo.config.schema_place import WhereConfig
-from jaxthermo.config.schema_radiation import AreaSourceConfig
-from jaxthermo.config.schema_terms import HeatFluxConfig, TermConfig
+from jaxthermo.config.schema.selection import WhereConfig
+from jaxthermo.config.schema.terms import (
+    AreaSourceConfig,
+    HeatFluxConfig,
+    TermConfig,
+    WakeDeficitConfig,
+    WindConfig,
+)
 from jaxthermo.physics.convection.nusselt import AVERAGES
 from jaxthermo.physics.term import AbstractTerm
 
@@ -143,12 +146,12 @@ def scene(tmp_path):
 @pytest.mark.parametrize("text", TERMS, ids=lambda text: text.split(",")[0][7:])
 def test_each_is_built_as_the_config_says(scene, text):
     (config,) = scene(text).terms
-    built = build_term(config)
+    built = config.build()
     assert same(built, TERMS[text]), built
 
 
 def test_every_kind_is_built():
-    members = (get_args(tagged)[0] for tagged in get_args(get_args(TermConfig)[0]))
+    members = get_args(get_args(TermConfig)[0])
     kinds = {member.model_fields["kind"].default for member in members}
     assert kinds == {text.split(",")[0].removeprefix("{kind: ") for text in TERMS}
 
@@ -200,9 +203,9 @@ def test_fragments_by_a_file(scene, tmp_path, marks):
     config = scene(text)
     if marks.dtype != bool:
         with pytest.raises(jt.InputError, match="expected one true or false"):
-            build_term(config.terms[0])
+            config.terms[0].build()
         return
-    built = build_term(config.terms[0])
+    built = config.terms[0].build()
     assert built == jt.HeatFlux(1.0, on=jt.FragmentMask(marks, body=1))
     first = config_hash(config)
     np.save(tmp_path / "hot.npy", ~marks)

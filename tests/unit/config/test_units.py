@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from jaxthermo.config import units
-from jaxthermo.config.units import to_si
+from jaxthermo.config.types import quantities as units
+from jaxthermo.config.types.quantities import to_si
 from jaxthermo.errors import InputError
 
 

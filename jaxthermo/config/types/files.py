@@ -1,18 +1,48 @@
-"""Arrays that a config names, from files of `numpy.save`."""
+"""Files that a config names, and the arrays in those that `numpy.save` wrote.
 
+They are searched for beside the config, then in the folders of JAXTHERMO_MESHES.
+"""
+
+import os
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 from jaxtyping import Bool, Int
+from pydantic import AfterValidator, Field
 
-from ..errors import InputError
+from ...errors import InputError
+from .quantities import Info, refuse
+
+
+FOLDERS = "folders"
+"""Key of the validation context with the folders to search."""
+
+
+def _find(path: Path, info: Info) -> Path:
+    folders: tuple[Path, ...] = (info.context or {}).get(FOLDERS, ())
+    for folder in folders:
+        if (folder / path).is_file():
+            return (folder / path).resolve()
+    if folders:
+        searched = ", ".join(str(folder) for folder in folders)
+        where = searched if not path.is_absolute() else str(path.parent)
+        raise refuse(
+            f"there is no file '{path}'; looked in {where} (add folders with the "
+            f"environment variable JAXTHERMO_MESHES, separated by '{os.pathsep}')"
+        )
+    return path
+
+
+FoundPath = Annotated[Path, Field(strict=False), AfterValidator(_find)]
+"""Path of an existing file; as it is written where no folders are given."""
 
 
 def read_labels(path: Path) -> Int[np.ndarray, "x y z"]:
     """A whole number for each voxel of the lattice.
 
     Raises:
-        InputError: if the file holds anything but whole numbers on three axes.
+        InputError: if the file contains anything but whole numbers on three axes.
     """
     labels = _read(path)
     if labels.ndim != 3 or labels.dtype.kind not in "iu":
@@ -24,7 +54,7 @@ def read_mask(path: Path) -> Bool[np.ndarray, " s"]:
     """A truth value for each surface fragment.
 
     Raises:
-        InputError: if the file holds anything but a list of them.
+        InputError: if the file contains anything but a list of them.
     """
     mask = _read(path)
     if mask.ndim != 1 or mask.dtype != bool:

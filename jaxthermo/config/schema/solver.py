@@ -1,35 +1,37 @@
-"""How time is stepped."""
+"""Time integration: the solver and its options."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import Field
 
-from .fields import Auto, Number, PositiveTime, Whole
-from .kinds import KindModel, by_kind, short_kind
+from ..types.model import ByKind, KindModel, Short
+from ..types.quantities import Auto, Number, PositiveTime, Whole
 
 
 Step = Annotated[PositiveTime | None, Auto]
-"""None: as the kind has it."""
 Kelvin = Annotated[Number, Field(gt=0)]
-"""A difference of temperature."""
+"""A temperature difference [K]: unlike a temperature it has no offset."""
 Tolerance = Annotated[Kelvin | None, Auto]
 Stages = Annotated[Annotated[Whole, Field(ge=3, le=1000)] | None, Auto]
 
 
 class AutoSolver(KindModel):
-    """Chosen from the scene."""
+    """Solver chosen from the scene."""
 
     kind: Literal["auto"] = "auto"
 
+    def build(self, *args: Any) -> None:
+        """None, for which `simulate` chooses one."""
 
-class ForwardEuler(KindModel):
-    """Explicit; without `dt`, at the largest stable step."""
+
+class ForwardEuler(KindModel, builds="ForwardEuler"):
+    """Explicit, first order; without `dt`, at the largest stable step."""
 
     kind: Literal["forward_euler"] = "forward_euler"
     dt: Step = None
 
 
-class SuperTimeStepping(KindModel):
+class SuperTimeStepping(KindModel, builds="SuperTimeStepping"):
     """Explicit, in many stages."""
 
     kind: Literal["super_time_stepping"] = "super_time_stepping"
@@ -37,7 +39,7 @@ class SuperTimeStepping(KindModel):
     stages: Stages = None
 
 
-class BackwardEuler(KindModel):
+class BackwardEuler(KindModel, builds="BackwardEuler"):
     """Implicit, first order."""
 
     kind: Literal["backward_euler"] = "backward_euler"
@@ -45,7 +47,7 @@ class BackwardEuler(KindModel):
     tolerance: Tolerance = None
 
 
-class TRBDF2(KindModel):
+class TRBDF2(KindModel, builds="TRBDF2"):
     """Implicit, second order; without `dt`, in steps that follow the error [K]."""
 
     kind: Literal["trbdf2"] = "trbdf2"
@@ -54,8 +56,8 @@ class TRBDF2(KindModel):
     tolerance: Tolerance = None
 
 
-class CrankNicolson(KindModel):
-    """Implicit, second order, rings."""
+class CrankNicolson(KindModel, builds="CrankNicolson"):
+    """Implicit, second order; oscillates after a jump."""
 
     kind: Literal["crank_nicolson"] = "crank_nicolson"
     dt: Step = None
@@ -63,13 +65,13 @@ class CrankNicolson(KindModel):
 
 
 SolverConfig = Annotated[
-    Annotated[AutoSolver, Tag("<auto>")]
-    | Annotated[ForwardEuler, Tag("<forward_euler>")]
-    | Annotated[SuperTimeStepping, Tag("<super_time_stepping>")]
-    | Annotated[BackwardEuler, Tag("<backward_euler>")]
-    | Annotated[TRBDF2, Tag("<trbdf2>")]
-    | Annotated[CrankNicolson, Tag("<crank_nicolson>")],
-    Discriminator(by_kind),
-    short_kind("forward_euler"),
+    AutoSolver
+    | ForwardEuler
+    | SuperTimeStepping
+    | BackwardEuler
+    | TRBDF2
+    | CrankNicolson,
+    ByKind(),
+    Short("kind", "forward_euler"),
 ]
 """A word alone stands for `{kind: word}`; `dt` without a kind is explicit Euler's."""

@@ -1,11 +1,16 @@
 """The camera, and how its frames are drawn."""
 
+import json
 import math
+from functools import cache
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag
+from pydantic import AfterValidator, BeforeValidator, Field
 
-from .fields import (
+from ..messages import close_match
+from ..types.model import ByKind, Mistake, Model
+from ..types.quantities import (
     Angle,
     Auto,
     Direction,
@@ -18,18 +23,15 @@ from .fields import (
     Whole,
     refuse,
 )
-from .kinds import by_kind
-from .known import palette_names
-from .model import Mistake, Model
-from .show import close_match
 
 
+_PALETTES = Path(__file__).parents[2] / "image" / "palettes.json"
 Pixels = Annotated[Whole, Field(ge=1, le=16384)]
 FieldOfView = Annotated[Angle, Field(gt=0, lt=math.pi)]
 
 
 class _View(Model):
-    """Where a camera stands and looks; what is not given is found from the scene."""
+    """Position and direction of a camera; what is not given is chosen to fit."""
 
     position: Annotated[Position | None, Auto] = None
     look_at: Annotated[Position | None, Auto] = None
@@ -51,14 +53,14 @@ class _View(Model):
         return []
 
 
-class PinholeConfig(_View):
+class PinholeConfig(_View, builds="Camera"):
     """A perspective camera."""
 
     kind: Literal["pinhole"] = "pinhole"
     field_of_view: Annotated[FieldOfView | None, Auto] = None
 
 
-class OrthographicConfig(_View):
+class OrthographicConfig(_View, builds="OrthographicCamera"):
     """A camera with parallel rays."""
 
     kind: Literal["orthographic"] = "orthographic"
@@ -73,10 +75,7 @@ def _camera(value: Any) -> Any:
 
 
 CameraConfig = Annotated[
-    Annotated[PinholeConfig, Tag("<pinhole>")]
-    | Annotated[OrthographicConfig, Tag("<orthographic>")],
-    Discriminator(by_kind),
-    BeforeValidator(_camera),
+    PinholeConfig | OrthographicConfig, ByKind(), BeforeValidator(_camera)
 ]
 
 
@@ -90,17 +89,21 @@ Frames = Annotated[
 ]
 
 
+@cache
+def _palette_names() -> tuple[str, ...]:
+    # From the data file: the module of palettes imports JAX.
+    return tuple(json.loads(_PALETTES.read_text(encoding="utf-8")))
+
+
 def _known_palette(name: str) -> str:
-    if name not in palette_names():
-        raise refuse(f"unknown palette '{name}'{close_match(name, palette_names())}")
+    names = _palette_names()
+    if name not in names:
+        raise refuse(f"unknown palette '{name}'{close_match(name, names)}")
     return name
 
 
 class ImageConfig(Model):
-    """The colours of the frames, and which saved times become frames.
-
-    `samples` squared rays a pixel smooth the edges.
-    """
+    """The colours of the frames, and which saved times become frames."""
 
     palette: Annotated[str, AfterValidator(_known_palette)] = "iron"
     quantity: Literal["apparent", "surface"] = "apparent"
@@ -108,6 +111,7 @@ class ImageConfig(Model):
     high: Annotated[Temperature | None, Auto] = None
     smooth: Flag = True
     samples: Annotated[Whole, Field(ge=1, le=8)] = 2
+    """Square root of the number of rays for each pixel, which smooth the edges."""
     frames: Frames = None
 
     def mistakes(self) -> list[Mistake]:

@@ -1,4 +1,4 @@
-"""From a config to a camera, framing the scene where the config leaves it open."""
+"""Cameras from their config, framing the scene where the config leaves them open."""
 
 import math
 
@@ -6,36 +6,41 @@ import numpy as np
 from jaxtyping import Float
 
 from ..image.camera import AbstractCamera, Camera, OrthographicCamera, frame_all
-from .schema_image import CameraConfig, OrthographicConfig, PinholeConfig
+from .schema.image import CameraConfig, OrthographicConfig, PinholeConfig
 
 
 Point = tuple[float, float, float]
 _MARGIN = 1.06
+"""Radius of the framed ball over that of the bodies [-]."""
 _FIELD_OF_VIEW = 0.6
+"""Vertical angle where none is given [rad]."""
 _UP = PinholeConfig().up
 
 
 def build_camera(
     config: CameraConfig, triangles: Float[np.ndarray, "f 3 3"]
 ) -> AbstractCamera:
-    """The camera; what the config leaves open is chosen so that the scene fits in.
+    """The camera; values that the config leaves open are chosen to show all bodies.
 
     Args:
         config: of a pinhole or an orthographic camera.
-        triangles: all the bodies', in the world [m].
+        triangles: of all bodies, in the world frame [m].
     """
     fitted = frame_all(triangles, config.width, config.height)
     look_at = config.look_at or fitted.look_at
     radius = _radius(triangles, look_at)
     narrow = min(1.0, config.width / config.height)
+    shared = {
+        "look_at": look_at,
+        "up": config.up,
+        "width": config.width,
+        "height": config.height,
+    }
     if isinstance(config, OrthographicConfig):
         return OrthographicCamera(
-            position=config.position or _before(fitted, look_at, 2.0 * radius),
-            look_at=look_at,
-            up=config.up,
+            position=config.position or _in_front(fitted, look_at, 2.0 * radius),
             view_height=config.view_height or 2.0 * radius / narrow,
-            width=config.width,
-            height=config.height,
+            **shared,
         )
     left_open = (config.position, config.look_at, config.field_of_view)
     if left_open == (None, None, None) and config.up == _UP:
@@ -43,22 +48,19 @@ def build_camera(
     angle = config.field_of_view or _FIELD_OF_VIEW
     half = math.atan(math.tan(angle / 2.0) * narrow)
     return Camera(
-        position=config.position or _before(fitted, look_at, radius / math.sin(half)),
-        look_at=look_at,
-        up=config.up,
+        position=config.position or _in_front(fitted, look_at, radius / math.sin(half)),
         field_of_view=angle,
-        width=config.width,
-        height=config.height,
+        **shared,
     )
 
 
-def _radius(triangles: Float[np.ndarray, "f 3 3"], middle: Point) -> float:
-    """Of the ball about the point that holds everything, with a margin [m]."""
-    away = triangles.reshape(-1, 3) - np.asarray(middle)
+def _radius(triangles: Float[np.ndarray, "f 3 3"], centre: Point) -> float:
+    """Radius of the ball about the point that contains everything, with margin [m]."""
+    away = triangles.reshape(-1, 3) - np.asarray(centre)
     return _MARGIN * float(np.linalg.norm(away, axis=1).max())
 
 
-def _before(fitted: Camera, look_at: Point, distance: float) -> Point:
+def _in_front(fitted: Camera, look_at: Point, distance: float) -> Point:
     """The point from which the fitted camera's view direction meets `look_at`."""
     ahead = np.subtract(fitted.look_at, fitted.position)
     ahead = ahead / np.linalg.norm(ahead)

@@ -2,39 +2,37 @@
 
 import math
 from itertools import pairwise
-from typing import Annotated, Any, Generic, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Generic, Literal, TypeVar
 
 from pydantic import Discriminator, Tag
 
-from .fields import (
+from .model import Mistake, Model
+from .quantities import (
     Conductivity,
     ContactConductance,
     Direction,
-    HeatFlux,
-    HeatRateDensity,
-    HeatTransferCoefficient,
-    Irradiance,
     NotEmpty,
     Position,
-    Radiance,
-    RadiantIntensity,
     SpecificHeat,
-    Speed,
     Temperature,
     Three,
     Time,
 )
-from .model import Mistake, Model
 
 
 Value = TypeVar("Value")
 
 
-class Table(Model, Generic[Value]):
+class Table(Model, Generic[Value], builds="Table"):
     """A piecewise linear function of time [s]."""
 
     times: Annotated[tuple[Time, ...], NotEmpty]
     values: tuple[Value, ...]
+
+    def build(self, *args: Any) -> Any:
+        """The function of time."""
+        # By position: the classes of points and directions call the values so.
+        return self.target()(self.times, self.values)
 
     def mistakes(self) -> list[Mistake]:
         """Times that do not increase; lengths that differ."""
@@ -42,11 +40,15 @@ class Table(Model, Generic[Value]):
         return [*found, *unequal(self.values, "values", self.times, "times")]
 
 
-class DirectionTable(Table[Direction]):
+class PositionTable(Table[Position], builds="PointTable"):
+    """A position that moves in time."""
+
+
+class DirectionTable(Table[Direction], builds="DirectionTable"):
     """A direction that turns in time."""
 
     def mistakes(self) -> list[Mistake]:
-        """Directions between which there is no one way to turn."""
+        """Opposite directions, between which there is no unique way to turn."""
         unit = [[x / math.hypot(*v) for x in v] for v in self.values]
         opposite: list[Mistake] = [
             (("values", i), "is opposite to the one before: give one between them")
@@ -56,7 +58,7 @@ class DirectionTable(Table[Direction]):
         return [*super().mistakes(), *opposite]
 
 
-class PropertyTable(Model, Generic[Value]):
+class PropertyTable(Model, Generic[Value], builds="Property"):
     """A piecewise linear function of temperature [K]."""
 
     temperatures: Annotated[tuple[Temperature, ...], NotEmpty]
@@ -78,59 +80,44 @@ def not_increasing(values: tuple[float, ...], key: str, unit: str) -> list[Mista
     ]
 
 
-def unequal(values: tuple, key: str, places: tuple, other: str) -> list[Mistake]:
-    """A mistake if there are not as many values as places for them."""
-    if len(values) == len(places):
+def unequal(values: tuple, key: str, others: tuple, other_key: str) -> list[Mistake]:
+    """A mistake if two lists that belong together differ in length."""
+    if len(values) == len(others):
         return []
-    return [((key,), f"there are {len(values)} {key} for {len(places)} {other}")]
+    return [((key,), f"there are {len(values)} {key} for {len(others)} {other_key}")]
 
 
-def _fixed_or_table(value: Any) -> str:
+def _form(value: Any) -> str:
     return "<table>" if isinstance(value, dict | Model) else "<fixed>"
 
 
 def _or_bonded(value: Any) -> str:
-    return "<bonded>" if value == "bonded" else _fixed_or_table(value)
+    return "<bonded>" if value == "bonded" else _form(value)
 
 
 def _or_three(value: Any) -> str:
-    return "<three>" if isinstance(value, list | tuple) else _fixed_or_table(value)
+    return "<three>" if isinstance(value, list | tuple) else _form(value)
 
 
 _FIXED = Tag("<fixed>")
 _TABLE = Tag("<table>")
-_EITHER = Discriminator(_fixed_or_table)
+_EITHER = Discriminator(_form)
 
-TimeTemperature = Annotated[
-    Annotated[Temperature, _FIXED] | Annotated[Table[Temperature], _TABLE], _EITHER
-]
-TimeIrradiance = Annotated[
-    Annotated[Irradiance, _FIXED] | Annotated[Table[Irradiance], _TABLE], _EITHER
-]
-TimeIntensity = Annotated[
-    Annotated[RadiantIntensity, _FIXED] | Annotated[Table[RadiantIntensity], _TABLE],
-    _EITHER,
-]
-TimeRadiance = Annotated[
-    Annotated[Radiance, _FIXED] | Annotated[Table[Radiance], _TABLE], _EITHER
-]
-TimeHeatFlux = Annotated[
-    Annotated[HeatFlux, _FIXED] | Annotated[Table[HeatFlux], _TABLE], _EITHER
-]
-TimeCoefficient = Annotated[
-    Annotated[HeatTransferCoefficient, _FIXED]
-    | Annotated[Table[HeatTransferCoefficient], _TABLE],
-    _EITHER,
-]
-TimeDensity = Annotated[
-    Annotated[HeatRateDensity, _FIXED] | Annotated[Table[HeatRateDensity], _TABLE],
-    _EITHER,
-]
-TimeSpeed = Annotated[
-    Annotated[Speed, _FIXED] | Annotated[Table[Speed], _TABLE], _EITHER
-]
+if TYPE_CHECKING:
+    Varying = Value | Table[Value]
+else:
+
+    class Varying:
+        """`Varying[Temperature]` is a temperature, or a table of it by time."""
+
+        def __class_getitem__(cls, value: Any) -> Any:
+            """The union; typing cannot substitute into the generic model by itself."""
+            table = Annotated[Table[value], _TABLE]
+            return Annotated[Annotated[value, _FIXED] | table, _EITHER]
+
+
 TimePosition = Annotated[
-    Annotated[Position, _FIXED] | Annotated[Table[Position], _TABLE], _EITHER
+    Annotated[Position, _FIXED] | Annotated[PositionTable, _TABLE], _EITHER
 ]
 TimeDirection = Annotated[
     Annotated[Direction, _FIXED] | Annotated[DirectionTable, _TABLE], _EITHER

@@ -1,0 +1,235 @@
+"""Bodies: a mesh or a shape, its voxels, structure, material, temperature and pose."""
+
+import math
+from typing import Annotated, Any, ClassVar, Literal
+
+import numpy as np
+from pydantic import BeforeValidator, Discriminator, Field, Tag
+
+import jaxthermo
+
+from ...errors import InputError
+from ..messages import quoted
+from ..types.files import FoundPath
+from ..types.model import ByKind, Mistake, Model
+from ..types.quantities import (
+    LENGTH,
+    Angle,
+    Direction,
+    NotEmpty,
+    Position,
+    PositiveLength,
+    PositiveTime,
+    Size,
+    Temperature,
+    Time,
+    Whole,
+    refuse,
+    to_si,
+)
+from ..types.varying import not_increasing, unequal
+from .material import BodyMaterial, LabelledConfig, Material
+from .selection import empty_box
+from .structure import FluxCorrectedMap, FullVolume, StructureConfig, SurfaceMapConfig
+
+
+def _metres_per_unit(value: Any) -> float:
+    """Metres, from a unit's name, a length such as "25.4 mm", or a number."""
+    is_name = isinstance(value, str) and value[:1].isalpha()
+    try:
+        return to_si(f"1 {value}" if is_name else value, LENGTH)
+    except InputError:
+        raise refuse(
+            f"expected a length unit such as 'mm', got {quoted(value)}"
+        ) from None
+
+
+MetresPerUnit = Annotated[float, BeforeValidator(_metres_per_unit), Field(gt=0)]
+
+
+class MeshConfig(Model, builds="load_mesh"):
+    """A mesh file and its scale: metres per file unit, or the height of the body."""
+
+    path: FoundPath
+    unit: MetresPerUnit | None = None
+    height: PositiveLength | None = None
+    up: Literal["x", "y", "z", "-x", "-y", "-z"] = "z"
+
+    exactly_one: ClassVar = (("unit", "height"),)
+
+
+class Box(Model, builds="shapes.box"):
+    """A block with edges along the axes."""
+
+    kind: Literal["box"] = "box"
+    size: Size
+
+
+class Sphere(Model, builds="shapes.sphere"):
+    """A ball."""
+
+    kind: Literal["sphere"] = "sphere"
+    radius: PositiveLength
+
+
+class Cylinder(Model, builds="shapes.cylinder"):
+    """An upright cylinder."""
+
+    kind: Literal["cylinder"] = "cylinder"
+    radius: PositiveLength
+    height: PositiveLength
+
+
+class Slab(Model, builds="shapes.slab"):
+    """A plate, thin along x."""
+
+    kind: Literal["slab"] = "slab"
+    thickness: PositiveLength
+    width: PositiveLength
+    length: PositiveLength
+
+
+class Figurine(Model, builds="shapes.figurine"):
+    """The demo body, with thick and thin parts, some in front of others."""
+
+    kind: Literal["figurine"] = "figurine"
+    height: PositiveLength
+
+
+ShapeConfig = Annotated[Box | Sphere | Cylinder | Slab | Figurine, ByKind()]
+
+
+class PaintConfig(Model):
+    """A box of the body [m] that is made of another material."""
+
+    lower: Position
+    upper: Position
+    material: Material
+
+    def build(self, *args: Any) -> Any:
+        """The box and its material."""
+        box = jaxthermo.Region(lower=self.lower, upper=self.upper)
+        return box, self.material.build()
+
+    def mistakes(self) -> list[Mistake]:
+        """A box without volume."""
+        return empty_box(self.lower, self.upper)
+
+
+class RotationConfig(Model):
+    """A rotation about an axis through the origin, right-handed."""
+
+    axis: Direction
+    angle: Angle
+
+    def build(self, *args: Any) -> Any:
+        """The rows of the rotation matrix, by Rodrigues' formula."""
+        x, y, z = np.asarray(self.axis) / math.hypot(*self.axis)
+        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        sine, cosine = math.sin(self.angle), math.cos(self.angle)
+        matrix = np.eye(3) + sine * cross + (1.0 - cosine) * (cross @ cross)
+        return tuple((float(a), float(b), float(c)) for a, b, c in matrix)
+
+
+class PoseConfig(Model, builds="Pose"):
+    """Position of the body in the scene: rotated first, then translated."""
+
+    translation: Position = (0.0, 0.0, 0.0)
+    rotation: RotationConfig | None = None
+
+
+class MotionConfig(Model, builds="Motion"):
+    """Poses at times, between which the body moves."""
+
+    times: Annotated[tuple[Time, ...], NotEmpty]
+    poses: tuple[PoseConfig, ...]
+    every: PositiveTime | None = None
+    """Interval after which shadows, views and contacts are recomputed."""
+
+    def build(self, *args: Any) -> Any:
+        """The motion through the poses."""
+        poses = tuple(pose.build() for pose in self.poses)
+        return self.target()(jaxthermo.PoseTable(self.times, poses), every=self.every)
+
+    def mistakes(self) -> list[Mistake]:
+        """Times that do not increase; lengths that differ."""
+        found = not_increasing(self.times, "times", "s")
+        return [*found, *unequal(self.poses, "poses", self.times, "times")]
+
+
+def _rests_or_moves(value: Any) -> str:
+    moves = isinstance(value, MotionConfig)
+    if isinstance(value, dict):
+        moves = not {"times", "poses", "every"}.isdisjoint(value)
+    return "<moves>" if moves else "<rests>"
+
+
+AnyPose = Annotated[
+    Annotated[PoseConfig, Tag("<rests>")] | Annotated[MotionConfig, Tag("<moves>")],
+    Discriminator(_rests_or_moves),
+]
+
+
+class BodyConfig(Model, builds="Body"):
+    """One body of the scene."""
+
+    mesh: MeshConfig | None = None
+    shape: ShapeConfig | None = None
+    pitch: PositiveLength | None = None
+    voxels_high: Annotated[Whole, Field(ge=1, le=4096)] | None = None
+    structure: StructureConfig = FullVolume()
+    surface_map: SurfaceMapConfig = FluxCorrectedMap()
+    material: BodyMaterial
+    regions: tuple[PaintConfig, ...] = ()
+    temperature: Temperature
+    pose: AnyPose = PoseConfig()
+
+    exactly_one: ClassVar = (("mesh", "shape"), ("pitch", "voxels_high"))
+
+    def build(self, *args: Any) -> Any:
+        """The body, voxelized.
+
+        Raises:
+            InputError: for a mesh, labels or a fit card that cannot be used.
+        """
+        mesh = self.build_mesh()
+        pitch = self.pitch
+        if pitch is None:
+            height = float(np.ptp(mesh.bounds[:, 2]))
+            pitch = height / float(self.voxels_high or 1)
+        return self.target()(
+            self.structure.build(jaxthermo.voxelize(mesh, pitch=pitch)),
+            self.build_materials(),
+            temperature=self.temperature,
+            pose=self.pose.build(),
+            surface_map=self.surface_map.build(),
+        )
+
+    def build_mesh(self) -> Any:
+        """The mesh, from its file or as a shape, in metres and z up."""
+        given = self.mesh or self.shape
+        if given is None:
+            raise InputError("bodies: a body needs a `mesh` or a `shape`")
+        return given.build()
+
+    def build_materials(self) -> Any:
+        """One material, one with others painted over it, or one for each label."""
+        base = self.material.build()
+        painted = tuple(region.build() for region in self.regions)
+        return jaxthermo.MaterialMap(base, painted) if painted else base
+
+    def mistakes(self) -> list[Mistake]:
+        """Properties that a body of several materials cannot have."""
+        if not self.regions:
+            return []
+        if isinstance(self.material, LabelledConfig):
+            return [(("regions",), "the labels of `material` say what is where")]
+        painted = enumerate(self.regions)
+        return [
+            *self.material.varying(("material",)),
+            *(
+                m
+                for i, one in painted
+                for m in one.material.varying(("regions", i, "material"))
+            ),
+        ]

@@ -1,0 +1,112 @@
+"""Materials: by name, by their properties, both, or several by a file of labels."""
+
+import csv
+from functools import cache
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, Discriminator, Tag
+
+import jaxthermo
+
+from ..messages import close_match
+from ..types.files import FoundPath, read_labels
+from ..types.model import Location, Mistake, Model, Short
+from ..types.quantities import Density, Fraction, NotEmpty, refuse
+from ..types.varying import AnyConductivity, AnySpecificHeat, PropertyTable
+
+
+_TABLE = Path(__file__).parents[2] / "data" / "names.csv"
+
+
+@cache
+def _material_names() -> tuple[str, ...]:
+    # Of the data file: `jaxthermo.materials` has the same names, and imports JAX.
+    with _TABLE.open(encoding="utf-8", newline="") as lines:
+        rows = list(csv.DictReader(lines))
+    return tuple(name for r in rows for name in (r["name"], *r["aliases"].split()))
+
+
+def _known_material(name: str) -> str:
+    names = _material_names()
+    if name not in names:
+        raise refuse(f"unknown material '{name}'{close_match(name, names)}")
+    return name
+
+
+class MaterialConfig(Model, builds="Material"):
+    """A material by name, by its properties, or by name with some of them changed."""
+
+    name: Annotated[str, AfterValidator(_known_material)] | None = None
+    conductivity: AnyConductivity | None = None
+    density: Density | None = None
+    specific_heat: AnySpecificHeat | None = None
+    emissivity: Fraction | None = None
+    absorptivity: Fraction | None = None
+
+    def arguments(self) -> dict[str, Any]:
+        """The properties of the named material, and those given instead of them."""
+        given = super().arguments()
+        name = given.pop("name", None)
+        if name is None:
+            return given
+        named = jaxthermo.materials[name]
+        table = {
+            "conductivity": named.conductivity,
+            "density": named.density,
+            "specific_heat": named.specific_heat,
+            "emissivity": named.emissivity,
+            "absorptivity": named.own_absorptivity,
+        }
+        return table | given
+
+    @classmethod
+    def raw_mistakes(cls, data: dict[str, Any]) -> list[Mistake]:
+        """Required properties that are missing although there is no name."""
+        if data.get("name") is not None:
+            return []
+        needed = ("conductivity", "density", "specific_heat")
+        message = "missing: without a `name` a material has to state it"
+        return [((key,), message) for key in needed if data.get(key) is None]
+
+    def varying(self, where: Location) -> list[Mistake]:
+        """Tables of temperature, which a body of several materials cannot have."""
+        message = "depends on temperature, which only bodies of one material can"
+        return [
+            ((*where, key), message)
+            for key in ("conductivity", "specific_heat")
+            if isinstance(getattr(self, key), PropertyTable)
+        ]
+
+
+Material = Annotated[MaterialConfig, Short("name")]
+
+
+class LabelledConfig(Model, builds="MaterialLabels"):
+    """A material for each voxel, by its number in a file."""
+
+    labels: FoundPath
+    materials: Annotated[tuple[Material, ...], NotEmpty]
+
+    def build(self, *args: Any) -> Any:
+        """The labels and their materials."""
+        given = tuple(material.build() for material in self.materials)
+        return self.target()(read_labels(self.labels), given)
+
+    def mistakes(self) -> list[Mistake]:
+        """Tables of temperature."""
+        listed = enumerate(self.materials)
+        return [m for i, one in listed for m in one.varying(("materials", i))]
+
+
+def _one_or_several(value: Any) -> str:
+    several = isinstance(value, LabelledConfig)
+    if isinstance(value, dict):
+        several = "labels" in value or "materials" in value
+    return "<several>" if several else "<one>"
+
+
+BodyMaterial = Annotated[
+    Annotated[Material, Tag("<one>")] | Annotated[LabelledConfig, Tag("<several>")],
+    Discriminator(_one_or_several),
+]

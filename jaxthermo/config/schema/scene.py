@@ -1,0 +1,160 @@
+"""The config of a scene, complete, with the checks between its parts."""
+
+import math
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar
+
+from pydantic import Field, ValidationError
+
+from ..types.model import Location, Mistake, Model, build
+from ..types.quantities import Flag, NotEmpty, PositiveTime
+from ..types.varying import not_increasing
+from .body import BodyConfig
+from .image import CameraConfig, ImageConfig, PinholeConfig
+from .solver import AutoSolver, SolverConfig
+from .terms import TermConfig
+
+
+if TYPE_CHECKING:
+    from ...scene.scene import Scene
+
+_MAX_SAVES = 100_000
+"""Number of saved times above which a run would fill the memory."""
+_EMISSION = ("surroundings", "radiative_exchange")
+"""Kinds of terms that compute the emission, of which a scene has at most one."""
+AnyModel = TypeVar("AnyModel", bound=Model)
+
+
+class TimeConfig(Model):
+    """The end of the run, and the times at which its state is saved."""
+
+    end: PositiveTime
+    save_at: Annotated[tuple[PositiveTime, ...], NotEmpty] | None = None
+    save_every: PositiveTime | None = None
+
+    exactly_one: ClassVar = (("save_at", "save_every"),)
+
+    def mistakes(self) -> list[Mistake]:
+        """Saved times that do not increase, or are after the end."""
+        found = not_increasing(self.save_at or (), "save_at", "s")
+        for i, time in enumerate(self.save_at or ()):
+            if time > self.end:
+                message = f"{time:g} s is after the end, {self.end:g} s"
+                found.append((("save_at", i), message))
+        if self.save_every is not None:
+            if self.save_every > self.end:
+                message = f"{self.save_every:g} s is after the end, {self.end:g} s"
+                found.append((("save_every",), message))
+            if self.end / self.save_every > _MAX_SAVES:
+                message = f"would save more than {_MAX_SAVES} times"
+                found.append((("save_every",), message))
+        return found
+
+    @property
+    def save_times(self) -> tuple[float, ...]:
+        """Times at which the state is saved [s]; with `save_every` also the end."""
+        if self.save_every is None:
+            return self.save_at or ()
+        # An interval that rounding leaves before the end is not a step of its own.
+        whole = round(self.end / self.save_every * (1.0 - 1e-9) - 0.5)
+        return (*(self.save_every * (i + 1) for i in range(whole)), self.end)
+
+
+class SceneConfig(Model, builds="Scene"):
+    """A scene, its run and its images, in SI units."""
+
+    name: Annotated[str, Field(min_length=1)] | None = None
+    allow_extreme_temperatures: Flag = False
+    dtype: Literal["float32", "float64"] = "float32"
+    bodies: Annotated[tuple[BodyConfig, ...], NotEmpty]
+    terms: tuple[TermConfig, ...] = ()
+    time: TimeConfig
+    solver: SolverConfig = AutoSolver()
+    camera: CameraConfig = PinholeConfig()
+    image: ImageConfig = ImageConfig()
+
+    def build(self, *args: Any) -> "Scene":
+        """The scene, with its meshes loaded and voxelized.
+
+        Raises:
+            InputError: for a mesh, labels, mask or fit card that cannot be used.
+        """
+        bodies, terms = build(self.bodies), build(self.terms)
+        return self.target()(bodies=bodies, terms=terms, dtype=self.dtype)
+
+    @classmethod
+    def raw_mistakes(cls, data: dict[str, Any]) -> list[Mistake]:
+        """Parts that do not fit together, reported even while others are wrong."""
+        return [*_missing_bodies(data), *_unsaved_frames(data), *_second_emission(data)]
+
+
+def _missing_bodies(data: dict[str, Any]) -> list[Mistake]:
+    """Terms that name a body which does not exist."""
+    bodies = data.get("bodies")
+    count = len(bodies) if isinstance(bodies, list) else 0
+    return [
+        (("terms", i, *where), f"there is no body {body}; the last one is {count - 1}")
+        for i, term in enumerate(_terms(data))
+        for where, body in _named_bodies(term if isinstance(term, dict) else {})
+        if type(body) is int and body >= count > 0
+    ]
+
+
+def _named_bodies(term: dict[str, Any]) -> Iterator[tuple[Location, Any]]:
+    """The locations and numbers of bodies in a term as it is written."""
+    for key in ("on", "within", "cylinders"):
+        for part, value in _items(term.get(key)):
+            if part == "body":
+                yield (key, part), value
+            elif isinstance(value, dict):
+                yield (key, part, "body"), value.get("body")
+    for i, body in _items(term.get("bodies")):
+        yield ("bodies", i), body
+
+
+def _items(value: Any) -> Iterable[tuple[str | int, Any]]:
+    if isinstance(value, dict):
+        return value.items()
+    return enumerate(value) if isinstance(value, list) else ()
+
+
+def _second_emission(data: dict[str, Any]) -> list[Mistake]:
+    """Terms that would compute the emission again."""
+    kinds = [t.get("kind") if isinstance(t, dict) else None for t in _terms(data)]
+    found = [i for i, kind in enumerate(kinds) if kind in _EMISSION]
+    return [
+        (
+            ("terms", i),
+            f"{kinds[i]} would count the emission twice, after {kinds[found[0]]} in "
+            f"terms.{found[0]}: give one of them",
+        )
+        for i in found[1:]
+    ]
+
+
+def _terms(data: dict[str, Any]) -> list[Any]:
+    terms = data.get("terms")
+    return terms if isinstance(terms, list) else []
+
+
+def _unsaved_frames(data: dict[str, Any]) -> list[Mistake]:
+    """Frames of times that are not saved."""
+    time = _if_valid(TimeConfig, data.get("time"))
+    image = data.get("image")
+    frames = image.get("frames") if isinstance(image, dict) else None
+    # The frames alone: the rest of the image may have mistakes of its own.
+    image = _if_valid(ImageConfig, {"frames": frames})
+    if time is None or image is None:
+        return []
+    return [
+        (("image", "frames", i), f"{frame:g} s is not a saved time")
+        for i, frame in enumerate(image.frames or ())
+        if not any(math.isclose(frame, t, rel_tol=1e-9) for t in time.save_times)
+    ]
+
+
+def _if_valid(model: type[AnyModel], data: Any) -> AnyModel | None:
+    try:
+        return model.model_validate(data)
+    except ValidationError:
+        return None

@@ -1,0 +1,211 @@
+"""Structures, weights of conduction and surface maps: the thermal model of a body."""
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+from pydantic import Discriminator, Field, Tag
+
+import jaxthermo
+
+from ...errors import InputError
+from ..types.files import FoundPath, read_labels
+from ..types.model import ByKind, KindModel, Mistake, Model, Short
+from ..types.quantities import Auto, Flag, NotEmpty, Number, Whole
+
+
+def _number_or_list(value: Any) -> str:
+    return "<list>" if isinstance(value, list | tuple) else "<number>"
+
+
+_NUMBER = Tag("<number>")
+_LIST = Tag("<list>")
+_EITHER = Discriminator(_number_or_list)
+# Above this, float32 overflows long before the weight has any physical meaning.
+_MAX_WEIGHT = 1e9
+Weight = Annotated[Number, Field(ge=0, le=_MAX_WEIGHT)]
+_Positive = Annotated[Number, Field(gt=0, le=_MAX_WEIGHT)]
+Weights = Annotated[
+    Annotated[Weight, _NUMBER] | Annotated[tuple[Weight, ...], NotEmpty, _LIST], _EITHER
+]
+PositiveWeights = Annotated[
+    Annotated[_Positive, _NUMBER] | Annotated[tuple[_Positive, ...], NotEmpty, _LIST],
+    _EITHER,
+]
+# No body has more voxels, or layers of them, along an edge.
+Count = Annotated[Whole, Field(ge=1, le=4096)]
+Levels = Annotated[Count | None, Auto]
+"""Number of levels; None for as many as the body has."""
+
+
+class WeightsConfig(Model, builds="ConductionWeights"):
+    """Factors of conductances and capacities; a list has one number for each level."""
+
+    within: Weights = 1.0
+    between: Weights = 1.0
+    surface: Weight = 1.0
+    capacity: PositiveWeights = 1.0
+    surface_distance: Weight = 1.0
+    nearest_capacity: Annotated[Number, Field(ge=-10, le=10)] = 0.0
+    non_orthogonal: Annotated[Number, Field(ge=-1, le=2)] = 0.0
+    card: FoundPath | None = None
+    """Fit card from which all weights are taken instead."""
+
+    def build(self, *args: Any) -> Any:
+        """The weights as given, or those of the fit card."""
+        if self.card is not None:
+            return jaxthermo.load_card(self.card).weights
+        return super().build()
+
+    def mistakes(self) -> list[Mistake]:
+        """Weights given as well as a card."""
+        if self.card is None:
+            return []
+        given = [
+            name
+            for name, field in type(self).model_fields.items()
+            if name != "card" and getattr(self, name) != field.default
+        ]
+        return [((name,), "is in the card: give one or the other") for name in given]
+
+
+CardOrWeights = Annotated[WeightsConfig, Short("card")]
+"""Factors, or the path of a fit card."""
+
+
+class _Structure(KindModel):
+    """A kind of structure; `build` takes the body's voxel grid."""
+
+    weights: CardOrWeights = WeightsConfig()
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """The kind and its options as plain values, without the weights."""
+        return self.model_dump(mode="json", exclude={"weights"}, exclude_none=True)
+
+    def build(self, *args: Any) -> Any:
+        """The structure on a voxel grid.
+
+        Raises:
+            InputError: for a fit card of another structure, or unusable files.
+        """
+        path = self.weights.card
+        if path is not None:
+            fitted = dict(jaxthermo.load_card(path).structure)
+            if fitted != self.options:
+                raise InputError(
+                    f"weights: {path.name} is of {_listed(fitted)}, and the structure "
+                    f"is {_listed(self.options)}: fit one for it, or use the card's "
+                    "structure"
+                )
+        return super().build(*args)
+
+
+def _listed(options: Mapping[str, Any]) -> str:
+    return ", ".join(f"{name} {value}" for name, value in options.items())
+
+
+class FullVolume(_Structure, builds="FullVolume"):
+    """Every solid voxel."""
+
+    kind: Literal["full_volume"] = "full_volume"
+
+
+class SingleShell(_Structure, builds="SingleShell"):
+    """The surface voxels only."""
+
+    kind: Literal["single_shell"] = "single_shell"
+    capacity: Literal["body", "own"] = "body"
+
+
+class MultiLevel(_Structure, builds="MultiLevel"):
+    """Shells inside shells."""
+
+    kind: Literal["multi_level"] = "multi_level"
+    levels: Count = 10
+    hollow: Literal["empty", "innermost"] = "empty"
+
+
+class IrregularMultiLevel(_Structure, builds="IrregularMultiLevel"):
+    """Shells whose voxels grow inwards."""
+
+    kind: Literal["irregular_multi_level"] = "irregular_multi_level"
+    levels: Levels = None
+    keep_capacity: Flag = False
+
+
+class Octree(_Structure, builds="Octree"):
+    """Cells that grow inwards and fill the body."""
+
+    kind: Literal["octree"] = "octree"
+    levels: Levels = None
+
+
+class Aggregate(_Structure, builds="Aggregate"):
+    """Blocks of factor^3 voxels."""
+
+    kind: Literal["aggregate"] = "aggregate"
+    factor: Count = 4
+    min_time_constant: Annotated[float, Field(ge=0, le=1)] = 0.45
+    alignment: Annotated[float, Field(ge=0, le=1)] = 0.7
+
+
+class ShellOverCore(_Structure, builds="ShellOverCore"):
+    """Fine layers over blocks."""
+
+    kind: Literal["shell_over_core"] = "shell_over_core"
+    layers: Count = 1
+    factor: Count = 4
+
+
+class Partition(_Structure, builds="Partition"):
+    """Nodes given by a file of labels."""
+
+    kind: Literal["partition"] = "partition"
+    labels: FoundPath
+
+    def arguments(self) -> dict[str, Any]:
+        """The labels instead of their file."""
+        return super().arguments() | {"labels": read_labels(self.labels)}
+
+
+StructureConfig = Annotated[
+    FullVolume
+    | SingleShell
+    | MultiLevel
+    | IrregularMultiLevel
+    | Octree
+    | Aggregate
+    | ShellOverCore
+    | Partition,
+    ByKind(),
+    Short("kind", "full_volume"),
+]
+
+Depth = Literal["surface", "voxel"]
+
+
+class ConstantMap(KindModel, builds="ConstantMap"):
+    """The node's temperature."""
+
+    kind: Literal["constant"] = "constant"
+
+
+class LinearMap(KindModel, builds="LinearMap"):
+    """The node's temperature and its gradient."""
+
+    kind: Literal["linear"] = "linear"
+    at: Depth = "surface"
+
+
+class FluxCorrectedMap(KindModel, builds="FluxCorrectedMap"):
+    """The energy balance at the surface, and the gradient along it."""
+
+    kind: Literal["flux_corrected"] = "flux_corrected"
+    at: Depth = "surface"
+
+
+SurfaceMapConfig = Annotated[
+    ConstantMap | LinearMap | FluxCorrectedMap,
+    ByKind(),
+    Short("kind", "flux_corrected"),
+]

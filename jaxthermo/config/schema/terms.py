@@ -1,0 +1,252 @@
+"""Terms: what heats and cools the bodies, at their surface and inside.
+
+A new term has its class, exported by `jaxthermo`, and one model here.
+"""
+
+import math
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import Field
+
+import jaxthermo
+
+from ..types.model import ByKind, KindModel, Mistake, Model, Short
+from ..types.quantities import (
+    Direction,
+    Extent,
+    Fraction,
+    HeatFlux,
+    HeatRateDensity,
+    HeatTransferCoefficient,
+    Index,
+    Indices,
+    Irradiance,
+    Number,
+    Position,
+    PositiveLength,
+    PositiveTime,
+    Radiance,
+    RadiantIntensity,
+    Speed,
+    Temperature,
+    Velocity,
+    Whole,
+)
+from ..types.varying import TimeConductance, TimeDirection, TimePosition, Varying
+from .selection import WhereConfig, WithinConfig
+
+
+# With fewer directions a view of the surroundings is too coarse to be of use.
+Directions = Annotated[Whole, Field(ge=8, le=100_000)]
+
+
+class _Switched(Model):
+    """A term with a value that is switched off at the time `until`."""
+
+    switched: ClassVar[tuple[str, ...]]
+    """Keys of the values that become 0."""
+
+    def arguments(self) -> dict[str, Any]:
+        """The values, those of `switched` up to the end only."""
+        given = super().arguments()
+        end = given.pop("until", None)
+        if end is not None:
+            cut = {
+                k: jaxthermo.Until(given[k], end) for k in self.switched if k in given
+            }
+            given |= cut
+        return given
+
+
+class SunConfig(_Switched, builds="Sun"):
+    """Parallel rays that travel along `direction`."""
+
+    kind: Literal["sun"] = "sun"
+    direction: TimeDirection
+    irradiance: Varying[Irradiance]
+    until: PositiveTime | None = None
+
+    switched: ClassVar = ("irradiance",)
+
+
+class PointSourceConfig(_Switched, builds="PointSource"):
+    """A small source near by."""
+
+    kind: Literal["point_source"] = "point_source"
+    position: TimePosition
+    radiant_intensity: Varying[RadiantIntensity]
+    least_distance: PositiveLength = 0.01
+    until: PositiveTime | None = None
+
+    switched: ClassVar = ("radiant_intensity",)
+
+
+class AreaSourceConfig(_Switched, builds="AreaSource"):
+    """A rectangle that radiates from its front, by its radiance or its temperature."""
+
+    kind: Literal["area_source"] = "area_source"
+    centre: TimePosition
+    normal: Direction
+    size: Extent
+    up: Direction = (0.0, 0.0, 1.0)
+    radiance: Varying[Radiance] | None = None
+    temperature: Varying[Temperature] | None = None
+    emissivity: Fraction | None = None
+    patches: Annotated[Whole, Field(ge=1, le=64)] = 4
+    until: PositiveTime | None = None
+
+    exactly_one: ClassVar = (("radiance", "temperature"),)
+    switched: ClassVar = ("radiance", "temperature")
+
+    @classmethod
+    def raw_mistakes(cls, data: dict[str, Any]) -> list[Mistake]:
+        """An emissivity although the radiance is given."""
+        if data.get("radiance") is None or data.get("emissivity") is None:
+            return []
+        return [(("emissivity",), "goes with `temperature`; a radiance stands alone")]
+
+
+class SurroundingsConfig(Model, builds="Surroundings"):
+    """Net thermal emission to surroundings, or to a sky and a ground."""
+
+    kind: Literal["surroundings"] = "surroundings"
+    temperature: Varying[Temperature]
+    ground: Varying[Temperature] | None = None
+    occlusion: Directions | None = None
+    linear_within: Annotated[Number, Field(gt=0, lt=1)] | None = None
+
+
+class RadiativeExchangeConfig(Model, builds="RadiativeExchange"):
+    """Net thermal emission of bodies to each other and to the surroundings."""
+
+    kind: Literal["radiative_exchange"] = "radiative_exchange"
+    temperature: Varying[Temperature]
+    most_patches: Annotated[Whole, Field(ge=6, le=4096)] = 128
+    directions: Directions = 128
+
+
+class ConvectionConfig(Model, builds="Convection"):
+    """Convection with a given heat transfer coefficient."""
+
+    kind: Literal["convection"] = "convection"
+    heat_transfer_coefficient: Varying[HeatTransferCoefficient]
+    temperature: Varying[Temperature]
+    on: WhereConfig | None = None
+
+
+class CylinderConfig(Model, builds="Cylinder"):
+    """A cylinder that stands for a part of a body, in the body's own frame."""
+
+    axis_point: Position
+    axis: Direction
+    diameter: PositiveLength
+    length: PositiveLength | None = None
+    body: Index = 0
+
+
+class WakeDeficitConfig(KindModel, builds="WakeDeficit"):
+    """Slower wind behind other objects."""
+
+    kind: Literal["deficit"] = "deficit"
+    amplitude: Annotated[Number, Field(gt=0, lt=1.3)] = 1.027
+    length: Annotated[Number, Field(gt=0)] = 2.227
+    exponent: Annotated[Number, Field(ge=0.4, le=1.1)] = 0.497
+
+
+class WindConfig(Model, builds="Wind"):
+    """Wind of one direction; the bodies are approximated by cylinders."""
+
+    kind: Literal["wind"] = "wind"
+    velocity: Velocity
+    temperature: Varying[Temperature]
+    speed: Varying[Speed] | None = None
+    average: Literal["churchill_bernstein", "sanitjai_goldstein", "profile"] = (
+        "churchill_bernstein"
+    )
+    cylinders: tuple[CylinderConfig, ...] = ()
+    wake: Annotated[WakeDeficitConfig, Short("kind", "deficit")] | None = None
+
+    def mistakes(self) -> list[Mistake]:
+        """A speed without a direction."""
+        if self.speed is None or any(self.velocity):
+            return []
+        return [(("velocity",), "must not be [0, 0, 0]: it has to point somewhere")]
+
+
+class FreeConvectionConfig(Model, builds="FreeConvection"):
+    """Natural convection in still air."""
+
+    kind: Literal["free_convection"] = "free_convection"
+    temperature: Varying[Temperature]
+    length: PositiveLength | None = None
+    cylinders: tuple[CylinderConfig, ...] = ()
+
+
+class HeatFluxConfig(_Switched, builds="HeatFlux"):
+    """A given heat flux into the surface."""
+
+    kind: Literal["heat_flux"] = "heat_flux"
+    heat_flux: Varying[HeatFlux]
+    until: PositiveTime | None = None
+    on: WhereConfig | None = None
+
+    switched: ClassVar = ("heat_flux",)
+
+
+class FixedTemperatureConfig(Model, builds="FixedTemperature"):
+    """A surface of prescribed temperature."""
+
+    kind: Literal["fixed_temperature"] = "fixed_temperature"
+    temperature: Varying[Temperature]
+    on: WhereConfig | None = None
+
+
+class HeatSourceConfig(_Switched, builds="HeatSource"):
+    """Heat released inside."""
+
+    kind: Literal["heat_source"] = "heat_source"
+    heat_rate_density: Varying[HeatRateDensity]
+    until: PositiveTime | None = None
+    within: WithinConfig | None = None
+
+    switched: ClassVar = ("heat_rate_density",)
+
+
+class ContactConfig(Model, builds="Contact"):
+    """Heat conduction between touching surfaces, of all bodies or of two."""
+
+    kind: Literal["contact"] = "contact"
+    conductance: TimeConductance
+    bodies: Indices | None = None
+    threshold: PositiveLength | None = None
+    gap_length: PositiveLength | None = None
+    most_pairs: Annotated[Whole, Field(ge=1)] | None = None
+
+    def arguments(self) -> dict[str, Any]:
+        """The values, with an infinite conductance for "bonded"."""
+        given = super().arguments()
+        bonded = self.conductance == "bonded"
+        return given | {"conductance": math.inf} if bonded else given
+
+    def mistakes(self) -> list[Mistake]:
+        """A body in contact with itself."""
+        if self.bodies is None or self.bodies[0] != self.bodies[1]:
+            return []
+        return [(("bodies", 1), f"is body {self.bodies[1]} again: name two bodies")]
+
+
+TermConfig = Annotated[
+    SunConfig
+    | PointSourceConfig
+    | AreaSourceConfig
+    | SurroundingsConfig
+    | RadiativeExchangeConfig
+    | ConvectionConfig
+    | WindConfig
+    | FreeConvectionConfig
+    | HeatFluxConfig
+    | FixedTemperatureConfig
+    | HeatSourceConfig
+    | ContactConfig,
+    ByKind(),
+]

@@ -1,0 +1,1 @@
+"""Types of config fields: quantities with units, values that vary, files, mappings."""
