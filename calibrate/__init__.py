@@ -1,1 +1,1 @@
-"""Fits weights, materials and coefficients to references (no command yet)."""
+"""Fits conduction weights, materials and coefficients to references or thermograms."""

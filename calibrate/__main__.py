@@ -1,4 +1,4 @@
-"""The command line of calibrations: fit, check, identify, show."""
+"""Command line of calibrations: fit, identify, check and show."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,8 +11,8 @@ from jaxthermo.cli.entry import run_app
 
 app = App(
     name="calibrate",
-    help="Weights, materials and coefficients fitted to references or to frames.",
-    # `main` tells where a fit was stopped.
+    help="Fit weights, materials and coefficients to reference runs or thermograms.",
+    # `main` reports where a fit was stopped.
     suppress_keyboard_interrupt=False,
 )
 
@@ -24,13 +24,13 @@ Overrides = Annotated[
 
 @app.command
 def fit(config: Path, /, *, out: Path | None = None, overrides: Overrides = ()) -> None:
-    """Fit what a config asks for; leaves fit.json, card.yaml and report.html.
+    """Fit the parameters of a config; writes fit.json, card.yaml and report.html.
 
-    A fit that was stopped or killed goes on where it was.
+    A fit that was interrupted or killed continues from its last step.
 
     Args:
         config: The calibration, a YAML file.
-        out: The folder for the results; results/calibration/NAME if not given.
+        out: The folder for the results; results/calibration/NAME by default.
         overrides: A value to change, such as fit.seed=3; may be repeated.
     """
     from .cli import fit as run
@@ -40,7 +40,7 @@ def fit(config: Path, /, *, out: Path | None = None, overrides: Overrides = ()) 
 
 @app.command
 def identify(config: Path, /, *, overrides: Overrides = ()) -> None:
-    """Tell what the data could tell of each parameter, before anything is fitted.
+    """Report how well the data determine each parameter, before anything is fitted.
 
     Args:
         config: The calibration, a YAML file.
@@ -53,7 +53,7 @@ def identify(config: Path, /, *, overrides: Overrides = ()) -> None:
 
 @app.command
 def check(card: Path, /, *, scene: Path, overrides: Overrides = ()) -> None:
-    """Tell whether a fit card holds for a scene: its ranges, and the error there.
+    """Check if a fit card is valid for a scene: its ranges, and the error there.
 
     Args:
         card: The card.yaml of a fit.
@@ -67,10 +67,10 @@ def check(card: Path, /, *, scene: Path, overrides: Overrides = ()) -> None:
 
 @app.command
 def show(folder: Path, /) -> None:
-    """Show what a fit came to.
+    """Print the results of a fit.
 
     Args:
-        folder: That `calibrate fit` left.
+        folder: The results folder of `calibrate fit`.
     """
     from .cli import show as run
 
@@ -78,7 +78,7 @@ def show(folder: Path, /) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Runs one command and exits: 0 if it worked, 2 for a mistake of the user."""
+    """Run one command and exit: 0 if it worked, 2 for a mistake of the user."""
     run_app(app, "calibrate", arguments)
 
 

@@ -1,4 +1,4 @@
-"""What the commands say on a terminal."""
+"""Commands of calibrations as text on a terminal."""
 
 import json
 from pathlib import Path
@@ -13,34 +13,36 @@ from jaxthermo.cli.console import open_console, tell
 from jaxthermo.cli.progress import patient_interrupt
 from jaxthermo.errors import InputError
 
-from .analysis.card_validation import check_card
-from .analysis.identifiability import identify as judge, left_over
+from .analysis.fit_card import check_card
 from .config.loader import load_calibration
-from .problem.build import build
-from .problem.parameter_units import unit_of
+from .config.schema import unit_of
 from .report.text_summary import about_errors, change, error_words, name_of
-from .run import Told, errors_at, fit_config, jacobian
-from .solvers.checkpoint import Step
+from .run import ProgressLog, fit_config, identify_start
+from .solvers.checkpoint import StepRecord
 
 
-class _Shown(Told):
-    """A bar on a terminal; a line a step where there is none."""
+MAX_ADVICE = 5
+"""Further experiments that are listed."""
+
+_LEFT = ("parameter", "verdict")
+
+
+class _ProgressBar(ProgressLog):
+    """Progress bar on a terminal; elsewhere a line per step."""
 
     def __init__(self, console: Console, bar: Progress):
         self._console, self._bar = console, bar
         self._task = bar.add_task("starting", total=None, note="")
 
-    def doing(self, what: str) -> None:
-        """Something that takes a while begins."""
-        self._bar.update(self._task, description=what, total=None, note="")
+    def stage(self, name: str) -> None:
+        self._bar.update(self._task, description=name, total=None, note="")
 
-    def step(self, step: Step, took: float, most: int) -> None:
-        """A step of the fit is done."""
-        kind = "" if step.told == "accepted" else f", {step.told}"
-        left = took / step.number * (most - step.number)
+    def step(self, step: StepRecord, seconds: float, max_steps: int) -> None:
+        kind = "" if step.outcome == "accepted" else f", {step.outcome}"
+        left = seconds / step.number * (max_steps - step.number)
         note = f"loss {step.loss:.6g}{kind}, at most {left:.0f} s left"
         self._bar.update(
-            self._task, description="fitting", total=most, completed=step.number,
+            self._task, description="fitting", total=max_steps, completed=step.number,
             note=note,
         )  # fmt: skip
         if not self._console.is_terminal:
@@ -63,18 +65,17 @@ def fit(config: Path, out: Path, overrides: tuple[str, ...]) -> None:
     """Run `calibrate fit`."""
     console = open_console()
     with patient_interrupt() as asked, _progress(console) as bar:
-        result = fit_config(config, out, overrides, _Shown(console, bar), asked)
-    tell_fit(console, result)
+        result = fit_config(config, out, overrides, _ProgressBar(console, bar), asked)
+    _print_fit(console, result)
     tell(console, f"fit.json, card.yaml and report.html in {out}")
     if result["ended"] == "interrupted":
         raise KeyboardInterrupt(
             f"stopped after step {len(result['steps'])}, the best so far is in {out}; "
-            "the same command goes on from there"
+            "the same command continues from there"
         )
 
 
-def tell_fit(console: Console, result: dict[str, Any]) -> None:
-    """The parameters, the errors before and after, and the speed."""
+def _print_fit(console: Console, result: dict[str, Any]) -> None:
     table = Table(title=f"{result['name']}: {result['ended']}")
     for column in ("parameter", "start", "fitted", "standard error", "verdict"):
         table.add_column(column, justify="left" if column in _LEFT else "right")
@@ -104,7 +105,7 @@ def tell_fit(console: Console, result: dict[str, Any]) -> None:
     tell(
         console,
         f"runs {speed['times_faster']:.3g} times as fast as the full volume "
-        f"({speed['least']:.3g} to {speed['most']:.3g}); "
+        f"({speed['min']:.3g} to {speed['max']:.3g}); "
         f"{speed['default']['times_faster']:.3g} times before the fit",
     )
     spans = result["run_time_s"]
@@ -113,13 +114,8 @@ def tell_fit(console: Console, result: dict[str, Any]) -> None:
         f"the fit took {spans['fit']:.3g} s, as long as "
         f"{spans['fit'] / max(spans['one_run'], 1e-9):.3g} runs of all its cases",
     )
-    for entry in result["advice"][:MOST_ADVICE]:
-        tell(console, f"{entry['what']}: would tell {entry['gain_nats']:.2f} nats more")
-
-
-MOST_ADVICE = 5
-
-_LEFT = ("parameter", "verdict")
+    for entry in result["advice"][:MAX_ADVICE]:
+        tell(console, f"{entry['what']}: would add {entry['gain_nats']:.2f} nats")
 
 
 def identify(config: Path, overrides: tuple[str, ...]) -> None:
@@ -127,23 +123,9 @@ def identify(config: Path, overrides: tuple[str, ...]) -> None:
     console = open_console()
     loaded = load_calibration(config, overrides)
     with _progress(console) as bar:
-        shown = _Shown(console, bar)
-        built = build(loaded, shown.doing)
-        shown.doing("taking derivatives")
-        problem = built.train
-        z = np.zeros(problem.parameters.size)
-        rows = jacobian(problem, z)
-        shown.doing("judging the start")
-        errors = errors_at(problem, [z])[0]
-    sd = problem.known_sd
-    if sd is None:
-        squares = sum(np.mean(np.square(e.percent)) for e in errors.values())
-        total = float(np.sqrt(squares / len(errors)))
-        sd = left_over(
-            np.full(rows.shape[1], total / rows.shape[1] ** 0.5), len(z), None
-        )
-    found = judge(problem.parameters, z, rows, sd)
-    table = Table(title=f"{loaded.name}: what the data could tell, at the start")
+        log = _ProgressBar(console, bar)
+        found, errors, noise_is_known = identify_start(loaded, log)
+    table = Table(title=f"{loaded.name}: how well the data determine the start values")
     for column in ("parameter", "start", "standard error", "verdict"):
         table.add_column(column, justify="left" if column in _LEFT else "right")
     for v in found.verdicts:
@@ -158,10 +140,10 @@ def identify(config: Path, overrides: tuple[str, ...]) -> None:
     console.print(table)
     for name, error in errors.items():
         words = f"{error.worst:.3g} %"
-        if problem.known_sd is not None:
+        if noise_is_known:
             words = f"{error.worst / 100:.3g} times the noise"
         tell(console, f"{name}: error {words} at the start")
-    if problem.known_sd is not None:
+    if noise_is_known:
         tell(console, "standard errors are of the pixels' noise alone, not the model's")
 
 
@@ -169,7 +151,7 @@ def check(card: Path, scene: Path, overrides: tuple[str, ...]) -> None:
     """Run `calibrate check`."""
     console = open_console()
     with _progress(console) as bar:
-        found = check_card(card, scene, overrides, _Shown(console, bar).doing)
+        found = check_card(card, scene, overrides, _ProgressBar(console, bar).stage)
     for name, value in found["numbers"].items():
         low, high = found["ranges"].get(name, (np.nan, np.nan))
         words = name.replace("_", " ")
@@ -182,7 +164,8 @@ def check(card: Path, scene: Path, overrides: tuple[str, ...]) -> None:
         f"error {both['default']:.3g} % with weights of 1, {both['fitted']:.3g} % with "
         "the card's",
     )
-    tell(console, "the card holds here" if found["holds"] else "the card does NOT hold")
+    valid = "the card is valid here"
+    tell(console, valid if found["valid"] else "the card is NOT valid here")
 
 
 def show(folder: Path) -> None:
@@ -194,4 +177,4 @@ def show(folder: Path) -> None:
         raise InputError(f"{path}: no such file; `calibrate fit` makes it") from None
     except json.JSONDecodeError as error:
         raise InputError(f"{path}: is damaged: {error}") from error
-    tell_fit(open_console(), result)
+    _print_fit(open_console(), result)

@@ -1,4 +1,4 @@
-"""A calibration from its config to its folder."""
+"""A calibration from its config to its results folder."""
 
 from collections.abc import Callable
 from importlib.metadata import version
@@ -17,176 +17,196 @@ from jaxthermo.cli.summary import write_json
 from jaxthermo.config.card_file import write_card
 from jaxthermo.config.strict_yaml import write_yaml
 
-from .analysis.errors import CaseError, case_errors
-from .analysis.experiment_design import advise
+from .analysis.experiment_design import rank_experiments
 from .analysis.fit_card import make_card
-from .analysis.identifiability import identify, left_over
+from .analysis.identifiability import Identified, identify, residual_sd
 from .analysis.speedup import measure_speed
 from .config.loader import calibration_hash, load_calibration, plain
 from .config.schema import CalibrationConfig
-from .problem.build import Built, build
-from .problem.problem import Problem, call, jacobian_rows
+from .problem.build import Calibration, build
+from .problem.problem import Case, Problem
 from .problem.reference import program_hash
+from .problem.targets import CaseError
 from .report.page import write_report
 from .report.result import Errors, fit_json
-from .solvers.checkpoint import Step
-from .solvers.fit import Fit, Fitting, enough_steps
-from .solvers.search import Setting
-from .solvers.starts import design
+from .solvers.broyden import jacobian_rows
+from .solvers.checkpoint import StepRecord
+from .solvers.fit import Fit, Fitting
+from .solvers.multistart import start_points
+from .solvers.search import SearchSettings
 
 
-STATE, MARKER = "state.npz", "state.txt"
+CHECKPOINT, CHECKPOINT_HASH = "state.npz", "state.txt"
 PACKAGES = ("jax", "optimistix", "equinox", "numpy")
 
 
-class Told:
-    """What a calibration says while it runs; silent unless somebody listens."""
+class ProgressLog:
+    """Receiver of a calibration's progress; this one ignores it."""
 
-    def doing(self, what: str) -> None:
-        """Something that takes a while begins."""
+    def stage(self, name: str) -> None:
+        """Called before each slow stage."""
 
-    def step(self, step: Step, took: float, most: int) -> None:
-        """A step of the fit is done."""
+    def step(self, step: StepRecord, seconds: float, max_steps: int) -> None:
+        """Called after each step, with the seconds that all steps took so far."""
 
 
 def fit_config(
     path: Path,
     out: Path,
     overrides: tuple[str, ...] = (),
-    told: Told | None = None,
+    log: ProgressLog | None = None,
     stop: Callable[[], bool] = lambda: False,
 ) -> dict[str, Any]:
-    """Fit what a config asks for, and write `fit.json` into a folder.
+    """Run the fit of a config, and write its results into a folder.
 
     Args:
         path: of the config.
-        out: folder; a fit that was cut off there goes on.
+        out: folder; a fit that was interrupted there is continued.
         overrides: "a.b=c" each.
-        told: is told what happens.
-        stop: whether to end with the best so far.
+        log: receives the progress.
+        stop: asked before every step if the fit should end with the best so far.
+
+    Returns:
+        The content of `fit.json`.
 
     Raises:
         InputError: for a mistake in the config or its data.
     """
-    told = Told() if told is None else told
+    log = ProgressLog() if log is None else log
     config = load_calibration(path, overrides)
+    settings = _search_settings(config)
     with results_folder(out) as folder:
-        built = build(config, told.doing)
-        state = folder / STATE
-        _fresh(folder, config)
-        told.doing("compiling")
-        setting = settings(config)
-        fitting = Fitting(built.train, setting)
+        calibration = build(config, log.stage)
+        _discard_old_checkpoint(folder, config)
+        log.stage("compiling")
+        fitting = Fitting(calibration.train, settings)
         fit = fitting.run(
-            start=_start(config, fitting, state, told, stop),
-            keep=state,
-            tell=lambda step, took: told.step(step, took, setting.most_steps),
+            start=_best_start(config, fitting, folder, log, stop),
+            checkpoint=folder / CHECKPOINT,
+            log=lambda step, seconds: log.step(step, seconds, settings.max_steps),
             stop=stop,
         )
-        result = conclude(config, built, fit, told.doing)
+        result = _conclude(config, calibration, fit, log)
         with replacing(folder / "config.yaml") as target:
             target.write_text(write_yaml(plain(config)), encoding="utf-8")
         write_json(folder / "fit.json", result)
-        write_card(folder / "card.yaml", make_card(config, built, fit, result))
-        told.doing("drawing the report")
-        write_report(folder, built, fit, result)
+        card = make_card(config, calibration, fit, result)
+        write_card(folder / "card.yaml", card)
+        log.stage("drawing the report")
+        write_report(folder, calibration, fit, result)
         if fit.ended != "interrupted":
-            for left in (state, folder / MARKER):
-                left.unlink(missing_ok=True)
+            for name in (CHECKPOINT, CHECKPOINT_HASH):
+                (folder / name).unlink(missing_ok=True)
     return result
 
 
-def _start(
-    config: CalibrationConfig,
-    fitting: Fitting,
-    state: Path,
-    told: Told,
-    stop: Callable[[], bool],
-) -> Float[np.ndarray, " p"] | None:
-    """The best of several starts; None for the one that is given, or kept."""
-    given, size = config.fit, fitting.problem.parameters.size
-    if given.starts == 1 or state.exists():
-        return None
-    told.doing(f"searching from {given.starts} starts")
-    return fitting.best_of(design(given.starts, size, given.spread, given.seed), stop)
+def _search_settings(config: CalibrationConfig) -> SearchSettings:
+    fit = config.fit
+    memory = int(fit.memory * 2**30)
+    return SearchSettings(fit.method, fit.tolerance, fit.max_steps, fit.huber, memory)
 
 
-def settings(config: CalibrationConfig) -> Setting:
-    """Of the search."""
-    given = config.fit
-    return Setting(
-        given.method,
-        given.tolerance,
-        given.most_steps,
-        given.huber,
-        int(given.memory * 2**30),
-    )
-
-
-def _fresh(folder: Path, config: CalibrationConfig) -> None:
-    """Go on only from a state of the same config."""
-    marker = folder / MARKER
-    text = f"{calibration_hash(config)} {program_hash(fits=True)}"
-    state = folder / STATE
-    if state.exists() and (not marker.exists() or marker.read_text() != text):
-        state.unlink()
+def _discard_old_checkpoint(folder: Path, config: CalibrationConfig) -> None:
+    # A state is only continued with the same config and the same code.
+    marker, checkpoint = folder / CHECKPOINT_HASH, folder / CHECKPOINT
+    text = f"{calibration_hash(config)} {program_hash(with_calibrate=True)}"
+    if checkpoint.exists() and (not marker.exists() or marker.read_text() != text):
+        checkpoint.unlink()
     with replacing(marker) as target:
         target.write_text(text, encoding="utf-8")
 
 
-def conclude(
-    config: CalibrationConfig, built: Built, fit: Fit, doing: Callable[[str], None]
+def _best_start(
+    config: CalibrationConfig,
+    fitting: Fitting,
+    folder: Path,
+    log: ProgressLog,
+    stop: Callable[[], bool],
+) -> Float[np.ndarray, " p"] | None:
+    fit, size = config.fit, fitting.problem.parameters.size
+    if fit.starts == 1 or (folder / CHECKPOINT).exists():
+        return None
+    log.stage(f"searching from {fit.starts} starts")
+    points = start_points(fit.starts, size, fit.spread, fit.seed)
+    return fitting.best_start(points, stop)
+
+
+def _conclude(
+    config: CalibrationConfig, calibration: Calibration, fit: Fit, log: ProgressLog
 ) -> dict[str, Any]:
-    """Errors before and after, what the fit is worth, advice and speed."""
-    cases = built.train.cases
+    train = calibration.train
     errors: Errors = {
         "train": {
-            "default": case_errors(cases, fit.initial_errors),
-            "fitted": case_errors(cases, fit.errors),
+            "default": _case_errors(train.cases, fit.initial_errors),
+            "fitted": _case_errors(train.cases, fit.errors),
         }
     }
-    if built.held_out is not None:
-        doing("checking what was held out")
-        both = errors_at(built.held_out, [np.zeros_like(fit.z), fit.z])
+    if calibration.held_out is not None:
+        log.stage("evaluating the held-out cases")
+        both = _errors_at(calibration.held_out, [np.zeros_like(fit.z), fit.z])
         errors["held_out"] = dict(zip(("default", "fitted"), both, strict=True))
-    sd = left_over(fit.residual, len(fit.z), built.train.known_sd)
-    identified = identify(built.train.parameters, fit.z, fit.jacobian, sd)
-    told = advise(config, built, fit, sd, doing)
-    doing("timing")
-    case = cases[0]
-    with precision(built.train.dtype.name):
-        scene = built.train.scene(case, jnp.asarray(fit.z, built.train.dtype))
-    speed = measure_speed(built.configs[case.name], case.scene, scene)
+    sd = residual_sd(fit.residual, len(fit.z), train.known_sd)
+    identified = identify(train.parameters, fit.z, fit.jacobian, sd)
+    advice = rank_experiments(config, calibration, fit, sd, log.stage)
+    log.stage("timing")
+    case = train.cases[0]
+    with precision(train.dtype.name):
+        scene = train.scene(case, jnp.asarray(fit.z, train.dtype))
+    speed = measure_speed(calibration.configs[case.name], case.scene, scene)
     versions = {name: version(name) for name in PACKAGES}
-    return fit_json(config, built, fit, identified, errors, told, speed, versions)
+    return fit_json(
+        config, calibration, fit, identified, errors, advice, speed, versions
+    )
 
 
-def errors_at(
+def _case_errors(
+    cases: tuple[Case, ...], errors: tuple[Float[np.ndarray, " t"], ...]
+) -> dict[str, CaseError]:
+    pairs = zip(cases, errors, strict=True)
+    return {case.name: case.target.case_error(found) for case, found in pairs}
+
+
+def _errors_at(
     problem: Problem, points: list[Float[np.ndarray, " p"]]
 ) -> list[dict[str, CaseError]]:
-    """Of every case, at several points; one program for all.
-
-    Args:
-        problem: parameters and cases.
-        points: free numbers of each.
-    """
-    found = []
+    # One compiled program for all points.
+    found, layouts = [], None
     with precision(problem.dtype.name):
-        layouts = problem.layouts()
-        traced = problem.trace(layouts)
+        traced = problem.trace(problem.layouts())
         run = eqx.filter_jit(lambda traced, z, layouts: traced(z, layouts)[1])
         for point in points:
             z = jnp.asarray(point, problem.dtype)
-            layouts = enough_steps(layouts, problem.stable_steps(z))
-            seen = run(traced, z, layouts)
-            found.append(case_errors(problem.cases, seen.known_errors()))
+            layouts = problem.layouts_at(z, layouts)
+            diagnostics = run(traced, z, layouts)
+            found.append(_case_errors(problem.cases, diagnostics.host_errors()))
     return found
 
 
-def jacobian(problem: Problem, z: Float[np.ndarray, " p"]) -> Float[np.ndarray, "p r"]:
-    """Of the misfits by the free numbers."""
+def identify_start(
+    config: CalibrationConfig, log: ProgressLog
+) -> tuple[Identified, dict[str, CaseError], bool]:
+    """Judge the parameters at the start, without a fit.
+
+    Returns:
+        The judgement, the error of each case, and if the noise of the data is known.
+    """
+    problem = build(config, log.stage).train
+    log.stage("computing derivatives")
+    z = np.zeros(problem.parameters.size)
     with precision(problem.dtype.name):
         at = jnp.asarray(z, problem.dtype)
-        layouts = enough_steps(problem.layouts(), problem.stable_steps(at))
-        program = problem.trace(layouts), layouts
-        return np.asarray(jacobian_rows(call, program, at, problem.batch()), float)
+        layouts = problem.layouts_at(at)
+        traced = problem.trace(layouts)
+        rows = jacobian_rows(traced, layouts, at, problem.batch())
+        rows = np.asarray(rows, float)
+    log.stage("evaluating the start")
+    errors = _errors_at(problem, [z])[0]
+    sd = problem.known_sd
+    if sd is None:
+        # As if a fit left all of the start's error, spread over the residuals.
+        squares = sum(np.mean(np.square(e.percent)) for e in errors.values())
+        total = float(np.sqrt(squares / len(errors)))
+        each = np.full(rows.shape[1], total / rows.shape[1] ** 0.5)
+        sd = residual_sd(each, len(z), None)
+    found = identify(problem.parameters, z, rows, sd)
+    return found, errors, problem.known_sd is not None

@@ -1,1 +1,1 @@
-"""What a fit is worth: identifiability, errors, speed."""
+"""Quality of a fit: identifiability, further experiments, speed, cards."""

@@ -1,61 +1,76 @@
-"""From a fit to its card: weights, and the ranges in which they were fitted."""
+"""Fit cards: weights with the ranges that they were fitted in, and their validation."""
 
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 
 from jaxthermo.arrays import precision
+from jaxthermo.config.card_file import load_card
+from jaxthermo.config.loader import load_config
+from jaxthermo.config.schema.scene import SceneConfig
+from jaxthermo.errors import InputError
+from jaxthermo.integrate.run.simulate import simulate
+from jaxthermo.integrate.surface_error import surface_error
 from jaxthermo.scene.compile.compile import mechanism_names
 from jaxthermo.scene.dimensionless_groups import scene_numbers
-from jaxthermo.structures.fit_card import FitCard
+from jaxthermo.structures.fit_card import FitCard, outside
 from jaxthermo.structures.weights import ConductionWeights
 
 from ..config.schema import CalibrationConfig
-from ..problem.build import Built
+from ..problem.build import Calibration
+from ..problem.parameter_paths import find_path, with_value
+from ..problem.reference import full_volume_run
 from ..solvers.fit import Fit
 
 
+MAX_ERROR_RATIO = 1.02
+"""Largest error of a valid card's weights, over the error with weights of 1."""
+
+
 def make_card(
-    config: CalibrationConfig, built: Built, fit: Fit, result: dict[str, Any]
+    config: CalibrationConfig,
+    calibration: Calibration,
+    fit: Fit,
+    result: dict[str, Any],
 ) -> FitCard:
-    """The card of a fit; of a scene of several bodies, with the first one's weights.
+    """Card of a fit; in a scene of several bodies, with the weights of the first.
 
     Args:
         config: of the calibration.
-        built: its problems.
+        calibration: its problems.
         fit: what was found.
-        result: as in `fit.json`.
+        result: content of `fit.json`.
     """
-    problem, first = built.train, built.train.cases[0]
+    problem, first = calibration.train, calibration.train.cases[0]
     with precision(problem.dtype.name):
         z = jnp.asarray(fit.z, problem.dtype)
-        scene = problem.scene(first, z)
+        weights = problem.scene(first, z).bodies[0].structure.weights
         values = problem.parameters.values(z)
-    weights = scene.bodies[0].structure.weights
-    known = {name: np.asarray(value, float) for name, value in vars(weights).items()}
+    arrays = {name: np.asarray(value, float) for name, value in vars(weights).items()}
     others = {
         name: float(value)
         for name, value in values.items()
         if "weights" not in name.split(".") and np.ndim(value) == 0
     }
-    ends = [built.configs[case.name].time.end for case in problem.cases]
-    pairs = zip(problem.cases, ends, strict=True)
-    numbers = [scene_numbers(case.scene, end) for case, end in pairs]
+    numbers = [
+        scene_numbers(case.scene, calibration.configs[case.name].time.end)
+        for case in problem.cases
+    ]
+    mechanisms = [name for c in problem.cases for name in mechanism_names(c.scene)]
+    body = calibration.configs[first.name].bodies[0]
     return FitCard(
         name=config.name or "",
-        structure=built.configs[first.name].bodies[0].structure.options,
-        weights=ConductionWeights(**known),
+        structure=body.structure.options,
+        weights=ConductionWeights(**arrays),
         parameters=others,
         ranges={
             name: (min(n[name] for n in numbers), max(n[name] for n in numbers))
             for name in numbers[0]
         },
-        mechanisms=tuple(
-            dict.fromkeys(
-                name for case in problem.cases for name in mechanism_names(case.scene)
-            )
-        ),
+        mechanisms=tuple(dict.fromkeys(mechanisms)),
         error_percent=result["error_percent"],
         origin={
             "config": result["config_hash"],
@@ -63,3 +78,65 @@ def make_card(
             **result["versions"],
         },
     )
+
+
+def check_card(
+    card_path: Path,
+    scene_path: Path,
+    overrides: tuple[str, ...],
+    log: Callable[[str], None],
+) -> dict[str, Any]:
+    """Run a scene on every voxel, with the card's structure, and with its weights.
+
+    Args:
+        card_path: of the card.
+        scene_path: of the scene's config, whose body gets the card's structure.
+        overrides: of the scene's config.
+        log: called before each slow stage.
+
+    Raises:
+        InputError: for a card or a scene that cannot be used.
+    """
+    card = load_card(card_path)
+    config = _with_structure(load_config(scene_path, overrides), card)
+    log("building the scene")
+    scene = config.build()
+    numbers = scene_numbers(scene, config.time.end)
+    warnings = outside(card, numbers, mechanism_names(scene))
+    reference = full_volume_run(config, 0.25, log)
+    weights_path = ("bodies", 0, "structure", "weights")
+    fitted = with_value(scene, weights_path, card.weights)
+    for name, value in card.parameters.items():
+        fitted = with_value(fitted, find_path(fitted, name), jnp.asarray(value))
+    errors = {}
+    for name, made in (("default", scene), ("fitted", fitted)):
+        log(f"running the {name} weights")
+        solver = config.solver.build()
+        found = simulate(made, config.time.end, config.time.save_times, solver=solver)
+        percent = surface_error(found, reference).rms_percent
+        errors[name] = float(np.asarray(percent).max())
+    return {
+        "card": card.name,
+        "scene": config.name,
+        "numbers": numbers,
+        "ranges": {name: list(ends) for name, ends in card.ranges.items()},
+        "outside": warnings,
+        "error_percent": errors,
+        "valid": errors["fitted"] <= MAX_ERROR_RATIO * errors["default"],
+    }
+
+
+def _with_structure(config: SceneConfig, card: FitCard) -> SceneConfig:
+    if len(config.bodies) != 1:
+        raise InputError("check: the scene has several bodies; a card is of one")
+    (body,) = config.bodies
+    made = type(body).model_validate(
+        {**body.model_dump(mode="python"), "structure": dict(card.structure)}
+    )
+    # A key that this version does not know would otherwise be lost in silence.
+    if made.structure.options != dict(card.structure):
+        raise InputError(
+            "check: this version does not know the card's structure "
+            f"{card.structure}: fit again"
+        )
+    return config.model_copy(update={"bodies": (made,)})

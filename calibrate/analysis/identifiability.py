@@ -1,18 +1,18 @@
-"""What a fit is worth: standard errors, and a verdict for every parameter and pair.
+"""Standard errors of a fit, and a verdict for every parameter.
 
-From the Jacobian J of the misfits by the free numbers, at the point that was found, and
-the standard deviation s of a misfit: the covariance is s^2 (J^T J)^-1, if the misfits
-are independent. Those of a model against a full volume are not; there s is what the fit
-left over, and the errors say which parameters are told best, not how near they are to a
-truth.
+They follow from the Jacobian J of the residuals with respect to the coordinates, at the
+best point, and the standard deviation s of a residual: the covariance is s^2 (J^T J)^-1
+if the residuals are independent. Those of a model against a full volume are not; there
+s is what the fit left over, and the errors rank the parameters without bounding their
+distance from a truth.
 
-| verdict | when |
+| verdict | condition |
 |---|---|
-| dead | nothing changes with it: its column is below 1e-6 of the largest |
-| flat | it lies in a direction of a singular value below 1e-3 of the largest |
+| dead | no effect: its column of J is below 1e-6 of the largest |
+| flat | in a direction whose singular value is below 1e-3 of the largest |
 | not pinned | its standard error is wider than its bounds, or than a factor of e |
-| at bound | it ended within 1 % of the way to a bound |
-| trade-off | it is correlated by more than 0.95 with another |
+| at bound | within 1 % of the range from a bound |
+| trade-off | correlated by more than 0.95 with another |
 | fine | none of these |
 """
 
@@ -20,36 +20,45 @@ from typing import NamedTuple
 
 import jax
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from ..problem.parameters import ParameterSet
 
 
-DEAD, FLAT, TRADED, NEAR = 1e-6, 1e-3, 0.95, 0.01
-INVOLVED = 0.3
-"""Of a flat direction's length, that makes a parameter part of it."""
+DEAD_NORM = 1e-6
+"""Norm of a column over the largest, below which a parameter is dead."""
+
+FLAT_SINGULAR_VALUE = 1e-3
+"""Singular value over the largest, below which a direction is flat."""
+
+MAX_CORRELATION = 0.95
+AT_BOUND = 0.01
+"""Distance from a bound, over the range between the bounds."""
+
+MIN_COMPONENT = 0.3
+"""Component of a flat direction that makes a parameter part of it."""
 
 
 class Verdict(NamedTuple):
-    """Of one free number."""
+    """Judgement of one coordinate."""
 
     label: str
     verdict: str
     value: float
     standard_error: float | None
-    """Of the value; None if it is not told by the data."""
+    """Standard error of the value; None if the data do not determine it."""
     with_others: tuple[str, ...] = ()
-    """Those that it trades with, or is flat with."""
+    """Parameters that it is correlated with, or flat with."""
 
 
 class Identified(NamedTuple):
-    """Of all free numbers together."""
+    """Judgement of all coordinates."""
 
     verdicts: tuple[Verdict, ...]
     correlation: Float[np.ndarray, "p p"]
-    """0 beside what is dead or flat."""
+    """Correlation of the errors; 0 for dead or flat parameters."""
     singular_values: Float[np.ndarray, " p"]
-    """Over the largest, after columns are scaled to the same length."""
+    """Of the Jacobian with columns of equal length, over the largest."""
 
 
 def identify(
@@ -58,133 +67,131 @@ def identify(
     jacobian: Float[np.ndarray, "p r"] | None,
     sd: float,
 ) -> Identified:
-    """Judge every free number at a point.
+    """Judge every coordinate at a point.
 
     Args:
         parameters: of the fit.
-        z: the free numbers.
-        jacobian: of the misfits, a row a free number; None where there are too many.
-        sd: standard deviation of a misfit.
+        z: coordinates.
+        jacobian: rows of the transposed Jacobian; None where there are too many.
+        sd: standard deviation of a residual.
     """
+    values = np.asarray(parameters.flat_values(z), float)
     if jacobian is None:
-        return _not_judged(parameters, z)
-    rows = np.asarray(jacobian, float)
-    gram = rows @ rows.T
-    norms = np.sqrt(np.diag(gram))
-    largest = norms.max(initial=0.0)
-    alive = norms > DEAD * largest if largest > 0 else np.zeros(len(norms), bool)
-    scaled = gram[np.ix_(alive, alive)] / np.outer(norms[alive], norms[alive])
-    powers, directions = np.linalg.eigh(scaled) if alive.any() else _nothing()
-    singular = np.sqrt(np.maximum(powers, 0))
-    flat = singular < FLAT * singular.max(initial=0.0)
-    involved = np.zeros((len(norms), len(norms)), bool)
-    number = np.flatnonzero(alive)
-    for direction in directions[:, flat].T:
-        members = number[np.abs(direction) > INVOLVED]
-        involved[np.ix_(members, members)] = True
-    told = alive & ~involved.any(axis=1)
-    covariance = _covariance(gram, told, sd)
+        pairs = zip(parameters.labels, values, strict=True)
+        judged = (Verdict(n, "not judged", float(v), None) for n, v in pairs)
+        return Identified(tuple(judged), np.zeros((0, 0)), np.zeros(0))
+    gram = np.asarray(jacobian, float) @ np.asarray(jacobian, float).T
+    alive, flat, singular = _flat_directions(gram)
+    determined = alive & ~flat.any(axis=1)
+    covariance = _covariance(gram, determined, sd)
     deviation = np.sqrt(np.diag(covariance))
     outer = np.outer(deviation, deviation)
     correlation = np.divide(
         covariance, outer, out=np.zeros_like(covariance), where=outer > 0
     )
-    slope = value_slopes(parameters, z)
-    values = np.asarray(parameters.flat_values(z), float)
-    labels, verdicts = parameters.labels, []
-    for n, label in enumerate(labels):
-        kind, others = _judged(n, alive, involved, correlation)
-        error = float(deviation[n] * abs(slope[n])) if told[n] else None
-        lower, upper = _bounds(parameters)[n]
+    _, slopes = jax.jvp(parameters.flat_values, (z,), (np.ones_like(z),))
+    errors = deviation * np.abs(np.asarray(slopes, float))
+    bounds = [(p.lower, p.upper) for p in parameters.parameters for _ in p.labels]
+    verdicts = []
+    for n, label in enumerate(parameters.labels):
+        kind, others = _relation(n, alive, flat, correlation)
+        error = float(errors[n]) if determined[n] else None
         if kind == "fine" and error is not None:
-            wide = upper - lower if np.isfinite(upper - lower) else np.inf
-            if error > wide or deviation[n] > 1 and not _by_size(lower, upper):
-                kind = "not pinned"
-            elif _at_bound(values[n], lower, upper):
-                kind = "at bound"
-        names = tuple(labels[m] for m in others)
+            kind = _precision_verdict(values[n], error, deviation[n], *bounds[n])
+        names = tuple(parameters.labels[m] for m in others)
         verdicts.append(Verdict(label, kind, float(values[n]), error, names))
     spread = np.sort(singular)[::-1] / max(singular.max(initial=0.0), 1e-300)
     return Identified(tuple(verdicts), correlation, spread)
 
 
-def _not_judged(parameters: ParameterSet, z: Float[np.ndarray, " p"]) -> Identified:
-    """Of more values than there is a Jacobian of."""
-    values = np.asarray(parameters.flat_values(z), float)
-    pairs = zip(parameters.labels, values, strict=True)
-    verdicts = tuple(Verdict(n, "not judged", float(v), None) for n, v in pairs)
-    return Identified(verdicts, np.zeros((0, 0)), np.zeros(0))
+def _flat_directions(
+    gram: Float[np.ndarray, "p p"],
+) -> tuple[Bool[np.ndarray, " p"], Bool[np.ndarray, "p p"], Float[np.ndarray, " _"]]:
+    # Which coordinates have an effect, which pairs share a flat direction, and the
+    # singular values of those that have an effect.
+    norms = np.sqrt(np.diag(gram))
+    largest = norms.max(initial=0.0)
+    flat = np.zeros(gram.shape, bool)
+    alive = norms > DEAD_NORM * largest if largest > 0 else np.zeros(len(norms), bool)
+    if not alive.any():
+        return alive, flat, np.zeros(0)
+    # Columns of equal length, so that the units of the parameters do not matter.
+    scaled = gram[np.ix_(alive, alive)] / np.outer(norms[alive], norms[alive])
+    powers, directions = np.linalg.eigh(scaled)
+    singular = np.sqrt(np.maximum(powers, 0))
+    indices = np.flatnonzero(alive)
+    is_flat = singular < FLAT_SINGULAR_VALUE * singular.max(initial=0.0)
+    for direction in directions[:, is_flat].T:
+        members = indices[np.abs(direction) > MIN_COMPONENT]
+        flat[np.ix_(members, members)] = True
+    return alive, flat, singular
 
 
-def _nothing():
-    return np.zeros(0), np.zeros((0, 0))
-
-
-def _by_size(lower: float, upper: float) -> bool:
-    """Whether z is in the value's own size, and no logarithm."""
-    return not np.isfinite(lower) and not np.isfinite(upper)
-
-
-def _covariance(gram, told, sd):
-    """Of the told numbers, the others left out as if they were known."""
+def _covariance(
+    gram: Float[np.ndarray, "p p"], determined: Bool[np.ndarray, " p"], sd: float
+) -> Float[np.ndarray, "p p"]:
+    # The others are left out as if they were known.
     found = np.zeros_like(gram)
-    if told.any():
-        part = gram[np.ix_(told, told)]
+    if determined.any():
+        part = gram[np.ix_(determined, determined)]
         scale = 1 / np.sqrt(np.diag(part))
-        inner = np.linalg.inv(part * np.outer(scale, scale))
-        found[np.ix_(told, told)] = sd**2 * inner * np.outer(scale, scale)
+        outer = np.outer(scale, scale)
+        found[np.ix_(determined, determined)] = (
+            sd**2 * np.linalg.inv(part * outer) * outer
+        )
     return found
 
 
-def _judged(n, alive, involved, correlation):
+def _relation(
+    n: int,
+    alive: Bool[np.ndarray, " p"],
+    flat: Bool[np.ndarray, "p p"],
+    correlation: Float[np.ndarray, "p p"],
+) -> tuple[str, tuple[int, ...]]:
     if not alive[n]:
         return "dead", ()
-    if involved[n].any():
-        return "flat", tuple(m for m in np.flatnonzero(involved[n]) if m != n)
-    strong = np.abs(correlation[n]) > TRADED
+    if flat[n].any():
+        return "flat", tuple(int(m) for m in np.flatnonzero(flat[n]) if m != n)
+    strong = np.abs(correlation[n]) > MAX_CORRELATION
     strong[n] = False
     if strong.any():
-        return "trade-off", tuple(np.flatnonzero(strong))
+        return "trade-off", tuple(int(m) for m in np.flatnonzero(strong))
     return "fine", ()
 
 
-def _bounds(parameters: ParameterSet) -> list[tuple[float, float]]:
-    return [(p.lower, p.upper) for p in parameters.parameters for _ in p.labels]
+def _precision_verdict(
+    value: float, error: float, deviation: float, lower: float, upper: float
+) -> str:
+    # Without bounds a coordinate counts in the value's own size and is no logarithm.
+    is_unbounded = not np.isfinite(lower) and not np.isfinite(upper)
+    is_wide = np.isfinite(upper - lower) and error > upper - lower
+    if is_wide or deviation > 1 and not is_unbounded:
+        return "not pinned"
+    return "at bound" if _is_at_bound(value, lower, upper) else "fine"
 
 
-def _at_bound(value: float, lower: float, upper: float) -> bool:
+def _is_at_bound(value: float, lower: float, upper: float) -> bool:
     ends = np.array([lower, value, upper])
-    if lower > 0:
-        ends = np.log(ends)
-    low, here, high = ends
+    low, here, high = np.log(ends) if lower > 0 else ends
     if not np.isfinite(high - low):
         return False
-    return bool(min(here - low, high - here) < NEAR * (high - low))
+    return bool(min(here - low, high - here) < AT_BOUND * (high - low))
 
 
-def value_slopes(
-    parameters: ParameterSet, z: Float[np.ndarray, " p"]
-) -> Float[np.ndarray, " p"]:
-    """How each value changes with its free number."""
-    ones = np.ones_like(z)
-    _, slopes = jax.jvp(parameters.flat_values, (z,), (ones,))
-    return np.asarray(slopes, float)
-
-
-def left_over(
-    residual: Float[np.ndarray, " r"], free: int, known: float | None
+def residual_sd(
+    residual: Float[np.ndarray, " r"], size: int, known: float | None
 ) -> float:
-    """Standard deviation of a misfit: as known, or what a fit left over.
+    """Standard deviation of a residual: as known from noise, or as the fit left it.
 
     Args:
-        residual: misfits at the point.
-        free: how many numbers were fitted.
-        known: from the noise of the data.
+        residual: residuals at the best point.
+        size: number of fitted coordinates.
+        known: standard deviation from the noise of the data.
     """
     if known is not None:
         return known
-    spare = max(len(residual) - free, 1)
-    return float(np.sqrt((np.asarray(residual, float) ** 2).sum() / spare))
+    degrees_of_freedom = max(len(residual) - size, 1)
+    return float(np.sqrt((np.asarray(residual, float) ** 2).sum() / degrees_of_freedom))
 
 
 def information_gain(
@@ -192,20 +199,19 @@ def information_gain(
     further: Float[np.ndarray, "p q"],
     sd: float,
 ) -> float:
-    """How much more a further run would tell, as half the gain of log det [nats].
+    """Half the increase of log det(J^T J / s^2) that further data would add [nats].
 
-    D-optimality: the volume of the confidence region shrinks by exp of this.
+    D-optimality: the volume of the confidence region shrinks by the factor exp(gain).
 
     Args:
-        jacobian: of what is fitted.
-        further: of the run that might be added.
-        sd: standard deviation of a misfit.
+        jacobian: rows of the fitted data.
+        further: rows of the data that might be added.
+        sd: standard deviation of a residual.
 
     Source: Pukelsheim, Optimal Design of Experiments (SIAM 2006), chapter 6.
     """
-    have, more = np.asarray(jacobian, float), np.asarray(further, float)
-    # So little is known of a dead parameter that anything is a gain: a unit prior in
-    # free numbers keeps that finite.
-    before = have @ have.T / sd**2 + np.eye(len(have))
-    after = before + more @ more.T / sd**2
+    rows, added = np.asarray(jacobian, float), np.asarray(further, float)
+    # A unit prior keeps the gain for a dead parameter finite.
+    before = rows @ rows.T / sd**2 + np.eye(len(rows))
+    after = before + added @ added.T / sd**2
     return float(0.5 * (np.linalg.slogdet(after)[1] - np.linalg.slogdet(before)[1]))

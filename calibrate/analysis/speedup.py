@@ -1,4 +1,4 @@
-"""How much faster the fitted structure runs than the full volume, in one run."""
+"""Measurement of how much faster the fitted structure runs than the full volume."""
 
 import time
 from typing import Any
@@ -16,38 +16,39 @@ from ..problem.reference import on_every_voxel
 
 
 REPEATS = 3
-LONG = 20.0
-"""Seconds of all repeats of a run, or it is timed once."""
+MAX_REPEATED_SECONDS = 20.0
+"""Time of one repeat, beyond which runs are timed once [s]."""
 
 
 def measure_speed(config: SceneConfig, default: Scene, fitted: Scene) -> dict[str, Any]:
-    """Times of the compiled loops, in turn, with surfaces read at the saved times.
-
-    The full volume takes its stable steps, the others what the config says.
+    """Time the compiled loops, with surfaces evaluated at the saved times.
 
     Args:
-        config: of the case.
-        default: its scene with the values that a fit started from.
-        fitted: with those that were found.
+        config: of the case; the full volume takes its stable steps instead of this
+            solver's.
+        default: scene of the case with the start values.
+        fitted: with the fitted values.
     """
     full = on_every_voxel(config).build()
     end, saves = config.time.end, config.time.save_times
-    own = config.solver.build()
+    solver = config.solver.build()
     with precision(config.dtype):
         plans = {
             "full_volume": plan(full, end, saves, ForwardEuler()),
-            "default": plan(default, end, saves, own),
-            "fitted": plan(fitted, end, saves, own),
+            "default": plan(default, end, saves, solver),
+            "fitted": plan(fitted, end, saves, solver),
         }
-        spans = {name: [_once(todo)] for name, todo in plans.items()}
-        repeats = REPEATS if sum(s[0] for s in spans.values()) < LONG else 1
-        spans = {name: [] for name in plans}
+        # The first runs compile.
+        total = sum(_seconds(planned) for planned in plans.values())
+        repeats = REPEATS if total < MAX_REPEATED_SECONDS else 1
+        spans: dict[str, list[float]] = {name: [] for name in plans}
+        # In turn, so that a slower moment of the machine meets all of them.
         for _ in range(repeats):
-            for name, todo in plans.items():
-                spans[name].append(_once(todo))
+            for name, planned in plans.items():
+                spans[name].append(_seconds(planned))
     return {
-        **_faster(spans, "fitted"),
-        "default": _faster(spans, "default"),
+        **_ratios(spans, "fitted"),
+        "default": _ratios(spans, "default"),
         "nodes": {n: p.compiled.receipt.nodes for n, p in plans.items()},
         "steps": {n: p.steps for n, p in plans.items()},
         "solver": {n: type(p.solver).__name__ for n, p in plans.items()},
@@ -55,16 +56,16 @@ def measure_speed(config: SceneConfig, default: Scene, fitted: Scene) -> dict[st
     }
 
 
-def _faster(spans: dict[str, list[float]], name: str) -> dict[str, float]:
+def _ratios(spans: dict[str, list[float]], name: str) -> dict[str, float]:
     ratios = np.array(spans["full_volume"]) / np.array(spans[name])
     return {
         "times_faster": float(np.median(ratios)),
-        "least": float(ratios.min()),
-        "most": float(ratios.max()),
+        "min": float(ratios.min()),
+        "max": float(ratios.max()),
     }
 
 
-def _once(todo: Plan) -> float:
+def _seconds(planned: Plan) -> float:
     clock = time.perf_counter()
-    jax.block_until_ready(run(todo, start(todo)))
+    jax.block_until_ready(run(planned, start(planned)))
     return time.perf_counter() - clock

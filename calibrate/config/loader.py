@@ -1,4 +1,4 @@
-"""A calibration's YAML file, read and checked, and the scenes that it speaks of."""
+"""Reading of a calibration's YAML file, and of the scenes that it refers to."""
 
 import hashlib
 import json
@@ -23,12 +23,12 @@ from .schema import CalibrationConfig
 def load_calibration(
     path: str | Path, overrides: tuple[str, ...] = (), *, find_files: bool = True
 ) -> CalibrationConfig:
-    """The config in a YAML file.
+    """Read and check a calibration config.
 
     Args:
-        path: the file; the scene is looked for beside it.
+        path: of the YAML file; the scene is searched for beside it.
         overrides: "a.b=c" each, applied in order.
-        find_files: whether a file that is named and not there is a mistake.
+        find_files: report a named file that does not exist as a mistake.
 
     Raises:
         InputError: one line for each mistake.
@@ -44,34 +44,28 @@ def load_calibration(
 
 
 def scene_config(config: CalibrationConfig, *changes: Mapping[str, Any]) -> SceneConfig:
-    """The scene with its values changed, in order.
-
-    Args:
-        config: of the calibration.
-        changes: after those that it makes in every case.
+    """Config of the scene with the changes of all cases, then those given, in order.
 
     Raises:
         InputError: one line for each mistake.
     """
     texts = [
-        f"{place}={json.dumps(value)}"
+        f"{key}={json.dumps(value)}"
         for change in (config.set, *changes)
-        for place, value in change.items()
+        for key, value in change.items()
     ]
     return load_config(config.scene, texts)
 
 
 def plain(config: CalibrationConfig) -> dict[str, Any]:
-    """The config as plain values; files by their names."""
+    """Config as plain values, with files by their names."""
     return config.model_dump(mode="json", exclude_none=True)
 
 
 def calibration_hash(config: CalibrationConfig) -> str:
-    """16 hex digits that change with the config and with the scene's file.
-
-    Folders do not count, contents do.
-    """
+    """Hash of the config and of the scene's file [16 hex digits]."""
     values = plain(config)
+    # The content counts, not the folder, so that a copied calibration is the same.
     values["scene"] = hashlib.sha256(Path(config.scene).read_bytes()).hexdigest()
     text = json.dumps(values, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:16]

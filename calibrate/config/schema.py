@@ -1,11 +1,12 @@
-"""The config of a calibration: what is fitted, to what, and how; checked, in SI."""
+"""Schema of a calibration config: what is fitted, to which data, and how; in SI."""
 
 import math
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
 from jaxthermo.config.schema.image import CameraConfig
+from jaxthermo.config.types import quantities as units
 from jaxthermo.config.types.files import FoundPath
 from jaxthermo.config.types.model import ByKind, KindModel, Mistake, Model, Short
 from jaxthermo.config.types.quantities import (
@@ -13,15 +14,83 @@ from jaxthermo.config.types.quantities import (
     Fraction,
     NotEmpty,
     Number,
+    Unit,
     Whole,
     refuse,
+    to_si,
 )
+from jaxthermo.errors import InputError
 
-from ..problem.parameter_units import value_in_si
+
+DIMENSIONS: dict[str, Unit] = {
+    "conductivity": units.CONDUCTIVITY,
+    "density": units.DENSITY,
+    "specific_heat": units.SPECIFIC_HEAT,
+    "heat_transfer_coefficient": units.HEAT_TRANSFER_COEFFICIENT,
+    "conductance": units.CONTACT_CONDUCTANCE,
+    "irradiance": units.IRRADIANCE,
+    "temperature": units.TEMPERATURE,
+    "heat_flux": units.HEAT_FLUX,
+    "heat_rate_density": units.HEAT_RATE_DENSITY,
+    "speed": units.SPEED,
+}
+"""Dimension by the last word of a parameter's name that is one of these."""
+
+DEFAULT_BOUNDS: dict[str, tuple[float, float]] = {
+    "within": (0.01, 100.0),
+    "between": (0.01, 100.0),
+    "surface": (0.01, 100.0),
+    "capacity": (0.01, 100.0),
+    "links": (0.1, 10.0),
+    "surface_distance": (0.01, 100.0),
+    "nearest_capacity": (-3.0, 3.0),
+    "non_orthogonal": (-1.0, 2.0),
+    "emissivity": (0.0, 1.0),
+    "absorptivity": (0.0, 1.0),
+    "temperature": (0.0, math.inf),
+}
+"""Bounds in SI by the last word of a parameter's name that is one of these."""
 
 
-Settings = dict[str, Any]
-"""Places of the scene's config, dotted, and what stands there instead."""
+def _last_known(name: str, table: dict[str, Any]) -> Any:
+    words = [word for word in name.split(".") if not word.isdigit()]
+    return next((table[word] for word in reversed(words) if word in table), None)
+
+
+def unit_of(name: str) -> str:
+    """SI unit of a parameter; empty for a factor."""
+    dimension = _last_known(name, DIMENSIONS)
+    return "" if dimension is None else dimension.symbol
+
+
+def value_in_si(value: Any, name: str) -> float:
+    """Convert a number of a config, such as 16 or "16 W/(m K)", to SI.
+
+    Args:
+        value: number, or text with a unit.
+        name: of the parameter, which gives the dimension.
+
+    Raises:
+        ValueError: if it is neither.
+    """
+    if isinstance(value, str) and value.strip() in ("inf", "-inf"):
+        return float(value)
+    try:
+        return to_si(value, _last_known(name, DIMENSIONS) or units.NUMBER)
+    except InputError as error:
+        raise ValueError(str(error)) from error
+
+
+def default_bounds(name: str, start: float) -> tuple[float, float]:
+    """Bounds of a parameter for which none are given: by its name, or its sign."""
+    known = _last_known(name, DEFAULT_BOUNDS)
+    if known is not None:
+        return known
+    return (0.0, math.inf) if start > 0 else (-math.inf, math.inf)
+
+
+Changes = dict[str, Any]
+"""Values of the scene's config by dotted key, replacing those in its file."""
 
 Name = Annotated[str, Field(min_length=1, max_length=80)]
 
@@ -30,32 +99,32 @@ class CaseConfig(Model):
     """One run: the scene with some of its values changed."""
 
     name: Name
-    set: Settings = {}
+    set: Changes = {}
 
 
-class FurtherConfig(CaseConfig):
-    """A run that might be measured too; there are no data of it."""
+class CandidateConfig(CaseConfig):
+    """A run without data that might be measured too."""
 
     views: tuple[CameraConfig, ...] = ()
-    """Of frames; those of the reference if there are none."""
+    """Cameras for frames; those of the reference by default."""
 
 
 class FullVolumeReference(KindModel):
-    """Runs of the same scene on every voxel, made once and kept."""
+    """Runs of the same scene on every voxel, computed once and cached."""
 
     kind: Literal["full_volume"] = "full_volume"
     step: Annotated[Fraction, Field(gt=0)] = 0.25
-    """Of its stable step."""
-    set: Settings = {}
-    """Changed in all of them, as the true values of what is fitted."""
+    """Time step as a fraction of the stable one."""
+    set: Changes = {}
+    """Changes in all of them, such as the true values of what is fitted."""
 
 
 class SolutionReference(KindModel):
-    """A finished run for every case: `solution.npz` of `jaxthermo simulate`."""
+    """Finished runs: the `solution.npz` of `jaxthermo simulate` for every case."""
 
     kind: Literal["solution"] = "solution"
     files: dict[str, FoundPath]
-    """By the names of the cases."""
+    """Files by the names of the cases."""
 
 
 Quantity = Literal["temperature", "radiance"]
@@ -63,23 +132,23 @@ Noise = Annotated[Number, Field(gt=0)]
 
 
 class SimulatedFrames(KindModel):
-    """Frames of runs that are made here, with other values and noise."""
+    """Frames of runs with other values, made at the start, with noise."""
 
     kind: Literal["simulated_frames"] = "simulated_frames"
-    set: Settings = {}
+    set: Changes = {}
     """The truth: other parameters, a finer resolution, another structure."""
     views: tuple[CameraConfig, ...] = ()
-    """The scene's camera if there are none."""
+    """Cameras; the scene's by default."""
     quantity: Quantity = "temperature"
     noise: Noise = 0.05
     """Standard deviation of a pixel [K or W/(m^2 sr)]; added, and known to the fit."""
     noiseless: Flag = False
-    """Whether it is only known to the fit, and not added."""
+    """Do not add the noise, though the fit assumes it."""
     seed: Annotated[Whole, Field(ge=0)] = 0
 
 
 class FramesOfCase(Model):
-    """The frames of one case and one view, one file a saved time."""
+    """Frames of one case and one view, one file per saved time."""
 
     case: Name
     view: Annotated[Whole, Field(ge=0)] = 0
@@ -87,7 +156,7 @@ class FramesOfCase(Model):
 
 
 class MeasuredFrames(KindModel):
-    """EXR files, with a channel "apparent_temperature" or "radiance"."""
+    """EXR files with a channel "apparent_temperature" or "radiance"."""
 
     kind: Literal["frames"] = "frames"
     frames: Annotated[tuple[FramesOfCase, ...], NotEmpty]
@@ -95,7 +164,7 @@ class MeasuredFrames(KindModel):
     quantity: Quantity = "temperature"
     noise: Noise = 0.05
     mask: FoundPath | None = None
-    """A PNG of the frames' size: only pixels that are not black count."""
+    """PNG of the frames' size; pixels that are black there are not compared."""
 
 
 ReferenceConfig = Annotated[
@@ -106,47 +175,48 @@ ReferenceConfig = Annotated[
 
 
 class PriorConfig(Model):
-    """What is known of a parameter beforehand: a normal distribution."""
+    """Normal prior of a parameter."""
 
     mean: Any
     sd: Any
-    of_logarithm: Flag = False
+    log_normal: Flag = False
+    """Apply the prior to the logarithm; `sd` is then that of the logarithm."""
 
 
-def _listed(value: Any) -> Any:
+def _check_pair(value: Any) -> Any:
     if not isinstance(value, list) or len(value) != 2:
         raise refuse("expected two values, [lower, upper]")
     return value
 
 
 class ParameterConfig(Model):
-    """A number of the scene that is fitted."""
+    """A fitted number of the scene."""
 
     name: Name
-    """Such as `weights.within`, `material.conductivity`, `sun.irradiance`."""
+    """Path, such as `weights.within`, `material.conductivity`, `sun.irradiance`."""
     start: Any = None
-    """The scene's own value if not given."""
-    bounds: Annotated[list[Any] | None, BeforeValidator(_listed)] = None
-    """By what it is if not given."""
-    each: Literal["level", "link"] | None = None
-    """One value a level of the structure, or a link."""
-    also: tuple[Name, ...] = ()
-    """Places tied to the same value."""
+    """Start value; the scene's by default."""
+    bounds: Annotated[list[Any] | None, BeforeValidator(_check_pair)] = None
+    """[lower, upper]; by the kind of the parameter by default."""
+    per: Literal["level", "link"] | None = None
+    """Fit one value per level or per link of the structure."""
+    tied: tuple[Name, ...] = ()
+    """Further paths that take the same value."""
     prior: PriorConfig | None = None
     bijection: Literal["auto", "softplus"] = "auto"
     smoothness: Annotated[Number, Field(gt=0)] | None = None
-    """Of one value a link: standard deviation of a logarithm beside its neighbours'."""
+    """Standard deviation of log(value) of a link from its neighbours' mean."""
 
     def mistakes(self) -> list[Mistake]:
-        """Numbers that cannot be read, and a smoothness of what is no field."""
+        """Numbers that cannot be read, and smoothness without values per link."""
         found: list[Mistake] = []
         for key, value in (("start", self.start), ("bounds", self.bounds)):
             for item in value if isinstance(value, list) else [value]:
                 problem = _problem(item, self.name)
                 if problem is not None:
                     found.append(((key,), problem))
-        if self.smoothness is not None and self.each != "link":
-            found.append((("smoothness",), "is for `each: link` only"))
+        if self.smoothness is not None and self.per != "link":
+            found.append((("smoothness",), "is for `per: link` only"))
         return found
 
 
@@ -161,52 +231,50 @@ def _problem(value: Any, name: str) -> str | None:
 
 
 class FitConfig(Model):
-    """How the best values are looked for."""
+    """Settings of the optimization."""
 
     method: Literal["levenberg_marquardt", "gauss_newton", "bfgs", "lbfgs"] = (
         "levenberg_marquardt"
     )
     tolerance: Annotated[Number, Field(gt=0, lt=1)] = 1e-3
-    """Relative change of the error by two steps, or of the values, at which it ends."""
-    most_steps: Annotated[Whole, Field(ge=1, le=10_000)] = 50
+    """Relative change of the error in two steps, or of the values, that ends it."""
+    max_steps: Annotated[Whole, Field(ge=1, le=10_000)] = 50
     huber: Annotated[Number, Field(gt=0)] | None = None
-    """Misfit, in root mean squares at the start, above which it counts linearly."""
-    worst: Annotated[Number, Field(ge=2, le=16)] = 2.0
-    """Power of the times' errors that is summed: 2 for their mean, more for the worst
-    time."""
+    """Residual beyond which it counts linearly [root mean square at the start]."""
+    time_norm: Annotated[Number, Field(ge=2, le=16)] = 2.0
+    """Exponent p of the mean of |error|^p over saved times: 2 for the mean square, more
+    for the worst time."""
     memory: Annotated[Number, Field(gt=0)] = 1.0
-    """For the states of a run in reverse mode [GiB]."""
+    """Memory for the states of a run in reverse mode [GiB]."""
     starts: Annotated[Whole, Field(ge=1, le=1000)] = 1
-    """Points that are tried first; the fit goes on from the best."""
+    """Number of start points; the fit continues from the best."""
     spread: Annotated[Number, Field(gt=0, le=5)] = 0.5
-    """Of these points, in free numbers."""
+    """Standard deviation of the start points in unconstrained coordinates."""
     seed: Annotated[Whole, Field(ge=0)] = 0
 
 
 class CalibrationConfig(Model):
-    """A fit, complete."""
+    """A complete calibration."""
 
     name: Name | None = None
     scene: FoundPath
-    """The config of a scene."""
-    set: Settings = {}
-    """Changed in every case."""
+    """Config file of the scene."""
+    set: Changes = {}
+    """Changes in every case."""
     train: Annotated[tuple[CaseConfig, ...], NotEmpty]
     held_out: tuple[CaseConfig, ...] = ()
-    """Not fitted to; their error is told beside."""
-    further: tuple[FurtherConfig, ...] = ()
-    """That might be measured too: advice says which would tell most."""
+    """Cases for validation only."""
+    candidates: tuple[CandidateConfig, ...] = ()
+    """Cases that might be measured too, ranked by the information they would add."""
     reference: ReferenceConfig = FullVolumeReference()
     parameters: Annotated[tuple[ParameterConfig, ...], NotEmpty]
     fit: FitConfig = FitConfig()
-
-    exactly_one: ClassVar = ()
 
     def mistakes(self) -> list[Mistake]:
         """Names given twice."""
         found: list[Mistake] = []
         seen: list[str] = []
-        for group in ("train", "held_out", "further"):
+        for group in ("train", "held_out", "candidates"):
             for n, case in enumerate(getattr(self, group)):
                 if case.name in seen:
                     found.append(((group, n, "name"), f"'{case.name}' is there twice"))

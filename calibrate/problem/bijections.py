@@ -1,14 +1,14 @@
-"""Bijections between what an optimizer moves freely and values within their bounds.
+"""Bijections between an optimizer's unconstrained coordinate z and bounded values.
 
 | bounds | value of z |
 |---|---|
 | none | start + scale z |
-| a lower one only | lower + (start - lower) exp(z) |
-| the same, softplus | lower + s log(1 + exp(z + z_0)), s = start - lower |
-| an upper one only | upper - (upper - start) exp(-z) |
+| lower | lower + (start - lower) exp(z) |
+| lower, softplus | lower + s log(1 + exp(z + z_0)), s = start - lower |
+| upper | upper - (upper - start) exp(-z) |
 | both | lower + (upper - lower) / (1 + exp(-z - z_0)) |
 
-All are 0 at the start, and change the value by about its own size for z of 1.
+Each gives the start at z = 0, and changes the value by about its own size for z = 1.
 """
 
 import abc
@@ -20,167 +20,168 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+from typing_extensions import override
 
 
 Values = Float[Array | np.ndarray, "*n"]
 
 
-class AbstractTransform(eqx.Module):
-    """From a free number to a value."""
+class AbstractBijection(eqx.Module):
+    """A map from unconstrained coordinates to values within bounds, and its inverse."""
 
     @abc.abstractmethod
     def value(self, z: Values) -> Values:
-        """The value that a free number stands for."""
+        """Values of the coordinates z."""
 
     @abc.abstractmethod
-    def free(self, value: Values) -> Values:
-        """The free number of a value within the bounds."""
+    def coordinate(self, value: Values) -> Values:
+        """Coordinates of values within the bounds."""
 
 
 def _like(constant: Any, z: Any) -> Array:
-    """A constant in the precision of what it meets."""
+    # Constants are float64 on the host and must not promote a float32 trace.
     return jnp.asarray(constant, jnp.asarray(z).dtype)
 
 
-class Shifted(AbstractTransform):
-    """No bounds."""
+def _log(value: Any) -> Any:
+    # Host constants stay in numpy, so that float64 is kept under a float32 trace.
+    on_host = isinstance(value, np.ndarray | np.generic)
+    return np.log(value) if on_host else jnp.log(value)
+
+
+class Affine(AbstractBijection):
+    """start + scale z: no bounds."""
 
     start: Any
     scale: Any
 
+    @override
     def value(self, z: Values) -> Values:
-        """Start + scale z."""
         return _like(self.start, z) + _like(self.scale, z) * z
 
-    def free(self, value: Values) -> Values:
-        """(Value - start) / scale."""
+    @override
+    def coordinate(self, value: Values) -> Values:
         return (value - _like(self.start, value)) / _like(self.scale, value)
 
 
-class Above(AbstractTransform):
-    """A lower bound, as of what is positive; exp keeps a factor 2 the same anywhere."""
+class LowerBounded(AbstractBijection):
+    """lower + (start - lower) exp(z): equal steps of z are equal ratios."""
 
     start: Any
     lower: Any
 
+    @override
     def value(self, z: Values) -> Values:
-        """Lower + (start - lower) exp(z)."""
         return self.lower + _like(self.start - self.lower, z) * jnp.exp(z)
 
-    def free(self, value: Values) -> Values:
-        """log((value - lower) / (start - lower))."""
+    @override
+    def coordinate(self, value: Values) -> Values:
         return jnp.log((value - self.lower) / _like(self.start - self.lower, value))
 
 
-class SoftAbove(AbstractTransform):
-    """A lower bound that the value may come close to: far above it z is linear."""
+class SoftplusBounded(AbstractBijection):
+    """lower + s log(1 + exp(z + z_0)): linear in z far above the lower bound."""
 
     start: Any
     lower: Any
 
-    @property
-    def _size(self) -> Any:
-        return self.start - self.lower
-
+    @override
     def value(self, z: Values) -> Values:
-        """Lower + s log(1 + exp(z + z_0))."""
-        moved = jax.nn.softplus(z + _like(_inverse_softplus(1.0), z))
-        return self.lower + _like(self._size, z) * moved
+        softplus = jax.nn.softplus(z + _like(_inverse_softplus(1.0), z))
+        return self.lower + _like(self.start - self.lower, z) * softplus
 
-    def free(self, value: Values) -> Values:
-        """The inverse."""
-        share = (value - self.lower) / _like(self._size, value)
-        return _inverse_softplus(share) - _like(_inverse_softplus(1.0), value)
+    @override
+    def coordinate(self, value: Values) -> Values:
+        ratio = (value - self.lower) / _like(self.start - self.lower, value)
+        return _inverse_softplus(ratio) - _like(_inverse_softplus(1.0), value)
 
 
 def _inverse_softplus(y: Any) -> Any:
-    own = np if isinstance(y, float) else jnp
-    return y + own.log(-own.expm1(-own.asarray(y)))
+    xp = np if isinstance(y, float) else jnp
+    # log(exp(y) - 1) without the overflow of exp for large y.
+    return y + xp.log(-xp.expm1(-xp.asarray(y)))
 
 
-class Below(AbstractTransform):
-    """An upper bound."""
+class UpperBounded(AbstractBijection):
+    """upper - (upper - start) exp(-z)."""
 
     start: Any
     upper: Any
 
+    @override
     def value(self, z: Values) -> Values:
-        """Upper - (upper - start) exp(-z)."""
         return self.upper - _like(self.upper - self.start, z) * jnp.exp(-z)
 
-    def free(self, value: Values) -> Values:
-        """-log((upper - value) / (upper - start))."""
+    @override
+    def coordinate(self, value: Values) -> Values:
         return -jnp.log((self.upper - value) / _like(self.upper - self.start, value))
 
 
-class Between(AbstractTransform):
-    """Two bounds; in the logarithm of the value where both are positive."""
+class Interval(AbstractBijection):
+    """A logistic curve between two bounds, in log(value) where both are positive."""
 
     start: Any
     lower: float = eqx.field(static=True)
     upper: float = eqx.field(static=True)
 
     @property
-    def _by_ratio(self) -> bool:
+    def _is_logarithmic(self) -> bool:
         return self.lower > 0
 
     def _inner(self, value: Any) -> Any:
-        if not self._by_ratio:
-            return value
-        known = isinstance(value, np.ndarray)
-        return np.log(value) if known else jnp.log(value)
+        return _log(value) if self._is_logarithmic else value
 
     def _ends(self) -> tuple[float, float]:
-        both = (self.lower, self.upper)
-        return (math.log(both[0]), math.log(both[1])) if self._by_ratio else both
+        ends = (self.lower, self.upper)
+        return (math.log(ends[0]), math.log(ends[1])) if self._is_logarithmic else ends
 
     def _logit(self, value: Any) -> Any:
         low, high = self._ends()
         inner = self._inner(value)
-        ratio = (inner - low) / (high - inner)
-        known = isinstance(ratio, np.ndarray | np.generic)
-        return np.log(ratio) if known else jnp.log(ratio)
+        return _log((inner - low) / (high - inner))
 
-    def _steep(self) -> Any:
-        """Of the logistic curve at the start, in units of the value's own size."""
+    def _steepness(self) -> Any:
+        # Chosen so that z = 1 changes the value by about its own size at the start.
         low, high = self._ends()
         inner = self._inner(self.start)
         slope = (inner - low) * (high - inner) / (high - low)
-        size = 1.0 if self._by_ratio else np.maximum(np.abs(inner), high - low) / 4
-        return size / slope
+        linear_size = np.maximum(np.abs(inner), high - low) / 4
+        return (1.0 if self._is_logarithmic else linear_size) / slope
 
+    @override
     def value(self, z: Values) -> Values:
-        """Lower + (upper - lower) of the logistic function."""
         low, high = self._ends()
-        steep, first = _like(self._steep(), z), _like(self._logit(self.start), z)
-        share = jax.nn.sigmoid(steep * z + first)
-        inner = low + (high - low) * share
-        return jnp.exp(inner) if self._by_ratio else inner
+        steepness, offset = (
+            _like(self._steepness(), z),
+            _like(self._logit(self.start), z),
+        )
+        inner = low + (high - low) * jax.nn.sigmoid(steepness * z + offset)
+        return jnp.exp(inner) if self._is_logarithmic else inner
 
-    def free(self, value: Values) -> Values:
-        """The inverse."""
-        first = _like(self._logit(self.start), value)
-        return (self._logit(value) - first) / _like(self._steep(), value)
+    @override
+    def coordinate(self, value: Values) -> Values:
+        offset = _like(self._logit(self.start), value)
+        return (self._logit(value) - offset) / _like(self._steepness(), value)
 
 
-def transform(
-    start: Any, lower: float, upper: float, soft: bool = False
-) -> AbstractTransform:
-    """The bijection for a start between two bounds, which may be infinite.
+def bijection(
+    start: Any, lower: float, upper: float, softplus: bool = False
+) -> AbstractBijection:
+    """Choose the bijection for a start strictly between two bounds.
 
     Args:
-        start: one number or an array, strictly between the bounds.
+        start: one number or an array, which z = 0 stands for.
         lower: bound, or -inf.
         upper: bound, or inf.
-        soft: whether a single lower bound is by softplus, not by exp.
+        softplus: use softplus instead of exp for a single lower bound.
     """
-    below, above = math.isfinite(lower), math.isfinite(upper)
+    has_lower, has_upper = math.isfinite(lower), math.isfinite(upper)
     start = np.asarray(start, float)
-    if below and above:
-        return Between(start, lower, upper)
-    if below:
-        return SoftAbove(start, lower) if soft else Above(start, lower)
-    if above:
-        return Below(start, upper)
+    if has_lower and has_upper:
+        return Interval(start, lower, upper)
+    if has_lower:
+        return (SoftplusBounded if softplus else LowerBounded)(start, lower)
+    if has_upper:
+        return UpperBounded(start, upper)
     size = np.abs(start)
-    return Shifted(start, np.where(size > 0, size, 1.0))
+    return Affine(start, np.where(size > 0, size, 1.0))

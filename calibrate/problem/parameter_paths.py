@@ -1,8 +1,8 @@
-"""Where a parameter lies in a scene: "bodies.0.structure.weights.within" and the like.
+"""Paths of fitted numbers in a scene, as in "bodies.0.structure.weights.within".
 
-Names are those of the Python objects, `bodies`, `terms` and their fields; a list index
-is a number. `weights` and `material` stand for those of a scene's only body, and a
-term may be named by its mechanism, as in `sun.irradiance`.
+A path consists of the fields of the Python objects and of list indices. `weights`,
+`material` and `temperature` stand for those of a scene's only body, and a term may be
+named by its mechanism, as in `sun.irradiance`.
 """
 
 import difflib
@@ -18,88 +18,82 @@ from jaxthermo.scene.scene import Scene
 
 Path = tuple[str | int, ...]
 
-SHORT = {
+ABBREVIATIONS: dict[str, Path] = {
     "weights": ("bodies", 0, "structure", "weights"),
     "material": ("bodies", 0, "material"),
     "temperature": ("bodies", 0, "temperature"),
 }
-"""Of a scene of one body."""
+"""Short names in a scene of one body."""
 
-RENAMED = {"absorptivity": "own_absorptivity"}
-"""Fields that are called otherwise where they are kept."""
+# The constructor's argument and the field that keeps it differ.
+FIELD_OF = {"absorptivity": "own_absorptivity"}
 
 
-def find(scene: Scene, name: str) -> Path:
-    """The path that a name stands for.
-
-    Args:
-        scene: that it must lie in.
-        name: dotted.
+def find_path(scene: Scene, name: str) -> Path:
+    """Resolve a dotted name in a scene.
 
     Raises:
-        InputError: if there is no such thing in the scene.
+        InputError: if the scene has no such number.
     """
-    parts: Path = tuple(int(p) if p.isdigit() else p for p in name.split("."))
-    parts = _spelled_out(scene, name, parts)
-    here: Any = scene
-    for depth, part in enumerate(parts):
-        known = _parts_of(here)
+    path: Path = tuple(int(p) if p.isdigit() else p for p in name.split("."))
+    path = _expand(scene, name, path)
+    node: Any = scene
+    for depth, part in enumerate(path):
+        known = _children(node)
         if part not in known:
-            before = ".".join(map(str, parts[:depth])) or "a scene"
+            parent = ".".join(map(str, path[:depth])) or "a scene"
             close = difflib.get_close_matches(str(part), map(str, known), 1)
             hint = f"; did you mean '{close[0]}'?" if close else ""
-            there = ", ".join(map(str, known)) or "nothing to be fitted"
+            listed = ", ".join(map(str, known)) or "nothing to be fitted"
             raise InputError(
-                f"parameter {name}: {before} has no '{part}'{hint} (it has {there})"
+                f"parameter {name}: {parent} has no '{part}'{hint} (it has {listed})"
             )
-        here = _child(here, part)
-    if _parts_of(here):
-        some = ", ".join(map(str, _parts_of(here)))
-        raise InputError(f"parameter {name}: name one of its parts: {some}")
-    return parts
+        node = _child(node, part)
+    if _children(node):
+        listed = ", ".join(map(str, _children(node)))
+        raise InputError(f"parameter {name}: name one of its parts: {listed}")
+    return path
 
 
-def _spelled_out(scene: Scene, name: str, parts: Path) -> Path:
-    head, rest = parts[0], parts[1:]
-    if head in SHORT:
+def _expand(scene: Scene, name: str, path: Path) -> Path:
+    head, rest = path[0], path[1:]
+    if head in ABBREVIATIONS:
         if len(scene.bodies) > 1:
             raise InputError(
                 f"parameter {name}: the scene has {len(scene.bodies)} bodies: say "
-                "which, as in " + ".".join(map(str, (*SHORT[str(head)], *rest)))
+                "which, as in " + ".".join(map(str, (*ABBREVIATIONS[str(head)], *rest)))
             )
-        parts = (*SHORT[str(head)], *rest)
+        path = (*ABBREVIATIONS[str(head)], *rest)
     elif head in (names := mechanism_names(scene)):
-        parts = ("terms", names.index(str(head)), *rest)
-    return tuple(RENAMED.get(p, p) if isinstance(p, str) else p for p in parts)
+        path = ("terms", names.index(str(head)), *rest)
+    return tuple(FIELD_OF.get(p, p) if isinstance(p, str) else p for p in path)
 
 
-def get(scene: Scene, path: Path) -> Any:
-    """What lies at a path."""
-    here: Any = scene
+def value_at(scene: Scene, path: Path) -> Any:
+    """Value at a path."""
+    node: Any = scene
     for part in path:
-        here = _child(here, part)
-    return here
+        node = _child(node, part)
+    return node
 
 
-def put(scene: Scene, path: Path, value: Any) -> Scene:
-    """The scene with another value at a path."""
+def with_value(scene: Scene, path: Path, value: Any) -> Scene:
+    """Copy of the scene with another value at a path."""
     return eqx.tree_at(
-        lambda s: get(s, path), scene, value, is_leaf=lambda leaf: leaf is None
+        lambda s: value_at(s, path), scene, value, is_leaf=lambda leaf: leaf is None
     )
 
 
-def _child(here: Any, part: str | int) -> Any:
-    if isinstance(part, int):
-        return here[part]
-    return getattr(here, part)
+def _child(node: Any, part: str | int) -> Any:
+    return node[part] if isinstance(part, int) else getattr(node, part)
 
 
-def _parts_of(here: Any) -> tuple[str | int, ...]:
-    """Names or numbers of what lies within; none of a value."""
-    if isinstance(here, list | tuple):
-        return tuple(range(len(here)))
-    if is_dataclass(here):
+def _children(node: Any) -> tuple[str | int, ...]:
+    if isinstance(node, list | tuple):
+        return tuple(range(len(node)))
+    if is_dataclass(node):
+        # Static fields are compiled into the program and cannot be fitted.
         return tuple(
-            f.name for f in fields(here) if not f.metadata.get("static", False)
+            f.name for f in fields(node) if not f.metadata.get("static", False)
         )
     return ()

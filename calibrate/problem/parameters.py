@@ -1,7 +1,7 @@
-"""What is fitted: named numbers of a scene, within bounds, with what is known of them.
+"""Fitted numbers of a scene with their bounds and priors.
 
-A parameter sets one place in every scene of a fit, or several tied to the same value.
-Together they are one vector z of free numbers, 0 at the start.
+A parameter sets one number of every scene of a fit, or several tied to the same value.
+Together the parameters are one vector z of unconstrained coordinates, 0 at the start.
 """
 
 import math
@@ -16,78 +16,75 @@ from jaxtyping import Array, Float, Int
 from jaxthermo.errors import InputError
 from jaxthermo.scene.scene import Scene
 
-from .bijections import AbstractTransform, Values, transform
-from .parameter_paths import find, put
+from .bijections import AbstractBijection, Values, bijection
+from .parameter_paths import find_path, with_value
 
 
-Free = Float[Array | np.ndarray, " p"]
-"""Free numbers of all parameters, 0 at the start."""
+Coordinates = Float[Array | np.ndarray, " p"]
+"""Unconstrained coordinates of all parameters, 0 at the start."""
 
 
 @dataclass(frozen=True)
 class Prior:
-    """What is known beforehand: a normal distribution, of the logarithm if positive."""
+    """Normal prior of a value, or of its logarithm where `log_normal`."""
 
     mean: float
     sd: float
-    """Of the value; of its logarithm, where `of_logarithm`."""
-    of_logarithm: bool = False
+    """Standard deviation of the value, or of its logarithm."""
+    log_normal: bool = False
 
-    def misfit(self, value: Values) -> Values:
-        """(Value - mean) / sd."""
+    def residual(self, value: Values) -> Values:
+        """(value - mean) / sd, or (log value - log mean) / sd."""
         value = jnp.asarray(value)
-        if self.of_logarithm:
+        if self.log_normal:
             return (jnp.log(value) - math.log(self.mean)) / self.sd
         return (value - self.mean) / self.sd
 
 
 @dataclass(frozen=True, eq=False)
 class Smoothness:
-    """That weights of links are like those of the links about the same nodes.
+    """Prior that a link's weight w is like those of the links at the same nodes.
 
-    The mean over all links' ends of ((log w - mean there) / sd)^2.
+    Penalty: mean over all link ends of ((log w - mean log w at the node) / sd)^2.
     """
 
     src: Int[np.ndarray, " e"]
     dst: Int[np.ndarray, " e"]
     sd: float
 
-    def misfit(self, value: Values) -> Float[Array, " q"]:
-        """A row an end of a link, so that squares sum to that mean."""
+    def residual(self, value: Values) -> Float[Array, " q"]:
+        """One row per link end; their squares sum to the penalty."""
         ends, logs = np.concatenate([self.src, self.dst]), jnp.log(value)
-        both = jnp.concatenate([logs, logs])
+        logs = jnp.concatenate([logs, logs])
         nodes = int(ends.max()) + 1
-        count = np.maximum(np.bincount(ends, minlength=nodes), 1)
-        mean = jax.ops.segment_sum(both, jnp.asarray(ends), nodes) / count.astype(
-            both.dtype
-        )
-        return (both - mean[ends]) / (self.sd * math.sqrt(len(ends)))
+        count = np.maximum(np.bincount(ends, minlength=nodes), 1).astype(logs.dtype)
+        mean = jax.ops.segment_sum(logs, jnp.asarray(ends), nodes) / count
+        return (logs - mean[ends]) / (self.sd * math.sqrt(len(ends)))
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """A number, or a list of them, at one or several places of a scene.
+    """A number, or a list of them, at one or several paths of a scene.
 
     Raises:
         InputError: for bounds that exclude the start.
     """
 
     name: str
-    """Dotted, as in `paths`."""
+    """Dotted path, see `parameter_paths`."""
     start: tuple[float, ...]
-    """One number for a scalar; see `is_scalar`."""
+    """Start values; a single one for a scalar."""
     lower: float = -math.inf
     upper: float = math.inf
-    also: tuple[str, ...] = ()
-    """Further places that are tied to the same value."""
+    tied: tuple[str, ...] = ()
+    """Further paths that take the same value."""
     prior: Prior | None = None
-    soft: bool = False
+    softplus: bool = False
     is_scalar: bool = True
-    anchored: bool = False
-    """Whether the first of a list keeps its start, since only ratios count."""
+    first_is_fixed: bool = False
+    """Keep the first value of a list at its start, where only ratios matter."""
     smoothness: Smoothness | None = None
-    """Of one value a link."""
-    transform: AbstractTransform = field(init=False, repr=False, compare=False)
+    bijection: AbstractBijection = field(init=False, repr=False, compare=False)
 
     def __post_init__(self):
         if not self.lower < self.upper:
@@ -101,34 +98,40 @@ class Parameter:
                     f"parameter {self.name}: starts at {value:g}, which is not between "
                     f"its bounds {self.lower:g} and {self.upper:g}"
                 )
-        moving = self.start[1:] if self.anchored else self.start
-        start = np.asarray(moving[0] if self.is_scalar else moving)
-        made = transform(start, self.lower, self.upper, self.soft)
-        object.__setattr__(self, "transform", made)
+        varied = self.start[1:] if self.first_is_fixed else self.start
+        start = np.asarray(varied[0] if self.is_scalar else varied)
+        made = bijection(start, self.lower, self.upper, self.softplus)
+        object.__setattr__(self, "bijection", made)
 
     @property
     def size(self) -> int:
-        """How many free numbers."""
-        return len(self.start) - self.anchored
+        """Number of coordinates."""
+        return len(self.start) - self.first_is_fixed
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """Of each number."""
+        """Name of each coordinate."""
         if self.is_scalar:
             return (self.name,)
-        return tuple(f"{self.name}.{i + self.anchored}" for i in range(self.size))
+        return tuple(f"{self.name}.{i + self.first_is_fixed}" for i in range(self.size))
+
+    @property
+    def paths(self) -> tuple[str, ...]:
+        """Names of everything in the scene that takes the value."""
+        return (self.name, *self.tied)
 
     def value(self, z: Values) -> Float[Array, "*m"]:
-        """What stands in the scene for free numbers."""
-        found = jnp.asarray(self.transform.value(z))
-        if not self.anchored:
-            return found
-        return jnp.concatenate([jnp.full(1, self.start[0], found.dtype), found])
+        """Value in the scene of the parameter's coordinates."""
+        varied = jnp.asarray(self.bijection.value(z))
+        if not self.first_is_fixed:
+            return varied
+        return jnp.concatenate([jnp.full(1, self.start[0], varied.dtype), varied])
 
-    def free(self, value: Any) -> Float[Array, "*m"]:
-        """The free numbers of what stands in a scene."""
-        given = jnp.asarray(value)
-        return jnp.asarray(self.transform.free(given[1:] if self.anchored else given))
+    def coordinate(self, value: Any) -> Float[Array, "*m"]:
+        """Coordinates of a value in the scene."""
+        value = jnp.asarray(value)
+        varied = value[1:] if self.first_is_fixed else value
+        return jnp.asarray(self.bijection.coordinate(varied))
 
 
 @dataclass(frozen=True)
@@ -136,7 +139,7 @@ class ParameterSet:
     """All parameters of a fit.
 
     Raises:
-        InputError: for two that set the same place.
+        InputError: for two parameters that set the same number.
     """
 
     parameters: tuple[Parameter, ...]
@@ -144,82 +147,70 @@ class ParameterSet:
     def __post_init__(self):
         if not self.parameters:
             raise InputError("parameters: there is nothing to fit; name one at least")
-        places = [place for p in self.parameters for place in (p.name, *p.also)]
-        for place in places:
-            if places.count(place) > 1:
-                raise InputError(f"parameter {place}: it is there twice")
+        paths = [path for p in self.parameters for path in p.paths]
+        for path in paths:
+            if paths.count(path) > 1:
+                raise InputError(f"parameter {path}: it is there twice")
 
     @property
     def size(self) -> int:
-        """Free numbers in all."""
+        """Number of coordinates."""
         return sum(p.size for p in self.parameters)
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """Of each free number."""
+        """Name of each coordinate."""
         return tuple(label for p in self.parameters for label in p.labels)
 
     def check(self, scene: Scene) -> None:
-        """Raise unless all of them are places of a scene."""
+        """Raise an InputError unless every path exists in the scene."""
         for p in self.parameters:
-            for name in (p.name, *p.also):
-                find(scene, name)
+            for name in p.paths:
+                find_path(scene, name)
 
-    def split(self, z: Free) -> list[Values]:
-        """Each parameter's part of the free numbers."""
-        parts, first = [], 0
+    def values(self, z: Coordinates) -> dict[str, Values]:
+        """Values by parameter name."""
+        z, values, first = jnp.asarray(z), {}, 0
         for p in self.parameters:
             part = z[first : first + p.size]
-            parts.append(part[0] if p.is_scalar else part)
+            value = p.value(part[0] if p.is_scalar else part)
+            values[p.name] = value.astype(z.dtype)
             first += p.size
-        return parts
+        return values
 
-    def values(self, z: Free) -> dict[str, Values]:
-        """By name, what free numbers stand for."""
-        z = jnp.asarray(z)
-        pairs = zip(self.parameters, self.split(z), strict=True)
-        return {p.name: p.value(part).astype(z.dtype) for p, part in pairs}
-
-    def flat_values(self, z: Free) -> Float[Array, " p"]:
-        """The same as one vector, in the order of `labels`."""
+    def flat_values(self, z: Coordinates) -> Float[Array, " p"]:
+        """Values of all coordinates, in the order of `labels`."""
         values = self.values(z)
         parts = [jnp.atleast_1d(values[p.name]) for p in self.parameters]
-        free = [
-            part[1:] if p.anchored else part
-            for p, part in zip(self.parameters, parts, strict=True)
-        ]
-        return jnp.concatenate(free)
+        pairs = zip(self.parameters, parts, strict=True)
+        return jnp.concatenate([v[1:] if p.first_is_fixed else v for p, v in pairs])
 
-    def free(self, values: dict[str, Any]) -> Float[Array, " p"]:
-        """The free numbers of values by name."""
-        parts = [jnp.atleast_1d(p.free(values[p.name])) for p in self.parameters]
+    def coordinates(self, values: dict[str, Any]) -> Float[Array, " p"]:
+        """Coordinates of values by parameter name."""
+        parts = [jnp.atleast_1d(p.coordinate(values[p.name])) for p in self.parameters]
         return jnp.concatenate(parts)
 
-    def put(self, scene: Scene, z: Free) -> Scene:
-        """The scene with the values of free numbers."""
+    def insert(self, scene: Scene, z: Coordinates) -> Scene:
+        """Copy of the scene with the values of the coordinates z."""
         values = self.values(z)
         for p in self.parameters:
-            # The whole of a list at once; names were checked when the fit was made.
-            for name in (p.name, *p.also):
-                scene = put(scene, find(scene, name), values[p.name])
+            for name in p.paths:
+                scene = with_value(scene, find_path(scene, name), values[p.name])
         return scene
 
-    def prior_misfit(self, z: Free) -> Float[Array, " q"]:
-        """Of all parameters that have a prior, in standard deviations."""
-        values = self.values(z)
-        each = [
-            jnp.atleast_1d(p.prior.misfit(values[p.name]))
-            for p in self.parameters
-            if p.prior is not None
-        ]
-        return jnp.concatenate(each) if each else jnp.zeros(0, z.dtype)
+    def prior_residual(self, z: Coordinates) -> Float[Array, " q"]:
+        """Deviations from the priors [standard deviations]."""
+        return self._residual(z, [(p, p.prior) for p in self.parameters])
 
-    def roughness(self, z: Free) -> Float[Array, " q"]:
-        """Of all fields, in standard deviations."""
+    def smoothness_residual(self, z: Coordinates) -> Float[Array, " q"]:
+        """Deviations of link weights from their neighbours' [standard deviations]."""
+        return self._residual(z, [(p, p.smoothness) for p in self.parameters])
+
+    def _residual(self, z: Coordinates, terms: list[tuple[Parameter, Any]]) -> Any:
         values = self.values(z)
-        each = [
-            p.smoothness.misfit(values[p.name])
-            for p in self.parameters
-            if p.smoothness is not None
+        rows = [
+            jnp.atleast_1d(term.residual(values[p.name]))
+            for p, term in terms
+            if term is not None
         ]
-        return jnp.concatenate(each) if each else jnp.zeros(0, z.dtype)
+        return jnp.concatenate(rows) if rows else jnp.zeros(0, z.dtype)

@@ -1,4 +1,4 @@
-"""A fit as one function: free numbers in, misfits of all cases out."""
+"""The least-squares problem: coordinates in, residuals of all cases out."""
 
 import math
 from collections.abc import Callable
@@ -9,26 +9,29 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.extend.core import ClosedJaxpr, jaxpr_as_fun
 from jaxtyping import Array, Bool, Float
 
 from jaxthermo.errors import InputError
-from jaxthermo.integrate.run.parametric_run import Layout, Response
+from jaxthermo.integrate.run.parametric_run import Layout, Response, with_more_steps
 from jaxthermo.integrate.solvers import ForwardEuler
 from jaxthermo.scene.scene import Scene
 
-from ..solvers.jaxpr_function import Traced, trace
-from .parameters import Free, ParameterSet
+from .parameters import Coordinates, ParameterSet
 from .targets import AbstractTarget
 
 
-AT_ONCE = 2**30
-"""Bytes of the states of a batch of derivatives."""
+MAX_TANGENT_BYTES = 2**30
+"""Memory for the states of a batch of derivatives [bytes]."""
 
-MARGIN = 1.25
-"""Of the first steps: so much stiffer a fit may get before it takes more."""
+STEP_MARGIN = 1.25
+"""Stable step over first step: room to become stiffer before steps are added."""
 
-FIXED_MARGIN = 2.0
-"""Of steps that stay: values that are stiffer than that are not finite, and refused."""
+FIXED_STEP_MARGIN = 2.0
+"""Stable step over fixed step; stiffer values diverge, and the trial is refused."""
+
+MAX_STIFFENING = 10.0
+"""Stable step at the start over that of a trial, beyond which steps are not added."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,33 +40,56 @@ class Case:
 
     name: str
     scene: Scene
-    """With the values at the start."""
+    """Scene with the values at the start."""
     response: Response
     target: AbstractTarget
 
     def __post_init__(self):
-        if tuple(self.response.saves) != tuple(self.target.moments):
+        if tuple(self.response.saves) != tuple(self.target.times):
             raise InputError(
-                f"case {self.name}: its data are of {list(self.target.moments)} s and "
+                f"case {self.name}: its data are of {list(self.target.times)} s and "
                 f"the run saves {list(self.response.saves)} s"
             )
 
 
-class Seen(NamedTuple):
-    """What a point of a fit gives besides its misfits."""
+class RunDiagnostics(NamedTuple):
+    """Results of the runs at one point besides their residuals."""
 
-    stable_step: Float[Array, " c"]
-    """Of every case [s]."""
+    stable_steps: Float[Array, " c"]
+    """Explicit stability limit of each case [s]."""
     finite: Bool[Array, ""]
     errors: tuple[Float[Array, " t"], ...]
-    """Of every case at every time: root of the sum of its squared misfits."""
+    """Root of the sum of squared residuals, of each case at each saved time."""
 
-    def known_errors(self) -> tuple[Float[np.ndarray, " t"], ...]:
-        """The errors on the host."""
-        return tuple(np.asarray(each, float) for each in self.errors)
+    def host_errors(self) -> tuple[Float[np.ndarray, " t"], ...]:
+        """Errors in float64 on the host."""
+        return tuple(np.asarray(rows, float) for rows in self.errors)
 
 
 Layouts = tuple[Layout, ...]
+"""Step sizes and counts of each case."""
+
+
+class Traced(eqx.Module):
+    """A function traced once, with the arrays that it closes over as arguments."""
+
+    constants: tuple[jax.Array, ...]
+    jaxpr: Any = eqx.field(static=True)
+    outputs: Any = eqx.field(static=True)
+
+    def __call__(self, *args: Any) -> Any:
+        """Run the traced function."""
+        run = jaxpr_as_fun(ClosedJaxpr(self.jaxpr, self.constants))
+        return jax.tree.unflatten(self.outputs, run(*jax.tree.leaves(args)))
+
+
+def trace(function: Callable[..., Any], *args: Any) -> Traced:
+    """Trace a function for arguments of these shapes."""
+    # A simulation closes over tables as long as the body's links. XLA would try to
+    # fold them as constants, and each derivative would be traced from the start.
+    closed, shapes = jax.make_jaxpr(function, return_shape=True)(*args)
+    constants = tuple(jnp.asarray(value) for value in closed.consts)
+    return Traced(constants, closed.jaxpr, jax.tree.structure(shapes))
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,8 +98,8 @@ class Problem:
 
     parameters: ParameterSet
     cases: tuple[Case, ...]
-    worst: float = 2.0
-    """Power of the times' errors that is summed, see `emphasized`."""
+    time_norm: float = 2.0
+    """Exponent p of the mean over saved times of |error|^p that is minimized."""
 
     def __post_init__(self):
         if not self.cases:
@@ -83,94 +109,88 @@ class Problem:
 
     @property
     def dtype(self) -> Any:
-        """Of all runs."""
+        """Floating-point type of all runs."""
         return jnp.dtype(self.cases[0].scene.dtype)
 
     @property
     def known_sd(self) -> float | None:
-        """That noise gives a misfit; None if it is not known."""
-        found = {case.target.known_sd for case in self.cases}
-        if len(found) > 1:
+        """Standard deviation of a residual due to noise; None if it is not known."""
+        known = {case.target.known_sd for case in self.cases}
+        if len(known) > 1:
             raise InputError("cases: fit to references or to frames, not to both")
-        known = found.pop()
-        return None if known is None else known / math.sqrt(len(self.cases))
+        sd = known.pop()
+        return None if sd is None else sd / math.sqrt(len(self.cases))
 
     def start(self) -> Float[Array, " p"]:
-        """The free numbers that a fit starts from."""
+        """Coordinates of the start values."""
         return jnp.zeros(self.parameters.size, self.dtype)
 
-    def scene(self, case: Case, z: Free) -> Scene:
-        """A case's scene with the values of free numbers."""
-        return self.parameters.put(case.scene, z)
+    def scene(self, case: Case, z: Coordinates) -> Scene:
+        """Scene of a case with the values of the coordinates z."""
+        return self.parameters.insert(case.scene, z)
 
-    def layouts(self, longest: list[float] | None = None) -> Layouts:
-        """When each case steps.
-
-        Args:
-            longest: step of each, if it goes by stability [s]; the stable one at the
-                start, with a margin, if not given.
-        """
+    def layouts(self) -> Layouts:
+        """Steps of each case for the start values, with a margin for stiffer ones."""
         found = []
-        for n, case in enumerate(self.cases):
-            given = longest[n] if longest is not None else None
-            if given is None and case.response.follows_stability:
-                given = float(case.response.stable_step(case.scene)) / MARGIN
-            found.append(case.response.layout(case.scene, given))
+        for case in self.cases:
+            longest = None
+            if case.response.follows_stability:
+                longest = float(case.response.stable_step(case.scene)) / STEP_MARGIN
+            found.append(case.response.layout(case.scene, longest))
         return tuple(found)
 
-    def misfits(self, z: Free, layouts: Layouts) -> tuple[Float[Array, " r"], Seen]:
-        """Of all cases, one after the other, and of the priors."""
+    def layouts_at(self, z: Coordinates, layouts: Layouts | None = None) -> Layouts:
+        """Steps that are stable at z: those given, or of the start, or finer ones."""
+        layouts = self.layouts() if layouts is None else layouts
+        return refine_layouts(layouts, self.stable_steps(z))
+
+    def residuals(
+        self, z: Coordinates, layouts: Layouts
+    ) -> tuple[Float[Array, " r"], RunDiagnostics]:
+        """Residuals of all cases, one after the other, then those of the priors."""
         rows, steps, errors, finite = [], [], [], jnp.asarray(True)
         for case, layout in zip(self.cases, layouts, strict=True):
             scene = self.scene(case, z)
             answer = case.response(scene, layout)
-            misfit = case.target.misfit(scene, answer)
-            rows.append(emphasized(misfit, self.worst).reshape(-1))
-            errors.append(jnp.sqrt(len(misfit) * (misfit * misfit).sum(axis=1)))
+            residual = case.target.residual(scene, answer)
+            rows.append(_emphasize_times(residual, self.time_norm).reshape(-1))
+            errors.append(jnp.sqrt(len(residual) * (residual * residual).sum(axis=1)))
             steps.append(answer.stable_step)
             finite = finite & answer.finite
         z = jnp.asarray(z)
-        share = 1 / math.sqrt(len(self.cases))
-        data = share * jnp.concatenate(rows)
-        prior = self.parameters.prior_misfit(z)
-        sd = self.known_sd
-        unit = 1.0 if sd is None else sd
-        rough = self.parameters.roughness(z)
-        both = jnp.concatenate([data, unit * prior, unit * rough])
-        return both.astype(z.dtype), Seen(jnp.stack(steps), finite, tuple(errors))
+        data = 1 / math.sqrt(len(self.cases)) * jnp.concatenate(rows)
+        prior = self.parameters.prior_residual(z)
+        # Priors count in the noise's standard deviations, as the data do.
+        unit = 1.0 if self.known_sd is None else self.known_sd
+        smoothness = self.parameters.smoothness_residual(z)
+        all_rows = jnp.concatenate([data, unit * prior, unit * smoothness])
+        diagnostics = RunDiagnostics(jnp.stack(steps), finite, tuple(errors))
+        return all_rows.astype(z.dtype), diagnostics
 
-    def stable_steps(self, z: Free) -> Float[Array, " c"]:
-        """Of every case [s]; infinite where the solver gives its own steps."""
-        each = [
+    def stable_steps(self, z: Coordinates) -> Float[Array, " c"]:
+        """Stability limit of each case at z [s]; infinite where the solver has none."""
+        steps = [
             jnp.asarray(case.response.stable_step(self.scene(case, z)), z.dtype)
             if case.response.follows_stability
             else jnp.asarray(jnp.inf, z.dtype)
             for case in self.cases
         ]
-        return jnp.stack(each)
+        return jnp.stack(steps)
 
     def with_fixed_steps(self) -> "Problem":
-        """The same with steps of a given length, which reverse mode needs.
-
-        Where they go by stability they have a margin of `FIXED_MARGIN`.
-        """
+        """Problem whose step sizes are fixed, which reverse mode needs."""
         cases = []
         for case in self.cases:
             response = case.response
             if response.follows_stability:
-                dt = float(response.stable_step(case.scene)) / FIXED_MARGIN
-                if not np.isfinite(dt):
-                    dt = response.saves[-1]
+                dt = float(response.stable_step(case.scene)) / FIXED_STEP_MARGIN
+                dt = dt if np.isfinite(dt) else response.saves[-1]
                 response = replace(response, solver=ForwardEuler(dt=dt))
             cases.append(replace(case, response=response))
         return replace(self, cases=tuple(cases))
 
-    def backward(self, memory: int) -> "Problem":
-        """The same for derivatives in reverse mode.
-
-        Args:
-            memory: for the states of a run [bytes].
-        """
+    def with_reverse_mode(self, memory: int) -> "Problem":
+        """Problem for reverse-mode derivatives, with memory for a run's states."""
         cases = (
             replace(c, response=replace(c.response, reverse_memory=memory))
             for c in self.cases
@@ -178,31 +198,27 @@ class Problem:
         return replace(self, cases=tuple(cases))
 
     def trace(self, layouts: Layouts) -> Traced:
-        """`misfits` as a program that takes free numbers and layouts."""
-        return trace(self.misfits, self.start(), layouts)
+        """`residuals` as a traced function of coordinates and layouts."""
+        return trace(self.residuals, self.start(), layouts)
 
     def batch(self) -> int:
-        """How many derivatives to take at once."""
+        """Number of derivatives that the memory holds at once."""
         values = sum(
             int(np.prod(body.structure.state_shape))
             for case in self.cases
             for body in case.scene.bodies
         )
-        each = 4 * values * self.dtype.itemsize
-        return int(max(1, min(self.parameters.size, AT_ONCE // max(each, 1))))
+        # An estimate: a time loop keeps four arrays of the state's size per tangent.
+        per_tangent = 4 * values * self.dtype.itemsize
+        fitting = MAX_TANGENT_BYTES // max(per_tangent, 1)
+        return int(max(1, min(self.parameters.size, fitting)))
 
 
-def emphasized(rows: Float[Array, "t r"], power: float) -> Float[Array, "t r"]:
-    """Misfits whose squares sum to the mean over times of |e_t|^p.
+def _emphasize_times(rows: Float[Array, "t r"], power: float) -> Float[Array, "t r"]:
+    """Scale residuals so that their squares sum to the mean over times of |e_t|^p.
 
-    e_t is a time's error, the root of the sum of its squares; p = 2 leaves all as it
-    is, and a larger p counts the worst times more.
-
-        r' = r |e_t|^(p/2 - 1) n^(p/4 - 1/2)
-
-    Args:
-        rows: misfits, a row a time, n of them; their squares sum to the mean of e_t^2.
-        power: p.
+    r' = r |e_t|^(p/2 - 1) n^(p/4 - 1/2) for n times, where e_t is the root of the sum
+    of squares at time t. p = 2 changes nothing; a larger p weighs the worst times more.
     """
     if power == 2:
         return rows
@@ -213,47 +229,32 @@ def emphasized(rows: Float[Array, "t r"], power: float) -> Float[Array, "t r"]:
     return rows * weight * len(rows) ** (power / 4 - 0.5)
 
 
-def with_jacobian(
-    function: Callable[..., tuple[Float[Array, " r"], Any]],
-    z: Free,
-    batch: int,
-) -> tuple[Float[Array, " r"], Float[Array, "p r"], Any]:
-    """A function's value, its derivatives by each number, and what it gives besides.
+def refine_layouts(
+    layouts: Layouts, stable: Float[Array, " c"], first: Layouts | None = None
+) -> Layouts:
+    """Layouts with as many explicit steps as stability needs.
 
     Args:
-        function: of free numbers.
-        z: where.
-        batch: derivatives at once.
+        layouts: steps of each case.
+        stable: stability limit of each case [s], infinite where the solver has none.
+        first: layouts of a fit's start. A trial that is `MAX_STIFFENING` stiffer keeps
+            its steps, so that it diverges and is refused instead of running for hours.
     """
-    along = lambda t: jax.jvp(function, (z,), (t,), has_aux=True)
-    directions = jnp.eye(len(z), dtype=z.dtype)
-    if batch >= len(z):
-        # The value comes with them: one run less.
-        return jax.vmap(along, out_axes=(None, 0, None))(directions)
-    value, aux = function(z)
-    rows = jax.lax.map(lambda t: along(t)[1], directions, batch_size=batch)
-    return value, rows, aux
+    found, changed = [], False
+    for n, (layout, limit) in enumerate(
+        zip(layouts, np.asarray(stable, float), strict=True)
+    ):
+        longest = _longest_step(layout)
+        shortest = 0.0 if first is None else _longest_step(first[n]) / MAX_STIFFENING
+        if np.isfinite(limit) and shortest < limit < longest:
+            # More steps than needed now, since each change moves the residuals a
+            # little.
+            layout = with_more_steps(layout, STEP_MARGIN * longest / limit)
+            changed = True
+        found.append(layout)
+    return tuple(found) if changed else layouts
 
 
-@eqx.filter_jit
-def jacobian_rows(
-    function: Callable[..., tuple[Float[Array, " r"], Any]],
-    program: Any,
-    z: Free,
-    batch: int,
-) -> Float[Array, "p r"]:
-    """The derivatives alone, compiled once for a function and programs of one shape.
-
-    Args:
-        function: of a program and free numbers.
-        program: its arrays are arguments of what is compiled.
-        z: where.
-        batch: derivatives at once.
-    """
-    return with_jacobian(lambda y: function(program, y), z, batch)[1]
-
-
-def call(program: tuple[Traced, Any], z: Free) -> tuple[Float[Array, " r"], Any]:
-    """A traced function of free numbers and layouts, as `jacobian_rows` takes it."""
-    traced, layouts = program
-    return traced(z, layouts)
+def _longest_step(layout: Layout) -> float:
+    sizes, counts = np.asarray(layout[1]), np.asarray(layout[2])
+    return float(sizes[counts > 0].max())

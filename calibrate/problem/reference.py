@@ -1,4 +1,4 @@
-"""Full-volume runs that fits are held against: made once, and kept."""
+"""Full-volume runs that fits are compared with: computed once and cached."""
 
 import functools
 import hashlib
@@ -25,19 +25,16 @@ from jaxthermo.scene.compile.compile import compile_scene
 from jaxthermo.structures.cache import cache_folder
 
 
-Doing = Callable[[str], None]
-"""Told what takes a while."""
+Log = Callable[[str], None]
+"""Called with a line before each slow stage."""
 
 
 @functools.cache
-def program_hash(fits: bool = False) -> str:
-    """Of the code that runs scenes: an edited one makes its references anew.
-
-    Args:
-        fits: whether the code of calibrations counts too.
-    """
+def program_hash(with_calibrate: bool = False) -> str:
+    """Hash of the source code that runs scenes, and of the fits' where asked for."""
+    # A reference is computed again when the code that made it has changed.
     folders = [Path(jaxthermo.__file__).parent]
-    if fits:
+    if with_calibrate:
         folders.append(Path(__file__).parents[1])
     digest = hashlib.sha256()
     for folder in folders:
@@ -46,52 +43,41 @@ def program_hash(fits: bool = False) -> str:
     return digest.hexdigest()[:16]
 
 
-def reference_name(config: SceneConfig, step: float) -> str:
-    """Of the file of a reference.
-
-    Args:
-        config: of the scene.
-        step: share of the stable one.
-    """
-    text = f"{config_hash(config)} {step!r} {program_hash()}"
-    return hashlib.sha256(text.encode()).hexdigest()[:32]
-
-
 def on_every_voxel(config: SceneConfig) -> SceneConfig:
-    """The scene with full volumes for all bodies, and nothing that a run ignores."""
-    from_start = SceneConfig.model_fields
+    """Config with the full volume for all bodies, and defaults for what it ignores."""
+    # Name, camera, image and solver do not affect the reference and would only spoil
+    # its place in the cache.
+    defaults = {
+        key: SceneConfig.model_fields[key].default
+        for key in ("camera", "image", "solver")
+    }
     bodies = tuple(
         body.model_copy(
             update={"structure": type(body).model_fields["structure"].default}
         )
         for body in config.bodies
     )
-    update = {
-        "bodies": bodies,
-        "name": None,
-        "camera": from_start["camera"].default,
-        "image": from_start["image"].default,
-        "solver": from_start["solver"].default,
-    }
-    return config.model_copy(update=update)
+    return config.model_copy(update={"bodies": bodies, "name": None, **defaults})
 
 
-def full_volume_run(config: SceneConfig, step: float, doing: Doing) -> StoredSolution:
-    """The scene on every voxel at a share of the stable step, from disk if it is there.
+def full_volume_run(config: SceneConfig, step: float, log: Log) -> StoredSolution:
+    """Run a scene on every voxel, or load the run from the cache.
 
     Args:
         config: of the scene, whatever its structures.
-        step: share of the stable step.
-        doing: is told if it has to be run.
+        step: time step as a fraction of the stable one.
+        log: called if the scene has to be run.
     """
     config = on_every_voxel(config)
     folder = cache_folder()
     path = None
     if folder is not None:
-        path = folder.parent / "references" / f"{reference_name(config, step)}.npz"
+        text = f"{config_hash(config)} {step!r} {program_hash()}"
+        name = hashlib.sha256(text.encode()).hexdigest()[:32]
+        path = folder.parent / "references" / f"{name}.npz"
         if path.is_file():
             return load_solution(path)
-    doing("running the full volume")
+    log("running the full volume")
     found = _run(config, step)
     if path is not None:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -111,18 +97,13 @@ def _run(config: SceneConfig, step: float):
     return found
 
 
-def check_reference(
+def select_times(
     found: StoredSolution, times: tuple[float, ...], path: Path
 ) -> StoredSolution:
-    """A user's own reference, if it is of the case's times.
-
-    Args:
-        found: from a file.
-        times: that the case saves [s].
-        path: of the file.
+    """Reduce a user's reference from the file `path` to the times that a case saves.
 
     Raises:
-        InputError: if it is of other times.
+        InputError: if one of the times [s] is not saved there.
     """
     saved = np.asarray(found.times, float)
     rows = [np.flatnonzero(np.isclose(saved, t, rtol=1e-5)) for t in times]

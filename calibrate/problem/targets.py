@@ -1,17 +1,17 @@
-"""What a run is compared with: a full volume's surface, or frames of a camera.
+"""Data that runs are compared with; here the surface of a full-volume run.
 
-Every target turns surface temperatures into misfits whose squares sum to about 1 where
-model and data differ by one unit: 1 % of the error of `surface_error`, or one standard
-deviation of a pixel's noise.
+A target turns surface temperatures into residuals whose squares sum to about 1 where
+model and data differ by one unit: 1 % error, or one standard deviation of pixel noise.
 """
 
 import abc
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+from typing_extensions import override
 
 from jaxthermo.errors import InputError
 from jaxthermo.integrate.run.parametric_run import Answer
@@ -19,26 +19,52 @@ from jaxthermo.integrate.surface_error import AnySolution, error_span
 from jaxthermo.scene.scene import Scene
 
 
+class CaseError(NamedTuple):
+    """Root mean square error of one case at each saved time."""
+
+    times: tuple[float, ...]
+    """[s]"""
+    percent: tuple[float, ...]
+    """Percent of the reference's temperature range, or of the pixel noise."""
+    kelvin: tuple[float, ...]
+    """In kelvin, or in the unit of the frames."""
+
+    @property
+    def worst(self) -> float:
+        """Error of the case: the largest over the times [%]."""
+        return max(self.percent)
+
+    def as_json(self) -> dict[str, Any]:
+        """Values for `fit.json`."""
+        return {
+            "times_s": list(self.times),
+            "rms_percent": list(self.percent),
+            "rms_kelvin": list(self.kelvin),
+            "worst_percent": self.worst,
+        }
+
+
 class AbstractTarget(eqx.Module):
     """Data of one case."""
+
+    times: eqx.AbstractVar[tuple[float, ...]]
 
     @property
     @abc.abstractmethod
     def known_sd(self) -> float | None:
-        """Standard deviation that noise gives a misfit; None if it is not known."""
-
-    @property
-    @abc.abstractmethod
-    def moments(self) -> tuple[float, ...]:
-        """Which saved times it needs [s]."""
+        """Standard deviation of a residual due to noise; None if it is not known."""
 
     @abc.abstractmethod
-    def misfit(self, scene: Scene, answer: Answer) -> Float[Array, "t r"]:
-        """Of a run, a row a saved time."""
+    def residual(self, scene: Scene, answer: Answer) -> Float[Array, "t r"]:
+        """Residuals of a run, one row per saved time."""
+
+    @abc.abstractmethod
+    def case_error(self, errors: Float[np.ndarray, " t"]) -> CaseError:
+        """Error in percent and kelvin of the root sum of squared residuals."""
 
 
 class SurfaceTarget(AbstractTarget):
-    """The surface of a reference run: a misfit of 1 is an error of 1 %.
+    """Surface temperatures of a reference run: a residual norm of 1 is an error of 1 %.
 
         r_ts = 100 sqrt(a_s / sum a) (T_ts - T_ref,ts) / span_t / sqrt(times),
 
@@ -52,30 +78,27 @@ class SurfaceTarget(AbstractTarget):
     """[1/K]"""
 
     @property
+    @override
     def known_sd(self) -> float | None:
-        """None: what is left is the model's error, not noise."""
+        # What remains after a fit is the model's error and no noise.
         return None
 
-    @property
-    def moments(self) -> tuple[float, ...]:
-        """As saved."""
-        return self.times
-
-    def misfit(self, scene: Scene, answer: Answer) -> Float[Array, "t r"]:
-        """Of every fragment at every time."""
+    @override
+    def residual(self, scene: Scene, answer: Answer) -> Float[Array, "t r"]:
         del scene
         return (answer.surface - self.reference) * self.scale
 
+    @override
+    def case_error(self, errors: Float[np.ndarray, " t"]) -> CaseError:
+        span = np.asarray(error_span(jnp.asarray(np.asarray(self.reference))), float)
+        return CaseError(self.times, tuple(errors.tolist()), tuple(errors * span / 100))
+
 
 def surface_target(reference: AnySolution, dtype: Any) -> SurfaceTarget:
-    """From a run of the full volume.
-
-    Args:
-        reference: saved at times after 0.
-        dtype: of the fitted scene.
+    """Make a target of a full-volume run that is saved at times after 0.
 
     Raises:
-        InputError: if its surface has one temperature only.
+        InputError: if its surface temperatures are uniform or not finite.
     """
     surface = np.asarray(reference.surface_temperature, float)
     times = tuple(float(t) for t in np.asarray(reference.times))

@@ -1,4 +1,4 @@
-"""Frames of a thermal camera as data: pixels against pixels, with their noise."""
+"""Thermograms as data: pixels of a thermal camera, with their noise."""
 
 import math
 from typing import Any
@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
+from typing_extensions import override
 
 from jaxthermo.errors import InputError
 from jaxthermo.image.camera import AbstractCamera
@@ -17,7 +18,7 @@ from jaxthermo.integrate.run.parametric_run import Answer
 from jaxthermo.scene.scene import Scene
 from jaxthermo.scene.solved_surface import SolvedSurface
 
-from .targets import AbstractTarget
+from .targets import AbstractTarget, CaseError
 
 
 class FrameTarget(AbstractTarget):
@@ -29,124 +30,91 @@ class FrameTarget(AbstractTarget):
     times: tuple[float, ...] = eqx.field(static=True)
     views: tuple[View, ...] = eqx.field(static=True)
     data: tuple[Float[Array, "_ _"], ...]
-    """Of the pixels of each view that count [K or W/(m^2 sr)]."""
+    """Compared pixels of each view, one row per saved time [K or W/(m^2 sr)]."""
     chosen: tuple[Int[Array, " _"], ...]
-    """Those pixels, by number."""
+    """Indices of the compared pixels of each view."""
     noise: float = eqx.field(static=True)
+    """Standard deviation of a pixel [K or W/(m^2 sr)]."""
     quantity: str = eqx.field(static=True)
-    """"temperature", which a camera shows for an emissivity of 1, or "radiance"."""
+    """"temperature" as shown for an emissivity of 1, or "radiance"."""
 
     @property
-    def pixels(self) -> int:
-        """Of all views at all times."""
-        return sum(len(numbers) for numbers in self.chosen) * len(self.times)
+    def pixel_count(self) -> int:
+        """Number of compared pixels of all views at all times."""
+        return sum(len(indices) for indices in self.chosen) * len(self.times)
 
     @property
+    @override
     def known_sd(self) -> float | None:
-        """Of one pixel's misfit."""
-        return 1 / math.sqrt(self.pixels)
+        return 1 / math.sqrt(self.pixel_count)
 
-    @property
-    def moments(self) -> tuple[float, ...]:
-        """As the frames are."""
-        return self.times
-
-    def misfit(self, scene: Scene, answer: Answer) -> Float[Array, "t r"]:
-        """Of every pixel that counts."""
+    @override
+    def residual(self, scene: Scene, answer: Answer) -> Float[Array, "t r"]:
         parts = [
-            (self.pixels_of(n, scene, answer) - self.data[n])
+            self.model_pixels(n, scene, answer) - self.data[n]
             for n in range(len(self.views))
         ]
-        scale = self.noise * math.sqrt(self.pixels)
+        scale = self.noise * math.sqrt(self.pixel_count)
         return jnp.concatenate(parts, axis=1) / scale
 
-    def counts(self, view: int) -> Bool[np.ndarray, "h w"]:
-        """Which pixels of a view count.
+    @override
+    def case_error(self, errors: Float[np.ndarray, " t"]) -> CaseError:
+        percent, kelvin = 100 * errors, errors * self.noise
+        return CaseError(self.times, tuple(percent.tolist()), tuple(kelvin))
 
-        Args:
-            view: its number.
-        """
+    def mask(self, view: int) -> Bool[np.ndarray, "h w"]:
+        """Compared pixels of a view."""
         width, height = self.views[view].camera.size
         found = np.zeros(height * width, bool)
         found[np.asarray(self.chosen[view])] = True
         return found.reshape(height, width)
 
-    def pixels_of(self, view: int, scene: Scene, answer: Answer) -> Float[Array, "t p"]:
-        """What the model shows of a view.
+    def model_pixels(
+        self, view: int, scene: Scene, answer: Answer
+    ) -> Float[Array, "t p"]:
+        """Compared pixels of a view as the model gives them."""
+        frames = render_frames(
+            self.views[view], scene, answer, self.times, self.quantity
+        )
+        return frames.reshape(len(frames), -1)[:, self.chosen[view]]
 
-        Args:
-            view: its number.
-            scene: that was run.
-            answer: of the run.
-        """
-        found = frames_of(self.views[view], scene, answer, self.times, self.quantity)
-        return found.reshape(len(found), -1)[:, self.chosen[view]]
-
-
-def seen_in(
-    views: tuple[View, ...],
-    target: FrameTarget,
-    scene: Scene,
-    answer: Answer,
-    times: tuple[float, ...],
-) -> Float[Array, "t r"]:
-    """Pixels of bodies in some views, in a target's quantity and noise.
-
-    Args:
-        views: of the bodies.
-        target: whose camera it is.
-        scene: that was run.
-        answer: of the run.
-        times: that were saved [s].
-    """
-    rows = []
-    for view in views:
-        found = frames_of(view, scene, answer, times, target.quantity)
-        chosen = np.flatnonzero(shown_bodies(view))
-        rows.append(found.reshape(len(found), -1)[:, chosen])
-    return jnp.concatenate(rows, axis=1) / target.noise
+    def measure(
+        self,
+        views: tuple[View, ...],
+        scene: Scene,
+        answer: Answer,
+        times: tuple[float, ...],
+    ) -> Float[Array, "t r"]:
+        """Pixels of bodies in any views [standard deviations of the noise]."""
+        rows = []
+        for view in views:
+            frames = render_frames(view, scene, answer, times, self.quantity)
+            chosen = np.flatnonzero(body_mask(view))
+            rows.append(frames.reshape(len(frames), -1)[:, chosen])
+        return jnp.concatenate(rows, axis=1) / self.noise
 
 
-def frames_of(
-    view: View,
-    scene: Scene,
-    answer: Answer,
-    times: tuple[float, ...],
-    quantity: str,
+def render_frames(
+    view: View, scene: Scene, answer: Answer, times: tuple[float, ...], quantity: str
 ) -> Float[Array, "t h w"]:
-    """Whole frames of a run.
+    """Whole frames of a run, as "temperature" [K] or "radiance" [W/(m^2 sr)]."""
 
-    Args:
-        view: of its bodies.
-        scene: that was run.
-        answer: of the run.
-        times: that were saved [s].
-        quantity: "temperature" or "radiance".
-    """
-
-    def one(surface: Float[Array, " s"], time: Float[Array, ""]) -> Any:
+    def frame(surface: Float[Array, " s"], time: Float[Array, ""]) -> Any:
         image = draw(view, answer.surfaces, scene.terms, surface, time)
-        shown = quantity == "temperature"
-        return image.apparent_temperature if shown else image.radiance
+        is_temperature = quantity == "temperature"
+        return image.apparent_temperature if is_temperature else image.radiance
 
-    at = jnp.asarray(times, answer.surface.dtype)
-    return jax.vmap(one)(answer.surface, at)
+    return jax.vmap(frame)(answer.surface, jnp.asarray(times, answer.surface.dtype))
 
 
-def see(
+def view_of(
     surfaces: tuple[SolvedSurface, ...], scene: Scene, camera: AbstractCamera
 ) -> View:
-    """What a camera sees of bodies; temperatures are smoothed over the voxels.
-
-    Args:
-        surfaces: of the bodies.
-        scene: that they are of.
-        camera: where from.
-    """
+    """View of the bodies; temperatures are smoothed over the voxels."""
     return look(surfaces, scene.terms, camera, True)
 
 
-def shown_bodies(view: View) -> Bool[np.ndarray, "h w"]:
+def body_mask(view: View) -> Bool[np.ndarray, "h w"]:
     """Pixels that show a body."""
     width, height = view.camera.size
     shown = np.zeros(height * width, bool)
@@ -163,20 +131,20 @@ def frame_target(
     masks: list[Bool[np.ndarray, "_ _"]],
     dtype: Any,
 ) -> FrameTarget:
-    """Data for a fit.
+    """Make a target of frames.
 
     Args:
         times: of the frames [s].
         views: of the model.
-        frames: of every view.
+        frames: of every view, [time, row, column].
         noise: standard deviation of a pixel.
-        quantity: that the frames show.
-        masks: pixels of every view that may count; those without a body do not.
+        quantity: "temperature" or "radiance".
+        masks: pixels of every view to compare; those without a body are left out.
         dtype: of the fitted scene.
 
     Raises:
-        InputError: for frames of another size or number, not finite ones, or if no
-            pixel counts.
+        InputError: for frames of another size or number, pixels that are not finite,
+            or a mask that leaves none.
     """
     data, chosen = [], []
     for n, (view, given, mask) in enumerate(zip(views, frames, masks, strict=True)):
@@ -190,15 +158,17 @@ def frame_target(
                 f"view {n}: frames of {given.shape[2]} x {given.shape[1]} pixels and a "
                 f"camera of {width} x {height}: give the camera the frames' size"
             )
-        counts = mask & shown_bodies(view)
-        if not counts.any():
-            raise InputError(f"view {n}: no pixel of a body counts: look at the mask")
-        bad = ~np.isfinite(given[:, counts])
+        compared = mask & body_mask(view)
+        if not compared.any():
+            raise InputError(
+                f"view {n}: no pixel of a body is compared: check the mask"
+            )
+        bad = ~np.isfinite(given[:, compared])
         if bad.any():
             raise InputError(
-                f"view {n}: {int(bad.sum())} pixels that count are not finite: mask "
+                f"view {n}: {int(bad.sum())} compared pixels are not finite: mask "
                 "them, or repair the frames"
             )
-        data.append(jnp.asarray(given[:, counts], dtype))
-        chosen.append(jnp.asarray(np.flatnonzero(counts), jnp.int32))
+        data.append(jnp.asarray(given[:, compared], dtype))
+        chosen.append(jnp.asarray(np.flatnonzero(compared), jnp.int32))
     return FrameTarget(times, views, tuple(data), tuple(chosen), noise, quantity)

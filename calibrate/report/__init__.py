@@ -1,1 +1,1 @@
-"""What a fit leaves: JSON, report page and pictures."""
+"""Results of a fit: JSON, report page and pictures."""

@@ -12,7 +12,7 @@ from jaxthermo.cli.charts import Chart, chart_svg
 from jaxthermo.errors import InputError
 from jaxthermo.scene.dimensionless_groups import scene_numbers
 
-from ..problem.build import Built
+from ..problem.build import Calibration
 from ..problem.problem import Problem
 from ..problem.thermogram_targets import FrameTarget
 from ..solvers.fit import Fit
@@ -50,24 +50,26 @@ VIEWS = 4
 GOOD = {"fine": True, "dead": False, "flat": False, "not pinned": False}
 
 
-def write_report(folder: Path, built: Built, fit: Fit, result: Result) -> None:
+def write_report(
+    folder: Path, calibration: Calibration, fit: Fit, result: Result
+) -> None:
     """Write `report.html` into a folder.
 
     Args:
         folder: that exists.
-        built: the calibration's problems.
+        calibration: problems and scenes.
         fit: what was found.
         result: as in `fit.json`.
     """
     sections = [
         *_summary(result),
         *_errors(result),
-        *_pictures(built, fit, result),
+        *_pictures(calibration, fit, result),
         *_parameters(result),
         *_identifiability(result),
         *_loss(result),
         *_advice(result),
-        *_ranges(built),
+        *_ranges(calibration),
         *_origin(result),
     ]
     text = page.document(f"Calibration: {result['name']}", sections)
@@ -104,16 +106,19 @@ def _errors(result: Result) -> list[str]:
     return [page.heading("Errors"), page.table(columns, rows), *made]
 
 
-def _pictures(built: Built, fit: Fit, result: Result) -> list[str]:
+def _pictures(calibration: Calibration, fit: Fit, result: Result) -> list[str]:
     made = [page.heading("Where it is wrong")]
-    for group, problem in (("train", built.train), ("held_out", built.held_out)):
+    for group, problem in (
+        ("train", calibration.train),
+        ("held_out", calibration.held_out),
+    ):
         if problem is not None:
-            made += _picture(group, problem, built, fit, result)
+            made += _picture(group, problem, calibration, fit, result)
     return made
 
 
 def _picture(
-    group: str, problem: Problem, built: Built, fit: Fit, result: Result
+    group: str, problem: Problem, calibration: Calibration, fit: Fit, result: Result
 ) -> list[str]:
     """Of the case whose fitted error is largest, when default and fitted are worst."""
     both = result["errors"][group]
@@ -129,7 +134,7 @@ def _picture(
             made = [frame_picture(case, found, worst["fitted"], n) for n in views]
             text = "when the fitted values are worst"
         else:
-            camera = built.configs[name].camera
+            camera = calibration.configs[name].camera
             whens = sorted(set(worst.values()))
             made = [difference_picture(case, camera, found, whens)]
             text = "when default and when fitted are worst"
@@ -242,14 +247,14 @@ def _advice(result: Result) -> list[str]:
     return [page.heading("Which case to add"), page.paragraph(text), table]
 
 
-def _ranges(built: Built) -> list[str]:
+def _ranges(calibration: Calibration) -> list[str]:
     """The cases in numbers without units: weights hold for others like these."""
-    groups = {GROUPS["train"]: built.train}
-    if built.held_out is not None:
-        groups[GROUPS["held_out"]] = built.held_out
+    groups = {GROUPS["train"]: calibration.train}
+    if calibration.held_out is not None:
+        groups[GROUPS["held_out"]] = calibration.held_out
     found = {
         words: [
-            scene_numbers(case.scene, built.configs[case.name].time.end)
+            scene_numbers(case.scene, calibration.configs[case.name].time.end)
             for case in problem.cases
         ]
         for words, problem in groups.items()

@@ -25,8 +25,7 @@ from jaxthermo.integrate.run.parametric_run import Answer
 
 from ..problem.problem import Case, Problem
 from ..problem.targets import SurfaceTarget
-from ..problem.thermogram_targets import FrameTarget, see, shown_bodies
-from ..solvers.fit import enough_steps
+from ..problem.thermogram_targets import FrameTarget, body_mask, view_of
 
 
 WITHIN = 0.995
@@ -54,13 +53,13 @@ def answers(problem: Problem, case: Case, z: Float[np.ndarray, " p"]) -> Answers
     alone = Problem(problem.parameters, (case,))
     found = {}
     with precision(problem.dtype.name):
-        layouts = alone.layouts()
+        layouts = None
         run = eqx.filter_jit(
             lambda z, layout: case.response(alone.scene(case, z), layout)
         )
         for name, point in (("default", np.zeros_like(z)), ("fitted", z)):
             at = jnp.asarray(point, problem.dtype)
-            layouts = enough_steps(layouts, alone.stable_steps(at))
+            layouts = alone.layouts_at(at, layouts)
             found[name] = run(at, layouts[0])
     return found
 
@@ -83,7 +82,7 @@ def difference_picture(
     assert isinstance(target, SurfaceTarget)
     surfaces = found["default"].surfaces
     triangles = np.concatenate([s.geometry.triangles for s in surfaces])
-    view = see(surfaces, case.scene, build_camera(_sized(camera), triangles))
+    view = view_of(surfaces, case.scene, build_camera(_sized(camera), triangles))
 
     def frame(surface: Any, when: int) -> Frame:
         with precision(case.scene.dtype):
@@ -98,7 +97,7 @@ def difference_picture(
         for name, answer in found.items()
     }
     words = "surface less the reference's"
-    return _png(_sheet(differences, shown_bodies(view), words, "K", case.name))
+    return _png(_sheet(differences, body_mask(view), words, "K", case.name))
 
 
 def frame_picture(case: Case, found: Answers, when: int, view: int) -> bytes:
@@ -112,13 +111,13 @@ def frame_picture(case: Case, found: Answers, when: int, view: int) -> bytes:
     """
     target = case.target
     assert isinstance(target, FrameTarget)
-    counts = target.counts(view)
+    counts = target.mask(view)
     unit = "K" if target.quantity == "temperature" else "W/(m\N{SUPERSCRIPT TWO} sr)"
     shown = whole(np.asarray(target.data[view][when], float), counts)
     frames = {}
     with precision(case.scene.dtype):
         for name, answer in found.items():
-            pixels = target.pixels_of(view, case.scene, answer)[when]
+            pixels = target.model_pixels(view, case.scene, answer)[when]
             frames[name] = whole(np.asarray(pixels, float), counts)
     differences = {n: np.where(counts, f - shown, 0.0) for n, f in frames.items()}
     number = f", view {view}" if len(target.views) > 1 else ""

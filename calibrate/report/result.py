@@ -6,13 +6,12 @@ import numpy as np
 
 from jaxthermo import __version__
 
-from ..analysis.errors import CaseError, plain as plain_error
 from ..analysis.identifiability import Identified
 from ..config.loader import calibration_hash, plain
-from ..config.schema import CalibrationConfig
-from ..problem.build import Built
-from ..problem.parameter_units import unit_of
+from ..config.schema import CalibrationConfig, unit_of
+from ..problem.build import Calibration
 from ..problem.reference import program_hash
+from ..problem.targets import CaseError
 from ..solvers.fit import Fit
 
 
@@ -27,7 +26,7 @@ def worst(errors: dict[str, CaseError]) -> float:
 
 def fit_json(
     config: CalibrationConfig,
-    built: Built,
+    calibration: Calibration,
     fit: Fit,
     identified: Identified,
     errors: Errors,
@@ -39,7 +38,7 @@ def fit_json(
 
     Args:
         config: of the calibration.
-        built: its problems.
+        calibration: its problems.
         fit: what was found.
         identified: what it is worth.
         errors: before and after.
@@ -47,9 +46,11 @@ def fit_json(
         speed: of the fitted structure beside the full volume.
         versions: of the packages.
     """
-    start = np.asarray(built.train.parameters.flat_values(np.zeros_like(fit.z)), float)
+    start = np.asarray(
+        calibration.train.parameters.flat_values(np.zeros_like(fit.z)), float
+    )
     judged = fit.jacobian is not None
-    parameters = (_each if judged else _fields)(built, identified, start)
+    parameters = (_each if judged else _fields)(calibration, identified, start)
     return {
         "name": config.name,
         "parameters": parameters,
@@ -61,7 +62,7 @@ def fit_json(
         },
         "errors": {
             group: {
-                kind: {case: plain_error(e) for case, e in found.items()}
+                kind: {case: e.as_json() for case, e in found.items()}
                 for kind, found in both.items()
             }
             for group, both in errors.items()
@@ -75,15 +76,15 @@ def fit_json(
                 "step": step.number,
                 "loss": step.loss,
                 "accepted": step.accepted,
-                "derivatives_found": step.fresh,
+                "jacobian_computed": step.exact,
                 "values": list(step.values) if judged else [],
             }
             for step in fit.steps
         ],
         "run_time_s": {
-            "fit": fit.took,
-            "one_run": fit.one_run,
-            "compile": fit.compiling,
+            "fit": fit.step_seconds,
+            "one_run": fit.run_seconds,
+            "compile": fit.compile_seconds,
         },
         "reference": config.reference.kind,
         "config": plain(config),
@@ -94,9 +95,11 @@ def fit_json(
     }
 
 
-def _each(built: Built, identified: Identified, start) -> dict[str, dict[str, Any]]:
+def _each(
+    calibration: Calibration, identified: Identified, start
+) -> dict[str, dict[str, Any]]:
     """A row a value."""
-    del built
+    del calibration
     return {
         verdict.label: {
             "value": verdict.value,
@@ -110,11 +113,13 @@ def _each(built: Built, identified: Identified, start) -> dict[str, dict[str, An
     }
 
 
-def _fields(built: Built, identified: Identified, start) -> dict[str, dict[str, Any]]:
+def _fields(
+    calibration: Calibration, identified: Identified, start
+) -> dict[str, dict[str, Any]]:
     """A row a parameter, of thousands of values: the card has them all."""
     found, begin = {}, 0
     values = np.array([verdict.value for verdict in identified.verdicts])
-    for parameter in built.train.parameters.parameters:
+    for parameter in calibration.train.parameters.parameters:
         end = begin + len(parameter.labels)
         own, first = values[begin:end], start[begin:end]
         found[parameter.name] = {
@@ -125,8 +130,8 @@ def _fields(built: Built, identified: Identified, start) -> dict[str, dict[str, 
             "with": [],
             "unit": unit_of(parameter.name),
             "count": len(own),
-            "least": float(own.min()),
-            "most": float(own.max()),
+            "min": float(own.min()),
+            "max": float(own.max()),
         }
         begin = end
     return found

@@ -53,7 +53,7 @@ def name_of(name: str, row: dict[str, Any]) -> str:
     count = row.get("count", 1)
     if count == 1:
         return name
-    span = f"{row['least']:.3g} to {row['most']:.3g}"
+    span = f"{row['min']:.3g} to {row['max']:.3g}"
     return f"{name}: median of {count:,}, {span}"
 
 
@@ -150,7 +150,7 @@ def _speed(result: Result) -> list[str]:
     if not told(speed.get("times_faster")):
         return []
     text = f"It runs {speed['times_faster']:.3g} times as fast as the full volume "
-    text += f"({speed['least']:.3g} to {speed['most']:.3g} in "
+    text += f"({speed['min']:.3g} to {speed['max']:.3g} in "
     text += f"{plural(len(speed['run_time_s']['fitted']), 'warm run')}), "
     text += f"with {speed['nodes']['fitted']:,} nodes for "
     text += f"{speed['nodes']['full_volume']:,} and {speed['steps']['fitted']:,} steps "

@@ -1,1 +1,1 @@
-"""The search for the best parameters."""
+"""Methods of optimization, and a fit from start to end."""

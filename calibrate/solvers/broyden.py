@@ -1,63 +1,64 @@
-"""Derivatives that are kept from point to point, and corrected by what a run shows.
+"""Jacobians of residuals: exact, in forward mode, or kept and corrected by secants.
 
-A Jacobian costs a run and one or more for each value, a run alone costs one. Between
-points that are near each other the last one will do, if it is made to tell the change
-that was seen between them (Broyden's rule):
+An exact Jacobian costs about one run per coordinate, a residual alone one run. Between
+near points the last Jacobian is corrected so that it reproduces the observed change
+(Broyden's update):
 
     J' = J + (r' - r - J d) d^T / |d|^2,  d = z' - z.
 
-It is found anew where a step by such a Jacobian fails or the fit would end by it (see
-`decide`), and at what was found: what is told of the values is never by a guess.
+Jacobians are stored as `rows` of shape (coordinates, residuals), transposed.
 
-Source: Broyden, Mathematics of Computation 19 (1965) 577-593; for least squares with
-damping Madsen, Nielsen and Tingleff, Methods for Non-Linear Least Squares Problems,
-IMM, Technical University of Denmark (2004), 3.5.
+Source: Broyden, Mathematics of Computation 19 (1965) 577-593; for damped least squares
+Madsen, Nielsen and Tingleff, Methods for Non-Linear Least Squares Problems, IMM,
+Technical University of Denmark (2004), 3.5.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from jaxthermo.network.network import inverse
 
 
-class Known(eqx.Module):
-    """What is known of the misfits at the best point so far."""
-
-    z: Float[Array, " p"]
-    residual: Float[Array, " r"]
-    rows: Float[Array, "p r"]
-    """Of the Jacobian, transposed."""
-    fresh: Bool[Array, ""]
-    """Whether it is to be found anew where the next step goes."""
+ResidualFunction = Callable[..., tuple[Float[Array, " r"], Any]]
 
 
-def known_of(z: Float[Array, " p"], misfits: Any, fresh: Bool[Array, ""]) -> Known:
-    """What the state of a search holds.
+def value_and_jacobian(
+    function: ResidualFunction, z: Float[Array, " p"], batch: int
+) -> tuple[Float[Array, " r"], Float[Array, "p r"], Any]:
+    """Residuals, rows of their Jacobian, and auxiliary output of a function at z.
 
     Args:
-        z: its best point.
-        misfits: optimistix' residual and its Jacobian there, an operator.
-        fresh: whether the next Jacobian is to be found anew.
+        function: of z, gives residuals and auxiliary output.
+        z: coordinates.
+        batch: number of derivatives at once.
     """
-    rows = jax.vmap(misfits.jac.mv)(jnp.eye(len(z), dtype=z.dtype))
-    return Known(z, misfits.residual, rows, fresh)
+    tangent = lambda t: jax.jvp(function, (z,), (t,), has_aux=True)
+    directions = jnp.eye(len(z), dtype=z.dtype)
+    if batch >= len(z):
+        # The value comes with the derivatives, which saves a run.
+        return jax.vmap(tangent, out_axes=(None, 0, None))(directions)
+    value, aux = function(z)
+    rows = jax.lax.map(lambda t: tangent(t)[1], directions, batch_size=batch)
+    return value, rows, aux
 
 
-def corrected(
-    known: Known, z: Float[Array, " p"], value: Float[Array, " r"]
+@eqx.filter_jit
+def jacobian_rows(
+    function: ResidualFunction, args: Any, z: Float[Array, " p"], batch: int
 ) -> Float[Array, "p r"]:
-    """The rows at another point, by its misfits alone.
+    """Rows of the Jacobian of `function(z, args)`, compiled once per shape."""
+    return value_and_jacobian(lambda y: function(y, args), z, batch)[1]
 
-    Args:
-        known: of a point before.
-        z: the other.
-        value: its misfits.
-    """
-    moved = z - known.z
-    unseen = value - known.residual - moved @ known.rows
-    along = moved * inverse(moved @ moved)
-    return known.rows + along[:, None] * unseen[None, :]
+
+def broyden_update(
+    rows: Float[Array, "p r"], step: Float[Array, " p"], change: Float[Array, " r"]
+) -> Float[Array, "p r"]:
+    """Correct a Jacobian by the change of the residuals over a step."""
+    # A step of length 0 changes nothing: `inverse` is 0 there.
+    direction = step * inverse(step @ step)
+    return rows + direction[:, None] * (change - step @ rows)[None, :]

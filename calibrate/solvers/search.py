@@ -1,22 +1,17 @@
-"""The search for the best values, one step at a time, by a solver of optimistix.
+"""A search for the best coordinates: one optimistix solver, stepped from the host.
 
-A host loop over the solver's init, step and terminate: after every step there is
-progress to tell, a state to keep, and a chance to stop. The steps are one compiled
-program: what changes from one to the next, and between fits of one shape, are arrays.
+After every step the host can report progress, save the state and stop. All steps are
+one compiled program: what changes between steps, and between fits of one shape, are
+arrays.
 
 | method | derivatives | for |
 |---|---|---|
 | Levenberg-Marquardt | the Jacobian, forward mode | some dozens of values |
 | Gauss-Newton | products with it, forward and reverse | hundreds |
 | BFGS, L-BFGS | the gradient, reverse mode | dozens; fields of thousands |
-
-Derivatives are taken once a point. optimistix linearizes what it is given wherever it
-tries; `rules` has what that linear function is.
 """
 
-import copy
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -25,168 +20,246 @@ import jax.numpy as jnp
 import lineax as lx
 import numpy as np
 import optimistix as optx
+from jax.custom_derivatives import linear_call
 from jaxtyping import Array, Float
 
-from .broyden import known_of
-from .linearization import Program, by_gradient, by_jacobian, by_products
-from .trust_region import with_scale
+from ..problem.problem import Layouts, Problem, RunDiagnostics, Traced
+from .levenberg_marquardt import BroydenLevenbergMarquardt, restart
+from .trust_region import with_trust_region
 
 
-class Setting(NamedTuple):
-    """Of a search."""
+class SearchSettings(NamedTuple):
+    """Method of a search and its limits."""
 
     method: str = "levenberg_marquardt"
     tolerance: float = 1e-3
-    """Relative change of values, and of the error, at which it ends."""
-    most_steps: int = 50
+    """Relative change of values, and of the error, that ends the search."""
+    max_steps: int = 50
     huber: float | None = None
-    """Misfit, in units of their root mean square at the start, above which they count
-    linearly; None for squares."""
+    """Residual beyond which it counts linearly [root mean square at the start]; None
+    for squares."""
     memory: int = 2**30
-    """For the states of a run, in reverse mode [bytes]."""
-    secant: bool = True
-    """Whether Levenberg-Marquardt keeps its Jacobian between points, see `secant`."""
+    """Memory for the states of a run, in reverse mode [bytes]."""
+    use_broyden: bool = True
+    """Keep the Jacobian of Levenberg-Marquardt between points, see `broyden`."""
 
 
-class Point(NamedTuple):
-    """Where a search stands."""
+class Objective(eqx.Module):
+    """Residuals as a function of z, whose arrays are arguments of the compiled step."""
 
-    z: Float[Array, " p"]
-    state: Any
-    """Of the solver."""
-    steps: int
-    done: bool
+    traced: Traced
+    layouts: Layouts
+    knee: Float[Array, ""]
+    """Residual beyond which it counts linearly; infinite for squares."""
+    noise: Float[Array, " r"]
+    """Values added to the residuals, as those of repeated measurements."""
+    reverse: Traced | None = None
+    """Residuals by time steps that can be differentiated in reverse mode."""
+
+    def __call__(self, z: Float[Array, " p"]) -> tuple[Array, RunDiagnostics]:
+        """Residuals whose squares are minimized."""
+        values, diagnostics = self.traced(z, self.layouts)
+        return _pseudo_huber(values + self.noise, self.knee), diagnostics
+
+    def in_reverse(self, z: Float[Array, " p"]) -> Array:
+        """The same residuals, for derivatives in reverse mode."""
+        assert self.reverse is not None
+        values, _ = self.reverse(z, self.layouts)
+        return _pseudo_huber(values + self.noise, self.knee)
+
+
+def make_objective(problem: Problem, reverse_memory: int | None) -> Objective:
+    """Trace a problem's residuals, for reverse mode too if memory [bytes] is given."""
+    layouts, z = problem.layouts(), problem.start()
+    traced = problem.trace(layouts)
+    reverse = None
+    if reverse_memory is not None:
+        reverse = problem.with_reverse_mode(reverse_memory).trace(layouts)
+    residuals, _ = jax.eval_shape(traced, z, layouts)
+    noise = jnp.zeros(residuals.shape, residuals.dtype)
+    knee = jnp.asarray(jnp.inf, problem.dtype)
+    return Objective(traced, layouts, knee, noise, reverse)
+
+
+def with_layouts(objective: Objective, layouts: Layouts) -> Objective:
+    """Objective with other steps in time."""
+    return eqx.tree_at(lambda o: o.layouts, objective, layouts)
+
+
+def _pseudo_huber(
+    residuals: Float[Array, " r"], knee: Float[Array, ""]
+) -> Float[Array, " r"]:
+    # r' = r sqrt(2 / (1 + sqrt(1 + (r / k)^2))): the squares of r' are the pseudo-Huber
+    # loss of r.
+    # Source: Charbonnier et al., IEEE Trans. Image Processing 6 (1997) 298-311.
+    ratio = residuals / knee
+    return residuals * jnp.sqrt(2 / (1 + jnp.sqrt(1 + ratio * ratio)))
+
+
+def evaluate(z: Array, objective: Objective) -> tuple[Array, RunDiagnostics]:
+    """Residuals at z, as optimistix calls them."""
+    return objective(z)
+
+
+def _with_tangent(
+    function: Callable[[Array, Objective], tuple[Array, Any]],
+    linearize: Callable[[Array, Objective, Array], tuple[tuple[Array, Any], Array]],
+) -> Callable[[Array, Objective], tuple[Array, Any]]:
+    # optimistix linearizes the function that it is given; here the tangents come from
+    # another program than the values.
+    @jax.custom_jvp
+    def given(z, objective):
+        return function(z, objective)
+
+    @given.defjvp
+    def _(primals, tangents):
+        z, objective = primals
+        (value, diagnostics), tangent = linearize(z, objective, tangents[0])
+        zeros = jax.tree.map(_zero_tangent, diagnostics)
+        return (value, diagnostics), (tangent, zeros)
+
+    return given
+
+
+def _zero_tangent(value: Array) -> Any:
+    if jnp.issubdtype(value.dtype, jnp.inexact):
+        return jnp.zeros_like(value)
+    return np.zeros(value.shape, jax.dtypes.float0)
+
+
+def _residual_products(z: Array, objective: Objective, tangent: Array) -> Any:
+    # Forward products by the fast time loop, transposed ones by the reverse-mode loop.
+    arrays, static = eqx.partition(objective, eqx.is_array)
+
+    def forward(point, tangent):
+        z, arrays = point
+        whole = eqx.combine(arrays, static)
+        return jax.jvp(lambda y: whole(y)[0], (z,), (tangent,))[1]
+
+    def transposed(point, cotangent):
+        z, arrays = point
+        whole = eqx.combine(arrays, static)
+        return jax.vjp(whole.in_reverse, z)[1](cotangent)[0]
+
+    product = linear_call(forward, transposed, (z, arrays), tangent)
+    return evaluate(z, objective), product
+
+
+def _loss(z: Array, objective: Objective) -> tuple[Array, RunDiagnostics]:
+    residuals, diagnostics = objective(z)
+    return _half_sum(residuals), diagnostics
+
+
+def _loss_gradient(z: Array, objective: Objective, tangent: Array) -> Any:
+    in_reverse = lambda y: _half_sum(objective.in_reverse(y))
+    value, gradient = jax.value_and_grad(in_reverse)(z)
+    return (value, objective(z)[1]), gradient @ tangent
+
+
+def _half_sum(values: Float[Array, " r"]) -> Float[Array, ""]:
+    return 0.5 * (values * values).sum()
+
+
+class _Method(NamedTuple):
+    function: Callable[[Array, Objective], tuple[Array, Any]]
+    solver: Callable[[SearchSettings, int], Any]
+    options: dict[str, Any] = {}
+
+
+def _levenberg_marquardt(settings: SearchSettings, batch: int) -> Any:
+    tolerance, use_broyden = settings.tolerance, settings.use_broyden
+    return BroydenLevenbergMarquardt(
+        tolerance, tolerance, use_broyden=use_broyden, batch=batch
+    )
+
+
+def _gauss_newton(settings: SearchSettings, batch: int) -> Any:
+    tolerance = settings.tolerance
+    linear = lx.Normal(lx.CG(rtol=1e-3, atol=1e-8, max_steps=100))
+    return with_trust_region(
+        optx.LevenbergMarquardt(tolerance, tolerance, linear_solver=linear)
+    )
+
+
+def _bfgs(settings: SearchSettings, batch: int) -> Any:
+    return optx.BFGS(rtol=settings.tolerance, atol=settings.tolerance)
+
+
+def _lbfgs(settings: SearchSettings, batch: int) -> Any:
+    tolerance = settings.tolerance
+    return optx.LBFGS(rtol=tolerance, atol=tolerance, history_length=20)
+
+
+_residuals_by_products = _with_tangent(evaluate, _residual_products)
+_loss_by_gradient = _with_tangent(_loss, _loss_gradient)
+_REVERSE = {"autodiff_mode": "bwd"}
+
+METHODS: dict[str, _Method] = {
+    "levenberg_marquardt": _Method(evaluate, _levenberg_marquardt),
+    "gauss_newton": _Method(_residuals_by_products, _gauss_newton),
+    "bfgs": _Method(_loss_by_gradient, _bfgs, _REVERSE),
+    "lbfgs": _Method(_loss_by_gradient, _lbfgs, _REVERSE),
+}
+REVERSE_METHODS = ("gauss_newton", "bfgs", "lbfgs")
+"""Methods that take derivatives in reverse mode."""
 
 
 class Search:
-    """A search by one method."""
+    """Steps of one solver on one objective."""
 
-    def __init__(self, program: Program, setting: Setting, batch: int):
-        """Nothing is compiled yet.
+    def __init__(self, objective: Objective, settings: SearchSettings, batch: int):
+        """Trace the start; nothing is compiled yet.
 
         Args:
-            program: of the misfits.
-            setting: method and tolerance.
-            batch: derivatives to take at once, in forward mode.
+            objective: whose arrays later steps may replace.
+            settings: method and tolerance.
+            batch: number of derivatives at once, in forward mode.
         """
-        arrays, static = eqx.partition(program, eqx.is_array)
-        inner = RULES[setting.method](batch)
-        self._function = lambda z, given: inner(
-            z, replace(eqx.combine(given[0], static), known=given[1])
-        )
-        self.keeps = setting.secant and setting.method == "levenberg_marquardt"
-        self._arrays = arrays
-        self._solver = SOLVERS[setting.method](setting.tolerance)
-        self._options = OPTIONS.get(setting.method, {})
-        self._step: Any = eqx.filter_jit(self.take)
-        self._compiled: dict[tuple, Any] = {}
-        self._begun: dict[tuple, Any] = {}
-
-    def with_program(self, program: Program) -> "Search":
-        """The same search with other arrays; what is compiled stays."""
-        other = copy.copy(self)
-        other._arrays = eqx.filter(program, eqx.is_array)
-        return other
-
-    def begin(self, z: Float[Array, " p"]) -> Point:
-        """A search at its start; what it traces for that is traced once."""
-        shapes = self._shapes(z)
-        if shapes not in self._begun:
-            self._begun[shapes] = self._first_state(z)
-        return self.again(Point(z, self._begun[shapes], 0, False))
-
-    def _first_state(self, z: Float[Array, " p"]) -> Any:
-        given = (self._arrays, None)
-        like, seen = eqx.filter_eval_shape(self._function, z, given)
-        return self._solver.init(
-            self._function, z, given, self._options, like, seen, frozenset()
+        method = METHODS[settings.method]
+        self._function, self._options = method.function, method.options
+        self._solver = method.solver(settings, batch)
+        self._objective = objective
+        self._compiled: Any = None
+        self._initial: Any = None
+        self.keeps_jacobian = (
+            settings.use_broyden and settings.method == "levenberg_marquardt"
         )
 
-    def _shapes(self, *rest: Any) -> tuple:
-        arrays = jax.tree.leaves(eqx.filter((rest, self._arrays), eqx.is_array))
-        return tuple((array.shape, array.dtype) for array in arrays)
+    def start(self, z: Float[Array, " p"]) -> Any:
+        """State of the solver that evaluates z first."""
+        if self._initial is None:
+            # Once only: the states of optimistix hold programs, which are compared by
+            # identity, so that another start would be compiled again.
+            structs = eqx.filter_eval_shape(self._function, z, self._objective)
+            self._initial = self._solver.init(
+                self._function, z, self._objective, self._options, *structs, frozenset()
+            )
+        return restart(self._initial, z)
 
-    def compiled(self, point: Point) -> "Search":
-        """The same search with its step compiled, so that steps can be timed."""
-        shapes = self._shapes(point.z, point.state)
-        if shapes not in self._compiled:
-            given = (point.z, point.state, self._arrays, jnp.asarray(True))
-            self._compiled[shapes] = self._step.lower(*given).compile()
-        other = copy.copy(self)
-        other._step = self._compiled[shapes]
-        return other
+    def advance(self, z: Any, state: Any, objective: Objective) -> tuple[Any, Any, Any]:
+        """One step, not compiled: best point, state of the solver, and end."""
+        given = objective, self._options
+        z, state, _ = self._solver.step(self._function, z, *given, state, frozenset())
+        done, _ = self._solver.terminate(self._function, z, *given, state, frozenset())
+        return z, state, done
 
-    def take(
-        self, z: Any, state: Any, arrays: Any, fresh: Any = None
-    ) -> tuple[Any, Any, Any, Any]:
-        """One step, to be compiled: values, the solver's state, if done, what is seen.
+    def compile(self, z: Float[Array, " p"], state: Any) -> None:
+        """Compile the step ahead, so that steps can be timed without it."""
+        if self._compiled is None:
+            lowered = eqx.filter_jit(self.advance).lower(z, state, self._objective)
+            self._compiled = lowered.compile()
 
-        Args:
-            z: values.
-            state: of the solver.
-            arrays: of the program.
-            fresh: whether a Jacobian is found anew; None for always.
-        """
-        known = None
-        if self.keeps and fresh is not None:
-            known = known_of(z, state.f_info, fresh)
-        rest = ((arrays, known), self._options)
-        z, state, seen = self._solver.step(self._function, z, *rest, state, frozenset())
-        done, _ = self._solver.terminate(self._function, z, *rest, state, frozenset())
-        return z, state, done, seen
-
-    def step(self, point: Point, fresh: bool = True) -> Point:
-        """The next point.
-
-        Args:
-            point: where the search stands.
-            fresh: whether to find the Jacobian anew, where it may be kept.
-        """
-        given = (point.state, self._arrays, jnp.asarray(fresh))
-        z, state, done, _ = self._step(point.z, *given)
-        return Point(z, state, point.steps + 1, bool(done))
-
-    def again(self, point: Point) -> Point:
-        """From the same point, of which nothing is known but where it is."""
-        places = lambda s: (s.first_step, s.y_eval)
-        state = eqx.tree_at(places, point.state, (jnp.asarray(True), point.z))
-        return Point(point.z, state, point.steps, False)
-
-    def tried(self, point: Point) -> Float[Array, " p"]:
-        """The values that the next step will run with."""
-        return point.state.y_eval
-
-    def loss(self, point: Point) -> float:
-        """Half of the sum of squares at the point itself."""
-        info = point.state.f_info
-        if hasattr(info, "residual"):
-            return float(0.5 * (np.asarray(info.residual) ** 2).sum())
-        return float(info.f)
+    def step(
+        self, z: Float[Array, " p"], state: Any, objective: Objective
+    ) -> tuple[Float[Array, " p"], Any, bool]:
+        """One compiled step: best point, state of the solver, and end."""
+        z, state, done = self._compiled(z, state, objective)
+        return z, state, bool(done)
 
 
-def _gauss_newton(tolerance: float) -> Any:
-    """Damped; its linear solves go by products with J^T J alone."""
-    linear = lx.Normal(lx.CG(rtol=1e-3, atol=1e-8, max_steps=100))
-    solver = optx.LevenbergMarquardt(tolerance, tolerance, linear_solver=linear)
-    return with_scale(solver)
-
-
-SOLVERS: dict[str, Callable[[float], Any]] = {
-    "levenberg_marquardt": lambda t: with_scale(optx.LevenbergMarquardt(t, t)),
-    "gauss_newton": _gauss_newton,
-    "bfgs": lambda t: optx.BFGS(rtol=t, atol=t),
-    "lbfgs": lambda t: optx.LBFGS(rtol=t, atol=t, history_length=20),
-}
-RULES = {
-    "levenberg_marquardt": by_jacobian,
-    "gauss_newton": by_products,
-    "bfgs": by_gradient,
-    "lbfgs": by_gradient,
-}
-REVERSE = ("gauss_newton", "bfgs", "lbfgs")
-"""Methods that take derivatives in reverse mode."""
-
-OPTIONS: dict[str, dict[str, Any]] = {
-    "bfgs": {"autodiff_mode": "bwd"},
-    "lbfgs": {"autodiff_mode": "bwd"},
-}
+def best_loss(state: Any) -> float:
+    """Half of the sum of squares at the best point."""
+    info = state.f_info
+    if hasattr(info, "residual"):
+        return float(0.5 * (np.asarray(info.residual) ** 2).sum())
+    return float(info.f)

@@ -1,78 +1,67 @@
-"""What a fit does next: try on, find its derivatives anew where it is, or end.
+"""Choice of a fit's next action: try a step, refresh the Jacobian, or end.
 
-Where steps no longer lower the loss, that may be by derivatives that were kept from
-points before (see `secant`). So a fit then looks, where it is, and tries on from there,
-until a look is no longer worth what it costs.
+Steps may stop lowering the loss because the Jacobian was corrected from other points
+(see `broyden`). The fit then computes it at the best point and continues from there,
+until a refresh is no longer worth its cost.
 """
 
 from typing import Any, Literal
 
 import jax.numpy as jnp
 
-from .checkpoint import Step
+from .checkpoint import StepRecord
 
 
-STILL, NEAR = 2, 0.03
-"""Trials without progress that end a fit: no more is to be had in this precision. One
-that was refused counts if it was as near as this, in free numbers: a search that tried
-too far goes back first."""
+STAGNATION_LIMIT = 2
+"""Trials without progress that end a fit."""
+
+NEAR = 0.03
+"""Length up to which a rejected trial counts; a longer one is shortened first."""
 
 
-def next_of(
-    steps: list[Step], done: bool, size: int, tolerance: float, dtype: Any
-) -> Literal["look", "try", "end"]:
-    """What comes after some steps.
+def next_action(
+    steps: list[StepRecord], done: bool, size: int, tolerance: float, dtype: Any
+) -> Literal["refresh", "try", "end"]:
+    """Choose what follows the steps so far.
 
     Args:
-        steps: so far.
-        done: whether the solver asks for no more.
-        size: how many free numbers there are.
-        tolerance: of the loss, relative: a change that is not worth two more trials.
-        dtype: whose rounding the loss cannot get below.
+        steps: history.
+        done: the solver's own criterion is met.
+        size: number of coordinates.
+        tolerance: relative change of the loss that is not worth two more trials.
+        dtype: whose rounding the loss cannot fall below.
     """
     if not steps:
-        return "look"
-    if steps[-1].look:
+        return "refresh"
+    if steps[-1].refresh:
         return "try"
-    still = settled(steps, tolerance, dtype)
-    ends = still or done
-    base = steps[: -STILL if still else -1] if ends else steps
-    doubts = (ends or not steps[-1].accepted) and not _held_fresh(base)
-    if not doubts:
+    stagnant = _is_stagnant(steps, tolerance, dtype)
+    ends = stagnant or done
+    before = steps[: -STAGNATION_LIMIT if stagnant else -1] if ends else steps
+    if not (ends or not steps[-1].accepted) or _best_is_exact(before):
         return "end" if ends else "try"
-    # Another look costs about a run for each number. It is not worth that, nor what
-    # may come of it, where the last one hardly was.
-    gained = _gained(steps[_last_look(steps) :])
-    return "end" if gained <= tolerance * (1 + size / STILL) else "look"
+    # A refresh costs about one run per coordinate. It is not worth that, nor the trials
+    # after it, where the last one hardly was.
+    last_refresh = max(n for n, step in enumerate(steps) if step.refresh)
+    gain = _relative_gain(steps[last_refresh:])
+    worth = tolerance * (1 + size / STAGNATION_LIMIT)
+    return "end" if gain <= worth else "refresh"
 
 
-def settled(steps: list[Step], tolerance: float, dtype: Any) -> bool:
-    """Whether trials no longer change the loss.
-
-    Args:
-        steps: so far.
-        tolerance: relative, of the loss.
-        dtype: whose rounding they cannot get below.
-    """
-    last = steps[-STILL:]
-    if len(steps) <= STILL or any(s.look for s in last):
+def _is_stagnant(steps: list[StepRecord], tolerance: float, dtype: Any) -> bool:
+    last = steps[-STAGNATION_LIMIT:]
+    if len(steps) <= STAGNATION_LIMIT or any(s.refresh for s in last):
         return False
-    if any(not s.accepted and s.reach > NEAR for s in last):
+    if any(not s.accepted and s.length > NEAR for s in last):
         return False
-    least = max(16 * float(jnp.finfo(dtype).eps), tolerance)
-    return _gained(steps[-1 - STILL :]) <= least
+    resolved = max(16 * float(jnp.finfo(dtype).eps), tolerance)
+    return _relative_gain(steps[-1 - STAGNATION_LIMIT :]) <= resolved
 
 
-def _gained(steps: list[Step]) -> float:
-    """What the first one's loss fell by, relative."""
+def _relative_gain(steps: list[StepRecord]) -> float:
     before, now = steps[0].loss, steps[-1].loss
     return (before - now) / before if before > 0 else 0.0
 
 
-def _last_look(steps: list[Step]) -> int:
-    return max(n for n, step in enumerate(steps) if step.look)
-
-
-def _held_fresh(steps: list[Step]) -> bool:
-    """Whether the derivatives at the best point were found there."""
-    return next((s.fresh for s in reversed(steps) if s.accepted), True)
+def _best_is_exact(steps: list[StepRecord]) -> bool:
+    return next((s.exact for s in reversed(steps) if s.accepted), True)

@@ -1,8 +1,7 @@
-"""How far a step of a search may go: by what was found true of the ones before.
+"""Damping and length of Levenberg-Marquardt steps.
 
-A damped step solves (J^T J + lambda I) d = -J^T r. What lambda is large goes by the
-unit of the misfits; here it starts from J itself, so that it makes no difference to
-the steps whether errors are told in percent or in kelvin.
+A step solves (J^T J + lambda I) d = -J^T r. The first lambda follows from J itself, so
+that the steps are the same whether residuals are in percent or in kelvin.
 """
 
 from typing import Any
@@ -11,26 +10,21 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import optimistix as optx
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, ScalarLike
+from typing_extensions import override
 
 from jaxthermo.network.network import inverse
 
 
-FIRST = 0.01
-"""Damping of the first step, as a share of what J^T J is along the slope."""
+FIRST_DAMPING = 0.01
+"""First lambda over the curvature g^T J^T J g / |g|^2 along the gradient g."""
 
-TRUSTED = 0.75
-"""Share of the promised decrease from which on the next step is damped less."""
-
-FARTHEST = 1.0
-"""The most that a number moves in a step; free ones have the unit of their own size."""
-
-LESS, MORE = 10.0, 0.1
-"""Factors of the step size, which is 1 / lambda: after a good step, after a bad one."""
+MAX_STEP = 1.0
+"""Largest change of a coordinate in one step; 1 is about the size of its value."""
 
 
-class ScaledTrustRegion(optx.AbstractSearch):
-    """A trust region whose first size is of the scale of the problem.
+class ScaledTrustRegion(optx.ClassicalTrustRegion):
+    """Trust region of size 1 / lambda whose first size has the scale of the problem.
 
     lambda_0 = 0.01 |J g|^2 / |g|^2, g = J^T r
 
@@ -38,14 +32,17 @@ class ScaledTrustRegion(optx.AbstractSearch):
     who takes the largest entry of J^T J's diagonal, which needs all of J.
     """
 
-    inner: optx.ClassicalTrustRegion = optx.ClassicalTrustRegion(
-        high_cutoff=TRUSTED, high_constant=LESS, low_constant=MORE
-    )
+    high_cutoff: ScalarLike = 0.75
+    high_constant: ScalarLike = 10.0
+    low_constant: ScalarLike = 0.1
 
+    @override
     def init(self, y: Any, f_info_struct: Any) -> Any:
-        """As the inner one."""
-        return self.inner.init(y, f_info_struct)
+        state = super().init(y, f_info_struct)
+        # optimistix starts in the default dtype, which is not always the fit's.
+        return eqx.tree_at(lambda s: s.step_size, state, jnp.ones((), y.dtype))
 
+    @override
     def step(
         self,
         first_step: Any,
@@ -55,56 +52,33 @@ class ScaledTrustRegion(optx.AbstractSearch):
         f_eval_info: Any,
         state: Any,
     ) -> Any:
-        """As the inner one, but for the first size."""
-        size, accept, result, state = self.inner.step(
+        size, accept, result, state = super().step(
             first_step, y, y_eval, f_info, f_eval_info, state
         )
-        size = jax.lax.cond(
-            first_step, lambda: first_size(f_eval_info).astype(size.dtype), lambda: size
-        )
+        scaled = lambda: first_size(f_eval_info).astype(size.dtype)
+        size = jax.lax.cond(first_step, scaled, lambda: size)
         return size, accept, result, eqx.tree_at(lambda s: s.step_size, state, size)
 
 
-def first_size(misfits: Any) -> Float[Array, ""]:
-    """One over the first lambda; 1 where there is no slope.
-
-    Args:
-        misfits: optimistix' residual and Jacobian at the start.
-    """
-    slope = misfits.compute_grad()
-    steep, moved = (slope**2).sum(), (misfits.jac.mv(slope) ** 2).sum()
-    size = steep * inverse(moved) / FIRST
+def first_size(f_info: Any) -> Float[Array, ""]:
+    """1 / lambda_0 of optimistix' residual and Jacobian; 1 where there is no slope."""
+    gradient = f_info.compute_grad()
+    square, curvature = (gradient**2).sum(), (f_info.jac.mv(gradient) ** 2).sum()
+    size = square * inverse(curvature) / FIRST_DAMPING
     return jnp.where(size > 0, size, 1.0)
 
 
-class Near(optx.AbstractDescent):
-    """Steps in which no number moves by more than 1, which is about its own size.
+class BoundedDescent(optx.DampedNewtonDescent):
+    """Damped Newton step, shortened so that no coordinate changes by more than 1."""
 
-    What is linear at one point seldom is as far from it as that.
-    """
-
-    inner: optx.DampedNewtonDescent
-
-    def init(self, y: Any, f_info_struct: Any) -> Any:
-        """As the inner one."""
-        return self.inner.init(y, f_info_struct)
-
-    def query(self, y: Any, f_info: Any, state: Any) -> Any:
-        """As the inner one."""
-        return self.inner.query(y, f_info, state)
-
+    @override
     def step(self, step_size: Any, state: Any) -> Any:
-        """Its step, as a whole made shorter."""
-        moved, result = self.inner.step(step_size, state)
-        shorter = FARTHEST / jnp.maximum(jnp.abs(moved).max(), FARTHEST)
-        return moved * shorter, result
+        # The linear model seldom holds over more than a value's own size.
+        step, result = super().step(step_size, state)
+        return step * (MAX_STEP / jnp.maximum(jnp.abs(step).max(), MAX_STEP)), result
 
 
-def with_scale(solver: Any) -> Any:
-    """A solver of least squares with such a region and such steps.
-
-    Args:
-        solver: of optimistix, by Levenberg-Marquardt.
-    """
-    parts = ScaledTrustRegion(), Near(solver.descent)
+def with_trust_region(solver: optx.LevenbergMarquardt) -> optx.LevenbergMarquardt:
+    """Solver of optimistix with this damping and these steps."""
+    parts = ScaledTrustRegion(), BoundedDescent(solver.descent.linear_solver)
     return eqx.tree_at(lambda s: (s.search, s.descent), solver, parts)

@@ -18,7 +18,7 @@ FIT = """
 scene: scene.yaml
 train: [{name: "+x"}]
 held_out: [{name: "+y", set: {terms.0.direction: [0, -1, 0]}}]
-further: [{name: longer, set: {time.save_at: [100, 200, 400], time.end: 400}}]
+candidates: [{name: longer, set: {time.save_at: [100, 200, 400], time.end: 400}}]
 parameters: [{name: weights.within}, {name: weights.surface_distance}]
 """
 ROOT = Path(__file__).resolve().parents[2]
@@ -49,7 +49,7 @@ def fitted(tmp_path_factory):
 def test_a_fit_leaves_its_files_and_says_what_it_found(fitted):
     folder, said = fitted
     assert {path.name for path in (folder / "out").iterdir()} == FILES
-    for words in ("weights.within", "fitted to", "held out", "longer: would tell"):
+    for words in ("weights.within", "fitted to", "held out", "longer: would add"):
         assert words in said
     result = json.loads((folder / "out" / "fit.json").read_text())
     error = result["error_percent"]
@@ -69,7 +69,7 @@ def test_identify_judges_the_start_and_fits_nothing(fitted):
     before = sorted(folder.rglob("*"))
     code, out, err = _calibrate("identify", folder / "fit.yaml")
     assert code == 0
-    assert "what the data could tell" in out + err
+    assert "how well the data determine" in out + err
     assert "at the start" in out + err
     assert sorted(folder.rglob("*")) == before
 
@@ -84,7 +84,7 @@ def test_check_holds_where_it_was_fitted_and_warns_outside(fitted):
     )
     code, out, err = _calibrate(*arguments)
     assert code == 0
-    assert "the card holds here" in out + err
+    assert "the card is valid here" in out + err
     assert "warning" not in out + err
     code, out, err = _calibrate(*arguments, "--set", "bodies.0.material.conductivity=1")
     assert code == 0
@@ -111,7 +111,7 @@ def test_values_too_many_to_judge_are_told_as_one(fitted, tmp_path):
     folder, _ = fitted
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(pictures, "SIDE", 60)
-        patch.setattr("calibrate.solvers.fit.MOST_JUDGED", 0)
+        patch.setattr("calibrate.solvers.fit.MAX_JUDGED", 0)
         code, out, err = _calibrate("fit", folder / "fit.yaml", "--out", tmp_path)
     assert code == 0
     assert "not judged" in out + err
@@ -157,17 +157,17 @@ def test_a_fit_that_is_killed_goes_on_to_the_same_card(fitted, tmp_path, at):
     folder, _ = fitted
     killed = []
 
-    def keep(progress, path):
+    def save(progress, path):
         if len(progress.steps) > at and not killed:
             killed.append(True)
             raise SystemExit(137)
         return written(progress, path)
 
-    written = Progress.keep
+    written = Progress.save
     arguments = ("fit", folder / "fit.yaml", "--out", tmp_path)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(pictures, "SIDE", 60)
-        patch.setattr(Progress, "keep", keep)
+        patch.setattr(Progress, "save", save)
         assert _calibrate(*arguments)[0] == 137
         assert not (tmp_path / "card.yaml").exists()
         assert _calibrate(*arguments)[0] == 0

@@ -1,15 +1,14 @@
-"""Jacobians that are kept: Broyden's rule, and fits that come to the same values."""
+"""Kept Jacobians: Broyden's update, and fits that come to the same values."""
 
-from types import SimpleNamespace
-
-import jax
 import jax.numpy as jnp
 import numpy as np
+import optimistix as optx
 import pytest
 
-from calibrate.solvers.broyden import Known, corrected, known_of
+from calibrate.solvers.broyden import broyden_update
 from calibrate.solvers.fit import Fitting
-from calibrate.solvers.search import Setting
+from calibrate.solvers.levenberg_marquardt import BroydenLevenbergMarquardt
+from calibrate.solvers.search import SearchSettings
 from tests.calibrating import twin
 
 
@@ -17,55 +16,74 @@ ROWS = jnp.asarray(np.cos(np.outer([1.0, 2.0, 3.0], np.arange(5.0))))
 FIRST = jnp.asarray([0.3, -0.2, 1.0])
 
 
-def line(z):
-    """Misfits that are linear."""
+def linear(z):
+    """Linear residuals."""
     return z @ ROWS + 1.0
 
 
-def known(rows):
-    return Known(FIRST, line(FIRST), rows, jnp.asarray(False))
+def updated(rows, step, start=FIRST):
+    return broyden_update(rows, step, linear(start + step) - linear(start))
 
 
-def test_rows_that_are_right_stay():
-    found = corrected(known(ROWS), FIRST + 0.5, line(FIRST + 0.5))
+def test_exact_rows_stay():
+    found = updated(ROWS, jnp.full(3, 0.5))
     np.testing.assert_allclose(found, ROWS, atol=1e-14)
 
 
-def test_corrected_rows_tell_what_was_seen_and_nothing_across():
-    wrong, moved = ROWS + 0.1, jnp.asarray([0.25, 0.0, -0.5])
-    found = corrected(known(wrong), FIRST + moved, line(FIRST + moved))
-    np.testing.assert_allclose(moved @ found, line(FIRST + moved) - line(FIRST))
+def test_corrected_rows_reproduce_the_change_and_keep_what_is_across_it():
+    wrong, step = ROWS + 0.1, jnp.asarray([0.25, 0.0, -0.5])
+    found = updated(wrong, step)
+    np.testing.assert_allclose(step @ found, linear(FIRST + step) - linear(FIRST))
     across = jnp.asarray([0.5, 7.0, 0.25])
-    assert across @ moved == 0
+    assert across @ step == 0
     np.testing.assert_allclose(across @ found, across @ wrong, atol=1e-13)
 
 
-def test_steps_across_each_other_make_any_rows_right():
-    at = known(jnp.zeros_like(ROWS))
-    for moved in jnp.eye(3):
-        z = at.z + moved
-        at = Known(z, line(z), corrected(at, z, line(z)), at.fresh)
-    np.testing.assert_allclose(at.rows, ROWS, atol=1e-13)
+def test_orthogonal_steps_make_any_rows_exact():
+    z, rows = FIRST, jnp.zeros_like(ROWS)
+    for step in jnp.eye(3):
+        rows = updated(rows, step, z)
+        z = z + step
+    np.testing.assert_allclose(rows, ROWS, atol=1e-13)
 
 
 def test_where_nothing_moved_rows_stay():
-    np.testing.assert_array_equal(corrected(known(ROWS), FIRST, line(FIRST)), ROWS)
+    np.testing.assert_array_equal(updated(ROWS, jnp.zeros(3)), ROWS)
 
 
-def test_rows_are_read_from_the_operator_of_a_search():
-    value, along = jax.linearize(line, FIRST)
-    misfits = SimpleNamespace(residual=value, jac=SimpleNamespace(mv=along))
-    found = known_of(FIRST, misfits, jnp.asarray(True))
-    np.testing.assert_allclose(found.rows, ROWS)
+def test_rows_live_in_the_state_of_the_solver():
+    """Exact at the first point, and corrected at the second."""
+    solver = BroydenLevenbergMarquardt(1e-9, 1e-9)
+    function = lambda z, args: (linear(jnp.sinh(z)), args)
+    structs = (jnp.zeros(5), None)
+    rest = {}, frozenset()
+    state = solver.init(function, FIRST, None, rest[0], *structs, rest[1])
+    z, state, _ = solver.step(function, FIRST, None, rest[0], state, rest[1])
+    exact = jnp.cosh(FIRST)[:, None] * ROWS
+    np.testing.assert_allclose(state.f_info.jac.as_matrix().T, exact)
+    step = state.y_eval - z
+    change = function(state.y_eval, None)[0] - function(z, None)[0]
+    _, state, _ = solver.step(function, z, None, rest[0], state, rest[1])
+    found = state.f_info.jac.as_matrix().T
+    np.testing.assert_allclose(found, broyden_update(exact, step, change), rtol=1e-12)
+
+
+@pytest.mark.parametrize("use_broyden", [True, False])
+def test_optimistix_drives_the_solver(use_broyden):
+    solver = BroydenLevenbergMarquardt(1e-10, 1e-10, use_broyden=use_broyden)
+    target = linear(jnp.sinh(FIRST))
+    function = lambda z, _: linear(jnp.sinh(z)) - target
+    found = optx.least_squares(function, solver, FIRST + 0.3, max_steps=60)
+    np.testing.assert_allclose(found.value, FIRST, atol=1e-8)
 
 
 @pytest.mark.slow
 @pytest.mark.slice
-def test_a_fit_comes_to_the_values_of_one_that_finds_all_derivatives():
-    problem, setting = twin(), Setting(tolerance=1e-7)
-    every = Fitting(problem, setting._replace(secant=False)).run()
-    kept = Fitting(problem, setting).run()
-    assert all(s.fresh for s in every.steps)
-    assert sum(s.fresh for s in kept.steps) < len(every.steps)
-    np.testing.assert_allclose(kept.z, every.z, atol=1e-6)
+def test_a_fit_comes_to_the_values_of_one_with_exact_jacobians():
+    problem, settings = twin(), SearchSettings(tolerance=1e-7)
+    exact = Fitting(problem, settings._replace(use_broyden=False)).run()
+    kept = Fitting(problem, settings).run()
+    assert all(s.exact for s in exact.steps)
+    assert sum(s.exact for s in kept.steps) < len(exact.steps)
+    np.testing.assert_allclose(kept.z, exact.z, atol=1e-6)
     assert kept.loss < 1e-8 * kept.initial_loss

@@ -22,7 +22,7 @@ def test_shipped_configs_load_with_all_their_scenes(path):
     assert config.name == path.stem
     if path.stem.startswith(NEEDS_FILES):
         pytest.skip("needs meshes that are not part of the repository")
-    for case in (*config.train, *config.held_out, *config.further):
+    for case in (*config.train, *config.held_out, *config.candidates):
         assert scene_config(config, case.set).time.save_times
 
 
@@ -33,7 +33,7 @@ def test_shipped_configs_load_with_all_their_scenes(path):
         ("parameters.0.bounds=[2, 3]", "not between its bounds 2 and 3"),
         ("parameters.0.bounds=[1]", "expected two values"),
         ("parameters.0.start=warm", "expected a number"),
-        ("parameters.1.smoothness=0.1", "is for `each: link` only"),
+        ("parameters.1.smoothness=0.1", "is for `per: link` only"),
         ("fit.method=newton", "did you mean 'gauss_newton'"),
         ("train=[]", "must not be empty"),
         ("held_out.0.name=+x", "'\\+x' is there twice"),

@@ -8,9 +8,9 @@ import jaxthermo as jt
 from calibrate.analysis.identifiability import identify
 from calibrate.problem.parameters import Parameter, ParameterSet
 from calibrate.problem.problem import Case, Problem
-from calibrate.problem.thermogram_targets import frame_target, frames_of, see
+from calibrate.problem.thermogram_targets import frame_target, render_frames, view_of
 from calibrate.solvers.fit import Fitting
-from calibrate.solvers.search import Setting
+from calibrate.solvers.search import SearchSettings
 from jaxthermo.integrate.run.parametric_run import Response
 from jaxthermo.scene.compile.compile import compile_scene
 from tests.bodies import blocks
@@ -50,8 +50,8 @@ def fitting():
     # The same steps for data and fits: what is left is noise alone.
     response = Response(SAVES, jt.ForwardEuler(dt=2.0))
     answer = response(true, response.layout(start))
-    view = see(compile_scene(true, 1, 1.0).surfaces, true, CAMERA)
-    frames = np.asarray(frames_of(view, true, answer, SAVES, "temperature"), float)
+    view = view_of(compile_scene(true, 1, 1.0).surfaces, true, CAMERA)
+    frames = np.asarray(render_frames(view, true, answer, SAVES, "temperature"), float)
     everywhere = [np.ones(frames.shape[1:], bool)]
     target = frame_target(
         SAVES, (view,), [frames], NOISE, "temperature", everywhere, jnp.float64
@@ -61,7 +61,9 @@ def fitting():
         for name, value, bounds in zip(TRUTH, START, BOUNDS, strict=True)
     )
     case = Case("frames", start, response, target)
-    return Fitting(Problem(ParameterSet(fitted), (case,)), Setting(tolerance=1e-6))
+    return Fitting(
+        Problem(ParameterSet(fitted), (case,)), SearchSettings(tolerance=1e-6)
+    )
 
 
 def _held(fitting, repeats):

@@ -1,10 +1,10 @@
-"""Parameters: where they lie in a scene, their values, priors, and mistakes."""
+"""Parameters: their paths in a scene, their values, priors, and mistakes."""
 
 import numpy as np
 import pytest
 
 import jaxthermo as jt
-from calibrate.problem.parameter_paths import find, get
+from calibrate.problem.parameter_paths import find_path, value_at
 from calibrate.problem.parameters import Parameter, ParameterSet, Prior, Smoothness
 from tests.calibrating import scene
 
@@ -25,8 +25,8 @@ def made():
         ("temperature", 300.0),
     ],
 )
-def test_names_lead_to_their_place(made, name, value):
-    assert get(made, find(made, name)) == value
+def test_names_lead_to_their_values(made, name, value):
+    assert value_at(made, find_path(made, name)) == value
 
 
 @pytest.mark.parametrize(
@@ -38,33 +38,38 @@ def test_names_lead_to_their_place(made, name, value):
         ("material", "name one of its parts"),
     ],
 )
-def test_a_place_that_is_not_there_is_told(made, name, message):
+def test_a_path_that_does_not_exist_is_reported(made, name, message):
     with pytest.raises(jt.InputError, match=message):
-        find(made, name)
+        find_path(made, name)
 
 
-def test_the_scene_takes_the_values_of_free_numbers(made):
+def test_the_scene_takes_the_values_of_coordinates(made):
     chosen = ParameterSet(
         (
             Parameter("weights.within", (1.0, 1.0), 0.01, 100.0, is_scalar=False),
-            Parameter("material.conductivity", (16.0,), 0.0, also=("temperature",)),
+            Parameter("material.conductivity", (16.0,), 0.0, tied=("temperature",)),
         )
     )
     z = np.array([0.1, -0.2, 0.3])
-    put = chosen.put(made, z)
+    put = chosen.insert(made, z)
     np.testing.assert_allclose(
         put.bodies[0].structure.weights.within, np.exp([0.1, -0.2]), rtol=0.02
     )
-    k = float(np.asarray(get(put, find(put, "material.conductivity"))))
+    k = float(np.asarray(value_at(put, find_path(put, "material.conductivity"))))
     assert k == pytest.approx(16 * np.exp(0.3))
     assert float(put.bodies[0].temperature) == k
-    np.testing.assert_allclose(chosen.free(chosen.values(z)), z, atol=1e-12)
+    np.testing.assert_allclose(chosen.coordinates(chosen.values(z)), z, atol=1e-12)
 
 
 def test_of_capacities_only_ratios_count():
-    """The first is held: a common factor would change nothing."""
+    """The first is fixed: a common factor would change nothing."""
     one = Parameter(
-        "weights.capacity", (1.0, 1.0), 0.01, 100.0, is_scalar=False, anchored=True
+        "weights.capacity",
+        (1.0, 1.0),
+        0.01,
+        100.0,
+        is_scalar=False,
+        first_is_fixed=True,
     )
     chosen = ParameterSet((one,))
     assert chosen.labels == ("weights.capacity.1",)
@@ -74,19 +79,19 @@ def test_of_capacities_only_ratios_count():
 
 
 def test_a_prior_counts_standard_deviations():
-    free = Prior(10.0, 2.0).misfit(np.asarray(13.0))
-    ratio = Prior(10.0, 0.1, of_logarithm=True).misfit(np.asarray(11.0))
-    assert float(free) == pytest.approx(1.5)
+    normal = Prior(10.0, 2.0).residual(np.asarray(13.0))
+    ratio = Prior(10.0, 0.1, log_normal=True).residual(np.asarray(11.0))
+    assert float(normal) == pytest.approx(1.5)
     assert float(ratio) == pytest.approx(np.log(1.1) / 0.1)
 
 
 def test_smoothness_is_0_where_all_are_alike_and_1_a_deviation_off():
     src, dst = np.array([0, 0, 1, 2]), np.array([1, 2, 3, 3])
     smooth = Smoothness(src, dst, 0.5)
-    assert float((smooth.misfit(np.full(4, 3.0)) ** 2).sum()) < 1e-30
+    assert float((smooth.residual(np.full(4, 3.0)) ** 2).sum()) < 1e-30
     # Links (0, 1) and (2, 3) above, the others below their nodes' means by 0.5.
     values = np.exp([0.5, -0.5, -0.5, 0.5])
-    assert float((smooth.misfit(values) ** 2).sum()) == pytest.approx(1.0)
+    assert float((smooth.residual(values) ** 2).sum()) == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize(
@@ -97,6 +102,6 @@ def test_smoothness_is_0_where_all_are_alike_and_1_a_deviation_off():
         (lambda: ParameterSet(()), "nothing to fit"),
     ],
 )
-def test_mistakes_are_told(make, message):
+def test_mistakes_are_reported(make, message):
     with pytest.raises(jt.InputError, match=message):
         make()

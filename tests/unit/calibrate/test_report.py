@@ -15,7 +15,7 @@ import pytest
 from PIL import Image
 
 from calibrate.config.loader import load_calibration
-from calibrate.problem.build import Built, build
+from calibrate.problem.build import Calibration, build
 from calibrate.problem.problem import Problem
 from calibrate.report import page as report, pictures
 from calibrate.report.charts import (
@@ -54,14 +54,14 @@ parameters: [{name: material.conductivity}]
 """
 
 
-def build_in(folder: Path, text: str) -> Built:
+def build_in(folder: Path, text: str) -> Calibration:
     (folder / "scene.yaml").write_text(SPHERE)
     (folder / "fit.yaml").write_text(text)
-    return build(load_calibration(folder / "fit.yaml"), lambda what: None)
+    return build(load_calibration(folder / "fit.yaml"), lambda stage: None)
 
 
 @pytest.fixture(scope="module")
-def sphere(tmp_path_factory) -> Built:
+def sphere(tmp_path_factory) -> Calibration:
     """With its one case again as the one that is held out."""
     found = build_in(tmp_path_factory.mktemp("sphere"), FIT)
     train = found.train
@@ -83,7 +83,7 @@ def run_before(monkeypatch, runs):
 
 
 @pytest.fixture(scope="module")
-def frames(tmp_path_factory) -> Built:
+def frames(tmp_path_factory) -> Calibration:
     return build_in(tmp_path_factory.mktemp("frames"), FRAMES)
 
 
@@ -131,8 +131,8 @@ def result_of(
         "advice": [],
         "speedup": {
             "times_faster": 3.0,
-            "least": 2.0,
-            "most": 4.0,
+            "min": 2.0,
+            "max": 4.0,
             "run_time_s": {"full_volume": [3.0, 3.0], "fitted": [1.0, 1.0]},
             "nodes": {"full_volume": 80, "fitted": 10},
             "steps": {"full_volume": 9, "fitted": 3},
@@ -246,14 +246,14 @@ def test_the_summary_says_what_became_worse_and_what_is_missing():
 def test_the_runs_that_are_shown_are_those_that_were_fitted(sphere, runs):
     problem, z = sphere.train, np.array([0.3])
     with precision(problem.dtype.name):
-        both = eqx.filter_jit(problem.misfits)
+        both = eqx.filter_jit(problem.residuals)
         for way, point in (("default", 0 * z), ("fitted", z)):
             at = jnp.asarray(point, problem.dtype)
-            _, seen = both(at, problem.layouts())
+            _, diagnostics = both(at, problem.layouts())
             target = problem.cases[0].target
-            misfit = target.misfit(problem.cases[0].scene, runs[way])
-            error = jnp.sqrt(len(misfit) * (misfit * misfit).sum(axis=1))
-            np.testing.assert_allclose(error, seen.errors[0], rtol=1e-4)
+            residual = target.residual(problem.cases[0].scene, runs[way])
+            error = jnp.sqrt(len(residual) * (residual * residual).sum(axis=1))
+            np.testing.assert_allclose(error, diagnostics.errors[0], rtol=1e-4)
 
 
 def test_no_difference_is_light_everywhere(sphere, runs):

@@ -9,10 +9,10 @@ import jaxthermo as jt
 from calibrate.problem.parameters import Parameter, ParameterSet
 from calibrate.problem.problem import Case, Problem
 from calibrate.problem.thermogram_targets import (
+    body_mask,
     frame_target,
-    frames_of,
-    see,
-    shown_bodies,
+    render_frames,
+    view_of,
 )
 from jaxthermo.integrate.run.parametric_run import Response
 from jaxthermo.scene.compile.compile import compile_scene
@@ -48,20 +48,20 @@ def scene():
 
 @pytest.fixture(scope="module")
 def view(scene):
-    return see(compile_scene(scene, 1, 1.0).surfaces, scene, CAMERA)
+    return view_of(compile_scene(scene, 1, 1.0).surfaces, scene, CAMERA)
 
 
 def test_a_pixels_radiance_has_the_gradient_of_its_differences(scene, view):
     """By k, h, emissivity and a weight, to 1e-6 of the largest."""
     response = Response(SAVES)
     layout = response.layout(scene, float(response.stable_step(scene)) / 2)
-    row, column = (int(n) for n in np.argwhere(shown_bodies(view))[20])
+    row, column = (int(n) for n in np.argwhere(body_mask(view))[20])
 
     @jax.jit
     def radiance(z):
-        own = FITTED.put(scene, z)
+        own = FITTED.insert(scene, z)
         answer = response(own, layout)
-        return frames_of(view, own, answer, SAVES, "radiance")[1, row, column]
+        return render_frames(view, own, answer, SAVES, "radiance")[1, row, column]
 
     found = np.asarray(jax.jit(jax.jacfwd(radiance))(jnp.zeros(4)))
     step = 1e-4
@@ -81,12 +81,12 @@ def test_misfits_count_standard_deviations(scene, view):
     """Data off by one standard deviation everywhere: the squares sum to 1."""
     response = Response(SAVES)
     answer = response(scene, response.layout(scene))
-    frames = np.asarray(frames_of(view, scene, answer, SAVES, "radiance"), float)
+    frames = np.asarray(render_frames(view, scene, answer, SAVES, "radiance"), float)
     target = _target(view, frames + 0.05)
-    rows = np.asarray(target.misfit(scene, answer))
+    rows = np.asarray(target.residual(scene, answer))
     assert (rows**2).sum() == pytest.approx(1.0)
     assert target.known_sd == pytest.approx(1 / np.sqrt(rows.size))
-    assert target.counts(0).sum() == rows.shape[1] == shown_bodies(view).sum()
+    assert target.mask(0).sum() == rows.shape[1] == body_mask(view).sum()
     problem = Problem(FITTED, (Case("one", scene, response, target),))
     assert problem.known_sd == pytest.approx(target.known_sd)
 

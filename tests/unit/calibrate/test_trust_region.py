@@ -1,4 +1,4 @@
-"""The damping of a search: the unit of the misfits makes no difference to its steps."""
+"""Damping: the unit of the residuals makes no difference to the steps."""
 
 import jax
 import jax.numpy as jnp
@@ -7,7 +7,7 @@ import numpy as np
 import optimistix as optx
 import pytest
 
-from calibrate.solvers.trust_region import FIRST, first_size, with_scale
+from calibrate.solvers.trust_region import FIRST_DAMPING, first_size, with_trust_region
 
 
 STEEP = jnp.asarray(
@@ -15,22 +15,22 @@ STEEP = jnp.asarray(
 )
 
 
-def bent(z, unit):
-    """Misfits that are not linear, in a unit of one's choice."""
+def residuals(z, unit):
+    """Nonlinear residuals in any unit."""
     return unit * (jnp.sinh(z) @ STEEP - jnp.arange(9.0) / 9)
 
 
 def after_four_steps(unit, scaled):
-    """Where a search stands by then."""
+    """Point of a search by then."""
     solver = optx.LevenbergMarquardt(rtol=1e-12, atol=1e-12)
-    solver = with_scale(solver) if scaled else solver
+    solver = with_trust_region(solver) if scaled else solver
     start = jnp.zeros(4)
-    found = optx.least_squares(bent, solver, start, unit, max_steps=4, throw=False)
+    found = optx.least_squares(residuals, solver, start, unit, max_steps=4, throw=False)
     return np.asarray(found.value)
 
 
 @pytest.mark.parametrize("unit", [1e-3, 1e3])
-def test_steps_do_not_depend_on_the_unit_of_the_misfits(unit):
+def test_steps_do_not_depend_on_the_unit_of_the_residuals(unit):
     same = after_four_steps(1.0, True)
     np.testing.assert_allclose(after_four_steps(unit, True), same, rtol=1e-9)
     # They do where the first damping is 1.
@@ -40,16 +40,16 @@ def test_steps_do_not_depend_on_the_unit_of_the_misfits(unit):
 
 def test_the_first_size_is_of_the_steepness_along_the_slope():
     z = jnp.full(4, 0.3)
-    jacobian = np.asarray(jax.jacobian(bent)(z, 2.0))
-    slope = jacobian.T @ np.asarray(bent(z, 2.0))
-    damping = FIRST * ((jacobian @ slope) ** 2).sum() / (slope**2).sum()
+    jacobian = np.asarray(jax.jacobian(residuals)(z, 2.0))
+    slope = jacobian.T @ np.asarray(residuals(z, 2.0))
+    damping = FIRST_DAMPING * ((jacobian @ slope) ** 2).sum() / (slope**2).sum()
     size = first_size(linearized(z, 2.0))
     np.testing.assert_allclose(size, 1 / damping, rtol=1e-12)
 
 
 def test_where_nothing_slopes_a_search_stays():
     flat = lambda z, unit: 0 * z + unit
-    solver = with_scale(optx.LevenbergMarquardt(1e-9, 1e-9))
+    solver = with_trust_region(optx.LevenbergMarquardt(1e-9, 1e-9))
     found = optx.least_squares(flat, solver, jnp.ones(2), 1.0, max_steps=9, throw=False)
     np.testing.assert_array_equal(found.value, [1.0, 1.0])
 
@@ -57,7 +57,7 @@ def test_where_nothing_slopes_a_search_stays():
 def test_no_number_moves_by_more_than_its_own_size():
     """A line whose end is far: it is gone to in steps of 1 for the farthest number."""
     line = lambda z, _: z - jnp.asarray([3.5, -0.7])
-    solver = with_scale(optx.LevenbergMarquardt(1e-9, 1e-9))
+    solver = with_trust_region(optx.LevenbergMarquardt(1e-9, 1e-9))
     after = lambda steps: (
         optx.least_squares(
             line, solver, jnp.zeros(2), max_steps=steps, throw=False
@@ -70,7 +70,7 @@ def test_no_number_moves_by_more_than_its_own_size():
 
 
 def linearized(z, unit):
-    """What a search knows of the misfits at a point."""
-    value, along = jax.linearize(lambda y: bent(y, unit), z)
+    """Residuals and Jacobian at a point, as optimistix holds them."""
+    value, along = jax.linearize(lambda y: residuals(y, unit), z)
     shape = jax.ShapeDtypeStruct(z.shape, z.dtype)
     return optx.FunctionInfo.ResidualJac(value, lx.FunctionLinearOperator(along, shape))
