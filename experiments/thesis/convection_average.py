@@ -33,7 +33,9 @@ def measure_averages() -> list[dict[str, Any]]:
             "Re": re,
             **{a.name: float(v) for a, v in zip(AVERAGES, column, strict=True)},
             "largest_over_smallest": float(column.max() / column.min()),
-            "outside": [a.name for a in AVERAGES if not a.lowest <= re <= a.highest],
+            "outside": [
+                a.name for a in AVERAGES if not a.min_reynolds <= re <= a.max_reynolds
+            ],
         }
         for re, column in zip(REYNOLDS, found.T, strict=True)
     ]
@@ -79,7 +81,7 @@ def average_chart() -> alt.Chart:
         for a, row in zip(AVERAGES, found, strict=True)
         for re, v, base in zip(reynolds, row, found[0], strict=True)
         # Far below its range one of them says nothing.
-        if re >= a.lowest / 20 or a.nusselt is profile
+        if re >= a.min_reynolds / 20 or a.nusselt is profile
     ]
     x = LogAxis([point["Re"] for point in points], "Reynolds number")
     scale = alt.Scale(domain=[a.name for a in AVERAGES], range=list(COLOURS))

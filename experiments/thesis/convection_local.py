@@ -13,7 +13,7 @@ from rich.table import Table
 
 from jaxthermo.cli.charts import Chart
 from jaxthermo.physics.convection.cross_flow import local_nusselt
-from jaxthermo.physics.convection.nusselt import cylinder_knots, profile
+from jaxthermo.physics.convection.nusselt import cylinder_table, profile
 
 
 DATA = Path(__file__).with_name("data") / "nu_local_cylinder.csv"
@@ -59,7 +59,7 @@ def tabulated() -> list[dict[str, str]]:
 
 def measure_local() -> list[dict[str, Any]]:
     """Each knot: how the average is kept, the minima, the distance from the data."""
-    knots = cylinder_knots()
+    knots = cylinder_table()
     return [
         _measure(float(reynolds), float(average), bool(recalled))
         for reynolds, average, recalled in zip(

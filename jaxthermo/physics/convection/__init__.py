@@ -1,1 +1,1 @@
-"""Heat to moving and still air."""
+"""Forced and free convection to air."""

@@ -1,19 +1,23 @@
-"""Dry air at 1 atm, 200 to 1500 K, as smooth functions of its temperature.
+"""Dry air at 1 atm, 200 to 1500 K, and polynomials in the film temperature.
 
     ln y = sum_i c_i x^i,    x = ln(T / 300 K)
 
-fitted to CoolProp 8 (Lemmon et al. 2000; Lemmon and Jacobsen 2004). Largest errors
-over the range: 8e-5 for nu, 7e-5 for k, 2e-5 for mu, 1.6e-3 for Pr and c_p; those of
-Sutherland's formulas are up to 7 %. Outside the range the value at its end holds. At
-other pressures the kinematic viscosity goes as 1 / p.
+fitted to CoolProp 8 (Lemmon et al. 2000; Lemmon and Jacobsen 2004). Largest relative
+errors over the range: 8e-5 for nu, 7e-5 for k, 2e-5 for mu, 1.6e-3 for Pr and c_p
+(Sutherland's formulas: up to 7 %). Outside the range the value at its end applies. The
+kinematic viscosity is inversely proportional to the pressure.
+
+A heat transfer coefficient is tabulated at five film temperatures from 200 to 1000 K
+and interpolated by the polynomial through them in 1 / (T_f + 600 K).
 """
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+from numpy.polynomial import polynomial
 
 
-MIN_AIR_TEMPERATURE, MAX_AIR_TEMPERATURE = 200.0, 1500.0
+_MIN_AIR_TEMPERATURE, _MAX_AIR_TEMPERATURE = 200.0, 1500.0
 """Range of the fits [K]."""
 
 _NU = (-11.0587, 1.782631, -0.08207018, 0.01119141, 0.002716612)
@@ -26,7 +30,8 @@ _CP = (6.913595, 0.007805186, 0.05443127, 0.06350017, -0.03490753)
 def _fit(
     coefficients: tuple[float, ...], temperature: Float[Array, "*n"]
 ) -> Float[Array, "*n"]:
-    x = jnp.log(jnp.clip(temperature, MIN_AIR_TEMPERATURE, MAX_AIR_TEMPERATURE) / 300.0)
+    clipped = jnp.clip(temperature, _MIN_AIR_TEMPERATURE, _MAX_AIR_TEMPERATURE)
+    x = jnp.log(clipped / 300.0)
     total = jnp.full_like(x, coefficients[-1])
     for c in coefficients[-2::-1]:
         total = total * x + c
@@ -34,22 +39,22 @@ def _fit(
 
 
 def kinematic_viscosity(temperature: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    """Nu [m^2/s] at `temperature` [K]."""
+    """Kinematic viscosity nu [m^2/s] at `temperature` [K]."""
     return _fit(_NU, temperature)
 
 
 def conductivity(temperature: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    """Conductivity k [W/(m K)] at `temperature` [K]."""
+    """Thermal conductivity k [W/(m K)] at `temperature` [K]."""
     return _fit(_K, temperature)
 
 
 def prandtl(temperature: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    """Pr [-] at `temperature` [K]."""
+    """Prandtl number Pr [-] at `temperature` [K]."""
     return _fit(_PR, temperature)
 
 
 def dynamic_viscosity(temperature: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    """Mu [Pa s] at `temperature` [K]."""
+    """Dynamic viscosity mu [Pa s] at `temperature` [K]."""
     return _fit(_MU, temperature)
 
 
@@ -58,48 +63,62 @@ def specific_heat(temperature: Float[Array, "*n"]) -> Float[Array, "*n"]:
     return _fit(_CP, temperature)
 
 
-# Properties of air by film temperature, as polynomials known beforehand.
-#
-# Logarithms and powers at every place and step would cost more than conduction does. So
-# a value is taken at five film temperatures between 200 and 1000 K and interpolated by
-# the polynomial through them in 1 / (T_f + 600 K), a division and five products;
-# outside, its values at the ends hold.
-
-
 MIN_FILM_TEMPERATURE, MAX_FILM_TEMPERATURE = 200.0, 1000.0
-"""Film temperatures between which h is interpolated [K]."""
+"""Range of interpolation in the film temperature [K]."""
 
-NODES = 5
+# Logarithms and powers in every cell and step would cost more than conduction does; the
+# polynomial costs one division and five products.
+_NODES = 5
+# Added to the film temperature [K]: this value minimizes the interpolation error.
+_SHIFT = 600.0
+_LOW = 1 / (MAX_FILM_TEMPERATURE + _SHIFT)
+_HIGH = 1 / (MIN_FILM_TEMPERATURE + _SHIFT)
+_MIDDLE, _HALF = (_HIGH + _LOW) / 2, (_HIGH - _LOW) / 2
+_CHEBYSHEV = np.cos((np.arange(_NODES) + 0.5) * np.pi / _NODES)
 
-SHIFT = 600.0
-"""Added to the film temperature [K]: the error has its least here."""
-
-_NEAR, _FAR = 1 / (MAX_FILM_TEMPERATURE + SHIFT), 1 / (MIN_FILM_TEMPERATURE + SHIFT)
-MIDDLE, HALF = (_FAR + _NEAR) / 2, (_FAR - _NEAR) / 2
-_PLACES = np.cos((np.arange(NODES) + 0.5) * np.pi / NODES)
-
-FILM_TEMPERATURES = 1 / (MIDDLE - HALF * _PLACES) - SHIFT
-"""Where h has to be known [K]: the Chebyshev nodes."""
+FILM_TEMPERATURES = 1 / (_MIDDLE - _HALF * _CHEBYSHEV) - _SHIFT
+"""Film temperatures at which h has to be known [K]: the Chebyshev nodes."""
 
 
 def film_polynomial(values: Float[Array, "*g n"]) -> Float[Array, "*g n"]:
     """Coefficients, lowest power first, through h at the `FILM_TEMPERATURES`."""
-    to_powers = np.linalg.inv(np.vander(_PLACES, NODES, increasing=True))
+    to_powers = np.linalg.inv(np.vander(_CHEBYSHEV, _NODES, increasing=True))
     return values @ jnp.asarray(to_powers.T.astype(values.dtype))
 
 
-def film_place(double_film: Float[Array, "*m"]) -> tuple[Array, Array]:
-    """The polynomial's argument, and its derivative, by T_s + T_inf [K]."""
-    inverse = 2 / (double_film + 2 * SHIFT)
-    x = (MIDDLE - inverse) / HALF
-    slope = jnp.where(jnp.abs(x) < 1, inverse * inverse / (2 * HALF), 0)
+def film_argument(double_film: Float[Array, "*m"]) -> tuple[Array, Array]:
+    """Argument x of the film polynomial and dx/dT_s [1/K], from T_s + T_inf [K]."""
+    inverse = 2 / (double_film + 2 * _SHIFT)
+    x = (_MIDDLE - inverse) / _HALF
+    slope = jnp.where(jnp.abs(x) < 1, inverse * inverse / (2 * _HALF), 0)
     return jnp.clip(x, -1, 1), slope
 
 
 def horner(rows, x) -> tuple[Array, Array]:
-    """A polynomial and its derivative; the coefficients' powers on the first axis."""
-    value, slope = rows[NODES - 1], jnp.zeros_like(x)
-    for power in range(NODES - 2, -1, -1):
+    """Value and derivative of a polynomial, coefficients along the first axis."""
+    value, slope = rows[_NODES - 1], jnp.zeros_like(x)
+    for power in range(_NODES - 2, -1, -1):
         slope = slope * x + value
         value = value * x + rows[power]
     return value, slope
+
+
+def film_derivatives(
+    rows: Float[np.ndarray, "n *g"], film: Float[np.ndarray, " f"]
+) -> tuple[Float[np.ndarray, "*g f"], ...]:
+    """Value, first and second derivative by T_s of a film polynomial, on the host.
+
+    Args:
+        rows: coefficients, with the powers along the first axis.
+        film: film temperatures T_f [K].
+    """
+    inverse = 1 / (film + _SHIFT)
+    x, slope = (_MIDDLE - inverse) / _HALF, inverse**2 / (2 * _HALF)
+    second = -slope * inverse
+    once, twice = polynomial.polyder(rows), polynomial.polyder(rows, 2)
+    by_x = polynomial.polyval(x, once)
+    return (
+        polynomial.polyval(x, rows),
+        by_x * slope,
+        polynomial.polyval(x, twice) * slope**2 + by_x * second,
+    )

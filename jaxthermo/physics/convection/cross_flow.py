@@ -2,20 +2,20 @@
 
     Nu(theta) = Nbar(Re, Pr) [1 + sum_{k=1..16} c_k(log10 Re) cos(k theta)],
 
-theta from where the stream meets the cylinder. Every cosine averages to zero around the
-cylinder, so the average is Nbar whatever the shape, and the curve is smooth and even at
-0 and 180 degrees. No arc cosine is taken: with the normal n and the direction w of the
-wind projected off the axis, the harmonic polynomials r^k cos(k theta) follow from
+theta from the stagnation line. Every cosine averages to zero around the cylinder, so
+the average is Nbar whatever the shape, and the curve is smooth and even at 0 and 180
+degrees. The harmonic polynomials r^k cos(k theta) follow without an arc cosine from the
+normal n and the wind direction w projected off the axis,
 
     R_0 = 1,    R_1 = -n.w,    R_{k+1} = 2 R_1 R_k - |n|^2 |w|^2 R_{k-1},
 
 Chebyshev's recurrence where |n| = |w| = 1, as on a cylinder's side. On an end, where n
-has no direction across the axis, all of them vanish smoothly and Nu = Nbar; a harmonic
-function has no extreme inside, so Nu stays positive in between.
+is parallel to the axis, all of them vanish smoothly and Nu = Nbar; a harmonic function
+has no extreme inside, so Nu stays positive in between.
 
-The shape is held below Re 1 and above 2.2e5, the average above 2.5e5. Of its knots
-those to Re 40 are computed, those from 100 to 3e4 joined from boundary-layer theory and
-an average, those from 7.08e4 up recalled, +-15 %.
+The shape is constant below Re 1 and above 2.2e5, the average above 2.5e5. The tabulated
+Reynolds numbers up to 40 are computed, those from 100 to 3e4 joined from boundary-layer
+theory and an average, those from 7.08e4 up recalled, +-15 %.
 """
 
 import functools
@@ -26,34 +26,34 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .air import conductivity, kinematic_viscosity, prandtl
-from .nusselt import Average, NamedAverage, Pchip, cylinder_knots, pchip
+from .nusselt import Average, NamedAverage, Pchip, cylinder_table, pchip
 
 
-HIGHEST_REYNOLDS = 2.5e5
-"""Where the average is held: the drag crisis is near."""
+MAX_REYNOLDS = 2.5e5
+"""Reynolds number above which the average is constant: the drag crisis is near."""
 
-FULL_CROSSING = 0.5
-"""Sine of the angle between wind and axis from which on the full shape applies."""
+# Sine of the angle between wind and axis from which on the full shape applies.
+_FULL_CROSS_FLOW = 0.5
 
-HARMONICS = 16
+_HARMONICS = 16
 
-Values = Float[Array, "..."] | Float[np.ndarray, "..."]
+_Values = Float[Array, "..."] | Float[np.ndarray, "..."]
 
 
 @functools.cache
 def _shape() -> Pchip:
-    knots = cylinder_knots()
-    return pchip(np.log10(knots.reynolds), knots.shape)
+    table = cylinder_table()
+    return pchip(np.log10(table.reynolds), table.shape)
 
 
 def shape_coefficients(reynolds: Float[Array, "*n"]) -> Float[Array, "*n k"]:
-    """The c_k at each Reynolds number."""
-    # Re 1 is the first knot, and log 0 has no derivative.
+    """Shape coefficients c_k at each Reynolds number."""
+    # Re 1 is the first tabulated value, and log 0 has no derivative.
     return _shape()(jnp.log10(jnp.maximum(reynolds, 1.0)))
 
 
-def harmonics(cosine: Values, square: Values | float = 1.0) -> Any:
-    """R_1 to R_16 along the first axis, on the host if that is where they come from.
+def harmonics(cosine: _Values, square: _Values | float = 1.0) -> Any:
+    """R_1 to R_16 along the first axis, in numpy for numpy input.
 
     Args:
         cosine: R_1 = r cos(theta).
@@ -61,11 +61,11 @@ def harmonics(cosine: Values, square: Values | float = 1.0) -> Any:
     """
     before, here = 1.0, cosine
     found = [here]
-    for _ in range(HARMONICS - 1):
+    for _ in range(_HARMONICS - 1):
         before, here = here, 2 * cosine * here - square * before
         found.append(here)
-    own = jnp if isinstance(cosine, Array) else np
-    return own.stack(found)
+    xp = jnp if isinstance(cosine, Array) else np
+    return xp.stack(found)
 
 
 def surface_harmonics(
@@ -73,16 +73,17 @@ def surface_harmonics(
     axis: Float[np.ndarray, "*#n 3"],
     wind: Float[np.ndarray, "3"],
 ) -> Float[np.ndarray, "k *n"]:
-    """The R_k of surfaces on cylinders in a wind.
+    """R_k of surfaces of cylinders in a wind.
 
     Args:
-        normal: outward, unit.
-        axis: of each cylinder, unit.
-        wind: the way it blows, unit.
+        normal: outward unit normals.
+        axis: unit vectors along the cylinders.
+        wind: unit vector along which the wind blows.
     """
     along, yaw = (normal * axis).sum(-1), (wind * axis).sum(-1)
     crossing = 1 - yaw * yaw
-    gain = 1 / np.maximum(np.sqrt(np.maximum(crossing, 0)), FULL_CROSSING)
+    # The shape fades out towards wind along the axis, where theta is undefined.
+    gain = 1 / np.maximum(np.sqrt(np.maximum(crossing, 0)), _FULL_CROSS_FLOW)
     cosine = -((normal * wind).sum(-1) - along * yaw) * gain
     return harmonics(cosine, (1 - along * along) * crossing * gain * gain)
 
@@ -90,7 +91,7 @@ def surface_harmonics(
 def shape_factor(
     coefficients: Float[Array, "*n k"], found: Float[Array, "k *n"]
 ) -> Float[Array, "*n"]:
-    """Local over average Nusselt number, from the c_k and the R_k."""
+    """Local over average Nusselt number [-], from the c_k and the R_k."""
     return 1 + (coefficients * jnp.moveaxis(found, 0, -1)).sum(-1)
 
 
@@ -103,27 +104,27 @@ def local_nusselt(
     """Nu(theta, Re, Pr) on the side of a cylinder.
 
     Args:
-        cosine: of theta.
+        cosine: cos(theta).
         reynolds: Re = V D / nu.
         prandtl_number: Pr.
-        average: the correlation for the average.
+        average: correlation for the average.
     """
-    held = jnp.minimum(reynolds, HIGHEST_REYNOLDS)
-    factor = shape_factor(shape_coefficients(held), harmonics(cosine))
-    return average(held, prandtl_number) * factor
+    limited = jnp.minimum(reynolds, MAX_REYNOLDS)
+    factor = shape_factor(shape_coefficients(limited), harmonics(cosine))
+    return average(limited, prandtl_number) * factor
 
 
-def held_speed(
+def limited_speed(
     speed: Float[Array, "*n"], diameter: Float[Array, "*#n"], air: Float[Array, ""]
 ) -> Float[Array, "*n"]:
-    """The speed [m/s], no higher than where the Nusselt number is held.
+    """Speed [m/s], reduced where the Reynolds number would exceed `MAX_REYNOLDS`.
 
     Args:
         speed: V [m/s].
         diameter: D [m].
         air: temperature of the stream [K].
     """
-    return jnp.minimum(speed, HIGHEST_REYNOLDS * kinematic_viscosity(air) / diameter)
+    return jnp.minimum(speed, MAX_REYNOLDS * kinematic_viscosity(air) / diameter)
 
 
 def mean_coefficient(
@@ -132,13 +133,13 @@ def mean_coefficient(
     film: Float[Array, "*#n"],
     average: Average,
 ) -> Float[Array, "*n"]:
-    """The mean h of a cylinder, Nbar k / D with air at the film temperature.
+    """Mean h of a cylinder [W/(m^2 K)]: Nbar k / D, with air at the film temperature.
 
     Args:
         speed: V [m/s].
         diameter: D [m].
-        film: temperature (T_s + T_inf) / 2 [K].
-        average: the correlation.
+        film: film temperature (T_s + T_inf) / 2 [K].
+        average: correlation for the average.
     """
     reynolds = speed * diameter / kinematic_viscosity(film)
     return average(reynolds, prandtl(film)) * conductivity(film) / diameter
@@ -147,32 +148,32 @@ def mean_coefficient(
 def stream_shape(
     speed: Float[Array, "*n"], diameter: Float[Array, "*#n"], air: Float[Array, ""]
 ) -> Float[Array, "*n k"]:
-    """The c_k in a stream of air at one temperature [K].
+    """Shape coefficients c_k in a stream of air at one temperature [K].
 
-    Where the flow separates is up to the stream as a whole, so the shape goes by its
-    own temperature, not by the film's at each place. By the film of a surface that is
-    50 K warmer it would differ by 0.2 % at Re 4e3, 5 % at 1e4, 13 % at 1.5e5.
+    The stream as a whole determines where the flow separates, so the shape depends on
+    its temperature, not on the local film temperature. With the film of a surface that
+    is 50 K warmer it would differ by 0.2 % at Re 4e3, 5 % at 1e4, 13 % at 1.5e5.
     """
     return shape_coefficients(speed * diameter / kinematic_viscosity(air))
 
 
-def doubts(reynolds: float, average: NamedAverage) -> tuple[str, ...]:
-    """What to know before trusting a result at this Reynolds number."""
-    knots = cylinder_knots()
+def validity_notes(reynolds: float, average: NamedAverage) -> tuple[str, ...]:
+    """Limits of validity that a result at this Reynolds number exceeds."""
+    table = cylinder_table()
     found = []
-    if reynolds > HIGHEST_REYNOLDS:
+    if reynolds > MAX_REYNOLDS:
         found.append(
-            f"Re {reynolds:.3g} is above {HIGHEST_REYNOLDS:.3g}, where the Nusselt "
-            "number is held: give a lower speed or a smaller cylinder"
+            f"Re {reynolds:.3g} is above {MAX_REYNOLDS:.3g}, beyond which the Nusselt "
+            "number is constant: give a lower speed or a smaller cylinder"
         )
-    if reynolds > knots.reynolds[~knots.recalled].max():
+    if reynolds > table.reynolds[~table.recalled].max():
         found.append(
             f"at Re {reynolds:.3g} the local Nusselt number rests on recalled curves, "
             "+-15 %, not on measured ones"
         )
-    if not average.lowest <= reynolds <= average.highest:
+    if not average.min_reynolds <= reynolds <= average.max_reynolds:
         found.append(
             f"Re {reynolds:.3g} is outside {average.name}'s range, "
-            f"{average.lowest:g} to {average.highest:g}"
+            f"{average.min_reynolds:g} to {average.max_reynolds:g}"
         )
     return tuple(found)

@@ -1,4 +1,4 @@
-"""Average Nusselt number of a cylinder in cross-flow, by Reynolds and Prandtl number.
+"""Nusselt number of a cylinder in cross-flow: average correlations and shape table.
 
 | name | source | Re |
 |---|---|---|
@@ -6,13 +6,17 @@
 | `sanitjai_goldstein` | Int. J. Heat Mass Transfer 47 (2004) 4795 | 2e3 to 9e4 |
 | `profile` | the averages of the curves behind the local shape | 1 to 2.2e5 |
 
-Above Re 1e4 they part: 1.3 times between the lowest and the highest at 2e5, where
-`profile` rests on recalled curves. With Churchill-Bernstein's average the front of a
-cylinder has 0.91 (Re 1e4) to 0.82 (3e4) of what laminar boundary-layer theory gives,
-0.950 sqrt(Re); with `profile` 1.00 (1e4) to 1.09 (7e4).
+Above Re 1e4 they diverge: the highest is 1.3 times the lowest at 2e5, where `profile`
+rests on recalled curves. With Churchill-Bernstein's average the front of a cylinder has
+0.91 (Re 1e4) to 0.82 (3e4) of the value of laminar boundary-layer theory, 0.950
+sqrt(Re); with `profile` 1.00 (1e4) to 1.09 (7e4).
 
 All are smooth down to Re = 0, where the first is 0.3, and none has an infinite slope:
-sqrt(Re) is taken as Re / sqrt(Re + 1e-4), which is off by 5e-9 at Re = 1e4.
+sqrt(Re) is taken as Re / sqrt(Re + 1e-4), with a relative error of 5e-9 at Re = 1e4.
+
+The table of the local Nusselt number is described in `data/README.md`. It is
+interpolated by piecewise cubics that preserve the shape of the data (PCHIP), with
+slopes by Fritsch and Butland (SIAM J. Sci. Stat. Comput. 5, 1984).
 """
 
 import csv
@@ -30,33 +34,30 @@ from jaxtyping import Array, Bool, Float
 from ...errors import InputError
 
 
-# The local Nusselt number around a cylinder, as tabulated: `data/README.md`.
-
-
-PROFILE_PRANDTL = 0.71
-"""Of the air that the table was made for."""
+# Prandtl number of the air that the table was made for.
+_PROFILE_PRANDTL = 0.71
 
 _FILE = Path(__file__).parents[2] / "data" / "nu_shape_cosine_coeffs.csv"
 
 
-class CylinderKnots(NamedTuple):
-    """Nu(theta) = average (1 + sum_k shape_k cos k theta) at each Re."""
+class CylinderTable(NamedTuple):
+    """Nu(theta) = average (1 + sum_k shape_k cos k theta) at each Reynolds number."""
 
     reynolds: Float[np.ndarray, " n"]
     average: Float[np.ndarray, " n"]
     shape: Float[np.ndarray, "n k"]
     recalled: Bool[np.ndarray, " n"]
-    """From memory of a published figure, +-15 %, not measured or computed."""
+    """True for rows recalled from a published figure, +-15 %, not measured."""
 
 
 @functools.cache
-def cylinder_knots() -> CylinderKnots:
-    """The whole table, in the order of Re."""
+def cylinder_table() -> CylinderTable:
+    """Table of the local Nusselt number, in ascending order of Re."""
     with _FILE.open(encoding="utf-8", newline="") as lines:
         rows = list(csv.DictReader(lines))
     column = lambda name: np.array([float(row[name]) for row in rows])
     harmonics = [name for name in rows[0] if name.startswith("c")]
-    return CylinderKnots(
+    return CylinderTable(
         reynolds=column("Re"),
         average=column("Nbar_profile"),
         shape=np.stack([column(name) for name in harmonics], axis=1),
@@ -64,22 +65,15 @@ def cylinder_knots() -> CylinderKnots:
     )
 
 
-# Piecewise cubic interpolation that keeps the shape of its data (PCHIP).
-#
-# Slopes by Fritsch and Butland (SIAM J. Sci. Stat. Comput. 5, 1984): the weighted
-# harmonic mean of the two neighbouring secants, zero where these differ in sign, so
-# that between two knots the curve never leaves their range.
-
-
 class Pchip(eqx.Module):
-    """A curve through rows of values at increasing knots, constant beyond the ends."""
+    """Piecewise cubic curve through rows of values, constant beyond the ends."""
 
     knots: Float[np.ndarray, " n"]
     values: Float[np.ndarray, "n p"]
     slopes: Float[np.ndarray, "n p"]
 
     def __call__(self, x: Float[Array, "*q"]) -> Float[Array, "*q p"]:
-        """The rows at `x`."""
+        """Interpolated rows at `x`."""
         # Cast on the host: it compiles nothing.
         knots, values, slopes = (
             a.astype(x.dtype) for a in (self.knots, self.values, self.slopes)
@@ -91,16 +85,18 @@ class Pchip(eqx.Module):
         t = ((x - knots[left]) / width)[..., None]
         rise = values[left + 1] - values[left]
         start, end = (width[..., None] * slopes[at] for at in (left, left + 1))
-        bend = start + end - 2 * rise
-        return values[left] + t * (start + t * (rise - start - bend + t * bend))
+        cubic = start + end - 2 * rise
+        return values[left] + t * (start + t * (rise - start - cubic + t * cubic))
 
 
 def pchip(x: Float[np.ndarray, " n"], y: Float[np.ndarray, "n p"]) -> Pchip:
-    """The curve through (x, y), three points or more."""
+    """Shape-preserving curve through three points (x, y) or more."""
     width = np.diff(x)[:, None]
     secant = np.diff(y, axis=0) / width
     before, after = secant[:-1], secant[1:]
     w1, w2 = 2 * width[1:] + width[:-1], width[1:] + 2 * width[:-1]
+    # The weighted harmonic mean of the secants, and zero where they differ in sign,
+    # keep the curve within the range of the two values it joins.
     same = before * after > 0
     safe = lambda s: np.where(same, s, 1.0)
     inner = np.where(same, (w1 + w2) / (w1 / safe(before) + w2 / safe(after)), 0.0)
@@ -110,97 +106,95 @@ def pchip(x: Float[np.ndarray, " n"], y: Float[np.ndarray, "n p"]) -> Pchip:
 
 
 def _end_slope(near, far, secant, next_secant):
-    """Of the parabola through three points, held within what keeps the shape."""
+    """Slope of the parabola through three points, limited to preserve the shape."""
     slope = ((2 * near + far) * secant - near * next_secant) / (near + far)
     slope = np.where(slope * secant > 0, slope, 0.0)
     limited = (secant * next_secant < 0) & (np.abs(slope) > 3 * np.abs(secant))
     return np.where(limited, 3 * secant, slope)
 
 
-SMOOTHING = 1e-4
-"""Added to Re under a root."""
+# Added to Re under a root, so that the slope at 0 is finite.
+_SMOOTHING = 1e-4
 
 Average = Callable[[Float[Array, "*n"], Float[Array, "*n"]], Float[Array, "*n"]]
-"""From Reynolds and Prandtl number to the average Nusselt number."""
+"""Average Nusselt number as a function of Reynolds and Prandtl number."""
 
 
 def _root(reynolds: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    return reynolds / jnp.sqrt(reynolds + SMOOTHING)
+    return reynolds / jnp.sqrt(reynolds + _SMOOTHING)
 
 
 def churchill_bernstein(
     reynolds: Float[Array, "*n"], prandtl: Float[Array, "*#n"]
 ) -> Float[Array, "*n"]:
-    """One formula for all Re with Re Pr > 0.2, and 0.3 at Re = 0.
+    """Average Nusselt number for all Re with Re Pr > 0.2; 0.3 at Re = 0.
 
     0.3 + 0.62 Re^(1/2) Pr^(1/3) [1 + (0.4/Pr)^(2/3)]^(-1/4)
           * [1 + (Re/282000)^(5/8)]^(4/5)
     """
     laminar = 0.62 * _root(reynolds) * jnp.cbrt(prandtl)
     laminar = laminar / (1 + (0.4 / prandtl) ** (2 / 3)) ** 0.25
-    return 0.3 + laminar * (1 + ((reynolds + SMOOTHING) / 282000) ** 0.625) ** 0.8
+    return 0.3 + laminar * (1 + ((reynolds + _SMOOTHING) / 282000) ** 0.625) ** 0.8
 
 
-def sanitjai_goldstein(
+def _sanitjai_goldstein(
     reynolds: Float[Array, "*n"], prandtl: Float[Array, "*#n"]
 ) -> Float[Array, "*n"]:
-    """For Re 2e3 to 9e4 and Pr 0.7 to 176.
+    """Average Nusselt number for Re 2e3 to 9e4 and Pr 0.7 to 176.
 
     0.446 Re^0.5 Pr^0.35
       + 0.528 [(6.5 exp(Re/5000))^-5 + (0.031 Re^0.8)^-5]^(-1/5) Pr^0.42
     """
     front = 0.446 * _root(reynolds) * prandtl**0.35
-    rear = 0.031 * (reynolds + SMOOTHING) ** 0.8
-    # Of the two the smaller rules; divided by the second, neither can overflow.
+    rear = 0.031 * (reynolds + _SMOOTHING) ** 0.8
+    # The smaller of the two prevails; divided by the second, neither can overflow.
     ratio = rear * jnp.exp(-reynolds / 5000) / 6.5
     return front + 0.528 * rear * (1 + ratio**5) ** -0.2 * prandtl**0.42
 
 
 @functools.cache
 def _profile_curve() -> Pchip:
-    """Log of the profiles' averages by log Re."""
-    knots = cylinder_knots()
-    return pchip(np.log(knots.reynolds), np.log(knots.average)[:, None])
+    """Logarithm of the tabulated averages by log Re."""
+    table = cylinder_table()
+    return pchip(np.log(table.reynolds), np.log(table.average)[:, None])
 
 
 def profile(
     reynolds: Float[Array, "*n"], prandtl: Float[Array, "*#n"]
 ) -> Float[Array, "*n"]:
-    """Of the curves behind the local shape: it keeps the level of each.
+    """Average Nusselt number of the tabulated curves, which preserves their level.
 
     Interpolated in log Nu against log Re; with Pr, and beyond the ends of the table, it
     changes as `churchill_bernstein` does.
     """
-    knots = cylinder_knots().reynolds
-    held = jnp.clip(reynolds, float(knots[0]), float(knots[-1]))
-    tabulated = jnp.exp(_profile_curve()(jnp.log(held))[..., 0])
-    there = churchill_bernstein(held, jnp.full_like(held, PROFILE_PRANDTL))
+    tabulated_re = cylinder_table().reynolds
+    inside = jnp.clip(reynolds, float(tabulated_re[0]), float(tabulated_re[-1]))
+    tabulated = jnp.exp(_profile_curve()(jnp.log(inside))[..., 0])
+    there = churchill_bernstein(inside, jnp.full_like(inside, _PROFILE_PRANDTL))
     return tabulated * churchill_bernstein(reynolds, prandtl) / there
 
 
 class NamedAverage(NamedTuple):
-    """A correlation, and where it was measured."""
+    """Correlation with the range of Reynolds numbers in which it was measured."""
 
     name: str
     nusselt: Average
-    lowest: float
-    """Re."""
-    highest: float
-    """Re."""
+    min_reynolds: float
+    max_reynolds: float
 
 
 AVERAGES = (
     NamedAverage("churchill_bernstein", churchill_bernstein, 0.0, np.inf),
-    NamedAverage("sanitjai_goldstein", sanitjai_goldstein, 2e3, 9e4),
+    NamedAverage("sanitjai_goldstein", _sanitjai_goldstein, 2e3, 9e4),
     NamedAverage("profile", profile, 1.0, 2.19e5),
 )
 
 
 def named_average(name: str) -> NamedAverage:
-    """The correlation of that name.
+    """Correlation of that name.
 
     Raises:
-        InputError: if there is none.
+        InputError: for an unknown name.
     """
     for average in AVERAGES:
         if average.name == name:

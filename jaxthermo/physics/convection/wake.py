@@ -1,11 +1,18 @@
-"""The wind behind an object, as a share of the undisturbed one.
+"""Wind speed in the wake of an object, and distances of surfaces behind objects.
 
     u / U = 1 - A (1 + (x / l)^2)^(-p / 2)
 
-x and l in diameters of the object, from its rear. The family of steady laminar wakes:
-fitted to computed centrelines at Re 10 to 40 it is off by 0.007 to 0.03 (a pure
-exponential by 0.07 to 0.08); far away p tends to 1/2 (Schlichting). The thesis (6.2)
+x and l in diameters of the object, from its rear: the family of steady laminar wakes.
+Fitted to computed centrelines at Re 10 to 40 its error is 0.007 to 0.03 (a pure
+exponential: 0.07 to 0.08); far away p tends to 1/2 (Schlichting). The thesis (6.2)
 draws such a "convergent function" without a formula.
+
+Distances are read from depth layers along the wind. The last point upstream on the ray
+through a fragment where the wind left another object is the rear of that object. A
+connected part of the mesh is one object: its own wake is in the correlation for a
+cylinder already. The diameter of an object is the smaller side of the rectangle with
+the same second moments as its silhouette along the wind: exact for a long cylinder
+across the wind, 0.87 D for a sphere.
 """
 
 from typing import Any
@@ -24,22 +31,22 @@ from ...raster.directions import orthographic_view
 from ...raster.layers import DepthLayers
 
 
-STILL = 0.05
-"""Where the formula is negative, u / U decays to 0 over about this much."""
+# Where the formula is negative, u / U decays to 0 over about this much.
+_TRANSITION = 0.05
 
 
 class WakeDeficit(eqx.Module):
-    """A wake as a function of x / D; the defaults fit the computed one at Re 20.
+    """Wake u / U = 1 - A (1 + (x / l)^2)^(-p / 2); the defaults fit Re 20.
 
-    Any other callable from x / D to u / U in (0, 1] may take its place.
+    Any other callable from x / D to u / U in (0, 1] can be given instead.
     """
 
     amplitude: Scalar = 1.027
-    """A, in (0, 1.3)."""
+    """A [-], in (0, 1.3)."""
     length: Scalar = 2.227
-    """l / D."""
+    """l / D [-]."""
     exponent: Scalar = 0.497
-    """p, in [0.4, 1.1]."""
+    """p [-], in [0.4, 1.1]."""
 
     def __check_init__(self):
         _check("amplitude", self.amplitude, 0.0, 1.3)
@@ -47,14 +54,14 @@ class WakeDeficit(eqx.Module):
         _check("exponent", self.exponent, 0.4 - 1e-9, 1.1 + 1e-9)
 
     def __call__(self, x: Float[Array, "*n"]) -> Float[Array, "*n"]:
-        """The share u / U at x diameters behind the rear."""
+        """Speed ratio u / U [-] at x diameters behind the rear."""
         a, l, p = (
             jnp.asarray(v, x.dtype)
             for v in (self.amplitude, self.length, self.exponent)
         )
-        share = 1 - a * (1 + (x / l) ** 2) ** (-p / 2)
+        ratio = 1 - a * (1 + (x / l) ** 2) ** (-p / 2)
         # Inside the bubble the mean flow runs backwards; a speed cannot.
-        return jax.nn.softplus(share / STILL) / jax.nn.softplus(1 / STILL)
+        return jax.nn.softplus(ratio / _TRANSITION) / jax.nn.softplus(1 / _TRANSITION)
 
 
 def _check(name: str, value: Any, low: float, high: float) -> None:
@@ -71,19 +78,19 @@ def _check(name: str, value: Any, low: float, high: float) -> None:
         )
 
 
-def wake_share(wake: Any, x: Float[np.ndarray, " g"]) -> Float[Any, " g"]:
-    """What `wake` leaves of the wind at x / D, infinite where nothing is upstream.
+def wake_speed_ratio(wake: Any, x: Float[np.ndarray, " g"]) -> Float[Any, " g"]:
+    """Speed ratio u / U [-] at x / D, which is infinite with nothing upstream.
 
     Raises:
-        InputError: if `wake` gives what is not in (0, 1].
+        InputError: if `wake` returns values outside (0, 1].
     """
     behind = np.isfinite(x)
     # The power of an infinite distance has no derivative.
     with jax.ensure_compile_time_eval():
-        share = jnp.where(behind, wake(jnp.asarray(np.where(behind, x, 1.0))), 1.0)
-        if is_traced(share):
-            return share
-        values = np.asarray(share)
+        ratio = jnp.where(behind, wake(jnp.asarray(np.where(behind, x, 1.0))), 1.0)
+        if is_traced(ratio):
+            return ratio
+        values = np.asarray(ratio)
     bad = ~((values > 0) & (values <= 1))
     if bad.any():
         first = int(np.flatnonzero(bad)[0])
@@ -94,20 +101,11 @@ def wake_share(wake: Any, x: Float[np.ndarray, " g"]) -> Float[Any, " g"]:
     return values
 
 
-# How far behind other objects a surface lies in the wind, from depth layers along it.
-#
-# Along the ray through a fragment, the last place upstream where the wind left another
-# object is the rear of that object. What hangs together in the mesh is one object: its
-# own wake is in the correlation for a cylinder already. An object's diameter is the
-# width of the rectangle that has the second moments of its silhouette, seen along the
-# wind, the narrow way: exact for a long cylinder across it, 0.87 D for a sphere.
-
-
-NEIGHBOURS = sorted(
+# Offsets (row, column) to a pixel itself and to its neighbours, nearest first.
+_NEIGHBOURS = sorted(
     ((down, right) for down in (-1, 0, 1) for right in (-1, 0, 1)),
     key=lambda offset: offset[0] ** 2 + offset[1] ** 2,
 )
-"""Offsets to a pixel, then to those around it, the nearest first."""
 
 
 def diameters_behind(
@@ -116,13 +114,13 @@ def diameters_behind(
     direction: Float[np.ndarray, "3"],
     pitch: float,
 ) -> Float[np.ndarray, " s"]:
-    """X / D of each surface point behind the object upstream of it; infinite for none.
+    """Distance x / D [-] of surface points behind an object; infinite without one.
 
     Args:
-        triangles: of everything in the wind, closed, in the world [m].
-        position: the points, on some of the triangles [m].
-        direction: the way the wind blows.
-        pitch: of the rays [m].
+        triangles: closed surfaces of all objects in the wind, world [m].
+        position: points on some of the triangles [m].
+        direction: unit vector along which the wind blows.
+        pitch: distance of the rays [m].
     """
     view = orthographic_view(triangles, direction, pitch)
     require_memory(view.width * view.height * 16, "a wake", "use a coarser pitch")
@@ -131,44 +129,42 @@ def diameters_behind(
         layers = view.peel(triangles)
     objects = _objects(triangles)
     layer_object = objects[layers.triangle]
-    across = _widths(triangles, objects, view.frame) / view.pitch
+    diameter = _diameters(triangles, objects, view.frame) / view.pitch
     seen = view.project(position)
     row = np.clip(seen[:, 1].astype(np.int64), 0, view.height - 1)
     column = np.clip(seen[:, 0].astype(np.int64), 0, view.width - 1)
     pixel, depth = row * view.width + column, seen[:, 2]
-    own = _own_object(layers, layer_object, pixel, depth)
+    point_object = _point_objects(layers, layer_object, pixel, depth)
     behind = np.full(len(position), np.inf)
-    for each in np.unique(own):
-        mine = np.flatnonzero(own == each)
-        rear = np.flatnonzero(~layers.entering & (layer_object != each))
-        for offset in NEIGHBOURS:
-            # A wake is no narrower than what makes it: one more pixel around.
-            mine = mine[np.isinf(behind[mine])]
-            near = _beside(layers, pixel[mine], offset)
-            last = _last_before(layers, rear, near, depth[mine])
-            there = last >= 0
-            found = rear[last[there]]
-            gap = depth[mine[there]] - layers.depth[found]
-            behind[mine[there]] = gap / across[layer_object[found]]
+    for number in np.unique(point_object):
+        points = np.flatnonzero(point_object == number)
+        rear = np.flatnonzero(~layers.entering & (layer_object != number))
+        for offset in _NEIGHBOURS:
+            # A wake is at least as wide as its object: one more pixel around.
+            points = points[np.isinf(behind[points])]
+            near = _shifted(layers, pixel[points], offset)
+            last = _last_before(layers, rear, near, depth[points])
+            hit = last >= 0
+            found = rear[last[hit]]
+            gap = depth[points[hit]] - layers.depth[found]
+            behind[points[hit]] = gap / diameter[layer_object[found]]
     return behind
 
 
 def _objects(triangles: Float[np.ndarray, "f 3 3"]) -> Int[np.ndarray, " f"]:
-    """What hangs together, by corners in the same place."""
+    """Object number of each triangle; corners at equal positions connect triangles."""
     corners = triangles.reshape(-1, 3)
     _, vertex = np.unique(corners, axis=0, return_inverse=True)
     return part_labels(vertex.reshape(-1, 3))
 
 
-def _widths(
+def _diameters(
     triangles: Float[np.ndarray, "f 3 3"],
     objects: Int[np.ndarray, " f"],
     frame: Float[np.ndarray, "3 3"],
 ) -> Float[np.ndarray, " o"]:
-    """Of each object's silhouette [m], by the triangles that face the wind.
-
-    Where one of them hides another both count, which moves the result little.
-    """
+    """Diameter of each object's silhouette [m], from triangles that face the wind."""
+    # Where one of them hides another both count, which changes the result little.
     corners = triangles @ frame[:2].T
     normal = np.cross(
         triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
@@ -178,7 +174,7 @@ def _widths(
     mean = lambda values: np.bincount(objects, area * values, len(total)) / total
     centre = np.stack([mean(corners[..., i].mean(1)) for i in range(2)], axis=1)
     corners = corners - centre[objects][:, None]
-    # Of a triangle: (sum of squares of the corners + square of their sum) / 12.
+    # Second moments of a triangle: (sum of the squared corners + squared sum) / 12.
     square = lambda i, j: (
         (corners[..., i] * corners[..., j]).sum(1)
         + corners[..., i].sum(1) * corners[..., j].sum(1)
@@ -188,47 +184,45 @@ def _widths(
 
 
 def _key(layers: DepthLayers, pixel, depth) -> Float[np.ndarray, " n"]:
-    """Rises with the pixel, and in a pixel with the depth."""
+    """Sort key that increases with the pixel, and within a pixel with the depth."""
     span = 1 + layers.depth.max(initial=0.0)
     return pixel * (2 * span) + np.clip(depth, -0.5 * span, span)
 
 
 def _next_layer(layers, chosen, pixel, depth) -> Int[np.ndarray, " s"]:
-    """The first of the chosen layers not before each point, in order of the rays."""
+    """Index in `chosen` of the first layer not before each point, in ray order."""
     keys = _key(layers, layers.pixel[chosen], layers.depth[chosen])
     return np.searchsorted(keys, _key(layers, pixel, depth))
 
 
 def _last_before(layers, chosen, pixel, depth) -> Int[np.ndarray, " s"]:
-    """Of the chosen layers the last on each ray before a point; -1 for none."""
+    """Index in `chosen` of the last layer before each point on its ray; -1 for none."""
     last = _next_layer(layers, chosen, pixel, depth) - 1
     if not len(chosen):
         return last
     return np.where(layers.pixel[chosen[np.maximum(last, 0)]] == pixel, last, -1)
 
 
-def _beside(layers, pixel, offset: tuple[int, int]) -> Int[np.ndarray, " s"]:
-    """The pixel so many rows and columns away, or the last one on the way there."""
+def _shifted(layers, pixel, offset: tuple[int, int]) -> Int[np.ndarray, " s"]:
+    """Pixel that many rows and columns away, clipped to the view."""
     row, column = np.divmod(pixel, layers.width)
     row = np.clip(row + offset[0], 0, layers.height - 1)
     return row * layers.width + np.clip(column + offset[1], 0, layers.width - 1)
 
 
-def _own_object(layers, layer_object, pixel, depth) -> Int[np.ndarray, " s"]:
-    """The object each point lies on: that of the nearest layer around its ray.
-
-    A ray through the middle of a pixel may miss what only touches the pixel, so the
-    eight pixels around it are searched too.
-    """
+def _point_objects(layers, layer_object, pixel, depth) -> Int[np.ndarray, " s"]:
+    """Object that each point lies on: that of the nearest layer around its ray."""
+    # A ray through the middle of a pixel may miss a surface that only touches the
+    # pixel, so the eight pixels around it are searched too.
     everything = np.arange(len(layers.pixel))
-    own = np.zeros(len(pixel), np.int64)
+    found = np.zeros(len(pixel), np.int64)
     nearest = np.full(len(pixel), np.inf)
-    for offset in NEIGHBOURS:
-        near = _beside(layers, pixel, offset)
+    for offset in _NEIGHBOURS:
+        near = _shifted(layers, pixel, offset)
         after = _next_layer(layers, everything, near, depth)
         for layer in (after - 1, after):
             layer = np.clip(layer, 0, len(everything) - 1)
             apart = np.abs(layers.depth[layer] - depth) + np.hypot(*offset)
             better = (layers.pixel[layer] == near) & (apart < nearest)
-            own[better], nearest[better] = layer_object[layer[better]], apart[better]
-    return own
+            found[better], nearest[better] = layer_object[layer[better]], apart[better]
+    return found

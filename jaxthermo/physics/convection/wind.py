@@ -2,14 +2,14 @@
 
     q = h (T_inf - T_s),    h = Nu(theta, Re, Pr) k / D,    Re = V D / nu,
 
-with theta from the normal of every fragment (`cross_flow`), D of the cylinder that it
-belongs to (`voxels.cylinder_parts`), nu, k, Pr of air at the film temperature of every
-place (`film`). One binding, whatever the number of cylinders: what differs between them
-is in the coefficients of each place.
+with theta from the normal of every fragment (`cross_flow`), D of its cylinder
+(`voxels.cylinder_parts`), and nu, k, Pr of air at the local film temperature (`film`).
+The term binds once, whatever the number of cylinders: they differ in the coefficients
+of their fragments only.
 
-The shape of the flow goes by the temperature of the air, that at 0 s where it changes.
-In a wake the speed at a fragment is V f(x / D_upstream) (`wake`, `downstream`); places
-at nearly the same x / D share one Reynolds number.
+The shape of the flow depends on the temperature of the air, at 0 s if that changes with
+time. In a wake the speed is V f(x / D_upstream) (`wake`); fragments at nearly the same
+x / D share one Reynolds number.
 """
 
 from typing import Any
@@ -19,6 +19,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
+from typing_extensions import override
 
 from ...arrays import Scalar, is_traced
 from ...errors import InputError
@@ -37,22 +38,22 @@ from ..term import (
 from ..time_varying import check_value, for_jit, is_zero, largest
 from .air import kinematic_viscosity
 from .approach_flow import (
-    Groups,
-    Stream,
-    at_places,
-    at_start,
-    grouped,
-    highest_speed,
-    known_largest,
+    ApproachFlow,
+    FlowGroups,
+    film_coefficients,
+    group_fragments,
+    initial_value,
+    known_maximum,
+    table_limit,
 )
-from .cross_flow import doubts, surface_harmonics
+from .cross_flow import surface_harmonics, validity_notes
 from .film import FilmExchange, speed_nodes, speed_table
 from .nusselt import named_average
-from .wake import diameters_behind, wake_share
+from .wake import diameters_behind, wake_speed_ratio
 
 
-SPEEDS = 25
-"""Nodes of the table for a speed that changes with time."""
+# Nodes of the table for a speed that changes with time.
+_SPEED_NODES = 25
 
 
 def _velocity(given: Any) -> tuple[float, float, float]:
@@ -69,27 +70,32 @@ def _velocity(given: Any) -> tuple[float, float, float]:
 
 
 class Wind(AbstractSurfaceTerm):
-    """Wind of one direction on every body, each taken as cylinders in cross-flow.
+    """Wind of one direction on all bodies, each modelled as cylinders in cross-flow.
+
+    q = h (T_inf - T_s),    h = Nu(theta, Re, Pr) k / D [W/(m^2 K)],    Re = V D / nu,
+
+    with the properties of air at the film temperature (T_s + T_inf) / 2. The local
+    Nusselt number is tabulated by angle (thesis 5.4); its average is one of `AVERAGES`.
 
     Raises:
-        InputError: for a speed without a direction, a negative speed, or an average
-            that is not known.
+        InputError: for a speed without a direction, a negative speed, or an unknown
+            average.
     """
 
     velocity: tuple[float, float, float] = eqx.field(static=True, converter=_velocity)
-    """The way it blows and, unless `speed` is given, how fast [m/s]."""
+    """Direction of the wind; its length is the speed [m/s] unless `speed` is given."""
     temperature: Any
     """T_inf of the air [K], a number or a function of time."""
     speed: Any = None
-    """V [m/s] instead of the length of `velocity`; a number or a function of time."""
+    """V [m/s], instead of the length of `velocity`; a number or a function of time."""
     average: str = eqx.field(static=True, default="churchill_bernstein")
-    """Which correlation the mean Nusselt number follows: one of `AVERAGES`."""
+    """Correlation of the mean Nusselt number: the name of one of `AVERAGES`."""
     cylinders: tuple[Cylinder, ...] = eqx.field(
         static=True, default=None, converter=given_cylinders
     )
-    """For the bodies that they name; those of other bodies are found."""
+    """Cylinders of the bodies that they name; those of other bodies are detected."""
     wake: Any = None
-    """From x / D behind another object to u / U, such as `WakeDeficit()`."""
+    """Speed ratio u / U by x / D behind another object, such as `WakeDeficit()`."""
 
     def __check_init__(self):
         check_value(self.temperature, "Wind(temperature [K])", 0.0)
@@ -104,25 +110,25 @@ class Wind(AbstractSurfaceTerm):
             )
 
     @property
+    @override
     def name(self) -> str:
-        """In the ledger."""
         return "wind"
 
     @property
+    @override
     def values(self) -> tuple[Any, ...]:
-        """Its speed and its temperature."""
         return (self.strength, self.temperature)
 
     @property
     def strength(self) -> Any:
-        """V [m/s]: a number or a function of time."""
+        """Wind speed V [m/s]: a number or a function of time."""
         return (
             float(np.linalg.norm(self.velocity)) if self.speed is None else self.speed
         )
 
-    def forcing(self, end: float | int) -> Forcing:
-        """Towards its temperature [K]."""
-        return Forcing(temperature=largest(self.temperature, end))
+    @override
+    def drive(self, end: float | int) -> Drive:
+        return Drive(temperature=largest(self.temperature, end))
 
     def bind(
         self, surface: Surface, reference: Scalar
@@ -142,27 +148,29 @@ class Wind(AbstractSurfaceTerm):
         found = binding(surface.area, law, acts)
         return (found._replace(notes=self._notes(groups)),)
 
-    def _notes(self, groups: Groups) -> tuple[str, ...]:
-        """What a receipt should say of the numbers on a body, as far as known."""
-        air, share = at_start(self.temperature, float), self._share(groups)
-        speed = known_largest(self.strength)
-        if speed is None or is_traced((air, share)):
+    def _notes(self, groups: FlowGroups) -> tuple[str, ...]:
+        """Validity notes for the receipt, as far as the Reynolds numbers are known."""
+        air = initial_value(self.temperature, float)
+        ratio, speed = self._speed_ratio(groups), known_maximum(self.strength)
+        if speed is None or is_traced((air, ratio)):
             return ()
         with jax.ensure_compile_time_eval():
             nu = float(kinematic_viscosity(jnp.asarray(air)))
-        reynolds = np.asarray(share) * speed * groups.diameter / nu
+        reynolds = np.asarray(ratio) * speed * groups.diameter / nu
         ends, average = (reynolds.min(), reynolds.max()), named_average(self.average)
         return tuple(
-            dict.fromkeys(d for re in ends for d in doubts(float(re), average))
+            dict.fromkeys(
+                note for re in ends for note in validity_notes(float(re), average)
+            )
         )
 
-    def _share(self, groups: Groups) -> Float[Values, " g"]:
-        """Of the wind, what each group feels of it."""
+    def _speed_ratio(self, groups: FlowGroups) -> Float[Values, " g"]:
+        """Local speed over wind speed of each group [-]."""
         if self.wake is None:
             return np.ones(len(groups.diameter))
-        return wake_share(self.wake, groups.behind)
+        return wake_speed_ratio(self.wake, groups.behind)
 
-    def _groups(self, surface: Surface) -> Groups:
+    def _groups(self, surface: Surface) -> FlowGroups:
         parts = parts_of(surface.grid, self.cylinders, surface.body)
         if self.wake is None:
             behind = np.full(len(parts.fragment), np.inf)
@@ -173,23 +181,25 @@ class Wind(AbstractSurfaceTerm):
                 unit_vector(self.velocity),
                 surface.pitch,
             )
-        return grouped(parts, behind)
+        return group_fragments(parts, behind)
 
-    def _coefficients(self, surface: Surface, groups: Groups) -> Any:
-        """Of every fragment: constant, or by speed where that changes with time."""
+    def _coefficients(self, surface: Surface, groups: FlowGroups) -> Any:
+        """Film polynomial of h for each fragment, or a table by speed."""
         dtype = surface.dtype
         wind = surface.pose.unturn(unit_vector(self.velocity))
         harmonics = surface_harmonics(surface.own_normal, groups.axis, wind)
-        stream = Stream(
-            at_start(self.temperature, dtype), self._share(groups), groups.diameter
+        flow = ApproachFlow(
+            initial_value(self.temperature, dtype),
+            self._speed_ratio(groups),
+            groups.diameter,
         )
         average, speed = named_average(self.average).nusselt, self.strength
-        every = lambda speeds: at_places(
-            speeds, stream, average, groups.member, harmonics, dtype
+        every = lambda speeds: film_coefficients(
+            speeds, flow, average, groups.member, harmonics, dtype
         )
         if not callable(speed):
-            own = jnp if is_traced(speed) else np
-            return every(own.asarray(speed, dtype)[None])[0]
-        highest = highest_speed(speed)
-        nodes = every(speed_nodes(highest, SPEEDS, dtype))
+            xp = jnp if is_traced(speed) else np
+            return every(xp.asarray(speed, dtype)[None])[0]
+        highest = table_limit(speed)
+        nodes = every(speed_nodes(highest, _SPEED_NODES, dtype))
         return speed_table(nodes, for_jit(highest, dtype), for_jit(speed, dtype))

@@ -1,4 +1,4 @@
-"""The local Nusselt number: its average, its minima, its slopes, its doubts."""
+"""Local Nusselt number: its average, minima, slopes and validity notes."""
 
 import jax
 import jax.numpy as jnp
@@ -7,15 +7,15 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from jaxthermo.physics.convection.cross_flow import (
-    HIGHEST_REYNOLDS,
-    doubts,
+    MAX_REYNOLDS,
     harmonics,
     local_nusselt,
     shape_coefficients,
     shape_factor,
     surface_harmonics,
+    validity_notes,
 )
-from jaxthermo.physics.convection.nusselt import AVERAGES, cylinder_knots
+from jaxthermo.physics.convection.nusselt import AVERAGES, cylinder_table
 
 
 ANGLES = jnp.linspace(0, jnp.pi, 721)
@@ -36,7 +36,7 @@ def around(reynolds):
     local = [
         local_nusselt(jnp.cos(AROUND), every, prandtl, a.nusselt) for a in AVERAGES
     ]
-    held = jnp.minimum(every, HIGHEST_REYNOLDS)
+    held = jnp.minimum(every, MAX_REYNOLDS)
     return jnp.stack(local), jnp.stack([a.nusselt(held, prandtl)[0] for a in AVERAGES])
 
 
@@ -91,7 +91,7 @@ def test_the_shape_stays_positive_everywhere():
 
 def test_the_shape_is_held_outside_its_knots():
     ends = jax.jit(shape_coefficients)(jnp.array([0.0, 1e7]))
-    np.testing.assert_allclose(ends, cylinder_knots().shape[[0, -1]], atol=1e-15)
+    np.testing.assert_allclose(ends, cylinder_table().shape[[0, -1]], atol=1e-15)
 
 
 @jax.jit
@@ -161,10 +161,10 @@ def test_the_front_is_what_laminar_theory_gives_within_what_is_stated():
 
 def test_doubts_are_told_where_there_are_some():
     churchill, sanitjai = AVERAGES[0], AVERAGES[1]
-    assert doubts(5000.0, churchill) == ()
-    assert "recalled" in doubts(7.08e4, churchill)[0]
-    assert "is held" in doubts(3e5, churchill)[0]
-    assert "outside sanitjai_goldstein's range" in doubts(100.0, sanitjai)[0]
+    assert validity_notes(5000.0, churchill) == ()
+    assert "recalled" in validity_notes(7.08e4, churchill)[0]
+    assert "is constant" in validity_notes(3e5, churchill)[0]
+    assert "outside sanitjai_goldstein's range" in validity_notes(100.0, sanitjai)[0]
 
 
 def test_above_the_limit_the_number_is_held():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jaxthermo.errors import InputError
-from jaxthermo.physics.convection.nusselt import AVERAGES, cylinder_knots, named_average
+from jaxthermo.physics.convection.nusselt import AVERAGES, cylinder_table, named_average
 
 
 @jax.jit
@@ -42,7 +42,7 @@ def test_values_of_the_tabulated_correlations(reynolds, churchill, sanitjai):
 
 
 def test_the_profile_is_the_tables_average_at_its_knots():
-    knots = cylinder_knots()
+    knots = cylinder_table()
     found = values(knots.reynolds, 0.71)[0][2]
     np.testing.assert_allclose(found, knots.average, rtol=1e-14)
     # Between them it stays near the straight line in log-log.

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jaxthermo.errors import InputError
-from jaxthermo.physics.convection.wake import WakeDeficit, wake_share
+from jaxthermo.physics.convection.wake import WakeDeficit, wake_speed_ratio
 
 
 # Centreline of a computed steady wake at Re 20: x / D from the centre, u / U.
@@ -31,9 +31,9 @@ def test_it_rises_from_nearly_still_to_the_undisturbed_wind():
 
 def test_where_nothing_is_upstream_there_is_no_wake_and_no_slope():
     x = np.array([0.0, 2.0, np.inf])
-    share = wake_share(WakeDeficit(), x)
+    share = wake_speed_ratio(WakeDeficit(), x)
     assert share[2] == 1.0
-    total = lambda *p: wake_share(WakeDeficit(*p), x)[2]
+    total = lambda *p: wake_speed_ratio(WakeDeficit(*p), x)[2]
     assert jax.grad(total, (0, 1, 2))(1.0, 2.0, 0.5) == (0.0, 0.0, 0.0)
 
 
@@ -59,4 +59,4 @@ def test_parameters_out_of_range_are_refused(parameters):
 @pytest.mark.parametrize("bad", [0.0, -0.2, 1.2, np.nan])
 def test_a_share_that_is_none_is_refused(bad):
     with pytest.raises(InputError, match="at x/D = 3"):
-        wake_share(lambda x: 0 * x + bad, np.array([np.inf, 3.0]))
+        wake_speed_ratio(lambda x: 0 * x + bad, np.array([np.inf, 3.0]))
