@@ -119,23 +119,23 @@ class FilmRange(NamedTuple):
     """True if all film temperatures are inside the range of interpolation."""
 
 
-def film_range(temperature: Any, reach: Reach) -> FilmRange:
+def film_range(temperature: Any, reach: TemperatureRange) -> FilmRange:
     """Range for air of a temperature [K], which may change with time."""
     air = (
         float(smallest(temperature, reach.end)),
         float(largest(temperature, reach.end)),
     )
-    low, high = (air[0] + reach.coldest) / 2, (air[1] + reach.hottest) / 2
+    low, high = (air[0] + reach.lowest) / 2, (air[1] + reach.highest) / 2
     samples = np.linspace(low, high, _FILM_SAMPLES)
     return FilmRange(
         air=air,
-        gap=max(reach.hottest - air[0], air[1] - reach.coldest, 0.0),
+        gap=max(reach.highest - air[0], air[1] - reach.lowest, 0.0),
         film=np.clip(samples, MIN_FILM_TEMPERATURE, MAX_FILM_TEMPERATURE),
         smooth=low > MIN_FILM_TEMPERATURE and high < MAX_FILM_TEMPERATURE,
     )
 
 
-class FilmExchange(AbstractLaw):
+class FilmExchange(AbstractFluxLaw):
     """Heat flux h(T_f) (T_inf - T_s) from air [W/m^2]."""
 
     coefficients: Any
@@ -166,7 +166,7 @@ class FilmExchange(AbstractLaw):
         return jnp.maximum(h - difference * dh, 0)
 
     @override
-    def steepest(self, hottest: Float[Array, ""], end: float) -> Float[Array, ""]:
+    def max_slope(self, hottest: Float[Array, ""], end: float) -> Float[Array, ""]:
         # With T_s - T_inf = 2 (T_f - T_inf) the slope is h + dh/dT_f (T_f - T_inf),
         # linear in T_inf: the larger of its values at 0 K and at the warmest air bounds
         # it at every interpolated film temperature.
@@ -187,13 +187,13 @@ class FilmExchange(AbstractLaw):
         return bound * (1.05 if tabulated else 1.01)
 
     @override
-    def largest_flux(self, reach: Reach) -> float:
+    def max_flux(self, reach: TemperatureRange) -> float:
         air = film_range(self.temperature, reach)
         h, _, _ = film_derivatives(np.asarray(self._rows, float), air.film)
         return SAMPLING_MARGIN * self._overshoot * float(h.max(initial=0.0)) * air.gap
 
     @override
-    def curvature(self, reach: Reach) -> float:
+    def curvature(self, reach: TemperatureRange) -> float:
         # |h'' (T_inf - T_s) - 2 h'| with derivatives by T_s and T_inf - T_s =
         # 2 (T_inf - T_f): largest at an end of the air's range.
         air = film_range(self.temperature, reach)
@@ -224,7 +224,7 @@ class FilmExchange(AbstractLaw):
         return False
 
     @override
-    def merged(self, mean: Callable[[Array], Array]) -> "FilmExchange":
+    def coarsened(self, mean: Callable[[Array], Array]) -> "FilmExchange":
         where = lambda law: (
             law.coefficients.table
             if isinstance(law.coefficients, SpeedTable)

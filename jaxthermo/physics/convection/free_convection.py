@@ -138,7 +138,7 @@ def _sixth_root(x: Float[Array, "*m"]) -> Float[Array, "*m"]:
     return guess * (cube + 2 * root) / (2 * cube + root)
 
 
-class FreeExchange(AbstractLaw):
+class FreeExchange(AbstractFluxLaw):
     """Heat flux h (T_inf - T_s) of free convection [W/m^2].
 
     sqrt(h) = still sqrt(k) + rising beta |T_s - T_inf|^(1/6)
@@ -186,7 +186,7 @@ class FreeExchange(AbstractLaw):
         return h - difference * dh
 
     @override
-    def steepest(self, hottest: Float[Array, ""], end: float) -> Float[Array, ""]:
+    def max_slope(self, hottest: Float[Array, ""], end: float) -> Float[Array, ""]:
         # The slope is at most 7/3 h: h grows with the difference by a power below 1/3,
         # with the film temperature below 1. The difference is never exceeded.
         warmest = jnp.asarray(largest(self.temperature, end), hottest.dtype)
@@ -202,12 +202,12 @@ class FreeExchange(AbstractLaw):
         return 7 / 3 * 1.01 * h.max()
 
     @override
-    def largest_flux(self, reach: Reach) -> float:
+    def max_flux(self, reach: TemperatureRange) -> float:
         apart, whole, _, _ = self._sampled(reach)
         return SAMPLING_MARGIN * float((apart * whole**2).max())
 
     @override
-    def curvature(self, reach: Reach) -> float:
+    def curvature(self, reach: TemperatureRange) -> float:
         # |h'' (T_inf - T_s)| + 2 |h'| with h = w^2. The sixth root has no bounded
         # second derivative at 0 but for the regularization.
         if not film_range(self.temperature, reach).smooth:
@@ -216,7 +216,9 @@ class FreeExchange(AbstractLaw):
         curvature = 2 * apart * (once**2 + whole * twice) + 4 * whole * once
         return SAMPLING_MARGIN * float(curvature.max())
 
-    def _sampled(self, reach: Reach) -> tuple[Float[np.ndarray, "d #f"], ...]:
+    def _sampled(
+        self, reach: TemperatureRange
+    ) -> tuple[Float[np.ndarray, "d #f"], ...]:
         """Differences [K], and bounds of w = sqrt(h) and its first two derivatives."""
         # Every part of a derivative counts with its absolute value.
         air = film_range(self.temperature, reach)
@@ -250,7 +252,7 @@ class FreeExchange(AbstractLaw):
         return False
 
     @override
-    def merged(self, mean: Callable[[Array], Array]) -> "FreeExchange":
+    def coarsened(self, mean: Callable[[Array], Array]) -> "FreeExchange":
         where = lambda law: (law.still, law.rising)
         return eqx.tree_at(where, self, tuple(map(mean, where(self))))
 
@@ -297,8 +299,8 @@ class FreeConvection(AbstractSurfaceTerm):
         return (self.temperature,)
 
     @override
-    def drive(self, end: float | int) -> Drive:
-        return Drive(temperature=largest(self.temperature, end))
+    def forcing(self, end: float | int) -> Forcing:
+        return Forcing(temperature=largest(self.temperature, end))
 
     def bind(
         self, surface: Surface, reference: Scalar

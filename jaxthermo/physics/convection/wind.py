@@ -127,8 +127,8 @@ class Wind(AbstractSurfaceTerm):
         )
 
     @override
-    def drive(self, end: float | int) -> Drive:
-        return Drive(temperature=largest(self.temperature, end))
+    def forcing(self, end: float | int) -> Forcing:
+        return Forcing(temperature=largest(self.temperature, end))
 
     def bind(
         self, surface: Surface, reference: Scalar
