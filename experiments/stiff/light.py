@@ -29,7 +29,7 @@ def sources() -> Iterator[Row]:
     top = grid.fragment_normal[:, 2] > 0.9
     for what, place in PLACES.items():
         try:
-            source = jt.PointSource(place, 1.0, least_distance=LEAST)
+            source = jt.PointSource(place, 1.0, min_distance=LEAST)
             found = source.exposure(
                 grid.mesh.triangles,
                 grid.fragment_position,
@@ -47,7 +47,7 @@ def sources() -> Iterator[Row]:
         )
         yield Row(what, seen=f"top at most {most:.4g} 1/m^2", checks=checks)
     body = jt.Body(jt.FullVolume(grid), STEEL, temperature=COLD)
-    lamp = jt.PointSource((1.0, 0.0, 0.03), 100.0, least_distance=LEAST)
+    lamp = jt.PointSource((1.0, 0.0, 0.03), 100.0, min_distance=LEAST)
     scene = jt.Scene((body,), (lamp,), dtype="float64")
     for method in damping(stable_step(scene), ratio=100.0)[:3]:
         yield _grazed(scene, method, grid)

@@ -10,7 +10,11 @@ from jaxthermo.errors import InputError
 from jaxthermo.geometry.pose import Pose
 from jaxthermo.geometry.shapes import box, sphere
 from jaxthermo.physics.contact.bodies import PlacedGrid, require_shallow
-from jaxthermo.physics.contact.search import contacts_between, find_contacts, may_touch
+from jaxthermo.physics.contact.search import (
+    broad_phase,
+    contacts_between,
+    find_contacts,
+)
 from jaxthermo.voxels.grid import VoxelGrid
 from jaxthermo.voxels.voxelize import voxelize
 
@@ -66,7 +70,7 @@ def _measure(bodies: tuple[PlacedGrid, ...]) -> dict[str, Any]:
     count = len(bodies)
     contacts_between(bodies)
     start = time.perf_counter()
-    broad = may_touch(bodies)
+    broad = broad_phase(bodies)
     pruned = time.perf_counter()
     found = set(contacts_between(bodies))
     searched = time.perf_counter()

@@ -44,7 +44,7 @@ def measure_spheres() -> Measured:
     )
     volume = ball.solid_count * ball.voxel_volume
     terms = (
-        RadiativeExchange(COLD, most_patches=64, directions=32),
+        RadiativeExchange(COLD, max_patches=64, directions=32),
         FixedTemperature(COLD, on=FragmentMask(outside, body=1)),
         HeatSource(SPHERES / volume, Everything(body=0)),
     )

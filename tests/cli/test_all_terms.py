@@ -38,7 +38,7 @@ terms:
     size: [10 cm, 10 cm]
     temperature: 600
     patches: 2
-  - {kind: radiative_exchange, temperature: 280, most_patches: 12, directions: 16}
+  - {kind: radiative_exchange, temperature: 280, max_patches: 12, directions: 16}
   - {kind: wind, velocity: [2, 0, 0], temperature: 290, wake: deficit}
   - {kind: free_convection, temperature: 290}
   - {kind: convection, heat_transfer_coefficient: 5, temperature: 290, on: {body: 1}}

@@ -267,7 +267,7 @@ FAR = "{region: {lower: [1, 1, 1], upper: [2, 2, 2]}}"
         ("bodies.0.material={name: copper, conductivity: [1, 0, 1]}",
          ("bodies.0.material.conductivity.1", "more than 0")),
         ("terms.0.bodies=[0, 2]", ("terms.0.bodies.1", "there is no body 2")),
-        ("terms.0.most_pairs=3", ("bodies 0 and 1", "room for 3", "give a larger")),
+        ("terms.0.max_pairs=3", ("bodies 0 and 1", "room for 3", "give a larger")),
         ("terms.1={kind: contact, conductance: bonded, bodies: [1, 0]}",
          ("terms[0] and terms[1]", "both join bodies 0 and 1")),
         ("bodies.1.pose={times: [0, 20], poses: [{translation: [0, 0, 4 cm]}, {}], "

@@ -48,7 +48,7 @@ def test_v24_concentric_spheres_of_voxels():
         surface_of(inner, emissivity=0.8),
         surface_of(outer, emissivity=0.5, body=1),
     )
-    exchange = patch_exchange(surfaces, most_patches=60, directions=32, across=64)
+    exchange = patch_exchange(surfaces, max_patches=60, directions=32, across=64)
     theta = np.repeat([100.0, 0.0], exchange.fragments)
     zero, base = jnp.asarray(0.0), jnp.asarray(300.0)
     flux = np.asarray(exchange.heat_flux(jnp.asarray(theta), zero, base))

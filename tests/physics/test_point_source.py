@@ -48,7 +48,7 @@ def test_no_distance_is_too_small(plate):
     here = plate.fragment_position[plate.fragment_normal[:, 2] > 0.9][7]
     for lift in (0.0, 1e-9, 1e-3):
         place = tuple(float(x) for x in here + np.array([0.0, 0.0, lift]))
-        found = exposure(plate, PointSource(place, 1.0, least_distance=0.02))
+        found = exposure(plate, PointSource(place, 1.0, min_distance=0.02))
         assert np.isfinite(found).all() and found.max() <= 1 / 0.02**2
 
 
@@ -164,7 +164,7 @@ def test_what_it_does_not_light_is_left_out(plate):
         (("up", 1.0), "three finite numbers"),
         (((0.0, 0.0, np.nan), 1.0), "three finite numbers"),
         (((0.0, 0.0, 1.0), -1.0), "radiant_intensity"),
-        (((0.0, 0.0, 1.0), 1.0, 0.0), "least_distance"),
+        (((0.0, 0.0, 1.0), 1.0, 0.0), "min_distance"),
     ],
 )
 def test_bad_input_is_told_in_a_line(arguments, says):

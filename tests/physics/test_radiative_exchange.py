@@ -23,7 +23,7 @@ def _facing(gap, hot=500.0, cold=300.0, surroundings=300.0, dtype="float64"):
     )
     return jt.Scene(
         bodies,
-        (jt.RadiativeExchange(surroundings, most_patches=48, directions=48),),
+        (jt.RadiativeExchange(surroundings, max_patches=48, directions=48),),
         dtype=dtype,
     )
 

@@ -75,7 +75,7 @@ class PointSourceConfig(_Switched, builds="PointSource"):
     kind: Literal["point_source"] = "point_source"
     position: TimePosition
     radiant_intensity: Varying[RadiantIntensity]
-    least_distance: PositiveLength = 0.01
+    min_distance: PositiveLength = 0.01
     until: PositiveTime | None = None
 
     switched: ClassVar = ("radiant_intensity",)
@@ -121,7 +121,7 @@ class RadiativeExchangeConfig(Model, builds="RadiativeExchange"):
 
     kind: Literal["radiative_exchange"] = "radiative_exchange"
     temperature: Varying[Temperature]
-    most_patches: Annotated[Whole, Field(ge=6, le=4096)] = 128
+    max_patches: Annotated[Whole, Field(ge=6, le=4096)] = 128
     directions: Directions = 128
 
 
@@ -220,7 +220,7 @@ class ContactConfig(Model, builds="Contact"):
     bodies: Indices | None = None
     threshold: PositiveLength | None = None
     gap_length: PositiveLength | None = None
-    most_pairs: Annotated[Whole, Field(ge=1)] | None = None
+    max_pairs: Annotated[Whole, Field(ge=1)] | None = None
 
     def arguments(self) -> dict[str, Any]:
         """The values, with an infinite conductance for "bonded"."""

@@ -1,1 +1,1 @@
-"""Bodies that touch: where, over what area, and what passes."""
+"""Contact between bodies: search, contact areas, conductances."""

@@ -1,4 +1,4 @@
-"""A voxel grid where it stands, as contact sees it."""
+"""Voxel grids in the world frame, and the depth to which two of them overlap."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -13,7 +13,7 @@ from ...voxels.grid import VoxelGrid
 
 @dataclass(frozen=True, eq=False)
 class PlacedGrid:
-    """A body's voxel grid with its pose and the name that messages use."""
+    """Voxel grid of a body with its pose, and its name in messages."""
 
     grid: VoxelGrid
     pose: Pose = field(default_factory=Pose)
@@ -44,26 +44,21 @@ class PlacedGrid:
         return frame.pose.unplace(self.world_fragments)
 
 
-# How deep two bodies overlap: bodies in contact touch, they do not share space.
+# Allowed overlap in voxels of the coarser body: rounding and coarse meshes cause it.
+_MAX_OVERLAP_VOXELS = 2.0
+
+_AXIS_DIRECTIONS = np.concatenate([np.eye(3, dtype=int), -np.eye(3, dtype=int)])
 
 
-DEEPEST_VOXELS = 2.0
-"""Of the coarser body: rounding and coarse meshes may make bodies overlap so deep."""
-
-STAR = np.concatenate([np.eye(3, dtype=int), -np.eye(3, dtype=int)])
-
-
-def deepest_allowed(a: PlacedGrid, b: PlacedGrid, threshold: float) -> float:
-    """How deep two bodies may overlap and still be in contact [m]."""
-    return max(threshold, DEEPEST_VOXELS * max(a.pitch, b.pitch))
+def max_overlap(a: PlacedGrid, b: PlacedGrid, threshold: float) -> float:
+    """Largest overlap of two bodies that counts as contact [m]."""
+    return max(threshold, _MAX_OVERLAP_VOXELS * max(a.pitch, b.pitch))
 
 
-def overlap_depth(a: PlacedGrid, b: PlacedGrid) -> float:
-    """How deep the surface of either body lies in the other [m], to half a voxel.
-
-    The depth of a fragment in a body is the shortest way out of its voxels along the
-    axes of its lattice.
-    """
+def _overlap_depth(a: PlacedGrid, b: PlacedGrid) -> float:
+    """Largest depth of the surface of either body in the other [m], to half a voxel."""
+    # The depth of a fragment in a body is the shortest way out of its voxels along the
+    # axes of its lattice.
     return max(_depth_in(a, b), _depth_in(b, a))
 
 
@@ -73,12 +68,14 @@ def _depth_in(body: PlacedGrid, other: PlacedGrid) -> float:
     cells = _solid_cells(body.fragments_in(other), other)
     if not len(cells):
         return 0.0
-    # Padded all around, so that every way out ends.
+    # Padded on all sides, so that every way out ends.
     cells = np.unique(cells + 1, axis=0)
     steps = 0
     while len(cells):
         steps += 1
-        ahead = np.clip(cells[:, None] + steps * STAR, 0, np.array(solid.shape) - 1)
+        ahead = np.clip(
+            cells[:, None] + steps * _AXIS_DIRECTIONS, 0, np.array(solid.shape) - 1
+        )
         cells = cells[solid[tuple(np.moveaxis(ahead, 2, 0))].all(1)]
     return (steps - 0.5) * other.pitch
 
@@ -86,36 +83,36 @@ def _depth_in(body: PlacedGrid, other: PlacedGrid) -> float:
 def _solid_cells(
     points: Float[np.ndarray, "n 3"], body: PlacedGrid
 ) -> Int[np.ndarray, "m 3"]:
-    """Cells of the solid voxels that some of the points lie in, one a point."""
+    """Solid cells that contain the points; points outside are dropped."""
     cells, solid = body.grid.lattice.to_cells(points), body.grid.solid
     within = ((cells >= 0) & (cells < solid.shape)).all(1)
     numbers = np.floor(cells[within]).astype(np.int64)
     return numbers[solid[tuple(numbers.T)]]
 
 
-def _share_in(body: PlacedGrid, other: PlacedGrid) -> float:
-    """Share of a body's fragments whose voxels are centred in another body."""
+def _fraction_inside(body: PlacedGrid, other: PlacedGrid) -> float:
+    """Fraction of a body's fragments with a voxel centre inside another body."""
     voxels = body.grid.lattice.centres(body.grid.fragment_voxel)
     inside = _solid_cells(other.pose.unplace(body.pose.place(voxels)), other)
     return len(inside) / len(voxels)
 
 
 def require_shallow(a: PlacedGrid, b: PlacedGrid, threshold: float) -> None:
-    """Refuse bodies that overlap by more than contact can mean.
+    """Raise an error for bodies that overlap too deeply to be in contact.
 
     Args:
-        a: the one body.
-        b: the other body.
-        threshold: widest gap that is contact [m].
+        a: first body.
+        b: second body.
+        threshold: largest gap that counts as contact [m].
 
     Raises:
         InputError: naming both bodies and the depth.
     """
-    depth = overlap_depth(a, b)
-    # Half a voxel more, to which the depth is known.
-    limit = deepest_allowed(a, b, threshold) + 0.5 * max(a.pitch, b.pitch)
-    # Thin bodies lie in each other entirely before they do so deeply.
-    if depth > limit or max(_share_in(a, b), _share_in(b, a)) > 0.5:
+    depth = _overlap_depth(a, b)
+    # The depth is known to half a voxel.
+    limit = max_overlap(a, b, threshold) + 0.5 * max(a.pitch, b.pitch)
+    # Thin bodies can be inside each other entirely at a small depth.
+    if depth > limit or max(_fraction_inside(a, b), _fraction_inside(b, a)) > 0.5:
         raise InputError(
             f"{a.name} and {b.name} overlap by about {depth:.3g} m: move them apart "
             "until they touch, or join them in one mesh"

@@ -1,4 +1,4 @@
-"""Touching pairs of fragments: what a search of two bodies gives the solver."""
+"""Touching pairs of fragments of two bodies, with one contact area for each pair."""
 
 from typing import NamedTuple
 
@@ -8,48 +8,50 @@ from jaxtyping import Float, Int
 from ...errors import InputError
 
 
-SETTLING_STEPS = 50
-SETTLED = 1e-3
-"""Share of a fragment's area that may be covered twice."""
-ROUNDING = 1e-12
-"""Share of a fragment's area that is none."""
+_MAX_ITERATIONS = 50
+
+# Fraction of a fragment's area that may be covered twice.
+_COVERAGE_TOLERANCE = 1e-3
+
+# Exposed fractions of a fragment below this are rounding error.
+_ROUNDING = 1e-12
 
 
 class ContactPairs(NamedTuple):
     """Fragments of a body A and a body B that touch, each pair once.
 
-    A pair has one area, so that the area of contact is the same for either body. A
-    fragment at an edge may stand for slivers that have none of their own: its pairs can
-    have more area than it has, and its coverage is 1.
+    A pair has one area, so that the contact area is the same for both bodies. A
+    fragment at an edge may represent slivers without fragments: its pairs can have more
+    area than the fragment, and its coverage is 1.
     """
 
     fragment_a: Int[np.ndarray, " p"]
     fragment_b: Int[np.ndarray, " p"]
     area: Float[np.ndarray, " p"]
-    """In contact [m^2]; 0 in the padding."""
+    """Contact area [m^2]; 0 in the padding."""
     gap: Float[np.ndarray, " p"]
-    """Between the surfaces [m], negative where they overlap."""
+    """Distance of the surfaces [m], negative where they overlap."""
     coverage_a: Float[np.ndarray, " s"]
-    """Share of each fragment of A that touches B, 0 to 1."""
+    """Fraction of each fragment of A that touches B [-]."""
     coverage_b: Float[np.ndarray, " r"]
-    """Share of each fragment of B that touches A, 0 to 1."""
+    """Fraction of each fragment of B that touches A [-]."""
 
     @property
     def count(self) -> int:
-        """How many pairs there are, without padding."""
+        """Number of pairs without padding."""
         return int(np.count_nonzero(self.area))
 
     def swapped(self) -> "ContactPairs":
-        """The same contact from the side of B."""
+        """Same pairs with A and B exchanged."""
         a, b, area, gap, coverage_a, coverage_b = self
         return ContactPairs(b, a, area, gap, coverage_b, coverage_a)
 
     def padded(self, capacity: int, names: str = "two bodies") -> "ContactPairs":
-        """The same pairs in arrays of a fixed size; the rest has area 0.
+        """Same pairs in arrays of a fixed size, padded with area 0.
 
         Args:
-            capacity: rows of the arrays.
-            names: of the bodies, for the message.
+            capacity: number of rows.
+            names: names of the bodies, for the message.
 
         Raises:
             InputError: if there are more pairs.
@@ -65,7 +67,7 @@ class ContactPairs(NamedTuple):
 
 
 def no_pairs(fragments_a: int, fragments_b: int) -> ContactPairs:
-    """Of bodies that do not touch."""
+    """Empty pairs, for bodies that do not touch."""
     none, nothing = np.zeros(0, np.int64), np.zeros(0)
     return ContactPairs(
         none, none, nothing, nothing, np.zeros(fragments_a), np.zeros(fragments_b)
@@ -80,15 +82,15 @@ def contact_flux(
     """Heat flux through every fragment of one side, q'' = sum_pairs q / A [W/m^2].
 
     Args:
-        fragment: of each pair, on that side.
-        heat_rate: into that side through each pair [W].
-        fragment_area: of all fragments of that side [m^2].
+        fragment: fragment of each pair on that side.
+        heat_rate: heat rate into that side through each pair [W].
+        fragment_area: areas of all fragments of that side [m^2].
     """
     total = np.bincount(fragment, heat_rate, minlength=len(fragment_area))
     return total / fragment_area
 
 
-def paired(
+def merge_touches(
     fragment_a: Int[np.ndarray, " k"],
     fragment_b: Int[np.ndarray, " k"],
     area: Float[np.ndarray, " k"],
@@ -96,53 +98,53 @@ def paired(
     fragment_area_a: Float[np.ndarray, " s"],
     fragment_area_b: Float[np.ndarray, " r"],
 ) -> ContactPairs:
-    """Touches as pairs of fragments, each pair once, with the same area in all.
+    """Pairs of fragments, each once, from the ray hits of a search; area is conserved.
 
     Args:
-        fragment_a: of each touch.
-        fragment_b: of each touch.
-        area: of each touch [m^2].
-        gap: at each touch [m].
-        fragment_area_a: of the fragments of A [m^2].
-        fragment_area_b: of the fragments of B [m^2].
+        fragment_a: fragment of A at each hit.
+        fragment_b: fragment of B at each hit.
+        area: area of each hit [m^2].
+        gap: distance of the surfaces at each hit [m].
+        fragment_area_a: areas of the fragments of A [m^2].
+        fragment_area_b: areas of the fragments of B [m^2].
     """
     columns = len(fragment_area_b)
     key, pair = np.unique(fragment_a * columns + fragment_b, return_inverse=True)
     total = np.bincount(pair, area)
     mean_gap = np.bincount(pair, area * gap) / total
     a, b = np.divmod(key, columns)
-    settled = _settled(a, b, total, fragment_area_b)
+    limited = _limited_areas(a, b, total, fragment_area_b)
     return ContactPairs(
         a,
         b,
-        settled,
+        limited,
         mean_gap,
-        _coverage(a, settled, fragment_area_a),
-        _coverage(b, settled, fragment_area_b),
+        _coverage(a, limited, fragment_area_a),
+        _coverage(b, limited, fragment_area_b),
     )
 
 
 def _coverage(fragment, area, fragment_area):
-    share = np.bincount(fragment, area, minlength=len(fragment_area)) / fragment_area
-    # Or a place would be left that is nothing but rounding, at some pitches.
-    return np.where(share > 1 - ROUNDING, 1.0, share)
+    covered = np.bincount(fragment, area, minlength=len(fragment_area)) / fragment_area
+    # Otherwise an exposed surface of nothing but rounding error remains at some
+    # pitches.
+    return np.where(covered > 1 - _ROUNDING, 1.0, covered)
 
 
-def _settled(a, b, area, fragment_area_b):
-    """Areas that cover no fragment of B more than once, as far as there is room.
-
-    Rays of another lattice fall unevenly on B's fragments. One with too many keeps its
-    own area, and those of A that lose by it take more of the others they touch, over
-    and over (Sinkhorn's iteration with an inequality). The area of A never changes:
-    where its slivers, or an area ratio, leave no room in B, a little is covered twice.
-    """
+def _limited_areas(a, b, area, fragment_area_b):
+    """Areas that cover no fragment of B more than once, as far as possible."""
+    # Rays of another lattice fall unevenly on B's fragments. One that is hit too often
+    # is limited to its area, and the fragments of A that lose by it take more of their
+    # other partners, repeatedly (Sinkhorn's iteration with an inequality). The area of
+    # A is conserved: where its slivers, or an area ratio, exceed the area available in
+    # B, a small part is covered twice.
     touched, b = np.unique(b, return_inverse=True)
     a = np.unique(a, return_inverse=True)[1]
-    room, wanted = fragment_area_b[touched], np.bincount(a, area)
-    for _ in range(SETTLING_STEPS):
-        fits = np.minimum(room / np.bincount(b, area), 1.0)
-        if fits.min() > 1 - SETTLED:
+    available, total = fragment_area_b[touched], np.bincount(a, area)
+    for _ in range(_MAX_ITERATIONS):
+        fits = np.minimum(available / np.bincount(b, area), 1.0)
+        if fits.min() > 1 - _COVERAGE_TOLERANCE:
             break
         area = area * fits[b]
-        area = area * (wanted / np.bincount(a, area))[a]
+        area = area * (total / np.bincount(a, area))[a]
     return area

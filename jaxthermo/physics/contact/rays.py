@@ -1,18 +1,19 @@
-"""Rays through two bodies: where the surface of one meets the other's (thesis 5.3).
+"""Contact between two bodies on rays through both of them (thesis 5.3).
 
-The depth layers of both bodies are peeled together along the axes of a lattice, that of
-the finer body. Crossings that follow each other on a ray and are of different bodies
-are in contact if they face each other within reach:
+The depth layers of both bodies are peeled together along the axes of the lattice of the
+finer body. Consecutive crossings of different bodies on a ray are in contact if they
+face each other within a maximum distance:
 
     out of A, into B: a gap between them        into B, out of A: A and B overlap
 
-Every piece of the finer body's surface is looked at along the dominant axis of its
-normal n_A, as where fragments are made, by SAMPLES^2 rays a voxel. Gap and area are
-those of the surface that the ray e meets more squarely,
+Every part of the finer body's surface is sampled along the dominant axis of its normal
+n_A, where its fragments are too, by 4 x 4 rays for each voxel. Gap and area refer to
+the surface that is closer to normal to the ray e,
 
-    c = max(|n_A . e|, |n_B . e|),    gap = c * way,    area = ray's square / c,
+    c = max(|n_A . e|, |n_B . e|),    gap = c * distance,    area = ray's square / c,
 
-exact for parallel surfaces, and for others the same whichever body is looked at.
+exact for parallel surfaces, and for others the same whichever body is sampled. Each hit
+is then assigned to the fragments of both bodies that are nearest to it.
 """
 
 from typing import NamedTuple
@@ -30,35 +31,35 @@ from ...voxels.surface import face_axes
 from .bodies import PlacedGrid
 
 
-SAMPLES = 4
-"""Rays along either edge of a voxel."""
+# Rays along either edge of a voxel.
+_SAMPLES = 4
 
-FACING = 0.5
-"""Least cosine between one surface and the other's reverse: within 60 degrees."""
+# Smallest cosine between one normal and the reverse of the other: within 60 degrees.
+_MIN_FACING_COSINE = 0.5
 
-STEEPEST = float(np.sqrt(3.0))
-"""Way along the axis over the gap, at most: 1 / min |n_A . e|."""
+MAX_SLANT = float(np.sqrt(3.0))
+"""Largest ratio of the distance along an axis to the gap: 1 / min |n_A . e|."""
 
-SLACK = 1.5
-"""A surface point is nearer to a fragment than this along each axis, in voxels."""
+FRAGMENT_SPACING = 1.5
+"""Distance along each axis within which a surface point has a fragment [voxels]."""
 
 
-class Reach(NamedTuple):
-    """How far apart surfaces may be to be in contact."""
+class ContactRange(NamedTuple):
+    """Distances at which surfaces count as in contact."""
 
-    gap: float
-    """The widest one [m]."""
-    overlap: float
-    """The deepest one [m]."""
+    max_gap: float
+    """[m]"""
+    max_overlap: float
+    """[m]"""
 
     @property
-    def way(self) -> float:
-        """The longest one along an axis [m]."""
-        return STEEPEST * max(self.gap, self.overlap)
+    def max_distance(self) -> float:
+        """Largest distance along an axis [m]."""
+        return MAX_SLANT * max(self.max_gap, self.max_overlap)
 
 
-class Touches(NamedTuple):
-    """Where rays leave one body for the other within reach; points in A's frame [m]."""
+class RayHits(NamedTuple):
+    """Rays that pass from one body to the other in contact; points in A's frame [m]."""
 
     point_a: Float[np.ndarray, "k 3"]
     point_b: Float[np.ndarray, "k 3"]
@@ -70,16 +71,16 @@ class Touches(NamedTuple):
     """[m]; negative where the bodies overlap."""
 
 
-def touches(
-    a: PlacedGrid, b: PlacedGrid, near: Int[np.ndarray, " c"], reach: Reach
-) -> Touches:
-    """All touches of two bodies by rays of A's lattice.
+def ray_hits(
+    a: PlacedGrid, b: PlacedGrid, near: Int[np.ndarray, " c"], limits: ContactRange
+) -> RayHits:
+    """Contact of two bodies on rays of A's lattice.
 
     Args:
-        a: the body that gives the lattice.
-        b: the other one.
-        near: fragments of A that may touch it, one or more.
-        reach: of contact.
+        a: body whose lattice the rays follow.
+        b: other body.
+        near: fragments of A that may touch B, at least one.
+        limits: distances that count as contact.
     """
     lattice = a.grid.lattice
     corners = (a.grid.mesh.vertices, b.vertices_in(a))
@@ -92,87 +93,89 @@ def touches(
     axes = a.grid.fragment_axis[near]
     parts = []
     for axis in np.unique(axes).tolist():
-        mine = position[axes == axis]
-        low, high = mine.min(0) - SLACK, mine.max(0) + SLACK
-        low[axis] -= reach.way / lattice.pitch
-        high[axis] += reach.way / lattice.pitch
+        points = position[axes == axis]
+        low = points.min(0) - FRAGMENT_SPACING
+        high = points.max(0) + FRAGMENT_SPACING
+        low[axis] -= limits.max_distance / lattice.pitch
+        high[axis] += limits.max_distance / lattice.pitch
         box = np.floor(low), np.ceil(high)
-        parts.append(_along(axis, lattice, triangles, dominant, box, reach))
-    return Touches(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+        parts.append(_hits_along(axis, lattice, triangles, dominant, box, limits))
+    return RayHits(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
-def _along(axis: int, lattice: Lattice, triangles, dominant, box, reach: Reach):
-    """Touches of the pieces of A's surface that this axis is dominant for.
+def _hits_along(axis, lattice: Lattice, triangles, dominant, box, limits: ContactRange):
+    """Contact of the parts of A's surface whose dominant axis this is.
 
     Args:
-        axis: of the rays.
-        lattice: of A.
-        triangles: A's and then B's, in cells.
-        dominant: axis of each of A's.
-        box: corners of what to look at, in cells.
-        reach: of contact.
+        axis: axis of the rays.
+        lattice: lattice of A.
+        triangles: triangles of A, then of B, in cells.
+        dominant: dominant axis of each triangle of A.
+        box: corners of the sampled region, in cells.
+        limits: distances that count as contact.
     """
     seen = (triangles.min(1) <= box[1]) & (triangles.max(1) >= box[0])
     which = np.flatnonzero(seen.all(1))
     layers = _layers(triangles[which], axis, box)
     normals = _unit_normals(triangles[which])
-    # Crossings that follow each other on a ray, and are of different bodies.
+    # Consecutive crossings on one ray that belong to different bodies.
     count_a = len(dominant)
     of_a = which[layers.triangle] < count_a
     same_ray = layers.pixel[1:] == layers.pixel[:-1]
     first = np.flatnonzero(same_ray & (of_a[1:] != of_a[:-1]))
     at_a, at_b = first + ~of_a[first], first + of_a[first]
     n_a, n_b = normals[layers.triangle[at_a]], normals[layers.triangle[at_b]]
-    way = (layers.depth[at_b] - layers.depth[at_a]) * np.sign(n_a[:, axis])
+    distance = (layers.depth[at_b] - layers.depth[at_a]) * np.sign(n_a[:, axis])
     cosine = np.maximum(np.abs(n_a[:, axis]), np.abs(n_b[:, axis]))
-    gap = way * cosine * lattice.pitch
-    hit = (gap <= reach.gap) & (gap >= -reach.overlap)
-    hit &= (n_a * n_b).sum(1) <= -FACING
+    gap = distance * cosine * lattice.pitch
+    hit = (gap <= limits.max_gap) & (gap >= -limits.max_overlap)
+    hit &= (n_a * n_b).sum(1) <= -_MIN_FACING_COSINE
     hit &= dominant[which[layers.triangle[at_a]]] == axis
     at_a, at_b = at_a[hit], at_b[hit]
-    return Touches(
+    return RayHits(
         point_a=_points(layers, at_a, axis, lattice, box),
         point_b=_points(layers, at_b, axis, lattice, box),
         triangle_a=which[layers.triangle[at_a]],
         triangle_b=which[layers.triangle[at_b]] - count_a,
-        area=(lattice.pitch / SAMPLES) ** 2 / cosine[hit],
+        area=(lattice.pitch / _SAMPLES) ** 2 / cosine[hit],
         gap=gap[hit],
     )
 
 
 def _layers(triangles, axis: int, box) -> DepthLayers:
-    """Depth layers within a box of cells, SAMPLES pixels a cell; depths in cells."""
+    """Depth layers within a box of cells, 4 x 4 pixels for each; depths in cells."""
     row_axis, column_axis = pixel_axes(axis)
     views = [column_axis, row_axis]
-    width, height = ((box[1] - box[0])[views] * SAMPLES).astype(int).tolist()
+    width, height = ((box[1] - box[0])[views] * _SAMPLES).astype(int).tolist()
     frame = triangles[..., [*views, axis]]
-    frame[..., :2] = (frame[..., :2] - box[0][views]) * SAMPLES
+    frame[..., :2] = (frame[..., :2] - box[0][views]) * _SAMPLES
     rows, fragments = capacities(frame, width, height)
     rows, fragments = _padded(rows, 1 << 14), _padded(fragments, 1 << 16)
     require_memory(
         fragments * BYTES_PER_FRAGMENT, "the search for contact", "use a coarser pitch"
     )
-    # Points without extent cover no pixel.
+    # Triangles of zero extent cover no pixel: they only fill the array.
     spare = _padded(len(frame), 1 << 12) - len(frame)
     frame = np.pad(frame, ((0, spare), (0, 0), (0, 0)))
-    # Shapes are known while the rest of a scene is traced: contact is found there too.
+    # Shapes are known while the rest of a scene is traced.
     with jax.ensure_compile_time_eval():
         return peel(frame, width, height, (rows, fragments))
 
 
-def _padded(count: int, least: int) -> int:
-    """The next power of 4: few sizes, so that few programs are compiled."""
-    bits = int(max(count, least) - 1).bit_length()
+def _padded(count: int, smallest: int) -> int:
+    """Next power of 4, at least `smallest`."""
+    # Few distinct sizes, hence few programs to compile.
+    bits = int(max(count, smallest) - 1).bit_length()
     return 1 << (bits + bits % 2)
 
 
 def _points(layers: DepthLayers, which, axis: int, lattice: Lattice, box):
-    """Where rays cross a surface, in the lattice's frame [m]."""
+    """Points at which rays cross a surface, in the lattice's frame [m]."""
     row, column = np.divmod(layers.pixel[which], layers.width)
     cells = np.zeros((len(which), 3))
     cells[:, axis] = layers.depth[which]
     for across, pixel in zip(pixel_axes(axis), (row, column), strict=True):
-        cells[:, across] = box[0][across] + (pixel + 0.5) / SAMPLES
+        cells[:, across] = box[0][across] + (pixel + 0.5) / _SAMPLES
     return lattice.origin + cells * lattice.pitch
 
 
@@ -183,17 +186,15 @@ def _unit_normals(triangles):
     return vector / np.where(length > 0, length, 1)
 
 
-# Which fragment of a body a point on its surface belongs to.
+MAX_FRAGMENT_DISTANCE = 2.0
+"""Largest distance of a surface point from its fragment [voxels]; a part of the body
+without any nearer fragment has no voxels."""
 
-
-FARTHEST = 2.0
-"""From a point to its fragment, in voxels; a part without any nearer has no voxels."""
-
-AROUND = tuple((row, column) for row in (-1, 0, 1) for column in (-1, 0, 1))
+_OFFSETS = tuple((row, column) for row in (-1, 0, 1) for column in (-1, 0, 1))
 
 
 class _Rays(NamedTuple):
-    """The fragments of a body made along one axis, by ray and depth; all in cells."""
+    """Fragments of a body along one axis, sorted by ray and depth; all in cells."""
 
     axis: int
     shape: tuple[int, ...]
@@ -202,7 +203,7 @@ class _Rays(NamedTuple):
     outward: Float[np.ndarray, "s 3"]
     ray: Int[np.ndarray, " s"]
     key: Float[np.ndarray, " s"]
-    """Ray and depth as one number."""
+    """Sort key: ray and depth as one number."""
 
 
 def nearest_fragments(
@@ -210,60 +211,60 @@ def nearest_fragments(
     point: Float[np.ndarray, "k 3"],
     triangle: Int[np.ndarray, " k"],
 ) -> Int[np.ndarray, " k"]:
-    """The fragment of a body on whose ray, or beside it, each point lies; -1 for none.
+    """Fragment of a body nearest to each point along its ray; -1 for none.
 
-    Where a ray has none that faces the same way (a sliver beside an edge), the nearest
-    one on the rays around it, along all three axes.
+    Where a ray has none that faces the same way (a sliver beside an edge), it is the
+    nearest one on the surrounding rays along all three axes.
 
     Args:
         grid: the body.
-        point: on its surface, own frame [m].
-        triangle: of its mesh, in which each point lies.
+        point: points on its surface, in its frame [m].
+        triangle: triangle of its mesh that contains each point.
     """
     normals, dominant = face_axes(grid.mesh)
-    normal, own = normals[triangle], dominant[triangle]
+    normal, point_axis = normals[triangle], dominant[triangle]
     cells = grid.lattice.to_cells(point)
     rays = [_rays_along(grid, axis) for axis in range(3)]
     found = np.full(len(point), -1)
-    distance = np.full(len(point), FARTHEST)
+    distance = np.full(len(point), MAX_FRAGMENT_DISTANCE)
     for axis in range(3):
-        mine = np.flatnonzero(own == axis)
-        found[mine], distance[mine] = _on_ray(
-            rays[axis], cells[mine], normal[mine], (0, 0)
+        points = np.flatnonzero(point_axis == axis)
+        found[points], distance[points] = _on_ray(
+            rays[axis], cells[points], normal[points], (0, 0)
         )
-    left = np.flatnonzero(found < 0)
-    for axis in range(3 if len(left) else 0):
-        for offset in AROUND:
-            other, apart = _on_ray(rays[axis], cells[left], normal[left], offset)
-            nearer = apart < distance[left]
-            found[left] = np.where(nearer, other, found[left])
-            distance[left] = np.where(nearer, apart, distance[left])
+    missing = np.flatnonzero(found < 0)
+    for axis in range(3 if len(missing) else 0):
+        for offset in _OFFSETS:
+            other, apart = _on_ray(rays[axis], cells[missing], normal[missing], offset)
+            nearer = apart < distance[missing]
+            found[missing] = np.where(nearer, other, found[missing])
+            distance[missing] = np.where(nearer, apart, distance[missing])
     return found
 
 
 def _rays_along(grid: VoxelGrid, axis: int) -> _Rays:
-    mine = np.flatnonzero(grid.fragment_axis == axis)
-    position = grid.lattice.to_cells(grid.fragment_position[mine])
+    fragments = np.flatnonzero(grid.fragment_axis == axis)
+    position = grid.lattice.to_cells(grid.fragment_position[fragments])
     ray = _ray(position, axis, grid.solid.shape, (0, 0))
     key = _key(ray, position[:, axis], grid.solid.shape)
     order = np.argsort(key, kind="stable")
     return _Rays(
         axis,
         grid.solid.shape,
-        mine[order],
+        fragments[order],
         position[order],
-        grid.fragment_normal[mine[order]],
+        grid.fragment_normal[fragments[order]],
         ray[order],
         key[order],
     )
 
 
 def _ray(cells, axis, shape, offset):
-    """Number of the ray through the column of cells beside a point's; -1 if outside."""
-    place = np.floor(cells[:, list(pixel_axes(axis))]).astype(np.int64) + offset
+    """Index of the ray through a column of cells, offset from a point's; -1 outside."""
+    column = np.floor(cells[:, list(pixel_axes(axis))]).astype(np.int64) + offset
     size = np.array([shape[a] for a in pixel_axes(axis)])
-    within = ((place >= 0) & (place < size)).all(1)
-    return np.where(within, place[:, 0] * size[1] + place[:, 1], -1)
+    within = ((column >= 0) & (column < size)).all(1)
+    return np.where(within, column[:, 0] * size[1] + column[:, 1], -1)
 
 
 def _key(ray, depth, shape):
@@ -272,15 +273,15 @@ def _key(ray, depth, shape):
 
 
 def _on_ray(rays: _Rays, cells, normal, offset):
-    """The nearest fragment on one ray beside each point, and its distance in cells."""
+    """Nearest fragment on one ray beside each point, and its distance in cells."""
     found = np.full(len(cells), -1)
-    distance = np.full(len(cells), FARTHEST)
+    distance = np.full(len(cells), MAX_FRAGMENT_DISTANCE)
     if not len(rays.ray):
         return found, distance
     ray = _ray(cells, rays.axis, rays.shape, offset)
     behind = np.searchsorted(rays.key, _key(ray, cells[:, rays.axis], rays.shape))
-    for place in (behind - 1, behind):
-        slot = np.clip(place, 0, len(rays.ray) - 1)
+    for candidate in (behind - 1, behind):
+        slot = np.clip(candidate, 0, len(rays.ray) - 1)
         apart = np.linalg.norm(cells - rays.position[slot], axis=1)
         faces = (rays.outward[slot] * normal).sum(1) > 0
         nearer = (rays.ray[slot] == ray) & faces & (apart < distance)

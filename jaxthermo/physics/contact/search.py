@@ -1,4 +1,11 @@
-"""Contact of two bodies: which fragments touch, over what area, at what gap."""
+"""Contact search between bodies: touching fragments, contact areas and gaps.
+
+The broad phase finds pairs of bodies that may touch: first by their boxes, then by
+views along the three axes. Bodies that touch overlap in every view, in some pixel and
+there in depth, so a pair is dropped as soon as one view separates it (the pruning of
+CULLIDE, Govindaraju et al. 2003, which the thesis uses too). The narrow phase follows
+rays through both bodies (`rays`).
+"""
 
 from typing import NamedTuple
 
@@ -7,61 +14,57 @@ from jaxtyping import Float, Int
 
 from ...arrays import Scalar
 from ...errors import InputError
-from .bodies import PlacedGrid, deepest_allowed, require_shallow
-from .pairs import ContactPairs, no_pairs, paired
-from .rays import FARTHEST, SLACK, STEEPEST, Reach, nearest_fragments, touches
+from .bodies import PlacedGrid, max_overlap, require_shallow
+from .pairs import ContactPairs, merge_touches, no_pairs
+from .rays import (
+    FRAGMENT_SPACING,
+    MAX_FRAGMENT_DISTANCE,
+    MAX_SLANT,
+    ContactRange,
+    nearest_fragments,
+    ray_hits,
+)
 
 
-# Which bodies may touch at all: boxes first, then views along the three axes.
-#
-# Bodies that touch overlap in every view: in some pixel, and there in depth. So a pair
-# is dropped as soon as one view tells the two apart (the pruning of CULLIDE,
-# Govindaraju et al. 2003, which the thesis takes for its broad phase), and a body
-# without a pair is out of the potentially colliding set.
-#
-# The views are coarse and are drawn from the fragments, the depth layers that the body
-# was voxelized from, not from triangles anew: no part that can conduct has none,
-# whereas a part thinner than a pixel may miss all of its rays.
-
-
-PIXELS = 64
-"""Along the longer edge of a view of two boxes' overlap, at most."""
+# Largest number of pixels along the longer edge of a view of two boxes' overlap.
+_MAX_PIXELS = 64
 
 
 class BroadPhase(NamedTuple):
-    """The pairs of bodies that are left to look at closely, and how many were not."""
+    """Pairs of bodies that may touch, and the counts that led to them."""
 
     pairs: Int[np.ndarray, "p 2"]
-    """i < j"""
+    """Numbers i < j of both bodies."""
     possible: int
-    """Pairs there are."""
+    """Number of all pairs."""
     overlapping_boxes: int
-    """Pairs that the boxes left."""
+    """Number of pairs with overlapping boxes."""
 
     @property
     def bodies(self) -> tuple[int, ...]:
-        """The potentially colliding set: bodies with a pair left."""
+        """Bodies in any of the pairs: the potentially colliding set."""
         return tuple(np.unique(self.pairs).tolist())
 
 
-def may_touch(
+def broad_phase(
     bodies: tuple[PlacedGrid, ...], threshold: Scalar | None = None
 ) -> BroadPhase:
-    """Pairs of bodies that neither their boxes nor a view along an axis tell apart.
+    """Pairs of bodies that neither their boxes nor a view along an axis separate.
 
     Args:
         bodies: all bodies of a scene.
-        threshold: widest gap that is contact [m]; None for one voxel of the finer body.
+        threshold: largest gap that counts as contact [m]; None for one voxel of the
+            finer body.
     """
-    # What counts as a gap can be a longer way from corner to corner.
-    reach = np.array(
-        [STEEPEST * float(b.pitch if threshold is None else threshold) for b in bodies]
+    # The distance along an axis can exceed the gap by this factor.
+    margin = np.array(
+        [MAX_SLANT * float(b.pitch if threshold is None else threshold) for b in bodies]
     )
     bounds = np.stack([body.world_bounds for body in bodies])
-    lower, upper = bounds[:, 0] - reach[:, None], bounds[:, 1] + reach[:, None]
+    lower, upper = bounds[:, 0] - margin[:, None], bounds[:, 1] + margin[:, None]
     pairs = overlapping_pairs(lower, upper)
     kept = [
-        not _told_apart(bodies[i], bodies[j], float(reach[[i, j]].max()))
+        not _are_separated(bodies[i], bodies[j], float(margin[[i, j]].max()))
         for i, j in pairs.tolist()
     ]
     return BroadPhase(
@@ -71,14 +74,16 @@ def may_touch(
     )
 
 
-def _told_apart(a: PlacedGrid, b: PlacedGrid, reach: float) -> bool:
-    """Whether the bodies keep their distance in one of the views along x, y and z."""
-    # A surface point has a fragment this near.
-    spacing = FARTHEST * max(a.pitch, b.pitch)
-    margin = reach + 2 * spacing
+def _are_separated(a: PlacedGrid, b: PlacedGrid, margin: float) -> bool:
+    """True if the bodies keep their distance in one of the views along x, y and z."""
+    # The views are drawn from fragments, not from triangles: every part that conducts
+    # has fragments, whereas a part thinner than a pixel may be missed by all rays. A
+    # surface point has a fragment within `spacing`.
+    spacing = MAX_FRAGMENT_DISTANCE * max(a.pitch, b.pitch)
+    margin = margin + 2 * spacing
     low = np.maximum(a.world_bounds[0], b.world_bounds[0]) - margin
     high = np.minimum(a.world_bounds[1], b.world_bounds[1]) + margin
-    pixel = max(margin, float((high - low).max()) / PIXELS)
+    pixel = max(margin, float((high - low).max()) / _MAX_PIXELS)
     return any(
         not _overlap_in_view(a, b, axis, low, high, pixel, margin) for axis in range(3)
     )
@@ -88,7 +93,7 @@ def _overlap_in_view(a, b, axis: int, low, high, pixel: float, margin: float) ->
     near_a, far_a = _depths(a.world_fragments, axis, low, high, pixel)
     near_b, far_b = _depths(b.world_fragments, axis, low, high, pixel)
     # Points within the margin of each other lie in the same pixel or in neighbours.
-    near_a, far_a = _widened(near_a, np.minimum), _widened(far_a, np.maximum)
+    near_a, far_a = _dilated(near_a, np.minimum), _dilated(far_a, np.maximum)
     overlap = (near_a - margin <= far_b) & (near_b - margin <= far_a)
     return bool(overlap.any())
 
@@ -96,20 +101,20 @@ def _overlap_in_view(a, b, axis: int, low, high, pixel: float, margin: float) ->
 def _depths(
     points: Float[np.ndarray, "s 3"], axis: int, low, high, pixel: float
 ) -> tuple[Float[np.ndarray, "h w"], Float[np.ndarray, "h w"]]:
-    """First and last depth of a body in every pixel [m]; +-inf where it is not."""
+    """First and last depth of a body in every pixel [m]; +-inf without points."""
     across = [a for a in range(3) if a != axis]
-    # Of all depths: a body around the other one may have no surface near it.
+    # Points at all depths: a body around the other one may have no surface near it.
     seen = points[((points >= low) & (points <= high))[:, across].all(1)]
-    place = np.floor((seen - low)[:, across] / pixel).astype(np.int64)
+    index = np.floor((seen - low)[:, across] / pixel).astype(np.int64)
     shape = np.floor((high - low) / pixel).astype(np.int64)[across] + 1
     near, far = np.full(shape, np.inf), np.full(shape, -np.inf)
-    np.minimum.at(near, tuple(place.T), seen[:, axis])
-    np.maximum.at(far, tuple(place.T), seen[:, axis])
+    np.minimum.at(near, tuple(index.T), seen[:, axis])
+    np.maximum.at(far, tuple(index.T), seen[:, axis])
     return near, far
 
 
-def _widened(depth, pick):
-    """Of every pixel and its eight neighbours, the first or the last depth."""
+def _dilated(depth, pick):
+    """Extreme depth of every pixel and its eight neighbours."""
     for axis in (0, 1):
         inner = np.moveaxis(depth, axis, 0)
         wide = inner.copy()
@@ -124,13 +129,12 @@ def overlapping_pairs(
 ) -> Int[np.ndarray, "p 2"]:
     """Pairs i < j of boxes that share a point, by sort and sweep.
 
-    Sorted along the axis on which they are spread most, a box can only meet those that
-    start before it ends.
-
     Args:
         lower: lowest corners [m].
         upper: highest corners [m].
     """
+    # Sorted along the axis of their largest spread, a box can only overlap those that
+    # start before it ends.
     axis = int(np.argmax(np.ptp(lower, axis=0))) if len(lower) else 0
     order = np.argsort(lower[:, axis], kind="stable")
     starts, ends = lower[order, axis], upper[order, axis]
@@ -150,21 +154,22 @@ def find_contacts(
 ) -> ContactPairs:
     """Touching fragments of two bodies (thesis 5.3, after Faure et al. 2008).
 
-    Rays go along the lattice of the body with the finer voxels, of A if they are alike.
+    Rays follow the lattice of the body with the finer voxels, of A if they are equal.
 
     Args:
         a: body A.
         b: body B.
-        threshold: widest gap that is contact [m]; None for one voxel of the finer body.
+        threshold: largest gap that counts as contact [m]; None for one voxel of the
+            finer body.
 
     Raises:
         InputError: if the threshold is not positive, or the bodies overlap deeply.
     """
-    widest = contact_threshold(a, b, threshold)
-    require_shallow(a, b, widest)
+    max_gap = _contact_threshold(a, b, threshold)
+    require_shallow(a, b, max_gap)
     if b.pitch < a.pitch:
-        return _touching(b, a, widest).swapped()
-    return _touching(a, b, widest)
+        return _contact_pairs(b, a, max_gap).swapped()
+    return _contact_pairs(a, b, max_gap)
 
 
 def contacts_between(
@@ -180,36 +185,31 @@ def contacts_between(
         InputError: as `find_contacts`.
     """
     found = {}
-    for i, j in may_touch(bodies, threshold).pairs.tolist():
+    for i, j in broad_phase(bodies, threshold).pairs.tolist():
         pairs = find_contacts(bodies[i], bodies[j], threshold)
         if pairs.count:
             found[i, j] = pairs
     return found
 
 
-def contact_threshold(
-    a: PlacedGrid, b: PlacedGrid, threshold: Scalar | None = None
-) -> float:
-    """The widest gap that is contact [m], one voxel of the finer body if not given.
-
-    Raises:
-        InputError: if it is not a positive length.
-    """
+def _contact_threshold(a: PlacedGrid, b: PlacedGrid, threshold: Scalar | None) -> float:
     if threshold is None:
         return min(a.pitch, b.pitch)
-    widest = float(threshold)
-    if not (np.isfinite(widest) and widest > 0):
-        raise InputError(f"contact threshold {widest!r}: give a positive length [m]")
-    return widest
+    max_gap = float(threshold)
+    if not (np.isfinite(max_gap) and max_gap > 0):
+        raise InputError(f"contact threshold {max_gap!r}: give a positive length [m]")
+    return max_gap
 
 
-def _touching(a: PlacedGrid, b: PlacedGrid, threshold: float) -> ContactPairs:
+def _contact_pairs(a: PlacedGrid, b: PlacedGrid, threshold: float) -> ContactPairs:
     nothing = no_pairs(len(a.grid.fragment_area), len(b.grid.fragment_area))
-    reach = Reach(threshold, deepest_allowed(a, b, threshold))
-    near = _near(a, b, reach.way + SLACK * (a.pitch + b.pitch))
+    limits = ContactRange(threshold, max_overlap(a, b, threshold))
+    near = _near_fragments(
+        a, b, limits.max_distance + FRAGMENT_SPACING * (a.pitch + b.pitch)
+    )
     if not len(near):
         return nothing
-    found = touches(a, b, near, reach)
+    found = ray_hits(a, b, near, limits)
     in_b = b.pose.unplace(a.pose.place(found.point_b))
     fragment_a = nearest_fragments(a.grid, found.point_a, found.triangle_a)
     fragment_b = nearest_fragments(b.grid, in_b, found.triangle_b)
@@ -217,27 +217,27 @@ def _touching(a: PlacedGrid, b: PlacedGrid, threshold: float) -> ContactPairs:
     if not both.any():
         return nothing
     touch = fragment_a[both], fragment_b[both], found.area[both], found.gap[both]
-    return paired(*touch, a.grid.fragment_area, b.grid.fragment_area)
+    return merge_touches(*touch, a.grid.fragment_area, b.grid.fragment_area)
 
 
-def _near(a: PlacedGrid, b: PlacedGrid, distance: float) -> Int[np.ndarray, " c"]:
-    """Fragments of A with one of B within a distance, or more.
-
-    In blocks of that edge, which are next to each other where fragments are that close.
-    """
-    mine, theirs = a.world_fragments, b.world_fragments
-    low = np.maximum(mine.min(0), theirs.min(0)) - distance
-    high = np.minimum(mine.max(0), theirs.max(0)) + distance
+def _near_fragments(
+    a: PlacedGrid, b: PlacedGrid, distance: float
+) -> Int[np.ndarray, " c"]:
+    """Fragments of A with one of B within a distance; some have one a bit farther."""
+    # Fragments are sorted into blocks of that edge; close ones are in adjacent blocks.
+    points_a, points_b = a.world_fragments, b.world_fragments
+    low = np.maximum(points_a.min(0), points_b.min(0)) - distance
+    high = np.minimum(points_a.max(0), points_b.max(0)) + distance
     if (low > high).any():
         return np.zeros(0, np.int64)
-    ours = np.flatnonzero(((mine >= low) & (mine <= high)).all(1))
-    theirs = theirs[((theirs >= low) & (theirs <= high)).all(1)]
+    candidates = np.flatnonzero(((points_a >= low) & (points_a <= high)).all(1))
+    points_b = points_b[((points_b >= low) & (points_b <= high)).all(1)]
     block = lambda points: np.floor((points - low) / distance).astype(np.int64) + 1
     occupied = np.zeros(block(high) + 2, bool)
-    occupied[tuple(block(theirs).T)] = True
+    occupied[tuple(block(points_b).T)] = True
     for axis in range(3):
         before = np.moveaxis(occupied.copy(), axis, 0)
         around = np.moveaxis(occupied, axis, 0)
         around[1:] |= before[:-1]
         around[:-1] |= before[1:]
-    return ours[occupied[tuple(block(mine[ours]).T)]]
+    return candidates[occupied[tuple(block(points_a[candidates]).T)]]

@@ -106,7 +106,7 @@ class RadiativeExchange(AbstractSurfaceTerm):
 
     temperature: Any
     """Of black surroundings [K], a number or a function of time."""
-    most_patches: int = eqx.field(static=True, default=MOST_PATCHES)
+    max_patches: int = eqx.field(static=True, default=MOST_PATCHES)
     """Of a body's surface, of one irradiation each."""
     directions: int = eqx.field(static=True, default=DIRECTIONS)
     """Along which it is looked at for what sees what."""
@@ -191,7 +191,7 @@ def enclosure(
     number = lambda value: jnp.asarray(value, dtype)
     base = sum(references) / len(references)
     return Enclosure(
-        exchange=patch_exchange(surfaces, term.most_patches, term.directions),
+        exchange=patch_exchange(surfaces, term.max_patches, term.directions),
         base=number(base),
         temperature=for_jit(term.temperature, dtype),
         above=tuple(number(reference - base) for reference in references),

@@ -168,7 +168,7 @@ class PatchExchange(eqx.Module):
 
 def patch_exchange(
     surfaces: tuple[Surface, ...],
-    most_patches: int = MOST_PATCHES,
+    max_patches: int = MOST_PATCHES,
     directions: int = DIRECTIONS,
     across: int = ACROSS,
 ) -> PatchExchange:
@@ -176,7 +176,7 @@ def patch_exchange(
 
     Args:
         surfaces: of the bodies, in the scene's order.
-        most_patches: a body.
+        max_patches: a body.
         directions: views of the scene, and of each pair of bodies.
         across: lines over the largest extent.
 
@@ -186,7 +186,7 @@ def patch_exchange(
     # What another body touches keeps a trace of its area: no patch is without any.
     areas = [np.maximum(s.area, 1e-6 * s.grid.fragment_area) for s in surfaces]
     grouped = [
-        group(s.own_position, s.own_normal, area, s.grid.lattice, most_patches)
+        group(s.own_position, s.own_normal, area, s.grid.lattice, max_patches)
         for s, area in zip(surfaces, areas, strict=True)
     ]
     bodies = tuple(

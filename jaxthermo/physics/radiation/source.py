@@ -233,16 +233,16 @@ class PointSource(AbstractSource):
     """World [m]; or a function of time [s] that gives it."""
     radiant_intensity: Any
     """I [W/sr], the power over 4 pi; a number or a function of time."""
-    least_distance: float = eqx.field(static=True, default=0.01)
+    min_distance: float = eqx.field(static=True, default=0.01)
     """R_0 [m]: nearer surfaces get what there is at this distance."""
 
     def __check_init__(self):
         check_point(placed(self.position, 0.0), "PointSource(position=)")
         what = "PointSource(radiant_intensity [W/sr])"
         check_value(self.radiant_intensity, what, 0.0)
-        if not (np.isfinite(self.least_distance) and self.least_distance > 0):
+        if not (np.isfinite(self.min_distance) and self.min_distance > 0):
             raise InputError(
-                f"PointSource(least_distance={self.least_distance!r}): "
+                f"PointSource(min_distance={self.min_distance!r}): "
                 "give a positive length in metres"
             )
 
@@ -289,7 +289,7 @@ class PointSource(AbstractSource):
         eye = np.asarray(self.position, float)
         away = eye - position
         distance = np.linalg.norm(away, axis=1)
-        floored = np.maximum(distance, self.least_distance)
+        floored = np.maximum(distance, self.min_distance)
         along = np.einsum("ij,ij->i", normal, away) / np.where(
             distance > 0, distance, 1
         )
@@ -303,4 +303,4 @@ class PointSource(AbstractSource):
     def forcing(self, end: float | int) -> Forcing:
         """The heat flux at the least distance [W/m^2]."""
         most = largest(self.radiant_intensity, end)
-        return Forcing(heat_flux=most / (self.least_distance * self.least_distance))
+        return Forcing(heat_flux=most / (self.min_distance * self.min_distance))

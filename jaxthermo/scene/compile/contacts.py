@@ -62,7 +62,7 @@ def find_contacts(
     omitted = []
     for number, term in terms:
         touching = contacts_between(placed, term.threshold)
-        found = {key: each for key, each in touching.items() if term.joins(*key)}
+        found = {key: each for key, each in touching.items() if term.connects(*key)}
         if not found:
             omitted.append(Omission(names[number], "no bodies touch"))
         elif is_zero(term.conductance):
@@ -122,7 +122,7 @@ def contact_links(
     found = touching.pairs.get(key)
     if found is None:
         found = no_pairs(len(first.fragment_node), len(second.fragment_node))
-    pairs = found.padded(term.most_pairs or size, names)
+    pairs = found.padded(term.max_pairs or size, names)
     ends = [
         _end(one, fragment, pairs.area, dtype)
         for one, fragment in ((first, pairs.fragment_a), (second, pairs.fragment_b))
@@ -135,8 +135,8 @@ def contact_links(
         fragment=(jnp.asarray(pairs.fragment_a), jnp.asarray(pairs.fragment_b)),
         half_cell=half_cell,
         per_capacity=per_capacity,
-        share=share,
-        area=jnp.asarray(pairs.area * term.through(pairs.gap), dtype),
+        area_fraction=share,
+        area=jnp.asarray(pairs.area * term.gap_factor(pairs.gap), dtype),
         conductance=for_jit(term.conductance, dtype),
     )
 

@@ -47,10 +47,10 @@ TERMS = {
         jt.PointSource((1.0, 0.0, 0.5), 20.0)
     ),
     "{kind: point_source, position: {times: [0, 5], values: [[1, 0, 0], [0, 1, 0]]}, "
-    "radiant_intensity: 3, least_distance: 2 cm, until: 4}": jt.PointSource(
+    "radiant_intensity: 3, min_distance: 2 cm, until: 4}": jt.PointSource(
         jt.PointTable((0.0, 5.0), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))),
         jt.Until(3.0, 4.0),
-        least_distance=0.02,
+        min_distance=0.02,
     ),
     "{kind: area_source, centre: [0, 0, 1], normal: [0, 0, -1], size: [1, 20 cm], "
     "radiance: 5 W/(m^2 sr), patches: 2, up: [0, 1, 0]}": jt.AreaSource(
@@ -68,8 +68,8 @@ TERMS = {
         jt.Surroundings(250.0, ground=290.0, occlusion=64, linear_within=0.02)
     ),
     "{kind: radiative_exchange, temperature: 280}": jt.RadiativeExchange(280.0),
-    "{kind: radiative_exchange, temperature: 280, most_patches: 32, directions: 16}": (
-        jt.RadiativeExchange(280.0, most_patches=32, directions=16)
+    "{kind: radiative_exchange, temperature: 280, max_patches: 32, directions: 16}": (
+        jt.RadiativeExchange(280.0, max_patches=32, directions=16)
     ),
     "{kind: convection, heat_transfer_coefficient: 10, temperature: 290}": (
         jt.Convection(10.0, 290.0)
@@ -112,9 +112,9 @@ TERMS = {
     "{kind: contact, conductance: 1 kW/(m^2 K)}": jt.Contact(1000.0),
     "{kind: contact, conductance: bonded}": jt.bonded,
     "{kind: contact, conductance: {times: [0, 1], values: [0, 9]}, bodies: [1, 0], "
-    "threshold: 2 mm, gap_length: 1 mm, most_pairs: 99}": jt.Contact(
+    "threshold: 2 mm, gap_length: 1 mm, max_pairs: 99}": jt.Contact(
         jt.Table((0.0, 1.0), (0.0, 9.0)), bodies=(1, 0), threshold=0.002,
-        gap_length=0.001, most_pairs=99,
+        gap_length=0.001, max_pairs=99,
     ),
 }  # fmt: skip
 
@@ -241,8 +241,8 @@ def test_fragments_by_a_file(scene, tmp_path, marks):
          "terms.0.occlusion: must be at least 8, got 4"),
         ("{kind: surroundings, temperature: 280, linear_within: 2}",
          "terms.0.linear_within: must be less than 1, got 2"),
-        ("{kind: radiative_exchange, temperature: 280, most_patches: 5}",
-         "terms.0.most_patches: must be at least 6"),
+        ("{kind: radiative_exchange, temperature: 280, max_patches: 5}",
+         "terms.0.max_patches: must be at least 6"),
         ("{kind: surroundings, temperature: 280}, "
          "{kind: radiative_exchange, temperature: 280}",
          "terms.1: radiative_exchange would count the emission twice, after "

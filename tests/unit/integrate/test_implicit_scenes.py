@@ -50,7 +50,7 @@ def _scene(name):
         "contact": (jt.Contact(2000.0), air, sky),
         "varying properties": (air, sky, sun),
         "links": (air, sky, sun),
-        "exchange": (jt.RadiativeExchange(300.0, most_patches=24, directions=32),),
+        "exchange": (jt.RadiativeExchange(300.0, max_patches=24, directions=32),),
         "wind": (jt.Wind((3.0, 0.0, 0.0), 280.0), sun),
     }[name]
     return jt.Scene(bodies, terms, dtype="float64")

@@ -88,7 +88,7 @@ SCENES = {
     "exchange": (
         (_body(500.0), _body(300.0, place=8 * PITCH)),
         (
-            jt.RadiativeExchange(300.0, most_patches=24, directions=32),
+            jt.RadiativeExchange(300.0, max_patches=24, directions=32),
             jt.HeatSource(2e5, within=jt.Region((0.0, 0.0, 0.0), (0.02, 0.03, 0.03))),
         ),
     ),

@@ -40,7 +40,7 @@ ALL = (
     jt.FixedTemperature(310.0, on=jt.Side((0.0, 0.0, -1.0))),
 )
 MUTUAL = (
-    jt.RadiativeExchange(280.0, most_patches=24, directions=24),
+    jt.RadiativeExchange(280.0, max_patches=24, directions=24),
     jt.FreeConvection(285.0, length=0.05),
     jt.Sun((0.5, 0.3, -1.0), 800.0),
 )

@@ -15,7 +15,7 @@ STEEL = jt.Material(16.0, density=8000.0, specific_heat=500.0, emissivity=0.9)
 TERMS = (
     jt.Sun((0.5, 0.3, -1.0), 800.0),
     jt.FreeConvection(285.0, length=0.05),
-    jt.RadiativeExchange(280.0, most_patches=24, directions=24),
+    jt.RadiativeExchange(280.0, max_patches=24, directions=24),
     jt.FixedTemperature(310.0, on=jt.Side((0.0, 0.0, -1.0))),
 )
 

@@ -5,7 +5,11 @@ from hypothesis import given, settings, strategies as st
 from placed import ball_grid, box_grid, placed
 from scipy.spatial import KDTree
 
-from jaxthermo.physics.contact.search import contacts_between, find_contacts, may_touch
+from jaxthermo.physics.contact.search import (
+    broad_phase,
+    contacts_between,
+    find_contacts,
+)
 
 
 PITCH = 0.2
@@ -42,7 +46,7 @@ def test_no_pair_is_lost(seed, count, spread):
         )
         for _ in range(count)
     )
-    found = may_touch(bodies)
+    found = broad_phase(bodies)
     kept = {tuple(pair) for pair in found.pairs.tolist()}
     for i in range(count):
         for j in range(i + 1, count):
@@ -73,7 +77,7 @@ def test_no_contact_is_lost(seed):
 def test_a_body_within_another_is_kept():
     """Its surface is far from the other's, and only depth tells that it overlaps."""
     room = placed(box_grid((2.2, 2.2, 2.2), PITCH))
-    assert may_touch((room, placed(BALL))).pairs.tolist() == [[0, 1]]
+    assert broad_phase((room, placed(BALL))).pairs.tolist() == [[0, 1]]
 
 
 def test_views_prune_what_boxes_do_not():
@@ -82,17 +86,17 @@ def test_views_prune_what_boxes_do_not():
         placed(box_grid((0.1, 0.1, 4.0), 0.05), (1.2 * k, 0.0, 0.0), (0.0, 45.0, 0.0))
         for k in range(4)
     )
-    found = may_touch(rods)
+    found = broad_phase(rods)
     assert (found.possible, found.overlapping_boxes) == (6, 5)
     assert found.pairs.tolist() == [] and found.bodies == ()
 
 
 def test_a_wide_threshold_keeps_more():
     pair = placed(BALL), placed(BALL, (3.0, 0.0, 0.0))
-    assert may_touch(pair).pairs.tolist() == []
-    assert may_touch(pair, 2.1).pairs.tolist() == [[0, 1]]
+    assert broad_phase(pair).pairs.tolist() == []
+    assert broad_phase(pair, 2.1).pairs.tolist() == [[0, 1]]
 
 
 def test_one_body_has_no_pair():
-    found = may_touch((placed(BALL),))
+    found = broad_phase((placed(BALL),))
     assert found.possible == found.overlapping_boxes == len(found.pairs) == 0

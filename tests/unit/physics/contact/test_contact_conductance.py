@@ -10,9 +10,9 @@ from hypothesis import given, settings, strategies as st
 
 from jaxthermo.errors import InputError
 from jaxthermo.physics.contact.links import (
-    closeness,
     coefficient_across,
     contact_conductance_of,
+    gap_factor,
     half_conductance,
     series_conductance,
 )
@@ -93,9 +93,9 @@ def test_a_fragments_half_cell_is_shared_by_its_pairs():
 
 def test_the_gap_law_falls_smoothly_from_one_to_nothing():
     gap = jnp.array([-1.0, 0.0, 0.25, 0.5, 0.75, 1.0, 2.0]) * 1e-3
-    left = np.asarray(closeness(gap, 1e-3))
+    left = np.asarray(gap_factor(gap, 1e-3))
     assert left == pytest.approx([1, 1, 27 / 32, 0.5, 5 / 32, 0, 0], abs=1e-15)
-    slope = jax.jit(jax.vmap(jax.grad(lambda g: closeness(g, 1e-3))))
+    slope = jax.jit(jax.vmap(jax.grad(lambda g: gap_factor(g, 1e-3))))
     found = np.asarray(slope(jnp.array([-1e-9, 1e-9, 1e-3 - 1e-9, 1e-3 + 1e-9, 5e-4])))
     assert np.abs(found[:4]).max() < 1e-5 * 1.5 / 1e-3
     assert found[4] == pytest.approx(-1.5 / 1e-3)
@@ -106,7 +106,7 @@ def test_the_coefficient_across_a_gap(h_c):
     gap = jnp.array([0.0, 4e-4, 2e-3])
     across = lambda length, h: coefficient_across(gap, h, length)
     found = np.asarray(across(1e-3, h_c))
-    left = np.asarray(closeness(gap, 1e-3))
+    left = np.asarray(gap_factor(gap, 1e-3))
     expected = np.where(left > 0, h_c, 0.0)
     if math.isfinite(h_c):
         expected = h_c * left
@@ -128,4 +128,4 @@ def test_the_coefficient_across_a_gap(h_c):
 @pytest.mark.parametrize("length", [0.0, -1e-3, math.inf, math.nan])
 def test_a_gap_length_must_be_one(length):
     with pytest.raises(InputError, match="gap_length"):
-        closeness(jnp.zeros(2), length)
+        gap_factor(jnp.zeros(2), length)

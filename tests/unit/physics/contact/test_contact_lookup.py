@@ -5,7 +5,7 @@ import pytest
 from placed import ball_grid, box_grid
 
 from jaxthermo.geometry.mesh import Mesh
-from jaxthermo.physics.contact.rays import FARTHEST, nearest_fragments
+from jaxthermo.physics.contact.rays import MAX_FRAGMENT_DISTANCE, nearest_fragments
 from jaxthermo.voxels.voxelize import voxelize
 
 
@@ -64,5 +64,5 @@ def test_a_part_without_voxels_has_no_fragments():
     far = np.flatnonzero(mesh.triangles.mean(1)[:, 0] > 1.0)
     point = mesh.triangles[far].mean(1)
     apart = np.linalg.norm(point[:, None] - grid.fragment_position, axis=2).min(1)
-    assert (apart > FARTHEST * grid.pitch).all()
+    assert (apart > MAX_FRAGMENT_DISTANCE * grid.pitch).all()
     assert (nearest_fragments(grid, point, far) == -1).all()

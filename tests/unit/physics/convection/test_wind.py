@@ -214,11 +214,11 @@ def notes(wind, seen):
     return binding.notes
 
 
-def test_notes_tell_of_recalled_shapes_and_held_numbers(seen):
+def test_notes_name_recalled_shapes_and_constant_numbers(seen):
     assert notes(Wind((2.0, 0, 0), AIR), seen) == ()
     assert "recalled" in notes(Wind((15.0, 0, 0), AIR), seen)[0]
-    held, recalled = notes(Wind((1e3, 0, 0), AIR), seen)
-    assert "is held" in held and "recalled" in recalled
+    constant, recalled = notes(Wind((1e3, 0, 0), AIR), seen)
+    assert "is constant" in constant and "recalled" in recalled
     gusts = jt.Table([0.0, 1.0], [0.0, 15.0])
     assert "recalled" in notes(Wind(ALONG_X, AIR, speed=gusts), seen)[0]
     assert notes(Wind(ALONG_X, AIR, speed=lambda t: 99.0), seen) == ()
