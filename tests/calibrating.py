@@ -7,7 +7,7 @@ import jaxthermo as jt
 from calibrate.problem.parameters import Parameter, ParameterSet
 from calibrate.problem.problem import Case, Problem
 from calibrate.problem.targets import surface_target
-from jaxthermo.integrate.run.parametric_run import Response
+from jaxthermo.integrate.run.parametric_run import ParametricRun
 from jaxthermo.integrate.run.solution_file import StoredSolution
 from tests.bodies import blocks
 
@@ -45,9 +45,11 @@ def scene(side, dtype="float64", weights=None):
 
 def data(made, dtype):
     """A run of a scene as what fits are held against."""
-    response = Response(SAVES)
-    answer = response(made, response.layout(made))
-    run = StoredSolution(jnp.asarray(SAVES), answer.surface, answer.surfaces)
+    response = ParametricRun(SAVES)
+    answer = response(made, response.step_table(made))
+    run = StoredSolution(
+        jnp.asarray(SAVES), answer.surface_temperature, answer.surfaces
+    )
     return surface_target(run, dtype)
 
 
@@ -59,5 +61,5 @@ def twin(parameters=(WITHIN, BETWEEN), dtype="float64", truth=TRUTH, solver=None
         names = {name.removeprefix("weights."): v for name, v in truth.items()}
         true = scene(side, dtype, jt.ConductionWeights(**names))
         target = data(true, jnp.dtype(dtype))
-        cases.append(Case(str(side), start, Response(SAVES, solver), target))
+        cases.append(Case(str(side), start, ParametricRun(SAVES, solver), target))
     return Problem(chosen, tuple(cases))

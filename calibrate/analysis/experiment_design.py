@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 
 from jaxthermo.arrays import precision
 from jaxthermo.config.schema.image import CameraConfig
-from jaxthermo.integrate.run.parametric_run import Answer, Response
+from jaxthermo.integrate.run.parametric_run import ParametricRun, ParametricSolution
 from jaxthermo.integrate.surface_error import error_span
 from jaxthermo.scene.scene import Scene
 
@@ -27,7 +27,7 @@ from ..solvers.fit import Fit
 from .identifiability import information_gain
 
 
-Measurement = Callable[[Scene, Answer], Float[Array, "t r"]]
+Measurement = Callable[[Scene, ParametricSolution], Float[Array, "t r"]]
 """Measured values of a run [standard deviations], one row per time."""
 
 
@@ -61,7 +61,7 @@ def rank_experiments(
     for case in calibration.train.cases:
         log(f"{case.name}: information of other save times")
         # The middle of every span between save times, the first from 0.
-        ends = np.array([0.0, *case.response.saves])
+        ends = np.array([0.0, *case.response.save_times])
         times = tuple((0.5 * (ends[1:] + ends[:-1])).tolist())
         measure = _measurement(calibration, (), case.scene, times, sd)
         every = _rows_per_time(calibration, fit, case.scene, times, measure)
@@ -84,12 +84,20 @@ def _measurement(
         return lambda scene, answer: target.measure(views, scene, answer, times)
     count = len(target.times)
 
-    def surface(scene: Scene, answer: Answer) -> Float[Array, "t r"]:
+    def surface(scene: Scene, answer: ParametricSolution) -> Float[Array, "t r"]:
         del scene
         area = np.concatenate([s.geometry.fragment_area for s in answer.surfaces])
-        weight = jnp.asarray(np.sqrt(area / area.sum())[None], answer.surface.dtype)
-        span = error_span(answer.surface)[:, None]
-        return 100 / (sd * (count * cases) ** 0.5) * weight * answer.surface / span
+        weight = jnp.asarray(
+            np.sqrt(area / area.sum())[None], answer.surface_temperature.dtype
+        )
+        span = error_span(answer.surface_temperature)[:, None]
+        return (
+            100
+            / (sd * (count * cases) ** 0.5)
+            * weight
+            * answer.surface_temperature
+            / span
+        )
 
     return surface
 
@@ -104,13 +112,13 @@ def _rows_per_time(
     problem = calibration.train
     with precision(problem.dtype.name):
         z = jnp.asarray(fit.z, problem.dtype)
-        response = Response(times, problem.cases[0].response.solver)
+        response = ParametricRun(times, problem.cases[0].response.solver)
         longest = None
-        if response.follows_stability:
+        if response.uses_stable_step:
             # Steps for the stiffer of the fitted scene and the one as given.
             both = (problem.parameters.insert(scene, z), scene)
             longest = min(float(response.stable_step(s)) for s in both)
-        layout = response.layout(scene, longest)
+        layout = response.step_table(scene, longest)
 
         def measured(z, layout):
             changed = problem.parameters.insert(scene, z)

@@ -8,7 +8,8 @@ import numpy as np
 
 from jaxthermo.arrays import precision
 from jaxthermo.config.schema.scene import SceneConfig
-from jaxthermo.integrate.run.simulate import Plan, plan, run, start
+from jaxthermo.integrate.run.plan import Plan, initial_state, plan_run
+from jaxthermo.integrate.run.simulate import integrate
 from jaxthermo.integrate.solvers import ForwardEuler
 from jaxthermo.scene.scene import Scene
 
@@ -34,9 +35,9 @@ def measure_speed(config: SceneConfig, default: Scene, fitted: Scene) -> dict[st
     solver = config.solver.build()
     with precision(config.dtype):
         plans = {
-            "full_volume": plan(full, end, saves, ForwardEuler()),
-            "default": plan(default, end, saves, solver),
-            "fitted": plan(fitted, end, saves, solver),
+            "full_volume": plan_run(full, end, saves, ForwardEuler()),
+            "default": plan_run(default, end, saves, solver),
+            "fitted": plan_run(fitted, end, saves, solver),
         }
         # The first runs compile.
         total = sum(_seconds(planned) for planned in plans.values())
@@ -67,5 +68,5 @@ def _ratios(spans: dict[str, list[float]], name: str) -> dict[str, float]:
 
 def _seconds(planned: Plan) -> float:
     clock = time.perf_counter()
-    jax.block_until_ready(run(planned, start(planned)))
+    jax.block_until_ready(integrate(planned, initial_state(planned)))
     return time.perf_counter() - clock

@@ -15,7 +15,7 @@ from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.errors import InputError
 from jaxthermo.image.files import read_exr
 from jaxthermo.image.view import View
-from jaxthermo.integrate.run.parametric_run import Answer, Response
+from jaxthermo.integrate.run.parametric_run import ParametricRun, ParametricSolution
 from jaxthermo.integrate.run.solution_file import load_solution
 from jaxthermo.integrate.surface_error import check_surfaces
 from jaxthermo.scene.compile.compile import compile_scene
@@ -80,7 +80,7 @@ def build(config: CalibrationConfig, log: Log) -> Calibration:
         made = []
         for case in cases:
             given = configs[case.name]
-            response = Response(given.time.save_times, given.solver.build())
+            response = ParametricRun(given.time.save_times, given.solver.build())
             target = targets.build(case)
             made.append(Case(case.name, scenes[case.name], response, target))
         return Problem(parameters, tuple(made), config.fit.time_norm)
@@ -244,8 +244,8 @@ class _TargetBuilder:
         scene = truth.build()
         frames = []
         with precision(truth.dtype):
-            response = Response(times, truth.solver.build())
-            answer: Answer = response(scene, response.layout(scene))
+            response = ParametricRun(times, truth.solver.build())
+            answer: ParametricSolution = response(scene, response.step_table(scene))
             cameras = self._cameras(given, case.name)
             for view in camera_views(cameras, scene, answer.surfaces):
                 rendered = render_frames(view, scene, answer, times, given.quantity)

@@ -13,7 +13,8 @@ from jax.extend.core import ClosedJaxpr, jaxpr_as_fun
 from jaxtyping import Array, Bool, Float
 
 from jaxthermo.errors import InputError
-from jaxthermo.integrate.run.parametric_run import Layout, Response, with_more_steps
+from jaxthermo.integrate.run.parametric_run import ParametricRun, with_more_steps
+from jaxthermo.integrate.run.plan import StepTable
 from jaxthermo.integrate.solvers import ForwardEuler
 from jaxthermo.scene.scene import Scene
 
@@ -41,14 +42,14 @@ class Case:
     name: str
     scene: Scene
     """Scene with the values at the start."""
-    response: Response
+    response: ParametricRun
     target: AbstractTarget
 
     def __post_init__(self):
-        if tuple(self.response.saves) != tuple(self.target.times):
+        if tuple(self.response.save_times) != tuple(self.target.times):
             raise InputError(
                 f"case {self.name}: its data are of {list(self.target.times)} s and "
-                f"the run saves {list(self.response.saves)} s"
+                f"the run saves {list(self.response.save_times)} s"
             )
 
 
@@ -66,7 +67,7 @@ class RunDiagnostics(NamedTuple):
         return tuple(np.asarray(rows, float) for rows in self.errors)
 
 
-Layouts = tuple[Layout, ...]
+Layouts = tuple[StepTable, ...]
 """Step sizes and counts of each case."""
 
 
@@ -134,9 +135,9 @@ class Problem:
         found = []
         for case in self.cases:
             longest = None
-            if case.response.follows_stability:
+            if case.response.uses_stable_step:
                 longest = float(case.response.stable_step(case.scene)) / STEP_MARGIN
-            found.append(case.response.layout(case.scene, longest))
+            found.append(case.response.step_table(case.scene, longest))
         return tuple(found)
 
     def layouts_at(self, z: Coordinates, layouts: Layouts | None = None) -> Layouts:
@@ -171,7 +172,7 @@ class Problem:
         """Stability limit of each case at z [s]; infinite where the solver has none."""
         steps = [
             jnp.asarray(case.response.stable_step(self.scene(case, z)), z.dtype)
-            if case.response.follows_stability
+            if case.response.uses_stable_step
             else jnp.asarray(jnp.inf, z.dtype)
             for case in self.cases
         ]
@@ -182,9 +183,9 @@ class Problem:
         cases = []
         for case in self.cases:
             response = case.response
-            if response.follows_stability:
+            if response.uses_stable_step:
                 dt = float(response.stable_step(case.scene)) / FIXED_STEP_MARGIN
-                dt = dt if np.isfinite(dt) else response.saves[-1]
+                dt = dt if np.isfinite(dt) else response.save_times[-1]
                 response = replace(response, solver=ForwardEuler(dt=dt))
             cases.append(replace(case, response=response))
         return replace(self, cases=tuple(cases))
@@ -255,6 +256,6 @@ def refine_layouts(
     return tuple(found) if changed else layouts
 
 
-def _longest_step(layout: Layout) -> float:
-    sizes, counts = np.asarray(layout[1]), np.asarray(layout[2])
+def _longest_step(layout: StepTable) -> float:
+    sizes, counts = np.asarray(layout.dt), np.asarray(layout.steps)
     return float(sizes[counts > 0].max())

@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 from typing_extensions import override
 
 from jaxthermo.errors import InputError
-from jaxthermo.integrate.run.parametric_run import Answer
+from jaxthermo.integrate.run.parametric_run import ParametricSolution
 from jaxthermo.integrate.surface_error import AnySolution, error_span
 from jaxthermo.scene.scene import Scene
 
@@ -55,7 +55,7 @@ class AbstractTarget(eqx.Module):
         """Standard deviation of a residual due to noise; None if it is not known."""
 
     @abc.abstractmethod
-    def residual(self, scene: Scene, answer: Answer) -> Float[Array, "t r"]:
+    def residual(self, scene: Scene, answer: ParametricSolution) -> Float[Array, "t r"]:
         """Residuals of a run, one row per saved time."""
 
     @abc.abstractmethod
@@ -84,9 +84,9 @@ class SurfaceTarget(AbstractTarget):
         return None
 
     @override
-    def residual(self, scene: Scene, answer: Answer) -> Float[Array, "t r"]:
+    def residual(self, scene: Scene, answer: ParametricSolution) -> Float[Array, "t r"]:
         del scene
-        return (answer.surface - self.reference) * self.scale
+        return (answer.surface_temperature - self.reference) * self.scale
 
     @override
     def case_error(self, errors: Float[np.ndarray, " t"]) -> CaseError:

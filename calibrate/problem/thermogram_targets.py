@@ -14,7 +14,7 @@ from jaxthermo.errors import InputError
 from jaxthermo.image.camera import AbstractCamera
 from jaxthermo.image.render import draw
 from jaxthermo.image.view import View, look
-from jaxthermo.integrate.run.parametric_run import Answer
+from jaxthermo.integrate.run.parametric_run import ParametricSolution
 from jaxthermo.scene.scene import Scene
 from jaxthermo.scene.solved_surface import SolvedSurface
 
@@ -49,7 +49,7 @@ class FrameTarget(AbstractTarget):
         return 1 / math.sqrt(self.pixel_count)
 
     @override
-    def residual(self, scene: Scene, answer: Answer) -> Float[Array, "t r"]:
+    def residual(self, scene: Scene, answer: ParametricSolution) -> Float[Array, "t r"]:
         parts = [
             self.model_pixels(n, scene, answer) - self.data[n]
             for n in range(len(self.views))
@@ -70,7 +70,7 @@ class FrameTarget(AbstractTarget):
         return found.reshape(height, width)
 
     def model_pixels(
-        self, view: int, scene: Scene, answer: Answer
+        self, view: int, scene: Scene, answer: ParametricSolution
     ) -> Float[Array, "t p"]:
         """Compared pixels of a view as the model gives them."""
         frames = render_frames(
@@ -82,7 +82,7 @@ class FrameTarget(AbstractTarget):
         self,
         views: tuple[View, ...],
         scene: Scene,
-        answer: Answer,
+        answer: ParametricSolution,
         times: tuple[float, ...],
     ) -> Float[Array, "t r"]:
         """Pixels of bodies in any views [standard deviations of the noise]."""
@@ -95,7 +95,11 @@ class FrameTarget(AbstractTarget):
 
 
 def render_frames(
-    view: View, scene: Scene, answer: Answer, times: tuple[float, ...], quantity: str
+    view: View,
+    scene: Scene,
+    answer: ParametricSolution,
+    times: tuple[float, ...],
+    quantity: str,
 ) -> Float[Array, "t h w"]:
     """Whole frames of a run, as "temperature" [K] or "radiance" [W/(m^2 sr)]."""
 
@@ -104,7 +108,9 @@ def render_frames(
         is_temperature = quantity == "temperature"
         return image.apparent_temperature if is_temperature else image.radiance
 
-    return jax.vmap(frame)(answer.surface, jnp.asarray(times, answer.surface.dtype))
+    return jax.vmap(frame)(
+        answer.surface_temperature, jnp.asarray(times, answer.surface_temperature.dtype)
+    )
 
 
 def view_of(

@@ -21,7 +21,7 @@ from jaxthermo.config.camera_framing import build_camera
 from jaxthermo.image.palette import apply_palette
 from jaxthermo.image.render import draw
 from jaxthermo.image.ticks import decimals_of, label, nice_ticks, time_label
-from jaxthermo.integrate.run.parametric_run import Answer
+from jaxthermo.integrate.run.parametric_run import ParametricSolution
 
 from ..problem.problem import Case, Problem
 from ..problem.targets import SurfaceTarget
@@ -38,7 +38,7 @@ DECADES = 1.0
 
 Frame = Float[np.ndarray, "h w"]
 Mask = Bool[np.ndarray, "h w"]
-Answers = dict[str, Answer]
+Answers = dict[str, ParametricSolution]
 """By "default" and "fitted"."""
 
 
@@ -91,7 +91,9 @@ def difference_picture(
             return np.asarray(seen.temperature, float)
 
     differences = {
-        f"{name}, {time_label(target.times[when])}": frame(answer.surface, when)
+        f"{name}, {time_label(target.times[when])}": frame(
+            answer.surface_temperature, when
+        )
         - frame(target.reference, when)
         for when in whens
         for name, answer in found.items()

@@ -22,8 +22,7 @@ import jaxthermo as jt
 from jaxthermo.config.loader import load_config
 from jaxthermo.integrate.explicit.euler import EulerStepper
 from jaxthermo.integrate.run.ledger import empty_ledger
-from jaxthermo.integrate.run.state import RunState
-from jaxthermo.integrate.run.time_loop import advance
+from jaxthermo.integrate.stepper import RunState, advance
 from jaxthermo.scene.compile.compile import compile_scene
 
 

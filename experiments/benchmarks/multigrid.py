@@ -26,10 +26,10 @@ from rich.table import Table
 import jaxthermo as jt
 from jaxthermo.geometry.figurine import figurine
 from jaxthermo.integrate.implicit.conjugate_gradient import (
-    AbstractMeasure,
-    ConjugateGradients,
+    AbstractStoppingNorm,
+    ConjugateGradient,
 )
-from jaxthermo.integrate.solvers import COARSE_RATIO
+from jaxthermo.integrate.implicit.context import MULTIGRID_STEP_RATIO
 from jaxthermo.network.multigrid import Hierarchy, hierarchy, jacobi
 from jaxthermo.network.network import AbstractNetwork
 from jaxthermo.physics.conduction import assemble_uniform
@@ -96,22 +96,22 @@ def system(height: int, dt: float | None) -> System:
     )
 
 
-class Norm(AbstractMeasure):
+class Norm(AbstractStoppingNorm):
     """The residual's, as scipy stops by."""
 
-    def before(self, residual: Any) -> jax.Array:
+    def initial(self, residual: Any) -> jax.Array:
         """|r|."""
         return jnp.sqrt(jnp.vdot(residual, residual))
 
-    def after(self, residual: Any, moved: Any) -> jax.Array:
+    def after_step(self, residual: Any, moved: Any) -> jax.Array:
         """|r|."""
         del moved
-        return self.before(residual)
+        return self.initial(residual)
 
-    def at_end(self, residual: Any, correct: Callable[[Any], Any]) -> jax.Array:
+    def final(self, residual: Any, correct: Callable[[Any], Any]) -> jax.Array:
         """|r|."""
         del correct
-        return self.before(residual)
+        return self.initial(residual)
 
 
 @jax.jit
@@ -124,7 +124,7 @@ def conjugate_gradients(
         jax.eval_shape(lambda: b),
         lx.positive_semidefinite_tag,
     )
-    solver = ConjugateGradients(Norm(), TOLERANCE, relative=True, most=MOST)
+    solver = ConjugateGradient(Norm(), TOLERANCE, relative=True, max_iterations=MOST)
     cycle = jacobi(network, m) if levels is None else levels.prepared(m)
     options = {"preconditioner": cycle}
     found = lx.linear_solve(operator, b, solver, options=options, throw=False)
@@ -162,7 +162,7 @@ def _scipy(given: System, preconditioner: Any) -> Solved:
 def _compare(given: System, dt: float | None, repeats: int) -> dict[str, Any]:
     """Times, iterations and true residuals of one system."""
     stable = float(1 / given.network.largest_rate())
-    chosen = MULTIGRID if dt is None or dt > COARSE_RATIO * stable else DIAGONAL
+    chosen = MULTIGRID if dt is None or dt > MULTIGRID_STEP_RATIO * stable else DIAGONAL
     clock = time.perf_counter()
     arguments = given.network, given.levels, given.m, given.b
     conjugate_gradients.lower(*arguments).compile()

@@ -17,8 +17,9 @@ from rich.console import Console
 from rich.table import Table
 
 import jaxthermo as jt
-from jaxthermo.integrate.explicit.rkl2 import stages_for
-from jaxthermo.integrate.run.simulate import Plan, plan, run as run_plan, solve, start
+from jaxthermo.integrate.explicit.rkl2 import stage_count
+from jaxthermo.integrate.run.plan import Plan, initial_state, plan_run
+from jaxthermo.integrate.run.simulate import integrate, run_plan
 from jaxthermo.integrate.run.solution import RESULTS
 from jaxthermo.timing import Timing
 
@@ -62,18 +63,18 @@ def _tries() -> dict[str, Iterator[tuple[str, Any]]]:
 
 def _evaluations(todo: Plan, solution: jt.Solution) -> int:
     """Of all conductances of the body: stages, or iterations of linear solves."""
-    effort = solution.run.effort
+    effort = solution.run.statistics
     if effort is not None:
-        return int(effort.linear) + 2 * int(effort.newton)
+        return int(effort.linear_iterations) + 2 * int(effort.newton_iterations)
     stable = float(todo.compiled.stable_step)
-    each = lambda i: stages_for(i.dt, stable) if i.dt > stable * 1.000001 else 1
+    each = lambda i: stage_count(i.dt, stable) if i.dt > stable * 1.000001 else 1
     return sum(i.steps * each(i) for i in todo.intervals)
 
 
 def _cheapest(scene: jt.Scene, tries, reference: jt.Solution) -> Found | None:
     for how, solver in tries:
-        todo = plan(scene, END, SAVE_AT, solver)
-        found = solve(scene, todo)
+        todo = plan_run(scene, END, SAVE_AT, solver)
+        found = run_plan(todo)
         error = float(jt.surface_error(found, reference).worst_rms_percent)
         if found.result == RESULTS.successful and error <= ERROR:
             return Found(how, todo, error, _evaluations(todo, found))
@@ -82,7 +83,7 @@ def _cheapest(scene: jt.Scene, tries, reference: jt.Solution) -> Found | None:
 
 def _timed(runs: dict[str, Plan], repeats: int) -> dict[str, list[float]]:
     """Wall times of each, in turn, after one that compiles; scene set-up apart."""
-    call = lambda todo: jax.block_until_ready(run_plan(todo, start(todo)))
+    call = lambda todo: jax.block_until_ready(integrate(todo, initial_state(todo)))
     spans: dict[str, list[float]] = {name: [] for name in runs}
     for todo in runs.values():
         call(todo)
@@ -95,10 +96,10 @@ def _timed(runs: dict[str, Plan], repeats: int) -> dict[str, list[float]]:
 
 
 def _measure(scene: jt.Scene, repeats: int) -> dict[str, Any]:
-    explicit = plan(scene, END, SAVE_AT, jt.ForwardEuler())
+    explicit = plan_run(scene, END, SAVE_AT, jt.ForwardEuler())
     stable = float(explicit.compiled.stable_step)
     reference = jt.simulate(scene, END, SAVE_AT, solver=jt.ForwardEuler(dt=stable / 4))
-    euler = solve(scene, explicit)
+    euler = run_plan(explicit)
     found = {
         name: _cheapest(scene, tries, reference) for name, tries in _tries().items()
     }

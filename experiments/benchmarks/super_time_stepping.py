@@ -19,9 +19,13 @@ from rich.console import Console
 from rich.table import Table
 
 import jaxthermo as jt
-from jaxthermo.integrate.explicit.rkl2 import LegendreStepper, coefficients, stages_for
-from jaxthermo.integrate.run.simulate import Plan, plan, start
-from jaxthermo.integrate.run.time_loop import advance
+from jaxthermo.integrate.explicit.rkl2 import (
+    RKL2Stepper,
+    rkl2_coefficients,
+    stage_count,
+)
+from jaxthermo.integrate.run.plan import Plan, initial_state, plan_run
+from jaxthermo.integrate.stepper import advance
 from jaxthermo.network.stencil import UniformStencil
 from jaxthermo.timing import Timing
 
@@ -87,7 +91,7 @@ def _first(rows, zero, change, last):
 
 def _peer_run(peer: Peer, state: np.ndarray, dt: float, steps: int, stages: int):
     """All steps of the scheme on a copy of the state."""
-    weight, table = 4 / (stages**2 + stages - 2), coefficients(stages)
+    weight, table = 4 / (stages**2 + stages - 2), rkl2_coefficients(stages)
     one = lambda *values: tuple(np.float32(v) for v in values)
     span = dt * weight
     g = span * peer.conducts
@@ -143,11 +147,11 @@ def _peer_of(todo: Plan, scene: jt.Scene) -> Peer:
 
 def _compare(scene: jt.Scene, steps: int, repeats: int) -> dict[str, Any]:
     dt = END / steps
-    todo = plan(scene, END, None, jt.SuperTimeStepping(dt=dt))
-    stages = stages_for(dt, float(todo.compiled.stable_step))
-    peer, first = _peer_of(todo, scene), start(todo)
+    todo = plan_run(scene, END, None, jt.SuperTimeStepping(dt=dt))
+    stages = stage_count(dt, float(todo.compiled.stable_step))
+    peer, first = _peer_of(todo, scene), initial_state(todo)
     begin, span = jnp.float32(0), jnp.float32(dt)
-    program, stepper = todo.compiled.program, LegendreStepper(stages)
+    program, stepper = todo.compiled.program, RKL2Stepper(stages)
     count = jnp.int32(steps)
     loop = eqx.filter_jit(lambda p, s: advance(stepper, p, s, begin, span, count))
     ours = lambda: jax.block_until_ready(loop(program, first)).theta[0]

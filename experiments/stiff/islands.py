@@ -72,7 +72,7 @@ def _at_rest(scene: jt.Scene) -> Row:
     far = scene.bodies[0].structure.grid.fragment_position[:, 0] > 0.02
     off = max(abs(surface[far] - 330.0).max(), abs(surface[~far] - 300.0).max())
     checks = (
-        Check("islands", rest.islands, 1, 1),
+        Check("islands", rest.isolated_components, 1, 1),
         Check("off [K]", float(off), 1e-6),
     )
     return Row("steady state", "steady", scene.dtype, checks=checks)

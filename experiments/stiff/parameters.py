@@ -9,10 +9,10 @@ import numpy as np
 
 import jaxthermo as jt
 from jaxthermo.arrays import precision
+from jaxthermo.integrate.run.solution import result_name
 
 from .bodies import COLD, HOT, block, two_halves
 from .case import Case, Check, Row, broken, refusal
-from .solved import result_name
 
 
 SOLVERS = {

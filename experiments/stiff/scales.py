@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 import jaxthermo as jt
-from jaxthermo.integrate.explicit.rkl2 import stages_for
+from jaxthermo.integrate.explicit.rkl2 import stage_count
 
 from .bodies import AEROGEL, DIAMOND, beside, block
 from .case import Case, Check, Row
@@ -81,7 +81,7 @@ def _slab(biot: float, cells: int, end: float, exact: float, steps: int):
     what = f"Bi = {biot:g}"
     long = Method(f"SuperTimeStepping, {note}", jt.SuperTimeStepping(dt=dt), end)
     # Rounding of s stages grows as s^2 (Meyer et al. 2014).
-    rounding = stages_for(dt, stable) ** 2 * float(np.finfo(float).eps)
+    rounding = stage_count(dt, stable) ** 2 * float(np.finfo(float).eps)
     loose = Limits(LIMITS.overshoot, {"float64": max(1e-12, rounding)})
     yield _near(what, scene, long, exact, loose)
     for method in (*implicit(dt, note, steps), adaptive(end, error=1e-4)):

@@ -9,15 +9,12 @@ import numpy as np
 
 import jaxthermo as jt
 from jaxthermo.arrays import precision
-from jaxthermo.integrate.run.schedule import legs
-from jaxthermo.integrate.run.simulate import (
-    conclude,
-    layout_table,
-    plan,
-    run_all,
-    start,
-)
-from jaxthermo.integrate.solvers import KELVIN, AbstractSolver
+from jaxthermo.integrate.implicit.context import LINEAR_TOLERANCE
+from jaxthermo.integrate.run.plan import initial_state, plan_run, step_table
+from jaxthermo.integrate.run.schedule import save_intervals
+from jaxthermo.integrate.run.simulate import make_solution, take_steps_jit
+from jaxthermo.integrate.run.solution import result_name
+from jaxthermo.integrate.solvers import AbstractSolver
 
 from .case import PASS, REPORTED, Check, Row, broken
 
@@ -81,12 +78,6 @@ class Ran(NamedTuple):
         return float(np.abs(np.asarray(self.solution.energy.residual_relative)).max())
 
 
-def result_name(result: jt.RESULTS) -> str:
-    """Of how a run ended."""
-    names = jt.RESULTS._name_to_item
-    return next(name for name in names if result == getattr(jt.RESULTS, name))
-
-
 def run_nodes(
     scene: jt.Scene,
     solver: AbstractSolver,
@@ -102,18 +93,20 @@ def run_nodes(
         save_at: times to keep [s].
     """
     with precision(scene.dtype):
-        todo = plan(scene, end, save_at, solver)
+        todo = plan_run(scene, end, save_at, solver)
         program, layout = (
             todo.compiled.program,
-            layout_table(todo, legs(todo.intervals)),
+            step_table(todo, save_intervals(todo.intervals)),
         )
         begin = time.perf_counter()
-        jax.block_until_ready(run_all(todo.stepper, program, start(todo), layout)[1])
+        jax.block_until_ready(
+            take_steps_jit(todo.stepper, program, initial_state(todo), layout)[1]
+        )
         middle = time.perf_counter()
-        state, seen = run_all(todo.stepper, program, start(todo), layout)
+        state, seen = take_steps_jit(todo.stepper, program, initial_state(todo), layout)
         jax.block_until_ready(seen)
         took = time.perf_counter() - middle
-        solution = conclude(scene, todo, seen)
+        solution = make_solution(todo, seen)
         nodes = tuple(
             float(part.reference)
             + np.asarray(part.network.temperature(theta), float)[
@@ -129,7 +122,7 @@ def run_nodes(
 def stable_step(scene: jt.Scene) -> float:
     """The largest explicit step [s]."""
     with precision(scene.dtype):
-        limit = plan(scene, 0.0, None).limit
+        limit = plan_run(scene, 0.0, None).stable_step
     assert limit is not None
     return limit
 
@@ -170,7 +163,7 @@ def row_of(
     more: tuple[Check, ...] = (),
 ) -> Row:
     """The row of a run; arguments as of `judged`, with `more` checks."""
-    over, effort = ran.beyond(bounds), ran.solution.run.effort
+    over, effort = ran.beyond(bounds), ran.solution.run.statistics
     kept, bounded = limits.overshoot[dtype], bounds[1] - bounds[0]
     overshoot = {
         "kept": Check("overshoot", over, kept),
@@ -181,7 +174,7 @@ def row_of(
     if effort is not None:
         checks.append(Check("unsaid", float(unsaid(ran, dtype, method.solver)), 0.0))
     if effort is not None and most_newton is not None:
-        taken = int(effort.newton) / max(ran.solution.run.steps, 1)
+        taken = int(effort.newton_iterations) / max(ran.solution.run.steps, 1)
         checks.append(Check("Newton steps", taken, most_newton))
         checks.append(Check("not settled", float(effort.newton_failed), 0.0))
     return Row(
@@ -190,8 +183,8 @@ def row_of(
         dtype,
         overshoot_K=over,
         energy_residual=ran.residual,
-        newton=None if effort is None else int(effort.newton),
-        linear=None if effort is None else int(effort.linear),
+        newton=None if effort is None else int(effort.newton_iterations),
+        linear=None if effort is None else int(effort.linear_iterations),
         compile_s=ran.compile_s,
         run_s=ran.run_s,
         result=ran.result,
@@ -206,8 +199,11 @@ def unsaid(ran: Ran, dtype: str, solver: Any) -> bool:
     A solve is called done within twice its tolerance; steps of an adaptive solver that
     were rejected and taken again do not count.
     """
-    effort = ran.solution.run.effort
+    effort = ran.solution.run.statistics
     given = getattr(solver, "tolerance", None)
-    tolerance = KELVIN[dtype] if given is None else given
-    short = float(effort.left) > 2 * tolerance and int(effort.rejected) == 0
+    tolerance = LINEAR_TOLERANCE[dtype] if given is None else given
+    short = (
+        float(effort.largest_linear_residual) > 2 * tolerance
+        and int(effort.rejected_steps) == 0
+    )
     return ran.result == "successful" and (short or bool(effort.linear_failed))

@@ -14,15 +14,9 @@ from jaxtyping import Float
 from jaxthermo.arrays import precision
 from jaxthermo.errors import InputError
 from jaxthermo.integrate.run.observe import Observation
-from jaxthermo.integrate.run.schedule import legs
-from jaxthermo.integrate.run.simulate import (
-    Plan,
-    conclude,
-    layout_table,
-    plan,
-    run_all,
-    start,
-)
+from jaxthermo.integrate.run.plan import Plan, initial_state, plan_run, step_table
+from jaxthermo.integrate.run.schedule import save_intervals
+from jaxthermo.integrate.run.simulate import make_solution, take_steps
 from jaxthermo.integrate.run.solution import RESULTS, Solution
 from jaxthermo.integrate.solvers import ForwardEuler
 from jaxthermo.integrate.surface_error import AnySolution
@@ -56,7 +50,7 @@ class Runner:
             InputError: if temperatures stopped being finite or fell below 0 K.
         """
         with precision(self.scene.dtype):
-            found = conclude(self.scene, self.plan, seen)
+            found = make_solution(self.plan, seen)
         if found.result != RESULTS.successful:
             raise InputError(RESULTS[found.result])
         return found
@@ -74,14 +68,14 @@ def prepare(
         dt: the step; the largest stable one if not given [s].
     """
     with precision(scene.dtype):
-        todo = plan(scene, t1, save_at, ForwardEuler(dt=dt))
-        program, state = todo.compiled.program, start(todo)
-        layout = layout_table(todo, legs(todo.intervals))
+        todo = plan_run(scene, t1, save_at, ForwardEuler(dt=dt))
+        program, state = todo.compiled.program, initial_state(todo)
+        layout = step_table(todo, save_intervals(todo.intervals))
         jax.block_until_ready((program, state, layout))
 
     def compile_loop() -> Loop:
         # A function of its own, so that nothing compiled before is used again.
-        own = lambda *parts: run_all.__wrapped__(*parts)
+        own = lambda *parts: take_steps(*parts)
         with precision(scene.dtype):
             made = (
                 eqx.filter_jit(own)

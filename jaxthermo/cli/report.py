@@ -11,7 +11,7 @@ from ..constants import ZERO_CELSIUS
 from ..geometry.mesh import verdict_line
 from ..image.ticks import time_label
 from ..integrate.implicit.adaptive import AdaptiveStepper
-from ..integrate.run.simulate import Plan
+from ..integrate.run.plan import Plan
 from ..integrate.run.solution import Solution
 from ..memory import readable_bytes
 from ..scene.scene import Scene
@@ -51,14 +51,14 @@ def tell_scene(
         tell(console, f"left out: {omission.what} ({omission.why})")
     for note in receipt.notes:
         tell(console, f"note: {note}")
-    limit = "none" if todo.limit is None else f"{todo.limit:.4g} s"
+    limit = "none" if todo.stable_step is None else f"{todo.stable_step:.4g} s"
     steps = f"{todo.steps} steps"
     if isinstance(todo.stepper, AdaptiveStepper):
         steps = f"steps that follow the error, to {todo.steps} landings"
     tell(
         console,
-        f"{type(todo.solver).__name__} ({todo.why}): {steps}, stable step {limit}, "
-        f"about {readable_bytes(receipt.memory_bytes)} for the solver",
+        f"{type(todo.solver).__name__} ({todo.solver_reason}): {steps}, stable step "
+        f"{limit}, about {readable_bytes(receipt.memory_bytes)} for the solver",
     )
 
 

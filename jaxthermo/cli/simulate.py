@@ -14,18 +14,18 @@ from ..config.schema.image import ImageConfig, PinholeConfig
 from ..config.schema.scene import SceneConfig
 from ..errors import InputError
 from ..image.ticks import time_label
+from ..integrate.run.plan import Plan, plan_run
 from ..integrate.run.segments import (
-    Progress,
-    begin,
+    RunProgress,
+    begin_run,
     compile_segments,
-    finish,
+    finish_run,
     load_checkpoint,
+    run_segments,
     save_checkpoint,
-    segments,
     steps_done,
     time_reached,
 )
-from ..integrate.run.simulate import Plan, plan
 from ..integrate.run.solution import RESULTS, Solution
 from ..integrate.run.solution_file import StoredSolution, save_solution
 from ..scene.scene import Scene
@@ -76,7 +76,7 @@ def _planned(console: Console, config: SceneConfig) -> _Planned:
     with doing(console, "building the scene"):
         scene = config.build()
         end, saves = config.time.end, config.time.save_times
-        todo = plan(scene, end, saves, config.solver.build())
+        todo = plan_run(scene, end, saves, config.solver.build())
         structures = [structure_report(body.structure) for body in scene.bodies]
         warnings = card_warnings(config, scene)
     tell_scene(console, scene, todo, structures)
@@ -138,7 +138,7 @@ def _run(
 ) -> tuple[Solution, dict[str, float]]:
     """Segments with a bar and checkpoints, from where an earlier run was cut off."""
     key = _checkpoint_key(config)
-    fresh = begin(scene, todo)
+    fresh = begin_run(todo)
     kept = load_checkpoint(out / CHECKPOINT, fresh, key)
     if kept is not None:
         tell(console, f"going on from {time_label(time_reached(todo, kept))}")
@@ -153,7 +153,7 @@ def _run(
         progress_bar(console, config.time.end, todo.steps) as update,
     ):
         progress, last = ready, clock
-        for progress in segments(todo, ready):
+        for progress in run_segments(todo, ready):
             update(steps_done(todo, progress), time_reached(todo, progress))
             if interrupted():
                 _stop(todo, progress, out, key)
@@ -161,7 +161,7 @@ def _run(
                 save_checkpoint(out / CHECKPOINT, progress, key)
                 last = time.perf_counter()
     run = time.perf_counter() - clock
-    return finish(scene, todo, progress), {
+    return finish_run(todo, progress), {
         "compile_time_s": compiled,
         "run_time_s": run,
     }
@@ -173,7 +173,7 @@ def _checkpoint_key(config: SceneConfig) -> str:
     return f"{config_hash(config.model_copy(update=undrawn))} {__version__}"
 
 
-def _stop(todo: Plan, progress: Progress, out: Path, key: str) -> None:
+def _stop(todo: Plan, progress: RunProgress, out: Path, key: str) -> None:
     save_checkpoint(out / CHECKPOINT, progress, key)
     raise KeyboardInterrupt(
         f"stopped at {time_label(time_reached(todo, progress))}; "

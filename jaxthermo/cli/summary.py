@@ -17,7 +17,7 @@ from ..atomic import replacing
 from ..config.loader import config_hash, resolved
 from ..config.schema.scene import SceneConfig
 from ..geometry.mesh import describe_mesh
-from ..integrate.implicit.newton_stage import Effort
+from ..integrate.implicit.newton_stage import SolverStatistics
 from ..integrate.run.ledger import BodyEnergy, Energy
 from ..integrate.run.solution import RESULTS, Solution
 from ..scene.scene import Scene
@@ -98,7 +98,7 @@ def summarize(
         "steps": solution.run.steps,
         "dt_s": solution.run.dt,
         "stable_step_s": _finite(solution.run.stable_step),
-        "effort": _effort(solution.run.effort),
+        "effort": _effort(solution.run.statistics),
         **times,
         "peak_memory_bytes": peak_memory(),
         "times_s": np.asarray(solution.times, float).tolist(),
@@ -112,16 +112,16 @@ def summarize(
     }
 
 
-def _effort(effort: Effort | None) -> dict[str, float] | None:
+def _effort(effort: SolverStatistics | None) -> dict[str, float] | None:
     """Of an implicit solver, by name."""
     if effort is None:
         return None
     return {
-        "newton_steps": int(effort.newton),
-        "linear_iterations": int(effort.linear),
-        "accepted_steps": int(effort.accepted),
-        "rejected_steps": int(effort.rejected),
-        "largest_linear_residual_K": float(effort.left),
+        "newton_steps": int(effort.newton_iterations),
+        "linear_iterations": int(effort.linear_iterations),
+        "accepted_steps": int(effort.accepted_steps),
+        "rejected_steps": int(effort.rejected_steps),
+        "largest_linear_residual_K": float(effort.largest_linear_residual),
     }
 
 

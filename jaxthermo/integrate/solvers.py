@@ -1,378 +1,330 @@
-"""The solvers that a user chooses from: what each decides before a run.
+"""The time integration schemes that a user chooses from, and the default choice.
 
-| solver | order | stable up to | for |
+| solver | order | stability | use |
 |---|---|---|---|
-| `ForwardEuler` | 1 | 1 stable step | short runs |
-| `SuperTimeStepping` | 2 | any, at sqrt(n) evaluations | long runs, smooth or not |
-| `BackwardEuler` | 1, never overshoots | any | very stiff scenes, huge steps |
-| `TRBDF2` | 2, error held | any | stiff scenes, to a stated error |
-| `CrankNicolson` | 2, rings above 1 stable step | any | comparison |
+| `ForwardEuler` | 1 | up to the stable step | short runs |
+| `SuperTimeStepping` | 2 | by stages, n stable steps cost 2 sqrt(n) | long runs |
+| `BackwardEuler` | 1 | L-stable, no overshoot | very stiff scenes, huge steps |
+| `TRBDF2` | 2 | L-stable, step by error control | stiff scenes, to a stated error |
+| `CrankNicolson` | 2 | A-stable, oscillates above the stable step | comparison |
 """
 
 import abc
 import math
-from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
-import numpy as np
+from typing_extensions import override
 
 from ..errors import InputError
-from ..network.multigrid import Hierarchy, hierarchy
-from ..network.nonlinear import NonlinearNetwork
 from ..physics.time_varying import SAMPLES
-from ..scene.compile.program import BodyProgram, Compiled, Program
+from ..scene.compile.program import Compiled
 from ..scene.scene import Scene
-from ..structures.structure import AbstractStructure
 from .explicit.euler import EulerStepper
-from .explicit.rkl2 import LegendreStepper, stages_for
+from .explicit.rkl2 import MIN_STAGES, RKL2Stepper, stage_count
 from .implicit.adaptive import AdaptiveStepper
-from .implicit.context import Tools
-from .implicit.deflation import parts_of
+from .implicit.context import ImplicitContext, arranged_for_solves, implicit_context
 from .implicit.runge_kutta import (
     BACKWARD_EULER,
     CRANK_NICOLSON,
     TR_BDF2,
     ImplicitStepper,
 )
-from .run.schedule import END_SHARE
-from .run.state import AbstractStepper
+from .run.schedule import END_FRACTION
+from .stepper import AbstractStepper
 
 
-KELVIN = {"float32": 1e-4, "float64": 1e-9}
-"""What a linear solve may leave at every node, by default [K]."""
+DEFAULT_STEPS = 128
+"""Number of steps of a run whose step nothing else determines."""
 
-STEPS = 128
-"""Steps of a run whose length nothing else decides."""
+# What is switched at an event changes fast at first, so that each interval between
+# events gets several steps by default, unless there are very many intervals.
+MIN_STEPS_AFTER_EVENT, MAX_REFINED_EVENTS = 16, 64
 
-LEAST_STEPS, MOST_LANDINGS = 16, 64
-"""Then also the least steps from one landing to the next, unless there are so many:
-what is switched there changes fast at first."""
+MAX_EULER_STEPS = 2_000
+"""Number of stable steps up to which explicit Euler is selected by default."""
 
-COARSE_RATIO = 30.0
-"""Stable steps in one step above which multigrid pays: a cycle takes as long as five to
-fifteen iterations with the diagonal (`experiments run multigrid`)."""
+MAX_RKL2_STEPS = 5_000_000
+"""Number of stable steps above which even their square root is too many."""
 
 
 class AbstractSolver(eqx.Module):
-    """How time passes."""
+    """Time integration scheme: how long steps are, and what takes them."""
 
     dt: eqx.AbstractVar[Any]
-    """[s]; None to have it chosen."""
+    """Step [s]; None to have it chosen."""
 
     @property
-    def load_time(self) -> float:
-        """Where in its last step a surface is read, as it is loaded there."""
-        return 1 - END_SHARE
+    def load_fraction(self) -> float:
+        """Position in the last step, 0 to 1, of the loads that an observation uses."""
+        return 1 - END_FRACTION
 
-    def least_steps(self, landings: int) -> int:
-        """From one landing to the next.
+    def min_steps(self, events: int) -> int:
+        """Return the smallest number of steps between two events.
 
         Args:
-            landings: how many there are.
+            events: number of event and save times of the run.
         """
-        few = self.dt is None and landings <= MOST_LANDINGS
-        return LEAST_STEPS if few else 1
+        refined = self.dt is None and events <= MAX_REFINED_EVENTS
+        return MIN_STEPS_AFTER_EVENT if refined else 1
 
-    def longest(self, stable: float | None, t1: float | int, sampled: bool) -> float:
-        """The longest step that will be taken [s].
+    def max_dt(
+        self, stable_step: float | None, t1: float | int, sampled: bool
+    ) -> float:
+        """Return the longest step that will be taken [s].
 
         Args:
-            stable: the largest explicit step [s]; None if it is traced.
+            stable_step: largest stable explicit step [s]; None if it is traced.
             t1: end of the run [s].
-            sampled: whether a value is a function of time that is known where it is
-                evaluated only.
+            sampled: True if a value is a function of time that is known only where it
+                is evaluated.
 
         Raises:
-            InputError: for a step that is none, or that is not stable.
+            InputError: for a step that is not positive, or not stable.
         """
-        del stable
+        del stable_step
         if self.dt is not None:
-            return positive_step(self.dt)
-        return float(t1) / (SAMPLES if sampled else STEPS) if t1 else 1.0
+            return _positive_step(self.dt)
+        return float(t1) / (SAMPLES if sampled else DEFAULT_STEPS) if t1 else 1.0
 
-    def suited(self, scene: Scene) -> Scene:
-        """The scene with its bodies laid out as this solver runs fast."""
+    def arranged(self, scene: Scene) -> Scene:
+        """Return the scene with its bodies stored as this solver runs fast."""
         return scene
 
     @abc.abstractmethod
     def stepper(
-        self, scene: Scene, compiled: Compiled, longest: float, traced: bool
+        self, scene: Scene, compiled: Compiled, max_dt: float, traced: bool
     ) -> AbstractStepper:
-        """What takes the steps.
+        """Return the stepper for a compiled scene.
 
         Args:
-            scene: that was compiled.
-            compiled: the scene.
-            longest: step that will be asked for [s].
-            traced: whether derivatives may be asked for.
+            scene: the scene that was compiled.
+            compiled: its compiled form.
+            max_dt: longest step that will be taken [s].
+            traced: True if derivatives may be asked for.
         """
 
 
-def positive_step(dt: Any) -> float:
-    """A user's step [s], checked."""
+def _positive_step(dt: Any) -> float:
     step = float(dt)
     if not (step > 0 and math.isfinite(step)):
         raise InputError(f"solver: dt={step:g} is no step; give a positive time")
     return step
 
 
-def _known(stable: float | None, example: str) -> float:
-    if stable is None:
+def _known(stable_step: float | None, example: str) -> float:
+    if stable_step is None:
         raise InputError(
             "simulate: the stable step depends on traced values; give the step, as in "
             f"solver={example}"
         )
-    return stable
+    return stable_step
 
 
 class ForwardEuler(AbstractSolver):
-    """Explicit Euler at a given step, or at the stable one."""
+    """Explicit Euler: first order, stable up to the stable step, no overshoot.
+
+        T_{n+1} = T_n + dt / C (K T_n + q(T_n, t_n + dt/2)),
+
+    K T the heat rates by conduction, q those of the terms [W], C capacities [J/K].
+    Stable where dt (sum_j G_ij - dq_i/dT_i) <= C_i at every node i: in a uniform body
+    dt <= h^2 / (6 alpha), h the voxel's edge [m], alpha the diffusivity [m^2/s].
+    """
 
     dt: Any = None
-    """[s]; None for the largest stable step."""
+    """Step [s]; None for the largest stable step."""
 
     @property
-    def load_time(self) -> float:
-        """At the middle, where its loads are taken."""
+    @override
+    def load_fraction(self) -> float:
         return 0.5
 
-    def least_steps(self, landings: int) -> int:
-        """One: the stable step is short enough."""
-        del landings
+    @override
+    def min_steps(self, events: int) -> int:
         return 1
 
-    def longest(self, stable: float | None, t1: float | int, sampled: bool) -> float:
-        """The given step, or the stable one, and short enough to see what varies."""
+    @override
+    def max_dt(
+        self, stable_step: float | None, t1: float | int, sampled: bool
+    ) -> float:
         if self.dt is None:
-            dt = _known(stable, "ForwardEuler(dt=0.1)")
+            dt = _known(stable_step, "ForwardEuler(dt=0.1)")
             return min(dt, t1 / SAMPLES) if sampled and t1 > 0 else dt
-        dt = positive_step(self.dt)
-        if stable is not None and dt > stable * (1 + 1e-6):
+        dt = _positive_step(self.dt)
+        if stable_step is not None and dt > stable_step * (1 + 1e-6):
             raise InputError(
                 f"solver: dt={dt:g} s is too long: the largest stable step of this "
-                f"scene is {stable:.6g} s; give that or less, or no dt to have it "
+                f"scene is {stable_step:.6g} s; give that or less, or no dt to have it "
                 "chosen, or another solver, such as TRBDF2()"
             )
         return dt
 
+    @override
     def stepper(
-        self, scene: Scene, compiled: Compiled, longest: float, traced: bool
+        self, scene: Scene, compiled: Compiled, max_dt: float, traced: bool
     ) -> AbstractStepper:
-        """Explicit Euler."""
-        del scene, compiled, longest, traced
         return EulerStepper()
 
 
 class SuperTimeStepping(AbstractSolver):
-    """Explicit steps of many stages, second order (`legendre`)."""
+    """Runge-Kutta-Legendre scheme RKL2: explicit, second order, steps of many stages.
+
+    s stages are stable up to dt = (s^2 + s - 2) / 4 stable steps, so that n stable
+    steps cost about 2 sqrt(n) evaluations. No overshoot in pure diffusion.
+
+    Source: Meyer, Balsara, Aslam, Journal of Computational Physics 257 (2014) 594-626.
+    """
 
     dt: Any = None
-    """[s]; None for 1/128 of the run."""
+    """Step [s]; None for 1/128 of the run."""
     stages: int | None = eqx.field(static=True, default=None)
-    """Of every step; None for as few as are stable."""
+    """Number of stages of every step; None for the smallest stable number."""
 
-    def longest(self, stable: float | None, t1: float | int, sampled: bool) -> float:
-        """As given, if the stages are stable with it.
-
-        Raises:
-            InputError: for too few stages, or unknown ones.
-        """
-        dt = super().longest(stable, t1, sampled)
+    @override
+    def max_dt(
+        self, stable_step: float | None, t1: float | int, sampled: bool
+    ) -> float:
+        dt = super().max_dt(stable_step, t1, sampled)
         if self.stages is None:
-            _known(stable, "SuperTimeStepping(dt=0.5, stages=9)")
-        elif self.stages < 3:
+            _known(stable_step, "SuperTimeStepping(dt=0.5, stages=9)")
+        elif self.stages < MIN_STAGES:
             raise InputError(f"SuperTimeStepping(stages={self.stages}): give 3 or more")
-        elif stable is not None and self.stages < stages_for(dt, stable):
+        elif stable_step is not None and self.stages < stage_count(dt, stable_step):
             raise InputError(
                 f"SuperTimeStepping(dt={dt:g}, stages={self.stages}): a stable step of "
-                f"{stable:.6g} s asks for {stages_for(dt, stable)} stages"
+                f"{stable_step:.6g} s asks for {stage_count(dt, stable_step)} stages"
             )
         return dt
 
+    @override
     def stepper(
-        self, scene: Scene, compiled: Compiled, longest: float, traced: bool
+        self, scene: Scene, compiled: Compiled, max_dt: float, traced: bool
     ) -> AbstractStepper:
-        """With the stages that the longest step needs."""
-        del scene, traced
-        stages = self.stages or stages_for(longest, float(compiled.stable_step))
-        return LegendreStepper(stages)
+        return RKL2Stepper(
+            self.stages or stage_count(max_dt, float(compiled.stable_step))
+        )
 
 
 class AbstractImplicit(AbstractSolver):
-    """Solvers that solve for the end of a step."""
+    """Schemes that solve a system of equations in every step."""
 
     tolerance: eqx.AbstractVar[float | None]
-    """What a linear solve may leave, largest residual over capacity [K]; None for
-    1e-4 K in float32 and 1e-9 K in float64."""
+    """Largest residual of a linear solve over capacity [K]; None for 1e-4 K in float32
+    and 1e-9 K in float64."""
 
-    def suited(self, scene: Scene) -> Scene:
-        """Laid out for solves."""
-        return for_solves(scene)
+    @override
+    def arranged(self, scene: Scene) -> Scene:
+        return arranged_for_solves(scene)
 
-    def _tools(
-        self, scene: Scene, compiled: Compiled, longest: float, traced: bool
-    ) -> Tools:
-        given = self.tolerance
-        return tools(scene, compiled, longest, given, traced)
+    def _context(
+        self, scene: Scene, compiled: Compiled, max_dt: float, traced: bool
+    ) -> ImplicitContext:
+        return implicit_context(scene, compiled, max_dt, self.tolerance, traced)
 
 
 class BackwardEuler(AbstractImplicit):
-    """Implicit Euler: of first order, and no step of it ever overshoots."""
+    """Implicit Euler: first order, L-stable, never overshoots.
+
+    T_{n+1} = T_n + dt / C (K T_{n+1} + q(T_{n+1}, t_n + dt/2)), see `ForwardEuler`.
+    """
 
     dt: Any = None
-    """[s]; None for 1/128 of the run."""
+    """Step [s]; None for 1/128 of the run."""
     tolerance: float | None = None
 
     @property
-    def load_time(self) -> float:
-        """At the middle, where its loads are taken."""
+    @override
+    def load_fraction(self) -> float:
         return 0.5
 
+    @override
     def stepper(
-        self, scene: Scene, compiled: Compiled, longest: float, traced: bool
+        self, scene: Scene, compiled: Compiled, max_dt: float, traced: bool
     ) -> AbstractStepper:
-        """Implicit Euler."""
-        return ImplicitStepper(
-            self._tools(scene, compiled, longest, traced), BACKWARD_EULER
-        )
+        context = self._context(scene, compiled, max_dt, traced)
+        return ImplicitStepper(context, BACKWARD_EULER)
 
 
 class CrankNicolson(AbstractImplicit):
-    """The trapezoidal rule, of second order; large steps ring.
+    """Trapezoidal rule: second order, A-stable, oscillates at large steps.
 
-    A mode that decays at a rate z / dt is multiplied by (1 - z/2) / (1 + z/2), which
-    goes to -1: what is switched on rings on for long above a few stable steps.
+    With f = (K T + q) / C [K/s], T_{n+1} = T_n + dt (f_n + f_{n+1}) / 2. A mode that
+    decays at a rate z / dt is multiplied by (1 - z/2) / (1 + z/2), which goes to -1:
+    above a few stable steps, what is switched on oscillates for long.
+
+    Source: Crank, Nicolson, Proc. Cambridge Philosophical Society 43 (1947) 50-67.
     """
 
     dt: Any = None
-    """[s]; None for 1/128 of the run."""
+    """Step [s]; None for 1/128 of the run."""
     tolerance: float | None = None
 
+    @override
     def stepper(
-        self, scene: Scene, compiled: Compiled, longest: float, traced: bool
+        self, scene: Scene, compiled: Compiled, max_dt: float, traced: bool
     ) -> AbstractStepper:
-        """The trapezoidal rule."""
-        return ImplicitStepper(
-            self._tools(scene, compiled, longest, traced), CRANK_NICOLSON
-        )
+        context = self._context(scene, compiled, max_dt, traced)
+        return ImplicitStepper(context, CRANK_NICOLSON)
 
 
 class TRBDF2(AbstractImplicit):
-    """Trapezoidal rule and backward differences: second order, damps what is stiff.
+    """Trapezoidal rule, then backward differences: second order, L-stable.
 
-    Without a `dt` every step is as long as its `error` allows.
+    A step of the trapezoidal rule to t + (2 - sqrt 2) dt, then one of BDF2 to t + dt.
+    Without a `dt` an embedded third-order formula controls the step.
+
+    Source: Hosea, Shampine, Applied Numerical Mathematics 20 (1996) 21-37.
     """
 
     dt: Any = None
-    """[s]; None for steps that follow the error."""
+    """Step [s]; None for steps by error control."""
     error: float = 0.01
-    """Of a step, where steps follow it [K]."""
+    """Largest error of one step under error control [K]."""
     tolerance: float | None = None
 
     def __check_init__(self):
         if not self.error > 0:
             raise InputError(f"TRBDF2(error={self.error!r}): give a positive one [K]")
 
-    def least_steps(self, landings: int) -> int:
-        """One, which follows the error."""
-        del landings
+    @override
+    def min_steps(self, events: int) -> int:
         return 1
 
-    def longest(self, stable: float | None, t1: float | int, sampled: bool) -> float:
-        """The given step, or the longest way without a landing."""
+    @override
+    def max_dt(
+        self, stable_step: float | None, t1: float | int, sampled: bool
+    ) -> float:
+        # Under error control a scheduled step is the whole way to the next event.
         if self.dt is None and t1 and not sampled:
             return float(t1) / 16
-        return super().longest(stable, t1, sampled)
+        return super().max_dt(stable_step, t1, sampled)
 
+    @override
     def stepper(
-        self, scene: Scene, compiled: Compiled, longest: float, traced: bool
+        self, scene: Scene, compiled: Compiled, max_dt: float, traced: bool
     ) -> AbstractStepper:
-        """Of given steps, or of the error's."""
-        made = self._tools(scene, compiled, longest, traced)
+        context = self._context(scene, compiled, max_dt, traced)
         if self.dt is not None:
-            return ImplicitStepper(made, TR_BDF2)
+            return ImplicitStepper(context, TR_BDF2)
         error = jnp.asarray(self.error, compiled.receipt.dtype)
-        return AdaptiveStepper(made, error)
+        return AdaptiveStepper(context, error)
 
 
-def for_solves(scene: Scene) -> Scene:
-    """A scene whose bodies are laid out for linear solves."""
-    bodies = tuple(
-        replace(body, structure=body.structure.for_solves()) for body in scene.bodies
-    )
-    return replace(scene, bodies=bodies)
-
-
-def tools(
-    scene: Scene,
-    compiled: Compiled,
-    longest: float,
-    tolerance: float | None,
-    traced: bool,
-) -> Tools:
-    """What implicit steps of a scene need.
+def select_solver(
+    stable_step: float | None, t1: float | int
+) -> tuple[AbstractSolver, str]:
+    """Select a solver by the number of stable explicit steps; return it and the reason.
 
     Args:
-        scene: that was compiled.
-        compiled: the scene.
-        longest: step that will be asked for [s].
-        tolerance: of linear solves [K]; None for the usual one.
-        traced: whether derivatives may be asked for.
-
-    Raises:
-        InputError: where conduction is not symmetric.
+        stable_step: largest stable explicit step [s]; None if it is traced.
+        t1: end of the run [s].
     """
-    dtype, program = compiled.receipt.dtype, compiled.program
-    if not all(body.network.symmetric for body in program.bodies):
-        raise InputError(
-            "a body has weights with `non_orthogonal`, whose conduction is not "
-            "symmetric and cannot be solved for: step with ForwardEuler() or "
-            "SuperTimeStepping(), or set non_orthogonal to 0"
-        )
-    stable = compiled.receipt.stable_step_s
-    coarse = stable is None or longest > COARSE_RATIO * stable
-    levels: tuple[Hierarchy | None, ...] = tuple(
-        hierarchy(body.structure, part.network) if coarse else None
-        for body, part in zip(scene.bodies, program.bodies, strict=True)
-    )
-    kelvin = KELVIN[dtype] if tolerance is None else tolerance
-    return Tools(
-        hierarchies=levels,
-        parts=tuple(parts_of(body.structure) for body in scene.bodies),
-        nodes=tuple(_nodes(body.structure) for body in scene.bodies),
-        ceilings=tuple(_ceiling(part, compiled) for part in program.bodies),
-        tolerance=jnp.asarray(kelvin, dtype),
-        linear=is_linear(program),
-        differentiable=traced,
-    )
-
-
-def _nodes(structure: AbstractStructure) -> Any:
-    if len(structure.state_shape) == 1:
-        return None
-    mask = np.zeros(structure.state_shape, bool)
-    mask[structure.node_address()] = True
-    return jnp.asarray(mask)
-
-
-def is_linear(program: Program) -> bool:
-    """Whether the balance is linear in all temperatures."""
-    return program.enclosure is None and all(
-        not isinstance(body.network, NonlinearNetwork)
-        and (body.load is None or body.load.places.terms.is_linear)
-        for body in program.bodies
-    )
-
-
-def _ceiling(body: BodyProgram, compiled: Compiled) -> Any:
-    """What a body's states cannot exceed [K]; infinite where nothing bounds them."""
-    dtype = compiled.receipt.dtype
-    load = body.load
-    if load is None or not any(
-        term.law.is_dissipative for _, term in load.places.terms.natural
-    ):
-        return jnp.asarray(jnp.inf, dtype)
-    above = jnp.asarray(compiled.hottest, dtype) - body.reference
-    return body.network.state_of(above)
+    if stable_step is None:
+        return ForwardEuler(), "the stable step is traced"
+    if t1 <= MAX_EULER_STEPS * stable_step:
+        return ForwardEuler(), f"at most {MAX_EULER_STEPS} stable steps"
+    steps = f"{t1 / stable_step:.2g} stable steps of {stable_step:.3g} s"
+    if t1 <= MAX_RKL2_STEPS * stable_step:
+        return SuperTimeStepping(), steps
+    return TRBDF2(), steps

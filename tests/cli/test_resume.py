@@ -151,7 +151,7 @@ def test_checkpoints_are_written_on_the_way(tmp_path, stop_at, monkeypatch):
 
     def noted(path, progress, key):
         save(path, progress, key)
-        kept.append(progress.done)
+        kept.append(progress.steps_taken)
 
     monkeypatch.setattr(command, "save_checkpoint", noted)
     segments = stop_at(None)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.integrate.run.segments import begin, finish, segments
-from jaxthermo.integrate.run.simulate import plan
+from jaxthermo.integrate.run.plan import plan_run
+from jaxthermo.integrate.run.segments import begin_run, finish_run, run_segments
 from jaxthermo.scene.motion import Motion, PoseTable
 
 
@@ -46,10 +46,10 @@ def test_heat_flows_from_when_they_meet():
 
 def test_segments_follow_the_motion():
     scene = _approaching(10.0)
-    todo = plan(scene, 20.0, [5.0, 20.0], jt.ForwardEuler())
-    *_, progress = segments(todo, begin(scene, todo))
+    todo = plan_run(scene, 20.0, [5.0, 20.0], jt.ForwardEuler())
+    *_, progress = run_segments(todo, begin_run(todo))
     whole = jt.simulate(scene, 20.0, [5.0, 20.0])
-    pieces = finish(scene, todo, progress)
+    pieces = finish_run(todo, progress)
     np.testing.assert_array_equal(pieces.surface_temperature, whole.surface_temperature)
 
 

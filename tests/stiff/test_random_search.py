@@ -15,16 +15,11 @@ from hypothesis import HealthCheck, given, settings, strategies as st
 import jaxthermo as jt
 from jaxthermo.arrays import precision
 from jaxthermo.integrate.implicit import adaptive
-from jaxthermo.integrate.run.schedule import legs
-from jaxthermo.integrate.run.simulate import (
-    conclude,
-    layout_table,
-    plan,
-    run_all,
-    start,
-)
+from jaxthermo.integrate.implicit.context import LINEAR_TOLERANCE
+from jaxthermo.integrate.run.plan import initial_state, plan_run, step_table
+from jaxthermo.integrate.run.schedule import save_intervals
+from jaxthermo.integrate.run.simulate import make_solution, take_steps
 from jaxthermo.integrate.run.solution import RESULTS
-from jaxthermo.integrate.solvers import KELVIN
 from tests.bodies import blocks
 
 
@@ -41,9 +36,7 @@ MOST_PROGRAMS = 2 * (1 + len(STAGES) + 4 * 2) + 2 * 2 * 2
 """In 2 dtypes explicit Euler, STAGES, 4 implicit solvers with multigrid or none; and 2
 of these without a contact."""
 
-_RUN = eqx.filter_jit(
-    eqx.debug.assert_max_traces(run_all.__wrapped__, max_traces=MOST_PROGRAMS)
-)
+_RUN = eqx.filter_jit(eqx.debug.assert_max_traces(take_steps, max_traces=MOST_PROGRAMS))
 WORST: Counter[tuple[str, str]] = Counter()
 """Largest overshoot seen [K], by solver and dtype."""
 
@@ -135,7 +128,7 @@ def _solver(case: Drawn, scene: jt.Scene):
         return kind(), end
     if case.solver not in ("ForwardEuler", "SuperTimeStepping"):
         return kind(dt=end / STEPS), end
-    stable = plan(scene, 0.0, None).limit
+    stable = plan_run(scene, 0.0, None).stable_step
     assert stable is not None
     if case.solver == "ForwardEuler":
         _refuses_more(end, scene, stable)
@@ -156,13 +149,13 @@ def run(case: Drawn):
     scene = scene_of(case)
     with precision(case.dtype):
         solver, end = _solver(case, scene)
-        todo = plan(scene, end, None, solver)
+        todo = plan_run(scene, end, None, solver)
         program, layout = (
             todo.compiled.program,
-            layout_table(todo, legs(todo.intervals)),
+            step_table(todo, save_intervals(todo.intervals)),
         )
-        state, seen = _RUN(todo.stepper, program, start(todo), layout)
-        solution = conclude(scene, todo, seen)
+        state, seen = _RUN(todo.stepper, program, initial_state(todo), layout)
+        solution = make_solution(todo, seen)
     nodes = [
         np.asarray(theta, float)[body.structure.node_address()] + float(part.reference)
         for body, part, theta in zip(
@@ -175,7 +168,7 @@ def run(case: Drawn):
 def _refuses_more(dt: float, scene: jt.Scene, stable: float) -> None:
     if dt > stable * (1 + 1e-6):
         with pytest.raises(jt.InputError, match=f"scene is {stable:.6g} s"):
-            plan(scene, dt, None, jt.ForwardEuler(dt=dt))
+            plan_run(scene, dt, None, jt.ForwardEuler(dt=dt))
 
 
 def check(case: Drawn) -> None:
@@ -199,14 +192,14 @@ def check(case: Drawn) -> None:
 
 def _says_so(case: Drawn, solution) -> None:
     """A solve that stopped short of its tolerance is told, and no other is."""
-    effort = solution.run.effort
+    effort = solution.run.statistics
     if effort is None:
         assert solution.result == RESULTS.successful
         return
-    short = float(effort.left) > 2 * KELVIN[case.dtype]
+    short = float(effort.largest_linear_residual) > 2 * LINEAR_TOLERANCE[case.dtype]
     told = solution.result == RESULTS.linear_not_converged
     # What an adaptive solver rejects and takes again does not count.
-    if case.solver != "adaptive" or not int(effort.rejected):
+    if case.solver != "adaptive" or not int(effort.rejected_steps):
         assert told == short
     assert short or not told
 

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from ...scene.compile.program import Program, State
 from ..run.heat_rates import add_loads
-from ..run.state import AbstractStepper, RunState
+from ..stepper import AbstractStepper, RunState
 
 
 def euler_change(
@@ -49,4 +49,4 @@ class EulerStepper(AbstractStepper):
         is switched off at a landing is on before it and off after it.
         """
         new, rates = euler_change(program, state.theta, start + dt / 2, dt)
-        return RunState(new, state.ledger.add(dt * rates), state.work)
+        return RunState(new, state.ledger.add(dt * rates), state.solver_state)

@@ -26,13 +26,13 @@ from jaxtyping import Array, Float
 
 from ...scene.compile.program import Program, State
 from ..run.heat_rates import add_loads
-from ..run.state import AbstractStepper, RunState
+from ..stepper import AbstractStepper, RunState
 
 
-LEAST_STAGES = 3
+MIN_STAGES = 3
 
 
-def stages_for(dt: float, stable: float) -> int:
+def stage_count(dt: float, stable: float) -> int:
     """The least odd number of stages that a step is stable with.
 
     Args:
@@ -41,10 +41,10 @@ def stages_for(dt: float, stable: float) -> int:
     """
     ratio = dt / stable
     stages = math.ceil((math.sqrt(9 + 16 * ratio) - 1) / 2 * (1 - 1e-9))
-    return max(LEAST_STAGES, stages + (stages + 1) % 2)
+    return max(MIN_STAGES, stages + (stages + 1) % 2)
 
 
-def coefficients(stages: int) -> dict[str, np.ndarray]:
+def rkl2_coefficients(stages: int) -> dict[str, np.ndarray]:
     """Mu, nu, a of the stage before, and where a stage takes its loads, by stage.
 
     Args:
@@ -68,7 +68,7 @@ Mixed = tuple[State, Float[Array, " c"]]
 """A state, and the heat that each entry has brought since the start of the step [J]."""
 
 
-class LegendreStepper(AbstractStepper):
+class RKL2Stepper(AbstractStepper):
     """RKL2 with a fixed number of stages."""
 
     stages: int = eqx.field(static=True)
@@ -88,7 +88,7 @@ class LegendreStepper(AbstractStepper):
         weight = 4 / (self.stages**2 + self.stages - 2)
         table = {
             name: jnp.asarray(values, dt.dtype)
-            for name, values in coefficients(self.stages).items()
+            for name, values in rkl2_coefficients(self.stages).items()
         }
         none = jnp.zeros_like(state.ledger.heat)
         theta, bodies, span = state.theta, program.bodies, dt * weight
@@ -130,4 +130,4 @@ class LegendreStepper(AbstractStepper):
         if self.stages % 2 == 0:
             pair = stage(self.stages, pair)
         end, total = pair[1]
-        return RunState(end, state.ledger.add(total), state.work)
+        return RunState(end, state.ledger.add(total), state.solver_state)

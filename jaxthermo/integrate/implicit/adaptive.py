@@ -22,21 +22,28 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from ...scene.compile.program import Program, State
-from ..run.state import AbstractStepper, RunState
-from .conjugate_gradient import ConjugateGradients
-from .context import Tools
-from .jacobian import linearized
-from .newton_stage import Effort, held, kelvin_left, linear_step, no_effort, per_step
-from .runge_kutta import ROOT, TR_BDF2, Taken, take
+from ..stepper import AbstractStepper, RunState
+from .conjugate_gradient import ConjugateGradient
+from .context import ImplicitContext
+from .jacobian import linearize
+from .newton_stage import (
+    SolverStatistics,
+    kelvin_norm,
+    per_step,
+    solve_linear,
+    stop_gradient,
+    zero_statistics,
+)
+from .runge_kutta import SQRT2, TR_BDF2, StepResult, runge_kutta_step
 
 
-SOLVED = 1 - ROOT / 2
+SOLVED = 1 - SQRT2 / 2
 """The implicit coefficient."""
 
 # What the last stage's weights are over the embedded formula's.
 ERROR_WEIGHTS = (
-    ROOT / 4 - (1 - ROOT / 4) / 3,
-    ROOT / 4 - (3 * ROOT / 4 + 1) / 3,
+    SQRT2 / 4 - (1 - SQRT2 / 4) / 3,
+    SQRT2 / 4 - (3 * SQRT2 / 4 + 1) / 3,
     SOLVED * 2 / 3,
 )
 
@@ -54,7 +61,7 @@ MOST_TRIES = 5000
 class AdaptiveWork(eqx.Module):
     """What the controller remembers."""
 
-    effort: Effort
+    statistics: SolverStatistics
     step: Float[Array, ""]
     """To try next [s]; 0 before the first."""
     error: Float[Array, ""]
@@ -71,7 +78,7 @@ class _Carry(NamedTuple):
 class AdaptiveStepper(AbstractStepper):
     """A step of it is the way to the next landing, in as many as the error wants."""
 
-    tools: Tools
+    context: ImplicitContext
     tolerance: Float[Array, ""]
     """Error of a step [K]."""
     checkpoints: int | None = eqx.field(static=True, default=None)
@@ -81,7 +88,7 @@ class AdaptiveStepper(AbstractStepper):
         """With nothing known of the error."""
         dtype = state.theta[0].dtype
         zero, one = jnp.zeros((), dtype), jnp.ones((), dtype)
-        work = AdaptiveWork(no_effort(dtype), zero, one)
+        work = AdaptiveWork(zero_statistics(dtype), zero, one)
         return RunState(state.theta, state.ledger, work)
 
     def step(
@@ -92,7 +99,7 @@ class AdaptiveStepper(AbstractStepper):
         dt: Float[Array, ""],
     ) -> RunState:
         """All steps from `start` to `start + dt`."""
-        work: AdaptiveWork = state.work
+        work: AdaptiveWork = state.solver_state
         first = jnp.where(work.step > 0, work.step, FIRST * dt)
         state = RunState(state.theta, state.ledger, replace(work, step=first))
         carry = _Carry(state, jnp.zeros_like(dt), jnp.zeros((), jnp.int32))
@@ -111,20 +118,23 @@ class AdaptiveStepper(AbstractStepper):
             )
         else:
             carry = jax.lax.while_loop(more, attempt, carry)
-        work, failed = carry.state.work, carry.passed < near
-        effort = replace(work.effort, out_of_steps=work.effort.out_of_steps | failed)
+        work, failed = carry.state.solver_state, carry.passed < near
+        statistics = replace(
+            work.statistics,
+            step_limit_reached=work.statistics.step_limit_reached | failed,
+        )
         return RunState(
-            carry.state.theta, carry.state.ledger, replace(work, effort=effort)
+            carry.state.theta, carry.state.ledger, replace(work, statistics=statistics)
         )
 
     def _attempt(self, program: Program, start, dt, carry: _Carry) -> _Carry:
-        state, work = carry.state, carry.state.work
+        state, work = carry.state, carry.state.solver_state
         left = dt - carry.passed
         # Two halves rather than a whole step and a sliver.
         cut = jnp.where(left <= work.step, left, jnp.minimum(work.step, left / 2))
         span = jax.lax.stop_gradient(jnp.where(left < 2 * work.step, cut, work.step))
-        taken = take(
-            program, self.tools, TR_BDF2, state.theta, start + carry.passed, span
+        taken = runge_kutta_step(
+            program, self.context, TR_BDF2, state.theta, start + carry.passed, span
         )
         time = start + carry.passed + span
         error = self._error(program, taken, span, time) / self.tolerance
@@ -140,9 +150,11 @@ class AdaptiveStepper(AbstractStepper):
             good & (span < work.step), jnp.maximum(following, work.step), following
         )
         count = good.astype(jnp.int32)
-        spent = replace(taken.effort, accepted=count, rejected=1 - count)
+        spent = replace(
+            taken.statistics, accepted_steps=count, rejected_steps=1 - count
+        )
         after = AdaptiveWork(
-            effort=work.effort.plus(_kept(spent, good)),
+            statistics=work.statistics.plus(_kept(spent, good)),
             step=following,
             error=jnp.where(good, error, work.error),
         )
@@ -153,26 +165,28 @@ class AdaptiveStepper(AbstractStepper):
         passed = carry.passed + jnp.where(good, span, 0)
         return _Carry(RunState(theta, ledger, after), passed, carry.tries + 1)
 
-    def _error(self, program: Program, taken: Taken, span, time) -> Float[Array, ""]:
+    def _error(
+        self, program: Program, taken: StepResult, span, time
+    ) -> Float[Array, ""]:
         """Of a step [K]."""
-        program, tools, taken, span, time = held(
-            (program, self.tools, taken, span, time)
+        program, context, taken, span, time = stop_gradient(
+            (program, self.context, taken, span, time)
         )
         mixed: State = jax.tree.map(
             lambda *f: span * sum(w * x for w, x in zip(ERROR_WEIGHTS, f, strict=True)),
             *taken.slopes,
         )
         g = SOLVED * span
-        at = linearized(program, tools, taken.states, 1 / g, time)
+        at = linearize(program, context, taken.states, 1 / g, time)
         # (I - g f')^-1 of the difference: what it changes if g times it is brought.
         # Two digits of an error are enough: none is worth thousands of iterations.
-        enough = jnp.maximum(tools.tolerance, ENOUGH * self.tolerance)
-        solver = ConjugateGradients(kelvin_left(at, g), enough)
-        smooth, _ = linear_step(at, per_step(mixed, at, 1 / g), solver)
+        enough = jnp.maximum(context.tolerance, ENOUGH * self.tolerance)
+        solver = ConjugateGradient(kelvin_norm(at, g), enough)
+        smooth, _ = solve_linear(at, per_step(mixed, at, 1 / g), solver)
         return jnp.stack([jnp.abs(x).max() for x in smooth]).max()
 
 
-def _kept(spent: Effort, good) -> Effort:
+def _kept(spent: SolverStatistics, good) -> SolverStatistics:
     """Failures of a step that is taken again do not count."""
     return replace(
         spent,

@@ -39,65 +39,65 @@ def _along(y: Any, step: Float[Array, ""] | float, p: Any) -> Any:
     return jax.tree.map(lambda a, b: a + step * b, y, p)
 
 
-class AbstractMeasure(eqx.Module):
+class AbstractStoppingNorm(eqx.Module):
     """How far a solve still is from its end."""
 
     @abc.abstractmethod
-    def before(self, residual: Any) -> Float[Array, ""]:
+    def initial(self, residual: Any) -> Float[Array, ""]:
         """Any iteration."""
 
     @abc.abstractmethod
-    def after(self, residual: Any, moved: Any) -> Float[Array, ""]:
+    def after_step(self, residual: Any, moved: Any) -> Float[Array, ""]:
         """An iteration that moved the solution, and left a residual."""
 
     @abc.abstractmethod
-    def at_end(self, residual: Any, correct: Callable[[Any], Any]) -> Float[Array, ""]:
+    def final(self, residual: Any, correct: Callable[[Any], Any]) -> Float[Array, ""]:
         """Of a solution whose residual was computed anew."""
 
 
-def largest(values: Any) -> Float[Array, ""]:
+def max_abs(values: Any) -> Float[Array, ""]:
     """Largest magnitude in a pytree of arrays."""
     return jnp.stack([jnp.abs(x).max() for x in jax.tree.leaves(values)]).max()
 
 
-class Residual(AbstractMeasure):
+class ResidualNorm(AbstractStoppingNorm):
     """The residual, each value in its own scale."""
 
     scale: Any
     """Such as the step over the capacity of every node [K/W]; a number for all."""
 
-    def before(self, residual: Any) -> Float[Array, ""]:
+    def initial(self, residual: Any) -> Float[Array, ""]:
         """Max |scale * residual|."""
         if not isinstance(self.scale, tuple):
-            return largest(residual) * self.scale
-        return largest(jax.tree.map(jnp.multiply, residual, self.scale))
+            return max_abs(residual) * self.scale
+        return max_abs(jax.tree.map(jnp.multiply, residual, self.scale))
 
-    def after(self, residual: Any, moved: Any) -> Float[Array, ""]:
+    def after_step(self, residual: Any, moved: Any) -> Float[Array, ""]:
         """The same."""
         del moved
-        return self.before(residual)
+        return self.initial(residual)
 
-    def at_end(self, residual: Any, correct: Callable[[Any], Any]) -> Float[Array, ""]:
+    def final(self, residual: Any, correct: Callable[[Any], Any]) -> Float[Array, ""]:
         """The same."""
         del correct
-        return self.before(residual)
+        return self.initial(residual)
 
 
-class Correction(AbstractMeasure):
+class CorrectionNorm(AbstractStoppingNorm):
     """What still moves the solution: about its error, if the preconditioner is good."""
 
-    def before(self, residual: Any) -> Float[Array, ""]:
+    def initial(self, residual: Any) -> Float[Array, ""]:
         """Not known."""
         return jnp.full((), jnp.inf, jax.tree.leaves(residual)[0].dtype)
 
-    def after(self, residual: Any, moved: Any) -> Float[Array, ""]:
+    def after_step(self, residual: Any, moved: Any) -> Float[Array, ""]:
         """Max |moved|."""
         del residual
-        return largest(moved)
+        return max_abs(moved)
 
-    def at_end(self, residual: Any, correct: Callable[[Any], Any]) -> Float[Array, ""]:
+    def final(self, residual: Any, correct: Callable[[Any], Any]) -> Float[Array, ""]:
         """Max |what the preconditioner would still change|."""
-        return largest(correct(residual))
+        return max_abs(correct(residual))
 
 
 class _Iteration(NamedTuple):
@@ -117,21 +117,21 @@ class _Iteration(NamedTuple):
     count: Int[Array, ""]
 
 
-class ConjugateGradients(lx.AbstractLinearSolver):
+class ConjugateGradient(lx.AbstractLinearSolver):
     """Preconditioned; the operator and the preconditioner are positive definite.
 
     Options of `lineax.linear_solve`: `preconditioner`, a module that takes a residual
     to a correction, and `start`, a first guess.
     """
 
-    measure: AbstractMeasure
+    norm: AbstractStoppingNorm
     """Of what is left over."""
     tolerance: Float[Array, ""] | float
     """In the measure's unit."""
     relative: bool = eqx.field(static=True, default=False)
     """Whether it is a fraction of the right-hand side's measure instead, as for
     derivatives, which have any unit."""
-    most: int = eqx.field(static=True, default=2000)
+    max_iterations: int = eqx.field(static=True, default=2000)
     """Iterations."""
 
     def init(self, operator: lx.AbstractLinearOperator, options: dict[str, Any]):
@@ -156,7 +156,7 @@ class ConjugateGradients(lx.AbstractLinearSolver):
             return jnp.where(known, aim * i.first, 0) if self.relative else aim
 
         def goes_on(i: _Iteration) -> Bool[Array, ""]:
-            more = (i.count < self.most) & (i.count - i.since < STALLED)
+            more = (i.count < self.max_iterations) & (i.count - i.since < STALLED)
             # A step that changes less than the tolerance must not be taken for none.
             early = (i.count < LEAST) & (i.size > DIGITS * i.first)
             return ((i.size > goal(i)) | early) & (i.gamma > 0) & more
@@ -171,7 +171,7 @@ class ConjugateGradients(lx.AbstractLinearSolver):
             step = jnp.where(bent > 0, gamma / jnp.where(bent > 0, bent, 1), 0)
             moved = jax.tree.map(lambda each: step * each, p)
             r = _along(i.residual, -step, image)
-            size = self.measure.after(r, moved)
+            size = self.norm.after_step(r, moved)
             return _Iteration(
                 y=jax.tree.map(jnp.add, i.y, moved),
                 residual=r,
@@ -184,14 +184,14 @@ class ConjugateGradients(lx.AbstractLinearSolver):
                 count=i.count + 1,
             )
 
-        size, endless = self.measure.before(r), jnp.asarray(jnp.inf, dtype)
+        size, endless = self.norm.initial(r), jnp.asarray(jnp.inf, dtype)
         first = _Iteration(
             y=y,
             residual=r,
             direction=jax.tree.map(jnp.zeros_like, r),
             gamma=endless,
             size=size,
-            first=self.measure.before(vector),
+            first=self.norm.initial(vector),
             least=size,
             since=jnp.asarray(0, jnp.int32),
             count=jnp.asarray(0, jnp.int32),
@@ -199,14 +199,14 @@ class ConjugateGradients(lx.AbstractLinearSolver):
         last = jax.lax.while_loop(goes_on, iterate, first)
         found, count, aim = last.y, last.count, goal(last)
         r = _along(vector, -1.0, operator.mv(found))
-        left = self.measure.at_end(r, correct)
+        left = self.norm.final(r, correct)
         reached = left <= 2 * aim
 
         def better() -> Any:
             # Where rounding has eaten the operator the start may be the better answer,
             # by what the preconditioner would still change.
             both = jax.tree.map(lambda *each: jnp.stack(each), r, first.residual)
-            now, before = jax.lax.map(lambda each: largest(correct(each)), both)
+            now, before = jax.lax.map(lambda each: max_abs(correct(each)), both)
             pick = lambda new, old: jnp.where(now <= before, new, old)
             return jax.tree.map(pick, found, y)
 
@@ -214,7 +214,7 @@ class ConjugateGradients(lx.AbstractLinearSolver):
         result = lx.RESULTS.where(
             reached, lx.RESULTS.successful, lx.RESULTS.max_steps_reached
         )
-        return y, result, {"iterations": count, "left": left}
+        return y, result, {"iterations": count, "residual": left}
 
     def transpose(self, state, options: dict[str, Any]):
         """The same: the operator is symmetric."""

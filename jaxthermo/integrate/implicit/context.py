@@ -1,28 +1,125 @@
-"""What implicit stages need of a scene besides its program."""
+"""What implicit stages need of a scene besides its compiled program."""
 
+from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool
 
-from ...network.multigrid import Hierarchy
-from .deflation import Parts
+from ...errors import InputError
+from ...network.multigrid import Hierarchy, hierarchy
+from ...network.nonlinear import NonlinearNetwork
+from ...scene.compile.program import BodyProgram, Compiled, Program
+from ...scene.scene import Scene
+from ...structures.structure import AbstractStructure
+from .deflation import Components, connected_components
 
 
-class Tools(eqx.Module):
-    """Made once a run."""
+LINEAR_TOLERANCE = {"float32": 1e-4, "float64": 1e-9}
+"""Default residual of a linear solve at every node over its capacity [K]."""
+
+MULTIGRID_STEP_RATIO = 30.0
+"""Step over stable step above which multigrid pays: a cycle takes as long as five to
+fifteen iterations with the diagonal (`experiments run multigrid`)."""
+
+
+class ImplicitContext(eqx.Module):
+    """Preconditioners, bounds and tolerances of implicit stages, made once per run."""
 
     hierarchies: tuple[Hierarchy | None, ...]
-    """Of the bodies; None to precondition by the diagonal."""
-    parts: tuple[Parts, ...]
-    """Of each body."""
+    """Multigrid levels of each body; None to precondition by the diagonal."""
+    components: tuple[Components, ...]
+    """Connected components of each body."""
     nodes: tuple[Bool[Array, "..."] | None, ...]
-    """Where each body's state has nodes; None for everywhere."""
+    """Entries of each body's state that are nodes; None for all."""
     ceilings: tuple[Any, ...]
-    """Of each body's states [K]; infinite where there is no bound."""
+    """Upper bound of each body's states [K]; infinite where nothing bounds them."""
     tolerance: Any
-    """Of linear solves [K]."""
+    """Tolerance of linear solves [K]."""
     linear: bool = eqx.field(static=True)
-    """Whether one step of Newton's method is the solution."""
+    """True if one Newton iteration is the solution."""
     differentiable: bool = eqx.field(static=True, default=False)
-    """Whether derivatives may be asked for: that costs a residual more."""
+    """True if derivatives may be asked for, which costs one more residual."""
+
+
+def arranged_for_solves(scene: Scene) -> Scene:
+    """Return the scene with its bodies stored as linear solves run fast."""
+    bodies = tuple(
+        replace(body, structure=body.structure.for_solves()) for body in scene.bodies
+    )
+    return replace(scene, bodies=bodies)
+
+
+def implicit_context(
+    scene: Scene,
+    compiled: Compiled,
+    max_dt: float,
+    tolerance: float | None,
+    traced: bool,
+) -> ImplicitContext:
+    """Prepare the implicit stages of a compiled scene.
+
+    Args:
+        scene: the scene that was compiled.
+        compiled: its compiled form.
+        max_dt: longest step that will be taken [s].
+        tolerance: tolerance of linear solves [K]; None for the default.
+        traced: True if derivatives may be asked for.
+
+    Raises:
+        InputError: where conduction is not symmetric.
+    """
+    dtype, program = compiled.receipt.dtype, compiled.program
+    if not all(body.network.symmetric for body in program.bodies):
+        raise InputError(
+            "a body has weights with `sideways`, whose conduction is not symmetric and "
+            "cannot be solved for: step with ForwardEuler() or SuperTimeStepping(), or "
+            "set sideways to 0"
+        )
+    stable_step = compiled.receipt.stable_step_s
+    multigrid = stable_step is None or max_dt > MULTIGRID_STEP_RATIO * stable_step
+    hierarchies: tuple[Hierarchy | None, ...] = tuple(
+        hierarchy(body.structure, part.network) if multigrid else None
+        for body, part in zip(scene.bodies, program.bodies, strict=True)
+    )
+    kelvin = LINEAR_TOLERANCE[dtype] if tolerance is None else tolerance
+    return ImplicitContext(
+        hierarchies=hierarchies,
+        components=tuple(connected_components(b.structure) for b in scene.bodies),
+        nodes=tuple(_node_mask(body.structure) for body in scene.bodies),
+        ceilings=tuple(_ceiling(part, compiled) for part in program.bodies),
+        tolerance=jnp.asarray(kelvin, dtype),
+        linear=_is_linear(program),
+        differentiable=traced,
+    )
+
+
+def _node_mask(structure: AbstractStructure) -> Bool[Array, "..."] | None:
+    if len(structure.state_shape) == 1:
+        return None
+    mask = np.zeros(structure.state_shape, bool)
+    mask[structure.node_address()] = True
+    return jnp.asarray(mask)
+
+
+def _is_linear(program: Program) -> bool:
+    return program.enclosure is None and all(
+        not isinstance(body.network, NonlinearNetwork)
+        and (body.load is None or body.load.places.terms.is_linear)
+        for body in program.bodies
+    )
+
+
+def _ceiling(body: BodyProgram, compiled: Compiled) -> Any:
+    # By the maximum principle no state exceeds the hottest temperature of the scene.
+    # Without a loss at the surface Newton's iterates need no bound.
+    dtype = compiled.receipt.dtype
+    load = body.load
+    if load is None or not any(
+        term.law.is_dissipative for _, term in load.places.terms.natural
+    ):
+        return jnp.asarray(jnp.inf, dtype)
+    above = jnp.asarray(compiled.hottest, dtype) - body.reference
+    return body.network.state_of(above)

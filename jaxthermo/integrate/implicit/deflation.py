@@ -16,7 +16,7 @@ from ...network.network import inverse
 from ...structures.structure import AbstractStructure
 
 
-class Parts(eqx.Module):
+class Components(eqx.Module):
     """Which nodes of a body hang together."""
 
     number: Int[Array, "..."] | None
@@ -35,7 +35,7 @@ class Parts(eqx.Module):
         return each[0] if self.number is None else each[self.number]
 
 
-def parts_of(structure: AbstractStructure) -> Parts:
+def connected_components(structure: AbstractStructure) -> Components:
     """The connected parts of a body.
 
     Args:
@@ -46,13 +46,13 @@ def parts_of(structure: AbstractStructure) -> Parts:
     roots = connected_labels(structure.node_count, pairs)
     found, own = np.unique(roots, return_inverse=True)
     if len(found) == 1:
-        return Parts(None, 1)
+        return Components(None, 1)
     number = np.zeros(structure.state_shape, np.int32)
     number[structure.node_address()] = own
-    return Parts(jnp.asarray(number), len(found))
+    return Components(jnp.asarray(number), len(found))
 
 
-class WithMeans(eqx.Module):
+class DeflatedPreconditioner(eqx.Module):
     """A preconditioner M that solves for the means of the parts by themselves.
 
     With s = A 1 [W/K], of each part
@@ -63,7 +63,7 @@ class WithMeans(eqx.Module):
     """
 
     cycle: AbstractCycle
-    parts: Parts
+    parts: Components
     diagonal: Float[Array, "..."]
     """s, of the body by itself."""
 

@@ -23,7 +23,7 @@ from ..run.ledger import into_bodies
 from .residual import load_slopes
 
 
-def closed(
+def correct_energy(
     program: Program,
     before: State,
     after: State,

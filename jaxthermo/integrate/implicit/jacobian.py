@@ -23,8 +23,8 @@ from ...network.network import AbstractNetwork, inverse
 from ...network.nonlinear import NonlinearNetwork
 from ...physics.contact.links import ContactLinks
 from ...scene.compile.program import Program, State
-from .context import Tools
-from .deflation import WithMeans
+from .context import ImplicitContext
+from .deflation import DeflatedPreconditioner
 from .residual import load_slopes
 
 
@@ -67,17 +67,17 @@ class Jacobian(eqx.Module):
         return tuple(found)
 
 
-class BodyByBody(eqx.Module):
+class BlockPreconditioner(eqx.Module):
     """A preconditioner that knows no contact but on the diagonal."""
 
-    cycles: tuple[WithMeans, ...]
+    cycles: tuple[DeflatedPreconditioner, ...]
 
     def __call__(self, residual: State) -> State:
         """Of every body."""
         return tuple(c(r) for c, r in zip(self.cycles, residual, strict=True))
 
 
-class Linearized(NamedTuple):
+class Linearization(NamedTuple):
     """What a step of Newton's method solves with."""
 
     operator: Jacobian
@@ -90,19 +90,19 @@ class Linearized(NamedTuple):
     """Where each body's state has nodes; None for everywhere."""
 
 
-def linearized(
+def linearize(
     program: Program,
-    tools: Tools,
+    context: ImplicitContext,
     states: State,
     rate: Float[Array, ""],
     time: Float[Array, ""],
     held: Callable[[State], State] | None = None,
-) -> Linearized:
+) -> Linearization:
     """At given states.
 
     Args:
         program: of the scene.
-        tools: for it.
+        context: for it.
         states: of the bodies.
         rate: one over the stage's step, 0 for a steady state [1/s].
         time: of the loads [s].
@@ -112,31 +112,35 @@ def linearized(
     slopes = load_slopes(program, states, time).change
     networks = tuple(body.network.linear for body in program.bodies)
     steepness = tuple(map(_steepness, program.bodies, states))
-    diagonal = on_nodes(
+    diagonal = masked_to_nodes(
         tuple(
             _over(network.capacity() * (rate + slope), steep)
             for network, slope, steep in zip(networks, slopes, steepness, strict=True)
         ),
-        tools.nodes,
+        context.nodes,
     )
     operator = Jacobian(networks, diagonal, program.contacts, time)
     whole = sums = operator.with_contacts()
     if held is not None:
-        whole = jax.tree.map(jnp.add, whole, held(whole))
-    parts = zip(networks, tools.hierarchies, whole, strict=True)
+        whole = jax.tree.map(jnp.add, whole, stop_gradient(whole))
+    parts = zip(networks, context.hierarchies, whole, strict=True)
     plain = tuple(
         jacobi(network, m) if levels is None else levels.prepared(m)
         for network, levels, m in parts
     )
-    cycles = tuple(map(WithMeans, plain, tools.parts, sums))
+    cycles = tuple(map(DeflatedPreconditioner, plain, context.components, sums))
     capacity = tuple(
         jnp.broadcast_to(network.capacity(), state.shape)
         for network, state in zip(networks, states, strict=True)
     )
-    return Linearized(operator, BodyByBody(cycles), steepness, capacity, tools.nodes)
+    return Linearization(
+        operator, BlockPreconditioner(cycles), steepness, capacity, context.nodes
+    )
 
 
-def on_nodes(values: State, nodes: tuple[Bool[Array, "..."] | None, ...]) -> State:
+def masked_to_nodes(
+    values: State, nodes: tuple[Bool[Array, "..."] | None, ...]
+) -> State:
     """Values with 0 where there is no node."""
     masked = lambda v, here: v if here is None else jnp.where(here, v, 0)
     return tuple(map(masked, values, nodes))

@@ -19,9 +19,9 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ...network.network import inverse
 from ...scene.compile.program import Program, State
-from .conjugate_gradient import ConjugateGradients, Residual, largest
-from .context import Tools
-from .jacobian import Linearized, linearized, on_nodes
+from .conjugate_gradient import ConjugateGradient, ResidualNorm
+from .context import ImplicitContext
+from .jacobian import Linearization, linearize, masked_to_nodes
 from .residual import rates
 
 
@@ -30,42 +30,42 @@ DERIVATIVE_TOLERANCE = 1e-6
 """Of the right-hand side, or some roundings in float32."""
 
 
-class Effort(eqx.Module):
+class SolverStatistics(eqx.Module):
     """What a run has cost so far, and what went wrong."""
 
-    newton: Int[Array, ""]
+    newton_iterations: Int[Array, ""]
     """Steps of Newton's method."""
-    linear: Int[Array, ""]
+    linear_iterations: Int[Array, ""]
     """Iterations of linear solves."""
-    accepted: Int[Array, ""]
+    accepted_steps: Int[Array, ""]
     """Steps of a length that the solver chose."""
-    rejected: Int[Array, ""]
+    rejected_steps: Int[Array, ""]
     """Steps that were taken again, shorter."""
-    left: Float[Array, ""]
+    largest_linear_residual: Float[Array, ""]
     """Largest residual that a linear solve left [K]."""
     linear_failed: Bool[Array, ""]
     newton_failed: Bool[Array, ""]
-    out_of_steps: Bool[Array, ""]
+    step_limit_reached: Bool[Array, ""]
     """Whether the solver gave up shortening its steps."""
 
-    def plus(self, other: "Effort") -> "Effort":
+    def plus(self, other: "SolverStatistics") -> "SolverStatistics":
         """Both."""
-        return Effort(
-            self.newton + other.newton,
-            self.linear + other.linear,
-            self.accepted + other.accepted,
-            self.rejected + other.rejected,
-            jnp.maximum(self.left, other.left),
+        return SolverStatistics(
+            self.newton_iterations + other.newton_iterations,
+            self.linear_iterations + other.linear_iterations,
+            self.accepted_steps + other.accepted_steps,
+            self.rejected_steps + other.rejected_steps,
+            jnp.maximum(self.largest_linear_residual, other.largest_linear_residual),
             self.linear_failed | other.linear_failed,
             self.newton_failed | other.newton_failed,
-            self.out_of_steps | other.out_of_steps,
+            self.step_limit_reached | other.step_limit_reached,
         )
 
 
-def no_effort(dtype) -> Effort:
+def zero_statistics(dtype) -> SolverStatistics:
     """Nothing done."""
     none, no = jnp.zeros((), jnp.int32), jnp.zeros((), bool)
-    return Effort(none, none, none, none, jnp.zeros((), dtype), no, no, no)
+    return SolverStatistics(none, none, none, none, jnp.zeros((), dtype), no, no, no)
 
 
 class Stage(NamedTuple):
@@ -74,12 +74,12 @@ class Stage(NamedTuple):
     states: State
     entries: Float[Array, " c"]
     """What each entry of the ledger brings there [W]."""
-    effort: Effort
+    statistics: SolverStatistics
 
 
 def solve_stage(
     program: Program,
-    tools: Tools,
+    context: ImplicitContext,
     base: State,
     g: Float[Array, ""],
     time: Float[Array, ""],
@@ -89,21 +89,21 @@ def solve_stage(
 
     Args:
         program: of the scene.
-        tools: for it.
+        context: for it.
         base: where the stage starts from [K].
         g: its step [s].
         time: of its loads [s].
         guess: of the states.
     """
-    fixed = held((program, tools, base, g, time, guess))
+    fixed = stop_gradient((program, context, base, g, time, guess))
     found = _newton(*fixed)
-    if not tools.differentiable:
-        return Stage(found.states, found.entries, found.effort)
-    states = _differentiable(program, tools, base, g, time, found.states, fixed)
-    return Stage(states, rates(program, states, time).entries, found.effort)
+    if not context.differentiable:
+        return Stage(found.states, found.entries, found.statistics)
+    states = _differentiable(program, context, base, g, time, found.states, fixed)
+    return Stage(states, rates(program, states, time).entries, found.statistics)
 
 
-def held(tree: Any) -> Any:
+def stop_gradient(tree: Any) -> Any:
     """Without derivatives."""
     stop = lambda x: jax.lax.stop_gradient(x) if eqx.is_array(x) else x
     return jax.tree.map(stop, tree)
@@ -116,18 +116,18 @@ def _residual(program, base, g, time, states) -> tuple[State, Float[Array, " c"]
     return jax.tree.map(short, states, base, change), entries
 
 
-def kelvin_left(at: Linearized, g: Float[Array, ""]) -> Residual:
+def kelvin_norm(at: Linearization, g: Float[Array, ""]) -> ResidualNorm:
     """A residual [W] as the kelvin that it is worth in a step.
 
     Args:
         at: where the balance is linear.
         g: the step [s].
     """
-    return Residual(tuple(g * inverse(c) for c in at.capacity))
+    return ResidualNorm(tuple(g * inverse(c) for c in at.capacity))
 
 
-def linear_step(
-    at: Linearized, heat: State, solver: ConjugateGradients
+def solve_linear(
+    at: Linearization, heat: State, solver: ConjugateGradient
 ) -> tuple[State, Any]:
     """The change of the states that brings a heat rate, and the solve's stats.
 
@@ -137,7 +137,7 @@ def linear_step(
         solver: and how well.
     """
     # The transposed solve of reverse mode would bring something to where no node is.
-    heat = on_nodes(heat, at.nodes)
+    heat = masked_to_nodes(heat, at.nodes)
     shapes = jax.eval_shape(lambda: heat)
     operator = lx.FunctionLinearOperator(
         at.operator.mv, shapes, lx.positive_semidefinite_tag
@@ -146,12 +146,14 @@ def linear_step(
     found = lx.linear_solve(operator, heat, solver, options=options, throw=False)
     change = tuple(
         u if d is None else u * inverse(d)
-        for u, d in zip(on_nodes(found.value, at.nodes), at.steepness, strict=True)
+        for u, d in zip(
+            masked_to_nodes(found.value, at.nodes), at.steepness, strict=True
+        )
     )
     return change, (found.result == lx.RESULTS.successful, found.stats)
 
 
-def per_step(values: State, at: Linearized, rate: Float[Array, ""]) -> State:
+def per_step(values: State, at: Linearization, rate: Float[Array, ""]) -> State:
     """Minus the heat rate that changes states by `values` [K] in a step [W]."""
     return jax.tree.map(lambda v, c: -v * (c * rate), values, at.capacity)
 
@@ -164,67 +166,75 @@ class _Iterate(NamedTuple):
     """[W]"""
     moved: Float[Array, ""]
     """By the last step, at most [K]."""
-    effort: Effort
+    statistics: SolverStatistics
 
 
-def _newton(program, tools: Tools, base, g, time, guess) -> _Iterate:
+def _newton(program, context: ImplicitContext, base, g, time, guess) -> _Iterate:
     dtype = guess[0].dtype
     # A stage may start from where an explicit part overshot all that bounds the scene.
-    ceilings = jax.tree.map(lambda c, b: jnp.maximum(c, b.max()), tools.ceilings, base)
+    ceilings = jax.tree.map(
+        lambda c, b: jnp.maximum(c, b.max()), context.ceilings, base
+    )
 
     def iterate(now: _Iterate) -> _Iterate:
-        at = linearized(program, tools, now.states, 1 / g, time)
-        solver = ConjugateGradients(kelvin_left(at, g), tools.tolerance)
+        at = linearize(program, context, now.states, 1 / g, time)
+        solver = ConjugateGradient(kelvin_norm(at, g), context.tolerance)
         heat = per_step(now.residual, at, 1 / g)
-        change, (reached, stats) = linear_step(at, heat, solver)
+        change, (reached, stats) = solve_linear(at, heat, solver)
         after = jax.tree.map(jnp.add, now.states, change)
-        if not tools.linear:
+        if not context.linear:
             after = jax.tree.map(jnp.minimum, after, ceilings)
-        moved = largest(jax.tree.map(jnp.subtract, after, now.states))
+        moved = max_abs(jax.tree.map(jnp.subtract, after, now.states))
         # Whether an earlier solve was exact does not matter.
-        spent = replace(now.effort, linear_failed=~reached, left=stats["left"])
+        spent = replace(
+            now.statistics,
+            linear_failed=~reached,
+            largest_linear_residual=stats["residual"],
+        )
         one = replace(
-            no_effort(dtype),
-            newton=jnp.asarray(1, jnp.int32),
-            linear=stats["iterations"],
+            zero_statistics(dtype),
+            newton_iterations=jnp.asarray(1, jnp.int32),
+            linear_iterations=stats["iterations"],
         )
         found = _residual(program, base, g, time, after)
         return _Iterate(after, *found, moved, spent.plus(one))
 
     first = _residual(program, base, g, time, guess)
-    now = _Iterate(guess, *first, jnp.asarray(jnp.inf, dtype), no_effort(dtype))
-    if tools.linear:
+    now = _Iterate(guess, *first, jnp.asarray(jnp.inf, dtype), zero_statistics(dtype))
+    if context.linear:
         return iterate(now)
     # Of what was found: a stage may end thousands of kelvin from where it starts.
-    rounding = lambda i: 8 * jnp.finfo(dtype).eps * (1 + largest((base, i.states)))
+    rounding = lambda i: 8 * jnp.finfo(dtype).eps * (1 + max_abs((base, i.states)))
     # At least once: steps that change less than the tolerance would add up to nothing.
     goes_on = lambda i: (
-        (i.effort.newton < 1)
-        | ((largest(i.residual) > tools.tolerance) & (i.moved > rounding(i)))
+        (i.statistics.newton_iterations < 1)
+        | ((max_abs(i.residual) > context.tolerance) & (i.moved > rounding(i)))
     )
     now = jax.lax.while_loop(
-        lambda i: goes_on(i) & (i.effort.newton < MOST_NEWTON), iterate, now
+        lambda i: goes_on(i) & (i.statistics.newton_iterations < MOST_NEWTON),
+        iterate,
+        now,
     )
     # What is left where no step moves anything is rounding; NaN is no convergence.
-    settled = (largest(now.residual) <= tools.tolerance) | (
-        now.moved <= jnp.maximum(rounding(now), 10 * tools.tolerance)
+    settled = (max_abs(now.residual) <= context.tolerance) | (
+        now.moved <= jnp.maximum(rounding(now), 10 * context.tolerance)
     )
-    return now._replace(effort=replace(now.effort, newton_failed=~settled))
+    return now._replace(statistics=replace(now.statistics, newton_failed=~settled))
 
 
-def _differentiable(program, tools, base, g, time, states, fixed) -> State:
+def _differentiable(program, context, base, g, time, states, fixed) -> State:
     """The same states with the derivative of the solution."""
     residual, _ = _residual(program, base, g, time, states)
     none = jax.tree.map(lambda r: r - jax.lax.stop_gradient(r), residual)
     still, own, _, still_g, still_time, _ = fixed
     rate = 1 / still_g
-    at = linearized(still, own, held(states), rate, still_time)
-    change, _ = linear_step(at, per_step(none, at, rate), for_derivatives(states))
+    at = linearize(still, own, stop_gradient(states), rate, still_time)
+    change, _ = solve_linear(at, per_step(none, at, rate), derivative_solver(states))
     return jax.tree.map(jnp.add, states, change)
 
 
-def for_derivatives(states: State) -> ConjugateGradients:
+def derivative_solver(states: State) -> ConjugateGradient:
     """A solver whose right-hand side may have any unit."""
     eps = float(jnp.finfo(states[0].dtype).eps)
     tolerance = max(DERIVATIVE_TOLERANCE, 20 * eps)
-    return ConjugateGradients(Residual(1.0), tolerance, relative=True)
+    return ConjugateGradient(ResidualNorm(1.0), tolerance, relative=True)

@@ -23,11 +23,11 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ...scene.compile.program import Program, State
-from ..run.schedule import END_ROUNDINGS, END_SHARE
-from ..run.state import AbstractStepper, RunState
-from .context import Tools
-from .energy_correction import closed
-from .newton_stage import Effort, Stage, no_effort, solve_stage
+from ..run.schedule import END_FRACTION, END_ROUNDINGS
+from ..stepper import AbstractStepper, RunState
+from .context import ImplicitContext
+from .energy_correction import correct_energy
+from .newton_stage import SolverStatistics, Stage, solve_stage, zero_statistics
 from .residual import rates
 
 
@@ -42,7 +42,7 @@ class Tableau(NamedTuple):
     """At which each stage takes its loads, in steps."""
 
 
-ROOT = float(np.sqrt(2.0))
+SQRT2 = float(np.sqrt(2.0))
 
 BACKWARD_EULER = Tableau(False, ((1.0,),), (0.5,))
 """Loads at the middle of the step: the heat of a ramp is exact."""
@@ -51,12 +51,12 @@ CRANK_NICOLSON = Tableau(True, ((0.5, 0.5),), (0.0, 1.0))
 
 TR_BDF2 = Tableau(
     True,
-    ((1 - ROOT / 2, 1 - ROOT / 2), (ROOT / 4, ROOT / 4, 1 - ROOT / 2)),
-    (0.0, 2 - ROOT, 1.0),
+    ((1 - SQRT2 / 2, 1 - SQRT2 / 2), (SQRT2 / 4, SQRT2 / 4, 1 - SQRT2 / 2)),
+    (0.0, 2 - SQRT2, 1.0),
 )
 """Source: Hosea and Shampine, Applied Numerical Mathematics 20 (1996) 21-37."""
 
-RETREATS = {
+FALLBACKS = {
     CRANK_NICOLSON: Tableau(True, ((0.0, 1.0),), (0.0, 0.5)),
     TR_BDF2: Tableau(True, ((0.0, 0.5), (0.0, 0.5, 0.5)), (0.0, 0.25, 0.75)),
 }
@@ -70,7 +70,7 @@ MOST_REACHED = 2.0
 """Of the hottest that a body can get, if that is known."""
 
 
-class Taken(NamedTuple):
+class StepResult(NamedTuple):
     """A step, before it is accepted."""
 
     states: State
@@ -78,23 +78,23 @@ class Taken(NamedTuple):
     """That each entry of the ledger brings [J]."""
     slopes: tuple[State, ...]
     """f of every stage [K/s]."""
-    effort: Effort
+    statistics: SolverStatistics
 
 
-def take(
+def runge_kutta_step(
     program: Program,
-    tools: Tools,
+    context: ImplicitContext,
     tableau: Tableau,
     states: State,
     start: Float[Array, ""],
     dt: Float[Array, ""],
     retreat: Tableau | None = None,
-) -> Taken:
+) -> StepResult:
     """One step.
 
     Args:
         program: of the scene.
-        tools: for it.
+        context: for it.
         tableau: of the method.
         states: at the start.
         start: [s].
@@ -103,7 +103,7 @@ def take(
     """
     slopes: list[State] = []
     entries: list[Float[Array, " c"]] = []
-    effort, weights = no_effort(states[0].dtype), tableau.weights
+    statistics, weights = zero_statistics(states[0].dtype), tableau.weights
     times: Any = tableau.times
     if tableau.explicit:
         first = rates(program, states, _within(start, dt, times[0]))
@@ -111,7 +111,7 @@ def take(
         entries.append(first.entries)
         if retreat is not None:
             ahead = _sum(states, dt, weights[0][:1], slopes)
-            kept = _in_reach(program, tools, states, ahead)
+            kept = _in_reach(program, context, states, ahead)
             # The same numbers in the same places, or the step would be compiled twice.
             weights, times = jax.tree.map(
                 lambda own, other: jnp.where(kept, jnp.asarray(own, dt.dtype), other),
@@ -124,24 +124,24 @@ def take(
         base = _sum(states, dt, row[:-1], slopes)
         g = row[-1] * dt
         solved: Stage = solve_stage(
-            program, tools, base, g, _within(start, dt, share), guess
+            program, context, base, g, _within(start, dt, share), guess
         )
-        guess, effort = solved.states, effort.plus(solved.effort)
+        guess, statistics = solved.states, statistics.plus(solved.statistics)
         slopes.append(jax.tree.map(lambda e, b, g=g: (e - b) / g, guess, base))
         entries.append(solved.entries)
     last = weights[-1]
     heat = dt * sum(w * e for w, e in zip(last, entries, strict=True))
     end = _within(start, dt, times[-1])
-    after, heat = closed(program, states, guess, heat, last[-1] * dt, end)
-    return Taken(after, heat, tuple(slopes), effort)
+    after, heat = correct_energy(program, states, guess, heat, last[-1] * dt, end)
+    return StepResult(after, heat, tuple(slopes), statistics)
 
 
 def _in_reach(
-    program: Program, tools: Tools, states: State, ahead: State
+    program: Program, context: ImplicitContext, states: State, ahead: State
 ) -> Bool[Array, ""]:
     """Whether no node is taken far below its temperature, or above any there can be."""
     found = []
-    bodies = zip(program.bodies, tools.ceilings, states, ahead, strict=True)
+    bodies = zip(program.bodies, context.ceilings, states, ahead, strict=True)
     for body, ceiling, now, then in bodies:
         known = jnp.isfinite(ceiling)
         above = (
@@ -165,19 +165,21 @@ def _within(start, dt, share) -> Float[Array, ""]:
     """A time in the step; its end is just before whatever is switched there."""
     end = start + dt
     rounding = END_ROUNDINGS * jnp.finfo(end.dtype).eps * jnp.abs(end)
-    last = end - jnp.maximum(rounding, END_SHARE * dt)
+    last = end - jnp.maximum(rounding, END_FRACTION * dt)
     return jnp.where(share < 1, start + dt * share, last)
 
 
 class ImplicitStepper(AbstractStepper):
     """Steps of a given length."""
 
-    tools: Tools
+    context: ImplicitContext
     tableau: Tableau = eqx.field(static=True)
 
     def begin(self, state: RunState) -> RunState:
-        """With an account of the effort."""
-        return RunState(state.theta, state.ledger, no_effort(state.theta[0].dtype))
+        """With an account of the statistics."""
+        return RunState(
+            state.theta, state.ledger, zero_statistics(state.theta[0].dtype)
+        )
 
     def step(
         self,
@@ -187,7 +189,9 @@ class ImplicitStepper(AbstractStepper):
         dt: Float[Array, ""],
     ) -> RunState:
         """One step of the method."""
-        retreat = None if self.tools.linear else RETREATS.get(self.tableau)
-        taken = take(program, self.tools, self.tableau, state.theta, start, dt, retreat)
+        retreat = None if self.context.linear else FALLBACKS.get(self.tableau)
+        taken = runge_kutta_step(
+            program, self.context, self.tableau, state.theta, start, dt, retreat
+        )
         ledger = state.ledger.add(taken.heat)
-        return RunState(taken.states, ledger, state.work.plus(taken.effort))
+        return RunState(taken.states, ledger, state.solver_state.plus(taken.statistics))

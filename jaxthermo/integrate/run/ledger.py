@@ -92,7 +92,7 @@ class HeatRates(eqx.Module):
     """All that comes over all that comes or goes."""
 
 
-def heat_rates(
+def steady_heat_rates(
     entries: tuple[LedgerEntry, ...], rates: Float[Array, " c"], bodies: int
 ) -> HeatRates:
     """What each entry brings, by mechanism, by body and by pair.

@@ -1,97 +1,96 @@
-"""What is kept of a state at a saved time."""
+"""Observation of a state: surface and mean temperatures, stored heat, failures."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from ...scene.compile.program import Program
-from ..implicit.newton_stage import Effort
+from ..implicit.newton_stage import SolverStatistics
+from ..stepper import RunState
 from .heat_rates import pair_temperatures
 from .ledger import Ledger
-from .state import RunState
 
 
 class Observation(NamedTuple):
-    """What is kept of a state at a saved time."""
+    """The part of a state that a solution stores."""
 
-    surface: Float[Array, " s"]
-    """[K]"""
-    mean: Float[Array, " b"]
-    """[K]"""
-    stored: Float[Array, " b"]
-    """Above the references [J]."""
-    finite: Bool[Array, ""]
-    possible: Bool[Array, ""]
-    """Whether no part of the surface is below 0 K, but for rounding."""
+    surface_temperature: Float[Array, " s"]
+    """Temperature of each fragment, bodies one after the other [K]."""
+    mean_temperature: Float[Array, " b"]
+    """Capacity-weighted mean of each body [K]."""
+    stored_heat: Float[Array, " b"]
+    """Heat of each body above its reference temperature [J]."""
+    is_finite: Bool[Array, ""]
+    is_physical: Bool[Array, ""]
+    """True if no surface temperature is below 0 K by more than rounding."""
     ledger: Ledger
-    effort: Effort | None
-    """Of an implicit solver."""
-
-
-def effort_of(work: Any) -> Effort | None:
-    """That a solver's own work holds."""
-    return work if isinstance(work, Effort | None) else work.effort
+    statistics: SolverStatistics | None
+    """Of an implicit solver; None for explicit ones."""
 
 
 @eqx.filter_jit
 def observe(
     program: Program, state: RunState, time: Float[Array, ""] | None
 ) -> Observation:
-    """Surface temperatures, means and energies of a state.
+    """Observe a state.
 
     Args:
-        program: what made it.
-        state: at some moment.
-        time: of the loads that led to it [s], the middle of the last step: a load that
-            is switched at that moment is still read as it was. None at the start.
+        program: compiled scene.
+        state: state of the run.
+        time: time of the loads that act on the surface [s], within the last step, so
+            that a load that is switched now still counts as it was; None at the start,
+            where none has acted yet.
     """
     surface, mean, stored = [], [], []
-    around = zip(
+    bodies = zip(
         program.bodies,
         state.theta,
-        _pressed(program, state, time),
-        _received(program, state, time),
+        _contact_excess(program, state, time),
+        _irradiation(program, state, time),
         strict=True,
     )
-    for body, now, press, heat in around:
-        here = body.reading.read(body.network, now, time, press, heat)
-        surface.append(body.reference + here)
+    for body, theta, contact, irradiation in bodies:
+        above = body.reading.read(body.network, theta, time, contact, irradiation)
+        surface.append(body.reference + above)
         network = body.network
-        heat = network.stored(network.temperature(now)) / network.total_capacity()
+        heat = network.stored(network.temperature(theta)) / network.total_capacity()
         mean.append(body.reference + heat)
-        stored.append(network.stored(now))
-    outside, heat = jnp.concatenate(surface), jnp.stack(stored)
+        stored.append(network.stored(theta))
+    temperature, heat = jnp.concatenate(surface), jnp.stack(stored)
+    solver_state = state.solver_state
+    if not isinstance(solver_state, SolverStatistics | None):
+        solver_state = solver_state.statistics
     return Observation(
-        surface=outside,
-        mean=jnp.stack(mean),
-        stored=heat,
-        finite=jnp.isfinite(heat).all(),
-        possible=outside.min() > -1e-3,
+        surface_temperature=temperature,
+        mean_temperature=jnp.stack(mean),
+        stored_heat=heat,
+        is_finite=jnp.isfinite(heat).all(),
+        is_physical=temperature.min() > -1e-3,
         ledger=state.ledger,
-        effort=effort_of(state.work),
+        statistics=solver_state,
     )
 
 
-def _pressed(program: Program, state: RunState, time) -> list:
-    """What contacts raise each body's surface over its nodes [K]; None if none."""
+def _contact_excess(program: Program, state: RunState, time) -> list:
+    """Excess of each body's fragments over their nodes by contacts [K], or None."""
     found: list = [None] * len(program.bodies)
     if time is None:
         return found
     for contact in program.contacts:
         theta = pair_temperatures(program, contact, state.theta)
-        one, other = (program.bodies[b].reference for b in contact.bodies)
-        rate = contact.heat_rate(time, theta, (one, other))
+        first, second = (program.bodies[b].reference for b in contact.bodies)
+        rate = contact.heat_rate(time, theta, (first, second))
         for side, body in enumerate(contact.bodies):
             fragments = program.bodies[body].reading.node.shape[0]
-            raised = contact.excess(rate, side, fragments)
-            found[body] = raised if found[body] is None else found[body] + raised
+            excess = contact.excess(rate, side, fragments)
+            found[body] = excess if found[body] is None else found[body] + excess
     return found
 
 
-def _received(program: Program, state: RunState, time) -> list:
-    """Irradiation of each body's fragments by what they see; None if there is none."""
+def _irradiation(program: Program, state: RunState, time) -> list:
+    """Irradiation of each body's fragments by other bodies [W/m^2], or None."""
     fine = program.fine_enclosure
     if fine is None or time is None:
         return [None] * len(program.bodies)

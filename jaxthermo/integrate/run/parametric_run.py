@@ -1,16 +1,15 @@
-"""A scene's surface as a function of its numbers: one program for all values of them.
+"""A scene's surface temperatures as a function of the scene's numbers, for fits.
 
-Fits ask for the same run again and again with other conductivities, weights or
-coefficients. Here the scene may hold traced values; what is laid out beforehand, from
-values that are known, is when it steps: `layout` gives starts, lengths and numbers of
-steps as arrays, an argument of the program, so that a scene that turns stiffer takes
-more steps without being compiled anew, and one fit's runs differ in their values only,
-not in their steps.
+A fit repeats one run with other conductivities, weights or coefficients. The scene may
+then hold traced values, while the steps are scheduled beforehand from known values: the
+`StepTable` is an argument of the compiled program. A scene that becomes stiffer takes
+more steps without a new compilation, and all runs of a fit with one table differ in
+their values only, not in their steps.
 """
 
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -23,130 +22,131 @@ from ...scene.scene import Scene
 from ...scene.solved_surface import SolvedSurface
 from ..explicit.euler import EulerStepper
 from ..solvers import AbstractSolver, ForwardEuler
-from .schedule import legs, schedule
-from .simulate import Plan, layout_table, plan, run, run_all, start
+from .plan import Plan, StepTable, initial_state, plan_run, step_table
+from .schedule import save_intervals, schedule
+from .simulate import integrate, take_steps
 
 
-Layout = Any
-"""Starts, steps, numbers of steps and moments to read, a row a save time."""
+class ParametricSolution(NamedTuple):
+    """Result of a `ParametricRun`."""
 
-
-class Answer(NamedTuple):
-    """What a run says."""
-
-    surface: Float[Array, "t s"]
-    """Of every fragment at every saved time [K]."""
+    surface_temperature: Float[Array, "t s"]
+    """Temperature of every fragment at every save time [K]."""
     stable_step: Float[Array, ""]
-    """Of an explicit step, with these values [s]."""
+    """Largest stable explicit step with these values [s]."""
     finite: Bool[Array, ""]
+    """True if all temperatures are finite."""
     surfaces: tuple[SolvedSurface, ...]
-    """Of the bodies, with their finish."""
+    """Surface of each body, with its emissivity and absorptivity."""
 
 
 @dataclass(frozen=True)
-class Response:
-    """How a scene is run for a fit."""
+class ParametricRun:
+    """A run whose scene may hold traced values.
 
-    saves: tuple[float, ...]
-    """Increasing, after 0; the last one is the end [s]."""
+    Raises:
+        InputError: for save times at 0, or reverse mode without a given step.
+    """
+
+    save_times: tuple[float, ...]
+    """Increasing save times after 0; the last one is the end of the run [s]."""
     solver: AbstractSolver | None = None
-    """None for explicit steps, as long as is stable."""
+    """None for explicit Euler steps as long as is stable."""
     reverse_memory: int | None = None
-    """For states that reverse mode keeps [bytes]; None for forward mode. In reverse the
-    steps are those of `solver`, which has to give them."""
+    """Memory for the states that reverse mode stores [bytes]; None for forward mode.
+    Reverse mode takes the steps of `solver`, which must give its `dt`."""
 
     def __post_init__(self):
-        if not self.saves or self.saves[0] <= 0:
+        if not self.save_times or self.save_times[0] <= 0:
             raise InputError("a fit compares what is saved after 0 s: leave out 0")
-        if self.reverse_memory is not None and _step(self.solver) is None:
+        step = None if self.solver is None else self.solver.dt
+        if self.reverse_memory is not None and step is None:
             raise InputError("a gradient in reverse mode needs a solver with its step")
 
     @property
-    def follows_stability(self) -> bool:
-        """Whether the steps' lengths go by the stable one."""
+    def uses_stable_step(self) -> bool:
+        """True if the steps are as long as is stable."""
         return self.solver is None or (
             isinstance(self.solver, ForwardEuler) and self.solver.dt is None
         )
 
-    def layout(self, scene: Scene, longest: float | None = None) -> Layout:
-        """When to step, for a scene whose numbers are known.
+    def step_table(self, scene: Scene, max_dt: float | None = None) -> StepTable:
+        """Schedule the steps for a scene whose numbers are known.
 
         Args:
-            scene: of bodies that stay where they are.
-            longest: step, where it goes by the stable one; that itself if not given
-                [s].
+            scene: scene whose bodies do not move.
+            max_dt: longest step of a run that uses the stable one; None for the
+                stable step itself [s].
 
         Raises:
             InputError: if bodies move.
         """
-        solver = ForwardEuler(longest) if self.follows_stability else self.solver
+        solver = ForwardEuler(max_dt) if self.uses_stable_step else self.solver
         with precision(scene.dtype):
-            todo = _still(plan(scene, self.saves[-1], self.saves, solver))
-            return layout_table(todo, legs(todo.intervals))
+            plan = plan_run(scene, self.save_times[-1], self.save_times, solver)
+            _check_static(plan)
+            return step_table(plan, save_intervals(plan.intervals))
 
     def stable_step(self, scene: Scene) -> Float[Array, ""]:
-        """The largest explicit step; of a scene that may be traced [s]."""
+        """Return the largest stable explicit step of a scene, traced or not [s]."""
         with precision(scene.dtype):
-            return compile_scene(scene, 1, self.saves[-1]).stable_step
+            return compile_scene(scene, 1, self.save_times[-1]).stable_step
 
-    def __call__(self, scene: Scene, layout: Layout) -> Answer:
+    def __call__(self, scene: Scene, table: StepTable) -> ParametricSolution:
         """Run a scene that may hold traced values.
 
         Args:
-            scene: as the one that was laid out, but for its numbers.
-            layout: when to step.
+            scene: equal to the scheduled one except for its numbers.
+            table: steps to take, see `step_table`; not used in reverse mode.
         """
         with precision(scene.dtype):
-            todo = self._plan(scene)
+            plan = self._plan(scene)
+            _check_static(plan)
+            state = initial_state(plan)
             if self.reverse_memory is not None:
-                seen = run(todo, start(todo), traced=True)
+                rows = integrate(plan, state, traced=True)
             else:
-                program, state = todo.compiled.program, start(todo)
-                _, seen = run_all.__wrapped__(todo.stepper, program, state, layout)
-            return Answer(
-                seen.surface,
-                jnp.asarray(todo.compiled.stable_step),
-                seen.finite.all(),
-                todo.compiled.surfaces,
+                _, rows = take_steps(plan.stepper, plan.compiled.program, state, table)
+            return ParametricSolution(
+                rows.surface_temperature,
+                jnp.asarray(plan.compiled.stable_step),
+                rows.is_finite.all(),
+                plan.compiled.surfaces,
             )
 
     def _plan(self, scene: Scene) -> Plan:
-        """All that is compiled; of steps that follow stability, not how many."""
-        end = self.saves[-1]
-        if not self.follows_stability:
+        saves, end = self.save_times, self.save_times[-1]
+        if not self.uses_stable_step:
             memory = self.reverse_memory
-            return _still(
-                plan(scene, end, self.saves, self.solver, reverse_memory=memory)
-            )
-        compiled = compile_scene(scene, len(self.saves), end)
-        landings = (*compiled.program.breakpoints, *compiled.starts)
-        once = schedule(end, self.saves, landings, math.inf)
+            return plan_run(scene, end, saves, self.solver, reverse_memory=memory)
+        # The stable step of a traced scene is not known: `plan_run` would refuse it.
+        # The step table gives the steps, so one step per interval stands in here.
+        compiled = compile_scene(scene, len(saves), end)
+        event_times = (*compiled.program.breakpoints, *compiled.starts)
+        intervals = schedule(end, saves, event_times, math.inf)
         solver, stepper = ForwardEuler(), EulerStepper()
-        return _still(Plan(scene, compiled, once, self.saves, None, solver, stepper))
+        return Plan(scene, compiled, intervals, saves, None, solver, stepper)
 
 
-def _still(todo: Plan) -> Plan:
-    if len(todo.compiled.programs) > 1:
+def _check_static(plan: Plan) -> None:
+    if len(plan.compiled.programs) > 1:
         raise InputError("a fit needs bodies that stay where they are")
-    return todo
 
 
-def _step(solver: AbstractSolver | None) -> float | None:
-    return None if solver is None else solver.dt
-
-
-def with_more_steps(layout: Layout, factor: float) -> Layout:
-    """The same moments in shorter steps.
+def with_more_steps(table: StepTable, factor: float) -> StepTable:
+    """Divide the same intervals into more steps.
 
     Args:
-        layout: of a run.
-        factor: more steps, at least.
+        table: steps of a run.
+        factor: smallest ratio of the new number of steps to the old one.
     """
-    starts, spans, before, reads = (np.asarray(each) for each in layout)
+    start, dt, before, observed = (np.asarray(each) for each in table)
     after = np.ceil(before * factor).astype(before.dtype)
     ratio = np.where(after > 0, before / np.maximum(after, 1), 1.0)
-    shorter = spans * ratio.astype(spans.dtype)
-    # Loads are read where the last step takes its own, in its middle.
-    middle = (starts + spans * before - shorter / 2).astype(spans.dtype)
-    reads = np.where(before > 0, middle, reads)
-    return layout[0], jnp.asarray(shorter), jnp.asarray(after), jnp.asarray(reads)
+    shorter = dt * ratio.astype(dt.dtype)
+    # Explicit steps take their loads at the middle; so does the last observation.
+    middle = (start + dt * before - shorter / 2).astype(dt.dtype)
+    observed = np.where(before > 0, middle, observed)
+    return StepTable(
+        table.start, jnp.asarray(shorter), jnp.asarray(after), jnp.asarray(observed)
+    )

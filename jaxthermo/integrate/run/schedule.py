@@ -1,4 +1,4 @@
-"""When to step: equal steps between the times that must be landed on exactly."""
+"""When to step: equal steps between the times that a run must reach exactly."""
 
 import math
 from dataclasses import dataclass
@@ -6,32 +6,33 @@ from dataclasses import dataclass
 from ...errors import InputError
 
 
-MOST_STEPS = 2**31 - 1
-"""In one interval: they are counted in 32 bits."""
+MAX_INTERVAL_STEPS = 2**31 - 1
+"""Steps of one interval: the loop counts them in 32 bits."""
 
-END_SHARE, END_ROUNDINGS = 1e-6, 8
-"""How long before its end, in steps and at least in roundings of the time, the end of a
-step takes its loads: just before whatever is switched there."""
+# How long before its end a step evaluates the loads of its end, so that they are those
+# from before an event: this fraction of the step, and at least so many roundings of
+# the time, without which the difference would vanish late in a float32 run.
+END_FRACTION, END_ROUNDINGS = 1e-6, 8
 
 
 @dataclass(frozen=True)
 class Interval:
-    """`steps` steps of `dt` from `start`, ending at `end` to rounding [s]."""
+    """Equal steps from `start` to `end` [s]."""
 
     start: float
     end: float
     steps: int
     saved: bool
-    """Whether `end` is a save time."""
+    """True if `end` is a save time."""
 
     @property
     def dt(self) -> float:
-        """One step [s]."""
+        """Length of one step [s]."""
         return (self.end - self.start) / self.steps
 
 
 def save_times(t1: float | int, save_at) -> tuple[float, ...]:
-    """The save times, checked; the end alone if none are given.
+    """Return the checked save times [s]; the end time alone if none are given.
 
     Raises:
         InputError: if they do not increase within [0, t1].
@@ -41,6 +42,7 @@ def save_times(t1: float | int, save_at) -> tuple[float, ...]:
     times = (t1,) if save_at is None else tuple(float(t) for t in save_at)
     if not times:
         raise InputError("save_at is empty: give at least one time, or leave it out")
+    # Negated, so that NaN is refused too.
     if any(not b > a for a, b in zip(times, times[1:], strict=False)):
         raise InputError(f"save_at={list(times)}: the times must increase")
     if not (times[0] >= 0 and times[-1] <= t1):
@@ -51,47 +53,48 @@ def save_times(t1: float | int, save_at) -> tuple[float, ...]:
 def schedule(
     t1: float | int,
     saves: tuple[float, ...],
-    knots: tuple[float, ...],
-    dt: float,
-    least: int = 1,
+    event_times: tuple[float, ...],
+    max_dt: float,
+    min_steps: int = 1,
 ) -> tuple[Interval, ...]:
-    """Intervals between save times, breaks of the terms' values, and the end.
+    """Divide a run into intervals that end at save times, event times and the end.
 
     Args:
-        t1: end [s].
-        saves: increasing times in [0, t1].
-        knots: other times to land on.
-        dt: the largest step allowed [s]; may be infinite.
-        least: steps in each.
+        t1: end of the run [s].
+        saves: increasing save times in [0, t1] [s].
+        event_times: other times that a step must end at, such as breakpoints of the
+            terms' values [s]; those outside (0, t1) are ignored.
+        max_dt: largest step allowed [s]; may be infinite.
+        min_steps: smallest number of steps per interval.
 
     Raises:
-        InputError: if that takes more steps than can be counted.
+        InputError: if an interval takes more steps than can be counted.
     """
-    if not dt > 0:
+    if not max_dt > 0:
         raise InputError(
-            f"the largest stable step is {dt:g} s: check the materials and terms for "
-            "values far out of range"
+            f"the largest stable step is {max_dt:g} s: check the materials and terms "
+            "for values far out of range"
         )
-    stops = sorted({*saves, *(k for k in knots if 0 < k < t1), t1} - {0.0})
+    ends = sorted({*saves, *(t for t in event_times if 0 < t < t1), t1} - {0.0})
     intervals, start = [], 0.0
-    for stop in stops:
-        # A quotient that is whole but for rounding must not cost a step more.
-        steps = max(least, math.ceil((stop - start) / dt * (1 - 1e-9)))
-        if steps > MOST_STEPS:
+    for end in ends:
+        # A quotient that exceeds a whole number by rounding must not cost a step more.
+        steps = max(min_steps, math.ceil((end - start) / max_dt * (1 - 1e-9)))
+        if steps > MAX_INTERVAL_STEPS:
             raise InputError(
-                f"{stop - start:g} s take {steps:.2g} steps of {dt:.3g} s, the largest "
-                "stable step: simulate a shorter time, or use a coarser pitch"
+                f"{end - start:g} s take {steps:.2g} steps of {max_dt:.3g} s, the "
+                "largest stable step: simulate a shorter time, or use a coarser pitch"
             )
-        intervals.append(Interval(start, stop, steps, stop in saves))
-        start = stop
+        intervals.append(Interval(start, end, steps, end in saves))
+        start = end
     return tuple(intervals)
 
 
-def legs(intervals: tuple[Interval, ...]) -> tuple[tuple[Interval, ...], ...]:
-    """Intervals grouped by the save time they lead to; what follows the last one last.
-
-    Only the end of a leg is observed: a table of thousands of knots costs no memory.
-    """
+def save_intervals(
+    intervals: tuple[Interval, ...],
+) -> tuple[tuple[Interval, ...], ...]:
+    """Group intervals by the save time that they lead to, the rest in a last group."""
+    # Only the end of a group is observed: thousands of event times cost no memory.
     groups: list[tuple[Interval, ...]] = []
     group: list[Interval] = []
     for interval in intervals:

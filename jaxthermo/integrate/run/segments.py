@@ -1,7 +1,7 @@
-"""The same program in segments: for progress, checkpoints and a clean Ctrl-C.
+"""A run in segments of about a second: progress, checkpoint files and a clean Ctrl-C.
 
-A segment is about a second of wall time or what is left up to the next save time, and
-takes exactly the steps that one long run would take.
+A segment ends after about a second of wall time or at the next save time. All segments
+together take exactly the steps that `simulate` takes.
 """
 
 import time
@@ -13,161 +13,184 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 from ...atomic import replacing
 from ...scene.compile.program import Program, State
-from ...scene.scene import Scene
+from ..stepper import AbstractStepper, RunState, advance
 from .observe import Observation, observe
+from .plan import Plan, equalization_heat, initial_state, observation_time
 from .schedule import Interval
-from .simulate import Plan, assemble_solution, imbalance, last_load, start, uneven_nodes
+from .simulate import assemble_solution
 from .solution import Solution
-from .state import AbstractStepper, RunState
-from .time_loop import advance
 
 
-class Progress(NamedTuple):
-    """Where a run stands: all that is needed to go on."""
+class RunProgress(NamedTuple):
+    """State of a partly finished run: all that is needed to continue it."""
 
     interval: int
-    done: int
+    """Index of the current interval of the plan."""
+    steps_taken: int
     """Steps taken in this interval."""
     state: RunState
-    first: Observation
-    even: jax.Array
-    """Heat that conduction must move to even out the start [J]."""
-    seen: tuple[Observation, ...]
-    """At the end of each finished leg."""
+    initial: Observation
+    """Observation at the start."""
+    equalization: Float[Array, " b"]
+    """See `equalization_heat` [J]."""
+    observations: tuple[Observation, ...]
+    """Observations at the save times so far."""
 
 
 @eqx.filter_jit(donate="all-except-first")
-def _segment(keep: tuple[AbstractStepper, Program, Any, tuple], theta: State):
-    """Steps in place; what else is in a state is small and shared, so it stays."""
-    stepper, program, (ledger, work), (begin, dt, steps, done) = keep
-    state = RunState(theta, ledger, work)
-    return advance(stepper, program, state, begin, dt, steps, done)
+def _advance_in_place(
+    kept: tuple[AbstractStepper, Program, Any, tuple], theta: State
+) -> RunState:
+    # Only the temperatures are donated; the rest of a state is small, and shared.
+    stepper, program, (ledger, solver_state), (start, dt, steps, before) = kept
+    state = RunState(theta, ledger, solver_state)
+    return advance(stepper, program, state, start, dt, steps, before)
 
 
-def begin(scene: Scene, plan: Plan) -> Progress:
-    """The progress of a run that has not started."""
-    program, fresh = plan.compiled.program, start(plan)
-    # A copy, since segments are taken in place and the plan must stay whole.
-    theta = jax.tree.map(jnp.array, fresh.theta)
-    state = RunState(theta, fresh.ledger, fresh.work)
-    even = imbalance(program, state.theta, uneven_nodes(plan.scene))
-    return Progress(0, 0, state, observe(program, state, None), even, ())
+def begin_run(plan: Plan) -> RunProgress:
+    """Return the progress of a run that has not taken a step."""
+    program, state = plan.compiled.program, initial_state(plan)
+    # A copy, since segments overwrite their state and the plan must stay whole.
+    theta = jax.tree.map(jnp.array, state.theta)
+    state = RunState(theta, state.ledger, state.solver_state)
+    heat = equalization_heat(plan, state.theta)
+    return RunProgress(0, 0, state, observe(program, state, None), heat, ())
 
 
-def steps_done(plan: Plan, progress: Progress) -> int:
-    """Steps taken in all."""
-    return sum(i.steps for i in plan.intervals[: progress.interval]) + progress.done
+def steps_done(plan: Plan, progress: RunProgress) -> int:
+    """Return the number of steps taken since the start of the run."""
+    finished = plan.intervals[: progress.interval]
+    return sum(i.steps for i in finished) + progress.steps_taken
 
 
-def time_reached(plan: Plan, progress: Progress) -> float:
-    """Simulated time [s]."""
+def time_reached(plan: Plan, progress: RunProgress) -> float:
+    """Return the simulated time [s]."""
     if progress.interval == len(plan.intervals):
         return plan.intervals[-1].end if plan.intervals else 0.0
     interval = plan.intervals[progress.interval]
-    return interval.start + progress.done * interval.dt
+    return interval.start + progress.steps_taken * interval.dt
 
 
-def _take(plan: Plan, progress: Progress, steps: int) -> RunState:
+def _take_segment(plan: Plan, progress: RunProgress, steps: int) -> RunState:
     interval = plan.intervals[progress.interval]
     span = (
         jnp.asarray(interval.start, plan.dtype),
         jnp.asarray(interval.dt, plan.dtype),
         jnp.asarray(steps, jnp.int32),
-        jnp.asarray(progress.done, jnp.int32),
+        jnp.asarray(progress.steps_taken, jnp.int32),
     )
-    program, state = _program(plan, interval), progress.state
-    keep = (plan.stepper, program, (state.ledger, state.work), span)
-    return jax.block_until_ready(_segment(keep, state.theta))
+    program, state = _program_of(plan, interval), progress.state
+    kept = (plan.stepper, program, (state.ledger, state.solver_state), span)
+    return jax.block_until_ready(_advance_in_place(kept, state.theta))
 
 
-def _program(plan: Plan, interval: Interval) -> Program:
+def _program_of(plan: Plan, interval: Interval) -> Program:
     return plan.compiled.programs[plan.compiled.number_at(interval.start)]
 
 
-def compile_segments(plan: Plan, progress: Progress) -> Progress:
-    """Take no step: the compilation happens now. Uses up the progress given."""
+def compile_segments(plan: Plan, progress: RunProgress) -> RunProgress:
+    """Compile the program of all segments now, by a segment of 0 steps.
+
+    The given progress is used up: its state is overwritten.
+    """
     if progress.interval == len(plan.intervals):
         return progress
-    return progress._replace(state=_take(plan, progress, 0))
+    return progress._replace(state=_take_segment(plan, progress, 0))
 
 
-def segments(
-    plan: Plan, progress: Progress, seconds: float = 1.0
-) -> Iterator[Progress]:
-    """Take segments of about `seconds` of wall time until the end.
+def run_segments(
+    plan: Plan, progress: RunProgress, seconds: float = 1.0
+) -> Iterator[RunProgress]:
+    """Take segments of about `seconds` of wall time until the end of the run.
 
     The state of a progress is used up when the next one is asked for.
     """
     length = 2
     while progress.interval < len(plan.intervals):
         interval = plan.intervals[progress.interval]
-        steps = min(length, interval.steps - progress.done)
+        steps = min(length, interval.steps - progress.steps_taken)
         clock = time.perf_counter()
-        state = _take(plan, progress, steps)
+        state = _take_segment(plan, progress, steps)
         spent = max(time.perf_counter() - clock, 1e-6)
-        # Even lengths keep the two-step loop; growth is held back, since the first
-        # segment's time is mostly compilation.
+        # Even lengths keep the loop of two steps; growth is limited to 8 times, since
+        # the first segment's time is mostly compilation.
         length = max(2, 2 * int(min(8 * steps, steps * seconds / spent) / 2))
-        done = progress.done + steps
-        if done < interval.steps:
-            progress = progress._replace(done=done, state=state)
+        taken = progress.steps_taken + steps
+        if taken < interval.steps:
+            progress = progress._replace(steps_taken=taken, state=state)
         else:
             progress = progress._replace(
-                interval=progress.interval + 1, done=0, state=state
+                interval=progress.interval + 1, steps_taken=0, state=state
             )
             if interval.saved:
-                loads = last_load(plan, interval)
-                row = observe(_program(plan, interval), state, loads)
-                progress = progress._replace(seen=(*progress.seen, row))
+                at = jnp.asarray(observation_time(plan, interval), plan.dtype)
+                row = observe(_program_of(plan, interval), state, at)
+                observations = (*progress.observations, row)
+                progress = progress._replace(observations=observations)
         yield progress
 
 
-def finish(scene: Scene, plan: Plan, progress: Progress) -> Solution:
-    """The solution of a run that has reached its end."""
-    if not progress.seen:
-        nothing = jax.tree.map(lambda a: a[None][:0], progress.first)
-        return assemble_solution(scene, plan, progress.first, nothing, progress.even)
-    seen = jax.tree.map(lambda *rows: jnp.stack(rows), *progress.seen)
-    return assemble_solution(scene, plan, progress.first, seen, progress.even)
+def finish_run(plan: Plan, progress: RunProgress) -> Solution:
+    """Assemble the solution of a run that has reached its end."""
+    rows = None
+    if progress.observations:
+        rows = jax.tree.map(lambda *each: jnp.stack(each), *progress.observations)
+    return assemble_solution(plan, progress.initial, rows, progress.equalization)
 
 
-def save_checkpoint(path: Path, progress: Progress, key: str) -> None:
-    """Write a progress, marked with the `key` of its configuration, in one step."""
-    leaves = jax.tree.leaves((progress.state, progress.first, progress.even))
-    rows = [jax.tree.leaves(row) for row in progress.seen]
+def save_checkpoint(path: Path, progress: RunProgress, key: str) -> None:
+    """Write a checkpoint file in one step.
+
+    Args:
+        path: file to replace.
+        progress: state of the run.
+        key: identifies the configuration that the checkpoint belongs to.
+    """
+    template = (progress.state, progress.initial, progress.equalization)
     arrays: dict[str, Any] = {
-        f"leaf{i}": np.asarray(leaf) for i, leaf in enumerate(leaves)
+        f"leaf{i}": np.asarray(leaf) for i, leaf in enumerate(jax.tree.leaves(template))
     }
-    for k, row in enumerate(rows):
-        arrays |= {f"seen{k}_{i}": np.asarray(leaf) for i, leaf in enumerate(row)}
-    position = np.array([progress.interval, progress.done, len(rows)])
+    for k, row in enumerate(progress.observations):
+        leaves = enumerate(jax.tree.leaves(row))
+        arrays |= {f"observation{k}_{i}": np.asarray(leaf) for i, leaf in leaves}
+    counts = (progress.interval, progress.steps_taken, len(progress.observations))
     with replacing(path) as temporary, open(temporary, "wb") as file:
-        np.savez(file, key=np.array(key), position=position, **arrays)
+        np.savez(file, key=np.array(key), position=np.array(counts), **arrays)
 
 
-def load_checkpoint(path: Path, fresh: Progress, key: str) -> Progress | None:
-    """The progress kept at `path`; None if there is none of this configuration."""
+def load_checkpoint(path: Path, fresh: RunProgress, key: str) -> RunProgress | None:
+    """Read a checkpoint file; None if it is missing, damaged or of another run.
+
+    Args:
+        path: file to read.
+        fresh: progress at the start, which has the shapes to expect.
+        key: of the configuration, as given to `save_checkpoint`.
+    """
     try:
         # Opened here, since np.load leaves a damaged file that it opened itself open.
         with open(path, "rb") as file, np.load(file, allow_pickle=False) as kept:
             if str(kept["key"]) != key:
                 return None
-            interval, done, rows = (int(n) for n in kept["position"])
-            template = (fresh.state, fresh.first, fresh.even)
+            interval, taken, rows = (int(n) for n in kept["position"])
+            template = (fresh.state, fresh.initial, fresh.equalization)
             leaves, tree = jax.tree.flatten(template)
             loaded = [jnp.asarray(kept[f"leaf{i}"]) for i in range(len(leaves))]
-            old, row_tree = jax.tree.flatten(fresh.first)
-            seen = [
-                [jnp.asarray(kept[f"seen{k}_{i}"]) for i in range(len(old))]
+            row_leaves, row_tree = jax.tree.flatten(fresh.initial)
+            observations = [
+                [
+                    jnp.asarray(kept[f"observation{k}_{i}"])
+                    for i in range(len(row_leaves))
+                ]
                 for k in range(rows)
             ]
-    except Exception:  # numpy and zipfile raise whatever a damaged file leads them to
+    except Exception:  # numpy and zipfile raise many types for a damaged file
         return None
     if any(a.shape != b.shape for a, b in zip(leaves, loaded, strict=True)):
         return None
-    state, first, even = jax.tree.unflatten(tree, loaded)
-    observed = tuple(jax.tree.unflatten(row_tree, row) for row in seen)
-    return Progress(interval, done, state, first, even, observed)
+    state, initial, equalization = jax.tree.unflatten(tree, loaded)
+    rows = tuple(jax.tree.unflatten(row_tree, row) for row in observations)
+    return RunProgress(interval, taken, state, initial, equalization, rows)

@@ -1,4 +1,4 @@
-"""What a simulation gives back."""
+"""Solutions of `simulate` and `steady`, and how a run can end."""
 
 from typing import TypeVar
 
@@ -12,12 +12,12 @@ from ...arrays import is_traced
 from ...physics.term import AbstractTerm
 from ...scene.receipt import Receipt
 from ...scene.solved_surface import SolvedSurface
-from ..implicit.newton_stage import Effort
+from ..implicit.newton_stage import SolverStatistics
 from .ledger import Energy, HeatRates
 
 
 class RESULTS(eqx.Enumeration):
-    """How a run ended; each failure says what to do."""
+    """Outcome of a run; the message of each failure says what to do."""
 
     successful = ""
     nonfinite = (
@@ -30,8 +30,8 @@ class RESULTS(eqx.Enumeration):
         "its iterations: use dtype float64, a shorter step, or a larger tolerance."
     )
     newton_not_converged = (
-        "Newton's method did not settle: give a shorter step, or a smaller error to a "
-        "solver that chooses its own; a steady state, a larger tolerance, or float64."
+        "Newton's method did not converge: give a shorter step, or a smaller error to "
+        "a solver that chooses its own; a steady state, a larger tolerance, or float64."
     )
     step_limit = (
         "The error stayed above what was asked however short the step: ask for a "
@@ -43,43 +43,59 @@ class RESULTS(eqx.Enumeration):
     )
 
 
-class Run(eqx.Module):
-    """How the run went."""
+# An equinox enumeration does not list its names in public.
+RESULT_NAMES = (
+    "successful",
+    "nonfinite",
+    "linear_not_converged",
+    "newton_not_converged",
+    "step_limit",
+    "below_zero",
+)
+
+
+def result_name(result: RESULTS) -> str:
+    """Return the name of an outcome, such as "successful"."""
+    return next(name for name in RESULT_NAMES if result == getattr(RESULTS, name))
+
+
+class RunSummary(eqx.Module):
+    """Steps and solver of a run."""
 
     steps: int = eqx.field(static=True)
     dt: float | None = eqx.field(static=True)
-    """The largest step taken [s]."""
+    """Largest step taken [s]."""
     stable_step: float | None = eqx.field(static=True)
-    """The limit it was held against [s]; None where it could not be known."""
+    """Largest stable explicit step [s]; None where it could not be known."""
     solver: str = eqx.field(static=True, default="ForwardEuler")
-    effort: Effort | None = None
-    """At the end, of an implicit solver."""
+    statistics: SolverStatistics | None = None
+    """Totals at the end of the run; None for explicit solvers."""
 
 
 class AbstractSolution(eqx.Module):
-    """Temperatures of the surface, and what they belong to."""
+    """Temperatures of the surface, with the bodies and terms that they belong to."""
 
     times: eqx.AbstractVar[Float[Array, " t"]]
     """[s]"""
     surface_temperature: eqx.AbstractVar[Float[Array, "t s"]]
-    """Of every fragment, bodies one after the other [K]."""
+    """Temperature of every fragment, bodies one after the other [K]."""
     mean_temperature: eqx.AbstractVar[Float[Array, "t b"]]
-    """Capacity-weighted, of each body [K]."""
+    """Capacity-weighted mean of each body [K]."""
     result: eqx.AbstractVar[RESULTS]
-    run: eqx.AbstractVar[Run]
+    run: eqx.AbstractVar[RunSummary]
     surfaces: eqx.AbstractVar[tuple[SolvedSurface, ...]]
     terms: eqx.AbstractVar[tuple[AbstractTerm, ...]]
     receipt: eqx.AbstractVar[Receipt]
 
     def of_body(self, index: int) -> Float[Array | np.ndarray, "t _"]:
-        """Surface temperatures of one body [K]."""
+        """Return the surface temperatures of one body [K]."""
         counts = [len(s.geometry.fragment_area) for s in self.surfaces]
         start = sum(counts[:index])
         return self.surface_temperature[:, start : start + counts[index]]
 
 
 class Solution(AbstractSolution):
-    """Temperatures of the surface over time, and what they cost in energy.
+    """Surface temperatures over time [K], and the energy ledger [J], from `simulate`.
 
     A float64 scene gives numpy arrays where JAX is not set to 64 bits.
     """
@@ -89,69 +105,70 @@ class Solution(AbstractSolution):
     mean_temperature: Float[Array, "t b"]
     energy: Energy
     result: RESULTS
-    run: Run
+    run: RunSummary
     surfaces: tuple[SolvedSurface, ...]
     terms: tuple[AbstractTerm, ...]
     receipt: Receipt = eqx.field(static=True)
 
 
 class SteadySolution(AbstractSolution):
-    """Temperatures that stay, and the heat that passes through.
+    """Steady surface temperatures [K], and the heat rates [W], from `steady`.
 
     A float64 scene gives numpy arrays where JAX is not set to 64 bits.
     """
 
     times: Float[Array, " 1"]
-    """The moment whose poses and loads are taken to last [s]."""
+    """The time whose poses and loads are taken to last [s]."""
     surface_temperature: Float[Array, "1 s"]
     mean_temperature: Float[Array, "1 b"]
     heat_rates: HeatRates
-    islands: int = eqx.field(static=True)
-    """Parts that exchange heat with nothing, and keep the mean that they start with."""
+    isolated_components: int = eqx.field(static=True)
+    """Number of parts without heat exchange, which keep their initial mean."""
     result: RESULTS
-    run: Run
+    run: RunSummary
     surfaces: tuple[SolvedSurface, ...]
     terms: tuple[AbstractTerm, ...]
     receipt: Receipt = eqx.field(static=True)
 
 
-def outcome(
-    finite: Bool[Array, ""], possible: Bool[Array, ""], effort: Effort | None
+def run_result(
+    is_finite: Bool[Array, ""],
+    is_physical: Bool[Array, ""],
+    statistics: SolverStatistics | None,
 ) -> RESULTS:
-    """How a run ended: the first thing that went wrong, gravest first.
+    """Return the outcome of a run: its gravest failure, if any.
 
     Args:
-        finite: whether all temperatures are.
-        possible: whether none is below 0 K.
-        effort: of an implicit solver.
+        is_finite: True if all temperatures are finite.
+        is_physical: True if none is below 0 K.
+        statistics: failures of an implicit solver.
     """
-    found = RESULTS.where(possible, RESULTS.successful, RESULTS.below_zero)
-    if effort is not None:
-        for failed, told in (
-            (effort.linear_failed, RESULTS.linear_not_converged),
-            (effort.newton_failed, RESULTS.newton_not_converged),
-            (effort.out_of_steps, RESULTS.step_limit),
+    found = RESULTS.where(is_physical, RESULTS.successful, RESULTS.below_zero)
+    # Later ones replace earlier ones, so the order is from mild to grave.
+    if statistics is not None:
+        for failed, failure in (
+            (statistics.linear_failed, RESULTS.linear_not_converged),
+            (statistics.newton_failed, RESULTS.newton_not_converged),
+            (statistics.step_limit_reached, RESULTS.step_limit),
         ):
-            found = RESULTS.where(failed, told, found)
-    return RESULTS.where(finite, found, RESULTS.nonfinite)
+            found = RESULTS.where(failed, failure, found)
+    return RESULTS.where(is_finite, found, RESULTS.nonfinite)
 
 
 def raise_failure(result: RESULTS) -> None:
-    """Raise what went wrong, with its remedy, unless nothing did."""
+    """Raise a failure with its remedy as a RuntimeError; do nothing on success."""
     if result != RESULTS.successful:
         raise RuntimeError(RESULTS[result])
 
 
-Kept = TypeVar("Kept", bound=AbstractSolution)
+AnySolutionT = TypeVar("AnySolutionT", bound=AbstractSolution)
 
 
-def keeping_digits(solution: Kept) -> Kept:
-    """A solution with its float64 in numpy arrays.
-
-    Where JAX is not set to 64 bits it warns at every use of its own, and rounds.
-    """
+def float64_as_numpy(solution: AnySolutionT) -> AnySolutionT:
+    """Return a solution with its float64 arrays as numpy arrays."""
+    # Where JAX is not set to 64 bits, every later use of a float64 array warns and
+    # rounds to float32.
     if jnp.result_type(float) == jnp.float64 or is_traced(solution):
         return solution
     double = lambda leaf: isinstance(leaf, jax.Array) and leaf.dtype == jnp.float64
-    keep = lambda leaf: np.asarray(leaf) if double(leaf) else leaf
-    return jax.tree.map(keep, solution)
+    return jax.tree.map(lambda x: np.asarray(x) if double(x) else x, solution)

@@ -1,4 +1,4 @@
-"""Parts of a scene that no heat leaves: what a steady state cannot settle by itself.
+"""Components of a scene that no heat leaves, whose steady mean is not determined.
 
 Such a part keeps what it has: it evens out at the mean that it starts with. If heat is
 brought to it there is no steady state.
@@ -22,8 +22,8 @@ from ...network.network import AbstractNetwork, AbstractNodeNetwork, Address
 from ...scene.compile.program import Program, State
 from ...scene.scene import Scene
 from ...structures.structure import AbstractStructure
-from ..implicit.context import Tools
-from ..implicit.jacobian import on_nodes
+from ..implicit.context import ImplicitContext
+from ..implicit.jacobian import masked_to_nodes
 from ..implicit.residual import load_slopes
 from ..run.heat_rates import add_loads
 
@@ -39,7 +39,7 @@ HELD = 0.01
 """Of the diagonal: enough for a preconditioner to be one inside an island."""
 
 
-class Islands(eqx.Module):
+class IsolatedComponents(eqx.Module):
     """Connected parts that exchange heat with nothing else."""
 
     number: tuple[Int[Array, " _"], ...]
@@ -88,7 +88,7 @@ class Islands(eqx.Module):
         number = jnp.concatenate(self.number)
         return jax.ops.segment_sum(flat, number, self.count + 1)
 
-    def held(self, diagonal: State) -> State:
+    def stop_gradient(self, diagonal: State) -> State:
         """What islands are held by where A is preconditioned [W/K]."""
         return tuple(
             jnp.where((number < self.count).reshape(own.shape), HELD * own, 0)
@@ -96,7 +96,7 @@ class Islands(eqx.Module):
         )
 
 
-class AmongIslands(eqx.Module):
+class ProjectedPreconditioner(eqx.Module):
     """A preconditioner that moves no heat into an island, nor its mean.
 
     A has no curvature along an island: without this a search ends where rounding first
@@ -105,22 +105,26 @@ class AmongIslands(eqx.Module):
     """
 
     cycle: Callable[[State], State]
-    islands: Islands
+    islands: IsolatedComponents
 
     def __call__(self, residual: State) -> State:
         """Of every body."""
         return self.islands.without_mean(self.cycle(self.islands.balanced(residual)))
 
 
-def find_islands(
-    scene: Scene, program: Program, tools: Tools, states: State, time: Float[Array, ""]
-) -> Islands | None:
+def find_isolated_components(
+    scene: Scene,
+    program: Program,
+    context: ImplicitContext,
+    states: State,
+    time: Float[Array, ""],
+) -> IsolatedComponents | None:
     """Those of a scene; None if heat leaves every part of it.
 
     Args:
         scene: bodies and terms.
         program: of the scene.
-        tools: for it.
+        context: for it.
         states: at the start.
         time: of the loads [s].
 
@@ -129,7 +133,7 @@ def find_islands(
     """
     part = _parts(scene, program, time)
     slopes = load_slopes(program, _warm(program, states), time).change
-    capacity = _capacity(program, tools, states)
+    capacity = _capacity(program, context, states)
     leads_out = np.zeros(len(part), bool)
     leads_out[part[(_flat(slopes) > 0) | (capacity == 0)]] = True
     inside = ~leads_out[part]
@@ -142,7 +146,7 @@ def find_islands(
     total = np.bincount(number, capacity)
     weight = np.where(inside, capacity / np.where(inside, total[number], 1), 0)
     cuts, dtype = np.cumsum([s.size for s in states])[:-1], states[0].dtype
-    found = Islands(
+    found = IsolatedComponents(
         number=tuple(jnp.asarray(each) for each in np.split(number, cuts)),
         weight=tuple(jnp.asarray(each, dtype) for each in np.split(weight, cuts)),
         mean=jnp.zeros(len(roots), dtype),
@@ -183,13 +187,13 @@ def _warm(program: Program, states: State) -> State:
     )
 
 
-def _capacity(program: Program, tools: Tools, states: State):
+def _capacity(program: Program, context: ImplicitContext, states: State):
     """Of every value of all states, 0 where there is no node [J/K]."""
     each = tuple(
         jnp.broadcast_to(body.network.capacity(), state.shape)
         for body, state in zip(program.bodies, states, strict=True)
     )
-    return _flat(on_nodes(each, tools.nodes)).astype(float)
+    return _flat(masked_to_nodes(each, context.nodes)).astype(float)
 
 
 def _flat(states: State) -> np.ndarray:

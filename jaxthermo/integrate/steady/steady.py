@@ -22,26 +22,35 @@ from ...scene.compile.compile import compile_scene
 from ...scene.compile.program import Program, State
 from ...scene.motion import Motion
 from ...scene.scene import Scene
-from ..implicit.conjugate_gradient import ConjugateGradients, Correction, largest
-from ..implicit.context import Tools
-from ..implicit.jacobian import linearized
+from ..implicit.conjugate_gradient import ConjugateGradient, CorrectionNorm, max_abs
+from ..implicit.context import ImplicitContext, arranged_for_solves, implicit_context
+from ..implicit.jacobian import linearize
 from ..implicit.newton_stage import (
-    Effort,
-    for_derivatives,
-    held,
-    linear_step,
-    no_effort,
+    SolverStatistics,
+    derivative_solver,
+    solve_linear,
+    stop_gradient,
+    zero_statistics,
 )
 from ..implicit.residual import rates
-from ..run.ledger import empty_ledger, heat_rates
+from ..run.ledger import empty_ledger, steady_heat_rates
 from ..run.observe import observe
-from ..run.solution import Run, SteadySolution, keeping_digits, outcome, raise_failure
-from ..run.state import RunState
-from ..solvers import for_solves, tools
-from .isolated_components import AmongIslands, Islands, find_islands
+from ..run.solution import (
+    RunSummary,
+    SteadySolution,
+    float64_as_numpy,
+    raise_failure,
+    run_result,
+)
+from ..stepper import RunState
+from .isolated_components import (
+    IsolatedComponents,
+    ProjectedPreconditioner,
+    find_isolated_components,
+)
 
 
-KELVIN = {"float32": 1e-3, "float64": 1e-8}
+STEADY_TOLERANCE = {"float32": 1e-3, "float64": 1e-8}
 """How far a node may still be from its end, by default [K]."""
 
 MOST_NEWTON = 100
@@ -58,43 +67,57 @@ class _Iterate(NamedTuple):
     """By the last step, at most [K]."""
     before: Float[Array, ""]
     """By the one before it."""
-    effort: Effort
+    statistics: SolverStatistics
 
 
 @eqx.filter_jit
 def _settle(
     program: Program,
-    own: Tools,
+    own: ImplicitContext,
     start: State,
     time: Float[Array, ""],
-    islands: Islands | None,
-) -> tuple[State, Effort]:
+    islands: IsolatedComponents | None,
+) -> tuple[State, SolverStatistics]:
     """Newton's method from `start`, with the derivative of where it ends."""
-    still, tools_, begin, moment = held((program, own, start, time))
-    states, effort = _newton(still, tools_, begin, moment, islands)
+    still, fixed_context, begin, moment = stop_gradient((program, own, start, time))
+    states, statistics = _newton(still, fixed_context, begin, moment, islands)
     if not own.differentiable:
-        return states, effort
+        return states, statistics
     change = rates(program, states, time).change
     none = jax.tree.map(lambda f: f - jax.lax.stop_gradient(f), change)
-    at = _linear(still, tools_, held(states), moment, None)
-    solver = replace(for_derivatives(states), measure=Correction())
-    moved, _ = linear_step(at, _watts(none, at), solver)
-    return jax.tree.map(jnp.add, states, moved), effort
+    at = _linear(still, fixed_context, stop_gradient(states), moment, None)
+    solver = replace(derivative_solver(states), norm=CorrectionNorm())
+    moved, _ = solve_linear(at, _watts(none, at), solver)
+    return jax.tree.map(jnp.add, states, moved), statistics
 
 
-def _linear(program, own: Tools, states: State, time, islands: Islands | None):
+def _linear(
+    program,
+    own: ImplicitContext,
+    states: State,
+    time,
+    islands: IsolatedComponents | None,
+):
     rate = jnp.zeros((), states[0].dtype)
     if islands is None:
-        return linearized(program, own, states, rate, time)
-    at = linearized(program, own, states, rate, time, islands.held)
-    return at._replace(preconditioner=AmongIslands(at.preconditioner, islands))
+        return linearize(program, own, states, rate, time)
+    at = linearize(program, own, states, rate, time, islands.held)
+    return at._replace(
+        preconditioner=ProjectedPreconditioner(at.preconditioner, islands)
+    )
 
 
 def _watts(change: State, at) -> State:
     return jax.tree.map(jnp.multiply, change, at.capacity)
 
 
-def _newton(program, own: Tools, start: State, time, islands: Islands | None):
+def _newton(
+    program,
+    own: ImplicitContext,
+    start: State,
+    time,
+    islands: IsolatedComponents | None,
+):
     dtype = start[0].dtype
     same = lambda states: states
     settled = same if islands is None else islands.settled
@@ -104,24 +127,28 @@ def _newton(program, own: Tools, start: State, time, islands: Islands | None):
     def iterate(now: _Iterate) -> _Iterate:
         at = _linear(program, own, now.states, time, islands)
         heat = balanced(_watts(rates(program, now.states, time).change, at))
-        solver = ConjugateGradients(Correction(), own.tolerance)
-        change, (reached, stats) = linear_step(at, heat, solver)
+        solver = ConjugateGradient(CorrectionNorm(), own.tolerance)
+        change, (reached, stats) = solve_linear(at, heat, solver)
         after = jax.tree.map(jnp.add, now.states, change)
         if not own.linear:
             after = jax.tree.map(jnp.minimum, after, own.ceilings)
         after = settled(after)
-        moved = largest(jax.tree.map(jnp.subtract, after, now.states))
-        spent = replace(now.effort, linear_failed=~reached, left=stats["left"])
+        moved = max_abs(jax.tree.map(jnp.subtract, after, now.states))
+        spent = replace(
+            now.statistics,
+            linear_failed=~reached,
+            largest_linear_residual=stats["residual"],
+        )
         one = replace(
-            no_effort(dtype),
-            newton=jnp.ones((), jnp.int32),
-            linear=stats["iterations"],
+            zero_statistics(dtype),
+            newton_iterations=jnp.ones((), jnp.int32),
+            linear_iterations=stats["iterations"],
         )
         return _Iterate(after, moved, now.moved, spent.plus(one))
 
     def goes_on(now: _Iterate) -> Bool[Array, ""]:
         # In a linear scene later steps only take back what rounding has left.
-        steps = now.effort.newton
+        steps = now.statistics.newton_iterations
         stalled = (now.moved >= now.before) & (own.linear | (steps >= SETTLING))
         return (
             (now.moved > own.tolerance)
@@ -130,14 +157,14 @@ def _newton(program, own: Tools, start: State, time, islands: Islands | None):
             & jnp.isfinite(now.moved)
         ) | (steps == 0)
 
-    first = _Iterate(start, endless, endless, no_effort(dtype))
+    first = _Iterate(start, endless, endless, zero_statistics(dtype))
     last = jax.lax.while_loop(goes_on, iterate, first)
     # Less than a last digit moves nothing, and is not reached by that.
-    digit = jnp.finfo(dtype).eps * largest(last.states)
+    digit = jnp.finfo(dtype).eps * max_abs(last.states)
     failed = ~(jnp.maximum(last.moved, digit) <= own.tolerance)
     return last.states, replace(
-        last.effort,
-        linear_failed=last.effort.linear_failed | (failed & own.linear),
+        last.statistics,
+        linear_failed=last.statistics.linear_failed | (failed & own.linear),
         newton_failed=failed & (not own.linear),
     )
 
@@ -174,37 +201,37 @@ def steady(
         solution = _solution(_standing(scene, at), at or 0.0, tolerance)
     if throw and not is_traced(solution.result):
         raise_failure(solution.result)
-    return keeping_digits(solution)
+    return float64_as_numpy(solution)
 
 
 def _solution(scene: Scene, at: float, tolerance: float | None) -> SteadySolution:
     """Of a scene in which nothing moves, loaded as at a moment [s]."""
-    scene = for_solves(scene)
+    scene = arranged_for_solves(scene)
     compiled, traced = compile_scene(scene, 1, at), is_traced(scene)
     program, dtype = compiled.program, jnp.dtype(scene.dtype)
-    aim = KELVIN[scene.dtype] if tolerance is None else tolerance
-    own = tools(scene, compiled, math.inf, aim, traced)
+    aim = STEADY_TOLERANCE[scene.dtype] if tolerance is None else tolerance
+    own = implicit_context(scene, compiled, math.inf, aim, traced)
     time = jnp.asarray(at, dtype)
     islands = None
     if not traced:
-        islands = find_islands(scene, program, own, compiled.state, time)
-    states, effort = _settle(program, own, compiled.state, time, islands)
+        islands = find_isolated_components(scene, program, own, compiled.state, time)
+    states, statistics = _settle(program, own, compiled.state, time, islands)
     entries = len(program.entries)
     seen = observe(program, RunState(states, empty_ledger(entries, dtype)), time)
     brought = rates(program, states, time).entries
     return SteadySolution(
         times=time[None],
-        surface_temperature=seen.surface[None],
-        mean_temperature=seen.mean[None],
-        heat_rates=heat_rates(program.entries, brought, len(scene.bodies)),
-        islands=0 if islands is None else islands.count,
-        result=outcome(seen.finite, seen.possible, effort),
-        run=Run(
+        surface_temperature=seen.surface_temperature[None],
+        mean_temperature=seen.mean_temperature[None],
+        heat_rates=steady_heat_rates(program.entries, brought, len(scene.bodies)),
+        isolated_components=0 if islands is None else islands.count,
+        result=run_result(seen.is_finite, seen.is_physical, statistics),
+        run=RunSummary(
             steps=0,
             dt=None,
             stable_step=compiled.receipt.stable_step_s,
             solver="steady",
-            effort=effort,
+            statistics=statistics,
         ),
         surfaces=compiled.surfaces,
         terms=scene.terms,

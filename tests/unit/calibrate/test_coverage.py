@@ -11,7 +11,7 @@ from calibrate.problem.problem import Case, Problem
 from calibrate.problem.thermogram_targets import frame_target, render_frames, view_of
 from calibrate.solvers.fit import Fitting
 from calibrate.solvers.search import SearchSettings
-from jaxthermo.integrate.run.parametric_run import Response
+from jaxthermo.integrate.run.parametric_run import ParametricRun
 from jaxthermo.scene.compile.compile import compile_scene
 from tests.bodies import blocks
 
@@ -48,8 +48,8 @@ def fitting():
     """Fits of frames without noise, which is added to the misfits."""
     true, start = _scene(*TRUTH.values()), _scene(*START)
     # The same steps for data and fits: what is left is noise alone.
-    response = Response(SAVES, jt.ForwardEuler(dt=2.0))
-    answer = response(true, response.layout(start))
+    response = ParametricRun(SAVES, jt.ForwardEuler(dt=2.0))
+    answer = response(true, response.step_table(start))
     view = view_of(compile_scene(true, 1, 1.0).surfaces, true, CAMERA)
     frames = np.asarray(render_frames(view, true, answer, SAVES, "temperature"), float)
     everywhere = [np.ones(frames.shape[1:], bool)]

@@ -14,7 +14,7 @@ from calibrate.problem.thermogram_targets import (
     render_frames,
     view_of,
 )
-from jaxthermo.integrate.run.parametric_run import Response
+from jaxthermo.integrate.run.parametric_run import ParametricRun
 from jaxthermo.scene.compile.compile import compile_scene
 from tests.bodies import blocks
 
@@ -53,8 +53,8 @@ def view(scene):
 
 def test_a_pixels_radiance_has_the_gradient_of_its_differences(scene, view):
     """By k, h, emissivity and a weight, to 1e-6 of the largest."""
-    response = Response(SAVES)
-    layout = response.layout(scene, float(response.stable_step(scene)) / 2)
+    response = ParametricRun(SAVES)
+    layout = response.step_table(scene, float(response.stable_step(scene)) / 2)
     row, column = (int(n) for n in np.argwhere(body_mask(view))[20])
 
     @jax.jit
@@ -79,8 +79,8 @@ def _target(view, frames, masks=None, times=SAVES):
 
 def test_misfits_count_standard_deviations(scene, view):
     """Data off by one standard deviation everywhere: the squares sum to 1."""
-    response = Response(SAVES)
-    answer = response(scene, response.layout(scene))
+    response = ParametricRun(SAVES)
+    answer = response(scene, response.step_table(scene))
     frames = np.asarray(render_frames(view, scene, answer, SAVES, "radiance"), float)
     target = _target(view, frames + 0.05)
     rows = np.asarray(target.residual(scene, answer))

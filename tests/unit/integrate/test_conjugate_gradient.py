@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from jaxthermo.integrate.implicit.conjugate_gradient import (
-    ConjugateGradients,
-    Correction,
-    Residual,
+    ConjugateGradient,
+    CorrectionNorm,
+    ResidualNorm,
 )
 
 
@@ -43,8 +43,8 @@ def _solve(weight, vector, kelvin, tolerance, start=None, most=2000):
     options: dict[str, Any] = {"preconditioner": jax.tree_util.Partial(scale, held)}
     if start is not None:
         options["start"] = (start,)
-    measure = Residual(1.0 if kelvin is None else kelvin)
-    solver = ConjugateGradients(measure, tolerance, kelvin is None, most)
+    measure = ResidualNorm(1.0 if kelvin is None else kelvin)
+    solver = ConjugateGradient(measure, tolerance, kelvin is None, most)
     return lx.linear_solve(operator, (vector,), solver, options=options, throw=False)
 
 
@@ -60,7 +60,7 @@ def test_every_node_is_within_the_tolerance(tolerance):
     print(tolerance, int(found.stats["iterations"]), left)
     assert found.result == lx.RESULTS.successful
     assert left <= 2 * tolerance
-    np.testing.assert_allclose(left, found.stats["left"], rtol=1e-3, atol=1e-12)
+    np.testing.assert_allclose(left, found.stats["residual"], rtol=1e-3, atol=1e-12)
     exact = np.linalg.solve(np.asarray(_matrix()), np.asarray(vector))
     np.testing.assert_allclose(found.value[0], exact, atol=20 * tolerance)
 
@@ -74,7 +74,7 @@ def test_corrections_measure_the_error_where_the_preconditioner_is_good():
         jax.eval_shape(lambda: (vector,)),
         lx.positive_semidefinite_tag,
     )
-    solver = ConjugateGradients(Correction(), 1e-9)
+    solver = ConjugateGradient(CorrectionNorm(), 1e-9)
     options: dict[str, Any] = {"preconditioner": exact}
     found = lx.linear_solve(operator, (vector,), solver, options=options, throw=False)
     assert found.result == lx.RESULTS.successful

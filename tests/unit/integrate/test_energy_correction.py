@@ -7,14 +7,17 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 import jaxthermo as jt
-from jaxthermo.integrate.implicit.energy_correction import closed, solve_dominant
+from jaxthermo.integrate.implicit.energy_correction import (
+    correct_energy,
+    solve_dominant,
+)
 from jaxthermo.integrate.run.ledger import into_bodies
 from jaxthermo.scene.compile.compile import compile_scene
 from tests.bodies import blocks
 
 
 METAL = jt.Material(16.0, density=8000.0, specific_heat=500.0, emissivity=0.8)
-_closed = eqx.filter_jit(closed)
+_closed = eqx.filter_jit(correct_energy)
 
 
 def _scene(conductance):

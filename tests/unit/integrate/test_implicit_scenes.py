@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.integrate.run.segments import begin, finish, segments
-from jaxthermo.integrate.run.simulate import plan
+from jaxthermo.integrate.run.plan import plan_run
+from jaxthermo.integrate.run.segments import begin_run, finish_run, run_segments
 from jaxthermo.material.property import Property
 from tests.bodies import blocks
 
@@ -71,7 +71,7 @@ def test_it_is_what_small_explicit_steps_give(name):
     exact = jt.simulate(scene, END, [30.0, END], solver=jt.ForwardEuler(dt=0.01))
     run = jt.simulate(scene, END, [30.0, END], solver=jt.TRBDF2(dt=2.0))
     off = np.abs(run.surface_temperature - exact.surface_temperature).max()
-    print(name, "off", off, "newton", int(run.run.effort.newton))
+    print(name, "off", off, "newton", int(run.run.statistics.newton_iterations))
     # What the name promises is there.
     mechanisms = exact.receipt.included
     assert name not in ("contact", "wind") or name in mechanisms
@@ -80,20 +80,23 @@ def test_it_is_what_small_explicit_steps_give(name):
     for body in run.energy.bodies:
         assert np.abs(body.residual_relative).max() < 1e-11
     # Two stages a step, each settled well before the limit.
-    assert run.run.effort is not None
-    assert run.run.effort.newton <= 8 * 2 * run.run.steps
+    assert run.run.statistics is not None
+    assert run.run.statistics.newton_iterations <= 8 * 2 * run.run.steps
 
 
 @pytest.mark.slow
 def test_an_implicit_run_in_segments_is_one_long_run():
     scene = _scene("varying properties")
     solver = jt.BackwardEuler(dt=5.0)
-    todo = plan(scene, END, [30.0, END], solver)
-    *_, last = segments(todo, begin(scene, todo))
-    pieces = finish(scene, todo, last)
+    todo = plan_run(scene, END, [30.0, END], solver)
+    *_, last = run_segments(todo, begin_run(todo))
+    pieces = finish_run(todo, last)
     whole = jt.simulate(scene, END, [30.0, END], solver=solver)
     np.testing.assert_allclose(
         pieces.surface_temperature, whole.surface_temperature, rtol=1e-12
     )
-    assert pieces.run.effort is not None and whole.run.effort is not None
-    assert pieces.run.effort.newton == whole.run.effort.newton
+    assert pieces.run.statistics is not None and whole.run.statistics is not None
+    assert (
+        pieces.run.statistics.newton_iterations
+        == whole.run.statistics.newton_iterations
+    )

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 
 from jaxthermo.errors import InputError
-from jaxthermo.integrate.run.schedule import legs, save_times, schedule
+from jaxthermo.integrate.run.schedule import save_intervals, save_times, schedule
 
 
 TIMES = st.lists(
@@ -87,7 +87,7 @@ def test_the_end_is_saved_if_nothing_else_is():
 
 def test_legs_end_at_saves_and_keep_every_interval():
     intervals = schedule(10.0, (4.0, 8.0), (1.0, 2.0, 5.0, 9.0), 1.0)
-    groups = legs(intervals)
+    groups = save_intervals(intervals)
     assert [group[-1].end for group in groups] == [4.0, 8.0, 10.0]
     assert sum(groups, ()) == intervals
     assert [len(group) for group in groups] == [3, 2, 2]

@@ -10,17 +10,17 @@ from bodies import bar
 import jaxthermo as jt
 from jaxthermo.arrays import precision
 from jaxthermo.integrate.run import segments as module
+from jaxthermo.integrate.run.plan import plan_run
 from jaxthermo.integrate.run.segments import (
-    begin,
+    begin_run,
     compile_segments,
-    finish,
+    finish_run,
     load_checkpoint,
+    run_segments,
     save_checkpoint,
-    segments,
     steps_done,
     time_reached,
 )
-from jaxthermo.integrate.run.simulate import plan
 
 
 END, SAVES = 20.0, (4.0, 11.0)
@@ -42,7 +42,7 @@ def scene(dtype="float32", cells=9):
 
 
 def planned(here):
-    return plan(here, END, SAVES, jt.ForwardEuler(dt=0.07))
+    return plan_run(here, END, SAVES, jt.ForwardEuler(dt=0.07))
 
 
 def same(one, other):
@@ -64,7 +64,7 @@ def values(solution):
 
 def run_on(todo, progress, seconds=1.0):
     """The last progress of a run."""
-    return [progress, *segments(todo, progress, seconds)][-1]
+    return [progress, *run_segments(todo, progress, seconds)][-1]
 
 
 @pytest.mark.parametrize(
@@ -76,8 +76,8 @@ def test_segments_are_one_long_run(dtype, seconds):
     whole = jt.simulate(here, END, SAVES, solver=jt.ForwardEuler(dt=0.07))
     with precision(dtype):
         todo = planned(here)
-        progress = run_on(todo, compile_segments(todo, begin(here, todo)), seconds)
-        parts = finish(here, todo, progress)
+        progress = run_on(todo, compile_segments(todo, begin_run(todo)), seconds)
+        parts = finish_run(todo, progress)
     assert steps_done(todo, progress) == todo.steps == whole.run.steps
     same(values(parts), values(whole))
 
@@ -85,10 +85,10 @@ def test_segments_are_one_long_run(dtype, seconds):
 def test_position_within_the_run():
     here = scene()
     todo = planned(here)
-    fresh = begin(here, todo)
+    fresh = begin_run(todo)
     at = [
         (steps_done(todo, progress), time_reached(todo, progress))
-        for progress in (fresh, *segments(todo, fresh))
+        for progress in (fresh, *run_segments(todo, fresh))
     ]
     assert at[0] == (0, 0.0)
     steps, times = np.array(at).T
@@ -100,7 +100,7 @@ def test_position_within_the_run():
 def test_compiling_takes_no_step():
     here = scene()
     todo = planned(here)
-    fresh = begin(here, todo)
+    fresh = begin_run(todo)
     before = [np.array(theta) for theta in fresh.state.theta]
     compiled = compile_segments(todo, fresh)
     assert steps_done(todo, compiled) == 0
@@ -115,14 +115,17 @@ def test_a_checkpoint_goes_on_where_it_was(tmp_path, dtype, stop):
     here, path = scene(dtype), tmp_path / "checkpoint.npz"
     with precision(dtype):
         todo = planned(here)
-        progress = [*islice(segments(todo, begin(here, todo)), stop)][-1]
+        progress = [*islice(run_segments(todo, begin_run(todo)), stop)][-1]
         save_checkpoint(path, progress, "key")
-        kept = load_checkpoint(path, begin(here, todo), "key")
+        kept = load_checkpoint(path, begin_run(todo), "key")
         assert kept is not None
-        assert (kept.interval, kept.done) == (progress.interval, progress.done)
+        assert (kept.interval, kept.steps_taken) == (
+            progress.interval,
+            progress.steps_taken,
+        )
         same(kept, progress)
-        straight = finish(here, todo, run_on(todo, begin(here, todo)))
-        resumed = finish(here, todo, run_on(todo, kept))
+        straight = finish_run(todo, run_on(todo, begin_run(todo)))
+        resumed = finish_run(todo, run_on(todo, kept))
     same(values(resumed), values(straight))
     assert [p.name for p in tmp_path.iterdir()] == ["checkpoint.npz"]
 
@@ -132,9 +135,9 @@ def kept(tmp_path):
     """A checkpoint, and the start of the run that it belongs to."""
     here, path = scene(), tmp_path / "checkpoint.npz"
     todo = planned(here)
-    progress = next(iter(segments(todo, begin(here, todo))))
+    progress = next(iter(run_segments(todo, begin_run(todo))))
     save_checkpoint(path, progress, "key")
-    fresh = begin(here, todo)
+    fresh = begin_run(todo)
     assert load_checkpoint(path, fresh, "key") is not None
     return path, fresh
 
@@ -153,7 +156,7 @@ def test_a_checkpoint_of_another_config(kept):
 def test_a_checkpoint_of_another_shape(kept):
     path, _ = kept
     here = scene(cells=8)
-    assert load_checkpoint(path, begin(here, planned(here)), "key") is None
+    assert load_checkpoint(path, begin_run(planned(here)), "key") is None
 
 
 @pytest.mark.parametrize("share", [0.0, 0.01, 0.3, 0.9, 0.999])

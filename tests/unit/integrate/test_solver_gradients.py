@@ -95,7 +95,9 @@ def test_checkpoints_give_the_same_gradient_and_it_is_of_first_order(states):
 
 
 def test_no_room_for_a_state_is_said():
-    with pytest.raises(jt.InputError, match="reverse_memory=10 bytes holds no state"):
+    with pytest.raises(
+        jt.InputError, match="reverse_memory=10 bytes is less than one state"
+    ):
         _loss(START, SOLVERS["ForwardEuler"], 10)
 
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.integrate.explicit.rkl2 import coefficients, stages_for
+from jaxthermo.integrate.explicit.rkl2 import rkl2_coefficients, stage_count
 from jaxthermo.integrate.run.solution import RESULTS
-from jaxthermo.integrate.solver_selection import FEW, MANY, choose
+from jaxthermo.integrate.solvers import MAX_EULER_STEPS, MAX_RKL2_STEPS, select_solver
 from tests.bodies import blocks
 
 
@@ -19,11 +19,20 @@ def _scene(*terms, dtype="float64"):
 
 
 def test_the_choice_goes_by_how_many_stable_steps_there_are():
-    kinds = [type(choose(1.0, steps)[0]) for steps in (0, FEW, FEW + 1, MANY, MANY + 1)]
+    kinds = [
+        type(select_solver(1.0, steps)[0])
+        for steps in (
+            0,
+            MAX_EULER_STEPS,
+            MAX_EULER_STEPS + 1,
+            MAX_RKL2_STEPS,
+            MAX_RKL2_STEPS + 1,
+        )
+    ]
     assert kinds[:2] == [jt.ForwardEuler] * 2
     assert kinds[2:] == [jt.SuperTimeStepping, jt.SuperTimeStepping, jt.TRBDF2]
-    assert choose(None, 1.0)[0] == jt.ForwardEuler()
-    assert type(choose(float("inf"), 1e9)[0]) is jt.ForwardEuler
+    assert select_solver(None, 1.0)[0] == jt.ForwardEuler()
+    assert type(select_solver(float("inf"), 1e9)[0]) is jt.ForwardEuler
 
 
 def test_the_choice_is_in_the_solution():
@@ -37,7 +46,7 @@ def test_the_choice_is_in_the_solution():
 
 @pytest.mark.parametrize("ratio", [0.5, 1.0, 2.4, 10.0, 333.3, 1e6])
 def test_stages_cover_the_step_and_no_more(ratio):
-    stages = stages_for(ratio, 1.0)
+    stages = stage_count(ratio, 1.0)
     covered = lambda s: (s * s + s - 2) / 4
     assert stages % 2 == 1
     assert covered(stages) >= ratio * (1 - 1e-8)
@@ -47,7 +56,7 @@ def test_stages_cover_the_step_and_no_more(ratio):
 @pytest.mark.parametrize("stages", [3, 9, 31])
 def test_a_mode_decays_by_the_schemes_polynomial_within_one(stages):
     """Of second order at small steps, and never above 1 up to the stable one."""
-    table, weight = coefficients(stages), 4 / (stages**2 + stages - 2)
+    table, weight = rkl2_coefficients(stages), 4 / (stages**2 + stages - 2)
 
     def factor(z):
         step = lambda y: y * (1 - weight * z)

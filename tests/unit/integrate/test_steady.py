@@ -62,7 +62,7 @@ def test_a_bar_between_two_temperatures_is_a_straight_line(kind, dtype):
     np.testing.assert_allclose(sides, [through, -through], rtol=1e-5)
     assert abs(float(found.heat_rates.residual_relative)) < 1e-5
     assert found.result == jt.RESULTS.successful
-    assert found.islands == 0
+    assert found.isolated_components == 0
 
 
 def test_conductivity_that_varies_makes_its_integral_a_straight_line():
@@ -111,7 +111,7 @@ def test_it_is_where_a_long_run_ends(name):
     found = jt.steady(scene)
     run = jt.simulate(scene, 1e7, solver=jt.BackwardEuler(dt=5e5), throw=False)
     off = np.abs(found.surface_temperature - run.surface_temperature[-1:]).max()
-    print(name, "off", off, "newton", int(found.run.effort.newton))
+    print(name, "off", off, "newton", int(found.run.statistics.newton_iterations))
     assert off < 1e-5
     assert abs(float(found.heat_rates.residual_relative)) < 1e-9
     bodies = found.heat_rates.bodies
@@ -123,8 +123,8 @@ def test_it_is_where_a_long_run_ends(name):
 @pytest.mark.parametrize("start", [1e-3, 5800.0])
 def test_it_settles_from_any_start(start):
     found = jt.steady(jt.Scene((_body(start),), (SKY,), dtype="float64"))
-    print(start, "newton", int(found.run.effort.newton))
-    assert found.run.effort.newton <= 20
+    print(start, "newton", int(found.run.statistics.newton_iterations))
+    assert found.run.statistics.newton_iterations <= 20
     np.testing.assert_allclose(found.surface_temperature, 280.0, rtol=0, atol=1e-6)
 
 
@@ -146,7 +146,7 @@ def test_an_island_keeps_the_mean_that_it_starts_with(kind):
     found = jt.steady(scene)
     apart = body.structure.grid.fragment_position[:, 0] > 4.5 * PITCH
     theta = np.asarray(found.surface_temperature[0])
-    assert found.islands == 1
+    assert found.isolated_components == 1
     np.testing.assert_allclose(theta[~apart], 350.0, rtol=0, atol=1e-9)
     np.testing.assert_allclose(theta[apart], 355.0, rtol=0, atol=1e-9)
 
@@ -157,7 +157,7 @@ def test_two_bodies_that_only_touch_even_out():
     scene = jt.Scene(bodies, (jt.Contact(500.0),), dtype="float64")
     found = jt.steady(scene)
     run = jt.simulate(scene, 1e7, solver=jt.BackwardEuler(dt=1e5))
-    assert found.islands == 1
+    assert found.isolated_components == 1
     theta = np.asarray(found.surface_temperature)
     assert np.ptp(theta) < 1e-6
     np.testing.assert_allclose(theta, run.surface_temperature[-1:], rtol=0, atol=1e-5)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.integrate.run.simulate import plan, start
-from jaxthermo.integrate.run.time_loop import advance
+from jaxthermo.integrate.run.plan import initial_state, plan_run
+from jaxthermo.integrate.stepper import advance
 from tests.bodies import blocks
 
 
@@ -27,8 +27,10 @@ def value():
         body = jt.Body(structure, material, temperature=350.0)
         terms = jt.Convection(25.0, 280.0), jt.Surroundings(290.0)
         scene = jt.Scene((body,), terms, dtype="float64")
-        todo = plan(scene, STEPS * DT, None, jt.ForwardEuler(dt=DT))
-        end = loop(todo.stepper, todo.compiled.program, start(todo), jnp.array(DT))
+        todo = plan_run(scene, STEPS * DT, None, jt.ForwardEuler(dt=DT))
+        end = loop(
+            todo.stepper, todo.compiled.program, initial_state(todo), jnp.array(DT)
+        )
         theta = end.theta[0]
         return (jnp.arange(float(theta.size)).reshape(theta.shape) * theta**2).sum()
 

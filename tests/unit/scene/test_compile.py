@@ -9,7 +9,7 @@ import pytest
 
 import jaxthermo as jt
 from jaxthermo.integrate.run import simulate as simulate_module
-from jaxthermo.integrate.run.simulate import plan, start
+from jaxthermo.integrate.run.plan import initial_state, plan_run
 from tests.bodies import blocks
 
 
@@ -40,13 +40,13 @@ def _scene(structure, *terms, material=METAL, dtype="float32"):
 
 def _step(scene):
     """The jaxpr of one step; the program's arrays are its first inputs."""
-    todo = plan(scene, 2.0, None, jt.ForwardEuler())
+    todo = plan_run(scene, 2.0, None, jt.ForwardEuler())
     arrays, rest = eqx.partition(todo.compiled.program, eqx.is_array)
     now = jnp.zeros((), todo.dtype)
     step = lambda arrays, state: todo.stepper.step(
         eqx.combine(arrays, rest), state, now, now
     )
-    return jax.make_jaxpr(step)(arrays, start(todo)), arrays
+    return jax.make_jaxpr(step)(arrays, initial_state(todo)), arrays
 
 
 def _equations(jaxpr):

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.integrate.run.simulate import plan, solve
+from jaxthermo.integrate.run.plan import plan_run
+from jaxthermo.integrate.run.simulate import run_plan
 
 
 PITCH = 0.01
@@ -64,7 +65,9 @@ def _agree(seed):
     bodies = _bodies(chance)
     scene = jt.Scene(bodies, _terms(chance, bodies), dtype="float64")
     runs = [
-        solve(scene, plan(scene, 5.0, [2.0, 5.0], jt.ForwardEuler(dt=0.25), prune))
+        run_plan(
+            scene, plan_run(scene, 5.0, [2.0, 5.0], jt.ForwardEuler(dt=0.25), prune)
+        )
         for prune in (True, False)
     ]
     lean, full = runs
