@@ -122,7 +122,7 @@ def linearize(
     operator = Jacobian(networks, diagonal, program.contacts, time)
     whole = sums = operator.with_contacts()
     if held is not None:
-        whole = jax.tree.map(jnp.add, whole, stop_gradient(whole))
+        whole = jax.tree.map(jnp.add, whole, held(whole))
     parts = zip(networks, context.hierarchies, whole, strict=True)
     plain = tuple(
         jacobi(network, m) if levels is None else levels.prepared(m)

@@ -19,7 +19,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ...network.network import inverse
 from ...scene.compile.program import Program, State
-from .conjugate_gradient import ConjugateGradient, ResidualNorm
+from .conjugate_gradient import ConjugateGradient, ResidualNorm, max_abs
 from .context import ImplicitContext
 from .jacobian import Linearization, linearize, masked_to_nodes
 from .residual import rates
