@@ -96,7 +96,7 @@ def linearize(
     states: State,
     rate: Float[Array, ""],
     time: Float[Array, ""],
-    held: Callable[[State], State] | None = None,
+    regularization: Callable[[State], State] | None = None,
 ) -> Linearization:
     """At given states.
 
@@ -106,7 +106,7 @@ def linearize(
         states: of the bodies.
         rate: one over the stage's step, 0 for a steady state [1/s].
         time: of the loads [s].
-        held: from the diagonal to what is added to it where it is preconditioned, as
+        regularization: from the diagonal to what is added to it where it is preconditioned, as
             A may be singular [W/K].
     """
     slopes = load_slopes(program, states, time).change
@@ -121,8 +121,8 @@ def linearize(
     )
     operator = Jacobian(networks, diagonal, program.contacts, time)
     whole = sums = operator.with_contacts()
-    if held is not None:
-        whole = jax.tree.map(jnp.add, whole, held(whole))
+    if regularization is not None:
+        whole = jax.tree.map(jnp.add, whole, regularization(whole))
     parts = zip(networks, context.hierarchies, whole, strict=True)
     plain = tuple(
         jacobi(network, m) if levels is None else levels.prepared(m)

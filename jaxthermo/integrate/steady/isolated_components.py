@@ -88,7 +88,7 @@ class IsolatedComponents(eqx.Module):
         number = jnp.concatenate(self.number)
         return jax.ops.segment_sum(flat, number, self.count + 1)
 
-    def stop_gradient(self, diagonal: State) -> State:
+    def regularization(self, diagonal: State) -> State:
         """What islands are held by where A is preconditioned [W/K]."""
         return tuple(
             jnp.where((number < self.count).reshape(own.shape), HELD * own, 0)

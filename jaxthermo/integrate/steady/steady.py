@@ -101,7 +101,7 @@ def _linear(
     rate = jnp.zeros((), states[0].dtype)
     if islands is None:
         return linearize(program, own, states, rate, time)
-    at = linearize(program, own, states, rate, time, islands.held)
+    at = linearize(program, own, states, rate, time, islands.regularization)
     return at._replace(
         preconditioner=ProjectedPreconditioner(at.preconditioner, islands)
     )
