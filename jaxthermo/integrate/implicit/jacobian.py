@@ -106,8 +106,8 @@ def linearize(
         states: of the bodies.
         rate: one over the stage's step, 0 for a steady state [1/s].
         time: of the loads [s].
-        regularization: from the diagonal to what is added to it where it is preconditioned, as
-            A may be singular [W/K].
+        regularization: of the diagonal to what the preconditioner adds to it, since A
+            may be singular [W/K].
     """
     slopes = load_slopes(program, states, time).change
     networks = tuple(body.network.linear for body in program.bodies)
