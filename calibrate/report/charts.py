@@ -5,7 +5,7 @@ from typing import Any
 
 import altair as alt
 
-from jaxthermo.cli.charts import DOT, Chart, LogAxis, legend
+from jaxthermo.report.chart import POINT_AREA, Chart, LogAxis, legend
 
 
 Point = dict[str, Any]
@@ -67,11 +67,11 @@ def loss_chart(result: Result) -> Chart | None:
     paint = alt.Scale(domain=["accepted", "not accepted"], range=["#17358c", "#ffffff"])
     base = alt.Chart(alt.Data(values=points)).encode(
         x=alt.X("step:Q", title="step", axis=ticks, scale=scale),
-        y=alt.Y(**up.of("loss")),
+        y=alt.Y(**up.channel("loss")),
     )
     line = base.mark_line(color=WAYS["fitted"], strokeWidth=2)
     dots = base.mark_point(
-        size=DOT, opacity=1, stroke=WAYS["fitted"], strokeWidth=1.5, filled=False
+        size=POINT_AREA, opacity=1, stroke=WAYS["fitted"], strokeWidth=1.5, filled=False
     ).encode(
         fill=alt.Fill("kind:N", scale=paint, legend=legend()), description="text:N"
     )
@@ -117,7 +117,7 @@ def _values(points: list[Point], unit: str, above: bool, room: float) -> Chart:
     )
     every = [r[k] for r in rows for k in ("low", "high", "start", "value")]
     if logarithmic:
-        across = LogAxis(every, title).of
+        across = LogAxis(every, title).channel
     else:
         scale = alt.Scale(zero=False, padding=16, domain=[min(every), max(every)])
         across = lambda field: {
@@ -132,14 +132,14 @@ def _values(points: list[Point], unit: str, above: bool, room: float) -> Chart:
     bars = base.mark_rule(strokeWidth=2).encode(
         x=alt.X(**across("low")), x2="high:Q", color=colour
     )
-    dots = base.mark_point(size=DOT, filled=True, opacity=1).encode(
+    dots = base.mark_point(size=POINT_AREA, filled=True, opacity=1).encode(
         x=alt.X(**across("value")),
         color=colour,
         shape=alt.Shape("as_fitted:N", scale=marks, legend=legend(" ")),
         description="text:N",
     )
     starts = base.mark_point(
-        size=2 * DOT, angle=90, stroke="#868d99", strokeWidth=2.5, opacity=1
+        size=2 * POINT_AREA, angle=90, stroke="#868d99", strokeWidth=2.5, opacity=1
     ).encode(
         x=alt.X(**across("start")),
         shape=alt.Shape("as_start:N", scale=marks, legend=legend(" ")),
@@ -206,13 +206,13 @@ def error_chart(both: dict[str, dict[str, Any]], title: str) -> Chart | None:
     times = sorted({p["time"] for p in points})
     axis = alt.Axis(values=times[:: math.ceil(len(times) / 8)], format=".4~r")
     scale = alt.Scale(padding=16, nice=False, zero=False)
-    lines_legend = alt.Legend(title=None, symbolSize=DOT, symbolStrokeWidth=0)
+    lines_legend = alt.Legend(title=None, symbolSize=POINT_AREA, symbolStrokeWidth=0)
     lines = (
         alt.Chart(alt.Data(values=points))
         .mark_line(point=alt.OverlayMarkDef(size=45), strokeWidth=2)
         .encode(
             x=alt.X("time:Q", title="time [s]", axis=axis, scale=scale),
-            y=alt.Y(**up.of("error")),
+            y=alt.Y(**up.channel("error")),
             color=alt.Color("way:N", scale=paint, sort=None, legend=lines_legend),
             strokeDash=alt.StrokeDash("way:N", scale=dashes, legend=None),
             description="text:N",

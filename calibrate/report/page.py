@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 
 from jaxthermo.atomic import replacing
-from jaxthermo.cli import page
-from jaxthermo.cli.charts import Chart, chart_svg
 from jaxthermo.errors import InputError
+from jaxthermo.report import page
+from jaxthermo.report.chart import Chart, chart_svg
+from jaxthermo.report.table import Cell, Table, prose
 from jaxthermo.scene.dimensionless_groups import scene_numbers
 
 from ..problem.build import Calibration
@@ -77,18 +78,18 @@ def write_report(
         path.write_text(text, encoding="utf-8")
 
 
-def _drawn(chart: Chart | None, otherwise: str) -> str:
+def _drawn(chart: Chart | None, otherwise: str) -> page.Section:
     return page.paragraph(otherwise, True) if chart is None else chart_svg(chart)
 
 
-def _summary(result: Result) -> list[str]:
+def _summary(result: Result) -> list[page.Section]:
     return [
         *(page.paragraph(text) for text in summary(result)),
         page.paragraph(definition(result), note=True),
     ]
 
 
-def _errors(result: Result) -> list[str]:
+def _errors(result: Result) -> list[page.Section]:
     columns = ["case", "role", "default %", "fitted %"]
     if not is_frames(result):
         columns += ["default K", "fitted K"]
@@ -103,11 +104,11 @@ def _errors(result: Result) -> list[str]:
         title = f"Error over time of the cases {GROUPS[group]}"
         chart = error_chart(both, error_title(result))
         made += [page.heading(title), _drawn(chart, "All errors are 0.")]
-    return [page.heading("Errors"), page.table(columns, rows), *made]
+    return [page.heading("Errors"), Table(columns, rows), *made]
 
 
-def _pictures(calibration: Calibration, fit: Fit, result: Result) -> list[str]:
-    made = [page.heading("Where it is wrong")]
+def _pictures(calibration: Calibration, fit: Fit, result: Result) -> list[page.Section]:
+    made: list[page.Section] = [page.heading("Where it is wrong")]
     for group, problem in (
         ("train", calibration.train),
         ("held_out", calibration.held_out),
@@ -119,7 +120,7 @@ def _pictures(calibration: Calibration, fit: Fit, result: Result) -> list[str]:
 
 def _picture(
     group: str, problem: Problem, calibration: Calibration, fit: Fit, result: Result
-) -> list[str]:
+) -> list[page.Section]:
     """Of the case whose fitted error is largest, when default and fitted are worst."""
     both = result["errors"][group]
     fitted = both["fitted"]
@@ -154,11 +155,11 @@ def _error_bar(row: dict[str, Any]) -> str:
     return _with_unit(float(f"{error:.2g}"), row["unit"]) if told(error) else "\u2013"
 
 
-def _marked(verdict: str) -> page.Cell:
-    return page.marked(verdict, GOOD.get(verdict))
+def _marked(verdict: str) -> Cell:
+    return Cell(verdict, GOOD.get(verdict))
 
 
-def _parameters(result: Result) -> list[str]:
+def _parameters(result: Result) -> list[page.Section]:
     columns = [
         "parameter",
         "start",
@@ -178,7 +179,7 @@ def _parameters(result: Result) -> list[str]:
         ]
         for name, row in result["parameters"].items()
     ]
-    table = page.table(columns, rows)
+    table = Table(columns, rows)
     few = len(rows) <= MOST
     made = [
         page.heading("Parameters"),
@@ -190,26 +191,28 @@ def _parameters(result: Result) -> list[str]:
     return [*made, *charts, page.paragraph(about_bars(result), note=True)]
 
 
-def _identifiability(result: Result) -> list[str]:
+def _identifiability(result: Result) -> list[page.Section]:
     parameters = result["parameters"]
     rows = [
         [
             name,
             _marked(row["verdict"]),
-            page.prose([", ".join(row["with"]) or "\u2013"]),
-            page.prose([MEANING.get(row["verdict"], "")]),
+            prose(", ".join(row["with"]) or "\u2013"),
+            prose(MEANING.get(row["verdict"], "")),
         ]
         for name, row in parameters.items()
         if row["verdict"] != "fine"
     ]
-    made = [page.heading("What the data tell")]
+    made: list[page.Section] = [page.heading("What the data tell")]
     fine = len(parameters) - len(rows)
     if not result["correlation"]:
         return [*made, page.paragraph("There are too many values to be judged.")]
     text = f"The data tell {fine} of {len(parameters)} values."
     made.append(page.paragraph(text))
     if rows:
-        made.append(page.table(["parameter", "verdict", "with", "meaning"], rows, True))
+        made.append(
+            Table(["parameter", "verdict", "with", "meaning"], rows, left=range(4))
+        )
     values = [f"{v:.2g}" for v in result["singular_values"][:MOST]]
     text = (
         "Singular values of the Jacobian with columns of one length, over the largest: "
@@ -229,12 +232,12 @@ def _identifiability(result: Result) -> list[str]:
     ]
 
 
-def _loss(result: Result) -> list[str]:
+def _loss(result: Result) -> list[page.Section]:
     chart = _drawn(loss_chart(result), "The loss was 0 from the start.")
     return [page.heading("Loss by step"), chart]
 
 
-def _advice(result: Result) -> list[str]:
+def _advice(result: Result) -> list[page.Section]:
     if not result["advice"]:
         return []
     rows = [[e["what"], f"{e['gain_nats']:.2f}"] for e in result["advice"]]
@@ -243,11 +246,11 @@ def _advice(result: Result) -> list[str]:
         "gain of the logarithm of the information's determinant. One nat shrinks the "
         "volume of the confidence region by e."
     )
-    table = page.table(["further case", "gain [nats]"], rows)
+    table = Table(["further case", "gain [nats]"], rows)
     return [page.heading("Which case to add"), page.paragraph(text), table]
 
 
-def _ranges(calibration: Calibration) -> list[str]:
+def _ranges(calibration: Calibration) -> list[page.Section]:
     """The cases in numbers without units: weights hold for others like these."""
     groups = {GROUPS["train"]: calibration.train}
     if calibration.held_out is not None:
@@ -264,7 +267,7 @@ def _ranges(calibration: Calibration) -> list[str]:
         for name, words in NUMBERS.items()
     ]
     text = "At the values of the start; a scene outside of what was fitted is a guess."
-    table = page.table(["", *found], rows)
+    table = Table(["", *found], rows)
     return [page.heading("Range of the fit"), table, page.paragraph(text, note=True)]
 
 
@@ -274,7 +277,7 @@ def _span(values: list[float]) -> str:
     return one if f"{high:.3g}" == one else f"{one} to {high:.3g}"
 
 
-def _origin(result: Result) -> list[str]:
+def _origin(result: Result) -> list[page.Section]:
     pairs = [
         ("reference", result["reference"].replace("_", " ")),
         ("config", result["config_hash"]),

@@ -10,18 +10,18 @@ from jaxtyping import Bool, Float, UInt8
 from PIL import Image
 
 from jaxthermo.arrays import precision
-from jaxthermo.cli.difference_scale import (
-    BACKGROUND,
-    DifferenceScale,
-    difference_bar,
-    nice_limit,
-)
-from jaxthermo.cli.sheet import ColourBar, Tile, sheet
 from jaxthermo.config.camera_framing import build_camera
 from jaxthermo.image.palette import apply_palette
 from jaxthermo.image.render import draw
 from jaxthermo.image.ticks import decimals_of, label, nice_ticks, time_label
 from jaxthermo.integrate.run.parametric_run import ParametricSolution
+from jaxthermo.report.difference_scale import (
+    BACKGROUND,
+    DifferenceScale,
+    difference_bar,
+    nice_limit,
+)
+from jaxthermo.report.sheet import ColourBar, Tile, sheet
 
 from ..problem.problem import Case, Problem
 from ..problem.targets import SurfaceTarget

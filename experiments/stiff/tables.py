@@ -2,9 +2,10 @@
 
 from rich.box import SIMPLE
 from rich.markup import escape
-from rich.table import Table
+from rich.table import Table as RichTable
 
-from jaxthermo.cli import page
+from jaxthermo.report import page
+from jaxthermo.report.table import Cell, Table, prose
 
 from .case import FAIL, PASS, REFUSED, REPORTED, Case, Row
 
@@ -60,10 +61,10 @@ def told(row: Row) -> list[str]:
     return [line for line in (row.seen, checks) if line]
 
 
-def case_table(case: Case, rows: list[Row]) -> Table:
+def case_table(case: Case, rows: list[Row]) -> RichTable:
     """For the terminal: a line a solver under what it solves; a failure says why."""
     title = f"[bold]{case.name}[/]: {escape(case.title)}\n[dim]{escape(case.holds)}[/]"
-    table = Table(title=title, title_justify="left", title_style="", box=SIMPLE)
+    table = RichTable(title=title, title_justify="left", title_style="", box=SIMPLE)
     for n, head in enumerate(HEADS[1:], 1):
         right = 3 <= n <= 7
         table.add_column(head, justify="right" if right else "left", no_wrap=n > 1)
@@ -105,54 +106,54 @@ def page_of(found: list[tuple[Case, list[Row]]], took: float) -> str:
             "same. Run times are of the second run of each, without compilation; "
             f"everything took {took:.0f} s."
         ),
-        page.table(
+        Table(
             ["case", "about", *(PASS, REFUSED, REPORTED, FAIL)],
             [_summary(case, rows) for case, rows in found],
-            left=True,
+            left=range(6),
         ),
     ]
     for case, rows in found:
         sections += [
             page.heading(f"{case.name}: {case.title}"),
             page.terms([("must hold", case.holds), ("source", case.source)]),
-            page.table(
+            Table(
                 [*HEADS[1:], "seen; checks and their limits"],
                 _page_rows(rows),
-                left=True,
+                left=(0, 1, 7, 8, 9),
             ),
         ]
     return page.document("Stiff and extreme cases", sections)
 
 
-def _summary(case: Case, rows: list[Row]) -> list[str]:
+def _summary(case: Case, rows: list[Row]) -> list[str | Cell]:
     *good, failed = counts(rows).values()
     number = lambda n: str(n) if n else ""
     return [
         case.name,
-        page.prose([case.title]),
-        *(page.marked(number(n)) for n in good),
-        page.marked(number(failed), False if failed else None),
+        prose(case.title),
+        *(Cell(number(n)) for n in good),
+        Cell(number(failed), False if failed else None),
     ]
 
 
-def _page_rows(rows: list[Row]) -> list[list[str]]:
+def _page_rows(rows: list[Row]) -> list[list[str | Cell]]:
     """A line a solver under what it solves."""
     lines, what = [], None
     for row in rows:
         if row.what != what:
-            lines.append([page.spanning(row.what, len(HEADS))])
+            lines.append([Cell(row.what, wraps=True, columns=len(HEADS))])
             what = row.what
         lines.append(_page_cells(row))
     return lines
 
 
-def _page_cells(row: Row) -> list[str]:
+def _page_cells(row: Row) -> list[str | Cell]:
     _, *most, verdict = cells(row)
     met = {FAIL: False, REPORTED: None}.get(row.verdict, True)
     return [
-        *map(page.marked, most[:2]),
+        *most[:2],
         *most[2:7],
-        page.marked(most[7]),
-        page.marked(verdict, met),
-        page.prose(told(row)),
+        most[7],
+        Cell(verdict, met),
+        prose(*told(row)),
     ]

@@ -6,16 +6,16 @@ import numpy as np
 from jaxtyping import Float
 from PIL import Image
 
-from jaxthermo.cli.difference_scale import (
+from jaxthermo.image.annotate import write_png
+from jaxthermo.image.palette import apply_palette
+from jaxthermo.image.ticks import decimals_of, label, nice_ticks, time_label, to_celsius
+from jaxthermo.report.difference_scale import (
     BACKGROUND,
     DifferenceScale,
     difference_bar,
     nice_limit,
 )
-from jaxthermo.cli.sheet import ColourBar, Tile, sheet
-from jaxthermo.image.annotate import write_png
-from jaxthermo.image.palette import apply_palette
-from jaxthermo.image.ticks import decimals_of, label, nice_ticks, time_label, to_celsius
+from jaxthermo.report.sheet import ColourBar, Tile, sheet
 
 from .config import FULL
 from .frames import Scenery

@@ -4,7 +4,7 @@ from typing import Any
 
 import altair as alt
 
-from jaxthermo.cli.charts import DOT, Chart, LogAxis, legend
+from jaxthermo.report.chart import POINT_AREA, Chart, LogAxis, legend
 
 from .axes import Paint, colour, colours
 from .record import Row
@@ -33,14 +33,14 @@ def error_against_time(rows: list[Row], paint: Paint, title: str) -> Chart:
     labels, loads = ([*dict.fromkeys(p[k] for p in points)] for k in ("label", "load"))
     shapes = alt.Scale(domain=loads, range=SHAPES[: len(loads)])
     base = alt.Chart(alt.Data(values=points)).encode(
-        y=alt.Y(**up.of("error")), color=colour(labels, paint, legend=legend())
+        y=alt.Y(**up.channel("error")), color=colour(labels, paint, legend=legend())
     )
     spread = base.mark_rule(opacity=0.5).encode(
-        x=alt.X(**across.of("fastest")), x2="slowest:Q"
+        x=alt.X(**across.channel("fastest")), x2="slowest:Q"
     )
     # Outlines, so that points which meet show each other.
-    dots = base.mark_point(size=DOT, strokeWidth=2.5, opacity=1).encode(
-        x=alt.X(**across.of("time")),
+    dots = base.mark_point(size=POINT_AREA, strokeWidth=2.5, opacity=1).encode(
+        x=alt.X(**across.channel("time")),
         shape=alt.Shape("load:N", scale=shapes, sort=None, legend=legend("sun on")),
         description="text:N",
     )
@@ -74,7 +74,7 @@ def _lines(
         .mark_line(point=alt.OverlayMarkDef(size=45), strokeWidth=2)
         .encode(
             x=x,
-            y=alt.Y(**up.of("value")),
+            y=alt.Y(**up.channel("value")),
             color=colour(labels, paint, legend=legend()),
             description="text:N",
         )
@@ -121,7 +121,7 @@ def by_levels(rows: list[Row]) -> Chart:
     paint = colours(dict.fromkeys((p["label"] for p in points), "multi_level"))
     title = f"{rows[0]['body']}: error against levels, sun on {rows[0]['load']}"
     y_title = "error, RMS at its worst time [%]"
-    return _lines(points, paint, alt.X(**axis.of("x")), y_title, title)
+    return _lines(points, paint, alt.X(**axis.channel("x")), y_title, title)
 
 
 def by_thickness(local: list[Row], paint: Paint) -> Chart:

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from jaxthermo.atomic import replacing
-from jaxthermo.cli import page
-from jaxthermo.cli.charts import write_chart
 from jaxthermo.memory import readable_bytes
+from jaxthermo.report import page
+from jaxthermo.report.chart import write_chart
+from jaxthermo.report.table import Cell, Table, prose
 
 from .axes import Paint, colours
 from .cases import all_cases
@@ -106,15 +107,15 @@ def write_report(findings: Findings, folder: Path, host: str) -> list[str]:
 
 def _body(
     findings: Findings, study: Study, folder: Path, files: list[Path]
-) -> list[str]:
+) -> list[page.Section]:
     """The table, the charts and the pictures of one body."""
     name, load = study.body.name, study.config.picture.load
     rows = [r for r in findings.rows if r["body"] == name and "refused" not in r]
     lines = [line for line in findings.lines if line["body"] == name]
-    made = [
+    made: list[page.Section] = [
         page.heading(name),
-        page.table(COST, [_cost(line) for line in lines]),
-        page.table(ERROR, [_error(line) for line in lines]),
+        Table(COST, [_cost(line) for line in lines]),
+        Table(ERROR, [_error(line) for line in lines]),
         *_expected(lines),
         page.paragraph(_full(rows), note=True),
     ]
@@ -157,19 +158,23 @@ def _full(rows: list[Row]) -> str:
     )
 
 
-def _expected(lines: list[Line]) -> list[str]:
+def _expected(lines: list[Line]) -> list[page.Section]:
     """What the config expects of structures, and whether it was met."""
     rows = [
-        [line["label"], page.verdicts([(in_words(c), c["met"]) for c in checks])]
+        [line["label"], Cell(in_words(c), c["met"])]
         for line in lines
-        if (checks := line.get("expected"))
+        for c in line.get("expected", ())
     ]
-    return [page.table(["structure", "expected"], rows)] if rows else []
+    return [Table(["structure", "expected"], rows)] if rows else []
 
 
-def _cost(line: Line) -> list[str]:
+def _refused(reason: str, columns: int) -> Cell:
+    return Cell(reason, wraps=True, columns=columns)
+
+
+def _cost(line: Line) -> list[str | Cell]:
     if "refused" in line:
-        return [line["label"], page.spanning(line["refused"], len(COST) - 1)]
+        return [line["label"], _refused(line["refused"], len(COST) - 1)]
     return [
         line["label"],
         f"{line['nodes']:,}",
@@ -184,9 +189,9 @@ def _cost(line: Line) -> list[str]:
     ]
 
 
-def _error(line: Line) -> list[str]:
+def _error(line: Line) -> list[str | Cell]:
     if "refused" in line:
-        return [line["label"], page.spanning(line["refused"], len(ERROR) - 1)]
+        return [line["label"], _refused(line["refused"], len(ERROR) - 1)]
     return [
         line["label"],
         ", ".join(f"{k}: {v:.3g}" for k, v in line["error_percent"].items()),
@@ -200,22 +205,25 @@ def _error(line: Line) -> list[str]:
     ]
 
 
-def _claims(findings: Findings, folder: Path, files: list[Path]) -> list[str]:
+def _claims(findings: Findings, folder: Path, files: list[Path]) -> list[page.Section]:
     """What the thesis says, what was found, and the charts that show it."""
     words = {True: "yes", False: "no", None: "reported"}
     rows = [
         [
             claim["id"],
-            page.prose([claim["claim"]]),
-            page.marked(words[claim["holds"]], claim["holds"]),
-            page.prose(claim["found"]),
+            prose(claim["claim"]),
+            Cell(words[claim["holds"]], claim["holds"]),
+            prose(*claim["found"]),
         ]
         for claim in findings.claims
     ]
-    made = []
+    made: list[page.Section] = []
     if rows:
         columns = ["", "claim", "found so", "measured"]
-        made = [page.heading("Claims of the thesis"), page.table(columns, rows, True)]
+        made = [
+            page.heading("Claims of the thesis"),
+            Table(columns, rows, left=range(4)),
+        ]
     charts = {}
     if any("refused" not in row for row in findings.level_rows):
         charts["error_by_levels"] = by_levels(findings.level_rows)
@@ -234,7 +242,7 @@ def _claims(findings: Findings, folder: Path, files: list[Path]) -> list[str]:
     return made
 
 
-def _all_rows(findings: Findings) -> str:
+def _all_rows(findings: Findings) -> Table:
     columns = [
         "body", "load", "structure", "nodes", "steps", "run", "times faster", "RMS %",
         "RMS % at each time", "RMS K at each time", "frame K at each time",
@@ -245,7 +253,7 @@ def _all_rows(findings: Findings) -> str:
     for row in (*findings.rows, *findings.limb_rows):
         names = [row["body"], row["load"], row["label"]]
         if "refused" in row:
-            rows.append([*names, page.spanning(row["refused"], len(columns) - 3)])
+            rows.append([*names, _refused(row["refused"], len(columns) - 3)])
             continue
         error, frame = row["error"], row["frame"]
         rows.append(
@@ -262,4 +270,4 @@ def _all_rows(findings: Findings) -> str:
                 ", ".join(f"{v:.4f}" for v in frame["ssim"]),
             ]
         )
-    return page.table(columns, rows)
+    return Table(columns, rows)

@@ -8,8 +8,6 @@ import altair as alt
 import numpy as np
 from rich.table import Table
 
-from jaxthermo.cli.charts import LogAxis, write_chart
-from jaxthermo.cli.sheet import ColourBar, Tile, sheet
 from jaxthermo.geometry.pose import Pose
 from jaxthermo.geometry.shapes import box, sphere
 from jaxthermo.image.annotate import write_png
@@ -17,6 +15,8 @@ from jaxthermo.image.contact_texture import contact_images, where_covered
 from jaxthermo.image.palette import palette_table
 from jaxthermo.physics.contact.bodies import PlacedGrid
 from jaxthermo.physics.contact.search import find_contacts
+from jaxthermo.report.chart import LogAxis, write_chart
+from jaxthermo.report.sheet import ColourBar, Tile, sheet
 from jaxthermo.voxels.voxelize import voxelize
 
 
@@ -117,16 +117,16 @@ def area_chart(rows: list[dict[str, Any]], path: Path) -> None:
         for row in rows
     ]
     base = alt.Chart(alt.Data(values=points)).encode(
-        x=alt.X(**across.of("x")),
+        x=alt.X(**across.channel("x")),
         color=alt.Color(
             "threshold:N",
             legend=alt.Legend(title=None, orient="bottom-left", offset=12),
             scale=alt.Scale(range=["#2166ac", "#c1272d"]),
         ),
     )
-    lines = base.mark_line(strokeDash=[5, 4]).encode(y=alt.Y(**up.of("exact")))
+    lines = base.mark_line(strokeDash=[5, 4]).encode(y=alt.Y(**up.channel("exact")))
     dots = base.mark_point(filled=True, size=80, opacity=1).encode(
-        y=alt.Y(**up.of("area")), description="text:N"
+        y=alt.Y(**up.channel("area")), description="text:N"
     )
     title = "Ball on a plate: found (dots), exact (dashed)"
     write_chart(

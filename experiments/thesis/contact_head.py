@@ -8,7 +8,6 @@ import jax.numpy as jnp
 import numpy as np
 from rich.table import Table
 
-from jaxthermo.cli.sheet import ColourBar, Tile, sheet
 from jaxthermo.geometry.mesh import Mesh
 from jaxthermo.geometry.pose import Pose
 from jaxthermo.geometry.shapes import sphere
@@ -20,6 +19,7 @@ from jaxthermo.physics.contact.bodies import PlacedGrid
 from jaxthermo.physics.contact.links import contact_conductance_of
 from jaxthermo.physics.contact.pairs import ContactPairs, contact_flux
 from jaxthermo.physics.contact.search import find_contacts
+from jaxthermo.report.sheet import ColourBar, Tile, sheet
 from jaxthermo.voxels.voxelize import voxelize
 
 

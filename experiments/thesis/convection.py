@@ -6,9 +6,10 @@ from typing import Any
 from rich.console import Console
 
 from jaxthermo.atomic import replacing
-from jaxthermo.cli import page
-from jaxthermo.cli.charts import write_chart
 from jaxthermo.geometry.shapes import figurine
+from jaxthermo.report import page
+from jaxthermo.report.chart import write_chart
+from jaxthermo.report.table import Table
 from jaxthermo.voxels.cylinder_parts import ALIKE
 
 from . import (
@@ -59,7 +60,7 @@ def run(folder: Path, height: int = HEIGHT) -> dict[str, Any]:
     }
 
 
-def _local(curves: list[dict[str, Any]], folder: Path) -> list[str]:
+def _local(curves: list[dict[str, Any]], folder: Path) -> list[page.Section]:
     charts = {
         "local_slow": local.local_chart(local.SLOW, "Slow flow, Pr 0.71"),
         "local_fast": local.local_chart(
@@ -83,14 +84,14 @@ def _local(curves: list[dict[str, Any]], folder: Path) -> list[str]:
             note=True,
         ),
         *(write_chart(chart, folder / name) for name, chart in charts.items()),
-        page.table(
+        Table(
             ["Re", "average", "mismatch", "minima [degrees]", "off the points", ""],
             local.local_cells(curves),
         ),
     ]
 
 
-def _averages(rows: list[dict[str, Any]], folder: Path) -> list[str]:
+def _averages(rows: list[dict[str, Any]], folder: Path) -> list[page.Section]:
     return [
         page.heading("Which average?"),
         page.paragraph(
@@ -101,11 +102,11 @@ def _averages(rows: list[dict[str, Any]], folder: Path) -> list[str]:
             "from Re 7e4 on, where it goes up and down by 2 %."
         ),
         write_chart(average.average_chart(), folder / "averages"),
-        page.table(average.HEADS, average.average_cells(rows)),
+        Table(average.HEADS, average.average_cells(rows)),
     ]
 
 
-def _cooling(found: dict[str, Any], folder: Path) -> list[str]:
+def _cooling(found: dict[str, Any], folder: Path) -> list[page.Section]:
     return [
         page.heading("C21: cooling by the direction of the normal"),
         page.paragraph(
@@ -128,11 +129,11 @@ def _cooling(found: dict[str, Any], folder: Path) -> list[str]:
             "takes as much heat from the whole surface at first as the wind does; the "
             "range that it leaves on the side is the voxels' own."
         ),
-        page.table(cooling.CHOICE_HEADS, cooling.choice_cells(found)),
+        Table(cooling.CHOICE_HEADS, cooling.choice_cells(found)),
     ]
 
 
-def _parts(divided: list[dict[str, Any]], folder: Path) -> list[str]:
+def _parts(divided: list[dict[str, Any]], folder: Path) -> list[page.Section]:
     pictures = [
         page.picture(folder / body["picture"], f"{body['mesh']} as cylinders")
         for body in divided
@@ -147,5 +148,5 @@ def _parts(divided: list[dict[str, Any]], folder: Path) -> list[str]:
             "belongs to; outlines: the cylinders."
         ),
         *pictures,
-        page.table(parts.PART_HEADS, parts.part_cells(divided)),
+        Table(parts.PART_HEADS, parts.part_cells(divided)),
     ]

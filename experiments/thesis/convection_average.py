@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from rich.table import Table
 
-from jaxthermo.cli.charts import LogAxis
 from jaxthermo.physics.convection.nusselt import AVERAGES, profile
+from jaxthermo.report.chart import LogAxis
 
 
 REYNOLDS = (1.0, 40.0, 1e3, 4e3, 1e4, 3e4, 7.08e4, 1.4e5, 2.19e5)
@@ -89,7 +89,7 @@ def average_chart() -> alt.Chart:
         alt.Chart(alt.Data(values=points))
         .mark_line(strokeWidth=2)
         .encode(
-            x=alt.X(**x.of("Re")),
+            x=alt.X(**x.channel("Re")),
             y=alt.Y(
                 "share:Q",
                 title="average over churchill_bernstein",

@@ -8,7 +8,6 @@ import jax.numpy as jnp
 import numpy as np
 from rich.table import Table
 
-from jaxthermo.cli.charts import Chart
 from jaxthermo.geometry.shapes import cylinder
 from jaxthermo.image.annotate import contact_sheet, write_png
 from jaxthermo.image.camera import OrthographicCamera
@@ -22,6 +21,7 @@ from jaxthermo.physics.convection.air import kinematic_viscosity, prandtl
 from jaxthermo.physics.convection.cross_flow import local_nusselt
 from jaxthermo.physics.convection.nusselt import AVERAGES, churchill_bernstein
 from jaxthermo.physics.convection.wind import Wind
+from jaxthermo.report.chart import Chart
 from jaxthermo.scene.scene import Body, Scene
 from jaxthermo.structures.kinds.full import FullVolume
 from jaxthermo.voxels.voxelize import voxelize

@@ -11,7 +11,6 @@ import jax.numpy as jnp
 import numpy as np
 from rich.table import Table
 
-from jaxthermo.cli.charts import Chart
 from jaxthermo.physics.convection.cross_flow import local_nusselt
 from jaxthermo.physics.convection.nusselt import cylinder_table, profile
 

@@ -6,8 +6,9 @@ from typing import Any
 from rich.console import Console
 
 from jaxthermo.atomic import replacing
-from jaxthermo.cli import page
-from jaxthermo.cli.charts import write_chart
+from jaxthermo.report import page
+from jaxthermo.report.chart import write_chart
+from jaxthermo.report.table import Cell, Table
 
 from . import radiation_bodies as bodies, radiation_light as light
 from .radiation_occlusion import show_occlusion
@@ -50,7 +51,7 @@ def run(folder: Path, height: int = HEIGHT) -> dict[str, Any]:
     }
 
 
-def _thesis_flux(flux: dict[str, Any]) -> list[str]:
+def _thesis_flux(flux: dict[str, Any]) -> list[page.Section]:
     return [
         page.heading("C02: 31.15 W/m² at 10 m"),
         page.paragraph(
@@ -60,7 +61,7 @@ def _thesis_flux(flux: dict[str, Any]) -> list[str]:
             f"{flux['thesis_over_right']:.2f} times less. That is pi squared, 9.87: "
             "E pi / R² stands where Lambert's law has E / (pi R²)."
         ),
-        page.table(
+        Table(
             ["at 10 m", "W/m²"],
             [
                 ["thesis", f"{flux['thesis_W_m2']:.2f}"],
@@ -81,7 +82,7 @@ def _thesis_flux(flux: dict[str, Any]) -> list[str]:
     ]
 
 
-def _neighbours(rows: list[dict], reach: float, folder: Path) -> list[str]:
+def _neighbours(rows: list[dict], reach: float, folder: Path) -> list[page.Section]:
     chart = write_chart(bodies.neighbour_chart(rows), folder / "neighbours")
     return [
         page.heading("C03: other bodies do not matter"),
@@ -92,23 +93,23 @@ def _neighbours(rows: list[dict], reach: float, folder: Path) -> list[str]:
             "cube. The last column is what an insulated black wall on the cold side "
             "would miss of its temperature, were the neighbour left out."
         ),
-        page.table(list(bodies.COLUMNS), [bodies.neighbour_cells(r) for r in rows]),
+        Table(list(bodies.COLUMNS), [bodies.neighbour_cells(r) for r in rows]),
         chart,
     ]
 
 
-def _light(lit: dict[str, Any]) -> list[str]:
+def _light(lit: dict[str, Any]) -> list[page.Section]:
     night = lit["terminator"]
     cells = [
         [
             *light.light_cells(c),
-            page.marked("1 %" if c["passes"] else "over", c["passes"]),
+            Cell("1 %" if c["passes"] else "over", c["passes"]),
         ]
         for c in lit["checks"]
     ]
     return [
         page.heading("C04: shadow map and Lambert's cosine"),
-        page.table([*light.COLUMNS, "within"], cells),
+        Table([*light.COLUMNS, "within"], cells),
         page.paragraph(
             "The ball's night begins at 90°: the last fragment with any light stands "
             f"at {night['last_lit_degrees']:.2f}°, the first that is not lit in full "
@@ -118,9 +119,9 @@ def _light(lit: dict[str, Any]) -> list[str]:
     ]
 
 
-def _occlusion(shown: dict[str, Any], folder: Path) -> list[str]:
+def _occlusion(shown: dict[str, Any], folder: Path) -> list[page.Section]:
     ball = shown["ball_on_plane"]
-    made = [
+    made: list[page.Section] = [
         page.heading("Ambient occlusion, on and off"),
         page.paragraph(
             f"The figurine, {shown['height_voxels']} voxels high: "

@@ -6,7 +6,6 @@ import altair as alt
 import numpy as np
 from rich.table import Table
 
-from jaxthermo.cli.charts import Chart, LogAxis
 from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.geometry.pose import Pose
 from jaxthermo.geometry.shapes import box
@@ -17,6 +16,7 @@ from jaxthermo.physics.radiation.view_factors import (
     view_factors,
 )
 from jaxthermo.reference.view_factor import parallel_rectangles
+from jaxthermo.report.chart import Chart, LogAxis
 from jaxthermo.voxels.grid import VoxelGrid
 from jaxthermo.voxels.voxelize import voxelize
 
@@ -149,7 +149,7 @@ def neighbour_chart(rows: list[dict[str, Any]]) -> Chart:
     ]
     across = LogAxis([float(g) for g in gaps], "gap between two cubes [sizes of one]")
     up = LogAxis([SUN, line[-1]["flux"]], "net flux onto the facing side [W/m²]")
-    x, y = alt.X(**across.of("gap")), alt.Y(**up.of("flux"))
+    x, y = alt.X(**across.channel("gap")), alt.Y(**up.channel("flux"))
     data = lambda values: alt.Chart(alt.Data(values=values))
     rule = data(levels).mark_rule(strokeDash=[5, 4], color="#7a808c").encode(y=y)
     text = data(levels).mark_text(align="right", dx=-6, dy=-7, fontSize=12)

@@ -8,8 +8,6 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxthermo as jt
-from jaxthermo.cli.difference_scale import BACKGROUND
-from jaxthermo.cli.sheet import ColourBar, Tile, sheet
 from jaxthermo.geometry.shapes import box, figurine, sphere
 from jaxthermo.image.annotate import write_png
 from jaxthermo.image.camera import OrthographicCamera, frame_all
@@ -20,6 +18,8 @@ from jaxthermo.image.ticks import decimals_of, label as written, nice_ticks, to_
 from jaxthermo.image.view import look
 from jaxthermo.physics.radiation.visibility import DIRECTIONS, sky_view
 from jaxthermo.raster.layers import peel
+from jaxthermo.report.difference_scale import BACKGROUND
+from jaxthermo.report.sheet import ColourBar, Tile, sheet
 from jaxthermo.voxels.voxelize import voxelize
 
 

@@ -1,13 +1,13 @@
 """Outcomes as tables on the terminal and as a page."""
 
-import html
 from pathlib import Path
 
-from rich.table import Table
+from rich.table import Table as RichTable
 from rich.text import Text
 
 from jaxthermo.atomic import replacing
-from jaxthermo.cli import page
+from jaxthermo.report import page
+from jaxthermo.report.table import Cell, Table, prose
 
 from .case import Bound, Check, Group, Order
 from .running import FAILED, PASSED, REPORTED, Outcome, named
@@ -65,9 +65,9 @@ def order_text(order: Order | None) -> str:
     return observed if order.asked is None else f"{observed} (asked {order.asked:g})"
 
 
-def cases_table(title: str, outcomes: list[Outcome]) -> Table:
+def cases_table(title: str, outcomes: list[Outcome]) -> RichTable:
     """A line for each case, with the quantity that is worst by its tolerance."""
-    table = Table(title=title, title_justify="left", expand=False)
+    table = RichTable(title=title, title_justify="left", expand=False)
     for head in ("case", "worst quantity", *HEADS[1:5], "order", "verdict", "s"):
         table.add_column(head, overflow="fold")
     for outcome in outcomes:
@@ -89,25 +89,25 @@ def summary(outcomes: list[Outcome]) -> str:
     return told
 
 
-def _marked(verdict: str) -> page.Cell:
+def _marked(verdict: str) -> Cell:
     met = {PASSED: True, FAILED: False, REPORTED: None}[verdict]
-    return page.marked(verdict, met)
+    return Cell(verdict, met)
 
 
-def _wrong(text: str) -> page.Cell:
+def _wrong(text: str) -> Cell:
     """In red, over as many lines as it takes."""
-    return page.Cell(f'<td class="words missed">{html.escape(text)}</td>')
+    return Cell(text, False, wraps=True)
 
 
-def _overview(found: Found) -> str:
-    rows: list[list[str]] = []
+def _overview(found: Found) -> Table:
+    rows: list[list[str | Cell]] = []
     for outcome in (o for _, outcomes in found for o in outcomes):
         case, worst = outcome.case, outcome.worst
         cells = check_cells(worst)[:5] if worst else ["broke off", *"––––"]
         order = outcome.measured.order if outcome.measured else None
         last = "–" if order is None else f"{order.observed[-1]:.2f}"
-        about = page.prose([case.name, case.source])
-        told = map(page.marked, (*cells, last))
+        about = prose(case.name, case.source)
+        told = map(Cell, (*cells, last))
         rows.append([case.id, _marked(outcome.verdict), about, *told])
     heads = [
         "case",
@@ -117,13 +117,13 @@ def _overview(found: Found) -> str:
         *HEADS[1:5],
         "order",
     ]
-    return page.table(heads, rows, left=True)
+    return Table(heads, rows, left=range(len(heads)))
 
 
-def _details(outcome: Outcome) -> str:
+def _details(outcome: Outcome) -> list[page.Section]:
     """One case: where it is from, how it was computed, and all its quantities."""
     case, measured = outcome.case, outcome.measured
-    title = f"<h3>{html.escape(f'{case.id}: {case.name}')}</h3>"
+    title = page.heading(f"{case.id}: {case.name}", level=3)
     about = page.terms(
         [
             ("source", case.source),
@@ -133,17 +133,17 @@ def _details(outcome: Outcome) -> str:
         ]
     )
     if measured is None:
-        return title + about + page.table(["failed"], [[_wrong(outcome.failure)]])
+        return [title, about, Table(["failed"], [[_wrong(outcome.failure)]])]
     rows = []
     for check in measured.checks:
         cells = check_cells(check)
         rows.append([*cells[:-1], _marked(cells[-1])])
-    return title + about + page.table(list(HEADS), rows) + _order(measured.order)
+    return [title, about, Table(list(HEADS), rows), *_order(measured.order)]
 
 
-def _order(order: Order | None) -> str:
+def _order(order: Order | None) -> list[page.Section]:
     if order is None:
-        return ""
+        return []
     observed = ["–", *(f"{p:.2f}" for p in order.observed)]
     rows = [
         [number(h, 3), f"{e:.2e}", p]
@@ -151,9 +151,9 @@ def _order(order: Order | None) -> str:
     ]
     heads = ["size of a voxel or step", "largest error", "order"]
     if order.asked is None:
-        return page.table(heads, rows)
+        return [Table(heads, rows)]
     asked = f"{verdict_of(order.passes)}: {order.asked:g} or {order.within:g} less"
-    return page.table(heads, [*rows, ["asked", "", page.marked(asked, order.passes)]])
+    return [Table(heads, [*rows, ["asked", "", Cell(asked, order.passes)]])]
 
 
 def write_page(found: Found, path: Path) -> None:
@@ -172,10 +172,10 @@ def write_page(found: Found, path: Path) -> None:
             "farthest off by its tolerance."
         ),
         *(
-            page.table(
+            Table(
                 ["failed", "why"],
                 [[o.case.id, _wrong(_why(o))] for o in failed],
-                left=True,
+                left=(0, 1),
             )
             for _ in failed[:1]
         ),
@@ -183,10 +183,13 @@ def write_page(found: Found, path: Path) -> None:
         _overview(found),
     ]
     for group, outcomes in found:
-        sections += [page.heading(group.title), *map(_details, outcomes)]
+        sections += [
+            page.heading(group.title),
+            *(part for o in outcomes for part in _details(o)),
+        ]
     sections += [
         page.heading("Not covered"),
-        page.table(["case", "why"], [[n, page.prose([w])] for n, w in NOT_COVERED]),
+        Table(["case", "why"], [[n, prose(w)] for n, w in NOT_COVERED]),
     ]
     with replacing(path) as temporary:
         temporary.write_text(page.document(TITLE, sections), encoding="utf-8")

@@ -12,11 +12,11 @@ from ..config.types.quantities import LENGTH, to_si
 from ..errors import InputError
 from ..geometry.load import load_mesh
 from ..geometry.mesh import describe_mesh, verdict_line
+from ..report.sheet import write_layer_sheets
 from ..voxels.report import voxel_report
 from ..voxels.voxelize import voxelize as make_voxels
 from .console import doing, open_console, tell
 from .files import results_folder
-from .layer_sheets import write_layer_sheets
 
 
 def voxelize(

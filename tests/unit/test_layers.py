@@ -24,6 +24,7 @@ ORDER = [
     "integrate",
     "image",
     "reference",
+    "report",
     "config",
     "cli",
 ]

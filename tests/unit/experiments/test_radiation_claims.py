@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from experiments.thesis import radiation_bodies as bodies, radiation_light as light
-from jaxthermo.cli.charts import write_chart
+from jaxthermo.report.chart import write_chart
 
 
 def test_c02_is_pi_squared_too_much():

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from jaxthermo.cli.layer_sheets import write_sheets
 from jaxthermo.errors import InputError
 from jaxthermo.geometry.shapes import box
 from jaxthermo.image.contact_texture import UNTOUCHED, contact_images, where_covered
 from jaxthermo.image.palette import palette_table
 from jaxthermo.physics.contact.pairs import contact_flux
+from jaxthermo.report.sheet import write_sheets
 from jaxthermo.voxels.textures import BACKGROUND
 from jaxthermo.voxels.voxelize import voxelize
 

@@ -1,7 +1,7 @@
-"""A colour scale for differences: cold, nothing, hot; fine near zero, wide at its ends.
+"""Colour scale for differences: blue below zero, light grey at zero, red above.
 
-Colour goes with asinh(d / d0): in proportion to the difference below d0, and with its
-logarithm above, so that one scale shows a tenth of a kelvin and ten.
+The colour follows asinh(d / d0): linear in the difference d below d0 and logarithmic
+above, so that one scale shows a tenth of a kelvin and ten kelvin.
 """
 
 from dataclasses import dataclass
@@ -12,14 +12,12 @@ from jaxtyping import Bool, Float, UInt8
 from .sheet import ColourBar
 
 
-DECADES = 2.5
-"""Between d0 and the end of the scale, if not given."""
-CLEAR = 0.1
-"""Of the scale, between a tick and zero."""
+_MIN_TICK_DISTANCE = 0.1
+"""Least distance of a tick from zero, along a scale from -1 to 1."""
 
 BACKGROUND = (58, 61, 68)
 
-# Blue to red through a light grey, sRGB; equally dark at equal distances from zero.
+# sRGB, equally dark at equal distances from zero so that neither sign stands out.
 _ANCHORS = (
     (-1.0, 20, 36, 120),
     (-0.75, 32, 92, 190),
@@ -35,45 +33,46 @@ _ANCHORS = (
 
 @dataclass(frozen=True)
 class DifferenceScale:
-    """Symmetric about zero, with its ends at `limit` [K]."""
+    """Scale from -limit to limit [K]."""
 
     limit: float
-    decades: float = DECADES
+    decades: float = 2.5
+    """Decades from the end of the linear part to `limit`."""
 
     @property
     def linear(self) -> float:
-        """d0 [K]."""
+        """Difference d0 up to which the scale is linear [K]."""
         return self.limit / 10**self.decades
 
-    def place(self, kelvin: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-        """Along the scale: -1 to 1; differences beyond the ends take the end's."""
+    def position(self, kelvin: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+        """Position along the scale, -1 to 1; beyond `limit` it stays at the end."""
         bounded = np.clip(kelvin, -self.limit, self.limit)
         whole = np.arcsinh(self.limit / self.linear)
         return np.arcsinh(bounded / self.linear) / whole
 
-    def colour(self, place: Float[np.ndarray, "*n"]) -> UInt8[np.ndarray, "*n 3"]:
-        """The colours of places along the scale."""
+    def colour(self, position: Float[np.ndarray, "*n"]) -> UInt8[np.ndarray, "*n 3"]:
+        """The sRGB colours at positions along the scale."""
         table = np.asarray(_ANCHORS, float)
-        channels = [np.interp(place, table[:, 0], c) for c in table[:, 1:].T]
+        channels = [np.interp(position, table[:, 0], c) for c in table[:, 1:].T]
         return np.rint(np.stack(channels, axis=-1)).astype(np.uint8)
 
     def picture(
         self, kelvin: Float[np.ndarray, "h w"], body: Bool[np.ndarray, "h w"]
     ) -> UInt8[np.ndarray, "h w 3"]:
-        """Differences in colour where the body is; dark elsewhere."""
-        colours = self.colour(self.place(kelvin))
+        """Colours of differences where the image shows the body; dark elsewhere."""
+        colours = self.colour(self.position(kelvin))
         colours[~body] = BACKGROUND
         return colours
 
     def ticks(self) -> list[float]:
-        """Zero, the ends, and tenths and hundredths of them that are clear of it."""
+        """Zero, the ends, and tenths and hundredths of the ends away from zero [K]."""
         down = self.limit / np.array([100.0, 10.0, 1.0])
-        up = [float(value) for value in down[self.place(down) > CLEAR]]
+        up = [float(value) for value in down[self.position(down) > _MIN_TICK_DISTANCE]]
         return [*(-value for value in up[::-1]), 0.0, *up]
 
 
 def nice_limit(largest: float) -> float:
-    """The next of 1, 2, 5 x 10^n that holds the largest difference [K]."""
+    """The smallest of 1, 2, 5 x 10^n that is not below the largest difference [K]."""
     exponent = np.floor(np.log10(max(largest, 1e-6)))
     for factor in (1.0, 2.0, 5.0, 10.0):
         if largest <= factor * 10.0**exponent * (1 + 1e-9):
@@ -82,17 +81,14 @@ def nice_limit(largest: float) -> float:
 
 
 def difference_bar(scale: DifferenceScale, title: str) -> ColourBar:
-    """The bar of a scale, with its ticks.
-
-    Args:
-        scale: of the pictures above.
-        title: with the unit.
-    """
+    """The colour bar of a scale, under a title that names the unit."""
     ticks = np.asarray(scale.ticks())
-    places = (scale.place(ticks) + 1) / 2
+    positions = (scale.position(ticks) + 1) / 2
     return ColourBar(
         colours=scale.colour(np.linspace(-1.0, 1.0, 512)),
-        ticks=tuple((float(p), _signed(t)) for p, t in zip(places, ticks, strict=True)),
+        ticks=tuple(
+            (float(p), _signed(t)) for p, t in zip(positions, ticks, strict=True)
+        ),
         title=title,
     )
 

@@ -1,4 +1,4 @@
-"""Charts as files, SVG and PNG: no browser, and no script in the page."""
+"""Charts as SVG and PNG, drawn without a browser; a page needs no script."""
 
 import html
 import math
@@ -12,51 +12,56 @@ import vl_convert
 
 from ..atomic import replacing
 from ..image.ticks import nice_ticks
+from .templates import Html
 
 
 Chart = alt.Chart | alt.LayerChart | alt.FacetChart
 
-DOT = 90.0
+POINT_AREA = 90.0
 """Area of a point [px^2]."""
 
-MARGIN = 0.08
-"""Of an axis, beyond what is shown."""
-
-FEW = 3
-"""Ticks at least, or an axis tells nothing."""
-
-PADDING = {"left": 14, "top": 14, "bottom": 14, "right": 60}
-"""Room on the right for a viewer whose letters are wider than ours."""
+_AXIS_MARGIN = 0.08
+"""Length of an axis beyond its values, over the length between them."""
+_MIN_TICKS = 3
+_MAX_DECADES_WITH_STEPS = 3.2
+"""Length of an axis up to which it has ticks at 2 and 5 too [decades]."""
+# The renderer measures labels by its own font; a browser whose letters are wider
+# would cut the last label off without the room on the right.
+_PADDING = {"left": 14, "top": 14, "bottom": 14, "right": 60}
 
 
 def legend(title: str | None = None) -> alt.Legend:
-    """With room for the longest label."""
-    return alt.Legend(title=title, labelLimit=260, symbolSize=DOT, symbolOpacity=1)
+    """A legend with room for long labels."""
+    return alt.Legend(
+        title=title, labelLimit=260, symbolSize=POINT_AREA, symbolOpacity=1
+    )
 
 
 class LogAxis:
-    """Holds all values, with ticks at 1, 2 and 5, powers of ten, or in even steps."""
+    """Logarithmic axis with ticks at 1, 2 and 5, powers of ten, or in even steps."""
 
     def __init__(self, values: Sequence[float | int], title: str):
-        """Values above 0."""
+        """Span the axis over `values`, all above 0."""
         low, high = math.log10(min(values)), math.log10(max(values))
-        margin = MARGIN * max(high - low, 0.5)
+        margin = _AXIS_MARGIN * max(high - low, 0.5)
         self.low, self.high = low - margin, high + margin
         self.title = title
 
     @property
     def ticks(self) -> list[float]:
-        """Round numbers on the axis."""
-        factors = (1, 2, 5) if self.high - self.low < 3.2 else (1,)
+        """Round numbers along the axis."""
+        decades = self.high - self.low
+        factors = (1, 2, 5) if decades < _MAX_DECADES_WITH_STEPS else (1,)
         exponents = range(math.floor(self.low) - 1, math.ceil(self.high) + 1)
         every = (float(f"{f}e{n}") for n in exponents for f in factors)
         found = [v for v in every if self.low <= math.log10(v) <= self.high]
-        if len(found) >= FEW:
+        if len(found) >= _MIN_TICKS:
             return found
+        # Within less than a factor of 5 there are too few powers and halves of ten.
         return [v for v in nice_ticks(10**self.low, 10**self.high, 6) if v > 0]
 
-    def of(self, field: str) -> dict[str, Any]:
-        """Arguments of `alt.X` or `alt.Y` for a field of the data."""
+    def channel(self, field: str) -> dict[str, Any]:
+        """The arguments of `alt.X` or `alt.Y` that put a field on this axis."""
         ends = [10**self.low, 10**self.high]
         return {
             "shorthand": field,
@@ -67,13 +72,13 @@ class LogAxis:
         }
 
 
-def chart_svg(chart: Chart) -> str:
-    """SVG for a page, with tooltips."""
+def chart_svg(chart: Chart) -> Html:
+    """The chart as SVG for a page, with tooltips."""
     return with_tooltips(vl_convert.vegalite_to_svg(_styled(chart).to_json()))
 
 
-def write_chart(chart: Chart, path: Path) -> str:
-    """Writes `path`.svg and `path`.png; returns the SVG, with tooltips."""
+def write_chart(chart: Chart, path: Path) -> Html:
+    """Write `path`.svg and `path`.png; return the SVG, with tooltips."""
     svg = chart_svg(chart)
     png = vl_convert.vegalite_to_png(_styled(chart).to_json(), scale=2)
     with replacing(path.with_suffix(".svg")) as temporary:
@@ -85,7 +90,7 @@ def write_chart(chart: Chart, path: Path) -> str:
 
 def _styled(chart: Chart) -> Chart:
     return (
-        chart.configure(font="sans-serif", background="white", padding=PADDING)
+        chart.configure(font="sans-serif", background="white", padding=_PADDING)
         .configure_title(fontSize=15, offset=12)
         .configure_axis(
             labelFontSize=12,
@@ -101,11 +106,11 @@ def _styled(chart: Chart) -> Chart:
 _MARK = re.compile(r'<path ([^>]*?aria-label="([^"]*)"[^>]*?)(?:/>|></path>)')
 
 
-def with_tooltips(svg: str) -> str:
-    """The descriptions of the marks as titles, which browsers show on hovering."""
+def with_tooltips(svg: str) -> Html:
+    """Turn descriptions of marks into titles, which browsers show on hovering."""
 
     def titled(found: re.Match[str]) -> str:
         text = html.escape(html.unescape(found[2]))
         return f"<path {found[1]}><title>{text}</title></path>"
 
-    return _MARK.sub(titled, svg)
+    return Html(_MARK.sub(titled, svg))

@@ -1,28 +1,33 @@
 """Pieces of reports: axes, scales of differences, tooltips, text in a page."""
 
+import io
+
 import numpy as np
 import pytest
+from rich.console import Console
 
-from jaxthermo.cli import page
-from jaxthermo.cli.charts import LogAxis, with_tooltips
-from jaxthermo.cli.difference_scale import (
+from jaxthermo.report import page
+from jaxthermo.report.chart import LogAxis, with_tooltips
+from jaxthermo.report.difference_scale import (
     DifferenceScale,
     difference_bar,
     nice_limit,
 )
+from jaxthermo.report.numbers import count, seconds, seconds_with_range, with_range
+from jaxthermo.report.table import Cell, Table
 
 
 def test_the_scale_is_symmetric_monotone_and_ends_at_its_limit():
     scale = DifferenceScale(20.0)
     kelvin = np.linspace(-30, 30, 601)
-    place = scale.place(kelvin)
+    place = scale.position(kelvin)
     np.testing.assert_allclose(place, -place[::-1], atol=1e-12)
     inside = np.abs(kelvin) < 20
     assert (np.diff(place[inside]) > 0).all()
     assert place[0] == -1 and place[-1] == 1 and place[300] == 0
     assert scale.ticks() == pytest.approx([-20, -2, -0.2, 0, 0.2, 2, 20])
     # A hundredth of the limit is still told from none.
-    assert scale.place(np.array([0.2]))[0] > 0.1
+    assert scale.position(np.array([0.2]))[0] > 0.1
 
 
 def test_no_difference_is_light_and_the_background_dark():
@@ -53,7 +58,7 @@ def test_a_scale_of_one_decade_has_no_ticks_that_meet_zero():
 def test_an_axis_holds_its_values():
     axis = LogAxis([0.02, 3.0], "s")
     assert axis.ticks == pytest.approx([0.02, 0.05, 0.1, 0.2, 0.5, 1, 2])
-    low, high = axis.of("x")["scale"].domain
+    low, high = axis.channel("x")["scale"].domain
     assert low < 0.02 and high > 3.0
 
 
@@ -73,5 +78,25 @@ def test_descriptions_become_tooltips():
 
 
 def test_what_users_write_is_text_in_the_page():
-    assert "<script>" not in page.table(["<script>"], [["<script>", "x"]])
-    assert page.table(["a"], [[page.marked("yes", True)]]).count("<td") == 1
+    table = Table(["<script>"], [["<script>", "x"], ["y", Cell("<script>", True)]])
+    text = page.document("<script>", ["<script>", table, page.pre("<script>")])
+    assert "<script>" not in text and text.count("&lt;script&gt;") == 7
+    assert Table(["a"], [[Cell("yes", True)]]).html().count("<td") == 1
+
+
+def test_a_table_says_the_same_on_a_terminal_and_on_a_page():
+    rows = [["[red]a", "1.5"], ["b", Cell("missed [by 2]", False)]]
+    table = Table(["name [-]", "value"], rows, title="T")
+    console = Console(width=80, record=True, file=io.StringIO())
+    console.print(table.rich())
+    text, html = console.export_text(), table.html()
+    for part in ("name [-]", "[red]a", "1.5", "missed [by 2]"):
+        assert part in text and part in html
+    assert '<td class="left missed">missed [by 2]</td>' in html
+
+
+def test_numbers_have_three_digits_and_a_unit():
+    assert seconds(0.0134) == "13.4 ms" and seconds(1084.6) == "1,085 s"
+    assert seconds_with_range(0.013, 0.012, 0.015) == "13 (12-15) ms"
+    assert with_range(8.1, 7.5, 9.0) == "8.1 (7.5-9)"
+    assert count(1, "node") == "1 node" and count(12000, "node") == "12,000 nodes"

@@ -1,0 +1,1 @@
+"""Tables, charts, contact sheets and HTML pages for people who read results."""

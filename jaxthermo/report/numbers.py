@@ -1,0 +1,29 @@
+"""Numbers as a reader wants them: three digits, with unit and spread."""
+
+
+def significant(value: float | int) -> str:
+    """Three significant digits, or all before the point: "0.405", "87,947"."""
+    return f"{value:,.0f}" if abs(value) >= 999.5 else f"{value:.3g}"
+
+
+def seconds(value: float) -> str:
+    """A duration [s] with its unit: "13 ms", "1.92 s", "1,085 s"."""
+    if value >= 1:
+        return f"{significant(value)} s"
+    return f"{significant(1e3 * value)} ms"
+
+
+def seconds_with_range(median: float, fastest: float, slowest: float) -> str:
+    """Durations [s] in one unit: "13 (12-15) ms"."""
+    scale, unit = (1.0, "s") if median >= 1 else (1e3, "ms")
+    return f"{with_range(scale * median, scale * fastest, scale * slowest)} {unit}"
+
+
+def with_range(median: float, low: float, high: float) -> str:
+    """A median with the range it was seen in: "8.1 (7.5-9)"."""
+    return f"{significant(median)} ({significant(low)}-{significant(high)})"
+
+
+def count(number: int, noun: str) -> str:
+    """A count of things: "1 node", "12,000 nodes"."""
+    return f"{number:,} {noun}{'s' * (number != 1)}"

@@ -1,0 +1,74 @@
+"""HTML pages in one file: styles, charts and pictures are embedded, no scripts."""
+
+import base64
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..atomic import replacing
+from .table import Table
+from .templates import STYLE, Html, render
+
+
+Section = Html | Table | str
+"""Markup, a table, or plain text, which becomes a paragraph."""
+
+
+def document(title: str, sections: Sequence[Section]) -> Html:
+    """The whole page: a title and its sections."""
+    return render(
+        "document",
+        title=title,
+        style=Html(STYLE),
+        sections=[_html(section) for section in sections],
+    )
+
+
+def write_page(path: Path, title: str, sections: Sequence[Section]) -> None:
+    """Write a page, replacing the file in one step.
+
+    Raises:
+        InputError: if the file cannot be written.
+    """
+    with replacing(path) as temporary:
+        temporary.write_text(document(title, sections), encoding="utf-8")
+
+
+def _html(section: Section) -> Html:
+    if isinstance(section, Html):
+        return section
+    return section.html() if isinstance(section, Table) else paragraph(section)
+
+
+def heading(text: str, level: int = 2) -> Html:
+    """The heading of a section."""
+    return render("heading", text=text, level=level)
+
+
+def paragraph(text: str, note: bool = False) -> Html:
+    """A paragraph of plain text, in grey if it is a `note`."""
+    return render("paragraph", text=text, note=note)
+
+
+def terms(pairs: Sequence[tuple[str, str]]) -> Html:
+    """A list of words and their meanings."""
+    return render("terms", pairs=pairs)
+
+
+def picture(path: Path, alt: str) -> Html:
+    """A PNG file, embedded, with a text for those who cannot see it."""
+    return embedded(path.read_bytes(), alt)
+
+
+def embedded(png: bytes, alt: str) -> Html:
+    """The bytes of a PNG, embedded."""
+    return render("image", alt=alt, data=base64.b64encode(png).decode("ascii"))
+
+
+def details(title: str, content: Section) -> Html:
+    """A section that is folded until the reader opens it."""
+    return render("details", title=title, content=_html(content))
+
+
+def pre(text: str) -> Html:
+    """Text with its line breaks, in a fixed-width font."""
+    return render("pre", text=text)

@@ -1,0 +1,95 @@
+"""One table for the terminal (rich) and for a page (HTML)."""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from rich import box
+from rich.markup import escape
+from rich.table import Table as RichTable
+
+from .templates import Html, render
+
+
+class Cell(NamedTuple):
+    """Text of a table cell that is more than a number."""
+
+    text: str
+    met: bool | None = None
+    """Green if True, red if False, plain if None."""
+    wraps: bool = False
+    """Break long lines, as in prose; otherwise the cell stays on one line."""
+    columns: int = 1
+    """Columns that the cell spans."""
+
+    @property
+    def html_class(self) -> str:
+        """Classes of the page's style sheet."""
+        mark = {True: " met", False: " missed", None: ""}[self.met]
+        return ("words" if self.wraps else "left") + mark
+
+    @property
+    def rich_markup(self) -> str:
+        """The text with its colour on a terminal."""
+        style = {True: "green", False: "bold red", None: ""}[self.met]
+        text = escape(self.text)
+        return f"[{style}]{text}[/]" if style else text
+
+
+def prose(*lines: str) -> Cell:
+    """A cell of sentences, each on a line of its own."""
+    return Cell("\n".join(lines), wraps=True)
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of text under their headings."""
+
+    columns: Sequence[str]
+    rows: Sequence[Sequence[str | Cell]]
+    title: str = ""
+    """Shown on a terminal; a page has a heading above the table instead."""
+    caption: str = ""
+    """Shown below the table on a terminal."""
+    left: Collection[int] = (0,)
+    """Indices of the columns that are aligned left; numbers align right."""
+    framed: bool = True
+    """Draw a frame on a terminal, not only a line under the headings."""
+
+    def rich(self) -> RichTable:
+        """The table for a rich console."""
+        table = RichTable(
+            title=escape(self.title) or None,
+            caption=escape(self.caption) or None,
+            box=box.HEAVY_HEAD if self.framed else box.SIMPLE,
+        )
+        for index, name in enumerate(self.columns):
+            justify = "left" if index in self.left else "right"
+            table.add_column(escape(name), justify=justify)
+        for row in self.rows:
+            # Text from outside may contain square brackets, which rich would
+            # take for markup.
+            table.add_row(
+                *(c.rich_markup if isinstance(c, Cell) else escape(c) for c in row)
+            )
+        return table
+
+    def html(self) -> Html:
+        """The table for a page; all text is escaped."""
+        rows = [
+            [_as_cell(cell, index in self.left) for index, cell in enumerate(row)]
+            for row in self.rows
+        ]
+        return render("table", table=self, rows=rows)
+
+
+class _Number(NamedTuple):
+    """A cell of plain text, as the template reads it."""
+
+    text: str
+    html_class: str
+    columns: int = 1
+
+
+def _as_cell(cell: str | Cell, left: bool) -> Cell | _Number:
+    return cell if isinstance(cell, Cell) else _Number(cell, "left" if left else "")

@@ -1,0 +1,76 @@
+"""Templates of the HTML pages: text is escaped, only `Html` is taken as it is."""
+
+from jinja2 import DictLoader, Environment, StrictUndefined
+
+
+STYLE = """
+body { font: 15px/1.5 system-ui, sans-serif; color: #20242c; margin: 2rem auto;
+  max-width: 1240px; padding: 0 1.2rem; background: #fff; }
+h1 { font-size: 1.6rem; margin-bottom: .3rem; } h2 { margin-top: 2.6rem; }
+p, li { max-width: 60rem; } .note { color: #5a606c; }
+table { border-collapse: collapse; font-variant-numeric: tabular-nums;
+  font-size: 13px; margin: 1rem 0; }
+th, td { padding: .28rem .6rem; text-align: right; white-space: nowrap;
+  border-bottom: 1px solid #e2e5ea; }
+th { font-weight: 600; border-bottom: 2px solid #c8ccd4; vertical-align: bottom; }
+td.left, th.left { text-align: left; }
+td.words { white-space: normal; text-align: left; min-width: 14rem; }
+.wide { overflow-x: auto; }
+.met { color: #1b7a4a; } .missed { color: #b3261e; font-weight: 600; }
+img, svg { max-width: 100%; height: auto; display: block; margin: 1rem 0; }
+pre { background: #f4f5f7; padding: 1rem; overflow-x: auto; font-size: 12px; }
+summary { cursor: pointer; margin: 1rem 0; }
+dl { display: grid; grid-template-columns: max-content 1fr; gap: .2rem 1.2rem;
+  max-width: 60rem; font-size: 14px; color: #5a606c; }
+dt { font-weight: 600; } dd { margin: 0; }
+"""
+
+_TEMPLATES = {
+    "document": """<!DOCTYPE html>
+<html lang="en"><head><meta charset="utf-8">
+<title>{{ title }}</title><style>{{ style }}</style></head>
+<body><h1>{{ title }}</h1>
+{% for section in sections %}{{ section }}
+{% endfor %}</body></html>
+""",
+    "table": """<div class="wide"><table><thead><tr>
+{%- for name in table.columns %}
+<th{% if loop.index0 in table.left %} class="left"{% endif %}>{{ name }}</th>
+{%- endfor %}</tr></thead>
+<tbody>{% for row in rows %}<tr>{% for cell in row -%}
+<td{% if cell.html_class %} class="{{ cell.html_class }}"{% endif %}
+{%- if cell.columns > 1 %} colspan="{{ cell.columns }}"{% endif %}>
+{%- for line in cell.text.split("\\n") -%}
+{{ line }}{% if not loop.last %}<br>{% endif %}
+{%- endfor %}</td>{% endfor %}</tr>
+{% endfor %}</tbody></table></div>""",
+    "terms": """<dl>{% for word, meaning in pairs -%}
+<dt>{{ word }}</dt><dd>{{ meaning }}</dd>
+{% endfor %}</dl>""",
+    "heading": "<h{{ level }}>{{ text }}</h{{ level }}>",
+    "paragraph": "<p{% if note %} class=note{% endif %}>{{ text }}</p>",
+    "details": """<details><summary>{{ title }}</summary>
+{{ content }}</details>""",
+    "pre": "<pre>{{ text }}</pre>",
+    "image": '<img alt="{{ alt }}" src="data:image/png;base64,{{ data }}">',
+}
+
+_ENVIRONMENT = Environment(
+    loader=DictLoader(_TEMPLATES),
+    autoescape=True,
+    undefined=StrictUndefined,
+    trim_blocks=False,
+)
+
+
+class Html(str):
+    """Markup that a template inserts without escaping."""
+
+    def __html__(self) -> "Html":
+        """The name by which jinja2 recognizes markup."""
+        return self
+
+
+def render(template: str, **values: object) -> Html:
+    """Fill in one of the templates."""
+    return Html(_ENVIRONMENT.get_template(template).render(**values))
