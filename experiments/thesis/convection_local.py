@@ -13,6 +13,7 @@ from rich.table import Table
 
 from jaxthermo.physics.convection.cross_flow import local_nusselt
 from jaxthermo.physics.convection.nusselt import cylinder_table, profile
+from jaxthermo.report.chart import Chart
 
 
 DATA = Path(__file__).with_name("data") / "nu_local_cylinder.csv"
