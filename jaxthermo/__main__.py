@@ -7,21 +7,12 @@ from typing import Annotated
 from cyclopts import App, Parameter
 
 from . import __version__
-from .cli.entry import run_app
+from .cli.entry import Overrides, make_app, run_app
 
 
-app = App(
-    name="jaxthermo",
-    help="What a thermal camera sees of a triangle mesh over time.",
-    version=__version__,
-    # `main` tells where the run was stopped.
-    suppress_keyboard_interrupt=False,
+app: App = make_app(
+    "jaxthermo", "Heat transfer on voxels, as a thermal camera sees it.", __version__
 )
-
-Overrides = Annotated[
-    tuple[str, ...],
-    Parameter(name="--set", negative="", metavar="KEY=VALUE", show_default=False),
-]
 
 
 @app.command
@@ -36,27 +27,27 @@ def simulate(
     """Run a scene and write its results and frames.
 
     Args:
-        config: The scene, a YAML file.
-        out: The folder for the results; results/NAME if not given.
-        overrides: A value to change, such as bodies.0.pitch=3mm; may be repeated.
-        explain: Only tell what would be computed, what is left out and why.
+        config: Scene, a YAML file.
+        out: Folder for the results; results/NAME if not given.
+        overrides: Value to change, such as bodies.0.pitch=3mm; may be repeated.
+        explain: Print the included and pruned terms and exit.
     """
-    from .cli.simulate import explain as tell, simulate as run
+    from .cli.simulate import explain as run_explain, simulate as run
 
     if explain:
-        tell(config, overrides)
+        run_explain(config, overrides)
     else:
         run(config, out, overrides)
 
 
 @app.command
 def render(run: Path, /, *, out: Path | None = None, overrides: Overrides = ()) -> None:
-    """Draw new frames of a run, without simulating it again.
+    """Draw new frames of a finished run, without simulating it again.
 
     Args:
-        run: The folder that `jaxthermo simulate` left.
-        out: The folder for the frames; the run's own if not given.
-        overrides: A value of camera or image to change, such as camera.width=320; may
+        run: Folder written by `jaxthermo simulate`.
+        out: Folder for the frames; that of the run if not given.
+        overrides: Value of camera or image to change, such as camera.width=320; may
             be repeated.
     """
     from .cli.render import render as draw
@@ -75,15 +66,15 @@ def voxelize(
     up: str = "z",
     out: Path | None = None,
 ) -> None:
-    """Voxelize a mesh and report what is left of it.
+    """Voxelize a mesh and report thin parts and depth layers.
 
     Args:
-        mesh: An OBJ, PLY, STL, GLB or OFF file.
+        mesh: OBJ, PLY, STL, GLB or OFF file.
         pitch: Edge of a voxel, such as 2mm.
         unit: Length of one file unit, such as mm.
-        height: Instead of the unit: the extent along up, such as 0.5m.
-        up: The file's axis that points up: x, y, z, -x, -y or -z.
-        out: The folder for the results; results/NAME if not given.
+        height: Extent along up instead of the unit, such as 0.5m.
+        up: Axis of the file that points up: x, y, z, -x, -y or -z.
+        out: Folder for the results; results/NAME if not given.
     """
     from .cli.voxelize import voxelize as run
 
@@ -100,7 +91,7 @@ def materials(
     """List the named materials, or show one with its source.
 
     Args:
-        name: A material, such as stainless_steel, or a part of its name.
+        name: Material, such as stainless_steel, or a part of its name.
         emissivity: List surfaces by their finish instead.
     """
     from .cli.materials import materials as show
@@ -108,8 +99,30 @@ def materials(
     show(name, emissivity)
 
 
+@app.command
+def example(name: str | None = None, /, *, out: Path | None = None) -> None:
+    """List the example scenes, which need no mesh file, or write one.
+
+    Args:
+        name: Example, such as figurine.
+        out: File to write; the scene is printed if none is given.
+    """
+    from .cli.example import example as run
+
+    run(name, out)
+
+
+@app.command
+def schema() -> None:
+    """Print the JSON Schema of a scene, with units, for editors."""
+    from .cli.schema import print_schema
+    from .config.schema.scene import SceneConfig
+
+    print_schema(SceneConfig)
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Runs one command and exits: 0 if it worked, 2 for a mistake of the user."""
+    """Run one command and exit: status 0 on success, 2 for a mistake of the user."""
     run_app(app, "jaxthermo", arguments)
 
 

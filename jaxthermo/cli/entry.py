@@ -1,20 +1,35 @@
-"""How a command line ends: what a user did wrong in one line, never a traceback."""
+"""Entry points of the command lines: a mistake is one line, never a traceback."""
 
 import os
 import sys
 from collections.abc import Sequence
+from typing import Annotated
 
-from cyclopts import App, CycloptsError
+from cyclopts import App, CycloptsError, Parameter
 
 from ..errors import InputError
 
 
+Overrides = Annotated[
+    tuple[str, ...],
+    Parameter(name="--set", negative="", metavar="KEY=VALUE", show_default=False),
+]
+
+
+def make_app(name: str, help: str, version: str | None = None) -> App:
+    """A command line without commands, with `--install-completion` for shells."""
+    # `run_app` reports where a run was interrupted.
+    app = App(name=name, help=help, version=version, suppress_keyboard_interrupt=False)
+    app.register_install_completion_command()
+    return app
+
+
 def run_app(app: App, name: str, arguments: Sequence[str] | None = None) -> None:
-    """Runs one command and exits: 0 if it worked, 2 for a mistake of the user.
+    """Run one command and exit: status 0 on success, 2 for a mistake of the user.
 
     Args:
         app: the commands.
-        name: how it is called, before every message.
+        name: of the program, before every message.
         arguments: those of the process if None.
     """
     try:
@@ -27,7 +42,7 @@ def run_app(app: App, name: str, arguments: Sequence[str] | None = None) -> None
         sys.stderr.write(f"{name}: {str(stop) or 'interrupted'}\n")
         sys.exit(130)
     except BrokenPipeError:
-        # The reader has gone; what is still buffered must not raise again at exit.
+        # The reader is gone; what is still buffered must not raise again at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(141)
     sys.exit(0)

@@ -44,15 +44,22 @@ def _metres_per_unit(value: Any) -> float:
         ) from None
 
 
-MetresPerUnit = Annotated[float, BeforeValidator(_metres_per_unit), Field(gt=0)]
+MetresPerUnit = Annotated[
+    float,
+    BeforeValidator(_metres_per_unit, json_schema_input_type=float | str),
+    Field(gt=0),
+]
 
 
 class MeshConfig(Model, builds="load_mesh"):
     """A mesh file and its scale: metres per file unit, or the height of the body."""
 
     path: FoundPath
+    """OBJ, PLY, STL, GLB or OFF file, beside the config or in JAXTHERMO_MESHES."""
     unit: MetresPerUnit | None = None
+    """Length of one file unit, such as mm."""
     height: PositiveLength | None = None
+    """Extent along `up` instead of the unit [m]."""
     up: Literal["x", "y", "z", "-x", "-y", "-z"] = "z"
 
     exactly_one: ClassVar = (("unit", "height"),)
@@ -174,15 +181,24 @@ class BodyConfig(Model, builds="Body"):
     """One body of the scene."""
 
     mesh: MeshConfig | None = None
+    """Mesh file of the body, a closed surface."""
     shape: ShapeConfig | None = None
+    """Shape that needs no file, instead of a mesh."""
     pitch: PositiveLength | None = None
+    """Edge of a voxel [m]."""
     voxels_high: Annotated[Whole, Field(ge=1, le=4096)] | None = None
+    """Number of voxels along z, instead of their pitch."""
     structure: StructureConfig = FullVolume()
+    """Nodes and links that represent the body's heat."""
     surface_map: SurfaceMapConfig = FluxCorrectedMap()
     material: BodyMaterial
+    """Name, properties, both, or a file of labels with a material for each."""
     regions: tuple[PaintConfig, ...] = ()
+    """Boxes of other materials, later ones on top."""
     temperature: Temperature
+    """Temperature at the start [K]."""
     pose: AnyPose = PoseConfig()
+    """Position in the scene, or a table of positions by time."""
 
     exactly_one: ClassVar = (("mesh", "shape"), ("pitch", "voxels_high"))
 

@@ -9,12 +9,13 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BeforeValidator, Field
 
 from ..messages import close_match
-from ..types.model import ByKind, Mistake, Model
+from ..types.model import ByKind, Mistake, Model, Short
 from ..types.quantities import (
     Angle,
     Auto,
     Direction,
     Flag,
+    NoneWord,
     NotEmpty,
     Position,
     PositiveLength,
@@ -67,25 +68,20 @@ class OrthographicConfig(_View, builds="OrthographicCamera"):
     view_height: Annotated[PositiveLength | None, Auto] = None
 
 
-def _camera(value: Any) -> Any:
-    if value == "auto":
-        return PinholeConfig()
-    is_pinhole = isinstance(value, dict) and "kind" not in value
-    return {"kind": "pinhole", **value} if is_pinhole else value
+def _fitted(value: Any) -> Any:
+    return {} if value == "auto" else value
 
 
 CameraConfig = Annotated[
-    PinholeConfig | OrthographicConfig, ByKind(), BeforeValidator(_camera)
+    PinholeConfig | OrthographicConfig,
+    ByKind(),
+    Short("kind", "pinhole", words=("auto", "pinhole", "orthographic")),
+    BeforeValidator(_fitted),
 ]
 
 
-def _all(value: Any) -> Any:
-    return None if value == "all" else value
-
-
 Frames = Annotated[
-    Annotated[tuple[PositiveTime, ...], NotEmpty] | None,
-    BeforeValidator(_all),
+    Annotated[tuple[PositiveTime, ...], NotEmpty] | None, NoneWord("all")
 ]
 
 
@@ -105,14 +101,23 @@ def _known_palette(name: str) -> str:
 class ImageConfig(Model):
     """The colours of the frames, and which saved times become frames."""
 
-    palette: Annotated[str, AfterValidator(_known_palette)] = "iron"
+    palette: Annotated[
+        str,
+        AfterValidator(_known_palette),
+        Field(json_schema_extra={"enum": [*_palette_names()]}),
+    ] = "iron"
     quantity: Literal["apparent", "surface"] = "apparent"
+    """Apparent temperature, as a camera measures it, or the surface's own."""
     low: Annotated[Temperature | None, Auto] = None
+    """Temperature at the cold end of the colour scale [K]."""
     high: Annotated[Temperature | None, Auto] = None
+    """Temperature at the hot end of the colour scale [K]."""
     smooth: Flag = True
+    """Interpolate temperatures over the surface instead of one for each voxel."""
     samples: Annotated[Whole, Field(ge=1, le=8)] = 2
     """Square root of the number of rays for each pixel, which smooth the edges."""
     frames: Frames = None
+    """Saved times that become frames [s]."""
 
     def mistakes(self) -> list[Mistake]:
         """A colour scale that ends before it begins."""

@@ -5,7 +5,7 @@ from functools import cache
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, Discriminator, Tag
+from pydantic import AfterValidator, Discriminator, Field, Tag
 
 import jaxthermo
 
@@ -37,7 +37,14 @@ def _known_material(name: str) -> str:
 class MaterialConfig(Model, builds="Material"):
     """A material by name, by its properties, or by name with some of them changed."""
 
-    name: Annotated[str, AfterValidator(_known_material)] | None = None
+    name: (
+        Annotated[
+            str,
+            AfterValidator(_known_material),
+            Field(json_schema_extra={"enum": [*_material_names()]}),
+        ]
+        | None
+    ) = None
     conductivity: AnyConductivity | None = None
     density: Density | None = None
     specific_heat: AnySpecificHeat | None = None
@@ -79,7 +86,7 @@ class MaterialConfig(Model, builds="Material"):
         ]
 
 
-Material = Annotated[MaterialConfig, Short("name")]
+Material = Annotated[MaterialConfig, Short("name", words=_material_names())]
 
 
 class LabelledConfig(Model, builds="MaterialLabels"):

@@ -29,8 +29,11 @@ class TimeConfig(Model):
     """The end of the run, and the times at which its state is saved."""
 
     end: PositiveTime
+    """End of the run [s]."""
     save_at: Annotated[tuple[PositiveTime, ...], NotEmpty] | None = None
+    """Times at which the state is saved [s]."""
     save_every: PositiveTime | None = None
+    """Interval between saved times, instead of a list [s]."""
 
     exactly_one: ClassVar = (("save_at", "save_every"),)
 
@@ -64,13 +67,19 @@ class SceneConfig(Model, builds="Scene"):
     """A scene, its run and its images, in SI units."""
 
     name: Annotated[str, Field(min_length=1)] | None = None
+    """Title of the frames; the file's name if not given."""
     allow_extreme_temperatures: Flag = False
+    """Accept temperatures below 150 K, which are refused as mistaken Celsius."""
     dtype: Literal["float32", "float64"] = "float32"
+    """Precision of the state."""
     bodies: Annotated[tuple[BodyConfig, ...], NotEmpty]
     terms: tuple[TermConfig, ...] = ()
+    """All that heats and cools the bodies; mechanisms not listed are not computed."""
     time: TimeConfig
     solver: SolverConfig = AutoSolver()
+    """Time integration; chosen from the scene if not given."""
     camera: CameraConfig = PinholeConfig()
+    """Camera; what is not given is chosen to show all bodies."""
     image: ImageConfig = ImageConfig()
 
     def build(self, *args: Any) -> "Scene":

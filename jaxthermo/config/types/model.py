@@ -5,7 +5,7 @@ is simulated, so that a new kind needs its class and one model that names it.
 """
 
 import operator
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any, ClassVar, TypeAlias, get_args
 
@@ -13,6 +13,7 @@ from pydantic import (
     BaseModel,
     ConfigDict,
     GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
     ValidationError,
     model_validator,
 )
@@ -106,6 +107,34 @@ class Model(BaseModel):
         return model
 
 
+def parts(annotation: Any) -> Iterator[Any]:
+    """The types and markers that an annotation is made of, at any depth."""
+    yield annotation
+    for part in get_args(annotation):
+        yield from parts(part)
+
+
+def field_parts(model: type[Model], key: str) -> Iterator[Any]:
+    """The types and markers of one field."""
+    field = model.model_fields[key]
+    for part in (field.annotation, *field.metadata):
+        yield from parts(part)
+
+
+def models_within(model: type[Model]) -> set[type[Model]]:
+    """The model, and all that its fields can contain."""
+    found: set[type[Model]] = set()
+    waiting = [model]
+    while waiting:
+        current = waiting.pop()
+        if current not in found:
+            found.add(current)
+            for key in current.model_fields:
+                types = (p for p in field_parts(current, key) if isinstance(p, type))
+                waiting += [inner for inner in types if issubclass(inner, Model)]
+    return found
+
+
 def build(value: Any, *args: Any) -> Any:
     """The object of a model, also within tuples; any other value as it is."""
     if isinstance(value, Model):
@@ -193,12 +222,23 @@ class Short:
     key: str
     default: str | None = None
     """Value of the key in a mapping that does not give it."""
+    words: tuple[str, ...] = ()
+    """All words that are allowed, for an editor; the kinds if none are given."""
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
         inner = handler(source)
         return core_schema.no_info_before_validator_function(self._spell_out, inner)
+
+    def __get_pydantic_json_schema__(
+        self, schema: Any, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        mapping, inner = handler(schema), schema.get("schema", schema)
+        kinds = inner.get("choices", ()) if self.key == "kind" else ()
+        words = self.words or tuple(tag.strip("<>") for tag in kinds)
+        word = {"type": "string"} | ({"enum": list(words)} if words else {})
+        return {"anyOf": [mapping, word]}
 
     def _spell_out(self, value: Any) -> Any:
         if isinstance(value, str):

@@ -31,6 +31,12 @@ _COLDEST = 150.0
 _NUMBER = re.compile(r"\s*([-+]?(?:\d[\d_]*\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(.*)", re.S)
 # A power on a power ("m^9^9^9") would be evaluated, and may never end.
 _TOWER = re.compile(r"[\d)]\s*(?:\*\*|\^)")
+_JSON_LIMITS = {
+    "gt": "exclusiveMinimum",
+    "ge": "minimum",
+    "lt": "exclusiveMaximum",
+    "le": "maximum",
+}
 _MAX_UNIT_LENGTH = 40
 """Length of a unit's text above which it is not parsed [characters]."""
 
@@ -54,8 +60,10 @@ class Unit:
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
-        number = handler(schema)
-        text = {"type": "string", "examples": [self.example]}
+        # Pydantic leaves the limits of a validated number under their own names.
+        number = {_JSON_LIMITS.get(k, k): v for k, v in handler(schema).items()}
+        pattern = r"^\s*[-+]?\.?\d"
+        text = {"type": "string", "pattern": pattern, "examples": [self.example]}
         unit = {"unit": self.symbol} if self.symbol else {}
         return {"anyOf": [number, text], **unit}
 
@@ -199,12 +207,26 @@ def _plausible(value: float, info: Info) -> float:
     return value
 
 
-def _auto(value: Any) -> Any:
-    return None if value == "auto" else value
+@dataclass(frozen=True)
+class NoneWord:
+    """Marks a field in which a word stands for None."""
+
+    word: str
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        read = lambda value: None if value == self.word else value
+        return core_schema.no_info_before_validator_function(read, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        return {"anyOf": [handler(schema), {"const": self.word}]}
 
 
-Auto = BeforeValidator(_auto)
-"""Marks a field in which "auto" stands for None: chosen from the scene."""
+Auto = NoneWord("auto")
+"""Marks a value that is chosen from the scene where "auto" or nothing is given."""
 
 
 def _not_empty(value: Any) -> Any:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Generic, Literal, TypeVar
 
 from pydantic import Discriminator, Tag
 
-from .model import Mistake, Model
+from .model import Mistake, Model, parts
 from .quantities import (
     Conductivity,
     ContactConductance,
@@ -17,10 +17,18 @@ from .quantities import (
     Temperature,
     Three,
     Time,
+    Unit,
 )
 
 
 Value = TypeVar("Value")
+
+
+def _table_name(table: type[Model], value: Any) -> str:
+    """Name of a table in JSON Schemas: pydantic's own spells out all of the type."""
+    nouns = [part.noun for part in parts(value) if isinstance(part, Unit)]
+    words = nouns[0].partition(" (")[0].split()[1:] if nouns else []
+    return f"{table.__name__}Of{''.join(map(str.capitalize, words))}"
 
 
 class Table(Model, Generic[Value], builds="Table"):
@@ -28,6 +36,11 @@ class Table(Model, Generic[Value], builds="Table"):
 
     times: Annotated[tuple[Time, ...], NotEmpty]
     values: tuple[Value, ...]
+
+    @classmethod
+    def model_parametrized_name(cls, params: tuple[type[Any], ...]) -> str:
+        """The name of a table for values of one type."""
+        return _table_name(cls, params[0])
 
     def build(self, *args: Any) -> Any:
         """The function of time."""
@@ -63,6 +76,11 @@ class PropertyTable(Model, Generic[Value], builds="Property"):
 
     temperatures: Annotated[tuple[Temperature, ...], NotEmpty]
     values: tuple[Value, ...]
+
+    @classmethod
+    def model_parametrized_name(cls, params: tuple[type[Any], ...]) -> str:
+        """The name of a table for values of one type."""
+        return _table_name(cls, params[0])
 
     def mistakes(self) -> list[Mistake]:
         """Temperatures that do not increase; lengths that differ."""

@@ -1,0 +1,73 @@
+"""`jaxthermo example`: the shipped scenes that need no mesh file."""
+
+import re
+import sys
+from pathlib import Path
+
+from ..atomic import replacing
+from ..config.messages import close_match
+from ..config.strict_yaml import parse_yaml
+from ..errors import InputError
+
+
+_PACKAGE = Path(__file__).parents[1]
+# A wheel packs the scenes beside the code; a source tree has them in configs/ only.
+_FOLDERS = (_PACKAGE / "scenes", _PACKAGE.parent / "configs" / "scenes")
+
+
+def example(name: str | None, out: Path | None) -> None:
+    """List the examples, print one, or write it to a file.
+
+    Raises:
+        InputError: for an unknown name, or a file that exists or cannot be written.
+    """
+    texts = _examples()
+    if name is None:
+        if out is not None:
+            raise InputError(
+                f"--out {out}: name an example, such as {next(iter(texts))}"
+            )
+        width = max(map(len, texts))
+        for known, text in texts.items():
+            sys.stdout.write(f"{known:{width}}  {_title(text)}\n")
+        return
+    if name not in texts:
+        raise InputError(f"there is no example '{name}'{close_match(name, texts)}")
+    if out is None:
+        sys.stdout.write(texts[name])
+        return
+    if out.exists():
+        raise InputError(f"--out {out}: exists already; name another file")
+    with replacing(out) as temporary:
+        temporary.write_text(texts[name], encoding="utf-8")
+    sys.stdout.write(f"{out}\n")
+
+
+def _examples() -> dict[str, str]:
+    """Scenes without a mesh file, by name."""
+    folder = next((folder for folder in _FOLDERS if folder.is_dir()), None)
+    if folder is None:
+        raise InputError("no examples are installed: reinstall jaxthermo")
+    found = {}
+    for path in sorted(folder.glob("*.yaml")):
+        text = path.read_text(encoding="utf-8")
+        bodies = parse_yaml(text, str(path))["bodies"]
+        if not any("mesh" in body for body in bodies):
+            found[path.stem] = _without_schema(text)
+    return found
+
+
+def _without_schema(text: str) -> str:
+    """The scene without its first line if that names a schema by a relative path."""
+    first, rest = text.split("\n", 1)
+    return rest if first.startswith("# yaml-language-server") else text
+
+
+def _title(text: str) -> str:
+    """The first clause of the comment at the top."""
+    lines = []
+    for line in text.splitlines():
+        if not line.startswith("#"):
+            break
+        lines.append(line.strip("# "))
+    return re.split(r"[.:] ", " ".join(lines))[0].rstrip(".") + "."

@@ -1,0 +1,102 @@
+"""JSON Schemas of the config models, with units and descriptions, for editors.
+
+A field that says nothing of its own is described by the class that its model builds.
+"""
+
+import ast
+import inspect
+import json
+import re
+import textwrap
+from typing import Any
+
+from pydantic.json_schema import GenerateJsonSchema
+
+from .types.model import Model, Short, field_parts, models_within
+from .types.quantities import Unit
+
+
+_ARGUMENT = re.compile(r"^    (\w+): (.+(?:\n {8,}.+)*)", re.M)
+"""An entry of a docstring's section Args or Attributes, with its continuation lines."""
+
+
+def json_schema(model: type[Model]) -> str:
+    """The JSON Schema of a config file, as indented text."""
+    defaults = {
+        part.default
+        for inner in models_within(model)
+        for key in inner.model_fields
+        for part in field_parts(inner, key)
+        if isinstance(part, Short)
+    }
+
+    class Generator(GenerateJsonSchema):
+        def model_schema(self, schema: Any) -> dict[str, Any]:
+            return _described(schema["cls"], super().model_schema(schema), defaults)
+
+    found = model.model_json_schema(schema_generator=Generator)
+    found = {"$schema": "https://json-schema.org/draft/2020-12/schema", **found}
+    text = json.dumps(found, indent=1, ensure_ascii=False) + "\n"
+    # The keys of generic models spell out their types: their titles are readable.
+    for key, definition in found.get("$defs", {}).items():
+        if "Annotated" in key:
+            text = text.replace(f'/{key}"', f'/{definition["title"]}"')
+            text = text.replace(f'"{key}":', f'"{definition["title"]}":')
+    return text
+
+
+def _described(
+    model: type[Model], schema: dict[str, Any], defaults: set[str | None]
+) -> dict[str, Any]:
+    """The schema of one model with descriptions, units and the keys that it needs."""
+    texts = _descriptions(model.target()) if model.builds else {}
+    texts |= _descriptions(model)
+    for key, field in schema.get("properties", {}).items():
+        units = {p.symbol for p in field_parts(model, key) if isinstance(p, Unit)}
+        unit = f"[{units.pop()}]" if len(units) == 1 and units != {""} else ""
+        text = texts.get(key, "")
+        if unit not in text:
+            text = f"{text} {unit}"
+        field.pop("title", None)
+        if text.strip():
+            field["description"] = text.strip()
+    kind = model.model_fields.get("kind")
+    if kind is not None and kind.default not in defaults:
+        schema.setdefault("required", []).append("kind")
+    one_of = [
+        {"oneOf": [{"required": [key]} for key in group]} for group in model.exactly_one
+    ]
+    return schema | ({"allOf": one_of} if one_of else {})
+
+
+def _descriptions(thing: Any) -> dict[str, str]:
+    """The docstrings of a class's attributes, or of a function's arguments, by name."""
+    found: dict[str, str] = {}
+    for owner in reversed(thing.__mro__) if inspect.isclass(thing) else (thing,):
+        if owner.__module__.partition(".")[0] not in ("jaxthermo", *_FRONT_ENDS):
+            continue
+        for documented in (owner, vars(owner).get("__init__")):
+            text = inspect.getdoc(documented) if documented else None
+            section = re.split(r"^(?:Args|Attributes):\n", text or "", flags=re.M)[1:]
+            found |= dict(_ARGUMENT.findall(section[0])) if section else {}
+        # Pydantic makes `Table[...]` at run time: only its origin has a source.
+        generic = getattr(owner, "__pydantic_generic_metadata__", {})
+        if inspect.isclass(owner) and generic.get("origin") is None:
+            found |= _attribute_docstrings(owner)
+    return {key: " ".join(text.split()) for key, text in found.items()}
+
+
+_FRONT_ENDS = ("calibrate", "experiments")
+
+
+def _attribute_docstrings(owner: type) -> dict[str, str]:
+    source = textwrap.dedent(inspect.getsource(owner))
+    (definition,) = ast.parse(source).body
+    assert isinstance(definition, ast.ClassDef)
+    found = {}
+    for field, text in zip(definition.body, definition.body[1:], strict=False):
+        if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name):
+            match text:
+                case ast.Expr(value=ast.Constant(value=str() as words)):
+                    found[field.target.id] = words
+    return found
