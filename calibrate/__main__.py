@@ -2,24 +2,14 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
 
-from cyclopts import App, Parameter
-
-from jaxthermo.cli.entry import run_app
+from jaxthermo.cli.entry import Overrides, make_app, run_app
 
 
-app = App(
-    name="calibrate",
-    help="Fit weights, materials and coefficients to reference runs or thermograms.",
-    # `main` reports where a fit was stopped.
-    suppress_keyboard_interrupt=False,
+app = make_app(
+    "calibrate",
+    "Fit weights, materials and coefficients to reference runs or thermograms.",
 )
-
-Overrides = Annotated[
-    tuple[str, ...],
-    Parameter(name="--set", negative="", metavar="KEY=VALUE", show_default=False),
-]
 
 
 @app.command
@@ -75,6 +65,16 @@ def show(folder: Path, /) -> None:
     from .cli import show as run
 
     run(folder)
+
+
+@app.command
+def schema() -> None:
+    """Print the JSON Schema of a calibration, with units, for editors."""
+    from jaxthermo.cli.schema import print_schema
+
+    from .config.schema import CalibrationConfig
+
+    print_schema(CalibrationConfig)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -4,19 +4,12 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from cyclopts import App
-
-from jaxthermo.cli.entry import run_app
+from jaxthermo.cli.entry import make_app, run_app
 
 from . import catalogue
 
 
-app = App(
-    name="experiments",
-    help="Measurements that can be run again by name.",
-    # `main` tells where the run was stopped.
-    suppress_keyboard_interrupt=False,
-)
+app = make_app("experiments", "Measurements that can be run again by name.")
 
 
 @app.command(name="list")
@@ -52,6 +45,16 @@ def run(
         folder = out or Path("results/experiments") / experiment.name
         catalogue.run(experiment, folder, **options)
         sys.stdout.write(f"{folder / 'result.json'}\n")
+
+
+@app.command
+def schema() -> None:
+    """Print the JSON Schema of a comparison, with units, for editors."""
+    from jaxthermo.cli.schema import print_schema
+
+    from .structures.config import ComparisonConfig
+
+    print_schema(ComparisonConfig)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

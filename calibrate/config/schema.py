@@ -5,36 +5,22 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
+from jaxthermo.config import field_units
 from jaxthermo.config.schema.image import CameraConfig
-from jaxthermo.config.types import quantities as units
 from jaxthermo.config.types.files import FoundPath
 from jaxthermo.config.types.model import ByKind, KindModel, Mistake, Model, Short
 from jaxthermo.config.types.quantities import (
+    NUMBER,
     Flag,
     Fraction,
     NotEmpty,
     Number,
-    Unit,
     Whole,
     refuse,
     to_si,
 )
 from jaxthermo.errors import InputError
 
-
-DIMENSIONS: dict[str, Unit] = {
-    "conductivity": units.CONDUCTIVITY,
-    "density": units.DENSITY,
-    "specific_heat": units.SPECIFIC_HEAT,
-    "heat_transfer_coefficient": units.HEAT_TRANSFER_COEFFICIENT,
-    "conductance": units.CONTACT_CONDUCTANCE,
-    "irradiance": units.IRRADIANCE,
-    "temperature": units.TEMPERATURE,
-    "heat_flux": units.HEAT_FLUX,
-    "heat_rate_density": units.HEAT_RATE_DENSITY,
-    "speed": units.SPEED,
-}
-"""Dimension by the last word of a parameter's name that is one of these."""
 
 DEFAULT_BOUNDS: dict[str, tuple[float, float]] = {
     "within": (0.01, 100.0),
@@ -59,8 +45,8 @@ def _last_known(name: str, table: dict[str, Any]) -> Any:
 
 def unit_of(name: str) -> str:
     """SI unit of a parameter; empty for a factor."""
-    dimension = _last_known(name, DIMENSIONS)
-    return "" if dimension is None else dimension.symbol
+    unit = field_units.unit_of(name)
+    return "" if unit is None else unit.symbol
 
 
 def value_in_si(value: Any, name: str) -> float:
@@ -76,7 +62,7 @@ def value_in_si(value: Any, name: str) -> float:
     if isinstance(value, str) and value.strip() in ("inf", "-inf"):
         return float(value)
     try:
-        return to_si(value, _last_known(name, DIMENSIONS) or units.NUMBER)
+        return to_si(value, field_units.unit_of(name) or NUMBER)
     except InputError as error:
         raise ValueError(str(error)) from error
 

@@ -24,9 +24,7 @@ def example(name: str | None, out: Path | None) -> None:
     texts = _examples()
     if name is None:
         if out is not None:
-            raise InputError(
-                f"--out {out}: name an example, such as {next(iter(texts))}"
-            )
+            raise InputError(f"--out {out}: name the example that is to be written")
         width = max(map(len, texts))
         for known, text in texts.items():
             sys.stdout.write(f"{known:{width}}  {_title(text)}\n")

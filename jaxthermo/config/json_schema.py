@@ -12,7 +12,7 @@ from typing import Any
 
 from pydantic.json_schema import GenerateJsonSchema
 
-from .types.model import Model, Short, field_parts, models_within
+from .types.model import Model, field_parts
 from .types.quantities import Unit
 
 
@@ -22,17 +22,10 @@ _ARGUMENT = re.compile(r"^    (\w+): (.+(?:\n {8,}.+)*)", re.M)
 
 def json_schema(model: type[Model]) -> str:
     """The JSON Schema of a config file, as indented text."""
-    defaults = {
-        part.default
-        for inner in models_within(model)
-        for key in inner.model_fields
-        for part in field_parts(inner, key)
-        if isinstance(part, Short)
-    }
 
     class Generator(GenerateJsonSchema):
         def model_schema(self, schema: Any) -> dict[str, Any]:
-            return _described(schema["cls"], super().model_schema(schema), defaults)
+            return _described(schema["cls"], super().model_schema(schema))
 
     found = model.model_json_schema(schema_generator=Generator)
     found = {"$schema": "https://json-schema.org/draft/2020-12/schema", **found}
@@ -45,10 +38,8 @@ def json_schema(model: type[Model]) -> str:
     return text
 
 
-def _described(
-    model: type[Model], schema: dict[str, Any], defaults: set[str | None]
-) -> dict[str, Any]:
-    """The schema of one model with descriptions, units and the keys that it needs."""
+def _described(model: type[Model], schema: dict[str, Any]) -> dict[str, Any]:
+    """The schema of one model with descriptions, units and alternative keys."""
     texts = _descriptions(model.target()) if model.builds else {}
     texts |= _descriptions(model)
     for key, field in schema.get("properties", {}).items():
@@ -60,9 +51,6 @@ def _described(
         field.pop("title", None)
         if text.strip():
             field["description"] = text.strip()
-    kind = model.model_fields.get("kind")
-    if kind is not None and kind.default not in defaults:
-        schema.setdefault("required", []).append("kind")
     one_of = [
         {"oneOf": [{"required": [key]} for key in group]} for group in model.exactly_one
     ]

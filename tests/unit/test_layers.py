@@ -161,6 +161,6 @@ def test_matplotlib_is_in_no_lock_and_no_source():
 
 
 def test_the_import_check_sees_what_it_should():
-    shadow = ROOT / "jaxthermo" / "physics" / "radiation" / "shadow.py"
-    assert "raster" in imported_folders(shadow)
+    visibility = ROOT / "jaxthermo" / "physics" / "radiation" / "visibility.py"
+    assert "raster" in imported_folders(visibility)
     assert rank("raster") < rank("physics") < rank("cli")

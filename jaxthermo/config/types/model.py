@@ -214,6 +214,12 @@ class ByKind:
         }
         return core_schema.tagged_union_schema(choices, _tag)
 
+    def __get_pydantic_json_schema__(
+        self, schema: Any, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        members = handler(schema)["oneOf"]
+        return {"oneOf": [member | {"required": ["kind"]} for member in members]}
+
 
 @dataclass(frozen=True)
 class Short:
@@ -235,8 +241,11 @@ class Short:
         self, schema: Any, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
         mapping, inner = handler(schema), schema.get("schema", schema)
-        kinds = inner.get("choices", ()) if self.key == "kind" else ()
-        words = self.words or tuple(tag.strip("<>") for tag in kinds)
+        kinds = [tag.strip("<>") for tag in inner.get("choices", ())]
+        for kind, member in zip(kinds, mapping.get("oneOf", ()), strict=True):
+            if kind == self.default:
+                del member["required"]
+        words = self.words or kinds
         word = {"type": "string"} | ({"enum": list(words)} if words else {})
         return {"anyOf": [mapping, word]}
 

@@ -38,7 +38,7 @@ class Table(Model, Generic[Value], builds="Table"):
     values: tuple[Value, ...]
 
     @classmethod
-    def model_parametrized_name(cls, params: tuple[type[Any], ...]) -> str:
+    def model_parametrized_name(cls, params: tuple[Any, ...]) -> str:
         """The name of a table for values of one type."""
         return _table_name(cls, params[0])
 
@@ -78,7 +78,7 @@ class PropertyTable(Model, Generic[Value], builds="Property"):
     values: tuple[Value, ...]
 
     @classmethod
-    def model_parametrized_name(cls, params: tuple[type[Any], ...]) -> str:
+    def model_parametrized_name(cls, params: tuple[Any, ...]) -> str:
         """The name of a table for values of one type."""
         return _table_name(cls, params[0])
 
