@@ -240,7 +240,9 @@ class Short:
     def __get_pydantic_json_schema__(
         self, schema: Any, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
-        mapping, inner = handler(schema), schema.get("schema", schema)
+        mapping, inner = handler(schema), schema
+        while "choices" not in inner and "schema" in inner:
+            inner = inner["schema"]
         kinds = [tag.strip("<>") for tag in inner.get("choices", ())]
         for kind, member in zip(kinds, mapping.get("oneOf", ()), strict=True):
             if kind == self.default:
