@@ -5,7 +5,7 @@ import numpy as np
 from jaxthermo.geometry.mesh import Mesh
 from jaxthermo.geometry.pose import Pose
 from jaxthermo.geometry.shapes import sphere
-from jaxthermo.physics.radiation.patches import group
+from jaxthermo.physics.radiation.patches import group_patches
 from jaxthermo.physics.radiation.view_factors import PatchedBody
 from jaxthermo.physics.term import Surface
 from jaxthermo.voxels.grid import VoxelGrid
@@ -53,7 +53,7 @@ def shell(inner: float, outer: float, subdivisions: int = 3) -> Mesh:
 
 
 def in_patches(grid: VoxelGrid, most: int, pose=STANDING) -> PatchedBody:
-    patches = group(
+    patches = group_patches(
         grid.fragment_position,
         grid.fragment_normal,
         grid.fragment_area,

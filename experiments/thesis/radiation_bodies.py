@@ -9,9 +9,9 @@ from rich.table import Table
 from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.geometry.pose import Pose
 from jaxthermo.geometry.shapes import box
-from jaxthermo.physics.radiation.patches import group
+from jaxthermo.physics.radiation.patches import group_patches
 from jaxthermo.physics.radiation.view_factors import (
-    DIRECTIONS,
+    DEFAULT_DIRECTIONS,
     PatchedBody,
     view_factors,
 )
@@ -65,7 +65,7 @@ def _edge_for(flux: float) -> float:
 
 
 def measure_neighbours(
-    gaps: tuple[float, ...] = GAPS, directions: int = DIRECTIONS
+    gaps: tuple[float, ...] = GAPS, directions: int = DEFAULT_DIRECTIONS
 ) -> list[dict[str, Any]]:
     """C03: two black cubes of 1 m, 100 K apart, face to face.
 
@@ -103,7 +103,7 @@ def _neighbours(cube: VoxelGrid, gap: float, directions: int) -> dict[str, Any]:
 
 def _body(cube: VoxelGrid, shift: float) -> PatchedBody:
     pose = Pose(translation=(shift, 0.0, 0.0))
-    patches = group(
+    patches = group_patches(
         cube.fragment_position,
         cube.fragment_normal,
         cube.fragment_area,

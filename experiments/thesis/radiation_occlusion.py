@@ -16,7 +16,7 @@ from jaxthermo.image.render import draw
 from jaxthermo.image.ssao import screen_space_occlusion
 from jaxthermo.image.ticks import decimals_of, label as written, nice_ticks, to_celsius
 from jaxthermo.image.view import look
-from jaxthermo.physics.radiation.visibility import DIRECTIONS, sky_view
+from jaxthermo.physics.radiation.visibility import DEFAULT_DIRECTIONS, sky_view
 from jaxthermo.raster.layers import peel
 from jaxthermo.report.difference_scale import BACKGROUND
 from jaxthermo.report.sheet import ColourBar, Tile, sheet
@@ -79,7 +79,7 @@ def show_occlusion(folder: Path, height: int) -> dict[str, Any]:
         "height_voxels": height,
         "fragments": len(share),
         "triangles": len(mesh.faces),
-        "directions": DIRECTIONS,
+        "directions": DEFAULT_DIRECTIONS,
         "time_s": seconds,
         "view_factor_mean": float(share @ area / area.sum()),
         "view_factor_least": float(share.min()),
@@ -93,7 +93,7 @@ def show_occlusion(folder: Path, height: int) -> dict[str, Any]:
 
 def _cooled(structure, occluded: bool):
     term = jt.Surroundings(
-        SKY, ground=GROUND, occlusion=DIRECTIONS if occluded else None
+        SKY, ground=GROUND, occlusion=DEFAULT_DIRECTIONS if occluded else None
     )
     body = jt.Body(structure, CERAMIC, temperature=START)
     return jt.simulate(jt.Scene((body,), (term,)), COOLING)
@@ -121,7 +121,14 @@ def _bar(low: float, high: float, palette: str, title: str) -> ColourBar:
 
 def _view_factors(rays: np.ndarray, screen: np.ndarray, body: np.ndarray):
     tiles = [
-        _tile(rays, body, (0.0, 1.0), "white-hot", "rays", f"{DIRECTIONS} directions"),
+        _tile(
+            rays,
+            body,
+            (0.0, 1.0),
+            "white-hot",
+            "rays",
+            f"{DEFAULT_DIRECTIONS} directions",
+        ),
         _tile(screen, body, (0.0, 1.0), "white-hot", "screen space", "8 slices"),
     ]
     bar = _bar(0.0, 1.0, "white-hot", "view factor to the surroundings")

@@ -9,7 +9,7 @@ from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.geometry.shapes import box, sphere
 from jaxthermo.physics.radiation.emission import Surroundings
 from jaxthermo.physics.radiation.view_factors import view_factors
-from jaxthermo.physics.radiation.visibility import open_view, sky_view
+from jaxthermo.physics.radiation.visibility import sky_view, unobstructed_view
 from jaxthermo.physics.term import Omitted
 from jaxthermo.reference.view_factor import (
     element_to_sphere,
@@ -81,7 +81,7 @@ def test_convex_bodies_see_everything_exactly(directions):
     ball = voxelize(sphere(0.2, 3), 0.02)
     place, normal = ball.fragment_position, ball.fragment_normal
     view = sky_view(ball.mesh.triangles, place, normal, 0.02, directions)
-    free = open_view(normal)
+    free = unobstructed_view(normal)
     # On facets next to the terminator a ray may graze the next one.
     off = np.abs(view.sky + view.ground - 1) > 1e-12
     assert off.mean() < 0.02
@@ -90,7 +90,9 @@ def test_convex_bodies_see_everything_exactly(directions):
     view = sky_view(
         block.mesh.triangles, block.fragment_position, block.fragment_normal, 0.02
     )
-    np.testing.assert_allclose(view.sky, open_view(block.fragment_normal).sky, atol=0)
+    np.testing.assert_allclose(
+        view.sky, unobstructed_view(block.fragment_normal).sky, atol=0
+    )
     np.testing.assert_allclose(view.sky + view.ground, 1.0, atol=1e-15)
 
 
@@ -114,7 +116,7 @@ def test_two_cubes_against_closed_form_and_exchange():
     assert seen[~facing].min() == 1.0
     first = in_patches(cube, 60)
     second = in_patches(cube, 60, moved(apart, 0.0, 0.0))
-    exchange = view_factors((first, second), directions=32, across=48)
+    exchange = view_factors((first, second), directions=32, lines=48)
     patches = first.patches
     by_patch = np.bincount(patches.patch, area * seen) / patches.area
     np.testing.assert_allclose(

@@ -132,7 +132,7 @@ def test_what_is_absorbed():
 @pytest.mark.parametrize("normal", [(0.0, 0.0, 1.0), (0.0, 0.0, -3.0), (1.0, 1.0, 0.1)])
 def test_patches_make_up_the_rectangle_whatever_its_normal(normal):
     panel = AreaSource((1.0, 2.0, 3.0), normal, (0.3, 0.5), radiance=1.0, patches=3)
-    patches = panel.corners_of_patches()
+    patches = panel.patch_corners()
     assert patches.shape == (9, 4, 3)
     np.testing.assert_allclose(patches.mean((0, 1)), [1.0, 2.0, 3.0], atol=1e-12)
     area = np.cross(patches[:, 1] - patches[:, 0], patches[:, 3] - patches[:, 0])

@@ -48,7 +48,7 @@ def test_v24_concentric_spheres_of_voxels():
         surface_of(inner, emissivity=0.8),
         surface_of(outer, emissivity=0.5, body=1),
     )
-    exchange = patch_exchange(surfaces, max_patches=60, directions=32, across=64)
+    exchange = patch_exchange(surfaces, max_patches=60, directions=32, lines=64)
     theta = np.repeat([100.0, 0.0], exchange.fragments)
     zero, base = jnp.asarray(0.0), jnp.asarray(300.0)
     flux = np.asarray(exchange.heat_flux(jnp.asarray(theta), zero, base))
@@ -77,7 +77,7 @@ def scene():
     """Two blocks near each other, and their view factors."""
     block = voxelize(box((0.4, 0.2, 0.2)), 0.04)
     first, second = in_patches(block, 40), in_patches(block, 40, moved(0.0, 0.3, 0.05))
-    views = view_factors((first, second), directions=32, across=32)
+    views = view_factors((first, second), directions=32, lines=32)
     patch = np.concatenate(
         [first.patches.patch, second.patches.patch + first.patches.count]
     )
@@ -122,7 +122,7 @@ def test_equal_temperatures_exchange_nothing(scene):
 def test_a_convex_body_alone_emits_to_the_surroundings():
     ball = voxelize(sphere(0.1, 2), 0.02)
     exchange = patch_exchange(
-        (surface_of(ball, emissivity=0.7),), directions=16, across=32
+        (surface_of(ball, emissivity=0.7),), directions=16, lines=32
     )
     theta = np.random.default_rng(0).uniform(0.0, 50.0, len(ball.fragment_area))
     sky, base = jnp.asarray(-20.0), jnp.asarray(300.0)

@@ -5,7 +5,11 @@ import pytest
 
 from jaxthermo.errors import InputError
 from jaxthermo.geometry.shapes import box, sphere
-from jaxthermo.physics.radiation.view_factors import Sight, balanced, view_factors
+from jaxthermo.physics.radiation.view_factors import (
+    ExchangeAreas,
+    balance,
+    view_factors,
+)
 from jaxthermo.reference.view_factor import parallel_rectangles
 from jaxthermo.voxels.voxelize import voxelize
 from tests.radiating import in_patches, moved, shell
@@ -30,7 +34,7 @@ def check(found):
 def test_aligned_cubes_are_parallel_squares(cube, gap):
     """Only the squares that face each other see each other at all."""
     first, second = in_patches(cube, 60), in_patches(cube, 60, moved(1 + gap, 0, 0))
-    found = view_factors((first, second), directions=48, across=32)
+    found = view_factors((first, second), directions=48, lines=32)
     check(found)
     n = first.patches.count
     exact = parallel_rectangles(1.0, 1.0, gap)
@@ -46,7 +50,7 @@ def test_turning_the_scene_changes_nothing_but_the_sampling(cube):
     x, y, z = turn[:, 0]
     first = in_patches(cube, 60, moved(0, 0, 0, turn))
     second = in_patches(cube, 60, moved(1.5 * x, 1.5 * y, 1.5 * z, turn))
-    found = view_factors((first, second), directions=48, across=32)
+    found = view_factors((first, second), directions=48, lines=32)
     check(found)
     n = first.patches.count
     exact = parallel_rectangles(1.0, 1.0, 0.5)
@@ -57,7 +61,7 @@ def test_what_stands_between_is_in_the_way(cube):
     wall = voxelize(box((0.1, 4.0, 4.0)), 0.1)
     first, second = in_patches(cube, 60), in_patches(cube, 60, moved(2.0, 0, 0))
     third = in_patches(wall, 60, moved(1.0, 0, 0))
-    found = view_factors((first, second, third), directions=16, across=32)
+    found = view_factors((first, second, third), directions=16, lines=32)
     check(found)
     n = first.patches.count
     assert found.between[:n, n : 2 * n].sum() == 0.0
@@ -67,7 +71,7 @@ def test_what_stands_between_is_in_the_way(cube):
 def test_ball_in_a_hollow_ball():
     inner = in_patches(voxelize(sphere(0.05, 3), 0.005), 60)
     outer = in_patches(voxelize(shell(0.1, 0.12), 0.006), 120)
-    found = view_factors((inner, outer), directions=32, across=64)
+    found = view_factors((inner, outer), directions=32, lines=64)
     check(found)
     n = inner.patches.count
     cavity = np.zeros(len(found.area), bool)
@@ -83,7 +87,7 @@ def test_ball_in_a_hollow_ball():
 
 
 def test_one_body_alone_sees_the_surroundings(cube):
-    found = view_factors((in_patches(cube, 60),), directions=16, across=48)
+    found = view_factors((in_patches(cube, 60),), directions=16, lines=48)
     check(found)
     np.testing.assert_allclose(found.to_surroundings, 1.0, atol=1e-12)
 
@@ -94,10 +98,10 @@ def test_balancing_restores_what_was_scaled():
     exact = exact + exact.T
     outside = random.uniform(size=9)
     area = exact.sum(1) + outside
-    same = balanced(Sight(exact, outside), area)
+    same = balance(ExchangeAreas(exact, outside), area)
     np.testing.assert_allclose(same.between, exact, atol=1e-12)
     noise = random.uniform(0.95, 1.05, (9, 9))
-    noisy = balanced(Sight(exact * (noise + noise.T) / 2, outside * 1.03), area)
+    noisy = balance(ExchangeAreas(exact * (noise + noise.T) / 2, outside * 1.03), area)
     check(noisy)
     np.testing.assert_allclose(noisy.between, exact, atol=0.06)
     apart = ~np.eye(9, dtype=bool)
@@ -105,7 +109,7 @@ def test_balancing_restores_what_was_scaled():
 
 
 def test_a_patch_that_no_line_meets_sees_the_surroundings():
-    lonely = balanced(Sight(np.zeros((2, 2)), np.array([1.0, 0.0])), np.ones(2))
+    lonely = balance(ExchangeAreas(np.zeros((2, 2)), np.array([1.0, 0.0])), np.ones(2))
     np.testing.assert_allclose(lonely.to_surroundings, 1.0)
 
 

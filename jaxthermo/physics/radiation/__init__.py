@@ -1,1 +1,1 @@
-"""Sources, shadows, emission, and what surfaces see of each other."""
+"""Radiation: sources and shadows, emission, exchange between surfaces."""

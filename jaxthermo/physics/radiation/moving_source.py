@@ -1,7 +1,7 @@
-"""Where a source that travels stands: points and directions by a table of times.
+"""Tables of points and directions over time, for moving sources.
 
-For the `position`, `centre` or `direction` of a source, which takes any function of
-time. Before the first and after the last time the source stands still.
+The `position`, `centre` or `direction` of a source can be any function of time; these
+tables are constant before the first and after the last time.
 """
 
 import math
@@ -16,81 +16,81 @@ from ...raster.directions import unit_vector
 from .source import Triple, triple
 
 
-OPPOSITE = 1e-6
-"""Directions whose sum is shorter are opposite: there is no one way between them."""
+# Unit vectors with a shorter sum count as opposite: no unique arc connects them.
+_OPPOSITE_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True)
 class PointTable:
-    """Points at times, with straight lines between them at constant speeds.
+    """Points at given times, joined by straight lines at constant speeds.
 
     Raises:
-        InputError: unless times increase and there is a finite point for each.
+        InputError: unless the times increase and each has a finite point.
     """
 
     times: Any
-    """[s]"""
+    """Times [s], increasing."""
     points: Any
-    """World [m]."""
+    """World positions [m], one for each time."""
 
     def __post_init__(self):
         _make_plain(self, "points")
 
     def __call__(self, time: float) -> Triple:
-        """The point at `time` [s]."""
-        first, second, share = _between(self.times, self.points, time)
-        return triple((1 - share) * first + share * second)
+        """Point at `time` [s]."""
+        first, second, t = _between(self.times, self.points, time)
+        return triple((1 - t) * first + t * second)
 
 
 @dataclass(frozen=True)
 class DirectionTable:
-    """Directions at times, turned the short way between them at constant rates.
+    """Directions at given times, joined by the shorter arcs at constant rates.
 
     Raises:
-        InputError: unless times increase and there is a direction for each, none
-            opposite to the one before.
+        InputError: unless the times increase and each has a direction that is not
+            opposite to the previous one.
     """
 
     times: Any
-    """[s]"""
+    """Times [s], increasing."""
     directions: Any
-    """Of any length."""
+    """Directions of any length, one for each time."""
 
     def __post_init__(self):
         _make_plain(self, "directions")
         units = [unit_vector(d, "DirectionTable(directions=)") for d in self.directions]
         for i, (a, b) in enumerate(pairwise(units), 1):
-            if np.linalg.norm(a + b) < OPPOSITE:
+            if np.linalg.norm(a + b) < _OPPOSITE_TOLERANCE:
                 raise InputError(
                     f"DirectionTable: direction {i} is opposite to the one before; "
                     "give one between them"
                 )
 
     def __call__(self, time: float) -> Triple:
-        """The direction at `time` [s], of length one."""
-        *ends, share = _between(self.times, self.directions, time)
+        """Unit vector at `time` [s]."""
+        *ends, t = _between(self.times, self.directions, time)
         first, second = (unit_vector(end) for end in ends)
         across = float(np.linalg.norm(np.cross(first, second)))
         angle = math.atan2(across, float(first @ second))
         if angle == 0:
             return triple(first)
-        turned = math.sin((1 - share) * angle) * first
-        return triple(unit_vector(turned + math.sin(share * angle) * second))
+        turned = math.sin((1 - t) * angle) * first
+        return triple(unit_vector(turned + math.sin(t * angle) * second))
 
 
 def _between(
     times: Any, rows: Any, time: float
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """The rows before and after `time` [s], and its share of the way between them."""
+    """Rows before and after `time` [s], and the fraction of the interval passed [-]."""
     last = len(times) - 1
-    place = float(np.interp(time, times, np.arange(last + 1.0)))
-    before = int(place)
+    position = float(np.interp(time, times, np.arange(last + 1.0)))
+    before = int(position)
     first, second = rows[before], rows[min(before + 1, last)]
-    return np.asarray(first), np.asarray(second), place - before
+    return np.asarray(first), np.asarray(second), position - before
 
 
 def _make_plain(table: Any, field: str) -> None:
-    """Tuples in place of what was given: they can be compared and hashed."""
+    """Convert the fields to tuples, which can be compared and hashed."""
     name = type(table).__name__
     try:
         times = np.asarray(table.times, float)

@@ -1,4 +1,4 @@
-"""A body's surface in patches: fragments of one cell of a grid that face one way."""
+"""Patches of a body's surface: fragments of one grid cell that face one side."""
 
 from dataclasses import dataclass
 
@@ -9,43 +9,40 @@ from ...errors import InputError
 from ...voxels.lattice import Lattice
 
 
-SIDES = 6
-"""The ways a fragment may face: up or down its dominant axis."""
+# Sides that a fragment may face: up or down its dominant axis.
+_SIDES = 6
 
-INWARD = 0.25
-"""How far from the surface its voxel is looked for, in voxels."""
+# Distance below the surface at which its voxel is looked up, in voxels.
+_INWARD = 0.25
 
 
 @dataclass(frozen=True, eq=False)
-class Cells:
-    """Cubes of whole voxels, so that no fragment's square lies in two of them."""
+class _Cells:
+    """Grid of cubes of whole voxels; no fragment's square lies in two of them."""
 
     lattice: Lattice
     voxels: int
-    """Along an edge of a cell."""
+    """Number of voxels along an edge of a cell."""
 
     def codes(
         self, points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]
     ) -> Int[np.ndarray, " n"]:
-        """One number for the cell of each surface point and the way it faces."""
+        """Number that identifies the cell and side of each surface point."""
         axis = np.abs(normals).argmax(1)
         rows = np.arange(len(points))
         ahead = normals[rows, axis] > 0
         at = self.lattice.to_cells(points)
-        # A face between two voxels belongs to the one inside.
-        at[rows, axis] -= np.where(ahead, INWARD, -INWARD)
+        # A face between two voxels belongs to the inner one.
+        at[rows, axis] -= np.where(ahead, _INWARD, -_INWARD)
         top = np.array(self.lattice.shape) - 1
         x, y, z = (np.clip(np.floor(at).astype(int), 0, top) // self.voxels).T
         _, ny, nz = (n // self.voxels + 1 for n in self.lattice.shape)
-        return ((x * ny + y) * nz + z) * SIDES + 2 * axis + ahead
+        return ((x * ny + y) * nz + z) * _SIDES + 2 * axis + ahead
 
 
 @dataclass(frozen=True, eq=False)
 class Patches:
-    """Which patch each fragment of a body is in, and how to tell it of other points.
-
-    All in the body's own frame.
-    """
+    """Patch of each fragment of a body, in the body's frame."""
 
     patch: Int[np.ndarray, " s"]
     area: Float[np.ndarray, " p"]
@@ -53,62 +50,59 @@ class Patches:
     centre: Float[np.ndarray, "p 3"]
     """[m]"""
     code: Int[np.ndarray, " p"]
-    """Of each patch's cell and side, increasing."""
-    cells: "Cells"
+    """Cell and side of each patch, increasing."""
+    cells: _Cells
 
     @property
     def count(self) -> int:
-        """How many there are."""
+        """Number of patches."""
         return len(self.area)
 
-    def of(
+    def patch_of(
         self, points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]
     ) -> Int[np.ndarray, " n"]:
-        """The patch of other points on the surface, which need not be fragments.
-
-        In a cell without fragments of that side it is the nearest patch.
-        """
-        wanted = self.cells.codes(points, normals)
-        slot = np.minimum(np.searchsorted(self.code, wanted), self.count - 1)
-        lost = np.flatnonzero(self.code[slot] != wanted)
-        if len(lost):
+        """Patch of any points on the surface; the nearest one in a cell without any."""
+        code = self.cells.codes(points, normals)
+        slot = np.minimum(np.searchsorted(self.code, code), self.count - 1)
+        missing = np.flatnonzero(self.code[slot] != code)
+        if len(missing):
             unknown, first, inverse = np.unique(
-                wanted[lost], return_index=True, return_inverse=True
+                code[missing], return_index=True, return_inverse=True
             )
-            gap = points[lost[first], None] - self.centre
+            gap = points[missing[first], None] - self.centre
             far = np.einsum("upi,upi->up", gap, gap)
-            # Any patch of the same side is nearer than those of the others.
-            far += (unknown[:, None] % SIDES != self.code % SIDES) * (1 + far.max())
-            slot[lost] = far.argmin(1)[inverse.reshape(-1)]
+            # Patches of the same side take precedence over those of other sides.
+            far += (unknown[:, None] % _SIDES != self.code % _SIDES) * (1 + far.max())
+            slot[missing] = far.argmin(1)[inverse.reshape(-1)]
         return slot
 
 
-def group(
+def group_patches(
     position: Float[np.ndarray, "s 3"],
     normal: Float[np.ndarray, "s 3"],
     area: Float[np.ndarray, " s"],
     lattice: Lattice,
-    most: int,
+    max_patches: int,
 ) -> Patches:
-    """Patches as fine as they can be without being more than `most`.
+    """Finest patches of a body whose number does not exceed `max_patches`.
 
     Args:
-        position: of the fragments in the body's own frame [m].
-        normal: outward at them.
-        area: of them, above 0 [m^2].
-        lattice: of the body's voxels.
-        most: six or more; a closed surface faces all six ways.
+        position: positions of the fragments in the body's frame [m].
+        normal: outward unit normals of the fragments.
+        area: areas of the fragments, above 0 [m^2].
+        lattice: lattice of the body's voxels.
+        max_patches: at least six, since a closed surface faces all six sides.
 
     Raises:
         InputError: for fewer than six.
     """
-    if most < 6:
-        raise InputError(f"{most} patches a body: give 6 or more, such as 128")
+    if max_patches < 6:
+        raise InputError(f"{max_patches} patches a body: give 6 or more, such as 128")
     longest = max(lattice.shape)
-    cells = Cells(lattice, longest)
+    cells = _Cells(lattice, longest)
     for voxels in np.unique(np.ceil(longest / np.geomspace(1.0, 64.0, 49)))[::-1]:
-        finer = Cells(lattice, int(voxels))
-        if len(np.unique(finer.codes(position, normal))) > most:
+        finer = _Cells(lattice, int(voxels))
+        if len(np.unique(finer.codes(position, normal))) > max_patches:
             break
         cells = finer
     code, patch = np.unique(cells.codes(position, normal), return_inverse=True)

@@ -1,12 +1,13 @@
-"""Radiation of bodies among each other and with the surroundings, as a term.
+"""Radiative exchange between bodies and with the surroundings, as a term.
 
-Takes the place of `Surroundings` where bodies, or parts of one, see each other:
+It replaces `Surroundings` where bodies, or parts of one, see each other:
 
     q = eps (H - sigma T^4),
 
-with the irradiation H from all that a patch of surface sees (`exchange`). A step first
-finds every surface's temperature with what the nodes radiate, then exchanges what
-surfaces of that temperature do. That exchange is exact: nothing is lost between bodies.
+with the irradiation H of a patch from all visible patches (`radiosity`). Each step
+first finds the surface temperatures for the irradiation of surfaces at node
+temperature, then exchanges the radiation of surfaces at these temperatures. The
+exchange conserves heat.
 """
 
 from typing import Any
@@ -15,6 +16,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
+from typing_extensions import override
 
 from ...arrays import Scalar
 from ...constants import STEFAN_BOLTZMANN
@@ -29,22 +31,22 @@ from ..term import (
     binding,
 )
 from ..time_varying import check_value, for_jit, is_zero, largest, value_at
-from .emission import shedding_temperature
-from .radiosity import MOST_PATCHES, PatchExchange, patch_exchange
-from .view_factors import DIRECTIONS
+from .emission import equilibrium_temperature
+from .radiosity import DEFAULT_MAX_PATCHES, PatchExchange, patch_exchange
+from .view_factors import DEFAULT_DIRECTIONS
 
 
 class Radiation(AbstractFluxLaw):
-    """What a grey surface receives, less what it emits; the share holds eps."""
+    """Heat flux H - sigma T^4 [W/m^2]; the effective area contains the emissivity."""
 
     received: Float[Array, "*#m"]
-    """Irradiation of each place less sigma T_0^4; without `emits`, net [W/m^2]."""
+    """Irradiation minus sigma T_0^4 [W/m^2]; the net flux without `emits`."""
     base: Float[Array, ""]
     """T_0 [K], the same for all bodies."""
     reference: Float[Array, "*#m"]
-    """What this body's temperatures count from [K]."""
+    """Reference temperature of this body's state [K]."""
     emits: bool = eqx.field(static=True, default=True)
-    """Whether emission follows the temperature, or is in what is received."""
+    """True if the emission is computed here, False if `received` includes it."""
 
     def _emitted(self, theta: Float[Array, " m"]) -> Float[Array, " m"]:
         hot = self.reference + theta
@@ -52,80 +54,91 @@ class Radiation(AbstractFluxLaw):
         sums = (hot + self.base) * (hot * hot + self.base * self.base)
         return STEFAN_BOLTZMANN * above * sums
 
+    @override
     def flux(
         self, time: Float[Array, ""], theta: Float[Array, " m"]
     ) -> Float[Array, "*#m"]:
-        """H - sigma T^4."""
         del time
         return self.received - self._emitted(theta) if self.emits else self.received
 
+    @override
     def slope(
         self, time: Float[Array, ""], theta: Float[Array, " m"]
     ) -> Float[Array, "*#m"]:
-        """4 sigma T^3, or none."""
         del time
         if not self.emits:
             return jnp.zeros((), theta.dtype)
         hot = jnp.maximum(self.reference + theta, 0)
         return 4 * STEFAN_BOLTZMANN * hot * hot * hot
 
+    @override
     def max_slope(self, hottest: Float[Array, ""], end: float) -> Float[Array, ""]:
-        """4 sigma T^3 at the hottest."""
         del end
         return 4 * STEFAN_BOLTZMANN * hottest**3
 
+    @override
     def max_flux(self, reach: TemperatureRange) -> float | Float[Array, ""]:
-        """Sigma T^4: nothing that is seen is hotter."""
         return STEFAN_BOLTZMANN * reach.highest**4
 
+    @override
     def curvature(self, reach: TemperatureRange) -> float | Float[Array, ""]:
-        """12 sigma T^2 at the hottest."""
         return 12 * STEFAN_BOLTZMANN * reach.highest**2
 
     @property
+    @override
     def is_linear(self) -> bool:
-        """Only where it does not emit."""
         return not self.emits
 
     @property
+    @override
     def is_dissipative(self) -> bool:
-        """Where it emits."""
         return self.emits
 
+    @override
     def supersolution(
         self, time: Float[Array, ""], pushed: Float[Array, " m"]
     ) -> Float[Array, "*#m"]:
-        """Where emission alone sheds what is received and pushed in."""
         del time
         brought = self.received + jnp.maximum(pushed, 0)
-        return shedding_temperature(self.base, brought) - self.reference
+        return equilibrium_temperature(self.base, brought) - self.reference
 
 
 class RadiativeExchange(AbstractSurfaceTerm):
-    """Net emission of all bodies, to what they see of each other and around them."""
+    """Radiation between grey diffuse bodies and with black surroundings.
+
+    q = eps (H - sigma T^4) [W/m^2],    H = F J + F_s sigma T_s^4,
+    J = eps sigma T^4 + (1 - eps) H
+
+    The surface of each body is divided into patches, each with one irradiation H; the
+    view factors F account for all obstacles. Source: Hottel and Sarofim, Radiative
+    Transfer (1967).
+
+    Raises:
+        InputError: for a negative temperature.
+    """
 
     temperature: Any
-    """Of black surroundings [K], a number or a function of time."""
-    max_patches: int = eqx.field(static=True, default=MOST_PATCHES)
-    """Of a body's surface, of one irradiation each."""
-    directions: int = eqx.field(static=True, default=DIRECTIONS)
-    """Along which it is looked at for what sees what."""
+    """T_s of the black surroundings [K], a number or a function of time."""
+    max_patches: int = eqx.field(static=True, default=DEFAULT_MAX_PATCHES)
+    """Largest number of patches of a body."""
+    directions: int = eqx.field(static=True, default=DEFAULT_DIRECTIONS)
+    """Number of directions in which view factors are sampled."""
 
     def __check_init__(self):
         check_value(self.temperature, "RadiativeExchange(temperature [K])", 0.0)
 
     @property
+    @override
     def name(self) -> str:
-        """In the ledger, as for `Surroundings`."""
         return "emission"
 
     @property
+    @override
     def values(self) -> tuple[Any, ...]:
-        """The temperature of the surroundings."""
         return (self.temperature,)
 
+    @override
     def forcing(self, end: float | int) -> Forcing:
-        """Towards that temperature [K]."""
         return Forcing(temperature=largest(self.temperature, end))
 
     def bind(
@@ -143,21 +156,23 @@ class RadiativeExchange(AbstractSurfaceTerm):
 
 
 class Enclosure(eqx.Module):
-    """The exchange on the places of all bodies' surfaces."""
+    """Radiative exchange on the surface cells of all bodies."""
 
     exchange: PatchExchange
     base: Float[Array, ""]
     """T_0 [K]."""
     temperature: Any
-    """Of the surroundings [K]."""
+    """T_s of the surroundings [K]."""
     above: tuple[Float[Array, ""], ...]
-    """The bodies' references less T_0 [K]."""
+    """Reference temperatures of the bodies minus T_0 [K]."""
 
-    def _joined(self, thetas: tuple[Float[Array, " _"], ...]) -> Float[Array, " s"]:
+    def _concatenated(
+        self, thetas: tuple[Float[Array, " _"], ...]
+    ) -> Float[Array, " s"]:
         pairs = zip(thetas, self.above, strict=True)
         return jnp.concatenate([theta + above for theta, above in pairs])
 
-    def _apart(self, values: Float[Array, " s"]) -> list[Float[Array, " _"]]:
+    def _split(self, values: Float[Array, " s"]) -> list[Float[Array, " _"]]:
         ends = np.cumsum(self.exchange.fragments)[:-1].tolist()
         return jnp.split(values, ends)
 
@@ -167,18 +182,18 @@ class Enclosure(eqx.Module):
     def irradiation(
         self, time: Float[Array, ""], thetas: tuple[Float[Array, " _"], ...]
     ) -> list[Float[Array, " _"]]:
-        """Of each body's places, less sigma T_0^4 [W/m^2], at surfaces of `thetas`."""
-        emitted = self.exchange.emitted(self._joined(thetas), self.base)
+        """Irradiation minus sigma T_0^4 on each body at `thetas` [W/m^2]."""
+        emitted = self.exchange.emitted(self._concatenated(thetas), self.base)
         around = self.exchange.emitted(self._around(time), self.base)
-        return self._apart(self.exchange.irradiation(emitted, around))
+        return self._split(self.exchange.irradiation(emitted, around))
 
     def net(
         self, time: Float[Array, ""], thetas: tuple[Float[Array, " _"], ...]
     ) -> list[Float[Array, " _"]]:
-        """Irradiation less emission of each body's places [W/m^2]."""
-        emitted = self.exchange.emitted(self._joined(thetas), self.base)
+        """Irradiation minus emission on each body [W/m^2]."""
+        emitted = self.exchange.emitted(self._concatenated(thetas), self.base)
         around = self.exchange.emitted(self._around(time), self.base)
-        return self._apart(self.exchange.irradiation(emitted, around) - emitted)
+        return self._split(self.exchange.irradiation(emitted, around) - emitted)
 
 
 def enclosure(
@@ -186,7 +201,7 @@ def enclosure(
     surfaces: tuple[Surface, ...],
     references: tuple[Scalar, ...],
 ) -> Enclosure:
-    """The exchange of fragments of bodies where they stand."""
+    """Radiative exchange between the fragments of bodies in the scene."""
     dtype = surfaces[0].dtype
     number = lambda value: jnp.asarray(value, dtype)
     base = sum(references) / len(references)
@@ -199,30 +214,30 @@ def enclosure(
 
 
 def patches_of(fine: Enclosure) -> list[Int[np.ndarray, " s"]]:
-    """The patch of each body's fragments."""
+    """Patch of each body's fragments."""
     ends = np.cumsum(fine.exchange.fragments)[:-1]
     return np.split(np.asarray(fine.exchange.patch), ends)
 
 
-def merged_enclosure(
-    fine: Enclosure, place: list[Int[np.ndarray, " _"]], places: tuple[int, ...]
+def coarsened_enclosure(
+    fine: Enclosure, cell: list[Int[np.ndarray, " _"]], cells: tuple[int, ...]
 ) -> Enclosure:
-    """The same on places that several fragments of one patch make up.
+    """Exchange on surface cells that each combine fragments of one patch.
 
     Args:
-        fine: on fragments.
-        place: of the fragments of each body; -1 where no place is.
-        places: how many each body has; one without fragments exchanges nothing.
+        fine: exchange on fragments.
+        cell: surface cell of each body's fragments; -1 without one.
+        cells: number of surface cells of each body.
     """
     exchange = fine.exchange
-    first = np.cumsum([0, *places])
+    first = np.cumsum([0, *cells])
     number = np.concatenate(
         [
             np.where(own >= 0, own + start, -1)
-            for own, start in zip(place, first, strict=False)
+            for own, start in zip(cell, first, strict=False)
         ]
     )
-    kept, count = np.flatnonzero(number >= 0), sum(places)
+    kept, count = np.flatnonzero(number >= 0), sum(cells)
     patch = np.zeros(count, np.int32)
     patch[number[kept]] = np.asarray(exchange.patch)[kept]
     weight = jnp.zeros(count, exchange.weight.dtype)
@@ -231,9 +246,9 @@ def merged_enclosure(
         patch=jnp.asarray(patch),
         weight=weight,
         emissivity=jnp.ones_like(weight),
-        spread=exchange.spread,
+        transfer=exchange.transfer,
         from_surroundings=exchange.from_surroundings,
         grey_area=exchange.grey_area,
-        fragments=places,
+        fragments=cells,
     )
     return Enclosure(merged, fine.base, fine.temperature, fine.above)

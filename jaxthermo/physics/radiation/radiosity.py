@@ -1,11 +1,12 @@
-"""Radiation between grey surfaces that see each other: the radiosity method.
+"""Radiation between grey surfaces by the radiosity method.
 
-J = eps E + (1 - eps) H,    H = F J + F_s E_s,    q = eps (H - E),    E = sigma T^4,
+    J = eps E + (1 - eps) H,    H = F J + F_s E_s,    q = eps (H - E),    E = sigma T^4,
 
-solved for the irradiation H once and for all: H = K E + k_s E_s, rows that add up to 1.
-Every fragment of a patch gets the patch's irradiation and emits at its own temperature.
-The patch emits what its fragments do, so that no heat is lost between the two.
-Source: Hottel and Sarofim, Radiative Transfer (1967); Gebhart, Heat Transfer (1961).
+solved for the irradiation H once, before the run: H = K E + k_s E_s, with rows that add
+up to 1. Every fragment of a patch receives the patch's irradiation and emits at its own
+temperature. The patch emits the sum of its fragments' emission, so that no heat is
+lost. Source: Hottel and Sarofim, Radiative Transfer (1967); Gebhart, Heat Transfer
+(1961).
 """
 
 from typing import Any
@@ -20,15 +21,21 @@ from ...arrays import is_traced
 from ...constants import STEFAN_BOLTZMANN
 from ...errors import InputError
 from ..term import Surface, Values
-from .patches import group
-from .view_factors import ACROSS, DIRECTIONS, PatchedBody, ViewFactors, view_factors
+from .patches import group_patches
+from .view_factors import (
+    DEFAULT_DIRECTIONS,
+    DEFAULT_LINES,
+    PatchedBody,
+    ViewFactors,
+    view_factors,
+)
 
 
-LEAST_EMISSIVITY = 1e-6
-"""Of a patch: an enclosure of perfect mirrors would have no temperature inside."""
+# Smallest emissivity of a patch: radiosity is undetermined between perfect mirrors.
+_MIN_EMISSIVITY = 1e-6
 
-MOST_PATCHES = 128
-"""A body, by default."""
+DEFAULT_MAX_PATCHES = 128
+"""Largest number of patches of a body."""
 
 
 def net_exchange(
@@ -37,16 +44,16 @@ def net_exchange(
     emissivity: Float[np.ndarray, " p"],
     temperature: Float[np.ndarray, " p"],
 ) -> Float[np.ndarray, " p"]:
-    """Heat that leaves each surface of a grey enclosure, net of what comes back [W].
+    """Net heat rate out of each surface of a grey enclosure [W].
 
     Args:
-        factor: F_ij; each row adds up to 1 and A_i F_ij = A_j F_ji.
+        factor: view factors F_ij [-]; rows add up to 1 and A_i F_ij = A_j F_ji.
         area: A [m^2].
-        emissivity: [-].
+        emissivity: eps [-].
         temperature: T [K].
 
     Raises:
-        InputError: if it is no enclosure, or a value is out of range.
+        InputError: for surfaces that are no enclosure, or values out of range.
     """
     if not np.allclose(factor.sum(1), 1.0, rtol=0, atol=1e-9):
         raise InputError(
@@ -56,62 +63,49 @@ def net_exchange(
     if (emissivity < 0).any() or (emissivity > 1).any() or (temperature < 0).any():
         raise InputError("net_exchange: give emissivities of 0 to 1, and kelvin")
     outside = np.zeros(len(area))
-    grey = np.maximum(emissivity, LEAST_EMISSIVITY)
-    spread, _ = irradiation(factor, outside, grey)
+    grey = np.maximum(emissivity, _MIN_EMISSIVITY)
+    transfer, _ = _irradiation_matrix(factor, outside, grey)
     emitted = STEFAN_BOLTZMANN * temperature**4
-    return area * emissivity * (emitted - spread @ emitted)
+    return area * emissivity * (emitted - transfer @ emitted)
 
 
-def irradiation(
+def _irradiation_matrix(
     factor: Float[Values, "p p"],
     outside: Float[Values, " p"],
     emissivity: Float[Values, " p"],
 ) -> tuple[Float[Values, "p p"], Float[Values, " p"]]:
-    """K and k_s in H = K E + k_s E_s.
-
-    Args:
-        factor: F_ij.
-        outside: F_i to the surroundings.
-        emissivity: above 0.
-    """
-    own: Any = jnp if is_traced((factor, outside, emissivity)) else np
-    mirrors = (
-        own.eye(len(outside), dtype=factor.dtype) - factor * (1 - emissivity)[None]
+    """K and k_s in H = K E + k_s E_s, with `outside` the factors to surroundings."""
+    xp: Any = jnp if is_traced((factor, outside, emissivity)) else np
+    reflection = (
+        xp.eye(len(outside), dtype=factor.dtype) - factor * (1 - emissivity)[None]
     )
-    sources = own.concatenate([factor * emissivity[None], outside[:, None]], axis=1)
-    both = own.linalg.solve(mirrors, sources)
+    sources = xp.concatenate([factor * emissivity[None], outside[:, None]], axis=1)
+    both = xp.linalg.solve(reflection, sources)
     return both[:, :-1], both[:, -1]
 
 
 class PatchExchange(eqx.Module):
-    """Radiation among fragments, patch by patch, and with black surroundings.
-
-    All fragments of all bodies, one body after the other.
-    """
+    """Radiation among all bodies' fragments and with black surroundings."""
 
     patch: Int[Array, " s"]
-    """Of each fragment."""
+    """Patch of each fragment, bodies concatenated."""
     weight: Float[Array, " s"]
-    """Share of each fragment in what its patch emits at one temperature."""
+    """Fraction of its patch's emission by each fragment at one temperature [-]."""
     emissivity: Float[Array, " s"]
-    spread: Float[Array, "p p"]
-    """K: irradiation of each patch for each unit of emissive power of another."""
+    transfer: Float[Array, "p p"]
+    """K [-]: irradiation of each patch for a unit of emissive power of another."""
     from_surroundings: Float[Array, " p"]
-    """k_s; with the row of K it adds up to 1."""
+    """k_s [-]; with the row of K it adds up to 1."""
     grey_area: Float[Array, " p"]
     """A eps of each patch [m^2]."""
     fragments: tuple[int, ...] = eqx.field(static=True)
-    """How many each body has."""
+    """Number of fragments of each body."""
 
     def emitted(
         self, theta: Float[Array, "*s"], base: Float[Array, ""]
     ) -> Float[Array, "*s"]:
-        """Sigma (T^4 - T_0^4) of fragments at T = T_0 + theta [W/m^2].
-
-        Args:
-            theta: above `base`, the same for all bodies [K].
-            base: T_0 [K].
-        """
+        """Sigma (T^4 - T_0^4) [W/m^2] at T = T_0 + theta, with T_0 = `base` [K]."""
+        # The factored form keeps the digits of small differences in float32.
         hot = base + theta
         sums = (hot + base) * (hot * hot + base * base)
         return STEFAN_BOLTZMANN * theta * sums
@@ -119,14 +113,14 @@ class PatchExchange(eqx.Module):
     def irradiation(
         self, emitted: Float[Array, " s"], surroundings: Float[Array, ""]
     ) -> Float[Array, " s"]:
-        """H on fragments, less sigma T_0^4 [W/m^2]; one matrix times a vector.
+        """Irradiation H of fragments minus sigma T_0^4 [W/m^2].
 
         Args:
-            emitted: by fragments, less sigma T_0^4 [W/m^2].
-            surroundings: likewise.
+            emitted: emissive power of fragments minus sigma T_0^4 [W/m^2].
+            surroundings: emissive power of the surroundings minus sigma T_0^4 [W/m^2].
         """
-        of_patch = self._by_patch(emitted)
-        heat = self.spread @ of_patch + self.from_surroundings * surroundings
+        by_patch = self._by_patch(emitted)
+        heat = self.transfer @ by_patch + self.from_surroundings * surroundings
         return heat.at[self.patch].get(mode="promise_in_bounds")
 
     def heat_flux(
@@ -138,13 +132,13 @@ class PatchExchange(eqx.Module):
         """Net heat flux into every fragment, eps (H - sigma T^4) [W/m^2].
 
         Args:
-            theta: of fragments above `base` [K].
-            surroundings: temperature above `base` [K].
+            theta: temperatures of fragments above `base` [K].
+            surroundings: temperature of the surroundings above `base` [K].
             base: T_0 [K].
         """
-        own = self.emitted(theta, base)
+        emitted = self.emitted(theta, base)
         around = self.emitted(surroundings, base)
-        return self.emissivity * (self.irradiation(own, around) - own)
+        return self.emissivity * (self.irradiation(emitted, around) - emitted)
 
     def to_surroundings(
         self,
@@ -152,13 +146,13 @@ class PatchExchange(eqx.Module):
         surroundings: Float[Array, ""],
         base: Float[Array, ""],
     ) -> Float[Array, ""]:
-        """Net heat to the surroundings [W]: what all fragments lose."""
-        of_patch = self._by_patch(self.emitted(theta, base))
+        """Net heat rate to the surroundings [W]: the loss of all fragments."""
+        by_patch = self._by_patch(self.emitted(theta, base))
         around = self.emitted(surroundings, base)
-        return self.grey_area @ (self.from_surroundings * (of_patch - around))
+        return self.grey_area @ (self.from_surroundings * (by_patch - around))
 
     def max_slope(self, hottest: Float[Array, ""]) -> Float[Array, " s"]:
-        """4 eps sigma T^3: no -d(heat flux)/dT is larger below `hottest` [K]."""
+        """Upper bound 4 eps sigma T^3 of -d(heat flux)/dT below `hottest` [K]."""
         return 4 * STEFAN_BOLTZMANN * self.emissivity * hottest**3
 
     def _by_patch(self, emitted: Float[Array, " s"]) -> Float[Array, " p"]:
@@ -168,25 +162,25 @@ class PatchExchange(eqx.Module):
 
 def patch_exchange(
     surfaces: tuple[Surface, ...],
-    max_patches: int = MOST_PATCHES,
-    directions: int = DIRECTIONS,
-    across: int = ACROSS,
+    max_patches: int = DEFAULT_MAX_PATCHES,
+    directions: int = DEFAULT_DIRECTIONS,
+    lines: int = DEFAULT_LINES,
 ) -> PatchExchange:
-    """The exchange of bodies where they stand, among each other and each with itself.
+    """Radiative exchange between the surfaces of bodies, and of each with itself.
 
     Args:
-        surfaces: of the bodies, in the scene's order.
-        max_patches: a body.
-        directions: views of the scene, and of each pair of bodies.
-        across: lines over the largest extent.
+        surfaces: surfaces of the bodies, in the scene's order.
+        max_patches: largest number of patches of a body.
+        directions: number of views of the scene, and of each pair of bodies.
+        lines: lines across the largest extent.
 
     Raises:
         InputError: for fewer than 6 patches, or 8 directions or lines.
     """
-    # What another body touches keeps a trace of its area: no patch is without any.
+    # Fragments in contact keep a trace of their area, so that no patch has area 0.
     areas = [np.maximum(s.area, 1e-6 * s.grid.fragment_area) for s in surfaces]
     grouped = [
-        group(s.own_position, s.own_normal, area, s.grid.lattice, max_patches)
+        group_patches(s.own_position, s.own_normal, area, s.grid.lattice, max_patches)
         for s, area in zip(surfaces, areas, strict=True)
     ]
     bodies = tuple(
@@ -195,13 +189,13 @@ def patch_exchange(
     )
     first = np.cumsum([0, *(patches.count for patches in grouped)])
     patch = [p.patch + start for p, start in zip(grouped, first, strict=False)]
-    spread_out = lambda s: s.emissivity * np.ones(len(s.position), s.dtype)
-    own: Any = jnp if is_traced([s.emissivity for s in surfaces]) else np
+    full = lambda s: s.emissivity * np.ones(len(s.position), s.dtype)
+    xp: Any = jnp if is_traced([s.emissivity for s in surfaces]) else np
     return exchange_of(
-        view_factors(bodies, directions, across),
+        view_factors(bodies, directions, lines),
         np.concatenate(patch),
         np.concatenate(areas),
-        own.concatenate([spread_out(s) for s in surfaces]),
+        xp.concatenate([full(s) for s in surfaces]),
         tuple(len(s.position) for s in surfaces),
     )
 
@@ -213,37 +207,37 @@ def exchange_of(
     emissivity: Float[Values, " s"],
     fragments: tuple[int, ...],
 ) -> PatchExchange:
-    """The exchange of fragments whose patches have these view factors.
+    """Exchange of fragments from the view factors of their patches.
 
     Args:
-        views: of the patches.
-        patch: of each fragment.
-        area: of the fragments [m^2].
-        emissivity: of the fragments; gradients reach it.
-        fragments: how many each body has.
+        views: view factors of the patches.
+        patch: patch of each fragment.
+        area: areas of the fragments [m^2].
+        emissivity: emissivities of the fragments; differentiable.
+        fragments: number of fragments of each body.
     """
     dtype = emissivity.dtype
-    own: Any = jnp if is_traced(emissivity) else np
-    wide = emissivity if own is jnp else np.asarray(emissivity, float)
-    grey = own.maximum(wide, LEAST_EMISSIVITY)
+    xp: Any = jnp if is_traced(emissivity) else np
+    wide = emissivity if xp is jnp else np.asarray(emissivity, float)
+    grey = xp.maximum(wide, _MIN_EMISSIVITY)
     count = len(views.area)
-    as_own = lambda values: own.asarray(values, wide.dtype)
-    emitting = as_own(area) * grey
-    if own is jnp:
+    cast = lambda values: xp.asarray(values, wide.dtype)
+    emitting = cast(area) * grey
+    if xp is jnp:
         grey_area = jax.ops.segment_sum(emitting, jnp.asarray(patch), count)
     else:
         grey_area = np.bincount(patch, emitting, count)
-    mean = grey_area / as_own(views.area)
-    spread, outside = irradiation(
-        as_own(views.factor), as_own(views.to_surroundings), mean
+    mean = grey_area / cast(views.area)
+    transfer, outside = _irradiation_matrix(
+        cast(views.factor), cast(views.to_surroundings), mean
     )
-    give = lambda values: jnp.asarray(values, dtype)
+    output = lambda values: jnp.asarray(values, dtype)
     return PatchExchange(
         patch=jnp.asarray(patch, jnp.int32),
-        weight=give(emitting / grey_area[patch]),
-        emissivity=give(grey),
-        spread=give(spread),
-        from_surroundings=give(outside),
-        grey_area=give(grey_area),
+        weight=output(emitting / grey_area[patch]),
+        emissivity=output(grey),
+        transfer=output(transfer),
+        from_surroundings=output(outside),
+        grey_area=output(grey_area),
         fragments=fragments,
     )

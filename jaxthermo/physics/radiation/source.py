@@ -1,11 +1,12 @@
-"""Sources of radiation: Lambert's law at the surface, and the sun (thesis eq. 3).
+"""Sources of radiation: their common interface, the sun and a point source.
 
-Each gives an irradiance of strength times exposure, and the surface absorbs
+A surface absorbs
 
     q = a E A,    E = strength(t) X,
 
-with the absorptivity a and the true area A. The exposure X is geometry: the cosine, the
-distance and the shadows. Where a source moves, it is frozen moment by moment.
+with the absorptivity a, the irradiance E and the true area A (thesis eq. 3). The
+exposure X is geometry: cosine, distance and shadows. A moving source is evaluated at
+fixed positions, one for each snapshot.
 """
 
 import abc
@@ -16,6 +17,7 @@ from typing import Any, TypeVar
 import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float
+from typing_extensions import override
 
 from ...arrays import Scalar
 from ...errors import InputError
@@ -23,56 +25,54 @@ from ...raster.directions import unit_vector
 from ..boundary import ImposedFlux
 from ..term import AbstractSurfaceTerm, Binding, Forcing, Omitted, Surface, binding
 from ..time_varying import check_value, for_jit, is_zero, largest
-from .visibility import lit_share, lit_share_from
+from .visibility import lit_fraction, lit_fraction_from_point
 
 
 Triple = tuple[float, float, float]
 
 
 def fixed_or_moving(value: Any) -> Any:
-    """Three numbers as a tuple; functions, and what the checks will refuse, as is."""
+    """Three numbers as a tuple; functions, and invalid values, unchanged."""
     try:
         return value if callable(value) else tuple(float(number) for number in value)
     except (TypeError, ValueError):
         return value
 
 
-Own = TypeVar("Own", bound="AbstractSource")
+_Source = TypeVar("_Source", bound="AbstractSource")
 
 
 class AbstractSource(AbstractSurfaceTerm):
-    """Something that shines on surfaces and is not warmed by them."""
+    """Source that irradiates surfaces and is not heated by them."""
 
     @property
     @abc.abstractmethod
     def strength(self) -> Any:
-        """The irradiance for each unit of exposure; a number or a function of time."""
+        """Irradiance for a unit of exposure: a number or a function of time."""
 
     @property
     @abc.abstractmethod
-    def place(self) -> str:
-        """Which of its fields says where it is, and may be a function of time."""
+    def location_field(self) -> str:
+        """Name of the field with its position or direction, perhaps a function."""
 
-    def check_given(self, value: Any, what: str) -> None:
-        """Refuse what is no place.
-
-        Raises:
-            InputError: naming `what`.
-        """
+    def check_location_value(self, value: Any, what: str) -> None:
+        """Raise an InputError that names `what` for an invalid position."""
         check_point(value, what)
 
     @property
+    @override
     def moves(self) -> bool:
-        """Whether its place is a function of time."""
-        return callable(getattr(self, self.place))
+        return callable(getattr(self, self.location_field))
 
-    def at(self: Own, time: float) -> Own:
-        """The source as it stands at `time` [s]."""
+    @override
+    def at(self: _Source, time: float) -> _Source:
         if not self.moves:
             return self
-        value = placed(getattr(self, self.place), time)
-        self.check_given(value, f"{type(self).__name__}({self.place}=) at {time:g} s:")
-        return replace(self, **{self.place: triple(value)})
+        field = self.location_field
+        value = location_at(getattr(self, field), time)
+        what = f"{type(self).__name__}({field}=) at {time:g} s:"
+        self.check_location_value(value, what)
+        return replace(self, **{field: triple(value)})
 
     @abc.abstractmethod
     def exposure(
@@ -82,22 +82,18 @@ class AbstractSource(AbstractSurfaceTerm):
         normal: Float[np.ndarray, "s 3"],
         pitch: float,
     ) -> Float[np.ndarray, " s"]:
-        """Irradiance of surface points for each unit of strength, never negative.
+        """Irradiance of surface points for a unit of strength, never negative.
 
         Args:
-            triangles: everything that casts shadows, world [m].
-            position: the points [m].
-            normal: outward at them.
-            pitch: edge of the squares that the points stand for [m].
+            triangles: all surfaces that cast shadows, world [m].
+            position: surface points [m].
+            normal: outward unit normals at the points.
+            pitch: edge of the squares that the points represent [m].
         """
 
     @abc.abstractmethod
-    def check_place(self, surface: Surface) -> None:
-        """Refuse a source that stands where none can.
-
-        Raises:
-            InputError: if it is inside this body.
-        """
+    def check_location(self, surface: Surface) -> None:
+        """Raise an InputError if the source is inside this body."""
 
     def bind(
         self, surface: Surface, reference: Scalar
@@ -111,7 +107,7 @@ class AbstractSource(AbstractSurfaceTerm):
         acts = surface.acted_on(None)
         if isinstance(acts, Omitted):
             return acts
-        self.check_place(surface)
+        self.check_location(surface)
         exposure = self.exposure(
             surface.scene_triangles, surface.position, surface.normal, surface.pitch
         )
@@ -124,46 +120,54 @@ class AbstractSource(AbstractSurfaceTerm):
 
 
 class Sun(AbstractSource):
-    """Parallel rays with shadows: X = max(0, -d . n) s, lit share s."""
+    """Parallel rays from one direction d, with shadows.
+
+    E = irradiance max(0, -d . n) s [W/m^2], with the lit fraction s of each fragment.
+
+    Raises:
+        InputError: for a direction of length 0, or a negative irradiance.
+    """
 
     direction: Triple | Callable[[float], Any] = eqx.field(
         static=True, converter=fixed_or_moving
     )
-    """The way the rays travel, any length; or a function of time [s] that gives it."""
+    """Direction of the rays, of any length, or a function of time [s] for it."""
     irradiance: Any
-    """E on a surface that faces the rays [W/m^2]; a number or a function of time."""
+    """Irradiance normal to the rays [W/m^2]: a number or a function of time."""
 
     def __check_init__(self):
-        self.check_given(placed(self.direction, 0.0), "Sun(direction=)")
+        self.check_location_value(location_at(self.direction, 0.0), "Sun(direction=)")
         check_value(self.irradiance, "Sun(irradiance [W/m^2])", 0.0)
 
     @property
+    @override
     def name(self) -> str:
-        """In the ledger."""
         return "sun"
 
     @property
+    @override
     def strength(self) -> Any:
-        """Its irradiance [W/m^2]."""
         return self.irradiance
 
     @property
+    @override
     def values(self) -> tuple[Any, ...]:
-        """Its irradiance."""
         return (self.irradiance,)
 
     @property
-    def place(self) -> str:
-        """Its direction."""
+    @override
+    def location_field(self) -> str:
         return "direction"
 
-    def check_given(self, value: Any, what: str) -> None:
-        """Refuse what is no direction."""
+    @override
+    def check_location_value(self, value: Any, what: str) -> None:
         unit_vector(value, what)
 
-    def check_place(self, surface: Surface) -> None:
-        """It is nowhere."""
+    @override
+    def check_location(self, surface: Surface) -> None:
+        """Accept any scene: parallel rays have no position."""
 
+    @override
     def exposure(
         self,
         triangles: Float[np.ndarray, "f 3 3"],
@@ -171,32 +175,28 @@ class Sun(AbstractSource):
         normal: Float[np.ndarray, "s 3"],
         pitch: float,
     ) -> Float[np.ndarray, " s"]:
-        """Lambert's cosine times the lit share of surface points: 0 to 1."""
+        """Lambert's cosine times the lit fraction of surface points [-]."""
         cosine = np.maximum(0.0, -normal @ unit_vector(self.direction))
-        return cosine * lit_share(triangles, position, normal, self.direction, pitch)
+        return cosine * lit_fraction(triangles, position, normal, self.direction, pitch)
 
+    @override
     def forcing(self, end: float | int) -> Forcing:
-        """An imposed heat flux [W/m^2]."""
         return Forcing(heat_flux=largest(self.irradiance, end))
 
 
-def placed(value: Any, time: float) -> Any:
-    """A place or direction at `time` [s], whether it is one or a function of time."""
+def location_at(value: Any, time: float) -> Any:
+    """Position or direction at `time` [s], given as numbers or a function of time."""
     return value(time) if callable(value) else value
 
 
 def triple(value: Any) -> Triple:
-    """Three numbers that are known to be such."""
+    """Three numbers as a tuple of floats, for values already checked."""
     x, y, z = (float(number) for number in np.asarray(value, float))
     return x, y, z
 
 
 def check_point(value: Any, what: str) -> None:
-    """Refuse what is no point in space.
-
-    Raises:
-        InputError: naming `what`.
-    """
+    """Raise an InputError that names `what` unless `value` is a point in space."""
     try:
         point = np.asarray(value, float)
     except (TypeError, ValueError):
@@ -208,7 +208,7 @@ def check_point(value: Any, what: str) -> None:
 def inside_body(
     surface: Surface, points: Float[np.ndarray, "p 3"]
 ) -> Bool[np.ndarray, " p"]:
-    """Which world points [m] lie in a solid voxel of a body."""
+    """True for each world point [m] inside a solid voxel of a body."""
     grid = surface.grid
     cells = np.floor(grid.lattice.to_cells(surface.pose.unplace(points))).astype(int)
     within = ((cells >= 0) & (cells < grid.lattice.shape)).all(1)
@@ -217,27 +217,29 @@ def inside_body(
     return found
 
 
-# A small source near by: irradiance I cos / R^2, with the shadows of one point.
-#
-# E = I max(0, L . n) s / max(R, R_0)^2: radiant intensity I [W/sr], the unit vector L
-# to the source, lit share s, distance R, and the least distance R_0 from which on a
-# real source is no point any more. The thesis' eq. 3 leaves the distance out.
-
-
 class PointSource(AbstractSource):
-    """Rays from one point, the same in all directions, with shadows."""
+    """Isotropic point source, with shadows.
+
+    E = I max(0, L . n) s / max(R, R_0)^2 [W/m^2],
+
+    with the unit vector L to the source, the lit fraction s and the distance R. Below
+    R_0 a real source is no point any more. (The thesis' eq. 3 omits the distance.)
+
+    Raises:
+        InputError: for an invalid position, or values that are not positive.
+    """
 
     position: Triple | Callable[[float], Any] = eqx.field(
         static=True, converter=fixed_or_moving
     )
-    """World [m]; or a function of time [s] that gives it."""
+    """World position [m], or a function of time [s] that returns it."""
     radiant_intensity: Any
-    """I [W/sr], the power over 4 pi; a number or a function of time."""
+    """I [W/sr], power over 4 pi: a number or a function of time."""
     min_distance: float = eqx.field(static=True, default=0.01)
-    """R_0 [m]: nearer surfaces get what there is at this distance."""
+    """R_0 [m]: closer surfaces receive the irradiance at this distance."""
 
     def __check_init__(self):
-        check_point(placed(self.position, 0.0), "PointSource(position=)")
+        check_point(location_at(self.position, 0.0), "PointSource(position=)")
         what = "PointSource(radiant_intensity [W/sr])"
         check_value(self.radiant_intensity, what, 0.0)
         if not (np.isfinite(self.min_distance) and self.min_distance > 0):
@@ -247,37 +249,34 @@ class PointSource(AbstractSource):
             )
 
     @property
+    @override
     def name(self) -> str:
-        """In the ledger."""
         return "point_source"
 
     @property
+    @override
     def strength(self) -> Any:
-        """Its radiant intensity [W/sr]."""
         return self.radiant_intensity
 
     @property
+    @override
     def values(self) -> tuple[Any, ...]:
-        """Its radiant intensity."""
         return (self.radiant_intensity,)
 
     @property
-    def place(self) -> str:
-        """Its position."""
+    @override
+    def location_field(self) -> str:
         return "position"
 
-    def check_place(self, surface: Surface) -> None:
-        """Refuse a source inside a body.
-
-        Raises:
-            InputError: if it is.
-        """
+    @override
+    def check_location(self, surface: Surface) -> None:
         if inside_body(surface, np.asarray(self.position, float)[None]).any():
             raise InputError(
                 f"PointSource(position={self.position}): is inside body "
                 f"{surface.body}; move it out of the body"
             )
 
+    @override
     def exposure(
         self,
         triangles: Float[np.ndarray, "f 3 3"],
@@ -285,22 +284,22 @@ class PointSource(AbstractSource):
         normal: Float[np.ndarray, "s 3"],
         pitch: float,
     ) -> Float[np.ndarray, " s"]:
-        """Cosine times lit share over the square of the distance [1/m^2]."""
-        eye = np.asarray(self.position, float)
-        away = eye - position
+        """Cosine times lit fraction over the squared distance [1/m^2]."""
+        origin = np.asarray(self.position, float)
+        away = origin - position
         distance = np.linalg.norm(away, axis=1)
         floored = np.maximum(distance, self.min_distance)
         along = np.einsum("ij,ij->i", normal, away) / np.where(
             distance > 0, distance, 1
         )
         found = np.maximum(0.0, along) / (floored * floored)
-        faces = np.flatnonzero(found > 0)
-        found[faces] *= lit_share_from(
-            triangles, position[faces], normal[faces], eye, pitch
+        facing = np.flatnonzero(found > 0)
+        found[facing] *= lit_fraction_from_point(
+            triangles, position[facing], normal[facing], origin, pitch
         )
         return found
 
+    @override
     def forcing(self, end: float | int) -> Forcing:
-        """The heat flux at the least distance [W/m^2]."""
-        most = largest(self.radiant_intensity, end)
-        return Forcing(heat_flux=most / (self.min_distance * self.min_distance))
+        highest = largest(self.radiant_intensity, end)
+        return Forcing(heat_flux=highest / (self.min_distance * self.min_distance))

@@ -1,14 +1,19 @@
-"""Which patches see each other: bundles of parallel lines through the whole scene.
+"""View factors between patches of several bodies, by global lines through the scene.
 
-Every ray of a view meets surfaces in the order of their depth layers. Where it leaves
-one and enters the next, the two see each other along that line, both ways, and a line's
-first and last surface see the surroundings. So
+Along every line of a view, surfaces follow each other in the order of their depth
+layers. Where the line leaves one surface and enters the next, the two see each other
+along it, in both directions, and its first and last surface see the surroundings. So
 
-    A_i F_ij = integral over directions of dw/pi, over the rays of dA, of [i sees j],
+    A_i F_ij = integral over directions of dw/pi, over the lines of dA, of [i sees j],
 
-with as many views as directions. It needs no ray of its own for any patch, is symmetric
-by construction, and whatever stands between two patches is found by the same sort that
-orders them. Source: the global lines of Sbert, Comput. Graph. Forum 12(3) (1993).
+with as many views as directions, no lines of its own for any patch, symmetric by
+construction, and obstacles are found by the same sort that orders the layers. Source:
+the global lines of Sbert, Comput. Graph. Forum 12(3) (1993).
+
+The symmetric sampled areas A_i F_ij are then scaled, A_i F_ij -> d_i A_i F_ij d_j, such
+that together with the surroundings every row adds up to the patch's true area: an F_ij
+of zero stays zero, and a closed cavity stays closed. The remaining rounding error goes
+to the patch's own F_ii, which exchanges nothing.
 """
 
 from collections.abc import Iterator
@@ -33,19 +38,19 @@ from .patches import Patches
 
 
 class PatchedBody(NamedTuple):
-    """A body whose surface is in patches."""
+    """Body with the patches of its surface."""
 
     triangles: Float[np.ndarray, "f 3 3"]
-    """World [m], wound counter-clockwise seen from outside."""
+    """World [m], counter-clockwise seen from outside."""
     patches: Patches
     pose: Pose = Pose()
 
 
-class Sight(NamedTuple):
-    """Areas that patches see of each other, and of the surroundings [m^2]."""
+class ExchangeAreas(NamedTuple):
+    """Area times view factor between patches, and to the surroundings [m^2]."""
 
     between: Float[np.ndarray, "p p"]
-    """A_i F_ij = A_j F_ji, all bodies' patches one after the other."""
+    """A_i F_ij = A_j F_ji, patches of all bodies concatenated."""
     outside: Float[np.ndarray, " p"]
     """A_i times the view factor to the surroundings."""
 
@@ -55,11 +60,11 @@ class _Scene(NamedTuple):
     normal: Float[np.ndarray, "f 3"]
     body: Int[np.ndarray, " f"]
     first: Int[np.ndarray, " b"]
-    """Number of each body's first patch among all."""
+    """Index of each body's first patch among all patches."""
     count: int
 
 
-def _joined(bodies: tuple[PatchedBody, ...]) -> _Scene:
+def _concatenated(bodies: tuple[PatchedBody, ...]) -> _Scene:
     triangles = np.concatenate([body.triangles for body in bodies])
     a, b, c = np.moveaxis(triangles, 1, 0)
     counts = [body.patches.count for body in bodies]
@@ -72,8 +77,8 @@ def _joined(bodies: tuple[PatchedBody, ...]) -> _Scene:
     )
 
 
-PLASTIC = np.array([0.7548776662466927, 0.5698402909980532])
-"""Steps of an even sequence in the unit square: 1/g and 1/g^2 with g^3 = g + 1."""
+# Steps of a low-discrepancy sequence in the unit square: 1/g, 1/g^2 with g^3 = g + 1.
+_SEQUENCE_STEP = np.array([0.7548776662466927, 0.5698402909980532])
 
 
 def _views(
@@ -81,35 +86,33 @@ def _views(
     directions: Float[np.ndarray, "d 3"],
     pixel: float,
 ) -> Iterator[OrthographicView]:
-    """A view each, its pixels displaced by a part of one.
-
-    Centred on what it holds, a view would count half a pixel too much on average.
-    """
+    """View along each direction, its pixels displaced by a fraction of one."""
+    # A view centred on the scene would count half a pixel too much on average.
     for index, direction in enumerate(directions):
         view = orthographic_view(points, direction, pixel)
-        shift = np.append((index * PLASTIC) % 1.0 - 0.5, 0.0) * pixel
+        shift = np.append((index * _SEQUENCE_STEP) % 1.0 - 0.5, 0.0) * pixel
         yield replace(view, corner=view.corner + shift)
 
 
 def _hits(bodies, scene: _Scene, view: OrthographicView, layers: DepthLayers):
-    """The patch that each fragment of the view belongs to."""
+    """Patch of each fragment of the view."""
     row, column = np.divmod(layers.pixel, view.width)
     seen = np.stack([column + 0.5, row + 0.5, layers.depth], axis=1)
     point = (seen * view.pitch + view.corner) @ view.frame
     body = scene.body[layers.triangle]
     patch = np.zeros(len(point), int)
-    for number, one in enumerate(bodies):
-        own = np.flatnonzero(body == number)
-        normal = scene.normal[layers.triangle[own]]
-        place = one.pose.unplace(point[own]), one.pose.unturn(normal)
-        patch[own] = scene.first[number] + one.patches.of(*place)
+    for number, patched in enumerate(bodies):
+        hits = np.flatnonzero(body == number)
+        normal = scene.normal[layers.triangle[hits]]
+        local = patched.pose.unplace(point[hits]), patched.pose.unturn(normal)
+        patch[hits] = scene.first[number] + patched.patches.patch_of(*local)
     return patch
 
 
-def _look(
+def _count_lines(
     bodies, scene: _Scene, view: OrthographicView, room: tuple[int, int]
 ) -> tuple[np.ndarray, np.ndarray, tuple[int, int]]:
-    """How often which patches see each other, which the surroundings, and the room."""
+    """Lines between each pair of patches and to the surroundings; array capacities."""
     corners = view.project(scene.triangles)
     room = shared_room(corners, view.width, view.height, room)
     with jax.ensure_compile_time_eval():
@@ -126,32 +129,32 @@ def _look(
     return pairs, np.bincount(ends, minlength=scene.count), room
 
 
-def all_round(bodies: tuple[PatchedBody, ...], directions: int, pixel: float) -> Sight:
-    """Everything that every patch sees, in directions over the whole sphere.
+def _sample_all_directions(
+    bodies: tuple[PatchedBody, ...], directions: int, pixel: float
+) -> ExchangeAreas:
+    """Exchange areas from directions over the whole sphere.
 
     Args:
-        bodies: the scene.
-        directions: how many; an odd one counts as one more.
+        bodies: all bodies of the scene.
+        directions: number of directions; an odd one counts as one more.
         pixel: distance of the lines [m].
     """
-    scene = _joined(bodies)
+    scene = _concatenated(bodies)
     between, outside = np.zeros((scene.count, scene.count)), np.zeros(scene.count)
     room, half = (SMALLEST, SMALLEST), (directions + 1) // 2
     weight = 2 / half * pixel * pixel
     for view in _views(scene.triangles, half_sphere_directions(half), pixel):
-        pairs, ends, room = _look(bodies, scene, view, room)
+        pairs, ends, room = _count_lines(bodies, scene, view, room)
         between += weight * pairs
         outside += weight * ends
-    return Sight(between + between.T, outside)
+    return ExchangeAreas(between + between.T, outside)
 
 
 def _cone(
     first: Float[np.ndarray, "n 3"], second: Float[np.ndarray, "m 3"], pose: Pose
 ) -> tuple[np.ndarray, float]:
-    """Axis and least cosine of all that leads from the one's box to the other's.
-
-    The boxes lie along the axes of `pose`.
-    """
+    """Axis and smallest cosine of the cone of directions from one box to another."""
+    # The boxes are aligned with the axes of `pose`.
     ends = [pose.unturn(points) for points in (first, second)]
     low, high = ends[1].min(0) - ends[0].max(0), ends[1].max(0) - ends[0].min(0)
     corners = np.where(np.indices((2, 2, 2)).reshape(3, -1).T == 1, high, low)
@@ -161,67 +164,58 @@ def _cone(
     return pose.turn(axis), float(cosines.min())
 
 
-def towards(
-    bodies: tuple[PatchedBody, ...], pair: tuple[int, int], directions: int, across: int
+def _sample_pair(
+    bodies: tuple[PatchedBody, ...], pair: tuple[int, int], directions: int, lines: int
 ) -> Float[np.ndarray, "p p"] | None:
-    """What two bodies see of each other, in the directions in which they can.
+    """Exchange areas of two bodies, from the cone of directions between them.
 
-    However far apart they are, all lines go from the one to the other.
+    All lines go from one body to the other, however far apart they are.
 
     Args:
-        bodies: the scene; the others may stand in the way.
-        pair: numbers of the two.
-        directions: how many.
-        across: lines over the smaller body.
+        bodies: all bodies of the scene, each a possible obstacle.
+        pair: numbers of the two bodies.
+        directions: number of directions.
+        lines: lines across the smaller body.
 
     Returns:
-        A_i F_ij of all patches; None if no box around the one, in the world's frame
-        or in the bodies' own, is apart from one around the other.
+        A_i F_ij of all patches; None if no pair of boxes around the bodies, along the
+        world's axes or those of either body, is separate.
     """
     first, second = (bodies[number].triangles.reshape(-1, 3) for number in pair)
     poses = [Pose(), *(bodies[number].pose for number in pair)]
     cones = [_cone(first, second, pose) for pose in poses]
-    axis, least = max(cones, key=lambda cone: cone[1])
-    if least <= 0:
+    axis, min_cosine = max(cones, key=lambda cone: cone[1])
+    if min_cosine <= 0:
         return None
-    scene = _joined(bodies)
+    scene = _concatenated(bodies)
     extent = lambda points: float(np.ptp(points, axis=0).max())
     small = min(first, second, key=extent)
-    pixel = extent(small) / across
+    pixel = extent(small) / lines
     between = np.zeros((scene.count, scene.count))
     room = (SMALLEST, SMALLEST)
-    weight = 2 * (1 - least) / directions * pixel * pixel
+    weight = 2 * (1 - min_cosine) / directions * pixel * pixel
     spans = [
         slice(scene.first[n], scene.first[n] + bodies[n].patches.count) for n in pair
     ]
-    for view in _views(small, cap_directions(axis, least, directions), pixel):
-        pairs, _, room = _look(bodies, scene, view, room)
+    for view in _views(small, cap_directions(axis, min_cosine, directions), pixel):
+        pairs, _, room = _count_lines(bodies, scene, view, room)
         between += weight * pairs
     only = np.zeros_like(between)
     only[spans[0], spans[1]] = between[spans[0], spans[1]]
     return only + only.T
 
 
-# View factors between the patches of near bodies, reciprocal and closed.
-#
-# Sampled areas A_i F_ij are symmetric as they are. They are made to add up by a
-# symmetric scaling, A_i F_ij -> d_i A_i F_ij d_j, such that with the surroundings every
-# row adds up to the patch's true area: what sees nothing stays so, and a sealed cavity
-# stays sealed. The rounding that is left goes to the patch's own F_ii, which exchanges
-# nothing.
+DEFAULT_DIRECTIONS = 128
+"""Views of the scene from all directions, and as many between each pair of bodies."""
 
+DEFAULT_LINES = 64
+"""Lines across the largest extent of the scene, or of the smaller body of a pair."""
 
-DIRECTIONS = 128
-"""All round, and again as many from each body to each other one."""
-
-ACROSS = 64
-"""Lines over the largest extent of the scene, and of a body that is looked at."""
-
-ROUNDS = 200
+_MAX_SCALINGS = 200
 
 
 class ViewFactors(NamedTuple):
-    """Of all bodies' patches, one after the other."""
+    """View factors of the patches of all bodies, concatenated."""
 
     area: Float[np.ndarray, " p"]
     """[m^2]"""
@@ -232,69 +226,70 @@ class ViewFactors(NamedTuple):
 
     @property
     def factor(self) -> Float[np.ndarray, "p p"]:
-        """F_ij: the share of what patch i emits that reaches patch j."""
+        """View factor F_ij [-]: fraction of emission of patch i that hits patch j."""
         return self.between / self.area[:, None]
 
     @property
     def to_surroundings(self) -> Float[np.ndarray, " p"]:
-        """F of each patch to the surroundings; with the others 1 in sum."""
+        """View factor of each patch to the surroundings [-]."""
         return self.outside / self.area
 
 
 def view_factors(
     bodies: tuple[PatchedBody, ...],
-    directions: int = DIRECTIONS,
-    across: int = ACROSS,
+    directions: int = DEFAULT_DIRECTIONS,
+    lines: int = DEFAULT_LINES,
 ) -> ViewFactors:
-    """View factors by lines of sight, for any number of bodies of any shape.
+    """View factors between the patches of any number of bodies of any shape.
 
     Args:
-        bodies: whose surfaces exchange; all of them may stand in each other's way.
-        directions: how many views of the scene, and of each pair of bodies.
-        across: lines over the largest extent, of the scene or of the smaller body.
+        bodies: all bodies of the scene, each a possible obstacle.
+        directions: number of views of the scene, and of each pair of bodies.
+        lines: lines across the largest extent of the scene, or the smaller body.
 
     Raises:
         InputError: for fewer than 8 directions or lines.
     """
-    if directions < 8 or across < 8:
+    if directions < 8 or lines < 8:
         raise InputError(
-            f"view factors: directions={directions}, across={across}; "
+            f"view factors: directions={directions}, lines={lines}; "
             "give 8 or more of both"
         )
     extent = max(float(np.ptp(b.triangles.reshape(-1, 3), 0).max()) for b in bodies)
     area = np.concatenate([body.patches.area for body in bodies])
-    found = balanced(all_round(bodies, directions, extent / across), area)
+    found = balance(_sample_all_directions(bodies, directions, extent / lines), area)
     for first in range(len(bodies)):
         for second in range(first + 1, len(bodies)):
-            seen = towards(bodies, (first, second), directions, across)
+            seen = _sample_pair(bodies, (first, second), directions, lines)
             if seen is not None:
                 found = _replaced(found, seen, bodies, (first, second))
     return found
 
 
 def _replaced(found: ViewFactors, seen, bodies, pair: tuple[int, int]) -> ViewFactors:
-    """With one pair of bodies sampled better; the surroundings take the difference."""
+    """View factors with better samples of one pair of bodies."""
     counts = [body.patches.count for body in bodies]
     number = np.repeat(np.arange(len(bodies)), counts)
     a, b = number == pair[0], number == pair[1]
     between = np.where((a[:, None] & b) | (b[:, None] & a), seen, found.between)
+    # The surroundings take the difference, so that the rows keep their sums.
     outside = found.outside + (found.between - between).sum(1)
-    return balanced(Sight(between, np.maximum(outside, 0.0)), found.area)
+    return balance(ExchangeAreas(between, np.maximum(outside, 0.0)), found.area)
 
 
-def balanced(sight: Sight, area: Float[np.ndarray, " p"]) -> ViewFactors:
-    """Scaled such that every patch sees as much as it has area.
+def balance(sampled: ExchangeAreas, area: Float[np.ndarray, " p"]) -> ViewFactors:
+    """View factors scaled such that every row adds up to the area of its patch.
 
     Args:
-        sight: symmetric, as sampled.
-        area: of the patches [m^2].
+        sampled: symmetric exchange areas.
+        area: areas of the patches [m^2].
     """
-    between = sight.between
-    # A patch that no line has met sees the surroundings.
-    met = between.sum(1) + sight.outside > 0
-    outside = np.where(met, sight.outside, area)
+    between = sampled.between
+    # A patch that no line has hit sees the surroundings.
+    hit = between.sum(1) + sampled.outside > 0
+    outside = np.where(hit, sampled.outside, area)
     scale = np.ones(len(area))
-    for _ in range(ROUNDS):
+    for _ in range(_MAX_SCALINGS):
         row = scale * (between @ scale + outside)
         # The square root keeps the two ends of a pair from overcorrecting each other.
         scale = scale * np.sqrt(area / row)

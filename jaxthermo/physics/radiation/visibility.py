@@ -1,14 +1,18 @@
-"""Shadow maps: which part of each fragment a source sees.
+"""Visibility of sources and surroundings from surface points, by depth maps.
 
-The scene's first depth layer as the source sees it, at half a voxel a pixel or finer. A
-fragment is sampled at four points of its own square and at each is lit if nothing lies
-in front of it. Samples are lifted off the surface along its normal by 3/4 of a pixel:
-the depth of a plane varies by less than that across a pixel at any angle, so a surface
-never shades itself, and a shadow is displaced by less than half a voxel as the source
-sees it. In perspective the same holds with a pixel's size at the fragment's depth.
+Shadows: the first depth layer of the scene as the source sees it, at half a voxel a
+pixel or finer. A fragment is sampled at four points of its square, each of which is lit
+if nothing is in front of it.
+
+Ambient occlusion: the view factor to the surroundings,
+
+    F = 1/pi integral of v(w) max(0, n . w) dw,
+
+over all directions w, with v = 1 where nothing obstructs the view, in two parts: the
+sky above the horizon and the ground below it. Without obstacles F_sky = (1 + n_z) / 2
+and F_ground = (1 - n_z) / 2. The unobstructed fraction of either is sampled in the same
+directions everywhere, so that unobstructed surfaces have exactly these values.
 """
-
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -26,11 +30,14 @@ from ...raster.layers import depth_range
 from ...raster.perspective import PerspectiveView, perspective_views
 
 
-SAMPLE_RADIUS = 0.3
-"""Distance of the four samples from the fragment's middle, in voxels."""
+# Distance of the four samples from the fragment's centre, in voxels.
+_SAMPLE_RADIUS = 0.3
 
-LIFT = 0.75
-"""Along the normal, in pixels of the map; sqrt(1/2) would just do."""
+# Samples are lifted off the surface along its normal by this many pixels. The depth of
+# a plane varies by less than sqrt(1/2) across a pixel at any angle, so a surface never
+# shades itself, and a shadow is displaced by less than half a voxel as the source sees
+# it. In perspective the same holds with a pixel's size at the fragment's depth.
+_LIFT = 0.75
 
 
 def _tangents(normal: Float[np.ndarray, "s 3"]) -> tuple[np.ndarray, np.ndarray]:
@@ -51,9 +58,9 @@ def _lit_samples(
     normal: Float[np.ndarray, "s 3"],
     pitch: float,
 ) -> Float[np.ndarray, " s"]:
-    """Share of the samples around lifted points with nothing in front of them."""
+    """Fraction of the samples around lifted points with nothing in front of them."""
     lit = np.zeros(len(raised))
-    first, second = (t * SAMPLE_RADIUS * pitch for t in _tangents(normal))
+    first, second = (t * _SAMPLE_RADIUS * pitch for t in _tangents(normal))
     for offset in (first, -first, second, -second):
         sample = view.project(raised + offset)
         column = np.clip(sample[:, 0].astype(int), 0, view.width - 1)
@@ -62,49 +69,49 @@ def _lit_samples(
     return lit
 
 
-def lit_share(
+def lit_fraction(
     triangles: Float[np.ndarray, "f 3 3"],
     position: Float[np.ndarray, "s 3"],
     normal: Float[np.ndarray, "s 3"],
     direction: object,
     pitch: float,
 ) -> Float[np.ndarray, " s"]:
-    """Share of each surface point's square that parallel rays reach, 0 to 1.
+    """Fraction of each surface point's square that parallel rays hit [-].
 
     Args:
-        triangles: everything that casts shadows, world [m].
-        position: the points [m].
-        normal: outward at them.
-        direction: the way the rays travel.
-        pitch: edge of the squares [m]; the map has half of it a pixel.
+        triangles: all surfaces that cast shadows, world [m].
+        position: surface points [m].
+        normal: outward unit normals at the points.
+        direction: direction of the rays.
+        pitch: edge of the squares [m]; a pixel of the map is half of it.
     """
     lit = np.zeros(len(position))
     facing = np.flatnonzero(normal @ view_frame(direction)[2] < 0)
     if not len(facing):
         return lit
-    # Only as large as what may be lit: a vast ground beyond it costs nothing.
+    # The map covers only surfaces that may be lit: a vast ground costs nothing.
     view = orthographic_view(position[facing], direction, pitch / 2)
     _check_map(view)
     nearest, _ = depth_range(view.project(triangles), view.width, view.height)
-    raised = position[facing] + normal[facing] * LIFT * view.pitch
+    raised = position[facing] + normal[facing] * _LIFT * view.pitch
     lit[facing] = _lit_samples(view, nearest, raised, normal[facing], pitch)
     return lit
 
 
-def lit_share_from(
+def lit_fraction_from_point(
     triangles: Float[np.ndarray, "f 3 3"],
     position: Float[np.ndarray, "s 3"],
     normal: Float[np.ndarray, "s 3"],
     eye: Float[np.ndarray, "3"],
     pitch: float,
 ) -> Float[np.ndarray, " s"]:
-    """Share of each surface point's square that rays from one point reach, 0 to 1.
+    """Fraction of each surface point's square that rays from one point hit [-].
 
     Args:
-        triangles: everything that casts shadows, world [m].
-        position: the points [m].
-        normal: outward at them.
-        eye: where the rays come from [m].
+        triangles: all surfaces that cast shadows, world [m].
+        position: surface points [m].
+        normal: outward unit normals at the points.
+        eye: origin of the rays [m].
         pitch: edge of the squares [m]; a pixel is half of it or less at each of them.
     """
     lit = np.zeros(len(position))
@@ -116,63 +123,46 @@ def lit_share_from(
         nearest = view.nearest(triangles)
         seen = facing[chosen]
         size = view.pixel * view.project(position[seen])[:, 2]
-        raised = position[seen] + normal[seen] * (LIFT * size)[:, None]
+        raised = position[seen] + normal[seen] * (_LIFT * size)[:, None]
         lit[seen] = _lit_samples(view, nearest, raised, normal[seen], pitch)
     return lit
 
 
-# Ambient occlusion: how much of the surroundings each piece of surface sees.
-#
-# F = 1/pi integral of v(w) max(0, n . w) dw over all directions w, with v = 1 where
-# nothing stands in the way: the view factor to the surroundings, in two parts, the sky
-# above the horizon and the ground below it. Without obstacles F_sky = (1 + n_z) / 2 and
-# F_ground = (1 - n_z) / 2; what obstacles leave of either is sampled in the same
-# directions everywhere, so that free surfaces have exactly this.
-#
-# A view along a direction tells who sees that way by its first depth layer, and who
-# sees the opposite way by its last: one map for two directions.
+DEFAULT_DIRECTIONS = 128
+"""Directions over the whole sphere; half as many depth maps."""
 
+_MIN_DIRECTIONS = 8
 
-DIRECTIONS = 128
-"""How many, by default; half as many maps."""
+# Pixel of a depth map, in voxels.
+_PIXEL = 1.0
 
-FEWEST = 8
+# Tolerance of depths for surfaces that are not quite flat, in pixels.
+_DEPTH_TOLERANCE = 0.1
 
-PIXEL = 1.0
-"""Of a map, in voxels."""
-
-
-SLACK = 0.1
-"""Of depths, in pixels, for surfaces that are not quite flat."""
-
-FARTHEST = 6.0
-"""How much deeper or nearer than a point its ray may be looked at, in pixels: more is
-needed only of rays that make an angle of less than 7 degrees with the surface."""
+# Largest correction of a point's depth to the middle of its pixel, in pixels. Only rays
+# within 7 degrees of the surface need more; they count as unknown.
+_MAX_DEPTH_CORRECTION = 6.0
 
 
 class SkyView(NamedTuple):
-    """View factors to the sky and to the ground; 1 in sum where nothing is near."""
+    """View factors to sky and ground [-]; their sum is 1 without obstacles."""
 
     sky: Float[np.ndarray, " s"]
     ground: Float[np.ndarray, " s"]
 
 
-def open_view(normal: Float[np.ndarray, "s 3"]) -> SkyView:
-    """Of surfaces that nothing stands before: (1 + n_z) / 2 and (1 - n_z) / 2."""
+def unobstructed_view(normal: Float[np.ndarray, "s 3"]) -> SkyView:
+    """View factors without obstacles: (1 + n_z) / 2 and (1 - n_z) / 2."""
     up = np.clip(normal[:, 2], -1.0, 1.0)
     return SkyView((1 + up) / 2, (1 - up) / 2)
 
 
 def check_directions(directions: int) -> None:
-    """Refuse too few to make a picture of.
-
-    Raises:
-        InputError: below 8, or for what is no whole number.
-    """
-    if not isinstance(directions, int) or directions < FEWEST:
+    """Raise an InputError unless this is a whole number of at least 8."""
+    if not isinstance(directions, int) or directions < _MIN_DIRECTIONS:
         raise InputError(
-            f"occlusion={directions!r}: give {FEWEST} directions or more, "
-            f"such as {DIRECTIONS}"
+            f"occlusion={directions!r}: give {_MIN_DIRECTIONS} directions or more, "
+            f"such as {DEFAULT_DIRECTIONS}"
         )
 
 
@@ -181,37 +171,39 @@ def sky_view(
     position: Float[np.ndarray, "s 3"],
     normal: Float[np.ndarray, "s 3"],
     pitch: float,
-    directions: int = DIRECTIONS,
+    directions: int = DEFAULT_DIRECTIONS,
 ) -> SkyView:
-    """View factors of surface points to sky and ground past all triangles.
+    """View factors of surface points to sky and ground behind obstacles.
 
     Args:
-        triangles: everything that may stand in the way, world [m].
-        position: the points [m].
-        normal: outward at them.
+        triangles: all obstacles, world [m].
+        position: surface points [m].
+        normal: outward unit normals at the points.
         pitch: edge of a voxel [m], and of a pixel.
-        directions: how many, over the whole sphere; an odd one counts as one more.
+        directions: number over the whole sphere; an odd one counts as one more.
 
     Raises:
         InputError: for fewer than 8 directions.
     """
     check_directions(directions)
-    seen, all_of = np.zeros((2, len(position))), np.zeros((2, len(position)))
-    sizes, each = (SMALLEST, SMALLEST), np.arange(len(position))
-    # Upward all of them: the sky is half 0, their opposites are half 1, the ground.
+    seen, sampled = np.zeros((2, len(position))), np.zeros((2, len(position)))
+    sizes, points = (SMALLEST, SMALLEST), np.arange(len(position))
+    # All directions point upward: the sky is half 0, the opposite directions half 1,
+    # the ground. The first depth layer of a map shows the points that are visible from
+    # one side, the last layer those from the other: one map for two directions.
     for upward in half_sphere_directions((directions + 1) // 2):
-        view = orthographic_view(position, upward, PIXEL * pitch)
+        view = orthographic_view(position, upward, _PIXEL * pitch)
         require_memory(view.width * view.height * 16, "a map", "use a coarser pitch")
         corners = view.project(triangles)
         sizes = shared_room(corners, view.width, view.height, sizes)
         ends = depth_range(corners, view.width, view.height, sizes)
         cosine = normal @ upward
-        free, known = _sees_out(view, ends, position, normal)
+        visible, known = _sees_out(view, ends, position, normal)
         half = (cosine <= 0).astype(int)
         weight = np.abs(cosine) * known
-        seen[half, each] += weight * free
-        all_of[half, each] += weight
-    return _scaled(seen, all_of, open_view(normal))
+        seen[half, points] += weight * visible
+        sampled[half, points] += weight
+    return _scaled(seen, sampled, unobstructed_view(normal))
 
 
 def _sees_out(
@@ -220,11 +212,9 @@ def _sees_out(
     position: Float[np.ndarray, "s 3"],
     normal: Float[np.ndarray, "s 3"],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Whether points see out, along the view or against it, and whether it is known.
-
-    The ray through a pixel's middle meets a point's own plane beside the point, the
-    farther the more it grazes the plane. Too far from it nothing is told.
-    """
+    """Flags: the point is visible along the view or against it; the answer is known."""
+    # The ray through a pixel's middle meets the plane of a point beside the point, the
+    # farther the more it grazes the plane. Too far away the depths say nothing.
     at, tilt = view.project(position), normal @ view.frame.T
     column = np.clip(at[:, 0].astype(int), 0, view.width - 1)
     row = np.clip(at[:, 1].astype(int), 0, view.height - 1)
@@ -233,13 +223,18 @@ def _sees_out(
     steep = np.where(np.abs(tilt[:, 2]) > 1e-9, tilt[:, 2], 1e-9)
     deeper = -np.einsum("ij,ij->i", beside, tilt[:, :2]) / steep
     depth = at[:, 2] + deeper
-    free = np.where(tilt[:, 2] > 0, depth + SLACK >= farthest, depth - SLACK <= nearest)
-    return free, np.abs(deeper) <= FARTHEST
+    visible = np.where(
+        tilt[:, 2] > 0,
+        depth + _DEPTH_TOLERANCE >= farthest,
+        depth - _DEPTH_TOLERANCE <= nearest,
+    )
+    return visible, np.abs(deeper) <= _MAX_DEPTH_CORRECTION
 
 
-def _scaled(seen: np.ndarray, all_of: np.ndarray, free: SkyView) -> SkyView:
-    """What is left of the free view, by half; of a sliver without samples as of all."""
-    whole = seen.sum(0) / np.maximum(all_of.sum(0), 1e-30)
-    sampled = all_of > 0
-    share = np.where(sampled, seen / np.where(sampled, all_of, 1.0), whole)
-    return SkyView(free.sky * share[0], free.ground * share[1])
+def _scaled(seen: np.ndarray, sampled: np.ndarray, unobstructed: SkyView) -> SkyView:
+    """Unobstructed view times the visible fraction of sky and ground."""
+    # A sliver of sky or ground without samples takes the fraction of both together.
+    whole = seen.sum(0) / np.maximum(sampled.sum(0), 1e-30)
+    has_samples = sampled > 0
+    visible = np.where(has_samples, seen / np.where(has_samples, sampled, 1.0), whole)
+    return SkyView(unobstructed.sky * visible[0], unobstructed.ground * visible[1])

@@ -13,8 +13,8 @@ from ...physics.newton_iteration_bound import ALL_STEPS, newton_steps
 from ...physics.radiation.radiative_exchange import (
     Enclosure,
     RadiativeExchange,
+    coarsened_enclosure,
     enclosure,
-    merged_enclosure,
     patches_of,
 )
 from ...physics.surface_energy_balance import SurfaceTerms
@@ -158,7 +158,9 @@ def _program(
             )
             for key, size in rules.sizes.items()
         ),
-        enclosure=None if around is None else merged_enclosure(around, places, counts),
+        enclosure=None
+        if around is None
+        else coarsened_enclosure(around, places, counts),
         fine_enclosure=around,
         entries=rules.entries.entries,
         breakpoints=tuple(sorted({k for value in values for k in breakpoints(value)})),

@@ -46,17 +46,17 @@ def test_points_near_fragments_are_in_their_patches(block, seed):
     grid = block
     patches = in_patches(grid, int(random.integers(6, 100))).patches
     place, normal = grid.fragment_position, grid.fragment_normal
-    np.testing.assert_array_equal(patches.of(place, normal), patches.patch)
+    np.testing.assert_array_equal(patches.patch_of(place, normal), patches.patch)
     # Anywhere on the fragment's own square, above or below by rounding.
     shift = random.uniform(-0.0049, 0.0049, place.shape) * (np.abs(normal) < 0.5)
     off = shift + normal * random.uniform(-1e-12, 1e-12, (len(place), 1))
-    np.testing.assert_array_equal(patches.of(place + off, normal), patches.patch)
+    np.testing.assert_array_equal(patches.patch_of(place + off, normal), patches.patch)
 
 
 def test_where_no_fragment_is_the_nearest_patch_of_that_side(hollow):
     patches = in_patches(hollow, 200).patches
     points = np.array([[0.0, 0.0, 0.15], [0.0, 0.0, -0.15]])
-    found = patches.of(points, np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]))
+    found = patches.patch_of(points, np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]))
     assert (patches.code[found] % 6 == [5, 4]).all()
     assert patches.centre[found[0], 2] > 0.05 and patches.centre[found[1], 2] < -0.05
 
