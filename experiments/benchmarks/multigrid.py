@@ -125,7 +125,7 @@ def conjugate_gradients(
         lx.positive_semidefinite_tag,
     )
     solver = ConjugateGradient(Norm(), TOLERANCE, relative=True, max_iterations=MOST)
-    cycle = jacobi(network, m) if levels is None else levels.prepared(m)
+    cycle = jacobi(network, m) if levels is None else levels.cycle(m)
     options = {"preconditioner": cycle}
     found = lx.linear_solve(operator, b, solver, options=options, throw=False)
     return found.value, found.stats["iterations"]
@@ -161,7 +161,7 @@ def _scipy(given: System, preconditioner: Any) -> Solved:
 
 def _compare(given: System, dt: float | None, repeats: int) -> dict[str, Any]:
     """Times, iterations and true residuals of one system."""
-    stable = float(1 / given.network.largest_rate())
+    stable = float(1 / given.network.max_rate())
     chosen = MULTIGRID if dt is None or dt > MULTIGRID_STEP_RATIO * stable else DIAGONAL
     clock = time.perf_counter()
     arguments = given.network, given.levels, given.m, given.b

@@ -1,1 +1,1 @@
-"""The conduction operators: dense stencil and sorted links."""
+"""Conduction operators of a body: dense stencils and links, with multigrid."""

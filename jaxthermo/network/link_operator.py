@@ -1,7 +1,13 @@
-"""The general operator, as it is read: a list of pairs with a conductance each.
+"""Conduction along links between nodes, as pairs and as rows.
 
-The tested reference of `rows`, which does the same several times faster. A state is one
-value a node.
+Both hold the same operator. `LinkNetwork` (coordinate format) is a list of pairs with a
+conductance each: the readable, tested reference. `RowNetwork` (ELLPACK format) runs
+several times faster: every link is in the rows of both its nodes, so that nothing is
+scattered. Neighbours that are consecutive in node order (the next voxel of a column)
+are shifted slices; the others are gathered, one neighbour of every node at a time,
+which a compiler vectorizes. Nodes with far more neighbours than most (a coarse cell
+surrounded by fine ones) keep the rest in a sparse list. A state is one value for each
+node.
 """
 
 from typing import NamedTuple
@@ -10,6 +16,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
+from typing_extensions import override
 
 from ..arrays import gathered_columns, rank_in_group
 from .network import AbstractNodeNetwork
@@ -17,51 +24,43 @@ from .self_adjoint_primitive import Operator, computed_once, conduct
 
 
 class LinkNetwork(AbstractNodeNetwork):
-    """Pairs of nodes with a conductance each."""
+    """Pairs of nodes with a conductance each: the reference of `RowNetwork`."""
 
     src: Int[Array, " e"]
-    """Sorted."""
+    """First node of each link, sorted."""
     dst: Int[Array, " e"]
     conductance: Float[Array, " e"]
     """[W/K]"""
     node_capacity: Float[Array, " n"]
     """[J/K]"""
 
+    @override
     def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
         """Conduction into each node [W]: what leaves one end enters the other."""
         flow = self.conductance * (state[self.dst] - state[self.src])
         inward = jnp.zeros_like(state).at[self.src].add(flow, indices_are_sorted=True)
         return inward.at[self.dst].add(-flow)
 
+    @override
     def diagonal(self) -> Float[Array, "..."]:
-        """Sum of the conductances of each node's links [W/K]."""
         total = jnp.zeros_like(self.node_capacity)
         total = total.at[self.src].add(self.conductance, indices_are_sorted=True)
         return total.at[self.dst].add(self.conductance)
 
 
-# The general operator, as it is run: each node gathers from its neighbours.
-#
-# Rows instead of pairs: every link stands in the rows of both its nodes, so that
-# nothing is scattered. Neighbours that follow one another in node order (the next voxel
-# of a column) are shifted slices; the others are gathered, one neighbour of every node
-# at a time, which a compiler vectorizes. Nodes with far more neighbours than most (a
-# coarse cell with fine ones all round it) keep the rest of theirs in a sparse list.
-
-
 class RowLayout(NamedTuple):
-    """Which link stands where; made once a structure, on the host."""
+    """Position of each link in the rows; built once for a structure, on the host."""
 
     following: Int[np.ndarray, " f"]
-    """Links from a node to the next one."""
+    """Links from a node to the next one in node order."""
     first: Int[np.ndarray, " f"]
-    """The earlier node of each of them."""
+    """First node of each of these links."""
     neighbour: tuple[Int[np.ndarray, " n"], ...]
-    """Of every node, its k-th other neighbour; itself where it has fewer."""
+    """Other neighbour number k of every node; the node itself if it has fewer."""
     link: tuple[Int[np.ndarray, " n"], ...]
-    """The links to them; one past the last link where there is none."""
+    """Links to these neighbours; one past the last link if there is none."""
     list_node: Int[np.ndarray, " r"]
-    """Sorted: nodes of the entries that did not fit."""
+    """Nodes of the entries that exceed the rows, sorted."""
     list_neighbour: Int[np.ndarray, " r"]
     list_link: Int[np.ndarray, " r"]
 
@@ -69,16 +68,16 @@ class RowLayout(NamedTuple):
 def row_layout(
     nodes: int, src: Int[np.ndarray, " e"], dst: Int[np.ndarray, " e"]
 ) -> RowLayout:
-    """Rows of the links of `nodes` nodes.
+    """Rows of the links between nodes.
 
     Args:
-        nodes: how many there are.
-        src: one end of each link.
-        dst: the other end.
+        nodes: number of nodes.
+        src: first node of each link.
+        dst: second node of each link.
     """
     low, high = np.minimum(src, dst), np.maximum(src, dst)
     follows = high == low + 1
-    # A pair that is linked twice keeps one of its links here.
+    # Of several links between the same two nodes, only one fits here.
     following = np.flatnonzero(follows)
     _, once = np.unique(low[following], return_index=True)
     following = following[once]
@@ -114,8 +113,8 @@ def row_layout(
     )
 
 
-def row_change(state, factors, layout):
-    """Conduction into each node [W], of rows of conductances and of neighbours."""
+def _row_change(state, factors, layout):
+    """Conduction into each node [W], from rows of conductances and neighbours."""
     following, conductances, list_conductance = factors
     neighbours, list_node, list_neighbour = layout
     rate = jnp.zeros_like(state)
@@ -137,35 +136,35 @@ def row_change(state, factors, layout):
 
 def _pull(values, state, factors, layout):
     values, state = computed_once(values), computed_once(state)
-    change = lambda factors: row_change(state, factors, layout)
+    change = lambda factors: _row_change(state, factors, layout)
     return jax.linear_transpose(change, factors)(values)[0]
 
 
-ROWS = Operator(row_change, row_change, lambda values, _: values, _pull)
+ROWS = Operator(_row_change, _row_change, lambda values, _: values, _pull)
 
 
 class RowNetwork(AbstractNodeNetwork):
-    """Conductances in rows; a state is one value a node."""
+    """Conductances in rows: the fast form of `LinkNetwork`."""
 
     following: Float[Array, " f"] | None
-    """Between every node and the next one [W/K]; None if no such two are linked."""
+    """Conductance from every node to the next [W/K]; None without such links."""
     neighbour: tuple[Int[Array, " n"], ...]
     conductance: tuple[Float[Array, " n"], ...]
-    """[W/K]; 0 where there is no such neighbour."""
+    """Conductances [W/K]; 0 where there is no such neighbour."""
     list_node: Int[Array, " r"]
     list_neighbour: Int[Array, " r"]
     list_conductance: Float[Array, " r"]
     node_capacity: Float[Array, " n"]
     """[J/K]"""
 
+    @override
     def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
-        """Conduction into each node [W]."""
         factors = self.following, self.conductance, self.list_conductance
         layout = self.neighbour, self.list_node, self.list_neighbour
         return conduct(ROWS, state, factors, layout)
 
+    @override
     def diagonal(self) -> Float[Array, "..."]:
-        """Sum of the conductances of each node's links [W/K]."""
         total = sum(self.conductance, jnp.zeros_like(self.node_capacity))
         if self.following is not None:
             total = total + jnp.pad(self.following, (0, 1))
@@ -178,7 +177,7 @@ def row_network(
     conductance: Float[Array, " e"],
     node_capacity: Float[Array, " n"],
 ) -> RowNetwork:
-    """The operator of links with these conductances [W/K] and capacities [J/K]."""
+    """Operator of links with these conductances [W/K] and capacities [J/K]."""
     nodes = node_capacity.shape[0]
     padded = jnp.append(conductance, jnp.zeros(1, conductance.dtype))
     following = None

@@ -1,7 +1,7 @@
-"""Multigrid of any network: what an implicit step or a steady state preconditions with.
+"""Multigrid preconditioner of any network, for implicit steps and steady states.
 
-Made in two steps: the levels, which depend on the conductances alone, once; and for
-every diagonal m (another time step, another air) the cycle, which is cheap.
+It is built in two steps: once the levels, which depend on the conductances alone; and
+for every diagonal m (another time step, another air) the cycle, which is cheap.
 """
 
 import equinox as eqx
@@ -20,61 +20,61 @@ from .multigrid_nodes import node_layout, node_levels
 from .network import AbstractNetwork, AbstractNodeNetwork, inverse
 
 
-MOST_AT_ONCE = 256
-"""Values of a state that are solved at once, on the coarsest level."""
+MAX_DENSE_SIZE = 256
+"""Largest number of values of a state that is solved directly."""
 
 
 class Hierarchy(eqx.Module):
-    """A network and ever coarser ones of the same body."""
+    """Network and successively coarser ones of the same body."""
 
     networks: tuple[AbstractNetwork, ...]
-    """From fine to coarse."""
+    """Networks from fine to coarse."""
     transfers: tuple[AbstractTransfer, ...]
-    """From each to the next."""
+    """Transfers from each network to the next."""
 
-    def prepared(self, m: Float[Array, "..."]) -> MultigridCycle:
-        """The cycle that approximates (diag(m) - K)^-1.
+    def cycle(self, m: Float[Array, "..."]) -> MultigridCycle:
+        """Cycle that approximates (diag(m) - K)^-1.
 
         Args:
-            m: a state, 0 or more; 0 where there is no node [W/K].
+            m: added to the diagonal, 0 or more; 0 where there is no node [W/K].
         """
         levels = []
         fine = zip(self.networks[:-1], self.transfers, strict=True)
         for network, transfer in fine:
             levels.append(level(network, m))
-            m = transfer.total(m)
+            m = transfer.restrict(m)
         last = self.networks[-1]
-        # More nodes are left only where no two of them are linked.
-        few = m.size <= MOST_AT_ONCE
+        # The coarsest level is larger only if none of its nodes are linked.
+        few = m.size <= MAX_DENSE_SIZE
         solve = dense_solve(last, m) if few else jacobi(last, m)
         return MultigridCycle(tuple(levels), self.transfers, solve)
 
 
 def jacobi(network: AbstractNetwork, m: Float[Array, "..."]) -> JacobiCycle:
-    """The inverse of the diagonal of diag(m) - K.
+    """Inverse of the diagonal of diag(m) - K.
 
     Args:
         network: K.
-        m: a state, 0 or more [W/K].
+        m: added to the diagonal, 0 or more [W/K].
     """
     return JacobiCycle(inverse(m + network.diagonal()))
 
 
 def hierarchy(structure: AbstractStructure, network: AbstractNetwork) -> Hierarchy:
-    """The levels of a body.
+    """Levels of a body.
 
-    Conductances may be traced. Of a network that varies with temperature, K is as at
-    the reference.
+    Conductances may be traced. If they depend on the temperature, K is taken at the
+    reference.
 
     Args:
-        structure: of the body.
-        network: made of it.
+        structure: structure of the body.
+        network: network of this structure.
     """
     network = network.linear
     if isinstance(network, AbstractNodeNetwork):
-        layout = node_layout(structure, MOST_AT_ONCE)
+        layout = node_layout(structure, MAX_DENSE_SIZE)
         return Hierarchy(*_node_levels(layout, network))
-    return Hierarchy(*_lattice_levels(network, MOST_AT_ONCE))
+    return Hierarchy(*_lattice_levels(network, MAX_DENSE_SIZE))
 
 
 # One small program each, instead of hundreds of single operations to compile.

@@ -1,11 +1,11 @@
-"""One V-cycle of multigrid: a fixed, symmetric, positive approximation of A^-1.
+"""V-cycle of multigrid: a fixed, symmetric, positive approximation of A^-1.
 
-A = diag(m) - K, where K v is the network's heat rate: what an implicit step and a
-steady state solve. A few sweeps over neighbours leave only an error that is smooth,
-which a coarser network sees as well and removes at an eighth of the cost; and so on
-down to a few nodes, which are solved at once. With the same polynomial smoother before
-and after, and restriction the transpose of prolongation, the cycle is a symmetric map,
-so that it may precondition conjugate gradients.
+A = diag(m) - K, where K v is the network's heat rate, is the matrix of an implicit step
+and of a steady state. A few smoothing sweeps leave only a smooth error, which a coarser
+network resolves as well and removes at an eighth of the cost; and so on down to a few
+nodes, which are solved directly. With the same polynomial smoother before and after,
+and restriction the transpose of prolongation, the cycle is a symmetric map, so that it
+can precondition conjugate gradients.
 
 Source: Briggs, Henson, McCormick, A Multigrid Tutorial (2000), ch. 3; Chebyshev
 smoothing, Adams et al., J. Comput. Phys. 188 (2003) 593-610.
@@ -17,64 +17,63 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
+from typing_extensions import override
 
 from .network import AbstractNetwork, inverse
 
 
 SMOOTHED_RANGE = 6.0
-"""Largest over smallest eigenvalue of D^-1 A that the smoother is made for."""
+"""Ratio of the largest to the smallest smoothed eigenvalue of D^-1 A."""
 
 
-def made(values: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    """The same, as an array in memory.
-
-    XLA on the CPU else computes what neighbours are gathered from anew for every one of
-    them, from level to level: a cycle took five times as long. A branch that depends on
-    the values is what it does not look through.
-    """
+def _materialized(values: Float[Array, "*n"]) -> Float[Array, "*n"]:
+    """Same values, as an array in memory."""
+    # Otherwise XLA on the CPU recomputes gathered values for every neighbour, from
+    # level to level: a cycle took five times as long. It does not fuse through a branch
+    # that depends on the values.
     first = values.reshape(-1)[0]
     return jax.lax.cond(first > -jnp.inf, lambda v: v, lambda v: v + v, values)
 
 
 class AbstractCycle(eqx.Module):
-    """An approximation of A^-1: symmetric, positive and linear."""
+    """Symmetric, positive and linear approximation of A^-1."""
 
     @abc.abstractmethod
     def __call__(self, r: Float[Array, "..."]) -> Float[Array, "..."]:
-        """About A^-1 r [K], zero where there is no node; r is a state [W]."""
+        """Approximation of A^-1 r [K], zero where there is no node; r [W]."""
 
 
 class AbstractTransfer(eqx.Module):
-    """Between a level and the next coarser one; its two maps are transposes."""
+    """Restriction to the next coarser level and prolongation, its transpose."""
 
     @abc.abstractmethod
-    def total(self, fine: Float[Array, "..."]) -> Float[Array, "..."]:
-        """For each coarse node the sum over its fine ones."""
+    def restrict(self, fine: Float[Array, "..."]) -> Float[Array, "..."]:
+        """Sum over the fine nodes of each coarse node."""
 
     @abc.abstractmethod
-    def spread(self, coarse: Float[Array, "..."]) -> Float[Array, "..."]:
-        """For each fine node the value of its coarse one."""
+    def prolong(self, coarse: Float[Array, "..."]) -> Float[Array, "..."]:
+        """Value of the coarse node of each fine node."""
 
 
 class JacobiCycle(AbstractCycle):
-    """D^-1 r, the simplest: the tested reference, and good enough for short steps."""
+    """D^-1 r: the tested reference, and sufficient for short steps."""
 
     inverse_diagonal: Float[Array, "..."]
-    """[K/W]"""
+    """Inverse of the diagonal D of A [K/W]."""
 
+    @override
     def __call__(self, r: Float[Array, "..."]) -> Float[Array, "..."]:
-        """About A^-1 r [K]."""
         return self.inverse_diagonal * r
 
 
-class Level(eqx.Module):
-    """A = diag(m) - K on one level, and its smoother q(D^-1 A) D^-1, q linear."""
+class _Level(eqx.Module):
+    """A = diag(m) - K on one level, with the smoother q(D^-1 A) D^-1, q linear."""
 
     network: AbstractNetwork
     m: Float[Array, "..."]
-    """[W/K]"""
+    """Added to the diagonal [W/K]."""
     inverse_diagonal: Float[Array, "..."]
-    """Of A [K/W]; 0 where there is no node."""
+    """Inverse of the diagonal of A [K/W]; 0 where there is no node."""
     first: Float[Array, ""]
     second: Float[Array, ""]
     """q(x) = first - second x."""
@@ -84,21 +83,21 @@ class Level(eqx.Module):
         return self.m * v - self.network.heat_rate(v)
 
     def masked(self, v: Float[Array, "..."]) -> Float[Array, "..."]:
-        """V, with zeros where there is no node."""
+        """V with zeros where there is no node."""
         return jnp.where(self.inverse_diagonal > 0, v, 0)
 
     def smoothed(self, r: Float[Array, "..."]) -> Float[Array, "..."]:
-        """About A^-1 r, as far as neighbours tell [K]."""
-        d = made(self.inverse_diagonal * r)
+        """Smoothed correction q(D^-1 A) D^-1 r [K]."""
+        d = _materialized(self.inverse_diagonal * r)
         return self.first * d - self.second * (self.inverse_diagonal * self.apply(d))
 
 
-def level(network: AbstractNetwork, m: Float[Array, "..."]) -> Level:
-    """A level with the smoother for its range of eigenvalues.
+def level(network: AbstractNetwork, m: Float[Array, "..."]) -> _Level:
+    """Level with the smoother for its range of eigenvalues.
 
-    Those of D^-1 A lie in [1 - s, 1 + s], s the largest share that links have in D
+    Those of D^-1 A lie in [1 - s, 1 + s], s the largest fraction of links in D
     (Gershgorin). On [a, b] = [max(1 - s, b / SMOOTHED_RANGE), 1 + s] the polynomial
-    of degree two that is 1 at 0 and least elsewhere is Chebyshev's, with
+    of degree two that is 1 at 0 and smallest elsewhere is Chebyshev's, with
 
         q(x) = (4 t - 2 x) / (2 t^2 - d^2),   t = (a + b) / 2, d = (b - a) / 2.
 
@@ -106,71 +105,74 @@ def level(network: AbstractNetwork, m: Float[Array, "..."]) -> Level:
 
     Args:
         network: K.
-        m: what is added to its diagonal [W/K], 0 or more.
+        m: added to the diagonal [W/K], 0 or more.
     """
     links = network.diagonal()
     inverse_diagonal = inverse(m + links)
-    share = (links * inverse_diagonal).max()
-    high = 1 + share
-    low = jnp.maximum(1 - share, high / SMOOTHED_RANGE)
+    fraction = (links * inverse_diagonal).max()
+    high = 1 + fraction
+    low = jnp.maximum(1 - fraction, high / SMOOTHED_RANGE)
     middle, half = (low + high) / 2, (high - low) / 2
     scale = 2 * middle**2 - half**2
-    return Level(network, m, inverse_diagonal, 4 * middle / scale, 2 / scale)
+    return _Level(network, m, inverse_diagonal, 4 * middle / scale, 2 / scale)
 
 
-class DenseSolve(AbstractCycle):
+class _DenseSolve(AbstractCycle):
     """W^T W r with a dense W: A^-1 of a few nodes, for the coarsest level."""
 
     factor: Float[Array, "c c"]
     """W = L^-1 D^-1/2, where L L^T = D^-1/2 A D^-1/2."""
 
+    @override
     def __call__(self, r: Float[Array, "..."]) -> Float[Array, "..."]:
-        """A^-1 r [K]."""
         return (self.factor.T @ (self.factor @ r.reshape(-1))).reshape(r.shape)
 
 
-def dense_solve(network: AbstractNetwork, m: Float[Array, "..."]) -> DenseSolve:
-    """A^-1 of few nodes; a body that nothing holds (m = 0) is held by rounding error.
+def dense_solve(network: AbstractNetwork, m: Float[Array, "..."]) -> _DenseSolve:
+    """A^-1 of few nodes, regularized for an insulated body (m = 0).
 
     Args:
         network: K.
-        m: what is added to its diagonal [W/K], 0 or more.
+        m: added to the diagonal [W/K], 0 or more.
     """
     n, dtype = m.size, m.dtype
     unit = jnp.eye(n, dtype=dtype).reshape(n, *m.shape)
     a = jnp.diag(m.reshape(-1)) - jax.vmap(network.heat_rate)(unit).reshape(n, n)
     scale = jnp.sqrt(inverse(jnp.diag(a)))
     a = scale[:, None] * a * scale[None]
-    # More than the factorization's rounding error, so that it never meets a root of
-    # a negative number.
-    held = 4 * n * jnp.finfo(dtype).eps
-    a = a + jnp.diag(jnp.where(scale > 0, jnp.asarray(held, dtype), 1))
+    # Larger than the factorization's rounding error, so that no square root is of a
+    # negative number.
+    regularization = 4 * n * jnp.finfo(dtype).eps
+    a = a + jnp.diag(jnp.where(scale > 0, jnp.asarray(regularization, dtype), 1))
     lower = jnp.linalg.cholesky(a)
     factor = jax.scipy.linalg.solve_triangular(lower, jnp.diag(scale), lower=True)
-    return DenseSolve(factor)
+    return _DenseSolve(factor)
 
 
 class MultigridCycle(AbstractCycle):
-    """Down to the coarsest level and up again, smoothing on every one."""
+    """V-cycle down to the coarsest level and up again, with smoothing on each."""
 
-    levels: tuple[Level, ...]
-    """From fine to coarse, without the coarsest."""
+    levels: tuple[_Level, ...]
+    """Levels from fine to coarse, without the coarsest."""
     transfers: tuple[AbstractTransfer, ...]
-    """From each to the next."""
+    """Transfers from each level to the next."""
     coarsest: AbstractCycle
 
+    @override
     def __call__(self, r: Float[Array, "..."]) -> Float[Array, "..."]:
-        """About A^-1 r [K]."""
         steps = list(zip(self.levels, self.transfers, strict=True))
         before = []
         for level, transfer in steps:
-            z = made(level.smoothed(r))
+            z = _materialized(level.smoothed(r))
             before.append((z, r))
-            r = made(transfer.total(made(level.masked(r - level.apply(z)))))
+            r = _materialized(
+                transfer.restrict(_materialized(level.masked(r - level.apply(z))))
+            )
         z = self.coarsest(r)
         for (level, transfer), (z_before, r) in zip(
             reversed(steps), reversed(before), strict=True
         ):
-            z = made(z_before + level.masked(transfer.spread(made(z))))
-            z = z + level.smoothed(made(r - level.apply(z)))
+            correction = transfer.prolong(_materialized(z))
+            z = _materialized(z_before + level.masked(correction))
+            z = z + level.smoothed(_materialized(r - level.apply(z)))
         return z

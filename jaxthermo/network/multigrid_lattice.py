@@ -1,8 +1,8 @@
-"""Coarser levels of a dense lattice: blocks of 2 x 2 x 2 cells, again and again.
+"""Coarser levels of a dense lattice: blocks of 2 x 2 x 2 cells, recursively.
 
-A block conducts to the next through the faces they share. Their centres are twice as
-far apart, so it does so half as well as those faces together: summed alone, as the
-transfers have it, coarse levels would be twice too stiff and correct half of the error.
+Two blocks conduct through their common faces. Their centres are twice as far apart, so
+the conductance is half of that of these faces together: the plain sum, which the
+transfers imply, would make coarse levels twice as stiff and correct half of the error.
 """
 
 import math
@@ -11,31 +11,32 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
+from typing_extensions import override
 
 from .multigrid_cycle import AbstractTransfer
 from .network import AbstractNetwork
-from .stencil import AxisStencil, LatticeStencil, UniformStencil
+from .stencil import HeterogeneousStencil, OrthotropicStencil, UniformStencil
 
 
-Faces = tuple[Array, Array, Array]
+_Faces = tuple[Array, Array, Array]
 
 
 class LatticeTransfer(AbstractTransfer):
-    """Between a lattice and that of its blocks, each with one empty cell all round."""
+    """Transfer between a lattice and its blocks, with one empty cell on each side."""
 
     shape: tuple[int, ...] = eqx.field(static=True)
-    """Of the fine lattice, in cells."""
+    """Shape of the fine lattice [cells]."""
 
-    def total(self, fine: Float[Array, "..."]) -> Float[Array, "..."]:
-        """For each block the sum over its cells."""
+    @override
+    def restrict(self, fine: Float[Array, "..."]) -> Float[Array, "..."]:
         values = fine[1:-1, 1:-1, 1:-1]
         for axis in range(3):
             values = _pair_sum(values, axis)
         return jnp.pad(values, 1)
 
-    def spread(self, coarse: Float[Array, "..."]) -> Float[Array, "..."]:
-        """For each cell the value of its block, empty cells included."""
-        # A loop makes it an array: XLA would smooth anew for each of the eight cells.
+    @override
+    def prolong(self, coarse: Float[Array, "..."]) -> Float[Array, "..."]:
+        # The loop makes it an array: otherwise XLA repeats the smoothing for each cell.
         along_z = lambda plane: jnp.repeat(plane, 2, axis=1)
         values = jax.lax.map(along_z, coarse[1:-1, 1:-1, 1:-1])
         for axis in range(2):
@@ -45,27 +46,27 @@ class LatticeTransfer(AbstractTransfer):
 
 
 def lattice_levels(
-    network: AbstractNetwork, most: int
+    network: AbstractNetwork, max_size: int
 ) -> tuple[tuple[AbstractNetwork, ...], tuple[LatticeTransfer, ...]]:
-    """The network and ever coarser ones, with the transfers between them.
+    """Network and successively coarser ones, with the transfers between them.
 
     Args:
-        network: a stencil.
-        most: values in a state of the coarsest one.
+        network: stencil of the finest level.
+        max_size: largest number of values in a state of the coarsest level.
     """
     networks, transfers = [network], []
     shape = tuple(n - 2 for n in jax.eval_shape(network.diagonal).shape)
-    while math.prod(n + 2 for n in shape) > most:
+    while math.prod(n + 2 for n in shape) > max_size:
         transfers.append(LatticeTransfer(shape))
         faces = _block_faces(networks[-1])
         shape = tuple(-(-n // 2) for n in shape)
-        # Conduction alone is asked of it: what blocks hold is in m.
-        networks.append(LatticeStencil(faces, jnp.zeros(shape, faces[0].dtype)))
+        # Only conduction is evaluated: the capacities of blocks are in m.
+        networks.append(HeterogeneousStencil(faces, jnp.zeros(shape, faces[0].dtype)))
     return tuple(networks), tuple(transfers)
 
 
-def _block_faces(network: AbstractNetwork) -> Faces:
-    """Conductance of the faces of the blocks of a stencil [W/K]."""
+def _block_faces(network: AbstractNetwork) -> _Faces:
+    """Conductance of the faces between blocks of a stencil [W/K]."""
     faces = []
     for axis in range(3):
         values = _even_faces(network, axis)
@@ -73,33 +74,33 @@ def _block_faces(network: AbstractNetwork) -> Faces:
             values = _pair_sum(values, other)
         faces.append(values)
     x, y, z = faces
-    if isinstance(network, UniformStencil | AxisStencil):
-        # Open faces were counted so far.
+    if isinstance(network, UniformStencil | OrthotropicStencil):
+        # Up to here the values are counts of open faces.
         g = jnp.broadcast_to(network.conductance, (3,))
         x, y, z = (n.astype(g.dtype) * g[axis] for axis, n in enumerate(faces))
     return x / 2, y / 2, z / 2
 
 
 def _even_faces(network: AbstractNetwork, axis: int) -> Array:
-    """Every other face across an axis: those between blocks, not those inside them."""
-    if isinstance(network, LatticeStencil):
+    """Every other face across an axis: faces between blocks, not inside them."""
+    if isinstance(network, HeterogeneousStencil):
         face = network.face_conductance[axis]
         face = _padded(face, axis, 0, (face.shape[axis] + 1) % 2)
         return face[_every_other(axis, 0)]
     if isinstance(network, UniformStencil):
         linked = network.degree > 0
-    elif isinstance(network, AxisStencil):
+    elif isinstance(network, OrthotropicStencil):
         linked = network.degrees > 0
     else:
         raise TypeError(f"no lattice levels of a {type(network).__name__}")
-    # Two neighbours that have any links are linked to each other.
+    # Two adjacent cells that have any links are linked to each other.
     linked = _padded(linked, axis, 1, 1 + linked.shape[axis] % 2)
     both = linked[_every_other(axis, 0)] & linked[_every_other(axis, 1)]
     return both.astype(jnp.uint8)
 
 
 def _pair_sum(values: Array, axis: int) -> Array:
-    """Of the first and second entry along an axis, of the third and fourth, ..."""
+    """Sums of consecutive pairs of entries along an axis."""
     values = _padded(values, axis, 0, values.shape[axis] % 2)
     return values[_every_other(axis, 0)] + values[_every_other(axis, 1)]
 

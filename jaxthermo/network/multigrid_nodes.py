@@ -1,11 +1,12 @@
-"""Coarser levels of nodes and links: groups of what hangs together in cubic blocks.
+"""Coarser levels of nodes and links: connected groups of nodes in cubic blocks.
 
-The blocks' edges double from level to level. A node is in the block of its centre; only
-those that links join inside a block are one group, so that no heat leaps across a gap.
-A cell larger than the blocks stays alone until they have grown.
+The edges of the blocks double from level to level. A node is in the block of its
+centre; only nodes that links connect inside a block form a group, so that no heat
+crosses a gap. A cell larger than the blocks stays alone until they have grown.
 
-Two groups conduct as the links between them together, each less by how much farther
-apart their centres are than its own ends. So a link that is not merged keeps its own.
+The conductance between two groups is the sum over the links between them, each scaled
+by its length over the distance of the group centres. A link between two single nodes
+keeps its conductance.
 """
 
 from typing import NamedTuple
@@ -14,6 +15,7 @@ from weakref import WeakKeyDictionary
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
+from typing_extensions import override
 
 from ..arrays import members
 from ..geometry.connectivity import connected_labels
@@ -23,40 +25,40 @@ from .multigrid_cycle import AbstractTransfer
 from .network import AbstractNodeNetwork, slot_sums
 
 
-LEAST_SHRINKING = 0.9
-"""Blocks that leave more than this share of the nodes are passed over."""
+# Levels that keep more than this fraction of the nodes are skipped.
+_MAX_SIZE_RATIO = 0.9
 
 
-class NodeTransfer(AbstractTransfer):
-    """Between nodes and their groups."""
+class _NodeTransfer(AbstractTransfer):
+    """Transfer between nodes and their groups."""
 
     group: Int[Array, " n"]
-    """Of each node."""
+    """Group of each node."""
     members: tuple[Int[Array, " c"], ...]
-    """Of each group, its k-th node; one past the last where it has fewer."""
+    """Node number k of each group; one past the last node if it has fewer."""
 
-    def total(self, fine: Float[Array, "..."]) -> Float[Array, "..."]:
-        """For each group the sum over its nodes."""
+    @override
+    def restrict(self, fine: Float[Array, "..."]) -> Float[Array, "..."]:
         return slot_sums(fine, self.members)
 
-    def spread(self, coarse: Float[Array, "..."]) -> Float[Array, "..."]:
-        """For each node the value of its group."""
+    @override
+    def prolong(self, coarse: Float[Array, "..."]) -> Float[Array, "..."]:
         return coarse.at[self.group].get(mode="promise_in_bounds")
 
 
-class CoarseLayout(NamedTuple):
-    """One level's groups of the nodes of the level before; made on the host."""
+class _CoarseLayout(NamedTuple):
+    """Groups of the nodes of the previous level; built on the host."""
 
     group: Int[np.ndarray, " n"]
     members: tuple[Int[np.ndarray, " c"], ...]
     kept: Int[np.ndarray, " k"]
     """Links between different groups."""
     link: Int[np.ndarray, " k"]
-    """The coarse link that each of them is part of."""
-    nearer: Float[np.ndarray, " k"]
-    """Its length over that of the coarse link, from centre to centre [-]."""
+    """Coarse link that contains each of these links."""
+    length_ratio: Float[np.ndarray, " k"]
+    """Length of each link over that of its coarse link, centre to centre [-]."""
     links: int
-    """How many coarse ones."""
+    """Number of coarse links."""
     rows: RowLayout
 
 
@@ -64,9 +66,9 @@ class NodeLayout(NamedTuple):
     """Rows of a structure's links, and its coarser levels."""
 
     links: int
-    """How many."""
+    """Number of links."""
     rows: RowLayout
-    coarser: tuple[CoarseLayout, ...]
+    coarser: tuple[_CoarseLayout, ...]
 
 
 class _Graph(NamedTuple):
@@ -75,34 +77,36 @@ class _Graph(NamedTuple):
     links: Int[np.ndarray, "e 2"]
 
 
-_FOUND: WeakKeyDictionary = WeakKeyDictionary()
+# Layouts of each structure, kept as long as it exists.
+_LAYOUTS: WeakKeyDictionary = WeakKeyDictionary()
 
 
-def node_layout(structure: AbstractStructure, most: int) -> NodeLayout:
-    """The levels of a structure's nodes, found once and kept as long as it lives.
+def node_layout(structure: AbstractStructure, max_nodes: int) -> NodeLayout:
+    """Levels of a structure's nodes, built once for each structure.
 
     Args:
         structure: nodes and links.
-        most: nodes of the coarsest level, if no more parts are left unlinked.
+        max_nodes: largest number of nodes of the coarsest level, unless more than that
+            are not linked.
     """
     built = isinstance(structure, AbstractBuiltStructure)
     key = structure.built if built else structure.grid
-    found = _FOUND.setdefault(key, {})
-    if most not in found:
-        found[most] = _layout(structure, most)
-    return found[most]
+    found = _LAYOUTS.setdefault(key, {})
+    if max_nodes not in found:
+        found[max_nodes] = _layout(structure, max_nodes)
+    return found[max_nodes]
 
 
-def _layout(structure: AbstractStructure, most: int) -> NodeLayout:
+def _layout(structure: AbstractStructure, max_nodes: int) -> NodeLayout:
     nodes, links = structure.nodes(), structure.links()
     lattice = structure.grid.lattice
     pairs = np.stack([links.src, links.dst], axis=1)
     graph = _Graph((nodes.centre - lattice.origin) / lattice.pitch, nodes.volume, pairs)
     edge, coarser = 1, []
-    while len(graph.weight) > most and len(graph.links):
+    while len(graph.weight) > max_nodes and len(graph.links):
         edge *= 2
         group = _groups(graph, edge)
-        if group.max() + 1 <= LEAST_SHRINKING * len(group) or edge > max(lattice.shape):
+        if group.max() + 1 <= _MAX_SIZE_RATIO * len(group) or edge > max(lattice.shape):
             level, graph = _merged(graph, group)
             coarser.append(level)
     rows = row_layout(len(nodes.volume), links.src, links.dst)
@@ -110,19 +114,21 @@ def _layout(structure: AbstractStructure, most: int) -> NodeLayout:
 
 
 def _groups(graph: _Graph, edge: int) -> Int[np.ndarray, " n"]:
-    """The group of each node, numbered along z first as the lattice is."""
+    """Group of each node, numbered along z first like the lattice."""
     block = (graph.centre / edge).astype(np.int64)
     _, y, z = block.max(axis=0) + 1
-    place = (block[:, 0] * y + block[:, 1]) * z + block[:, 2]
-    inside = place[graph.links[:, 0]] == place[graph.links[:, 1]]
-    part = connected_labels(len(place), graph.links[inside])
+    index = (block[:, 0] * y + block[:, 1]) * z + block[:, 2]
+    inside = index[graph.links[:, 0]] == index[graph.links[:, 1]]
+    part = connected_labels(len(index), graph.links[inside])
     leads = np.flatnonzero(part == np.arange(len(part)))
     number = np.zeros(len(part), np.int32)
-    number[leads[np.argsort(place[leads], kind="stable")]] = np.arange(len(leads))
+    number[leads[np.argsort(index[leads], kind="stable")]] = np.arange(len(leads))
     return number[part]
 
 
-def _merged(graph: _Graph, group: Int[np.ndarray, " n"]) -> tuple[CoarseLayout, _Graph]:
+def _merged(
+    graph: _Graph, group: Int[np.ndarray, " n"]
+) -> tuple[_CoarseLayout, _Graph]:
     count = int(group.max()) + 1
     weight = np.bincount(group, graph.weight, count)
     moment = graph.centre * graph.weight[:, None]
@@ -137,14 +143,14 @@ def _merged(graph: _Graph, group: Int[np.ndarray, " n"]) -> tuple[CoarseLayout, 
     pairs = np.stack(np.divmod(joint, count), axis=1)
     before = _lengths(graph.centre, graph.links[kept])
     after = _lengths(centre, pairs)[link]
-    # Centres of bent groups may lie close together.
-    nearer = before / np.maximum(after, before)
-    layout = CoarseLayout(
+    # Centres of curved groups may be close together.
+    length_ratio = before / np.maximum(after, before)
+    layout = _CoarseLayout(
         group=group,
         members=tuple(members(group, count)),
         kept=kept.astype(np.int32),
         link=link.astype(np.int32),
-        nearer=nearer,
+        length_ratio=length_ratio,
         links=len(pairs),
         rows=row_layout(count, pairs[:, 0], pairs[:, 1]),
     )
@@ -157,22 +163,22 @@ def _lengths(centre, pairs):
 
 def node_levels(
     layout: NodeLayout, network: AbstractNodeNetwork
-) -> tuple[tuple[AbstractNodeNetwork, ...], tuple[NodeTransfer, ...]]:
-    """The network and ever coarser ones, with the transfers between them.
+) -> tuple[tuple[AbstractNodeNetwork, ...], tuple[_NodeTransfer, ...]]:
+    """Network and successively coarser ones, with the transfers between them.
 
     Args:
-        layout: of the network's structure.
-        network: rows or links.
+        layout: layout of the network's structure.
+        network: network of rows or links.
     """
     networks, transfers = [network], []
     conductance = link_conductance(layout, network)
     for coarse in layout.coarser:
         dtype = conductance.dtype
-        part = conductance[coarse.kept] * jnp.asarray(coarse.nearer, dtype)
+        part = conductance[coarse.kept] * jnp.asarray(coarse.length_ratio, dtype)
         conductance = jnp.zeros(coarse.links, dtype).at[coarse.link].add(part)
         columns = tuple(jnp.asarray(column) for column in coarse.members)
-        transfers.append(NodeTransfer(jnp.asarray(coarse.group), columns))
-        # Conduction alone is asked of it: what groups hold is in m.
+        transfers.append(_NodeTransfer(jnp.asarray(coarse.group), columns))
+        # Only conduction is evaluated: the capacities of groups are in m.
         nothing = jnp.zeros(len(columns[0]), dtype)
         networks.append(row_network(coarse.rows, conductance, nothing))
     return tuple(networks), tuple(transfers)
@@ -181,18 +187,18 @@ def node_levels(
 def link_conductance(
     layout: NodeLayout, network: AbstractNodeNetwork
 ) -> Float[Array, " e"]:
-    """The conductance of every link, read from where it is kept [W/K].
+    """Conductance of every link, collected from the network [W/K].
 
     Args:
-        layout: of the network's structure.
-        network: rows or links.
+        layout: layout of the network's structure.
+        network: network of rows or links.
     """
     rows = layout.rows
     if isinstance(network, LinkNetwork):
         return network.conductance
     if not isinstance(network, RowNetwork):
         raise TypeError(f"no node levels of a {type(network).__name__}")
-    # One past the last link for the rows' empty entries.
+    # The empty entries of the rows refer to one past the last link.
     found = jnp.zeros(layout.links + 1, network.node_capacity.dtype)
     if network.following is not None:
         found = found.at[rows.following].set(network.following[rows.first])

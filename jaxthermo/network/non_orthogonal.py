@@ -1,10 +1,11 @@
-"""Conduction with what passes along faces taken off (`structures.build.links`).
+"""Conduction with a correction for non-orthogonal links (`structures.build.links`).
 
-Into node i flows sum_j G_ij (T_j - T_i - x g_ij . s_ij), g the mean of the gradients at
-the two ends and x the weight `non_orthogonal`. What one node gains another still loses,
-and a uniform temperature still rests; but the operator is no longer symmetric, which
-solves need, and a node may get a little hotter than its neighbours. Its modes still
-decay.
+    heat rate into node i = sum_j G_ij (T_j - T_i - x g_ij . s_ij),
+
+with the mean gradient g of both ends, the part s of the link along the face and the
+weight x, `non_orthogonal`. One node still gains what another loses, and a uniform
+temperature is still steady; but the operator is not symmetric, which linear solvers
+need, and a node may get slightly hotter than its neighbours. Its modes still decay.
 
 Source: Jasak, Error Analysis and Estimation for the Finite Volume Method, thesis,
 Imperial College (1996), 3.3.1.3.
@@ -15,6 +16,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
+from typing_extensions import override
 
 from ..structures.build.links import NonOrthogonalLinks
 from ..structures.structure import AbstractStructure
@@ -22,38 +24,39 @@ from ..structures.surface.surface_map import Gradient, gradient_at
 from .network import AbstractNodeNetwork, inverse
 
 
-POWER_STEPS, LAST, MARGIN = 40, 8, 1.05
-"""Of the power method, those at its end whose largest growth counts, and what is added:
-it comes from below."""
+# Iterations of the power method, those at its end whose largest growth counts, and the
+# safety factor, since it converges from below.
+_POWER_STEPS, _LAST_STEPS, _MARGIN = 40, 8, 1.05
 
 
 class NonOrthogonalNetwork(AbstractNodeNetwork):
-    """A two-point network with a correction of some of its links."""
+    """Two-point network with a correction for some of its links."""
 
     straight: AbstractNodeNetwork
-    """The two-point flux, with conductances over the distances across."""
+    """Two-point flux, with conductances for the distances normal to the faces."""
     node_capacity: Float[Array, " n"]
-    """[J/K]"""
+    """Heat capacity of each node [J/K]."""
     gradient: Gradient
     chosen: Int[Array, " m"]
-    """Nodes that have the gradient."""
+    """Nodes at which the gradient is computed."""
     first: Int[Array, " k"]
-    """Of each corrected link, the place of its `src` among them."""
+    """Index in `chosen` of the first node of each corrected link."""
     second: Int[Array, " k"]
     apart: tuple[Float[Array, " k"], Float[Array, " k"], Float[Array, " k"]]
-    """Half of s, x, y and z [m]."""
+    """Components of s / 2 along x, y and z [m]."""
     conductance: Float[Array, " k"]
-    """x G [W/K]"""
+    """x G of each corrected link [W/K]."""
     rate_ratio: Float[Array, ""]
-    """Of the bound of the fastest rate, over that of the two-point flux."""
+    """Bound of the fastest rate over that of the two-point flux [-]."""
 
     @property
-    def symmetric(self) -> bool:
-        """No: the gradient at a node takes from nodes that its link does not join."""
+    @override
+    def is_symmetric(self) -> bool:
+        # The gradient at a node depends on nodes that its link does not connect.
         return False
 
+    @override
     def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
-        """Conduction into each node [W]."""
         read = lambda values, index: values.at[index].get(mode="promise_in_bounds")
         slopes = self.gradient(state, read(state, self.chosen))
         along = jnp.zeros_like(self.conductance)
@@ -73,8 +76,9 @@ class NonOrthogonalNetwork(AbstractNodeNetwork):
             )
         )
 
+    @override
     def diagonal(self) -> Float[Array, "..."]:
-        """Sums of the two-point conductances, as large as an explicit step needs."""
+        # Enlarged to what the stability of an explicit step needs.
         return self.straight.diagonal() * self.rate_ratio
 
 
@@ -84,13 +88,13 @@ def non_orthogonal(
     skewed: NonOrthogonalLinks,
     conductance: Float[Array, " k"],
 ) -> NonOrthogonalNetwork:
-    """The network of a structure with some of its links corrected.
+    """Network of a structure with a correction for some of its links.
 
     Args:
-        straight: the two-point flux.
+        straight: two-point flux.
         structure: nodes and links.
-        skewed: which are corrected.
-        conductance: of those, times the weight [W/K].
+        skewed: links to correct.
+        conductance: conductances of these links times the weight x [W/K].
     """
     links, dtype = structure.links(), conductance.dtype
     ends = links.src[skewed.link], links.dst[skewed.link]
@@ -113,25 +117,26 @@ def non_orthogonal(
 
 @eqx.filter_jit
 def _rate_ratio(network: NonOrthogonalNetwork) -> Float[Array, ""]:
-    """How much faster its fastest mode is than any of the two-point flux can be.
-
-    No mode of those is faster than twice the largest sum of conductances over capacity.
-    """
+    """Fastest rate over the bound of that of the two-point flux [-], at least 1."""
+    # No mode of the two-point flux is faster than twice the largest ratio of summed
+    # conductances to capacity.
     network = jax.lax.stop_gradient(network)
-    ease = inverse(network.node_capacity)
+    per_capacity = inverse(network.node_capacity)
 
     def step(i, carry):
         state, largest = carry
-        rates = ease * network.heat_rate(state)
+        rates = per_capacity * network.heat_rate(state)
         growth = jnp.linalg.norm(rates)
-        largest = jnp.where(i < POWER_STEPS - LAST, 0, jnp.maximum(largest, growth))
+        largest = jnp.where(
+            i < _POWER_STEPS - _LAST_STEPS, 0, jnp.maximum(largest, growth)
+        )
         return rates * inverse(growth), largest
 
-    number = jnp.arange(len(ease))
-    # Signs that no pattern of the nodes shares.
-    start = jnp.sin(number.astype(ease.dtype) ** 1.5)
+    number = jnp.arange(len(per_capacity))
+    # An aperiodic start vector has a part in every mode.
+    start = jnp.sin(number.astype(per_capacity.dtype) ** 1.5)
     start = start / jnp.linalg.norm(start)
-    zero = jnp.zeros((), ease.dtype)
-    fastest = jax.lax.fori_loop(0, POWER_STEPS, step, (start, zero))[1]
-    bound = 2 * network.straight.largest_rate()
-    return jnp.maximum(1, MARGIN * fastest * inverse(bound))
+    zero = jnp.zeros((), per_capacity.dtype)
+    fastest = jax.lax.fori_loop(0, _POWER_STEPS, step, (start, zero))[1]
+    bound = 2 * network.straight.max_rate()
+    return jnp.maximum(1, _MARGIN * fastest * inverse(bound))

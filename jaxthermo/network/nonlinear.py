@@ -6,8 +6,8 @@ reference, applied to phi. Enthalpy: with eta = integral of c / c_0 dT,
 
     C_0 d eta_i / dt = sum_j G_0 (phi_j - phi_i),
 
-so that the heat stored is sum C_0 eta to rounding, however steep c is: a peak that
-stands for a latent heat cannot be stepped over. The state is eta [K].
+so that the stored heat is sum C_0 eta to rounding error, however steep c is: no time
+step can skip a peak that represents a latent heat. The state is eta [K].
 
 Source: Carslaw and Jaeger, Conduction of Heat in Solids, 1.6; the enthalpy method,
 Eyres et al., Phil. Trans. R. Soc. A 240 (1946) 1-57.
@@ -21,41 +21,37 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+from typing_extensions import override
 
 from ..arrays import Scalar, is_traced
 from ..material.property import Property
 from .network import AbstractNetwork, inverse
 
 
-# The integral of a piecewise linear property over temperature, and its inverse.
-#
-# On each piece it is a parabola. All are written about the point of the piece that is
-# nearest to the reference, so that near it no digits are lost, and chosen by comparing
-# with the knots in turn: for the few knots of a material faster than a search.
-
-
-class Primitive(eqx.Module):
+class KirchhoffTransform(eqx.Module):
     """P(theta) = integral from 0 to theta of p / p(0) [K]; increasing, P(0) = 0.
 
-    theta counts from the reference, and p is constant beyond the outermost knots. There
-    are m knots, and m + 1 pieces between and beyond them.
+    theta is the temperature above the reference, and the property p is piecewise
+    linear, constant beyond the outermost knots: m knots, and m + 1 pieces between and
+    beyond them, on each of which P is a parabola.
     """
 
     knot: Float[Array, " m"]
-    """Of theta [K], increasing."""
+    """theta at the knots [K], increasing."""
     knot_integral: Float[Array, " m"]
-    """P there [K]."""
+    """P at the knots [K]."""
     base: Float[Array, " pieces"]
-    """The point of each piece nearest to 0 [K]."""
+    """Point of each piece nearest to 0 [K]: near the reference no digits are lost."""
     base_integral: Float[Array, " pieces"]
-    """P there [K]."""
+    """P at the base [K]."""
     value: Float[Array, " pieces"]
-    """p / p(0) there [-]."""
+    """p / p(0) at the base [-]."""
     half_slope: Float[Array, " pieces"]
-    """Half of what p / p(0) rises by a kelvin [1/K]."""
+    """Half of the slope of p / p(0) [1/K]."""
 
     def _piece(self, knots, x, *columns):
-        """For each x the entries of its piece: knots in turn, each may move it on."""
+        """Values of each column for the piece that contains x."""
+        # Comparison with one knot after the other: for few knots faster than a search.
         found = [jnp.broadcast_to(column[0], x.shape) for column in columns]
         for k in range(len(knots)):
             beyond = x > knots[k]
@@ -66,39 +62,41 @@ class Primitive(eqx.Module):
         return found
 
     def __call__(self, theta: Float[Array, "*m"]) -> Float[Array, "*m"]:
-        """P at temperatures above the reference [K]."""
+        """P [K] at temperatures above the reference [K]."""
         columns = (self.base, self.base_integral, self.value, self.half_slope)
         base, integral, value, half = self._piece(self.knot, theta, *columns)
         gap = theta - base
         return integral + gap * (value + half * gap)
 
     def slope(self, theta: Float[Array, "*m"]) -> Float[Array, "*m"]:
-        """Of P there, p / p(0) [-]."""
+        """Slope of P, p / p(0) [-], at temperatures above the reference [K]."""
         columns = (self.base, self.value, self.half_slope)
         base, value, half = self._piece(self.knot, theta, *columns)
         return value + 2 * half * (theta - base)
 
     def inverse(self, integral: Float[Array, "*m"]) -> Float[Array, "*m"]:
-        """The temperature above the reference at which P has these values [K]."""
+        """Temperature above the reference [K] at which P has these values [K]."""
         columns = (self.base, self.base_integral, self.value, self.half_slope)
         base, at, value, half = self._piece(self.knot_integral, integral, *columns)
         rest = integral - at
-        # The square of p / p(0) at the end, which rounding must not take to zero.
-        square = jnp.maximum(value * value + 4 * half * rest, self.least() ** 2 / 4)
+        # The square of p / p(0) at the solution, which must not round to zero.
+        square = jnp.maximum(value * value + 4 * half * rest, self.min() ** 2 / 4)
         return base + 2 * rest / (value + jnp.sqrt(square))
 
-    def least(self) -> Float[Array, ""]:
-        """The smallest p / p(0) at any temperature [-]."""
+    def min(self) -> Float[Array, ""]:
+        """Smallest p / p(0) at any temperature [-]."""
         return self.slope(self.knot).min()
 
-    def largest(self) -> Float[Array, ""]:
-        """The largest [-]."""
+    def max(self) -> Float[Array, ""]:
+        """Largest p / p(0) at any temperature [-]."""
         return self.slope(self.knot).max()
 
 
-def primitive(prop: Property, reference: Scalar, dtype: Any) -> Primitive:
-    """The integral of a property from a reference temperature [K]."""
-    # In double precision where nothing is traced: differences of two temperatures.
+def kirchhoff_transform(
+    prop: Property, reference: Scalar, dtype: Any
+) -> KirchhoffTransform:
+    """Transform of a property from a reference temperature [K]."""
+    # In double precision where nothing is traced, for differences of temperatures.
     own, width = (jnp, dtype) if is_traced((prop, reference)) else (np, float)
     number = lambda x: own.asarray(x, width)
     knot = number(prop.temperatures) - number(reference)
@@ -113,95 +111,93 @@ def primitive(prop: Property, reference: Scalar, dtype: Any) -> Primitive:
     value, slope = (x / own.interp(base[:1] * 0, knot, given) for x in (value, slope))
 
     def integral(at):
-        # Of the part of each piece that lies between 0 and the point, summed.
+        # Sum over the parts of all pieces between 0 and the point.
         gap = own.clip(at[:, None], low[None], high[None]) - base[None]
         return (gap * (value[None] + slope[None] / 2 * gap)).sum(axis=1)
 
     columns = (knot, integral(knot), base, integral(base), value, slope / 2)
-    return Primitive(*(jnp.asarray(column, dtype) for column in columns))
+    return KirchhoffTransform(*(jnp.asarray(column, dtype) for column in columns))
 
 
-ROWS = 4
-"""That a state without rows of its own is taken in."""
+# Rows into which a one-dimensional state is reshaped for the loop below.
+_ROWS = 4
 
 
-def _apart(
+def _materialized(
     function: Callable[[Array], Array], state: Float[Array, "*m"]
 ) -> Float[Array, "*m"]:
-    """A function of every node, in a loop that makes it an array.
-
-    Written out, XLA would compute it anew for every neighbour that reads it.
-    """
+    """Values of a function of every node, computed once."""
+    # The loop makes them an array in memory. Otherwise XLA recomputes the function for
+    # every neighbour that reads its value.
     if state.ndim > 1:
         return jax.lax.map(function, state)
-    padded = jnp.pad(state, (0, -len(state) % ROWS))
-    return jax.lax.map(function, padded.reshape(ROWS, -1)).reshape(-1)[: len(state)]
+    padded = jnp.pad(state, (0, -len(state) % _ROWS))
+    return jax.lax.map(function, padded.reshape(_ROWS, -1)).reshape(-1)[: len(state)]
 
 
 class NonlinearNetwork(AbstractNetwork):
-    """A linear network at the reference, with the integrals of what varies."""
+    """Linear network at the reference, with the transforms of k and c_p."""
 
     base: AbstractNetwork
-    """With k and c_p as they are at the reference."""
-    heat: Primitive | None
-    """Of c_p; None where it does not vary, and the state is the temperature."""
-    conduction: Primitive | None
-    """Of k; None where it does not vary."""
+    """Network with k and c_p at the reference."""
+    heat: KirchhoffTransform | None
+    """Transform of c_p; None if c_p is constant and the state is the temperature."""
+    conduction: KirchhoffTransform | None
+    """Transform of k; None if k is constant."""
 
     @property
+    @override
     def linear(self) -> AbstractNetwork:
-        """The network at the reference, which conducts phi."""
         return self.base
 
     @property
-    def symmetric(self) -> bool:
-        """As the network at the reference is."""
-        return self.base.symmetric
+    @override
+    def is_symmetric(self) -> bool:
+        return self.base.is_symmetric
 
+    @override
     def temperature(self, state: Float[Array, "*m"]) -> Float[Array, "*m"]:
-        """Above the reference [K], of a state or of any part of one."""
         return state if self.heat is None else self.heat.inverse(state)
 
+    @override
     def state_of(self, theta: Float[Array, "*m"]) -> Float[Array, "*m"]:
-        """The state of nodes at temperatures above the reference [K]."""
         return theta if self.heat is None else self.heat(theta)
 
+    @override
     def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
-        """Conduction into each node [W]."""
-        return self.base.heat_rate(_apart(self.potential, state))
+        return self.base.heat_rate(_materialized(self.potential, state))
 
     def potential(self, state: Float[Array, "*m"]) -> Float[Array, "*m"]:
-        """Phi, what drives conduction at the reference [K]."""
+        """Potential phi, whose differences drive conduction at the reference [K]."""
         theta = self.temperature(state)
         return theta if self.conduction is None else self.conduction(theta)
 
+    @override
     def euler_step(
         self, state: Float[Array, "..."], dt: Float[Array, ""]
     ) -> Float[Array, "..."]:
-        """Eta + dt / C_0 * (conduction into each node)."""
         return state + dt * inverse(self.base.capacity()) * self.heat_rate(state)
 
+    @override
     def relative_conductivity(self, theta: Float[Array, "*m"]) -> Float[Array, "*#m"]:
-        """k(T) / k_0 at temperatures above the reference [-]."""
         if self.conduction is None:
             return jnp.ones((), theta.dtype)
         return self.conduction.slope(theta)
 
-    def largest_relative_conductivity(self) -> Float[Array, ""]:
-        """At any temperature [-]."""
+    @override
+    def max_relative_conductivity(self) -> Float[Array, ""]:
         one = jnp.ones((), self.total_capacity().dtype)
-        return one if self.conduction is None else self.conduction.largest()
+        return one if self.conduction is None else self.conduction.max()
 
-    def least_relative_capacity(self) -> Float[Array, ""]:
-        """At any temperature [-]."""
+    @override
+    def min_relative_capacity(self) -> Float[Array, ""]:
         one = jnp.ones((), self.total_capacity().dtype)
-        return one if self.heat is None else self.heat.least()
+        return one if self.heat is None else self.heat.min()
 
-    def largest_relative_diffusivity(self) -> Float[Array, ""]:
-        """The largest k / c_p of its table over that at the reference [-].
-
-        Between two knots it is the ratio of two lines, so it is largest at a knot.
-        """
+    @override
+    def max_relative_diffusivity(self) -> Float[Array, ""]:
+        # Between two knots k / c_p is the ratio of two lines, so it is largest at a
+        # knot.
         parts = [p for p in (self.heat, self.conduction) if p is not None]
         ratio = jnp.ones((), self.total_capacity().dtype)
         if not parts:
@@ -213,22 +209,23 @@ class NonlinearNetwork(AbstractNetwork):
             ratio = ratio / self.heat.slope(knots)
         return ratio.max()
 
+    @override
     def diagonal(self) -> Float[Array, "..."]:
-        """Sum of the conductances of each node at the reference [W/K]."""
         return self.base.diagonal()
 
+    @override
     def capacity(self) -> Float[Array, "..."]:
-        """Of each node at the reference, C_0 [J/K]."""
         return self.base.capacity()
 
-    def largest_rate(self) -> Float[Array, ""]:
-        """Over all nodes, at the temperature of the largest k / c_p [1/s]."""
-        return self.base.largest_rate() * self.largest_relative_diffusivity()
+    @override
+    def max_rate(self) -> Float[Array, ""]:
+        # At the temperature of the largest k / c_p.
+        return self.base.max_rate() * self.max_relative_diffusivity()
 
+    @override
     def total_capacity(self) -> Float[Array, ""]:
-        """Of the body at the reference [J/K]."""
         return self.base.total_capacity()
 
+    @override
     def stored(self, state: Float[Array, "..."]) -> Float[Array, ""]:
-        """Heat above the reference temperature, sum of C_0 eta [J]."""
         return self.base.stored(state)

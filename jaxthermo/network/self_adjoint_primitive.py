@@ -1,6 +1,6 @@
-"""Conduction as one linear primitive: its transpose is itself.
+"""Conduction as one linear JAX primitive that is its own transpose.
 
-What node i gets from node j is G_ij (T_j - T_i) with G symmetric, so the transpose of
+Node i receives G_ij (T_j - T_i) from node j with G symmetric, so the transpose of
 conduction is conduction of the cotangent, by the same fused loop. JAX would instead
 transpose every slice, pad and gather, several times slower, and keep an array for each.
 Forward mode, reverse mode and any mixture of the two are those of JAX: the primitive
@@ -20,16 +20,16 @@ from jaxtyping import Array, Float
 
 
 class Operator(NamedTuple):
-    """What conducts: functions of a state, of factors and of a layout.
+    """Functions of a state, of factors and of a layout that define conduction.
 
-    A state is zero where there is no node. Factors are arrays that the change is
-    proportional to; a layout is arrays that nothing is differentiated by.
+    A state is zero where there is no node. Factors are arrays to which the change is
+    proportional; a layout is arrays with respect to which nothing is differentiated.
     """
 
     change: Callable[..., Float[Array, "..."]]
     """change(state, factors, layout): bilinear, and symmetric in the state."""
     step: Callable[..., Float[Array, "..."]]
-    """The state and its change, in one."""
+    """step(state, factors, layout): state plus change, in one loop."""
     inside: Callable[..., Float[Array, "..."]]
     """inside(values, layout): zero where there is no node."""
     pull: Callable[..., Any]
@@ -43,13 +43,13 @@ def conduct(
     factors: Any,
     layout: Any,
 ) -> Float[Array, "..."]:
-    """The change of a state.
+    """Change of a state.
 
     Args:
-        operator: what conducts.
-        state: of every node.
-        factors: arrays that the change is proportional to.
-        layout: arrays of which nothing depends smoothly.
+        operator: functions that define conduction.
+        state: values of all nodes.
+        factors: arrays to which the change is proportional.
+        layout: arrays that are not differentiated.
     """
     return _bind(operator.change, operator, state, factors, layout)
 
@@ -60,16 +60,14 @@ def conduct_step(
     factors: Any,
     layout: Any,
 ) -> Float[Array, "..."]:
-    """The state with its change, for the same arguments."""
+    """State plus change, for the arguments of `conduct`."""
     return _bind(operator.step, operator, state, factors, layout)
 
 
 def computed_once(values: Float[Array, "..."]) -> Float[Array, "..."]:
-    """The values, which a compiler does not find again for each neighbour.
-
-    XLA puts whatever is cheap into the loop that reads it, once for every read. A
-    division is not cheap; the barrier hides that this one is by 1.
-    """
+    """Values that a compiler does not recompute for each neighbour."""
+    # XLA puts whatever is cheap into the loop that reads it, once for every read. A
+    # division is not cheap; the barrier hides that this one is by 1.
     row = (1,) * (values.ndim - 1) + values.shape[-1:]
     one = jnp.ones(row, values.dtype)
     return values / jax.lax.optimization_barrier(one)
@@ -120,20 +118,24 @@ def _transpose(cotangent, state, *values, function, operator, tree, count):
         return nothing
     linear = [ad.is_undefined_primal(value) for value in values]
     known = [
-        jnp.zeros(value.aval.shape, value.aval.dtype) if free else value
-        for free, value in zip(linear, values, strict=True)
+        jnp.zeros(value.aval.shape, value.aval.dtype) if is_linear else value
+        for is_linear, value in zip(linear, values, strict=True)
     ]
     factors, layout = jax.tree.unflatten(tree, known)
     inside = operator.inside(cotangent, layout)
     if ad.is_undefined_primal(state):
         once = computed_once(inside)
         out = _bind(function, operator, once, factors, layout)
-        # What does not conduct keeps what it has.
+        # Values outside the nodes are unchanged.
         kept = cotangent - inside if function is operator.step else 0
         return [out + kept, *nothing[1:]]
     pulled = jax.tree.leaves(operator.pull(inside, state, factors, layout))
     given = zip(linear[:count], pulled, strict=True)
-    return [None, *(p if free else None for free, p in given), *nothing[count + 1 :]]
+    return [
+        None,
+        *(p if is_linear else None for is_linear, p in given),
+        *nothing[count + 1 :],
+    ]
 
 
 def _batch(values, axes, **params):

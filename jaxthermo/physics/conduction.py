@@ -27,8 +27,8 @@ from ..network.link_operator import row_layout, row_network
 from ..network.network import AbstractNetwork, inverse, precise_sum
 from ..network.non_orthogonal import non_orthogonal
 from ..network.stencil import (
-    AxisStencil,
-    LatticeStencil,
+    HeterogeneousStencil,
+    OrthotropicStencil,
     UniformStencil,
     solid_degree,
     solid_degrees,
@@ -84,7 +84,7 @@ def assemble_uniform(
         return _assemble_links(structure, k[None] if k.ndim else k, heat)
     grid = structure.grid
     if k.ndim:
-        return AxisStencil(
+        return OrthotropicStencil(
             degrees=jnp.asarray(solid_degrees(grid.solid)),
             conductance=k * grid.pitch,
             node_capacity=heat * grid.voxel_volume,
@@ -285,7 +285,7 @@ def _mixed_stencil(grid, material, conductivity, heat):
         outer = [(0, 0)] * 3
         outer[axis] = (1, 1)
         faces.append(jnp.pad(series(area, half, first, half, second), outer))
-    return LatticeStencil(
+    return HeterogeneousStencil(
         face_conductance=(faces[0], faces[1], faces[2]),
         cell_capacity=jnp.where(solid, heat[number] * grid.voxel_volume, 0),
     )

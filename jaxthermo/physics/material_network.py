@@ -19,7 +19,7 @@ from ..errors import InputError
 from ..material.material import Material
 from ..material.property import Property
 from ..network.network import AbstractNetwork
-from ..network.nonlinear import NonlinearNetwork, primitive
+from ..network.nonlinear import NonlinearNetwork, kirchhoff_transform
 from ..structures.build.assignment import voxel_owner
 from ..structures.structure import AbstractStructure
 from .conduction import assemble_mixed, assemble_uniform
@@ -43,7 +43,7 @@ def material_network(
         return network
     varying = (material.specific_heat, material.conductivity)
     heat, conduction = (
-        primitive(p, reference, dtype) if isinstance(p, Property) else None
+        kirchhoff_transform(p, reference, dtype) if isinstance(p, Property) else None
         for p in varying
     )
     return NonlinearNetwork(network, heat, conduction)

@@ -31,7 +31,7 @@ def _number(pattern):
 
 @eqx.filter_jit
 def _run(network, state):
-    dt = 1 / network.largest_rate()
+    dt = 1 / network.max_rate()
     step = lambda _, state: network.euler_step(state, dt)
     after = jax.lax.fori_loop(0, 400, step, state)
     return after, network.stored(after - state), network.stored(state)

@@ -72,7 +72,7 @@ def implicit_context(
         InputError: where conduction is not symmetric.
     """
     dtype, program = compiled.receipt.dtype, compiled.program
-    if not all(body.network.symmetric for body in program.bodies):
+    if not all(body.network.is_symmetric for body in program.bodies):
         raise InputError(
             "a body has weights with `sideways`, whose conduction is not symmetric and "
             "cannot be solved for: step with ForwardEuler() or SuperTimeStepping(), or "

@@ -125,7 +125,7 @@ def linearize(
         whole = jax.tree.map(jnp.add, whole, regularization(whole))
     parts = zip(networks, context.hierarchies, whole, strict=True)
     plain = tuple(
-        jacobi(network, m) if levels is None else levels.prepared(m)
+        jacobi(network, m) if levels is None else levels.cycle(m)
         for network, levels, m in parts
     )
     cycles = tuple(map(DeflatedPreconditioner, plain, context.components, sums))

@@ -16,7 +16,7 @@ from skimage import measure
 
 from ...errors import InputError
 from ...geometry.connectivity import connected_labels
-from ...network.multigrid import MOST_AT_ONCE
+from ...network.multigrid import MAX_DENSE_SIZE
 from ...network.multigrid_nodes import link_conductance, node_layout
 from ...network.network import AbstractNetwork, AbstractNodeNetwork, Address
 from ...scene.compile.program import Program, State
@@ -227,7 +227,7 @@ def _own_parts(
 ) -> Int[np.ndarray, "..."]:
     """Of every value of a state, the first one that conduction reaches it from."""
     if isinstance(network, AbstractNodeNetwork):
-        layout, links = node_layout(structure, MOST_AT_ONCE), structure.links()
+        layout, links = node_layout(structure, MAX_DENSE_SIZE), structure.links()
         conducts = np.asarray(link_conductance(layout, network)) > 0
         pairs = np.stack([links.src, links.dst], axis=1)[conducts]
         return connected_labels(structure.node_count, pairs)

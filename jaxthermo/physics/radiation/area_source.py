@@ -88,7 +88,7 @@ def polygon_view_factor(
     return np.clip(-total / (2 * np.pi), 0.0, 1.0)
 
 
-class __GreyRadiance(eqx.Module):
+class _GreyRadiance(eqx.Module):
     """Radiance of a grey surface: eps sigma T^4 / pi [W/(m^2 sr)]."""
 
     temperature: Any

@@ -14,6 +14,8 @@ and F_ground = (1 - n_z) / 2. The unobstructed fraction of either is sampled in 
 directions everywhere, so that unobstructed surfaces have exactly these values.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Float
 

@@ -11,7 +11,7 @@ def _touched(program: Program, number: int, body: BodyProgram, hottest, end):
     """Address and added conductance of what acts on a body's nodes [W/K]."""
     found = []
     if body.load is not None:
-        steepest = body.network.largest_relative_conductivity()
+        steepest = body.network.max_relative_conductivity()
         address = body.load.places.address
         found.append((address, body.load.stiffness(hottest, end, steepest)))
     for contact in program.contacts:
@@ -35,15 +35,15 @@ def stable_step(
     rates = []
     for number, body in enumerate(program.bodies):
         network = body.network
-        rates.append(network.largest_rate())
+        rates.append(network.max_rate())
         touched = _touched(program, number, body, hottest, end)
         if not touched:
             continue
-        total = network.diagonal() * network.largest_relative_conductivity()
+        total = network.diagonal() * network.max_relative_conductivity()
         for address, stiffness in touched:
             total = total.at[address].add(stiffness)
         for address, _ in touched:
-            capacity = network.capacity_at(address) * network.least_relative_capacity()
+            capacity = network.capacity_at(address) * network.min_relative_capacity()
             rates.append((total[address] / capacity).max())
     largest = jnp.stack(rates).max()
     return jnp.where(largest > 0, 1 / jnp.where(largest > 0, largest, 1), jnp.inf)

@@ -52,7 +52,7 @@ def test_rows_are_the_pairs(seed, hub):
         pairs.euler_step(state, jnp.array(0.01)),
     )
     same(rows.diagonal(), pairs.diagonal())
-    same(rows.largest_rate(), pairs.largest_rate())
+    same(rows.max_rate(), pairs.max_rate())
     same(rows.stored(state), pairs.stored(state))
     assert abs(float(rows.heat_rate(state).sum())) < 1e-12
 
@@ -101,7 +101,7 @@ def test_nodes_without_any_link():
     state = jnp.arange(NODES, dtype=float)
     np.testing.assert_array_equal(rows.heat_rate(state), 0.0)
     np.testing.assert_array_equal(rows.euler_step(state, jnp.array(1.0)), state)
-    assert float(rows.largest_rate()) == float(pairs.largest_rate()) == 0.0
+    assert float(rows.max_rate()) == float(pairs.max_rate()) == 0.0
 
 
 def test_the_derivative_reaches_every_conductance():

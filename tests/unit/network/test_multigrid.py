@@ -26,7 +26,7 @@ H = 0.1
 @partial(jax.jit, static_argnames=("tolerance", "most"))
 def _solve(network, given, m, b, tolerance=1e-8, most=400):
     """Preconditioned conjugate gradients, and how many iterations they took."""
-    preconditioner = given.prepared(m) if isinstance(given, Hierarchy) else given
+    preconditioner = given.cycle(m) if isinstance(given, Hierarchy) else given
 
     def more(carry):
         _, r, _, _, count = carry
@@ -190,7 +190,7 @@ def test_conductances_may_be_traced_and_steps_mapped():
 
     def solution(k, factor):
         network = assemble_uniform(structure, k, 1.0, np.float64)
-        return hierarchy(structure, network).prepared(factor * m)(b)
+        return hierarchy(structure, network).cycle(factor * m)(b)
 
     k, factor = jnp.array([1.0, 2.0]), jnp.array([1.0, 3.0])
     mapped = jax.jit(jax.vmap(solution))(k, factor)

@@ -11,7 +11,7 @@ from jaxthermo.network import multigrid
 from jaxthermo.network.link_operator import LinkNetwork
 from jaxthermo.network.multigrid import hierarchy, jacobi
 from jaxthermo.network.multigrid_cycle import SMOOTHED_RANGE, dense_solve, level
-from jaxthermo.network.stencil import LatticeStencil
+from jaxthermo.network.stencil import HeterogeneousStencil
 from jaxthermo.physics.conduction import assemble_mixed, assemble_uniform
 from jaxthermo.structures.kinds.full import FullVolume
 from jaxthermo.structures.kinds.octree import Octree
@@ -49,7 +49,7 @@ def _network(kind):
     )
 
 
-_cycles = jax.jit(lambda levels, m, states: jax.vmap(levels.prepared(m))(states))
+_cycles = jax.jit(lambda levels, m, states: jax.vmap(levels.cycle(m))(states))
 _operators = jax.jit(
     lambda network, m, states: jax.vmap(lambda v: m * v - network.heat_rate(v))(states)
 )
@@ -74,7 +74,7 @@ def _state(structure, values):
 @pytest.fixture(params=["stencil", "axes", "mixed", "rows", "links"])
 def body(request, monkeypatch):
     """With coarse levels although it is small."""
-    monkeypatch.setattr(multigrid, "MOST_AT_ONCE", 60)
+    monkeypatch.setattr(multigrid, "MAX_DENSE_SIZE", 60)
     return _network(request.param)
 
 
@@ -91,7 +91,7 @@ def test_the_cycle_is_symmetric_positive_and_near_the_inverse(body):
     half = np.linalg.cholesky(exact)
     spectrum = np.linalg.eigvalsh(half.T @ found @ half)
     assert spectrum.min() > 0
-    if isinstance(network, LatticeStencil):
+    if isinstance(network, HeterogeneousStencil):
         # Parts that conduct well and hang together badly, joined by larger blocks.
         spectrum = spectrum[3:]
     assert spectrum.min() > 0.1

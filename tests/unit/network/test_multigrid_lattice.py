@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jaxthermo.network.multigrid_lattice import LatticeTransfer, lattice_levels
-from jaxthermo.network.stencil import LatticeStencil
+from jaxthermo.network.stencil import HeterogeneousStencil
 from jaxthermo.physics.conduction import assemble_mixed, assemble_uniform
 from jaxthermo.structures.kinds.full import FullVolume
 from tests.bodies import blocks
@@ -25,11 +25,11 @@ def test_total_and_spread_are_transposes(shape):
     random = np.random.default_rng(0)
     transfer = LatticeTransfer(shape)
     fine = jnp.pad(jnp.asarray(random.normal(size=shape)), 1)
-    coarse = transfer.total(fine)
+    coarse = transfer.restrict(fine)
     assert coarse.shape == tuple((n + 1) // 2 + 2 for n in shape)
     np.testing.assert_allclose(coarse.sum(), fine.sum(), atol=1e-12)
     other = jnp.pad(jnp.asarray(random.normal(size=coarse.shape))[1:-1, 1:-1, 1:-1], 1)
-    spread = transfer.spread(other)
+    spread = transfer.prolong(other)
     assert spread.shape == fine.shape
     np.testing.assert_allclose((spread * fine).sum(), (other * coarse).sum())
     i, j, k = 2, 3, 0
@@ -55,11 +55,11 @@ def test_faces_of_a_mixed_body_are_those_between_its_blocks():
     structure = FullVolume(blocks(solid))
     number = random.integers(0, 2, structure.node_count).astype(np.int32)
     network = assemble_mixed(structure, number, jnp.array([1.0, 1e5]), jnp.ones(2))
-    assert isinstance(network, LatticeStencil)
+    assert isinstance(network, HeterogeneousStencil)
     coarse = _levels(network, 100)[0][1]
-    assert isinstance(coarse, LatticeStencil)
+    assert isinstance(coarse, HeterogeneousStencil)
     plain = _levels(assemble_uniform(structure, 1.0, 1.0, np.float64), 100)[0][1]
-    assert isinstance(plain, LatticeStencil)
+    assert isinstance(plain, HeterogeneousStencil)
     for axis, face in enumerate(network.face_conductance):
         wanted = np.zeros(coarse.face_conductance[axis].shape)
         counted = np.zeros_like(wanted)

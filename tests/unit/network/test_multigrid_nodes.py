@@ -47,9 +47,9 @@ def test_a_group_is_what_hangs_together_inside_a_block():
     assert (np.bincount(coarse.group) == [4] * 4 + [8] * 4).all()
     _, transfers = _levels(node_layout(structure, 8), network)
     values = np.random.default_rng(0).normal(size=len(coarse.group))
-    total = transfers[0].total(jnp.asarray(values))
+    total = transfers[0].restrict(jnp.asarray(values))
     np.testing.assert_allclose(total, np.bincount(coarse.group, values))
-    np.testing.assert_array_equal(transfers[0].spread(total), total[coarse.group])
+    np.testing.assert_array_equal(transfers[0].prolong(total), total[coarse.group])
 
 
 def test_a_box_of_links_coarsens_as_the_lattice_does():

@@ -59,7 +59,7 @@ def test_linear_temperatures_conduct_exactly(slanted, kind):
 def test_heat_is_kept_and_uniform_bodies_rest(slanted, kind):
     network = _network(_structure(slanted, kind))
     assert isinstance(network, NonOrthogonalNetwork)
-    assert not network.symmetric
+    assert not network.is_symmetric
     state = jnp.asarray(np.random.default_rng(3).normal(size=len(network.capacity())))
     rates = network.heat_rate(state)
     assert abs(float(rates.sum())) < 1e-10 * float(jnp.abs(rates).sum())
@@ -77,7 +77,7 @@ def test_no_weight_is_the_two_point_flux(slanted):
         return _network(_structure(slanted, "core", weight)).heat_rate(state)
 
     np.testing.assert_allclose(rates(0.0), plain.heat_rate(state), rtol=1e-12)
-    assert plain.symmetric and _network(jt.FullVolume(slanted)).symmetric
+    assert plain.is_symmetric and _network(jt.FullVolume(slanted)).is_symmetric
 
 
 def test_nothing_apart_needs_nothing(slanted):
@@ -92,7 +92,7 @@ def test_all_modes_decay_and_the_stable_step_is_safe(slanted, kind, weight):
     count = len(network.capacity())
     matrix = jax.vmap(network.heat_rate)(jnp.eye(count)).T
     modes = np.linalg.eigvals(np.asarray(matrix / network.capacity()[:, None]))
-    fastest = 2 * float(network.largest_rate())
+    fastest = 2 * float(network.max_rate())
     assert modes.real.max() < 1e-9 * fastest
     assert np.abs(modes).max() <= fastest
     # A step of many stages damps modes near the real axis.

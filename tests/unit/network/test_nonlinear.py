@@ -80,7 +80,7 @@ def test_heat_is_kept_to_rounding_and_temperatures_stay_within_bounds(grid, kind
     network = material_network(structure, STEEL, REFERENCE, jnp.float64)
     theta = _start(structure)
     state = network.state_of(theta)
-    dt = 1 / network.largest_rate()
+    dt = 1 / network.max_rate()
     after = _run(network, state, dt, 300)
     moved = float(network.stored(jnp.abs(after - state)))
     drift = float(network.stored(after) - network.stored(state))
@@ -111,8 +111,8 @@ def test_constant_properties_give_the_linear_network(grid, kind):
     network = material_network(structure, flat, REFERENCE, jnp.float64)
     linear = assemble_uniform(structure, 16.0, 4e6, jnp.float64)
     assert isinstance(network, NonlinearNetwork)
-    theta, dt = _start(structure), 1 / linear.largest_rate()
-    assert float(network.largest_rate()) == pytest.approx(float(1 / dt), rel=1e-14)
+    theta, dt = _start(structure), 1 / linear.max_rate()
+    assert float(network.max_rate()) == pytest.approx(float(1 / dt), rel=1e-14)
     found = network.temperature(_run(network, network.state_of(theta), dt, 30))
     np.testing.assert_allclose(found, _run(linear, theta, dt, 30), atol=1e-11)
 
@@ -128,7 +128,7 @@ def test_numbers_give_a_linear_network_and_halves_are_dropped(grid):
     theta = _start(structure)
     assert only_k.temperature(theta) is theta and only_k.state_of(theta) is theta
     assert only_heat.relative_conductivity(theta) == 1.0
-    assert only_k.least_relative_capacity() == 1.0
+    assert only_k.min_relative_capacity() == 1.0
 
 
 def test_what_the_surface_needs_to_know(grid):
@@ -136,17 +136,17 @@ def test_what_the_surface_needs_to_know(grid):
     kelvin = np.array([200.0, 300.0, 310.0, 350.0, 500.0])
     found = network.relative_conductivity(jnp.asarray(kelvin - REFERENCE))
     np.testing.assert_allclose(found, K(kelvin) / K(REFERENCE), rtol=1e-13)
-    largest, least = network.largest_relative_conductivity(), HEAT.values.min()
+    largest, least = network.max_relative_conductivity(), HEAT.values.min()
     assert float(largest) == pytest.approx(16.0 / K(REFERENCE))
-    assert float(network.least_relative_capacity()) == pytest.approx(
+    assert float(network.min_relative_capacity()) == pytest.approx(
         least / HEAT(REFERENCE)
     )
     wide = np.linspace(250.0, 450.0, 200_001)
     fastest = (K(wide) / HEAT(wide)).max() / (K(REFERENCE) / HEAT(REFERENCE))
-    diffusivity = float(network.largest_relative_diffusivity())
+    diffusivity = float(network.max_relative_diffusivity())
     assert diffusivity == pytest.approx(fastest, rel=1e-6)
-    linear = network.base.largest_rate()
-    assert float(network.largest_rate()) == pytest.approx(diffusivity * float(linear))
+    linear = network.base.max_rate()
+    assert float(network.max_rate()) == pytest.approx(diffusivity * float(linear))
 
 
 def test_the_stable_step_is_needed():
@@ -155,7 +155,7 @@ def test_the_stable_step_is_needed():
     network = material_network(structure, STEEL, REFERENCE, jnp.float64)
     # Both where k / c_p is largest, at 320 K, and almost even.
     state = network.state_of(jnp.array([9.999, 10.001]))
-    dt = 1 / network.largest_rate()
+    dt = 1 / network.max_rate()
     gap = lambda dt: float(jnp.diff(network.euler_step(state, dt))[0])
     # Of two nodes the gap falls by 1 - 2 dt rate.
     assert gap(dt) == pytest.approx(-gap(0.0 * dt), rel=2e-4)

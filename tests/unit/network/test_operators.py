@@ -36,7 +36,7 @@ def _all_of(network, state, address, dt):
         "euler_step": network.euler_step(state, dt),
         "diagonal": network.diagonal()[address],
         "capacity": network.capacity_at(address),
-        "largest_rate": network.largest_rate(),
+        "max_rate": network.max_rate(),
         "total_capacity": network.total_capacity(),
         "stored": network.stored(state),
     }
@@ -112,7 +112,7 @@ def test_every_operator_is_the_one_by_hand(which, seed, count):
         "euler_step": values + dt * rate / node,
         "diagonal": diagonal,
         "capacity": node,
-        "largest_rate": diagonal.max() / node,
+        "max_rate": diagonal.max() / node,
         "total_capacity": node * count,
         "stored": node * values.sum(),
     }
