@@ -1,4 +1,4 @@
-"""The dimensionless numbers and scales of heat transfer."""
+"""Dimensionless numbers and scales of heat transfer."""
 
 import numpy as np
 from jaxtyping import Array, Float
@@ -13,7 +13,7 @@ Quantity = Scalar | Float[Array, "..."] | Float[np.ndarray, "..."]
 def biot(
     heat_transfer_coefficient: Quantity, length: Quantity, conductivity: Quantity
 ) -> Quantity:
-    """Bi = h L / k [-]: resistance inside a body over that of its surface.
+    """Biot number Bi = h L / k [-]: internal over surface resistance.
 
     Args:
         heat_transfer_coefficient: h [W/(m^2 K)].
@@ -24,7 +24,7 @@ def biot(
 
 
 def fourier(diffusivity: Quantity, time: Quantity, length: Quantity) -> Quantity:
-    """Fo = alpha t / L^2 [-]: time over that which heat needs through the body.
+    """Fourier number Fo = alpha t / L^2 [-]: time over the time of diffusion.
 
     Args:
         diffusivity: alpha [m^2/s].
@@ -35,7 +35,7 @@ def fourier(diffusivity: Quantity, time: Quantity, length: Quantity) -> Quantity
 
 
 def cell_fourier(diffusivity: Quantity, dt: Quantity, pitch: Quantity) -> Quantity:
-    """Fo_h = alpha dt / h^2 [-]; forward Euler in 3-D is stable up to 1/6.
+    """Cell Fourier number Fo_h = alpha dt / h^2 [-]; Euler is stable up to 1/6 in 3-D.
 
     Args:
         diffusivity: alpha [m^2/s].
@@ -46,7 +46,7 @@ def cell_fourier(diffusivity: Quantity, dt: Quantity, pitch: Quantity) -> Quanti
 
 
 def characteristic_length(volume: Quantity, area: Quantity) -> Quantity:
-    """L_c = V / A [m]: half the thickness of a slab, a third of a sphere's radius.
+    """Characteristic length L_c = V / A [m]: a third of the radius of a sphere.
 
     Args:
         volume: V [m^3].
@@ -56,7 +56,7 @@ def characteristic_length(volume: Quantity, area: Quantity) -> Quantity:
 
 
 def time_constant(capacity: Quantity, conductance: Quantity) -> Quantity:
-    """Time constant tau = C / G [s]: a lumped body's excess falls by 1/e in this time.
+    """Time constant tau = C / G [s] of a lumped body: its excess falls to 1/e.
 
     Args:
         capacity: C = rho c_p V [J/K].
@@ -66,7 +66,7 @@ def time_constant(capacity: Quantity, conductance: Quantity) -> Quantity:
 
 
 def diffusion_length(diffusivity: Quantity, time: Quantity) -> Quantity:
-    """sqrt(alpha t) [m]: how deep heat has come.
+    """Diffusion length sqrt(alpha t) [m]: depth to which heat has penetrated.
 
     Args:
         diffusivity: alpha [m^2/s].
@@ -78,7 +78,7 @@ def diffusion_length(diffusivity: Quantity, time: Quantity) -> Quantity:
 def nusselt(
     heat_transfer_coefficient: Quantity, length: Quantity, conductivity: Quantity
 ) -> Quantity:
-    """Nu = h L / k_f [-]: the Biot number's form with the fluid's conductivity.
+    """Nusselt number Nu = h L / k_f [-] with the conductivity of the fluid.
 
     Args:
         heat_transfer_coefficient: h [W/(m^2 K)].
@@ -91,7 +91,7 @@ def nusselt(
 def reynolds(
     speed: Quantity, length: Quantity, kinematic_viscosity: Quantity
 ) -> Quantity:
-    """Re = U L / nu [-]: inertia over viscosity.
+    """Reynolds number Re = U L / nu [-]: inertia over viscosity.
 
     Args:
         speed: U [m/s].
@@ -102,7 +102,7 @@ def reynolds(
 
 
 def prandtl(kinematic_viscosity: Quantity, diffusivity: Quantity) -> Quantity:
-    """Pr = nu / alpha [-]: how much faster momentum diffuses than heat.
+    """Prandtl number Pr = nu / alpha [-]: diffusivity of momentum over that of heat.
 
     Args:
         kinematic_viscosity: nu [m^2/s].
@@ -118,7 +118,7 @@ def grashof(
     length: Quantity,
     kinematic_viscosity: Quantity,
 ) -> Quantity:
-    """Gr = g beta dT L^3 / nu^2 [-]: buoyancy over viscosity.
+    """Grashof number Gr = g beta dT L^3 / nu^2 [-]: buoyancy over viscosity.
 
     Args:
         gravity: g [m/s^2].
@@ -132,10 +132,5 @@ def grashof(
 
 
 def rayleigh(grashof: Quantity, prandtl: Quantity) -> Quantity:
-    """Ra = Gr Pr [-].
-
-    Args:
-        grashof: Gr [-].
-        prandtl: Pr [-].
-    """
+    """Rayleigh number Ra = Gr Pr [-]."""
     return grashof * prandtl

@@ -1,17 +1,17 @@
-"""Conduction (thesis eq. 4): q = k A / L dT between linked nodes.
+"""Conduction between linked nodes (thesis eq. 4): q = G (T_j - T_i).
 
 Conductances are a pure function of a structure's geometry, its materials and weights.
-The two halves of a link are in series, each with its own length and conductivity,
+The two halves of a link are in series, each with its length and conductivity,
 
     1 / G = (L_1 / k_1 + L_2 / k_2) / (w A),
 
-exact in one dimension, where the arithmetic mean of conductivities is off by their
-ratio. The stable explicit step of a node is C / sum_j G_j (Fourier 1/6 for a voxel with
-six neighbours).
+exact in one dimension, where the arithmetic mean of conductivities is wrong by up to
+their ratio. The largest stable explicit step of a node is C / sum_j G_j (Fourier 1/6
+for a voxel with six neighbours).
 
-A material whose conductivity differs by axis (diagonal K, in the body's own frame)
-conducts across a face of normal n with k = n . K n: the part of the flux -K grad T
-through the face that the two nodes on its sides can tell.
+A material with a conductivity for each axis (diagonal K, in the body's frame) conducts
+across a face of normal n with k = n . K n: the part of the flux -K grad T through the
+face that depends on the temperatures of the two nodes at its sides alone.
 """
 
 from typing import Any
@@ -39,7 +39,7 @@ from ..structures.kinds.full import FullVolume
 from ..structures.structure import AbstractStructure
 
 
-Values = Array | np.ndarray
+_Values = Array | np.ndarray
 
 
 def series(
@@ -49,15 +49,16 @@ def series(
     length2: Float[np.ndarray | Array, "*e"],
     k2: Float[Array, "*#e"],
 ) -> Float[Array, "*e"]:
-    """Conductance of two lengths in series [W/K]; 0 if either insulates.
+    """Conductance of two lengths in series [W/K]; 0 if either conductivity is 0.
 
     Args:
-        area: shared [m^2].
-        length1: of the first half [m].
-        k1: its conductivity [W/(m K)].
-        length2: of the second half [m].
-        k2: its conductivity [W/(m K)].
+        area: area of the common face [m^2].
+        length1: length of the first half [m].
+        k1: conductivity of the first half [W/(m K)].
+        length2: length of the second half [m].
+        k2: conductivity of the second half [W/(m K)].
     """
+    # This form needs no division by a conductivity, which may be 0.
     dtype = k1.dtype
     a, l1, l2 = (jnp.asarray(v, dtype) for v in (area, length1, length2))
     return a * k1 * k2 * inverse(l1 * k2 + l2 * k1)
@@ -69,18 +70,18 @@ def assemble_uniform(
     volumetric_heat_capacity: Any,
     dtype: Any,
 ) -> AbstractNetwork:
-    """The network of a body of one material, which carries no array of conductivities.
+    """Network of a body of one material, without an array of conductivities.
 
     Args:
         structure: nodes and links.
-        conductivity: k [W/(m K)], one number or three, along x, y and z.
+        conductivity: k [W/(m K)], one number, or three along x, y and z.
         volumetric_heat_capacity: rho c_p [J/(m^3 K)].
-        dtype: of the state.
+        dtype: dtype of the state.
     """
     k = jnp.asarray(conductivity, dtype)
     heat = jnp.asarray(volumetric_heat_capacity, dtype)
     if not _runs_as_stencil(structure):
-        # One row for all nodes.
+        # A single row of conductivities by axis stands for all nodes.
         return _assemble_links(structure, k[None] if k.ndim else k, heat)
     grid = structure.grid
     if k.ndim:
@@ -104,13 +105,13 @@ def assemble_mixed(
     conductivity: Float[Array, " c"] | Float[Array, "c 3"],
     volumetric_heat_capacity: Float[Array, " c"],
 ) -> AbstractNetwork:
-    """The network of a body of several materials.
+    """Network of a body of several materials.
 
     Args:
         structure: nodes and links.
-        material: number of each node's material, an index into the next two.
-        conductivity: k [W/(m K)], one number a material, or three, by axis.
-        volumetric_heat_capacity: rho c_p [J/(m^3 K)].
+        material: number of each node's material.
+        conductivity: k of each material [W/(m K)], one number, or three by axis.
+        volumetric_heat_capacity: rho c_p of each material [J/(m^3 K)].
     """
     if _runs_as_stencil(structure):
         return _mixed_stencil(
@@ -123,28 +124,28 @@ def assemble_mixed(
 
 def surface_conductivity(
     material: Material, normal: Float[np.ndarray, "s 3"], dtype: Any
-) -> Float[Values, "*s"]:
-    """Across a surface of normal n, k = n . K n [W/(m K)]: a number if k is one.
+) -> Float[_Values, "*s"]:
+    """Conductivity k = n . K n normal to a surface [W/(m K)]; a number if k is one.
 
     Args:
-        material: that does not vary with temperature; see `Material.at`.
-        normal: outward, in the body's own frame.
-        dtype: of the result, which is of numpy unless k is traced.
+        material: material that does not vary with temperature; see `Material.at`.
+        normal: outward unit normals in the body's frame.
+        dtype: dtype of the result, a numpy array unless k is traced.
     """
     k: Any = material.conductivity
     by_axis = jnp.asarray(k, dtype) if is_traced(k) else np.asarray(k, dtype)
-    return across(by_axis[None], normal) if by_axis.ndim else by_axis
+    return normal_conductivity(by_axis[None], normal) if by_axis.ndim else by_axis
 
 
-def across(
-    conductivity: Float[Values, " s"] | Float[Values, "#s 3"],
+def normal_conductivity(
+    conductivity: Float[_Values, " s"] | Float[_Values, "#s 3"],
     normal: Float[np.ndarray, "s 3"],
-) -> Float[Values, " s"]:
-    """Across each surface of normal n, k = n . K n [W/(m K)].
+) -> Float[_Values, " s"]:
+    """Conductivity k = n . K n normal to each surface [W/(m K)].
 
     Args:
-        conductivity: of each surface: one number, or three, by axis.
-        normal: outward, in the body's own frame.
+        conductivity: k of each surface [W/(m K)]: one number, or three by axis.
+        normal: outward unit normals in the body's frame.
     """
     if conductivity.ndim == 1:
         return conductivity
@@ -156,7 +157,7 @@ def _runs_as_stencil(structure: AbstractStructure) -> bool:
 
 
 def _at_ends(structure, k):
-    """Conductivity across each link at its two ends; the same number if k is one."""
+    """Conductivity along each link at both ends; the same number if k is one."""
     if not k.ndim:
         return k, k
     links = structure.links()
@@ -178,73 +179,75 @@ def _assemble_links(
     capacity = heat * jnp.asarray(nodes.volume, k.dtype)
     if not structure.weights.are_one:
         conductance = conductance * link_weights(structure, k.dtype)
-        capacity = weighted_capacity(structure, capacity)
+        capacity = _weighted_capacity(structure, capacity)
     layout = row_layout(len(nodes.volume), links.src, links.dst)
     if not structure.weights.corrects_non_orthogonality:
         return row_network(layout, conductance, capacity)
-    return _straightened(structure, layout, conductance, capacity)
+    return _corrected_network(structure, layout, conductance, capacity)
 
 
-def _straightened(structure, layout, conductance, capacity) -> AbstractNetwork:
-    """With what passes along faces taken off."""
+def _corrected_network(structure, layout, conductance, capacity) -> AbstractNetwork:
+    """Network with a correction for links that are not normal to their faces."""
     found, weight = non_orthogonal_links(structure), structure.weights.non_orthogonal
     if not len(found.link):
         return row_network(layout, conductance, capacity)
     weight = jnp.asarray(weight, conductance.dtype)
-    longer = jnp.asarray(found.stretch - 1, conductance.dtype)
-    conductance = conductance * (1 + weight * longer)
+    excess = jnp.asarray(found.stretch - 1, conductance.dtype)
+    conductance = conductance * (1 + weight * excess)
     straight = row_network(layout, conductance, capacity)
     corrected = weight * conductance[found.link]
     return non_orthogonal(straight, structure, found, corrected)
 
 
 def link_weights(structure: AbstractStructure, dtype: Any) -> Float[Array, " e"]:
-    """The weight of every link, by its classes.
+    """Weight of every link [-], from its level and position.
 
     Raises:
-        InputError: if the weights are of another number of levels.
+        InputError: if the weights are for another number of levels.
     """
     weights, links = structure.weights, structure.links()
     level = structure.nodes().level
     low = np.minimum(level[links.src], level[links.dst])
     crosses = level[links.src] != level[links.dst]
     levels = int(level.max()) + 1
-    within = _of_level(weights.within, levels, low, "within", dtype)
-    between = _of_level(weights.between, levels - 1, low, "between", dtype)
+    within = _by_level(weights.within, levels, low, "within", dtype)
+    between = _by_level(weights.between, levels - 1, low, "between", dtype)
     outside = np.zeros(len(level), bool)
     outside[structure.fragment_node()] = True
     touches = outside[links.src] | outside[links.dst]
     surface = jnp.where(touches, jnp.asarray(weights.surface, dtype), 1)
-    return jnp.where(crosses, between, within) * surface * _of_links(structure, dtype)
+    return (
+        jnp.where(crosses, between, within) * surface * _link_factors(structure, dtype)
+    )
 
 
-def _of_links(structure: AbstractStructure, dtype: Any) -> Float[Array, "*#e"]:
-    each = jnp.asarray(structure.weights.links, dtype)
-    if each.ndim and len(each) != structure.link_count:
+def _link_factors(structure: AbstractStructure, dtype: Any) -> Float[Array, "*#e"]:
+    factors = jnp.asarray(structure.weights.links, dtype)
+    if factors.ndim and len(factors) != structure.link_count:
         raise InputError(
-            f"weights: links has {len(each)} values and the structure has "
+            f"weights: links has {len(factors)} values and the structure has "
             f"{structure.link_count} links: they were fitted to another body or pitch"
         )
-    return each
+    return factors
 
 
-def weighted_capacity(
+def _weighted_capacity(
     structure: AbstractStructure, capacity: Float[Array, " n"]
 ) -> Float[Array, " n"]:
-    """Capacities with the factors of their levels and shares.
-
-    Their total stays, or goes with the share from that of the nodes to the body's.
+    """Capacities with the weights of their levels and of the nearest voxels.
 
     Args:
-        structure: with its weights.
-        capacity: of its nodes' own volumes [J/K].
+        structure: structure with its weights.
+        capacity: capacities of the nodes' volumes [J/K].
 
     Raises:
-        InputError: if the factors are of another number of levels.
+        InputError: if the weights are for another number of levels.
     """
+    # The total is conserved; with `nearest_capacity` it goes from that of the nodes to
+    # that of the body.
     weights, nodes = structure.weights, structure.nodes()
     levels, dtype = int(nodes.level.max()) + 1, capacity.dtype
-    factor = _of_level(weights.capacity, levels, nodes.level, "capacity", dtype)
+    factor = _by_level(weights.capacity, levels, nodes.level, "capacity", dtype)
     shifted, total = capacity * factor, precise_sum(capacity)
     if weights.uses_nearest_capacity:
         nearest = nearest_volume(structure) / nodes.volume
@@ -256,7 +259,7 @@ def weighted_capacity(
     return shifted * (total / precise_sum(shifted))
 
 
-def _of_level(value, levels: int, level, name: str, dtype) -> Float[Array, " m"]:
+def _by_level(value, levels: int, level, name: str, dtype) -> Float[Array, " m"]:
     numbers = jnp.asarray(value, dtype)
     if numbers.ndim == 0:
         return jnp.broadcast_to(numbers, level.shape)

@@ -1,10 +1,10 @@
-"""From a body's materials to its network.
+"""Conduction network of a body from its materials.
 
 | material | network |
 |---|---|
-| one, numbers | as its structure runs: a stencil or rows |
-| one, with a `Property` | the same at the reference, under Kirchhoff's transform |
-| several, numbers | a conductance for every link |
+| one, constant | stencil or rows, as its structure requires |
+| one, with a `Property` | the same at the reference, with Kirchhoff's transform |
+| several, constant | a conductance for every link |
 """
 
 from collections.abc import Sequence
@@ -28,16 +28,16 @@ from .conduction import assemble_mixed, assemble_uniform
 def material_network(
     structure: AbstractStructure, material: Material, reference: Scalar, dtype: Any
 ) -> AbstractNetwork:
-    """The network of a body of one material.
+    """Network of a body of one material.
 
     Args:
         structure: nodes and links.
-        material: of the body.
-        reference: what its state counts from [K].
-        dtype: of the state.
+        material: material of the body.
+        reference: reference temperature of the state [K].
+        dtype: dtype of the state.
     """
-    there = material.at(reference)
-    k, heat = there.conductivity, there.volumetric_heat_capacity
+    constant = material.at(reference)
+    k, heat = constant.conductivity, constant.volumetric_heat_capacity
     network = assemble_uniform(structure, k, heat, dtype)
     if not material.varies:
         return network
@@ -55,13 +55,13 @@ def materials_network(
     materials: Sequence[Material],
     dtype: Any,
 ) -> AbstractNetwork:
-    """The network of a body of several materials.
+    """Network of a body of several materials.
 
     Args:
         structure: nodes and links.
-        number: of each node's material.
-        materials: in the order of their numbers.
-        dtype: of the state.
+        number: number of each node's material.
+        materials: materials in the order of their numbers.
+        dtype: dtype of the state.
 
     Raises:
         InputError: if one of them varies with temperature.
@@ -74,11 +74,11 @@ def materials_network(
 def conductivity_table(
     materials: Sequence[Material], dtype: Any
 ) -> Float[Array, " c"] | Float[Array, "c 3"]:
-    """Conductivities of several materials, three each if any of them has three.
+    """Conductivities of several materials [W/(m K)], by axis if any is orthotropic.
 
     Args:
-        materials: in the order of their numbers.
-        dtype: of the table.
+        materials: materials in the order of their numbers.
+        dtype: dtype of the table.
 
     Raises:
         InputError: if one of them varies with temperature.
@@ -97,11 +97,11 @@ def conductivity_table(
 def node_materials(
     structure: AbstractStructure, labels: Int[np.ndarray, "x y z"]
 ) -> Int[np.ndarray, " n"]:
-    """The material of each node: the one that most of its voxels have.
+    """Material number of each node: that of the majority of its voxels.
 
     Args:
-        structure: of the body.
-        labels: number of the material of every voxel of the lattice.
+        structure: structure of the body.
+        labels: material number of every voxel of the lattice.
     """
     owner, solid = voxel_owner(structure), structure.grid.solid
     of_voxel, count = labels[solid][owner >= 0], int(labels.max()) + 1
@@ -113,15 +113,15 @@ def node_materials(
 def checked_labels(
     structure: AbstractStructure, labels: Any, materials: int
 ) -> Int[np.ndarray, "x y z"]:
-    """Labels as integers, 0 where there is no voxel.
+    """Material numbers as integers, 0 outside the body.
 
     Args:
-        structure: of the body.
-        labels: number of the material of every voxel of the lattice.
-        materials: how many there are.
+        structure: structure of the body.
+        labels: material number of every voxel of the lattice.
+        materials: number of materials.
 
     Raises:
-        InputError: unless there is one label a voxel, of a material that is there.
+        InputError: unless every voxel has the number of an existing material.
     """
     given, solid = np.asarray(labels), structure.grid.solid
     if not np.issubdtype(given.dtype, np.integer) or given.shape != solid.shape:

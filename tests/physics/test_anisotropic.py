@@ -9,7 +9,11 @@ import pytest
 
 import jaxthermo as jt
 from jaxthermo.material.material import Material
-from jaxthermo.physics.conduction import across, assemble_uniform, surface_conductivity
+from jaxthermo.physics.conduction import (
+    assemble_uniform,
+    normal_conductivity,
+    surface_conductivity,
+)
 from jaxthermo.physics.material_network import conductivity_table, materials_network
 from jaxthermo.reference.slab import decay_explicit_euler, sine_rate, sine_rate_of_cells
 from tests.bodies import blocks
@@ -159,9 +163,11 @@ def test_a_surface_conducts_by_its_normal():
     assert isinstance(found, np.ndarray)
     plain = surface_conductivity(Material(3.0, 1.0, 1.0), slant, np.float64)
     assert plain.shape == () and plain == 3.0
-    each = across(np.tile(K, (3, 1)), slant)
+    each = normal_conductivity(np.tile(K, (3, 1)), slant)
     np.testing.assert_allclose(each, found, rtol=1e-14)
-    np.testing.assert_array_equal(across(np.array([1.0, 2.0, 3.0]), slant), [1, 2, 3])
+    np.testing.assert_array_equal(
+        normal_conductivity(np.array([1.0, 2.0, 3.0]), slant), [1, 2, 3]
+    )
 
 
 def test_two_layers_across_an_axis_are_in_series():

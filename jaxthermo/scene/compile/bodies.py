@@ -10,7 +10,7 @@ from jaxtyping import Array, Float, Int
 from ...arrays import Scalar, is_traced
 from ...errors import InputError
 from ...network.network import AbstractNetwork
-from ...physics.conduction import across, surface_conductivity
+from ...physics.conduction import normal_conductivity, surface_conductivity
 from ...physics.material_network import (
     conductivity_table,
     material_network,
@@ -121,7 +121,9 @@ def _half_cells(body: Body, reference: Scalar, dtype: Any) -> Float[Values, " s"
     grid = structure.grid
     if isinstance(material, AbstractMaterials):
         table = conductivity_table(material.materials, dtype)
-        k = across(table[material.of_fragments(grid)], grid.fragment_normal)
+        k = normal_conductivity(
+            table[material.of_fragments(grid)], grid.fragment_normal
+        )
     else:
         k = surface_conductivity(material.at(reference), grid.fragment_normal, dtype)
     per_length = grid.fragment_area / structure.fragment_distance()

@@ -114,14 +114,14 @@ def test_parts_that_nothing_links_stay_apart_and_end_the_levels():
 
 def test_a_layout_is_found_once_and_goes_with_its_structure():
     gc.collect()
-    before = len(multigrid_nodes._FOUND)
+    before = len(multigrid_nodes._LAYOUTS)
     structure, _ = _body(np.ones((3, 3, 3), bool))
     assert node_layout(structure, 5) is node_layout(structure, 5)
     assert node_layout(structure, 5) is not node_layout(structure, 8)
-    assert len(multigrid_nodes._FOUND) == before + 1
+    assert len(multigrid_nodes._LAYOUTS) == before + 1
     del structure
     gc.collect()
-    assert len(multigrid_nodes._FOUND) == before
+    assert len(multigrid_nodes._LAYOUTS) == before
 
 
 def test_other_networks_are_refused():
