@@ -1,1 +1,1 @@
-"""Closed forms that tests and reports compare against."""
+"""Closed-form solutions that tests and reports compare against."""

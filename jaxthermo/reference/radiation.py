@@ -1,4 +1,4 @@
-"""Radiation between two grey surfaces, from the sun, and onto a wall."""
+"""Radiation between grey surfaces, of the sun, and of a lumped body."""
 
 import numpy as np
 
@@ -9,16 +9,16 @@ from .semi_infinite import host
 
 
 SUN_RADIUS = 6.957e8
-"""Nominal [m]; IAU 2015 resolution B3."""
+"""Nominal radius of the sun [m]; IAU 2015 resolution B3."""
 
 ASTRONOMICAL_UNIT = 1.495978707e11
-"""[m]; IAU 2012 resolution B2."""
+"""Astronomical unit [m]; IAU 2012 resolution B2."""
 
 
 def between_plates(
     hot: Scalar, cold: Scalar, emissivity_hot: Scalar, emissivity_cold: Scalar
 ) -> float:
-    """Heat flux between two endless plates [W/m^2].
+    """Heat flux between two infinite parallel plates [W/m^2].
 
     q = sigma (T_1^4 - T_2^4) / (1 / eps_1 + 1 / eps_2 - 1)
 
@@ -42,14 +42,14 @@ def between_spheres(
     emissivity_inner: Scalar,
     emissivity_outer: Scalar,
 ) -> float:
-    """Heat from a sphere to a larger one around it [W].
+    """Heat rate from a sphere to a concentric larger one [W].
 
     Q = sigma A_1 (T_1^4 - T_2^4) / [1 / eps_1 + (1 / eps_2 - 1) (r_1 / r_2)^2]
 
     Args:
         inner: r_1 [m].
-        outer: r_2 of the hollow [m].
-        hot: T_1 of the inner one [K].
+        outer: r_2 of the cavity [m].
+        hot: T_1 of the inner sphere [K].
         cold: T_2 [K].
         emissivity_inner: eps_1.
         emissivity_outer: eps_2.
@@ -67,14 +67,14 @@ def between_spheres(
 def solar_irradiance(
     temperature: Scalar, distance: Scalar = ASTRONOMICAL_UNIT
 ) -> float:
-    """Of a black sun, facing it: sigma T^4 (R / d)^2 [W/m^2].
+    """Normal irradiance of a black sun: sigma T^4 (R / d)^2 [W/m^2].
 
     Args:
-        temperature: of the sun's surface [K].
+        temperature: temperature of the sun's surface [K].
         distance: d from its centre [m].
     """
-    share = (SUN_RADIUS / float(distance)) ** 2
-    return STEFAN_BOLTZMANN * float(temperature) ** 4 * share
+    dilution = (SUN_RADIUS / float(distance)) ** 2
+    return STEFAN_BOLTZMANN * float(temperature) ** 4 * dilution
 
 
 def sol_air_temperature(
@@ -83,15 +83,15 @@ def sol_air_temperature(
     heat_transfer_coefficient: Scalar,
     to_sky: Scalar = 0.0,
 ) -> float:
-    """The air that would heat a wall as sun, sky and air together do [K, or as `air`].
+    """Sol-air temperature: air with the effect of sun, sky and air [K, or as `air`].
 
     T_sol-air = T_air + (a G - eps dR) / h
 
     Args:
         air: T_air, in kelvin or degrees Celsius.
-        absorbed: a G, of the sun [W/m^2].
-        heat_transfer_coefficient: h, with radiation [W/(m^2 K)].
-        to_sky: eps dR, emitted beyond what surroundings at T_air send [W/m^2].
+        absorbed: a G, absorbed solar flux [W/m^2].
+        heat_transfer_coefficient: h, including radiation [W/(m^2 K)].
+        to_sky: eps dR, net emission to the sky beyond surroundings at T_air [W/m^2].
 
     Source: ASHRAE Handbook, Fundamentals.
     """
@@ -99,13 +99,11 @@ def sol_air_temperature(
     return float(air) + net / float(heat_transfer_coefficient)
 
 
-# A body of one temperature that radiates to its surroundings.
+# Bisection steps, more than float64 resolves.
+_BISECTIONS = 80
 
 
-_HALVINGS = 80
-
-
-def _progress(ratio: HostFloat) -> HostFloat:
+def _antiderivative(ratio: HostFloat) -> HostFloat:
     # The antiderivative of 4/(1 - r^4), r = T / T_s.
     with np.errstate(divide="ignore"):
         logarithm = np.log(np.abs((1.0 + ratio) / (1.0 - ratio)))
@@ -121,7 +119,7 @@ def radiation_time(
     area: Scalar,
     emissivity: Scalar,
 ) -> HostFloat:
-    """When a body that only radiates gets to a temperature.
+    """Time at which a lumped body that only radiates has a temperature [s].
 
     t = C/(4 eps A sigma T_s^3) [ln|(T_s+T)/(T_s-T)| - ln|(T_s+T_i)/(T_s-T_i)|
         + 2 (atan(T/T_s) - atan(T_i/T_s))]
@@ -129,7 +127,7 @@ def radiation_time(
     Args:
         temperature: T between T_i and T_s [K]; at T_s the time is infinite.
         initial: T_i [K], other than T_s.
-        surroundings: T_s > 0 of a large enclosure [K].
+        surroundings: T_s > 0 of large surroundings [K].
         capacity: C = rho c_p V [J/K].
         area: A of the body's surface [m^2].
         emissivity: eps [-].
@@ -143,7 +141,9 @@ def radiation_time(
     exchange = 4.0 * float(emissivity) * float(area) * STEFAN_BOLTZMANN * T_s**3
     scale = float(capacity) / exchange
     now, start = host(temperature) / T_s, host(initial) / T_s
-    return np.asarray(scale * (_progress(host(now)) - _progress(host(start))))
+    return np.asarray(
+        scale * (_antiderivative(host(now)) - _antiderivative(host(start)))
+    )
 
 
 def radiation_temperature(
@@ -155,12 +155,12 @@ def radiation_temperature(
     area: Scalar,
     emissivity: Scalar,
 ) -> HostFloat:
-    """The temperature at a time: the inverse of `radiation_time`, by bisection.
+    """Temperature at a time [K]: the inverse of `radiation_time`, by bisection.
 
     Args:
         time: t >= 0 [s].
         initial: T_i [K].
-        surroundings: T_s > 0 of a large enclosure [K].
+        surroundings: T_s > 0 of large surroundings [K].
         capacity: C = rho c_p V [J/K].
         area: A of the body's surface [m^2].
         emissivity: eps [-].
@@ -170,12 +170,12 @@ def radiation_temperature(
 
     Source: Bejan and Kraus, Heat Transfer Handbook, equation 3.283.
     """
-    wanted = host(time)
-    early = np.full(wanted.shape, float(initial))
-    late = np.full(wanted.shape, float(surroundings))
+    target = host(time)
+    early = np.full(target.shape, float(initial))
+    late = np.full(target.shape, float(surroundings))
     if initial == surroundings:
         return late
-    for _ in range(_HALVINGS):
+    for _ in range(_BISECTIONS):
         middle = 0.5 * (early + late)
         passed = radiation_time(
             middle,
@@ -185,6 +185,6 @@ def radiation_temperature(
             area=area,
             emissivity=emissivity,
         )
-        before = passed < wanted
+        before = passed < target
         early, late = np.where(before, middle, early), np.where(before, late, middle)
     return np.asarray(0.5 * (early + late))

@@ -1,4 +1,7 @@
-"""A half-space, uniform at first: closed forms for three loads on its surface."""
+"""Half-space, uniform at first: three surface loads, and contact of two half-spaces.
+
+Error functions are evaluated in float64, whatever JAX is set to.
+"""
 
 import math
 
@@ -8,16 +11,13 @@ from ..arrays import HostFloat, Scalar
 from ..dimensionless import Quantity
 
 
-# Error functions on arrays, in float64 whatever JAX is set to.
-
-
-# From here the asymptotic series is exact to rounding; below, exp(x^2) is harmless.
-_FAR = 10.0
+# From here on the asymptotic series is exact to rounding; below, exp(x^2) is moderate.
+_SERIES_START = 10.0
 _SERIES_TERMS = 12
 
 
 def _scaled_erfc(x: float) -> float:
-    if x < _FAR:
+    if x < _SERIES_START:
         return math.exp(x * x) * math.erfc(x)
     term = total = 1.0
     for k in range(1, _SERIES_TERMS + 1):
@@ -32,25 +32,25 @@ _erfcx = np.vectorize(_scaled_erfc, otypes=[np.float64])
 
 
 def host(x: Quantity) -> HostFloat:
-    """The value in host memory, in float64."""
+    """Array in host memory, in float64."""
     return np.asarray(x, np.float64)
 
 
 def erf(x: Quantity) -> HostFloat:
-    """The error function, 2/sqrt(pi) int_0^x exp(-u^2) du [-]."""
+    """Error function, 2/sqrt(pi) int_0^x exp(-u^2) du [-]."""
     return np.asarray(_erf(host(x)))
 
 
 def erfc(x: Quantity) -> HostFloat:
-    """Its complement, 1 - erf(x) [-], without the cancellation."""
+    """Complementary error function, 1 - erf(x) [-], without cancellation."""
     return np.asarray(_erfc(host(x)))
 
 
 def erfcx(x: Quantity) -> HostFloat:
-    """The scaled complement, exp(x^2) erfc(x) [-], for x >= 0 of any size.
+    """Scaled complementary error function exp(x^2) erfc(x) [-] for any x >= 0.
 
-    For large x, sum_k (-1)^k (2k-1)!! / (2 x^2)^k / (x sqrt(pi)), because the product
-    itself is infinity times zero.
+    For large x, where the product is infinity times zero, the asymptotic series
+    sum_k (-1)^k (2k-1)!! / (2 x^2)^k / (x sqrt(pi)).
 
     Source: NIST Digital Library of Mathematical Functions, 7.12.1.
     """
@@ -69,7 +69,7 @@ def surface_step(
     surface: Quantity,
     diffusivity: Quantity,
 ) -> HostFloat:
-    """Temperature when the surface is held at a new temperature from t = 0.
+    """Temperature for a surface at a new constant temperature from t = 0.
 
     T = T_s + (T_i - T_s) erf(x / (2 sqrt(alpha t)))
 
@@ -98,7 +98,7 @@ def surface_flux(
     conductivity: Quantity,
     diffusivity: Quantity,
 ) -> HostFloat:
-    """Temperature when a constant flux enters through the surface from t = 0.
+    """Temperature for a constant heat flux into the surface from t = 0.
 
     T = T_i + (q''/k) (2 sqrt(alpha t/pi) exp(-z^2) - x erfc(z)),
     z = x/(2 sqrt(alpha t))
@@ -117,9 +117,9 @@ def surface_flux(
     Source: Carslaw and Jaeger, Conduction of Heat in Solids, 2.9.
     """
     z = _scaled_depth(depth, time, diffusivity)
-    reach = 2.0 * np.sqrt(host(diffusivity) * host(time) / np.pi) * np.exp(-z * z)
+    depth_scale = 2.0 * np.sqrt(host(diffusivity) * host(time) / np.pi) * np.exp(-z * z)
     gradient = host(heat_flux) / host(conductivity)
-    return np.asarray(host(initial) + gradient * (reach - host(depth) * erfc(z)))
+    return np.asarray(host(initial) + gradient * (depth_scale - host(depth) * erfc(z)))
 
 
 def surface_convection(
@@ -132,10 +132,10 @@ def surface_convection(
     conductivity: Quantity,
     diffusivity: Quantity,
 ) -> HostFloat:
-    """Temperature when the surface meets a fluid from t = 0.
+    """Temperature for convection to a fluid from t = 0.
 
     (T - T_i)/(T_inf - T_i) = erfc(z) - exp(-z^2) erfcx(z + h sqrt(alpha t)/k), with
-    z = x/(2 sqrt(alpha t)); the textbook's exp * erfc overflows, this does not.
+    z = x/(2 sqrt(alpha t)). The textbook form with exp * erfc overflows.
 
     Args:
         depth: x below the surface [m].
@@ -152,12 +152,11 @@ def surface_convection(
     Source: Carslaw and Jaeger, Conduction of Heat in Solids, 2.7.
     """
     z = _scaled_depth(depth, time, diffusivity)
-    reach = np.sqrt(host(diffusivity) * host(time)) / host(conductivity)
-    rise = erfc(z) - np.exp(-z * z) * erfcx(z + host(heat_transfer_coefficient) * reach)
+    length = np.sqrt(host(diffusivity) * host(time)) / host(conductivity)
+    rise = erfc(z) - np.exp(-z * z) * erfcx(
+        z + host(heat_transfer_coefficient) * length
+    )
     return np.asarray(host(initial) + (host(ambient) - host(initial)) * rise)
-
-
-# Two half-spaces that touch from t = 0.
 
 
 def perfect_contact(
@@ -166,13 +165,13 @@ def perfect_contact(
     effusivity_a: Scalar,
     effusivity_b: Scalar,
 ) -> float:
-    """The temperature of the shared surface, the same at all times [K].
+    """Temperature of the common surface of two half-spaces, constant in time [K].
 
     T_s = (e_A T_A + e_B T_B) / (e_A + e_B)
 
     Args:
-        temperature_a: T_A of the first body at first [K].
-        temperature_b: T_B of the second [K].
+        temperature_a: initial temperature T_A of the first body [K].
+        temperature_b: initial temperature T_B of the second body [K].
         effusivity_a: e_A = sqrt(k rho c_p) [W s^0.5/(m^2 K)].
         effusivity_b: e_B [W s^0.5/(m^2 K)].
 
@@ -191,15 +190,15 @@ def contact_surfaces(
     effusivity_b: Scalar,
     contact_conductance: Scalar,
 ) -> tuple[HostFloat, HostFloat, HostFloat]:
-    """Both surface temperatures and the flux when the contact resists.
+    """Surface temperatures and heat flux for a contact with a resistance.
 
     T_sA = T_s + (T_A - T_s) w, T_sB = T_s + (T_B - T_s) w, q'' = h_c (T_sA - T_sB),
     w = erfcx(h_c (1/e_A + 1/e_B) sqrt(t)), T_s that of perfect contact
 
     Args:
         time: t >= 0 [s].
-        temperature_a: T_A of the first body at first [K].
-        temperature_b: T_B of the second [K].
+        temperature_a: initial temperature T_A of the first body [K].
+        temperature_b: initial temperature T_B of the second body [K].
         effusivity_a: e_A = sqrt(k rho c_p) [W s^0.5/(m^2 K)].
         effusivity_b: e_B [W s^0.5/(m^2 K)].
         contact_conductance: h_c [W/(m^2 K)].
@@ -212,8 +211,8 @@ def contact_surfaces(
     """
     h_c = float(contact_conductance)
     rate = h_c * (1.0 / float(effusivity_a) + 1.0 / float(effusivity_b))
-    apart = erfcx(rate * np.sqrt(host(time)))
+    decay = erfcx(rate * np.sqrt(host(time)))
     shared = perfect_contact(temperature_a, temperature_b, effusivity_a, effusivity_b)
-    surface_a = np.asarray(shared + (float(temperature_a) - shared) * apart)
-    surface_b = np.asarray(shared + (float(temperature_b) - shared) * apart)
+    surface_a = np.asarray(shared + (float(temperature_a) - shared) * decay)
+    surface_b = np.asarray(shared + (float(temperature_b) - shared) * decay)
     return surface_a, surface_b, np.asarray(h_c * (surface_a - surface_b))

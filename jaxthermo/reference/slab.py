@@ -1,4 +1,8 @@
-"""A slab that exchanges heat with a fluid: the series of its eigenmodes."""
+"""Slabs: eigenmode series for convection, and decay of single sine modes.
+
+The discrete decay rate is exact for cell-centred cells whose outer faces have
+temperature 0 through half a cell, conductance 2 k A / h: the sine is an eigenvector.
+"""
 
 import math
 
@@ -10,24 +14,23 @@ from ..dimensionless import Quantity
 from .semi_infinite import host
 
 
-TERMS = 60
+_TERMS = 60
 _HALVINGS = 60
 
 
-def slab_eigenvalues(biot: Scalar, terms: int = TERMS) -> Float[np.ndarray, "m"]:
-    """The first roots of z tan z = Bi [-], ascending.
-
-    The n-th lies in ((n-1) pi, (n-1/2) pi), where z sin z - Bi cos z changes sign once:
-    found by bisection, which no Biot number can upset.
+def slab_eigenvalues(biot: Scalar, terms: int = _TERMS) -> Float[np.ndarray, "m"]:
+    """First roots of z tan z = Bi [-], ascending.
 
     Args:
         biot: Bi = h L / k > 0 with the half-thickness L [-].
-        terms: how many.
+        terms: number of roots.
     """
+    # Root n is in ((n-1) pi, (n-1/2) pi), where z sin z - Bi cos z changes sign once:
+    # bisection is robust for every Biot number.
     ratio = float(biot)
     low = np.arange(terms) * np.pi
     high = low + 0.5 * np.pi
-    # On every second interval the sign of both sides is turned.
+    # On every second interval both sides have the opposite sign.
     turn = np.where(np.arange(terms) % 2 == 0, 1.0, -1.0)
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
@@ -41,23 +44,23 @@ def _weights(z: np.ndarray) -> np.ndarray:
 
 
 def slab_convection(
-    position: Quantity, fourier: Quantity, biot: Scalar, terms: int = TERMS
+    position: Quantity, fourier: Quantity, biot: Scalar, terms: int = _TERMS
 ) -> HostFloat:
-    """Excess temperature of a slab in a fluid, as a fraction of the first excess.
+    """Excess temperature of a slab in a fluid over the initial excess [-].
 
     theta = (T - T_inf)/(T_i - T_inf) = sum_n C_n exp(-z_n^2 Fo) cos(z_n x*),
     C_n = 4 sin z_n/(2 z_n + sin 2 z_n), z_n tan z_n = Bi
 
-    Also a slab of thickness L with an insulated back at x* = 0.
+    Also valid for a slab of thickness L with an insulated back at x* = 0.
 
     Args:
         position: x* = x / L from the middle, -1 to 1 [-].
         fourier: Fo = alpha t / L^2, at least about 1e-3 for 60 terms [-].
         biot: Bi = h L / k with the half-thickness L [-].
-        terms: of the series.
+        terms: number of terms of the series.
 
     Returns:
-        theta [-], of the shape of position and fourier together.
+        theta [-], with the broadcast shape of position and fourier.
 
     Source: Carslaw and Jaeger, Conduction of Heat in Solids, 3.11.
     """
@@ -68,16 +71,16 @@ def slab_convection(
 
 
 def slab_convection_mean(
-    fourier: Quantity, biot: Scalar, terms: int = TERMS
+    fourier: Quantity, biot: Scalar, terms: int = _TERMS
 ) -> HostFloat:
-    """Mean over the thickness of `slab_convection`.
+    """Mean of `slab_convection` over the thickness [-].
 
     theta_mean = sum_n C_n exp(-z_n^2 Fo) sin(z_n)/z_n
 
     Args:
         fourier: Fo = alpha t / L^2 [-].
         biot: Bi = h L / k with the half-thickness L [-].
-        terms: of the series.
+        terms: number of terms of the series.
 
     Returns:
         theta_mean [-].
@@ -89,21 +92,15 @@ def slab_convection_mean(
     return np.asarray(np.sum(_weights(z) * decay * np.sin(z) / z, axis=-1))
 
 
-# One sine mode between two faces at 0: how fast it dies, exactly and discretely.
-#
-# The discrete forms hold to rounding for cell-centred cells whose outer faces are held
-# at 0 through half a cell, conductance 2 k A / h: there too the mode is an eigenvector.
-
-
 def sine_rate(diffusivity: Scalar, length: Scalar, mode: int = 1) -> float:
-    """The decay rate of sin(m pi x / L) [1/s].
+    """Decay rate of sin(m pi x / L) between faces at 0 [1/s].
 
     lambda = alpha (m pi / L)^2
 
     Args:
         diffusivity: alpha [m^2/s].
         length: L between the faces [m].
-        mode: m, half waves in L.
+        mode: number m of half waves in L.
 
     Source: Carslaw and Jaeger, Conduction of Heat in Solids, 3.3.
     """
@@ -113,15 +110,15 @@ def sine_rate(diffusivity: Scalar, length: Scalar, mode: int = 1) -> float:
 def sine_rate_of_cells(
     diffusivity: Scalar, length: Scalar, cells: int, mode: int = 1
 ) -> float:
-    """The decay rate of the same mode on N cells, time left exact [1/s].
+    """Decay rate of the same mode on N cells, exact in time [1/s].
 
     lambda_h = (4 alpha / h^2) sin^2(m pi / (2 N)), h = L / N
 
     Args:
         diffusivity: alpha [m^2/s].
         length: L between the faces [m].
-        cells: N along L.
-        mode: m, half waves in L.
+        cells: number N of cells along L.
+        mode: number m of half waves in L.
 
     Source: the eigenvalues of the second-difference matrix with odd ghost cells.
     """
@@ -131,21 +128,21 @@ def sine_rate_of_cells(
 
 
 def decay_exact(rate: Scalar, time: Scalar) -> float:
-    """Amplitude left of 1 [-]: exp(-lambda t), rate [1/s], time [s]."""
+    """Remaining amplitude exp(-lambda t) [-], rate [1/s], time [s]."""
     return math.exp(-float(rate) * float(time))
 
 
 def decay_explicit_euler(rate: Scalar, dt: Scalar, steps: int) -> float:
-    """Amplitude left of 1 [-]: (1 - lambda dt)^n, rate [1/s], dt [s]."""
+    """Remaining amplitude (1 - lambda dt)^n [-], rate [1/s], dt [s]."""
     return (1.0 - float(rate) * float(dt)) ** steps
 
 
 def decay_implicit_euler(rate: Scalar, dt: Scalar, steps: int) -> float:
-    """Amplitude left of 1 [-]: (1 + lambda dt)^-n, rate [1/s], dt [s]."""
+    """Remaining amplitude (1 + lambda dt)^-n [-], rate [1/s], dt [s]."""
     return (1.0 + float(rate) * float(dt)) ** -steps
 
 
 def decay_crank_nicolson(rate: Scalar, dt: Scalar, steps: int) -> float:
-    """Amplitude left of 1 [-]: ((2 - lambda dt)/(2 + lambda dt))^n."""
+    """Remaining amplitude ((2 - lambda dt)/(2 + lambda dt))^n [-]."""
     x = float(rate) * float(dt)
     return ((2.0 - x) / (2.0 + x)) ** steps

@@ -1,4 +1,4 @@
-"""View factors in closed form.
+"""View factors in closed form, and of flat patches by quadrature without obstacles.
 
 Sources: Howell and Menguc, A Catalog of Radiation Heat Transfer Configuration Factors;
 Incropera et al., Fundamentals of Heat and Mass Transfer, table 13.2.
@@ -15,12 +15,12 @@ from ..raster.directions import unit_vector, view_frame
 
 
 def parallel_rectangles(width: Scalar, length: Scalar, gap: Scalar) -> float:
-    """Between two equal rectangles that face each other squarely.
+    """View factor between two equal rectangles opposite each other [-].
 
     Args:
-        width: of both [m].
-        length: of both [m].
-        gap: between them [m].
+        width: width of both [m].
+        length: length of both [m].
+        gap: distance between them [m].
     """
     x, y = float(width) / float(gap), float(length) / float(gap)
     p, q = np.sqrt(1 + x * x), np.sqrt(1 + y * y)
@@ -31,12 +31,12 @@ def parallel_rectangles(width: Scalar, length: Scalar, gap: Scalar) -> float:
 
 
 def perpendicular_rectangles(shared: Scalar, height: Scalar, width: Scalar) -> float:
-    """From a floor to the wall that stands on one of its edges.
+    """View factor from a floor to a wall on one of its edges [-].
 
     Args:
-        shared: length of the edge they share [m].
-        height: of the wall [m].
-        width: of the floor, away from the wall [m].
+        shared: length of the common edge [m].
+        height: height of the wall [m].
+        width: width of the floor, normal to the wall [m].
     """
     h, w = float(height) / float(shared), float(width) / float(shared)
     h2, w2 = h * h, w * w
@@ -50,12 +50,12 @@ def perpendicular_rectangles(shared: Scalar, height: Scalar, width: Scalar) -> f
 
 
 def coaxial_discs(first: Scalar, second: Scalar, gap: Scalar) -> float:
-    """From a disc to another one on the same axis.
+    """View factor from a disc to a coaxial disc [-].
 
     Args:
-        first: radius of the one that emits [m].
-        second: radius of the other [m].
-        gap: between them [m].
+        first: radius of the emitting disc [m].
+        second: radius of the other disc [m].
+        gap: distance between them [m].
     """
     a, b = float(first) / float(gap), float(second) / float(gap)
     s = 1 + (1 + b * b) / (a * a)
@@ -63,18 +63,18 @@ def coaxial_discs(first: Scalar, second: Scalar, gap: Scalar) -> float:
 
 
 def element_to_disc(radius: Scalar, gap: Scalar) -> float:
-    """From an element on the axis of a disc that it faces: R^2 / (R^2 + H^2)."""
+    """View factor from an element on the axis of a disc: R^2 / (R^2 + H^2)."""
     square = float(radius) ** 2
     return square / (square + float(gap) ** 2)
 
 
 def element_to_rectangle(width: Scalar, length: Scalar, gap: Scalar) -> float:
-    """From an element to a rectangle that it faces, below one of its corners.
+    """View factor from an element to a parallel rectangle, below its corner [-].
 
     Args:
-        width: of the rectangle [m].
-        length: of the rectangle [m].
-        gap: to the corner above the element [m].
+        width: width of the rectangle [m].
+        length: length of the rectangle [m].
+        gap: distance of the element from the corner [m].
     """
     x, y = float(width) / float(gap), float(length) / float(gap)
     p, q = np.sqrt(1 + x * x), np.sqrt(1 + y * y)
@@ -82,36 +82,38 @@ def element_to_rectangle(width: Scalar, length: Scalar, gap: Scalar) -> float:
 
 
 def element_to_strip(width: Scalar, gap: Scalar) -> float:
-    """From an element to an endless strip above its middle: the sine of the half angle.
+    """View factor from an element to an infinite strip centred above it [-].
+
+    It is the sine of half the angle that the strip spans.
 
     Args:
-        width: of the strip [m].
-        gap: to its middle [m].
+        width: width of the strip [m].
+        gap: distance to its middle [m].
     """
     half = float(width) / 2
     return half / np.hypot(half, float(gap))
 
 
 def element_to_sphere(radius: Scalar, distance: Scalar, cosine: Scalar) -> float:
-    """From an element to a sphere wholly above its horizon: (R / d)^2 cos(angle).
+    """View factor from an element to a sphere above its horizon: (R / d)^2 cos(b).
 
     Args:
         radius: R [m].
         distance: d to the sphere's centre [m].
-        cosine: of the angle between the element's normal and the way to the centre.
+        cosine: cosine of the angle b between normal and direction to the centre.
     """
     return (float(radius) / float(distance)) ** 2 * float(cosine)
 
 
 def out_of_groove(position: Scalar, length: Scalar, angle: Scalar) -> float:
-    """From an element on the wall of an endless V-groove to the outside.
+    """View factor from an element on the wall of an infinite V-groove to outside [-].
 
     F = [1 - (L cos a - x) / sqrt(L^2 + x^2 - 2 x L cos a)] / 2
 
     Args:
-        position: x, from the bottom along the wall [m].
-        length: L of both walls [m].
-        angle: a between them [rad].
+        position: distance x from the bottom along the wall [m].
+        length: length L of both walls [m].
+        angle: angle a between them [rad].
     """
     x, far = float(position), float(length)
     along = far * np.cos(float(angle)) - x
@@ -120,17 +122,12 @@ def out_of_groove(position: Scalar, length: Scalar, angle: Scalar) -> float:
 
 
 def groove_mouth(angle: Scalar) -> float:
-    """From both walls of an endless V-groove to the outside: sin(angle / 2)."""
+    """View factor from both walls of an infinite V-groove to outside: sin(a / 2)."""
     return float(np.sin(float(angle) / 2))
 
 
-# View factors of flat patches by a deterministic quadrature, nothing in between.
-#
-# The inner integral over a polygon is exact (Lambert), so that patches may touch.
-
-
 class Rule(NamedTuple):
-    """Points of a patch with their share of its area."""
+    """Quadrature points of a patch with their areas as weights."""
 
     position: Float[np.ndarray, "q 3"]
     """[m]"""
@@ -140,7 +137,8 @@ class Rule(NamedTuple):
 
 
 def _unit_interval(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Gauss-Legendre on [0, 1], crowded at both ends, where a neighbour may touch."""
+    """Gauss-Legendre rule on [0, 1], refined at both ends."""
+    # Neighbouring patches may touch there, where the integrand is singular.
     node, weight = np.polynomial.legendre.leggauss(count)
     t, w = (node + 1) / 2, weight / 2
     return t * t * t * (10 - 15 * t + 6 * t * t), 30 * w * t * t * (1 - t) ** 2
@@ -152,13 +150,13 @@ def rectangle_rule(
     second: Float[np.ndarray, "3"],
     count: int,
 ) -> Rule:
-    """`count` x `count` points of a rectangle; its front is first x second.
+    """Rule of `count` x `count` points of a rectangle; its front is first x second.
 
     Args:
-        corner: [m]
-        first: edge from it [m].
-        second: edge from it, across the first [m].
-        count: along each edge.
+        corner: corner [m].
+        first: vector along an edge from the corner [m].
+        second: vector along the other edge from the corner [m].
+        count: number of points along each edge.
     """
     t, w = _unit_interval(count)
     across = np.cross(first, second)
@@ -171,13 +169,13 @@ def rectangle_rule(
 def disc_rule(
     centre: Float[np.ndarray, "3"], normal: object, radius: float, count: int
 ) -> Rule:
-    """Rings of a disc, twice as many points on each as there are rings.
+    """Rule of a disc in rings, with twice as many points on each as rings.
 
     Args:
-        centre: [m]
-        normal: out of its front.
-        radius: [m]
-        count: of the rings.
+        centre: centre [m].
+        normal: normal of its front.
+        radius: radius [m].
+        count: number of rings.
     """
     node, weight = np.polynomial.legendre.leggauss(count)
     turn = 2 * np.pi * np.arange(2 * count) / (2 * count)
@@ -191,7 +189,7 @@ def disc_rule(
 
 
 def view_factor(first: Rule, second: Rule) -> float:
-    """From the first patch to the second, which must not touch: the double integral.
+    """View factor between patches that do not touch, by the double integral [-].
 
     F = 1 / A_1 integral of cos_1 cos_2 / (pi R^2) dA_2 dA_1
     """
@@ -204,10 +202,12 @@ def view_factor(first: Rule, second: Rule) -> float:
 
 
 def view_factor_to_polygon(first: Rule, corners: Float[np.ndarray, "c 3"]) -> float:
-    """From a patch to a convex polygon that may touch it.
+    """View factor from a patch to a convex polygon that may touch it [-].
+
+    The inner integral over the polygon is exact.
 
     Args:
-        first: the patch that emits.
+        first: emitting patch.
         corners: counter-clockwise seen from the polygon's front [m].
     """
     seen = polygon_view_factor(first.position, first.normal, corners)
