@@ -13,101 +13,54 @@ Quantity = Scalar | Float[Array, "..."] | Float[np.ndarray, "..."]
 def biot(
     heat_transfer_coefficient: Quantity, length: Quantity, conductivity: Quantity
 ) -> Quantity:
-    """Biot number Bi = h L / k [-]: internal over surface resistance.
-
-    Args:
-        heat_transfer_coefficient: h [W/(m^2 K)].
-        length: L [m].
-        conductivity: k of the solid [W/(m K)].
-    """
+    """Biot number Bi = h L / k [-] of a solid: h [W/(m^2 K)], L [m], k [W/(m K)]."""
     return heat_transfer_coefficient * length / conductivity
 
 
 def fourier(diffusivity: Quantity, time: Quantity, length: Quantity) -> Quantity:
-    """Fourier number Fo = alpha t / L^2 [-]: time over the time of diffusion.
-
-    Args:
-        diffusivity: alpha [m^2/s].
-        time: t [s].
-        length: L [m].
-    """
+    """Fourier number Fo = alpha t / L^2 [-]: alpha [m^2/s], t [s], L [m]."""
     return diffusivity * time / (length * length)
 
 
 def cell_fourier(diffusivity: Quantity, dt: Quantity, pitch: Quantity) -> Quantity:
-    """Cell Fourier number Fo_h = alpha dt / h^2 [-]; Euler is stable up to 1/6 in 3-D.
+    """Cell Fourier number Fo_h = alpha dt / h^2 [-], with h = `pitch` [m].
 
-    Args:
-        diffusivity: alpha [m^2/s].
-        dt: time step [s].
-        pitch: h, the edge of a voxel [m].
+    Explicit Euler in 3-D is stable up to 1/6.
     """
     return diffusivity * dt / (pitch * pitch)
 
 
 def characteristic_length(volume: Quantity, area: Quantity) -> Quantity:
-    """Characteristic length L_c = V / A [m]: a third of the radius of a sphere.
-
-    Args:
-        volume: V [m^3].
-        area: A of the surface that exchanges heat [m^2].
-    """
+    """Characteristic length V / A [m]: a third of the radius of a sphere."""
     return volume / area
 
 
 def time_constant(capacity: Quantity, conductance: Quantity) -> Quantity:
-    """Time constant tau = C / G [s] of a lumped body: its excess falls to 1/e.
-
-    Args:
-        capacity: C = rho c_p V [J/K].
-        conductance: G = h A [W/K].
-    """
+    """Time constant tau = C / G [s]: C [J/K], G [W/K]; the excess falls to 1/e."""
     return capacity / conductance
 
 
 def diffusion_length(diffusivity: Quantity, time: Quantity) -> Quantity:
-    """Diffusion length sqrt(alpha t) [m]: depth to which heat has penetrated.
-
-    Args:
-        diffusivity: alpha [m^2/s].
-        time: t [s].
-    """
+    """Diffusion length sqrt(alpha t) [m]: alpha [m^2/s], t [s]."""
     return (diffusivity * time) ** 0.5
 
 
 def nusselt(
     heat_transfer_coefficient: Quantity, length: Quantity, conductivity: Quantity
 ) -> Quantity:
-    """Nusselt number Nu = h L / k_f [-] with the conductivity of the fluid.
-
-    Args:
-        heat_transfer_coefficient: h [W/(m^2 K)].
-        length: L, for a cylinder its diameter [m].
-        conductivity: k_f of the fluid [W/(m K)].
-    """
+    """Nusselt number Nu = h L / k_f [-], with the fluid's conductivity [W/(m K)]."""
     return heat_transfer_coefficient * length / conductivity
 
 
 def reynolds(
     speed: Quantity, length: Quantity, kinematic_viscosity: Quantity
 ) -> Quantity:
-    """Reynolds number Re = U L / nu [-]: inertia over viscosity.
-
-    Args:
-        speed: U [m/s].
-        length: L [m].
-        kinematic_viscosity: nu [m^2/s].
-    """
+    """Reynolds number Re = U L / nu [-]: U [m/s], L [m], nu [m^2/s]."""
     return speed * length / kinematic_viscosity
 
 
 def prandtl(kinematic_viscosity: Quantity, diffusivity: Quantity) -> Quantity:
-    """Prandtl number Pr = nu / alpha [-]: diffusivity of momentum over that of heat.
-
-    Args:
-        kinematic_viscosity: nu [m^2/s].
-        diffusivity: alpha of the fluid [m^2/s].
-    """
+    """Prandtl number Pr = nu / alpha [-], both of the fluid [m^2/s]."""
     return kinematic_viscosity / diffusivity
 
 
@@ -118,14 +71,10 @@ def grashof(
     length: Quantity,
     kinematic_viscosity: Quantity,
 ) -> Quantity:
-    """Grashof number Gr = g beta dT L^3 / nu^2 [-]: buoyancy over viscosity.
+    """Grashof number Gr = g beta dT L^3 / nu^2 [-].
 
-    Args:
-        gravity: g [m/s^2].
-        expansion: beta, 1/T for a gas [1/K].
-        excess: dT of the surface over the fluid [K].
-        length: L [m].
-        kinematic_viscosity: nu [m^2/s].
+    g [m/s^2]; `expansion` beta [1/K], 1/T for a gas; `excess` dT [K]; L [m];
+    nu [m^2/s].
     """
     viscous = kinematic_viscosity * kinematic_viscosity
     return gravity * expansion * excess * (length * length * length) / viscous

@@ -68,13 +68,7 @@ class RowLayout(NamedTuple):
 def row_layout(
     nodes: int, src: Int[np.ndarray, " e"], dst: Int[np.ndarray, " e"]
 ) -> RowLayout:
-    """Rows of the links between nodes.
-
-    Args:
-        nodes: number of nodes.
-        src: first node of each link.
-        dst: second node of each link.
-    """
+    """Rows of the links from `src` to `dst` between a number of `nodes`."""
     low, high = np.minimum(src, dst), np.maximum(src, dst)
     follows = high == low + 1
     # Of several links between the same two nodes, only one fits here.

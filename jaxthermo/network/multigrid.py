@@ -33,11 +33,7 @@ class Hierarchy(eqx.Module):
     """Transfers from each network to the next."""
 
     def cycle(self, m: Float[Array, "..."]) -> MultigridCycle:
-        """Cycle that approximates (diag(m) - K)^-1.
-
-        Args:
-            m: added to the diagonal, 0 or more; 0 where there is no node [W/K].
-        """
+        """Cycle that approximates (diag(m) - K)^-1; m [W/K] is 0 without a node."""
         levels = []
         fine = zip(self.networks[:-1], self.transfers, strict=True)
         for network, transfer in fine:
@@ -51,24 +47,15 @@ class Hierarchy(eqx.Module):
 
 
 def jacobi(network: AbstractNetwork, m: Float[Array, "..."]) -> JacobiCycle:
-    """Inverse of the diagonal of diag(m) - K.
-
-    Args:
-        network: K.
-        m: added to the diagonal, 0 or more [W/K].
-    """
+    """Inverse of the diagonal of diag(m) - K, with m [W/K] 0 or more."""
     return JacobiCycle(inverse(m + network.diagonal()))
 
 
 def hierarchy(structure: AbstractStructure, network: AbstractNetwork) -> Hierarchy:
-    """Levels of a body.
+    """Levels of a body, from its structure and the network K of this structure.
 
     Conductances may be traced. If they depend on the temperature, K is taken at the
     reference.
-
-    Args:
-        structure: structure of the body.
-        network: network of this structure.
     """
     network = network.linear
     if isinstance(network, AbstractNodeNetwork):

@@ -93,7 +93,7 @@ class _Level(eqx.Module):
 
 
 def level(network: AbstractNetwork, m: Float[Array, "..."]) -> _Level:
-    """Level with the smoother for its range of eigenvalues.
+    """Level diag(m) - K with the smoother for its range of eigenvalues; m [W/K].
 
     Those of D^-1 A lie in [1 - s, 1 + s], s the largest fraction of links in D
     (Gershgorin). On [a, b] = [max(1 - s, b / SMOOTHED_RANGE), 1 + s] the polynomial
@@ -102,10 +102,6 @@ def level(network: AbstractNetwork, m: Float[Array, "..."]) -> _Level:
         q(x) = (4 t - 2 x) / (2 t^2 - d^2),   t = (a + b) / 2, d = (b - a) / 2.
 
     It is positive below a + b, hence so is the smoother.
-
-    Args:
-        network: K.
-        m: added to the diagonal [W/K], 0 or more.
     """
     links = network.diagonal()
     inverse_diagonal = inverse(m + links)
@@ -129,12 +125,7 @@ class _DenseSolve(AbstractCycle):
 
 
 def dense_solve(network: AbstractNetwork, m: Float[Array, "..."]) -> _DenseSolve:
-    """A^-1 of few nodes, regularized for an insulated body (m = 0).
-
-    Args:
-        network: K.
-        m: added to the diagonal [W/K], 0 or more.
-    """
+    """(diag(m) - K)^-1 of few nodes, regularized for an insulated body (m = 0)."""
     n, dtype = m.size, m.dtype
     unit = jnp.eye(n, dtype=dtype).reshape(n, *m.shape)
     a = jnp.diag(m.reshape(-1)) - jax.vmap(network.heat_rate)(unit).reshape(n, n)

@@ -48,12 +48,7 @@ class LatticeTransfer(AbstractTransfer):
 def lattice_levels(
     network: AbstractNetwork, max_size: int
 ) -> tuple[tuple[AbstractNetwork, ...], tuple[LatticeTransfer, ...]]:
-    """Network and successively coarser ones, with the transfers between them.
-
-    Args:
-        network: stencil of the finest level.
-        max_size: largest number of values in a state of the coarsest level.
-    """
+    """Stencil and coarser ones down to `max_size` values in a state, with transfers."""
     networks, transfers = [network], []
     shape = tuple(n - 2 for n in jax.eval_shape(network.diagonal).shape)
     while math.prod(n + 2 for n in shape) > max_size:

@@ -82,12 +82,9 @@ _LAYOUTS: WeakKeyDictionary = WeakKeyDictionary()
 
 
 def node_layout(structure: AbstractStructure, max_nodes: int) -> NodeLayout:
-    """Levels of a structure's nodes, built once for each structure.
+    """Levels of the nodes of a structure, built once for each structure.
 
-    Args:
-        structure: nodes and links.
-        max_nodes: largest number of nodes of the coarsest level, unless more than that
-            are not linked.
+    The coarsest has at most `max_nodes` nodes, unless more than that are not linked.
     """
     built = isinstance(structure, AbstractBuiltStructure)
     key = structure.built if built else structure.grid
@@ -164,12 +161,7 @@ def _lengths(centre, pairs):
 def node_levels(
     layout: NodeLayout, network: AbstractNodeNetwork
 ) -> tuple[tuple[AbstractNodeNetwork, ...], tuple[_NodeTransfer, ...]]:
-    """Network and successively coarser ones, with the transfers between them.
-
-    Args:
-        layout: layout of the network's structure.
-        network: network of rows or links.
-    """
+    """Network of this layout and successively coarser ones, with the transfers."""
     networks, transfers = [network], []
     conductance = link_conductance(layout, network)
     for coarse in layout.coarser:
@@ -187,12 +179,7 @@ def node_levels(
 def link_conductance(
     layout: NodeLayout, network: AbstractNodeNetwork
 ) -> Float[Array, " e"]:
-    """Conductance of every link, collected from the network [W/K].
-
-    Args:
-        layout: layout of the network's structure.
-        network: network of rows or links.
-    """
+    """Conductance of every link, collected from a network of this layout [W/K]."""
     rows = layout.rows
     if isinstance(network, LinkNetwork):
         return network.conductance

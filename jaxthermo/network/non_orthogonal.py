@@ -88,13 +88,9 @@ def non_orthogonal(
     skewed: NonOrthogonalLinks,
     conductance: Float[Array, " k"],
 ) -> NonOrthogonalNetwork:
-    """Network of a structure with a correction for some of its links.
+    """Two-point network with a correction for skewed links.
 
-    Args:
-        straight: two-point flux.
-        structure: nodes and links.
-        skewed: links to correct.
-        conductance: conductances of these links times the weight x [W/K].
+    `conductance` is that of the skewed links times the weight x [W/K].
     """
     links, dtype = structure.links(), conductance.dtype
     ends = links.src[skewed.link], links.dst[skewed.link]

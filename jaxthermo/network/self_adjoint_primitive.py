@@ -43,14 +43,7 @@ def conduct(
     factors: Any,
     layout: Any,
 ) -> Float[Array, "..."]:
-    """Change of a state.
-
-    Args:
-        operator: functions that define conduction.
-        state: values of all nodes.
-        factors: arrays to which the change is proportional.
-        layout: arrays that are not differentiated.
-    """
+    """Change of a state of all nodes; factors and layout as `Operator` says."""
     return _bind(operator.change, operator, state, factors, layout)
 
 

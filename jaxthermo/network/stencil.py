@@ -29,10 +29,8 @@ def _face_heat_rate(
 ) -> Float[Array, "x y z"]:
     """Conduction into each node [W], exactly 0 between equal temperatures.
 
-    Args:
-        state: lattice with one empty cell on each side.
-        conductances: conductances of links along x, y, z [W/K].
-        degrees: number of neighbours of every inner cell along each axis, or any.
+    The state has one empty cell on each side. Conductances [W/K] are those of links
+    along x, y, z; degrees are positive in cells with neighbours along that axis.
     """
     # A stencil sums the neighbours and subtracts a multiple of the node, which leaves a
     # rounding error: negligible in one step, but not in a step of 1e8 s.

@@ -49,15 +49,7 @@ def series(
     length2: Float[np.ndarray | Array, "*e"],
     k2: Float[Array, "*#e"],
 ) -> Float[Array, "*e"]:
-    """Conductance of two lengths in series [W/K]; 0 if either conductivity is 0.
-
-    Args:
-        area: area of the common face [m^2].
-        length1: length of the first half [m].
-        k1: conductivity of the first half [W/(m K)].
-        length2: length of the second half [m].
-        k2: conductivity of the second half [W/(m K)].
-    """
+    """Conductance of two lengths [m] in series [W/K]; 0 if either conductivity is 0."""
     # This form needs no division by a conductivity, which may be 0.
     dtype = k1.dtype
     a, l1, l2 = (jnp.asarray(v, dtype) for v in (area, length1, length2))
@@ -72,11 +64,8 @@ def assemble_uniform(
 ) -> AbstractNetwork:
     """Network of a body of one material, without an array of conductivities.
 
-    Args:
-        structure: nodes and links.
-        conductivity: k [W/(m K)], one number, or three along x, y and z.
-        volumetric_heat_capacity: rho c_p [J/(m^3 K)].
-        dtype: dtype of the state.
+    The conductivity [W/(m K)] is one number, or three along x, y and z; the heat
+    capacity rho c_p is in J/(m^3 K), and the state has the given dtype.
     """
     k = jnp.asarray(conductivity, dtype)
     heat = jnp.asarray(volumetric_heat_capacity, dtype)
@@ -105,13 +94,10 @@ def assemble_mixed(
     conductivity: Float[Array, " c"] | Float[Array, "c 3"],
     volumetric_heat_capacity: Float[Array, " c"],
 ) -> AbstractNetwork:
-    """Network of a body of several materials.
+    """Network of a body of several materials, numbered by node.
 
-    Args:
-        structure: nodes and links.
-        material: number of each node's material.
-        conductivity: k of each material [W/(m K)], one number, or three by axis.
-        volumetric_heat_capacity: rho c_p of each material [J/(m^3 K)].
+    Conductivities [W/(m K)], one number or three by axis, and heat capacities rho c_p
+    [J/(m^3 K)] are given for each material.
     """
     if _runs_as_stencil(structure):
         return _mixed_stencil(
@@ -127,10 +113,8 @@ def surface_conductivity(
 ) -> Float[_Values, "*s"]:
     """Conductivity k = n . K n normal to a surface [W/(m K)]; a number if k is one.
 
-    Args:
-        material: material that does not vary with temperature; see `Material.at`.
-        normal: outward unit normals in the body's frame.
-        dtype: dtype of the result, a numpy array unless k is traced.
+    The material must not vary with temperature (see `Material.at`). Normals are outward
+    in the body's frame; the result is a numpy array unless k is traced.
     """
     k: Any = material.conductivity
     by_axis = jnp.asarray(k, dtype) if is_traced(k) else np.asarray(k, dtype)
@@ -143,9 +127,7 @@ def normal_conductivity(
 ) -> Float[_Values, " s"]:
     """Conductivity k = n . K n normal to each surface [W/(m K)].
 
-    Args:
-        conductivity: k of each surface [W/(m K)]: one number, or three by axis.
-        normal: outward unit normals in the body's frame.
+    Normals are outward in the body's frame.
     """
     if conductivity.ndim == 1:
         return conductivity
@@ -234,11 +216,7 @@ def _link_factors(structure: AbstractStructure, dtype: Any) -> Float[Array, "*#e
 def _weighted_capacity(
     structure: AbstractStructure, capacity: Float[Array, " n"]
 ) -> Float[Array, " n"]:
-    """Capacities with the weights of their levels and of the nearest voxels.
-
-    Args:
-        structure: structure with its weights.
-        capacity: capacities of the nodes' volumes [J/K].
+    """Capacities [J/K] with the weights of their levels and of the nearest voxels.
 
     Raises:
         InputError: if the weights are for another number of levels.

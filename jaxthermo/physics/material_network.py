@@ -28,14 +28,7 @@ from .conduction import assemble_mixed, assemble_uniform
 def material_network(
     structure: AbstractStructure, material: Material, reference: Scalar, dtype: Any
 ) -> AbstractNetwork:
-    """Network of a body of one material.
-
-    Args:
-        structure: nodes and links.
-        material: material of the body.
-        reference: reference temperature of the state [K].
-        dtype: dtype of the state.
-    """
+    """Network of a body of one material, with states relative to `reference` [K]."""
     constant = material.at(reference)
     k, heat = constant.conductivity, constant.volumetric_heat_capacity
     network = assemble_uniform(structure, k, heat, dtype)
@@ -55,13 +48,7 @@ def materials_network(
     materials: Sequence[Material],
     dtype: Any,
 ) -> AbstractNetwork:
-    """Network of a body of several materials.
-
-    Args:
-        structure: nodes and links.
-        number: number of each node's material.
-        materials: materials in the order of their numbers.
-        dtype: dtype of the state.
+    """Network of a body of several materials; `number` is that of each node.
 
     Raises:
         InputError: if one of them varies with temperature.
@@ -75,10 +62,6 @@ def conductivity_table(
     materials: Sequence[Material], dtype: Any
 ) -> Float[Array, " c"] | Float[Array, "c 3"]:
     """Conductivities of several materials [W/(m K)], by axis if any is orthotropic.
-
-    Args:
-        materials: materials in the order of their numbers.
-        dtype: dtype of the table.
 
     Raises:
         InputError: if one of them varies with temperature.
@@ -97,12 +80,7 @@ def conductivity_table(
 def node_materials(
     structure: AbstractStructure, labels: Int[np.ndarray, "x y z"]
 ) -> Int[np.ndarray, " n"]:
-    """Material number of each node: that of the majority of its voxels.
-
-    Args:
-        structure: structure of the body.
-        labels: material number of every voxel of the lattice.
-    """
+    """Material number of each node: that of the majority of its voxels' labels."""
     owner, solid = voxel_owner(structure), structure.grid.solid
     of_voxel, count = labels[solid][owner >= 0], int(labels.max()) + 1
     pair = owner[owner >= 0].astype(np.int64) * count + of_voxel
@@ -114,11 +92,6 @@ def checked_labels(
     structure: AbstractStructure, labels: Any, materials: int
 ) -> Int[np.ndarray, "x y z"]:
     """Material numbers as integers, 0 outside the body.
-
-    Args:
-        structure: structure of the body.
-        labels: material number of every voxel of the lattice.
-        materials: number of materials.
 
     Raises:
         InputError: unless every voxel has the number of an existing material.

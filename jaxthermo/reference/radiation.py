@@ -20,13 +20,7 @@ def between_plates(
 ) -> float:
     """Heat flux between two infinite parallel plates [W/m^2].
 
-    q = sigma (T_1^4 - T_2^4) / (1 / eps_1 + 1 / eps_2 - 1)
-
-    Args:
-        hot: T_1 [K].
-        cold: T_2 [K].
-        emissivity_hot: eps_1.
-        emissivity_cold: eps_2.
+    q = sigma (T_1^4 - T_2^4) / (1 / eps_1 + 1 / eps_2 - 1), temperatures in K
 
     Source: Incropera et al., eq. 13.19.
     """
@@ -46,15 +40,7 @@ def between_spheres(
 
     Q = sigma A_1 (T_1^4 - T_2^4) / [1 / eps_1 + (1 / eps_2 - 1) (r_1 / r_2)^2]
 
-    Args:
-        inner: r_1 [m].
-        outer: r_2 of the cavity [m].
-        hot: T_1 of the inner sphere [K].
-        cold: T_2 [K].
-        emissivity_inner: eps_1.
-        emissivity_outer: eps_2.
-
-    Source: Incropera et al., eq. 13.21.
+    Radii r_1 and r_2 are in m, temperatures in K. Source: Incropera et al., eq. 13.21.
     """
     area = 4 * np.pi * float(inner) ** 2
     narrowing = (float(inner) / float(outer)) ** 2
@@ -67,12 +53,7 @@ def between_spheres(
 def solar_irradiance(
     temperature: Scalar, distance: Scalar = ASTRONOMICAL_UNIT
 ) -> float:
-    """Normal irradiance of a black sun: sigma T^4 (R / d)^2 [W/m^2].
-
-    Args:
-        temperature: temperature of the sun's surface [K].
-        distance: d from its centre [m].
-    """
+    """Normal irradiance of a black sun: sigma T^4 (R / d)^2 [W/m^2]; T [K], d [m]."""
     dilution = (SUN_RADIUS / float(distance)) ** 2
     return STEFAN_BOLTZMANN * float(temperature) ** 4 * dilution
 
@@ -157,18 +138,7 @@ def radiation_temperature(
 ) -> HostFloat:
     """Temperature at a time [K]: the inverse of `radiation_time`, by bisection.
 
-    Args:
-        time: t >= 0 [s].
-        initial: T_i [K].
-        surroundings: T_s > 0 of large surroundings [K].
-        capacity: C = rho c_p V [J/K].
-        area: A of the body's surface [m^2].
-        emissivity: eps [-].
-
-    Returns:
-        T [K].
-
-    Source: Bejan and Kraus, Heat Transfer Handbook, equation 3.283.
+    Arguments as there, with the time t >= 0 [s].
     """
     target = host(time)
     early = np.full(target.shape, float(initial))

@@ -169,12 +169,7 @@ def perfect_contact(
 
     T_s = (e_A T_A + e_B T_B) / (e_A + e_B)
 
-    Args:
-        temperature_a: initial temperature T_A of the first body [K].
-        temperature_b: initial temperature T_B of the second body [K].
-        effusivity_a: e_A = sqrt(k rho c_p) [W s^0.5/(m^2 K)].
-        effusivity_b: e_B [W s^0.5/(m^2 K)].
-
+    with the initial temperatures [K] and e = sqrt(k rho c_p) [W s^0.5/(m^2 K)].
     Source: Carslaw and Jaeger, Conduction of Heat in Solids, 2.15.
     """
     e_a, e_b = float(effusivity_a), float(effusivity_b)

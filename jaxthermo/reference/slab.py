@@ -19,12 +19,7 @@ _HALVINGS = 60
 
 
 def slab_eigenvalues(biot: Scalar, terms: int = _TERMS) -> Float[np.ndarray, "m"]:
-    """First roots of z tan z = Bi [-], ascending.
-
-    Args:
-        biot: Bi = h L / k > 0 with the half-thickness L [-].
-        terms: number of roots.
-    """
+    """First roots of z tan z = Bi [-], ascending; Bi = h L / k > 0."""
     # Root n is in ((n-1) pi, (n-1/2) pi), where z sin z - Bi cos z changes sign once:
     # bisection is robust for every Biot number.
     ratio = float(biot)
@@ -75,17 +70,7 @@ def slab_convection_mean(
 ) -> HostFloat:
     """Mean of `slab_convection` over the thickness [-].
 
-    theta_mean = sum_n C_n exp(-z_n^2 Fo) sin(z_n)/z_n
-
-    Args:
-        fourier: Fo = alpha t / L^2 [-].
-        biot: Bi = h L / k with the half-thickness L [-].
-        terms: number of terms of the series.
-
-    Returns:
-        theta_mean [-].
-
-    Source: Carslaw and Jaeger, Conduction of Heat in Solids, 3.11.
+    theta_mean = sum_n C_n exp(-z_n^2 Fo) sin(z_n)/z_n; arguments and source as there
     """
     z = slab_eigenvalues(biot, terms)
     decay = np.exp(-z * z * host(fourier)[..., None])
@@ -95,14 +80,7 @@ def slab_convection_mean(
 def sine_rate(diffusivity: Scalar, length: Scalar, mode: int = 1) -> float:
     """Decay rate of sin(m pi x / L) between faces at 0 [1/s].
 
-    lambda = alpha (m pi / L)^2
-
-    Args:
-        diffusivity: alpha [m^2/s].
-        length: L between the faces [m].
-        mode: number m of half waves in L.
-
-    Source: Carslaw and Jaeger, Conduction of Heat in Solids, 3.3.
+    lambda = alpha (m pi / L)^2, alpha [m^2/s], L [m]. Source: Carslaw and Jaeger, 3.3.
     """
     return float(diffusivity) * (mode * math.pi / float(length)) ** 2
 
@@ -113,12 +91,6 @@ def sine_rate_of_cells(
     """Decay rate of the same mode on N cells, exact in time [1/s].
 
     lambda_h = (4 alpha / h^2) sin^2(m pi / (2 N)), h = L / N
-
-    Args:
-        diffusivity: alpha [m^2/s].
-        length: L between the faces [m].
-        cells: number N of cells along L.
-        mode: number m of half waves in L.
 
     Source: the eigenvalues of the second-difference matrix with odd ghost cells.
     """

@@ -15,13 +15,7 @@ from ..raster.directions import unit_vector, view_frame
 
 
 def parallel_rectangles(width: Scalar, length: Scalar, gap: Scalar) -> float:
-    """View factor between two equal rectangles opposite each other [-].
-
-    Args:
-        width: width of both [m].
-        length: length of both [m].
-        gap: distance between them [m].
-    """
+    """View factor between two equal opposite rectangles [-]; lengths in m."""
     x, y = float(width) / float(gap), float(length) / float(gap)
     p, q = np.sqrt(1 + x * x), np.sqrt(1 + y * y)
     corners = np.log(p * q / np.sqrt(1 + x * x + y * y))
@@ -31,12 +25,9 @@ def parallel_rectangles(width: Scalar, length: Scalar, gap: Scalar) -> float:
 
 
 def perpendicular_rectangles(shared: Scalar, height: Scalar, width: Scalar) -> float:
-    """View factor from a floor to a wall on one of its edges [-].
+    """View factor from a floor to a wall on one of its edges [-]; lengths in m.
 
-    Args:
-        shared: length of the common edge [m].
-        height: height of the wall [m].
-        width: width of the floor, normal to the wall [m].
+    `shared` is the length of the common edge, `width` that of the floor.
     """
     h, w = float(height) / float(shared), float(width) / float(shared)
     h2, w2 = h * h, w * w
@@ -50,13 +41,7 @@ def perpendicular_rectangles(shared: Scalar, height: Scalar, width: Scalar) -> f
 
 
 def coaxial_discs(first: Scalar, second: Scalar, gap: Scalar) -> float:
-    """View factor from a disc to a coaxial disc [-].
-
-    Args:
-        first: radius of the emitting disc [m].
-        second: radius of the other disc [m].
-        gap: distance between them [m].
-    """
+    """View factor from a disc to a coaxial second one [-]; radii and gap in m."""
     a, b = float(first) / float(gap), float(second) / float(gap)
     s = 1 + (1 + b * b) / (a * a)
     return float((s - np.sqrt(s * s - 4 * (b / a) ** 2)) / 2)
@@ -69,13 +54,7 @@ def element_to_disc(radius: Scalar, gap: Scalar) -> float:
 
 
 def element_to_rectangle(width: Scalar, length: Scalar, gap: Scalar) -> float:
-    """View factor from an element to a parallel rectangle, below its corner [-].
-
-    Args:
-        width: width of the rectangle [m].
-        length: length of the rectangle [m].
-        gap: distance of the element from the corner [m].
-    """
+    """View factor from an element to a parallel rectangle, below its corner [-]."""
     x, y = float(width) / float(gap), float(length) / float(gap)
     p, q = np.sqrt(1 + x * x), np.sqrt(1 + y * y)
     return float((x / p * np.arctan(y / p) + y / q * np.arctan(x / q)) / (2 * np.pi))
@@ -84,23 +63,16 @@ def element_to_rectangle(width: Scalar, length: Scalar, gap: Scalar) -> float:
 def element_to_strip(width: Scalar, gap: Scalar) -> float:
     """View factor from an element to an infinite strip centred above it [-].
 
-    It is the sine of half the angle that the strip spans.
-
-    Args:
-        width: width of the strip [m].
-        gap: distance to its middle [m].
+    It is the sine of half the angle that the strip spans; lengths in m.
     """
     half = float(width) / 2
     return half / np.hypot(half, float(gap))
 
 
 def element_to_sphere(radius: Scalar, distance: Scalar, cosine: Scalar) -> float:
-    """View factor from an element to a sphere above its horizon: (R / d)^2 cos(b).
+    """View factor from an element to a sphere above its horizon: (R / d)^2 cos(b) [-].
 
-    Args:
-        radius: R [m].
-        distance: d to the sphere's centre [m].
-        cosine: cosine of the angle b between normal and direction to the centre.
+    b is the angle between the normal and the direction to the centre at distance d.
     """
     return (float(radius) / float(distance)) ** 2 * float(cosine)
 
@@ -110,10 +82,7 @@ def out_of_groove(position: Scalar, length: Scalar, angle: Scalar) -> float:
 
     F = [1 - (L cos a - x) / sqrt(L^2 + x^2 - 2 x L cos a)] / 2
 
-    Args:
-        position: distance x from the bottom along the wall [m].
-        length: length L of both walls [m].
-        angle: angle a between them [rad].
+    x is the distance from the bottom [m], L the length of the walls, a the angle [rad].
     """
     x, far = float(position), float(length)
     along = far * np.cos(float(angle)) - x
@@ -152,11 +121,7 @@ def rectangle_rule(
 ) -> Rule:
     """Rule of `count` x `count` points of a rectangle; its front is first x second.
 
-    Args:
-        corner: corner [m].
-        first: vector along an edge from the corner [m].
-        second: vector along the other edge from the corner [m].
-        count: number of points along each edge.
+    `first` and `second` are its edges from a corner [m].
     """
     t, w = _unit_interval(count)
     across = np.cross(first, second)
@@ -169,14 +134,7 @@ def rectangle_rule(
 def disc_rule(
     centre: Float[np.ndarray, "3"], normal: object, radius: float, count: int
 ) -> Rule:
-    """Rule of a disc in rings, with twice as many points on each as rings.
-
-    Args:
-        centre: centre [m].
-        normal: normal of its front.
-        radius: radius [m].
-        count: number of rings.
-    """
+    """Rule of a disc in `count` rings with twice as many points on each."""
     node, weight = np.polynomial.legendre.leggauss(count)
     turn = 2 * np.pi * np.arange(2 * count) / (2 * count)
     ring = radius * (node + 1) / 2
@@ -204,11 +162,7 @@ def view_factor(first: Rule, second: Rule) -> float:
 def view_factor_to_polygon(first: Rule, corners: Float[np.ndarray, "c 3"]) -> float:
     """View factor from a patch to a convex polygon that may touch it [-].
 
-    The inner integral over the polygon is exact.
-
-    Args:
-        first: emitting patch.
-        corners: counter-clockwise seen from the polygon's front [m].
+    The inner integral is exact. Corners are counter-clockwise seen from the front [m].
     """
     seen = polygon_view_factor(first.position, first.normal, corners)
     return float(first.weight @ seen / first.weight.sum())

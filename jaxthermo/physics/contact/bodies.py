@@ -100,10 +100,7 @@ def _fraction_inside(body: PlacedGrid, other: PlacedGrid) -> float:
 def require_shallow(a: PlacedGrid, b: PlacedGrid, threshold: float) -> None:
     """Raise an error for bodies that overlap too deeply to be in contact.
 
-    Args:
-        a: first body.
-        b: second body.
-        threshold: largest gap that counts as contact [m].
+    `threshold` is the largest gap that counts as contact [m].
 
     Raises:
         InputError: naming both bodies and the depth.

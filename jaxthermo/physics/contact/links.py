@@ -31,13 +31,10 @@ _Rows = Float[Array | np.ndarray, "*p"]
 def contact_conductance_of(
     area: _Rows, half_a: _Rows, half_b: _Rows, coefficient: Scalar | _Rows
 ) -> _Rows:
-    """Conductance from node to node through each pair [W/K].
+    """Conductance G from node to node through each pair [W/K].
 
-    Args:
-        area: contact area A [m^2]; 0 in rows that only fill an array.
-        half_a: conductance from the contact to A's node, k A / distance [W/K].
-        half_b: conductance from the contact to B's node [W/K].
-        coefficient: h_c [W/(m^2 K)], 0 to infinity: a number, or one for each pair.
+    The contact area [m^2] is 0 in rows that only pad an array, the half cells k A / d
+    [W/K] connect the contact to the nodes, and h_c is 0 to infinity [W/(m^2 K)].
     """
     h_c = jnp.asarray(coefficient, area.dtype)
     finite = jnp.isfinite(h_c)
@@ -60,12 +57,7 @@ def series_conductance(first: _Rows, *others: _Rows) -> _Rows:
 def half_conductance(half_cell: _Rows, area: _Rows, fragment_area: _Rows) -> _Rows:
     """Conductance of the part of a fragment's half cell behind a contact [W/K].
 
-    G_half = k A / d = (k A_fragment / d) * A / A_fragment
-
-    Args:
-        half_cell: k A_fragment / d of each pair's fragment [W/K].
-        area: contact area A [m^2].
-        fragment_area: A_fragment of each pair's fragment [m^2].
+    G_half = k A / d = (k A_fragment / d) * A / A_fragment, contact area A [m^2]
     """
     return half_cell * area * inverse(jnp.asarray(fragment_area))
 
@@ -95,15 +87,10 @@ def gap_factor(gap: _Rows, gap_length: Scalar) -> _Rows:
 def coefficient_across(
     gap: _Rows, coefficient: Scalar | _Rows, gap_length: Scalar
 ) -> _Rows:
-    """Conductance h_c of every pair at its gap [W/(m^2 K)].
-
-    Args:
-        gap: distance of the surfaces [m].
-        coefficient: h_c of surfaces that touch, 0 to infinity [W/(m^2 K)].
-        gap_length: as for `gap_factor`.
+    """Conductance h_c of every pair at its gap [m] [W/(m^2 K)].
 
     Raises:
-        InputError: if the length is not positive.
+        InputError: if the gap length [m] is not positive.
     """
     h_c = jnp.asarray(coefficient, gap.dtype)
     factor = gap_factor(gap, gap_length)
@@ -146,10 +133,7 @@ class ContactLinks(eqx.Module):
     ) -> Float[Array, " p"]:
         """Heat rate from the first body to the second through each pair [W].
 
-        Args:
-            time: t [s].
-            theta: temperatures of the pairs' nodes above their body's reference [K].
-            references: reference temperatures of the bodies [K].
+        `theta` are temperatures of the pairs' nodes above `references` [K].
         """
         # Grouped so that small differences keep their digits in float32.
         difference = (theta[0] - theta[1]) + (references[0] - references[1])
@@ -182,12 +166,9 @@ class ContactLinks(eqx.Module):
         side: int,
         fragments: int,
     ) -> Float[Array, " s"]:
-        """Surface minus node temperature of a body's fragments due to contact [K].
+        """Surface minus node temperature of the fragments of body `side` (0, 1) [K].
 
-        Args:
-            rate: heat rate through each pair, from the first body to the second [W].
-            side: 0 for the first body, 1 for the second.
-            fragments: number of fragments of that body.
+        `rate` is the heat rate through each pair from the first body to the second [W].
         """
         half = self.half_cell[side]
         sign = -1 if side == 0 else 1

@@ -47,14 +47,10 @@ class ContactPairs(NamedTuple):
         return ContactPairs(b, a, area, gap, coverage_b, coverage_a)
 
     def padded(self, capacity: int, names: str = "two bodies") -> "ContactPairs":
-        """Same pairs in arrays of a fixed size, padded with area 0.
-
-        Args:
-            capacity: number of rows.
-            names: names of the bodies, for the message.
+        """Same pairs in arrays of `capacity` rows, padded with area 0.
 
         Raises:
-            InputError: if there are more pairs.
+            InputError: naming the bodies, if there are more pairs.
         """
         spare = capacity - len(self.area)
         if spare < 0:
@@ -81,10 +77,7 @@ def contact_flux(
 ) -> Float[np.ndarray, " s"]:
     """Heat flux through every fragment of one side, q'' = sum_pairs q / A [W/m^2].
 
-    Args:
-        fragment: fragment of each pair on that side.
-        heat_rate: heat rate into that side through each pair [W].
-        fragment_area: areas of all fragments of that side [m^2].
+    The heat rate of each pair is positive into that side [W].
     """
     total = np.bincount(fragment, heat_rate, minlength=len(fragment_area))
     return total / fragment_area
@@ -98,15 +91,9 @@ def merge_touches(
     fragment_area_a: Float[np.ndarray, " s"],
     fragment_area_b: Float[np.ndarray, " r"],
 ) -> ContactPairs:
-    """Pairs of fragments, each once, from the ray hits of a search; area is conserved.
+    """Pairs of fragments, each once, from areas [m^2] and gaps [m] of ray hits.
 
-    Args:
-        fragment_a: fragment of A at each hit.
-        fragment_b: fragment of B at each hit.
-        area: area of each hit [m^2].
-        gap: distance of the surfaces at each hit [m].
-        fragment_area_a: areas of the fragments of A [m^2].
-        fragment_area_b: areas of the fragments of B [m^2].
+    The area of A is conserved; fragment areas are in m^2.
     """
     columns = len(fragment_area_b)
     key, pair = np.unique(fragment_a * columns + fragment_b, return_inverse=True)

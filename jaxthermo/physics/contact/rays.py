@@ -74,14 +74,7 @@ class RayHits(NamedTuple):
 def ray_hits(
     a: PlacedGrid, b: PlacedGrid, near: Int[np.ndarray, " c"], limits: ContactRange
 ) -> RayHits:
-    """Contact of two bodies on rays of A's lattice.
-
-    Args:
-        a: body whose lattice the rays follow.
-        b: other body.
-        near: fragments of A that may touch B, at least one.
-        limits: distances that count as contact.
-    """
+    """Contact of two bodies on rays of A's lattice, near some fragments of A."""
     lattice = a.grid.lattice
     corners = (a.grid.mesh.vertices, b.vertices_in(a))
     faces = (a.grid.mesh.faces, b.grid.mesh.faces)
@@ -106,13 +99,7 @@ def ray_hits(
 def _hits_along(axis, lattice: Lattice, triangles, dominant, box, limits: ContactRange):
     """Contact of the parts of A's surface whose dominant axis this is.
 
-    Args:
-        axis: axis of the rays.
-        lattice: lattice of A.
-        triangles: triangles of A, then of B, in cells.
-        dominant: dominant axis of each triangle of A.
-        box: corners of the sampled region, in cells.
-        limits: distances that count as contact.
+    `triangles` are those of A, then of B; `box` is the sampled region; both in cells.
     """
     seen = (triangles.min(1) <= box[1]) & (triangles.max(1) >= box[0])
     which = np.flatnonzero(seen.all(1))
@@ -211,15 +198,11 @@ def nearest_fragments(
     point: Float[np.ndarray, "k 3"],
     triangle: Int[np.ndarray, " k"],
 ) -> Int[np.ndarray, " k"]:
-    """Fragment of a body nearest to each point along its ray; -1 for none.
+    """Fragment nearest to each point on a body's surface along its ray; -1 for none.
 
-    Where a ray has none that faces the same way (a sliver beside an edge), it is the
-    nearest one on the surrounding rays along all three axes.
-
-    Args:
-        grid: the body.
-        point: points on its surface, in its frame [m].
-        triangle: triangle of its mesh that contains each point.
+    Points are in the body's frame [m], each in a triangle of its mesh. If no fragment
+    on the ray faces the same way (a sliver beside an edge), it is the nearest one on
+    the surrounding rays along all three axes.
     """
     normals, dominant = face_axes(grid.mesh)
     normal, point_axis = normals[triangle], dominant[triangle]

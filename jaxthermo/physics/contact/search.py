@@ -51,10 +51,8 @@ def broad_phase(
 ) -> BroadPhase:
     """Pairs of bodies that neither their boxes nor a view along an axis separate.
 
-    Args:
-        bodies: all bodies of a scene.
-        threshold: largest gap that counts as contact [m]; None for one voxel of the
-            finer body.
+    `threshold` is the largest gap that counts as contact [m]; None for one voxel of the
+    finer body.
     """
     # The distance along an axis can exceed the gap by this factor.
     margin = np.array(
@@ -127,12 +125,7 @@ def _dilated(depth, pick):
 def overlapping_pairs(
     lower: Float[np.ndarray, "b 3"], upper: Float[np.ndarray, "b 3"]
 ) -> Int[np.ndarray, "p 2"]:
-    """Pairs i < j of boxes that share a point, by sort and sweep.
-
-    Args:
-        lower: lowest corners [m].
-        upper: highest corners [m].
-    """
+    """Pairs i < j of boxes with common points, by sort and sweep; corners in m."""
     # Sorted along the axis of their largest spread, a box can only overlap those that
     # start before it ends.
     axis = int(np.argmax(np.ptp(lower, axis=0))) if len(lower) else 0
@@ -155,12 +148,7 @@ def find_contacts(
     """Touching fragments of two bodies (thesis 5.3, after Faure et al. 2008).
 
     Rays follow the lattice of the body with the finer voxels, of A if they are equal.
-
-    Args:
-        a: body A.
-        b: body B.
-        threshold: largest gap that counts as contact [m]; None for one voxel of the
-            finer body.
+    `threshold` is as for `broad_phase`.
 
     Raises:
         InputError: if the threshold is not positive, or the bodies overlap deeply.
@@ -176,10 +164,6 @@ def contacts_between(
     bodies: tuple[PlacedGrid, ...], threshold: Scalar | None = None
 ) -> dict[tuple[int, int], ContactPairs]:
     """Contacts of all pairs i < j of bodies that touch; the broad phase comes first.
-
-    Args:
-        bodies: all bodies of a scene.
-        threshold: as for `find_contacts`.
 
     Raises:
         InputError: as `find_contacts`.

@@ -108,9 +108,7 @@ def film_derivatives(
 ) -> tuple[Float[np.ndarray, "*g f"], ...]:
     """Value, first and second derivative by T_s of a film polynomial, on the host.
 
-    Args:
-        rows: coefficients, with the powers along the first axis.
-        film: film temperatures T_f [K].
+    The powers are along the first axis of `rows`; film temperatures T_f in K.
     """
     inverse = 1 / (film + _SHIFT)
     x, slope = (_MIDDLE - inverse) / _HALF, inverse**2 / (2 * _HALF)

@@ -102,13 +102,7 @@ def film_coefficients(
 ) -> Float[Values, "v n s"]:
     """Film polynomial of h for every fragment at every wind speed [W/(m^2 K)].
 
-    Args:
-        speeds: wind speeds [m/s].
-        flow: air at each group.
-        average: correlation of the mean Nusselt number.
-        member: index of each fragment's group.
-        harmonics: R_k of each fragment.
-        dtype: dtype of the result.
+    Speeds are in m/s, `member` is the group and `harmonics` the R_k of each fragment.
     """
     function = partial(_group_coefficients, average=average)
     mean, shape = _evaluate(function, speeds, flow, dtype)

@@ -53,11 +53,9 @@ def shape_coefficients(reynolds: Float[Array, "*n"]) -> Float[Array, "*n k"]:
 
 
 def harmonics(cosine: _Values, square: _Values | float = 1.0) -> Any:
-    """R_1 to R_16 along the first axis, in numpy for numpy input.
+    """R_1 to R_16 along the first axis, from R_1 = r cos(theta) and r^2.
 
-    Args:
-        cosine: R_1 = r cos(theta).
-        square: r^2.
+    The result is a numpy array for numpy input.
     """
     before, here = 1.0, cosine
     found = [here]
@@ -73,13 +71,7 @@ def surface_harmonics(
     axis: Float[np.ndarray, "*#n 3"],
     wind: Float[np.ndarray, "3"],
 ) -> Float[np.ndarray, "k *n"]:
-    """R_k of surfaces of cylinders in a wind.
-
-    Args:
-        normal: outward unit normals.
-        axis: unit vectors along the cylinders.
-        wind: unit vector along which the wind blows.
-    """
+    """R_k of cylinder surfaces, from unit vectors along normal, axis and wind."""
     along, yaw = (normal * axis).sum(-1), (wind * axis).sum(-1)
     crossing = 1 - yaw * yaw
     # The shape fades out towards wind along the axis, where theta is undefined.
@@ -101,14 +93,7 @@ def local_nusselt(
     prandtl_number: Float[Array, "*n"],
     average: Average,
 ) -> Float[Array, "*n"]:
-    """Nu(theta, Re, Pr) on the side of a cylinder.
-
-    Args:
-        cosine: cos(theta).
-        reynolds: Re = V D / nu.
-        prandtl_number: Pr.
-        average: correlation for the average.
-    """
+    """Nu(theta, Re, Pr) on the side of a cylinder, from cos(theta)."""
     limited = jnp.minimum(reynolds, MAX_REYNOLDS)
     factor = shape_factor(shape_coefficients(limited), harmonics(cosine))
     return average(limited, prandtl_number) * factor
@@ -119,10 +104,7 @@ def limited_speed(
 ) -> Float[Array, "*n"]:
     """Speed [m/s], reduced where the Reynolds number would exceed `MAX_REYNOLDS`.
 
-    Args:
-        speed: V [m/s].
-        diameter: D [m].
-        air: temperature of the stream [K].
+    The diameter is in m, the temperature of the air in K.
     """
     return jnp.minimum(speed, MAX_REYNOLDS * kinematic_viscosity(air) / diameter)
 
@@ -133,14 +115,7 @@ def mean_coefficient(
     film: Float[Array, "*#n"],
     average: Average,
 ) -> Float[Array, "*n"]:
-    """Mean h of a cylinder [W/(m^2 K)]: Nbar k / D, with air at the film temperature.
-
-    Args:
-        speed: V [m/s].
-        diameter: D [m].
-        film: film temperature (T_s + T_inf) / 2 [K].
-        average: correlation for the average.
-    """
+    """Mean h of a cylinder [W/(m^2 K)]: Nbar k / D, with air at the film temperature."""
     reynolds = speed * diameter / kinematic_viscosity(film)
     return average(reynolds, prandtl(film)) * conductivity(film) / diameter
 

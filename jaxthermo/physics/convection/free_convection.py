@@ -90,11 +90,7 @@ def free_coefficient(
 ) -> Float[Array, "*n"]:
     """Mean h by the formula itself [W/(m^2 K)]: the reference of the fast form.
 
-    Args:
-        surface: T_s [K].
-        ambient: T_inf [K].
-        length: L [m].
-        shape: a `PLATE` or a `CYLINDER`.
+    Temperatures T_s and T_inf are in K, the length L in m.
     """
     film = (surface + ambient) / 2
     nu, pr = air.kinematic_viscosity(film), air.prandtl(film)

@@ -116,11 +116,9 @@ def diameters_behind(
 ) -> Float[np.ndarray, " s"]:
     """Distance x / D [-] of surface points behind an object; infinite without one.
 
-    Args:
-        triangles: closed surfaces of all objects in the wind, world [m].
-        position: points on some of the triangles [m].
-        direction: unit vector along which the wind blows.
-        pitch: distance of the rays [m].
+    Triangles are the closed surfaces of all objects and contain the points, in the
+    world [m]. The wind blows along the unit vector `direction`; rays are `pitch` [m]
+    apart.
     """
     view = orthographic_view(triangles, direction, pitch)
     require_memory(view.width * view.height * 16, "a wake", "use a coarser pitch")

@@ -60,12 +60,8 @@ def polygon_view_factor(
     F = 1/(2 pi) sum over the edges a -> b of theta (a x b) . n / |a x b|
 
     with the corners a, b relative to the element, the angle theta between them and the
-    element's normal n; exact at any distance, for the part above its horizon.
-
-    Args:
-        position: positions of the elements [m].
-        normal: unit normals of the elements.
-        corners: corners, counter-clockwise seen from the polygon's front [m].
+    element's normal n; exact at any distance, for the part above its horizon. Corners
+    are counter-clockwise seen from the polygon's front [m].
 
     Source: Lambert, Photometria (1760); Hottel and Sarofim, Radiative Transfer (1967).
     """

@@ -98,9 +98,7 @@ def equilibrium_temperature(
 ) -> Float[Array, "*#m"]:
     """Temperature T [K] with sigma (T^4 - T_a^4) = q'', close to 0 if there is none.
 
-    Args:
-        around: T_a [K].
-        imposed: heat flux q'' [W/m^2].
+    T_a is `around` [K], q'' the imposed heat flux [W/m^2].
     """
     # Scaled by T_a or 1 K, so that a fourth power stays in float32.
     scale = jnp.maximum(around, 1)
@@ -126,10 +124,6 @@ def linear_error(temperature: Any, reach: TemperatureRange) -> float:
     """Largest relative error of 4 T_s^3 (T_s - T) for T_s^4 - T^4 [-].
 
     It is |4 / ((1 + r)(1 + r^2)) - 1| with r = T / T_s, largest at an end of the range.
-
-    Args:
-        temperature: T_s [K], a number or a function of time.
-        reach: lowest and highest T, and the end of the run.
     """
     low = float(smallest(temperature, reach.end))
     high = float(largest(temperature, reach.end))

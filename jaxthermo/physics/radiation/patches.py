@@ -86,15 +86,11 @@ def group_patches(
 ) -> Patches:
     """Finest patches of a body whose number does not exceed `max_patches`.
 
-    Args:
-        position: positions of the fragments in the body's frame [m].
-        normal: outward unit normals of the fragments.
-        area: areas of the fragments, above 0 [m^2].
-        lattice: lattice of the body's voxels.
-        max_patches: at least six, since a closed surface faces all six sides.
+    Positions [m], unit normals and areas above 0 [m^2] are those of its fragments, in
+    the body's frame.
 
     Raises:
-        InputError: for fewer than six.
+        InputError: for fewer than six: a closed surface faces all six sides.
     """
     if max_patches < 6:
         raise InputError(f"{max_patches} patches a body: give 6 or more, such as 128")

@@ -224,10 +224,7 @@ def coarsened_enclosure(
 ) -> Enclosure:
     """Exchange on surface cells that each combine fragments of one patch.
 
-    Args:
-        fine: exchange on fragments.
-        cell: surface cell of each body's fragments; -1 without one.
-        cells: number of surface cells of each body.
+    `cell` is that of each body's fragments, -1 without one; `cells` their number.
     """
     exchange = fine.exchange
     first = np.cumsum([0, *cells])

@@ -46,11 +46,8 @@ def net_exchange(
 ) -> Float[np.ndarray, " p"]:
     """Net heat rate out of each surface of a grey enclosure [W].
 
-    Args:
-        factor: view factors F_ij [-]; rows add up to 1 and A_i F_ij = A_j F_ji.
-        area: A [m^2].
-        emissivity: eps [-].
-        temperature: T [K].
+    View factors F_ij add up to 1 in each row, with A_i F_ij = A_j F_ji; areas in m^2,
+    temperatures in K.
 
     Raises:
         InputError: for surfaces that are no enclosure, or values out of range.
@@ -115,9 +112,7 @@ class PatchExchange(eqx.Module):
     ) -> Float[Array, " s"]:
         """Irradiation H of fragments minus sigma T_0^4 [W/m^2].
 
-        Args:
-            emitted: emissive power of fragments minus sigma T_0^4 [W/m^2].
-            surroundings: emissive power of the surroundings minus sigma T_0^4 [W/m^2].
+        Both emissive powers are given minus sigma T_0^4.
         """
         by_patch = self._by_patch(emitted)
         heat = self.transfer @ by_patch + self.from_surroundings * surroundings
@@ -131,10 +126,7 @@ class PatchExchange(eqx.Module):
     ) -> Float[Array, " s"]:
         """Net heat flux into every fragment, eps (H - sigma T^4) [W/m^2].
 
-        Args:
-            theta: temperatures of fragments above `base` [K].
-            surroundings: temperature of the surroundings above `base` [K].
-            base: T_0 [K].
+        Temperatures of fragments and surroundings count from `base`, T_0 [K].
         """
         emitted = self.emitted(theta, base)
         around = self.emitted(surroundings, base)
@@ -168,11 +160,8 @@ def patch_exchange(
 ) -> PatchExchange:
     """Radiative exchange between the surfaces of bodies, and of each with itself.
 
-    Args:
-        surfaces: surfaces of the bodies, in the scene's order.
-        max_patches: largest number of patches of a body.
-        directions: number of views of the scene, and of each pair of bodies.
-        lines: lines across the largest extent.
+    `directions` views of the scene and of each pair of bodies have `lines` lines across
+    the largest extent.
 
     Raises:
         InputError: for fewer than 6 patches, or 8 directions or lines.
@@ -209,12 +198,8 @@ def exchange_of(
 ) -> PatchExchange:
     """Exchange of fragments from the view factors of their patches.
 
-    Args:
-        views: view factors of the patches.
-        patch: patch of each fragment.
-        area: areas of the fragments [m^2].
-        emissivity: emissivities of the fragments; differentiable.
-        fragments: number of fragments of each body.
+    Areas of the fragments are in m^2; `fragments` is their number in each body.
+    Gradients pass through the emissivities.
     """
     dtype = emissivity.dtype
     xp: Any = jnp if is_traced(emissivity) else np

@@ -134,10 +134,7 @@ def _sample_all_directions(
 ) -> ExchangeAreas:
     """Exchange areas from directions over the whole sphere.
 
-    Args:
-        bodies: all bodies of the scene.
-        directions: number of directions; an odd one counts as one more.
-        pixel: distance of the lines [m].
+    Lines are one `pixel` apart [m]; an odd number of directions counts as one more.
     """
     scene = _concatenated(bodies)
     between, outside = np.zeros((scene.count, scene.count)), np.zeros(scene.count)
@@ -169,17 +166,9 @@ def _sample_pair(
 ) -> Float[np.ndarray, "p p"] | None:
     """Exchange areas of two bodies, from the cone of directions between them.
 
-    All lines go from one body to the other, however far apart they are.
-
-    Args:
-        bodies: all bodies of the scene, each a possible obstacle.
-        pair: numbers of the two bodies.
-        directions: number of directions.
-        lines: lines across the smaller body.
-
-    Returns:
-        A_i F_ij of all patches; None if no pair of boxes around the bodies, along the
-        world's axes or those of either body, is separate.
+    All lines go from one body to the other, however far apart they are; `lines` of them
+    across the smaller one. None if no pair of boxes around the bodies, along the
+    world's axes or those of either body, is separate.
     """
     first, second = (bodies[number].triangles.reshape(-1, 3) for number in pair)
     poses = [Pose(), *(bodies[number].pose for number in pair)]
@@ -242,10 +231,9 @@ def view_factors(
 ) -> ViewFactors:
     """View factors between the patches of any number of bodies of any shape.
 
-    Args:
-        bodies: all bodies of the scene, each a possible obstacle.
-        directions: number of views of the scene, and of each pair of bodies.
-        lines: lines across the largest extent of the scene, or the smaller body.
+    `directions` views of the scene, and of each pair of bodies, have `lines` lines
+    across the largest extent of the scene or the smaller body. All bodies are
+    obstacles.
 
     Raises:
         InputError: for fewer than 8 directions or lines.
@@ -278,12 +266,7 @@ def _replaced(found: ViewFactors, seen, bodies, pair: tuple[int, int]) -> ViewFa
 
 
 def balance(sampled: ExchangeAreas, area: Float[np.ndarray, " p"]) -> ViewFactors:
-    """View factors scaled such that every row adds up to the area of its patch.
-
-    Args:
-        sampled: symmetric exchange areas.
-        area: areas of the patches [m^2].
-    """
+    """View factors from sampled areas, scaled to the areas of the patches [m^2]."""
     between = sampled.between
     # A patch that no line has hit sees the surroundings.
     hit = between.sum(1) + sampled.outside > 0

@@ -80,12 +80,8 @@ def lit_fraction(
 ) -> Float[np.ndarray, " s"]:
     """Fraction of each surface point's square that parallel rays hit [-].
 
-    Args:
-        triangles: all surfaces that cast shadows, world [m].
-        position: surface points [m].
-        normal: outward unit normals at the points.
-        direction: direction of the rays.
-        pitch: edge of the squares [m]; a pixel of the map is half of it.
+    Triangles cast the shadows; points and triangles are in the world [m]. The squares
+    have the edge `pitch` [m], and a pixel of the map is half of it.
     """
     lit = np.zeros(len(position))
     facing = np.flatnonzero(normal @ view_frame(direction)[2] < 0)
@@ -107,14 +103,9 @@ def lit_fraction_from_point(
     eye: Float[np.ndarray, "3"],
     pitch: float,
 ) -> Float[np.ndarray, " s"]:
-    """Fraction of each surface point's square that rays from one point hit [-].
+    """Fraction of each surface point's square that rays from `eye` [m] hit [-].
 
-    Args:
-        triangles: all surfaces that cast shadows, world [m].
-        position: surface points [m].
-        normal: outward unit normals at the points.
-        eye: origin of the rays [m].
-        pitch: edge of the squares [m]; a pixel is half of it or less at each of them.
+    Arguments as for `lit_fraction`; a pixel is half of the pitch or less at each point.
     """
     lit = np.zeros(len(position))
     facing = np.flatnonzero(np.einsum("ij,ij->i", normal, eye - position) > 0)
@@ -177,12 +168,8 @@ def sky_view(
 ) -> SkyView:
     """View factors of surface points to sky and ground behind obstacles.
 
-    Args:
-        triangles: all obstacles, world [m].
-        position: surface points [m].
-        normal: outward unit normals at the points.
-        pitch: edge of a voxel [m], and of a pixel.
-        directions: number over the whole sphere; an odd one counts as one more.
+    Triangles and points are in the world [m]; `pitch` is the edge of a voxel and of a
+    pixel [m]. An odd number of directions over the whole sphere counts as one more.
 
     Raises:
         InputError: for fewer than 8 directions.
