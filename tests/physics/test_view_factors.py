@@ -113,7 +113,7 @@ def test_a_patch_that_no_line_meets_sees_the_surroundings():
     np.testing.assert_allclose(lonely.to_surroundings, 1.0)
 
 
-@pytest.mark.parametrize("how", [{"directions": 4}, {"across": 2}])
+@pytest.mark.parametrize("how", [{"directions": 4}, {"lines": 2}])
 def test_too_coarse_is_refused(cube, how):
     with pytest.raises(InputError, match="give 8 or more"):
         view_factors((in_patches(cube, 60),), **how)

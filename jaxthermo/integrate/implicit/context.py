@@ -74,9 +74,9 @@ def implicit_context(
     dtype, program = compiled.receipt.dtype, compiled.program
     if not all(body.network.is_symmetric for body in program.bodies):
         raise InputError(
-            "a body has weights with `sideways`, whose conduction is not symmetric and "
-            "cannot be solved for: step with ForwardEuler() or SuperTimeStepping(), or "
-            "set sideways to 0"
+            "a body has weights with `non_orthogonal`, whose conduction is not symmetric "
+            "and cannot be solved for: step with ForwardEuler() or "
+            "SuperTimeStepping(), or set non_orthogonal to 0"
         )
     stable_step = compiled.receipt.stable_step_s
     multigrid = stable_step is None or max_dt > MULTIGRID_STEP_RATIO * stable_step

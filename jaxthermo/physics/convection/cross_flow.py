@@ -115,7 +115,7 @@ def mean_coefficient(
     film: Float[Array, "*#n"],
     average: Average,
 ) -> Float[Array, "*n"]:
-    """Mean h of a cylinder [W/(m^2 K)]: Nbar k / D, with air at the film temperature."""
+    """Mean h of a cylinder [W/(m^2 K)]: Nbar k / D for air at the film temperature."""
     reynolds = speed * diameter / kinematic_viscosity(film)
     return average(reynolds, prandtl(film)) * conductivity(film) / diameter
 
