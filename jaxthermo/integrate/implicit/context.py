@@ -74,8 +74,8 @@ def implicit_context(
     dtype, program = compiled.receipt.dtype, compiled.program
     if not all(body.network.is_symmetric for body in program.bodies):
         raise InputError(
-            "a body has weights with `non_orthogonal`, whose conduction is not symmetric "
-            "and cannot be solved for: step with ForwardEuler() or "
+            "a body has weights with `non_orthogonal`, whose conduction is not "
+            "symmetric and cannot be solved for: step with ForwardEuler() or "
             "SuperTimeStepping(), or set non_orthogonal to 0"
         )
     stable_step = compiled.receipt.stable_step_s
