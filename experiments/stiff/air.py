@@ -10,8 +10,8 @@ import jaxthermo as jt
 from jaxthermo.arrays import precision
 from jaxthermo.physics.convection.nusselt import churchill_bernstein
 
+from ..harness.case import Bound, Case, Row, broken
 from .bodies import COLD, HOT, STEEL, block
-from .case import Case, Check, Row, broken
 from .methods import damping
 from .solved import judged, row_of, run_nodes, stable_step
 
@@ -37,7 +37,7 @@ def winds() -> Iterator[Row]:
         ran = run_nodes(_scene(term), jt.ForwardEuler(), 10.0)
         moved = float(np.abs(ran.nodes[0] - HOT).max())
         left_out = [o.why for o in ran.solution.receipt.left_out]
-        check = Check("moved", moved, 0.0)
+        check = Bound("moved", moved, 0.0)
         yield Row(what, "ForwardEuler", "float64", seen=str(left_out), checks=(check,))
     for speed in (1e-6, 1e3):
         scene = _scene(jt.Wind(AHEAD, COLD, speed=speed))
@@ -45,7 +45,7 @@ def winds() -> Iterator[Row]:
             row = judged(f"V = {speed:g} m/s", scene, method, (COLD, HOT))
             yield row
     notes = jt.compile_scene(_scene(jt.Wind(AHEAD, COLD, speed=1e3))).receipt.notes
-    told = Check("notes", len(notes), np.inf, 1)
+    told = Bound("notes", len(notes), np.inf, 1)
     yield Row("V = 1000 m/s: the receipt", seen="; ".join(notes), checks=(told,))
     for name, solver in _SOLVERS.items():
         by_speed = lambda v: _scene(jt.Wind(AHEAD, COLD, speed=v))
@@ -65,8 +65,8 @@ def _at_rest() -> Row:
         average = lambda re: churchill_bernstein(re, jnp.asarray(0.707, jnp.float64))
         value, slope = jax.value_and_grad(average)(at)
     checks = (
-        Check("Nu(0) - 0.3", abs(float(value) - 0.3), 1e-12),
-        Check("dNu/dRe", float(slope), 1e3, 0.0),
+        Bound("Nu(0) - 0.3", abs(float(value) - 0.3), 1e-12),
+        Bound("dNu/dRe", float(slope), 1e3, 0.0),
     )
     return Row("Nu at Re = 0", dtype="float64", checks=checks)
 
@@ -84,7 +84,7 @@ def _slope(what: str, scene_of, at: float, name: str, solver) -> Row:
             value, slope = (float(v) for v in found)
     except Exception as error:
         return broken(what, error, name, "float64")
-    checks = (Check("mean", value, HOT + 1e-9, COLD), Check("slope", slope, 1e3, -1e3))
+    checks = (Bound("mean", value, HOT + 1e-9, COLD), Bound("slope", slope, 1e3, -1e3))
     return Row(what, name, "float64", seen=f"{slope:.4g}", checks=checks)
 
 
@@ -99,7 +99,7 @@ def nothing_to_exchange() -> Iterator[Row]:
     for method in damping(stable_step(scene), ratio=100.0):
         ran = run_nodes(scene, method.solver, method.end)
         moved = float(np.abs(ran.nodes[0] - COLD).max())
-        check, what = Check("moved", moved, 0.0), "all at 300 K"
+        check, what = Bound("moved", moved, 0.0), "all at 300 K"
         yield row_of(what, scene.dtype, method, ran, (COLD, COLD), more=(check,))
     for name, solver in _SOLVERS.items():
         by_air = lambda t: _scene(*still(t), temperature=COLD)
@@ -110,15 +110,17 @@ CASES = (
     Case(
         "S17",
         "h = 0, wind of 0 m/s and 1000 m/s",
-        "Nu(0) = 0.3 with finite slopes; bounds hold; a Re out of range is told",
         "Churchill and Bernstein, J. Heat Transfer 99 (1977) 300",
+        "Nu(0) = 0.3 with finite slopes; bounds hold; a Re out of range is told",
+        "",
         winds,
     ),
     Case(
         "S18",
         "a body at the temperature of air and surroundings",
-        "nothing moves, bit by bit; slopes are finite",
         "no difference, no heat; Ra^(1/4) has an infinite slope at 0",
+        "nothing moves, bit by bit; slopes are finite",
+        "",
         nothing_to_exchange,
     ),
 )

@@ -1,4 +1,4 @@
-"""Materials far apart side by side (S01, S02), and steps of any length (S04)."""
+"""Contrasts of materials (S01, S02), steps of any length (S04) and odd ends (S22)."""
 
 from collections.abc import Iterator
 
@@ -6,6 +6,7 @@ import numpy as np
 
 import jaxthermo as jt
 
+from ..harness.case import Bound, Case, Row, refusal
 from .bodies import (
     AEROGEL,
     AIR,
@@ -18,8 +19,7 @@ from .bodies import (
     labelled,
     two_halves,
 )
-from .case import Case, Check, Row
-from .methods import every_solver, too_long
+from .methods import STEPS, damping, every_solver, too_long
 from .solved import Method, judged, row_of, run_nodes, stable_step
 
 
@@ -128,32 +128,84 @@ def _factors(z: float) -> Iterator[Row]:
         method = Method(f"{name}, z = {z:g}", solver, dt, "reported")
         ran = run_nodes(scene, solver, dt)
         found = float((ran.nodes[0] - 350.0) @ mode / (50.0 * mode @ mode))
-        check = Check("off the formula", abs(found - formula(z)), 1e-9)
+        check = Bound("off the formula", abs(found - formula(z)), 1e-9)
         row = row_of("highest mode", "float64", method, ran, BOUNDS, more=(check,))
         yield row._replace(seen=f"factor {found:.9f}", if_met="pass")
+
+
+def landings() -> Iterator[Row]:
+    """S22."""
+    scene = insulated("laminate", (AEROGEL, DIAMOND), "float64")
+    for method in damping(stable_step(scene)):
+        yield _landed(scene, method)
+        yield _no_time(scene, method.name, method.solver)
+    for solver in (jt.ForwardEuler, jt.SuperTimeStepping, *_IMPLICIT):
+        given = solver(dt=0.0)
+        call = lambda s=given: jt.simulate(scene, 1.0, solver=s)
+        yield refusal("dt = 0", call, "is no step", solver.__name__, scene.dtype)
+
+
+def _landed(scene: jt.Scene, method: Method) -> Row:
+    """Three save times, none of them a multiple of the step."""
+    end = method.end * float(np.sqrt(2.0)) / 1.5
+    saves = [end / np.pi, end / 2, end]
+    ran = run_nodes(scene, method.solver, end, saves)
+    late = float(np.abs(np.asarray(ran.solution.times) / saves - 1).max())
+    run, given = ran.solution.run, method.solver.dt
+    checks = [Bound("off the save times", late, float(np.finfo(float).eps))]
+    if given is not None:
+        checks.append(Bound("step over its own", (run.dt or 0.0) / given, 1 + 1e-9))
+    what, bounds, more = "end no multiple of dt", (COLD, HOT), tuple(checks)
+    row = row_of(what, scene.dtype, method, ran, bounds, more=more)
+    return row._replace(seen=f"{run.steps} steps to 3 landings")
+
+
+_IMPLICIT = (jt.BackwardEuler, jt.CrankNicolson, jt.TRBDF2)
+
+
+def _no_time(scene: jt.Scene, name: str, solver) -> Row:
+    run = jt.simulate(scene, 0.0, solver=solver)
+    surface = np.asarray(run.surface_temperature, float)[0]
+    grid = scene.bodies[0].structure.grid
+    x = grid.lattice.centres(grid.fragment_voxel)[:, 0]
+    off = float(np.abs(surface - np.where(x < 0, HOT, COLD)).max())
+    check = Bound("moved", off, 0.0)
+    return Row("t1 = 0", name, scene.dtype, checks=(check,))
 
 
 CASES = (
     Case(
         "S01",
         "conductivity 1.5e5 to 1: aerogel and diamond by turns",
-        "no overshoot beyond 1e-9 K (float64), 5e-3 K (float32); energy to 1e-12, 1e-4",
         "maximum principle; rounding as measured on 200 alternating cells",
+        "no overshoot beyond 1e-9 K (float64), 5e-3 K (float32); energy to 1e-12, 1e-4",
+        "",
         conductivities,
     ),
     Case(
         "S02",
         "heat capacity 2.9e3 and 1e6 to 1",
-        "no overshoot beyond 1e-9 K (float64), 5e-3 K (float32); energy to 1e-12, 1e-4",
         "maximum principle; rounding as measured on 200 alternating cells",
+        "no overshoot beyond 1e-9 K (float64), 5e-3 K (float32); energy to 1e-12, 1e-4",
+        "",
         capacities,
     ),
     Case(
         "S04",
         "steps of 1e-6 to 1e6 explicit limits",
+        "Varga, Matrix Iterative Analysis, 8.2; Hosea and Shampine 1996",
         "backward Euler never overshoots; Crank-Nicolson does not up to 2 limits, and "
         "rings above by (1 - z/2)/(1 + z/2) a step; factors to 1e-9",
-        "Varga, Matrix Iterative Analysis, 8.2; Hosea and Shampine 1996",
+        "",
         long_steps,
+    ),
+    Case(
+        "S22",
+        f"an end that {STEPS} steps do not reach, and an end at 0",
+        "equal steps between landings",
+        "lands on every save time exactly; no time changes nothing, bit by bit; dt = 0 "
+        "is refused",
+        "",
+        landings,
     ),
 )

@@ -9,8 +9,8 @@ import numpy as np
 import jaxthermo as jt
 from jaxthermo.network.network import precise_sum
 
+from ..harness.case import REPORTED, Bound, Case, Row
 from .bodies import COLD, HOT, STEEL, block, two_halves
-from .case import REPORTED, Case, Check, Row
 from .solved import Method, row_of, run_nodes
 
 
@@ -60,8 +60,8 @@ def _rise(name: str, dtype: str, solver: str) -> Row:
     ran = run_nodes(heated(metal, 1.0, dtype), method.solver, method.end)
     rise = float(ran.nodes[0][0]) - 300.0
     checks = (
-        Check("relative error", abs(rise / exact - 1), 1e-3),
-        Check("off the table", abs(rise / STEPS / stated - 1), 5e-3),
+        Bound("relative error", abs(rise / exact - 1), 1e-3),
+        Bound("off the table", abs(rise / STEPS / stated - 1), 5e-3),
     )
     what, bounds = f"{name}, 1 m^3", (300.0, 300.0 + exact + _under_surface(metal))
     row = row_of(what, dtype, method, ran, bounds, more=checks)
@@ -98,7 +98,7 @@ def many_voxels() -> Iterator[Row]:
         "1e7 values, blocks of 64",
         dtype="float32",
         seen=f"off by {found:.2g}",
-        checks=(Check("relative error", found, 1e-6),),
+        checks=(Bound("relative error", found, 1e-6),),
     )
     in_turn = off(np.cumsum(values, dtype=np.float32)[-1])
     yield Row(
@@ -113,7 +113,7 @@ def many_voxels() -> Iterator[Row]:
     scene = jt.Scene((body,), (), dtype="float32")
     solver = jt.ForwardEuler()
     ran = run_nodes(scene, solver, 0.5)
-    drift = Check("energy drift", ran.residual, 1e-6)
+    drift = Bound("energy drift", ran.residual, 1e-6)
     method = Method("ForwardEuler, at its limit", solver, 0.5)
     yield row_of(
         f"{SIDE**3:.3g} voxels", "float32", method, ran, (COLD, HOT), more=(drift,)
@@ -124,15 +124,17 @@ CASES = (
     Case(
         "S10",
         "changes below one rounding of 300 K a step: table 5.1 of the thesis",
-        "the rise after 1000 steps of 1 s, to 1e-3, and the table's three digits",
         "q A / (rho c V); one float32 rounding of 300 K is 3.05e-5 K",
+        "the rise after 1000 steps of 1 s, to 1e-3, and the table's three digits",
+        "",
         slow_changes,
     ),
     Case(
         "S20",
         "energy of 1e7 voxels in float32",
-        "sums and the ledger's drift to 1e-6",
         "pairwise summation: error of order eps log n",
+        "sums and the ledger's drift to 1e-6",
+        "",
         many_voxels,
     ),
 )

@@ -12,8 +12,8 @@ from jaxthermo.arrays import precision
 from jaxthermo.geometry.mesh import Mesh
 from jaxthermo.physics.conduction import series
 
+from ..harness.case import Bound, Case, Row, broken, refusal
 from .bodies import COLD, COPPER, HOT, STEEL, block
-from .case import Case, Check, Row, broken, refusal
 from .contrasts import insulated, through_all
 from .digits import SOLVERS, heated
 from .methods import damping
@@ -50,7 +50,7 @@ def islands() -> Iterator[Row]:
     before = run_nodes(scene, jt.ForwardEuler(), 1e-9).nodes[0]
     for method in damping(stable_step(scene)):
         ran = run_nodes(scene, method.solver, method.end)
-        check = Check("island moved", _moved(ran, before, far), 0.0)
+        check = Bound("island moved", _moved(ran, before, far), 0.0)
         row = row_of(
             "an island", scene.dtype, method, ran, (300.0, 330.0), more=(check,)
         )
@@ -72,8 +72,8 @@ def _at_rest(scene: jt.Scene) -> Row:
     far = scene.bodies[0].structure.grid.fragment_position[:, 0] > 0.02
     off = max(abs(surface[far] - 330.0).max(), abs(surface[~far] - 300.0).max())
     checks = (
-        Check("islands", rest.isolated_components, 1, 1),
-        Check("off [K]", float(off), 1e-6),
+        Bound("islands", rest.isolated_components, 1, 1),
+        Bound("off [K]", float(off), 1e-6),
     )
     return Row("steady state", "steady", scene.dtype, checks=checks)
 
@@ -88,13 +88,13 @@ def no_conductivity() -> Iterator[Row]:
         both, slopes = jax.value_and_grad(lambda k: series(one, one, k, one, k))(
             0 * one
         )
-    finite = Check("slope", float(slope), 1.0, 1.0)
-    zero = Check("conductance", float(value), 0.0, 0.0)
+    finite = Bound("slope", float(slope), 1.0, 1.0)
+    zero = Bound("conductance", float(value), 0.0, 0.0)
     yield Row("a half of k = 0, traced", dtype="float64", checks=(zero, finite))
     # 0 / 0 is met by a slope of 0, which is a choice.
     checks = (
-        Check("conductance", float(both), 0, 0),
-        Check("slope", float(slopes), 1, 0),
+        Bound("conductance", float(both), 0, 0),
+        Bound("slope", float(slopes), 1, 0),
     )
     yield Row("both halves of k = 0, traced", dtype="float64", checks=checks)
     nearly = jt.Material(1e-30, density=1000.0, specific_heat=1000.0)
@@ -139,7 +139,7 @@ def _all_there(what: str, scene: jt.Scene, method: Method, bounds: Bounds) -> Ro
     ran = run_nodes(scene, method.solver, method.end)
     fragments = len(scene.bodies[0].structure.grid.fragment_area)
     shape = ran.solution.surface_temperature.shape
-    fits = Check("fragments", shape[1], fragments, fragments)
+    fits = Bound("fragments", shape[1], fragments, fragments)
     return row_of(what, scene.dtype, method, ran, bounds, more=(fits,))
 
 
@@ -157,29 +157,33 @@ CASES = (
     Case(
         "S12",
         "an island: a part of a body that nothing reaches",
-        "its temperature stays bit by bit; the steady state finds it",
         "C / dt is on the diagonal: no step is singular",
+        "its temperature stays bit by bit; the steady state finds it",
+        "",
         islands,
     ),
     Case(
         "S13",
         "no conductivity",
-        "refused as a material; conductance 0 with a finite slope where it is traced",
         "harmonic mean, 0 if either half insulates",
+        "refused as a material; conductance 0 with a finite slope where it is traced",
+        "",
         no_conductivity,
     ),
     Case(
         "S14",
         "no heat capacity",
-        "refused; and 1e-6 beside 3.4e6 J/(m^3 K) keeps the bounds",
         "maximum principle",
+        "refused; and 1e-6 beside 3.4e6 J/(m^3 K) keeps the bounds",
+        "",
         no_capacity,
     ),
     Case(
         "S15",
         "one voxel, one line of voxels, none",
-        "a value for every fragment; what has no voxel is refused in one line",
         "an InputError says what, where and what to do",
+        "a value for every fragment; what has no voxel is refused in one line",
+        "",
         few_voxels,
     ),
 )

@@ -2,7 +2,7 @@
 
 import jaxthermo as jt
 
-from .case import Row, refusal
+from ..harness.case import Row, refusal
 from .solved import Method, stable_step
 
 

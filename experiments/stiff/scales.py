@@ -7,8 +7,8 @@ import numpy as np
 import jaxthermo as jt
 from jaxthermo.integrate.explicit.rkl2 import stage_count
 
+from ..harness.case import Bound, Case, Row
 from .bodies import AEROGEL, DIAMOND, beside, block
-from .case import Case, Check, Row
 from .methods import adaptive, explicit, implicit, too_long
 from .solved import (
     LIMITS,
@@ -29,7 +29,7 @@ def small_and_large() -> Iterator[Row]:
         scene = jt.Scene((small, large), (jt.Convection(10.0, 350.0),), dtype=dtype)
         what, stable = "10 um diamond, 1 m aerogel", stable_step(scene)
         limit = 1e-10 / (6 * DIAMOND.diffusivity)
-        ratio = Check("limit over h^2 / 6 alpha", stable / limit, 1 + 1e-5, 1 - 1e-5)
+        ratio = Bound("limit over h^2 / 6 alpha", stable / limit, 1 + 1e-5, 1 - 1e-5)
         yield Row("the explicit limit", seen=f"{stable:.4g} s", checks=(ratio,))
         yield too_long(what, scene, 1.0 / stable)
         methods = [*explicit(stable), *implicit(100.0, "100 s", 100), adaptive(1e4)]
@@ -101,7 +101,7 @@ def _near(
     ran = run_nodes(scene, method.solver, method.end)
     found = (float(ran.nodes[0].mean()) - AIR) / (START - AIR)
     seen = f"{found:.7f}, the limit {exact:.7f}"
-    off = Check("off the limit", abs(found - exact), 1e-5)
+    off = Bound("off the limit", abs(found - exact), 1e-5)
     if method.name.startswith("BackwardEuler"):
         off, seen = None, f"{seen}; of first order, not judged by that"
     more = () if off is None else (off,)
@@ -113,16 +113,18 @@ CASES = (
     Case(
         "S03",
         "voxels of 10 um and of 1 m in one scene: limits 8.6e13 to 1",
-        "implicit steps of 100 s are taken; explicit Euler refuses and names its limit",
         "h^2 / 6 alpha; maximum principle",
+        "implicit steps of 100 s are taken; explicit Euler refuses and names its limit",
+        "",
         small_and_large,
     ),
     Case(
         "S05",
         "Biot numbers of 1e-6 and 1e6",
+        "Carslaw and Jaeger, Conduction of Heat in Solids, 3.3 and 3.11",
         "the mean of a slab agrees with exp(-t / tau), and with the series of a held "
         "surface, to 1e-5 of the first excess",
-        "Carslaw and Jaeger, Conduction of Heat in Solids, 3.3 and 3.11",
+        "",
         biot_numbers,
     ),
 )

@@ -16,7 +16,7 @@ from jaxthermo.integrate.run.simulate import make_solution, take_steps_jit
 from jaxthermo.integrate.run.solution import result_name
 from jaxthermo.integrate.solvers import AbstractSolver
 
-from .case import PASS, REPORTED, Check, Row, broken
+from ..harness.case import PASS, REPORTED, Bound, Row, broken
 
 
 Bounds = tuple[float, float]
@@ -160,23 +160,23 @@ def row_of(
     bounds: Bounds,
     limits: Limits = LIMITS,
     most_newton: int | None = None,
-    more: tuple[Check, ...] = (),
+    more: tuple[Bound, ...] = (),
 ) -> Row:
     """The row of a run; arguments as of `judged`, with `more` checks."""
     over, effort = ran.beyond(bounds), ran.solution.run.statistics
     kept, bounded = limits.overshoot[dtype], bounds[1] - bounds[0]
     overshoot = {
-        "kept": Check("overshoot", over, kept),
-        "bounded": Check("overshoot", over, bounded),
-        "reported": Check("not finite", float(not np.isfinite(over)), 0.0),
+        "kept": Bound("overshoot", over, kept),
+        "bounded": Bound("overshoot", over, bounded),
+        "reported": Bound("not finite", float(not np.isfinite(over)), 0.0),
     }[method.bounds]
-    checks = [overshoot, Check("energy", ran.residual, limits.energy[dtype])]
+    checks = [overshoot, Bound("energy", ran.residual, limits.energy[dtype])]
     if effort is not None:
-        checks.append(Check("unsaid", float(unsaid(ran, dtype, method.solver)), 0.0))
+        checks.append(Bound("unsaid", float(unsaid(ran, dtype, method.solver)), 0.0))
     if effort is not None and most_newton is not None:
         taken = int(effort.newton_iterations) / max(ran.solution.run.steps, 1)
-        checks.append(Check("Newton steps", taken, most_newton))
-        checks.append(Check("not settled", float(effort.newton_failed), 0.0))
+        checks.append(Bound("Newton steps", taken, most_newton))
+        checks.append(Bound("not settled", float(effort.newton_failed), 0.0))
     return Row(
         what,
         method.name,

@@ -6,8 +6,8 @@ import numpy as np
 
 import jaxthermo as jt
 
+from ..harness.case import Bound, Case, Row
 from .bodies import COLD, HOT, STEEL, beside, block, two_halves
-from .case import Case, Check, Row
 from .methods import damping, too_long
 from .solved import Method, judged, row_of, run_nodes, stable_step
 
@@ -50,7 +50,7 @@ def contacts() -> Iterator[Row]:
     for method in damping(stable_step(apart), ratio=50.0)[:3]:
         ran = run_nodes(apart, method.solver, method.end)
         moved = np.abs(np.concatenate(ran.nodes) - np.repeat([HOT, COLD], 36)).max()
-        same = Check("moved", float(moved), 0.0)
+        same = Bound("moved", float(moved), 0.0)
         yield row_of("h_c = 0", "float64", method, ran, (COLD, HOT), more=(same,))
     yield _limit()
 
@@ -60,7 +60,7 @@ def _against(what: str, scene: jt.Scene, one: jt.Scene, method: Method) -> Row:
     ran = run_nodes(scene, method.solver, method.end)
     expected = run_nodes(one, method.solver, method.end)
     off = np.abs(np.concatenate(ran.nodes) - np.concatenate(expected.nodes)).max()
-    check = Check("off one body", float(off) / (HOT - COLD), 1e-10)
+    check = Bound("off one body", float(off) / (HOT - COLD), 1e-10)
     # Their solves differ, and so do the steps that follow an error.
     adaptive = method.name == "TRBDF2, adaptive"
     more = () if adaptive else (check,)
@@ -75,7 +75,7 @@ def _limit() -> Row:
         np.concatenate(run_nodes(pair(h), solver, end).nodes) for h in (1e15, np.inf)
     ]
     off = float(np.abs(nodes[0] - nodes[1]).max()) / (HOT - COLD)
-    check = Check("off bonded", off, 1e-10)
+    check = Bound("off bonded", off, 1e-10)
     return Row("h_c = 1e15", "ForwardEuler", "float64", checks=(check,))
 
 
@@ -83,9 +83,10 @@ CASES = (
     Case(
         "S11",
         "contact conductances of 0, 1 to 1e6 and infinity",
+        "resistances in series, 1 / (R1 + 1 / h_c A + R2)",
         "infinity is one body, to 1e-10 of the difference; 0 leaves both as they are, "
         "bit by bit; bounds and energy in between",
-        "resistances in series, 1 / (R1 + 1 / h_c A + R2)",
+        "",
         contacts,
     ),
 )

@@ -4,6 +4,7 @@ import functools
 
 import numpy as np
 
+from jaxthermo.constants import ZERO_CELSIUS
 from jaxthermo.geometry.pose import Pose
 from jaxthermo.geometry.shapes import box
 from jaxthermo.integrate.run.simulate import simulate
@@ -15,8 +16,8 @@ from jaxthermo.structures.kinds.full import FullVolume
 from jaxthermo.voxels.selection import Region
 from jaxthermo.voxels.voxelize import voxelize
 
+from ..harness.case import Bound, Case, Order, Row, Value, result, values
 from .bodies import FOURIER, LEFT, RIGHT, bar
-from .case import ZERO_CELSIUS, Bound, Case, Measured, Order, Value, values
 
 
 COPPER = Material(401.0, density=8933.0, specific_heat=385.0)
@@ -95,10 +96,10 @@ def _one_bar(per_length: int, end: float) -> float:
     return float(shared) / (401.0 + 15.1) - ZERO_CELSIUS
 
 
-def measure_perfect() -> Measured:
+def measure_perfect() -> Row:
     """V11 at 5 cells per diffusion length of steel."""
     one, other = _two_bars(bonded, 5, 1.0)
-    return Measured(
+    return result(
         values(
             ("two bodies, copper's side", "two bodies, steel's side", "one body"),
             "degC",
@@ -109,7 +110,7 @@ def measure_perfect() -> Measured:
     )
 
 
-def measure_resisting() -> Measured:
+def measure_resisting() -> Row:
     """V12, at each time on voxels that are as fine beside the diffusion length."""
     sizes, found = (5, 10, 20), []
     for per_length in sizes:
@@ -131,8 +132,8 @@ def measure_resisting() -> Measured:
             worst = max(worst, *(abs(value.error) for value in surfaces))
         found.append((tuple(checks), worst))
     errors = tuple(worst for _, worst in found)
-    order = Order(tuple(1 / n for n in sizes), errors, asked=2.0)
-    return Measured(found[-1][0], order)
+    order = Order(tuple(1 / n for n in sizes), errors, expected=2.0)
+    return result(found[-1][0], order)
 
 
 def _two_boxes(distance: float) -> tuple[float, float]:
@@ -154,15 +155,15 @@ def _two_boxes(distance: float) -> tuple[float, float]:
     return float(hot) - base, float(cold) - base
 
 
-def measure_boxes() -> Measured:
+def measure_boxes() -> Row:
     """A19: inequalities only."""
     (hot, cold), far = _two_boxes(0.06), _two_boxes(0.5)
-    return Measured(
+    return result(
         (
-            Bound("touching: the hot one falls by", "K", 80.0 - hot, 1.0, 80.0),
-            Bound("touching: the cold one rises by", "K", cold + 80.0, 1.0, 80.0),
+            Bound("touching: the hot box cools by", 80.0 - hot, 80.0, 1.0, "K"),
+            Bound("touching: the cold box warms by", cold + 80.0, 80.0, 1.0, "K"),
             *values(
-                ("apart: the hot one is above", "apart: the cold one is above"),
+                ("apart: excess of the hot box", "apart: excess of the cold box"),
                 "K",
                 (80.0, -80.0),
                 list(far),

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from jaxthermo.constants import ZERO_CELSIUS
 from jaxthermo.integrate.run.simulate import simulate
 from jaxthermo.integrate.solvers import ForwardEuler
 from jaxthermo.material.material import Material
@@ -9,8 +10,8 @@ from jaxthermo.physics.boundary import Convection, FixedTemperature, HeatFlux
 from jaxthermo.scene.scene import Body, Scene
 from jaxthermo.structures.kinds.full import FullVolume
 
+from ..harness.case import Case, Order, Row, Value, largest_error, result, values
 from .bodies import FOURIER, LEFT, bar, between
-from .case import ZERO_CELSIUS, Case, Measured, Order, Value, largest_error, values
 
 
 STEEL = Material(45.0, density=7800.0, specific_heat=460.0)
@@ -40,7 +41,7 @@ def _run(cells, pitch, material, start, term, times):
     return row, np.asarray(solution.surface_temperature)
 
 
-def measure_step() -> Measured:
+def measure_step() -> Row:
     """V01 at 10, 20 and 41 cells per diffusion length, 0.22 m deep."""
     found, pitches = [], (0.01 / 3.5, 0.01 / 7.5, 0.01 / 15.0)
     term = FixedTemperature(ZERO_CELSIUS + 100.0, on=LEFT)
@@ -53,10 +54,10 @@ def measure_step() -> Measured:
         names = tuple(f"T({1e3 * x:g} mm, 60 s)" for x in DEPTHS)
         found.append(values(names, "degC", STEP_RISE, at, 1e-3 * 80.0))
     errors = tuple(map(largest_error, found))
-    return Measured(found[1], Order(pitches, errors, asked=2.0))
+    return result(found[1], Order(pitches, errors, expected=2.0))
 
 
-def measure_flux() -> Measured:
+def measure_flux() -> Row:
     """V02: the surface at three times, and Holman's point inside."""
     found, pitches = [], (0.01 / 5, 0.01 / 10, 0.01 / 20)
     for pitch in pitches:
@@ -68,7 +69,7 @@ def measure_flux() -> Measured:
         names = tuple(f"T(0, {t:g} s)" for t in FLUX_TIMES)
         found.append(values(names, "degC", FLUX_SURFACE, at, 0.2))
     errors = tuple(map(largest_error, found))
-    return Measured((*found[-1], _holman()), Order(pitches, errors, asked=2.0))
+    return result((*found[-1], _holman()), Order(pitches, errors, expected=2.0))
 
 
 def _holman() -> Value:
@@ -79,7 +80,7 @@ def _holman() -> Value:
     return Value("Holman 4.2: T(25 mm, 30 s)", "degC", 79.313554, at, 0.2)
 
 
-def measure_convection() -> Measured:
+def measure_convection() -> Row:
     """A9 1fd at 13, 29 and 63 cells per diffusion length of the last time."""
     found, pitches = [], (0.05 / 1.5, 0.05 / 3.5, 0.05 / 7.5)
     term = Convection(200.0, 500.0, on=LEFT)
@@ -97,7 +98,7 @@ def measure_convection() -> Measured:
             )
         )
     errors = tuple(map(largest_error, found))
-    return Measured(found[-1], Order(pitches, errors))
+    return result(found[-1], Order(pitches, errors))
 
 
 CASES = (

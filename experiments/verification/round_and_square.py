@@ -13,8 +13,8 @@ from jaxthermo.structures.kinds.full import FullVolume
 from jaxthermo.voxels.selection import FragmentMask
 from jaxthermo.voxels.voxelize import voxelize
 
+from ..harness.case import Case, Order, Row, largest_error, result, values
 from .bodies import bar
-from .case import Case, Measured, Order, largest_error, values
 
 
 SIZE = 0.1
@@ -55,14 +55,14 @@ def _cooled(grid, exposed):
     return theta(surface), float(theta(mean)[0])
 
 
-def measure_cylinder() -> Measured:
+def measure_cylinder() -> Row:
     """V05 at 10, 20 and 40 voxels per radius."""
     found, sizes = [], (10, 20, 40)
     names = ("theta, axis", "theta, half-way", "theta, surface", "theta, mean")
     for cells in sizes:
         found.append(values(names, "", CYLINDER, _cylinder(cells), 5e-3))
     errors = tuple(map(largest_error, found))
-    return Measured(found[-1], Order(tuple(1 / n for n in sizes), errors))
+    return result(found[-1], Order(tuple(1 / n for n in sizes), errors))
 
 
 def _cylinder(cells: int) -> list[float]:
@@ -80,14 +80,14 @@ def _cylinder(cells: int) -> list[float]:
     return [float(axis), float(half), float(outside), mean]
 
 
-def measure_cube() -> Measured:
+def measure_cube() -> Row:
     """V07 at 10, 20 and 40 voxels per half side."""
     found, sizes = [], (10, 20, 40)
     names = ("theta, centre", "theta, corner", "theta, middle of a face")
     for cells in sizes:
         found.append(values(names, "", CUBE, _cube(cells), 3e-3))
     errors = tuple(map(largest_error, found))
-    return Measured(found[1], Order(tuple(1 / n for n in sizes), errors, asked=2.0))
+    return result(found[1], Order(tuple(1 / n for n in sizes), errors, expected=2.0))
 
 
 def _cube(cells: int) -> list[float]:
@@ -112,7 +112,7 @@ def _cube(cells: int) -> list[float]:
     return [float(centre), float(corner), float(middle)]
 
 
-def measure_lumped() -> Measured:
+def measure_lumped() -> Row:
     """V14 with steps of 20, 10 and 5 s, in kelvin at every time."""
     found, steps = [], (20.0, 10.0, 5.0)
     body = Body(FullVolume(bar(1, 0.1).grid), ALUMINIUM, temperature=1000.0)
@@ -123,7 +123,7 @@ def measure_lumped() -> Measured:
         kelvin = np.asarray(solution.mean_temperature)[:, 0].tolist()
         found.append(values(names, "K", tuple(COOLING.values()), kelvin, 0.1))
     errors = tuple(map(largest_error, found))
-    return Measured(found[-1], Order(steps, errors, asked=2.0))
+    return result(found[-1], Order(steps, errors, expected=2.0))
 
 
 CASES = (

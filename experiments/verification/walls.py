@@ -1,8 +1,10 @@
-"""Steady walls in one dimension: V13, V18, V20a, 1fa and 1fc of A9, sol-air of V25."""
+"""Steady walls: V13, V18, V20a, 1fa and 1fc of A9, sol-air of V25, A11."""
 
 import numpy as np
 
+from jaxthermo.constants import ZERO_CELSIUS
 from jaxthermo.geometry.pose import Pose
+from jaxthermo.geometry.shapes import box
 from jaxthermo.integrate.run.solution import SteadySolution
 from jaxthermo.integrate.steady.steady import steady
 from jaxthermo.material.material import Material
@@ -16,9 +18,8 @@ from jaxthermo.structures.kinds.full import FullVolume
 from jaxthermo.voxels.selection import Region, Side
 from jaxthermo.voxels.voxelize import voxelize
 
-from .bodies import LEFT, RIGHT, Bar, bar, between, mirrored
-from .case import ZERO_CELSIUS, Case, Measured, Order, Value, largest_error, values
-from .meshes import of_blocks
+from ..harness.case import Case, Order, Row, Value, largest_error, result, values
+from .bodies import LEFT, RIGHT, Bar, bar, between, mirrored, of_blocks
 
 
 def solid(conductivity: float, emissivity: float = 0.9) -> Material:
@@ -52,7 +53,7 @@ def composite() -> tuple[float, float, float, float]:
     return q, 100.0 - q * copper, q * (cover + air), q * air
 
 
-def measure_composite() -> Measured:
+def measure_composite() -> Row:
     """V13: 100 degC, 10 mm of copper, a contact, 20 mm of insulation, air at 0."""
     pitch = 0.005
     copper, cover = bar(2, pitch), bar(4, pitch)
@@ -77,7 +78,7 @@ def measure_composite() -> Measured:
         cover.end(other, RIGHT) - cold,
     )
     rows = zip(COMPOSITE, composite(), found, strict=True)
-    return Measured(
+    return result(
         tuple(
             _relative(name, "W/m^2" if name == "q" else "degC", exact, now, 1e-9)
             for name, exact, now in rows
@@ -85,16 +86,16 @@ def measure_composite() -> Measured:
     )
 
 
-def measure_source() -> Measured:
+def measure_source() -> Row:
     """V18: half a slab of 0.2 m; on cells the first node has what the centre has."""
     row = bar(10, 0.01)
     terms = HeatSource(1e4), Convection(20.0, 300.0, on=RIGHT)
     surface = on_bar(row, solid(1.0), terms)
     found = [float(surface[row.along[0]]) - 300.0, row.end(surface, RIGHT) - 300.0]
-    return Measured(values(("centre", "surface"), "K", (100.0, 50.0), found, 1e-6))
+    return result(values(("centre", "surface"), "K", (100.0, 50.0), found, 1e-6))
 
 
-def measure_radiating_end() -> Measured:
+def measure_radiating_end() -> Row:
     """V20a: the sides radiate nothing because a sleeve covers them, bonded to nothing.
 
     Surroundings act on all that is bare; 1e-9 W/(m^2 K) leak into the sleeve.
@@ -111,10 +112,10 @@ def measure_radiating_end() -> Measured:
     terms = FixedTemperature(1000.0, on=LEFT), Surroundings(300.0), Contact(1e-9)
     found = np.asarray(solve(bodies, terms).of_body(0))[0]
     end = row.end(found, RIGHT)
-    return Measured((Value("radiating end", "K", 927.00395, end, 0.1),))
+    return result((Value("radiating end", "K", 927.00395, end, 0.1),))
 
 
-def measure_slab_with_source() -> Measured:
+def measure_slab_with_source() -> Row:
     """A9 1fa: 300 + 1280 (1 - x^2 / 2.56); nodes of cells stand q h^2 / 8 k above."""
     found, sizes, places = [], (10, 20, 40), (0.0, 0.4, 0.8, 1.2)
     terms = HeatSource(1e4), FixedTemperature(300.0, on=RIGHT)
@@ -130,11 +131,11 @@ def measure_slab_with_source() -> Measured:
             )
         )
     errors = tuple(map(largest_error, found))
-    order = Order(tuple(1.6 / n for n in sizes), errors, asked=2.0)
-    return Measured(found[-1], order)
+    order = Order(tuple(1.6 / n for n in sizes), errors, expected=2.0)
+    return result(found[-1], order)
 
 
-def measure_two_metals() -> Measured:
+def measure_two_metals() -> Row:
     """A9 1fc: the interface of 40 cm of copper and 40 cm of iron, 600 and 0 K."""
     row = bar(8, 0.1)
     beyond = Region(lower=(0.0, -1.0, -1.0), upper=(1.0, 1.0, 1.0))
@@ -144,10 +145,10 @@ def measure_two_metals() -> Measured:
     terms = FixedTemperature(600.0, on=LEFT), FixedTemperature(0.0, on=RIGHT)
     nodes = on_bar(row, metals, terms)[row.along]
     interface = (401.0 * nodes[3] + 80.2 * nodes[4]) / (401.0 + 80.2)
-    return Measured((_relative("interface", "K", 500.0, interface, 1e-9),))
+    return result((_relative("interface", "K", 500.0, interface, 1e-9),))
 
 
-def measure_sol_air() -> Measured:
+def measure_sol_air() -> Row:
     """V25: walls that let nothing through stand at the sol-air temperature."""
     row = bar(3, 0.01)
     painted = Material(1.0, 1000.0, 1000.0, 0.9, absorptivity=0.9)
@@ -159,7 +160,113 @@ def measure_sol_air() -> Measured:
         for terms in ((air, sun), (air, sun, to_sky))
     ]
     names = ("wall", "with 0.9 x 63 W/m^2 to the sky")
-    return Measured(values(names, "degC", (87.941176, 84.605882), found, 1e-6))
+    return result(values(names, "degC", (87.941176, 84.605882), found, 1e-6))
+
+
+PITCH = 2.0 / 16
+"""Of 16 x 8 x 1 voxels [m]."""
+SLAB_FLUX = 1.0 / PITCH
+"""Through x = 2: one watt in all [W/m^2]."""
+SLAB_COLD = 300.0
+"""At x = 0, for 0 there [K]."""
+FORWARD = {
+    0.05: 14223.80,
+    0.1: 8004.001,
+    0.2: 1779.359,
+    0.4: 246.3964,
+    0.6: 73.80618,
+    0.8: 31.22024,
+    0.95: 18.65851,
+}
+"""Compliance by density."""
+WITH_SOURCE = {
+    0.1: 127.3077,
+    0.25: 127.6039,
+    0.5: 128.0975,
+    1.0: 129.0848,
+    2.0: 131.0594,
+    4.0: 135.0086,
+}
+"""Compliance by the source's amplitude, at density 0.5."""
+ROUNDING = 1e-6
+"""Relative: half a unit of the seventh digit, and single precision."""
+
+
+def _conductivity(density: float) -> float:
+    return 1e-3 + 0.999 * density**3
+
+
+def _slab():
+    return voxelize(box((2.0, 1.0, PITCH)), PITCH)
+
+
+def _compliance(grid, conductivity: float, sources: tuple = ()) -> float:
+    """The flux times the temperature where it enters [W K]."""
+    body = Body(FullVolume(grid), solid(conductivity), temperature=SLAB_COLD)
+    terms = (
+        FixedTemperature(SLAB_COLD, on=LEFT),
+        HeatFlux(SLAB_FLUX, on=RIGHT),
+        *sources,
+    )
+    surface = np.asarray(solve((body,), terms).surface_temperature)[0]
+    right = grid.fragment_normal[:, 0] > 0.9
+    return float(SLAB_FLUX * grid.fragment_area[right] @ (surface[right] - SLAB_COLD))
+
+
+def _gaussian(grid, amplitude: float) -> tuple[HeatSource, ...]:
+    """Of a exp(-r^2 / (2 0.2^2)) around the middle, a slice across x at a time.
+
+    The compliance takes no notice of where in a slice the heat is made.
+    """
+    x, y = (PITCH * (np.arange(n) + 0.5) for n in grid.lattice.shape[:2])
+    square = (x[:, None] - 1.0) ** 2 + (y[None] - 0.5) ** 2
+    mean = (amplitude * np.exp(-square / (2 * 0.2**2))).mean(axis=1)
+    left = float(grid.origin[0])
+    return tuple(
+        HeatSource(
+            float(density),
+            Region(
+                lower=(left + i * PITCH, -9.0, -9.0),
+                upper=(left + (i + 1) * PITCH, 9.0, 9.0),
+            ),
+        )
+        for i, density in enumerate(mean)
+    )
+
+
+def measure_forward() -> Row:
+    """Seven densities."""
+    grid = _slab()
+    return result(
+        tuple(
+            Value(
+                f"compliance, density {density:g}",
+                "W K",
+                listed,
+                _compliance(grid, _conductivity(density)),
+                ROUNDING * listed,
+            )
+            for density, listed in FORWARD.items()
+        )
+    )
+
+
+def measure_slab_source() -> Row:
+    """Six amplitudes of a source inside."""
+    grid = _slab()
+    k = _conductivity(0.5)
+    return result(
+        tuple(
+            Value(
+                f"compliance, amplitude {amplitude:g}",
+                "W K",
+                listed,
+                _compliance(grid, k, _gaussian(grid, amplitude)),
+                ROUNDING * listed,
+            )
+            for amplitude, listed in WITH_SOURCE.items()
+        )
+    )
 
 
 CASES = (
@@ -210,5 +317,21 @@ CASES = (
         "1e-6",
         "3 voxels; steady; expected to 6 decimals",
         measure_sol_air,
+    ),
+    Case(
+        "A11",
+        "Mosaic thermal-mesh: a uniform slab by its density",
+        "mosaic, thermal_mesh forward_agreement (single precision, 7 digits)",
+        "none stated; 1e-6 relative, its digits",
+        "16 x 8 x 1 voxels; steady",
+        measure_forward,
+    ),
+    Case(
+        "A11, source",
+        "the same with a Gaussian source inside",
+        "mosaic, thermal_mesh (single precision, 7 digits)",
+        "none stated; 1e-6 relative, its digits",
+        "16 x 8 x 1 voxels, a source for each of 16 slices; steady",
+        measure_slab_source,
     ),
 )

@@ -60,6 +60,7 @@ class Table:
         """The table for a rich console."""
         table = RichTable(
             title=escape(self.title) or None,
+            title_justify="left",
             caption=escape(self.caption) or None,
             box=box.HEAVY_HEAD if self.framed else box.SIMPLE,
         )

@@ -2,7 +2,9 @@
 
 import pytest
 
-from experiments.verification import bridges
+from experiments.harness.case import PASS, Value
+from experiments.harness.outcome import check
+from experiments.verification import steady_bodies
 from experiments.verification.verify import find_case
 
 
@@ -10,9 +12,9 @@ from experiments.verification.verify import find_case
 @pytest.mark.slice
 def test_a_square_column():
     """V21a at four cells in an eighth of the side."""
-    expected = [kelvin for row in bridges.COLUMN for kelvin in row]
+    expected = [kelvin for row in steady_bodies.COLUMN for kelvin in row]
     assert len(expected) == 28
-    assert bridges.column(4) == pytest.approx(expected, abs=0.1)
+    assert steady_bodies.column(4) == pytest.approx(expected, abs=0.1)
 
 
 @pytest.mark.slow
@@ -29,17 +31,19 @@ def test_a_square_column():
     ],
 )
 def test_within_the_tolerance_that_is_stated(id_):
-    measured = find_case(id_).measure()
-    for check in measured.checks:
-        print(id_, check)
-        assert check.passes
-    assert measured.passed
+    (row,) = check(find_case(id_)).rows
+    for each in row.checks:
+        print(id_, each)
+        assert each.passes
+    assert row.verdict == PASS
 
 
 @pytest.mark.slow
 def test_spheres_of_voxels_exchange_what_the_closed_form_says():
     """V24: none states a tolerance for voxels; this is what is seen here."""
-    kelvin, heat = find_case("V24, bodies").measure().checks
+    (row,) = check(find_case("V24, bodies")).rows
+    kelvin, heat = row.checks
+    assert isinstance(kelvin, Value) and isinstance(heat, Value)
     print(kelvin, heat)
     assert kelvin.computed == pytest.approx(400.0, abs=0.1)
     assert heat.computed == pytest.approx(20.78300772, rel=1e-3)

@@ -7,19 +7,20 @@ import pytest
 
 import jaxthermo as jt
 from experiments import catalogue
-from experiments.stiff import islands, run as stiff
-from experiments.stiff.case import (
+from experiments.harness.case import (
     FAIL,
     PASS,
     REFUSED,
     REPORTED,
+    Bound,
     Case,
-    Check,
+    Group,
     Row,
     refusal,
-    rows_of,
 )
-from experiments.stiff.emission import cube
+from experiments.harness.outcome import check, select
+from experiments.stiff import islands, run as stiff
+from experiments.stiff.radiation import cube
 from experiments.stiff.solved import Limits, Method, row_of, run_nodes, stable_step
 from jaxthermo.errors import InputError
 
@@ -27,12 +28,12 @@ from jaxthermo.errors import InputError
 def test_it_is_listed_with_all_its_cases():
     (found,) = catalogue.find("stiff")
     assert found.options == ("cases",)
-    assert [case.name for case in stiff.CASES] == [f"S{n:02}" for n in range(1, 23)]
+    assert [case.id for case in stiff.CASES] == [f"S{n:02}" for n in range(1, 23)]
 
 
 @pytest.mark.parametrize("found", [2.0, -1.0, float("nan"), float("inf")])
 def test_a_check_out_of_its_limits_fails_the_row(found):
-    good, bad = Check("x", 0.5, 1.0, 0.0), Check("x", found, 1.0, 0.0)
+    good, bad = Bound("x", 0.5, 1.0, 0.0), Bound("x", found, 1.0, 0.0)
     assert Row("", checks=(good,)).verdict == PASS
     assert Row("", checks=(good, bad)).verdict == FAIL
     assert Row("", checks=(good, bad), if_met=REPORTED).verdict == FAIL
@@ -57,12 +58,12 @@ def test_only_a_refusal_that_says_why_is_met():
 
 def test_a_case_that_breaks_is_a_row_that_fails():
     def measure():
-        yield Row("first", checks=(Check("x", 0.0, 1.0),))
+        yield Row("first", checks=(Bound("x", 0.0, 1.0),))
         raise ZeroDivisionError("by none")
 
-    rows = list(rows_of(Case("S00", "", "", "", measure)))
+    rows = check(Case("S00", "", "", "", "", measure)).rows
     assert [row.verdict for row in rows] == [PASS, FAIL]
-    assert "ZeroDivisionError: by none" in rows[1].seen
+    assert "ZeroDivisionError: by none" in rows[1].failure
 
 
 def test_a_run_out_of_bounds_or_energy_fails():
@@ -83,11 +84,11 @@ def test_a_run_out_of_bounds_or_energy_fails():
 
 def _some():
     yield refusal("k = 0", lambda: jt.Material(0.0, 1.0, 1.0), "positive, finite")
-    yield Row("not a number", checks=(Check("x", float("nan"), 1.0),))
+    yield Row("not a number", checks=(Bound("x", float("nan"), 1.0),))
 
 
 def test_what_fails_is_written_as_what_passes_is(tmp_path, monkeypatch):
-    small = Case("S00", "two rows", "both", "none", _some)
+    small = Case("S00", "two rows", "none", "both", "", _some)
     monkeypatch.setattr(stiff, "CASES", (small,))
     (found,) = catalogue.find("stiff")
     result = catalogue.run(found, tmp_path, cases=" s00")["result"]
@@ -95,7 +96,7 @@ def test_what_fails_is_written_as_what_passes_is(tmp_path, monkeypatch):
     kept = json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))
     rows = kept["result"]["cases"][0]["rows"]
     assert [row["verdict"] for row in rows] == [REFUSED, FAIL]
-    assert rows[1]["checks"][0]["found"] == "nan"
+    assert rows[1]["checks"][0]["computed"] == "nan"
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "S00: two rows" in text and "http" not in text
     assert 'class="left missed">FAIL' in text
@@ -107,13 +108,13 @@ def test_cheap_cases_pass(tmp_path):
     (found,) = catalogue.find("stiff")
     result = catalogue.run(found, tmp_path, cases="S14,S16")["result"]
     assert result["verdicts"][FAIL] == 0
-    assert [case["case"] for case in result["cases"]] == ["S14", "S16"]
+    assert [case["id"] for case in result["cases"]] == ["S14", "S16"]
 
 
 def test_unknown_cases_are_refused():
     for names in ("S99", "S01,x", " , "):
-        with pytest.raises(InputError, match="there are S01, S02"):
-            stiff.chosen(names)
+        with pytest.raises(InputError, match="there are S01; S02"):
+            select((Group("", stiff.CASES),), names)
 
 
 def test_the_island_has_a_gap():

@@ -10,19 +10,21 @@ import pytest
 from rich.console import Console
 
 from experiments import catalogue
-from experiments.verification import verify, walls
-from experiments.verification.case import Bound, Case, Group, Measured, Order, Value
-from experiments.verification.meshes import hollow_hemisphere, of_blocks
-from experiments.verification.report import cases_table, write_page
-from experiments.verification.running import (
-    FAILED,
-    PASSED,
+from experiments.harness.case import (
+    FAIL,
+    PASS,
     REPORTED,
-    plain,
-    run_case,
-    severity,
+    Bound,
+    Case,
+    Group,
+    Order,
+    Value,
+    result,
 )
-from experiments.verification.uncovered import NOT_COVERED
+from experiments.harness.outcome import check, plain, select, severity
+from experiments.harness.report import terminal_tables, write_report
+from experiments.verification import verify, walls
+from experiments.verification.bodies import hollow_hemisphere, of_blocks
 from jaxthermo.errors import InputError
 from jaxthermo.reference import slab as sine_mode
 
@@ -33,32 +35,32 @@ FREE = Value("free", "K", 300.0, 301.0, None)
 
 
 def case(*checks, order=None, id_="T1"):
-    measured = Measured(checks, order)
+    measured = result(checks, order)
     return Case(id_, "a case", "nobody", "0.1 K", "by hand", lambda: measured)
 
 
 def verdict(*checks, order=None):
-    return run_case(case(*checks, order=order)).verdict
+    return check(case(*checks, order=order)).verdict
 
 
 def test_a_wrong_number_fails():
-    assert verdict(RIGHT) == PASSED
-    assert verdict(RIGHT, WRONG) == FAILED
-    assert verdict(replace(RIGHT, computed=math.nan)) == FAILED
+    assert verdict(RIGHT) == PASS
+    assert verdict(RIGHT, WRONG) == FAIL
+    assert verdict(replace(RIGHT, computed=math.nan)) == FAIL
     assert verdict(FREE) == REPORTED
-    assert verdict(FREE, RIGHT) == PASSED
-    assert verdict(Bound("low", "K", 0.9, lowest=1.0)) == FAILED
-    assert verdict(Bound("nan", "K", math.nan)) == FAILED
+    assert verdict(FREE, RIGHT) == PASS
+    assert verdict(Bound("low", 0.9, lowest=1.0)) == FAIL
+    assert verdict(Bound("nan", math.nan)) == FAIL
 
 
 def test_a_low_order_fails_only_where_one_is_asked():
-    slow = Order((1.0, 0.5, 0.25), (1.0, 0.5, 0.25), asked=2.0)
+    slow = Order((1.0, 0.5, 0.25), (1.0, 0.5, 0.25), expected=2.0)
     assert slow.observed == (1.0, 1.0)
-    assert verdict(RIGHT, order=slow) == FAILED
-    assert verdict(RIGHT, order=replace(slow, asked=None)) == PASSED
-    assert verdict(RIGHT, order=replace(slow, errors=(1.0, 0.25, 0.06))) == PASSED
+    assert verdict(RIGHT, order=slow) == FAIL
+    assert verdict(RIGHT, order=replace(slow, expected=None)) == PASS
+    assert verdict(RIGHT, order=replace(slow, errors=(1.0, 0.25, 0.06))) == PASS
     # No error at all has no order.
-    assert verdict(RIGHT, order=replace(slow, errors=(1.0, 0.25, 0.0))) == FAILED
+    assert verdict(RIGHT, order=replace(slow, errors=(1.0, 0.25, 0.0))) == FAIL
 
 
 def broken():
@@ -66,8 +68,8 @@ def broken():
 
 
 def test_a_case_that_breaks_fails_and_says_why():
-    outcome = run_case(replace(case(RIGHT), measure=broken))
-    assert outcome.verdict == FAILED and outcome.measured is None
+    outcome = check(replace(case(RIGHT), measure=broken))
+    assert outcome.verdict == FAIL
     assert outcome.failure == "InputError: the wall has no end"
     assert outcome.worst is None
 
@@ -76,8 +78,8 @@ def test_the_worst_is_the_farthest_off_by_its_tolerance():
     nan = replace(RIGHT, computed=math.nan)
     assert severity(WRONG) == pytest.approx(10.0)
     assert severity(nan) == math.inf and severity(FREE) == 0.0
-    assert run_case(case(RIGHT, WRONG, FREE)).worst is WRONG
-    assert run_case(case(RIGHT, nan, WRONG)).worst is nan
+    assert check(case(RIGHT, WRONG, FREE)).worst is WRONG
+    assert check(case(RIGHT, nan, WRONG)).worst is nan
 
 
 def test_failures_show_on_the_page_on_the_terminal_and_in_the_record(tmp_path):
@@ -85,11 +87,11 @@ def test_failures_show_on_the_page_on_the_terminal_and_in_the_record(tmp_path):
         case(RIGHT),
         case(RIGHT, WRONG, id_="T2"),
         replace(case(RIGHT, id_="T3"), measure=broken),
-        case(Bound("open", "K", math.inf), id_="T4"),
+        case(Bound("open", math.inf), id_="T4"),
     )
     group = Group("Walls & ends", cases)
-    outcomes = [run_case(each) for each in cases]
-    write_page([(group, outcomes)], tmp_path / "report.html")
+    outcomes = [check(each) for each in cases]
+    write_report([(group, outcomes)], tmp_path / "report.html", verify.PAGE)
     text = (tmp_path / "report.html").read_text()
     failed, rest = text.split("<h2>All cases</h2>")
     assert "2 of 4 cases pass" in failed
@@ -97,21 +99,24 @@ def test_failures_show_on_the_page_on_the_terminal_and_in_the_record(tmp_path):
     assert "T3" in failed and "the wall has no end" in failed and "T4" not in failed
     assert "Walls &amp; ends" in rest
     assert rest.count('class="left missed">FAIL') == 3
-    assert all(name in rest for name, _ in NOT_COVERED)
+    assert all(name in rest for name, _ in verify.NOT_COVERED)
     console = Console(width=200, record=True, file=io.StringIO())
-    console.print(cases_table(group.title, outcomes))
+    for table in terminal_tables(group.title, outcomes):
+        console.print(table.rich())
     lines = [row for row in console.export_text().splitlines() if "FAIL" in row]
     assert len(lines) == 2 and "T2" in lines[0] and "T3" in lines[1]
     rows = [plain(outcome, group.title) for outcome in outcomes]
     json.dumps(rows, allow_nan=False)
-    assert [row["verdict"] for row in rows] == [PASSED, FAILED, FAILED, PASSED]
-    assert rows[1]["quantities"][1]["error"] == 1.0
+    assert [row["verdict"] for row in rows] == [PASS, FAIL, FAIL, PASS]
+    assert rows[1]["rows"][0]["checks"][1]["error"] == 1.0
 
 
 def test_every_published_case_is_computed_or_said_not_to_be():
     ids = [c.id for group in verify.GROUPS for c in group.cases]
     assert len(set(ids)) == len(ids)
-    known = " ".join([*ids, *(name for name, _ in NOT_COVERED)]).replace(",", " ")
+    known = " ".join([*ids, *(name for name, _ in verify.NOT_COVERED)]).replace(
+        ",", " "
+    )
     wanted = {f"V{n:02}" for n in (1, 2, 4, 5, 7, 9, 11, 12, 13, 14, 15, 16, 18)}
     wanted |= {"V20a", "V20b", "V21a", "V21b", "V21d", "V22a", "V23", "V24", "V25"}
     wanted |= {"A1", "A8", "A9", "A11", *(f"A{n}" for n in range(14, 20))}
@@ -119,20 +124,20 @@ def test_every_published_case_is_computed_or_said_not_to_be():
 
 
 def test_cases_are_chosen_by_the_beginnings_of_their_ids():
-    chosen = lambda names: [c.id for g in verify.chosen(names) for c in g.cases]
+    chosen = lambda names: [c.id for g in select(verify.GROUPS, names) for c in g.cases]
     assert chosen("V21") == ["V21a", "V21b", "V21d"]
     assert chosen("a8, v04") == ["V04", "V20b, A8"]
     for wrong in ("V99", " , "):
         with pytest.raises(InputError, match="--cases"):
-            verify.chosen(wrong)
+            select(verify.GROUPS, wrong)
 
 
 def test_it_runs_from_the_catalogue(tmp_path):
     (experiment,) = catalogue.find("verification")
     record = catalogue.run(experiment, tmp_path, cases="V23,A14")
-    result = record["result"]
-    assert result["failed"] == [] and result["passed"] == ["V23", "A14"]
-    assert [row["id"] for row in result["cases"]] == ["V23", "A14"]
+    found = record["result"]
+    assert found["failed"] == [] and found["passed"] == ["V23", "A14"]
+    assert [row["id"] for row in found["cases"]] == ["V23", "A14"]
     assert json.loads((tmp_path / "result.json").read_text()) == record
     assert "V23" in (tmp_path / "report.html").read_text()
 

@@ -1,0 +1,1 @@
+"""Cases, checks, verdicts, timing and records that all experiments share."""
