@@ -88,7 +88,7 @@ def test_a_sine_mode_decays_by_the_sum_over_the_axes_to_second_order():
 
 
 def test_a_sine_mode_between_cold_faces_runs_to_rounding():
-    """All faces held through half a cell, k = n . K n: still the same eigenvalues."""
+    """All faces prescribed through half a cell, k = n . K n: the same eigenvalues."""
     shape, pitch, kelvin, dt, steps = (6, 5, 4), 0.01, 300.0, 0.5, 12
     size = [n * pitch for n in shape]
     structure = jt.FullVolume(blocks(np.ones(shape, bool), pitch))

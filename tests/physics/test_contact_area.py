@@ -11,7 +11,7 @@ from jaxthermo.voxels.voxelize import voxelize
 
 
 def cap_area(radius, threshold):
-    """Of the part of a plane nearer to a ball that touches it than a threshold."""
+    """Area of the part of a plane within a threshold of a ball that touches it."""
     return np.pi * (radius**2 - (radius - threshold) ** 2)
 
 

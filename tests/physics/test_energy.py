@@ -124,7 +124,7 @@ def test_heat_stays_on_the_island_it_fell_on():
     scene = jt.Scene((body,), (term,), dtype="float64")
     surface = np.asarray(jt.simulate(scene, 20.0).surface_temperature)[0]
     right = grid.fragment_voxel[:, 0] > 2
-    # The side also takes the far island's face that looks back into the gap.
+    # The side also selects the far island's face that faces the gap.
     lit = (grid.fragment_normal[:, 0] < -0.9) & right
     assert lit.sum() == 4
     flux = 1000.0 * 20.0 / (METAL.volumetric_heat_capacity * 0.02)

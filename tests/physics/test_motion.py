@@ -54,7 +54,7 @@ def test_segments_follow_the_motion():
 
 
 def test_a_sun_that_travels_brings_what_the_angles_say():
-    """From noon to the horizon at a constant rate, on a plate that looks up."""
+    """From noon to the horizon at a constant rate, on a plate that faces up."""
     half_day = 60.0
 
     def direction(time):

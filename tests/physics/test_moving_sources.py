@@ -1,4 +1,4 @@
-"""Sources that move are frozen moment by moment; dimming needs none of that."""
+"""Moving sources are evaluated at snapshots; varying strengths need none."""
 
 import numpy as np
 import pytest

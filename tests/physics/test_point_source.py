@@ -77,7 +77,7 @@ def test_terminator_of_a_sphere_is_where_the_source_sets(ball, distance):
 
 
 def test_a_lamp_in_a_hollow_ball_loses_nothing():
-    """All round, through the six faces of a cube: 4 pi in all, wherever it hangs."""
+    """Flux through the six faces of a cube around it: 4 pi, at any position."""
     hollow = voxelize(shell(0.2, 0.24), 0.02)
     for place in ((0.0, 0.0, 0.0), (0.1, -0.05, 0.08)):
         found = exposure(hollow, PointSource(place, 1.0))

@@ -21,7 +21,7 @@ def fine_bar():
 
 
 @pytest.fixture(scope="module")
-def held():
+def prescribed():
     """V01 at 20.6 cells per diffusion length, x = 1 cm on a node."""
     grid = bar(165, 0.01 / 7.5)
     body = jt.Body(jt.FullVolume(grid), STEEL, temperature=START)
@@ -30,8 +30,8 @@ def held():
     return grid, jt.simulate(scene, 60.0)
 
 
-def test_held_surface_everywhere_within_a_thousandth_of_the_step(held):
-    grid, solution = held
+def test_prescribed_surface_everywhere_within_a_thousandth_of_the_step(prescribed):
+    grid, solution = prescribed
     found = np.asarray(solution.surface_temperature)[0, on_top(grid)]
     exact = surface_step(
         depth(grid), 60.0, initial=START, surface=HELD, diffusivity=STEEL.diffusivity
@@ -40,8 +40,8 @@ def test_held_surface_everywhere_within_a_thousandth_of_the_step(held):
     assert np.abs(found - exact).max() < 1e-3 * (HELD - START)
 
 
-def test_held_surface_at_one_centimetre(held):
-    grid, solution = held
+def test_prescribed_surface_at_one_centimetre(prescribed):
+    grid, solution = prescribed
     node = on_top(grid)[7]
     assert depth(grid)[7] == pytest.approx(0.01)
     found = float(solution.surface_temperature[0, node]) - 273.15

@@ -1,4 +1,4 @@
-"""What every structure must share: heat absorbed, mean in the end, the laws."""
+"""Properties common to all structures: heat absorbed, final mean, laws."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Values that change with time: ramps are exact, functions sampled, mistakes told."""
+"""Values that change with time: exact ramps, sampled functions, mistakes."""
 
 import jax.numpy as jnp
 import numpy as np

@@ -12,7 +12,7 @@ from tests.bodies import bar, depth, on_top
 
 
 EXACT = 36.6031
-"""Of the series solution [C]."""
+"""Temperature of the series solution [C]."""
 
 STEEL = jt.Material(35.0, density=7200.0, specific_heat=440.5)
 

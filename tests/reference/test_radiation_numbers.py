@@ -43,7 +43,7 @@ def test_v23_the_sides_of_a_cube_see_each_other_and_nothing_else():
 
 @pytest.mark.parametrize(("height", "width"), [(0.5, 2.0), (3.0, 0.2)])
 def test_unequal_rectangles(height, width):
-    """The floor lies across the wall, 1 m along the edge they share."""
+    """The floor is normal to the wall, 1 m along their common edge."""
     floor = rectangle_rule(ORIGIN, width * X, Y, 24)
     wall = WALL * np.array([1.0, 1.0, height])
     exact = forms.perpendicular_rectangles(1.0, height, width)

@@ -9,7 +9,7 @@ from tests.bodies import bar
 
 
 FLUX = 31.15
-"""What the thesis lets one face of a cube of 1 m^3 absorb [W/m^2], section 5.1."""
+"""Heat flux into one face of a cube of 1 m^3 [W/m^2], thesis 5.1."""
 
 # Name and dT/dt [K/s], as printed to three digits in Table 5.1.
 TABLE = {

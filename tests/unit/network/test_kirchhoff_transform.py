@@ -12,7 +12,7 @@ from jaxthermo.network.nonlinear import kirchhoff_transform
 
 
 KNOTS = 4
-"""Of every random property: nothing is compiled twice."""
+"""Number of knots of every random property: nothing is compiled twice."""
 POINTS = np.linspace(-500.0, 900.0, 57)
 
 

@@ -20,7 +20,7 @@ from tests.bodies import blocks
 
 
 H = 0.1
-"""Of the surfaces, over the conductivity times a voxel's edge (a cube of 1) [-]."""
+"""Surface conductance over conductivity times a voxel's edge (a cube of 1) [-]."""
 
 
 @partial(jax.jit, static_argnames=("tolerance", "most"))

@@ -56,7 +56,7 @@ _operators = jax.jit(
 
 
 def _matrix(call, given, m, structure):
-    """Of a linear map between states, on the nodes alone."""
+    """Matrix of a linear map between states, on the nodes alone."""
     address, shape = structure.node_address(), structure.state_shape
     n = structure.node_count
     unit = jnp.zeros((n, *shape)).at[(jnp.arange(n), *address)].set(1.0)
@@ -92,7 +92,7 @@ def test_the_cycle_is_symmetric_positive_and_near_the_inverse(body):
     spectrum = np.linalg.eigvalsh(half.T @ found @ half)
     assert spectrum.min() > 0
     if isinstance(network, HeterogeneousStencil):
-        # Parts that conduct well and hang together badly, joined by larger blocks.
+        # Parts that conduct well and are connected poorly, joined by larger blocks.
         spectrum = spectrum[3:]
     assert spectrum.min() > 0.1
     assert spectrum.max() < 2.5

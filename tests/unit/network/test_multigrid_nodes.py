@@ -1,4 +1,4 @@
-"""Groups hang together inside their blocks, and conduct as their links do."""
+"""Groups are connected inside their blocks and conduct as their links do."""
 
 import gc
 

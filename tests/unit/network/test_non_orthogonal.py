@@ -50,7 +50,7 @@ def test_linear_temperatures_conduct_exactly(slanted, kind):
         np.abs(_network(made).heat_rate(jnp.asarray(place @ SLOPE)) - exact)
         for made in (_structure(slanted, kind, 0.0), structure)
     )
-    # The flat moments of nodes at edges have no gradient across.
+    # Nodes at edges have flat second moments, hence no gradient across.
     assert (corrected < 1e-9 * np.abs(exact).max()).mean() > 0.9
     assert corrected.max() < plain.max()
 

@@ -30,7 +30,7 @@ def _solid(seed):
 
 
 def _operator(solid, stencil, mixed):
-    """Of one material, or of two that are the same."""
+    """Network of one material, or of two identical ones."""
     structure = FullVolume(blocks(solid, PITCH), stencil=stencil)
     if not mixed:
         return structure, assemble_uniform(structure, K, HEAT, jnp.float64)

@@ -22,7 +22,7 @@ class Case(NamedTuple):
     """The factors that they make: a link stands in the rows of both its nodes."""
     layout: Any
     nodes: Any
-    """Where they are in a state."""
+    """Positions of the nodes in a state."""
 
 
 def _uniform():
@@ -76,7 +76,7 @@ def case(request):
 
 
 def _weights(case):
-    """Of every entry of a state, those without a node too."""
+    """Values for every entry of a state, including those without a node."""
     return jnp.asarray(np.random.default_rng(5).normal(size=case.state.shape))
 
 

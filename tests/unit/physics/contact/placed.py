@@ -1,4 +1,4 @@
-"""Bodies in place for tests of contact: the grids are made once."""
+"""Placed bodies for tests of contact: the grids are built once."""
 
 import functools
 

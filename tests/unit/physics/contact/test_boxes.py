@@ -1,4 +1,4 @@
-"""Sort and sweep finds the pairs of boxes that a look at all of them finds."""
+"""Sort and sweep finds the pairs of boxes that a comparison of all finds."""
 
 import numpy as np
 from hypothesis import given, settings, strategies as st

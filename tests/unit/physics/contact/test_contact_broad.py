@@ -1,4 +1,4 @@
-"""The broad phase drops no pair that touches, and drops those that views tell apart."""
+"""The broad phase drops no pair that touches, and drops those that views separate."""
 
 import numpy as np
 from hypothesis import given, settings, strategies as st
@@ -75,7 +75,7 @@ def test_no_contact_is_lost(seed):
 
 
 def test_a_body_within_another_is_kept():
-    """Its surface is far from the other's, and only depth tells that it overlaps."""
+    """Its surface is far from the other's, and only depth shows that it overlaps."""
     room = placed(box_grid((2.2, 2.2, 2.2), PITCH))
     assert broad_phase((room, placed(BALL))).pairs.tolist() == [[0, 1]]
 

@@ -1,4 +1,4 @@
-"""The fragment that a point of a surface belongs to, beside a look at all of them."""
+"""Fragment of a surface point, against a comparison with all fragments."""
 
 import numpy as np
 import pytest

@@ -49,7 +49,7 @@ def test_matching_lattices_touch_fragment_by_fragment():
 
 @pytest.mark.parametrize("pitch", [1e-5 * 3**n for n in range(10)])
 def test_faces_that_match_are_covered_whole_at_any_scale(pitch):
-    """To the last digit: rounding of the pitch leaves no sliver bare."""
+    """To the last digit: rounding of the pitch leaves no sliver exposed."""
     grid = blocks(np.ones((3, 2, 2), bool), pitch)
     pairs = find_contacts(placed(grid), placed(grid, (3 * pitch, 0.0, 0.0)))
     assert pairs.count == 4

@@ -1,4 +1,4 @@
-"""Exchange by the film temperature: the fast law against the formula at every place."""
+"""Exchange by the film temperature: the fast law against the formula."""
 
 import equinox as eqx
 import jax
@@ -29,7 +29,7 @@ def direct(average, speed, diameter, film):
 
 
 def law(average, speed, air):
-    """One place a diameter."""
+    """One surface cell for each diameter."""
     shape = (len(DIAMETERS), len(FILM_TEMPERATURES))
     film = np.broadcast_to(FILM_TEMPERATURES, shape)
     width = np.broadcast_to(DIAMETERS[:, None], shape)
@@ -39,7 +39,7 @@ def law(average, speed, air):
 
 @eqx.filter_jit
 def evaluated(law, surface, time=TIME):
-    """Flux and slope at surface temperatures [q], of every place."""
+    """Flux and slope at surface temperatures [q], of every cell."""
 
     def at(theta):
         every = jnp.full(len(DIAMETERS), theta)
@@ -55,7 +55,7 @@ def steepest_of(law, hottest):
 
 @eqx.filter_jit
 def with_slopes(law, surface):
-    """Of all places together: heat, and its slopes by air and surface [q]."""
+    """Total heat, and its slopes by air and surface temperatures [q]."""
 
     def heat(air, surface):
         moved = eqx.tree_at(lambda l: l.temperature, law, air)
@@ -137,7 +137,7 @@ def test_single_precision_keeps_small_differences():
 
 def test_places_are_merged_by_their_mean_coefficient():
     found = law(AVERAGES[0].nusselt, 2.0, 300.0)
-    # The first place twice, then the mean of the next two, and so on.
+    # The first cell twice, then the mean of the next two, and so on.
     mean = lambda row: (jnp.asarray(row) + jnp.asarray(row)[SWAPPED]) / 2
     merged = found.coarsened(mean)
     surface = jnp.asarray(SURFACES)

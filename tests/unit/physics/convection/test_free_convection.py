@@ -30,7 +30,7 @@ def grid():
 
 @jax.jit
 def formula(surface, ambient, length):
-    """Of plates and of cylinders."""
+    """h of plates and of cylinders by the formula."""
     s, a, l = jnp.broadcast_arrays(surface, ambient, length)
     return jnp.stack([free_coefficient(s, a, l, k) for k in (PLATE, CYLINDER)])
 
@@ -39,7 +39,7 @@ def formula(surface, ambient, length):
     ("kind", "expected"), [(PLATE, 147.16185223770603), (CYLINDER, 139.13493970073597)]
 )
 def test_values_of_the_library_ht(kind, expected):
-    """Of its documentation, at Pr 0.69 and Gr 2.63e9."""
+    """Values of its documentation, at Pr 0.69 and Gr 2.63e9."""
     by_kind = jax.jit(churchill_chu, static_argnums=2)
     found = by_kind(jnp.array(0.69 * 2.63e9), jnp.array(0.69), kind)
     assert float(found) == pytest.approx(expected, rel=1e-12)

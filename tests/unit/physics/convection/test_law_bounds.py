@@ -35,7 +35,7 @@ def side():
 
 @eqx.filter_jit
 def _flux_and_curvature(law, time, kelvin):
-    """At every place and temperature."""
+    """Flux and curvature in every cell at every temperature."""
     flux = lambda theta: law.flux(time, theta)
     slope = lambda theta: jax.jvp(flux, (theta,), (jnp.ones_like(theta),))[1]
     bend = lambda theta: jax.jvp(slope, (theta,), (jnp.ones_like(theta),))[1]

@@ -1,4 +1,4 @@
-"""The wind on a body: every place's coefficient, speeds, wakes, and bad input."""
+"""Wind on a body: local coefficients, speeds, wakes, and invalid input."""
 
 import jax
 import jax.numpy as jnp
@@ -62,7 +62,7 @@ def test_the_mean_over_the_side_is_that_of_the_correlation(grid, seen, speed):
 
 
 def _diameter(seen):
-    """Of the one cylinder that is found."""
+    """Diameter of the cylinder that is detected."""
     (only,) = parts_of(seen.grid, (), 0).cylinders
     return only.diameter
 
@@ -195,7 +195,7 @@ def shaded(grid):
 
 
 def test_a_wake_slows_the_wind_as_its_function_says(seen, shaded):
-    """A constant share is a lower speed, all over the body that is behind."""
+    """A constant speed ratio is a lower speed on the whole body behind another."""
     h = coefficients(Wind((2.0, 0, 0), AIR, wake=lambda x: 0.25 + 0 * x), shaded)
     slow = coefficients(Wind((0.5, 0, 0), AIR), seen)
     np.testing.assert_allclose(h, slow, rtol=1e-9)

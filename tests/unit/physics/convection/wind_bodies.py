@@ -53,12 +53,12 @@ def law_of(term, seen, reference=300.0):
 
 @eqx.filter_jit
 def flux_and_slope(law, theta, time):
-    """Of every place, at temperatures above the reference."""
+    """Flux and slope in every cell, at temperatures above the reference."""
     return law.flux(time, theta), law.slope(time, theta)
 
 
 def flux_at(law, temperature, count, time=0.0):
-    """The heat flux into every place, all at one temperature [W/m^2]."""
+    """Heat flux into every cell, all at one temperature [W/m^2]."""
     reference = float(law.reference)
     theta = jnp.asarray(np.full(count, temperature - reference))
     return np.asarray(flux_and_slope(law, theta, jnp.asarray(np.float64(time)))[0])
