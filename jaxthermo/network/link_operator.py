@@ -2,12 +2,7 @@
 
 Both hold the same operator. `LinkNetwork` (coordinate format) is a list of pairs with a
 conductance each: the readable, tested reference. `RowNetwork` (ELLPACK format) runs
-several times faster: every link is in the rows of both its nodes, so that nothing is
-scattered. Neighbours that are consecutive in node order (the next voxel of a column)
-are shifted slices; the others are gathered, one neighbour of every node at a time,
-which a compiler vectorizes. Nodes with far more neighbours than most (a coarse cell
-surrounded by fine ones) keep the rest in a sparse list. A state is one value for each
-node.
+several times faster. A state is one value for each node.
 """
 
 from typing import NamedTuple
@@ -69,6 +64,11 @@ def row_layout(
     nodes: int, src: Int[np.ndarray, " e"], dst: Int[np.ndarray, " e"]
 ) -> RowLayout:
     """Rows of the links from `src` to `dst` between a number of `nodes`."""
+    # Every link is in the rows of both its nodes, so that nothing is scattered.
+    # Neighbours that are consecutive in node order (the next voxel of a column) are
+    # shifted slices. The others are gathered, one neighbour of every node at a time,
+    # which a compiler vectorizes. Nodes with far more neighbours than the others (a
+    # coarse cell surrounded by fine ones) keep the rest in a sparse list.
     low, high = np.minimum(src, dst), np.maximum(src, dst)
     follows = high == low + 1
     # Of several links between the same two nodes, only one fits here.

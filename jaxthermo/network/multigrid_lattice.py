@@ -1,9 +1,4 @@
-"""Coarser levels of a dense lattice: blocks of 2 x 2 x 2 cells, recursively.
-
-Two blocks conduct through their common faces. Their centres are twice as far apart, so
-the conductance is half of that of these faces together: the plain sum, which the
-transfers imply, would make coarse levels twice as stiff and correct half of the error.
-"""
+"""Coarser levels of a dense lattice: blocks of 2 x 2 x 2 cells, recursively."""
 
 import math
 
@@ -73,6 +68,9 @@ def _block_faces(network: AbstractNetwork) -> _Faces:
         # Up to here the values are counts of open faces.
         g = jnp.broadcast_to(network.conductance, (3,))
         x, y, z = (n.astype(g.dtype) * g[axis] for axis, n in enumerate(faces))
+    # The centres of blocks are twice as far apart, so the conductance is half of that
+    # of the faces together. The plain sum, which the transfers imply, would make coarse
+    # levels twice as stiff and correct half of the error.
     return x / 2, y / 2, z / 2
 
 

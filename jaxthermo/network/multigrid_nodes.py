@@ -1,12 +1,6 @@
 """Coarser levels of nodes and links: connected groups of nodes in cubic blocks.
 
-The edges of the blocks double from level to level. A node is in the block of its
-centre; only nodes that links connect inside a block form a group, so that no heat
-crosses a gap. A cell larger than the blocks stays alone until they have grown.
-
-The conductance between two groups is the sum over the links between them, each scaled
-by its length over the distance of the group centres. A link between two single nodes
-keeps its conductance.
+The edges of the blocks double from level to level.
 """
 
 from typing import NamedTuple
@@ -112,6 +106,9 @@ def _layout(structure: AbstractStructure, max_nodes: int) -> NodeLayout:
 
 def _groups(graph: _Graph, edge: int) -> Int[np.ndarray, " n"]:
     """Group of each node, numbered along z first like the lattice."""
+    # A node is in the block of its centre; only nodes that links connect inside a block
+    # form a group, so that no heat crosses a gap. A cell larger than the blocks stays
+    # alone until they have grown.
     block = (graph.centre / edge).astype(np.int64)
     _, y, z = block.max(axis=0) + 1
     index = (block[:, 0] * y + block[:, 1]) * z + block[:, 2]
@@ -140,7 +137,9 @@ def _merged(
     pairs = np.stack(np.divmod(joint, count), axis=1)
     before = _lengths(graph.centre, graph.links[kept])
     after = _lengths(centre, pairs)[link]
-    # Centres of curved groups may be close together.
+    # Conductances between groups are sums over their links, each scaled by this ratio:
+    # a link between two single nodes keeps its conductance. Centres of curved groups
+    # may be close together, hence the maximum.
     length_ratio = before / np.maximum(after, before)
     layout = _CoarseLayout(
         group=group,

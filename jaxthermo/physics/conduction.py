@@ -3,10 +3,9 @@
 Conductances are a pure function of a structure's geometry, its materials and weights.
 The two halves of a link are in series, each with its length and conductivity,
 
-    1 / G = (L_1 / k_1 + L_2 / k_2) / (w A),
+    1 / G = (L_1 / k_1 + L_2 / k_2) / (w A).
 
-exact in one dimension, where the arithmetic mean of conductivities is wrong by up to
-their ratio. The largest stable explicit step of a node is C / sum_j G_j (Fourier 1/6
+The largest stable explicit step of a node is C / sum_j G_j (Fourier 1/6
 for a voxel with six neighbours).
 
 A material with a conductivity for each axis (diagonal K, in the body's frame) conducts
@@ -50,7 +49,8 @@ def series(
     k2: Float[Array, "*#e"],
 ) -> Float[Array, "*e"]:
     """Conductance of two lengths [m] in series [W/K]; 0 if either conductivity is 0."""
-    # This form needs no division by a conductivity, which may be 0.
+    # Exact in one dimension, where the arithmetic mean of conductivities is wrong by up
+    # to their ratio. This form needs no division by a conductivity, which may be 0.
     dtype = k1.dtype
     a, l1, l2 = (jnp.asarray(v, dtype) for v in (area, length1, length2))
     return a * k1 * k2 * inverse(l1 * k2 + l2 * k1)

@@ -7,13 +7,8 @@ face each other within a maximum distance:
     out of A, into B: a gap between them        into B, out of A: A and B overlap
 
 Every part of the finer body's surface is sampled along the dominant axis of its normal
-n_A, where its fragments are too, by 4 x 4 rays for each voxel. Gap and area refer to
-the surface that is closer to normal to the ray e,
-
-    c = max(|n_A . e|, |n_B . e|),    gap = c * distance,    area = ray's square / c,
-
-exact for parallel surfaces, and for others the same whichever body is sampled. Each hit
-is then assigned to the fragments of both bodies that are nearest to it.
+n_A, where its fragments are too, by 4 x 4 rays for each voxel. Each hit is assigned to
+the nearest fragments of both bodies.
 """
 
 from typing import NamedTuple
@@ -112,6 +107,9 @@ def _hits_along(axis, lattice: Lattice, triangles, dominant, box, limits: Contac
     first = np.flatnonzero(same_ray & (of_a[1:] != of_a[:-1]))
     at_a, at_b = first + ~of_a[first], first + of_a[first]
     n_a, n_b = normals[layers.triangle[at_a]], normals[layers.triangle[at_b]]
+    # Gap and area refer to the surface that is closer to normal to the ray e: with c =
+    # max(|n_A . e|, |n_B . e|), gap = c distance and area = ray's square / c. This is
+    # exact for parallel surfaces, and otherwise the same whichever body is sampled.
     distance = (layers.depth[at_b] - layers.depth[at_a]) * np.sign(n_a[:, axis])
     cosine = np.maximum(np.abs(n_a[:, axis]), np.abs(n_b[:, axis]))
     gap = distance * cosine * lattice.pitch

@@ -1,10 +1,7 @@
 """Contact search between bodies: touching fragments, contact areas and gaps.
 
-The broad phase finds pairs of bodies that may touch: first by their boxes, then by
-views along the three axes. Bodies that touch overlap in every view, in some pixel and
-there in depth, so a pair is dropped as soon as one view separates it (the pruning of
-CULLIDE, Govindaraju et al. 2003, which the thesis uses too). The narrow phase follows
-rays through both bodies (`rays`).
+The broad phase finds pairs of bodies that may touch, by their boxes and by views along
+the three axes. The narrow phase follows rays through both bodies (`rays`).
 """
 
 from typing import NamedTuple
@@ -74,7 +71,9 @@ def broad_phase(
 
 def _are_separated(a: PlacedGrid, b: PlacedGrid, margin: float) -> bool:
     """True if the bodies keep their distance in one of the views along x, y and z."""
-    # The views are drawn from fragments, not from triangles: every part that conducts
+    # Bodies that touch overlap in every view, in some pixel and there in depth, so that
+    # one view can separate them (the pruning of CULLIDE, Govindaraju et al. 2003). The
+    # views are drawn from fragments, not from triangles: every part that conducts
     # has fragments, whereas a part thinner than a pixel may be missed by all rays. A
     # surface point has a fragment within `spacing`.
     spacing = MAX_FRAGMENT_DISTANCE * max(a.pitch, b.pitch)

@@ -1,9 +1,4 @@
-"""Flow that meets a body's cylinders, and film coefficients of every fragment in it.
-
-Fragments on one cylinder at nearly the same distance behind an upstream object form a
-group. The correlations are evaluated once for each group, on a handful of numbers, and
-every fragment multiplies the result of its group by its own angular shape.
-"""
+"""Flow that meets a body's cylinders, and film coefficients of every fragment in it."""
 
 from functools import partial
 from typing import Any, NamedTuple
@@ -49,6 +44,8 @@ def group_fragments(
     parts: CylinderParts, behind: Float[np.ndarray, " s"]
 ) -> FlowGroups:
     """Groups of the fragments at x / D = `behind`, rounded by half of a wake step."""
+    # The correlations are evaluated once for each group, on a handful of numbers, and
+    # every fragment multiplies the result of its group by its own angular shape.
     exposed = np.isinf(behind)
     offset = np.where(exposed, 1.0, behind + 0.5)
     step = np.rint(np.log(offset) / _WAKE_STEP).astype(np.int64)

@@ -4,14 +4,10 @@
 
 theta from the stagnation line. Every cosine averages to zero around the cylinder, so
 the average is Nbar whatever the shape, and the curve is smooth and even at 0 and 180
-degrees. The harmonic polynomials r^k cos(k theta) follow without an arc cosine from the
-normal n and the wind direction w projected off the axis,
+degrees. The harmonic polynomials R_k = r^k cos(k theta) follow from the normal n and
+the wind direction w projected off the axis,
 
-    R_0 = 1,    R_1 = -n.w,    R_{k+1} = 2 R_1 R_k - |n|^2 |w|^2 R_{k-1},
-
-Chebyshev's recurrence where |n| = |w| = 1, as on a cylinder's side. On an end, where n
-is parallel to the axis, all of them vanish smoothly and Nu = Nbar; a harmonic function
-has no extreme inside, so Nu stays positive in between.
+    R_0 = 1,    R_1 = -n.w,    R_{k+1} = 2 R_1 R_k - |n|^2 |w|^2 R_{k-1}.
 
 The shape is constant below Re 1 and above 2.2e5, the average above 2.5e5. The tabulated
 Reynolds numbers up to 40 are computed, those from 100 to 3e4 joined from boundary-layer
@@ -57,6 +53,9 @@ def harmonics(cosine: _Values, square: _Values | float = 1.0) -> Any:
 
     The result is a numpy array for numpy input.
     """
+    # Chebyshev's recurrence where r = 1, as on a cylinder's side: no arc cosine. On an
+    # end, where the normal is parallel to the axis, all R_k vanish smoothly and Nu is
+    # its average; a harmonic function has no extreme inside, so Nu > 0 in between.
     before, here = 1.0, cosine
     found = [here]
     for _ in range(_HARMONICS - 1):

@@ -11,9 +11,6 @@ rests on recalled curves. With Churchill-Bernstein's average the front of a cyli
 0.91 (Re 1e4) to 0.82 (3e4) of the value of laminar boundary-layer theory, 0.950
 sqrt(Re); with `profile` 1.00 (1e4) to 1.09 (7e4).
 
-All are smooth down to Re = 0, where the first is 0.3, and none has an infinite slope:
-sqrt(Re) is taken as Re / sqrt(Re + 1e-4), with a relative error of 5e-9 at Re = 1e4.
-
 The table of the local Nusselt number is described in `data/README.md`. It is
 interpolated by piecewise cubics that preserve the shape of the data (PCHIP), with
 slopes by Fritsch and Butland (SIAM J. Sci. Stat. Comput. 5, 1984).
@@ -113,7 +110,8 @@ def _end_slope(near, far, secant, next_secant):
     return np.where(limited, 3 * secant, slope)
 
 
-# Added to Re under a root, so that the slope at 0 is finite.
+# Added to Re under a root, so that all correlations are smooth down to Re = 0, without
+# an infinite slope there; the relative error is 5e-9 at Re = 1e4.
 _SMOOTHING = 1e-4
 
 Average = Callable[[Float[Array, "*n"], Float[Array, "*n"]], Float[Array, "*n"]]

@@ -6,13 +6,6 @@ x and l in diameters of the object, from its rear: the family of steady laminar 
 Fitted to computed centrelines at Re 10 to 40 its error is 0.007 to 0.03 (a pure
 exponential: 0.07 to 0.08); far away p tends to 1/2 (Schlichting). The thesis (6.2)
 draws such a "convergent function" without a formula.
-
-Distances are read from depth layers along the wind. The last point upstream on the ray
-through a fragment where the wind left another object is the rear of that object. A
-connected part of the mesh is one object: its own wake is in the correlation for a
-cylinder already. The diameter of an object is the smaller side of the rectangle with
-the same second moments as its silhouette along the wind: exact for a long cylinder
-across the wind, 0.87 D for a sphere.
 """
 
 from typing import Any
@@ -125,6 +118,9 @@ def diameters_behind(
     # Shapes are known while the rest of a scene is traced.
     with jax.ensure_compile_time_eval():
         layers = view.peel(triangles)
+    # The last point upstream on the ray through a fragment where the wind left another
+    # object is the rear of that object. A connected part of the mesh is one object: its
+    # own wake is in the correlation for a cylinder already.
     objects = _objects(triangles)
     layer_object = objects[layers.triangle]
     diameter = _diameters(triangles, objects, view.frame) / view.pitch
@@ -162,7 +158,9 @@ def _diameters(
     frame: Float[np.ndarray, "3 3"],
 ) -> Float[np.ndarray, " o"]:
     """Diameter of each object's silhouette [m], from triangles that face the wind."""
-    # Where one of them hides another both count, which changes the result little.
+    # The smaller side of the rectangle with the same second moments as the silhouette:
+    # exact for a long cylinder across the wind, 0.87 D for a sphere. Where a triangle
+    # hides another both count, which changes the result little.
     corners = triangles @ frame[:2].T
     normal = np.cross(
         triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]

@@ -4,9 +4,8 @@
 
 solved for the irradiation H once, before the run: H = K E + k_s E_s, with rows that add
 up to 1. Every fragment of a patch receives the patch's irradiation and emits at its own
-temperature. The patch emits the sum of its fragments' emission, so that no heat is
-lost. Source: Hottel and Sarofim, Radiative Transfer (1967); Gebhart, Heat Transfer
-(1961).
+temperature. Source: Hottel and Sarofim, Radiative Transfer (1967); Gebhart, Heat
+Transfer (1961).
 """
 
 from typing import Any
@@ -114,6 +113,8 @@ class PatchExchange(eqx.Module):
 
         Both emissive powers are given minus sigma T_0^4.
         """
+        # A patch emits what its fragments emit, so that no heat is lost between the
+        # two.
         by_patch = self._by_patch(emitted)
         heat = self.transfer @ by_patch + self.from_surroundings * surroundings
         return heat.at[self.patch].get(mode="promise_in_bounds")

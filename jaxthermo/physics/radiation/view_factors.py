@@ -9,11 +9,6 @@ along it, in both directions, and its first and last surface see the surrounding
 with as many views as directions, no lines of its own for any patch, symmetric by
 construction, and obstacles are found by the same sort that orders the layers. Source:
 the global lines of Sbert, Comput. Graph. Forum 12(3) (1993).
-
-The symmetric sampled areas A_i F_ij are then scaled, A_i F_ij -> d_i A_i F_ij d_j, such
-that together with the surroundings every row adds up to the patch's true area: an F_ij
-of zero stays zero, and a closed cavity stays closed. The remaining rounding error goes
-to the patch's own F_ii, which exchanges nothing.
 """
 
 from collections.abc import Iterator
@@ -267,6 +262,9 @@ def _replaced(found: ViewFactors, seen, bodies, pair: tuple[int, int]) -> ViewFa
 
 def balance(sampled: ExchangeAreas, area: Float[np.ndarray, " p"]) -> ViewFactors:
     """View factors from sampled areas, scaled to the areas of the patches [m^2]."""
+    # The scaling A_i F_ij -> d_i A_i F_ij d_j is symmetric: an F_ij of zero stays zero,
+    # and a closed cavity stays closed. The remaining rounding error goes to the patch's
+    # own F_ii, which exchanges nothing.
     between = sampled.between
     # A patch that no line has hit sees the surroundings.
     hit = between.sum(1) + sampled.outside > 0

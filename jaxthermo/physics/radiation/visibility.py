@@ -10,8 +10,7 @@ Ambient occlusion: the view factor to the surroundings,
 
 over all directions w, with v = 1 where nothing obstructs the view, in two parts: the
 sky above the horizon and the ground below it. Without obstacles F_sky = (1 + n_z) / 2
-and F_ground = (1 - n_z) / 2. The unobstructed fraction of either is sampled in the same
-directions everywhere, so that unobstructed surfaces have exactly these values.
+and F_ground = (1 - n_z) / 2.
 """
 
 from typing import NamedTuple
@@ -222,7 +221,9 @@ def _sees_out(
 
 def _scaled(seen: np.ndarray, sampled: np.ndarray, unobstructed: SkyView) -> SkyView:
     """Unobstructed view times the visible fraction of sky and ground."""
-    # A sliver of sky or ground without samples takes the fraction of both together.
+    # Only the visible fraction is sampled, in the same directions everywhere, so that
+    # unobstructed surfaces have exactly the factors of the closed form. A sliver of sky
+    # or ground without samples takes the fraction of both together.
     whole = seen.sum(0) / np.maximum(sampled.sum(0), 1e-30)
     has_samples = sampled > 0
     visible = np.where(has_samples, seen / np.where(has_samples, sampled, 1.0), whole)
