@@ -274,7 +274,7 @@ def few_tries_and_the_worst_is_told():
     with pytest.MonkeyPatch.context() as patch:
         # Where rounding is larger than the error that is asked for, no step is short
         # enough: that ends as `step_limit`, and here soon.
-        patch.setattr(adaptive, "MOST_TRIES", TRIES)
+        patch.setattr(adaptive, "MAX_TRIES", TRIES)
         yield
     for (solver, dtype), over in sorted(WORST.items()):
         print(f"{solver}, {dtype}: largest overshoot {over:.2g} K")

@@ -1,41 +1,34 @@
-"""Explicit Euler: one step, many steps, and the step it is stable at.
+"""Explicit Euler steps.
 
-T_{n+1} = T_n + dt / C (conduction + sum of surface heat rates). Temperatures stay
-within their bounds while 1 - dt (sum G + stiffness) / C >= 0 at every node, which is
-also the limit of stability: dt = h^2 / (6 alpha) inside a uniform body.
+    T_{n+1} = T_n + dt / C (K T_n + q(T_n, t_n + dt/2)),
+
+K T the heat rates by conduction [W], q those of loads, C the capacities [J/K]. The
+temperatures stay within their bounds while 1 - dt (sum_j G_ij - dq_i/dT_i) / C_i >= 0
+at every node, which is also the limit of stability.
 """
 
 import jax
 from jaxtyping import Array, Float
+from typing_extensions import override
 
-from ...scene.compile.program import Program, State
+from ...scene.compile.program import Program
 from ..run.heat_rates import add_loads
 from ..stepper import AbstractStepper, RunState
 
 
-def euler_change(
-    program: Program, states: State, time: Float[Array, ""], dt: Float[Array, ""]
-) -> tuple[State, Float[Array, " c"]]:
-    """The states one step later, and what each entry of the ledger brought [W]."""
-    conducted = []
-    for body, now in zip(program.bodies, states, strict=True):
-        with jax.named_scope("conduction"):
-            conducted.append(body.network.euler_step(now, dt))
-    return add_loads(program, states, tuple(conducted), time, dt)
-
-
 class EulerStepper(AbstractStepper):
-    """Explicit Euler."""
+    """Explicit Euler: first order, stable up to the stable step."""
 
     @property
+    @override
     def two_buffers(self) -> bool:
-        """Yes."""
         return True
 
+    @override
     def begin(self, state: RunState) -> RunState:
-        """As it is."""
         return state
 
+    @override
     def step(
         self,
         program: Program,
@@ -43,10 +36,12 @@ class EulerStepper(AbstractStepper):
         start: Float[Array, ""],
         dt: Float[Array, ""],
     ) -> RunState:
-        """One step of every body, with the heat each mechanism brought entered.
-
-        Loads are taken at the middle of the step: the heat of a ramp is exact, and what
-        is switched off at a landing is on before it and off after it.
-        """
-        new, rates = euler_change(program, state.theta, start + dt / 2, dt)
+        conducted = []
+        for body, theta in zip(program.bodies, state.theta, strict=True):
+            with jax.named_scope("conduction"):
+                conducted.append(body.network.euler_step(theta, dt))
+        # Loads at the middle of the step: the heat of a ramp is exact, and what is
+        # switched off at an event is on before it and off after it.
+        middle = start + dt / 2
+        new, rates = add_loads(program, state.theta, tuple(conducted), middle, dt)
         return RunState(new, state.ledger.add(dt * rates), state.solver_state)

@@ -1,17 +1,18 @@
-"""Super time stepping: explicit steps far beyond the stable one (RKL2).
+"""Super time stepping: explicit steps far above the stable one (RKL2).
 
 s stages of a Runge-Kutta-Legendre scheme of second order cover
 
     dt = (s^2 + s - 2) / 4  stable steps,
 
 so that n stable steps cost about 2 sqrt(n) evaluations. Each stage is an explicit Euler
-step of length w dt, w = 4 / (s^2 + s - 2), mixed with the two before and the start:
+step E of length w dt, w = 4 / (s^2 + s - 2), combined with the two stages before it and
+the start:
 
     Y_j = mu_j E(Y_{j-1}) + nu_j Y_{j-2} + (1 - mu_j - nu_j) Y_0 - a_{j-1} mu_j D,
     D = E(Y_0) - Y_0.
 
-The ledger is mixed likewise, so that energy closes to rounding. For pure diffusion no
-stage overshoots.
+The ledger is combined in the same way, so that energy closes to rounding. In pure
+diffusion no stage overshoots.
 
 Source: Meyer, Balsara, Aslam, Journal of Computational Physics 257 (2014) 594-626.
 """
@@ -23,6 +24,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+from typing_extensions import override
 
 from ...scene.compile.program import Program, State
 from ..run.heat_rates import add_loads
@@ -30,25 +32,27 @@ from ..stepper import AbstractStepper, RunState
 
 
 MIN_STAGES = 3
+"""Number of stages of the shortest step: with 2 the scheme covers no time."""
 
 
-def stage_count(dt: float, stable: float) -> int:
-    """The least odd number of stages that a step is stable with.
+def stage_count(dt: float, stable_step: float) -> int:
+    """Return the smallest odd number of stages that is stable.
 
     Args:
-        dt: the step [s].
-        stable: the largest explicit one [s].
+        dt: step [s].
+        stable_step: largest stable explicit step [s].
     """
-    ratio = dt / stable
+    ratio = dt / stable_step
+    # Less a rounding, so that a ratio that fits exactly costs no stage more.
     stages = math.ceil((math.sqrt(9 + 16 * ratio) - 1) / 2 * (1 - 1e-9))
     return max(MIN_STAGES, stages + (stages + 1) % 2)
 
 
 def rkl2_coefficients(stages: int) -> dict[str, np.ndarray]:
-    """Mu, nu, a of the stage before, and where a stage takes its loads, by stage.
+    """Return mu, nu, a of the previous stage, and the load time in steps, by stage.
 
     Args:
-        stages: s.
+        stages: number of stages s.
     """
     j = np.arange(stages + 1, dtype=float)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -56,7 +60,7 @@ def rkl2_coefficients(stages: int) -> dict[str, np.ndarray]:
         mu = (2 * j - 1) / j * b / np.roll(b, 1)
         nu = -(j - 1) / j * b / np.roll(b, 2)
     a, weight = np.roll(1 - b, 1), 4 / (stages * stages + stages - 2)
-    # Time itself, integrated by the scheme.
+    # The time that each stage reaches is the scheme's solution of dt/dt = 1.
     reached = [0.0, weight / 3]
     for k in range(2, stages + 1):
         stepped = mu[k] * (reached[-1] + weight) + nu[k] * reached[-2]
@@ -64,19 +68,20 @@ def rkl2_coefficients(stages: int) -> dict[str, np.ndarray]:
     return {"mu": mu, "nu": nu, "a": a, "time": np.roll(reached, 1)}
 
 
-Mixed = tuple[State, Float[Array, " c"]]
-"""A state, and the heat that each entry has brought since the start of the step [J]."""
+_Stage = tuple[State, Float[Array, " c"]]
+"""States, and the heat of each ledger entry since the start of the step [J]."""
 
 
 class RKL2Stepper(AbstractStepper):
-    """RKL2 with a fixed number of stages."""
+    """RKL2 with a fixed number of stages: second order."""
 
     stages: int = eqx.field(static=True)
 
+    @override
     def begin(self, state: RunState) -> RunState:
-        """As it is."""
         return state
 
+    @override
     def step(
         self,
         program: Program,
@@ -84,49 +89,49 @@ class RKL2Stepper(AbstractStepper):
         start: Float[Array, ""],
         dt: Float[Array, ""],
     ) -> RunState:
-        """One step of all stages."""
         weight = 4 / (self.stages**2 + self.stages - 2)
         table = {
             name: jnp.asarray(values, dt.dtype)
             for name, values in rkl2_coefficients(self.stages).items()
         }
-        none = jnp.zeros_like(state.ledger.heat)
-        theta, bodies, span = state.theta, program.bodies, dt * weight
+        no_heat = jnp.zeros_like(state.ledger.heat)
+        theta, bodies, euler_dt = state.theta, program.bodies, dt * weight
 
-        def conducted(states: State) -> State:
+        def conduct(states: State) -> State:
             each = zip(bodies, states, strict=True)
-            return tuple(body.network.euler_step(own, span) for body, own in each)
+            return tuple(body.network.euler_step(s, euler_dt) for body, s in each)
 
-        def loaded(new: State, states: State, share, part) -> Mixed:
-            """With the loads of a part of a stage, and their heat."""
-            time = start + dt * share
-            warm, entries = add_loads(program, states, new, time, span * part)
-            return warm, span * entries
+        def load(new: State, states: State, time_fraction, dt_fraction) -> _Stage:
+            time = start + dt * time_fraction
+            loaded, rates = add_loads(
+                program, states, new, time, euler_dt * dt_fraction
+            )
+            return loaded, euler_dt * rates
 
         whole = jnp.ones((), dt.dtype)
-        after, heat = loaded(conducted(theta), theta, 0.0, whole)
+        after, heat = load(conduct(theta), theta, 0.0, whole)
         change = jax.tree.map(jnp.subtract, after, theta)
-        # b_1 = 1/3 of a whole Euler step.
+        # The first stage is b_1 = 1/3 of a whole Euler step.
         third = jax.tree.map(lambda y, d: y + d / 3, theta, change)
-        first: tuple[Mixed, Mixed] = ((theta, none), (third, heat / 3))
+        first: tuple[_Stage, _Stage] = ((theta, no_heat), (third, heat / 3))
 
         def stage(j, pair):
             (before, heat_before), (last, heat_last) = pair
             mu, nu, a = table["mu"][j], table["nu"][j], table["a"][j]
-            # Differences to the start: what has not changed stays so bit by bit, and
-            # weights of about 2 and -1 multiply no rounding of what is large.
+            # In differences to the start: what has not changed stays so bit by bit,
+            # and weights of about 2 and -1 multiply no rounding of large values.
             mix = lambda e, y, zero, d: (
                 zero + (mu * (e - zero) + nu * (y - zero) - a * mu * d)
             )
-            # Mixed before loads are added, all is done in one pass over the nodes.
-            mixed = jax.tree.map(mix, conducted(last), before, theta, change)
-            new, brought = loaded(mixed, last, table["time"][j], mu)
+            # Combined before loads are added, all is done in one pass over the nodes.
+            mixed = jax.tree.map(mix, conduct(last), before, theta, change)
+            new, brought = load(mixed, last, table["time"][j], mu)
             total = mu * (heat_last + brought) + nu * heat_before - a * mu * heat
             return pair[1], (new, total)
 
-        # Two stages an iteration trade their buffers; one would copy them.
-        both = lambda i, pair: stage(2 * i + 3, stage(2 * i + 2, pair))
-        pair = jax.lax.fori_loop(0, (self.stages - 1) // 2, both, first)
+        # Two stages per iteration exchange their buffers; one would copy them.
+        two_stages = lambda i, pair: stage(2 * i + 3, stage(2 * i + 2, pair))
+        pair = jax.lax.fori_loop(0, (self.stages - 1) // 2, two_stages, first)
         if self.stages % 2 == 0:
             pair = stage(self.stages, pair)
         end, total = pair[1]

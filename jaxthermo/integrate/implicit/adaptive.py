@@ -1,12 +1,12 @@
-"""Steps of a length that the error decides: TR-BDF2 with its embedded third order.
+"""Steps by error control: TR-BDF2 with its embedded formula of third order.
 
 The error of a step is the difference to the embedded formula, smoothed by one more
 solve with the stage's own operator, so that it stays small where the solution has
-long settled however stiff it is. The step follows it by a proportional-integral rule,
+settled, however stiff it is. A proportional-integral controller sets the next step,
 
     h <- h 0.9 e_n^(-0.7/3) e_{n-1}^(0.4/3),    e = error / tolerance.
 
-A run still lands on save times and on whatever is switched.
+Steps still end exactly at save times and events.
 
 Source: Hosea and Shampine, Applied Numerical Mathematics 20 (1996) 21-37; Gustafsson,
 ACM Transactions on Mathematical Software 17 (1991) 533-554.
@@ -20,6 +20,7 @@ import equinox.internal as eqxi
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
+from typing_extensions import override
 
 from ...scene.compile.program import Program, State
 from ..stepper import AbstractStepper, RunState
@@ -29,7 +30,7 @@ from .jacobian import linearize
 from .newton_stage import (
     SolverStatistics,
     kelvin_norm,
-    per_step,
+    missing_heat,
     solve_linear,
     stop_gradient,
     zero_statistics,
@@ -37,60 +38,65 @@ from .newton_stage import (
 from .runge_kutta import SQRT2, TR_BDF2, StepResult, runge_kutta_step
 
 
-SOLVED = 1 - SQRT2 / 2
-"""The implicit coefficient."""
+IMPLICIT_COEFFICIENT = 1 - SQRT2 / 2
 
-# What the last stage's weights are over the embedded formula's.
+# Weights of the last stage less those of the embedded formula.
 ERROR_WEIGHTS = (
     SQRT2 / 4 - (1 - SQRT2 / 4) / 3,
     SQRT2 / 4 - (3 * SQRT2 / 4 + 1) / 3,
-    SOLVED * 2 / 3,
+    IMPLICIT_COEFFICIENT * 2 / 3,
 )
 
-SLOWEST, FASTEST, SAFETY = 0.2, 5.0, 0.9
-LEAST = 1e-4
-"""An error, over the tolerance, below which it says no more."""
-ENOUGH = 1e-2
-"""Of the tolerance, to which an error is found."""
-FIRST = 1e-3
-"""Of the time to the first landing."""
-MOST_TRIES = 5000
-"""Between two landings."""
+MIN_FACTOR, MAX_FACTOR, SAFETY = 0.2, 5.0, 0.9
+"""Bounds of the ratio of successive steps, and its safety factor."""
+
+MIN_ERROR_RATIO = 1e-4
+"""Error over tolerance below which it is rounding."""
+
+ERROR_SOLVE_TOLERANCE = 1e-2
+"""Tolerance of the solve for the error, over the tolerance of the error."""
+
+FIRST_STEP_FRACTION = 1e-3
+"""First step over the time to the first event."""
+
+MAX_TRIES = 5000
+"""Steps, accepted or not, between two events."""
 
 
-class AdaptiveWork(eqx.Module):
-    """What the controller remembers."""
+class ControllerState(eqx.Module):
+    """Memory of the step controller."""
 
     statistics: SolverStatistics
     step: Float[Array, ""]
-    """To try next [s]; 0 before the first."""
+    """Step to try next [s]; 0 before the first."""
     error: Float[Array, ""]
-    """Of the last accepted step, over the tolerance."""
+    """Error of the last accepted step, over the tolerance."""
 
 
 class _Carry(NamedTuple):
     state: RunState
-    passed: Float[Array, ""]
-    """Since the last landing [s]."""
+    elapsed: Float[Array, ""]
+    """Time since the last event [s]."""
     tries: Int[Array, ""]
 
 
 class AdaptiveStepper(AbstractStepper):
-    """A step of it is the way to the next landing, in as many as the error wants."""
+    """TR-BDF2 under error control; one `step` of it is the whole way to an event."""
 
     context: ImplicitContext
     tolerance: Float[Array, ""]
-    """Error of a step [K]."""
+    """Largest error of a step [K]."""
     checkpoints: int | None = eqx.field(static=True, default=None)
-    """For reverse mode: how many states to keep on that way."""
+    """Number of states that reverse mode stores on the way to an event."""
 
+    @override
     def begin(self, state: RunState) -> RunState:
-        """With nothing known of the error."""
         dtype = state.theta[0].dtype
         zero, one = jnp.zeros((), dtype), jnp.ones((), dtype)
-        work = AdaptiveWork(zero_statistics(dtype), zero, one)
-        return RunState(state.theta, state.ledger, work)
+        controller = ControllerState(zero_statistics(dtype), zero, one)
+        return RunState(state.theta, state.ledger, controller)
 
+    @override
     def step(
         self,
         program: Program,
@@ -98,98 +104,101 @@ class AdaptiveStepper(AbstractStepper):
         start: Float[Array, ""],
         dt: Float[Array, ""],
     ) -> RunState:
-        """All steps from `start` to `start + dt`."""
-        work: AdaptiveWork = state.solver_state
-        first = jnp.where(work.step > 0, work.step, FIRST * dt)
-        state = RunState(state.theta, state.ledger, replace(work, step=first))
+        controller: ControllerState = state.solver_state
+        first = jnp.where(
+            controller.step > 0, controller.step, FIRST_STEP_FRACTION * dt
+        )
+        state = RunState(state.theta, state.ledger, replace(controller, step=first))
         carry = _Carry(state, jnp.zeros_like(dt), jnp.zeros((), jnp.int32))
-        # What rounding leaves of the way is no step.
-        near = dt * (1 - 1e-5)
-        more = lambda c: (c.passed < near) & (c.tries < MOST_TRIES)
+        # A rest of the size of rounding is not a step.
+        almost = dt * (1 - 1e-5)
+        unfinished = lambda c: (c.elapsed < almost) & (c.tries < MAX_TRIES)
         attempt = lambda c: self._attempt(program, start, dt, c)
         if self.checkpoints is not None:
             carry = eqxi.while_loop(
-                more,
+                unfinished,
                 attempt,
                 carry,
-                max_steps=MOST_TRIES,
+                max_steps=MAX_TRIES,
                 kind="checkpointed",
                 checkpoints=self.checkpoints,
             )
         else:
-            carry = jax.lax.while_loop(more, attempt, carry)
-        work, failed = carry.state.solver_state, carry.passed < near
-        statistics = replace(
-            work.statistics,
-            step_limit_reached=work.statistics.step_limit_reached | failed,
-        )
-        return RunState(
-            carry.state.theta, carry.state.ledger, replace(work, statistics=statistics)
-        )
+            carry = jax.lax.while_loop(unfinished, attempt, carry)
+        state, failed = carry.state, carry.elapsed < almost
+        controller = state.solver_state
+        statistics = controller.statistics
+        failed = statistics.step_limit_reached | failed
+        statistics = replace(statistics, step_limit_reached=failed)
+        controller = replace(controller, statistics=statistics)
+        return RunState(state.theta, state.ledger, controller)
 
     def _attempt(self, program: Program, start, dt, carry: _Carry) -> _Carry:
-        state, work = carry.state, carry.state.solver_state
-        left = dt - carry.passed
-        # Two halves rather than a whole step and a sliver.
-        cut = jnp.where(left <= work.step, left, jnp.minimum(work.step, left / 2))
-        span = jax.lax.stop_gradient(jnp.where(left < 2 * work.step, cut, work.step))
-        taken = runge_kutta_step(
-            program, self.context, TR_BDF2, state.theta, start + carry.passed, span
+        state, controller = carry.state, carry.state.solver_state
+        remaining = dt - carry.elapsed
+        # Two halves rather than a whole step and a tiny one.
+        whole = remaining <= controller.step
+        half = jnp.minimum(controller.step, remaining / 2)
+        last = jnp.where(whole, remaining, half)
+        step = jnp.where(remaining < 2 * controller.step, last, controller.step)
+        step = jax.lax.stop_gradient(step)
+        result = runge_kutta_step(
+            program, self.context, TR_BDF2, state.theta, start + carry.elapsed, step
         )
-        time = start + carry.passed + span
-        error = self._error(program, taken, span, time) / self.tolerance
-        good = error <= 1
+        time = start + carry.elapsed + step
+        error = self._error(program, result, step, time) / self.tolerance
+        accepted = error <= 1
         # An error of 0 asks for the longest step there is; NaN for the shortest.
-        error = jnp.maximum(error, LEAST)
-        factor = SAFETY * error ** (-0.7 / 3) * work.error ** (0.4 / 3)
-        factor = jnp.where(good, factor, SAFETY * error ** (-1 / 3))
-        factor = jnp.where(jnp.isfinite(factor), factor, SLOWEST)
-        following = span * jnp.clip(factor, SLOWEST, FASTEST)
-        # A step cut short for a landing says little of the longest that would do.
+        error = jnp.maximum(error, MIN_ERROR_RATIO)
+        factor = SAFETY * error ** (-0.7 / 3) * controller.error ** (0.4 / 3)
+        factor = jnp.where(accepted, factor, SAFETY * error ** (-1 / 3))
+        factor = jnp.where(jnp.isfinite(factor), factor, MIN_FACTOR)
+        following = step * jnp.clip(factor, MIN_FACTOR, MAX_FACTOR)
+        # A step cut short for an event does not show how long a step may be.
         following = jnp.where(
-            good & (span < work.step), jnp.maximum(following, work.step), following
+            accepted & (step < controller.step),
+            jnp.maximum(following, controller.step),
+            following,
         )
-        count = good.astype(jnp.int32)
+        count = accepted.astype(jnp.int32)
+        spent = result.statistics
+        # Failures of a step that is repeated do not count.
         spent = replace(
-            taken.statistics, accepted_steps=count, rejected_steps=1 - count
+            spent,
+            accepted_steps=count,
+            rejected_steps=1 - count,
+            linear_failed=spent.linear_failed & accepted,
+            newton_failed=spent.newton_failed & accepted,
         )
-        after = AdaptiveWork(
-            statistics=work.statistics.plus(_kept(spent, good)),
+        after = ControllerState(
+            statistics=controller.statistics.plus(spent),
             step=following,
-            error=jnp.where(good, error, work.error),
+            error=jnp.where(accepted, error, controller.error),
         )
-        ledger = state.ledger.add(taken.heat)
-        choose = lambda new, old: jnp.where(good, new, old)
-        theta = jax.tree.map(choose, taken.states, state.theta)
-        ledger = jax.tree.map(choose, ledger, state.ledger)
-        passed = carry.passed + jnp.where(good, span, 0)
-        return _Carry(RunState(theta, ledger, after), passed, carry.tries + 1)
+        select = lambda new, old: jnp.where(accepted, new, old)
+        theta = jax.tree.map(select, result.states, state.theta)
+        ledger = jax.tree.map(select, state.ledger.add(result.heat), state.ledger)
+        elapsed = carry.elapsed + jnp.where(accepted, step, 0)
+        return _Carry(RunState(theta, ledger, after), elapsed, carry.tries + 1)
 
     def _error(
-        self, program: Program, taken: StepResult, span, time
+        self, program: Program, result: StepResult, step, time
     ) -> Float[Array, ""]:
-        """Of a step [K]."""
-        program, context, taken, span, time = stop_gradient(
-            (program, self.context, taken, span, time)
+        """Return the largest error of a step [K]."""
+        program, context, result, step, time = stop_gradient(
+            (program, self.context, result, step, time)
         )
-        mixed: State = jax.tree.map(
-            lambda *f: span * sum(w * x for w, x in zip(ERROR_WEIGHTS, f, strict=True)),
-            *taken.slopes,
+        difference: State = jax.tree.map(
+            lambda *f: step * sum(w * x for w, x in zip(ERROR_WEIGHTS, f, strict=True)),
+            *result.slopes,
         )
-        g = SOLVED * span
-        at = linearize(program, context, taken.states, 1 / g, time)
-        # (I - g f')^-1 of the difference: what it changes if g times it is brought.
-        # Two digits of an error are enough: none is worth thousands of iterations.
-        enough = jnp.maximum(context.tolerance, ENOUGH * self.tolerance)
-        solver = ConjugateGradient(kelvin_norm(at, g), enough)
-        smooth, _ = solve_linear(at, per_step(mixed, at, 1 / g), solver)
+        g = IMPLICIT_COEFFICIENT * step
+        at = linearize(program, context, result.states, 1 / g, time)
+        # Smoothed by (I - g f')^-1. Two digits of an error are enough: more would
+        # cost thousands of iterations.
+        tolerance = jnp.maximum(
+            context.tolerance, ERROR_SOLVE_TOLERANCE * self.tolerance
+        )
+        solver = ConjugateGradient(kelvin_norm(at, g), tolerance)
+        smooth, _ = solve_linear(at, missing_heat(difference, at, 1 / g), solver)
         return jnp.stack([jnp.abs(x).max() for x in smooth]).max()
-
-
-def _kept(spent: SolverStatistics, good) -> SolverStatistics:
-    """Failures of a step that is taken again do not count."""
-    return replace(
-        spent,
-        linear_failed=spent.linear_failed & good,
-        newton_failed=spent.newton_failed & good,
-    )

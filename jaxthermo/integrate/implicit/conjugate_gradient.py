@@ -1,15 +1,14 @@
-"""Conjugate gradients that stop in kelvin.
+"""Preconditioned conjugate gradients with a stopping criterion in kelvin.
 
-`lineax.CG` measures its residual against the right-hand side, in watts or joules, in
-which a voxel of 10 um weighs 1e-15 of one of 1 m, and it looks at the size of a step
-besides. Here a solve of an energy balance is done when
+`lineax.CG` compares its residual with the right-hand side, in watts or joules, in which
+a voxel of 10 um weighs 1e-15 of one of 1 m, and it also looks at the size of a step.
+Here a solve of an energy balance is done when
 
     max |residual / capacity| <= tolerance  [K],
 
-whatever the voxel; so it works as a solver of `lineax.linear_solve`, which knows its
-derivatives. The residual it reports is recomputed at the end, not the one that the
-recurrence believes in, which in float32 may be far smaller. Without a step there is no
-such scale: a steady state asks how far an iteration still moves it.
+whatever the voxel. It is a solver of `lineax.linear_solve`, which knows its
+derivatives. Without a time step there is no such scale: a steady solve asks how far an
+iteration still moves the solution.
 """
 
 import abc
@@ -21,13 +20,14 @@ import jax
 import jax.numpy as jnp
 import lineax as lx
 from jaxtyping import Array, Bool, Float, Int
+from typing_extensions import override
 
 
-STALLED = 200
-"""Iterations without progress after which there is none to come."""
+STAGNATION_ITERATIONS = 200
+"""Iterations without a smaller norm after which the solve stops."""
 
-LEAST, DIGITS = 3, 1e-3
-"""Iterations made whatever is left, unless it is so much less than at first."""
+MIN_ITERATIONS, EARLY_REDUCTION = 3, 1e-3
+"""Iterations made even within the tolerance, unless the norm fell by this factor."""
 
 
 def _dot(a: Any, b: Any) -> Float[Array, ""]:
@@ -35,69 +35,82 @@ def _dot(a: Any, b: Any) -> Float[Array, ""]:
     return jnp.stack(jax.tree.leaves(each)).sum()
 
 
-def _along(y: Any, step: Float[Array, ""] | float, p: Any) -> Any:
-    return jax.tree.map(lambda a, b: a + step * b, y, p)
-
-
-class AbstractStoppingNorm(eqx.Module):
-    """How far a solve still is from its end."""
-
-    @abc.abstractmethod
-    def initial(self, residual: Any) -> Float[Array, ""]:
-        """Any iteration."""
-
-    @abc.abstractmethod
-    def after_step(self, residual: Any, moved: Any) -> Float[Array, ""]:
-        """An iteration that moved the solution, and left a residual."""
-
-    @abc.abstractmethod
-    def final(self, residual: Any, correct: Callable[[Any], Any]) -> Float[Array, ""]:
-        """Of a solution whose residual was computed anew."""
+def _add_scaled(y: Any, factor: Float[Array, ""] | float, p: Any) -> Any:
+    return jax.tree.map(lambda a, b: a + factor * b, y, p)
 
 
 def max_abs(values: Any) -> Float[Array, ""]:
-    """Largest magnitude in a pytree of arrays."""
+    """Return the largest magnitude in a pytree of arrays."""
     return jnp.stack([jnp.abs(x).max() for x in jax.tree.leaves(values)]).max()
 
 
+class AbstractStoppingNorm(eqx.Module):
+    """Measure of the error of a solve, which is compared with its tolerance."""
+
+    @abc.abstractmethod
+    def initial(self, residual: Any) -> Float[Array, ""]:
+        """Measure before any iteration."""
+
+    @abc.abstractmethod
+    def after_step(self, residual: Any, change: Any) -> Float[Array, ""]:
+        """Measure after an iteration.
+
+        Args:
+            residual: residual after it.
+            change: change of the solution by it.
+        """
+
+    @abc.abstractmethod
+    def final(
+        self, residual: Any, precondition: Callable[[Any], Any]
+    ) -> Float[Array, ""]:
+        """Measure of the recomputed residual at the end.
+
+        Args:
+            residual: right-hand side minus operator times solution.
+            precondition: preconditioner, from a residual to a correction.
+        """
+
+
 class ResidualNorm(AbstractStoppingNorm):
-    """The residual, each value in its own scale."""
+    """max |scale * residual|."""
 
     scale: Any
-    """Such as the step over the capacity of every node [K/W]; a number for all."""
+    """Scale of each value, such as step over capacity [K/W]; or one number for all."""
 
+    @override
     def initial(self, residual: Any) -> Float[Array, ""]:
-        """Max |scale * residual|."""
         if not isinstance(self.scale, tuple):
             return max_abs(residual) * self.scale
         return max_abs(jax.tree.map(jnp.multiply, residual, self.scale))
 
-    def after_step(self, residual: Any, moved: Any) -> Float[Array, ""]:
-        """The same."""
-        del moved
+    @override
+    def after_step(self, residual: Any, change: Any) -> Float[Array, ""]:
         return self.initial(residual)
 
-    def final(self, residual: Any, correct: Callable[[Any], Any]) -> Float[Array, ""]:
-        """The same."""
-        del correct
+    @override
+    def final(
+        self, residual: Any, precondition: Callable[[Any], Any]
+    ) -> Float[Array, ""]:
         return self.initial(residual)
 
 
 class CorrectionNorm(AbstractStoppingNorm):
-    """What still moves the solution: about its error, if the preconditioner is good."""
+    """max |change of the solution|: about its error, if the preconditioner is good."""
 
+    @override
     def initial(self, residual: Any) -> Float[Array, ""]:
-        """Not known."""
         return jnp.full((), jnp.inf, jax.tree.leaves(residual)[0].dtype)
 
-    def after_step(self, residual: Any, moved: Any) -> Float[Array, ""]:
-        """Max |moved|."""
-        del residual
-        return max_abs(moved)
+    @override
+    def after_step(self, residual: Any, change: Any) -> Float[Array, ""]:
+        return max_abs(change)
 
-    def final(self, residual: Any, correct: Callable[[Any], Any]) -> Float[Array, ""]:
-        """Max |what the preconditioner would still change|."""
-        return max_abs(correct(residual))
+    @override
+    def final(
+        self, residual: Any, precondition: Callable[[Any], Any]
+    ) -> Float[Array, ""]:
+        return max_abs(precondition(residual))
 
 
 class _Iteration(NamedTuple):
@@ -105,125 +118,131 @@ class _Iteration(NamedTuple):
     residual: Any
     direction: Any
     gamma: Float[Array, ""]
-    """Of the residual in the preconditioner's norm, before the last step."""
-    size: Float[Array, ""]
-    """What is left."""
-    first: Float[Array, ""]
-    """What was left at first."""
-    least: Float[Array, ""]
-    """The least that was left so far."""
-    since: Int[Array, ""]
-    """The iteration that left it."""
+    """Residual times preconditioned residual, before the last iteration."""
+    norm: Float[Array, ""]
+    first_norm: Float[Array, ""]
+    min_norm: Float[Array, ""]
+    min_count: Int[Array, ""]
+    """Iteration that reached `min_norm`."""
     count: Int[Array, ""]
 
 
 class ConjugateGradient(lx.AbstractLinearSolver):
-    """Preconditioned; the operator and the preconditioner are positive definite.
+    """Conjugate gradients for positive definite operators and preconditioners.
 
-    Options of `lineax.linear_solve`: `preconditioner`, a module that takes a residual
-    to a correction, and `start`, a first guess.
+    Options of `lineax.linear_solve`: `preconditioner`, a module from a residual to a
+    correction, and `start`, an initial guess. Its statistics are `iterations` and
+    `residual`, the final norm.
+
+    Source: Hestenes, Stiefel, J. Research Nat. Bureau of Standards 49 (1952) 409-436.
     """
 
     norm: AbstractStoppingNorm
-    """Of what is left over."""
     tolerance: Float[Array, ""] | float
-    """In the measure's unit."""
+    """Tolerance of the norm, in its unit."""
     relative: bool = eqx.field(static=True, default=False)
-    """Whether it is a fraction of the right-hand side's measure instead, as for
-    derivatives, which have any unit."""
+    """Multiply the tolerance by the norm of the right-hand side, as for derivatives,
+    which have any unit."""
     max_iterations: int = eqx.field(static=True, default=2000)
-    """Iterations."""
 
+    @override
     def init(self, operator: lx.AbstractLinearOperator, options: dict[str, Any]):
-        """The operator itself."""
-        del options
         return operator
 
+    @override
     def compute(self, state, vector: Any, options: dict[str, Any]):
-        """The solution, how it went, and `iterations` and `left`, the residual."""
         operator = state
-        correct = options.get("preconditioner", lambda r: r)
+        precondition = options.get("preconditioner", lambda r: r)
         start = options.get("start")
         if start is None:
             y, r = jax.tree.map(jnp.zeros_like, vector), vector
         else:
-            y, r = start, _along(vector, -1.0, operator.mv(start))
+            y, r = start, _add_scaled(vector, -1.0, operator.mv(start))
         dtype = jax.tree.leaves(vector)[0].dtype
-        aim = jnp.asarray(self.tolerance, dtype)
+        tolerance = jnp.asarray(self.tolerance, dtype)
 
         def goal(i: _Iteration) -> Float[Array, ""]:
-            known = jnp.isfinite(i.first)
-            return jnp.where(known, aim * i.first, 0) if self.relative else aim
+            if not self.relative:
+                return tolerance
+            return jnp.where(jnp.isfinite(i.first_norm), tolerance * i.first_norm, 0)
 
-        def goes_on(i: _Iteration) -> Bool[Array, ""]:
-            more = (i.count < self.max_iterations) & (i.count - i.since < STALLED)
-            # A step that changes less than the tolerance must not be taken for none.
-            early = (i.count < LEAST) & (i.size > DIGITS * i.first)
-            return ((i.size > goal(i)) | early) & (i.gamma > 0) & more
+        def unfinished(i: _Iteration) -> Bool[Array, ""]:
+            stagnates = i.count - i.min_count >= STAGNATION_ITERATIONS
+            allowed = (i.count < self.max_iterations) & ~stagnates
+            # A right-hand side below the tolerance still gets some iterations, or
+            # steps that change less than the tolerance would never change anything.
+            early = (i.count < MIN_ITERATIONS) & (
+                i.norm > EARLY_REDUCTION * i.first_norm
+            )
+            return ((i.norm > goal(i)) | early) & (i.gamma > 0) & allowed
 
         def iterate(i: _Iteration) -> _Iteration:
-            z = correct(i.residual)
+            z = precondition(i.residual)
             gamma = _dot(i.residual, z)
-            p = _along(z, gamma / i.gamma, i.direction)
+            p = _add_scaled(z, gamma / i.gamma, i.direction)
             image = operator.mv(p)
-            bent = _dot(p, image)
-            # Where rounding has eaten the curvature, the step is none, and the last.
-            step = jnp.where(bent > 0, gamma / jnp.where(bent > 0, bent, 1), 0)
-            moved = jax.tree.map(lambda each: step * each, p)
-            r = _along(i.residual, -step, image)
-            size = self.norm.after_step(r, moved)
+            curvature = _dot(p, image)
+            # Where rounding exceeds the curvature the step is 0, and the last one.
+            positive = curvature > 0
+            step = jnp.where(positive, gamma / jnp.where(positive, curvature, 1), 0)
+            change = jax.tree.map(lambda each: step * each, p)
+            r = _add_scaled(i.residual, -step, image)
+            norm = self.norm.after_step(r, change)
+            first_known = jnp.isfinite(i.first_norm)
             return _Iteration(
-                y=jax.tree.map(jnp.add, i.y, moved),
+                y=jax.tree.map(jnp.add, i.y, change),
                 residual=r,
                 direction=p,
-                gamma=jnp.where(bent > 0, gamma, 0),
-                size=size,
-                first=jnp.where(jnp.isfinite(i.first), i.first, size),
-                least=jnp.minimum(i.least, size),
-                since=jnp.where(size < i.least, i.count + 1, i.since),
+                gamma=jnp.where(positive, gamma, 0),
+                norm=norm,
+                first_norm=jnp.where(first_known, i.first_norm, norm),
+                min_norm=jnp.minimum(i.min_norm, norm),
+                min_count=jnp.where(norm < i.min_norm, i.count + 1, i.min_count),
                 count=i.count + 1,
             )
 
-        size, endless = self.norm.initial(r), jnp.asarray(jnp.inf, dtype)
+        norm = self.norm.initial(r)
         first = _Iteration(
             y=y,
             residual=r,
             direction=jax.tree.map(jnp.zeros_like, r),
-            gamma=endless,
-            size=size,
-            first=self.norm.initial(vector),
-            least=size,
-            since=jnp.asarray(0, jnp.int32),
+            gamma=jnp.asarray(jnp.inf, dtype),
+            norm=norm,
+            first_norm=self.norm.initial(vector),
+            min_norm=norm,
+            min_count=jnp.asarray(0, jnp.int32),
             count=jnp.asarray(0, jnp.int32),
         )
-        last = jax.lax.while_loop(goes_on, iterate, first)
-        found, count, aim = last.y, last.count, goal(last)
-        r = _along(vector, -1.0, operator.mv(found))
-        left = self.norm.final(r, correct)
-        reached = left <= 2 * aim
+        last = jax.lax.while_loop(unfinished, iterate, first)
+        # Recomputed: in float32 the recurrence's residual may be far too small.
+        r = _add_scaled(vector, -1.0, operator.mv(last.y))
+        residual = self.norm.final(r, precondition)
+        converged = residual <= 2 * goal(last)
 
         def better() -> Any:
-            # Where rounding has eaten the operator the start may be the better answer,
+            # Where rounding exceeds the operator the start may be the better answer,
             # by what the preconditioner would still change.
             both = jax.tree.map(lambda *each: jnp.stack(each), r, first.residual)
-            now, before = jax.lax.map(lambda each: max_abs(correct(each)), both)
+            now, before = jax.lax.map(lambda each: max_abs(precondition(each)), both)
             pick = lambda new, old: jnp.where(now <= before, new, old)
-            return jax.tree.map(pick, found, y)
+            return jax.tree.map(pick, last.y, y)
 
-        y = jax.lax.cond(reached, lambda: found, better)
+        y = jax.lax.cond(converged, lambda: last.y, better)
         result = lx.RESULTS.where(
-            reached, lx.RESULTS.successful, lx.RESULTS.max_steps_reached
+            converged, lx.RESULTS.successful, lx.RESULTS.max_steps_reached
         )
-        return y, result, {"iterations": count, "residual": left}
+        return y, result, {"iterations": last.count, "residual": residual}
 
+    # The operator is symmetric and real: it is its own transpose and conjugate.
+
+    @override
     def transpose(self, state, options: dict[str, Any]):
-        """The same: the operator is symmetric."""
         return state, options
 
+    @override
     def conj(self, state, options: dict[str, Any]):
-        """The same: the operator is real."""
         return state, options
 
+    @override
     def assume_full_rank(self):
-        """Yes."""
         return True

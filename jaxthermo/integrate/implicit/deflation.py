@@ -1,7 +1,8 @@
-"""The means of the connected parts of a body, which preconditioners solve for apart.
+"""Preconditioning of the mean temperature of each connected component of a body.
 
-Where hardly anything holds a part, as emission near 0 K over a step of 1e12 s, the
-balance has next to no curvature along it: less than what a cycle rounds to.
+Where a component loses hardly any heat, as by emission near 0 K in a step of 1e12 s,
+the balance has next to no curvature along its mean: less than a multigrid cycle rounds
+to. The mean is therefore solved for exactly.
 """
 
 import equinox as eqx
@@ -17,45 +18,41 @@ from ...structures.structure import AbstractStructure
 
 
 class Components(eqx.Module):
-    """Which nodes of a body hang together."""
+    """Connected components of a body's nodes."""
 
     number: Int[Array, "..."] | None
-    """The part of every value of a state; None if there is one."""
+    """Component of every entry of the state; None if there is one component."""
     count: int = eqx.field(static=True)
 
     def sums(self, values: Float[Array, "*m"]) -> Float[Array, " p"]:
-        """Of each part."""
+        """Sum the values of each component."""
         if self.number is None:
             return values.sum()[None]
         flat, number = values.reshape(-1), self.number.reshape(-1)
         return jax.ops.segment_sum(flat, number, self.count)
 
-    def spread(self, each: Float[Array, " p"]) -> Float[Array, "*#m"]:
-        """What each part has, at its nodes."""
-        return each[0] if self.number is None else each[self.number]
+    def spread(self, values: Float[Array, " p"]) -> Float[Array, "*#m"]:
+        """Return the value of its component for every entry of the state."""
+        return values[0] if self.number is None else values[self.number]
 
 
 def connected_components(structure: AbstractStructure) -> Components:
-    """The connected parts of a body.
-
-    Args:
-        structure: of the body.
-    """
+    """Find the connected components of a body."""
     links = structure.links()
     pairs = np.stack([links.src, links.dst], axis=1)
-    roots = connected_labels(structure.node_count, pairs)
-    found, own = np.unique(roots, return_inverse=True)
-    if len(found) == 1:
+    labels = connected_labels(structure.node_count, pairs)
+    distinct, component = np.unique(labels, return_inverse=True)
+    if len(distinct) == 1:
         return Components(None, 1)
     number = np.zeros(structure.state_shape, np.int32)
-    number[structure.node_address()] = own
-    return Components(jnp.asarray(number), len(found))
+    number[structure.node_address()] = component
+    return Components(jnp.asarray(number), len(distinct))
 
 
 class DeflatedPreconditioner(eqx.Module):
-    """A preconditioner M that solves for the means of the parts by themselves.
+    """Preconditioner M, with the mean of each component solved for exactly.
 
-    With s = A 1 [W/K], of each part
+    With s = A 1 [W/K], for each component
 
         z = 1 c + Q^T M Q r,    c = sum r / sum s,    Q r = r - s c.
 
@@ -63,14 +60,14 @@ class DeflatedPreconditioner(eqx.Module):
     """
 
     cycle: AbstractCycle
-    parts: Components
-    diagonal: Float[Array, "..."]
-    """s, of the body by itself."""
+    components: Components
+    row_sums: Float[Array, "..."]
+    """s, of the body by itself [W/K]."""
 
     def __call__(self, residual: Float[Array, "*m"]) -> Float[Array, "*m"]:
-        """Z [K]."""
-        parts, s = self.parts, self.diagonal
-        share = inverse(parts.sums(s))
-        mean = share * parts.sums(residual)
-        z = self.cycle(residual - s * parts.spread(mean))
-        return z + parts.spread(mean - share * parts.sums(s * z))
+        """Return the correction z of a residual r [W] -> [K]."""
+        components, s = self.components, self.row_sums
+        inverse_sum = inverse(components.sums(s))
+        mean = inverse_sum * components.sums(residual)
+        z = self.cycle(residual - s * components.spread(mean))
+        return z + components.spread(mean - inverse_sum * components.sums(s * z))

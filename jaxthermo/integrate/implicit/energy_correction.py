@@ -1,15 +1,15 @@
-"""Heat that bodies hold and heat that was brought to them, made one to the last digit.
+"""Correction of a step so that stored heat equals the heat of the ledger.
 
-States and the heat of the mechanisms are found apart. They differ by what the solve
-left over, and by rounding of the rates, which a long step multiplies. So every body b
-is made lambda_b warmer than was found, and every mechanism brings what it then would,
-which is the step's own balance with one temperature a body:
+States and the heat of the mechanisms are computed separately. They differ by what the
+linear solve leaves, and by rounding of the rates, which a long step multiplies. Every
+body b is therefore made lambda_b warmer, and every mechanism brings what it then would:
+the balance of the step with one temperature per body,
 
     (C_b + g sum_e s_e) lambda_b - g sum_{e to c} s_e lambda_c = missing_b,
 
-s_e the slopes of loads and contacts [W/K], g the step of the last stage. What a solve
-leaves is given in kelvin, and no lambda is larger: the maximum principle is kept as far
-as the solve keeps it. Nodes that have not moved at all stay as they are.
+s_e the slopes of loads and contacts [W/K], g the step of the last stage. The tolerance
+of a solve is in kelvin, and no lambda is larger: the maximum principle holds as far as
+the solve satisfies it. Nodes that have not changed at all stay as they are.
 """
 
 import jax
@@ -31,22 +31,22 @@ def correct_energy(
     g: Float[Array, ""],
     time: Float[Array, ""],
 ) -> tuple[State, Float[Array, " c"]]:
-    """States that hold exactly the heat that was brought, and that heat [J].
+    """Return states that hold exactly the heat of the ledger, and that heat [J].
 
     Args:
-        program: of the scene.
-        before: the states at the start of the step.
-        after: as found.
-        heat: that each entry of the ledger brought, as found [J].
+        program: compiled scene.
+        before: states at the start of the step.
+        after: states at its end, as computed.
+        heat: heat of each ledger entry, as computed [J].
         g: step of the last stage [s].
-        time: of its loads [s].
+        time: time of its loads [s].
     """
     own, pairs = jax.lax.stop_gradient(_slopes(program, after, time))
     capacity = [body.network.capacity() for body in program.bodies]
-    went = jax.tree.map(jnp.subtract, after, before)
-    moving = tuple((each != 0).astype(heat.dtype) for each in went)
-    excess = lambda heat, states: (
-        _brought(program, heat)
+    difference = jax.tree.map(jnp.subtract, after, before)
+    changed = tuple((each != 0).astype(heat.dtype) for each in difference)
+    missing = lambda heat, states: (
+        into_bodies(heat, program.entries, len(program.bodies))
         - jnp.stack(
             [
                 precise_sum(c * (new - old))
@@ -55,43 +55,39 @@ def correct_energy(
         )
     )
     holding = jnp.stack(
-        [precise_sum(c * m) for c, m in zip(capacity, moving, strict=True)]
+        [precise_sum(c * m) for c, m in zip(capacity, changed, strict=True)]
     )
     total = jnp.stack([body.network.total_capacity() for body in program.bodies])
-    # Where nothing moved, nothing will; it must not be divided by.
+    # Where nothing changed nothing will; only a division by zero must be avoided.
     holding = jnp.where(holding > 0, holding, total)
-    shed, links = _by_body(program, own, pairs)
-    warmer = solve_dominant(holding + g * shed, g * links, excess(heat, after))
+    loss, links = _by_body(program, own, pairs)
+    warmer = solve_dominant(holding + g * loss, g * links, missing(heat, after))
     heat = heat - g * _response(program, own, pairs, warmer)
-    found = tuple(
-        new + extra * m for new, extra, m in zip(after, warmer, moving, strict=True)
+    states = tuple(
+        new + extra * m for new, extra, m in zip(after, warmer, changed, strict=True)
     )
-    # What is rounding by now, loads take that go by temperature at all.
-    left = excess(heat, found) * inverse(shed)
-    return found, heat - _response(program, own, 0 * pairs, left)
-
-
-def _brought(program: Program, heat: Float[Array, " c"]) -> Float[Array, " b"]:
-    return into_bodies(heat, program.entries, len(program.bodies))
+    # The rest is rounding; loads that depend on temperature take it.
+    rest = missing(heat, states) * inverse(loss)
+    return states, heat - _response(program, own, 0 * pairs, rest)
 
 
 def _by_body(
     program: Program, own: Float[Array, " c"], pairs: Float[Array, " c"]
 ) -> tuple[Float[Array, " b"], Float[Array, "b b"]]:
-    """Slopes of what each body sheds, and of what passes between two [W/K]."""
+    """Sum the slopes of each body's loads, and of each pair's contacts [W/K]."""
     bodies = len(program.bodies)
-    shed = jnp.zeros(bodies, own.dtype)
+    loss = jnp.zeros(bodies, own.dtype)
     links = jnp.zeros((bodies, bodies), own.dtype)
     for n, entry in enumerate(program.entries):
         if entry.other is None:
-            shed = shed.at[entry.body].add(own[n])
+            loss = loss.at[entry.body].add(own[n])
         else:
             links = links.at[entry.body, entry.other].add(pairs[n])
-    return shed, links + links.T
+    return loss, links + links.T
 
 
 def _response(program, own, pairs, warmer) -> Float[Array, " c"]:
-    """What the entries bring less for bodies so much warmer [W]."""
+    """Return the decrease of each entry's heat rate for warmer bodies [W]."""
     each = [
         own[n] * warmer[entry.body]
         if entry.other is None
@@ -104,7 +100,7 @@ def _response(program, own, pairs, warmer) -> Float[Array, " c"]:
 def _slopes(
     program: Program, states: State, time: Float[Array, ""]
 ) -> tuple[Float[Array, " c"], Float[Array, " c"]]:
-    """-d(entry)/d(state) of loads on one body, and of contacts [W/K], 0 or more."""
+    """Return -d(entry)/d(state) of loads and of contacts, 0 or more [W/K]."""
     own = load_slopes(program, states, time).entries
     pairs = jnp.zeros_like(own)
     zero = jnp.zeros((), own.dtype)
@@ -118,31 +114,31 @@ def _slopes(
 def solve_dominant(
     excess: Float[Array, " b"], links: Float[Array, "b b"], right: Float[Array, " b"]
 ) -> Float[Array, " b"]:
-    """The solution of (excess_i + sum_j links_ij) x_i - sum_j links_ij x_j = right_i.
+    """Solve (excess_i + sum_j links_ij) x_i - sum_j links_ij x_j = right_i.
 
-    Gauss's elimination without a subtraction: diagonals are kept as what they exceed
-    their rows by, so that links however strong lose no digit.
+    Gaussian elimination without a subtraction: each diagonal is stored as what it
+    exceeds the sum of its row by, so that strong links lose no digit.
 
     Args:
         excess: positive.
         links: symmetric, 0 or more, with 0 on the diagonal.
-        right: the right-hand side.
+        right: right-hand side.
 
     Source: Grassmann, Taksar, Heyman, Operations Research 33 (1985) 1107-1116.
     """
     count = len(excess)
-    later = np.arange(count)
+    index = np.arange(count)
     for k in range(count):
-        after = jnp.asarray((later > k).astype(excess.dtype))
-        pivot = excess[k] + (links[k] * after).sum()
-        factor = after * links[:, k] / pivot
+        later = jnp.asarray((index > k).astype(excess.dtype))
+        pivot = excess[k] + (links[k] * later).sum()
+        factor = later * links[:, k] / pivot
         excess = excess + factor * excess[k]
         right = right + factor * right[k]
-        grown = links + factor[:, None] * (links[k] * after)[None]
-        links = grown * (1 - jnp.eye(count, dtype=excess.dtype))
-    found = jnp.zeros_like(right)
+        links = links + factor[:, None] * (links[k] * later)[None]
+        links = links * (1 - jnp.eye(count, dtype=excess.dtype))
+    x = jnp.zeros_like(right)
     for k in reversed(range(count)):
-        after = jnp.asarray((later > k).astype(excess.dtype))
-        pivot = excess[k] + (links[k] * after).sum()
-        found = found.at[k].set((right[k] + (links[k] * after * found).sum()) / pivot)
-    return found
+        later = jnp.asarray((index > k).astype(excess.dtype))
+        pivot = excess[k] + (links[k] * later).sum()
+        x = x.at[k].set((right[k] + (links[k] * later * x).sum()) / pivot)
+    return x

@@ -1,13 +1,13 @@
-"""The derivative of an implicit step's balance, as a symmetric operator.
+"""The Jacobian of an implicit stage as a symmetric operator, with its preconditioner.
 
-A stage looks for eta = base + g f(eta), with f of `rates`. Its derivative, in heat
-rates for a change u of what drives conduction (of temperature, where k is constant),
+A stage solves eta = base + g f(eta), f from `evaluate_rates`. Its Jacobian, as heat
+rates for a change u of the conduction potential (of temperature, where k is constant),
 
     A u = (C / g + s) / d u - K u + contacts,
 
 is symmetric and positive definite: K is the linear network, s the slope of each node's
 load [W/K], d = d(phi)/d(eta) of `NonlinearNetwork`, 1 elsewhere. With 1 / g = 0 it is
-that of a steady state, which is singular where nothing holds a part.
+that of a steady state, which is singular for a part that loses no heat.
 """
 
 from collections.abc import Callable
@@ -29,7 +29,7 @@ from .residual import load_slopes
 
 
 class Jacobian(eqx.Module):
-    """A of all bodies."""
+    """The operator A of all bodies."""
 
     networks: tuple[AbstractNetwork, ...]
     diagonal: State
@@ -38,7 +38,7 @@ class Jacobian(eqx.Module):
     time: Float[Array, ""]
 
     def mv(self, u: State) -> State:
-        """A u [W]."""
+        """Return A u [W]."""
         image = [
             own * each - network.face_heat_rate(each)
             for own, network, each in zip(self.diagonal, self.networks, u, strict=True)
@@ -55,8 +55,8 @@ class Jacobian(eqx.Module):
                 image[body] = image[body].at[address].add(sign * flow)
         return tuple(image)
 
-    def with_contacts(self) -> State:
-        """The diagonal with what contacts add to it."""
+    def diagonal_with_contacts(self) -> State:
+        """Return the diagonal, contacts included [W/K]."""
         found = list(self.diagonal)
         zero = jnp.zeros((), found[0].dtype)
         for contact in self.contacts:
@@ -68,26 +68,26 @@ class Jacobian(eqx.Module):
 
 
 class BlockPreconditioner(eqx.Module):
-    """A preconditioner that knows no contact but on the diagonal."""
+    """Preconditioner of each body by itself, contacts on the diagonal only."""
 
-    cycles: tuple[DeflatedPreconditioner, ...]
+    blocks: tuple[DeflatedPreconditioner, ...]
 
     def __call__(self, residual: State) -> State:
-        """Of every body."""
-        return tuple(c(r) for c, r in zip(self.cycles, residual, strict=True))
+        """Return the correction of every body."""
+        return tuple(m(r) for m, r in zip(self.blocks, residual, strict=True))
 
 
 class Linearization(NamedTuple):
-    """What a step of Newton's method solves with."""
+    """Everything that one Newton iteration solves with."""
 
     operator: Jacobian
     preconditioner: Callable[[State], State]
-    steepness: tuple[Float[Array, "..."] | None, ...]
+    potential_slopes: tuple[Float[Array, "..."] | None, ...]
     """d of every body; None for 1."""
     capacity: State
-    """Of every node [J/K]."""
+    """Capacity of every node [J/K]."""
     nodes: tuple[Bool[Array, "..."] | None, ...]
-    """Where each body's state has nodes; None for everywhere."""
+    """Entries of each body's state that are nodes; None for all."""
 
 
 def linearize(
@@ -98,60 +98,60 @@ def linearize(
     time: Float[Array, ""],
     regularization: Callable[[State], State] | None = None,
 ) -> Linearization:
-    """At given states.
+    """Linearize the balance of a stage at given states.
 
     Args:
-        program: of the scene.
-        context: for it.
-        states: of the bodies.
-        rate: one over the stage's step, 0 for a steady state [1/s].
-        time: of the loads [s].
-        regularization: of the diagonal to what the preconditioner adds to it, since A
-            may be singular [W/K].
+        program: compiled scene.
+        context: preconditioners and bounds of the run.
+        states: states of the bodies.
+        rate: 1 / g of the stage, 0 for a steady state [1/s].
+        time: time of the loads [s].
+        regularization: function of the diagonal, returns what the preconditioner adds
+            to it, since A may be singular [W/K].
     """
     slopes = load_slopes(program, states, time).change
     networks = tuple(body.network.linear for body in program.bodies)
-    steepness = tuple(map(_steepness, program.bodies, states))
+    potential = tuple(map(_potential_slope, program.bodies, states))
     diagonal = masked_to_nodes(
         tuple(
-            _over(network.capacity() * (rate + slope), steep)
-            for network, slope, steep in zip(networks, slopes, steepness, strict=True)
+            _over(network.capacity() * (rate + slope), d)
+            for network, slope, d in zip(networks, slopes, potential, strict=True)
         ),
         context.nodes,
     )
     operator = Jacobian(networks, diagonal, program.contacts, time)
-    whole = sums = operator.with_contacts()
+    whole = row_sums = operator.diagonal_with_contacts()
     if regularization is not None:
         whole = jax.tree.map(jnp.add, whole, regularization(whole))
     parts = zip(networks, context.hierarchies, whole, strict=True)
-    plain = tuple(
+    cycles = tuple(
         jacobi(network, m) if levels is None else levels.cycle(m)
         for network, levels, m in parts
     )
-    cycles = tuple(map(DeflatedPreconditioner, plain, context.components, sums))
+    blocks = tuple(map(DeflatedPreconditioner, cycles, context.components, row_sums))
     capacity = tuple(
         jnp.broadcast_to(network.capacity(), state.shape)
         for network, state in zip(networks, states, strict=True)
     )
     return Linearization(
-        operator, BlockPreconditioner(cycles), steepness, capacity, context.nodes
+        operator, BlockPreconditioner(blocks), potential, capacity, context.nodes
     )
 
 
 def masked_to_nodes(
     values: State, nodes: tuple[Bool[Array, "..."] | None, ...]
 ) -> State:
-    """Values with 0 where there is no node."""
-    masked = lambda v, here: v if here is None else jnp.where(here, v, 0)
+    """Return values with 0 where there is no node."""
+    masked = lambda v, is_node: v if is_node is None else jnp.where(is_node, v, 0)
     return tuple(map(masked, values, nodes))
 
 
-def _steepness(body, state) -> Float[Array, "..."] | None:
+def _potential_slope(body, state) -> Float[Array, "..."] | None:
     network = body.network
     if not isinstance(network, NonlinearNetwork):
         return None
     return jax.jvp(network.potential, (state,), (jnp.ones_like(state),))[1]
 
 
-def _over(values, steep):
-    return values if steep is None else values * inverse(steep)
+def _over(values, slope):
+    return values if slope is None else values * inverse(slope)

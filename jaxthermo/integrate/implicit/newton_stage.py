@@ -1,11 +1,12 @@
 """One implicit stage: eta = base + g f(eta), by Newton's method in all nodes at once.
 
-The balances at the surfaces are convex in the temperatures, so Newton's iterates come
-down to the solution without overshooting once one of them is above it; `ceiling`, from
-the maximum principle, keeps the first from going far beyond. A linear scene takes one.
+The balances at the surfaces are convex in the temperatures, so that Newton's iterates
+decrease to the solution without overshoot once one of them is above it; the upper bound
+of the maximum principle keeps the first one from going far beyond. A linear scene takes
+one iteration.
 
 Derivatives are those of the solution, by the implicit function theorem, whatever the
-iterations: at the solution one more solve, of a right-hand side whose value is 0.
+iterations: one more solve at the solution, of a right-hand side whose value is 0.
 """
 
 from dataclasses import replace
@@ -22,34 +23,33 @@ from ...scene.compile.program import Program, State
 from .conjugate_gradient import ConjugateGradient, ResidualNorm, max_abs
 from .context import ImplicitContext
 from .jacobian import Linearization, linearize, masked_to_nodes
-from .residual import rates
+from .residual import evaluate_rates
 
 
-MOST_NEWTON = 20
+MAX_NEWTON_ITERATIONS = 20
+
 DERIVATIVE_TOLERANCE = 1e-6
-"""Of the right-hand side, or some roundings in float32."""
+"""Tolerance relative to the right-hand side; in float32 20 roundings, if more."""
 
 
 class SolverStatistics(eqx.Module):
-    """What a run has cost so far, and what went wrong."""
+    """Cost and failures of an implicit solver since the start of the run."""
 
     newton_iterations: Int[Array, ""]
-    """Steps of Newton's method."""
     linear_iterations: Int[Array, ""]
-    """Iterations of linear solves."""
     accepted_steps: Int[Array, ""]
-    """Steps of a length that the solver chose."""
+    """Steps under error control."""
     rejected_steps: Int[Array, ""]
-    """Steps that were taken again, shorter."""
+    """Steps under error control that were repeated shorter."""
     largest_linear_residual: Float[Array, ""]
-    """Largest residual that a linear solve left [K]."""
+    """Largest final residual of a linear solve over capacity [K]."""
     linear_failed: Bool[Array, ""]
     newton_failed: Bool[Array, ""]
     step_limit_reached: Bool[Array, ""]
-    """Whether the solver gave up shortening its steps."""
+    """True if the error control gave up on an interval."""
 
     def plus(self, other: "SolverStatistics") -> "SolverStatistics":
-        """Both."""
+        """Return the statistics of two parts of a run together."""
         return SolverStatistics(
             self.newton_iterations + other.newton_iterations,
             self.linear_iterations + other.linear_iterations,
@@ -63,17 +63,17 @@ class SolverStatistics(eqx.Module):
 
 
 def zero_statistics(dtype) -> SolverStatistics:
-    """Nothing done."""
+    """Return the statistics of a run that has not started."""
     none, no = jnp.zeros((), jnp.int32), jnp.zeros((), bool)
     return SolverStatistics(none, none, none, none, jnp.zeros((), dtype), no, no, no)
 
 
-class Stage(NamedTuple):
-    """A stage's solution."""
+class StageSolution(NamedTuple):
+    """Solution of a stage."""
 
     states: State
     entries: Float[Array, " c"]
-    """What each entry of the ledger brings there [W]."""
+    """Heat rate of each ledger entry there [W]."""
     statistics: SolverStatistics
 
 
@@ -84,44 +84,45 @@ def solve_stage(
     g: Float[Array, ""],
     time: Float[Array, ""],
     guess: State,
-) -> Stage:
-    """The states with eta = base + g f(eta).
+) -> StageSolution:
+    """Solve eta = base + g f(eta).
 
     Args:
-        program: of the scene.
-        context: for it.
-        base: where the stage starts from [K].
-        g: its step [s].
-        time: of its loads [s].
-        guess: of the states.
+        program: compiled scene.
+        context: preconditioners and bounds of the run.
+        base: explicit part of the stage [K].
+        g: implicit step of the stage [s].
+        time: time of its loads [s].
+        guess: initial guess of the states.
     """
-    fixed = stop_gradient((program, context, base, g, time, guess))
-    found = _newton(*fixed)
+    constants = stop_gradient((program, context, base, g, time, guess))
+    found = _newton(*constants)
     if not context.differentiable:
-        return Stage(found.states, found.entries, found.statistics)
-    states = _differentiable(program, context, base, g, time, found.states, fixed)
-    return Stage(states, rates(program, states, time).entries, found.statistics)
+        return StageSolution(found.states, found.entries, found.statistics)
+    states = _with_derivative(program, base, g, time, found.states, constants)
+    entries = evaluate_rates(program, states, time).entries
+    return StageSolution(states, entries, found.statistics)
 
 
 def stop_gradient(tree: Any) -> Any:
-    """Without derivatives."""
+    """Return a pytree whose arrays carry no derivatives."""
     stop = lambda x: jax.lax.stop_gradient(x) if eqx.is_array(x) else x
     return jax.tree.map(stop, tree)
 
 
 def _residual(program, base, g, time, states) -> tuple[State, Float[Array, " c"]]:
-    """Eta - base - g f(eta) [K], and what each entry of the ledger brings there [W]."""
-    change, entries = rates(program, states, time)
-    short = lambda e, b, f: (e - b) - g * f
-    return jax.tree.map(short, states, base, change), entries
+    """Return eta - base - g f(eta) [K], and the heat rates of the ledger [W]."""
+    change, entries = evaluate_rates(program, states, time)
+    residual = lambda e, b, f: (e - b) - g * f
+    return jax.tree.map(residual, states, base, change), entries
 
 
 def kelvin_norm(at: Linearization, g: Float[Array, ""]) -> ResidualNorm:
-    """A residual [W] as the kelvin that it is worth in a step.
+    """Return a norm of residuals [W] in the kelvin that they change in a step.
 
     Args:
-        at: where the balance is linear.
-        g: the step [s].
+        at: linearized balance.
+        g: implicit step [s].
     """
     return ResidualNorm(tuple(g * inverse(c) for c in at.capacity))
 
@@ -129,14 +130,14 @@ def kelvin_norm(at: Linearization, g: Float[Array, ""]) -> ResidualNorm:
 def solve_linear(
     at: Linearization, heat: State, solver: ConjugateGradient
 ) -> tuple[State, Any]:
-    """The change of the states that brings a heat rate, and the solve's stats.
+    """Return the change of the states for a heat rate, and the solve's statistics.
 
     Args:
-        at: where the balance is linear.
-        heat: to be balanced [W].
-        solver: and how well.
+        at: linearized balance.
+        heat: right-hand side [W].
+        solver: linear solver with its tolerance.
     """
-    # The transposed solve of reverse mode would bring something to where no node is.
+    # The transposed solve of reverse mode may have values where there is no node.
     heat = masked_to_nodes(heat, at.nodes)
     shapes = jax.eval_shape(lambda: heat)
     operator = lx.FunctionLinearOperator(
@@ -144,18 +145,17 @@ def solve_linear(
     )
     options = {"preconditioner": at.preconditioner}
     found = lx.linear_solve(operator, heat, solver, options=options, throw=False)
+    potential = masked_to_nodes(found.value, at.nodes)
     change = tuple(
         u if d is None else u * inverse(d)
-        for u, d in zip(
-            masked_to_nodes(found.value, at.nodes), at.steepness, strict=True
-        )
+        for u, d in zip(potential, at.potential_slopes, strict=True)
     )
     return change, (found.result == lx.RESULTS.successful, found.stats)
 
 
-def per_step(values: State, at: Linearization, rate: Float[Array, ""]) -> State:
-    """Minus the heat rate that changes states by `values` [K] in a step [W]."""
-    return jax.tree.map(lambda v, c: -v * (c * rate), values, at.capacity)
+def missing_heat(residual: State, at: Linearization, rate: Float[Array, ""]) -> State:
+    """Return the heat rate that removes a residual [K] at a rate of 1 / step [W]."""
+    return jax.tree.map(lambda v, c: -v * (c * rate), residual, at.capacity)
 
 
 class _Iterate(NamedTuple):
@@ -164,77 +164,75 @@ class _Iterate(NamedTuple):
     """[K]"""
     entries: Float[Array, " c"]
     """[W]"""
-    moved: Float[Array, ""]
-    """By the last step, at most [K]."""
+    change: Float[Array, ""]
+    """Largest change of a node by the last iteration [K]."""
     statistics: SolverStatistics
 
 
 def _newton(program, context: ImplicitContext, base, g, time, guess) -> _Iterate:
     dtype = guess[0].dtype
-    # A stage may start from where an explicit part overshot all that bounds the scene.
-    ceilings = jax.tree.map(
-        lambda c, b: jnp.maximum(c, b.max()), context.ceilings, base
-    )
+    # A stage may start above every bound, where its explicit part overshot.
+    highest = lambda c, b: jnp.maximum(c, b.max())
+    ceilings = jax.tree.map(highest, context.ceilings, base)
 
     def iterate(now: _Iterate) -> _Iterate:
         at = linearize(program, context, now.states, 1 / g, time)
         solver = ConjugateGradient(kelvin_norm(at, g), context.tolerance)
-        heat = per_step(now.residual, at, 1 / g)
-        change, (reached, stats) = solve_linear(at, heat, solver)
+        heat = missing_heat(now.residual, at, 1 / g)
+        change, (converged, stats) = solve_linear(at, heat, solver)
         after = jax.tree.map(jnp.add, now.states, change)
         if not context.linear:
             after = jax.tree.map(jnp.minimum, after, ceilings)
-        moved = max_abs(jax.tree.map(jnp.subtract, after, now.states))
-        # Whether an earlier solve was exact does not matter.
-        spent = replace(
+        size = max_abs(jax.tree.map(jnp.subtract, after, now.states))
+        # Only the last solve counts: an earlier one need not have been exact.
+        before = replace(
             now.statistics,
-            linear_failed=~reached,
+            linear_failed=~converged,
             largest_linear_residual=stats["residual"],
         )
-        one = replace(
+        iteration = replace(
             zero_statistics(dtype),
             newton_iterations=jnp.asarray(1, jnp.int32),
             linear_iterations=stats["iterations"],
         )
-        found = _residual(program, base, g, time, after)
-        return _Iterate(after, *found, moved, spent.plus(one))
+        residual = _residual(program, base, g, time, after)
+        return _Iterate(after, *residual, size, before.plus(iteration))
 
-    first = _residual(program, base, g, time, guess)
-    now = _Iterate(guess, *first, jnp.asarray(jnp.inf, dtype), zero_statistics(dtype))
+    residual = _residual(program, base, g, time, guess)
+    endless = jnp.asarray(jnp.inf, dtype)
+    now = _Iterate(guess, *residual, endless, zero_statistics(dtype))
     if context.linear:
         return iterate(now)
-    # Of what was found: a stage may end thousands of kelvin from where it starts.
+    # Relative to the solution: a stage may end thousands of kelvin from its start.
     rounding = lambda i: 8 * jnp.finfo(dtype).eps * (1 + max_abs((base, i.states)))
     # At least once: steps that change less than the tolerance would add up to nothing.
-    goes_on = lambda i: (
+    unfinished = lambda i: (
         (i.statistics.newton_iterations < 1)
-        | ((max_abs(i.residual) > context.tolerance) & (i.moved > rounding(i)))
+        | ((max_abs(i.residual) > context.tolerance) & (i.change > rounding(i)))
     )
-    now = jax.lax.while_loop(
-        lambda i: goes_on(i) & (i.statistics.newton_iterations < MOST_NEWTON),
-        iterate,
-        now,
+    allowed = lambda i: i.statistics.newton_iterations < MAX_NEWTON_ITERATIONS
+    now = jax.lax.while_loop(lambda i: unfinished(i) & allowed(i), iterate, now)
+    # A residual that no step reduces is rounding; NaN is no convergence.
+    converged = (max_abs(now.residual) <= context.tolerance) | (
+        now.change <= jnp.maximum(rounding(now), 10 * context.tolerance)
     )
-    # What is left where no step moves anything is rounding; NaN is no convergence.
-    settled = (max_abs(now.residual) <= context.tolerance) | (
-        now.moved <= jnp.maximum(rounding(now), 10 * context.tolerance)
-    )
-    return now._replace(statistics=replace(now.statistics, newton_failed=~settled))
+    return now._replace(statistics=replace(now.statistics, newton_failed=~converged))
 
 
-def _differentiable(program, context, base, g, time, states, fixed) -> State:
-    """The same states with the derivative of the solution."""
+def _with_derivative(program, base, g, time, states, constants) -> State:
+    # The residual less its own value is 0, with the derivative of the residual.
     residual, _ = _residual(program, base, g, time, states)
-    none = jax.tree.map(lambda r: r - jax.lax.stop_gradient(r), residual)
-    still, own, _, still_g, still_time, _ = fixed
-    rate = 1 / still_g
-    at = linearize(still, own, stop_gradient(states), rate, still_time)
-    change, _ = solve_linear(at, per_step(none, at, rate), derivative_solver(states))
+    zero = jax.tree.map(lambda r: r - jax.lax.stop_gradient(r), residual)
+    fixed_program, context, _, fixed_g, fixed_time, _ = constants
+    rate = 1 / fixed_g
+    at = linearize(fixed_program, context, stop_gradient(states), rate, fixed_time)
+    heat = missing_heat(zero, at, rate)
+    change, _ = solve_linear(at, heat, derivative_solver(states))
     return jax.tree.map(jnp.add, states, change)
 
 
 def derivative_solver(states: State) -> ConjugateGradient:
-    """A solver whose right-hand side may have any unit."""
+    """Return a solver for right-hand sides of any unit."""
     eps = float(jnp.finfo(states[0].dtype).eps)
     tolerance = max(DERIVATIVE_TOLERANCE, 20 * eps)
     return ConjugateGradient(ResidualNorm(1.0), tolerance, relative=True)

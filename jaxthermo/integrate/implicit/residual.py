@@ -1,11 +1,10 @@
-"""How fast a scene's temperatures change, and what each mechanism brings.
+"""Rates of change of a scene's states, and their slopes.
 
     d eta / dt = (conduction + loads) / C  [K/s],
 
-of the state eta of every node, as in `network`. An explicit step takes the same with
-fused operators (`euler`); implicit ones need it at states that they are looking for.
-
-Conduction is that of differences over faces: see `AbstractNetwork.face_heat_rate`.
+for the state eta of every node, see `network`. An explicit step computes the same with
+fused operators; implicit stages evaluate it at states that they iterate. Conduction is
+summed over faces, see `AbstractNetwork.face_heat_rate`.
 """
 
 from typing import NamedTuple
@@ -20,19 +19,20 @@ from ..run.heat_rates import add_loads, add_own_loads, irradiation, surface_node
 
 
 class Rates(NamedTuple):
-    """Of every node, and of every entry of the ledger."""
+    """Rates of nodes and ledger entries."""
 
     change: State
-    """[K/s]"""
+    """Rate of change of each node [K/s]."""
     entries: Float[Array, " c"]
-    """[W]"""
+    """Heat rate of each ledger entry [W]."""
 
 
-def rates(program: Program, states: State, time: Float[Array, ""]) -> Rates:
-    """At given states and a time [s]."""
-    still = tuple(jnp.zeros_like(state) for state in states)
-    second = jnp.ones((), states[0].dtype)
-    loaded, entries = add_loads(program, states, still, time, second)
+def evaluate_rates(program: Program, states: State, time: Float[Array, ""]) -> Rates:
+    """Evaluate the rates at given states and a time [s]."""
+    zero = tuple(jnp.zeros_like(state) for state in states)
+    one_second = jnp.ones((), states[0].dtype)
+    # Loads added to a zero state over one second are their rates.
+    loaded, entries = add_loads(program, states, zero, time, one_second)
     change = tuple(
         added + inverse(body.network.capacity()) * body.network.face_heat_rate(state)
         for added, body, state in zip(loaded, program.bodies, states, strict=True)
@@ -41,28 +41,27 @@ def rates(program: Program, states: State, time: Float[Array, ""]) -> Rates:
 
 
 class Slopes(NamedTuple):
-    """How what loads bring falls as their nodes get warmer; never negative."""
+    """Decrease of heat rates with temperature, never negative."""
 
     change: State
-    """Of each node [1/s]."""
+    """Slope at each node [1/s]."""
     entries: Float[Array, " c"]
-    """Of each entry of the ledger, for all its nodes at once [W/K]."""
+    """Slope of each ledger entry, summed over its nodes [W/K]."""
 
 
 def load_slopes(program: Program, states: State, time: Float[Array, ""]) -> Slopes:
-    """-d(loads)/d(state), of all but contacts.
-
-    Loads but for contact act at single nodes, so one derivative along all ones is the
-    whole of it. What bodies radiate counts, what comes back of it does not.
-    """
-    still = tuple(jnp.zeros_like(state) for state in states)
-    second = jnp.ones((), states[0].dtype)
+    """Return -d(loads)/d(state) of all loads but contacts."""
+    zero = tuple(jnp.zeros_like(state) for state in states)
+    one_second = jnp.ones((), states[0].dtype)
+    # Irradiation is constant here: what bodies emit counts, what returns does not.
     given = irradiation(program, surface_nodes(program, states), time)
 
-    def alone(here):
-        nodes = surface_nodes(program, here)
-        return add_own_loads(program, nodes, given, still, time, second)
+    def own_loads(states):
+        nodes = surface_nodes(program, states)
+        return add_own_loads(program, nodes, given, zero, time, one_second)
 
+    # These loads act at single nodes, so that one derivative along all ones is the
+    # whole diagonal Jacobian.
     ones = tuple(jnp.ones_like(state) for state in states)
-    _, found = jax.jvp(alone, (states,), (ones,))
-    return Slopes(*jax.tree.map(lambda slope: jnp.maximum(-slope, 0), found))
+    _, slopes = jax.jvp(own_loads, (states,), (ones,))
+    return Slopes(*jax.tree.map(lambda slope: jnp.maximum(-slope, 0), slopes))

@@ -2,16 +2,10 @@
 
     eta_i = eta_n + dt sum_{j<i} a_ij f_j + d dt f_i,    eta_{n+1} = the last eta_i.
 
-Of a stage that was solved f_i = (eta_i - base_i) / (d dt), which does not amplify what
-the solve left over. The heat that the ledger enters is the same sum of the mechanisms'
-rates; what rounding and the solver's tolerance leave between the two, `closing` evens
-out, so that energy closes whatever the tolerance.
-
-A method whose first stage is explicit takes the start's rates for a part of the step. A
-body far hotter than what is around would lose more heat by that than it holds: nodes
-would fall below 0 K, from where no implicit part brings them back; a far colder one
-would get hotter than anything there is. Where laws are not linear, such a step is
-backward Euler's instead, in the same stages.
+For a solved stage f_i = (eta_i - base_i) / (d dt), which does not amplify the residual
+of the solve. The ledger adds the same sum of the mechanisms' heat rates; the difference
+by rounding and the solver's tolerance is removed by `energy_correction`, so that energy
+closes whatever the tolerance.
 """
 
 from typing import Any, NamedTuple
@@ -21,53 +15,59 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
+from typing_extensions import override
 
 from ...scene.compile.program import Program, State
 from ..run.schedule import END_FRACTION, END_ROUNDINGS
 from ..stepper import AbstractStepper, RunState
 from .context import ImplicitContext
 from .energy_correction import correct_energy
-from .newton_stage import SolverStatistics, Stage, solve_stage, zero_statistics
-from .residual import rates
+from .newton_stage import SolverStatistics, solve_stage, zero_statistics
+from .residual import evaluate_rates
 
 
 class Tableau(NamedTuple):
-    """Of a stiffly accurate method: its last stage is its result."""
+    """Coefficients of a stiffly accurate method: its last stage is its result."""
 
-    explicit: bool
-    """Whether the first stage is the start itself."""
+    explicit_first_stage: bool
+    """True if the first stage is the start itself."""
     weights: tuple[tuple[float, ...], ...]
-    """Row by row, of the stages that are solved, the implicit one last."""
+    """a_i of each solved stage, the implicit coefficient last."""
     times: tuple[float, ...]
-    """At which each stage takes its loads, in steps."""
+    """Time of each stage's loads, in steps."""
 
 
 SQRT2 = float(np.sqrt(2.0))
 
+# Loads at the middle of the step: the heat of a ramp is exact.
 BACKWARD_EULER = Tableau(False, ((1.0,),), (0.5,))
-"""Loads at the middle of the step: the heat of a ramp is exact."""
 
 CRANK_NICOLSON = Tableau(True, ((0.5, 0.5),), (0.0, 1.0))
 
+# Source: Hosea and Shampine, Applied Numerical Mathematics 20 (1996) 21-37.
 TR_BDF2 = Tableau(
     True,
     ((1 - SQRT2 / 2, 1 - SQRT2 / 2), (SQRT2 / 4, SQRT2 / 4, 1 - SQRT2 / 2)),
     (0.0, 2 - SQRT2, 1.0),
 )
-"""Source: Hosea and Shampine, Applied Numerical Mathematics 20 (1996) 21-37."""
 
+# An explicit first stage takes the start's rates for a part of the step. A body far
+# hotter than its surroundings would lose more heat by that than it has: nodes would
+# fall below 0 K, from where no implicit part brings them back; a far colder body would
+# exceed every temperature of the scene. In a nonlinear scene such a step is taken by
+# backward Euler instead, in the same number of stages, so that nothing is recompiled.
 FALLBACKS = {
     CRANK_NICOLSON: Tableau(True, ((0.0, 1.0),), (0.0, 0.5)),
     TR_BDF2: Tableau(True, ((0.0, 0.5), (0.0, 0.5, 0.5)), (0.0, 0.25, 0.75)),
 }
-"""Steps of backward Euler, of the same stages as another method."""
 
-LEAST_LEFT = 0.5
-"""Of a node's absolute temperature, after the explicit part of a step: with less even
-the next stage of TR-BDF2, which goes 1.2 times as far, might start from below 0 K."""
+MIN_TEMPERATURE_RATIO = 0.5
+"""Smallest ratio of a node's absolute temperature after the explicit part to that
+before: with less, the next stage of TR-BDF2, which goes 1.2 times as far, might start
+below 0 K."""
 
-MOST_REACHED = 2.0
-"""Of the hottest that a body can get, if that is known."""
+MAX_TEMPERATURE_RATIO = 2.0
+"""Largest ratio of a node's temperature to the upper bound of its body, if known."""
 
 
 class StepResult(NamedTuple):
@@ -75,7 +75,7 @@ class StepResult(NamedTuple):
 
     states: State
     heat: Float[Array, " c"]
-    """That each entry of the ledger brings [J]."""
+    """Heat of each ledger entry [J]."""
     slopes: tuple[State, ...]
     """f of every stage [K/s]."""
     statistics: SolverStatistics
@@ -88,99 +88,98 @@ def runge_kutta_step(
     states: State,
     start: Float[Array, ""],
     dt: Float[Array, ""],
-    retreat: Tableau | None = None,
+    fallback: Tableau | None = None,
 ) -> StepResult:
-    """One step.
+    """Take one step.
 
     Args:
-        program: of the scene.
-        context: for it.
-        tableau: of the method.
-        states: at the start.
-        start: [s].
-        dt: the step [s].
-        retreat: method where an explicit first stage goes too far.
+        program: compiled scene.
+        context: preconditioners and bounds of the run.
+        tableau: coefficients of the method.
+        states: states at the start.
+        start: start of the step [s].
+        dt: length of the step [s].
+        fallback: method for a step whose explicit first stage goes too far.
     """
     slopes: list[State] = []
     entries: list[Float[Array, " c"]] = []
     statistics, weights = zero_statistics(states[0].dtype), tableau.weights
     times: Any = tableau.times
-    if tableau.explicit:
-        first = rates(program, states, _within(start, dt, times[0]))
+    if tableau.explicit_first_stage:
+        first = evaluate_rates(program, states, _stage_time(start, dt, times[0]))
         slopes.append(first.change)
         entries.append(first.entries)
-        if retreat is not None:
-            ahead = _sum(states, dt, weights[0][:1], slopes)
-            kept = _in_reach(program, context, states, ahead)
-            # The same numbers in the same places, or the step would be compiled twice.
+        if fallback is not None:
+            ahead = _add_slopes(states, dt, weights[0][:1], slopes)
+            accepted = _within_bounds(program, context, states, ahead)
+            # Coefficients are selected, not methods: the step is compiled once.
             weights, times = jax.tree.map(
-                lambda own, other: jnp.where(kept, jnp.asarray(own, dt.dtype), other),
+                lambda a, b: jnp.where(accepted, jnp.asarray(a, dt.dtype), b),
                 (weights, times),
-                (retreat.weights, retreat.times),
+                (fallback.weights, fallback.times),
             )
         times = times[1:]
-    guess = states
-    for row, share in zip(weights, times, strict=True):
-        base = _sum(states, dt, row[:-1], slopes)
+    stage = states
+    for row, fraction in zip(weights, times, strict=True):
+        base = _add_slopes(states, dt, row[:-1], slopes)
         g = row[-1] * dt
-        solved: Stage = solve_stage(
-            program, context, base, g, _within(start, dt, share), guess
-        )
-        guess, statistics = solved.states, statistics.plus(solved.statistics)
-        slopes.append(jax.tree.map(lambda e, b, g=g: (e - b) / g, guess, base))
+        time = _stage_time(start, dt, fraction)
+        solved = solve_stage(program, context, base, g, time, stage)
+        stage, statistics = solved.states, statistics.plus(solved.statistics)
+        slopes.append(jax.tree.map(lambda e, b, g=g: (e - b) / g, stage, base))
         entries.append(solved.entries)
     last = weights[-1]
     heat = dt * sum(w * e for w, e in zip(last, entries, strict=True))
-    end = _within(start, dt, times[-1])
-    after, heat = correct_energy(program, states, guess, heat, last[-1] * dt, end)
+    end = _stage_time(start, dt, times[-1])
+    after, heat = correct_energy(program, states, stage, heat, last[-1] * dt, end)
     return StepResult(after, heat, tuple(slopes), statistics)
 
 
-def _in_reach(
+def _within_bounds(
     program: Program, context: ImplicitContext, states: State, ahead: State
 ) -> Bool[Array, ""]:
-    """Whether no node is taken far below its temperature, or above any there can be."""
-    found = []
+    """Return False if a node falls far below its temperature, or above any bound."""
+    accepted = []
     bodies = zip(program.bodies, context.ceilings, states, ahead, strict=True)
     for body, ceiling, now, then in bodies:
         known = jnp.isfinite(ceiling)
-        above = (
+        above_reference = (
             body.network.temperature(x)
             for x in (now, then, jnp.where(known, ceiling, 0))
         )
-        before, after, most = (body.reference + each for each in above)
-        most = MOST_REACHED * jnp.maximum(most, before)
-        low = after < LEAST_LEFT * before
-        found.append(~(low | (known & (after > most))).any())
-    return jnp.stack(found).all()
+        before, after, bound = (body.reference + each for each in above_reference)
+        bound = MAX_TEMPERATURE_RATIO * jnp.maximum(bound, before)
+        too_low = after < MIN_TEMPERATURE_RATIO * before
+        accepted.append(~(too_low | (known & (after > bound))).any())
+    return jnp.stack(accepted).all()
 
 
-def _sum(states: State, dt, weights, slopes) -> State:
+def _add_slopes(states: State, dt, weights, slopes) -> State:
     for weight, slope in zip(weights, slopes, strict=True):
         states = jax.tree.map(lambda s, f, w=weight: s + w * dt * f, states, slope)
     return states
 
 
-def _within(start, dt, share) -> Float[Array, ""]:
-    """A time in the step; its end is just before whatever is switched there."""
+def _stage_time(start, dt, fraction) -> Float[Array, ""]:
+    # The end of a step is just before whatever is switched there.
     end = start + dt
     rounding = END_ROUNDINGS * jnp.finfo(end.dtype).eps * jnp.abs(end)
     last = end - jnp.maximum(rounding, END_FRACTION * dt)
-    return jnp.where(share < 1, start + dt * share, last)
+    return jnp.where(fraction < 1, start + dt * fraction, last)
 
 
 class ImplicitStepper(AbstractStepper):
-    """Steps of a given length."""
+    """Diagonally implicit Runge-Kutta method with given steps."""
 
     context: ImplicitContext
     tableau: Tableau = eqx.field(static=True)
 
+    @override
     def begin(self, state: RunState) -> RunState:
-        """With an account of the statistics."""
-        return RunState(
-            state.theta, state.ledger, zero_statistics(state.theta[0].dtype)
-        )
+        statistics = zero_statistics(state.theta[0].dtype)
+        return RunState(state.theta, state.ledger, statistics)
 
+    @override
     def step(
         self,
         program: Program,
@@ -188,10 +187,10 @@ class ImplicitStepper(AbstractStepper):
         start: Float[Array, ""],
         dt: Float[Array, ""],
     ) -> RunState:
-        """One step of the method."""
-        retreat = None if self.context.linear else FALLBACKS.get(self.tableau)
-        taken = runge_kutta_step(
-            program, self.context, self.tableau, state.theta, start, dt, retreat
+        fallback = None if self.context.linear else FALLBACKS.get(self.tableau)
+        result = runge_kutta_step(
+            program, self.context, self.tableau, state.theta, start, dt, fallback
         )
-        ledger = state.ledger.add(taken.heat)
-        return RunState(taken.states, ledger, state.solver_state.plus(taken.statistics))
+        ledger = state.ledger.add(result.heat)
+        statistics = state.solver_state.plus(result.statistics)
+        return RunState(result.states, ledger, statistics)

@@ -1,4 +1,9 @@
-"""The energy ledger: what each mechanism brought, against what the bodies stored."""
+"""Energy ledger: heat by each mechanism, against the heat that the bodies store.
+
+Relative residual = (stored heat - heat of all mechanisms) / heat moved.
+"""
+
+from dataclasses import replace
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -9,23 +14,21 @@ from ...scene.compile.program import LedgerEntry
 
 
 class Ledger(eqx.Module):
-    """Running totals, one for each entry [J].
-
-    Sums are compensated (Kahan): a thousand float32 steps would otherwise lose more
-    than the solver does.
-    """
+    """Running totals of the ledger entries [J]."""
 
     heat: Float[Array, " m"]
-    """Into the bodies."""
+    """Heat into the bodies."""
     carry: Float[Array, " m"]
-    """What rounding has kept from `heat` so far."""
+    """Rounding error of `heat` so far."""
     moved: Float[Array, " m"]
     """Integral of |heat rate|."""
 
     def add(self, heat: Float[Array, " m"]) -> "Ledger":
-        """The ledger after one step brought `heat` [J]."""
+        """Return the ledger after a step that brought `heat` [J]."""
         if not len(heat):
             return self
+        # Compensated (Kahan): a thousand float32 steps would otherwise lose more than
+        # the solver does.
         term = heat - self.carry
         total = self.heat + term
         return Ledger(
@@ -36,33 +39,33 @@ class Ledger(eqx.Module):
 
 
 def empty_ledger(entries: int, dtype) -> Ledger:
-    """Nothing moved yet."""
+    """Return the ledger at the start of a run."""
     zeros = jnp.zeros(entries, dtype)
     return Ledger(heat=zeros, carry=zeros, moved=zeros)
 
 
 class BodyEnergy(eqx.Module):
-    """The ledger of one body at the saved times."""
+    """Energies of one body at the saved times, since the start of the run."""
 
     stored_J: Float[Array, " t"]
-    """Heat it holds above the start."""
+    """Heat stored by the body [J]."""
     mechanisms: dict[str, Float[Array, " t"]]
-    """Heat each mechanism brought to it since the start [J]."""
+    """Heat by each mechanism [J]."""
     contacts: dict[str, Float[Array, " t"]]
-    """Heat that came through each contact, by its name [J]."""
+    """Heat through each contact, by its name, positive into the body [J]."""
     residual_relative: Float[Array, " t"]
-    """(stored - all that was brought) / heat moved."""
+    """(stored - sum of mechanisms and contacts) / heat moved."""
 
 
 class Energy(eqx.Module):
-    """The ledger at the saved times."""
+    """Energies of all bodies at the saved times, since the start of the run."""
 
     stored_J: Float[Array, " t"]
-    """Heat the bodies hold above the start."""
+    """Heat stored by all bodies [J]."""
     mechanisms: dict[str, Float[Array, " t"]]
-    """Heat each mechanism brought to all bodies since the start [J]."""
+    """Heat by each mechanism to all bodies [J]."""
     contacts: dict[str, Float[Array, " t"]]
-    """Heat that went from the first body to the second of each pair in contact, such as
+    """Heat from the first to the second body of each pair in contact, by a name such as
     "contact 0-1" [J]."""
     bodies: tuple[BodyEnergy, ...]
     residual_relative: Float[Array, " t"]
@@ -70,46 +73,46 @@ class Energy(eqx.Module):
 
 
 class BodyHeatRates(eqx.Module):
-    """What comes to one body in a steady state."""
+    """Heat rates of one body in a steady state, positive into the body."""
 
     mechanisms: dict[str, Float[Array, ""]]
-    """By each mechanism [W]."""
+    """Heat rate by each mechanism [W]."""
     contacts: dict[str, Float[Array, ""]]
-    """Through each contact, by its name [W]."""
+    """Heat rate through each contact, by its name [W]."""
     residual_relative: Float[Array, ""]
-    """All that comes over all that comes or goes, 0 if the state is steady."""
+    """Net heat rate over the sum of magnitudes, 0 in a steady state."""
 
 
 class HeatRates(eqx.Module):
-    """What comes to the bodies in a steady state, and goes."""
+    """Heat rates of all bodies in a steady state."""
 
     mechanisms: dict[str, Float[Array, ""]]
-    """By each mechanism, to all bodies [W]."""
+    """Heat rate by each mechanism to all bodies [W]."""
     contacts: dict[str, Float[Array, ""]]
-    """From the first body to the second of each pair in contact [W]."""
+    """Heat rate from the first to the second body of each pair in contact [W]."""
     bodies: tuple[BodyHeatRates, ...]
     residual_relative: Float[Array, ""]
-    """All that comes over all that comes or goes."""
+    """Net heat rate over the sum of magnitudes, 0 in a steady state."""
 
 
 def steady_heat_rates(
     entries: tuple[LedgerEntry, ...], rates: Float[Array, " c"], bodies: int
 ) -> HeatRates:
-    """What each entry brings, by mechanism, by body and by pair.
+    """Group heat rates by mechanism, by body and by pair.
 
     Args:
-        entries: what the values are.
-        rates: of each entry [W].
-        bodies: how many there are.
+        entries: entries of the ledger.
+        rates: heat rate of each entry [W].
+        bodies: number of bodies.
     """
-    still = jnp.zeros((1, bodies), rates.dtype)
-    found = energies(entries, still, rates[None], jnp.abs(rates)[None], still[0])
+    zero = jnp.zeros((1, bodies), rates.dtype)
+    found = energies(entries, zero, rates[None], jnp.abs(rates)[None], zero[0])
     found = in_order(found, entries)
     only = lambda table: {name: each[0] for name, each in table.items()}
-    each = lambda e: (only(e.mechanisms), only(e.contacts))
+    parts = lambda e: (only(e.mechanisms), only(e.contacts))
     return HeatRates(
-        *each(found),
-        tuple(BodyHeatRates(*each(b), -b.residual_relative[0]) for b in found.bodies),
+        *parts(found),
+        tuple(BodyHeatRates(*parts(b), -b.residual_relative[0]) for b in found.bodies),
         -found.residual_relative[0],
     )
 
@@ -119,23 +122,23 @@ def energies(
     stored: Float[Array, "t b"],
     heat: Float[Array, "t c"],
     moved: Float[Array, "t c"],
-    even: Float[Array, " b"],
+    equalization: Float[Array, " b"],
 ) -> Energy:
-    """The ledger by mechanism, by body and by pair.
+    """Group a ledger by mechanism, by body and by pair.
 
     Args:
-        entries: what the columns are.
-        stored: by each body since the start [J].
-        heat: of each entry since the start [J].
-        moved: the same without signs [J].
-        even: heat that conduction must move to even out each body's start [J].
+        entries: entries of the ledger, one per column.
+        stored: heat stored by each body since the start [J].
+        heat: heat of each entry since the start [J].
+        moved: integral of |heat rate| of each entry [J].
+        equalization: heat that conduction moves to make each body uniform [J].
     """
     bodies = tuple(
-        _of_body(entries, body, stored[:, body], heat, moved, even[body])
+        _body_energy(entries, body, stored[:, body], heat, moved, equalization[body])
         for body in range(stored.shape[1])
     )
     outer = [c for c, entry in enumerate(entries) if entry.other is None]
-    inner = [c for c, entry in enumerate(entries) if entry.other is not None]
+    pairs = [c for c, entry in enumerate(entries) if entry.other is not None]
     mechanisms: dict[str, Float[Array, " t"]] = {}
     for c in outer:
         name = entries[c].mechanism
@@ -145,17 +148,18 @@ def energies(
     return Energy(
         stored_J=total,
         mechanisms=mechanisms,
-        contacts={_pair_name(entries[c]): heat[:, c] for c in inner},
+        contacts={_pair_name(entries[c]): heat[:, c] for c in pairs},
         bodies=bodies,
-        residual_relative=error / _or_one(moved.sum(axis=1) + even.sum()),
+        residual_relative=error / _nonzero(moved.sum(axis=1) + equalization.sum()),
     )
 
 
-def _of_body(entries, body, stored, heat, moved, even) -> BodyEnergy:
+def _body_energy(entries, body, stored, heat, moved, equalization) -> BodyEnergy:
     own = [c for c, e in enumerate(entries) if e.other is None and e.body == body]
     pairs = [c for c, e in enumerate(entries) if e.other is not None and body in e[1:]]
-    sign = lambda c: _sign(entries[c], body)
-    contacts = {_pair_name(entries[c]): sign(c) * heat[:, c] for c in pairs}
+    contacts = {
+        _pair_name(entries[c]): _sign(entries[c], body) * heat[:, c] for c in pairs
+    }
     brought = heat[:, np.array(own, int)].sum(axis=1)
     brought = sum(contacts.values(), brought)
     through = moved[:, np.array(own + pairs, int)].sum(axis=1)
@@ -163,12 +167,12 @@ def _of_body(entries, body, stored, heat, moved, even) -> BodyEnergy:
         stored_J=stored,
         mechanisms={entries[c].mechanism: heat[:, c] for c in own},
         contacts=contacts,
-        residual_relative=(stored - brought) / _or_one(through + even),
+        residual_relative=(stored - brought) / _nonzero(through + equalization),
     )
 
 
 def _sign(entry: LedgerEntry, body: int) -> int:
-    """What an entry counts for in a body: a pair's goes from its first to its other."""
+    # The heat of a pair flows from its `body` to its `other`.
     if entry.other is None:
         return int(entry.body == body)
     return int(entry.other == body) - int(entry.body == body)
@@ -177,35 +181,27 @@ def _sign(entry: LedgerEntry, body: int) -> int:
 def into_bodies(
     heat: Float[Array, " c"], entries: tuple[LedgerEntry, ...], bodies: int
 ) -> Float[Array, " b"]:
-    """What the entries bring to each body [J]."""
-    counts = [[_sign(entry, body) for entry in entries] for body in range(bodies)]
-    return (
-        jnp.asarray(np.array(counts).reshape(bodies, len(entries)), heat.dtype) @ heat
-    )
+    """Sum the heat of all entries into each body [J]."""
+    signs = [[_sign(entry, body) for entry in entries] for body in range(bodies)]
+    shape = (bodies, len(entries))
+    return jnp.asarray(np.array(signs).reshape(shape), heat.dtype) @ heat
 
 
 def _pair_name(entry: LedgerEntry) -> str:
     return f"{entry.mechanism} {entry.body}-{entry.other}"
 
 
-def _or_one(throughput: Float[Array, " t"]) -> Float[Array, " t"]:
-    return jnp.where(throughput > 0, throughput, 1)
+def _nonzero(heat: Float[Array, " t"]) -> Float[Array, " t"]:
+    # Where nothing moved, the residual itself is shown.
+    return jnp.where(heat > 0, heat, 1)
 
 
 def in_order(energy: Energy, entries: tuple[LedgerEntry, ...]) -> Energy:
-    """The same in the order of the scene: jit sorts mechanisms by name."""
+    """Return energies with mechanisms in the order of the scene."""
+    # A dictionary that leaves a jitted function is sorted by name.
     names = dict.fromkeys(entry.mechanism for entry in entries)
-    sort = lambda found: {name: found[name] for name in names if name in found}
+    sort = lambda table: {name: table[name] for name in names if name in table}
     bodies = tuple(
-        BodyEnergy(
-            body.stored_J, sort(body.mechanisms), body.contacts, body.residual_relative
-        )
-        for body in energy.bodies
+        replace(body, mechanisms=sort(body.mechanisms)) for body in energy.bodies
     )
-    return Energy(
-        energy.stored_J,
-        sort(energy.mechanisms),
-        energy.contacts,
-        bodies,
-        energy.residual_relative,
-    )
+    return replace(energy, mechanisms=sort(energy.mechanisms), bodies=bodies)

@@ -1,4 +1,4 @@
-"""`solution.npz`: what a finished run keeps, enough to draw it again from anywhere."""
+"""`solution.npz`: the part of a solution from which its images can be drawn again."""
 
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,7 +15,10 @@ from ...scene.solved_surface import BodyGeometry, SolvedSurface
 from .solution import Solution
 
 
-_GEOMETRY = (
+FORMAT_VERSION = 2
+"""Version of the file's layout; version 1 did not store its version."""
+
+_GEOMETRY_FIELDS = (
     "vertices",
     "faces",
     "fragment_position",
@@ -25,16 +28,19 @@ _GEOMETRY = (
 
 
 class StoredSolution(NamedTuple):
-    """The part of a solution that can be drawn."""
+    """The part of a solution that a file stores."""
 
     times: Float[Array, " t"]
+    """[s]"""
     surface_temperature: Float[Array, "t s"]
+    """Temperature of every fragment, bodies one after the other [K]."""
     surfaces: tuple[SolvedSurface, ...]
 
 
 def save_solution(path: Path, solution: Solution) -> None:
     """Write times, temperatures, energies and surfaces in one step."""
     arrays: dict[str, Any] = {
+        "format_version": FORMAT_VERSION,
         "times": solution.times,
         "surface_temperature": solution.surface_temperature,
         "mean_temperature": solution.mean_temperature,
@@ -44,23 +50,77 @@ def save_solution(path: Path, solution: Solution) -> None:
         arrays[f"energy_{name}_J"] = heat
     for b, surface in enumerate(solution.surfaces):
         geometry = surface.geometry
-        for field in _GEOMETRY:
+        for field in _GEOMETRY_FIELDS:
             arrays[f"body{b}_{field}"] = getattr(geometry, field)
-        arrays[f"body{b}_pitch"] = np.array(geometry.pitch)
-        poses = _poses(surface, solution)
-        arrays[f"body{b}_translation"] = np.array([pose.translation for pose in poses])
-        arrays[f"body{b}_rotation"] = np.array([pose.rotation for pose in poses])
+        # One pose per saved time, or one for all if the body does not move.
+        times = np.asarray(solution.times, float) if surface.moves else [0.0]
+        poses = [geometry.pose.at(float(time)) for time in times]
+        arrays[f"body{b}_pitch"] = geometry.pitch
+        arrays[f"body{b}_translation"] = [pose.translation for pose in poses]
+        arrays[f"body{b}_rotation"] = [pose.rotation for pose in poses]
         arrays[f"body{b}_emissivity"] = surface.emissivity
         arrays[f"body{b}_absorptivity"] = surface.absorptivity
     with replacing(path) as temporary, open(temporary, "wb") as file:
-        kept: dict[str, Any] = {k: np.asarray(v) for k, v in arrays.items()}
-        np.savez_compressed(file, **kept)
+        np.savez_compressed(file, **{k: np.asarray(v) for k, v in arrays.items()})
 
 
-def _poses(surface: SolvedSurface, solution: Solution) -> list[Pose]:
-    """Where a body stands at the saved times; once if it stays there."""
-    times = np.asarray(solution.times, float) if surface.moves else [0.0]
-    return [surface.geometry.pose.at(float(time)) for time in times]
+def load_solution(path: Path) -> StoredSolution:
+    """Read a file of `save_solution`.
+
+    Raises:
+        InputError: if the file is missing, damaged, of another version or not such a
+            file.
+    """
+    try:
+        # Opened here, since np.load leaves a damaged file that it opened itself open.
+        with open(path, "rb") as file, np.load(file, allow_pickle=False) as stored:
+            _check_version(path, stored)
+            bodies = sum(name.endswith("_pitch") for name in stored.files)
+            return StoredSolution(
+                jnp.asarray(stored["times"]),
+                jnp.asarray(stored["surface_temperature"]),
+                tuple(_load_surface(stored, b) for b in range(bodies)),
+            )
+    except InputError:
+        raise
+    except FileNotFoundError:
+        raise InputError(
+            f"{path}: no such file; `jaxthermo simulate` makes it when a run is done"
+        ) from None
+    except Exception as error:
+        raise InputError(
+            f"{path}: not a solution of jaxthermo, or damaged "
+            f"({type(error).__name__}); run the simulation again"
+        ) from None
+
+
+def _check_version(path: Path, stored: Any) -> None:
+    if "format_version" in stored.files:
+        version = str(stored["format_version"])
+        if version == str(FORMAT_VERSION):
+            return
+        found = f"a solution of format version {version}"
+    elif "surface_temperature" in stored.files:
+        found = "a solution of format version 1"
+    else:
+        found = "not a solution of jaxthermo"
+    raise InputError(
+        f"{path}: {found}, and this version of jaxthermo reads format version "
+        f"{FORMAT_VERSION}; run the simulation again"
+    )
+
+
+def _load_surface(stored, b: int) -> SolvedSurface:
+    get = lambda field: stored[f"body{b}_{field}"]
+    pose = _pose(get("translation"), get("rotation"), stored["times"])
+    geometry = BodyGeometry(
+        *(get(field) for field in _GEOMETRY_FIELDS),
+        pitch=float(get("pitch")),
+        pose=pose,
+    )
+    return SolvedSurface(
+        geometry, jnp.asarray(get("emissivity")), jnp.asarray(get("absorptivity"))
+    )
 
 
 def _pose(translation: np.ndarray, rotation: np.ndarray, times) -> Pose | Motion:
@@ -76,40 +136,3 @@ def _pose(translation: np.ndarray, rotation: np.ndarray, times) -> Pose | Motion
 def _point(values: Any) -> tuple[float, float, float]:
     x, y, z = (float(v) for v in values)
     return x, y, z
-
-
-def _load_surface(kept, b: int) -> SolvedSurface:
-    get = lambda field: kept[f"body{b}_{field}"]
-    pose = _pose(get("translation"), get("rotation"), kept["times"])
-    geometry = BodyGeometry(
-        *(get(field) for field in _GEOMETRY), pitch=float(get("pitch")), pose=pose
-    )
-    return SolvedSurface(
-        geometry, jnp.asarray(get("emissivity")), jnp.asarray(get("absorptivity"))
-    )
-
-
-def load_solution(path: Path) -> StoredSolution:
-    """Read what `save_solution` wrote.
-
-    Raises:
-        InputError: if the file is missing or is not such a file.
-    """
-    try:
-        # Opened here, since np.load leaves a damaged file that it opened itself open.
-        with open(path, "rb") as file, np.load(file, allow_pickle=False) as kept:
-            bodies = sum(name.endswith("_pitch") for name in kept.files)
-            return StoredSolution(
-                jnp.asarray(kept["times"]),
-                jnp.asarray(kept["surface_temperature"]),
-                tuple(_load_surface(kept, b) for b in range(bodies)),
-            )
-    except FileNotFoundError:
-        raise InputError(
-            f"{path}: no such file; `jaxthermo simulate` makes it when a run is done"
-        ) from None
-    except Exception as error:
-        raise InputError(
-            f"{path}: not a solution of jaxthermo, or damaged "
-            f"({type(error).__name__}); run the simulation again"
-        ) from None

@@ -1,7 +1,7 @@
-"""Components of a scene that no heat leaves, whose steady mean is not determined.
+"""Parts of a scene that exchange heat with nothing: their steady mean is undetermined.
 
-Such a part keeps what it has: it evens out at the mean that it starts with. If heat is
-brought to it there is no steady state.
+Such a part keeps its heat: it becomes uniform at the mean that it starts with. If a
+heat source acts on it there is no steady state.
 """
 
 from collections.abc import Callable
@@ -18,7 +18,7 @@ from ...errors import InputError
 from ...geometry.connectivity import connected_labels
 from ...network.multigrid import MAX_DENSE_SIZE
 from ...network.multigrid_nodes import link_conductance, node_layout
-from ...network.network import AbstractNetwork, AbstractNodeNetwork, Address
+from ...network.network import AbstractNetwork, AbstractNodeNetwork
 from ...scene.compile.program import Program, State
 from ...scene.scene import Scene
 from ...structures.structure import AbstractStructure
@@ -28,54 +28,53 @@ from ..implicit.residual import load_slopes
 from ..run.heat_rates import add_loads
 
 
-ROUNDING = 1e-5
-"""Of the heat that comes to an island and goes: less is as good as none."""
+NET_HEAT_ROUNDING = 1e-5
+"""Net heat rate of a component over the sum of magnitudes that counts as zero."""
 
-PROBED = 300.0
-"""The least temperature at which it is asked what carries heat off [K]: at 0 K
-emission does not."""
+MIN_PROBE_TEMPERATURE = 300.0
+"""Temperature to which colder states are raised to find loads that remove heat [K]:
+at 0 K emission does not."""
 
-HELD = 0.01
-"""Of the diagonal: enough for a preconditioner to be one inside an island."""
+REGULARIZATION = 0.01
+"""Fraction of the diagonal that makes a preconditioner regular in a component."""
 
 
 class IsolatedComponents(eqx.Module):
-    """Connected parts that exchange heat with nothing else."""
+    """Connected components that exchange heat with nothing else."""
 
     number: tuple[Int[Array, " _"], ...]
-    """Of every value of each body's state; `count` where it is in none."""
+    """Component of every entry of each body's state; `count` for none."""
     weight: tuple[Float[Array, " _"], ...]
-    """Capacity of each over that of its island [-]."""
+    """Capacity of each entry over that of its component."""
     mean: Float[Array, " i"]
-    """What each island holds at the start over its capacity [K]."""
+    """Initial capacity-weighted mean of each component [K]."""
     count: int = eqx.field(static=True)
 
     def means(self, states: State) -> Float[Array, " i"]:
-        """What each island holds over its capacity [K]."""
-        weighed = tuple(
+        """Return the capacity-weighted mean of each component [K]."""
+        weighted = tuple(
             weight.reshape(state.shape) * state
             for state, weight in zip(states, self.weight, strict=True)
         )
-        return self._sums(weighed)[:-1]
+        return self._sums(weighted)[:-1]
 
-    def settled(self, states: State) -> State:
-        """States in which every island holds what it held."""
-        shift = jnp.append(self.mean - self.means(states), 0)
+    def with_initial_means(self, states: State) -> State:
+        """Shift each component to the mean that it started with."""
+        return self._shifted(states, self.mean - self.means(states))
+
+    def without_means(self, change: State) -> State:
+        """Remove the mean change of each component."""
+        return self._shifted(change, -self.means(change))
+
+    def _shifted(self, states: State, shift: Float[Array, " i"]) -> State:
+        shift = jnp.append(shift, 0)
         return tuple(
             state + shift[number].reshape(state.shape)
             for state, number in zip(states, self.number, strict=True)
         )
 
-    def without_mean(self, change: State) -> State:
-        """Changes that leave every island what it holds."""
-        mean = jnp.append(self.means(change), 0)
-        return tuple(
-            each - mean[number].reshape(each.shape)
-            for each, number in zip(change, self.number, strict=True)
-        )
-
-    def balanced(self, heat: State) -> State:
-        """Heat rates that bring nothing to any island in all: what did is rounding."""
+    def without_net_heat(self, heat: State) -> State:
+        """Remove the net heat rate of each component, which is rounding."""
         total = self._sums(heat).at[-1].set(0)
         return tuple(
             each - (weight * total[number]).reshape(each.shape)
@@ -83,33 +82,34 @@ class IsolatedComponents(eqx.Module):
         )
 
     def _sums(self, values: State) -> Float[Array, " j"]:
-        """In each island, and in none."""
+        """Sum the values of each component; last, those of no component."""
         flat = jnp.concatenate([each.reshape(-1) for each in values])
         number = jnp.concatenate(self.number)
         return jax.ops.segment_sum(flat, number, self.count + 1)
 
     def regularization(self, diagonal: State) -> State:
-        """What islands are held by where A is preconditioned [W/K]."""
+        """Return what a preconditioner adds to the singular diagonal [W/K]."""
         return tuple(
-            jnp.where((number < self.count).reshape(own.shape), HELD * own, 0)
-            for number, own in zip(self.number, diagonal, strict=True)
+            jnp.where((number < self.count).reshape(d.shape), REGULARIZATION * d, 0)
+            for number, d in zip(self.number, diagonal, strict=True)
         )
 
 
 class ProjectedPreconditioner(eqx.Module):
-    """A preconditioner that moves no heat into an island, nor its mean.
+    """Preconditioner that changes neither the heat nor the mean of a component.
 
-    A has no curvature along an island: without this a search ends where rounding first
-    points there. Symmetric, as what is taken from the heat is the transpose of what is
-    taken from the change.
+    A has no curvature along a component's mean: without the projection a search ends
+    where rounding first points along it. It is symmetric, since the projection of the
+    heat is the transpose of that of the change.
     """
 
     cycle: Callable[[State], State]
-    islands: IsolatedComponents
+    isolated: IsolatedComponents
 
     def __call__(self, residual: State) -> State:
-        """Of every body."""
-        return self.islands.without_mean(self.cycle(self.islands.balanced(residual)))
+        """Return the correction of a residual [W] -> [K]."""
+        heat = self.isolated.without_net_heat(residual)
+        return self.isolated.without_means(self.cycle(heat))
 
 
 def find_isolated_components(
@@ -119,29 +119,29 @@ def find_isolated_components(
     states: State,
     time: Float[Array, ""],
 ) -> IsolatedComponents | None:
-    """Those of a scene; None if heat leaves every part of it.
+    """Find the isolated components of a scene; None if there are none.
 
     Args:
         scene: bodies and terms.
-        program: of the scene.
-        context: for it.
-        states: at the start.
-        time: of the loads [s].
+        program: compiled scene.
+        context: preconditioners and bounds of the solve.
+        states: states at the start.
+        time: time of the loads [s].
 
     Raises:
-        InputError: if heat is brought to one, or taken from it.
+        InputError: if a heat source or sink acts on one.
     """
-    part = _parts(scene, program, time)
-    slopes = load_slopes(program, _warm(program, states), time).change
+    component = _components(scene, program, time)
+    slopes = load_slopes(program, _warmed(program, states), time).change
     capacity = _capacity(program, context, states)
-    leads_out = np.zeros(len(part), bool)
-    leads_out[part[(_flat(slopes) > 0) | (capacity == 0)]] = True
-    inside = ~leads_out[part]
+    loses_heat = np.zeros(len(component), bool)
+    loses_heat[component[(_flat(slopes) > 0) | (capacity == 0)]] = True
+    inside = ~loses_heat[component]
     if not inside.any():
         return None
-    roots, own = np.unique(part[inside], return_inverse=True)
-    number = np.full(len(part), len(roots), np.int32)
-    number[inside] = own
+    roots, index = np.unique(component[inside], return_inverse=True)
+    number = np.full(len(component), len(roots), np.int32)
+    number[inside] = index
     _refuse_heated(program, states, time, number, capacity)
     total = np.bincount(number, capacity)
     weight = np.where(inside, capacity / np.where(inside, total[number], 1), 0)
@@ -156,39 +156,40 @@ def find_isolated_components(
 
 
 def _refuse_heated(program: Program, states: State, time, number, capacity) -> None:
-    """Refuse heat that comes to an island, which no temperature balances."""
-    still = tuple(jnp.zeros_like(state) for state in states)
-    loads, _ = add_loads(program, states, still, time, jnp.ones((), still[0].dtype))
+    zero = tuple(jnp.zeros_like(state) for state in states)
+    loads, _ = add_loads(program, states, zero, time, jnp.ones((), zero[0].dtype))
     heat = _flat(loads).astype(float) * capacity
-    into = np.bincount(number, heat)[:-1]
-    moved = np.bincount(number, np.abs(heat))[:-1]
-    wrong = np.flatnonzero(np.abs(into) > ROUNDING * moved)
-    if not len(wrong):
+    net = np.bincount(number, heat)[:-1]
+    magnitude = np.bincount(number, np.abs(heat))[:-1]
+    heated = np.flatnonzero(np.abs(net) > NET_HEAT_ROUNDING * magnitude)
+    if not len(heated):
         return
-    island = wrong[np.abs(into[wrong]).argmax()]
-    here = number == island
+    worst = heated[np.abs(net[heated]).argmax()]
+    inside = number == worst
     bodies = np.repeat(np.arange(len(states)), [state.size for state in states])
-    named = ", ".join(str(b) for b in np.unique(bodies[here]))
-    share = capacity[here].sum() / capacity[np.isin(bodies, bodies[here])].sum()
+    named = ", ".join(str(b) for b in np.unique(bodies[inside]))
+    fraction = capacity[inside].sum() / capacity[np.isin(bodies, bodies[inside])].sum()
     raise InputError(
-        f"steady: {into[island]:.3g} W is brought to body {named} "
-        f"({100 * share:.3g} % of its capacity) and nothing carries it off, so there "
-        "is no steady state; give it a term that does, such as Convection, or use "
-        "simulate"
+        f"steady: {net[worst]:.3g} W is brought to body {named} "
+        f"({100 * fraction:.3g} % of its capacity) and nothing carries it off, so "
+        "there is no steady state; give it a term that does, such as Convection, or "
+        "use simulate"
     )
 
 
-def _warm(program: Program, states: State) -> State:
-    """States that are nowhere so cold that emission carries nothing off."""
-    probed = lambda body, dtype: jnp.asarray(PROBED, dtype) - body.reference
+def _warmed(program: Program, states: State) -> State:
+    """Raise states to at least the probe temperature."""
+    above = lambda body, dtype: (
+        jnp.asarray(MIN_PROBE_TEMPERATURE, dtype) - body.reference
+    )
     return tuple(
-        jnp.maximum(state, body.network.state_of(probed(body, state.dtype)))
+        jnp.maximum(state, body.network.state_of(above(body, state.dtype)))
         for body, state in zip(program.bodies, states, strict=True)
     )
 
 
 def _capacity(program: Program, context: ImplicitContext, states: State):
-    """Of every value of all states, 0 where there is no node [J/K]."""
+    """Return the capacity of every entry of all states, 0 where no node is [J/K]."""
     each = tuple(
         jnp.broadcast_to(body.network.capacity(), state.shape)
         for body, state in zip(program.bodies, states, strict=True)
@@ -200,32 +201,35 @@ def _flat(states: State) -> np.ndarray:
     return np.concatenate([np.asarray(state).reshape(-1) for state in states])
 
 
-def _parts(scene: Scene, program: Program, time) -> Int[np.ndarray, " v"]:
-    """Of every value of all states, the first one that heat reaches it from."""
-    own = [
-        _own_parts(body.structure, part.network.linear)
+def _components(scene: Scene, program: Program, time) -> Int[np.ndarray, " v"]:
+    """Label every entry of all states by an entry that conduction connects it to."""
+    labels = [
+        _body_components(body.structure, part.network.linear)
         for body, part in zip(scene.bodies, program.bodies, strict=True)
     ]
-    starts = np.cumsum([0, *(part.size for part in own)])
-    label = np.concatenate(
-        [part.reshape(-1) + start for part, start in zip(own, starts[:-1], strict=True)]
+    starts = np.cumsum([0, *(label.size for label in labels)])
+    flat = np.concatenate(
+        [each.reshape(-1) + s for each, s in zip(labels, starts[:-1], strict=True)]
     )
-    bridges = [np.zeros((0, 2), np.int64)]
+    links = [np.zeros((0, 2), np.int64)]
     for contact in program.contacts:
         one, zero = jnp.ones_like(contact.area), jnp.zeros((), contact.area.dtype)
-        passes = np.asarray(contact.heat_rate(time, (one, 0 * one), (zero, zero))) > 0
+        flow = contact.heat_rate(time, (one, 0 * one), (zero, zero))
         ends = [
-            label[starts[body] + np.ravel_multi_index(_host(address), own[body].shape)]
-            for body, address in zip(contact.bodies, contact.address, strict=True)
+            flat[
+                starts[b]
+                + np.ravel_multi_index(tuple(map(np.asarray, a)), labels[b].shape)
+            ]
+            for b, a in zip(contact.bodies, contact.address, strict=True)
         ]
-        bridges.append(np.stack(ends, axis=1)[passes])
-    return connected_labels(len(label), np.concatenate(bridges))[label]
+        links.append(np.stack(ends, axis=1)[np.asarray(flow) > 0])
+    return connected_labels(len(flat), np.concatenate(links))[flat]
 
 
-def _own_parts(
+def _body_components(
     structure: AbstractStructure, network: AbstractNetwork
 ) -> Int[np.ndarray, "..."]:
-    """Of every value of a state, the first one that conduction reaches it from."""
+    """Label every entry of a state by an entry that conduction connects it to."""
     if isinstance(network, AbstractNodeNetwork):
         layout, links = node_layout(structure, MAX_DENSE_SIZE), structure.links()
         conducts = np.asarray(link_conductance(layout, network)) > 0
@@ -237,7 +241,3 @@ def _own_parts(
     _, first = np.unique(number, return_index=True)
     alone = np.arange(number.size).reshape(number.shape)
     return np.where(linked, first[number], alone)
-
-
-def _host(address: Address) -> tuple[np.ndarray, ...]:
-    return tuple(np.asarray(index) for index in address)

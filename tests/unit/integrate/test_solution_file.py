@@ -6,7 +6,11 @@ from bodies import bar
 
 import jaxthermo as jt
 from jaxthermo.image.view import look
-from jaxthermo.integrate.run.solution_file import load_solution, save_solution
+from jaxthermo.integrate.run.solution_file import (
+    FORMAT_VERSION,
+    load_solution,
+    save_solution,
+)
 
 
 COPPER = jt.Material(
@@ -93,6 +97,22 @@ def test_a_file_cut_short(solution, tmp_path, share):
     content = path.read_bytes()
     path.write_bytes(content[: int(share * len(content))])
     with pytest.raises(jt.InputError, match="run the simulation again") as caught:
+        load_solution(path)
+    assert str(path) in str(caught.value) and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("version", [None, 1, 99])
+def test_a_file_of_another_version_is_refused_in_one_line(solution, tmp_path, version):
+    path = tmp_path / "solution.npz"
+    save_solution(path, solution)
+    with np.load(path) as stored:
+        arrays = {name: stored[name] for name in stored.files}
+    del arrays["format_version"]
+    if version is not None:
+        arrays["format_version"] = np.array(version)
+    np.savez(path, **arrays)
+    words = rf"version {version or 1}, .* reads .* {FORMAT_VERSION}; run the simulation"
+    with pytest.raises(jt.InputError, match=words) as caught:
         load_solution(path)
     assert str(path) in str(caught.value) and "\n" not in str(caught.value)
 
