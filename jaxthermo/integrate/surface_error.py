@@ -1,12 +1,4 @@
-"""How far a cheap structure's surface is from the full volume's: one definition.
-
-At a saved time t > 0, with areas a_s and d_s = T_s - T_ref,s over the fragments s:
-
-    rms(t) = sqrt(sum a_s d_s^2 / sum a_s),    percent = 100 rms(t) / span(t),
-
-where span(t) is the reference's max - min over the surface at that time, or 5 % of the
-largest one in the run where that is more. The 99th percentile is weighted by area too.
-"""
+"""The error of a structure's surface temperatures against the full volume's."""
 
 import equinox as eqx
 import jax
@@ -21,58 +13,68 @@ from .run.solution import Solution
 from .run.solution_file import StoredSolution
 
 
-LEAST_SPAN = 0.05
-"""Of the run's largest range: a time at which all is even again counts with this."""
+# Where the surface has become uniform again, differences are not divided by 0.
+MIN_SPAN_FRACTION = 0.05
+"""Smallest span of a time over the largest span of the run."""
 
 AnySolution = Solution | StoredSolution
 
 
 class SurfaceError(eqx.Module):
-    """The difference of two runs on the same surface, at each saved time after 0."""
+    """Difference of two runs on the same surface, at each saved time after 0."""
 
     times: Float[Array, " t"]
     """[s]"""
     rms_percent: Float[Array, " t"]
-    """Of the reference's span at that time."""
+    """Area-weighted root mean square over the reference's span [%]."""
     p99_percent: Float[Array, " t"]
-    """Not exceeded on 99 % of the area."""
+    """Difference that 99 % of the area does not exceed, over the span [%]."""
     max_percent: Float[Array, " t"]
+    """Largest difference over the span [%]."""
     rms_kelvin: Float[Array, " t"]
+    """Area-weighted root mean square [K]."""
 
     @property
     def worst_rms_percent(self) -> Float[Array, ""]:
-        """The run's error: the largest over its saved times."""
+        """Largest `rms_percent` of the saved times: the error of the run [%]."""
         return self.rms_percent.max()
 
     @property
     def worst_p99_percent(self) -> Float[Array, ""]:
-        """The largest over the saved times."""
+        """Largest `p99_percent` of the saved times [%]."""
         return self.p99_percent.max()
 
     @property
     def worst_max_percent(self) -> Float[Array, ""]:
-        """The largest over the saved times."""
+        """Largest `max_percent` of the saved times [%]."""
         return self.max_percent.max()
 
     @property
     def worst_rms_kelvin(self) -> Float[Array, ""]:
-        """The largest over the saved times."""
+        """Largest `rms_kelvin` of the saved times [K]."""
         return self.rms_kelvin.max()
 
 
 def surface_error(solution: AnySolution, reference: AnySolution) -> SurfaceError:
-    """How far a solution's surface temperatures are from a reference's.
+    """Compare a solution's surface temperatures with those of a reference.
 
-    It can be differentiated in both; the root mean square has the slope 0 where the two
-    agree.
+    At a saved time t > 0, with areas a_s [m^2] and d_s = T_s - T_ref,s [K] over the
+    fragments s,
+
+        rms(t) = sqrt(sum a_s d_s^2 / sum a_s),    percent = 100 rms(t) / span(t),
+
+    where span(t) is the reference's max - min over the surface at that time, or 5 % of
+    the largest one in the run where that is more. The 99th percentile is weighted by
+    area too. The result is differentiable in both; the root mean square has the slope
+    0 where the two agree.
 
     Args:
-        solution: of some structure of a body.
-        reference: of the same voxels at the same times: the full volume's.
+        solution: run of some structure of a body.
+        reference: run of the full volume of the same voxels, with the same save times.
 
     Raises:
         InputError: if they differ in their fragments or times, no time is after 0, or
-            the reference's surface has no range to measure by.
+            the reference's surface has one temperature at every time.
     """
     check_surfaces(solution.surfaces, reference.surfaces)
     wide = {str(s.surface_temperature.dtype) for s in (solution, reference)}
@@ -94,29 +96,28 @@ def _error(
     expected: Float[Array, "t s"],
     area: Float[Array, " s"],
 ) -> SurfaceError:
-    """The sums of `surface_error`."""
     span = error_span(expected)
     percent = lambda kelvin: 100 * kelvin / span
-    difference, share = found - expected, area / area.sum()
-    rms = _root((share[None, :] * difference**2).sum(axis=1))
+    difference, weight = found - expected, area / area.sum()
+    rms = _root((weight[None, :] * difference**2).sum(axis=1))
     size = jnp.abs(difference)
     return SurfaceError(
         times=times,
         rms_percent=percent(rms),
-        p99_percent=percent(_percentile(size, share, 0.99)),
+        p99_percent=percent(_percentile(size, weight, 0.99)),
         max_percent=percent(size.max(axis=1)),
         rms_kelvin=rms,
     )
 
 
 def error_span(reference: Float[Array, "t s"]) -> Float[Array, " t"]:
-    """What differences are measured by at each time [K].
+    """Return the span that differences are divided by at each time [K].
 
     Args:
         reference: surface temperatures of the full volume [K].
     """
     ranges = reference.max(axis=1) - reference.min(axis=1)
-    spans = jnp.maximum(ranges, LEAST_SPAN * ranges.max())
+    spans = jnp.maximum(ranges, MIN_SPAN_FRACTION * ranges.max())
     return jnp.maximum(spans, jnp.finfo(spans.dtype).tiny)
 
 
@@ -130,27 +131,27 @@ def _check_range(reference: Float[Array, "t s"]) -> None:
 
 
 def _root(square: Float[Array, " t"]) -> Float[Array, " t"]:
-    """Square root with the slope 0, not infinity, at 0."""
-    some = square > 0
-    return jnp.where(some, jnp.sqrt(jnp.where(some, square, 1)), 0)
+    # The slope at 0 is 0, not infinite.
+    positive = square > 0
+    return jnp.where(positive, jnp.sqrt(jnp.where(positive, square, 1)), 0)
 
 
 def _percentile(
-    values: Float[Array, "t s"], share: Float[Array, " s"], level: float
+    values: Float[Array, "t s"], weight: Float[Array, " s"], level: float
 ) -> Float[Array, " t"]:
-    """The smallest value that `level` of the area does not exceed."""
+    """Return the smallest value that `level` of the area does not exceed."""
 
-    def one(row: Float[Array, " s"]) -> Float[Array, ""]:
+    def percentile(row: Float[Array, " s"]) -> Float[Array, ""]:
         order = jnp.argsort(row)
-        # What a sum of a million shares may lack of its true value by rounding.
-        reached = jnp.cumsum(share[order]) >= level - 1e-6
+        # Less what the sum of a million weights may lack by rounding.
+        reached = jnp.cumsum(weight[order]) >= level - 1e-6
         return row[order[jnp.argmax(reached)]]
 
-    return jax.vmap(one)(values)
+    return jax.vmap(percentile)(values)
 
 
 def _later(solution: AnySolution, reference: AnySolution) -> Bool[np.ndarray, " t"]:
-    """Which saved times are after 0; the same ones in both."""
+    """Return which saved times are after 0, the same in both runs."""
     times = np.asarray(reference.times, float)
     traced = is_traced(solution.times)
     others = times if traced else np.asarray(solution.times, float)
@@ -174,14 +175,18 @@ def _listed(times: Float[np.ndarray, " t"]) -> str:
 def check_surfaces(
     found: tuple[SolvedSurface, ...], expected: tuple[SolvedSurface, ...]
 ) -> None:
-    """Raise unless both are the same fragments of the same bodies."""
+    """Refuse surfaces that are not the same fragments of the same bodies.
+
+    Raises:
+        InputError: if their number, positions or areas differ.
+    """
     if len(found) != len(expected):
         raise InputError(
             f"surface_error: {len(found)} bodies and the reference has "
             f"{len(expected)}: compare runs of the same scene"
         )
-    for index, (one, other) in enumerate(zip(found, expected, strict=True)):
-        here, there = one.geometry, other.geometry
+    for index, (a, b) in enumerate(zip(found, expected, strict=True)):
+        here, there = a.geometry, b.geometry
         same = here.fragment_position.shape == there.fragment_position.shape and (
             np.allclose(
                 here.fragment_position,
