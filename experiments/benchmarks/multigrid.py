@@ -108,11 +108,6 @@ class Norm(AbstractStoppingNorm):
         del moved
         return self.initial(residual)
 
-    def final(self, residual: Any, correct: Callable[[Any], Any]) -> jax.Array:
-        """|r|."""
-        del correct
-        return self.initial(residual)
-
 
 @jax.jit
 def conjugate_gradients(

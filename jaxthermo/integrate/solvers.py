@@ -24,12 +24,13 @@ from ..scene.scene import Scene
 from .explicit.euler import EulerStepper
 from .explicit.rkl2 import MIN_STAGES, RKL2Stepper, stage_count
 from .implicit.adaptive import AdaptiveStepper
-from .implicit.context import ImplicitContext, arranged_for_solves, implicit_context
+from .implicit.context import arranged_for_solves, implicit_context
 from .implicit.runge_kutta import (
     BACKWARD_EULER,
     CRANK_NICOLSON,
     TR_BDF2,
     ImplicitStepper,
+    Tableau,
 )
 from .run.schedule import END_FRACTION
 from .stepper import AbstractStepper
@@ -61,11 +62,7 @@ class AbstractSolver(eqx.Module):
         return 1 - END_FRACTION
 
     def min_steps(self, events: int) -> int:
-        """Return the smallest number of steps between two events.
-
-        Args:
-            events: number of event and save times of the run.
-        """
+        """Return the smallest number of steps between two of the run's events."""
         refined = self.dt is None and events <= MAX_REFINED_EVENTS
         return MIN_STEPS_AFTER_EVENT if refined else 1
 
@@ -86,6 +83,7 @@ class AbstractSolver(eqx.Module):
         del stable_step
         if self.dt is not None:
             return _positive_step(self.dt)
+        # A sampled function of time must not change unseen within a step.
         return float(t1) / (SAMPLES if sampled else DEFAULT_STEPS) if t1 else 1.0
 
     def arranged(self, scene: Scene) -> Scene:
@@ -96,13 +94,9 @@ class AbstractSolver(eqx.Module):
     def stepper(
         self, scene: Scene, compiled: Compiled, max_dt: float, traced: bool
     ) -> AbstractStepper:
-        """Return the stepper for a compiled scene.
+        """Return the stepper of a compiled scene for steps of up to `max_dt` [s].
 
-        Args:
-            scene: the scene that was compiled.
-            compiled: its compiled form.
-            max_dt: longest step that will be taken [s].
-            traced: True if derivatives may be asked for.
+        `traced` is True if derivatives may be asked for.
         """
 
 
@@ -138,20 +132,21 @@ class ForwardEuler(AbstractSolver):
     @property
     @override
     def load_fraction(self) -> float:
+        # Euler steps take their loads at the middle.
         return 0.5
 
     @override
     def min_steps(self, events: int) -> int:
+        # The stable step is short enough after any event.
         return 1
 
     @override
-    def max_dt(
-        self, stable_step: float | None, t1: float | int, sampled: bool
-    ) -> float:
+    def max_dt(self, stable_step, t1, sampled) -> float:
         if self.dt is None:
             dt = _known(stable_step, "ForwardEuler(dt=0.1)")
             return min(dt, t1 / SAMPLES) if sampled and t1 > 0 else dt
         dt = _positive_step(self.dt)
+        # A step that the user computed as the stable one may exceed it by rounding.
         if stable_step is not None and dt > stable_step * (1 + 1e-6):
             raise InputError(
                 f"solver: dt={dt:g} s is too long: the largest stable step of this "
@@ -161,9 +156,7 @@ class ForwardEuler(AbstractSolver):
         return dt
 
     @override
-    def stepper(
-        self, scene: Scene, compiled: Compiled, max_dt: float, traced: bool
-    ) -> AbstractStepper:
+    def stepper(self, scene, compiled, max_dt, traced) -> AbstractStepper:
         return EulerStepper()
 
 
@@ -182,10 +175,9 @@ class SuperTimeStepping(AbstractSolver):
     """Number of stages of every step; None for the smallest stable number."""
 
     @override
-    def max_dt(
-        self, stable_step: float | None, t1: float | int, sampled: bool
-    ) -> float:
+    def max_dt(self, stable_step, t1, sampled) -> float:
         dt = super().max_dt(stable_step, t1, sampled)
+        # The number of stages is static, so that it cannot follow a traced stable step.
         if self.stages is None:
             _known(stable_step, "SuperTimeStepping(dt=0.5, stages=9)")
         elif self.stages < MIN_STAGES:
@@ -198,9 +190,7 @@ class SuperTimeStepping(AbstractSolver):
         return dt
 
     @override
-    def stepper(
-        self, scene: Scene, compiled: Compiled, max_dt: float, traced: bool
-    ) -> AbstractStepper:
+    def stepper(self, scene, compiled, max_dt, traced) -> AbstractStepper:
         return RKL2Stepper(
             self.stages or stage_count(max_dt, float(compiled.stable_step))
         )
@@ -217,10 +207,14 @@ class AbstractImplicit(AbstractSolver):
     def arranged(self, scene: Scene) -> Scene:
         return arranged_for_solves(scene)
 
-    def _context(
-        self, scene: Scene, compiled: Compiled, max_dt: float, traced: bool
-    ) -> ImplicitContext:
-        return implicit_context(scene, compiled, max_dt, self.tolerance, traced)
+    @property
+    @abc.abstractmethod
+    def _tableau(self) -> Tableau: ...
+
+    @override
+    def stepper(self, scene, compiled, max_dt, traced) -> AbstractStepper:
+        context = implicit_context(scene, compiled, max_dt, self.tolerance, traced)
+        return ImplicitStepper(context, self._tableau)
 
 
 class BackwardEuler(AbstractImplicit):
@@ -238,12 +232,9 @@ class BackwardEuler(AbstractImplicit):
     def load_fraction(self) -> float:
         return 0.5
 
-    @override
-    def stepper(
-        self, scene: Scene, compiled: Compiled, max_dt: float, traced: bool
-    ) -> AbstractStepper:
-        context = self._context(scene, compiled, max_dt, traced)
-        return ImplicitStepper(context, BACKWARD_EULER)
+    @property
+    def _tableau(self) -> Tableau:
+        return BACKWARD_EULER
 
 
 class CrankNicolson(AbstractImplicit):
@@ -260,12 +251,9 @@ class CrankNicolson(AbstractImplicit):
     """Step [s]; None for 1/128 of the run."""
     tolerance: float | None = None
 
-    @override
-    def stepper(
-        self, scene: Scene, compiled: Compiled, max_dt: float, traced: bool
-    ) -> AbstractStepper:
-        context = self._context(scene, compiled, max_dt, traced)
-        return ImplicitStepper(context, CRANK_NICOLSON)
+    @property
+    def _tableau(self) -> Tableau:
+        return CRANK_NICOLSON
 
 
 class TRBDF2(AbstractImplicit):
@@ -292,34 +280,28 @@ class TRBDF2(AbstractImplicit):
         return 1
 
     @override
-    def max_dt(
-        self, stable_step: float | None, t1: float | int, sampled: bool
-    ) -> float:
+    def max_dt(self, stable_step, t1, sampled) -> float:
         # Under error control a scheduled step is the whole way to the next event.
         if self.dt is None and t1 and not sampled:
             return float(t1) / 16
         return super().max_dt(stable_step, t1, sampled)
 
     @override
-    def stepper(
-        self, scene: Scene, compiled: Compiled, max_dt: float, traced: bool
-    ) -> AbstractStepper:
-        context = self._context(scene, compiled, max_dt, traced)
+    def stepper(self, scene, compiled, max_dt, traced) -> AbstractStepper:
         if self.dt is not None:
-            return ImplicitStepper(context, TR_BDF2)
-        error = jnp.asarray(self.error, compiled.receipt.dtype)
-        return AdaptiveStepper(context, error)
+            return super().stepper(scene, compiled, max_dt, traced)
+        context = implicit_context(scene, compiled, max_dt, self.tolerance, traced)
+        return AdaptiveStepper(context, jnp.asarray(self.error, compiled.receipt.dtype))
+
+    @property
+    def _tableau(self) -> Tableau:
+        return TR_BDF2
 
 
 def select_solver(
     stable_step: float | None, t1: float | int
 ) -> tuple[AbstractSolver, str]:
-    """Select a solver by the number of stable explicit steps; return it and the reason.
-
-    Args:
-        stable_step: largest stable explicit step [s]; None if it is traced.
-        t1: end of the run [s].
-    """
+    """Select a solver by the number of stable explicit steps, with the reason."""
     if stable_step is None:
         return ForwardEuler(), "the stable step is traced"
     if t1 <= MAX_EULER_STEPS * stable_step:

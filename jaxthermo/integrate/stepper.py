@@ -43,14 +43,7 @@ class AbstractStepper(eqx.Module):
         start: Float[Array, ""],
         dt: Float[Array, ""],
     ) -> RunState:
-        """Return the state one step later, with the ledger updated.
-
-        Args:
-            program: compiled scene.
-            state: state at the start of the step.
-            start: start of the step [s].
-            dt: length of the step [s].
-        """
+        """Return the state one step later, with the ledger updated."""
 
 
 def advance(
@@ -75,9 +68,9 @@ def advance(
         start: start of step number 0 [s].
         dt: length of each step [s].
         steps: number of steps to take.
-        steps_before: number of steps already taken since `start`.
-        checkpoints: number of states that reverse mode stores, the others are
-            recomputed; None stores all of them.
+        steps_before: number of steps taken since `start`.
+        checkpoints: number of states that reverse mode stores; it recomputes the
+            others. None stores all.
     """
 
     def one_step(i, state):

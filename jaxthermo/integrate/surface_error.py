@@ -77,6 +77,7 @@ def surface_error(solution: AnySolution, reference: AnySolution) -> SurfaceError
             the reference's surface has one temperature at every time.
     """
     check_surfaces(solution.surfaces, reference.surfaces)
+    # In the wider of both precisions.
     wide = {str(s.surface_temperature.dtype) for s in (solution, reference)}
     with precision("float64" if "float64" in wide else "float32"):
         later = _later(solution, reference)
@@ -111,13 +112,10 @@ def _error(
 
 
 def error_span(reference: Float[Array, "t s"]) -> Float[Array, " t"]:
-    """Return the span that differences are divided by at each time [K].
-
-    Args:
-        reference: surface temperatures of the full volume [K].
-    """
+    """Return the span that differences are divided by at each time [K]."""
     ranges = reference.max(axis=1) - reference.min(axis=1)
     spans = jnp.maximum(ranges, MIN_SPAN_FRACTION * ranges.max())
+    # A reference that is uniform at every time must not lead to NaN in a traced run.
     return jnp.maximum(spans, jnp.finfo(spans.dtype).tiny)
 
 
@@ -187,6 +185,7 @@ def check_surfaces(
         )
     for index, (a, b) in enumerate(zip(found, expected, strict=True)):
         here, there = a.geometry, b.geometry
+        # Within a thousandth of a voxel: two voxelizations may round differently.
         same = here.fragment_position.shape == there.fragment_position.shape and (
             np.allclose(
                 here.fragment_position,

@@ -1,1 +1,1 @@
-"""Explicit time steps."""
+"""Explicit time integration schemes: Euler and super time stepping."""

@@ -8,7 +8,6 @@ at every node, which is also the limit of stability.
 """
 
 import jax
-from jaxtyping import Array, Float
 from typing_extensions import override
 
 from ...scene.compile.program import Program
@@ -29,13 +28,7 @@ class EulerStepper(AbstractStepper):
         return state
 
     @override
-    def step(
-        self,
-        program: Program,
-        state: RunState,
-        start: Float[Array, ""],
-        dt: Float[Array, ""],
-    ) -> RunState:
+    def step(self, program: Program, state: RunState, start, dt) -> RunState:
         conducted = []
         for body, theta in zip(program.bodies, state.theta, strict=True):
             with jax.named_scope("conduction"):

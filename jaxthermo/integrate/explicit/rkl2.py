@@ -36,12 +36,7 @@ MIN_STAGES = 3
 
 
 def stage_count(dt: float, stable_step: float) -> int:
-    """Return the smallest odd number of stages that is stable.
-
-    Args:
-        dt: step [s].
-        stable_step: largest stable explicit step [s].
-    """
+    """Return the smallest odd number of stages that is stable."""
     ratio = dt / stable_step
     # Less a rounding, so that a ratio that fits exactly costs no stage more.
     stages = math.ceil((math.sqrt(9 + 16 * ratio) - 1) / 2 * (1 - 1e-9))
@@ -49,11 +44,7 @@ def stage_count(dt: float, stable_step: float) -> int:
 
 
 def rkl2_coefficients(stages: int) -> dict[str, np.ndarray]:
-    """Return mu, nu, a of the previous stage, and the load time in steps, by stage.
-
-    Args:
-        stages: number of stages s.
-    """
+    """Return mu, nu, a of the previous stage, and the load time in steps, by stage."""
     j = np.arange(stages + 1, dtype=float)
     with np.errstate(divide="ignore", invalid="ignore"):
         b = np.where(j < 3, 1 / 3, (j * j + j - 2) / (2 * j * (j + 1)))
@@ -82,13 +73,7 @@ class RKL2Stepper(AbstractStepper):
         return state
 
     @override
-    def step(
-        self,
-        program: Program,
-        state: RunState,
-        start: Float[Array, ""],
-        dt: Float[Array, ""],
-    ) -> RunState:
+    def step(self, program: Program, state: RunState, start, dt) -> RunState:
         weight = 4 / (self.stages**2 + self.stages - 2)
         table = {
             name: jnp.asarray(values, dt.dtype)

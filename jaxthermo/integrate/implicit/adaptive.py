@@ -97,13 +97,7 @@ class AdaptiveStepper(AbstractStepper):
         return RunState(state.theta, state.ledger, controller)
 
     @override
-    def step(
-        self,
-        program: Program,
-        state: RunState,
-        start: Float[Array, ""],
-        dt: Float[Array, ""],
-    ) -> RunState:
+    def step(self, program: Program, state: RunState, start, dt) -> RunState:
         controller: ControllerState = state.solver_state
         first = jnp.where(
             controller.step > 0, controller.step, FIRST_STEP_FRACTION * dt

@@ -12,7 +12,6 @@ iteration still moves the solution.
 """
 
 import abc
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -52,24 +51,8 @@ class AbstractStoppingNorm(eqx.Module):
         """Measure before any iteration."""
 
     @abc.abstractmethod
-    def after_step(self, residual: Any, change: Any) -> Float[Array, ""]:
-        """Measure after an iteration.
-
-        Args:
-            residual: residual after it.
-            change: change of the solution by it.
-        """
-
-    @abc.abstractmethod
-    def final(
-        self, residual: Any, precondition: Callable[[Any], Any]
-    ) -> Float[Array, ""]:
-        """Measure of the recomputed residual at the end.
-
-        Args:
-            residual: right-hand side minus operator times solution.
-            precondition: preconditioner, from a residual to a correction.
-        """
+    def after_step(self, residual: Any, change: Callable[[], Any]) -> Float[Array, ""]:
+        """Measure the residual, or the change of the solution, computed if called."""
 
 
 class ResidualNorm(AbstractStoppingNorm):
@@ -85,13 +68,7 @@ class ResidualNorm(AbstractStoppingNorm):
         return max_abs(jax.tree.map(jnp.multiply, residual, self.scale))
 
     @override
-    def after_step(self, residual: Any, change: Any) -> Float[Array, ""]:
-        return self.initial(residual)
-
-    @override
-    def final(
-        self, residual: Any, precondition: Callable[[Any], Any]
-    ) -> Float[Array, ""]:
+    def after_step(self, residual: Any, change) -> Float[Array, ""]:
         return self.initial(residual)
 
 
@@ -103,14 +80,8 @@ class CorrectionNorm(AbstractStoppingNorm):
         return jnp.full((), jnp.inf, jax.tree.leaves(residual)[0].dtype)
 
     @override
-    def after_step(self, residual: Any, change: Any) -> Float[Array, ""]:
-        return max_abs(change)
-
-    @override
-    def final(
-        self, residual: Any, precondition: Callable[[Any], Any]
-    ) -> Float[Array, ""]:
-        return max_abs(precondition(residual))
+    def after_step(self, residual: Any, change) -> Float[Array, ""]:
+        return max_abs(change())
 
 
 class _Iteration(NamedTuple):
@@ -187,7 +158,7 @@ class ConjugateGradient(lx.AbstractLinearSolver):
             step = jnp.where(positive, gamma / jnp.where(positive, curvature, 1), 0)
             change = jax.tree.map(lambda each: step * each, p)
             r = _add_scaled(i.residual, -step, image)
-            norm = self.norm.after_step(r, change)
+            norm = self.norm.after_step(r, lambda: change)
             first_known = jnp.isfinite(i.first_norm)
             return _Iteration(
                 y=jax.tree.map(jnp.add, i.y, change),
@@ -216,7 +187,7 @@ class ConjugateGradient(lx.AbstractLinearSolver):
         last = jax.lax.while_loop(unfinished, iterate, first)
         # Recomputed: in float32 the recurrence's residual may be far too small.
         r = _add_scaled(vector, -1.0, operator.mv(last.y))
-        residual = self.norm.final(r, precondition)
+        residual = self.norm.after_step(r, lambda: precondition(r))
         converged = residual <= 2 * goal(last)
 
         def better() -> Any:
@@ -233,10 +204,9 @@ class ConjugateGradient(lx.AbstractLinearSolver):
         )
         return y, result, {"iterations": last.count, "residual": residual}
 
-    # The operator is symmetric and real: it is its own transpose and conjugate.
-
     @override
     def transpose(self, state, options: dict[str, Any]):
+        # The operator is symmetric and real: its own transpose and conjugate.
         return state, options
 
     @override

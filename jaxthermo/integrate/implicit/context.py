@@ -1,4 +1,4 @@
-"""What implicit stages need of a scene besides its compiled program."""
+"""Preconditioners, bounds and tolerances of implicit stages, made once per run."""
 
 from dataclasses import replace
 from typing import Any
@@ -26,7 +26,7 @@ fifteen iterations with the diagonal (`experiments run multigrid`)."""
 
 
 class ImplicitContext(eqx.Module):
-    """Preconditioners, bounds and tolerances of implicit stages, made once per run."""
+    """Everything besides the compiled program that implicit stages share."""
 
     hierarchies: tuple[Hierarchy | None, ...]
     """Multigrid levels of each body; None to precondition by the diagonal."""
@@ -61,13 +61,6 @@ def implicit_context(
 ) -> ImplicitContext:
     """Prepare the implicit stages of a compiled scene.
 
-    Args:
-        scene: the scene that was compiled.
-        compiled: its compiled form.
-        max_dt: longest step that will be taken [s].
-        tolerance: tolerance of linear solves [K]; None for the default.
-        traced: True if derivatives may be asked for.
-
     Raises:
         InputError: where conduction is not symmetric.
     """
@@ -97,6 +90,7 @@ def implicit_context(
 
 
 def _node_mask(structure: AbstractStructure) -> Bool[Array, "..."] | None:
+    # A list of nodes has no other entries; a lattice has them outside the body.
     if len(structure.state_shape) == 1:
         return None
     mask = np.zeros(structure.state_shape, bool)

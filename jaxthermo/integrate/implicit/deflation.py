@@ -1,9 +1,4 @@
-"""Preconditioning of the mean temperature of each connected component of a body.
-
-Where a component loses hardly any heat, as by emission near 0 K in a step of 1e12 s,
-the balance has next to no curvature along its mean: less than a multigrid cycle rounds
-to. The mean is therefore solved for exactly.
-"""
+"""Exact preconditioning of the mean temperature of each component of a body."""
 
 import equinox as eqx
 import jax
@@ -33,6 +28,7 @@ class Components(eqx.Module):
 
     def spread(self, values: Float[Array, " p"]) -> Float[Array, "*#m"]:
         """Return the value of its component for every entry of the state."""
+        # One component broadcasts, which costs no gather.
         return values[0] if self.number is None else values[self.number]
 
 
@@ -66,6 +62,9 @@ class DeflatedPreconditioner(eqx.Module):
 
     def __call__(self, residual: Float[Array, "*m"]) -> Float[Array, "*m"]:
         """Return the correction z of a residual r [W] -> [K]."""
+        # Where a component loses hardly any heat, as by emission near 0 K in a step of
+        # 1e12 s, the balance has next to no curvature along its mean: less than the
+        # rounding of a multigrid cycle.
         components, s = self.components, self.row_sums
         inverse_sum = inverse(components.sums(s))
         mean = inverse_sum * components.sums(residual)

@@ -9,7 +9,7 @@ the balance of the step with one temperature per body,
 
 s_e the slopes of loads and contacts [W/K], g the step of the last stage. The tolerance
 of a solve is in kelvin, and no lambda is larger: the maximum principle holds as far as
-the solve satisfies it. Nodes that have not changed at all stay as they are.
+the solve satisfies it.
 """
 
 import jax
@@ -31,19 +31,13 @@ def correct_energy(
     g: Float[Array, ""],
     time: Float[Array, ""],
 ) -> tuple[State, Float[Array, " c"]]:
-    """Return states that hold exactly the heat of the ledger, and that heat [J].
-
-    Args:
-        program: compiled scene.
-        before: states at the start of the step.
-        after: states at its end, as computed.
-        heat: heat of each ledger entry, as computed [J].
-        g: step of the last stage [s].
-        time: time of its loads [s].
-    """
+    """Return states that hold exactly the heat of the ledger, and that heat [J]."""
+    # The slopes only distribute a rest of the size of rounding: so small, too, is what
+    # their derivatives would add.
     own, pairs = jax.lax.stop_gradient(_slopes(program, after, time))
     capacity = [body.network.capacity() for body in program.bodies]
     difference = jax.tree.map(jnp.subtract, after, before)
+    # Nodes that have not changed at all stay as they are, bit by bit.
     changed = tuple((each != 0).astype(heat.dtype) for each in difference)
     missing = lambda heat, states: (
         into_bodies(heat, program.entries, len(program.bodies))
@@ -118,11 +112,6 @@ def solve_dominant(
 
     Gaussian elimination without a subtraction: each diagonal is stored as what it
     exceeds the sum of its row by, so that strong links lose no digit.
-
-    Args:
-        excess: positive.
-        links: symmetric, 0 or more, with 0 on the diagonal.
-        right: right-hand side.
 
     Source: Grassmann, Taksar, Heyman, Operations Research 33 (1985) 1107-1116.
     """

@@ -43,6 +43,7 @@ class Jacobian(eqx.Module):
             own * each - network.face_heat_rate(each)
             for own, network, each in zip(self.diagonal, self.networks, u, strict=True)
         ]
+        # References are 0, since u is a difference of temperatures.
         zero = jnp.zeros((), u[0].dtype)
         for contact in self.contacts:
             first, second = (
@@ -98,16 +99,10 @@ def linearize(
     time: Float[Array, ""],
     regularization: Callable[[State], State] | None = None,
 ) -> Linearization:
-    """Linearize the balance of a stage at given states.
+    """Linearize the balance of a stage of rate 1 / g [1/s], 0 for a steady state.
 
-    Args:
-        program: compiled scene.
-        context: preconditioners and bounds of the run.
-        states: states of the bodies.
-        rate: 1 / g of the stage, 0 for a steady state [1/s].
-        time: time of the loads [s].
-        regularization: function of the diagonal, returns what the preconditioner adds
-            to it, since A may be singular [W/K].
+    `regularization` returns what the preconditioner adds to the diagonal where A may be
+    singular [W/K].
     """
     slopes = load_slopes(program, states, time).change
     networks = tuple(body.network.linear for body in program.bodies)
@@ -119,7 +114,10 @@ def linearize(
         ),
         context.nodes,
     )
+    # Divided by d, the unknown is the potential, whose conduction is linear and
+    # symmetric also where the conductivity depends on temperature.
     operator = Jacobian(networks, diagonal, program.contacts, time)
+    # Cycles know no links between bodies: contacts enter by their diagonal only.
     whole = row_sums = operator.diagonal_with_contacts()
     if regularization is not None:
         whole = jax.tree.map(jnp.add, whole, regularization(whole))

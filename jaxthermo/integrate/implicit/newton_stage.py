@@ -50,16 +50,25 @@ class SolverStatistics(eqx.Module):
 
     def plus(self, other: "SolverStatistics") -> "SolverStatistics":
         """Return the statistics of two parts of a run together."""
-        return SolverStatistics(
-            self.newton_iterations + other.newton_iterations,
-            self.linear_iterations + other.linear_iterations,
-            self.accepted_steps + other.accepted_steps,
-            self.rejected_steps + other.rejected_steps,
-            jnp.maximum(self.largest_linear_residual, other.largest_linear_residual),
-            self.linear_failed | other.linear_failed,
-            self.newton_failed | other.newton_failed,
-            self.step_limit_reached | other.step_limit_reached,
+        return jax.tree.map(_combine, self, other)
+
+    def after_solve(self, converged, solve: dict[str, Any]) -> "SolverStatistics":
+        """Count a Newton iteration by the outcome of its linear solve."""
+        # Only the last solve of a stage counts: earlier ones need not be exact.
+        return replace(
+            self,
+            newton_iterations=self.newton_iterations + 1,
+            linear_iterations=self.linear_iterations + solve["iterations"],
+            largest_linear_residual=solve["residual"],
+            linear_failed=~converged,
         )
+
+
+def _combine(a: Array, b: Array) -> Array:
+    # Counts add up, failures stay, and residuals are compared.
+    if jnp.issubdtype(a.dtype, jnp.floating):
+        return jnp.maximum(a, b)
+    return a | b if a.dtype == bool else a + b
 
 
 def zero_statistics(dtype) -> SolverStatistics:
@@ -85,16 +94,7 @@ def solve_stage(
     time: Float[Array, ""],
     guess: State,
 ) -> StageSolution:
-    """Solve eta = base + g f(eta).
-
-    Args:
-        program: compiled scene.
-        context: preconditioners and bounds of the run.
-        base: explicit part of the stage [K].
-        g: implicit step of the stage [s].
-        time: time of its loads [s].
-        guess: initial guess of the states.
-    """
+    """Solve eta = base + g f(eta)."""
     constants = stop_gradient((program, context, base, g, time, guess))
     found = _newton(*constants)
     if not context.differentiable:
@@ -118,25 +118,14 @@ def _residual(program, base, g, time, states) -> tuple[State, Float[Array, " c"]
 
 
 def kelvin_norm(at: Linearization, g: Float[Array, ""]) -> ResidualNorm:
-    """Return a norm of residuals [W] in the kelvin that they change in a step.
-
-    Args:
-        at: linearized balance.
-        g: implicit step [s].
-    """
+    """Return a norm of residuals [W] in the kelvin that they change in a step."""
     return ResidualNorm(tuple(g * inverse(c) for c in at.capacity))
 
 
 def solve_linear(
     at: Linearization, heat: State, solver: ConjugateGradient
 ) -> tuple[State, Any]:
-    """Return the change of the states for a heat rate, and the solve's statistics.
-
-    Args:
-        at: linearized balance.
-        heat: right-hand side [W].
-        solver: linear solver with its tolerance.
-    """
+    """Return the change of the states for a heat rate, and the solve's statistics."""
     # The transposed solve of reverse mode may have values where there is no node.
     heat = masked_to_nodes(heat, at.nodes)
     shapes = jax.eval_shape(lambda: heat)
@@ -179,24 +168,14 @@ def _newton(program, context: ImplicitContext, base, g, time, guess) -> _Iterate
         at = linearize(program, context, now.states, 1 / g, time)
         solver = ConjugateGradient(kelvin_norm(at, g), context.tolerance)
         heat = missing_heat(now.residual, at, 1 / g)
-        change, (converged, stats) = solve_linear(at, heat, solver)
+        change, (converged, solve) = solve_linear(at, heat, solver)
         after = jax.tree.map(jnp.add, now.states, change)
         if not context.linear:
             after = jax.tree.map(jnp.minimum, after, ceilings)
         size = max_abs(jax.tree.map(jnp.subtract, after, now.states))
-        # Only the last solve counts: an earlier one need not have been exact.
-        before = replace(
-            now.statistics,
-            linear_failed=~converged,
-            largest_linear_residual=stats["residual"],
-        )
-        iteration = replace(
-            zero_statistics(dtype),
-            newton_iterations=jnp.asarray(1, jnp.int32),
-            linear_iterations=stats["iterations"],
-        )
         residual = _residual(program, base, g, time, after)
-        return _Iterate(after, *residual, size, before.plus(iteration))
+        statistics = now.statistics.after_solve(converged, solve)
+        return _Iterate(after, *residual, size, statistics)
 
     residual = _residual(program, base, g, time, guess)
     endless = jnp.asarray(jnp.inf, dtype)

@@ -90,17 +90,7 @@ def runge_kutta_step(
     dt: Float[Array, ""],
     fallback: Tableau | None = None,
 ) -> StepResult:
-    """Take one step.
-
-    Args:
-        program: compiled scene.
-        context: preconditioners and bounds of the run.
-        tableau: coefficients of the method.
-        states: states at the start.
-        start: start of the step [s].
-        dt: length of the step [s].
-        fallback: method for a step whose explicit first stage goes too far.
-    """
+    """Take one step of a method, or of `fallback` if its first stage goes too far."""
     slopes: list[State] = []
     entries: list[Float[Array, " c"]] = []
     statistics, weights = zero_statistics(states[0].dtype), tableau.weights
@@ -180,13 +170,7 @@ class ImplicitStepper(AbstractStepper):
         return RunState(state.theta, state.ledger, statistics)
 
     @override
-    def step(
-        self,
-        program: Program,
-        state: RunState,
-        start: Float[Array, ""],
-        dt: Float[Array, ""],
-    ) -> RunState:
+    def step(self, program: Program, state: RunState, start, dt) -> RunState:
         fallback = None if self.context.linear else FALLBACKS.get(self.tableau)
         result = runge_kutta_step(
             program, self.context, self.tableau, state.theta, start, dt, fallback

@@ -98,13 +98,7 @@ class HeatRates(eqx.Module):
 def steady_heat_rates(
     entries: tuple[LedgerEntry, ...], rates: Float[Array, " c"], bodies: int
 ) -> HeatRates:
-    """Group heat rates by mechanism, by body and by pair.
-
-    Args:
-        entries: entries of the ledger.
-        rates: heat rate of each entry [W].
-        bodies: number of bodies.
-    """
+    """Group heat rates by mechanism, by body and by pair."""
     zero = jnp.zeros((1, bodies), rates.dtype)
     found = energies(entries, zero, rates[None], jnp.abs(rates)[None], zero[0])
     found = in_order(found, entries)
@@ -124,21 +118,14 @@ def energies(
     moved: Float[Array, "t c"],
     equalization: Float[Array, " b"],
 ) -> Energy:
-    """Group a ledger by mechanism, by body and by pair.
-
-    Args:
-        entries: entries of the ledger, one per column.
-        stored: heat stored by each body since the start [J].
-        heat: heat of each entry since the start [J].
-        moved: integral of |heat rate| of each entry [J].
-        equalization: heat that conduction moves to make each body uniform [J].
-    """
+    """Group a ledger of one column per entry by mechanism, by body and by pair [J]."""
     bodies = tuple(
         _body_energy(entries, body, stored[:, body], heat, moved, equalization[body])
         for body in range(stored.shape[1])
     )
     outer = [c for c, entry in enumerate(entries) if entry.other is None]
     pairs = [c for c, entry in enumerate(entries) if entry.other is not None]
+    # Contacts cancel in the sum over bodies and are listed apart.
     mechanisms: dict[str, Float[Array, " t"]] = {}
     for c in outer:
         name = entries[c].mechanism
@@ -182,6 +169,7 @@ def into_bodies(
     heat: Float[Array, " c"], entries: tuple[LedgerEntry, ...], bodies: int
 ) -> Float[Array, " b"]:
     """Sum the heat of all entries into each body [J]."""
+    # One product with a constant matrix instead of a sum per body.
     signs = [[_sign(entry, body) for entry in entries] for body in range(bodies)]
     shape = (bodies, len(entries))
     return jnp.asarray(np.array(signs).reshape(shape), heat.dtype) @ heat

@@ -27,7 +27,7 @@ class Observation(NamedTuple):
     """True if no surface temperature is below 0 K by more than rounding."""
     ledger: Ledger
     statistics: SolverStatistics | None
-    """Of an implicit solver; None for explicit ones."""
+    """Totals of an implicit solver; None for explicit ones."""
 
 
 @eqx.filter_jit
@@ -52,6 +52,7 @@ def observe(
         strict=True,
     )
     for body, theta, contact, irradiation in bodies:
+        # The reference is added last: differences keep their digits in float32.
         above = body.reading.read(body.network, theta, time, contact, irradiation)
         surface.append(body.reference + above)
         network = body.network
@@ -59,6 +60,7 @@ def observe(
         mean.append(body.reference + heat)
         stored.append(network.stored(theta))
     temperature, heat = jnp.concatenate(surface), jnp.stack(stored)
+    # The adaptive stepper keeps its statistics beside the controller's memory.
     solver_state = state.solver_state
     if not isinstance(solver_state, SolverStatistics | None):
         solver_state = solver_state.statistics
@@ -67,6 +69,7 @@ def observe(
         mean_temperature=jnp.stack(mean),
         stored_heat=heat,
         is_finite=jnp.isfinite(heat).all(),
+        # Rounding and the solver's tolerance may lead below 0 K by this much.
         is_physical=temperature.min() > -1e-3,
         ledger=state.ledger,
         statistics=solver_state,

@@ -73,14 +73,13 @@ class ParametricRun:
     def step_table(self, scene: Scene, max_dt: float | None = None) -> StepTable:
         """Schedule the steps for a scene whose numbers are known.
 
-        Args:
-            scene: scene whose bodies do not move.
-            max_dt: longest step of a run that uses the stable one; None for the
-                stable step itself [s].
+        A run that uses the stable step takes `max_dt` [s] instead, if given.
 
         Raises:
             InputError: if bodies move.
         """
+        # Explicit steps are bounded by `max_dt`, which may leave room for a fit to
+        # become stiffer before its steps change.
         solver = ForwardEuler(max_dt) if self.uses_stable_step else self.solver
         with precision(scene.dtype):
             plan = plan_run(scene, self.save_times[-1], self.save_times, solver)
@@ -93,12 +92,7 @@ class ParametricRun:
             return compile_scene(scene, 1, self.save_times[-1]).stable_step
 
     def __call__(self, scene: Scene, table: StepTable) -> ParametricSolution:
-        """Run a scene that may hold traced values.
-
-        Args:
-            scene: equal to the scheduled one except for its numbers.
-            table: steps to take, see `step_table`; not used in reverse mode.
-        """
+        """Run a scene that may hold traced values."""
         with precision(scene.dtype):
             plan = self._plan(scene)
             _check_static(plan)
@@ -134,12 +128,7 @@ def _check_static(plan: Plan) -> None:
 
 
 def with_more_steps(table: StepTable, factor: float) -> StepTable:
-    """Divide the same intervals into more steps.
-
-    Args:
-        table: steps of a run.
-        factor: smallest ratio of the new number of steps to the old one.
-    """
+    """Divide the same intervals into at least `factor` times as many steps."""
     start, dt, before, observed = (np.asarray(each) for each in table)
     after = np.ceil(before * factor).astype(before.dtype)
     ratio = np.where(after > 0, before / np.maximum(after, 1), 1.0)

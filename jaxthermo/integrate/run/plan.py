@@ -85,10 +85,13 @@ def plan_run(
         arranged = solver.arranged(scene)
         if arranged is not scene:
             compiled = compile_scene(arranged, len(saves), t1, prune)
+    # Poses and source positions are recomputed at `starts`, so steps end there too.
     max_dt = solver.max_dt(stable_step, t1, compiled.program.sampled)
     event_times = (*compiled.program.breakpoints, *compiled.starts)
     min_steps = solver.min_steps(len({*saves, *event_times}))
     intervals = schedule(t1, saves, event_times, max_dt, min_steps)
+    # Stages and multigrid follow the longest step taken, which may be far shorter
+    # than the longest allowed.
     longest = max((i.dt for i in intervals), default=max_dt)
     stepper = solver.stepper(arranged, compiled, longest, is_traced(scene))
     checkpoints = None
@@ -130,10 +133,6 @@ def equalization_heat(plan: Plan, states: State) -> Float[Array, " b"]:
     """Return the heat that conduction moves to make each body uniform [J].
 
     It scales the ledger's error where a body starts unevenly and no mechanism acts.
-
-    Args:
-        plan: plan of the run.
-        states: states of the bodies at the start.
     """
     heat = []
     parts = zip(plan.scene.bodies, plan.compiled.program.bodies, states, strict=True)
@@ -191,14 +190,7 @@ def step_table(
     min_rows: int = 0,
     min_columns: int = 0,
 ) -> StepTable:
-    """Tabulate the steps of save intervals.
-
-    Args:
-        plan: plan of the run.
-        groups: intervals by save time, see `save_intervals`.
-        min_rows: smallest number of rows; equal shapes share a compiled program.
-        min_columns: smallest number of columns.
-    """
+    """Tabulate the steps of save intervals, of at least the given shape."""
     shape = max(len(groups), min_rows), max(min_columns, *(len(g) for g in groups))
     start, dt, observed = np.zeros(shape), np.zeros(shape), np.zeros(shape)
     steps = np.zeros(shape, np.int32)
@@ -207,5 +199,6 @@ def step_table(
         dt[row, : len(group)] = [i.dt for i in group]
         steps[row, : len(group)] = [i.steps for i in group]
         observed[row, : len(group)] = [observation_time(plan, i) for i in group]
+    # Computed in float64 on the host, rounded once.
     typed = lambda values: jnp.asarray(values, plan.dtype)
     return StepTable(typed(start), typed(dt), jnp.asarray(steps), typed(observed))

@@ -77,6 +77,7 @@ def time_reached(plan: Plan, progress: RunProgress) -> float:
 
 def _take_segment(plan: Plan, progress: RunProgress, steps: int) -> RunState:
     interval = plan.intervals[progress.interval]
+    # Arrays, not Python numbers: the next segment must not compile again.
     span = (
         jnp.asarray(interval.start, plan.dtype),
         jnp.asarray(interval.dt, plan.dtype),
@@ -115,6 +116,7 @@ def run_segments(
         steps = min(length, interval.steps - progress.steps_taken)
         clock = time.perf_counter()
         state = _take_segment(plan, progress, steps)
+        # A clock of coarse resolution may show no time at all.
         spent = max(time.perf_counter() - clock, 1e-6)
         # Even lengths keep the loop of two steps; growth is limited to 8 times, since
         # the first segment's time is mostly compilation.
@@ -143,13 +145,7 @@ def finish_run(plan: Plan, progress: RunProgress) -> Solution:
 
 
 def save_checkpoint(path: Path, progress: RunProgress, key: str) -> None:
-    """Write a checkpoint file in one step.
-
-    Args:
-        path: file to replace.
-        progress: state of the run.
-        key: identifies the configuration that the checkpoint belongs to.
-    """
+    """Write a checkpoint file in one step."""
     template = (progress.state, progress.initial, progress.equalization)
     arrays: dict[str, Any] = {
         f"leaf{i}": np.asarray(leaf) for i, leaf in enumerate(jax.tree.leaves(template))
@@ -158,18 +154,13 @@ def save_checkpoint(path: Path, progress: RunProgress, key: str) -> None:
         leaves = enumerate(jax.tree.leaves(row))
         arrays |= {f"observation{k}_{i}": np.asarray(leaf) for i, leaf in leaves}
     counts = (progress.interval, progress.steps_taken, len(progress.observations))
+    # Replaced in one step: a Ctrl-C while writing leaves the old checkpoint.
     with replacing(path) as temporary, open(temporary, "wb") as file:
         np.savez(file, key=np.array(key), position=np.array(counts), **arrays)
 
 
 def load_checkpoint(path: Path, fresh: RunProgress, key: str) -> RunProgress | None:
-    """Read a checkpoint file; None if it is missing, damaged or of another run.
-
-    Args:
-        path: file to read.
-        fresh: progress at the start, which has the shapes to expect.
-        key: of the configuration, as given to `save_checkpoint`.
-    """
+    """Read a checkpoint file; None if it is missing, damaged or of another run."""
     try:
         # Opened here, since np.load leaves a damaged file that it opened itself open.
         with open(path, "rb") as file, np.load(file, allow_pickle=False) as kept:

@@ -25,7 +25,7 @@ from .plan import (
     plan_run,
     step_table,
 )
-from .schedule import Interval, save_intervals
+from .schedule import save_intervals
 from .solution import (
     RunSummary,
     Solution,
@@ -97,12 +97,6 @@ def take_steps(
 ) -> tuple[RunState, Observation]:
     """Take all steps of a table; observe the end of each save interval.
 
-    Args:
-        stepper: one-step method.
-        program: compiled scene.
-        state: state at the start of the first row.
-        table: steps, see `step_table`.
-
     Returns:
         The state at the end, and the observations, one per row.
     """
@@ -124,17 +118,12 @@ def take_steps(
     return jax.lax.scan(save_interval, state, table)
 
 
+# Un-jitted above, for those who compile, trace or time it themselves.
 take_steps_jit = eqx.filter_jit(take_steps)
 
 
 def integrate(plan: Plan, state: RunState, traced: bool = False) -> Observation:
-    """Take every step of a plan and return the observations at the save times.
-
-    Args:
-        plan: plan of the run.
-        state: state at the start.
-        traced: use loops of fixed length, which reverse mode can differentiate.
-    """
+    """Take every step of a plan and return the observations at the save times."""
     parts = intervals_by_program(plan)
     groups = [save_intervals(part) for _, part in parts]
     # One shape for all programs, which differ in numbers only: compiled once.
@@ -149,6 +138,7 @@ def integrate(plan: Plan, state: RunState, traced: bool = False) -> Observation:
             table = step_table(plan, each, rows, columns)
             state, observations = take_steps_jit(plan.stepper, program, state, table)
         found.append(observations)
+        # The last interval before a motion snapshot or the end may not be saved.
         saved.append(jnp.asarray(np.flatnonzero([g[-1].saved for g in each])))
     if len(found) == 1 and len(saved[0]) == len(found[0].is_finite):
         return found[0]
@@ -156,10 +146,7 @@ def integrate(plan: Plan, state: RunState, traced: bool = False) -> Observation:
 
 
 def _take_fixed_steps(
-    plan: Plan,
-    program: Program,
-    state: RunState,
-    groups: tuple[tuple[Interval, ...], ...],
+    plan: Plan, program: Program, state: RunState, groups
 ) -> tuple[RunState, Observation]:
     # `take_steps` with lengths that are Python numbers, for reverse mode.
     found, dtype = [], plan.dtype
@@ -186,12 +173,7 @@ def _saved_rows(
 
 
 def make_solution(plan: Plan, observations: Observation | None) -> Solution:
-    """Assemble the solution of a finished run.
-
-    Args:
-        plan: plan of the run.
-        observations: rows of the save times after 0; None if there are none.
-    """
+    """Assemble the solution of a finished run."""
     program, state = plan.compiled.program, initial_state(plan)
     initial = observe(program, state, None)
     heat = equalization_heat(plan, state.theta)
@@ -204,14 +186,8 @@ def assemble_solution(
     observations: Observation | None,
     equalization: Float[Array, " b"],
 ) -> Solution:
-    """Assemble a solution from observations.
-
-    Args:
-        plan: plan of the run.
-        initial: observation at the start.
-        observations: rows of the save times after 0; None if there are none.
-        equalization: see `equalization_heat` [J].
-    """
+    """Assemble a solution from observations."""
+    # A run of 0 s has no rows: those of the start, cut to length 0, have the shapes.
     entries, rows = plan.compiled.program.entries, observations
     if rows is None:
         rows = jax.tree.map(lambda a: a[None][:0], initial)
@@ -242,15 +218,12 @@ def assemble_solution(
 
 @eqx.filter_jit
 def _balance(
-    entries: tuple[LedgerEntry, ...],
-    initial: Observation,
-    rows: Observation,
-    equalization: Float[Array, " b"],
-    from_start: bool,
+    entries: tuple[LedgerEntry, ...], initial: Observation, rows, heat, from_start
 ) -> tuple[Observation, Energy]:
     if from_start:
         prepend = lambda first, a: jnp.concatenate([first[None], a])
         rows = jax.tree.map(prepend, initial, rows)
+    # The ledger starts at 0, stored heat at that of the initial state.
     stored = rows.stored_heat - initial.stored_heat[None]
     ledger = rows.ledger
-    return rows, energies(entries, stored, ledger.heat, ledger.moved, equalization)
+    return rows, energies(entries, stored, ledger.heat, ledger.moved, heat)

@@ -76,13 +76,7 @@ class AbstractSolution(eqx.Module):
     """Temperatures of the surface, with the bodies and terms that they belong to."""
 
     times: eqx.AbstractVar[Float[Array, " t"]]
-    """[s]"""
     surface_temperature: eqx.AbstractVar[Float[Array, "t s"]]
-    """Temperature of every fragment, bodies one after the other [K]."""
-    mean_temperature: eqx.AbstractVar[Float[Array, "t b"]]
-    """Capacity-weighted mean of each body [K]."""
-    result: eqx.AbstractVar[RESULTS]
-    run: eqx.AbstractVar[RunSummary]
     surfaces: eqx.AbstractVar[tuple[SolvedSurface, ...]]
     terms: eqx.AbstractVar[tuple[AbstractTerm, ...]]
     receipt: eqx.AbstractVar[Receipt]
@@ -102,7 +96,9 @@ class Solution(AbstractSolution):
 
     times: Float[Array, " t"]
     surface_temperature: Float[Array, "t s"]
+    """Temperature of every fragment, bodies one after the other [K]."""
     mean_temperature: Float[Array, "t b"]
+    """Capacity-weighted mean of each body [K]."""
     energy: Energy
     result: RESULTS
     run: RunSummary
@@ -120,7 +116,9 @@ class SteadySolution(AbstractSolution):
     times: Float[Array, " 1"]
     """The time whose poses and loads are taken to last [s]."""
     surface_temperature: Float[Array, "1 s"]
+    """Temperature of every fragment, bodies one after the other [K]."""
     mean_temperature: Float[Array, "1 b"]
+    """Capacity-weighted mean of each body [K]."""
     heat_rates: HeatRates
     isolated_components: int = eqx.field(static=True)
     """Number of parts without heat exchange, which keep their initial mean."""
@@ -136,13 +134,7 @@ def run_result(
     is_physical: Bool[Array, ""],
     statistics: SolverStatistics | None,
 ) -> RESULTS:
-    """Return the outcome of a run: its gravest failure, if any.
-
-    Args:
-        is_finite: True if all temperatures are finite.
-        is_physical: True if none is below 0 K.
-        statistics: failures of an implicit solver.
-    """
+    """Return the outcome of a run: its gravest failure, if any."""
     found = RESULTS.where(is_physical, RESULTS.successful, RESULTS.below_zero)
     # Later ones replace earlier ones, so the order is from mild to grave.
     if statistics is not None:
@@ -161,10 +153,10 @@ def raise_failure(result: RESULTS) -> None:
         raise RuntimeError(RESULTS[result])
 
 
-AnySolutionT = TypeVar("AnySolutionT", bound=AbstractSolution)
+_SolutionT = TypeVar("_SolutionT", bound=AbstractSolution)
 
 
-def float64_as_numpy(solution: AnySolutionT) -> AnySolutionT:
+def float64_as_numpy(solution: _SolutionT) -> _SolutionT:
     """Return a solution with its float64 arrays as numpy arrays."""
     # Where JAX is not set to 64 bits, every later use of a float64 array warns and
     # rounds to float32.

@@ -75,6 +75,7 @@ def load_solution(path: Path) -> StoredSolution:
         # Opened here, since np.load leaves a damaged file that it opened itself open.
         with open(path, "rb") as file, np.load(file, allow_pickle=False) as stored:
             _check_version(path, stored)
+            # Each body stores one pitch.
             bodies = sum(name.endswith("_pitch") for name in stored.files)
             return StoredSolution(
                 jnp.asarray(stored["times"]),
@@ -88,6 +89,7 @@ def load_solution(path: Path) -> StoredSolution:
             f"{path}: no such file; `jaxthermo simulate` makes it when a run is done"
         ) from None
     except Exception as error:
+        # numpy and zipfile raise many types for a damaged file.
         raise InputError(
             f"{path}: not a solution of jaxthermo, or damaged "
             f"({type(error).__name__}); run the simulation again"
@@ -95,6 +97,7 @@ def load_solution(path: Path) -> StoredSolution:
 
 
 def _check_version(path: Path, stored: Any) -> None:
+    # Compared as text: a foreign file may store anything under this name.
     if "format_version" in stored.files:
         version = str(stored["format_version"])
         if version == str(FORMAT_VERSION):

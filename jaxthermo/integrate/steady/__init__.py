@@ -1,1 +1,1 @@
-"""Steady states."""
+"""Steady states: Newton's method and parts without heat exchange."""

@@ -121,19 +121,15 @@ def find_isolated_components(
 ) -> IsolatedComponents | None:
     """Find the isolated components of a scene; None if there are none.
 
-    Args:
-        scene: bodies and terms.
-        program: compiled scene.
-        context: preconditioners and bounds of the solve.
-        states: states at the start.
-        time: time of the loads [s].
-
     Raises:
         InputError: if a heat source or sink acts on one.
     """
+    # On the host, once per solve: the components do not change with temperature.
     component = _components(scene, program, time)
     slopes = load_slopes(program, _warmed(program, states), time).change
     capacity = _capacity(program, context, states)
+    # A load whose heat rate falls with temperature removes heat from its component; an
+    # entry that is no node has capacity 0 and forms a component of its own.
     loses_heat = np.zeros(len(component), bool)
     loses_heat[component[(_flat(slopes) > 0) | (capacity == 0)]] = True
     inside = ~loses_heat[component]
@@ -158,6 +154,7 @@ def find_isolated_components(
 def _refuse_heated(program: Program, states: State, time, number, capacity) -> None:
     zero = tuple(jnp.zeros_like(state) for state in states)
     loads, _ = add_loads(program, states, zero, time, jnp.ones((), zero[0].dtype))
+    # Loads over one second are rates [K/s]; in float64, since net heat is a difference.
     heat = _flat(loads).astype(float) * capacity
     net = np.bincount(number, heat)[:-1]
     magnitude = np.bincount(number, np.abs(heat))[:-1]
@@ -165,6 +162,7 @@ def _refuse_heated(program: Program, states: State, time, number, capacity) -> N
     if not len(heated):
         return
     worst = heated[np.abs(net[heated]).argmax()]
+    # The component with most net heat is named, in the user's terms.
     inside = number == worst
     bodies = np.repeat(np.arange(len(states)), [state.size for state in states])
     named = ", ".join(str(b) for b in np.unique(bodies[inside]))
@@ -214,6 +212,7 @@ def _components(scene: Scene, program: Program, time) -> Int[np.ndarray, " v"]:
     links = [np.zeros((0, 2), np.int64)]
     for contact in program.contacts:
         one, zero = jnp.ones_like(contact.area), jnp.zeros((), contact.area.dtype)
+        # A contact of conductance 0 connects nothing.
         flow = contact.heat_rate(time, (one, 0 * one), (zero, zero))
         ends = [
             flat[

@@ -125,6 +125,7 @@ def _solution(scene: Scene, at: float, tolerance: float | None) -> SteadySolutio
     context = implicit_context(scene, compiled, math.inf, kelvin, traced)
     time = jnp.asarray(at, dtype)
     isolated = None
+    # Host code, which traced values cannot enter.
     if not traced:
         isolated = find_isolated_components(
             scene, program, context, compiled.state, time
@@ -155,11 +156,7 @@ def _solution(scene: Scene, at: float, tolerance: float | None) -> SteadySolutio
 
 @eqx.filter_jit
 def _solve(
-    program: Program,
-    context: ImplicitContext,
-    start: State,
-    time: Float[Array, ""],
-    isolated: IsolatedComponents | None,
+    program: Program, context: ImplicitContext, start: State, time, isolated
 ) -> tuple[State, SolverStatistics]:
     constants = stop_gradient((program, context, start, time))
     states, statistics = _newton(*constants, isolated)
@@ -176,13 +173,8 @@ def _solve(
     return jax.tree.map(jnp.add, states, change), statistics
 
 
-def _linearize(
-    program: Program,
-    context: ImplicitContext,
-    states: State,
-    time: Float[Array, ""],
-    isolated: IsolatedComponents | None,
-) -> Linearization:
+def _linearize(program, context, states: State, time, isolated) -> Linearization:
+    # 1 / g = 0: a steady state is a backward Euler step of infinite length.
     rate = jnp.zeros((), states[0].dtype)
     if isolated is None:
         return linearize(program, context, states, rate, time)
@@ -208,7 +200,7 @@ def _newton(
     program: Program,
     context: ImplicitContext,
     start: State,
-    time: Float[Array, ""],
+    time,
     isolated: IsolatedComponents | None,
 ) -> tuple[State, SolverStatistics]:
     dtype, tolerance = start[0].dtype, context.tolerance
@@ -222,24 +214,16 @@ def _newton(
         # There is no time step to measure a residual by. The preconditioner is close
         # to the inverse, so that its corrections are close to the error.
         solver = ConjugateGradient(CorrectionNorm(), tolerance)
-        change, (converged, stats) = solve_linear(at, heat, solver)
+        change, (converged, solve) = solve_linear(at, heat, solver)
         after = jax.tree.map(jnp.add, now.states, change)
+        # By the maximum principle; it keeps a first iterate from going far beyond.
         if not context.linear:
             after = jax.tree.map(jnp.minimum, after, context.ceilings)
         if isolated is not None:
             after = isolated.with_initial_means(after)
         size = max_abs(jax.tree.map(jnp.subtract, after, now.states))
-        before = replace(
-            now.statistics,
-            linear_failed=~converged,
-            largest_linear_residual=stats["residual"],
-        )
-        iteration = replace(
-            zero_statistics(dtype),
-            newton_iterations=jnp.ones((), jnp.int32),
-            linear_iterations=stats["iterations"],
-        )
-        return _Iterate(after, size, now.change, before.plus(iteration))
+        statistics = now.statistics.after_solve(converged, solve)
+        return _Iterate(after, size, now.change, statistics)
 
     def unfinished(now: _Iterate) -> Bool[Array, ""]:
         # In a linear scene later iterations only remove rounding.
