@@ -12,6 +12,7 @@ iteration still moves the solution.
 """
 
 import abc
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
