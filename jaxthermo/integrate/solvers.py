@@ -36,12 +36,12 @@ from .run.schedule import END_FRACTION
 from .stepper import AbstractStepper
 
 
-DEFAULT_STEPS = 128
+_DEFAULT_STEPS = 128
 """Number of steps of a run whose step nothing else determines."""
 
 # What is switched at an event changes fast at first, so that each interval between
 # events gets several steps by default, unless there are very many intervals.
-MIN_STEPS_AFTER_EVENT, MAX_REFINED_EVENTS = 16, 64
+_MIN_STEPS_AFTER_EVENT, _MAX_REFINED_EVENTS = 16, 64
 
 MAX_EULER_STEPS = 2_000
 """Number of stable steps up to which explicit Euler is selected by default."""
@@ -63,8 +63,8 @@ class AbstractSolver(eqx.Module):
 
     def min_steps(self, events: int) -> int:
         """Return the smallest number of steps between two of the run's events."""
-        refined = self.dt is None and events <= MAX_REFINED_EVENTS
-        return MIN_STEPS_AFTER_EVENT if refined else 1
+        refined = self.dt is None and events <= _MAX_REFINED_EVENTS
+        return _MIN_STEPS_AFTER_EVENT if refined else 1
 
     def max_dt(
         self, stable_step: float | None, t1: float | int, sampled: bool
@@ -84,7 +84,7 @@ class AbstractSolver(eqx.Module):
         if self.dt is not None:
             return _positive_step(self.dt)
         # A sampled function of time must not change unseen within a step.
-        return float(t1) / (SAMPLES if sampled else DEFAULT_STEPS) if t1 else 1.0
+        return float(t1) / (SAMPLES if sampled else _DEFAULT_STEPS) if t1 else 1.0
 
     def arranged(self, scene: Scene) -> Scene:
         """Return the scene with its bodies stored as this solver runs fast."""
@@ -196,7 +196,7 @@ class SuperTimeStepping(AbstractSolver):
         )
 
 
-class AbstractImplicit(AbstractSolver):
+class _AbstractImplicit(AbstractSolver):
     """Schemes that solve a system of equations in every step."""
 
     tolerance: eqx.AbstractVar[float | None]
@@ -217,7 +217,7 @@ class AbstractImplicit(AbstractSolver):
         return ImplicitStepper(context, self._tableau)
 
 
-class BackwardEuler(AbstractImplicit):
+class BackwardEuler(_AbstractImplicit):
     """Implicit Euler: first order, L-stable, never overshoots.
 
     T_{n+1} = T_n + dt / C (K T_{n+1} + q(T_{n+1}, t_n + dt/2)), see `ForwardEuler`.
@@ -237,7 +237,7 @@ class BackwardEuler(AbstractImplicit):
         return BACKWARD_EULER
 
 
-class CrankNicolson(AbstractImplicit):
+class CrankNicolson(_AbstractImplicit):
     """Trapezoidal rule: second order, A-stable, oscillates at large steps.
 
     With f = (K T + q) / C [K/s], T_{n+1} = T_n + dt (f_n + f_{n+1}) / 2. A mode that
@@ -256,7 +256,7 @@ class CrankNicolson(AbstractImplicit):
         return CRANK_NICOLSON
 
 
-class TRBDF2(AbstractImplicit):
+class TRBDF2(_AbstractImplicit):
     """Trapezoidal rule, then backward differences: second order, L-stable.
 
     A step of the trapezoidal rule to t + (2 - sqrt 2) dt, then one of BDF2 to t + dt.

@@ -14,7 +14,7 @@ from .run.solution_file import StoredSolution
 
 
 # Where the surface has become uniform again, differences are not divided by 0.
-MIN_SPAN_FRACTION = 0.05
+_MIN_SPAN_FRACTION = 0.05
 """Smallest span of a time over the largest span of the run."""
 
 AnySolution = Solution | StoredSolution
@@ -114,7 +114,7 @@ def _error(
 def error_span(reference: Float[Array, "t s"]) -> Float[Array, " t"]:
     """Return the span that differences are divided by at each time [K]."""
     ranges = reference.max(axis=1) - reference.min(axis=1)
-    spans = jnp.maximum(ranges, MIN_SPAN_FRACTION * ranges.max())
+    spans = jnp.maximum(ranges, _MIN_SPAN_FRACTION * ranges.max())
     # A reference that is uniform at every time must not lead to NaN in a traced run.
     return jnp.maximum(spans, jnp.finfo(spans.dtype).tiny)
 

@@ -76,7 +76,7 @@ def test_emission_settles_from_any_start_at_any_step(start, dt):
 
 
 def test_an_island_stays_as_it_is_bit_by_bit():
-    """S12: a part that nothing reaches, beside one that sheds heat."""
+    """S12: a part without heat exchange, beside one that loses heat."""
     solid = np.zeros((5, 2, 2), bool)
     solid[:2], solid[4, 0, 0] = True, True
     grid = blocks(solid, 0.01)

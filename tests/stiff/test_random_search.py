@@ -29,7 +29,7 @@ STEPS = 3
 STAGES = (7, 61)
 """Of super time stepping: one program each."""
 TRIES = 20
-"""Of the adaptive solver, between two landings."""
+"""Of the adaptive solver, between two events."""
 OVERSHOOT = {"float64": 1e-9, "float32": 5e-3}
 ENERGY = {"float64": 1e-11, "float32": 1e-4}
 MOST_PROGRAMS = 2 * (1 + len(STAGES) + 4 * 2) + 2 * 2 * 2
@@ -191,17 +191,17 @@ def check(case: Drawn) -> None:
 
 
 def _says_so(case: Drawn, solution) -> None:
-    """A solve that stopped short of its tolerance is told, and no other is."""
+    """A solve that stopped short of its tolerance is reported, and no other is."""
     effort = solution.run.statistics
     if effort is None:
         assert solution.result == RESULTS.successful
         return
     short = float(effort.largest_linear_residual) > 2 * LINEAR_TOLERANCE[case.dtype]
-    told = solution.result == RESULTS.linear_not_converged
+    reported = solution.result == RESULTS.linear_not_converged
     # What an adaptive solver rejects and takes again does not count.
     if case.solver != "adaptive" or not int(effort.rejected_steps):
-        assert told == short
-    assert short or not told
+        assert reported == short
+    assert short or not reported
 
 
 FOUND = (

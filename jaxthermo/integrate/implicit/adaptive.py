@@ -38,32 +38,32 @@ from .newton_stage import (
 from .runge_kutta import SQRT2, TR_BDF2, StepResult, runge_kutta_step
 
 
-IMPLICIT_COEFFICIENT = 1 - SQRT2 / 2
+_IMPLICIT_COEFFICIENT = 1 - SQRT2 / 2
 
 # Weights of the last stage less those of the embedded formula.
-ERROR_WEIGHTS = (
+_ERROR_WEIGHTS = (
     SQRT2 / 4 - (1 - SQRT2 / 4) / 3,
     SQRT2 / 4 - (3 * SQRT2 / 4 + 1) / 3,
-    IMPLICIT_COEFFICIENT * 2 / 3,
+    _IMPLICIT_COEFFICIENT * 2 / 3,
 )
 
-MIN_FACTOR, MAX_FACTOR, SAFETY = 0.2, 5.0, 0.9
+_MIN_FACTOR, _MAX_FACTOR, _SAFETY = 0.2, 5.0, 0.9
 """Bounds of the ratio of successive steps, and its safety factor."""
 
-MIN_ERROR_RATIO = 1e-4
+_MIN_ERROR_RATIO = 1e-4
 """Error over tolerance below which it is rounding."""
 
-ERROR_SOLVE_TOLERANCE = 1e-2
+_ERROR_SOLVE_TOLERANCE = 1e-2
 """Tolerance of the solve for the error, over the tolerance of the error."""
 
-FIRST_STEP_FRACTION = 1e-3
+_FIRST_STEP_FRACTION = 1e-3
 """First step over the time to the first event."""
 
 MAX_TRIES = 5000
 """Steps, accepted or not, between two events."""
 
 
-class ControllerState(eqx.Module):
+class _ControllerState(eqx.Module):
     """Memory of the step controller."""
 
     statistics: SolverStatistics
@@ -93,14 +93,14 @@ class AdaptiveStepper(AbstractStepper):
     def begin(self, state: RunState) -> RunState:
         dtype = state.theta[0].dtype
         zero, one = jnp.zeros((), dtype), jnp.ones((), dtype)
-        controller = ControllerState(zero_statistics(dtype), zero, one)
+        controller = _ControllerState(zero_statistics(dtype), zero, one)
         return RunState(state.theta, state.ledger, controller)
 
     @override
     def step(self, program: Program, state: RunState, start, dt) -> RunState:
-        controller: ControllerState = state.solver_state
+        controller: _ControllerState = state.solver_state
         first = jnp.where(
-            controller.step > 0, controller.step, FIRST_STEP_FRACTION * dt
+            controller.step > 0, controller.step, _FIRST_STEP_FRACTION * dt
         )
         state = RunState(state.theta, state.ledger, replace(controller, step=first))
         carry = _Carry(state, jnp.zeros_like(dt), jnp.zeros((), jnp.int32))
@@ -143,11 +143,11 @@ class AdaptiveStepper(AbstractStepper):
         error = self._error(program, result, step, time) / self.tolerance
         accepted = error <= 1
         # An error of 0 asks for the longest step there is; NaN for the shortest.
-        error = jnp.maximum(error, MIN_ERROR_RATIO)
-        factor = SAFETY * error ** (-0.7 / 3) * controller.error ** (0.4 / 3)
-        factor = jnp.where(accepted, factor, SAFETY * error ** (-1 / 3))
-        factor = jnp.where(jnp.isfinite(factor), factor, MIN_FACTOR)
-        following = step * jnp.clip(factor, MIN_FACTOR, MAX_FACTOR)
+        error = jnp.maximum(error, _MIN_ERROR_RATIO)
+        factor = _SAFETY * error ** (-0.7 / 3) * controller.error ** (0.4 / 3)
+        factor = jnp.where(accepted, factor, _SAFETY * error ** (-1 / 3))
+        factor = jnp.where(jnp.isfinite(factor), factor, _MIN_FACTOR)
+        following = step * jnp.clip(factor, _MIN_FACTOR, _MAX_FACTOR)
         # A step cut short for an event does not show how long a step may be.
         following = jnp.where(
             accepted & (step < controller.step),
@@ -164,7 +164,7 @@ class AdaptiveStepper(AbstractStepper):
             linear_failed=spent.linear_failed & accepted,
             newton_failed=spent.newton_failed & accepted,
         )
-        after = ControllerState(
+        after = _ControllerState(
             statistics=controller.statistics.plus(spent),
             step=following,
             error=jnp.where(accepted, error, controller.error),
@@ -183,15 +183,17 @@ class AdaptiveStepper(AbstractStepper):
             (program, self.context, result, step, time)
         )
         difference: State = jax.tree.map(
-            lambda *f: step * sum(w * x for w, x in zip(ERROR_WEIGHTS, f, strict=True)),
+            lambda *f: (
+                step * sum(w * x for w, x in zip(_ERROR_WEIGHTS, f, strict=True))
+            ),
             *result.slopes,
         )
-        g = IMPLICIT_COEFFICIENT * step
+        g = _IMPLICIT_COEFFICIENT * step
         at = linearize(program, context, result.states, 1 / g, time)
         # Smoothed by (I - g f')^-1. Two digits of an error are enough: more would
         # cost thousands of iterations.
         tolerance = jnp.maximum(
-            context.tolerance, ERROR_SOLVE_TOLERANCE * self.tolerance
+            context.tolerance, _ERROR_SOLVE_TOLERANCE * self.tolerance
         )
         solver = ConjugateGradient(kelvin_norm(at, g), tolerance)
         smooth, _ = solve_linear(at, missing_heat(difference, at, 1 / g), solver)

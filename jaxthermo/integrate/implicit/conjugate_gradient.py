@@ -23,10 +23,10 @@ from jaxtyping import Array, Bool, Float, Int
 from typing_extensions import override
 
 
-STAGNATION_ITERATIONS = 200
+_STAGNATION_ITERATIONS = 200
 """Iterations without a smaller norm after which the solve stops."""
 
-MIN_ITERATIONS, EARLY_REDUCTION = 3, 1e-3
+_MIN_ITERATIONS, _EARLY_REDUCTION = 3, 1e-3
 """Iterations made even within the tolerance, unless the norm fell by this factor."""
 
 
@@ -139,12 +139,12 @@ class ConjugateGradient(lx.AbstractLinearSolver):
             return jnp.where(jnp.isfinite(i.first_norm), tolerance * i.first_norm, 0)
 
         def unfinished(i: _Iteration) -> Bool[Array, ""]:
-            stagnates = i.count - i.min_count >= STAGNATION_ITERATIONS
+            stagnates = i.count - i.min_count >= _STAGNATION_ITERATIONS
             allowed = (i.count < self.max_iterations) & ~stagnates
             # A right-hand side below the tolerance still gets some iterations, or
             # steps that change less than the tolerance would never change anything.
-            early = (i.count < MIN_ITERATIONS) & (
-                i.norm > EARLY_REDUCTION * i.first_norm
+            early = (i.count < _MIN_ITERATIONS) & (
+                i.norm > _EARLY_REDUCTION * i.first_norm
             )
             return ((i.norm > goal(i)) | early) & (i.gamma > 0) & allowed
 

@@ -28,7 +28,7 @@ from .deflation import DeflatedPreconditioner
 from .residual import load_slopes
 
 
-class Jacobian(eqx.Module):
+class _Jacobian(eqx.Module):
     """The operator A of all bodies."""
 
     networks: tuple[AbstractNetwork, ...]
@@ -68,7 +68,7 @@ class Jacobian(eqx.Module):
         return tuple(found)
 
 
-class BlockPreconditioner(eqx.Module):
+class _BlockPreconditioner(eqx.Module):
     """Preconditioner of each body by itself, contacts on the diagonal only."""
 
     blocks: tuple[DeflatedPreconditioner, ...]
@@ -81,7 +81,7 @@ class BlockPreconditioner(eqx.Module):
 class Linearization(NamedTuple):
     """Everything that one Newton iteration solves with."""
 
-    operator: Jacobian
+    operator: _Jacobian
     preconditioner: Callable[[State], State]
     potential_slopes: tuple[Float[Array, "..."] | None, ...]
     """d of every body; None for 1."""
@@ -116,7 +116,7 @@ def linearize(
     )
     # Divided by d, the unknown is the potential, whose conduction is linear and
     # symmetric also where the conductivity depends on temperature.
-    operator = Jacobian(networks, diagonal, program.contacts, time)
+    operator = _Jacobian(networks, diagonal, program.contacts, time)
     # Cycles know no links between bodies: contacts enter by their diagonal only.
     whole = row_sums = operator.diagonal_with_contacts()
     if regularization is not None:
@@ -132,7 +132,7 @@ def linearize(
         for network, state in zip(networks, states, strict=True)
     )
     return Linearization(
-        operator, BlockPreconditioner(blocks), potential, capacity, context.nodes
+        operator, _BlockPreconditioner(blocks), potential, capacity, context.nodes
     )
 
 

@@ -26,9 +26,9 @@ from .jacobian import Linearization, linearize, masked_to_nodes
 from .residual import evaluate_rates
 
 
-MAX_NEWTON_ITERATIONS = 20
+_MAX_NEWTON_ITERATIONS = 20
 
-DERIVATIVE_TOLERANCE = 1e-6
+_DERIVATIVE_TOLERANCE = 1e-6
 """Tolerance relative to the right-hand side; in float32 20 roundings, if more."""
 
 
@@ -77,7 +77,7 @@ def zero_statistics(dtype) -> SolverStatistics:
     return SolverStatistics(none, none, none, none, jnp.zeros((), dtype), no, no, no)
 
 
-class StageSolution(NamedTuple):
+class _StageSolution(NamedTuple):
     """Solution of a stage."""
 
     states: State
@@ -93,15 +93,15 @@ def solve_stage(
     g: Float[Array, ""],
     time: Float[Array, ""],
     guess: State,
-) -> StageSolution:
+) -> _StageSolution:
     """Solve eta = base + g f(eta)."""
     constants = stop_gradient((program, context, base, g, time, guess))
     found = _newton(*constants)
     if not context.differentiable:
-        return StageSolution(found.states, found.entries, found.statistics)
+        return _StageSolution(found.states, found.entries, found.statistics)
     states = _with_derivative(program, base, g, time, found.states, constants)
     entries = evaluate_rates(program, states, time).entries
-    return StageSolution(states, entries, found.statistics)
+    return _StageSolution(states, entries, found.statistics)
 
 
 def stop_gradient(tree: Any) -> Any:
@@ -189,7 +189,7 @@ def _newton(program, context: ImplicitContext, base, g, time, guess) -> _Iterate
         (i.statistics.newton_iterations < 1)
         | ((max_abs(i.residual) > context.tolerance) & (i.change > rounding(i)))
     )
-    allowed = lambda i: i.statistics.newton_iterations < MAX_NEWTON_ITERATIONS
+    allowed = lambda i: i.statistics.newton_iterations < _MAX_NEWTON_ITERATIONS
     now = jax.lax.while_loop(lambda i: unfinished(i) & allowed(i), iterate, now)
     # A residual that no step reduces is rounding; NaN is no convergence.
     converged = (max_abs(now.residual) <= context.tolerance) | (
@@ -213,5 +213,5 @@ def _with_derivative(program, base, g, time, states, constants) -> State:
 def derivative_solver(states: State) -> ConjugateGradient:
     """Return a solver for right-hand sides of any unit."""
     eps = float(jnp.finfo(states[0].dtype).eps)
-    tolerance = max(DERIVATIVE_TOLERANCE, 20 * eps)
+    tolerance = max(_DERIVATIVE_TOLERANCE, 20 * eps)
     return ConjugateGradient(ResidualNorm(1.0), tolerance, relative=True)

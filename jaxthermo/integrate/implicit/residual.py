@@ -18,7 +18,7 @@ from ...scene.compile.program import Program, State
 from ..run.heat_rates import add_loads, add_own_loads, irradiation, surface_nodes
 
 
-class Rates(NamedTuple):
+class _Rates(NamedTuple):
     """Rates of nodes and ledger entries."""
 
     change: State
@@ -27,7 +27,7 @@ class Rates(NamedTuple):
     """Heat rate of each ledger entry [W]."""
 
 
-def evaluate_rates(program: Program, states: State, time: Float[Array, ""]) -> Rates:
+def evaluate_rates(program: Program, states: State, time: Float[Array, ""]) -> _Rates:
     """Evaluate the rates at given states and a time [s]."""
     zero = tuple(jnp.zeros_like(state) for state in states)
     one_second = jnp.ones((), states[0].dtype)
@@ -37,10 +37,10 @@ def evaluate_rates(program: Program, states: State, time: Float[Array, ""]) -> R
         added + inverse(body.network.capacity()) * body.network.face_heat_rate(state)
         for added, body, state in zip(loaded, program.bodies, states, strict=True)
     )
-    return Rates(change, entries)
+    return _Rates(change, entries)
 
 
-class Slopes(NamedTuple):
+class _Slopes(NamedTuple):
     """Decrease of heat rates with temperature, never negative."""
 
     change: State
@@ -49,7 +49,7 @@ class Slopes(NamedTuple):
     """Slope of each ledger entry, summed over its nodes [W/K]."""
 
 
-def load_slopes(program: Program, states: State, time: Float[Array, ""]) -> Slopes:
+def load_slopes(program: Program, states: State, time: Float[Array, ""]) -> _Slopes:
     """Return -d(loads)/d(state) of all loads but contacts."""
     zero = tuple(jnp.zeros_like(state) for state in states)
     one_second = jnp.ones((), states[0].dtype)
@@ -64,4 +64,4 @@ def load_slopes(program: Program, states: State, time: Float[Array, ""]) -> Slop
     # whole diagonal Jacobian.
     ones = tuple(jnp.ones_like(state) for state in states)
     _, slopes = jax.jvp(own_loads, (states,), (ones,))
-    return Slopes(*jax.tree.map(lambda slope: jnp.maximum(-slope, 0), slopes))
+    return _Slopes(*jax.tree.map(lambda slope: jnp.maximum(-slope, 0), slopes))

@@ -56,17 +56,17 @@ TR_BDF2 = Tableau(
 # fall below 0 K, from where no implicit part brings them back; a far colder body would
 # exceed every temperature of the scene. In a nonlinear scene such a step is taken by
 # backward Euler instead, in the same number of stages, so that nothing is recompiled.
-FALLBACKS = {
+_FALLBACKS = {
     CRANK_NICOLSON: Tableau(True, ((0.0, 1.0),), (0.0, 0.5)),
     TR_BDF2: Tableau(True, ((0.0, 0.5), (0.0, 0.5, 0.5)), (0.0, 0.25, 0.75)),
 }
 
-MIN_TEMPERATURE_RATIO = 0.5
+_MIN_TEMPERATURE_RATIO = 0.5
 """Smallest ratio of a node's absolute temperature after the explicit part to that
 before: with less, the next stage of TR-BDF2, which goes 1.2 times as far, might start
 below 0 K."""
 
-MAX_TEMPERATURE_RATIO = 2.0
+_MAX_TEMPERATURE_RATIO = 2.0
 """Largest ratio of a node's temperature to the upper bound of its body, if known."""
 
 
@@ -138,8 +138,8 @@ def _within_bounds(
             for x in (now, then, jnp.where(known, ceiling, 0))
         )
         before, after, bound = (body.reference + each for each in above_reference)
-        bound = MAX_TEMPERATURE_RATIO * jnp.maximum(bound, before)
-        too_low = after < MIN_TEMPERATURE_RATIO * before
+        bound = _MAX_TEMPERATURE_RATIO * jnp.maximum(bound, before)
+        too_low = after < _MIN_TEMPERATURE_RATIO * before
         accepted.append(~(too_low | (known & (after > bound))).any())
     return jnp.stack(accepted).all()
 
@@ -171,7 +171,7 @@ class ImplicitStepper(AbstractStepper):
 
     @override
     def step(self, program: Program, state: RunState, start, dt) -> RunState:
-        fallback = None if self.context.linear else FALLBACKS.get(self.tableau)
+        fallback = None if self.context.linear else _FALLBACKS.get(self.tableau)
         result = runge_kutta_step(
             program, self.context, self.tableau, state.theta, start, dt, fallback
         )

@@ -72,7 +72,7 @@ class Energy(eqx.Module):
     """(stored - sum of mechanisms) / heat moved, by mechanisms or by conduction."""
 
 
-class BodyHeatRates(eqx.Module):
+class _BodyHeatRates(eqx.Module):
     """Heat rates of one body in a steady state, positive into the body."""
 
     mechanisms: dict[str, Float[Array, ""]]
@@ -90,7 +90,7 @@ class HeatRates(eqx.Module):
     """Heat rate by each mechanism to all bodies [W]."""
     contacts: dict[str, Float[Array, ""]]
     """Heat rate from the first to the second body of each pair in contact [W]."""
-    bodies: tuple[BodyHeatRates, ...]
+    bodies: tuple[_BodyHeatRates, ...]
     residual_relative: Float[Array, ""]
     """Net heat rate over the sum of magnitudes, 0 in a steady state."""
 
@@ -106,7 +106,7 @@ def steady_heat_rates(
     parts = lambda e: (only(e.mechanisms), only(e.contacts))
     return HeatRates(
         *parts(found),
-        tuple(BodyHeatRates(*parts(b), -b.residual_relative[0]) for b in found.bodies),
+        tuple(_BodyHeatRates(*parts(b), -b.residual_relative[0]) for b in found.bodies),
         -found.residual_relative[0],
     )
 

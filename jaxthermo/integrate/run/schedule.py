@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from ...errors import InputError
 
 
-MAX_INTERVAL_STEPS = 2**31 - 1
+_MAX_INTERVAL_STEPS = 2**31 - 1
 """Steps of one interval: the loop counts them in 32 bits."""
 
 # How long before its end a step evaluates the loads of its end, so that they are those
@@ -80,7 +80,7 @@ def schedule(
     for end in ends:
         # A quotient that exceeds a whole number by rounding must not cost a step more.
         steps = max(min_steps, math.ceil((end - start) / max_dt * (1 - 1e-9)))
-        if steps > MAX_INTERVAL_STEPS:
+        if steps > _MAX_INTERVAL_STEPS:
             raise InputError(
                 f"{end - start:g} s take {steps:.2g} steps of {max_dt:.3g} s, the "
                 "largest stable step: simulate a shorter time, or use a coarser pitch"

@@ -44,7 +44,7 @@ class RESULTS(eqx.Enumeration):
 
 
 # An equinox enumeration does not list its names in public.
-RESULT_NAMES = (
+_RESULT_NAMES = (
     "successful",
     "nonfinite",
     "linear_not_converged",
@@ -56,7 +56,7 @@ RESULT_NAMES = (
 
 def result_name(result: RESULTS) -> str:
     """Return the name of an outcome, such as "successful"."""
-    return next(name for name in RESULT_NAMES if result == getattr(RESULTS, name))
+    return next(name for name in _RESULT_NAMES if result == getattr(RESULTS, name))
 
 
 class RunSummary(eqx.Module):

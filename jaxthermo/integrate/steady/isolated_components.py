@@ -28,14 +28,14 @@ from ..implicit.residual import load_slopes
 from ..run.heat_rates import add_loads
 
 
-NET_HEAT_ROUNDING = 1e-5
+_NET_HEAT_ROUNDING = 1e-5
 """Net heat rate of a component over the sum of magnitudes that counts as zero."""
 
-MIN_PROBE_TEMPERATURE = 300.0
+_MIN_PROBE_TEMPERATURE = 300.0
 """Temperature to which colder states are raised to find loads that remove heat [K]:
 at 0 K emission does not."""
 
-REGULARIZATION = 0.01
+_REGULARIZATION = 0.01
 """Fraction of the diagonal that makes a preconditioner regular in a component."""
 
 
@@ -90,7 +90,7 @@ class IsolatedComponents(eqx.Module):
     def regularization(self, diagonal: State) -> State:
         """Return what a preconditioner adds to the singular diagonal [W/K]."""
         return tuple(
-            jnp.where((number < self.count).reshape(d.shape), REGULARIZATION * d, 0)
+            jnp.where((number < self.count).reshape(d.shape), _REGULARIZATION * d, 0)
             for number, d in zip(self.number, diagonal, strict=True)
         )
 
@@ -158,7 +158,7 @@ def _refuse_heated(program: Program, states: State, time, number, capacity) -> N
     heat = _flat(loads).astype(float) * capacity
     net = np.bincount(number, heat)[:-1]
     magnitude = np.bincount(number, np.abs(heat))[:-1]
-    heated = np.flatnonzero(np.abs(net) > NET_HEAT_ROUNDING * magnitude)
+    heated = np.flatnonzero(np.abs(net) > _NET_HEAT_ROUNDING * magnitude)
     if not len(heated):
         return
     worst = heated[np.abs(net[heated]).argmax()]
@@ -178,7 +178,7 @@ def _refuse_heated(program: Program, states: State, time, number, capacity) -> N
 def _warmed(program: Program, states: State) -> State:
     """Raise states to at least the probe temperature."""
     above = lambda body, dtype: (
-        jnp.asarray(MIN_PROBE_TEMPERATURE, dtype) - body.reference
+        jnp.asarray(_MIN_PROBE_TEMPERATURE, dtype) - body.reference
     )
     return tuple(
         jnp.maximum(state, body.network.state_of(above(body, state.dtype)))

@@ -48,13 +48,13 @@ from .isolated_components import (
 )
 
 
-STEADY_TOLERANCE = {"float32": 1e-3, "float64": 1e-8}
+_STEADY_TOLERANCE = {"float32": 1e-3, "float64": 1e-8}
 """Default distance of a node from its steady temperature [K]."""
 
-MAX_NEWTON_ITERATIONS = 100
+_MAX_NEWTON_ITERATIONS = 100
 """Mutual radiation converges by one reflection per iteration."""
 
-SETTLING_ITERATIONS = 10
+_SETTLING_ITERATIONS = 10
 """Iterations in which a nonlinear scene may change more than in the one before."""
 
 
@@ -121,7 +121,7 @@ def _solution(scene: Scene, at: float, tolerance: float | None) -> SteadySolutio
     scene = arranged_for_solves(scene)
     compiled, traced = compile_scene(scene, 1, at), is_traced(scene)
     program, dtype = compiled.program, jnp.dtype(scene.dtype)
-    kelvin = STEADY_TOLERANCE[scene.dtype] if tolerance is None else tolerance
+    kelvin = _STEADY_TOLERANCE[scene.dtype] if tolerance is None else tolerance
     context = implicit_context(scene, compiled, math.inf, kelvin, traced)
     time = jnp.asarray(at, dtype)
     isolated = None
@@ -228,12 +228,12 @@ def _newton(
     def unfinished(now: _Iterate) -> Bool[Array, ""]:
         # In a linear scene later iterations only remove rounding.
         count = now.statistics.newton_iterations
-        settled = context.linear | (count >= SETTLING_ITERATIONS)
+        settled = context.linear | (count >= _SETTLING_ITERATIONS)
         stagnates = (now.change >= now.change_before) & settled
         return (
             (now.change > tolerance)
             & ~stagnates
-            & (count < MAX_NEWTON_ITERATIONS)
+            & (count < _MAX_NEWTON_ITERATIONS)
             & jnp.isfinite(now.change)
         ) | (count == 0)
 

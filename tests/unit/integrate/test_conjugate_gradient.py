@@ -39,8 +39,8 @@ def _solve(weight, vector, kelvin, tolerance, start=None, most=2000):
         lx.positive_semidefinite_tag,
     )
     scale = lambda d, r: (r[0] / d,)
-    held = jax.lax.stop_gradient(diagonal)
-    options: dict[str, Any] = {"preconditioner": jax.tree_util.Partial(scale, held)}
+    fixed = jax.lax.stop_gradient(diagonal)
+    options: dict[str, Any] = {"preconditioner": jax.tree_util.Partial(scale, fixed)}
     if start is not None:
         options["start"] = (start,)
     measure = ResidualNorm(1.0 if kelvin is None else kelvin)
@@ -67,8 +67,8 @@ def test_every_node_is_within_the_tolerance(tolerance):
 
 def test_corrections_measure_the_error_where_the_preconditioner_is_good():
     matrix, vector = _matrix(), _heat(4)
-    held = jnp.linalg.inv(matrix)
-    exact = jax.tree_util.Partial(lambda b, r: (b @ r[0],), held)
+    fixed = jnp.linalg.inv(matrix)
+    exact = jax.tree_util.Partial(lambda b, r: (b @ r[0],), fixed)
     operator = lx.FunctionLinearOperator(
         lambda u: (matrix @ u[0],),
         jax.eval_shape(lambda: (vector,)),
@@ -79,7 +79,7 @@ def test_corrections_measure_the_error_where_the_preconditioner_is_good():
     found = lx.linear_solve(operator, (vector,), solver, options=options, throw=False)
     assert found.result == lx.RESULTS.successful
     assert found.stats["iterations"] <= 2
-    np.testing.assert_allclose(found.value[0], held @ vector, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(found.value[0], fixed @ vector, rtol=0, atol=1e-9)
 
 
 def test_a_good_start_takes_no_iterations_and_nothing_takes_none():

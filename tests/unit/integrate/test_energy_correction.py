@@ -1,4 +1,4 @@
-"""Heat held and heat brought are made one, and the states stay within bounds."""
+"""Stored heat and heat of the ledger become equal; states stay within bounds."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -61,8 +61,8 @@ def test_every_body_holds_what_it_was_brought(g, conductance):
     for body, old, new, heat in zip(
         program.bodies, before, found, brought, strict=True
     ):
-        held = body.network.stored(new - old)
-        assert abs(float(held - heat)) < 1e-9
+        stored = body.network.stored(new - old)
+        assert abs(float(stored - heat)) < 1e-9
     # In steps far longer than the body's own time the states are not touched.
     if g == 1e12:
         for new, old in zip(found, after, strict=True):
@@ -90,16 +90,16 @@ def test_nodes_that_have_not_moved_stay():
 )
 def test_elimination_loses_no_digit_however_strong_the_links(excess, links, seed):
     """The right-hand side of a known positive solution is found back."""
-    held = 10.0 ** np.array(excess)
+    stored = 10.0 ** np.array(excess)
     between = np.zeros((4, 4))
     between[np.triu_indices(4, 1)] = 10.0 ** np.array(links)
     between = between + between.T
-    wanted = held * np.random.default_rng(seed).uniform(1, 2, 4)
-    found = np.asarray(_solve(*(jnp.asarray(v) for v in (held, between, wanted))))
+    wanted = stored * np.random.default_rng(seed).uniform(1, 2, 4)
+    found = np.asarray(_solve(*(jnp.asarray(v) for v in (stored, between, wanted))))
     # Summed over all, the links cancel.
-    np.testing.assert_allclose(held @ found, wanted.sum(), rtol=1e-13)
+    np.testing.assert_allclose(stored @ found, wanted.sum(), rtol=1e-13)
     # Between what each alone would have, by the maximum principle.
-    alone = wanted / held
+    alone = wanted / stored
     assert found.min() >= alone.min() * (1 - 1e-13)
     assert found.max() <= alone.max() * (1 + 1e-13)
 
@@ -111,7 +111,7 @@ def test_elimination_solves():
     rng = np.random.default_rng(0)
     between = rng.uniform(0, 1, (5, 5))
     between = np.triu(between, 1) + np.triu(between, 1).T
-    held, right = rng.uniform(0.1, 1, 5), rng.normal(size=5)
-    matrix = np.diag(held + between.sum(1)) - between
-    found = _solve(*(jnp.asarray(v) for v in (held, between, right)))
+    stored, right = rng.uniform(0.1, 1, 5), rng.normal(size=5)
+    matrix = np.diag(stored + between.sum(1)) - between
+    found = _solve(*(jnp.asarray(v) for v in (stored, between, right)))
     np.testing.assert_allclose(found, np.linalg.solve(matrix, right), rtol=1e-10)

@@ -16,7 +16,7 @@ AT = {
     "emissivity": 0.7,
     "irradiance": 900.0,
     "start": 330.0,
-    "held": 350.0,
+    "prescribed": 350.0,
     "table": 2000.0,
 }
 SOLVER = jt.ForwardEuler(dt=0.5)
@@ -43,7 +43,7 @@ def outcome(structure):
             jt.Convection(p["coefficient"], 280.0),
             jt.Surroundings(290.0),
             jt.Sun((0.3, 0.0, -1.0), jt.Until(p["irradiance"], 6.0)),
-            jt.FixedTemperature(p["held"], on=jt.Side((1.0, 0.0, 0.0))),
+            jt.FixedTemperature(p["prescribed"], on=jt.Side((1.0, 0.0, 0.0))),
             jt.HeatFlux(
                 jt.Table([0.0, 5.0], jnp.stack([0.5 * p["table"], p["table"]])),
                 on=jt.Side((0.0, 1.0, 0.0)),

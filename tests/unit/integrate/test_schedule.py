@@ -15,12 +15,12 @@ TIMES = st.lists(
 ).map(sorted)  # fmt: skip
 
 
-@given(saves=TIMES, knots=TIMES, later=st.floats(0.0, 10.0), dt=st.floats(1e-2, 1e4))
-def test_lands_on_every_stop_with_steps_under_the_limit(saves, knots, later, dt):
+@given(saves=TIMES, events=TIMES, later=st.floats(0.0, 10.0), dt=st.floats(1e-2, 1e4))
+def test_lands_on_every_stop_with_steps_under_the_limit(saves, events, later, dt):
     t1 = saves[-1] + later
-    intervals = schedule(t1, tuple(saves), tuple(knots), dt)
+    intervals = schedule(t1, tuple(saves), tuple(events), dt)
     ends = [i.end for i in intervals]
-    stops = {*saves, t1, *(k for k in knots if k < t1)}
+    stops = {*saves, t1, *(k for k in events if k < t1)}
     assert ends == sorted(stops)
     assert [i.start for i in intervals] == [0.0, *ends[:-1]]
     assert [i.end for i in intervals if i.saved] == saves
@@ -85,7 +85,7 @@ def test_the_end_is_saved_if_nothing_else_is():
     assert save_times(3, [0, 1, 3]) == (0.0, 1.0, 3.0)
 
 
-def test_legs_end_at_saves_and_keep_every_interval():
+def test_save_intervals_end_at_saves_and_keep_every_interval():
     intervals = schedule(10.0, (4.0, 8.0), (1.0, 2.0, 5.0, 9.0), 1.0)
     groups = save_intervals(intervals)
     assert [group[-1].end for group in groups] == [4.0, 8.0, 10.0]

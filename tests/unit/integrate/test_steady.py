@@ -174,9 +174,9 @@ def test_heat_in_and_out_of_an_island_leaves_a_slope_about_its_mean():
 @pytest.mark.parametrize("dtype", ["float64", "float32"])
 def test_heat_that_nothing_carries_off_is_refused(dtype):
     scene = jt.Scene((_body(),), (jt.Sun((0.0, 0, -1), 900.0),), dtype=dtype)
-    with pytest.raises(jt.InputError, match=r"1\.3 W is brought to body 0") as told:
+    with pytest.raises(jt.InputError, match=r"1\.3 W is brought to body 0") as caught:
         jt.steady(scene)
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(caught.value)
     speck = jt.HeatSource(1e5, within=jt.Region((0.05, 0.0, 0.0), (0.06, 0.01, 0.01)))
     body = jt.Body(jt.FullVolume(_split()), METAL, temperature=300.0)
     hold = jt.FixedTemperature(350.0, on=jt.Region((-1.0,) * 3, (1e-4, 1.0, 1.0)))
@@ -188,7 +188,7 @@ def test_heat_that_nothing_carries_off_is_refused(dtype):
 def test_what_varies_with_time_is_held_at_a_moment():
     terms = (AIR, jt.HeatFlux(jt.Until(500.0, 30.0), on=LEFT))
     scene = jt.Scene((_body(),), terms, dtype="float64")
-    with pytest.raises(jt.InputError, match="say at which moment"):
+    with pytest.raises(jt.InputError, match="give the time whose values last"):
         jt.steady(scene)
     on, off = (jt.steady(scene, at=at) for at in (10.0, 40.0))
     constant = jt.Scene((_body(),), (AIR, jt.HeatFlux(500.0, on=LEFT)), dtype="float64")

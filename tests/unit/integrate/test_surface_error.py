@@ -160,9 +160,9 @@ def test_a_float32_run_is_measured_against_a_float64_one():
     ],
 )
 def test_runs_that_do_not_fit_are_told_in_one_line(found, message):
-    with pytest.raises(InputError, match=message) as told:
+    with pytest.raises(InputError, match=message) as caught:
         jt.surface_error(found, run([1], [[300, 310]], AREA))
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(caught.value)
 
 
 def test_a_reference_that_says_nothing_is_refused():

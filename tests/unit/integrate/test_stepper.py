@@ -90,12 +90,12 @@ def test_one_state_a_step_is_kept():
         found = jt.simulate(scene, steps * DT, solver=jt.ForwardEuler(dt=DT))
         return found.surface_temperature.mean()
 
-    held = []
+    sizes = []
     for n in (20, 120):
         call = jax.jit(lambda e, n=n: jax.grad(mean)(e, n)).lower(jnp.array(0.7))
         report = call.compile().memory_analysis()
         assert report is not None
-        held.append(report.temp_size_in_bytes)
+        sizes.append(report.temp_size_in_bytes)
     state = 8 * 8 * 8 * 8
     # The state, and the ledger's few numbers.
-    assert held[1] - held[0] < 1.2 * 100 * state
+    assert sizes[1] - sizes[0] < 1.2 * 100 * state
