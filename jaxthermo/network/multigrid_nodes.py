@@ -56,7 +56,7 @@ class _CoarseLayout(NamedTuple):
     rows: RowLayout
 
 
-class NodeLayout(NamedTuple):
+class _NodeLayout(NamedTuple):
     """Rows of a structure's links, and its coarser levels."""
 
     links: int
@@ -75,7 +75,7 @@ class _Graph(NamedTuple):
 _LAYOUTS: WeakKeyDictionary = WeakKeyDictionary()
 
 
-def node_layout(structure: AbstractStructure, max_nodes: int) -> NodeLayout:
+def node_layout(structure: AbstractStructure, max_nodes: int) -> _NodeLayout:
     """Levels of the nodes of a structure, built once for each structure.
 
     The coarsest has at most `max_nodes` nodes, unless more than that are not linked.
@@ -88,7 +88,7 @@ def node_layout(structure: AbstractStructure, max_nodes: int) -> NodeLayout:
     return found[max_nodes]
 
 
-def _layout(structure: AbstractStructure, max_nodes: int) -> NodeLayout:
+def _layout(structure: AbstractStructure, max_nodes: int) -> _NodeLayout:
     nodes, links = structure.nodes(), structure.links()
     lattice = structure.grid.lattice
     pairs = np.stack([links.src, links.dst], axis=1)
@@ -101,7 +101,7 @@ def _layout(structure: AbstractStructure, max_nodes: int) -> NodeLayout:
             level, graph = _merged(graph, group)
             coarser.append(level)
     rows = row_layout(len(nodes.volume), links.src, links.dst)
-    return NodeLayout(len(pairs), rows, tuple(coarser))
+    return _NodeLayout(len(pairs), rows, tuple(coarser))
 
 
 def _groups(graph: _Graph, edge: int) -> Int[np.ndarray, " n"]:
@@ -158,7 +158,7 @@ def _lengths(centre, pairs):
 
 
 def node_levels(
-    layout: NodeLayout, network: AbstractNodeNetwork
+    layout: _NodeLayout, network: AbstractNodeNetwork
 ) -> tuple[tuple[AbstractNodeNetwork, ...], tuple[_NodeTransfer, ...]]:
     """Network of this layout and successively coarser ones, with the transfers."""
     networks, transfers = [network], []
@@ -176,7 +176,7 @@ def node_levels(
 
 
 def link_conductance(
-    layout: NodeLayout, network: AbstractNodeNetwork
+    layout: _NodeLayout, network: AbstractNodeNetwork
 ) -> Float[Array, " e"]:
     """Conductance of every link, collected from a network of this layout [W/K]."""
     rows = layout.rows

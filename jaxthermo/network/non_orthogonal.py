@@ -94,8 +94,8 @@ def non_orthogonal(
     """
     links, dtype = structure.links(), conductance.dtype
     ends = links.src[skewed.link], links.dst[skewed.link]
-    chosen, place = np.unique(np.concatenate(ends), return_inverse=True)
-    first, second = (jnp.asarray(each) for each in np.split(place.astype(np.int32), 2))
+    chosen, index = np.unique(np.concatenate(ends), return_inverse=True)
+    first, second = (jnp.asarray(each) for each in np.split(index.astype(np.int32), 2))
     x, y, z = (jnp.asarray(half, dtype) for half in skewed.offset.T / 2)
     network = NonOrthogonalNetwork(
         straight=straight,

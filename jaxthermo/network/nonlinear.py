@@ -28,7 +28,7 @@ from ..material.property import Property
 from .network import AbstractNetwork, inverse
 
 
-class KirchhoffTransform(eqx.Module):
+class _KirchhoffTransform(eqx.Module):
     """P(theta) = integral from 0 to theta of p / p(0) [K]; increasing, P(0) = 0.
 
     theta is the temperature above the reference, and the property p is piecewise
@@ -94,29 +94,29 @@ class KirchhoffTransform(eqx.Module):
 
 def kirchhoff_transform(
     prop: Property, reference: Scalar, dtype: Any
-) -> KirchhoffTransform:
+) -> _KirchhoffTransform:
     """Transform of a property from a reference temperature [K]."""
     # In double precision where nothing is traced, for differences of temperatures.
-    own, width = (jnp, dtype) if is_traced((prop, reference)) else (np, float)
-    number = lambda x: own.asarray(x, width)
+    xp, width = (jnp, dtype) if is_traced((prop, reference)) else (np, float)
+    number = lambda x: xp.asarray(x, width)
     knot = number(prop.temperatures) - number(reference)
     given = number(prop.values)
-    infinite = own.full(1, np.inf, knot.dtype)
-    low = own.concatenate([-infinite, knot])
-    high = own.concatenate([knot, infinite])
-    base = own.clip(own.zeros_like(low), low, high)
-    rise = own.diff(given) / own.diff(knot)
-    slope = own.pad(rise, 1)
-    value = own.interp(base, knot, given)
-    value, slope = (x / own.interp(base[:1] * 0, knot, given) for x in (value, slope))
+    infinite = xp.full(1, np.inf, knot.dtype)
+    low = xp.concatenate([-infinite, knot])
+    high = xp.concatenate([knot, infinite])
+    base = xp.clip(xp.zeros_like(low), low, high)
+    rise = xp.diff(given) / xp.diff(knot)
+    slope = xp.pad(rise, 1)
+    value = xp.interp(base, knot, given)
+    value, slope = (x / xp.interp(base[:1] * 0, knot, given) for x in (value, slope))
 
     def integral(at):
         # Sum over the parts of all pieces between 0 and the point.
-        gap = own.clip(at[:, None], low[None], high[None]) - base[None]
+        gap = xp.clip(at[:, None], low[None], high[None]) - base[None]
         return (gap * (value[None] + slope[None] / 2 * gap)).sum(axis=1)
 
     columns = (knot, integral(knot), base, integral(base), value, slope / 2)
-    return KirchhoffTransform(*(jnp.asarray(column, dtype) for column in columns))
+    return _KirchhoffTransform(*(jnp.asarray(column, dtype) for column in columns))
 
 
 # Rows into which a one-dimensional state is reshaped for the loop below.
@@ -140,9 +140,9 @@ class NonlinearNetwork(AbstractNetwork):
 
     base: AbstractNetwork
     """Network with k and c_p at the reference."""
-    heat: KirchhoffTransform | None
+    heat: _KirchhoffTransform | None
     """Transform of c_p; None if c_p is constant and the state is the temperature."""
-    conduction: KirchhoffTransform | None
+    conduction: _KirchhoffTransform | None
     """Transform of k; None if k is constant."""
 
     @property

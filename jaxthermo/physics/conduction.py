@@ -229,11 +229,11 @@ def _weighted_capacity(
     shifted, total = capacity * factor, precise_sum(capacity)
     if weights.uses_nearest_capacity:
         nearest = nearest_volume(structure) / nodes.volume
-        share = jnp.asarray(weights.nearest_capacity, dtype)
-        shifted = shifted * jnp.exp(share * jnp.asarray(np.log(nearest), dtype))
-        # Where nodes hold less than the body, at a share of 1 they hold all of it.
+        exponent = jnp.asarray(weights.nearest_capacity, dtype)
+        shifted = shifted * jnp.exp(exponent * jnp.asarray(np.log(nearest), dtype))
+        # The nodes may have less capacity than the body; with weight 1 they have all.
         whole = precise_sum(capacity * jnp.asarray(nearest, dtype))
-        total = total * jnp.exp(share * jnp.log(whole / total))
+        total = total * jnp.exp(exponent * jnp.log(whole / total))
     return shifted * (total / precise_sum(shifted))
 
 

@@ -53,7 +53,7 @@ class ContactRange(NamedTuple):
         return MAX_SLANT * max(self.max_gap, self.max_overlap)
 
 
-class RayHits(NamedTuple):
+class _RayHits(NamedTuple):
     """Rays that pass from one body to the other in contact; points in A's frame [m]."""
 
     point_a: Float[np.ndarray, "k 3"]
@@ -68,7 +68,7 @@ class RayHits(NamedTuple):
 
 def ray_hits(
     a: PlacedGrid, b: PlacedGrid, near: Int[np.ndarray, " c"], limits: ContactRange
-) -> RayHits:
+) -> _RayHits:
     """Contact of two bodies on rays of A's lattice, near some fragments of A."""
     lattice = a.grid.lattice
     corners = (a.grid.mesh.vertices, b.vertices_in(a))
@@ -88,7 +88,7 @@ def ray_hits(
         high[axis] += limits.max_distance / lattice.pitch
         box = np.floor(low), np.ceil(high)
         parts.append(_hits_along(axis, lattice, triangles, dominant, box, limits))
-    return RayHits(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+    return _RayHits(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
 def _hits_along(axis, lattice: Lattice, triangles, dominant, box, limits: ContactRange):
@@ -117,7 +117,7 @@ def _hits_along(axis, lattice: Lattice, triangles, dominant, box, limits: Contac
     hit &= (n_a * n_b).sum(1) <= -_MIN_FACING_COSINE
     hit &= dominant[which[layers.triangle[at_a]]] == axis
     at_a, at_b = at_a[hit], at_b[hit]
-    return RayHits(
+    return _RayHits(
         point_a=_points(layers, at_a, axis, lattice, box),
         point_b=_points(layers, at_b, axis, lattice, box),
         triangle_a=which[layers.triangle[at_a]],

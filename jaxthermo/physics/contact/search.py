@@ -27,7 +27,7 @@ from .rays import (
 _MAX_PIXELS = 64
 
 
-class BroadPhase(NamedTuple):
+class _BroadPhase(NamedTuple):
     """Pairs of bodies that may touch, and the counts that led to them."""
 
     pairs: Int[np.ndarray, "p 2"]
@@ -45,7 +45,7 @@ class BroadPhase(NamedTuple):
 
 def broad_phase(
     bodies: tuple[PlacedGrid, ...], threshold: Scalar | None = None
-) -> BroadPhase:
+) -> _BroadPhase:
     """Pairs of bodies that neither their boxes nor a view along an axis separate.
 
     `threshold` is the largest gap that counts as contact [m]; None for one voxel of the
@@ -62,7 +62,7 @@ def broad_phase(
         not _are_separated(bodies[i], bodies[j], float(margin[[i, j]].max()))
         for i, j in pairs.tolist()
     ]
-    return BroadPhase(
+    return _BroadPhase(
         pairs=pairs[np.array(kept, bool)],
         possible=len(bodies) * (len(bodies) - 1) // 2,
         overlapping_boxes=len(pairs),

@@ -106,7 +106,7 @@ SAMPLING_MARGIN = 1.05
 """Factor on bounds that are found by sampling: a maximum may lie between samples."""
 
 
-class FilmRange(NamedTuple):
+class _FilmRange(NamedTuple):
     """Temperatures of air and film that can occur during a run."""
 
     air: tuple[float, float]
@@ -119,7 +119,7 @@ class FilmRange(NamedTuple):
     """True if all film temperatures are inside the range of interpolation."""
 
 
-def film_range(temperature: Any, reach: TemperatureRange) -> FilmRange:
+def film_range(temperature: Any, reach: TemperatureRange) -> _FilmRange:
     """Range for air of a temperature [K], which may change with time."""
     air = (
         float(smallest(temperature, reach.end)),
@@ -127,7 +127,7 @@ def film_range(temperature: Any, reach: TemperatureRange) -> FilmRange:
     )
     low, high = (air[0] + reach.lowest) / 2, (air[1] + reach.highest) / 2
     samples = np.linspace(low, high, _FILM_SAMPLES)
-    return FilmRange(
+    return _FilmRange(
         air=air,
         gap=max(reach.highest - air[0], air[1] - reach.lowest, 0.0),
         film=np.clip(samples, MIN_FILM_TEMPERATURE, MAX_FILM_TEMPERATURE),

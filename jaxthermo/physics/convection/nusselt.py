@@ -37,7 +37,7 @@ _PROFILE_PRANDTL = 0.71
 _FILE = Path(__file__).parents[2] / "data" / "nu_shape_cosine_coeffs.csv"
 
 
-class CylinderTable(NamedTuple):
+class _CylinderTable(NamedTuple):
     """Nu(theta) = average (1 + sum_k shape_k cos k theta) at each Reynolds number."""
 
     reynolds: Float[np.ndarray, " n"]
@@ -48,13 +48,13 @@ class CylinderTable(NamedTuple):
 
 
 @functools.cache
-def cylinder_table() -> CylinderTable:
+def cylinder_table() -> _CylinderTable:
     """Table of the local Nusselt number, in ascending order of Re."""
     with _FILE.open(encoding="utf-8", newline="") as lines:
         rows = list(csv.DictReader(lines))
     column = lambda name: np.array([float(row[name]) for row in rows])
     harmonics = [name for name in rows[0] if name.startswith("c")]
-    return CylinderTable(
+    return _CylinderTable(
         reynolds=column("Re"),
         average=column("Nbar_profile"),
         shape=np.stack([column(name) for name in harmonics], axis=1),
