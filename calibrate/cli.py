@@ -21,7 +21,7 @@ from .run import ProgressLog, fit_config, identify_start
 from .solvers.checkpoint import StepRecord
 
 
-MAX_ADVICE = 5
+_MAX_ADVICE = 5
 """Further experiments that are listed."""
 
 _LEFT = ("parameter", "verdict")
@@ -114,7 +114,7 @@ def _print_fit(console: Console, result: dict[str, Any]) -> None:
         f"the fit took {spans['fit']:.3g} s, as long as "
         f"{spans['fit'] / max(spans['one_run'], 1e-9):.3g} runs of all its cases",
     )
-    for entry in result["advice"][:MAX_ADVICE]:
+    for entry in result["advice"][:_MAX_ADVICE]:
         tell(console, f"{entry['what']}: would add {entry['gain_nats']:.2f} nats")
 
 

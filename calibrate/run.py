@@ -36,8 +36,8 @@ from .solvers.multistart import start_points
 from .solvers.search import SearchSettings
 
 
-CHECKPOINT, CHECKPOINT_HASH = "state.npz", "state.txt"
-PACKAGES = ("jax", "optimistix", "equinox", "numpy")
+_CHECKPOINT, _CHECKPOINT_HASH = "state.npz", "state.txt"
+_PACKAGES = ("jax", "optimistix", "equinox", "numpy")
 
 
 class ProgressLog:
@@ -82,7 +82,7 @@ def fit_config(
         fitting = Fitting(calibration.train, settings)
         fit = fitting.run(
             start=_best_start(config, fitting, folder, log, stop),
-            checkpoint=folder / CHECKPOINT,
+            checkpoint=folder / _CHECKPOINT,
             log=lambda step, seconds: log.step(step, seconds, settings.max_steps),
             stop=stop,
         )
@@ -95,7 +95,7 @@ def fit_config(
         log.stage("drawing the report")
         write_report(folder, calibration, fit, result)
         if fit.ended != "interrupted":
-            for name in (CHECKPOINT, CHECKPOINT_HASH):
+            for name in (_CHECKPOINT, _CHECKPOINT_HASH):
                 (folder / name).unlink(missing_ok=True)
     return result
 
@@ -108,7 +108,7 @@ def _search_settings(config: CalibrationConfig) -> SearchSettings:
 
 def _discard_old_checkpoint(folder: Path, config: CalibrationConfig) -> None:
     # A state is only continued with the same config and the same code.
-    marker, checkpoint = folder / CHECKPOINT_HASH, folder / CHECKPOINT
+    marker, checkpoint = folder / _CHECKPOINT_HASH, folder / _CHECKPOINT
     text = f"{calibration_hash(config)} {program_hash(with_calibrate=True)}"
     if checkpoint.exists() and (not marker.exists() or marker.read_text() != text):
         checkpoint.unlink()
@@ -124,7 +124,7 @@ def _best_start(
     stop: Callable[[], bool],
 ) -> Float[np.ndarray, " p"] | None:
     fit, size = config.fit, fitting.problem.parameters.size
-    if fit.starts == 1 or (folder / CHECKPOINT).exists():
+    if fit.starts == 1 or (folder / _CHECKPOINT).exists():
         return None
     log.stage(f"searching from {fit.starts} starts")
     points = start_points(fit.starts, size, fit.spread, fit.seed)
@@ -153,7 +153,7 @@ def _conclude(
     with precision(train.dtype.name):
         scene = train.scene(case, jnp.asarray(fit.z, train.dtype))
     speed = measure_speed(calibration.configs[case.name], case.scene, scene)
-    versions = {name: version(name) for name in PACKAGES}
+    versions = {name: version(name) for name in _PACKAGES}
     return fit_json(
         config, calibration, fit, identified, errors, advice, speed, versions
     )

@@ -26,7 +26,7 @@ from ..problem.reference import full_volume_run
 from ..solvers.fit import Fit
 
 
-MAX_ERROR_RATIO = 1.02
+_MAX_ERROR_RATIO = 1.02
 """Largest error of a valid card's weights, over the error with weights of 1."""
 
 
@@ -122,7 +122,7 @@ def check_card(
         "ranges": {name: list(ends) for name, ends in card.ranges.items()},
         "outside": warnings,
         "error_percent": errors,
-        "valid": errors["fitted"] <= MAX_ERROR_RATIO * errors["default"],
+        "valid": errors["fitted"] <= _MAX_ERROR_RATIO * errors["default"],
     }
 
 

@@ -25,17 +25,17 @@ from jaxtyping import Bool, Float
 from ..problem.parameters import ParameterSet
 
 
-DEAD_NORM = 1e-6
+_DEAD_NORM = 1e-6
 """Norm of a column over the largest, below which a parameter is dead."""
 
-FLAT_SINGULAR_VALUE = 1e-3
+_FLAT_SINGULAR_VALUE = 1e-3
 """Singular value over the largest, below which a direction is flat."""
 
-MAX_CORRELATION = 0.95
-AT_BOUND = 0.01
+_MAX_CORRELATION = 0.95
+_AT_BOUND = 0.01
 """Distance from a bound, over the range between the bounds."""
 
-MIN_COMPONENT = 0.3
+_MIN_COMPONENT = 0.3
 """Component of a flat direction that makes a parameter part of it."""
 
 
@@ -112,7 +112,7 @@ def _flat_directions(
     norms = np.sqrt(np.diag(gram))
     largest = norms.max(initial=0.0)
     flat = np.zeros(gram.shape, bool)
-    alive = norms > DEAD_NORM * largest if largest > 0 else np.zeros(len(norms), bool)
+    alive = norms > _DEAD_NORM * largest if largest > 0 else np.zeros(len(norms), bool)
     if not alive.any():
         return alive, flat, np.zeros(0)
     # Columns of equal length, so that the units of the parameters do not matter.
@@ -120,9 +120,9 @@ def _flat_directions(
     powers, directions = np.linalg.eigh(scaled)
     singular = np.sqrt(np.maximum(powers, 0))
     indices = np.flatnonzero(alive)
-    is_flat = singular < FLAT_SINGULAR_VALUE * singular.max(initial=0.0)
+    is_flat = singular < _FLAT_SINGULAR_VALUE * singular.max(initial=0.0)
     for direction in directions[:, is_flat].T:
-        members = indices[np.abs(direction) > MIN_COMPONENT]
+        members = indices[np.abs(direction) > _MIN_COMPONENT]
         flat[np.ix_(members, members)] = True
     return alive, flat, singular
 
@@ -152,7 +152,7 @@ def _relation(
         return "dead", ()
     if flat[n].any():
         return "flat", tuple(int(m) for m in np.flatnonzero(flat[n]) if m != n)
-    strong = np.abs(correlation[n]) > MAX_CORRELATION
+    strong = np.abs(correlation[n]) > _MAX_CORRELATION
     strong[n] = False
     if strong.any():
         return "trade-off", tuple(int(m) for m in np.flatnonzero(strong))
@@ -175,7 +175,7 @@ def _is_at_bound(value: float, lower: float, upper: float) -> bool:
     low, here, high = np.log(ends) if lower > 0 else ends
     if not np.isfinite(high - low):
         return False
-    return bool(min(here - low, high - here) < AT_BOUND * (high - low))
+    return bool(min(here - low, high - here) < _AT_BOUND * (high - low))
 
 
 def residual_sd(

@@ -16,8 +16,8 @@ from jaxthermo.scene.scene import Scene
 from ..problem.reference import on_every_voxel
 
 
-REPEATS = 3
-MAX_REPEATED_SECONDS = 20.0
+_REPEATS = 3
+_MAX_REPEATED_SECONDS = 20.0
 """Time of one repeat, beyond which runs are timed once [s]."""
 
 
@@ -41,7 +41,7 @@ def measure_speed(config: SceneConfig, default: Scene, fitted: Scene) -> dict[st
         }
         # The first runs compile.
         total = sum(_seconds(planned) for planned in plans.values())
-        repeats = REPEATS if total < MAX_REPEATED_SECONDS else 1
+        repeats = _REPEATS if total < _MAX_REPEATED_SECONDS else 1
         spans: dict[str, list[float]] = {name: [] for name in plans}
         # In turn, so that a slower moment of the machine meets all of them.
         for _ in range(repeats):

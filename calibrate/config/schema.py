@@ -22,7 +22,7 @@ from jaxthermo.config.types.quantities import (
 from jaxthermo.errors import InputError
 
 
-DEFAULT_BOUNDS: dict[str, tuple[float, float]] = {
+_DEFAULT_BOUNDS: dict[str, tuple[float, float]] = {
     "within": (0.01, 100.0),
     "between": (0.01, 100.0),
     "surface": (0.01, 100.0),
@@ -69,7 +69,7 @@ def value_in_si(value: Any, name: str) -> float:
 
 def default_bounds(name: str, start: float) -> tuple[float, float]:
     """Bounds of a parameter for which none are given: by its name, or its sign."""
-    known = _last_known(name, DEFAULT_BOUNDS)
+    known = _last_known(name, _DEFAULT_BOUNDS)
     if known is not None:
         return known
     return (0.0, math.inf) if start > 0 else (-math.inf, math.inf)

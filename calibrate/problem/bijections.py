@@ -49,7 +49,7 @@ def _log(value: Any) -> Any:
     return np.log(value) if on_host else jnp.log(value)
 
 
-class Affine(AbstractBijection):
+class _Affine(AbstractBijection):
     """start + scale z: no bounds."""
 
     start: Any
@@ -64,7 +64,7 @@ class Affine(AbstractBijection):
         return (value - _like(self.start, value)) / _like(self.scale, value)
 
 
-class LowerBounded(AbstractBijection):
+class _LowerBounded(AbstractBijection):
     """lower + (start - lower) exp(z): equal steps of z are equal ratios."""
 
     start: Any
@@ -79,7 +79,7 @@ class LowerBounded(AbstractBijection):
         return jnp.log((value - self.lower) / _like(self.start - self.lower, value))
 
 
-class SoftplusBounded(AbstractBijection):
+class _SoftplusBounded(AbstractBijection):
     """lower + s log(1 + exp(z + z_0)): linear in z far above the lower bound."""
 
     start: Any
@@ -102,7 +102,7 @@ def _inverse_softplus(y: Any) -> Any:
     return y + xp.log(-xp.expm1(-xp.asarray(y)))
 
 
-class UpperBounded(AbstractBijection):
+class _UpperBounded(AbstractBijection):
     """upper - (upper - start) exp(-z)."""
 
     start: Any
@@ -117,7 +117,7 @@ class UpperBounded(AbstractBijection):
         return -jnp.log((self.upper - value) / _like(self.upper - self.start, value))
 
 
-class Interval(AbstractBijection):
+class _Interval(AbstractBijection):
     """A logistic curve between two bounds, in log(value) where both are positive."""
 
     start: Any
@@ -178,10 +178,10 @@ def bijection(
     has_lower, has_upper = math.isfinite(lower), math.isfinite(upper)
     start = np.asarray(start, float)
     if has_lower and has_upper:
-        return Interval(start, lower, upper)
+        return _Interval(start, lower, upper)
     if has_lower:
-        return (SoftplusBounded if softplus else LowerBounded)(start, lower)
+        return (_SoftplusBounded if softplus else _LowerBounded)(start, lower)
     if has_upper:
-        return UpperBounded(start, upper)
+        return _UpperBounded(start, upper)
     size = np.abs(start)
-    return Affine(start, np.where(size > 0, size, 1.0))
+    return _Affine(start, np.where(size > 0, size, 1.0))

@@ -38,10 +38,10 @@ from .targets import AbstractTarget, surface_target
 from .thermogram_targets import FrameTarget, frame_target, render_frames, view_of
 
 
-DEFAULT_SMOOTHNESS = 0.5
+_DEFAULT_SMOOTHNESS = 0.5
 """Standard deviation of log(weight) of a link from its neighbours' mean."""
 
-CHANNELS = {"temperature": "apparent_temperature", "radiance": "radiance"}
+_CHANNELS = {"temperature": "apparent_temperature", "radiance": "radiance"}
 """Channel of an EXR file by compared quantity."""
 
 
@@ -110,13 +110,13 @@ def camera_views(
     surfaces: tuple[SolvedSurface, ...] | None = None,
 ) -> tuple[View, ...]:
     """Views of a scene's surfaces, by default those at the start."""
-    surfaces = start_surfaces(scene) if surfaces is None else surfaces
+    surfaces = _start_surfaces(scene) if surfaces is None else surfaces
     triangles = np.concatenate([s.geometry.triangles for s in surfaces])
     made = (build_camera(camera, triangles) for camera in cameras)
     return tuple(view_of(surfaces, scene, camera) for camera in made)
 
 
-def start_surfaces(scene: Scene) -> tuple[SolvedSurface, ...]:
+def _start_surfaces(scene: Scene) -> tuple[SolvedSurface, ...]:
     """Surfaces of the bodies at the start."""
     with precision(scene.dtype):
         return compile_scene(scene, 1, 1.0).surfaces
@@ -146,7 +146,7 @@ def _parameter(given: ParameterConfig, scene: Scene) -> Parameter:
         prior = Prior(mean, sd, known.log_normal)
     if given.per == "link":
         links = scene.bodies[int(path[1])].structure.links()
-        sd = given.smoothness or DEFAULT_SMOOTHNESS
+        sd = given.smoothness or _DEFAULT_SMOOTHNESS
         smoothness = Smoothness(links.src, links.dst, sd)
     is_capacity = given.per == "level" and path[-1] == "capacity"
     return Parameter(
@@ -221,7 +221,7 @@ class _TargetBuilder:
         truth = scene_config(self.config, case.set, given.set)
         log = lambda stage: self.log(f"{case.name}: {stage}")
         found = full_volume_run(truth, given.step, log)
-        check_surfaces(start_surfaces(self.scenes[case.name]), found.surfaces)
+        check_surfaces(_start_surfaces(self.scenes[case.name]), found.surfaces)
         return surface_target(found, self._dtype(case.name))
 
     def _solution(self, name: str, given: schema.SolutionReference) -> AbstractTarget:
@@ -230,7 +230,7 @@ class _TargetBuilder:
         path = given.files[name]
         times = self.configs[name].time.save_times
         found = select_times(load_solution(path), times, path)
-        check_surfaces(start_surfaces(self.scenes[name]), found.surfaces)
+        check_surfaces(_start_surfaces(self.scenes[name]), found.surfaces)
         return surface_target(found, self._dtype(name))
 
     def _simulated(
@@ -262,7 +262,7 @@ class _TargetBuilder:
         )
         if not views:
             raise InputError(f"reference: frames: there are none for the case {name}")
-        channel = CHANNELS[given.quantity]
+        channel = _CHANNELS[given.quantity]
         frames = []
         for view in views:
             rows = []

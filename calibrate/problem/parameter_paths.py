@@ -18,7 +18,7 @@ from jaxthermo.scene.scene import Scene
 
 Path = tuple[str | int, ...]
 
-ABBREVIATIONS: dict[str, Path] = {
+_ABBREVIATIONS: dict[str, Path] = {
     "weights": ("bodies", 0, "structure", "weights"),
     "material": ("bodies", 0, "material"),
     "temperature": ("bodies", 0, "temperature"),
@@ -26,7 +26,7 @@ ABBREVIATIONS: dict[str, Path] = {
 """Short names in a scene of one body."""
 
 # The constructor's argument and the field that keeps it differ.
-FIELD_OF = {"absorptivity": "own_absorptivity"}
+_FIELD_OF = {"absorptivity": "own_absorptivity"}
 
 
 def find_path(scene: Scene, name: str) -> Path:
@@ -57,16 +57,17 @@ def find_path(scene: Scene, name: str) -> Path:
 
 def _expand(scene: Scene, name: str, path: Path) -> Path:
     head, rest = path[0], path[1:]
-    if head in ABBREVIATIONS:
+    if head in _ABBREVIATIONS:
         if len(scene.bodies) > 1:
             raise InputError(
                 f"parameter {name}: the scene has {len(scene.bodies)} bodies: say "
-                "which, as in " + ".".join(map(str, (*ABBREVIATIONS[str(head)], *rest)))
+                "which, as in "
+                + ".".join(map(str, (*_ABBREVIATIONS[str(head)], *rest)))
             )
-        path = (*ABBREVIATIONS[str(head)], *rest)
+        path = (*_ABBREVIATIONS[str(head)], *rest)
     elif head in (names := mechanism_names(scene)):
         path = ("terms", names.index(str(head)), *rest)
-    return tuple(FIELD_OF.get(p, p) if isinstance(p, str) else p for p in path)
+    return tuple(_FIELD_OF.get(p, p) if isinstance(p, str) else p for p in path)
 
 
 def value_at(scene: Scene, path: Path) -> Any:

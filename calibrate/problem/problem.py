@@ -22,16 +22,16 @@ from .parameters import Coordinates, ParameterSet
 from .targets import AbstractTarget
 
 
-MAX_TANGENT_BYTES = 2**30
+_MAX_TANGENT_BYTES = 2**30
 """Memory for the states of a batch of derivatives [bytes]."""
 
-STEP_MARGIN = 1.25
+_STEP_MARGIN = 1.25
 """Stable step over first step: room to become stiffer before steps are added."""
 
-FIXED_STEP_MARGIN = 2.0
+_FIXED_STEP_MARGIN = 2.0
 """Stable step over fixed step; stiffer values diverge, and the trial is refused."""
 
-MAX_STIFFENING = 10.0
+_MAX_STIFFENING = 10.0
 """Stable step at the start over that of a trial, beyond which steps are not added."""
 
 
@@ -136,7 +136,7 @@ class Problem:
         for case in self.cases:
             longest = None
             if case.response.uses_stable_step:
-                longest = float(case.response.stable_step(case.scene)) / STEP_MARGIN
+                longest = float(case.response.stable_step(case.scene)) / _STEP_MARGIN
             found.append(case.response.step_table(case.scene, longest))
         return tuple(found)
 
@@ -184,7 +184,7 @@ class Problem:
         for case in self.cases:
             response = case.response
             if response.uses_stable_step:
-                dt = float(response.stable_step(case.scene)) / FIXED_STEP_MARGIN
+                dt = float(response.stable_step(case.scene)) / _FIXED_STEP_MARGIN
                 dt = dt if np.isfinite(dt) else response.save_times[-1]
                 response = replace(response, solver=ForwardEuler(dt=dt))
             cases.append(replace(case, response=response))
@@ -211,7 +211,7 @@ class Problem:
         )
         # An estimate: a time loop keeps four arrays of the state's size per tangent.
         per_tangent = 4 * values * self.dtype.itemsize
-        fitting = MAX_TANGENT_BYTES // max(per_tangent, 1)
+        fitting = _MAX_TANGENT_BYTES // max(per_tangent, 1)
         return int(max(1, min(self.parameters.size, fitting)))
 
 
@@ -238,7 +238,7 @@ def refine_layouts(
     Args:
         layouts: steps of each case.
         stable: stability limit of each case [s], infinite where the solver has none.
-        first: layouts of a fit's start. A trial that is `MAX_STIFFENING` stiffer keeps
+        first: layouts of a fit's start. A trial that is `_MAX_STIFFENING` stiffer keeps
             its steps, so that it diverges and is refused instead of running for hours.
     """
     found, changed = [], False
@@ -246,11 +246,11 @@ def refine_layouts(
         zip(layouts, np.asarray(stable, float), strict=True)
     ):
         longest = _longest_step(layout)
-        shortest = 0.0 if first is None else _longest_step(first[n]) / MAX_STIFFENING
+        shortest = 0.0 if first is None else _longest_step(first[n]) / _MAX_STIFFENING
         if np.isfinite(limit) and shortest < limit < longest:
             # More steps than needed now, since each change moves the residuals a
             # little.
-            layout = with_more_steps(layout, STEP_MARGIN * longest / limit)
+            layout = with_more_steps(layout, _STEP_MARGIN * longest / limit)
             changed = True
         found.append(layout)
     return tuple(found) if changed else layouts

@@ -24,11 +24,11 @@ from jaxtyping import Array, Float
 from jaxthermo.network.network import inverse
 
 
-ResidualFunction = Callable[..., tuple[Float[Array, " r"], Any]]
+_ResidualFunction = Callable[..., tuple[Float[Array, " r"], Any]]
 
 
 def value_and_jacobian(
-    function: ResidualFunction, z: Float[Array, " p"], batch: int
+    function: _ResidualFunction, z: Float[Array, " p"], batch: int
 ) -> tuple[Float[Array, " r"], Float[Array, "p r"], Any]:
     """Residuals, rows of their Jacobian, and auxiliary output of a function at z.
 
@@ -49,7 +49,7 @@ def value_and_jacobian(
 
 @eqx.filter_jit
 def jacobian_rows(
-    function: ResidualFunction, args: Any, z: Float[Array, " p"], batch: int
+    function: _ResidualFunction, args: Any, z: Float[Array, " p"], batch: int
 ) -> Float[Array, "p r"]:
     """Rows of the Jacobian of `function(z, args)`, compiled once per shape."""
     return value_and_jacobian(lambda y: function(y, args), z, batch)[1]

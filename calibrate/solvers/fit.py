@@ -64,7 +64,7 @@ class Fit:
 MAX_JUDGED = 200
 """Coordinates up to which the final Jacobian is kept, to judge the values by."""
 
-StepLog = Callable[[StepRecord, float], None]
+_StepLog = Callable[[StepRecord, float], None]
 """Called after every step, with the seconds that all steps took so far."""
 
 
@@ -90,7 +90,7 @@ class Fitting:
         *,
         start: Float[np.ndarray, " p"] | None = None,
         checkpoint: Path | None = None,
-        log: StepLog | None = None,
+        log: _StepLog | None = None,
         stop: Callable[[], bool] = lambda: False,
         noise: Float[np.ndarray, " r"] | None = None,
     ) -> Fit:
@@ -189,7 +189,7 @@ class Fitting:
         objective: Objective,
         progress: Progress,
         checkpoint: Path | None,
-        log: StepLog | None,
+        log: _StepLog | None,
         stop: Callable[[], bool],
     ) -> tuple[Progress, str]:
         # A loss is about the error to the power of the norm.

@@ -52,15 +52,10 @@ class BroydenLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
 
     @override
     def init(
-        self,
-        fn: Callable[..., Any],
-        y: Float[Array, " p"],
-        args: PyTree,
-        options: dict[str, Any],
-        f_struct: Any,
-        aux_struct: PyTree,
-        tags: frozenset[object],
-    ) -> BroydenState:
+        self, fn: Any, y: Any, args: Any, options: Any, f_struct: Any,
+        aux_struct: Any, tags: Any,
+    ) -> BroydenState:  # fmt: skip
+        # Placeholders: the first step replaces them whatever they are.
         zeros = lambda s: jnp.zeros(s.shape, s.dtype)
         matrix = jnp.zeros((*f_struct.shape, len(y)), f_struct.dtype)
         f_info = optx.FunctionInfo.ResidualJac(
@@ -80,22 +75,14 @@ class BroydenLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
 
     @override
     def step(
-        self,
-        fn: Callable[..., Any],
-        y: Float[Array, " p"],
-        args: PyTree,
-        options: dict[str, Any],
-        state: BroydenState,
-        tags: frozenset[object],
+        self, fn: Any, y: Any, args: Any, options: Any, state: BroydenState, tags: Any
     ) -> tuple[Float[Array, " p"], BroydenState, PyTree]:
         f_eval_info, aux_eval = self._linearize(fn, y, args, state)
+        # The search compares the observed decrease of the loss with that of the linear
+        # model, and adapts the damping.
+        points = state.first_step, y, state.y_eval
         step_size, accept, search_result, search_state = self.search.step(
-            state.first_step,
-            y,
-            state.y_eval,
-            state.f_info,
-            f_eval_info,
-            state.search_state,
+            *points, state.f_info, f_eval_info, state.search_state
         )
 
         def accepted():
@@ -107,6 +94,7 @@ class BroydenLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
             keep = state.f_info, state.aux, state.descent_state
             return y, *keep, jnp.asarray(False)
 
+        # A rejected step is proposed again from the best point, with more damping.
         y, f_info, aux, descent, done = jax.lax.cond(accept, accepted, rejected)
         step, descent_result = self.descent.step(step_size, descent)
         succeeded = search_result == optx.RESULTS.successful
@@ -124,14 +112,11 @@ class BroydenLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         return y, state, aux
 
     def _linearize(
-        self,
-        fn: Callable[..., Any],
-        y: Float[Array, " p"],
-        args: PyTree,
-        state: BroydenState,
+        self, fn: Any, y: Float[Array, " p"], args: Any, state: BroydenState
     ) -> tuple[Any, PyTree]:
         function = lambda z: fn(z, args)
 
+        # An exact Jacobian costs a run per coordinate, a corrected one a single run.
         def exact():
             return value_and_jacobian(function, state.y_eval, self.batch)
 
@@ -150,45 +135,26 @@ class BroydenLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         return optx.FunctionInfo.ResidualJac(value, operator), aux
 
     def _is_converged(
-        self,
-        y: Float[Array, " p"],
-        state: BroydenState,
-        f_eval_info: Any,
+        self, y: Float[Array, " p"], state: BroydenState, f_eval_info: Any
     ) -> Bool[Array, ""]:
-        pairs = (
-            (state.y_eval, y),
-            (f_eval_info.residual, state.f_info.residual),
-        )
-        small = [
+        # Both the coordinates and the residuals have stopped changing.
+        small = lambda new, old: (
             self.norm(jnp.abs(new - old) / (self.atol + self.rtol * jnp.abs(new))) < 1
-            for new, old in pairs
-        ]
-        return small[0] & small[1]
+        )
+        residuals = f_eval_info.residual, state.f_info.residual
+        return small(state.y_eval, y) & small(*residuals)
 
     @override
     def terminate(
-        self,
-        fn: Callable[..., Any],
-        y: Float[Array, " p"],
-        args: PyTree,
-        options: dict[str, Any],
-        state: BroydenState,
-        tags: frozenset[object],
+        self, fn: Any, y: Any, args: Any, options: Any, state: BroydenState, tags: Any
     ) -> tuple[Bool[Array, ""], optx.RESULTS]:
         return state.terminate, state.result
 
     @override
     def postprocess(
-        self,
-        fn: Callable[..., Any],
-        y: Float[Array, " p"],
-        aux: PyTree,
-        args: PyTree,
-        options: dict[str, Any],
-        state: BroydenState,
-        tags: frozenset[object],
-        result: optx.RESULTS,
-    ) -> tuple[Float[Array, " p"], PyTree, dict[str, Any]]:
+        self, fn: Any, y: Any, aux: Any, args: Any, options: Any, state: BroydenState,
+        tags: Any, result: optx.RESULTS,
+    ) -> tuple[Float[Array, " p"], PyTree, dict[str, Any]]:  # fmt: skip
         return y, aux, {}
 
 

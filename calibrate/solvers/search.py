@@ -194,7 +194,7 @@ _residuals_by_products = _with_tangent(evaluate, _residual_products)
 _loss_by_gradient = _with_tangent(_loss, _loss_gradient)
 _REVERSE = {"autodiff_mode": "bwd"}
 
-METHODS: dict[str, _Method] = {
+_METHODS: dict[str, _Method] = {
     "levenberg_marquardt": _Method(evaluate, _levenberg_marquardt),
     "gauss_newton": _Method(_residuals_by_products, _gauss_newton),
     "bfgs": _Method(_loss_by_gradient, _bfgs, _REVERSE),
@@ -215,7 +215,7 @@ class Search:
             settings: method and tolerance.
             batch: number of derivatives at once, in forward mode.
         """
-        method = METHODS[settings.method]
+        method = _METHODS[settings.method]
         self._function, self._options = method.function, method.options
         self._solver = method.solver(settings, batch)
         self._objective = objective

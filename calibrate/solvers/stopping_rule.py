@@ -15,7 +15,7 @@ from .checkpoint import StepRecord
 STAGNATION_LIMIT = 2
 """Trials without progress that end a fit."""
 
-NEAR = 0.03
+_NEAR = 0.03
 """Length up to which a rejected trial counts; a longer one is shortened first."""
 
 
@@ -52,7 +52,7 @@ def _is_stagnant(steps: list[StepRecord], tolerance: float, dtype: Any) -> bool:
     last = steps[-STAGNATION_LIMIT:]
     if len(steps) <= STAGNATION_LIMIT or any(s.refresh for s in last):
         return False
-    if any(not s.accepted and s.length > NEAR for s in last):
+    if any(not s.accepted and s.length > _NEAR for s in last):
         return False
     resolved = max(16 * float(jnp.finfo(dtype).eps), tolerance)
     return _relative_gain(steps[-1 - STAGNATION_LIMIT :]) <= resolved

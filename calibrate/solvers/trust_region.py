@@ -19,7 +19,7 @@ from jaxthermo.network.network import inverse
 FIRST_DAMPING = 0.01
 """First lambda over the curvature g^T J^T J g / |g|^2 along the gradient g."""
 
-MAX_STEP = 1.0
+_MAX_STEP = 1.0
 """Largest change of a coordinate in one step; 1 is about the size of its value."""
 
 
@@ -32,6 +32,8 @@ class ScaledTrustRegion(optx.ClassicalTrustRegion):
     who takes the largest entry of J^T J's diagonal, which needs all of J.
     """
 
+    # Decrease over the predicted one of a good step, then the factors of 1 / lambda
+    # after a good and after a rejected step.
     high_cutoff: ScalarLike = 0.75
     high_constant: ScalarLike = 10.0
     low_constant: ScalarLike = 0.1
@@ -44,17 +46,13 @@ class ScaledTrustRegion(optx.ClassicalTrustRegion):
 
     @override
     def step(
-        self,
-        first_step: Any,
-        y: Any,
-        y_eval: Any,
-        f_info: Any,
-        f_eval_info: Any,
+        self, first_step: Any, y: Any, y_eval: Any, f_info: Any, f_eval_info: Any,
         state: Any,
-    ) -> Any:
+    ) -> Any:  # fmt: skip
         size, accept, result, state = super().step(
             first_step, y, y_eval, f_info, f_eval_info, state
         )
+        # Later sizes follow from how well the linear model predicted the decrease.
         scaled = lambda: first_size(f_eval_info).astype(size.dtype)
         size = jax.lax.cond(first_step, scaled, lambda: size)
         return size, accept, result, eqx.tree_at(lambda s: s.step_size, state, size)
@@ -75,7 +73,7 @@ class BoundedDescent(optx.DampedNewtonDescent):
     def step(self, step_size: Any, state: Any) -> Any:
         # The linear model seldom holds over more than a value's own size.
         step, result = super().step(step_size, state)
-        return step * (MAX_STEP / jnp.maximum(jnp.abs(step).max(), MAX_STEP)), result
+        return step * (_MAX_STEP / jnp.maximum(jnp.abs(step).max(), _MAX_STEP)), result
 
 
 def with_trust_region(solver: optx.LevenbergMarquardt) -> optx.LevenbergMarquardt:
