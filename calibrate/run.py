@@ -170,14 +170,14 @@ def _errors_at(
     problem: Problem, points: list[Float[np.ndarray, " p"]]
 ) -> list[dict[str, CaseError]]:
     # One compiled program for all points.
-    found, layouts = [], None
+    found, step_tables = [], None
     with precision(problem.dtype.name):
-        traced = problem.trace(problem.layouts())
-        run = eqx.filter_jit(lambda traced, z, layouts: traced(z, layouts)[1])
+        traced = problem.trace(problem.step_tables())
+        run = eqx.filter_jit(lambda traced, z, step_tables: traced(z, step_tables)[1])
         for point in points:
             z = jnp.asarray(point, problem.dtype)
-            layouts = problem.layouts_at(z, layouts)
-            diagnostics = run(traced, z, layouts)
+            step_tables = problem.step_tables_at(z, step_tables)
+            diagnostics = run(traced, z, step_tables)
             found.append(_case_errors(problem.cases, diagnostics.host_errors()))
     return found
 
@@ -195,9 +195,9 @@ def identify_start(
     z = np.zeros(problem.parameters.size)
     with precision(problem.dtype.name):
         at = jnp.asarray(z, problem.dtype)
-        layouts = problem.layouts_at(at)
-        traced = problem.trace(layouts)
-        rows = jacobian_rows(traced, layouts, at, problem.batch())
+        step_tables = problem.step_tables_at(at)
+        traced = problem.trace(step_tables)
+        rows = jacobian_rows(traced, step_tables, at, problem.batch())
         rows = np.asarray(rows, float)
     log.stage("evaluating the start")
     errors = _errors_at(problem, [z])[0]

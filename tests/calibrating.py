@@ -45,12 +45,11 @@ def scene(side, dtype="float64", weights=None):
 
 def data(made, dtype):
     """A run of a scene as what fits are held against."""
-    response = ParametricRun(SAVES)
-    answer = response(made, response.step_table(made))
-    run = StoredSolution(
-        jnp.asarray(SAVES), answer.surface_temperature, answer.surfaces
-    )
-    return surface_target(run, dtype)
+    run = ParametricRun(SAVES)
+    solution = run(made, run.step_table(made))
+    surface = solution.surface_temperature
+    stored = StoredSolution(jnp.asarray(SAVES), surface, solution.surfaces)
+    return surface_target(stored, dtype)
 
 
 def twin(parameters=(WITHIN, BETWEEN), dtype="float64", truth=TRUTH, solver=None):

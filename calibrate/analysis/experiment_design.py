@@ -61,7 +61,7 @@ def rank_experiments(
     for case in calibration.train.cases:
         log(f"{case.name}: information of other save times")
         # The middle of every span between save times, the first from 0.
-        ends = np.array([0.0, *case.response.save_times])
+        ends = np.array([0.0, *case.run.save_times])
         times = tuple((0.5 * (ends[1:] + ends[:-1])).tolist())
         measure = _measurement(calibration, (), case.scene, times, sd)
         every = _rows_per_time(calibration, fit, case.scene, times, measure)
@@ -81,21 +81,21 @@ def _measurement(
     target, cases = calibration.train.cases[0].target, len(calibration.train.cases)
     if isinstance(target, FrameTarget):
         views = camera_views(cameras, scene) if cameras else target.views
-        return lambda scene, answer: target.measure(views, scene, answer, times)
+        return lambda scene, solution: target.measure(views, scene, solution, times)
     count = len(target.times)
 
-    def surface(scene: Scene, answer: ParametricSolution) -> Float[Array, "t r"]:
+    def surface(scene: Scene, solution: ParametricSolution) -> Float[Array, "t r"]:
         del scene
-        area = np.concatenate([s.geometry.fragment_area for s in answer.surfaces])
+        area = np.concatenate([s.geometry.fragment_area for s in solution.surfaces])
         weight = jnp.asarray(
-            np.sqrt(area / area.sum())[None], answer.surface_temperature.dtype
+            np.sqrt(area / area.sum())[None], solution.surface_temperature.dtype
         )
-        span = error_span(answer.surface_temperature)[:, None]
+        span = error_span(solution.surface_temperature)[:, None]
         return (
             100
             / (sd * (count * cases) ** 0.5)
             * weight
-            * answer.surface_temperature
+            * solution.surface_temperature
             / span
         )
 
@@ -112,19 +112,19 @@ def _rows_per_time(
     problem = calibration.train
     with precision(problem.dtype.name):
         z = jnp.asarray(fit.z, problem.dtype)
-        response = ParametricRun(times, problem.cases[0].response.solver)
+        run = ParametricRun(times, problem.cases[0].run.solver)
         longest = None
-        if response.uses_stable_step:
+        if run.uses_stable_step:
             # Steps for the stiffer of the fitted scene and the one as given.
             both = (problem.parameters.insert(scene, z), scene)
-            longest = min(float(response.stable_step(s)) for s in both)
-        layout = response.step_table(scene, longest)
+            longest = min(float(run.stable_step(s)) for s in both)
+        table = run.step_table(scene, longest)
 
-        def measured(z, layout):
+        def measured(z, table):
             changed = problem.parameters.insert(scene, z)
-            found = measure(changed, response(changed, layout))
+            found = measure(changed, run(changed, table))
             return found.reshape(-1), jnp.zeros((), jnp.int32)
 
-        traced = trace(measured, z, layout)
-        rows = np.asarray(jacobian_rows(traced, layout, z, problem.batch()), float)
+        traced = trace(measured, z, table)
+        rows = np.asarray(jacobian_rows(traced, table, z, problem.batch()), float)
     return list(np.moveaxis(rows.reshape(len(rows), len(times), -1), 1, 0))

@@ -80,9 +80,9 @@ def build(config: CalibrationConfig, log: Log) -> Calibration:
         made = []
         for case in cases:
             given = configs[case.name]
-            response = ParametricRun(given.time.save_times, given.solver.build())
+            run = ParametricRun(given.time.save_times, given.solver.build())
             target = targets.build(case)
-            made.append(Case(case.name, scenes[case.name], response, target))
+            made.append(Case(case.name, scenes[case.name], run, target))
         return Problem(parameters, tuple(made), config.fit.time_norm)
 
     train = problem(config.train)
@@ -244,11 +244,11 @@ class _TargetBuilder:
         scene = truth.build()
         frames = []
         with precision(truth.dtype):
-            response = ParametricRun(times, truth.solver.build())
-            answer: ParametricSolution = response(scene, response.step_table(scene))
+            run = ParametricRun(times, truth.solver.build())
+            solution: ParametricSolution = run(scene, run.step_table(scene))
             cameras = self._cameras(given, case.name)
-            for view in camera_views(cameras, scene, answer.surfaces):
-                rendered = render_frames(view, scene, answer, times, given.quantity)
+            for view in camera_views(cameras, scene, solution.surfaces):
+                rendered = render_frames(view, scene, solution, times, given.quantity)
                 frames.append(np.asarray(rendered, float))
         if not given.noiseless:
             # The seed differs between cases, so that their noise is independent.

@@ -42,14 +42,14 @@ class Case:
     name: str
     scene: Scene
     """Scene with the values at the start."""
-    response: ParametricRun
+    run: ParametricRun
     target: AbstractTarget
 
     def __post_init__(self):
-        if tuple(self.response.save_times) != tuple(self.target.times):
+        if tuple(self.run.save_times) != tuple(self.target.times):
             raise InputError(
                 f"case {self.name}: its data are of {list(self.target.times)} s and "
-                f"the run saves {list(self.response.save_times)} s"
+                f"the run saves {list(self.run.save_times)} s"
             )
 
 
@@ -67,7 +67,7 @@ class RunDiagnostics(NamedTuple):
         return tuple(np.asarray(rows, float) for rows in self.errors)
 
 
-Layouts = tuple[StepTable, ...]
+StepTables = tuple[StepTable, ...]
 """Step sizes and counts of each case."""
 
 
@@ -130,34 +130,36 @@ class Problem:
         """Scene of a case with the values of the coordinates z."""
         return self.parameters.insert(case.scene, z)
 
-    def layouts(self) -> Layouts:
+    def step_tables(self) -> StepTables:
         """Steps of each case for the start values, with a margin for stiffer ones."""
         found = []
         for case in self.cases:
             longest = None
-            if case.response.uses_stable_step:
-                longest = float(case.response.stable_step(case.scene)) / _STEP_MARGIN
-            found.append(case.response.step_table(case.scene, longest))
+            if case.run.uses_stable_step:
+                longest = float(case.run.stable_step(case.scene)) / _STEP_MARGIN
+            found.append(case.run.step_table(case.scene, longest))
         return tuple(found)
 
-    def layouts_at(self, z: Coordinates, layouts: Layouts | None = None) -> Layouts:
+    def step_tables_at(
+        self, z: Coordinates, step_tables: StepTables | None = None
+    ) -> StepTables:
         """Steps that are stable at z: those given, or of the start, or finer ones."""
-        layouts = self.layouts() if layouts is None else layouts
-        return refine_layouts(layouts, self.stable_steps(z))
+        step_tables = self.step_tables() if step_tables is None else step_tables
+        return refine_steps(step_tables, self.stable_steps(z))
 
     def residuals(
-        self, z: Coordinates, layouts: Layouts
+        self, z: Coordinates, step_tables: StepTables
     ) -> tuple[Float[Array, " r"], RunDiagnostics]:
         """Residuals of all cases, one after the other, then those of the priors."""
         rows, steps, errors, finite = [], [], [], jnp.asarray(True)
-        for case, layout in zip(self.cases, layouts, strict=True):
+        for case, table in zip(self.cases, step_tables, strict=True):
             scene = self.scene(case, z)
-            answer = case.response(scene, layout)
-            residual = case.target.residual(scene, answer)
+            solution = case.run(scene, table)
+            residual = case.target.residual(scene, solution)
             rows.append(_emphasize_times(residual, self.time_norm).reshape(-1))
             errors.append(jnp.sqrt(len(residual) * (residual * residual).sum(axis=1)))
-            steps.append(answer.stable_step)
-            finite = finite & answer.finite
+            steps.append(solution.stable_step)
+            finite = finite & solution.finite
         z = jnp.asarray(z)
         data = 1 / math.sqrt(len(self.cases)) * jnp.concatenate(rows)
         prior = self.parameters.prior_residual(z)
@@ -171,8 +173,8 @@ class Problem:
     def stable_steps(self, z: Coordinates) -> Float[Array, " c"]:
         """Stability limit of each case at z [s]; infinite where the solver has none."""
         steps = [
-            jnp.asarray(case.response.stable_step(self.scene(case, z)), z.dtype)
-            if case.response.uses_stable_step
+            jnp.asarray(case.run.stable_step(self.scene(case, z)), z.dtype)
+            if case.run.uses_stable_step
             else jnp.asarray(jnp.inf, z.dtype)
             for case in self.cases
         ]
@@ -182,25 +184,24 @@ class Problem:
         """Problem whose step sizes are fixed, which reverse mode needs."""
         cases = []
         for case in self.cases:
-            response = case.response
-            if response.uses_stable_step:
-                dt = float(response.stable_step(case.scene)) / _FIXED_STEP_MARGIN
-                dt = dt if np.isfinite(dt) else response.save_times[-1]
-                response = replace(response, solver=ForwardEuler(dt=dt))
-            cases.append(replace(case, response=response))
+            run = case.run
+            if run.uses_stable_step:
+                dt = float(run.stable_step(case.scene)) / _FIXED_STEP_MARGIN
+                dt = dt if np.isfinite(dt) else run.save_times[-1]
+                run = replace(run, solver=ForwardEuler(dt=dt))
+            cases.append(replace(case, run=run))
         return replace(self, cases=tuple(cases))
 
     def with_reverse_mode(self, memory: int) -> "Problem":
         """Problem for reverse-mode derivatives, with memory for a run's states."""
         cases = (
-            replace(c, response=replace(c.response, reverse_memory=memory))
-            for c in self.cases
+            replace(c, run=replace(c.run, reverse_memory=memory)) for c in self.cases
         )
         return replace(self, cases=tuple(cases))
 
-    def trace(self, layouts: Layouts) -> Traced:
-        """`residuals` as a traced function of coordinates and layouts."""
-        return trace(self.residuals, self.start(), layouts)
+    def trace(self, step_tables: StepTables) -> Traced:
+        """`residuals` as a traced function of coordinates and step tables."""
+        return trace(self.residuals, self.start(), step_tables)
 
     def batch(self) -> int:
         """Number of derivatives that the memory holds at once."""
@@ -230,32 +231,33 @@ def _emphasize_times(rows: Float[Array, "t r"], power: float) -> Float[Array, "t
     return rows * weight * len(rows) ** (power / 4 - 0.5)
 
 
-def refine_layouts(
-    layouts: Layouts, stable: Float[Array, " c"], first: Layouts | None = None
-) -> Layouts:
-    """Layouts with as many explicit steps as stability needs.
+def refine_steps(
+    step_tables: StepTables, stable: Float[Array, " c"], first: StepTables | None = None
+) -> StepTables:
+    """Step tables with as many explicit steps as stability needs.
 
     Args:
-        layouts: steps of each case.
+        step_tables: steps of each case.
         stable: stability limit of each case [s], infinite where the solver has none.
-        first: layouts of a fit's start. A trial that is `_MAX_STIFFENING` stiffer keeps
-            its steps, so that it diverges and is refused instead of running for hours.
+        first: steps at the start of a fit. A trial that is `_MAX_STIFFENING` stiffer
+            keeps its steps, so that it diverges and is refused instead of running for
+            hours.
     """
     found, changed = [], False
-    for n, (layout, limit) in enumerate(
-        zip(layouts, np.asarray(stable, float), strict=True)
+    for n, (table, limit) in enumerate(
+        zip(step_tables, np.asarray(stable, float), strict=True)
     ):
-        longest = _longest_step(layout)
+        longest = _longest_step(table)
         shortest = 0.0 if first is None else _longest_step(first[n]) / _MAX_STIFFENING
         if np.isfinite(limit) and shortest < limit < longest:
             # More steps than needed now, since each change moves the residuals a
             # little.
-            layout = with_more_steps(layout, _STEP_MARGIN * longest / limit)
+            table = with_more_steps(table, _STEP_MARGIN * longest / limit)
             changed = True
-        found.append(layout)
-    return tuple(found) if changed else layouts
+        found.append(table)
+    return tuple(found) if changed else step_tables
 
 
-def _longest_step(layout: StepTable) -> float:
-    sizes, counts = np.asarray(layout.dt), np.asarray(layout.steps)
+def _longest_step(table: StepTable) -> float:
+    sizes, counts = np.asarray(table.dt), np.asarray(table.steps)
     return float(sizes[counts > 0].max())

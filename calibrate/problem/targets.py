@@ -55,7 +55,9 @@ class AbstractTarget(eqx.Module):
         """Standard deviation of a residual due to noise; None if it is not known."""
 
     @abc.abstractmethod
-    def residual(self, scene: Scene, answer: ParametricSolution) -> Float[Array, "t r"]:
+    def residual(
+        self, scene: Scene, solution: ParametricSolution
+    ) -> Float[Array, "t r"]:
         """Residuals of a run, one row per saved time."""
 
     @abc.abstractmethod
@@ -84,9 +86,11 @@ class SurfaceTarget(AbstractTarget):
         return None
 
     @override
-    def residual(self, scene: Scene, answer: ParametricSolution) -> Float[Array, "t r"]:
+    def residual(
+        self, scene: Scene, solution: ParametricSolution
+    ) -> Float[Array, "t r"]:
         del scene
-        return (answer.surface_temperature - self.reference) * self.scale
+        return (solution.surface_temperature - self.reference) * self.scale
 
     @override
     def case_error(self, errors: Float[np.ndarray, " t"]) -> CaseError:

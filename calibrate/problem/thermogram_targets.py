@@ -49,9 +49,11 @@ class FrameTarget(AbstractTarget):
         return 1 / math.sqrt(self.pixel_count)
 
     @override
-    def residual(self, scene: Scene, answer: ParametricSolution) -> Float[Array, "t r"]:
+    def residual(
+        self, scene: Scene, solution: ParametricSolution
+    ) -> Float[Array, "t r"]:
         parts = [
-            self.model_pixels(n, scene, answer) - self.data[n]
+            self.model_pixels(n, scene, solution) - self.data[n]
             for n in range(len(self.views))
         ]
         scale = self.noise * math.sqrt(self.pixel_count)
@@ -70,11 +72,11 @@ class FrameTarget(AbstractTarget):
         return found.reshape(height, width)
 
     def model_pixels(
-        self, view: int, scene: Scene, answer: ParametricSolution
+        self, view: int, scene: Scene, solution: ParametricSolution
     ) -> Float[Array, "t p"]:
         """Compared pixels of a view as the model gives them."""
         frames = render_frames(
-            self.views[view], scene, answer, self.times, self.quantity
+            self.views[view], scene, solution, self.times, self.quantity
         )
         return frames.reshape(len(frames), -1)[:, self.chosen[view]]
 
@@ -82,13 +84,13 @@ class FrameTarget(AbstractTarget):
         self,
         views: tuple[View, ...],
         scene: Scene,
-        answer: ParametricSolution,
+        solution: ParametricSolution,
         times: tuple[float, ...],
     ) -> Float[Array, "t r"]:
         """Pixels of bodies in any views [standard deviations of the noise]."""
         rows = []
         for view in views:
-            frames = render_frames(view, scene, answer, times, self.quantity)
+            frames = render_frames(view, scene, solution, times, self.quantity)
             chosen = np.flatnonzero(body_mask(view))
             rows.append(frames.reshape(len(frames), -1)[:, chosen])
         return jnp.concatenate(rows, axis=1) / self.noise
@@ -97,19 +99,20 @@ class FrameTarget(AbstractTarget):
 def render_frames(
     view: View,
     scene: Scene,
-    answer: ParametricSolution,
+    solution: ParametricSolution,
     times: tuple[float, ...],
     quantity: str,
 ) -> Float[Array, "t h w"]:
     """Whole frames of a run, as "temperature" [K] or "radiance" [W/(m^2 sr)]."""
 
     def frame(surface: Float[Array, " s"], time: Float[Array, ""]) -> Any:
-        image = draw(view, answer.surfaces, scene.terms, surface, time)
+        image = draw(view, solution.surfaces, scene.terms, surface, time)
         is_temperature = quantity == "temperature"
         return image.apparent_temperature if is_temperature else image.radiance
 
     return jax.vmap(frame)(
-        answer.surface_temperature, jnp.asarray(times, answer.surface_temperature.dtype)
+        solution.surface_temperature,
+        jnp.asarray(times, solution.surface_temperature.dtype),
     )
 
 

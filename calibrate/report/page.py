@@ -26,7 +26,7 @@ from .charts import (
     parameter_charts,
     told,
 )
-from .pictures import answers, difference_picture, frame_picture
+from .pictures import difference_picture, frame_picture, run_both
 from .text_summary import (
     GROUPS,
     MEANING,
@@ -127,7 +127,7 @@ def _picture(
     name = max(fitted, key=lambda case: fitted[case]["worst_percent"])
     worst = {w: int(np.argmax(both[w][name]["rms_percent"])) for w in both}
     case = next(case for case in problem.cases if case.name == name)
-    found = answers(problem, case, fit.z)
+    found = run_both(problem, case, fit.z)
     words = f"{name}, {GROUPS[group]}"
     try:
         if isinstance(case.target, FrameTarget):

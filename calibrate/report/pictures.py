@@ -38,11 +38,11 @@ DECADES = 1.0
 
 Frame = Float[np.ndarray, "h w"]
 Mask = Bool[np.ndarray, "h w"]
-Answers = dict[str, ParametricSolution]
+Solutions = dict[str, ParametricSolution]
 """By "default" and "fitted"."""
 
 
-def answers(problem: Problem, case: Case, z: Float[np.ndarray, " p"]) -> Answers:
+def run_both(problem: Problem, case: Case, z: Float[np.ndarray, " p"]) -> Solutions:
     """A case's runs with the values at the start and with those that were found.
 
     Args:
@@ -53,19 +53,17 @@ def answers(problem: Problem, case: Case, z: Float[np.ndarray, " p"]) -> Answers
     alone = Problem(problem.parameters, (case,))
     found = {}
     with precision(problem.dtype.name):
-        layouts = None
-        run = eqx.filter_jit(
-            lambda z, layout: case.response(alone.scene(case, z), layout)
-        )
+        step_tables = None
+        run = eqx.filter_jit(lambda z, table: case.run(alone.scene(case, z), table))
         for name, point in (("default", np.zeros_like(z)), ("fitted", z)):
             at = jnp.asarray(point, problem.dtype)
-            layouts = alone.layouts_at(at, layouts)
-            found[name] = run(at, layouts[0])
+            step_tables = alone.step_tables_at(at, step_tables)
+            found[name] = run(at, step_tables[0])
     return found
 
 
 def difference_picture(
-    case: Case, camera: Any, found: Answers, whens: list[int]
+    case: Case, camera: Any, found: Solutions, whens: list[int]
 ) -> bytes:
     """A PNG: the body's surface less the reference's [K], default beside fitted.
 
@@ -92,17 +90,17 @@ def difference_picture(
 
     differences = {
         f"{name}, {time_label(target.times[when])}": frame(
-            answer.surface_temperature, when
+            solution.surface_temperature, when
         )
         - frame(target.reference, when)
         for when in whens
-        for name, answer in found.items()
+        for name, solution in found.items()
     }
     words = "surface less the reference's"
     return _png(_sheet(differences, body_mask(view), words, "K", case.name))
 
 
-def frame_picture(case: Case, found: Answers, when: int, view: int) -> bytes:
+def frame_picture(case: Case, found: Solutions, when: int, view: int) -> bytes:
     """A PNG: data, the fitted model's frame, and what default and fitted are off by.
 
     Args:
@@ -118,8 +116,8 @@ def frame_picture(case: Case, found: Answers, when: int, view: int) -> bytes:
     shown = whole(np.asarray(target.data[view][when], float), counts)
     frames = {}
     with precision(case.scene.dtype):
-        for name, answer in found.items():
-            pixels = target.model_pixels(view, case.scene, answer)[when]
+        for name, solution in found.items():
+            pixels = target.model_pixels(view, case.scene, solution)[when]
             frames[name] = whole(np.asarray(pixels, float), counts)
     differences = {n: np.where(counts, f - shown, 0.0) for n, f in frames.items()}
     number = f", view {view}" if len(target.views) > 1 else ""

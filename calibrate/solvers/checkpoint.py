@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 from jaxthermo.atomic import replacing
 from jaxthermo.errors import InputError
 
-from ..problem.problem import Layouts
+from ..problem.problem import StepTables
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Progress(NamedTuple):
     z: Float[Array, " p"]
     """Best point."""
     solver_state: Any
-    layouts: Layouts
+    step_tables: StepTables
     steps: list[StepRecord]
     done: bool = False
     """The solver's own criterion is met."""
@@ -73,7 +73,7 @@ class Progress(NamedTuple):
 
 
 def _state(progress: Progress) -> Any:
-    return progress.z, progress.solver_state, progress.layouts
+    return progress.z, progress.solver_state, progress.step_tables
 
 
 def load_progress(path: Path, start: Progress) -> Progress:
@@ -106,11 +106,11 @@ def load_progress(path: Path, start: Progress) -> Progress:
     if not matches:
         raise InputError(f"{path}: is of another fit: delete it to start again")
     dynamic = jax.tree.unflatten(tree, [jnp.asarray(a) for a in found])
-    z, solver_state, layouts = eqx.combine(dynamic, static)
+    z, solver_state, step_tables = eqx.combine(dynamic, static)
     steps = [
         StepRecord(
             int(n), loss, bool(ok), length, tuple(values), bool(exact), bool(new)
         )
         for n, loss, ok, length, exact, new, *values in history.tolist()
     ]
-    return Progress(z, solver_state, layouts, steps, done, seconds)
+    return Progress(z, solver_state, step_tables, steps, done, seconds)

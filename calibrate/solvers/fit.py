@@ -18,7 +18,7 @@ from jaxtyping import Array, Float
 from jaxthermo.arrays import precision
 from jaxthermo.errors import InputError
 
-from ..problem.problem import Layouts, Problem, RunDiagnostics, refine_layouts
+from ..problem.problem import Problem, RunDiagnostics, StepTables, refine_steps
 from .broyden import jacobian_rows
 from .checkpoint import Progress, StepRecord, load_progress
 from .levenberg_marquardt import restart
@@ -31,7 +31,7 @@ from .search import (
     best_loss,
     evaluate,
     make_objective,
-    with_layouts,
+    with_step_tables,
 )
 from .stopping_rule import next_action
 
@@ -116,7 +116,7 @@ class Fitting:
                 added = jnp.asarray(noise, dtype)
                 objective = eqx.tree_at(lambda o: o.noise, objective, added)
             objective, first, diagnostics = self._begin(objective, z)
-            progress = Progress(z, self._search.start(z), objective.layouts, [])
+            progress = Progress(z, self._search.start(z), objective.step_tables, [])
             if checkpoint is not None:
                 progress = load_progress(checkpoint, progress)
             self._compile(progress)
@@ -161,8 +161,8 @@ class Fitting:
                 if batched.done.all() or stop():
                     break
                 stable = jax.lax.map(self._stable_steps, batched.trials).min(axis=0)
-                layouts = self._refined(objective.layouts, stable)
-                objective = with_layouts(objective, layouts)
+                step_tables = self._refined(objective.step_tables, stable)
+                objective = with_step_tables(objective, step_tables)
                 batched.step(objective)
             found = np.asarray(losses(objective, batched.z, batch))
         return np.asarray(batched.z[int(found.argmin())], float)
@@ -215,19 +215,19 @@ class Fitting:
         z, state = before.z, before.solver_state
         state = restart(state, z) if refresh else state
         stable = self._stable_steps(state.y_eval)
-        layouts = self._refined(before.layouts, stable)
+        step_tables = self._refined(before.step_tables, stable)
         # Other time steps move the residuals too, but less than the trial that needs
         # them: the Jacobian is kept.
         exact = refresh or not self._search.keeps_jacobian
         length = float(np.abs(np.asarray(state.y_eval) - np.asarray(z)).max())
-        objective = with_layouts(objective, layouts)
+        objective = with_step_tables(objective, step_tables)
         z, state, done = self._search.step(z, state, objective)
         loss = best_loss(state)
         seconds = before.seconds + time.perf_counter() - clock
         accepted = refresh or loss < before.steps[-1].loss
         number, values = len(before.steps) + 1, self._host_values(z)
         step = StepRecord(number, loss, accepted, length, values, exact, refresh)
-        return Progress(z, state, layouts, [*before.steps, step], done, seconds)
+        return Progress(z, state, step_tables, [*before.steps, step], done, seconds)
 
     def _host_values(self, z: Float[Array, " p"]) -> tuple[float, ...]:
         # Fields of thousands of values are not logged.
@@ -235,8 +235,10 @@ class Fitting:
             return ()
         return tuple(np.asarray(self._values(z), float).tolist())
 
-    def _refined(self, layouts: Layouts, stable: Float[Array, " c"]) -> Layouts:
-        return refine_layouts(layouts, stable, self.objective.layouts)
+    def _refined(
+        self, step_tables: StepTables, stable: Float[Array, " c"]
+    ) -> StepTables:
+        return refine_steps(step_tables, stable, self.objective.step_tables)
 
     def _finish(
         self,
@@ -245,7 +247,7 @@ class Fitting:
         start: Float[Array, " p"],
         first: Array,
     ) -> Fit:
-        objective, z = with_layouts(objective, progress.layouts), progress.z
+        objective, z = with_step_tables(objective, progress.step_tables), progress.z
         initial = _loss(first)
         residual, diagnostics = self._evaluate(z, objective)
         # Never worse than the start, whatever the last time steps are.

@@ -23,7 +23,7 @@ import optimistix as optx
 from jax.custom_derivatives import linear_call
 from jaxtyping import Array, Float
 
-from ..problem.problem import Layouts, Problem, RunDiagnostics, Traced
+from ..problem.problem import Problem, RunDiagnostics, StepTables, Traced
 from .levenberg_marquardt import BroydenLevenbergMarquardt, restart
 from .trust_region import with_trust_region
 
@@ -48,7 +48,7 @@ class Objective(eqx.Module):
     """Residuals as a function of z, whose arrays are arguments of the compiled step."""
 
     traced: Traced
-    layouts: Layouts
+    step_tables: StepTables
     knee: Float[Array, ""]
     """Residual beyond which it counts linearly; infinite for squares."""
     noise: Float[Array, " r"]
@@ -58,32 +58,32 @@ class Objective(eqx.Module):
 
     def __call__(self, z: Float[Array, " p"]) -> tuple[Array, RunDiagnostics]:
         """Residuals whose squares are minimized."""
-        values, diagnostics = self.traced(z, self.layouts)
+        values, diagnostics = self.traced(z, self.step_tables)
         return _pseudo_huber(values + self.noise, self.knee), diagnostics
 
     def in_reverse(self, z: Float[Array, " p"]) -> Array:
         """The same residuals, for derivatives in reverse mode."""
         assert self.reverse is not None
-        values, _ = self.reverse(z, self.layouts)
+        values, _ = self.reverse(z, self.step_tables)
         return _pseudo_huber(values + self.noise, self.knee)
 
 
 def make_objective(problem: Problem, reverse_memory: int | None) -> Objective:
     """Trace a problem's residuals, for reverse mode too if memory [bytes] is given."""
-    layouts, z = problem.layouts(), problem.start()
-    traced = problem.trace(layouts)
+    step_tables, z = problem.step_tables(), problem.start()
+    traced = problem.trace(step_tables)
     reverse = None
     if reverse_memory is not None:
-        reverse = problem.with_reverse_mode(reverse_memory).trace(layouts)
-    residuals, _ = jax.eval_shape(traced, z, layouts)
+        reverse = problem.with_reverse_mode(reverse_memory).trace(step_tables)
+    residuals, _ = jax.eval_shape(traced, z, step_tables)
     noise = jnp.zeros(residuals.shape, residuals.dtype)
     knee = jnp.asarray(jnp.inf, problem.dtype)
-    return Objective(traced, layouts, knee, noise, reverse)
+    return Objective(traced, step_tables, knee, noise, reverse)
 
 
-def with_layouts(objective: Objective, layouts: Layouts) -> Objective:
+def with_step_tables(objective: Objective, step_tables: StepTables) -> Objective:
     """Objective with other steps in time."""
-    return eqx.tree_at(lambda o: o.layouts, objective, layouts)
+    return eqx.tree_at(lambda o: o.step_tables, objective, step_tables)
 
 
 def _pseudo_huber(

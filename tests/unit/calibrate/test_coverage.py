@@ -48,10 +48,12 @@ def fitting():
     """Fits of frames without noise, which is added to the misfits."""
     true, start = _scene(*TRUTH.values()), _scene(*START)
     # The same steps for data and fits: what is left is noise alone.
-    response = ParametricRun(SAVES, jt.ForwardEuler(dt=2.0))
-    answer = response(true, response.step_table(start))
+    run = ParametricRun(SAVES, jt.ForwardEuler(dt=2.0))
+    solution = run(true, run.step_table(start))
     view = view_of(compile_scene(true, 1, 1.0).surfaces, true, CAMERA)
-    frames = np.asarray(render_frames(view, true, answer, SAVES, "temperature"), float)
+    frames = np.asarray(
+        render_frames(view, true, solution, SAVES, "temperature"), float
+    )
     everywhere = [np.ones(frames.shape[1:], bool)]
     target = frame_target(
         SAVES, (view,), [frames], NOISE, "temperature", everywhere, jnp.float64
@@ -60,7 +62,7 @@ def fitting():
         Parameter(name, (value,), *bounds)
         for name, value, bounds in zip(TRUTH, START, BOUNDS, strict=True)
     )
-    case = Case("frames", start, response, target)
+    case = Case("frames", start, run, target)
     return Fitting(
         Problem(ParameterSet(fitted), (case,)), SearchSettings(tolerance=1e-6)
     )

@@ -101,8 +101,8 @@ def test_a_stiffer_fit_takes_more_steps_instead_of_becoming_unstable():
 @pytest.mark.slow
 def test_the_loss_is_that_of_the_values_returned(problem):
     fit = Fitting(problem, SearchSettings(tolerance=1e-3, max_steps=2)).run()
-    layouts = problem.layouts()
-    rows, _ = problem.residuals(fit.z, layouts)
+    step_tables = problem.step_tables()
+    rows, _ = problem.residuals(fit.z, step_tables)
     assert fit.loss == pytest.approx(0.5 * float((rows**2).sum()), rel=1e-6)
 
 

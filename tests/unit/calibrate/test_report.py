@@ -26,11 +26,11 @@ from calibrate.report.charts import (
 )
 from calibrate.report.page import write_report
 from calibrate.report.pictures import (
-    Answers,
-    answers,
+    Solutions,
     close_up,
     difference_picture,
     frame_picture,
+    run_both,
     whole,
 )
 from calibrate.report.text_summary import MEANING, summary
@@ -72,14 +72,14 @@ def sphere(tmp_path_factory) -> Calibration:
 
 
 @pytest.fixture(scope="module")
-def runs(sphere) -> Answers:
-    return answers(sphere.train, sphere.train.cases[0], np.array([0.3]))
+def runs(sphere) -> Solutions:
+    return run_both(sphere.train, sphere.train.cases[0], np.array([0.3]))
 
 
 @pytest.fixture
 def run_before(monkeypatch, runs):
     """Pages of the sphere show these runs, and need no others."""
-    monkeypatch.setattr(report, "answers", lambda problem, case, z: runs)
+    monkeypatch.setattr(report, "run_both", lambda problem, case, z: runs)
 
 
 @pytest.fixture(scope="module")
@@ -249,7 +249,7 @@ def test_the_runs_that_are_shown_are_those_that_were_fitted(sphere, runs):
         both = eqx.filter_jit(problem.residuals)
         for way, point in (("default", 0 * z), ("fitted", z)):
             at = jnp.asarray(point, problem.dtype)
-            _, diagnostics = both(at, problem.layouts())
+            _, diagnostics = both(at, problem.step_tables())
             target = problem.cases[0].target
             residual = target.residual(problem.cases[0].scene, runs[way])
             error = jnp.sqrt(len(residual) * (residual * residual).sum(axis=1))
@@ -258,9 +258,9 @@ def test_the_runs_that_are_shown_are_those_that_were_fitted(sphere, runs):
 
 def test_no_difference_is_light_everywhere(sphere, runs):
     case = sphere.train.cases[0]
-    answer = runs["default"]
-    same = answer._replace(surface=case.target.reference)
-    pair = {"default": answer, "fitted": same}
+    solution = runs["default"]
+    same = solution._replace(surface=case.target.reference)
+    pair = {"default": solution, "fitted": same}
     png = difference_picture(case, sphere.configs["+x"].camera, pair, [0])
     pixels = np.asarray(Image.open(io.BytesIO(png))).astype(int)
     left, right = np.array_split(pixels[: pixels.shape[0] // 2], 2, axis=1)
@@ -317,7 +317,7 @@ def test_a_camera_that_sees_nothing_spoils_no_report(sphere, run_before, tmp_pat
 
 def test_frames_are_shown_beside_the_models(frames, tmp_path):
     case = frames.train.cases[0]
-    found = answers(frames.train, case, np.array([0.1]))
+    found = run_both(frames.train, case, np.array([0.1]))
     width, height = Image.open(io.BytesIO(frame_picture(case, found, 1, 0))).size
     # Two tiles across and two down, of pixels that can be seen.
     assert width >= SMALL and height >= SMALL

@@ -53,15 +53,15 @@ def view(scene):
 
 def test_a_pixels_radiance_has_the_gradient_of_its_differences(scene, view):
     """By k, h, emissivity and a weight, to 1e-6 of the largest."""
-    response = ParametricRun(SAVES)
-    layout = response.step_table(scene, float(response.stable_step(scene)) / 2)
+    run = ParametricRun(SAVES)
+    table = run.step_table(scene, float(run.stable_step(scene)) / 2)
     row, column = (int(n) for n in np.argwhere(body_mask(view))[20])
 
     @jax.jit
     def radiance(z):
         own = FITTED.insert(scene, z)
-        answer = response(own, layout)
-        return render_frames(view, own, answer, SAVES, "radiance")[1, row, column]
+        solution = run(own, table)
+        return render_frames(view, own, solution, SAVES, "radiance")[1, row, column]
 
     found = np.asarray(jax.jit(jax.jacfwd(radiance))(jnp.zeros(4)))
     step = 1e-4
@@ -79,15 +79,15 @@ def _target(view, frames, masks=None, times=SAVES):
 
 def test_misfits_count_standard_deviations(scene, view):
     """Data off by one standard deviation everywhere: the squares sum to 1."""
-    response = ParametricRun(SAVES)
-    answer = response(scene, response.step_table(scene))
-    frames = np.asarray(render_frames(view, scene, answer, SAVES, "radiance"), float)
+    run = ParametricRun(SAVES)
+    solution = run(scene, run.step_table(scene))
+    frames = np.asarray(render_frames(view, scene, solution, SAVES, "radiance"), float)
     target = _target(view, frames + 0.05)
-    rows = np.asarray(target.residual(scene, answer))
+    rows = np.asarray(target.residual(scene, solution))
     assert (rows**2).sum() == pytest.approx(1.0)
     assert target.known_sd == pytest.approx(1 / np.sqrt(rows.size))
     assert target.mask(0).sum() == rows.shape[1] == body_mask(view).sum()
-    problem = Problem(FITTED, (Case("one", scene, response, target),))
+    problem = Problem(FITTED, (Case("one", scene, run, target),))
     assert problem.known_sd == pytest.approx(target.known_sd)
 
 
