@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
 
 from jaxthermo.cli.console import open_console, tell
 from jaxthermo.cli.progress import patient_interrupt
@@ -15,16 +14,19 @@ from jaxthermo.errors import InputError
 
 from .analysis.fit_card import check_card
 from .config.loader import load_calibration
-from .config.schema import unit_of
-from .report.text_summary import about_errors, change, error_words, name_of
+from .report.result import parameter_rows
+from .report.text_summary import (
+    about_standard_errors,
+    experiment_table,
+    parameter_table,
+    summary,
+)
 from .run import ProgressLog, fit_config, identify_start
 from .solvers.checkpoint import StepRecord
 
 
-_MAX_ADVICE = 5
+_MAX_EXPERIMENTS = 5
 """Further experiments that are listed."""
-
-_LEFT = ("parameter", "verdict")
 
 
 class _ProgressBar(ProgressLog):
@@ -76,46 +78,12 @@ def fit(config: Path, out: Path, overrides: tuple[str, ...]) -> None:
 
 
 def _print_fit(console: Console, result: dict[str, Any]) -> None:
-    table = Table(title=f"{result['name']}: {result['ended']}")
-    for column in ("parameter", "start", "fitted", "standard error", "verdict"):
-        table.add_column(column, justify="left" if column in _LEFT else "right")
-    for name, row in result["parameters"].items():
-        error = row["standard_error"]
-        unit = f" {row['unit']}" if row["unit"] else ""
-        others = f" with {', '.join(row['with'])}" if row["with"] else ""
-        table.add_row(
-            name_of(name, row),
-            f"{row['initial']:.4g}{unit}",
-            f"{row['value']:.4g}{unit}",
-            "" if error is None else f"{error:.2g}",
-            row["verdict"] + others,
-        )
-    console.print(table)
-    tell(console, about_errors(result))
-    for group, words in (("train", "fitted to"), ("held_out", "held out")):
-        if group in result["error_percent"]:
-            both = result["error_percent"][group]
-            before = error_words(both["default"], result)
-            after = error_words(both["fitted"], result)
-            tell(
-                console,
-                f"error, {words}: {before} before, {after} after ({change(**both)})",
-            )
-    speed = result["speedup"]
-    tell(
-        console,
-        f"runs {speed['times_faster']:.3g} times as fast as the full volume "
-        f"({speed['min']:.3g} to {speed['max']:.3g}); "
-        f"{speed['default']['times_faster']:.3g} times before the fit",
-    )
-    spans = result["run_time_s"]
-    tell(
-        console,
-        f"the fit took {spans['fit']:.3g} s, as long as "
-        f"{spans['fit'] / max(spans['one_run'], 1e-9):.3g} runs of all its cases",
-    )
-    for entry in result["advice"][:_MAX_ADVICE]:
-        tell(console, f"{entry['what']}: would add {entry['gain_nats']:.2f} nats")
+    title = f"{result['name']}: {result['ended']}"
+    console.print(parameter_table(result["parameters"], title).rich())
+    for text in (about_standard_errors(result), *summary(result)):
+        tell(console, text)
+    if result["advice"]:
+        console.print(experiment_table(result, _MAX_EXPERIMENTS).rich())
 
 
 def identify(config: Path, overrides: tuple[str, ...]) -> None:
@@ -125,19 +93,9 @@ def identify(config: Path, overrides: tuple[str, ...]) -> None:
     with _progress(console) as bar:
         log = _ProgressBar(console, bar)
         found, errors, noise_is_known = identify_start(loaded, log)
-    table = Table(title=f"{loaded.name}: how well the data determine the start values")
-    for column in ("parameter", "start", "standard error", "verdict"):
-        table.add_column(column, justify="left" if column in _LEFT else "right")
-    for v in found.verdicts:
-        unit = unit_of(v.label)
-        others = f" with {', '.join(v.with_others)}" if v.with_others else ""
-        table.add_row(
-            v.label,
-            f"{v.value:.4g}{' ' * bool(unit)}{unit}",
-            "" if v.standard_error is None else f"{v.standard_error:.2g}",
-            v.verdict + others,
-        )
-    console.print(table)
+    title = f"{loaded.name}: how well the data determine the start values"
+    rows = parameter_rows(found, np.array([v.value for v in found.verdicts]))
+    console.print(parameter_table(rows, title, is_fitted=False).rich())
     for name, error in errors.items():
         words = f"{error.worst:.3g} %"
         if noise_is_known:

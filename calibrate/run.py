@@ -155,7 +155,7 @@ def _conclude(
     speed = measure_speed(calibration.configs[case.name], case.scene, scene)
     versions = {name: version(name) for name in _PACKAGES}
     return fit_json(
-        config, calibration, fit, identified, errors, advice, speed, versions
+        config, train.parameters, fit, identified, errors, advice, speed, versions
     )
 
 

@@ -195,9 +195,7 @@ def residual_sd(
 
 
 def information_gain(
-    jacobian: Float[np.ndarray, "p r"],
-    further: Float[np.ndarray, "p q"],
-    sd: float,
+    jacobian: Float[np.ndarray, "p r"], further: Float[np.ndarray, "p q"], sd: float
 ) -> float:
     """Half the increase of log det(J^T J / s^2) that further data would add [nats].
 

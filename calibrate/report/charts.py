@@ -1,6 +1,7 @@
-"""The charts of a fit: its loss, its values with error bars, errors, correlations."""
+"""Charts of a fit: its loss, its values with error bars, errors, correlations."""
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import altair as alt
@@ -8,23 +9,23 @@ import altair as alt
 from jaxthermo.report.chart import POINT_AREA, Chart, LogAxis, legend
 
 
-Point = dict[str, Any]
 Result = dict[str, Any]
-"""What `fit.json` holds."""
+"""Content of `fit.json`."""
 
-WIDTH, ROW, CELL = 560.0, 26.0, 34.0
-"""Of a chart, and heights of a parameter and of a cell in it [px]."""
-MOST = 48
-"""Parameters in a chart; a field of thousands has a table."""
-LETTER = 7.3
+MAX_CHARTED = 48
+"""Parameters in a chart; a field of thousands only has a table."""
+
+_Point = dict[str, Any]
+_WIDTH, _ROW_HEIGHT, _CELL = 560.0, 26.0, 34.0
+"""Width of a chart, heights of a parameter and of a cell in it [px]."""
+_LETTER_WIDTH = 7.3
 """Width of a letter in a label [px]."""
-REACH = 10.0
-"""Times the values of a chart that its error bars may reach."""
-IN_CELLS = 14
-"""Up to so many parameters, the correlations are written into their cells."""
-
-WAYS = {"default": "#868d99", "fitted": "#17358c"}
-VERDICTS = {
+_MAX_BAR = 10.0
+"""Length of an error bar at which it is cut off, over the range of the values."""
+_MAX_NUMBERED = 14
+"""Parameters up to which correlations are written into their cells."""
+_COLOURS = {"default": "#868d99", "fitted": "#17358c"}
+_VERDICT_COLOURS = {
     "fine": "#1b7a4a",
     "trade-off": "#b8500a",
     "at bound": "#66228f",
@@ -32,133 +33,131 @@ VERDICTS = {
     "flat": "#b3261e",
     "dead": "#5a606c",
 }
-"""Each verdict with its colour, from good to bad."""
 
 
-def told(value: float | None) -> bool:
-    """Whether there is a finite number."""
+def is_finite(value: float | None) -> bool:
+    """True for a finite number."""
     return value is not None and math.isfinite(value)
 
 
-def positive(value: float | None) -> bool:
-    """Whether it can stand on a logarithmic axis."""
+def _is_positive(value: float | None) -> bool:
     return value is not None and math.isfinite(value) and value > 0
 
 
 def loss_chart(result: Result) -> Chart | None:
-    """The loss at the best point so far, by step; None if there is nothing above 0."""
-    kind = lambda accepted: "accepted" if accepted else "not accepted"
+    """Loss at the best point by step; None if it is nowhere above 0."""
+    kinds = {True: "accepted", False: "not accepted"}
+    history = [(0, result["loss"]["initial"], True)]
+    history += [(s["step"], s["loss"], s["accepted"]) for s in result["steps"]]
     points = [
-        {"step": 0, "loss": result["loss"]["initial"], "kind": "accepted"},
-        *(
-            {"step": s["step"], "loss": s["loss"], "kind": kind(s["accepted"])}
-            for s in result["steps"]
-        ),
+        {
+            "step": step,
+            "loss": loss,
+            "kind": kinds[accepted],
+            "text": f"step {step}, {kinds[accepted]}: {loss:.6g}",
+        }
+        for step, loss, accepted in history
+        if _is_positive(loss)
     ]
-    points = [point for point in points if positive(point["loss"])]
     if not points:
         return None
-    for point in points:
-        point["text"] = f"step {point['step']}, {point['kind']}: {point['loss']:.6g}"
-    up = LogAxis([p["loss"] for p in points], "loss: half of the sum of squares")
-    most = max(1, *(p["step"] for p in points))
-    ticks = alt.Axis(tickCount=min(most, 12), format="d", tickMinStep=1)
-    scale = alt.Scale(domain=[0, most], padding=16, nice=False)
-    paint = alt.Scale(domain=["accepted", "not accepted"], range=["#17358c", "#ffffff"])
+    vertical = LogAxis([p["loss"] for p in points], "loss: half of the sum of squares")
+    last = max(1, *(p["step"] for p in points))
+    ticks = alt.Axis(tickCount=min(last, 12), format="d", tickMinStep=1)
+    scale = alt.Scale(domain=[0, last], padding=16, nice=False)
+    fill = alt.Scale(domain=list(kinds.values()), range=["#17358c", "#ffffff"])
     base = alt.Chart(alt.Data(values=points)).encode(
         x=alt.X("step:Q", title="step", axis=ticks, scale=scale),
-        y=alt.Y(**up.channel("loss")),
+        y=alt.Y(**vertical.channel("loss")),
     )
-    line = base.mark_line(color=WAYS["fitted"], strokeWidth=2)
+    blue = _COLOURS["fitted"]
+    line = base.mark_line(color=blue, strokeWidth=2)
     dots = base.mark_point(
-        size=POINT_AREA, opacity=1, stroke=WAYS["fitted"], strokeWidth=1.5, filled=False
-    ).encode(
-        fill=alt.Fill("kind:N", scale=paint, legend=legend()), description="text:N"
-    )
-    return alt.layer(line, dots).properties(width=WIDTH, height=240)
+        size=POINT_AREA, opacity=1, stroke=blue, strokeWidth=1.5, filled=False
+    ).encode(fill=alt.Fill("kind:N", scale=fill, legend=legend()), description="text:N")
+    return alt.layer(line, dots).properties(width=_WIDTH, height=240)
 
 
 def parameter_charts(result: Result) -> list[Chart]:
-    """Start and value with its standard error: a chart of all that share a unit."""
-    groups: dict[tuple[str, bool], list[Point]] = {}
-    for name, row in list(result["parameters"].items())[:MOST]:
-        above = positive(row["value"]) and positive(row["initial"])
-        point = {"name": name, **row}
-        # One that is not finite has no place; the table has it.
-        if told(row["value"]) and told(row["initial"]):
-            groups.setdefault((row["unit"], above), []).append(point)
-    room = _room([p["name"] for points in groups.values() for p in points])
-    return [_values(points, *key, room) for key, points in groups.items()]
+    """Start and value with its standard error, one chart per unit."""
+    groups: dict[tuple[str, bool], list[_Point]] = {}
+    for name, row in list(result["parameters"].items())[:MAX_CHARTED]:
+        positive = _is_positive(row["value"]) and _is_positive(row["initial"])
+        # A value that is not finite is only in the table.
+        if is_finite(row["value"]) and is_finite(row["initial"]):
+            group = groups.setdefault((row["unit"], positive), [])
+            group.append({"name": name, **row})
+    margin = _label_width([p["name"] for points in groups.values() for p in points])
+    return [_value_chart(points, *key, margin) for key, points in groups.items()]
 
 
-def _room(labels: list[str]) -> float:
-    """For labels [px], which are wider in some viewers than where they are drawn."""
-    return LETTER * max(map(len, labels), default=0)
+def _label_width(labels: list[str]) -> float:
+    # Fixed, since some viewers' letters are wider than those of the renderer.
+    return _LETTER_WIDTH * max(map(len, labels), default=0)
 
 
-def _values(points: list[Point], unit: str, above: bool, room: float) -> Chart:
+def _value_chart(
+    points: list[_Point], unit: str, positive: bool, margin: float
+) -> Chart:
     ends = [p[k] for p in points for k in ("initial", "value")]
-    # A factor, or what spans decades; a temperature stays linear.
-    logarithmic = above and (unit == "" or max(ends) > REACH * min(ends))
+    # Factors, and what spans decades, are logarithmic; a temperature stays linear.
+    logarithmic = positive and (unit == "" or max(ends) > _MAX_BAR * min(ends))
     span = max(ends) - min(ends) or abs(ends[0]) or 1.0
     if logarithmic:
-        limits = (min(ends) / REACH, max(ends) * REACH)
+        limits = (min(ends) / _MAX_BAR, max(ends) * _MAX_BAR)
     else:
-        limits = (min(ends) - REACH * span, max(ends) + REACH * span)
-    rows = [_value(p, logarithmic, limits) for p in points]
-    title = f"value [{unit}]" if unit else "value"
+        limits = (min(ends) - _MAX_BAR * span, max(ends) + _MAX_BAR * span)
+    rows = [_value_row(p, logarithmic, limits) for p in points]
+    labels = alt.Axis(labelLimit=400, grid=True, ticks=False, minExtent=margin)
     base = alt.Chart(alt.Data(values=rows)).encode(
-        y=alt.Y(
-            "name:N",
-            title=None,
-            sort=None,
-            axis=alt.Axis(labelLimit=400, grid=True, ticks=False, minExtent=room),
-        )
+        y=alt.Y("name:N", title=None, sort=None, axis=labels)
     )
     every = [r[k] for r in rows for k in ("low", "high", "start", "value")]
-    if logarithmic:
-        across = LogAxis(every, title).channel
-    else:
-        scale = alt.Scale(zero=False, padding=16, domain=[min(every), max(every)])
-        across = lambda field: {
-            "shorthand": field, "type": "quantitative", "title": title, "scale": scale,
-            "axis": alt.Axis(tickCount=8),
-        }  # fmt: skip
-    shown = [name for name in VERDICTS if any(r["verdict"] == name for r in rows)]
-    paint = alt.Scale(domain=shown, range=[VERDICTS[name] for name in shown])
-    # The mark of the start has a legend of its own, or nobody knows what it is.
-    marks = alt.Scale(domain=["start", "fitted"], range=["stroke", "circle"])
+    across = _value_axis(every, f"value [{unit}]" if unit else "value", logarithmic)
+    shown = [
+        name for name in _VERDICT_COLOURS if any(r["verdict"] == name for r in rows)
+    ]
+    paint = alt.Scale(domain=shown, range=[_VERDICT_COLOURS[name] for name in shown])
     colour = alt.Color("verdict:N", scale=paint, legend=legend("verdict"))
+    # Marks of start and fitted value have a legend of their own, apart from colours.
+    marks = alt.Scale(domain=["start", "fitted"], range=["stroke", "circle"])
+    shape = lambda field: alt.Shape(field, scale=marks, legend=legend(" "))
     bars = base.mark_rule(strokeWidth=2).encode(
         x=alt.X(**across("low")), x2="high:Q", color=colour
     )
     dots = base.mark_point(size=POINT_AREA, filled=True, opacity=1).encode(
-        x=alt.X(**across("value")),
-        color=colour,
-        shape=alt.Shape("as_fitted:N", scale=marks, legend=legend(" ")),
+        x=alt.X(**across("value")), color=colour, shape=shape("as_fitted:N"),
         description="text:N",
-    )
+    )  # fmt: skip
     starts = base.mark_point(
         size=2 * POINT_AREA, angle=90, stroke="#868d99", strokeWidth=2.5, opacity=1
-    ).encode(
-        x=alt.X(**across("start")),
-        shape=alt.Shape("as_start:N", scale=marks, legend=legend(" ")),
-    )
-    height = ROW * len(rows) + 10
-    return alt.layer(bars, starts, dots).properties(width=WIDTH, height=height)
+    ).encode(x=alt.X(**across("start")), shape=shape("as_start:N"))
+    height = _ROW_HEIGHT * len(rows) + 10
+    return alt.layer(bars, starts, dots).properties(width=_WIDTH, height=height)
 
 
-def _value(row: Point, logarithmic: bool, limits: tuple[float, float]) -> Point:
-    """A value and the ends of its bar: a factor exp(+-error / value) on a log axis."""
+def _value_axis(
+    values: list[float], title: str, logarithmic: bool
+) -> Callable[[str], dict[str, Any]]:
+    if logarithmic:
+        return LogAxis(values, title).channel
+    scale = alt.Scale(zero=False, padding=16, domain=[min(values), max(values)])
+    return lambda field: {
+        "shorthand": field, "type": "quantitative", "title": title, "scale": scale,
+        "axis": alt.Axis(tickCount=8),
+    }  # fmt: skip
+
+
+def _value_row(row: _Point, logarithmic: bool, limits: tuple[float, float]) -> _Point:
     value, error = row["value"], row["standard_error"]
     low = high = value
     words = "no error bar"
-    if told(error):
+    if is_finite(error):
+        low, high = value - error, value + error
         if logarithmic:
+            # To first order the relative error is the error of the logarithm.
             factor = math.exp(min(error / value, 700.0))
             low, high = value / factor, value * factor
-        else:
-            low, high = value - error, value + error
         words = f"standard error {error:.2g}"
     start = f"start {row['initial']:.4g}"
     return {
@@ -175,94 +174,87 @@ def _value(row: Point, logarithmic: bool, limits: tuple[float, float]) -> Point:
 
 
 def error_chart(both: dict[str, dict[str, Any]], title: str) -> Chart | None:
-    """Error over saved time, a frame a case; None if none is above 0.
+    """Error over saved time, a frame per case; None if none is above 0.
 
     Args:
-        both: of one group, by "default" or "fitted", then by case, as in `fit.json`.
+        both: errors of a group in `fit.json`, by "default" or "fitted", then by case.
         title: of the error's axis.
     """
     points = [
         {
             "case": case,
-            "way": way,
+            "values": values,
             "time": time,
             "error": percent,
-            "text": f"{case}, {way}, {time:g} s: {percent:.3g} %, {kelvin:.3g} K",
+            "text": f"{case}, {values}, {time:g} s: {percent:.3g} %, {kelvin:.3g} K",
         }
-        for way, cases in both.items()
+        for values, cases in both.items()
         for case, error in cases.items()
         for time, percent, kelvin in zip(
             error["times_s"], error["rms_percent"], error["rms_kelvin"], strict=True
         )
-        if positive(percent)
+        if _is_positive(percent)
     ]
     if not points:
         return None
     cases = list(dict.fromkeys(p["case"] for p in points))
-    across = min(len(cases), 3)
-    up = LogAxis([p["error"] for p in points], title)
-    paint = alt.Scale(domain=list(WAYS), range=list(WAYS.values()))
-    dashes = alt.Scale(domain=list(WAYS), range=[[5, 4], [1, 0]])
+    columns = min(len(cases), 3)
+    vertical = LogAxis([p["error"] for p in points], title)
+    paint = alt.Scale(domain=list(_COLOURS), range=list(_COLOURS.values()))
+    dashes = alt.Scale(domain=list(_COLOURS), range=[[5, 4], [1, 0]])
     times = sorted({p["time"] for p in points})
     axis = alt.Axis(values=times[:: math.ceil(len(times) / 8)], format=".4~r")
     scale = alt.Scale(padding=16, nice=False, zero=False)
-    lines_legend = alt.Legend(title=None, symbolSize=POINT_AREA, symbolStrokeWidth=0)
-    lines = (
-        alt.Chart(alt.Data(values=points))
-        .mark_line(point=alt.OverlayMarkDef(size=45), strokeWidth=2)
-        .encode(
-            x=alt.X("time:Q", title="time [s]", axis=axis, scale=scale),
-            y=alt.Y(**up.channel("error")),
-            color=alt.Color("way:N", scale=paint, sort=None, legend=lines_legend),
-            strokeDash=alt.StrokeDash("way:N", scale=dashes, legend=None),
-            description="text:N",
-        )
+    line_legend = alt.Legend(title=None, symbolSize=POINT_AREA, symbolStrokeWidth=0)
+    chart = alt.Chart(alt.Data(values=points))
+    lines = chart.mark_line(point=alt.OverlayMarkDef(size=45), strokeWidth=2).encode(
+        x=alt.X("time:Q", title="time [s]", axis=axis, scale=scale),
+        y=alt.Y(**vertical.channel("error")),
+        color=alt.Color("values:N", scale=paint, sort=None, legend=line_legend),
+        strokeDash=alt.StrokeDash("values:N", scale=dashes, legend=None),
+        description="text:N",
     )
-    width = 420.0 if across == 1 else 310.0
     header = alt.Header(title=None, labelFontSize=13, labelFontWeight="bold")
     frame = alt.Facet("case:N", title=None, sort=cases, header=header)
-    return lines.properties(width=width, height=220).facet(frame, columns=across)
+    width = 420.0 if columns == 1 else 310.0
+    return lines.properties(width=width, height=220).facet(frame, columns=columns)
 
 
 def correlation_chart(result: Result) -> Chart:
-    """How the errors of the values go together: -1 to 1, a cell a pair."""
-    names = list(result["parameters"])[:MOST]
+    """Correlation of the values' errors, -1 to 1, a cell per pair."""
+    names = list(result["parameters"])[:MAX_CHARTED]
+    table = result["correlation"]
     rows = [
         {
             "row": a,
             "column": b,
-            "value": float(result["correlation"][i][j]),
-            "text": f"{a} and {b}: {result['correlation'][i][j]:.2f}",
+            "value": float(table[i][j]),
+            "text": f"{a} and {b}: {table[i][j]:.2f}",
         }
         for i, a in enumerate(names)
         for j, b in enumerate(names)
     ]
-    side = CELL if len(names) <= IN_CELLS else 560.0 / len(names)
-    room = _room(names)
-    axis = lambda share, **more: alt.Axis(
-        title=None, labelLimit=400, ticks=False, minExtent=share * room, **more
+    width = _label_width(names)
+    axis = lambda margin, **more: alt.Axis(
+        title=None, labelLimit=400, ticks=False, minExtent=margin, **more
     )
-    colours = alt.Scale(
-        domain=[-1, 0, 1],
-        range=["#17358c", "#f0f0ee", "#a31621"],
-        type="linear",
-        interpolate="rgb",
-    )
-    base = alt.Chart(alt.Data(values=rows)).encode(
-        x=alt.X("column:N", sort=names, axis=axis(0.7, labelAngle=-40)),
-        y=alt.Y("row:N", sort=names, axis=axis(1.0)),
-    )
+    ends = ["#17358c", "#f0f0ee", "#a31621"]
+    paint = alt.Scale(domain=[-1, 0, 1], range=ends, type="linear", interpolate="rgb")
+    ticks = [-1, -0.5, 0, 0.5, 1]
     bar = alt.Legend(
-        title="correlation",
-        gradientLength=160,
-        values=[-1, -0.5, 0, 0.5, 1],
-        format=".1f",
+        title="correlation", gradientLength=160, values=ticks, format=".1f"
+    )
+    # Labels at an angle need less height than their length.
+    base = alt.Chart(alt.Data(values=rows)).encode(
+        x=alt.X("column:N", sort=names, axis=axis(0.7 * width, labelAngle=-40)),
+        y=alt.Y("row:N", sort=names, axis=axis(width)),
     )
     cells = base.mark_rect().encode(
-        color=alt.Color("value:Q", scale=colours, legend=bar), description="text:N"
+        color=alt.Color("value:Q", scale=paint, legend=bar), description="text:N"
     )
-    size = side * len(names)
-    if len(names) > IN_CELLS:
+    numbered = len(names) <= _MAX_NUMBERED
+    size = _CELL * len(names) if numbered else _WIDTH
+    if not numbered:
         return cells.properties(width=size, height=size)
     ink = alt.condition("abs(datum.value) > 0.5", alt.value("white"), alt.value("#333"))
     numbers = base.mark_text(fontSize=10).encode(

@@ -1,4 +1,4 @@
-"""Where a fit is wrong: pictures of default and fitted beside the data."""
+"""Pictures of a fit's errors: default and fitted values beside the data."""
 
 import io
 from typing import Any
@@ -28,32 +28,27 @@ from ..problem.targets import SurfaceTarget
 from ..problem.thermogram_targets import FrameTarget, body_mask, view_of
 
 
-WITHIN = 0.995
-"""Share of the pixels that a scale spans: a few hot tips must not darken the rest."""
 SIDE = 440
-"""Pixels of a picture's longer side, about."""
-PALETTE = "iron"
-DECADES = 1.0
-"""Of the scale of differences: a fit that halves them must show."""
+"""Length of a picture's longer side, about [px]."""
 
-Frame = Float[np.ndarray, "h w"]
-Mask = Bool[np.ndarray, "h w"]
+# A scale over all pixels would be stretched by a few hot tips, and darken the rest.
+_SCALE_QUANTILE = 0.995
+_PALETTE = "iron"
+_DECADES = 1.0
+"""Decades of the scale of differences, so that a fit that halves them is seen."""
+
 Solutions = dict[str, ParametricSolution]
-"""By "default" and "fitted"."""
+"""Runs with the "default" and the "fitted" values."""
+
+_Frame = Float[np.ndarray, "h w"]
+_Mask = Bool[np.ndarray, "h w"]
 
 
 def run_both(problem: Problem, case: Case, z: Float[np.ndarray, " p"]) -> Solutions:
-    """A case's runs with the values at the start and with those that were found.
-
-    Args:
-        problem: of the parameters.
-        case: one of its cases.
-        z: free numbers that were found.
-    """
+    """Run a case with the values at the start and with those of the coordinates z."""
     alone = Problem(problem.parameters, (case,))
-    found = {}
+    found, step_tables = {}, None
     with precision(problem.dtype.name):
-        step_tables = None
         run = eqx.filter_jit(lambda z, table: case.run(alone.scene(case, z), table))
         for name, point in (("default", np.zeros_like(z)), ("fitted", z)):
             at = jnp.asarray(point, problem.dtype)
@@ -63,153 +58,145 @@ def run_both(problem: Problem, case: Case, z: Float[np.ndarray, " p"]) -> Soluti
 
 
 def difference_picture(
-    case: Case, camera: Any, found: Solutions, whens: list[int]
+    case: Case, camera: Any, solutions: Solutions, times: list[int]
 ) -> bytes:
-    """A PNG: the body's surface less the reference's [K], default beside fitted.
+    """PNG of surface minus reference temperature [K], default beside fitted.
 
     Args:
         case: with a surface as its data.
         camera: of the scene's config.
-        found: both runs.
-        whens: numbers of the saved times that are shown.
+        solutions: both runs.
+        times: indices of the saved times that are shown.
 
     Raises:
         InputError: if the camera is inside a body or sees none.
     """
     target = case.target
     assert isinstance(target, SurfaceTarget)
-    surfaces = found["default"].surfaces
+    surfaces = solutions["default"].surfaces
     triangles = np.concatenate([s.geometry.triangles for s in surfaces])
-    view = view_of(surfaces, case.scene, build_camera(_sized(camera), triangles))
+    view = view_of(surfaces, case.scene, build_camera(_resized(camera), triangles))
 
-    def frame(surface: Any, when: int) -> Frame:
+    def frame(surface: Any, time: int) -> _Frame:
         with precision(case.scene.dtype):
-            at = jnp.asarray(target.times[when], surface.dtype)
-            seen = draw(view, surfaces, case.scene.terms, surface[when], at)
-            return np.asarray(seen.temperature, float)
+            at = jnp.asarray(target.times[time], surface.dtype)
+            drawn = draw(view, surfaces, case.scene.terms, surface[time], at)
+            return np.asarray(drawn.temperature, float)
 
     differences = {
-        f"{name}, {time_label(target.times[when])}": frame(
-            solution.surface_temperature, when
+        f"{name}, {time_label(target.times[time])}": frame(
+            solution.surface_temperature, time
         )
-        - frame(target.reference, when)
-        for when in whens
-        for name, solution in found.items()
+        - frame(target.reference, time)
+        for time in times
+        for name, solution in solutions.items()
     }
-    words = "surface less the reference's"
-    return _png(_sheet(differences, body_mask(view), words, "K", case.name))
+    words = "surface minus reference"
+    return _png(_difference_sheet(differences, body_mask(view), words, "K", case.name))
 
 
-def frame_picture(case: Case, found: Solutions, when: int, view: int) -> bytes:
-    """A PNG: data, the fitted model's frame, and what default and fitted are off by.
+def frame_picture(case: Case, solutions: Solutions, time: int, view: int) -> bytes:
+    """PNG of data, the fitted model's frame, and both differences from the data.
 
     Args:
         case: with frames as its data.
-        found: both runs.
-        when: number of the saved time.
-        view: number of the view.
+        solutions: both runs.
+        time: index of the saved time.
+        view: index of the view.
     """
     target = case.target
     assert isinstance(target, FrameTarget)
-    counts = target.mask(view)
+    mask = target.mask(view)
     unit = "K" if target.quantity == "temperature" else "W/(m\N{SUPERSCRIPT TWO} sr)"
-    shown = whole(np.asarray(target.data[view][when], float), counts)
+    data = scatter(np.asarray(target.data[view][time], float), mask)
     frames = {}
     with precision(case.scene.dtype):
-        for name, solution in found.items():
-            pixels = target.model_pixels(view, case.scene, solution)[when]
-            frames[name] = whole(np.asarray(pixels, float), counts)
-    differences = {n: np.where(counts, f - shown, 0.0) for n, f in frames.items()}
+        for name, solution in solutions.items():
+            pixels = target.model_pixels(view, case.scene, solution)[time]
+            frames[name] = scatter(np.asarray(pixels, float), mask)
+    differences = {n: np.where(mask, f - data, 0.0) for n, f in frames.items()}
     number = f", view {view}" if len(target.views) > 1 else ""
-    title = f"{case.name}{number}, {time_label(target.times[when])}"
-    above = _frames({"data": shown, "fitted model": frames["fitted"]}, counts, unit)
-    below = _sheet(differences, counts, "model less data", unit, title)
-    return _png(_stacked(below, above))
+    title = f"{case.name}{number}, {time_label(target.times[time])}"
+    below = _difference_sheet(differences, mask, "model minus data", unit, title)
+    shown = {"data": data, "fitted model": frames["fitted"]}
+    return _png(_stacked(below, _frame_sheet(shown, mask, unit)))
 
 
-def whole(pixels: Float[np.ndarray, " p"], counts: Mask) -> Frame:
-    """A frame of the pixels that count; NaN elsewhere."""
-    frame = np.full(counts.shape, np.nan)
-    frame[counts] = pixels
+def scatter(pixels: Float[np.ndarray, " p"], mask: _Mask) -> _Frame:
+    """Frame of the pixels of a mask; NaN elsewhere."""
+    frame = np.full(mask.shape, np.nan)
+    frame[mask] = pixels
     return frame
 
 
-def _sized(camera: Any) -> Any:
-    """The same camera with as many pixels as a page needs."""
-    share = SIDE / max(camera.width, camera.height)
-    size = {
-        "width": max(1, round(share * camera.width)),
-        "height": max(1, round(share * camera.height)),
-    }
+def _resized(camera: Any) -> Any:
+    scale = SIDE / max(camera.width, camera.height)
+    size = {k: max(1, round(scale * getattr(camera, k))) for k in ("width", "height")}
     return camera.model_copy(update=size)
 
 
 def close_up(
-    image: UInt8[np.ndarray, "h w 3"], counts: Mask
+    image: UInt8[np.ndarray, "h w 3"], mask: _Mask
 ) -> UInt8[np.ndarray, "rows columns 3"]:
-    """The part of a picture with the pixels that count, in pixels that can be seen."""
-    rows, columns = (np.flatnonzero(counts.any(axis)) for axis in (1, 0))
+    """Part of a picture around a mask, enlarged by a whole factor."""
     parts = []
-    for found, most in zip((rows, columns), counts.shape, strict=True):
+    for axis, size in zip((1, 0), mask.shape, strict=True):
+        found = np.flatnonzero(mask.any(axis))
         margin = 1 + len(found) // 16
         first, last = found[0] - margin, found[-1] + margin
-        parts.append(slice(max(first, 0), min(last, most - 1) + 1))
+        parts.append(slice(max(first, 0), min(last, size - 1) + 1))
     part = image[tuple(parts)]
-    times = max(1, SIDE // max(part.shape[:2]))
-    return part.repeat(times, axis=0).repeat(times, axis=1)
+    factor = max(1, SIDE // max(part.shape[:2]))
+    return part.repeat(factor, axis=0).repeat(factor, axis=1)
 
 
-def _sheet(
-    differences: dict[str, Frame], body: Mask, what: str, unit: str, title: str
+def _difference_sheet(
+    differences: dict[str, _Frame], mask: _Mask, words: str, unit: str, title: str
 ) -> Image.Image:
-    """Differences side by side, on one scale about zero."""
-    sizes = np.abs([d[body] for d in differences.values()])
-    scale = DifferenceScale(nice_limit(float(np.quantile(sizes, WITHIN))), DECADES)
-    tiles = [
-        Tile(
-            close_up(scale.picture(d, body), body),
-            name,
-            f"RMS {_rms(d[body]):.2g} {unit}",
-        )
-        for name, d in differences.items()
-    ]
-    words = f"{what} [{unit}]; largest difference {sizes.max():.2g} {unit}"
-    return sheet(tiles, difference_bar(scale, words), title)
+    # Side by side, on one scale that is symmetric about zero.
+    sizes = np.abs([d[mask] for d in differences.values()])
+    limit = nice_limit(float(np.quantile(sizes, _SCALE_QUANTILE)))
+    scale = DifferenceScale(limit, _DECADES)
+    tiles = []
+    for name, difference in differences.items():
+        picture = close_up(scale.picture(difference, mask), mask)
+        rms = float(np.sqrt((difference[mask] ** 2).mean()))
+        tiles.append(Tile(picture, name, f"RMS {rms:.2g} {unit}"))
+    text = f"{words} [{unit}]; largest difference {sizes.max():.2g} {unit}"
+    return sheet(tiles, difference_bar(scale, text), title)
 
 
-def _frames(frames: dict[str, Frame], counts: Mask, unit: str) -> Image.Image:
-    """Frames side by side, on the scale of the first."""
-    first = next(iter(frames.values()))[counts]
-    low, high = (float(v) for v in np.quantile(first, [1 - WITHIN, WITHIN]))
+def _frame_sheet(frames: dict[str, _Frame], mask: _Mask, unit: str) -> Image.Image:
+    # Side by side, on the scale of the first.
+    first = next(iter(frames.values()))[mask]
+    ends = np.quantile(first, [1 - _SCALE_QUANTILE, _SCALE_QUANTILE])
+    low, high = (float(v) for v in ends)
+    # A uniform frame still needs a scale of some width.
     high = max(high, low + 1e-6 * max(abs(low), 1.0))
     tiles = []
     for name, frame in frames.items():
-        colours = apply_palette(np.where(counts, frame, low), low, high, PALETTE)
-        colours[~counts] = BACKGROUND
-        ends = f"{frame[counts].min():.4g} to {frame[counts].max():.4g} {unit}"
-        tiles.append(Tile(close_up(colours, counts), name, ends))
+        colours = apply_palette(np.where(mask, frame, low), low, high, _PALETTE)
+        colours[~mask] = BACKGROUND
+        note = f"{frame[mask].min():.4g} to {frame[mask].max():.4g} {unit}"
+        tiles.append(Tile(close_up(colours, mask), name, note))
     ticks = nice_ticks(low, high, 6)
     decimals = decimals_of(ticks[1] - ticks[0]) if len(ticks) > 1 else 1
+    ramp = np.linspace(low, high, 512)[None]
     bar = ColourBar(
-        colours=apply_palette(np.linspace(low, high, 512)[None], low, high, PALETTE)[0],
+        colours=apply_palette(ramp, low, high, _PALETTE)[0],
         ticks=tuple(((t - low) / (high - low), label(t, decimals)) for t in ticks),
         title=f"frames [{unit}]",
     )
     return sheet(tiles, bar, "data and fitted model")
 
 
-def _rms(values: Float[np.ndarray, " p"]) -> float:
-    return float(np.sqrt((values**2).mean()))
-
-
 def _stacked(*sheets: Image.Image) -> Image.Image:
-    """Sheets below each other."""
     width, height = max(s.width for s in sheets), sum(s.height for s in sheets)
     image = Image.new("RGB", (width, height), sheets[0].getpixel((0, 0)))
     top = 0
-    for one in sheets:
-        image.paste(one, ((width - one.width) // 2, top))
-        top += one.height
+    for part in sheets:
+        image.paste(part, ((width - part.width) // 2, top))
+        top += part.height
     return image
 
 

@@ -1,32 +1,28 @@
-"""What a calibration leaves behind, as plain values: `fit.json`."""
+"""Results of a calibration as plain values: the content of `fit.json`."""
 
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from jaxthermo import __version__
 
 from ..analysis.identifiability import Identified
 from ..config.loader import calibration_hash, plain
 from ..config.schema import CalibrationConfig, unit_of
-from ..problem.build import Calibration
+from ..problem.parameters import ParameterSet
 from ..problem.reference import program_hash
 from ..problem.targets import CaseError
 from ..solvers.fit import Fit
 
 
 Errors = dict[str, dict[str, dict[str, CaseError]]]
-"""By "train" or "held_out", then by "default" or "fitted", then by case."""
-
-
-def worst(errors: dict[str, CaseError]) -> float:
-    """The error of several cases: the largest."""
-    return max(error.worst for error in errors.values())
+"""Errors by "train" or "held_out", then by "default" or "fitted", then by case."""
 
 
 def fit_json(
     config: CalibrationConfig,
-    calibration: Calibration,
+    parameters: ParameterSet,
     fit: Fit,
     identified: Identified,
     errors: Errors,
@@ -34,35 +30,36 @@ def fit_json(
     speed: dict[str, Any],
     versions: dict[str, str],
 ) -> dict[str, Any]:
-    """All that is told of a fit.
+    """Collect all results of a fit.
 
     Args:
         config: of the calibration.
-        calibration: its problems.
+        parameters: that were fitted.
         fit: what was found.
-        identified: what it is worth.
-        errors: before and after.
-        advice: further runs that would tell more.
+        identified: standard errors and verdicts.
+        errors: with the start values and with the fitted ones.
+        advice: further experiments by the information that they would add.
         speed: of the fitted structure beside the full volume.
         versions: of the packages.
     """
-    start = np.asarray(
-        calibration.train.parameters.flat_values(np.zeros_like(fit.z)), float
-    )
+    start = np.asarray(parameters.flat_values(np.zeros_like(fit.z)), float)
     judged = fit.jacobian is not None
-    parameters = (_each if judged else _fields)(calibration, identified, start)
+    rows = parameter_rows(identified, start)
     return {
         "name": config.name,
-        "parameters": parameters,
+        "parameters": rows if judged else _field_rows(parameters, identified, start),
         "loss": {"initial": fit.initial_loss, "final": fit.loss},
         "ended": fit.ended,
         "error_percent": {
-            group: {kind: worst(found) for kind, found in both.items()}
+            group: {
+                kind: max(error.worst for error in found.values())
+                for kind, found in both.items()
+            }
             for group, both in errors.items()
         },
         "errors": {
             group: {
-                kind: {case: e.as_json() for case, e in found.items()}
+                kind: {case: error.as_json() for case, error in found.items()}
                 for kind, found in both.items()
             }
             for group, both in errors.items()
@@ -95,43 +92,41 @@ def fit_json(
     }
 
 
-def _each(
-    calibration: Calibration, identified: Identified, start
+def parameter_rows(
+    identified: Identified, start: Float[np.ndarray, " p"]
 ) -> dict[str, dict[str, Any]]:
-    """A row a value."""
-    del calibration
+    """A row for every value, by its label."""
     return {
         verdict.label: {
             "value": verdict.value,
-            "initial": float(first),
+            "initial": float(initial),
             "standard_error": verdict.standard_error,
             "verdict": verdict.verdict,
             "with": list(verdict.with_others),
             "unit": unit_of(verdict.label),
         }
-        for verdict, first in zip(identified.verdicts, start, strict=True)
+        for verdict, initial in zip(identified.verdicts, start, strict=True)
     }
 
 
-def _fields(
-    calibration: Calibration, identified: Identified, start
+def _field_rows(
+    parameters: ParameterSet, identified: Identified, start: Float[np.ndarray, " p"]
 ) -> dict[str, dict[str, Any]]:
-    """A row a parameter, of thousands of values: the card has them all."""
-    found, begin = {}, 0
+    # A row for every field of thousands of values, all of which are in the card.
+    found, first = {}, 0
     values = np.array([verdict.value for verdict in identified.verdicts])
-    for parameter in calibration.train.parameters.parameters:
-        end = begin + len(parameter.labels)
-        own, first = values[begin:end], start[begin:end]
+    for parameter in parameters.parameters:
+        part = slice(first, first + parameter.size)
         found[parameter.name] = {
-            "value": float(np.median(own)),
-            "initial": float(np.median(first)),
+            "value": float(np.median(values[part])),
+            "initial": float(np.median(start[part])),
             "standard_error": None,
-            "verdict": identified.verdicts[begin].verdict,
+            "verdict": identified.verdicts[first].verdict,
             "with": [],
             "unit": unit_of(parameter.name),
-            "count": len(own),
-            "min": float(own.min()),
-            "max": float(own.max()),
+            "count": parameter.size,
+            "min": float(values[part].min()),
+            "max": float(values[part].max()),
         }
-        begin = end
+        first += parameter.size
     return found

@@ -1,70 +1,65 @@
-"""A fit in words: how it ended, what it changed, and what its verdicts mean."""
+"""A fit in sentences and tables, for the terminal and for the page."""
 
+from collections.abc import Mapping
 from typing import Any
 
-from .charts import Result, told
+from jaxthermo.report.numbers import count, significant
+from jaxthermo.report.table import Cell, Table
+
+from .charts import Result, is_finite
 
 
 GROUPS = {"train": "fitted to", "held_out": "held out"}
-"""What was fitted and what was only checked, in words."""
+"""Groups of cases in words."""
 
 MEANING = {
-    "fine": "the data tell it",
-    "trade-off": "correlated by more than 0.95 with the others named: the data tell "
-    "them together, hardly one by one",
+    "fine": "the data determine it",
+    "trade-off": "correlated by more than 0.95 with the others named: the data "
+    "determine them together, hardly one by one",
     "at bound": "ended at an end of its range: widen the bounds, or leave it there",
     "not pinned": "its standard error is wider than its bounds, or than a factor of e",
-    "flat": "the data tell only a combination of it with the others named: fix one of "
-    "them, give a prior, or add a case",
+    "flat": "the data determine only a combination of it with the others named: fix "
+    "one of them, give a prior, or add a case",
     "not judged": "one of too many values to be judged one by one",
-    "dead": "nothing that is compared changes with it: leave it out, or add a case "
-    "in which it acts",
+    "dead": "it has no effect on what is compared: leave it out, or add a case in "
+    "which it acts",
 }
 
-FAR = 2.0
-"""Times the noise, beyond which its error bars tell too little."""
-
-ENDED = {
-    "converged": "ended by itself: no further step is worth it",
-    "step limit": "was cut off at its step limit: it may not be the best yet",
-    "interrupted": "was stopped: the same command goes on from there",
+_IS_GOOD = {"fine": True, "dead": False, "flat": False, "not pinned": False}
+_MAX_NOISE_RATIO = 2.0
+"""Error over the noise, beyond which standard errors from noise are too small."""
+_DASH = "\N{EN DASH}"
+_ENDED = {
+    "converged": "converged",
+    "step limit": "reached its step limit: it may not be the best yet",
+    "interrupted": "was interrupted: the same command continues from there",
 }
 
 
 def is_frames(result: Result) -> bool:
-    """Whether pixels were fitted, and errors are counted in their noise."""
+    """True if pixels were fitted, whose errors are relative to their noise."""
     return "frames" in result["reference"]
 
 
 def error_title(result: Result) -> str:
-    """Of the axis of an error."""
+    """Title of an error's axis."""
     return "RMS error [% of the noise]" if is_frames(result) else "RMS error [%]"
 
 
-def error_words(percent: float, result: Result) -> str:
-    """An error with what it is counted in."""
+def _error_words(percent: float, result: Result) -> str:
     if is_frames(result):
-        return f"{number(percent / 100)} times the noise"
-    return f"{number(percent)} %"
-
-
-def name_of(name: str, row: dict[str, Any]) -> str:
-    """Of a value; of a field, what its row says of its many values."""
-    count = row.get("count", 1)
-    if count == 1:
-        return name
-    span = f"{row['min']:.3g} to {row['max']:.3g}"
-    return f"{name}: median of {count:,}, {span}"
+        return f"{significant(percent / 100)} times the noise"
+    return f"{significant(percent)} %"
 
 
 def definition(result: Result) -> str:
-    """What an error is."""
+    """Definition of the error."""
     if is_frames(result):
         return (
-            "The error is the root mean square over all pixels that count, of model "
-            "less data, over the noise of a pixel: 100 % is as good as the noise "
-            "allows. A case's error is its largest over the saved times. "
-            "Default: with the values at the start."
+            "The error is the root mean square over all compared pixels of model minus "
+            "data, over the noise of a pixel: 100 % is as good as the noise allows. A "
+            "case's error is its largest over the saved times. Default: with the "
+            "values at the start."
         )
     return (
         "The error is the area-weighted root mean square over the surface of the "
@@ -75,60 +70,48 @@ def definition(result: Result) -> str:
     )
 
 
-def about_bars(result: Result) -> str:
-    """What the error bars of values are by."""
-    text = (
-        "Bars are one standard error to each side; on a logarithmic axis a factor "
-        "exp(standard error / value). What the data do not tell has none. "
-    )
-    return text + about_errors(result)
-
-
-def about_errors(result: Result) -> str:
-    """What standard errors follow from."""
+def about_standard_errors(result: Result) -> str:
+    """Origin of the standard errors, and a warning where they are too small."""
     if not is_frames(result):
         return (
-            "Standard errors are by what the fit left over, as there is no noise: they "
-            "say which values the data tell best, not how near they are to a truth."
+            "Standard errors follow from the residuals that the fit left, as there is "
+            "no noise: they rank the values by how well the data determine them, and "
+            "do not bound their distance from a truth."
         )
-    over = result["error_percent"]["train"]["fitted"] / 100
+    ratio = result["error_percent"]["train"]["fitted"] / 100
     text = "Standard errors follow from the noise of a pixel."
-    if over > FAR:
+    if ratio > _MAX_NOISE_RATIO:
         text += (
-            f" But model and data differ by {over:.3g} times the noise: the model is "
-            "wrong by more than its values can mend, and they are too small."
+            f" But model and data differ by {ratio:.3g} times the noise: the model is "
+            "wrong by more than its values can correct, and they are too small."
         )
     return text
 
 
 def summary(result: Result) -> list[str]:
-    """The fit in sentences."""
-    return [_what(result), *_errors(result), _end(result), *_speed(result)]
+    """Sentences on data, errors, course of the fit and speed."""
+    errors = [
+        f"Error, {GROUPS[group]}: {_error_words(both['default'], result)} before, "
+        f"{_error_words(both['fitted'], result)} after ({_change(**both)})."
+        for group, both in result["error_percent"].items()
+    ]
+    return [_data(result), *errors, _course(result), *_speed(result)]
 
 
-def _what(result: Result) -> str:
+def _data(result: Result) -> str:
     cases = {group: list(both["fitted"]) for group, both in result["errors"].items()}
     data = "frames" if is_frames(result) else "reference runs"
     values = sum(row.get("count", 1) for row in result["parameters"].values())
-    text = f"{plural(values, 'value')} fitted to {data} of "
-    text += f"{plural(len(cases['train']), 'case')} ({', '.join(cases['train'])}); "
-    held = cases.get("held_out")
-    if not held:
-        return text + "nothing was held out, so nothing tells how far the fit carries."
-    many = plural(len(held), "case")
-    return f"{text}checked on {many} held out ({', '.join(held)})."
+    train, held_out = cases["train"], cases.get("held_out")
+    text = f"{count(values, 'value')} fitted to {data} of "
+    text += f"{count(len(train), 'case')} ({', '.join(train)}); "
+    if not held_out:
+        return text + "nothing was held out, so the fit is not validated elsewhere."
+    many = count(len(held_out), "case")
+    return f"{text}validated on {many} held out ({', '.join(held_out)})."
 
 
-def _errors(result: Result) -> list[str]:
-    return [
-        f"Error, {GROUPS[group]}: {error_words(both['default'], result)} before, "
-        f"{error_words(both['fitted'], result)} after ({change(**both)})."
-        for group, both in result["error_percent"].items()
-    ]
-
-
-def change(default: float, fitted: float) -> str:
-    """How many times less an error is."""
+def _change(default: float, fitted: float) -> str:
     if not (default > 0 and fitted > 0):
         return "no ratio"
     if fitted <= default:
@@ -136,33 +119,75 @@ def change(default: float, fitted: float) -> str:
     return f"{fitted / default:.2f} times MORE"
 
 
-def _end(result: Result) -> str:
-    spent, loss = result["run_time_s"], result["loss"]
-    text = f"The fit {ENDED.get(result['ended'], result['ended'])}; "
-    text += f"{plural(len(result['steps']), 'step')} took {spent['fit']:.3g} s, after "
-    text += f"{spent['compile']:.3g} s of compiling; the loss went from "
-    text += f"{loss['initial']:.4g} to {loss['final']:.4g}."
-    return text
+def _course(result: Result) -> str:
+    seconds, loss = result["run_time_s"], result["loss"]
+    runs = seconds["fit"] / max(seconds["one_run"], 1e-9)
+    return (
+        f"The fit {_ENDED.get(result['ended'], result['ended'])}; "
+        f"{count(len(result['steps']), 'step')} took {seconds['fit']:.3g} s, as long "
+        f"as {runs:.3g} runs of all cases, after {seconds['compile']:.3g} s of "
+        "compiling; "
+        f"the loss went from {loss['initial']:.4g} to {loss['final']:.4g}."
+    )
 
 
 def _speed(result: Result) -> list[str]:
     speed: dict[str, Any] = result["speedup"]
-    if not told(speed.get("times_faster")):
+    if not is_finite(speed.get("times_faster")):
         return []
-    text = f"It runs {speed['times_faster']:.3g} times as fast as the full volume "
-    text += f"({speed['min']:.3g} to {speed['max']:.3g} in "
-    text += f"{plural(len(speed['run_time_s']['fitted']), 'warm run')}), "
-    text += f"with {speed['nodes']['fitted']:,} nodes for "
-    text += f"{speed['nodes']['full_volume']:,} and {speed['steps']['fitted']:,} steps "
-    text += f"for {speed['steps']['full_volume']:,}."
-    return [text]
+    runs = count(len(speed["run_time_s"]["fitted"]), "warm run")
+    nodes, steps = speed["nodes"], speed["steps"]
+    return [
+        f"It runs {speed['times_faster']:.3g} times as fast as the full volume "
+        f"({speed['min']:.3g} to {speed['max']:.3g} in {runs}; "
+        f"{speed['default']['times_faster']:.3g} before the fit), "
+        f"with {nodes['fitted']:,} nodes for {nodes['full_volume']:,} "
+        f"and {steps['fitted']:,} steps for {steps['full_volume']:,}."
+    ]
 
 
-def number(value: float) -> str:
-    """With three digits, or all that stand before the point."""
-    return f"{value:.3g}" if abs(value) < 999.5 else f"{value:,.0f}"
+def parameter_table(
+    parameters: Mapping[str, Mapping[str, Any]], title: str, is_fitted: bool = True
+) -> Table:
+    """Values, standard errors and verdicts.
+
+    Args:
+        parameters: as in `fit.json`.
+        title: of the table on a terminal.
+        is_fitted: show fitted values beside those at the start.
+    """
+    columns = ["parameter", "start", "standard error", "verdict"]
+    if is_fitted:
+        columns[2:2] = ["fitted", "fitted / start"]
+    rows = []
+    for name, row in parameters.items():
+        error, start, unit = row["standard_error"], row["initial"], row["unit"]
+        with_unit = lambda number, unit=unit: f"{number:.4g} {unit}".strip()
+        cells: list[str | Cell] = [_parameter_name(name, row), with_unit(start)]
+        if is_fitted:
+            ratio = f"{row['value'] / start:.3g}" if start else _DASH
+            cells += [with_unit(row["value"]), ratio]
+        two_digits = with_unit(float(f"{error:.2g}")) if is_finite(error) else _DASH
+        others = f" with {', '.join(row['with'])}" if row["with"] else ""
+        cells += [two_digits, marked(row["verdict"], others)]
+        rows.append(cells)
+    return Table(columns, rows, title=title, left=(0, len(columns) - 1))
 
 
-def plural(count: int, noun: str) -> str:
-    """A count of things."""
-    return f"{count:,} {noun}{'s' * (count != 1)}"
+def _parameter_name(name: str, row: Mapping[str, Any]) -> str:
+    number = row.get("count", 1)
+    if number == 1:
+        return name
+    return f"{name}: median of {number:,}, {row['min']:.3g} to {row['max']:.3g}"
+
+
+def marked(verdict: str, more: str = "") -> Cell:
+    """Verdict in green or red."""
+    return Cell(verdict + more, _IS_GOOD.get(verdict))
+
+
+def experiment_table(result: Result, limit: int | None = None) -> Table:
+    """Experiments that might be added, the most informative first."""
+    entries = result["advice"][:limit]
+    rows = [[e["what"], f"{e['gain_nats']:.2f}"] for e in entries]
+    return Table(["further experiment", "information gain [nats]"], rows)

@@ -128,9 +128,7 @@ class Fitting:
         return fit
 
     def best_start(
-        self,
-        points: Float[np.ndarray, "n p"],
-        stop: Callable[[], bool] = lambda: False,
+        self, points: Float[np.ndarray, "n p"], stop: Callable[[], bool] = lambda: False
     ) -> Float[np.ndarray, " p"]:
         """Search from several points together and return the best that is found.
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from rich import box
-from rich.markup import escape
 from rich.table import Table as RichTable
+from rich.text import Text
 
 from .templates import Html, render
 
@@ -29,11 +29,10 @@ class Cell(NamedTuple):
         return ("words" if self.wraps else "left") + mark
 
     @property
-    def rich_markup(self) -> str:
+    def rich_text(self) -> Text:
         """The text with its colour on a terminal."""
         style = {True: "green", False: "bold red", None: ""}[self.met]
-        text = escape(self.text)
-        return f"[{style}]{text}[/]" if style else text
+        return Text(self.text, style)
 
 
 def prose(*lines: str) -> Cell:
@@ -59,20 +58,19 @@ class Table:
     def rich(self) -> RichTable:
         """The table for a rich console."""
         table = RichTable(
-            title=escape(self.title) or None,
+            title=Text(self.title) if self.title else None,
             title_justify="left",
-            caption=escape(self.caption) or None,
+            caption=Text(self.caption) if self.caption else None,
             box=box.HEAVY_HEAD if self.framed else box.SIMPLE,
         )
         for index, name in enumerate(self.columns):
             justify = "left" if index in self.left else "right"
-            table.add_column(escape(name), justify=justify)
+            table.add_column(Text(name), justify=justify)
         for row in self.rows:
-            # Text from outside may contain square brackets, which rich would
-            # take for markup.
-            table.add_row(
-                *(c.rich_markup if isinstance(c, Cell) else escape(c) for c in row)
-            )
+            # Text from outside may contain square brackets: a string would be taken
+            # for markup, or not, by the console that prints it.
+            cells = (c if isinstance(c, Cell) else Cell(c) for c in row)
+            table.add_row(*(cell.rich_text for cell in cells))
         return table
 
     def html(self) -> Html:

@@ -49,7 +49,13 @@ def fitted(tmp_path_factory):
 def test_a_fit_leaves_its_files_and_says_what_it_found(fitted):
     folder, said = fitted
     assert {path.name for path in (folder / "out").iterdir()} == FILES
-    for words in ("weights.within", "fitted to", "held out", "longer: would add"):
+    for words in (
+        "weights.within",
+        "fitted to",
+        "held out",
+        "longer",
+        "further experiment",
+    ):
         assert words in said
     result = json.loads((folder / "out" / "fit.json").read_text())
     error = result["error_percent"]

@@ -31,7 +31,7 @@ from calibrate.report.pictures import (
     difference_picture,
     frame_picture,
     run_both,
-    whole,
+    scatter,
 )
 from calibrate.report.text_summary import MEANING, summary
 from calibrate.solvers.fit import Fit
@@ -133,6 +133,7 @@ def result_of(
             "times_faster": 3.0,
             "min": 2.0,
             "max": 4.0,
+            "default": {"times_faster": 2.5},
             "run_time_s": {"full_volume": [3.0, 3.0], "fitted": [1.0, 1.0]},
             "nodes": {"full_volume": 80, "fitted": 10},
             "steps": {"full_volume": 9, "fitted": 3},
@@ -141,7 +142,7 @@ def result_of(
             {"step": 1, "loss": 1.0, "accepted": True, "values": [1.0]},
             {"step": 2, "loss": 1.0, "accepted": False, "values": [1.0]},
         ],
-        "run_time_s": {"fit": 1.0, "compile": 2.0},
+        "run_time_s": {"fit": 1.0, "compile": 2.0, "one_run": 0.1},
         "reference": "full_volume",
         "config": {"scene": "scene.yaml"},
         "config_hash": "0123",
@@ -298,7 +299,7 @@ def test_a_page_without_held_out_cases(sphere, run_before, tmp_path):
     write_report(tmp_path, alone, fit_at([0.3]), result)
     text = (tmp_path / "report.html").read_text()
     assert count_pictures(text) == 1 and "held out" in text
-    assert MEANING["dead"] in text and "tell 0 of 2 values" in text
+    assert MEANING["dead"] in text and "determine 0 of 2 values" in text
     assert "Which case to add" in text and "1.50" in text
     assert "Correlations" in text
 
@@ -339,7 +340,7 @@ def test_frames_are_shown_beside_the_models(frames, tmp_path):
 
 def test_a_frame_of_chosen_pixels():
     counts = np.array([[True, False], [False, True]])
-    frame = whole(np.array([1.0, 2.0]), counts)
+    frame = scatter(np.array([1.0, 2.0]), counts)
     np.testing.assert_array_equal(frame, [[1.0, np.nan], [np.nan, 2.0]])
 
 
