@@ -34,15 +34,7 @@ Measurement = Callable[[Scene, ParametricSolution], Float[Array, "t r"]]
 def rank_experiments(
     config: CalibrationConfig, calibration: Calibration, fit: Fit, sd: float, log: Log
 ) -> list[dict[str, Any]]:
-    """Further runs and save times, the most informative first.
-
-    Args:
-        config: of the calibration.
-        calibration: its problems.
-        fit: what was found.
-        sd: standard deviation of a residual.
-        log: called before each slow stage.
-    """
+    """Further runs and save times, the most informative first."""
     if fit.jacobian is None:
         return []
     known, ranking = fit.jacobian / sd, []

@@ -36,14 +36,7 @@ def make_card(
     fit: Fit,
     result: dict[str, Any],
 ) -> FitCard:
-    """Card of a fit; in a scene of several bodies, with the weights of the first.
-
-    Args:
-        config: of the calibration.
-        calibration: its problems.
-        fit: what was found.
-        result: content of `fit.json`.
-    """
+    """Card of a fit; in a scene of several bodies, with the weights of the first."""
     problem, first = calibration.train, calibration.train.cases[0]
     with precision(problem.dtype.name):
         z = jnp.asarray(fit.z, problem.dtype)
@@ -87,12 +80,6 @@ def check_card(
     log: Callable[[str], None],
 ) -> dict[str, Any]:
     """Run a scene on every voxel, with the card's structure, and with its weights.
-
-    Args:
-        card_path: of the card.
-        scene_path: of the scene's config, whose body gets the card's structure.
-        overrides: of the scene's config.
-        log: called before each slow stage.
 
     Raises:
         InputError: for a card or a scene that cannot be used.

@@ -69,11 +69,8 @@ def identify(
 ) -> Identified:
     """Judge every coordinate at a point.
 
-    Args:
-        parameters: of the fit.
-        z: coordinates.
-        jacobian: rows of the transposed Jacobian; None where there are too many.
-        sd: standard deviation of a residual.
+    `jacobian` holds the rows of the transposed Jacobian, or None where there are too
+    many coordinates; `sd` is the standard deviation of a residual.
     """
     values = np.asarray(parameters.flat_values(z), float)
     if jacobian is None:
@@ -181,13 +178,7 @@ def _is_at_bound(value: float, lower: float, upper: float) -> bool:
 def residual_sd(
     residual: Float[np.ndarray, " r"], size: int, known: float | None
 ) -> float:
-    """Standard deviation of a residual: as known from noise, or as the fit left it.
-
-    Args:
-        residual: residuals at the best point.
-        size: number of fitted coordinates.
-        known: standard deviation from the noise of the data.
-    """
+    """Standard deviation of a residual: as known from noise, or as the fit left it."""
     if known is not None:
         return known
     degrees_of_freedom = max(len(residual) - size, 1)
@@ -200,11 +191,6 @@ def information_gain(
     """Half the increase of log det(J^T J / s^2) that further data would add [nats].
 
     D-optimality: the volume of the confidence region shrinks by the factor exp(gain).
-
-    Args:
-        jacobian: rows of the fitted data.
-        further: rows of the data that might be added.
-        sd: standard deviation of a residual.
 
     Source: Pukelsheim, Optimal Design of Experiments (SIAM 2006), chapter 6.
     """

@@ -22,14 +22,7 @@ _MAX_REPEATED_SECONDS = 20.0
 
 
 def measure_speed(config: SceneConfig, default: Scene, fitted: Scene) -> dict[str, Any]:
-    """Time the compiled loops, with surfaces evaluated at the saved times.
-
-    Args:
-        config: of the case; the full volume takes its stable steps instead of this
-            solver's.
-        default: scene of the case with the start values.
-        fitted: with the fitted values.
-    """
+    """Time the compiled loops of a case, with its surface read at the saved times."""
     full = on_every_voxel(config).build()
     end, saves = config.time.end, config.time.save_times
     solver = config.solver.build()

@@ -52,10 +52,6 @@ def unit_of(name: str) -> str:
 def value_in_si(value: Any, name: str) -> float:
     """Convert a number of a config, such as 16 or "16 W/(m K)", to SI.
 
-    Args:
-        value: number, or text with a unit.
-        name: of the parameter, which gives the dimension.
-
     Raises:
         ValueError: if it is neither.
     """

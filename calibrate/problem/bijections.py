@@ -11,162 +11,29 @@
 Each gives the start at z = 0, and changes the value by about its own size for z = 1.
 """
 
-import abc
 import math
-from typing import Any
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from typing_extensions import override
 
 
 Values = Float[Array | np.ndarray, "*n"]
 
 
-class AbstractBijection(eqx.Module):
+class Bijection(NamedTuple):
     """A map from unconstrained coordinates to values within bounds, and its inverse."""
 
-    @abc.abstractmethod
-    def value(self, z: Values) -> Values:
-        """Values of the coordinates z."""
-
-    @abc.abstractmethod
-    def coordinate(self, value: Values) -> Values:
-        """Coordinates of values within the bounds."""
-
-
-def _like(constant: Any, z: Any) -> Array:
-    # Constants are float64 on the host and must not promote a float32 trace.
-    return jnp.asarray(constant, jnp.asarray(z).dtype)
-
-
-def _log(value: Any) -> Any:
-    # Host constants stay in numpy, so that float64 is kept under a float32 trace.
-    on_host = isinstance(value, np.ndarray | np.generic)
-    return np.log(value) if on_host else jnp.log(value)
-
-
-class _Affine(AbstractBijection):
-    """start + scale z: no bounds."""
-
-    start: Any
-    scale: Any
-
-    @override
-    def value(self, z: Values) -> Values:
-        return _like(self.start, z) + _like(self.scale, z) * z
-
-    @override
-    def coordinate(self, value: Values) -> Values:
-        return (value - _like(self.start, value)) / _like(self.scale, value)
-
-
-class _LowerBounded(AbstractBijection):
-    """lower + (start - lower) exp(z): equal steps of z are equal ratios."""
-
-    start: Any
-    lower: Any
-
-    @override
-    def value(self, z: Values) -> Values:
-        return self.lower + _like(self.start - self.lower, z) * jnp.exp(z)
-
-    @override
-    def coordinate(self, value: Values) -> Values:
-        return jnp.log((value - self.lower) / _like(self.start - self.lower, value))
-
-
-class _SoftplusBounded(AbstractBijection):
-    """lower + s log(1 + exp(z + z_0)): linear in z far above the lower bound."""
-
-    start: Any
-    lower: Any
-
-    @override
-    def value(self, z: Values) -> Values:
-        softplus = jax.nn.softplus(z + _like(_inverse_softplus(1.0), z))
-        return self.lower + _like(self.start - self.lower, z) * softplus
-
-    @override
-    def coordinate(self, value: Values) -> Values:
-        ratio = (value - self.lower) / _like(self.start - self.lower, value)
-        return _inverse_softplus(ratio) - _like(_inverse_softplus(1.0), value)
-
-
-def _inverse_softplus(y: Any) -> Any:
-    xp = np if isinstance(y, float) else jnp
-    # log(exp(y) - 1) without the overflow of exp for large y.
-    return y + xp.log(-xp.expm1(-xp.asarray(y)))
-
-
-class _UpperBounded(AbstractBijection):
-    """upper - (upper - start) exp(-z)."""
-
-    start: Any
-    upper: Any
-
-    @override
-    def value(self, z: Values) -> Values:
-        return self.upper - _like(self.upper - self.start, z) * jnp.exp(-z)
-
-    @override
-    def coordinate(self, value: Values) -> Values:
-        return -jnp.log((self.upper - value) / _like(self.upper - self.start, value))
-
-
-class _Interval(AbstractBijection):
-    """A logistic curve between two bounds, in log(value) where both are positive."""
-
-    start: Any
-    lower: float = eqx.field(static=True)
-    upper: float = eqx.field(static=True)
-
-    @property
-    def _is_logarithmic(self) -> bool:
-        return self.lower > 0
-
-    def _inner(self, value: Any) -> Any:
-        return _log(value) if self._is_logarithmic else value
-
-    def _ends(self) -> tuple[float, float]:
-        ends = (self.lower, self.upper)
-        return (math.log(ends[0]), math.log(ends[1])) if self._is_logarithmic else ends
-
-    def _logit(self, value: Any) -> Any:
-        low, high = self._ends()
-        inner = self._inner(value)
-        return _log((inner - low) / (high - inner))
-
-    def _steepness(self) -> Any:
-        # Chosen so that z = 1 changes the value by about its own size at the start.
-        low, high = self._ends()
-        inner = self._inner(self.start)
-        slope = (inner - low) * (high - inner) / (high - low)
-        linear_size = np.maximum(np.abs(inner), high - low) / 4
-        return (1.0 if self._is_logarithmic else linear_size) / slope
-
-    @override
-    def value(self, z: Values) -> Values:
-        low, high = self._ends()
-        steepness, offset = (
-            _like(self._steepness(), z),
-            _like(self._logit(self.start), z),
-        )
-        inner = low + (high - low) * jax.nn.sigmoid(steepness * z + offset)
-        return jnp.exp(inner) if self._is_logarithmic else inner
-
-    @override
-    def coordinate(self, value: Values) -> Values:
-        offset = _like(self._logit(self.start), value)
-        return (self._logit(value) - offset) / _like(self._steepness(), value)
+    value: Callable[[Values], Values]
+    coordinate: Callable[[Values], Values]
 
 
 def bijection(
     start: Any, lower: float, upper: float, softplus: bool = False
-) -> AbstractBijection:
+) -> Bijection:
     """Choose the bijection for a start strictly between two bounds.
 
     Args:
@@ -178,10 +45,76 @@ def bijection(
     has_lower, has_upper = math.isfinite(lower), math.isfinite(upper)
     start = np.asarray(start, float)
     if has_lower and has_upper:
-        return _Interval(start, lower, upper)
+        return _interval(start, lower, upper)
     if has_lower:
-        return (_SoftplusBounded if softplus else _LowerBounded)(start, lower)
+        return (_softplus_bounded if softplus else _lower_bounded)(start, lower)
     if has_upper:
-        return _UpperBounded(start, upper)
+        return _upper_bounded(start, upper)
     size = np.abs(start)
-    return _Affine(start, np.where(size > 0, size, 1.0))
+    scale = np.where(size > 0, size, 1.0)
+    return Bijection(
+        lambda z: _like(start, z) + _like(scale, z) * z,
+        lambda value: (value - _like(start, value)) / _like(scale, value),
+    )
+
+
+def _like(constant: Any, z: Any) -> Array:
+    # Constants are float64 on the host and must not promote a float32 trace.
+    return jnp.asarray(constant, jnp.asarray(z).dtype)
+
+
+def _lower_bounded(start: np.ndarray, lower: float) -> Bijection:
+    # Equal steps of z are equal ratios, wherever the start is.
+    size = start - lower
+    return Bijection(
+        lambda z: lower + _like(size, z) * jnp.exp(z),
+        lambda value: jnp.log((value - lower) / _like(size, value)),
+    )
+
+
+def _upper_bounded(start: np.ndarray, upper: float) -> Bijection:
+    size = upper - start
+    return Bijection(
+        lambda z: upper - _like(size, z) * jnp.exp(-z),
+        lambda value: -jnp.log((upper - value) / _like(size, value)),
+    )
+
+
+def _softplus_bounded(start: np.ndarray, lower: float) -> Bijection:
+    # Linear in z far above the bound, so that the value may come close to it.
+    size, offset = start - lower, 1.0 + math.log(-math.expm1(-1.0))
+
+    def coordinate(value: Values) -> Values:
+        ratio = (value - lower) / _like(size, value)
+        # log(exp(y) - 1) without the overflow of exp for a large y.
+        inverse = ratio + jnp.log(-jnp.expm1(-jnp.asarray(ratio)))
+        return inverse - _like(offset, value)
+
+    return Bijection(
+        lambda z: lower + _like(size, z) * jax.nn.softplus(z + _like(offset, z)),
+        coordinate,
+    )
+
+
+def _interval(start: np.ndarray, lower: float, upper: float) -> Bijection:
+    # The logistic curve is one of log(value) where both bounds are positive.
+    logarithmic = lower > 0
+    low, high = (math.log(lower), math.log(upper)) if logarithmic else (lower, upper)
+    inner = np.log(start) if logarithmic else start
+    offset = np.log((inner - low) / (high - inner))
+    # Steep enough that z = 1 changes the value by about its own size at the start.
+    slope = (inner - low) * (high - inner) / (high - low)
+    size = 1.0 if logarithmic else np.maximum(np.abs(inner), high - low) / 4
+    steepness = size / slope
+
+    def value(z: Values) -> Values:
+        fraction = jax.nn.sigmoid(_like(steepness, z) * z + _like(offset, z))
+        inner = low + (high - low) * fraction
+        return jnp.exp(inner) if logarithmic else inner
+
+    def coordinate(value: Values) -> Values:
+        inner = jnp.log(value) if logarithmic else value
+        logit = jnp.log((inner - low) / (high - inner))
+        return (logit - _like(offset, value)) / _like(steepness, value)
+
+    return Bijection(value, coordinate)

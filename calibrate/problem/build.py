@@ -60,10 +60,6 @@ class Calibration:
 def build(config: CalibrationConfig, log: Log) -> Calibration:
     """Build scenes, data and parameters.
 
-    Args:
-        config: of the calibration.
-        log: called with a line before each slow stage.
-
     Raises:
         InputError: for a contradiction between config, scene and data.
     """

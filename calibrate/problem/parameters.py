@@ -16,7 +16,7 @@ from jaxtyping import Array, Float, Int
 from jaxthermo.errors import InputError
 from jaxthermo.scene.scene import Scene
 
-from .bijections import AbstractBijection, Values, bijection
+from .bijections import Bijection, Values, bijection
 from .parameter_paths import find_path, with_value
 
 
@@ -84,7 +84,7 @@ class Parameter:
     first_is_fixed: bool = False
     """Keep the first value of a list at its start, where only ratios matter."""
     smoothness: Smoothness | None = None
-    bijection: AbstractBijection = field(init=False, repr=False, compare=False)
+    bijection: Bijection = field(init=False, repr=False, compare=False)
 
     def __post_init__(self):
         if not self.lower < self.upper:

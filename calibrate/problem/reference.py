@@ -61,13 +61,7 @@ def on_every_voxel(config: SceneConfig) -> SceneConfig:
 
 
 def full_volume_run(config: SceneConfig, step: float, log: Log) -> StoredSolution:
-    """Run a scene on every voxel, or load the run from the cache.
-
-    Args:
-        config: of the scene, whatever its structures.
-        step: time step as a fraction of the stable one.
-        log: called if the scene has to be run.
-    """
+    """Run a scene on every voxel, or load the run from the cache."""
     config = on_every_voxel(config)
     folder = cache_folder()
     path = None

@@ -174,12 +174,7 @@ def _value_row(row: _Point, logarithmic: bool, limits: tuple[float, float]) -> _
 
 
 def error_chart(both: dict[str, dict[str, Any]], title: str) -> Chart | None:
-    """Error over saved time, a frame per case; None if none is above 0.
-
-    Args:
-        both: errors of a group in `fit.json`, by "default" or "fitted", then by case.
-        title: of the error's axis.
-    """
+    """Error over saved time, a frame per case; None if none is above 0."""
     points = [
         {
             "case": case,

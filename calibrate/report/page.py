@@ -54,14 +54,7 @@ _Sections = list[page.Section]
 def write_report(
     folder: Path, calibration: Calibration, fit: Fit, result: Result
 ) -> None:
-    """Write `report.html` into an existing folder.
-
-    Args:
-        folder: of the results.
-        calibration: problems and scenes.
-        fit: what was found.
-        result: content of `fit.json`.
-    """
+    """Write `report.html` into an existing folder."""
     sections = [
         *summary(result),
         page.paragraph(definition(result), note=True),

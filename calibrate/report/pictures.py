@@ -62,12 +62,6 @@ def difference_picture(
 ) -> bytes:
     """PNG of surface minus reference temperature [K], default beside fitted.
 
-    Args:
-        case: with a surface as its data.
-        camera: of the scene's config.
-        solutions: both runs.
-        times: indices of the saved times that are shown.
-
     Raises:
         InputError: if the camera is inside a body or sees none.
     """
@@ -96,14 +90,7 @@ def difference_picture(
 
 
 def frame_picture(case: Case, solutions: Solutions, time: int, view: int) -> bytes:
-    """PNG of data, the fitted model's frame, and both differences from the data.
-
-    Args:
-        case: with frames as its data.
-        solutions: both runs.
-        time: index of the saved time.
-        view: index of the view.
-    """
+    """PNG of data, the fitted model's frame, and both differences from the data."""
     target = case.target
     assert isinstance(target, FrameTarget)
     mask = target.mask(view)

@@ -30,18 +30,7 @@ def fit_json(
     speed: dict[str, Any],
     versions: dict[str, str],
 ) -> dict[str, Any]:
-    """Collect all results of a fit.
-
-    Args:
-        config: of the calibration.
-        parameters: that were fitted.
-        fit: what was found.
-        identified: standard errors and verdicts.
-        errors: with the start values and with the fitted ones.
-        advice: further experiments by the information that they would add.
-        speed: of the fitted structure beside the full volume.
-        versions: of the packages.
-    """
+    """Collect all results of a fit."""
     start = np.asarray(parameters.flat_values(np.zeros_like(fit.z)), float)
     judged = fit.jacobian is not None
     rows = parameter_rows(identified, start)

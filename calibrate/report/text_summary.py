@@ -149,13 +149,7 @@ def _speed(result: Result) -> list[str]:
 def parameter_table(
     parameters: Mapping[str, Mapping[str, Any]], title: str, is_fitted: bool = True
 ) -> Table:
-    """Values, standard errors and verdicts.
-
-    Args:
-        parameters: as in `fit.json`.
-        title: of the table on a terminal.
-        is_fitted: show fitted values beside those at the start.
-    """
+    """Values, standard errors and verdicts."""
     columns = ["parameter", "start", "standard error", "verdict"]
     if is_fitted:
         columns[2:2] = ["fitted", "fitted / start"]

@@ -30,13 +30,7 @@ _ResidualFunction = Callable[..., tuple[Float[Array, " r"], Any]]
 def value_and_jacobian(
     function: _ResidualFunction, z: Float[Array, " p"], batch: int
 ) -> tuple[Float[Array, " r"], Float[Array, "p r"], Any]:
-    """Residuals, rows of their Jacobian, and auxiliary output of a function at z.
-
-    Args:
-        function: of z, gives residuals and auxiliary output.
-        z: coordinates.
-        batch: number of derivatives at once.
-    """
+    """Residuals, rows of their Jacobian, and auxiliary output of a function at z."""
     tangent = lambda t: jax.jvp(function, (z,), (t,), has_aux=True)
     directions = jnp.eye(len(z), dtype=z.dtype)
     if batch >= len(z):

@@ -79,10 +79,6 @@ def _state(progress: Progress) -> Any:
 def load_progress(path: Path, start: Progress) -> Progress:
     """Read the state that an earlier process saved, or return the start.
 
-    Args:
-        path: of the file.
-        start: of the fit, whose structure the state must have.
-
     Raises:
         InputError: if the file is damaged, or of another fit.
     """

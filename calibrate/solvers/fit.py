@@ -132,10 +132,6 @@ class Fitting:
     ) -> Float[np.ndarray, " p"]:
         """Search from several points together and return the best that is found.
 
-        Args:
-            points: to start from; those whose residuals are not finite are left out.
-            stop: asked before every step if the search should end.
-
         Raises:
             InputError: if the residuals are finite at none of them.
         """

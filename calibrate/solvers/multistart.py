@@ -18,12 +18,6 @@ def start_points(
     """Start points around 0, which is the first of them.
 
     Normally distributed by a scrambled Sobol' sequence, which is even for few points.
-
-    Args:
-        count: number of points.
-        size: number of coordinates.
-        spread: standard deviation of a coordinate.
-        seed: of the scrambling.
     """
     if count == 1:
         return np.zeros((1, size))
@@ -40,13 +34,7 @@ def start_points(
 def losses(
     objective: Objective, points: Float[Array, "n p"], batch: int
 ) -> Float[Array, " n"]:
-    """Half of the sum of squares at each point; infinite where it is not finite.
-
-    Args:
-        objective: of the fit.
-        points: coordinates.
-        batch: number of runs at once.
-    """
+    """Half of the sum of squares at each point; infinite where it is not finite."""
 
     def loss(z):
         found = 0.5 * (objective(z)[0] ** 2).sum()

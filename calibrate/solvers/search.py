@@ -160,64 +160,45 @@ def _half_sum(values: Float[Array, " r"]) -> Float[Array, ""]:
     return 0.5 * (values * values).sum()
 
 
-class _Method(NamedTuple):
-    function: Callable[[Array, Objective], tuple[Array, Any]]
-    solver: Callable[[SearchSettings, int], Any]
-    options: dict[str, Any] = {}
-
-
-def _levenberg_marquardt(settings: SearchSettings, batch: int) -> Any:
-    tolerance, use_broyden = settings.tolerance, settings.use_broyden
-    return BroydenLevenbergMarquardt(
-        tolerance, tolerance, use_broyden=use_broyden, batch=batch
-    )
-
-
-def _gauss_newton(settings: SearchSettings, batch: int) -> Any:
-    tolerance = settings.tolerance
-    linear = lx.Normal(lx.CG(rtol=1e-3, atol=1e-8, max_steps=100))
-    return with_trust_region(
-        optx.LevenbergMarquardt(tolerance, tolerance, linear_solver=linear)
-    )
-
-
-def _bfgs(settings: SearchSettings, batch: int) -> Any:
-    return optx.BFGS(rtol=settings.tolerance, atol=settings.tolerance)
-
-
-def _lbfgs(settings: SearchSettings, batch: int) -> Any:
-    tolerance = settings.tolerance
-    return optx.LBFGS(rtol=tolerance, atol=tolerance, history_length=20)
-
-
-_residuals_by_products = _with_tangent(evaluate, _residual_products)
-_loss_by_gradient = _with_tangent(_loss, _loss_gradient)
-_REVERSE = {"autodiff_mode": "bwd"}
-
-_METHODS: dict[str, _Method] = {
-    "levenberg_marquardt": _Method(evaluate, _levenberg_marquardt),
-    "gauss_newton": _Method(_residuals_by_products, _gauss_newton),
-    "bfgs": _Method(_loss_by_gradient, _bfgs, _REVERSE),
-    "lbfgs": _Method(_loss_by_gradient, _lbfgs, _REVERSE),
+_FUNCTIONS = {
+    "levenberg_marquardt": evaluate,
+    "gauss_newton": _with_tangent(evaluate, _residual_products),
+    "bfgs": _with_tangent(_loss, _loss_gradient),
+    "lbfgs": _with_tangent(_loss, _loss_gradient),
 }
+# Only BFGS and L-BFGS read it.
+_OPTIONS = {"autodiff_mode": "bwd"}
+
+
+def _make_solver(settings: SearchSettings, batch: int) -> Any:
+    tolerances = settings.tolerance, settings.tolerance
+    match settings.method:
+        case "levenberg_marquardt":
+            return BroydenLevenbergMarquardt(
+                *tolerances, use_broyden=settings.use_broyden, batch=batch
+            )
+        case "gauss_newton":
+            # By products with J^T J alone, which need no Jacobian.
+            linear = lx.Normal(lx.CG(rtol=1e-3, atol=1e-8, max_steps=100))
+            solver = optx.LevenbergMarquardt(*tolerances, linear_solver=linear)
+            return with_trust_region(solver)
+        case "bfgs":
+            return optx.BFGS(*tolerances)
+        case _:
+            return optx.LBFGS(*tolerances, history_length=20)
+
+
 REVERSE_METHODS = ("gauss_newton", "bfgs", "lbfgs")
 """Methods that take derivatives in reverse mode."""
 
 
 class Search:
-    """Steps of one solver on one objective."""
+    """Steps of one solver on one objective, whose arrays later steps may replace."""
 
     def __init__(self, objective: Objective, settings: SearchSettings, batch: int):
-        """Trace the start; nothing is compiled yet.
-
-        Args:
-            objective: whose arrays later steps may replace.
-            settings: method and tolerance.
-            batch: number of derivatives at once, in forward mode.
-        """
-        method = _METHODS[settings.method]
-        self._function, self._options = method.function, method.options
-        self._solver = method.solver(settings, batch)
+        """Nothing is traced yet; `batch` forward-mode derivatives are taken at once."""
+        self._function = _FUNCTIONS[settings.method]
+        self._solver = _make_solver(settings, batch)
         self._objective = objective
         self._compiled: Any = None
         self._initial: Any = None
@@ -230,15 +211,16 @@ class Search:
         if self._initial is None:
             # Once only: the states of optimistix hold programs, which are compared by
             # identity, so that another start would be compiled again.
-            structs = eqx.filter_eval_shape(self._function, z, self._objective)
+            given = z, self._objective
+            structs = eqx.filter_eval_shape(self._function, *given)
             self._initial = self._solver.init(
-                self._function, z, self._objective, self._options, *structs, frozenset()
+                self._function, *given, _OPTIONS, *structs, frozenset()
             )
         return restart(self._initial, z)
 
     def advance(self, z: Any, state: Any, objective: Objective) -> tuple[Any, Any, Any]:
         """One step, not compiled: best point, state of the solver, and end."""
-        given = objective, self._options
+        given = objective, _OPTIONS
         z, state, _ = self._solver.step(self._function, z, *given, state, frozenset())
         done, _ = self._solver.terminate(self._function, z, *given, state, frozenset())
         return z, state, done

@@ -260,7 +260,7 @@ def test_the_runs_that_are_shown_are_those_that_were_fitted(sphere, runs):
 def test_no_difference_is_light_everywhere(sphere, runs):
     case = sphere.train.cases[0]
     solution = runs["default"]
-    same = solution._replace(surface=case.target.reference)
+    same = solution._replace(surface_temperature=case.target.reference)
     pair = {"default": solution, "fitted": same}
     png = difference_picture(case, sphere.configs["+x"].camera, pair, [0])
     pixels = np.asarray(Image.open(io.BytesIO(png))).astype(int)
