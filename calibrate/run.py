@@ -151,7 +151,8 @@ def _conclude(
     log.stage("timing")
     case = train.cases[0]
     with precision(train.dtype.name):
-        scene = train.scene(case, jnp.asarray(fit.z, train.dtype))
+        z = jnp.asarray(fit.z, train.dtype)
+        scene = train.parameters.insert(case.scene, z)
     speed = measure_speed(calibration.configs[case.name], case.scene, scene)
     versions = {name: version(name) for name in _PACKAGES}
     return fit_json(

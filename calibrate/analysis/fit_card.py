@@ -40,7 +40,7 @@ def make_card(
     problem, first = calibration.train, calibration.train.cases[0]
     with precision(problem.dtype.name):
         z = jnp.asarray(fit.z, problem.dtype)
-        weights = problem.scene(first, z).bodies[0].structure.weights
+        weights = problem.parameters.insert(first.scene, z).bodies[0].structure.weights
         values = problem.parameters.values(z)
     arrays = {name: np.asarray(value, float) for name, value in vars(weights).items()}
     others = {

@@ -120,13 +120,6 @@ class Parameter:
         """Names of everything in the scene that takes the value."""
         return (self.name, *self.tied)
 
-    def value(self, z: Values) -> Float[Array, "*m"]:
-        """Value in the scene of the parameter's coordinates."""
-        varied = jnp.asarray(self.bijection.value(z))
-        if not self.first_is_fixed:
-            return varied
-        return jnp.concatenate([jnp.full(1, self.start[0], varied.dtype), varied])
-
     def coordinate(self, value: Any) -> Float[Array, "*m"]:
         """Coordinates of a value in the scene."""
         value = jnp.asarray(value)
@@ -173,8 +166,12 @@ class ParameterSet:
         z, values, first = jnp.asarray(z), {}, 0
         for p in self.parameters:
             part = z[first : first + p.size]
-            value = p.value(part[0] if p.is_scalar else part)
-            values[p.name] = value.astype(z.dtype)
+            value = p.bijection.value(part[0] if p.is_scalar else part)
+            value = jnp.asarray(value, z.dtype)
+            if p.first_is_fixed:
+                fixed = jnp.full(1, p.start[0], z.dtype)
+                value = jnp.concatenate([fixed, value])
+            values[p.name] = value
             first += p.size
         return values
 

@@ -126,10 +126,6 @@ class Problem:
         """Coordinates of the start values."""
         return jnp.zeros(self.parameters.size, self.dtype)
 
-    def scene(self, case: Case, z: Coordinates) -> Scene:
-        """Scene of a case with the values of the coordinates z."""
-        return self.parameters.insert(case.scene, z)
-
     def step_tables(self) -> StepTables:
         """Steps of each case for the start values, with a margin for stiffer ones."""
         found = []
@@ -153,7 +149,7 @@ class Problem:
         """Residuals of all cases, one after the other, then those of the priors."""
         rows, steps, errors, finite = [], [], [], jnp.asarray(True)
         for case, table in zip(self.cases, step_tables, strict=True):
-            scene = self.scene(case, z)
+            scene = self.parameters.insert(case.scene, z)
             solution = case.run(scene, table)
             residual = case.target.residual(scene, solution)
             rows.append(_emphasize_times(residual, self.time_norm).reshape(-1))
@@ -173,12 +169,12 @@ class Problem:
     def stable_steps(self, z: Coordinates) -> Float[Array, " c"]:
         """Stability limit of each case at z [s]; infinite where the solver has none."""
         steps = [
-            jnp.asarray(case.run.stable_step(self.scene(case, z)), z.dtype)
+            case.run.stable_step(self.parameters.insert(case.scene, z))
             if case.run.uses_stable_step
-            else jnp.asarray(jnp.inf, z.dtype)
+            else jnp.inf
             for case in self.cases
         ]
-        return jnp.stack(steps)
+        return jnp.stack([jnp.asarray(step, z.dtype) for step in steps])
 
     def with_fixed_steps(self) -> "Problem":
         """Problem whose step sizes are fixed, which reverse mode needs."""

@@ -49,7 +49,8 @@ def run_both(problem: Problem, case: Case, z: Float[np.ndarray, " p"]) -> Soluti
     alone = Problem(problem.parameters, (case,))
     found, step_tables = {}, None
     with precision(problem.dtype.name):
-        run = eqx.filter_jit(lambda z, table: case.run(alone.scene(case, z), table))
+        scene = lambda z: problem.parameters.insert(case.scene, z)
+        run = eqx.filter_jit(lambda z, table: case.run(scene(z), table))
         for name, point in (("default", np.zeros_like(z)), ("fitted", z)):
             at = jnp.asarray(point, problem.dtype)
             step_tables = alone.step_tables_at(at, step_tables)

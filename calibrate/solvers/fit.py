@@ -7,7 +7,9 @@ killed continues from the last step that it finished, to the same result.
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -29,8 +31,8 @@ from .search import (
     Search,
     SearchSettings,
     best_loss,
-    evaluate,
     make_objective,
+    residuals,
     with_step_tables,
 )
 from .stopping_rule import next_action
@@ -81,7 +83,7 @@ class Fitting:
             self.objective = make_objective(self.problem, memory)
             batch = self.problem.batch()
             self._search = Search(self.objective, settings, batch)
-        self._evaluate = eqx.filter_jit(evaluate)
+        self._evaluate = eqx.filter_jit(residuals)
         self._stable_steps = eqx.filter_jit(self.problem.stable_steps)
         self._values = eqx.filter_jit(self.problem.parameters.flat_values)
 
@@ -119,9 +121,10 @@ class Fitting:
             progress = Progress(z, self._search.start(z), objective.step_tables, [])
             if checkpoint is not None:
                 progress = load_progress(checkpoint, progress)
-            self._compile(progress)
+            advance = self._compile(progress)
             compile_seconds = time.perf_counter() - clock
-            progress, ended = self._loop(objective, progress, checkpoint, log, stop)
+            step = partial(self._step, advance, objective)
+            progress, ended = self._loop(step, progress, checkpoint, log, stop)
             fit = self._finish(objective, progress, z, first)
         fit.initial_errors = diagnostics.host_errors()
         fit.ended, fit.compile_seconds = ended, compile_seconds
@@ -172,15 +175,15 @@ class Fitting:
             first, diagnostics = self._evaluate(z, objective)
         return objective, first, diagnostics
 
-    def _compile(self, progress: Progress) -> None:
+    def _compile(self, progress: Progress) -> Callable[..., Any]:
         # Everything that the loop runs, so that its time is that of the steps alone.
-        self._search.compile(progress.z, progress.solver_state)
         jax.block_until_ready(self._stable_steps(progress.solver_state.y_eval))
         self._host_values(progress.z)
+        return self._search.compile(progress.z, progress.solver_state)
 
     def _loop(
         self,
-        objective: Objective,
+        step: Callable[[Progress, bool], Progress],
         progress: Progress,
         checkpoint: Path | None,
         log: _StepLog | None,
@@ -198,13 +201,19 @@ class Fitting:
                 return progress, "step limit"
             if stop():
                 return progress, "interrupted"
-            progress = self._step(objective, progress, action == "refresh")
+            progress = step(progress, action == "refresh")
             if checkpoint is not None:
                 progress.save(checkpoint)
             if log is not None:
                 log(progress.steps[-1], progress.seconds)
 
-    def _step(self, objective: Objective, before: Progress, refresh: bool) -> Progress:
+    def _step(
+        self,
+        advance: Callable[..., Any],
+        objective: Objective,
+        before: Progress,
+        refresh: bool,
+    ) -> Progress:
         clock = time.perf_counter()
         z, state = before.z, before.solver_state
         state = restart(state, z) if refresh else state
@@ -215,13 +224,14 @@ class Fitting:
         exact = refresh or not self._search.keeps_jacobian
         length = float(np.abs(np.asarray(state.y_eval) - np.asarray(z)).max())
         objective = with_step_tables(objective, step_tables)
-        z, state, done = self._search.step(z, state, objective)
+        z, state, done = advance(z, state, objective)
         loss = best_loss(state)
         seconds = before.seconds + time.perf_counter() - clock
         accepted = refresh or loss < before.steps[-1].loss
         number, values = len(before.steps) + 1, self._host_values(z)
         step = StepRecord(number, loss, accepted, length, values, exact, refresh)
-        return Progress(z, state, step_tables, [*before.steps, step], done, seconds)
+        steps = [*before.steps, step]
+        return Progress(z, state, step_tables, steps, bool(done), seconds)
 
     def _host_values(self, z: Float[Array, " p"]) -> tuple[float, ...]:
         # Fields of thousands of values are not logged.
@@ -254,7 +264,7 @@ class Fitting:
         rows = None
         if len(z) <= MAX_JUDGED:
             batch = self.problem.batch()
-            rows = np.asarray(jacobian_rows(evaluate, objective, z, batch), float)
+            rows = np.asarray(jacobian_rows(residuals, objective, z, batch), float)
         return Fit(
             z=np.asarray(z, float),
             loss=_loss(residual),

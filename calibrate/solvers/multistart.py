@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 from scipy.stats import qmc
 
-from .search import Objective, Search
+from .search import Objective, Search, residuals
 
 
 def start_points(
@@ -37,7 +37,7 @@ def losses(
     """Half of the sum of squares at each point; infinite where it is not finite."""
 
     def loss(z):
-        found = 0.5 * (objective(z)[0] ** 2).sum()
+        found = 0.5 * (residuals(z, objective)[0] ** 2).sum()
         return jnp.where(jnp.isfinite(found), found, jnp.inf)
 
     return jax.lax.map(loss, points, batch_size=max(1, min(batch, len(points))))

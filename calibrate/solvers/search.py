@@ -56,17 +56,6 @@ class Objective(eqx.Module):
     reverse: Traced | None = None
     """Residuals by time steps that can be differentiated in reverse mode."""
 
-    def __call__(self, z: Float[Array, " p"]) -> tuple[Array, RunDiagnostics]:
-        """Residuals whose squares are minimized."""
-        values, diagnostics = self.traced(z, self.step_tables)
-        return _pseudo_huber(values + self.noise, self.knee), diagnostics
-
-    def in_reverse(self, z: Float[Array, " p"]) -> Array:
-        """The same residuals, for derivatives in reverse mode."""
-        assert self.reverse is not None
-        values, _ = self.reverse(z, self.step_tables)
-        return _pseudo_huber(values + self.noise, self.knee)
-
 
 def make_objective(problem: Problem, reverse_memory: int | None) -> Objective:
     """Trace a problem's residuals, for reverse mode too if memory [bytes] is given."""
@@ -75,8 +64,8 @@ def make_objective(problem: Problem, reverse_memory: int | None) -> Objective:
     reverse = None
     if reverse_memory is not None:
         reverse = problem.with_reverse_mode(reverse_memory).trace(step_tables)
-    residuals, _ = jax.eval_shape(traced, z, step_tables)
-    noise = jnp.zeros(residuals.shape, residuals.dtype)
+    rows, _ = jax.eval_shape(traced, z, step_tables)
+    noise = jnp.zeros(rows.shape, rows.dtype)
     knee = jnp.asarray(jnp.inf, problem.dtype)
     return Objective(traced, step_tables, knee, noise, reverse)
 
@@ -86,19 +75,25 @@ def with_step_tables(objective: Objective, step_tables: StepTables) -> Objective
     return eqx.tree_at(lambda o: o.step_tables, objective, step_tables)
 
 
-def _pseudo_huber(
-    residuals: Float[Array, " r"], knee: Float[Array, ""]
-) -> Float[Array, " r"]:
+def _pseudo_huber(rows: Float[Array, " r"], knee: Any) -> Float[Array, " r"]:
     # r' = r sqrt(2 / (1 + sqrt(1 + (r / k)^2))): the squares of r' are the pseudo-Huber
     # loss of r.
     # Source: Charbonnier et al., IEEE Trans. Image Processing 6 (1997) 298-311.
-    ratio = residuals / knee
-    return residuals * jnp.sqrt(2 / (1 + jnp.sqrt(1 + ratio * ratio)))
+    ratio = rows / knee
+    return rows * jnp.sqrt(2 / (1 + jnp.sqrt(1 + ratio * ratio)))
 
 
-def evaluate(z: Array, objective: Objective) -> tuple[Array, RunDiagnostics]:
-    """Residuals at z, as optimistix calls them."""
-    return objective(z)
+def residuals(z: Array, objective: Objective) -> tuple[Array, RunDiagnostics]:
+    """Residuals at z, whose squares are minimized, as optimistix calls them."""
+    values, diagnostics = objective.traced(z, objective.step_tables)
+    return _pseudo_huber(values + objective.noise, objective.knee), diagnostics
+
+
+def _reverse_residuals(z: Array, objective: Objective) -> Array:
+    # The same residuals, by a time loop for derivatives in reverse mode.
+    assert objective.reverse is not None
+    values, _ = objective.reverse(z, objective.step_tables)
+    return _pseudo_huber(values + objective.noise, objective.knee)
 
 
 def _with_tangent(
@@ -134,26 +129,26 @@ def _residual_products(z: Array, objective: Objective, tangent: Array) -> Any:
     def forward(point, tangent):
         z, arrays = point
         whole = eqx.combine(arrays, static)
-        return jax.jvp(lambda y: whole(y)[0], (z,), (tangent,))[1]
+        return jax.jvp(lambda y: residuals(y, whole)[0], (z,), (tangent,))[1]
 
     def transposed(point, cotangent):
         z, arrays = point
         whole = eqx.combine(arrays, static)
-        return jax.vjp(whole.in_reverse, z)[1](cotangent)[0]
+        return jax.vjp(lambda y: _reverse_residuals(y, whole), z)[1](cotangent)[0]
 
     product = linear_call(forward, transposed, (z, arrays), tangent)
-    return evaluate(z, objective), product
+    return residuals(z, objective), product
 
 
 def _loss(z: Array, objective: Objective) -> tuple[Array, RunDiagnostics]:
-    residuals, diagnostics = objective(z)
-    return _half_sum(residuals), diagnostics
+    values, diagnostics = residuals(z, objective)
+    return _half_sum(values), diagnostics
 
 
 def _loss_gradient(z: Array, objective: Objective, tangent: Array) -> Any:
-    in_reverse = lambda y: _half_sum(objective.in_reverse(y))
+    in_reverse = lambda y: _half_sum(_reverse_residuals(y, objective))
     value, gradient = jax.value_and_grad(in_reverse)(z)
-    return (value, objective(z)[1]), gradient @ tangent
+    return (value, residuals(z, objective)[1]), gradient @ tangent
 
 
 def _half_sum(values: Float[Array, " r"]) -> Float[Array, ""]:
@@ -161,8 +156,8 @@ def _half_sum(values: Float[Array, " r"]) -> Float[Array, ""]:
 
 
 _FUNCTIONS = {
-    "levenberg_marquardt": evaluate,
-    "gauss_newton": _with_tangent(evaluate, _residual_products),
+    "levenberg_marquardt": residuals,
+    "gauss_newton": _with_tangent(residuals, _residual_products),
     "bfgs": _with_tangent(_loss, _loss_gradient),
     "lbfgs": _with_tangent(_loss, _loss_gradient),
 }
@@ -225,18 +220,12 @@ class Search:
         done, _ = self._solver.terminate(self._function, z, *given, state, frozenset())
         return z, state, done
 
-    def compile(self, z: Float[Array, " p"], state: Any) -> None:
-        """Compile the step ahead, so that steps can be timed without it."""
+    def compile(self, z: Float[Array, " p"], state: Any) -> Callable[..., Any]:
+        """`advance` compiled ahead and once, so that steps can be timed without it."""
         if self._compiled is None:
             lowered = eqx.filter_jit(self.advance).lower(z, state, self._objective)
             self._compiled = lowered.compile()
-
-    def step(
-        self, z: Float[Array, " p"], state: Any, objective: Objective
-    ) -> tuple[Float[Array, " p"], Any, bool]:
-        """One compiled step: best point, state of the solver, and end."""
-        z, state, done = self._compiled(z, state, objective)
-        return z, state, bool(done)
+        return self._compiled
 
 
 def best_loss(state: Any) -> float:
