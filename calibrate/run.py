@@ -36,7 +36,7 @@ from .solvers.multistart import start_points
 from .solvers.search import SearchSettings
 
 
-_CHECKPOINT, _CHECKPOINT_HASH = "state.npz", "state.txt"
+_CHECKPOINT, _CHECKPOINT_HASH = "state.eqx", "state.txt"
 _PACKAGES = ("jax", "optimistix", "equinox", "numpy")
 
 

@@ -1,13 +1,11 @@
 """State of a fit, kept in a file after every step, and read from there again."""
 
-from dataclasses import dataclass
+import json
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import equinox as eqx
-import jax
-import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
 from jaxthermo.atomic import replacing
@@ -27,7 +25,7 @@ class StepRecord:
     """The trial became the best point."""
     length: float
     """Largest change of a coordinate from the best point to the trial."""
-    values: tuple[float, ...]
+    values: tuple[float, ...] | list[float]
     """Parameter values at the best point."""
     exact: bool = True
     """The trial's Jacobian was computed, not corrected from the point before."""
@@ -56,23 +54,15 @@ class Progress(NamedTuple):
     """Time of the steps, over all processes that took some [s]."""
 
     def save(self, path: Path) -> None:
-        """Write to a file, atomically."""
-        arrays = jax.tree.leaves(eqx.filter(_state(self), eqx.is_array))
-        history = [
-            [s.number, s.loss, s.accepted, s.length, s.exact, s.refresh, *s.values]
-            for s in self.steps
-        ]
-        values: dict[str, Any] = {
-            "steps": np.array(history),
-            "done": np.asarray(self.done),
-            "seconds": np.asarray(self.seconds),
-            **{f"leaf{n}": np.asarray(array) for n, array in enumerate(arrays)},
-        }
+        """Write to a file, atomically: a line of JSON, then the arrays."""
+        steps = [asdict(step) for step in self.steps]
+        header = {"steps": steps, "done": self.done, "seconds": self.seconds}
         with replacing(path) as temporary, open(temporary, "wb") as file:
-            np.savez(file, allow_pickle=False, **values)
+            file.write(json.dumps(header).encode() + b"\n")
+            eqx.tree_serialise_leaves(file, _arrays(self))
 
 
-def _state(progress: Progress) -> Any:
+def _arrays(progress: Progress) -> Any:
     return progress.z, progress.solver_state, progress.step_tables
 
 
@@ -84,29 +74,16 @@ def load_progress(path: Path, start: Progress) -> Progress:
     """
     if not path.exists():
         return start
-    dynamic, static = eqx.partition(_state(start), eqx.is_array)
-    leaves, tree = jax.tree.flatten(dynamic)
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as read:
-            found = [read[f"leaf{n}"] for n in range(len(leaves))]
-            history = read["steps"]
-            done, seconds = bool(read["done"]), float(read["seconds"])
+        with path.open("rb") as file:
+            header = json.loads(file.readline())
+            # Leaves that are no arrays, such as programs, are those of the start.
+            arrays = eqx.tree_deserialise_leaves(file, _arrays(start))
+            steps = [StepRecord(**step) for step in header["steps"]]
+    # Whatever is wrong with a file that the user did not write, the remedy is the same.
     except Exception as error:
         raise InputError(
-            f"{path}: cannot be read ({type(error).__name__}): delete it to start again"
+            f"{path}: is damaged, or of another fit ({type(error).__name__}): delete "
+            "it to start again"
         ) from error
-    matches = all(
-        a.shape == b.shape and a.dtype == b.dtype
-        for a, b in zip(found, leaves, strict=True)
-    )
-    if not matches:
-        raise InputError(f"{path}: is of another fit: delete it to start again")
-    dynamic = jax.tree.unflatten(tree, [jnp.asarray(a) for a in found])
-    z, solver_state, step_tables = eqx.combine(dynamic, static)
-    steps = [
-        StepRecord(
-            int(n), loss, bool(ok), length, tuple(values), bool(exact), bool(new)
-        )
-        for n, loss, ok, length, exact, new, *values in history.tolist()
-    ]
-    return Progress(z, solver_state, step_tables, steps, done, seconds)
+    return Progress(*arrays, steps, header["done"], header["seconds"])
