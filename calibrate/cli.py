@@ -41,12 +41,14 @@ class _ProgressBar(ProgressLog):
 
     def step(self, step: StepRecord, seconds: float, max_steps: int) -> None:
         kind = "" if step.outcome == "accepted" else f", {step.outcome}"
+        # A fit usually converges long before its step limit: an upper bound.
         left = seconds / step.number * (max_steps - step.number)
         note = f"loss {step.loss:.6g}{kind}, at most {left:.0f} s left"
         self._bar.update(
             self._task, description="fitting", total=max_steps, completed=step.number,
             note=note,
         )  # fmt: skip
+        # A bar in a log file would be a line of control characters per step.
         if not self._console.is_terminal:
             tell(self._console, f"step {step.number}: loss {step.loss:.6g}{kind}")
 
@@ -71,6 +73,7 @@ def fit(config: Path, out: Path, overrides: tuple[str, ...]) -> None:
     _print_fit(console, result)
     tell(console, f"fit.json, card.yaml and report.html in {out}")
     if result["ended"] == "interrupted":
+        # The exit status of an interrupted command, though the results are written.
         raise KeyboardInterrupt(
             f"stopped after step {len(result['steps'])}, the best so far is in {out}; "
             "the same command continues from there"
@@ -110,6 +113,7 @@ def check(card: Path, scene: Path, overrides: tuple[str, ...]) -> None:
     console = open_console()
     with _progress(console) as bar:
         found = check_card(card, scene, overrides, _ProgressBar(console, bar).stage)
+    # A number without a range in the card is shown with nan.
     for name, value in found["numbers"].items():
         low, high = found["ranges"].get(name, (np.nan, np.nan))
         words = name.replace("_", " ")

@@ -87,6 +87,7 @@ def fit_config(
             stop=stop,
         )
         result = _conclude(config, calibration, fit, log)
+        # The results are complete only with the config that made them.
         with replacing(folder / "config.yaml") as target:
             target.write_text(write_yaml(plain(config)), encoding="utf-8")
         write_json(folder / "fit.json", result)
@@ -94,6 +95,7 @@ def fit_config(
         write_card(folder / "card.yaml", card)
         log.stage("drawing the report")
         write_report(folder, calibration, fit, result)
+        # An interrupted fit continues from its checkpoint.
         if fit.ended != "interrupted":
             for name in (_CHECKPOINT, _CHECKPOINT_HASH):
                 (folder / name).unlink(missing_ok=True)
@@ -123,6 +125,7 @@ def _best_start(
     log: ProgressLog,
     stop: Callable[[], bool],
 ) -> Float[np.ndarray, " p"] | None:
+    # A checkpoint is later than any start.
     fit, size = config.fit, fitting.problem.parameters.size
     if fit.starts == 1 or (folder / _CHECKPOINT).exists():
         return None
@@ -153,6 +156,7 @@ def _conclude(
     with precision(train.dtype.name):
         z = jnp.asarray(fit.z, train.dtype)
         scene = train.parameters.insert(case.scene, z)
+    # The first case stands for all of them.
     speed = measure_speed(calibration.configs[case.name], case.scene, scene)
     versions = {name: version(name) for name in _PACKAGES}
     return fit_json(

@@ -35,6 +35,7 @@ def rank_experiments(
     config: CalibrationConfig, calibration: Calibration, fit: Fit, sd: float, log: Log
 ) -> list[dict[str, Any]]:
     """Further runs and save times, the most informative first."""
+    # Too many coordinates to compare information matrices.
     if fit.jacobian is None:
         return []
     known, ranking = fit.jacobian / sd, []
@@ -74,6 +75,7 @@ def _measurement(
     if isinstance(target, FrameTarget):
         views = camera_views(cameras, scene) if cameras else target.views
         return lambda scene, solution: target.measure(views, scene, solution, times)
+    # As `SurfaceTarget`, but relative to the range of the run itself.
     count = len(target.times)
 
     def surface(scene: Scene, solution: ParametricSolution) -> Float[Array, "t r"]:
@@ -115,6 +117,7 @@ def _rows_per_time(
         def measured(z, table):
             changed = problem.parameters.insert(scene, z)
             found = measure(changed, run(changed, table))
+            # The integer takes the place of the diagnostics, and has no tangent.
             return found.reshape(-1), jnp.zeros((), jnp.int32)
 
         traced = trace(measured, z, table)

@@ -43,6 +43,7 @@ def make_card(
         weights = problem.parameters.insert(first.scene, z).bodies[0].structure.weights
         values = problem.parameters.values(z)
     arrays = {name: np.asarray(value, float) for name, value in vars(weights).items()}
+    # Lists belong to the body that was fitted, not to others that take the card.
     others = {
         name: float(value)
         for name, value in values.items()
@@ -52,6 +53,7 @@ def make_card(
         scene_numbers(case.scene, calibration.configs[case.name].time.end)
         for case in problem.cases
     ]
+    # Each mechanism once, in the order of the cases.
     mechanisms = [name for c in problem.cases for name in mechanism_names(c.scene)]
     body = calibration.configs[first.name].bodies[0]
     return FitCard(
@@ -92,6 +94,7 @@ def check_card(
     warnings = outside(card, numbers, mechanism_names(scene))
     reference = full_volume_run(config, 0.25, log)
     weights_path = ("bodies", 0, "structure", "weights")
+    # Both runs share the scene's voxels and structure, which are slow to build.
     fitted = with_value(scene, weights_path, card.weights)
     for name, value in card.parameters.items():
         fitted = with_value(fitted, find_path(fitted, name), jnp.asarray(value))

@@ -97,6 +97,7 @@ def identify(
             kind = _precision_verdict(values[n], error, deviation[n], *bounds[n])
         names = tuple(parameters.labels[m] for m in others)
         verdicts.append(Verdict(label, kind, float(values[n]), error, names))
+    # All may be zero, where nothing is compared that changes.
     spread = np.sort(singular)[::-1] / max(singular.max(initial=0.0), 1e-300)
     return Identified(tuple(verdicts), correlation, spread)
 
@@ -131,6 +132,7 @@ def _covariance(
     found = np.zeros_like(gram)
     if determined.any():
         part = gram[np.ix_(determined, determined)]
+        # Scaled to a unit diagonal before it is inverted, for its condition number.
         scale = 1 / np.sqrt(np.diag(part))
         outer = np.outer(scale, scale)
         found[np.ix_(determined, determined)] = (
@@ -181,6 +183,7 @@ def residual_sd(
     """Standard deviation of a residual: as known from noise, or as the fit left it."""
     if known is not None:
         return known
+    # Each fitted coordinate takes one degree of freedom.
     degrees_of_freedom = max(len(residual) - size, 1)
     return float(np.sqrt((np.asarray(residual, float) ** 2).sum() / degrees_of_freedom))
 

@@ -35,6 +35,7 @@ def load_calibration(
     """
     path = Path(path)
     data, _ = with_overrides(read_yaml(path), overrides)
+    # A name in the file goes before that of the file.
     data = {"name": path.stem, **data}
     context = {FOLDERS: mesh_folders(path.parent) if find_files else ()}
     try:
@@ -49,6 +50,7 @@ def scene_config(config: CalibrationConfig, *changes: Mapping[str, Any]) -> Scen
     Raises:
         InputError: one line for each mistake.
     """
+    # As overrides, so that mistakes are reported as those of the command line.
     texts = [
         f"{key}={json.dumps(value)}"
         for change in (config.set, *changes)

@@ -39,6 +39,7 @@ _DEFAULT_BOUNDS: dict[str, tuple[float, float]] = {
 
 
 def _last_known(name: str, table: dict[str, Any]) -> Any:
+    # List indices are no words, and the last word that is known decides.
     words = [word for word in name.split(".") if not word.isdigit()]
     return next((table[word] for word in reversed(words) if word in table), None)
 
@@ -55,6 +56,7 @@ def value_in_si(value: Any, name: str) -> float:
     Raises:
         ValueError: if it is neither.
     """
+    # A bound may be infinite, which `to_si` refuses for all other numbers.
     if isinstance(value, str) and value.strip() in ("inf", "-inf"):
         return float(value)
     try:
@@ -68,9 +70,11 @@ def default_bounds(name: str, start: float) -> tuple[float, float]:
     known = _last_known(name, _DEFAULT_BOUNDS)
     if known is not None:
         return known
+    # A positive start is taken for a quantity that cannot be negative.
     return (0.0, math.inf) if start > 0 else (-math.inf, math.inf)
 
 
+# The scene's own schema checks them when a case is built.
 Changes = dict[str, Any]
 """Values of the scene's config by dotted key, replacing those in its file."""
 
@@ -203,6 +207,7 @@ class ParameterConfig(Model):
 
 
 def _problem(value: Any, name: str) -> str | None:
+    # The unit depends on the parameter's name, so that no field type can check it.
     if value is None:
         return None
     try:
@@ -254,6 +259,7 @@ class CalibrationConfig(Model):
 
     def mistakes(self) -> list[Mistake]:
         """Names given twice."""
+        # Results, references and frames are found by the names of their cases.
         found: list[Mistake] = []
         seen: list[str] = []
         for group in ("train", "held_out", "candidates"):

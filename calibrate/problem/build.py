@@ -68,6 +68,7 @@ def build(config: CalibrationConfig, log: Log) -> Calibration:
     log("building the scenes")
     scenes = _build_scenes(configs)
     parameters = build_parameters(config, scenes[config.train[0].name])
+    # Values and bounds come from the first case, but every case needs the paths.
     for scene in scenes.values():
         parameters.check(scene)
     targets = _TargetBuilder(config, configs, scenes, log)
@@ -114,6 +115,7 @@ def camera_views(
 
 def _start_surfaces(scene: Scene) -> tuple[SolvedSurface, ...]:
     """Surfaces of the bodies at the start."""
+    # Neither the number of save times nor the end has an effect on the surfaces.
     with precision(scene.dtype):
         return compile_scene(scene, 1, 1.0).surfaces
 
@@ -176,6 +178,7 @@ def _start_values(
         values = np.asarray([value_in_si(v, given.name) for v in listed])
         values = values if is_list else values[0]
     if given.per is not None:
+        # A scalar becomes one equal value per level or link.
         values = np.broadcast_to(values, (_value_count(given, path, scene),))
     return values
 
@@ -188,6 +191,7 @@ def _value_count(given: ParameterConfig, path: Path, scene: Scene) -> int:
     structure = scene.bodies[int(path[1])].structure
     if given.per == "link":
         return structure.link_count
+    # Links between levels have one value for each pair of neighbouring levels.
     levels = int(structure.nodes().level.max()) + 1
     return max(levels - 1, 1) if path[-1] == "between" else levels
 
@@ -234,6 +238,7 @@ class _TargetBuilder:
     ) -> FrameTarget:
         truth = scene_config(self.config, case.set, given.set)
         times = truth.time.save_times
+        # The truth may change anything but the times at which it is compared.
         if times != self.configs[case.name].time.save_times:
             raise InputError("reference: set: the save times are the case's")
         self.log(f"{case.name}: running the truth")
@@ -270,12 +275,14 @@ class _TargetBuilder:
                         f"{path}: has no channel {channel} (it has {listed})"
                     )
                 rows.append(channels[channel])
+            # Frames of one view are stacked, and compared with one camera.
             if len({row.shape for row in rows}) > 1:
                 raise InputError(f"{name}, view {view.view}: frames of several sizes")
             frames.append(np.stack(rows).astype(float))
         mask = None
         if given.mask is not None:
             with Image.open(given.mask) as picture:
+                # Every pixel that is not black is compared.
                 mask = np.asarray(picture.convert("L")) > 0
         return self._frame_target(name, given, frames, mask)
 

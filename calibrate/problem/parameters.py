@@ -55,6 +55,7 @@ class Smoothness:
     def residual(self, value: Values) -> Float[Array, " q"]:
         """One row per link end; their squares sum to the penalty."""
         ends, logs = np.concatenate([self.src, self.dst]), jnp.log(value)
+        # A link is an end at both of its nodes.
         logs = jnp.concatenate([logs, logs])
         nodes = int(ends.max()) + 1
         count = np.maximum(np.bincount(ends, minlength=nodes), 1).astype(logs.dtype)
@@ -92,6 +93,7 @@ class Parameter:
                 f"parameter {self.name}: bounds {self.lower:g} to {self.upper:g}: the "
                 "lower one must be less"
             )
+        # At a bound the coordinate would be infinite.
         for value in self.start:
             if not self.lower < value < self.upper:
                 raise InputError(
@@ -101,6 +103,7 @@ class Parameter:
         varied = self.start[1:] if self.first_is_fixed else self.start
         start = np.asarray(varied[0] if self.is_scalar else varied)
         made = bijection(start, self.lower, self.upper, self.softplus)
+        # The dataclass is frozen.
         object.__setattr__(self, "bijection", made)
 
     @property
@@ -140,6 +143,7 @@ class ParameterSet:
     def __post_init__(self):
         if not self.parameters:
             raise InputError("parameters: there is nothing to fit; name one at least")
+        # Tied paths count too: the later of two parameters would win in silence.
         paths = [path for p in self.parameters for path in p.paths]
         for path in paths:
             if paths.count(path) > 1:
@@ -167,6 +171,7 @@ class ParameterSet:
         for p in self.parameters:
             part = z[first : first + p.size]
             value = p.bijection.value(part[0] if p.is_scalar else part)
+            # Bounds are float64 and must not promote a float32 fit.
             value = jnp.asarray(value, z.dtype)
             if p.first_is_fixed:
                 fixed = jnp.full(1, p.start[0], z.dtype)
@@ -190,6 +195,7 @@ class ParameterSet:
     def insert(self, scene: Scene, z: Coordinates) -> Scene:
         """Copy of the scene with the values of the coordinates z."""
         values = self.values(z)
+        # Runs when a program is traced, not at each evaluation.
         for p in self.parameters:
             for name in p.paths:
                 scene = with_value(scene, find_path(scene, name), values[p.name])

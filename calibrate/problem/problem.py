@@ -116,6 +116,7 @@ class Problem:
     @property
     def known_sd(self) -> float | None:
         """Standard deviation of a residual due to noise; None if it is not known."""
+        # Percent of a reference and noise of a pixel have no common scale.
         known = {case.target.known_sd for case in self.cases}
         if len(known) > 1:
             raise InputError("cases: fit to references or to frames, not to both")
@@ -130,6 +131,7 @@ class Problem:
         """Steps of each case for the start values, with a margin for stiffer ones."""
         found = []
         for case in self.cases:
+            # Other solvers choose their own steps.
             longest = None
             if case.run.uses_stable_step:
                 longest = float(case.run.stable_step(case.scene)) / _STEP_MARGIN
@@ -157,6 +159,7 @@ class Problem:
             steps.append(solution.stable_step)
             finite = finite & solution.finite
         z = jnp.asarray(z)
+        # The mean over the cases, so that priors weigh the same for any number.
         data = 1 / math.sqrt(len(self.cases)) * jnp.concatenate(rows)
         prior = self.parameters.prior_residual(z)
         # Priors count in the noise's standard deviations, as the data do.
@@ -183,6 +186,7 @@ class Problem:
             run = case.run
             if run.uses_stable_step:
                 dt = float(run.stable_step(case.scene)) / _FIXED_STEP_MARGIN
+                # Without conduction and loss any step is stable.
                 dt = dt if np.isfinite(dt) else run.save_times[-1]
                 run = replace(run, solver=ForwardEuler(dt=dt))
             cases.append(replace(case, run=run))

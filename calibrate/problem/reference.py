@@ -84,6 +84,7 @@ def _run(config: SceneConfig, step: float):
     end, saves = config.time.end, config.time.save_times
     with precision(config.dtype):
         stable = float(compile_scene(scene, len(saves), end).stable_step)
+    # A scene without any stability limit takes the solver's default.
     dt = step * stable if np.isfinite(stable) else None
     found = simulate(scene, end, saves, solver=ForwardEuler(dt=dt), throw=False)
     if found.result != RESULTS.successful:
@@ -100,6 +101,7 @@ def select_times(
         InputError: if one of the times [s] is not saved there.
     """
     saved = np.asarray(found.times, float)
+    # Files may hold float32 times.
     rows = [np.flatnonzero(np.isclose(saved, t, rtol=1e-5)) for t in times]
     missing = [t for t, row in zip(times, rows, strict=True) if not len(row)]
     if missing:

@@ -89,6 +89,7 @@ class SurfaceTarget(AbstractTarget):
     def residual(
         self, scene: Scene, solution: ParametricSolution
     ) -> Float[Array, "t r"]:
+        # The scene's terms only matter to cameras.
         del scene
         return (solution.surface_temperature - self.reference) * self.scale
 
@@ -108,6 +109,7 @@ def surface_target(reference: AnySolution, dtype: Any) -> SurfaceTarget:
     times = tuple(float(t) for t in np.asarray(reference.times))
     if not np.isfinite(surface).all():
         raise InputError("the reference holds temperatures that are not finite")
+    # Errors are relative to the range of the surface temperatures.
     if not (np.ptp(surface, axis=1) > 0).any():
         raise InputError(
             "the reference's surface has one temperature at every saved time: there is "
@@ -116,5 +118,6 @@ def surface_target(reference: AnySolution, dtype: Any) -> SurfaceTarget:
     area = np.concatenate([s.geometry.fragment_area for s in reference.surfaces])
     span = np.asarray(error_span(jnp.asarray(surface)), float)
     scale = 100 * np.sqrt(area / area.sum())[None] / span[:, None]
+    # The sum of squares is then the mean over the times.
     scale = scale / np.sqrt(len(times))
     return SurfaceTarget(times, jnp.asarray(surface, dtype), jnp.asarray(scale, dtype))

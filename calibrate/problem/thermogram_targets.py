@@ -56,6 +56,7 @@ class FrameTarget(AbstractTarget):
             self.model_pixels(n, scene, solution) - self.data[n]
             for n in range(len(self.views))
         ]
+        # The squares sum to 1 for a model that is wrong by the noise everywhere.
         scale = self.noise * math.sqrt(self.pixel_count)
         return jnp.concatenate(parts, axis=1) / scale
 
@@ -91,6 +92,7 @@ class FrameTarget(AbstractTarget):
         rows = []
         for view in views:
             frames = render_frames(view, scene, solution, times, self.quantity)
+            # There are no data, and so no mask, of a view that is only proposed.
             chosen = np.flatnonzero(body_mask(view))
             rows.append(frames.reshape(len(frames), -1)[:, chosen])
         return jnp.concatenate(rows, axis=1) / self.noise
@@ -167,6 +169,7 @@ def frame_target(
                 f"view {n}: frames of {given.shape[2]} x {given.shape[1]} pixels and a "
                 f"camera of {width} x {height}: give the camera the frames' size"
             )
+        # The background depends on no parameter.
         compared = mask & body_mask(view)
         if not compared.any():
             raise InputError(

@@ -64,6 +64,7 @@ def loss_chart(result: Result) -> Chart | None:
     vertical = LogAxis([p["loss"] for p in points], "loss: half of the sum of squares")
     last = max(1, *(p["step"] for p in points))
     ticks = alt.Axis(tickCount=min(last, 12), format="d", tickMinStep=1)
+    # Room for the first and the last point.
     scale = alt.Scale(domain=[0, last], padding=16, nice=False)
     fill = alt.Scale(domain=list(kinds.values()), range=["#17358c", "#ffffff"])
     base = alt.Chart(alt.Data(values=points)).encode(
@@ -198,6 +199,7 @@ def error_chart(both: dict[str, dict[str, Any]], title: str) -> Chart | None:
     paint = alt.Scale(domain=list(_COLOURS), range=list(_COLOURS.values()))
     dashes = alt.Scale(domain=list(_COLOURS), range=[[5, 4], [1, 0]])
     times = sorted({p["time"] for p in points})
+    # Ticks at saved times, at most 8 of them.
     axis = alt.Axis(values=times[:: math.ceil(len(times) / 8)], format=".4~r")
     scale = alt.Scale(padding=16, nice=False, zero=False)
     line_legend = alt.Legend(title=None, symbolSize=POINT_AREA, symbolStrokeWidth=0)
@@ -251,6 +253,7 @@ def correlation_chart(result: Result) -> Chart:
     size = _CELL * len(names) if numbered else _WIDTH
     if not numbered:
         return cells.properties(width=size, height=size)
+    # White on dark cells.
     ink = alt.condition("abs(datum.value) > 0.5", alt.value("white"), alt.value("#333"))
     numbers = base.mark_text(fontSize=10).encode(
         text=alt.Text("value:Q", format=".2f"), color=ink

@@ -135,6 +135,7 @@ def _parameters(result: Result) -> _Sections:
     number = len(result["parameters"])
     table = parameter_table(result["parameters"], "")
     sections: _Sections = [page.heading("Parameters"), table]
+    # Hundreds of rows would hide what follows.
     if number > MAX_CHARTED:
         folded = page.details(f"All {number} values", table)
         first = page.paragraph(f"The chart has the first {MAX_CHARTED}.", note=True)
@@ -173,6 +174,7 @@ def _identifiability(result: Result) -> _Sections:
         f"{values or 'none'}. Below 0.001 a combination of values is flat."
     )
     sections.append(page.paragraph(text, note=True))
+    # One value is correlated with itself only.
     if len(parameters) < 2:
         return sections
     text = "Correlation of the values' errors; 0 beside dead or flat ones."

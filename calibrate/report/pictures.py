@@ -53,6 +53,7 @@ def run_both(problem: Problem, case: Case, z: Float[np.ndarray, " p"]) -> Soluti
         run = eqx.filter_jit(lambda z, table: case.run(scene(z), table))
         for name, point in (("default", np.zeros_like(z)), ("fitted", z)):
             at = jnp.asarray(point, problem.dtype)
+            # One compiled program for both: tables differ in their values only.
             step_tables = alone.step_tables_at(at, step_tables)
             found[name] = run(at, step_tables[0])
     return found
@@ -69,6 +70,7 @@ def difference_picture(
     target = case.target
     assert isinstance(target, SurfaceTarget)
     surfaces = solutions["default"].surfaces
+    # Bodies of a fit do not move: one view for both runs and all times.
     triangles = np.concatenate([s.geometry.triangles for s in surfaces])
     view = view_of(surfaces, case.scene, build_camera(_resized(camera), triangles))
 
@@ -102,6 +104,7 @@ def frame_picture(case: Case, solutions: Solutions, time: int, view: int) -> byt
         for name, solution in solutions.items():
             pixels = target.model_pixels(view, case.scene, solution)[time]
             frames[name] = scatter(np.asarray(pixels, float), mask)
+    # The scale of differences takes no NaN.
     differences = {n: np.where(mask, f - data, 0.0) for n, f in frames.items()}
     number = f", view {view}" if len(target.views) > 1 else ""
     title = f"{case.name}{number}, {time_label(target.times[time])}"
@@ -134,6 +137,7 @@ def close_up(
         first, last = found[0] - margin, found[-1] + margin
         parts.append(slice(max(first, 0), min(last, size - 1) + 1))
     part = image[tuple(parts)]
+    # Whole pixels of a camera of few pixels, without smoothing.
     factor = max(1, SIDE // max(part.shape[:2]))
     return part.repeat(factor, axis=0).repeat(factor, axis=1)
 

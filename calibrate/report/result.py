@@ -31,6 +31,7 @@ def fit_json(
     versions: dict[str, str],
 ) -> dict[str, Any]:
     """Collect all results of a fit."""
+    # Without a Jacobian there are too many values for a row each.
     start = np.asarray(parameters.flat_values(np.zeros_like(fit.z)), float)
     judged = fit.jacobian is not None
     rows = parameter_rows(identified, start)

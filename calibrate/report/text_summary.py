@@ -112,6 +112,7 @@ def _data(result: Result) -> str:
 
 
 def _change(default: float, fitted: float) -> str:
+    # Data of the same model may be met exactly.
     if not (default > 0 and fitted > 0):
         return "no ratio"
     if fitted <= default:
@@ -121,6 +122,7 @@ def _change(default: float, fitted: float) -> str:
 
 def _course(result: Result) -> str:
     seconds, loss = result["run_time_s"], result["loss"]
+    # In runs, which is a measure that does not depend on the machine.
     runs = seconds["fit"] / max(seconds["one_run"], 1e-9)
     return (
         f"The fit {_ENDED.get(result['ended'], result['ended'])}; "
@@ -161,6 +163,7 @@ def parameter_table(
         if is_fitted:
             ratio = f"{row['value'] / start:.3g}" if start else _DASH
             cells += [with_unit(row["value"]), ratio]
+        # More digits of an error say nothing.
         two_digits = with_unit(float(f"{error:.2g}")) if is_finite(error) else _DASH
         others = f" with {', '.join(row['with'])}" if row["with"] else ""
         cells += [two_digits, marked(row["verdict"], others)]
@@ -169,6 +172,7 @@ def parameter_table(
 
 
 def _parameter_name(name: str, row: Mapping[str, Any]) -> str:
+    # A field of thousands of values has one row.
     number = row.get("count", 1)
     if number == 1:
         return name

@@ -32,6 +32,7 @@ def value_and_jacobian(
 ) -> tuple[Float[Array, " r"], Float[Array, "p r"], Any]:
     """Residuals, rows of their Jacobian, and auxiliary output of a function at z."""
     tangent = lambda t: jax.jvp(function, (z,), (t,), has_aux=True)
+    # Forward mode: the time loop keeps no history of states.
     directions = jnp.eye(len(z), dtype=z.dtype)
     if batch >= len(z):
         # The value comes with the derivatives, which saves a run.

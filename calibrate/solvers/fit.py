@@ -83,6 +83,7 @@ class Fitting:
             self.objective = make_objective(self.problem, memory)
             batch = self.problem.batch()
             self._search = Search(self.objective, settings, batch)
+        # One wrapper each, so that later runs find what is compiled.
         self._evaluate = eqx.filter_jit(residuals)
         self._stable_steps = eqx.filter_jit(self.problem.stable_steps)
         self._values = eqx.filter_jit(self.problem.parameters.flat_values)
@@ -170,6 +171,7 @@ class Fitting:
         first, diagnostics = self._evaluate(z, objective)
         _check(self.problem, first)
         if self.settings.huber is not None:
+            # The knee is relative to the residuals of squares, hence the second run.
             knee = self.settings.huber * jnp.sqrt((first * first).mean())
             objective = eqx.tree_at(lambda o: o.knee, objective, knee)
             first, diagnostics = self._evaluate(z, objective)
@@ -258,6 +260,7 @@ class Fitting:
         if not bool(diagnostics.finite) or not _loss(residual) <= initial * (1 + 1e-6):
             z = start
             residual, diagnostics = self._evaluate(z, objective)
+        # Again, since the first evaluation may have compiled.
         clock = time.perf_counter()
         jax.block_until_ready(self._evaluate(z, objective))
         run_seconds = time.perf_counter() - clock

@@ -38,6 +38,7 @@ def losses(
 
     def loss(z):
         found = 0.5 * (residuals(z, objective)[0] ** 2).sum()
+        # A start whose run diverges is left out, not an error.
         return jnp.where(jnp.isfinite(found), found, jnp.inf)
 
     return jax.lax.map(loss, points, batch_size=max(1, min(batch, len(points))))
@@ -50,6 +51,7 @@ class BatchedSearch:
         """Start from each point, stepping `batch` of them at once."""
         states = [search.start(z) for z in starts]
         arrays = [eqx.filter(state, eqx.is_array) for state in states]
+        # Programs in the states are the same for all starts.
         static = eqx.filter(states[0], eqx.is_array, inverse=True)
         self.z = starts
         self.done: Bool[np.ndarray, " n"] = np.zeros(len(starts), bool)

@@ -66,6 +66,7 @@ def make_objective(problem: Problem, reverse_memory: int | None) -> Objective:
         reverse = problem.with_reverse_mode(reverse_memory).trace(step_tables)
     rows, _ = jax.eval_shape(traced, z, step_tables)
     noise = jnp.zeros(rows.shape, rows.dtype)
+    # Plain squares without noise are the same program with other arrays.
     knee = jnp.asarray(jnp.inf, problem.dtype)
     return Objective(traced, step_tables, knee, noise, reverse)
 
@@ -230,6 +231,7 @@ class Search:
 
 def best_loss(state: Any) -> float:
     """Half of the sum of squares at the best point."""
+    # Least-squares solvers keep residuals, minimizers their loss.
     info = state.f_info
     if hasattr(info, "residual"):
         return float(0.5 * (np.asarray(info.residual) ** 2).sum())

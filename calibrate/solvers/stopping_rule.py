@@ -33,10 +33,12 @@ def next_action(
     """
     if not steps:
         return "refresh"
+    # What the solver says of a step that went nowhere does not count.
     if steps[-1].refresh:
         return "try"
     stagnant = _is_stagnant(steps, tolerance, dtype)
     ends = stagnant or done
+    # The best point before the trials that ask for an end.
     before = steps[: -STAGNATION_LIMIT if stagnant else -1] if ends else steps
     if not (ends or not steps[-1].accepted) or _best_is_exact(before):
         return "end" if ends else "try"
@@ -54,6 +56,7 @@ def _is_stagnant(steps: list[StepRecord], tolerance: float, dtype: Any) -> bool:
         return False
     if any(not s.accepted and s.length > _NEAR for s in last):
         return False
+    # Rounding of a sum over thousands of residuals.
     resolved = max(16 * float(jnp.finfo(dtype).eps), tolerance)
     return _relative_gain(steps[-1 - STAGNATION_LIMIT :]) <= resolved
 
