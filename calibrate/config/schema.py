@@ -38,12 +38,6 @@ _DEFAULT_BOUNDS: dict[str, tuple[float, float]] = {
 """Bounds in SI by the last word of a parameter's name that is one of these."""
 
 
-def _last_known(name: str, table: dict[str, Any]) -> Any:
-    # List indices are no words, and the last word that is known decides.
-    words = [word for word in name.split(".") if not word.isdigit()]
-    return next((table[word] for word in reversed(words) if word in table), None)
-
-
 def unit_of(name: str) -> str:
     """SI unit of a parameter; empty for a factor."""
     unit = field_units.unit_of(name)
@@ -67,11 +61,10 @@ def value_in_si(value: Any, name: str) -> float:
 
 def default_bounds(name: str, start: float) -> tuple[float, float]:
     """Bounds of a parameter for which none are given: by its name, or its sign."""
-    known = _last_known(name, _DEFAULT_BOUNDS)
-    if known is not None:
-        return known
     # A positive start is taken for a quantity that cannot be negative.
-    return (0.0, math.inf) if start > 0 else (-math.inf, math.inf)
+    by_sign = (0.0, math.inf) if start > 0 else (-math.inf, math.inf)
+    words = [word for word in name.split(".") if word in _DEFAULT_BOUNDS]
+    return _DEFAULT_BOUNDS[words[-1]] if words else by_sign
 
 
 # The scene's own schema checks them when a case is built.

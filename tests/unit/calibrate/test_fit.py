@@ -150,7 +150,7 @@ def test_a_loss_that_is_not_finite_at_the_start_is_refused():
 
 
 @pytest.mark.slow
-def test_the_best_start_several_starts_is_where_one_alone_ends(problem):
+def test_the_best_of_several_starts_is_where_one_alone_ends(problem):
     """Searched together, from far apart."""
     fitting = Fitting(problem, SearchSettings(tolerance=1e-9, max_steps=40))
     z = fitting.best_start(start_points(4, 2, 0.5, seed=3))
