@@ -33,7 +33,6 @@ from .solvers.broyden import jacobian_rows
 from .solvers.checkpoint import StepRecord
 from .solvers.fit import Fit, Fitting
 from .solvers.multistart import start_points
-from .solvers.search import SearchSettings
 
 
 _CHECKPOINT, _CHECKPOINT_HASH = "state.eqx", "state.txt"
@@ -74,16 +73,15 @@ def fit_config(
     """
     log = ProgressLog() if log is None else log
     config = load_calibration(path, overrides)
-    settings = _search_settings(config)
     with results_folder(out) as folder:
         calibration = build(config, log.stage)
         _discard_old_checkpoint(folder, config)
         log.stage("compiling")
-        fitting = Fitting(calibration.train, settings)
+        fitting = Fitting(calibration.train, config.fit)
         fit = fitting.run(
             start=_best_start(config, fitting, folder, log, stop),
             checkpoint=folder / _CHECKPOINT,
-            log=lambda step, seconds: log.step(step, seconds, settings.max_steps),
+            log=lambda step, seconds: log.step(step, seconds, config.fit.max_steps),
             stop=stop,
         )
         result = _conclude(config, calibration, fit, log)
@@ -100,12 +98,6 @@ def fit_config(
             for name in (_CHECKPOINT, _CHECKPOINT_HASH):
                 (folder / name).unlink(missing_ok=True)
     return result
-
-
-def _search_settings(config: CalibrationConfig) -> SearchSettings:
-    fit = config.fit
-    memory = int(fit.memory * 2**30)
-    return SearchSettings(fit.method, fit.tolerance, fit.max_steps, fit.huber, memory)
 
 
 def _discard_old_checkpoint(folder: Path, config: CalibrationConfig) -> None:

@@ -20,6 +20,7 @@ from jaxtyping import Array, Float
 from jaxthermo.arrays import precision
 from jaxthermo.errors import InputError
 
+from ..config.schema import FitConfig
 from ..problem.problem import Problem, RunDiagnostics, StepTables, refine_steps
 from .broyden import jacobian_rows
 from .checkpoint import Progress, StepRecord, load_progress
@@ -29,7 +30,6 @@ from .search import (
     REVERSE_METHODS,
     Objective,
     Search,
-    SearchSettings,
     best_loss,
     make_objective,
     residuals,
@@ -73,16 +73,16 @@ _StepLog = Callable[[StepRecord, float], None]
 class Fitting:
     """A problem and its search, traced once: the compiled programs serve every run."""
 
-    def __init__(self, problem: Problem, settings: SearchSettings):
+    def __init__(self, problem: Problem, settings: FitConfig, use_broyden: bool = True):
         """Trace the problem; nothing is compiled yet."""
         in_reverse = settings.method in REVERSE_METHODS
         self.settings = settings
         self.problem = problem.with_fixed_steps() if in_reverse else problem
         with precision(problem.dtype.name):
-            memory = settings.memory if in_reverse else None
+            memory = int(settings.memory * 2**30) if in_reverse else None
             self.objective = make_objective(self.problem, memory)
             batch = self.problem.batch()
-            self._search = Search(self.objective, settings, batch)
+            self._search = Search(self.objective, settings, batch, use_broyden)
         # One wrapper each, so that later runs find what is compiled.
         self._evaluate = eqx.filter_jit(residuals)
         self._stable_steps = eqx.filter_jit(self.problem.stable_steps)
@@ -150,11 +150,9 @@ class Fitting:
                 )
             # A batch of searches runs both branches of a condition, so that keeping
             # Jacobians would save nothing.
-            exact = self.settings._replace(use_broyden=False)
+            search = Search(objective, self.settings, batch, use_broyden=False)
             at_once = max(1, batch // len(points[0]))
-            batched = BatchedSearch(
-                Search(objective, exact, batch), jnp.asarray(points, dtype), at_once
-            )
+            batched = BatchedSearch(search, jnp.asarray(points, dtype), at_once)
             for _ in range(self.settings.max_steps):
                 if batched.done.all() or stop():
                     break

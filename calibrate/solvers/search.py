@@ -12,7 +12,7 @@ arrays.
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -23,25 +23,10 @@ import optimistix as optx
 from jax.custom_derivatives import linear_call
 from jaxtyping import Array, Float
 
+from ..config.schema import FitConfig
 from ..problem.problem import Problem, RunDiagnostics, StepTables, Traced
 from .levenberg_marquardt import BroydenLevenbergMarquardt, restart
 from .trust_region import with_trust_region
-
-
-class SearchSettings(NamedTuple):
-    """Method of a search and its limits."""
-
-    method: str = "levenberg_marquardt"
-    tolerance: float = 1e-3
-    """Relative change of values, and of the error, that ends the search."""
-    max_steps: int = 50
-    huber: float | None = None
-    """Residual beyond which it counts linearly [root mean square at the start]; None
-    for squares."""
-    memory: int = 2**30
-    """Memory for the states of a run, in reverse mode [bytes]."""
-    use_broyden: bool = True
-    """Keep the Jacobian of Levenberg-Marquardt between points, see `broyden`."""
 
 
 class Objective(eqx.Module):
@@ -166,12 +151,12 @@ _FUNCTIONS = {
 _OPTIONS = {"autodiff_mode": "bwd"}
 
 
-def _make_solver(settings: SearchSettings, batch: int) -> Any:
+def _make_solver(settings: FitConfig, batch: int, use_broyden: bool) -> Any:
     tolerances = settings.tolerance, settings.tolerance
     match settings.method:
         case "levenberg_marquardt":
             return BroydenLevenbergMarquardt(
-                *tolerances, use_broyden=settings.use_broyden, batch=batch
+                *tolerances, use_broyden=use_broyden, batch=batch
             )
         case "gauss_newton":
             # By products with J^T J alone, which need no Jacobian.
@@ -191,16 +176,24 @@ REVERSE_METHODS = ("gauss_newton", "bfgs", "lbfgs")
 class Search:
     """Steps of one solver on one objective, whose arrays later steps may replace."""
 
-    def __init__(self, objective: Objective, settings: SearchSettings, batch: int):
-        """Nothing is traced yet; `batch` forward-mode derivatives are taken at once."""
+    def __init__(
+        self,
+        objective: Objective,
+        settings: FitConfig,
+        batch: int,
+        use_broyden: bool = True,
+    ):
+        """Nothing is traced yet; `batch` forward-mode derivatives are taken at once.
+
+        With `use_broyden` Levenberg-Marquardt keeps its Jacobian between points.
+        """
         self._function = _FUNCTIONS[settings.method]
-        self._solver = _make_solver(settings, batch)
+        self._solver = _make_solver(settings, batch, use_broyden)
         self._objective = objective
         self._compiled: Any = None
         self._initial: Any = None
-        self.keeps_jacobian = (
-            settings.use_broyden and settings.method == "levenberg_marquardt"
-        )
+        is_levenberg_marquardt = settings.method == "levenberg_marquardt"
+        self.keeps_jacobian = use_broyden and is_levenberg_marquardt
 
     def start(self, z: Float[Array, " p"]) -> Any:
         """State of the solver that evaluates z first."""

@@ -5,10 +5,10 @@ import numpy as np
 import optimistix as optx
 import pytest
 
+from calibrate.config.schema import FitConfig
 from calibrate.solvers.broyden import broyden_update
 from calibrate.solvers.fit import Fitting
 from calibrate.solvers.levenberg_marquardt import BroydenLevenbergMarquardt
-from calibrate.solvers.search import SearchSettings
 from tests.calibrating import twin
 
 
@@ -80,8 +80,8 @@ def test_optimistix_drives_the_solver(use_broyden):
 @pytest.mark.slow
 @pytest.mark.slice
 def test_a_fit_comes_to_the_values_of_one_with_exact_jacobians():
-    problem, settings = twin(), SearchSettings(tolerance=1e-7)
-    exact = Fitting(problem, settings._replace(use_broyden=False)).run()
+    problem, settings = twin(), FitConfig(tolerance=1e-7)
+    exact = Fitting(problem, settings, use_broyden=False).run()
     kept = Fitting(problem, settings).run()
     assert all(s.exact for s in exact.steps)
     assert sum(s.exact for s in kept.steps) < len(exact.steps)

@@ -6,11 +6,11 @@ import pytest
 
 import jaxthermo as jt
 from calibrate.analysis.identifiability import identify
+from calibrate.config.schema import FitConfig
 from calibrate.problem.parameters import Parameter, ParameterSet
 from calibrate.problem.problem import Case, Problem
 from calibrate.problem.thermogram_targets import frame_target, render_frames, view_of
 from calibrate.solvers.fit import Fitting
-from calibrate.solvers.search import SearchSettings
 from jaxthermo.integrate.run.parametric_run import ParametricRun
 from jaxthermo.scene.compile.compile import compile_scene
 from tests.bodies import blocks
@@ -63,9 +63,7 @@ def fitting():
         for name, value, bounds in zip(TRUTH, START, BOUNDS, strict=True)
     )
     case = Case("frames", start, run, target)
-    return Fitting(
-        Problem(ParameterSet(fitted), (case,)), SearchSettings(tolerance=1e-6)
-    )
+    return Fitting(Problem(ParameterSet(fitted), (case,)), FitConfig(tolerance=1e-6))
 
 
 def _held(fitting, repeats):

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
+from calibrate.config.schema import FitConfig
 from calibrate.problem.parameters import Parameter
 from calibrate.problem.targets import SurfaceTarget
 from calibrate.solvers.fit import Fitting
 from calibrate.solvers.multistart import start_points
-from calibrate.solvers.search import SearchSettings
 from calibrate.solvers.stopping_rule import STAGNATION_LIMIT
 from tests.calibrating import BETWEEN, TRUTH, WITHIN, twin
 
@@ -29,7 +29,7 @@ def problem():
 @pytest.fixture(scope="module")
 def fit(problem):
     """By Levenberg-Marquardt, of data without noise."""
-    return Fitting(problem, SearchSettings(tolerance=1e-9, max_steps=60)).run()
+    return Fitting(problem, FitConfig(tolerance=1e-9, max_steps=60)).run()
 
 
 def _is_the_truth(problem, fit):
@@ -61,7 +61,9 @@ def test_a_fit_ends_by_trials_from_an_exact_jacobian(fit):
     ],
 )
 def test_the_truth_is_found_by_other_methods(problem, method):
-    other = Fitting(problem, SearchSettings(method, tolerance=1e-9, max_steps=60)).run()
+    other = Fitting(
+        problem, FitConfig(method=method, tolerance=1e-9, max_steps=60)
+    ).run()
     _is_the_truth(problem, other)
     assert all(step.exact for step in other.steps)
 
@@ -69,7 +71,7 @@ def test_the_truth_is_found_by_other_methods(problem, method):
 @pytest.mark.slow
 @pytest.mark.slice
 def test_a_fit_that_is_stopped_goes_on_to_the_same_result(problem, tmp_path):
-    setting = SearchSettings(tolerance=1e-6)
+    setting = FitConfig(tolerance=1e-6)
     whole = Fitting(problem, setting).run()
     count = [0]
 
@@ -92,7 +94,7 @@ def test_a_stiffer_fit_takes_more_steps_instead_of_becoming_unstable():
     would blow up on the way there."""
     truth = {"weights.within": 6.0, "weights.between": 1.0}
     problem = twin(truth=truth)
-    fit = Fitting(problem, SearchSettings(tolerance=1e-9)).run()
+    fit = Fitting(problem, FitConfig(tolerance=1e-9)).run()
     # As near as the steps of fit and data, which differ, let it come.
     assert _found(problem, fit)["weights.within"] == pytest.approx(6.0, rel=0.02)
     assert fit.loss < 1e-4 * fit.initial_loss
@@ -100,7 +102,7 @@ def test_a_stiffer_fit_takes_more_steps_instead_of_becoming_unstable():
 
 @pytest.mark.slow
 def test_the_loss_is_that_of_the_values_returned(problem):
-    fit = Fitting(problem, SearchSettings(tolerance=1e-3, max_steps=2)).run()
+    fit = Fitting(problem, FitConfig(tolerance=1e-3, max_steps=2)).run()
     step_tables = problem.step_tables()
     rows, _ = problem.residuals(fit.z, step_tables)
     assert fit.loss == pytest.approx(0.5 * float((rows**2).sum()), rel=1e-6)
@@ -117,7 +119,7 @@ def test_outliers_weigh_less_by_a_robust_loss():
     object.__setattr__(target, "reference", jnp.asarray(spoiled))
     errors = {}
     for name, huber in (("squares", None), ("robust", 0.05)):
-        fit = Fitting(problem, SearchSettings(tolerance=1e-7, huber=huber)).run()
+        fit = Fitting(problem, FitConfig(tolerance=1e-7, huber=huber)).run()
         found = _found(problem, fit)
         errors[name] = max(abs(found[n] / TRUTH[n] - 1) for n in TRUTH)
     assert errors["robust"] < 0.3 * errors["squares"]
@@ -136,7 +138,7 @@ def test_more_parameters_than_residuals_are_refused():
     problem = twin(many)
     problem = replace(problem, cases=problem.cases[:1])
     with pytest.raises(jt.InputError, match="431 parameters and 428 residuals"):
-        Fitting(problem, SearchSettings()).run()
+        Fitting(problem, FitConfig()).run()
 
 
 def test_a_loss_that_is_not_finite_at_the_start_is_refused():
@@ -146,13 +148,13 @@ def test_a_loss_that_is_not_finite_at_the_start_is_refused():
     nothing = jnp.full(target.reference.shape, jnp.nan)
     object.__setattr__(target, "reference", nothing)
     with pytest.raises(jt.InputError, match="not finite at the start"):
-        Fitting(problem, SearchSettings()).run()
+        Fitting(problem, FitConfig()).run()
 
 
 @pytest.mark.slow
 def test_the_best_of_several_starts_is_where_one_alone_ends(problem):
     """Searched together, from far apart."""
-    fitting = Fitting(problem, SearchSettings(tolerance=1e-9, max_steps=40))
+    fitting = Fitting(problem, FitConfig(tolerance=1e-9, max_steps=40))
     z = fitting.best_start(start_points(4, 2, 0.5, seed=3))
     found = problem.parameters.values(z)
     assert {n: float(v) for n, v in found.items()} == pytest.approx(TRUTH, rel=1e-4)
