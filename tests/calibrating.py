@@ -44,7 +44,7 @@ def scene(side, dtype="float64", weights=None):
 
 
 def data(made, dtype):
-    """A run of a scene as what fits are held against."""
+    """A run of a scene as the data of a fit."""
     run = ParametricRun(SAVES)
     solution = run(made, run.step_table(made))
     surface = solution.surface_temperature

@@ -58,7 +58,7 @@ class Identified(NamedTuple):
     correlation: Float[np.ndarray, "p p"]
     """Correlation of the errors; 0 for dead or flat parameters."""
     singular_values: Float[np.ndarray, " p"]
-    """Of the Jacobian with columns of equal length, over the largest."""
+    """Those of the Jacobian with columns of equal length, over the largest."""
 
 
 def identify(

@@ -106,9 +106,11 @@ def test_a_simulation_warns_outside_the_range_of_its_card(fitted, tmp_path):
     code, out, err = run(*arguments, *more, main=simulate)
     assert code == 0
     assert "beyond the range of card.yaml: heating" in out + err
-    told = json.loads((tmp_path / "summary.json").read_text())["warnings"]
-    assert len(told) >= 1
-    assert all(f"warning: {words}" in " ".join((out + err).split()) for words in told)
+    warnings = json.loads((tmp_path / "summary.json").read_text())["warnings"]
+    assert len(warnings) >= 1
+    assert all(
+        f"warning: {words}" in " ".join((out + err).split()) for words in warnings
+    )
 
 
 @pytest.mark.slow

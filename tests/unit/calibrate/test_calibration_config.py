@@ -43,10 +43,10 @@ def test_shipped_configs_load_with_all_their_scenes(path):
     ],
 )
 def test_mistakes_are_told_in_one_line(change, message):
-    with pytest.raises(jt.InputError, match=message) as told:
+    with pytest.raises(jt.InputError, match=message) as raised:
         config = load_calibration(QUICK, (change,))
         build_parameters(config, _scene(config))
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(raised.value)
 
 
 def _scene(config, high=12):

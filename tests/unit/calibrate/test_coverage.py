@@ -45,7 +45,7 @@ def _scene(conductivity, h, emissivity):
 
 @pytest.fixture(scope="module")
 def fitting():
-    """Fits of frames without noise, which is added to the misfits."""
+    """Fits of frames without noise, which is added to the residuals."""
     true, start = _scene(*TRUTH.values()), _scene(*START)
     # The same steps for data and fits: what is left is noise alone.
     run = ParametricRun(SAVES, jt.ForwardEuler(dt=2.0))
@@ -66,11 +66,11 @@ def fitting():
     return Fitting(Problem(ParameterSet(fitted), (case,)), FitConfig(tolerance=1e-6))
 
 
-def _held(fitting, repeats):
+def _covered(fitting, repeats):
     """How often each parameter's interval holds its truth."""
     sd = fitting.problem.known_sd
     count = round(1 / sd**2)
-    held = np.zeros(len(TRUTH), int)
+    covered = np.zeros(len(TRUTH), int)
     for seed in range(repeats):
         noise = sd * np.random.default_rng(seed).standard_normal(count)
         fit = fitting.run(noise=noise)
@@ -79,12 +79,12 @@ def _held(fitting, repeats):
             zip(found.verdicts, TRUTH.values(), strict=True)
         ):
             assert verdict.standard_error is not None
-            held[n] += abs(verdict.value - true) <= WIDE * verdict.standard_error
-    return held
+            covered[n] += abs(verdict.value - true) <= WIDE * verdict.standard_error
+    return covered
 
 
 def test_the_truth_lies_in_95_percent_of_the_intervals(fitting):
-    held = _held(fitting, 100)
-    print("held of 100", held)
-    assert (held >= 90).all()
-    assert (held <= 99).all()
+    covered = _covered(fitting, 100)
+    print("covered of 100", covered)
+    assert (covered >= 90).all()
+    assert (covered <= 99).all()

@@ -294,8 +294,8 @@ def test_a_page_without_held_out_cases(sphere, run_before, tmp_path):
         ),
         "weights.surface": parameter(math.nan, math.nan, verdict="dead"),
     }
-    told = [{"what": "more", "gain_nats": 1.5}]
-    result = result_of(parameters, held_out=False, advice=told)
+    advice = [{"what": "more", "gain_nats": 1.5}]
+    result = result_of(parameters, held_out=False, advice=advice)
     write_report(tmp_path, alone, fit_at([0.3]), result)
     text = (tmp_path / "report.html").read_text()
     assert count_pictures(text) == 1 and "held out" in text

@@ -77,7 +77,7 @@ def _target(view, frames, masks=None, times=SAVES):
     return frame_target(times, (view,), [frames], 0.05, "radiance", masks, jnp.float64)
 
 
-def test_misfits_count_standard_deviations(scene, view):
+def test_residuals_count_standard_deviations(scene, view):
     """Data off by one standard deviation everywhere: the squares sum to 1."""
     run = ParametricRun(SAVES)
     solution = run(scene, run.step_table(scene))
