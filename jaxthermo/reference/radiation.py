@@ -68,12 +68,8 @@ def sol_air_temperature(
 
     T_sol-air = T_air + (a G - eps dR) / h
 
-    Args:
-        air: T_air, in kelvin or degrees Celsius.
-        absorbed: a G, absorbed solar flux [W/m^2].
-        heat_transfer_coefficient: h, including radiation [W/(m^2 K)].
-        to_sky: eps dR, net emission to the sky beyond surroundings at T_air [W/m^2].
-
+    a G is the absorbed solar flux and eps dR the net emission to the sky beyond that to
+    surroundings at T_air [W/m^2]; h includes radiation [W/(m^2 K)].
     Source: ASHRAE Handbook, Fundamentals.
     """
     net = float(absorbed) - float(to_sky)
@@ -100,22 +96,12 @@ def radiation_time(
     area: Scalar,
     emissivity: Scalar,
 ) -> HostFloat:
-    """Time at which a lumped body that only radiates has a temperature [s].
+    """Time at which a lumped body that only radiates has a temperature T [s].
 
     t = C/(4 eps A sigma T_s^3) [ln|(T_s+T)/(T_s-T)| - ln|(T_s+T_i)/(T_s-T_i)|
         + 2 (atan(T/T_s) - atan(T_i/T_s))]
 
-    Args:
-        temperature: T between T_i and T_s [K]; at T_s the time is infinite.
-        initial: T_i [K], other than T_s.
-        surroundings: T_s > 0 of large surroundings [K].
-        capacity: C = rho c_p V [J/K].
-        area: A of the body's surface [m^2].
-        emissivity: eps [-].
-
-    Returns:
-        t [s].
-
+    T is between T_i and T_s [K], the large surroundings; C = rho c_p V [J/K], A [m^2].
     Source: Bejan and Kraus, Heat Transfer Handbook, equation 3.283.
     """
     T_s = float(surroundings)

@@ -1,6 +1,9 @@
 """Half-space, uniform at first: three surface loads, and contact of two half-spaces.
 
-Error functions are evaluated in float64, whatever JAX is set to.
+Symbols: depth x below the surface [m], time t [s], initial temperature T_i [K],
+conductivity k [W/(m K)], diffusivity alpha [m^2/s]. Error functions are evaluated in
+float64, whatever JAX is set to. Source: Carslaw and Jaeger, Conduction of Heat in
+Solids.
 """
 
 import math
@@ -69,21 +72,11 @@ def surface_step(
     surface: Quantity,
     diffusivity: Quantity,
 ) -> HostFloat:
-    """Temperature for a surface at a new constant temperature from t = 0.
+    """Temperature [K] for a surface at a new constant temperature from t = 0.
 
     T = T_s + (T_i - T_s) erf(x / (2 sqrt(alpha t)))
 
-    Args:
-        depth: x below the surface [m].
-        time: t > 0 [s].
-        initial: T_i [K].
-        surface: T_s [K].
-        diffusivity: alpha [m^2/s].
-
-    Returns:
-        T [K].
-
-    Source: Carslaw and Jaeger, Conduction of Heat in Solids, 2.4.
+    Source: Carslaw and Jaeger, 2.4.
     """
     z = _scaled_depth(depth, time, diffusivity)
     return np.asarray(host(surface) + (host(initial) - host(surface)) * erf(z))
@@ -98,23 +91,12 @@ def surface_flux(
     conductivity: Quantity,
     diffusivity: Quantity,
 ) -> HostFloat:
-    """Temperature for a constant heat flux into the surface from t = 0.
+    """Temperature [K] for a constant heat flux q'' into the surface [W/m^2] from t = 0.
 
     T = T_i + (q''/k) (2 sqrt(alpha t/pi) exp(-z^2) - x erfc(z)),
     z = x/(2 sqrt(alpha t))
 
-    Args:
-        depth: x below the surface [m].
-        time: t > 0 [s].
-        initial: T_i [K].
-        heat_flux: q'' into the body [W/m^2].
-        conductivity: k [W/(m K)].
-        diffusivity: alpha [m^2/s].
-
-    Returns:
-        T [K].
-
-    Source: Carslaw and Jaeger, Conduction of Heat in Solids, 2.9.
+    Source: Carslaw and Jaeger, 2.9.
     """
     z = _scaled_depth(depth, time, diffusivity)
     depth_scale = 2.0 * np.sqrt(host(diffusivity) * host(time) / np.pi) * np.exp(-z * z)
@@ -132,24 +114,12 @@ def surface_convection(
     conductivity: Quantity,
     diffusivity: Quantity,
 ) -> HostFloat:
-    """Temperature for convection to a fluid from t = 0.
+    """Temperature [K] for convection to a fluid of T_inf [K] from t = 0, h [W/(m^2 K)].
 
     (T - T_i)/(T_inf - T_i) = erfc(z) - exp(-z^2) erfcx(z + h sqrt(alpha t)/k), with
     z = x/(2 sqrt(alpha t)). The textbook form with exp * erfc overflows.
 
-    Args:
-        depth: x below the surface [m].
-        time: t > 0 [s].
-        initial: T_i [K].
-        ambient: T_inf of the fluid [K].
-        heat_transfer_coefficient: h [W/(m^2 K)].
-        conductivity: k [W/(m K)].
-        diffusivity: alpha [m^2/s].
-
-    Returns:
-        T [K].
-
-    Source: Carslaw and Jaeger, Conduction of Heat in Solids, 2.7.
+    Source: Carslaw and Jaeger, 2.7.
     """
     z = _scaled_depth(depth, time, diffusivity)
     length = np.sqrt(host(diffusivity) * host(time)) / host(conductivity)
@@ -169,8 +139,8 @@ def perfect_contact(
 
     T_s = (e_A T_A + e_B T_B) / (e_A + e_B)
 
-    with the initial temperatures [K] and e = sqrt(k rho c_p) [W s^0.5/(m^2 K)].
-    Source: Carslaw and Jaeger, Conduction of Heat in Solids, 2.15.
+    with the initial temperatures [K] and the effusivities e = sqrt(k rho c_p)
+    [W s^0.5/(m^2 K)]. Source: Carslaw and Jaeger, 2.15.
     """
     e_a, e_b = float(effusivity_a), float(effusivity_b)
     return (e_a * float(temperature_a) + e_b * float(temperature_b)) / (e_a + e_b)
@@ -185,18 +155,12 @@ def contact_surfaces(
     effusivity_b: Scalar,
     contact_conductance: Scalar,
 ) -> tuple[HostFloat, HostFloat, HostFloat]:
-    """Surface temperatures and heat flux for a contact with a resistance.
+    """Surface temperatures [K] and heat flux for a contact with a resistance.
 
     T_sA = T_s + (T_A - T_s) w, T_sB = T_s + (T_B - T_s) w, q'' = h_c (T_sA - T_sB),
     w = erfcx(h_c (1/e_A + 1/e_B) sqrt(t)), T_s that of perfect contact
 
-    Args:
-        time: t >= 0 [s].
-        temperature_a: initial temperature T_A of the first body [K].
-        temperature_b: initial temperature T_B of the second body [K].
-        effusivity_a: e_A = sqrt(k rho c_p) [W s^0.5/(m^2 K)].
-        effusivity_b: e_B [W s^0.5/(m^2 K)].
-        contact_conductance: h_c [W/(m^2 K)].
+    Arguments as for `perfect_contact`, with h_c [W/(m^2 K)].
 
     Returns:
         T_sA [K], T_sB [K] and q'' from A to B [W/m^2].

@@ -46,18 +46,9 @@ def slab_convection(
     theta = (T - T_inf)/(T_i - T_inf) = sum_n C_n exp(-z_n^2 Fo) cos(z_n x*),
     C_n = 4 sin z_n/(2 z_n + sin 2 z_n), z_n tan z_n = Bi
 
-    Also valid for a slab of thickness L with an insulated back at x* = 0.
-
-    Args:
-        position: x* = x / L from the middle, -1 to 1 [-].
-        fourier: Fo = alpha t / L^2, at least about 1e-3 for 60 terms [-].
-        biot: Bi = h L / k with the half-thickness L [-].
-        terms: number of terms of the series.
-
-    Returns:
-        theta [-], with the broadcast shape of position and fourier.
-
-    Source: Carslaw and Jaeger, Conduction of Heat in Solids, 3.11.
+    with x* = x / L from the middle (-1 to 1), Fo = alpha t / L^2, not below about 1e-3
+    for 60 terms, Bi = h L / k and the half-thickness L. Also valid for a slab of
+    thickness L with an insulated back at x* = 0. Source: Carslaw and Jaeger, 3.11.
     """
     z = slab_eigenvalues(biot, terms)
     x = host(position)[..., None]
