@@ -36,7 +36,7 @@ test: .venv/.test
 	$(RUN)/python -m pytest -n auto --dist loadfile
 
 slow: .venv/.test
-	$(RUN)/python -m pytest -m slow
+	XLA_FLAGS= $(RUN)/python -m pytest -m slow
 
 check: .venv/.dev
 	$(RUN)/ruff check .

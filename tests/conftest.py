@@ -27,6 +27,13 @@ def _compilation_cache() -> Path:
     return ROOT / ".jax_cache" / f"{jaxlib.__version__}-{digest}"
 
 
+# Small programs that run once: most of the time goes into compiling them. Without
+# LLVM's optimization and MLIR's fusion emitters, that takes less than a third. The
+# long tests run as users do: `make slow` and .ci/run set XLA_FLAGS to nothing.
+os.environ.setdefault(
+    "XLA_FLAGS",
+    "--xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false",
+)
 # In the environment, so that the commands that tests start share it too.
 os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(_compilation_cache()))
 # Most programs here compile in under the second from which JAX keeps them by default.
