@@ -7,7 +7,7 @@ from jaxthermo.geometry.pose import Pose
 from jaxthermo.geometry.shapes import sphere
 from jaxthermo.physics.radiation.patches import group_patches
 from jaxthermo.physics.radiation.view_factors import PatchedBody
-from jaxthermo.physics.term import Surface
+from jaxthermo.physics.term import BodySurface, Surface
 from jaxthermo.voxels.grid import VoxelGrid
 
 
@@ -25,7 +25,7 @@ def moved(x, y, z, rotation=UPRIGHT) -> Pose:
 def surface_of(grid: VoxelGrid, pose=STANDING, others=(), emissivity=0.8, body=0):
     """The surface of a body of a metal, with the triangles of others in the scene."""
     count = len(grid.fragment_area)
-    return Surface(
+    return BodySurface(
         body=body,
         grid=grid,
         pose=pose,
@@ -40,6 +40,11 @@ def surface_of(grid: VoxelGrid, pose=STANDING, others=(), emissivity=0.8, body=0
         scene_triangles=np.concatenate([pose.place(grid.mesh.triangles), *others]),
         dtype=np.dtype("float64"),
     )
+
+
+def whole(*bodies, reference=300.0):
+    """The surface of a scene of these bodies, all counted from one temperature."""
+    return Surface(bodies, (reference,) * len(bodies))
 
 
 def shell(inner: float, outer: float, subdivisions: int = 3) -> Mesh:

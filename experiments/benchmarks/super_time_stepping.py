@@ -121,20 +121,21 @@ def _peer_run(peer: Peer, state: np.ndarray, dt: float, steps: int, stages: int)
 def _peer_of(todo: Plan, scene: jt.Scene) -> Peer:
     """The same loads and links as plain arrays."""
     program, structure = todo.compiled.program, scene.bodies[0].structure
-    network, acting = program.bodies[0].network, program.bodies[0].load
-    assert isinstance(network, UniformStencil) and acting is not None
-    load = acting.places
+    network, surface = program.bodies[0].network, program.surface
+    assert isinstance(network, UniformStencil) and surface is not None
+    load = surface.by_cell
+    (cells,) = load.cells
     solid = np.pad(structure.grid.solid, 1)
     edges = np.diff(solid.astype(np.int8), axis=2)
     i, j, low = np.nonzero(edges == 1)
     high = np.nonzero(edges == -1)[2]
     begin = jnp.float32(0)
-    zero = jnp.zeros(load.node.shape, jnp.float32)
+    zero = jnp.zeros(cells.node.shape, jnp.float32)
     capacity = float(network.node_capacity)
     heat = lambda theta: np.asarray(load.terms.heat(begin, theta)[0], float)
-    own = lambda each: np.bincount(load.node, each) / capacity
+    own = lambda each: np.bincount(cells.node, each) / capacity
     cold, warm = own(heat(zero)), own(heat(zero + 1))
-    address = tuple(np.asarray(index) for index in load.address)
+    address = tuple(np.asarray(index) for index in cells.address)
     return Peer(
         rows=np.stack([i, j, low + 1, high + 1], axis=1),
         degree=np.pad(np.asarray(network.degree), 1),

@@ -2,11 +2,11 @@
 
 | term | heat flux into the surface |
 |---|---|
-| `FixedTemperature` | what holds the surface at T_s, through k / distance to the node |
+| `FixedTemperature` | what keeps the surface at T_s, through k / distance to the node |
 | `HeatFlux` | q'' |
 | `Convection` | h (T_inf - T_surface) (Newton; thesis eq. 5) |
 
-The temperature of the surface is not its node's: see `balance`.
+The temperature of the surface is not its node's: see `surface_energy_balance`.
 """
 
 from typing import Any
@@ -14,8 +14,8 @@ from typing import Any
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
+from typing_extensions import override
 
-from ..arrays import Scalar
 from .term import (
     AbstractFluxLaw,
     AbstractSurfaceTerm,
@@ -23,12 +23,13 @@ from .term import (
     Forcing,
     LinearLaw,
     Omitted,
+    Scale,
     Surface,
     TemperatureRange,
-    binding,
 )
 from .time_varying import (
     check_value,
+    cooling_bound,
     for_jit,
     is_number,
     is_zero,
@@ -45,120 +46,124 @@ class ImposedFlux(AbstractFluxLaw):
     heat_flux: Any
     """[W/m^2]"""
 
+    @override
     def flux(
         self, time: Float[Array, ""], theta: Float[Array, " m"]
     ) -> Float[Array, "*#m"]:
-        """The imposed flux."""
         del theta
         return value_at(self.heat_flux, time)
 
+    @override
     def slope(
         self, time: Float[Array, ""], theta: Float[Array, " m"]
     ) -> Float[Array, "*#m"]:
-        """None."""
         del time
         return jnp.zeros((), theta.dtype)
 
+    @override
+    def uniform_flux(self, time: Float[Array, ""]) -> Float[Array, ""] | None:
+        flux = value_at(self.heat_flux, time)
+        return None if flux.ndim else flux
+
+    @override
     def linear(self) -> LinearLaw | None:
-        """One flux for all, or one a place that does not change."""
         if not callable(self.heat_flux):
             return LinearLaw(self.heat_flux, 1.0)
         return LinearLaw(1.0, self.heat_flux) if is_number(self.heat_flux) else None
 
-    def max_slope(self, hottest: Float[Array, ""], end: float) -> Float[Array, ""]:
-        """None."""
+    @override
+    def max_slope(self, highest: Float[Array, ""], end: float) -> Float[Array, ""]:
         del end
-        return jnp.zeros_like(hottest)
+        return jnp.zeros_like(highest)
 
-    def max_flux(self, reach: TemperatureRange) -> float | Float[Array, ""]:
-        """The largest of its values."""
-        return largest_size(self.heat_flux, reach.end)
+    @override
+    def max_flux(self, within: TemperatureRange) -> float | Float[Array, ""]:
+        return largest_size(self.heat_flux, within.end)
 
-    def curvature(self, reach: TemperatureRange) -> float | Float[Array, ""]:
-        """None."""
-        del reach
+    @override
+    def curvature(self, within: TemperatureRange) -> float | Float[Array, ""]:
         return 0.0
 
     @property
+    @override
     def is_linear(self) -> bool:
-        """Yes."""
         return True
 
 
 class Above(eqx.Module):
-    """A temperature that changes, above the reference."""
+    """A function of time for a temperature above the reference [K]."""
 
     temperature: Any
     reference: Float[Array, ""]
 
     def __call__(self, time: Float[Array, ""]) -> Float[Array, ""]:
-        """At `time` [s], [K]."""
+        """The difference at `time` [s]."""
         return value_at(self.temperature, time) - self.reference
 
 
 class Exchange(AbstractFluxLaw):
-    """Heat exchanged with something at a given temperature through a coefficient."""
+    """Newton's law, q = h (T_inf - T)."""
 
     coefficient: Any
-    """[W/(m^2 K)]: a number or a function of time."""
+    """h [W/(m^2 K)], a number or a function of time."""
     temperature: Any
-    """[K]"""
-    reference: Float[Array, "*#m"]
+    """T_inf [K], a number or a function of time."""
+    reference: Any = 0.0
 
+    @override
     def flux(
         self, time: Float[Array, ""], theta: Float[Array, " m"]
     ) -> Float[Array, "*#m"]:
-        """Newton's law, h (T_inf - T)."""
         above = value_at(self.temperature, time) - self.reference
         return value_at(self.coefficient, time) * (above - theta)
 
+    @override
     def slope(
         self, time: Float[Array, ""], theta: Float[Array, " m"]
     ) -> Float[Array, "*#m"]:
-        """The coefficient, h."""
         return value_at(self.coefficient, time).astype(theta.dtype)
 
+    @override
     def linear(self) -> LinearLaw | None:
-        """If h does not change, and T_inf is one for all or does not either."""
-        h, there = self.coefficient, self.temperature
+        h, ambient = self.coefficient, self.temperature
         if callable(h):
             return None
-        if not callable(there):
-            return LinearLaw(h * (there - self.reference), 1.0, h)
-        if not is_number(there) or jnp.ndim(self.reference):
+        if not callable(ambient):
+            return LinearLaw(h * (ambient - self.reference), 1.0, h)
+        # Of a function of time only one number is known to be the same for all cells.
+        if not is_number(ambient) or jnp.ndim(self.reference):
             return None
-        return LinearLaw(h, Above(there, self.reference), h)
+        return LinearLaw(h, Above(ambient, self.reference), h)
 
-    def max_slope(self, hottest: Float[Array, ""], end: float) -> Float[Array, ""]:
-        """The largest h."""
+    @override
+    def max_slope(self, highest: Float[Array, ""], end: float) -> Float[Array, ""]:
         coefficient = self.coefficient
         if callable(coefficient):
             coefficient = largest(coefficient, end)
-        return coefficient.astype(hottest.dtype)
+        return coefficient.astype(highest.dtype)
 
-    def max_flux(self, reach: TemperatureRange) -> float | Float[Array, ""]:
-        """The largest h times the largest difference there can be."""
-        most = largest(self.temperature, reach.end)
-        least = smallest(self.temperature, reach.end)
-        gap = jnp.maximum(most - reach.lowest, reach.highest - least)
-        return largest(self.coefficient, reach.end) * gap
+    @override
+    def max_flux(self, within: TemperatureRange) -> float | Float[Array, ""]:
+        warmest = largest(self.temperature, within.end)
+        coldest = smallest(self.temperature, within.end)
+        gap = jnp.maximum(warmest - within.lowest, within.highest - coldest)
+        return largest(self.coefficient, within.end) * gap
 
-    def curvature(self, reach: TemperatureRange) -> float | Float[Array, ""]:
-        """None."""
-        del reach
+    @override
+    def curvature(self, within: TemperatureRange) -> float | Float[Array, ""]:
         return 0.0
 
     @property
+    @override
     def is_linear(self) -> bool:
-        """Yes."""
         return True
 
 
 class FixedTemperature(AbstractSurfaceTerm):
-    """The surface held at a temperature; the whole surface without `on`.
+    """A prescribed surface temperature T_s; on the whole surface without `on`.
 
-    Other terms do nothing where it holds: what they bring, the holding takes. Two of
-    these on one piece of surface are an error.
+    Other terms have no effect where a temperature is prescribed. Two of these on one
+    piece of surface are an error.
     """
 
     temperature: Any
@@ -169,41 +174,34 @@ class FixedTemperature(AbstractSurfaceTerm):
         check_value(self.temperature, "FixedTemperature(temperature [K])", 0.0)
 
     @property
+    @override
     def name(self) -> str:
-        """In the ledger."""
         return "fixed_temperature"
 
     @property
-    def values(self) -> tuple[Any, ...]:
-        """Its temperature."""
-        return (self.temperature,)
-
-    @property
+    @override
     def is_dirichlet(self) -> bool:
-        """Yes."""
         return True
 
-    def bind(
-        self, surface: Surface, reference: Scalar
-    ) -> tuple[Binding, ...] | Omitted:
-        """The chosen fragments; its share is the way to the node [W/K]."""
-        acts = surface.acted_on(self.on)
-        if isinstance(acts, Omitted):
-            return acts
+    @override
+    def bind(self, surface: Surface) -> tuple[Binding | Omitted, ...]:
         law = Exchange(
             coefficient=jnp.ones((), surface.dtype),
             temperature=for_jit(self.temperature, surface.dtype),
-            reference=jnp.asarray(reference, surface.dtype),
         )
-        return (binding(surface.half_cell, law, acts),)
+        found = [(body, body.exposed(self.on)) for body in surface.bodies]
+        # The surface is at T_s: its heat goes through the half cell to the node.
+        return surface.bind(
+            law, [e if isinstance(e, Omitted) else (b.half_cell, e) for b, e in found]
+        )
 
+    @override
     def forcing(self, end: float | int) -> Forcing:
-        """Towards its temperature [K]."""
-        return Forcing(temperature=largest(self.temperature, end))
+        return toward(self.temperature, end)
 
 
 class HeatFlux(AbstractSurfaceTerm):
-    """A heat flux into the surface; the whole surface without `on`."""
+    """A heat flux q'' into the surface; on the whole surface without `on`."""
 
     heat_flux: Any
     """q'' [W/m^2], positive into the body; a number or a function of time."""
@@ -213,35 +211,31 @@ class HeatFlux(AbstractSurfaceTerm):
         check_value(self.heat_flux, "HeatFlux(heat_flux [W/m^2])")
 
     @property
+    @override
     def name(self) -> str:
-        """In the ledger."""
         return "heat_flux"
 
-    @property
-    def values(self) -> tuple[Any, ...]:
-        """Its flux."""
-        return (self.heat_flux,)
-
-    def bind(
-        self, surface: Surface, reference: Scalar
-    ) -> tuple[Binding, ...] | Omitted:
-        """The chosen fragments."""
-        del reference
+    @override
+    def bind(self, surface: Surface) -> tuple[Binding | Omitted, ...]:
         if surface.prune and is_zero(self.heat_flux):
-            return Omitted("the heat flux is 0")
-        acts = surface.acted_on(self.on)
-        if isinstance(acts, Omitted):
-            return acts
+            return (Omitted("the heat flux is 0"),)
         law = ImposedFlux(for_jit(self.heat_flux, surface.dtype))
-        return (binding(surface.area, law, acts),)
+        return surface.bind(law, on=self.on)
 
+    @override
     def forcing(self, end: float | int) -> Forcing:
-        """An imposed heat flux [W/m^2]."""
-        return Forcing(heat_flux=largest(self.heat_flux, end))
+        return Forcing(
+            heat_flux=largest(self.heat_flux, end),
+            lowest=cooling_bound(self.heat_flux, end),
+        )
+
+    @override
+    def scale(self, material: Any, kelvin: float, end: float) -> Scale:
+        return Scale(heat_flux=abs(float(largest(self.heat_flux, end))))
 
 
 class Convection(AbstractSurfaceTerm):
-    """Newton's law with a given coefficient; the whole surface without `on`."""
+    """Convection, q = h (T_inf - T_s); on the whole surface without `on`."""
 
     heat_transfer_coefficient: Any
     """h [W/(m^2 K)], a number or a function of time."""
@@ -255,31 +249,30 @@ class Convection(AbstractSurfaceTerm):
         check_value(self.temperature, "Convection(temperature [K])", 0.0)
 
     @property
+    @override
     def name(self) -> str:
-        """In the ledger."""
         return "convection"
 
-    @property
-    def values(self) -> tuple[Any, ...]:
-        """Both its values."""
-        return (self.heat_transfer_coefficient, self.temperature)
-
-    def bind(
-        self, surface: Surface, reference: Scalar
-    ) -> tuple[Binding, ...] | Omitted:
-        """The chosen fragments."""
+    @override
+    def bind(self, surface: Surface) -> tuple[Binding | Omitted, ...]:
         if surface.prune and is_zero(self.heat_transfer_coefficient):
-            return Omitted("the heat transfer coefficient is 0")
-        acts = surface.acted_on(self.on)
-        if isinstance(acts, Omitted):
-            return acts
+            return (Omitted("the heat transfer coefficient is 0"),)
         law = Exchange(
             coefficient=for_jit(self.heat_transfer_coefficient, surface.dtype),
             temperature=for_jit(self.temperature, surface.dtype),
-            reference=jnp.asarray(reference, surface.dtype),
         )
-        return (binding(surface.area, law, acts),)
+        return surface.bind(law, on=self.on)
 
+    @override
     def forcing(self, end: float | int) -> Forcing:
-        """Towards its temperature [K]."""
-        return Forcing(temperature=largest(self.temperature, end))
+        return toward(self.temperature, end)
+
+    @override
+    def scale(self, material: Any, kelvin: float, end: float) -> Scale:
+        h = float(largest(self.heat_transfer_coefficient, end))
+        return Scale(heat_transfer_coefficient=h)
+
+
+def toward(temperature: Any, end: float | int) -> Forcing:
+    """Bounds of exchange with something at a temperature [K], constant or not."""
+    return Forcing(highest=largest(temperature, end), lowest=smallest(temperature, end))

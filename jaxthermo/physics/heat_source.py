@@ -4,13 +4,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
+from typing_extensions import override
 
 from ..errors import InputError
 from ..structures.build.assignment import volume_within
 from ..structures.structure import AbstractStructure
 from ..voxels.selection import AbstractSpace
-from .term import AbstractTerm, Forcing, Omitted
-from .time_varying import check_value, is_zero
+from .term import AbstractVolumeTerm, Forcing, Omitted
+from .time_varying import check_value, cooling_bound, is_zero
+
+
+UNBOUNDED = 1e5
+"""Where heat is released inside, no surface bounds the temperature [K]: emission is
+then taken to be as steep as the half cell below it allows."""
 
 
 class VolumeBinding(NamedTuple):
@@ -22,7 +28,7 @@ class VolumeBinding(NamedTuple):
     """[W/m^3], a number or a function of time."""
 
 
-class HeatSource(AbstractTerm):
+class HeatSource(AbstractVolumeTerm):
     """A heat rate density inside bodies; in all of every body without `within`.
 
     Counted voxel by voxel, by their centres, so that the heat in all is the same in
@@ -47,37 +53,25 @@ class HeatSource(AbstractTerm):
             )
 
     @property
+    @override
     def name(self) -> str:
-        """In the ledger."""
         return "heat_source"
 
     @property
-    def values(self) -> tuple[Any, ...]:
-        """Its density."""
-        return (self.heat_rate_density,)
-
-    @property
+    @override
     def named_bodies(self) -> tuple[int, ...]:
-        """The one that it lies within, if it is said."""
         return () if self.within is None else (self.within.body,)
 
+    @override
     def forcing(self, end: float | int) -> Forcing:
-        """None: what it brings about depends on the body around it."""
-        del end
-        return Forcing()
+        density = self.heat_rate_density
+        return Forcing(
+            highest=0.0 if is_zero(density) else UNBOUNDED,
+            lowest=cooling_bound(density, end),
+        )
 
-    def bind_volume(
-        self, structure: AbstractStructure, body: int
-    ) -> VolumeBinding | Omitted:
-        """The nodes of a body that it heats.
-
-        Args:
-            structure: of the body.
-            body: its number.
-
-        Raises:
-            InputError: if no voxel of the body lies within.
-        """
+    @override
+    def bind(self, structure: AbstractStructure, body: int) -> VolumeBinding | Omitted:
         if is_zero(self.heat_rate_density):
             return Omitted("the heat rate density is 0")
         grid = structure.grid

@@ -1,11 +1,11 @@
-"""How many of Newton's steps the balance at a surface needs, known before it runs.
+"""Number of Newton iterations that the balance at a surface needs, known beforehand.
 
-From a start e_0 kelvin off, each step leaves at most
+From a start e_0 kelvin off, each iteration leaves at most
 
     e_{n+1} = c e_n^2,    c = max |q''| / (2 G),
 
 of a flux q with that curvature above a half cell of conductance G. A metal's half cell
-conducts a thousand times better than its surface radiates: there one step from the
+conducts a thousand times better than its surface radiates: there one iteration from the
 node's temperature is exact to rounding, where a near-insulator in the sun needs all.
 """
 
@@ -15,47 +15,47 @@ from ..arrays import is_traced
 from .term import BoundTerm, TemperatureRange, Values
 
 
-ALL_STEPS = 6
+MAX_ITERATIONS = 6
 """From ten times the node's temperature in a near-insulator they leave 1e-6 of q."""
 
-KELVIN_LEFT = {"float32": 1e-5, "float64": 1e-12}
-"""About one rounding of a difference of 100 K; not more than a float64 can tell."""
+TOLERANCE = {"float32": 1e-5, "float64": 1e-12}
+"""About one rounding of a difference of 100 K, by the type of the state [K]."""
 
 
-def newton_steps(
-    half_cell: Values, terms: list[BoundTerm], reach: TemperatureRange | None
+def newton_iterations(
+    half_cell: Values, terms: list[BoundTerm], within: TemperatureRange | None
 ) -> int:
-    """Steps from the node's temperature that solve the balance, or all there are.
+    """Iterations from the node's temperature that solve the balance, or the maximum.
 
     Args:
-        half_cell: of each place [W/K].
-        terms: that act at the surface's temperature.
-        reach: what the run can get to; None if that is not known.
+        half_cell: conductance of each cell [W/K].
+        terms: natural terms.
+        within: range of temperatures of the run; None if it is not known.
     """
-    if reach is None or all(term.law.is_linear for term in terms):
-        return ALL_STEPS
+    if within is None or all(term.law.is_linear for term in terms):
+        return MAX_ITERATIONS
     if is_traced((half_cell, terms)):
-        return ALL_STEPS
+        return MAX_ITERATIONS
     conducts = np.asarray(half_cell, float)
     flux, curvature = np.zeros_like(conducts), np.zeros_like(conducts)
     for term in terms:
-        most = float(term.law.max_flux(reach))
-        bent = float(term.law.curvature(reach))
-        if not np.isfinite([most, bent]).all():
-            return ALL_STEPS
-        share = np.asarray(term.effective_area, float)
-        flux += share * most
-        curvature += share * bent
+        max_flux = float(term.law.max_flux(within))
+        max_curvature = float(term.law.curvature(within))
+        if not np.isfinite([max_flux, max_curvature]).all():
+            return MAX_ITERATIONS
+        area = np.asarray(term.effective_area, float)
+        flux += area * max_flux
+        curvature += area * max_curvature
     acts = (flux > 0) & (conducts > 0)
     if not acts.any() or not np.isfinite(flux).all() or (flux[conducts <= 0] > 0).any():
-        return ALL_STEPS
-    left = flux[acts] / conducts[acts]
+        return MAX_ITERATIONS
+    error = flux[acts] / conducts[acts]
     rate = curvature[acts] / 2 / conducts[acts]
-    aim = KELVIN_LEFT[np.asarray(half_cell).dtype.name]
-    # Where the bound overflows it is of no use, and all steps are taken.
+    tolerance = TOLERANCE[np.asarray(half_cell).dtype.name]
+    # Where the bound overflows it is of no use, and all iterations are taken.
     with np.errstate(over="ignore"):
-        for steps in range(1, ALL_STEPS):
-            left = rate * left * left
-            if left.max() < aim:
-                return steps
-    return ALL_STEPS
+        for iterations in range(1, MAX_ITERATIONS):
+            error = rate * error * error
+            if error.max() < tolerance:
+                return iterations
+    return MAX_ITERATIONS

@@ -1,46 +1,246 @@
-"""What a mechanism at the surface is, before and after it meets a body.
+"""Mechanisms of heat transfer: what a user writes, and what it becomes when bound.
 
-A term is what the user writes. Bound to a body it is a share of every surface fragment
-and a law, the heat flux into a unit of share; a term that can do nothing there binds to
-`Omitted` with the reason, and no trace of it is in the compiled program.
+A term is bound once, to the surface of the whole scene. Each binding is an effective
+area of every surface fragment and a law, the heat flux into a unit of that area. Where
+a term cannot act it is `Omitted` with the reason, and the compiled program has no trace
+of it. The four kinds of term, by what they exchange heat with:
+
+| kind | acts on | example |
+|---|---|---|
+| `AbstractSurfaceTerm` | every piece of surface by itself | `Convection` |
+| `AbstractExchangeTerm` | pieces of surface that see each other | `RadiativeExchange` |
+| `AbstractVolumeTerm` | the inside of bodies | `HeatSource` |
+| `AbstractPairTerm` | two bodies that touch | `Contact` |
 """
 
 import abc
+import dataclasses
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from ..arrays import Scalar, is_traced
 from ..errors import InputError
 from ..geometry.pose import Pose
 from ..network.network import precise_sum
 from ..voxels.grid import VoxelGrid
-from ..voxels.selection import AbstractSelection
+from ..voxels.selection import AbstractSelection, AbstractSpace
 
 
 Values = Array | np.ndarray
-"""Of numpy wherever nothing is traced: it compiles nothing."""
+# NumPy arrays wherever nothing is traced: they compile nothing.
 
 
 class TemperatureRange(NamedTuple):
-    """Temperatures of surfaces, air and surroundings, and times, that a run gets to."""
+    """Bounds of the temperatures [K] of surfaces and surroundings up to `end` [s]."""
 
     lowest: float
     highest: float
     end: float | int
 
 
+class Omitted(NamedTuple):
+    """The reason why a term does not act on a body; on any of them if none is named."""
+
+    reason: str
+    body: int | None = None
+
+
+class Forcing(NamedTuple):
+    """Bounds of what a term does to temperatures."""
+
+    highest: Any = 0.0
+    """Highest temperature towards which it heats a body [K]; 0 for none."""
+    heat_flux: Any = 0.0
+    """Largest heat flux that it imposes at any temperature [W/m^2]."""
+    lowest: Any = math.inf
+    """Lowest temperature towards which it cools a body [K]; 0 without a bound."""
+
+
+class Scale(NamedTuple):
+    """Size of a term, for the Biot number and the heating of a scene."""
+
+    heat_flux: float = 0.0
+    """[W/m^2]"""
+    heat_transfer_coefficient: float = 0.0
+    """[W/(m^2 K)]"""
+
+
+class LinearLaw(NamedTuple):
+    """A heat flux w d(t) - s theta with a constant slope s."""
+
+    weight: Any
+    """w, one number or one per surface cell."""
+    forcing: Any
+    """d, a number or a function of time."""
+    slope: Any = None
+    """s [W/(m^2 K)], one number or one per surface cell; None for 0."""
+
+
+class AbstractFluxLaw(eqx.Module):
+    """Heat flux into a surface as a function of its temperature.
+
+    Temperatures are differences `theta` from a reference. A law that needs the absolute
+    temperature has a field `reference` [K], which binding fills in; T = reference +
+    theta. Implement `flux`, `slope` and `max_slope`.
+    """
+
+    @abc.abstractmethod
+    def flux(
+        self, time: Float[Array, ""], theta: Float[Array, " m"]
+    ) -> Float[Array, "*#m"]:
+        """Heat flux into the surface [W/m^2] at `time` [s]."""
+
+    @abc.abstractmethod
+    def slope(
+        self, time: Float[Array, ""], theta: Float[Array, " m"]
+    ) -> Float[Array, "*#m"]:
+        """-d flux / d theta [W/(m^2 K)], never negative."""
+
+    @abc.abstractmethod
+    def max_slope(self, highest: Float[Array, ""], end: float) -> Float[Array, ""]:
+        """The largest slope below a temperature `highest` [K] up to `end` [s].
+
+        It limits the explicit step.
+        """
+
+    @property
+    def is_linear(self) -> bool:
+        """True if the slope does not depend on the temperature."""
+        return False
+
+    def linear(self) -> LinearLaw | None:
+        """The parts of a law that is linear with a constant slope, else None."""
+        return None
+
+    def uniform_flux(self, time: Float[Array, ""]) -> Float[Array, ""] | None:
+        """The flux where it is one number for all surface cells, else None."""
+        del time
+        return None
+
+    def coarsened(self, mean: Callable[[Any], Any]) -> "AbstractFluxLaw":
+        """The law on other cells, which combine several fragments or select some.
+
+        A law with arrays of one value per fragment, on the last axis, overrides this.
+
+        Args:
+            mean: from values per fragment to values per cell.
+        """
+        del mean
+        return self
+
+    def above(self, reference: Any) -> "AbstractFluxLaw":
+        """The law for temperatures counted from `reference` [K]."""
+        names = {field.name for field in dataclasses.fields(self)}
+        if "reference" not in names:
+            return self
+        return dataclasses.replace(self, reference=reference)
+
+    def irradiated(
+        self, received: Float[Array, " m"], emits: bool
+    ) -> "AbstractFluxLaw":
+        """The law with the irradiation of each surface cell [W/m^2].
+
+        Laws of radiation between surfaces override this.
+        """
+        del received, emits
+        return self
+
+    def max_flux(self, within: TemperatureRange) -> float | Float[Array, ""]:
+        """A bound of |flux| within a range of temperatures [W/m^2].
+
+        With `curvature` it bounds the error of Newton's method at the surface; without
+        a bound, infinity, every balance takes all iterations.
+        """
+        del within
+        return math.inf
+
+    def curvature(self, within: TemperatureRange) -> float | Float[Array, ""]:
+        """A bound of |d2 flux / dT2| within a range [W/(m^2 K^2)]."""
+        del within
+        return math.inf
+
+    @property
+    def is_dissipative(self) -> bool:
+        """True if `supersolution` bounds the surface's temperature."""
+        return False
+
+    def supersolution(
+        self, time: Float[Array, ""], imposed: Float[Array, " m"]
+    ) -> Float[Array, "*#m"]:
+        """A theta at which the surface loses at least the imposed heat.
+
+        Newton's method that starts there or above cannot overshoot.
+
+        Args:
+            time: [s].
+            imposed: heat rate of the other mechanisms per effective area [W/m^2].
+        """
+        del time
+        return jnp.full_like(imposed, -jnp.inf)
+
+
+class BoundTerm(eqx.Module):
+    """A law on surface cells: fragments, or the parts of a surface that nodes have."""
+
+    effective_area: Float[Values, " m"]
+    """Area times the part of the law's flux that each cell absorbs [m^2]; 0 where the
+    law does not act. A conductance [W/K] for a prescribed temperature."""
+    total_effective_area: Float[Values, "*b"]
+    """Sum over all cells, or over the cells of each body [m^2]."""
+    law: AbstractFluxLaw
+
+    def heat_rate(
+        self, time: Float[Array, ""], theta: Float[Array, " m"]
+    ) -> Float[Array, " m"]:
+        """Heat rate into each cell [W] at surface temperatures above the reference."""
+        return jnp.asarray(self.effective_area) * self.law.flux(time, theta)
+
+    def slope(
+        self, time: Float[Array, ""], theta: Float[Array, " m"]
+    ) -> Float[Array, " m"]:
+        """-d heat rate / d theta [W/K]."""
+        return jnp.asarray(self.effective_area) * self.law.slope(time, theta)
+
+
+def bound(effective_area: Float[Values, " m"], law: AbstractFluxLaw) -> BoundTerm:
+    """A law on surface cells of one body."""
+    return BoundTerm(effective_area, total(effective_area), law)
+
+
+def total(values: Float[Values, " m"]) -> Float[Values, ""]:
+    """Sum in double precision, or to about one rounding where the values are traced."""
+    if is_traced(values):
+        return precise_sum(jnp.asarray(values))
+    host = np.asarray(values)
+    return np.asarray(host.sum(dtype=float), host.dtype)
+
+
+class Binding(NamedTuple):
+    """A law on the surface of the scene."""
+
+    effective_area: Float[Values, " s"]
+    """As in `BoundTerm`, per fragment."""
+    acts: Bool[np.ndarray, " s"]
+    """False where the effective area is 0; known even where the area is traced."""
+    law: AbstractFluxLaw
+    notes: tuple[tuple[int, str], ...] = ()
+    """Remarks on the validity of the law, by body, for the receipt."""
+
+
 @dataclass(frozen=True, eq=False)
-class Surface:
-    """The surface of one body where the scene has put it, as terms see it."""
+class BodySurface:
+    """The surface fragments of one body at its present pose."""
 
     body: int
+    """Number of the body in the scene."""
     grid: VoxelGrid
     """In the body's own frame, which `Side` and `Region` refer to."""
     pose: Pose
@@ -49,22 +249,20 @@ class Surface:
     normal: Float[np.ndarray, "s 3"]
     """World, outward."""
     area: Float[np.ndarray, " s"]
-    """True area [m^2], as far as nothing touches it."""
+    """True area that nothing touches [m^2]."""
     exposed_fraction: Float[np.ndarray, " s"]
-    """Share of each fragment that nothing touches."""
+    """Fraction of each fragment that nothing touches [-]."""
     natural: Bool[np.ndarray, " s"]
-    """Fragments that no term holds at a temperature, and nothing covers."""
+    """Fragments with a natural boundary: exposed, no temperature prescribed."""
     half_cell: Float[Values, " s"]
     """Conductance from each fragment to its node, k A / distance [W/K]."""
     emissivity: Float[Values, "*s"]
     absorptivity: Float[Values, "*s"]
     scene_triangles: Float[np.ndarray, "f 3 3"]
-    """Every body's triangles, world [m]: what may cast a shadow."""
+    """Triangles of every body, world [m]: what may cast a shadow."""
     dtype: Any
-    temperature_range: TemperatureRange | None = None
-    """What the run can get to, if that is known."""
     prune: bool = True
-    """Whether terms that do nothing are left out: they are, but for comparison."""
+    """False to keep terms that have no effect, for tests."""
 
     @property
     def pitch(self) -> float:
@@ -81,11 +279,15 @@ class Surface:
         """In the body's own frame, outward."""
         return self.grid.fragment_normal
 
-    def chosen(self, on: AbstractSelection | None) -> Bool[np.ndarray, " s"]:
+    def omitted(self, reason: str) -> Omitted:
+        """An omission on this body."""
+        return Omitted(reason, self.body)
+
+    def selected(self, on: AbstractSelection | None) -> Bool[np.ndarray, " s"]:
         """Fragments that `on` selects; all of them for None.
 
         Raises:
-            InputError: if it is meant for this body and selects none of it.
+            InputError: if it names this body and selects none of its surface.
         """
         if on is None:
             return np.ones(len(self.own_position), bool)
@@ -99,186 +301,154 @@ class Surface:
             )
         return chosen
 
-    def acted_on(
-        self, on: AbstractSelection | None
-    ) -> "Bool[np.ndarray, ' s'] | Omitted":
-        """The free fragments that `on` selects."""
-        chosen = self.chosen(on)
+    def exposed(
+        self, on: AbstractSelection | None = None
+    ) -> Bool[np.ndarray, " s"] | Omitted:
+        """Selected fragments that have a natural boundary."""
+        chosen = self.selected(on)
         if self.prune and not chosen.any():
-            return Omitted("`on` is on another body")
+            return self.omitted("`on` is on another body")
         if self.prune and not (chosen & self.natural).any():
-            return Omitted("all of its surface is held at a temperature")
+            return self.omitted("all of its surface is held at a temperature")
         return chosen & self.natural
 
 
-class Omitted(NamedTuple):
-    """Why a term has no part in the program."""
-
-    reason: str
+Cover = tuple[Float[Values, " s"], Bool[np.ndarray, " s"]]
+# Effective area of the fragments of one body, and where it may be other than 0.
 
 
-class Forcing(NamedTuple):
-    """What bounds the temperatures that a term can bring about."""
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """The surface of a scene: the fragments of all bodies, one body after the other."""
 
-    temperature: Any = 0.0
-    """The highest temperature it drives a body towards [K]; 0 for none."""
-    heat_flux: Any = 0.0
-    """The highest heat flux it imposes whatever the temperature [W/m^2]."""
-
-
-class LinearLaw(NamedTuple):
-    """A heat flux w d(t) - s theta, with s constant."""
-
-    weight: Any
-    """w, a number or one a place."""
-    forcing: Any
-    """d, a number or a function of time that gives one."""
-    slope: Any = None
-    """s [W/(m^2 K)], a number or one a place; None for 0."""
-
-
-class AbstractFluxLaw(eqx.Module):
-    """A heat flux into a surface of a given temperature."""
-
-    @abc.abstractmethod
-    def flux(
-        self, time: Float[Array, ""], theta: Float[Array, " m"]
-    ) -> Float[Array, "*#m"]:
-        """Into a unit of share, at surface temperatures above the reference."""
-
-    @abc.abstractmethod
-    def slope(
-        self, time: Float[Array, ""], theta: Float[Array, " m"]
-    ) -> Float[Array, "*#m"]:
-        """-d flux / d theta, never negative."""
-
-    @abc.abstractmethod
-    def max_slope(self, hottest: Float[Array, ""], end: float) -> Float[Array, ""]:
-        """The largest slope below `hottest` [K] up to `end` [s]."""
+    bodies: tuple[BodySurface, ...]
+    references: tuple[Scalar, ...]
+    """Temperature from which the state of each body counts [K]."""
+    temperature_range: TemperatureRange | None = None
+    """None if the range is not known."""
 
     @property
-    @abc.abstractmethod
-    def is_linear(self) -> bool:
-        """Whether the slope does not depend on the temperature."""
-
-    def linear(self) -> LinearLaw | None:
-        """Its parts, where it is linear with a constant slope."""
-        return None
-
-    def coarsened(self, mean: Callable[[Array], Array]) -> "AbstractFluxLaw":
-        """The law on places that several of these make up.
-
-        A law that holds arrays with a value a place overrides this.
-
-        Args:
-            mean: from values a place, on the last axis, to those of the new places.
-        """
-        del mean
-        return self
-
-    def max_flux(self, reach: TemperatureRange) -> float | Float[Array, ""]:
-        """A bound of |flux| at temperatures and times within `reach`.
-
-        With `curvature` it says how many steps the balance at a surface needs; a law
-        that knows neither gets all there are.
-        """
-        del reach
-        return math.inf
-
-    def curvature(self, reach: TemperatureRange) -> float | Float[Array, ""]:
-        """A bound of |d2 flux / dT2| there."""
-        del reach
-        return math.inf
+    def dtype(self) -> Any:
+        """Type of the state."""
+        return self.bodies[0].dtype
 
     @property
-    def is_dissipative(self) -> bool:
-        """Whether `supersolution` bounds the surface's temperature."""
-        return False
+    def prune(self) -> bool:
+        """False to keep terms that have no effect, for tests."""
+        return self.bodies[0].prune
 
-    def supersolution(
-        self, time: Float[Array, ""], pushed: Float[Array, " m"]
-    ) -> Float[Array, "*#m"]:
-        """A temperature above the reference at which it sheds what others push in.
+    @cached_property
+    def counts(self) -> tuple[int, ...]:
+        """Number of fragments of each body."""
+        return tuple(len(body.area) for body in self.bodies)
 
-        Newton's method started there or above cannot overshoot. Of laws that shed.
+    @cached_property
+    def body(self) -> Int[np.ndarray, " s"]:
+        """Number of the body of each fragment."""
+        return np.repeat(np.arange(len(self.bodies)), self.counts)
+
+    @property
+    def reference(self) -> Float[Values, "*#s"]:
+        """Reference temperature per fragment [K]; one number if all are equal."""
+        return spread(self.references, self.counts, self.dtype)
+
+    def apart(self, values: Float[Values, "*k s"]) -> list[Any]:
+        """Values of each body's fragments."""
+        ends = np.cumsum(self.counts)[:-1]
+        own: Any = jnp if is_traced(values) else np
+        return own.split(values, ends, axis=-1)
+
+    def bind(
+        self,
+        law: AbstractFluxLaw,
+        covers: Sequence[Cover | Omitted] | None = None,
+        on: AbstractSelection | None = None,
+        notes: tuple[tuple[int, str], ...] = (),
+    ) -> tuple[Binding | Omitted, ...]:
+        """A law bound to the fragments where it acts, and the bodies without it.
 
         Args:
-            time: [s].
-            pushed: heat rate that others impose, for each unit of share.
+            law: for all bodies.
+            covers: effective area of each body's fragments, and where they act; None
+                for the exposed area that `on` selects.
+            on: a selection of the surface; None for all of it.
+            notes: on the validity of the law, by body.
         """
-        del time
-        return jnp.full_like(pushed, -jnp.inf)
+        if covers is None:
+            found = [(body, body.exposed(on)) for body in self.bodies]
+            covers = [e if isinstance(e, Omitted) else (b.area, e) for b, e in found]
+        omitted = [cover for cover in covers if isinstance(cover, Omitted)]
+        if self.prune and len(omitted) == len(self.bodies):
+            return tuple(omitted)
+        areas, acts = [], []
+        for body, cover in zip(self.bodies, covers, strict=True):
+            nowhere = np.zeros(len(body.area), bool)
+            area, where = (body.area, nowhere) if isinstance(cover, Omitted) else cover
+            own: Any = jnp if is_traced(area) else np
+            areas.append(own.where(where, area, own.zeros_like(area)))
+            acts.append(where)
+        binding = Binding(
+            concatenated(areas), np.concatenate(acts), law.above(self.reference), notes
+        )
+        return (binding, *omitted)
 
 
-class BoundTerm(eqx.Module):
-    """A law on the places of one body's surface: fragments, or nodes' parts of it."""
-
-    effective_area: Float[Values, " m"]
-    """Area times what of the law's flux each place takes; 0 where it does not act."""
-    total_effective_area: Float[Values, "*b"]
-    """Sum over the places; of a term on the places of several bodies, one a body."""
-    law: AbstractFluxLaw
-
-    def heat_rate(
-        self, time: Float[Array, ""], theta: Float[Array, " m"]
-    ) -> Float[Array, " m"]:
-        """Heat into each place [W] at surface temperatures above the reference."""
-        return jnp.asarray(self.effective_area) * self.law.flux(time, theta)
-
-    def slope(
-        self, time: Float[Array, ""], theta: Float[Array, " m"]
-    ) -> Float[Array, " m"]:
-        """-d heat rate / d theta [W/K]."""
-        return jnp.asarray(self.effective_area) * self.law.slope(time, theta)
+def spread(values: Sequence[Any], counts: Sequence[int], dtype: Any) -> Any:
+    """Values of bodies at each of their cells; one number where all are equal."""
+    same = not is_traced(values) and len({float(value) for value in values}) == 1
+    if same or len(values) == 1:
+        return jnp.asarray(values[0], dtype)
+    pairs = zip(values, counts, strict=True)
+    return jnp.concatenate([jnp.full(n, jnp.asarray(v, dtype)) for v, n in pairs])
 
 
-class Binding(NamedTuple):
-    """A term bound to the fragments of a body."""
-
-    term: BoundTerm
-    acts: Bool[np.ndarray, " s"]
-    """Where its share may be other than 0; known even where the share is traced."""
-    notes: tuple[str, ...] = ()
-    """What whoever reads the result should know of it, for the receipt."""
-
-
-def bound(effective_area: Float[Values, " m"], law: AbstractFluxLaw) -> BoundTerm:
-    """A law with what of it each place takes."""
-    if is_traced(effective_area):
-        return BoundTerm(effective_area, precise_sum(jnp.asarray(effective_area)), law)
-    host = np.asarray(effective_area)
-    return BoundTerm(host, np.asarray(host.sum(dtype=float), host.dtype), law)
-
-
-def binding(
-    effective_area: Float[Values, "*s"],
-    law: AbstractFluxLaw,
-    acts: Bool[np.ndarray, " s"],
-) -> Binding:
-    """A law on the fragments where it acts."""
-    own = np if not is_traced(effective_area) else jnp
-    return Binding(
-        bound(own.where(acts, effective_area, own.zeros_like(effective_area)), law),
-        acts,
-    )
+def concatenated(values: Sequence[Any], axis: int = -1) -> Any:
+    """Arrays one after the other, on the host where none is traced."""
+    if len(values) == 1:
+        return values[0]
+    return (jnp if is_traced(values) else np).concatenate(values, axis)
 
 
 class AbstractTerm(eqx.Module):
-    """A mechanism as the user writes it."""
+    """A mechanism of heat transfer in a scene.
+
+    Do not derive from this class, but from one of the four kinds of term.
+    """
 
     @property
     @abc.abstractmethod
     def name(self) -> str:
-        """Of the mechanism, as in the energy ledger."""
+        """Name of the mechanism in the energy ledger and in the receipt."""
 
     @property
-    @abc.abstractmethod
     def values(self) -> tuple[Any, ...]:
-        """Those of its values that may be functions of time."""
+        """Its values that may be functions of time: all fields that are traced."""
+        given = (
+            getattr(self, field.name)
+            for field in dataclasses.fields(self)
+            if not field.metadata.get("static")
+        )
+        places = AbstractSelection | AbstractSpace
+        return tuple(v for v in given if v is not None and not isinstance(v, places))
 
-    @abc.abstractmethod
     def forcing(self, end: float | int) -> Forcing:
-        """The most this term does to a body up to `end` [s]."""
+        """Bounds of its effect on temperatures up to `end` [s].
+
+        A term that heats bodies must override this: the bounds limit explicit steps.
+        """
+        del end
+        return Forcing()
+
+    def scale(self, material: Any, kelvin: float, end: float) -> Scale:
+        """Its size on a body, for dimensionless groups.
+
+        Args:
+            material: of the body.
+            kelvin: its temperature [K].
+            end: of the run [s].
+        """
+        del material, kelvin, end
+        return Scale()
 
     @property
     def named_bodies(self) -> tuple[int, ...]:
@@ -288,25 +458,72 @@ class AbstractTerm(eqx.Module):
 
     @property
     def moves(self) -> bool:
-        """Whether where it acts changes with time, as of a source that travels."""
+        """True if the geometry of its action changes with time."""
         return False
 
     def at(self, time: float) -> "AbstractTerm":
-        """This term as it stands at a moment [s]."""
+        """The term at a moment [s], with a geometry that does not change."""
         del time
         return self
 
 
 class AbstractSurfaceTerm(AbstractTerm):
-    """A mechanism at the surface of each body for itself."""
+    """A mechanism that acts on every piece of surface by itself.
+
+    Implement `name` and `bind`, and `forcing` if it can heat a body. With them the term
+    takes part in every solver, in the energy ledger and in the receipt.
+    """
 
     @abc.abstractmethod
-    def bind(
-        self, surface: Surface, reference: Scalar
-    ) -> tuple[Binding, ...] | Omitted:
-        """This term on the fragments of a body whose state counts from `reference`."""
+    def bind(self, surface: Surface) -> tuple[Binding | Omitted, ...]:
+        """Its laws on the surface of a scene, as `Surface.bind` makes them."""
 
     @property
     def is_dirichlet(self) -> bool:
-        """Whether it holds the surface at a temperature, where no other term acts."""
+        """True if it prescribes the temperature of the surface, as no other term."""
         return False
+
+
+class AbstractExchangeTerm(AbstractSurfaceTerm):
+    """Exchange between pieces of surface; its law receives an irradiation."""
+
+    @abc.abstractmethod
+    def enclosure(self, surface: Surface) -> Any:
+        """The exchange between all fragments of the scene."""
+
+
+class AbstractVolumeTerm(AbstractTerm):
+    """A mechanism that releases heat inside bodies."""
+
+    @abc.abstractmethod
+    def bind(self, structure: Any, body: int) -> Any:
+        """The nodes of one body that it heats, as a `VolumeBinding`, or `Omitted`."""
+
+
+class AbstractPairTerm(AbstractTerm):
+    """A mechanism that carries heat between two bodies that touch."""
+
+    @property
+    @abc.abstractmethod
+    def max_gap(self) -> float | None:
+        """Widest gap that counts as contact [m]; None for a voxel of the finer body."""
+
+    @abc.abstractmethod
+    def connects(self, a: int, b: int) -> bool:
+        """True if it acts between these two bodies."""
+
+    @property
+    @abc.abstractmethod
+    def is_idle(self) -> bool:
+        """True if it is known to carry no heat; the surfaces are then insulated."""
+
+    @abc.abstractmethod
+    def bind(self, pairs: Any, ends: tuple[Any, Any], entry: int, size: int) -> Any:
+        """Its conductances between the fragments of two bodies that touch.
+
+        Args:
+            pairs: the touching fragments, `ContactPairs`.
+            ends: of both bodies, `ContactEnd`.
+            entry: number in the energy ledger.
+            size: length of the arrays, at least the number of pairs.
+        """

@@ -147,6 +147,12 @@ def largest_size(value: Any, end: float | int) -> Float[Array, ""]:
     return largest(lambda time: jnp.abs(value_at(value, time)), end)
 
 
+def cooling_bound(value: Any, end: float | int) -> Float[Array, ""]:
+    """Lower bound of temperatures under an imposed heat, as `Forcing.lowest` [K]."""
+    # What takes heat out at any temperature cools without a bound.
+    return jnp.where(smallest(value, end) < 0, 0.0, jnp.inf)
+
+
 def smallest(value: Any, end: float | int) -> Float[Array, ""]:
     """The smallest value taken over [0, end] [s]."""
     if not callable(value):

@@ -1,4 +1,4 @@
-"""The numbers that tell one scene from another: how far weights that were fitted hold.
+"""Dimensionless groups of a scene: the range in which fitted weights are valid.
 
 | number | meaning |
 |---|---|
@@ -14,12 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ..constants import STEFAN_BOLTZMANN
 from ..dimensionless import biot, characteristic_length, fourier
-from ..physics.boundary import Convection, HeatFlux
-from ..physics.radiation.emission import Surroundings
-from ..physics.radiation.source import Sun
-from ..physics.time_varying import largest
 from .scene import Body, Scene
 
 
@@ -31,22 +26,20 @@ def scene_numbers(scene: Scene, end: float) -> dict[str, float]:
         end: of its run [s].
     """
     each = [body_numbers(scene, body, end) for body in scene.bodies]
-    pick = lambda name, rule: float(rule([one[name] for one in each]))
+    rules = {name: min if name == "voxels_across" else max for name in each[0]}
     return {
-        "biot": pick("biot", max),
-        "fourier": pick("fourier", max),
-        "voxels_across": pick("voxels_across", min),
-        "heating": pick("heating", max),
+        name: float(rule(numbers[name] for numbers in each))
+        for name, rule in rules.items()
     }
 
 
 def body_numbers(scene: Scene, body: Body, end: float) -> dict[str, float]:
-    """The same of one body.
+    """The same numbers of one body.
 
     Args:
-        scene: it is in.
+        scene: that contains the body.
         body: itself.
-        end: of its run [s].
+        end: of the run [s].
     """
     grid = body.structure.grid
     volume = grid.solid_count * grid.voxel_volume
@@ -57,30 +50,12 @@ def body_numbers(scene: Scene, body: Body, end: float) -> dict[str, float]:
     known = material.at(kelvin)
     k = float(np.mean(np.asarray(known.conductivity, float)))
     diffusivity = k / float(known.volumetric_heat_capacity)
-    flux, coefficient = 0.0, 0.0
-    for term in scene.terms:
-        one, other = _strengths(term, material, kelvin, end)
-        flux, coefficient = flux + one, coefficient + other
+    scales = [term.scale(material, kelvin, end) for term in scene.terms]
+    flux = sum((scale.heat_flux for scale in scales), 0.0)
+    coefficient = sum((scale.heat_transfer_coefficient for scale in scales), 0.0)
     return {
         "biot": float(biot(coefficient, length, k)),
         "fourier": float(fourier(diffusivity, end, length)),
         "voxels_across": length / grid.pitch,
         "heating": flux * length / k,
     }
-
-
-def _strengths(term: Any, material: Any, kelvin: float, end: float):
-    """Heat flux [W/m^2] and heat transfer coefficient [W/(m^2 K)] of a term."""
-    match term:
-        case Convection():
-            return 0.0, float(largest(term.heat_transfer_coefficient, end))
-        case Surroundings():
-            slope = 4 * STEFAN_BOLTZMANN * kelvin**3
-            return 0.0, float(material.emissivity) * slope
-        case Sun():
-            strength = float(largest(term.irradiance, end))
-            return float(material.absorptivity) * strength, 0.0
-        case HeatFlux():
-            return abs(float(largest(term.heat_flux, end))), 0.0
-        case _:
-            return 0.0, 0.0

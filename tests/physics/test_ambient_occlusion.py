@@ -18,7 +18,7 @@ from jaxthermo.reference.view_factor import (
     parallel_rectangles,
 )
 from jaxthermo.voxels.voxelize import voxelize
-from tests.radiating import in_patches, moved, shell, surface_of
+from tests.radiating import in_patches, moved, shell, surface_of, whole
 
 
 def quads(corners):
@@ -134,8 +134,9 @@ def block():
 def fluxes(term, surface):
     """Net heat flux into every fragment at 320 K [W/m^2]."""
     theta = jnp.zeros(len(surface.area))
-    bindings = term.bind(surface, 320.0)
-    rates = [b.term.heat_rate(jnp.asarray(0.0), theta) for b in bindings]
+    bindings = term.bind(whole(surface, reference=320.0))
+    time = jnp.asarray(0.0)
+    rates = [b.effective_area * b.law.flux(time, theta) for b in bindings]
     return np.asarray(sum(rates)) / np.asarray(surface.area)
 
 
@@ -167,7 +168,7 @@ def test_what_is_hidden_neither_gives_nor_takes(block):
 def test_a_sealed_body_has_no_surroundings():
     inner = voxelize(sphere(0.05, 2), 0.01)
     surface = surface_of(inner, others=[shell(0.1, 0.12, 2).triangles])
-    result = Surroundings(300.0, occlusion=32).bind(surface, 300.0)
+    (result,) = Surroundings(300.0, occlusion=32).bind(whole(surface))
     assert isinstance(result, Omitted) and "sees" in result.reason
 
 

@@ -9,9 +9,9 @@ from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.geometry.shapes import box
 from jaxthermo.physics.radiation.area_source import AreaSource
 from jaxthermo.physics.radiation.source import PointSource
-from jaxthermo.physics.term import Omitted
+from jaxthermo.physics.term import Binding
 from jaxthermo.voxels.voxelize import voxelize
-from tests.radiating import shell, surface_of
+from tests.radiating import shell, surface_of, whole
 
 
 NOTHING = np.zeros((0, 3, 3))
@@ -117,16 +117,16 @@ def test_what_is_absorbed():
     panel = AreaSource(
         (0, 0, 0.15), (0, 0, -1.0), (0.1, 0.1), radiance=100.0, patches=2
     )
-    bindings = panel.bind(surface_of(grid), 300.0)
-    assert not isinstance(bindings, Omitted)
+    (binding,) = panel.bind(whole(surface_of(grid)))
+    assert isinstance(binding, Binding)
     time, theta = jnp.asarray(0.0), jnp.zeros(len(grid.fragment_area))
-    heat = float(bindings[0].term.heat_rate(time, theta).sum())
+    heat = float((binding.effective_area * binding.law.flux(time, theta)).sum())
     top = grid.fragment_position[:, 2] > 0.049
     free = panel.exposure(
         NOTHING, grid.fragment_position[top], grid.fragment_normal[top], 0.02
     )
     assert heat == pytest.approx(100.0 * free @ grid.fragment_area[top], rel=1e-12)
-    assert (np.asarray(bindings[0].term.effective_area)[~top] == 0).all()
+    assert (np.asarray(binding.effective_area)[~top] == 0).all()
 
 
 @pytest.mark.parametrize("normal", [(0.0, 0.0, 1.0), (0.0, 0.0, -3.0), (1.0, 1.0, 0.1)])
@@ -171,4 +171,4 @@ def test_partly_inside_a_body_is_refused():
     grid = voxelize(box((0.2, 0.2, 0.1)), 0.02)
     panel = AreaSource((0.1, 0.0, 0.0), (0, 0, 1.0), (0.1, 0.1), radiance=1.0)
     with pytest.raises(jt.InputError, match="inside body 0"):
-        panel.bind(surface_of(grid), 300.0)
+        panel.bind(whole(surface_of(grid)))

@@ -88,8 +88,7 @@ def test_zero_kelvin_is_no_singularity(voxel, surroundings, dtype):
 
 def test_a_millikelvin_in_float32(voxel):
     compiled = compile_scene(_scene(voxel, 300.0, 300.0, "float32"))
-    body = compiled.program.bodies[0]
-    terms = body.reading.terms
+    terms = compiled.program.fragment_terms
     above = jnp.full(terms.half_cell.shape, 1e-3, jnp.float32)
     ((_, emission),) = terms.natural
     found = emission.heat_rate(jnp.float32(0.0), above).sum()
@@ -111,7 +110,7 @@ def _radiating_wall(cells):
     material = jt.Material(55.6, density=1e3, specific_heat=1e2, emissivity=0.98)
     body = jt.Body(jt.FullVolume(grid), material, temperature=1000.0)
     scene = jt.Scene((body,), (jt.Surroundings(300.0),), dtype="float64")
-    surface = compile_scene(scene).program.bodies[0].reading.terms
+    surface = compile_scene(scene).program.fragment_terms
     node, flux = 1000.0, 0.0
     for _ in range(200):
         theta = jnp.full(surface.half_cell.shape, node - 1000.0)

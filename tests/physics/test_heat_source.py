@@ -46,7 +46,7 @@ WITHIN = {
 
 
 def _bound(source, structure):
-    found = source.bind_volume(structure, 0)
+    found = source.bind(structure, 0)
     assert isinstance(found, VolumeBinding)
     return found
 
@@ -91,12 +91,12 @@ def test_everything_is_the_volume_of_the_nodes(grid):
 
 def test_what_does_nothing_is_left_out(grid):
     structure = jt.FullVolume(grid)
-    other = HeatSource(1.0, Everything(body=1)).bind_volume(structure, 0)
+    other = HeatSource(1.0, Everything(body=1)).bind(structure, 0)
     assert other == Omitted("`within` is on another body")
-    none = HeatSource(0.0).bind_volume(structure, 0)
+    none = HeatSource(0.0).bind(structure, 0)
     assert none == Omitted("the heat rate density is 0")
     zero = jt.Table([0.0, 1.0], [0.0, 0.0])
-    assert isinstance(HeatSource(zero).bind_volume(structure, 0), Omitted)
+    assert isinstance(HeatSource(zero).bind(structure, 0), Omitted)
 
 
 def test_an_insulated_body_warms_at_q_over_rho_c(grid):
@@ -145,7 +145,7 @@ def test_functions_of_time_are_kept(grid):
 def test_mistakes_are_one_line(grid):
     aside = _box(1.0, (2.0, 2.0, 2.0))
     with pytest.raises(InputError, match="no voxel of body 0 has its centre in it"):
-        HeatSource(1.0, aside).bind_volume(jt.FullVolume(grid), 0)
+        HeatSource(1.0, aside).bind(jt.FullVolume(grid), 0)
     for within in (Side(normal=(1.0, 0.0, 0.0)), FragmentMask(np.ones(3, bool)), "all"):
         with pytest.raises(InputError, match="it heats the inside: give a Region"):
             HeatSource(1.0, within)

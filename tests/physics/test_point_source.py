@@ -7,9 +7,9 @@ import pytest
 import jaxthermo as jt
 from jaxthermo.geometry.shapes import box, sphere
 from jaxthermo.physics.radiation.source import PointSource, Sun
-from jaxthermo.physics.term import Omitted
+from jaxthermo.physics.term import Binding, Omitted
 from jaxthermo.voxels.voxelize import voxelize
-from tests.radiating import moved, shell, surface_of
+from tests.radiating import moved, shell, surface_of, whole
 
 
 PITCH = 0.01
@@ -130,10 +130,10 @@ def test_from_afar_it_is_the_sun(ball):
 
 def test_what_is_absorbed(plate):
     """A square twice as wide as it is near fills a third of the half space."""
-    bindings = PointSource((0.0, 0.0, 0.11), 25.0).bind(surface_of(plate), 300.0)
-    assert not isinstance(bindings, Omitted)
+    (binding,) = PointSource((0.0, 0.0, 0.11), 25.0).bind(whole(surface_of(plate)))
+    assert isinstance(binding, Binding)
     time, theta = jnp.asarray(0.0), jnp.zeros(len(plate.fragment_area))
-    heat = float(bindings[0].term.heat_rate(time, theta).sum())
+    heat = float((binding.effective_area * binding.law.flux(time, theta)).sum())
     assert heat == pytest.approx(25.0 * 4 * np.pi / 6, rel=0.01)
 
 
@@ -141,20 +141,21 @@ def test_inside_a_body_is_refused(plate):
     surface = surface_of(plate, moved(1.0, 0.0, 0.0))
     lamp = PointSource((1.02, 0.03, 0.005), 1.0)
     with pytest.raises(jt.InputError, match=r"position=\(1.02.*is inside body 0"):
-        lamp.bind(surface, 300.0)
-    assert not isinstance(
-        PointSource((1.0, 0.0, 0.1), 1.0).bind(surface, 300.0), Omitted
-    )
+        lamp.bind(whole(surface))
+    (found,) = PointSource((1.0, 0.0, 0.1), 1.0).bind(whole(surface))
+    assert isinstance(found, Binding)
 
 
 def test_what_it_does_not_light_is_left_out(plate):
     surface = surface_of(plate, others=[box(0.05).moved((0.0, 0.0, -0.3)).triangles])
     hidden = PointSource((0.0, 0.0, -0.9), 1.0)
-    assert not isinstance(hidden.bind(surface, 300.0), Omitted)
+    (found,) = hidden.bind(whole(surface))
+    assert isinstance(found, Binding)
     wide = surface_of(plate, others=[box((2.0, 2.0, 0.1)).triangles - [0.0, 0.0, 0.3]])
-    result = hidden.bind(wide, 300.0)
+    (result,) = hidden.bind(whole(wide))
     assert isinstance(result, Omitted) and "sees" in result.reason
-    assert isinstance(PointSource((0.0, 0.0, 1.0), 0.0).bind(surface, 300.0), Omitted)
+    (result,) = PointSource((0.0, 0.0, 1.0), 0.0).bind(whole(surface))
+    assert isinstance(result, Omitted)
 
 
 @pytest.mark.parametrize(

@@ -164,10 +164,10 @@ def test_two_bodies_share_the_light_of_one(plate, cover):
 def test_body_in_another_one_s_shadow_has_no_sun_in_its_program(plate, cover):
     scene = jt.Scene(_two(plate, cover, -0.1), (jt.Sun((0.0, 0.0, -1.0), 1000.0),))
     compiled = compile_scene(scene)
-    load = compiled.program.bodies[0].load
-    assert load is not None
-    assert len(load.places.terms.natural) == 1
-    assert compiled.program.bodies[1].load is None
+    surface = compiled.program.surface
+    assert surface is not None
+    assert len(surface.by_cell.terms.natural) == 1
+    assert [cells.body for cells in surface.by_cell.cells] == [0]
     left_out = {(o.what, o.why) for o in compiled.receipt.left_out}
     assert ("sun on body 1", "no surface of this body sees it") in left_out
 

@@ -11,7 +11,7 @@ from jaxtyping import Array, Bool
 from ...errors import InputError
 from ...network.multigrid import Hierarchy, hierarchy
 from ...network.nonlinear import NonlinearNetwork
-from ...scene.compile.program import BodyProgram, Compiled, Program
+from ...scene.compile.program import Compiled, Program
 from ...scene.scene import Scene
 from ...structures.structure import AbstractStructure
 from .deflation import Components, connected_components
@@ -82,7 +82,7 @@ def implicit_context(
         hierarchies=hierarchies,
         components=tuple(connected_components(b.structure) for b in scene.bodies),
         nodes=tuple(_node_mask(body.structure) for body in scene.bodies),
-        ceilings=tuple(_ceiling(part, compiled) for part in program.bodies),
+        ceilings=tuple(_ceiling(n, compiled) for n in range(len(program.bodies))),
         tolerance=jnp.asarray(kelvin, dtype),
         linear=_is_linear(program),
         differentiable=traced,
@@ -99,21 +99,19 @@ def _node_mask(structure: AbstractStructure) -> Bool[Array, "..."] | None:
 
 
 def _is_linear(program: Program) -> bool:
-    return program.enclosure is None and all(
-        not isinstance(body.network, NonlinearNetwork)
-        and (body.load is None or body.load.places.terms.is_linear)
-        for body in program.bodies
-    )
+    load = program.surface
+    varies = any(isinstance(body.network, NonlinearNetwork) for body in program.bodies)
+    if program.enclosure is not None or varies:
+        return False
+    return load is None or load.by_cell.terms.is_linear
 
 
-def _ceiling(body: BodyProgram, compiled: Compiled) -> Any:
+def _ceiling(number: int, compiled: Compiled) -> Any:
     # By the maximum principle no state exceeds the hottest temperature of the scene.
     # Without a loss at the surface Newton's iterates need no bound.
     dtype = compiled.receipt.dtype
-    load = body.load
-    if load is None or not any(
-        term.law.is_dissipative for _, term in load.places.terms.natural
-    ):
+    load, body = compiled.program.surface, compiled.program.bodies[number]
+    if load is None or not load.is_dissipative(number):
         return jnp.asarray(jnp.inf, dtype)
     above = jnp.asarray(compiled.hottest, dtype) - body.reference
     return body.network.state_of(above)

@@ -58,7 +58,7 @@ def load_slopes(program: Program, states: State, time: Float[Array, ""]) -> _Slo
 
     def own_loads(states):
         nodes = surface_nodes(program, states)
-        return add_own_loads(program, nodes, given, zero, time, one_second)
+        return add_own_loads(program, nodes, given, True, zero, time, one_second)
 
     # These loads act at single nodes, so that one derivative along all ones is the
     # whole diagonal Jacobian.

@@ -43,18 +43,12 @@ def observe(
             that a load that is switched now still counts as it was; None at the start,
             where none has acted yet.
     """
+    contact_excess = _contact_excess(program, state, time)
+    above = program.surface_temperatures(state.theta, time, contact_excess)
     surface, mean, stored = [], [], []
-    bodies = zip(
-        program.bodies,
-        state.theta,
-        _contact_excess(program, state, time),
-        _irradiation(program, state, time),
-        strict=True,
-    )
-    for body, theta, contact, irradiation in bodies:
+    for body, theta, here in zip(program.bodies, state.theta, above, strict=True):
         # The reference is added last: differences keep their digits in float32.
-        above = body.reading.read(body.network, theta, time, contact, irradiation)
-        surface.append(body.reference + above)
+        surface.append(body.reference + here)
         network = body.network
         heat = network.stored(network.temperature(theta)) / network.total_capacity()
         mean.append(body.reference + heat)
@@ -86,20 +80,7 @@ def _contact_excess(program: Program, state: RunState, time) -> list:
         first, second = (program.bodies[b].reference for b in contact.bodies)
         rate = contact.heat_rate(time, theta, (first, second))
         for side, body in enumerate(contact.bodies):
-            fragments = program.bodies[body].reading.node.shape[0]
+            fragments = program.bodies[body].node.shape[0]
             excess = contact.excess(rate, side, fragments)
             found[body] = excess if found[body] is None else found[body] + excess
     return found
-
-
-def _irradiation(program: Program, state: RunState, time) -> list:
-    """Irradiation of each body's fragments by other bodies [W/m^2], or None."""
-    fine = program.fine_enclosure
-    if fine is None or time is None:
-        return [None] * len(program.bodies)
-    thetas = []
-    for body, now in zip(program.bodies, state.theta, strict=True):
-        theta, reading = body.network.temperature(now), body.reading
-        nodes = theta.at[reading.address].get(mode="promise_in_bounds")
-        thetas.append(nodes.at[reading.node].get(mode="promise_in_bounds"))
-    return fine.irradiation(time, tuple(thetas))

@@ -10,7 +10,7 @@ both exactly and with finite derivatives. One body loses exactly what the other 
 """
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -20,9 +20,10 @@ from typing_extensions import override
 
 from ...arrays import Scalar, is_traced
 from ...errors import InputError
-from ...network.network import Address, inverse, precise_sum
-from ..term import AbstractTerm, Forcing
-from ..time_varying import check_value, largest, value_at
+from ...network.network import AbstractNetwork, Address, inverse, precise_sum
+from ..term import AbstractPairTerm
+from ..time_varying import check_value, for_jit, is_zero, largest, value_at
+from .pairs import ContactPairs
 
 
 _Rows = Float[Array | np.ndarray, "*p"]
@@ -177,7 +178,20 @@ class ContactLinks(eqx.Module):
         return zero.at[self.fragment[side]].add(difference * self.area_fraction[side])
 
 
-class Contact(AbstractTerm):
+class ContactSide(NamedTuple):
+    """One of two bodies in contact."""
+
+    body: int
+    fragment_node: Int[np.ndarray, " s"]
+    address: tuple[np.ndarray, ...]
+    """Position of each node in the state."""
+    half_cell: Any
+    """Conductance from each fragment to its node [W/K]."""
+    fragment_area: Float[np.ndarray, " s"]
+    network: AbstractNetwork
+
+
+class Contact(AbstractPairTerm):
     """Heat conduction through touching surfaces of two bodies, or of all.
 
     q = G (T_a - T_b) [W],    1 / G = 1 / G_a + 1 / (h_c A) + 1 / G_b,
@@ -220,21 +234,21 @@ class Contact(AbstractTerm):
 
     @property
     @override
-    def values(self) -> tuple[Any, ...]:
-        return (self.conductance,)
+    def max_gap(self) -> float | None:
+        return self.threshold
 
+    @property
     @override
-    def forcing(self, end: float | int) -> Forcing:
-        del end
-        return Forcing()
+    def is_idle(self) -> bool:
+        return is_zero(self.conductance)
 
     @property
     @override
     def named_bodies(self) -> tuple[int, ...]:
         return () if self.bodies is None else self.bodies
 
+    @override
     def connects(self, a: int, b: int) -> bool:
-        """True if this contact applies to bodies number `a` and `b`."""
         return self.bodies is None or {a, b} == set(self.bodies)
 
     def gap_factor(self, gap: Float[np.ndarray, " p"]) -> Float[np.ndarray, " p"]:
@@ -242,6 +256,50 @@ class Contact(AbstractTerm):
         if self.gap_length is None:
             return np.ones_like(gap)
         return np.asarray(gap_factor(gap, self.gap_length))
+
+    @override
+    def bind(
+        self,
+        pairs: ContactPairs,
+        ends: tuple[ContactSide, ContactSide],
+        entry: int,
+        size: int,
+    ) -> ContactLinks:
+        first, second = ends
+        dtype = np.dtype(first.half_cell.dtype)
+        # Arrays of one size at all snapshots, so that one program runs them all.
+        padded = pairs.padded(
+            self.max_pairs or size, f"bodies {first.body} and {second.body}"
+        )
+        fragments = padded.fragment_a, padded.fragment_b
+        columns = [
+            _end(side, fragment, padded.area, dtype)
+            for side, fragment in zip(ends, fragments, strict=True)
+        ]
+        address, half_cell, per_capacity, fraction = zip(*columns, strict=True)
+        return ContactLinks(
+            entry=entry,
+            bodies=(first.body, second.body),
+            address=address,
+            fragment=(jnp.asarray(fragments[0]), jnp.asarray(fragments[1])),
+            half_cell=half_cell,
+            per_capacity=per_capacity,
+            area_fraction=fraction,
+            area=jnp.asarray(padded.area * self.gap_factor(padded.gap), dtype),
+            conductance=for_jit(self.conductance, dtype),
+        )
+
+
+def _end(side: ContactSide, fragment: np.ndarray, area: np.ndarray, dtype: Any):
+    """Address, half cell, 1 / capacity and area fraction of the pairs' fragments."""
+    node = side.fragment_node[fragment]
+    address = tuple(jnp.asarray(index[node]) for index in side.address)
+    fraction = (area / side.fragment_area[fragment]).astype(dtype)
+    capacity = side.network.capacity_at(address)
+    if not capacity.ndim:
+        capacity = jnp.broadcast_to(capacity, fraction.shape)
+    half_cell = side.half_cell[fragment] * fraction
+    return address, jnp.asarray(half_cell), 1 / capacity, jnp.asarray(fraction)
 
 
 def _is_infinite(conductance: Any) -> bool:

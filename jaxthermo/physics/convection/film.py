@@ -142,7 +142,7 @@ class FilmExchange(AbstractFluxLaw):
     """Film polynomial of h [W/(m^2 K)], [n m], or a `SpeedTable` of it."""
     temperature: Any
     """T_inf [K], a number or a function of time."""
-    reference: Float[Any, "*#m"]
+    reference: Any = 0.0
 
     def _at(self, time, theta) -> tuple[Array, Array, Array]:
         """T_inf - T_s [K], h, and dh/dT_s."""

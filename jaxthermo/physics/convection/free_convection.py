@@ -25,19 +25,19 @@ import numpy as np
 from jaxtyping import Array, Float
 from typing_extensions import override
 
-from ...arrays import Scalar
 from ...errors import InputError
 from ...voxels.cylinder_parts import parts_of
 from ...voxels.cylinders import Cylinder, given_cylinders
+from ..boundary import toward
 from ..term import (
     AbstractFluxLaw,
     AbstractSurfaceTerm,
     Binding,
+    BodySurface,
     Forcing,
     Omitted,
     Surface,
     TemperatureRange,
-    binding,
 )
 from ..time_varying import check_value, for_jit, largest, value_at
 from . import air
@@ -150,7 +150,7 @@ class FreeExchange(AbstractFluxLaw):
     """Film polynomial of beta of a plate."""
     temperature: Any
     """T_inf [K], a number or a function of time."""
-    reference: Float[Any, "*#m"]
+    reference: Any = 0.0
 
     def _at(self, time, theta) -> tuple[Array, Array, Array]:
         """T_inf - T_s [K], h, and dh/dT_s."""
@@ -296,31 +296,36 @@ class FreeConvection(AbstractSurfaceTerm):
 
     @override
     def forcing(self, end: float | int) -> Forcing:
-        return Forcing(temperature=largest(self.temperature, end))
+        return toward(self.temperature, end)
 
-    def bind(
-        self, surface: Surface, reference: Scalar
-    ) -> tuple[Binding, ...] | Omitted:
-        """Every free fragment, as part of a plate or of a cylinder."""
-        acts = surface.acted_on(None)
-        if isinstance(acts, Omitted):
-            return acts
-        dtype = surface.dtype
-        parts = parts_of(surface.grid, self.cylinders, surface.body)
-        up = surface.pose.unturn(np.array([0.0, 0.0, 1.0]))
-        still, rising = zip(*(self._part(c, up) for c in parts.cylinders), strict=True)
+    @override
+    def bind(self, surface: Surface) -> tuple[Binding | Omitted, ...]:
+        dtype, covers, still, rising = surface.dtype, [], [], []
+        for body in surface.bodies:
+            exposed = body.exposed()
+            skipped = isinstance(exposed, Omitted)
+            covers.append(exposed if skipped else (body.area, exposed))
+            factors = np.zeros((2, len(body.area))) if skipped else self._factors(body)
+            still.append(factors[0].astype(dtype))
+            rising.append(factors[1].astype(dtype))
         with jax.ensure_compile_time_eval():
-            factors = _film_factors(jnp.asarray(FILM_TEMPERATURES, dtype))
-            root, rise = (np.asarray(film_polynomial(each)) for each in factors)
+            films = _film_factors(jnp.asarray(FILM_TEMPERATURES, dtype))
+            root, rise = (np.asarray(film_polynomial(each)) for each in films)
         law = FreeExchange(
-            still=np.array(still, dtype)[parts.fragment],
-            rising=np.array(rising, dtype)[parts.fragment],
+            still=np.concatenate(still),
+            rising=np.concatenate(rising),
             root=root,
             rise=rise,
             temperature=for_jit(self.temperature, dtype),
-            reference=jnp.asarray(reference, dtype),
         )
-        return (binding(surface.area, law, acts),)
+        return surface.bind(law, covers)
+
+    def _factors(self, body: BodySurface) -> Float[np.ndarray, "2 s"]:
+        """Factors `still` and `rising` of every fragment, as part of a cylinder."""
+        parts = parts_of(body.grid, self.cylinders, body.body)
+        up = body.pose.unturn(np.array([0.0, 0.0, 1.0]))
+        each = np.array([self._part(c, up) for c in parts.cylinders])
+        return each.T[:, parts.fragment]
 
     def _part(
         self, cylinder: Cylinder, up: Float[np.ndarray, "3"]

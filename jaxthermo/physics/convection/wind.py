@@ -21,21 +21,23 @@ import numpy as np
 from jaxtyping import Float
 from typing_extensions import override
 
-from ...arrays import Scalar, is_traced
+from ...arrays import is_traced
 from ...errors import InputError
 from ...raster.directions import unit_vector
 from ...voxels.cylinder_parts import parts_of
 from ...voxels.cylinders import Cylinder, given_cylinders
+from ..boundary import toward
 from ..term import (
     AbstractSurfaceTerm,
     Binding,
+    BodySurface,
     Forcing,
     Omitted,
     Surface,
     Values,
-    binding,
+    concatenated,
 )
-from ..time_varying import check_value, for_jit, is_zero, largest
+from ..time_varying import check_value, for_jit, is_zero
 from .air import kinematic_viscosity
 from .approach_flow import (
     ApproachFlow,
@@ -128,25 +130,47 @@ class Wind(AbstractSurfaceTerm):
 
     @override
     def forcing(self, end: float | int) -> Forcing:
-        return Forcing(temperature=largest(self.temperature, end))
+        return toward(self.temperature, end)
 
-    def bind(
-        self, surface: Surface, reference: Scalar
-    ) -> tuple[Binding, ...] | Omitted:
-        """Every free fragment, with the coefficients of its own place."""
+    @override
+    def bind(self, surface: Surface) -> tuple[Binding | Omitted, ...]:
         if is_zero(self.strength):
-            return Omitted("the air stands still")
-        acts = surface.acted_on(None)
-        if isinstance(acts, Omitted):
-            return acts
-        groups = self._groups(surface)
+            return (Omitted("the air stands still"),)
+        exposed = [body.exposed() for body in surface.bodies]
+        omitted = tuple(each for each in exposed if isinstance(each, Omitted))
+        if len(omitted) == len(exposed):
+            return omitted
+        # One law for all bodies: their coefficients differ from fragment to fragment.
+        tables, notes, covers = [], [], []
+        for body, where in zip(surface.bodies, exposed, strict=True):
+            if isinstance(where, Omitted):
+                tables.append(None)
+                covers.append(where)
+                continue
+            groups = self._groups(body)
+            tables.append(self._coefficients(body, groups))
+            notes += [(body.body, note) for note in self._notes(groups)]
+            covers.append((body.area, where))
         law = FilmExchange(
-            coefficients=self._coefficients(surface, groups),
+            coefficients=self._joined(tables, surface),
             temperature=for_jit(self.temperature, surface.dtype),
-            reference=jnp.asarray(reference, surface.dtype),
         )
-        found = binding(surface.area, law, acts)
-        return (found._replace(notes=self._notes(groups)),)
+        return surface.bind(law, covers, notes=tuple(notes))
+
+    def _joined(self, tables: list[Any], surface: Surface) -> Any:
+        """Coefficients of all fragments, with 0 on bodies without any."""
+        lead = next(table.shape[:-1] for table in tables if table is not None)
+        every = concatenated(
+            [
+                np.zeros((*lead, count), surface.dtype) if table is None else table
+                for table, count in zip(tables, surface.counts, strict=True)
+            ]
+        )
+        speed = self.strength
+        if not callable(speed):
+            return every
+        highest = for_jit(table_limit(speed), surface.dtype)
+        return speed_table(every, highest, for_jit(speed, surface.dtype))
 
     def _notes(self, groups: FlowGroups) -> tuple[str, ...]:
         """Validity notes for the receipt, as far as the Reynolds numbers are known."""
@@ -170,7 +194,7 @@ class Wind(AbstractSurfaceTerm):
             return np.ones(len(groups.diameter))
         return wake_speed_ratio(self.wake, groups.behind)
 
-    def _groups(self, surface: Surface) -> FlowGroups:
+    def _groups(self, surface: BodySurface) -> FlowGroups:
         parts = parts_of(surface.grid, self.cylinders, surface.body)
         if self.wake is None:
             behind = np.full(len(parts.fragment), np.inf)
@@ -183,8 +207,8 @@ class Wind(AbstractSurfaceTerm):
             )
         return group_fragments(parts, behind)
 
-    def _coefficients(self, surface: Surface, groups: FlowGroups) -> Any:
-        """Film polynomial of h for each fragment, or a table by speed."""
+    def _coefficients(self, surface: BodySurface, groups: FlowGroups) -> Any:
+        """Film polynomial of h for each fragment, at each node of a changing speed."""
         dtype = surface.dtype
         wind = surface.pose.unturn(unit_vector(self.velocity))
         harmonics = surface_harmonics(surface.own_normal, groups.axis, wind)
@@ -200,6 +224,4 @@ class Wind(AbstractSurfaceTerm):
         if not callable(speed):
             xp = jnp if is_traced(speed) else np
             return every(xp.asarray(speed, dtype)[None])[0]
-        highest = table_limit(speed)
-        nodes = every(speed_nodes(highest, _SPEED_NODES, dtype))
-        return speed_table(nodes, for_jit(highest, dtype), for_jit(speed, dtype))
+        return every(speed_nodes(table_limit(speed), _SPEED_NODES, dtype))

@@ -21,7 +21,7 @@ from ...arrays import is_traced
 from ...constants import STEFAN_BOLTZMANN
 from ...errors import InputError
 from ...raster.directions import unit_vector, view_frame
-from ..term import Forcing, Surface
+from ..term import BodySurface, Forcing
 from ..time_varying import check_value, largest, value_at
 from .source import (
     AbstractSource,
@@ -199,7 +199,7 @@ class AreaSource(AbstractSource):
         return low + fraction[..., :1] * width + fraction[..., 1:] * height
 
     @override
-    def check_location(self, surface: Surface) -> None:
+    def check_location(self, surface: BodySurface) -> None:
         if inside_body(surface, self.patch_corners().mean(1)).any():
             raise InputError(
                 f"AreaSource(centre={self.centre}, size={self.size}): is partly "

@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from typing_extensions import override
 
-from ...arrays import Scalar, is_traced
+from ...arrays import is_traced
 from ...constants import STEFAN_BOLTZMANN
 from ...errors import InputError
 from ..boundary import Exchange
@@ -25,11 +25,13 @@ from ..term import (
     AbstractFluxLaw,
     AbstractSurfaceTerm,
     Binding,
+    BodySurface,
+    Cover,
     Forcing,
     Omitted,
+    Scale,
     Surface,
     TemperatureRange,
-    binding,
 )
 from ..time_varying import check_value, for_jit, is_zero, largest, smallest, value_at
 from .visibility import SkyView, check_directions, sky_view, unobstructed_view
@@ -40,7 +42,7 @@ class Emission(AbstractFluxLaw):
 
     temperature: Any
     """T_s of the surroundings [K]."""
-    reference: Float[Array, "*#m"]
+    reference: Any = 0.0
 
     @override
     def flux(
@@ -180,31 +182,48 @@ class Surroundings(AbstractSurfaceTerm):
         only = self.ground is None
         return (self.temperature,) if only else (self.temperature, self.ground)
 
-    def bind(
-        self, surface: Surface, reference: Scalar
-    ) -> tuple[Binding, ...] | Omitted:
-        """Every free fragment, with the emissivity of its material."""
-        if surface.prune and is_zero(surface.emissivity):
-            return Omitted("the surface has emissivity 0")
-        acts = surface.acted_on(None)
-        if isinstance(acts, Omitted):
-            return acts
-        bindings = []
-        for temperature, factor in self._parts(surface):
-            law, notes = self._law(temperature, surface, reference)
-            share = surface.emissivity * surface.area * factor.astype(surface.dtype)
-            sees = acts & (factor > 0)
-            if sees.any() or not surface.prune:
-                bindings.append(binding(share, law, sees)._replace(notes=notes))
-        return tuple(bindings) or Omitted("none of the surface sees the surroundings")
+    @override
+    def bind(self, surface: Surface) -> tuple[Binding | Omitted, ...]:
+        found = [self._covers(body) for body in surface.bodies]
+        omitted = [cover for cover in found if isinstance(cover, Omitted)]
+        if len(omitted) == len(found):
+            return tuple(omitted)
+        bindings: list[Binding] = []
+        temperatures = (self.temperature, self.ground)[
+            : 1 if self.ground is None else 2
+        ]
+        for n, temperature in enumerate(temperatures):
+            covers = [c if isinstance(c, Omitted) else c[n] for c in found]
+            law, notes = self._law(temperature, surface)
+            (binding, *_) = surface.bind(law, covers)
+            assert isinstance(binding, Binding)
+            acts = [bool(own.any()) for own in surface.apart(binding.acts)]
+            notes = tuple((b, note) for note in notes for b, a in enumerate(acts) if a)
+            if any(acts) or not surface.prune:
+                bindings.append(binding._replace(notes=notes))
+        return (*bindings, *omitted)
+
+    def _covers(self, body: BodySurface) -> list[Cover] | Omitted:
+        """Emitting area of a body, for each of the temperatures."""
+        if body.prune and is_zero(body.emissivity):
+            return body.omitted("the surface has emissivity 0")
+        exposed = body.exposed()
+        if isinstance(exposed, Omitted):
+            return exposed
+        covers = []
+        for factor in self._view_factors(body):
+            area = body.emissivity * body.area * factor.astype(body.dtype)
+            covers.append((area, exposed & (factor > 0)))
+        if body.prune and not any(acts.any() for _, acts in covers):
+            return body.omitted("none of the surface sees the surroundings")
+        return covers
 
     def _law(
-        self, temperature: Any, surface: Surface, reference: Scalar
+        self, temperature: Any, surface: Surface
     ) -> tuple[AbstractFluxLaw, tuple[str, ...]]:
         """Law of the fourth power, or the linear one if accurate enough, and notes."""
         ambient = for_jit(temperature, surface.dtype)
-        base = jnp.asarray(reference, surface.dtype)
-        law = Emission(temperature=ambient, reference=base)
+        law = Emission(temperature=ambient)
         if self.linear_within is None:
             return law, ()
         if surface.temperature_range is None or is_traced(temperature):
@@ -216,18 +235,18 @@ class Surroundings(AbstractSurfaceTerm):
         h = _RadiativeCoefficient(ambient)
         # A constant coefficient lets the surface balance be solved before the run.
         h = h if callable(ambient) else h(jnp.zeros((), surface.dtype))
-        return Exchange(h, ambient, base), (note,)
+        return Exchange(h, ambient), (note,)
 
-    def _parts(self, surface: Surface) -> list[tuple[Any, Float[np.ndarray, " s"]]]:
-        """Temperatures of the surroundings with the view factors to them."""
+    def _view_factors(self, body: BodySurface) -> list[Float[np.ndarray, " s"]]:
+        """View factor to each of the temperatures."""
         if self.ground is None and self.occlusion is None:
-            return [(self.temperature, np.ones(len(surface.position)))]
-        view = self._view(surface)
+            return [np.ones(len(body.position))]
+        view = self._view(body)
         if self.ground is None:
-            return [(self.temperature, view.sky + view.ground)]
-        return [(self.temperature, view.sky), (self.ground, view.ground)]
+            return [view.sky + view.ground]
+        return [view.sky, view.ground]
 
-    def _view(self, surface: Surface) -> SkyView:
+    def _view(self, surface: BodySurface) -> SkyView:
         if self.occlusion is None:
             return unobstructed_view(surface.normal)
         return sky_view(
@@ -241,4 +260,12 @@ class Surroundings(AbstractSurfaceTerm):
     @override
     def forcing(self, end: float | int) -> Forcing:
         highest = [largest(value, end) for value in self.values]
-        return Forcing(temperature=jnp.max(jnp.stack(highest)))
+        lowest = [smallest(value, end) for value in self.values]
+        return Forcing(
+            highest=jnp.max(jnp.stack(highest)), lowest=jnp.min(jnp.stack(lowest))
+        )
+
+    @override
+    def scale(self, material: Any, kelvin: float, end: float) -> Scale:
+        slope = 4 * STEFAN_BOLTZMANN * kelvin**3
+        return Scale(heat_transfer_coefficient=float(material.emissivity) * slope)

@@ -10,6 +10,7 @@ temperature, then exchanges the radiation of surfaces at these temperatures. The
 exchange conserves heat.
 """
 
+from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
@@ -18,19 +19,21 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
-from ...arrays import Scalar
 from ...constants import STEFAN_BOLTZMANN
+from ..boundary import toward
 from ..term import (
+    AbstractExchangeTerm,
     AbstractFluxLaw,
-    AbstractSurfaceTerm,
     Binding,
+    BodySurface,
+    Cover,
     Forcing,
     Omitted,
     Surface,
     TemperatureRange,
-    binding,
+    spread,
 )
-from ..time_varying import check_value, for_jit, is_zero, largest, value_at
+from ..time_varying import check_value, for_jit, is_zero, value_at
 from .emission import equilibrium_temperature
 from .radiosity import DEFAULT_MAX_PATCHES, PatchExchange, patch_exchange
 from .view_factors import DEFAULT_DIRECTIONS
@@ -43,8 +46,8 @@ class Radiation(AbstractFluxLaw):
     """Irradiation minus sigma T_0^4 [W/m^2]; the net flux without `emits`."""
     base: Float[Array, ""]
     """T_0 [K], the same for all bodies."""
-    reference: Float[Array, "*#m"]
-    """Reference temperature of this body's state [K]."""
+    reference: Any = 0.0
+    """Temperature from which the body's state counts [K]."""
     emits: bool = eqx.field(static=True, default=True)
     """True if the emission is computed here, False if `received` includes it."""
 
@@ -102,8 +105,12 @@ class Radiation(AbstractFluxLaw):
         brought = self.received + jnp.maximum(pushed, 0)
         return equilibrium_temperature(self.base, brought) - self.reference
 
+    @override
+    def irradiated(self, received: Float[Array, " m"], emits: bool) -> "Radiation":
+        return replace(self, received=received, emits=emits)
 
-class RadiativeExchange(AbstractSurfaceTerm):
+
+class RadiativeExchange(AbstractExchangeTerm):
     """Radiation between grey diffuse bodies and with black surroundings.
 
     q = eps (H - sigma T^4) [W/m^2],    H = F J + F_s sigma T_s^4,
@@ -132,27 +139,41 @@ class RadiativeExchange(AbstractSurfaceTerm):
     def name(self) -> str:
         return "emission"
 
-    @property
-    @override
-    def values(self) -> tuple[Any, ...]:
-        return (self.temperature,)
-
     @override
     def forcing(self, end: float | int) -> Forcing:
-        return Forcing(temperature=largest(self.temperature, end))
+        return toward(self.temperature, end)
 
-    def bind(
-        self, surface: Surface, reference: Scalar
-    ) -> tuple[Binding, ...] | Omitted:
-        """Every free fragment; what it receives is found at every step."""
-        if surface.prune and is_zero(surface.emissivity):
-            return Omitted("the surface has emissivity 0")
-        acts = surface.acted_on(None)
-        if isinstance(acts, Omitted):
-            return acts
+    @override
+    def bind(self, surface: Surface) -> tuple[Binding | Omitted, ...]:
         zero = jnp.zeros((), surface.dtype)
-        law = Radiation(zero, zero, jnp.asarray(reference, surface.dtype))
-        return (binding(surface.emissivity * surface.area, law, acts),)
+        # What the surface receives is found at every step.
+        law = Radiation(zero, jnp.asarray(_base(surface), surface.dtype))
+        return surface.bind(law, [self._emitting(body) for body in surface.bodies])
+
+    def _emitting(self, body: BodySurface) -> Cover | Omitted:
+        """Emitting area of a body."""
+        if body.prune and is_zero(body.emissivity):
+            return body.omitted("the surface has emissivity 0")
+        exposed = body.exposed()
+        if isinstance(exposed, Omitted):
+            return exposed
+        return body.emissivity * body.area, exposed
+
+    @override
+    def enclosure(self, surface: Surface) -> "Enclosure":
+        base = _base(surface)
+        above = [reference - base for reference in surface.references]
+        return Enclosure(
+            exchange=patch_exchange(surface.bodies, self.max_patches, self.directions),
+            base=jnp.asarray(base, surface.dtype),
+            temperature=for_jit(self.temperature, surface.dtype),
+            above=spread(above, surface.counts, surface.dtype),
+        )
+
+
+def _base(surface: Surface) -> Any:
+    """T_0, the mean of the bodies' references [K]."""
+    return sum(surface.references) / len(surface.references)
 
 
 class Enclosure(eqx.Module):
@@ -163,89 +184,53 @@ class Enclosure(eqx.Module):
     """T_0 [K]."""
     temperature: Any
     """T_s of the surroundings [K]."""
-    above: tuple[Float[Array, ""], ...]
-    """Reference temperatures of the bodies minus T_0 [K]."""
-
-    def _concatenated(
-        self, thetas: tuple[Float[Array, " _"], ...]
-    ) -> Float[Array, " s"]:
-        pairs = zip(thetas, self.above, strict=True)
-        return jnp.concatenate([theta + above for theta, above in pairs])
-
-    def _split(self, values: Float[Array, " s"]) -> list[Float[Array, " _"]]:
-        ends = np.cumsum(self.exchange.fragments)[:-1].tolist()
-        return jnp.split(values, ends)
+    above: Float[Array, "*#s"]
+    """Reference of each surface cell minus T_0 [K]."""
 
     def _around(self, time: Float[Array, ""]) -> Float[Array, ""]:
         return value_at(self.temperature, time) - self.base
 
     def irradiation(
-        self, time: Float[Array, ""], thetas: tuple[Float[Array, " _"], ...]
-    ) -> list[Float[Array, " _"]]:
-        """Irradiation minus sigma T_0^4 on each body at `thetas` [W/m^2]."""
-        emitted = self.exchange.emitted(self._concatenated(thetas), self.base)
+        self, time: Float[Array, ""], theta: Float[Array, " s"]
+    ) -> Float[Array, " s"]:
+        """H - sigma T_0^4 on surface cells at temperatures `theta` [W/m^2]."""
+        emitted = self.exchange.emitted(theta + self.above, self.base)
         around = self.exchange.emitted(self._around(time), self.base)
-        return self._split(self.exchange.irradiation(emitted, around))
+        return self.exchange.irradiation(emitted, around)
 
     def net(
-        self, time: Float[Array, ""], thetas: tuple[Float[Array, " _"], ...]
-    ) -> list[Float[Array, " _"]]:
-        """Irradiation minus emission on each body [W/m^2]."""
-        emitted = self.exchange.emitted(self._concatenated(thetas), self.base)
+        self, time: Float[Array, ""], theta: Float[Array, " s"]
+    ) -> Float[Array, " s"]:
+        """Irradiation minus emission of surface cells [W/m^2]."""
+        emitted = self.exchange.emitted(theta + self.above, self.base)
         around = self.exchange.emitted(self._around(time), self.base)
-        return self._split(self.exchange.irradiation(emitted, around) - emitted)
+        return self.exchange.irradiation(emitted, around) - emitted
 
+    def coarsened(
+        self, cell: Int[np.ndarray, " s"], counts: tuple[int, ...]
+    ) -> "Enclosure":
+        """The exchange on cells that combine several fragments of one patch.
 
-def enclosure(
-    term: RadiativeExchange,
-    surfaces: tuple[Surface, ...],
-    references: tuple[Scalar, ...],
-) -> Enclosure:
-    """Radiative exchange between the fragments of bodies in the scene."""
-    dtype = surfaces[0].dtype
-    number = lambda value: jnp.asarray(value, dtype)
-    base = sum(references) / len(references)
-    return Enclosure(
-        exchange=patch_exchange(surfaces, term.max_patches, term.directions),
-        base=number(base),
-        temperature=for_jit(term.temperature, dtype),
-        above=tuple(number(reference - base) for reference in references),
-    )
-
-
-def patches_of(fine: Enclosure) -> list[Int[np.ndarray, " s"]]:
-    """Patch of each body's fragments."""
-    ends = np.cumsum(fine.exchange.fragments)[:-1]
-    return np.split(np.asarray(fine.exchange.patch), ends)
-
-
-def coarsened_enclosure(
-    fine: Enclosure, cell: list[Int[np.ndarray, " _"]], cells: tuple[int, ...]
-) -> Enclosure:
-    """Exchange on surface cells that each combine fragments of one patch.
-
-    `cell` is that of each body's fragments, -1 without one; `cells` their number.
-    """
-    exchange = fine.exchange
-    first = np.cumsum([0, *cells])
-    number = np.concatenate(
-        [
-            np.where(own >= 0, own + start, -1)
-            for own, start in zip(cell, first, strict=False)
-        ]
-    )
-    kept, count = np.flatnonzero(number >= 0), sum(cells)
-    patch = np.zeros(count, np.int32)
-    patch[number[kept]] = np.asarray(exchange.patch)[kept]
-    weight = jnp.zeros(count, exchange.weight.dtype)
-    weight = weight.at[number[kept]].add(exchange.weight[kept])
-    merged = PatchExchange(
-        patch=jnp.asarray(patch),
-        weight=weight,
-        emissivity=jnp.ones_like(weight),
-        transfer=exchange.transfer,
-        from_surroundings=exchange.from_surroundings,
-        grey_area=exchange.grey_area,
-        fragments=cells,
-    )
-    return Enclosure(merged, fine.base, fine.temperature, fine.above)
+        Args:
+            cell: of each fragment; -1 for none.
+            counts: number of cells of each body.
+        """
+        fine = self.exchange
+        kept, cells = np.flatnonzero(cell >= 0), sum(counts)
+        patch = np.zeros(cells, np.int32)
+        patch[cell[kept]] = np.asarray(fine.patch)[kept]
+        weight = jnp.zeros(cells, fine.weight.dtype)
+        weight = weight.at[cell[kept]].add(fine.weight[kept])
+        above = self.above
+        if above.ndim:
+            above = jnp.zeros(cells, above.dtype).at[cell[kept]].set(above[kept])
+        exchange = PatchExchange(
+            patch=jnp.asarray(patch),
+            weight=weight,
+            emissivity=jnp.ones_like(weight),
+            transfer=fine.transfer,
+            from_surroundings=fine.from_surroundings,
+            grey_area=fine.grey_area,
+            fragments=counts,
+        )
+        return Enclosure(exchange, self.base, self.temperature, above)

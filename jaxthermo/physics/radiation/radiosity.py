@@ -19,7 +19,7 @@ from jaxtyping import Array, Float, Int
 from ...arrays import is_traced
 from ...constants import STEFAN_BOLTZMANN
 from ...errors import InputError
-from ..term import Surface, Values
+from ..term import BodySurface, Values
 from .patches import group_patches
 from .view_factors import (
     DEFAULT_DIRECTIONS,
@@ -154,7 +154,7 @@ class PatchExchange(eqx.Module):
 
 
 def patch_exchange(
-    surfaces: tuple[Surface, ...],
+    surfaces: tuple[BodySurface, ...],
     max_patches: int = DEFAULT_MAX_PATCHES,
     directions: int = DEFAULT_DIRECTIONS,
     lines: int = DEFAULT_LINES,

@@ -19,11 +19,19 @@ import numpy as np
 from jaxtyping import Bool, Float
 from typing_extensions import override
 
-from ...arrays import Scalar
 from ...errors import InputError
 from ...raster.directions import unit_vector
 from ..boundary import ImposedFlux
-from ..term import AbstractSurfaceTerm, Binding, Forcing, Omitted, Surface, binding
+from ..term import (
+    AbstractSurfaceTerm,
+    Binding,
+    BodySurface,
+    Cover,
+    Forcing,
+    Omitted,
+    Scale,
+    Surface,
+)
 from ..time_varying import check_value, for_jit, is_zero, largest
 from .visibility import lit_fraction, lit_fraction_from_point
 
@@ -92,31 +100,32 @@ class AbstractSource(AbstractSurfaceTerm):
         """
 
     @abc.abstractmethod
-    def check_location(self, surface: Surface) -> None:
+    def check_location(self, surface: BodySurface) -> None:
         """Raise an InputError if the source is inside this body."""
 
-    def bind(
-        self, surface: Surface, reference: Scalar
-    ) -> tuple[Binding, ...] | Omitted:
-        """The free fragments that the source sees; one that moves must be frozen."""
-        del reference
+    @override
+    def bind(self, surface: Surface) -> tuple[Binding | Omitted, ...]:
         if surface.prune and is_zero(self.strength):
-            return Omitted("it is switched off at all times")
-        if surface.prune and is_zero(surface.absorptivity):
-            return Omitted("the surface has absorptivity 0")
-        acts = surface.acted_on(None)
-        if isinstance(acts, Omitted):
-            return acts
-        self.check_location(surface)
-        exposure = self.exposure(
-            surface.scene_triangles, surface.position, surface.normal, surface.pitch
-        )
-        lit = acts & (exposure > 0)
-        if surface.prune and not lit.any():
-            return Omitted("no surface of this body sees it")
-        share = surface.absorptivity * exposure.astype(surface.dtype)
+            return (Omitted("it is switched off at all times"),)
         law = ImposedFlux(for_jit(self.strength, surface.dtype))
-        return (binding(share * surface.area, law, lit),)
+        return surface.bind(law, [self._lit(body) for body in surface.bodies])
+
+    def _lit(self, body: BodySurface) -> Cover | Omitted:
+        """Absorbing area of a body that the source sees, times the exposure."""
+        if body.prune and is_zero(body.absorptivity):
+            return body.omitted("the surface has absorptivity 0")
+        exposed = body.exposed()
+        if isinstance(exposed, Omitted):
+            return exposed
+        self.check_location(body)
+        exposure = self.exposure(
+            body.scene_triangles, body.position, body.normal, body.pitch
+        )
+        lit = exposed & (exposure > 0)
+        if body.prune and not lit.any():
+            return body.omitted("no surface of this body sees it")
+        absorbed = body.absorptivity * exposure.astype(body.dtype)
+        return absorbed * body.area, lit
 
 
 class Sun(AbstractSource):
@@ -164,7 +173,7 @@ class Sun(AbstractSource):
         unit_vector(value, what)
 
     @override
-    def check_location(self, surface: Surface) -> None:
+    def check_location(self, surface: BodySurface) -> None:
         """Accept any scene: parallel rays have no position."""
 
     @override
@@ -182,6 +191,11 @@ class Sun(AbstractSource):
     @override
     def forcing(self, end: float | int) -> Forcing:
         return Forcing(heat_flux=largest(self.irradiance, end))
+
+    @override
+    def scale(self, material: Any, kelvin: float, end: float) -> Scale:
+        strength = float(largest(self.irradiance, end))
+        return Scale(heat_flux=float(material.absorptivity) * strength)
 
 
 def location_at(value: Any, time: float) -> Any:
@@ -206,7 +220,7 @@ def check_point(value: Any, what: str) -> None:
 
 
 def inside_body(
-    surface: Surface, points: Float[np.ndarray, "p 3"]
+    surface: BodySurface, points: Float[np.ndarray, "p 3"]
 ) -> Bool[np.ndarray, " p"]:
     """True for each world point [m] inside a solid voxel of a body."""
     grid = surface.grid
@@ -269,7 +283,7 @@ class PointSource(AbstractSource):
         return "position"
 
     @override
-    def check_location(self, surface: Surface) -> None:
+    def check_location(self, surface: BodySurface) -> None:
         if inside_body(surface, np.asarray(self.position, float)[None]).any():
             raise InputError(
                 f"PointSource(position={self.position}): is inside body "

@@ -9,7 +9,7 @@ from jaxtyping import Array, Float, Int
 
 from ...arrays import Scalar, is_traced
 from ...errors import InputError
-from ...network.network import AbstractNetwork
+from ...network.network import AbstractNetwork, Address
 from ...physics.conduction import normal_conductivity, surface_conductivity
 from ...physics.material_network import (
     conductivity_table,
@@ -21,7 +21,12 @@ from ..scene import AbstractMaterials, Body
 
 
 HostAddress = tuple[np.ndarray, ...]
-"""Of every node of a body, in the order of its state."""
+"""Position of every node of a body in its state."""
+
+
+def device_address(address: HostAddress, nodes: Int[np.ndarray, " m"]) -> Address:
+    """Position of some of the nodes in the state."""
+    return tuple(jnp.asarray(index[nodes]) for index in address)
 
 
 class PreparedBody(NamedTuple):

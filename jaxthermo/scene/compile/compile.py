@@ -1,35 +1,28 @@
-"""From a scene to the smallest program that does it.
+"""From a scene to the smallest program that simulates it.
 
-A term that can do nothing is not bound, a body of one material gets no array of
-conductivities, a scene without surface terms never touches its surface, bodies apart
-have no contact, what stands still is looked at once: what is left out has no array and
-no operation in the program, and the receipt says why.
+A term that has no effect is not bound, a body of one material gets no array of
+conductivities, a scene without surface terms never evaluates its surface, bodies apart
+have no contact, and what stands still has one snapshot: what is left out has no array
+and no operation in the program, and the receipt says why.
 """
-
-from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 
 from ...arrays import is_traced
-from ..omissions import omissions, parts
-from ..receipt import Receipt
+from ...physics.term import BodySurface
+from ..receipt import Omission, Receipt, omissions, on_body
 from ..scene import Body, Scene
 from ..solved_surface import SolvedSurface, body_geometry
 from .bodies import prepare
-from .memory_estimate import check_memory
-from .program import Compiled, Program
-from .program_builder import number_entries, programs
-from .snapshot_times import snapshot_times
-from .snapshots import Snapshot, take_snapshots
-from .stability import stable_step
-from .surface_terms import Bound
-from .temperature_bounds import hottest, reach
-from .volume import bind_volumes
+from .limits import check_memory, max_temperature, stable_step, temperature_range
+from .program import Compiled
+from .program_builder import ProgramBuilder, bind_volumes, number_entries
+from .snapshots import Snapshot, snapshot_times, take_snapshots
 
 
 def mechanism_names(scene: Scene) -> tuple[str, ...]:
-    """One name a term: its kind, numbered from the second of a kind on."""
+    """One name per term: its kind, numbered from the second of a kind on."""
     names: list[str] = []
     for term in scene.terms:
         count = sum(name.split("#")[0] == term.name for name in names) + 1
@@ -40,14 +33,13 @@ def mechanism_names(scene: Scene) -> tuple[str, ...]:
 def compile_scene(
     scene: Scene, saves: int = 1, end: float | int = 0.0, prune: bool = True
 ) -> Compiled:
-    """Bind every term to every body it acts on; drop what does nothing.
+    """Bind all terms to the scene, leaving out those without effect.
 
     Args:
         scene: bodies and terms.
-        saves: how many times will be kept, for the forecast of memory.
-        end: of the run [s]; what moves is taken anew up to then.
-        prune: whether to leave out what does nothing; else it is computed, to 0, which
-            is what tests compare with.
+        saves: number of times that are saved, for the estimate of memory.
+        end: of the run [s], up to which snapshots of moving geometry are taken.
+        prune: False to compute terms without effect, for comparison in tests.
 
     Raises:
         InputError: if the program would not fit into memory, or terms contradict each
@@ -56,69 +48,75 @@ def compile_scene(
     starts, names = snapshot_times(scene, end), mechanism_names(scene)
     memory, dtype = check_memory(scene, saves, len(starts)), jnp.dtype(scene.dtype)
     prepared = tuple(prepare(body, dtype) for body in scene.bodies)
-    most = hottest(scene, prepared, end)
-    within = reach(scene, prepared, most, end)
-    snapshots = take_snapshots(scene, prepared, names, starts, end, within, prune)
+    hottest = max_temperature(scene, prepared, end)
+    temperatures = temperature_range(scene, prepared, hottest, end)
+    snapshots = take_snapshots(scene, prepared, names, starts, end, temperatures, prune)
     volumes, others = bind_volumes(scene, names)
-    entries = number_entries(names, snapshots, volumes)
-    made = programs(scene, prepared, snapshots, volumes, entries, within)
-    limit = jnp.stack([stable_step(program, most, end) for program in made]).min()
-    others += snapshots[0].touching.omitted
-    bounds, structures = list(snapshots[0].bounds), [b.structure for b in scene.bodies]
-    reached = parts(
-        entries.entries, list(entries.number), bounds, snapshots[0].touching
-    )
+    ledger = number_entries(names, snapshots, volumes, prune)
+    programs = ProgramBuilder(
+        scene, prepared, snapshots, volumes, ledger, temperatures
+    ).programs()
+    limit = jnp.stack([stable_step(each, hottest, end) for each in programs]).min()
+    first, structures = snapshots[0], [body.structure for body in scene.bodies]
+    surfaces = first.surface.surface.bodies
+    mechanisms = dict.fromkeys(entry.mechanism for entry in ledger.entries)
+    omitted = [_omitted(scene, names, first, n) for n in range(len(scene.bodies))]
+    finite = not is_traced(limit) and np.isfinite(limit)
     return Compiled(
-        programs=made,
+        programs=programs,
         starts=starts,
-        state=tuple(one.state for one in prepared),
-        surfaces=tuple(map(_solved, scene.bodies, bounds)),
+        state=tuple(body.state for body in prepared),
+        surfaces=tuple(map(_solved, scene.bodies, surfaces)),
         stable_step=limit,
-        hottest=most,
+        hottest=hottest,
         receipt=Receipt(
-            included=("conduction", *_mechanisms(made[0])),
-            parts=reached,
-            left_out=omissions(scene, names, bounds, others, len(starts) > 1),
+            included=("conduction", *mechanisms),
+            parts=ledger.parts(first),
+            left_out=omissions(
+                scene, omitted, (*others, *first.omitted), len(starts) > 1
+            ),
             notes=_notes(snapshots, names),
             nodes=sum(s.node_count for s in structures),
             links=sum(s.link_count for s in structures),
-            fragments=sum(len(b.surface.area) for b in bounds),
+            fragments=sum(len(surface.area) for surface in surfaces),
             snapshots=len(starts),
             capacity_ratios=tuple(s.capacity_ratio for s in structures),
             dtype=scene.dtype,
             memory_bytes=memory,
-            stable_step_s=_known(limit),
+            # JSON has no infinity.
+            stable_step_s=float(limit) if finite else None,
         ),
     )
 
 
-def _notes(snapshots: list[Snapshot], names: tuple[str, ...]) -> tuple[str, ...]:
-    """Of all bindings, each once."""
+def _omitted(
+    scene: Scene, names: tuple[str, ...], snapshot: Snapshot, body: int
+) -> list[Omission]:
+    """Surface terms that do not act on a body."""
     found = {
-        f"{names[each.number]} on body {bound.surface.body}: {note}": None
+        number: omitted.reason
+        for number, omitted in snapshot.surface.omitted
+        if omitted.body in (None, body)
+    }
+    return [Omission(on_body(names[n], body, scene), found[n]) for n in sorted(found)]
+
+
+def _notes(snapshots: list[Snapshot], names: tuple[str, ...]) -> tuple[str, ...]:
+    """Notes of all bindings, each once."""
+    found = {
+        f"{names[number]} on body {body}: {note}": None
         for snapshot in snapshots
-        for bound in snapshot.bounds
-        for each in bound.everything
-        for note in each.binding.notes
+        for body in range(len(snapshot.surface.surface.bodies))
+        for number, binding in snapshot.surface.bindings
+        for on, note in binding.notes
+        if on == body
     }
     return tuple(found)
 
 
-def _mechanisms(program: Program) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(entry.mechanism for entry in program.entries))
-
-
-def _solved(body: Body, bound: Bound) -> SolvedSurface:
-    surface = bound.surface
+def _solved(body: Body, surface: BodySurface) -> SolvedSurface:
     return SolvedSurface(
         geometry=body_geometry(surface.grid, body.pose),
         emissivity=jnp.asarray(surface.emissivity),
         absorptivity=jnp.asarray(surface.absorptivity),
     )
-
-
-def _known(limit: Any) -> float | None:
-    """A number for the receipt, which JSON can hold."""
-    if is_traced(limit) or not np.isfinite(limit):
-        return None
-    return float(limit)

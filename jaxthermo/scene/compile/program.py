@@ -1,9 +1,11 @@
 """A compiled scene: all that the solver needs, and nothing else."""
 
 import bisect
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from ...network.network import AbstractNetwork, Address
@@ -12,24 +14,23 @@ from ...physics.radiation.radiative_exchange import Enclosure
 from ...physics.surface_energy_balance import SurfaceTerms
 from ...physics.time_varying import value_at
 from ...structures.surface.surface_map import BoundMap
-from ..loads.joined import JoinedLoad
-from ..loads.surface_load import AbstractLoad
 from ..receipt import Receipt
 from ..solved_surface import SolvedSurface
+from .surface_load import AbstractSurfaceLoad, together
 
 
 State = tuple[Float[Array, "..."], ...]
-"""Temperature above the reference at every node, one array a body [K]; where the heat
+"""Temperature above the reference at every node, one array per body [K]; where the heat
 capacity depends on temperature, heat over the capacity at the reference."""
 
 
 class LedgerEntry(NamedTuple):
-    """One line of the energy ledger: what a mechanism brings to a body."""
+    """One line of the energy ledger: heat from a mechanism to a body."""
 
     mechanism: str
     body: int
     other: int | None = None
-    """Where two bodies exchange heat, the one that it goes to, from `body`."""
+    """For heat between two bodies, the one that receives it from `body`."""
 
 
 class VolumeLoad(eqx.Module):
@@ -37,18 +38,18 @@ class VolumeLoad(eqx.Module):
 
     entry: int = eqx.field(static=True)
     address: Address
-    """Of the nodes that it reaches, in the order of the state."""
+    """Of the heated nodes, in the order of the state."""
     rise: Float[Array, " m"]
-    """Volume reached over capacity of each of them [m^3 K/J]."""
+    """Heated volume over capacity of each of them [m^3 K/J]."""
     volume: Float[Array, ""]
-    """Of all of them [m^3]."""
+    """Heated volume of all of them [m^3]."""
     heat_rate_density: Any
     """[W/m^3]"""
 
     def apply_heat(
         self, new: Float[Array, "..."], time: Float[Array, ""], dt: Float[Array, ""]
     ) -> tuple[Float[Array, "..."], Float[Array, ""]]:
-        """`new` with the heat of one step, and its rate [W]."""
+        """A state with the heat of one step, and its rate [W]."""
         density = value_at(self.heat_rate_density, time)
         warmed = new.at[self.address].add(
             dt * density * self.rise,
@@ -59,105 +60,123 @@ class VolumeLoad(eqx.Module):
         return warmed, density * self.volume
 
 
-class SurfaceReading(eqx.Module):
-    """How the temperature of every fragment is read."""
-
-    address: Address
-    """Of the nodes that have surface, each once, in the order of the state."""
-    node: Int[Array, " s"]
-    """Of each fragment, its node among them."""
-    terms: SurfaceTerms
-    """On the fragments."""
-    exposed_fraction: Float[Array, "*s"]
-    """Share of each fragment that nothing touches."""
-    surface_map: BoundMap
-
-    def read(
-        self,
-        network: AbstractNetwork,
-        state: Float[Array, "..."],
-        time: Float[Array, ""] | None,
-        pressed: Float[Array, " s"] | None = None,
-        received: Float[Array, " s"] | None = None,
-    ) -> Float[Array, " s"]:
-        """Of every fragment above the reference [K].
-
-        Args:
-            network: of the body.
-            state: of the body.
-            time: of the loads [s]; None where none has acted yet.
-            pressed: excess over the node by what touches each fragment [K].
-            received: by radiation from what each fragment sees [W/m^2].
-        """
-        theta = network.temperature(state)
-        nodes = theta.at[self.address].get(mode="promise_in_bounds")
-        below = nodes.at[self.node].get(mode="promise_in_bounds")
-        excess = None
-        if self.surface_map.needs_excess and time is not None:
-            terms = self.terms.conducting(network.relative_conductivity(below))
-            if received is not None:
-                terms = terms.radiating(received)
-            excess = terms.surface_excess(time, below)
-            if pressed is not None:
-                excess = excess * self.exposed_fraction + pressed
-        return self.surface_map.read(theta, nodes, below, self.node, excess)
-
-
 class BodyProgram(eqx.Module):
-    """One body: its network, what acts on it, and how its surface is read."""
+    """One body: its network, heat sources, and how its surface is read."""
 
     network: AbstractNetwork
     reference: Float[Array, ""]
-    """What the state counts from [K]."""
-    load: AbstractLoad | None
-    """None if nothing acts on the surface."""
+    """Temperature from which the state counts [K]."""
     sources: tuple[VolumeLoad, ...]
-    reading: SurfaceReading
+    address: Address
+    """Of the nodes that have surface, each once, in the order of the state."""
+    node: Int[Array, " s"]
+    """Index of each fragment's node among them."""
+    exposed_fraction: Float[Array, "*s"]
+    """Fraction of each fragment that nothing touches."""
+    surface_map: BoundMap
+
+    def below(
+        self, theta: Float[Array, "..."]
+    ) -> tuple[Float[Array, " m"], Float[Array, " s"]]:
+        """Temperatures of the nodes that have surface, and below each fragment [K]."""
+        nodes = theta.at[self.address].get(mode="promise_in_bounds")
+        return nodes, nodes.at[self.node].get(mode="promise_in_bounds")
 
 
 class Program(eqx.Module):
     """All that the solver needs, and nothing else."""
 
     bodies: tuple[BodyProgram, ...]
-    joined: JoinedLoad | None
-    """The bodies' surface loads as one; None where fewer than two have one."""
+    surface: AbstractSurfaceLoad | None
+    """None where nothing acts on any surface."""
+    fragment_terms: SurfaceTerms
+    """Surface terms on the fragments of all bodies, for reading temperatures."""
     contacts: tuple[ContactLinks, ...]
     enclosure: Enclosure | None
-    """What bodies radiate to each other, on the places of their surfaces."""
+    """Radiation between surface cells."""
     fine_enclosure: Enclosure | None
-    """The same on fragments, for reading."""
+    """Radiation between fragments, for reading temperatures."""
     entries: tuple[LedgerEntry, ...] = eqx.field(static=True)
     breakpoints: tuple[float, ...] = eqx.field(static=True)
-    """Times the solver lands on besides the save times [s]."""
+    """Times that steps end at, besides the save times [s]."""
     sampled: bool = eqx.field(static=True)
-    """Whether some value is a function of time, known only where it is evaluated."""
+    """True if some value is a function of time, known only where it is evaluated."""
 
     @property
     def mechanisms(self) -> tuple[str, ...]:
-        """Names, each once, without what bodies exchange."""
+        """Names, each once, without exchange between bodies."""
         outer = (entry.mechanism for entry in self.entries if entry.other is None)
         return tuple(dict.fromkeys(outer))
 
     @property
     def references(self) -> tuple[Float[Array, ""], ...]:
-        """What each body's state counts from [K]."""
+        """Temperatures from which the states count [K]."""
         return tuple(body.reference for body in self.bodies)
+
+    def surface_temperatures(
+        self,
+        states: State,
+        time: Float[Array, ""] | None,
+        contact_excess: Sequence[Float[Array, " _"] | None],
+    ) -> list[Float[Array, " _"]]:
+        """Temperatures of every body's fragments above its reference [K].
+
+        Args:
+            states: of the bodies.
+            time: of the loads [s]; None where none has acted yet.
+            contact_excess: of each body's fragments over their nodes [K].
+        """
+        pairs = zip(self.bodies, states, strict=True)
+        theta = [body.network.temperature(state) for body, state in pairs]
+        found = [body.below(own) for body, own in zip(self.bodies, theta, strict=True)]
+        excess: Sequence = [None] * len(self.bodies)
+        needed = any(body.surface_map.needs_excess for body in self.bodies)
+        if needed and time is not None:
+            excess = self._excess(time, [below for _, below in found])
+        surface = []
+        for n, body in enumerate(self.bodies):
+            own, contact = excess[n], contact_excess[n]
+            if not body.surface_map.needs_excess:
+                own = None
+            elif own is not None and contact is not None:
+                own = own * body.exposed_fraction + contact
+            nodes, below = found[n]
+            surface.append(
+                body.surface_map.read(theta[n], nodes, below, body.node, own)
+            )
+        return surface
+
+    def _excess(self, time, below: list) -> list[Float[Array, " _"]]:
+        """Temperature of the fragments over their nodes, from the balance [K]."""
+        relative = [
+            body.network.relative_conductivity(own)
+            for body, own in zip(self.bodies, below, strict=True)
+        ]
+        terms = self.fragment_terms.conducting(together(relative, below))
+        joined = below[0] if len(below) == 1 else jnp.concatenate(below)
+        if self.fine_enclosure is not None:
+            received = self.fine_enclosure.irradiation(time, joined)
+            terms = terms.irradiated(received)
+        excess = terms.surface_excess(time, joined)
+        if len(below) == 1:
+            return [excess]
+        ends = [sum(len(each) for each in below[:n]) for n in range(1, len(below))]
+        return jnp.split(excess, ends)
 
 
 class Compiled(eqx.Module):
     """Programs with the initial state, surfaces and the receipt."""
 
     programs: tuple[Program, ...]
-    """One a moment at which bodies or sources that move are taken anew; they differ in
-    numbers only."""
+    """One per snapshot; they differ in numbers only."""
     starts: tuple[float, ...] = eqx.field(static=True)
-    """When each takes over [s]; the first at 0."""
+    """Start of each program [s]; the first at 0."""
     state: State
     surfaces: tuple[SolvedSurface, ...]
     stable_step: Float[Array, ""]
-    """The largest explicit step [s]."""
+    """Largest explicit step [s]."""
     hottest: Float[Array, ""]
-    """That anything gets up to the end [K]."""
+    """Upper bound of temperatures up to the end [K]."""
     receipt: Receipt = eqx.field(static=True)
 
     @property
@@ -166,5 +185,5 @@ class Compiled(eqx.Module):
         return self.programs[0]
 
     def number_at(self, time: float) -> int:
-        """Which program holds from a time on [s]."""
+        """Number of the program that holds from a time on [s]."""
         return bisect.bisect_right(self.starts, time * (1 + 1e-12)) - 1

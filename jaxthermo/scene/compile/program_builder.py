@@ -1,6 +1,5 @@
 """From snapshots of a scene to programs, alike but for their numbers."""
 
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import jax
@@ -8,214 +7,272 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...network.nonlinear import NonlinearNetwork
+from ...physics.contact.links import ContactSide
+from ...physics.contact.pairs import ContactPairs, no_pairs
 from ...physics.heat_source import VolumeBinding
-from ...physics.newton_iteration_bound import ALL_STEPS, newton_steps
-from ...physics.radiation.radiative_exchange import (
-    Enclosure,
-    RadiativeExchange,
-    coarsened_enclosure,
-    enclosure,
-    patches_of,
-)
+from ...physics.newton_iteration_bound import MAX_ITERATIONS, newton_iterations
+from ...physics.radiation.radiative_exchange import Enclosure
 from ...physics.surface_energy_balance import SurfaceTerms
-from ...physics.term import TemperatureRange
-from ...physics.time_varying import breakpoints, is_unknown_function
-from ..loads.join import join_loads
-from ..loads.linear_load import by_nodes
-from ..loads.load import surface_load, surface_reading
+from ...physics.term import (
+    AbstractExchangeTerm,
+    AbstractPairTerm,
+    AbstractVolumeTerm,
+    Omitted,
+    TemperatureRange,
+    bound,
+    concatenated,
+)
+from ...physics.time_varying import breakpoints, for_jit, is_unknown_function
+from ..receipt import Omission, Part, on_body
 from ..scene import Scene
-from .bodies import PreparedBody
-from .contacts import Key, contact_links, touching_sizes
-from .program import BodyProgram, LedgerEntry, Program
-from .snapshots import Snapshot
-from .surface_terms import Bound, acts_ever
-from .volume import volume_load
+from .bodies import PreparedBody, device_address
+from .linear_load import linear_programs
+from .program import BodyProgram, LedgerEntry, Program, VolumeLoad
+from .snapshots import PairKey, Snapshot, pair_counts
+from .surface_load import body_cells, surface_load
+from .surface_terms import BoundSurface, acting, ledger_bodies
 
 
 Volumes = dict[tuple[int, int], VolumeBinding]
-"""What sources inside bodies reach, by the numbers of the term and of the body."""
+"""Nodes that heat sources reach, by the numbers of the term and of the body."""
 
 
-class Entries(NamedTuple):
-    """The entries of a ledger, and where to find them."""
+def bind_volumes(
+    scene: Scene, names: tuple[str, ...]
+) -> tuple[Volumes, list[Omission]]:
+    """What acts inside bodies, and what does not."""
+    found, omitted = {}, []
+    for number, term in enumerate(scene.terms):
+        if not isinstance(term, AbstractVolumeTerm):
+            continue
+        for index, body in enumerate(scene.bodies):
+            result = term.bind(body.structure, index)
+            if isinstance(result, Omitted):
+                name = on_body(names[number], index, scene)
+                omitted.append(Omission(name, result.reason))
+            else:
+                found[number, index] = result
+    return found, omitted
+
+
+class Ledger(NamedTuple):
+    """Entries of the energy ledger, which are the same at all snapshots."""
 
     entries: tuple[LedgerEntry, ...]
     number: dict[tuple[int, ...], int]
-    """Of the term's number with that of its body, or of both its bodies."""
+    """Of each entry, by the number of its term and of its body, or both bodies."""
 
-
-class Rules(NamedTuple):
-    """What holds for the programs of all moments."""
-
-    entries: Entries
-    sizes: dict[Key, int]
-    """Of the contacts."""
-    acts: list[list[np.ndarray]]
-    """Of each body, where each binding acts at any moment."""
-    steps: list[int]
-    """Of each body, of Newton's method."""
+    def parts(self, snapshot: Snapshot) -> tuple[Part, ...]:
+        """The surface that each entry acts on."""
+        found = []
+        surface, bindings = snapshot.surface.surface, snapshot.surface.bindings
+        for entry, (number, *bodies) in zip(self.entries, self.number, strict=True):
+            area = surface.bodies[bodies[0]].grid.fragment_area
+            if len(bodies) == 2:
+                pairs = snapshot.pairs.get((number, bodies[0], bodies[1]))
+                reached = 0.0 if pairs is None else float(pairs.area.sum())
+            else:
+                acts = [
+                    surface.apart(binding.acts)[bodies[0]]
+                    for n, binding in bindings
+                    if n == number
+                ]
+                reached = float(area[np.any(acts, axis=0)].sum()) if acts else 0.0
+            part = reached / float(area.sum())
+            found.append(Part(entry.mechanism, tuple(bodies), reached, part))
+        return tuple(found)
 
 
 def number_entries(
-    names: tuple[str, ...], snapshots: list[Snapshot], volumes: Volumes
-) -> Entries:
-    """An entry for every body that a term acts on, in the order of the terms.
-
-    Args:
-        names: of the terms.
-        snapshots: at all moments.
-        volumes: what acts inside bodies.
-    """
-    keys = {
+    names: tuple[str, ...], snapshots: list[Snapshot], volumes: Volumes, prune: bool
+) -> Ledger:
+    """An entry for every body that a term acts on, in the order of the terms."""
+    surfaces = [snapshot.surface for snapshot in snapshots]
+    keys: set[tuple[int, ...]] = {
         (number, body)
-        for snapshot in snapshots
-        for body, bound in enumerate(snapshot.bounds)
-        for number in bound.numbers
+        for number, bodies in ledger_bodies(surfaces, prune).items()
+        for body in bodies
     }
-    touching = touching_sizes([s.touching for s in snapshots])
-    ordered = sorted({*keys, *volumes, *touching})
+    ordered = sorted({*keys, *volumes, *pair_counts(snapshots)})
     entries = tuple(LedgerEntry(names[key[0]], *key[1:]) for key in ordered)
-    return Entries(entries, {key: n for n, key in enumerate(ordered)})
+    return Ledger(entries, {key: n for n, key in enumerate(ordered)})
 
 
-def programs(
-    scene: Scene,
-    prepared: tuple[PreparedBody, ...],
-    snapshots: list[Snapshot],
-    volumes: Volumes,
-    entries: Entries,
-    reach: TemperatureRange | None,
-) -> tuple[Program, ...]:
-    """One a moment.
+class ProgramBuilder:
+    """Makes the program of each snapshot, in arrays of the same shapes."""
 
-    Args:
-        scene: bodies and terms.
-        prepared: the bodies.
-        snapshots: at all moments.
-        volumes: what acts inside bodies.
-        entries: of the ledger.
-        reach: what the run can get to, if that is known.
-    """
-    bodies = range(len(prepared))
-    rules = Rules(
-        entries=entries,
-        sizes=touching_sizes([s.touching for s in snapshots]),
-        acts=[acts_ever([s.bounds[b] for s in snapshots]) for b in bodies],
-        steps=[
-            max(_steps(prepared[b], s.bounds[b], reach) for s in snapshots)
-            for b in bodies
-        ],
+    def __init__(
+        self,
+        scene: Scene,
+        prepared: tuple[PreparedBody, ...],
+        snapshots: list[Snapshot],
+        volumes: Volumes,
+        ledger: Ledger,
+        temperatures: TemperatureRange | None,
+    ):
+        self.scene, self.prepared, self.ledger = scene, prepared, ledger
+        self.volumes, self.snapshots = volumes, snapshots
+        self.pair_counts = pair_counts(snapshots)
+        surfaces = [snapshot.surface for snapshot in snapshots]
+        self.acting = acting(surfaces)
+        self.numbers = list(dict.fromkeys(n for n, _ in surfaces[0].bindings))
+        self.iterations = max(self._iterations(each, temperatures) for each in surfaces)
+        used = sorted({key[0] for key in ledger.number})
+        self.values = [value for n in used for value in scene.terms[n].values]
+        self.exchange = next(
+            (t for n in used if isinstance(t := scene.terms[n], AbstractExchangeTerm)),
+            None,
+        )
+
+    def programs(self) -> tuple[Program, ...]:
+        """One program per snapshot."""
+        made = tuple(self._program(snapshot) for snapshot in self.snapshots)
+        return jax.tree.map(_on_device, linear_programs(made) or made)
+
+    def _program(self, snapshot: Snapshot) -> Program:
+        fine = None
+        if self.exchange is not None:
+            fine = self.exchange.enclosure(snapshot.surface.surface)
+        terms = self._fragment_terms(snapshot.surface)
+        load, enclosure = self._surface_load(snapshot.surface, terms, fine)
+        values = self.values
+        return Program(
+            bodies=tuple(self._body(n, snapshot) for n in range(len(self.prepared))),
+            surface=load,
+            fragment_terms=terms,
+            contacts=tuple(
+                self._contact(key, snapshot.pairs.get(key), size)
+                for key, size in self.pair_counts.items()
+            ),
+            enclosure=enclosure,
+            fine_enclosure=fine,
+            entries=self.ledger.entries,
+            breakpoints=tuple(sorted({k for v in values for k in breakpoints(v)})),
+            sampled=any(is_unknown_function(value) for value in values),
+        )
+
+    def _fragment_terms(self, bound_surface: BoundSurface) -> SurfaceTerms:
+        surface = bound_surface.surface
+        order = {number: k for k, number in enumerate(self.numbers)}
+        each = lambda bindings: tuple(
+            (order[n], bound(b.effective_area, b.law)) for n, b in bindings
+        )
+        names = {
+            key[0]: self.ledger.entries[k] for key, k in self.ledger.number.items()
+        }
+        half_cells = [
+            body.half_cell * body.natural.astype(body.dtype) for body in surface.bodies
+        ]
+        return SurfaceTerms(
+            names=tuple(names[number].mechanism for number in self.numbers),
+            half_cell=concatenated(half_cells),
+            natural=each(bound_surface.natural),
+            prescribed=each(bound_surface.prescribed),
+            iterations=self.iterations,
+        )
+
+    def _surface_load(
+        self, bound_surface: BoundSurface, terms: SurfaceTerms, fine: Enclosure | None
+    ):
+        """The load on surface cells, and the radiation between them."""
+        surface = bound_surface.surface
+        acting = list(zip(*map(surface.apart, self.acting), strict=True))
+        groups: list = [None] * len(surface.bodies)
+        if fine is not None:
+            groups = surface.apart(np.asarray(fine.exchange.patch))
+        found = [
+            body_cells(n, body, list(acting[n]) if acting else [], groups[n])
+            for n, body in enumerate(self.prepared)
+        ]
+        cells, cell = zip(*found, strict=True)
+        entry = self.ledger.number
+        rows = tuple(
+            tuple(entry.get((number, n), -1) for n in range(len(surface.bodies)))
+            for number in self.numbers
+        )
+        load, joined = surface_load(
+            terms, cells, cell, surface.references, rows, len(entry)
+        )
+        if fine is None or load is None:
+            return load, None
+        return load, fine.coarsened(joined, load.counts)
+
+    def _iterations(
+        self, bound_surface: BoundSurface, temperatures: TemperatureRange | None
+    ) -> int:
+        """Newton iterations: the most that any body needs; linear laws need none."""
+        surface, found = bound_surface.surface, []
+        terms = [bound(b.effective_area, b.law) for _, b in bound_surface.natural]
+        acts = [surface.apart(b.acts) for _, b in bound_surface.natural]
+        start = 0
+        for n, body in enumerate(surface.bodies):
+            cells = slice(start, start + len(body.area))
+            start = cells.stop
+            own = [
+                bound(
+                    term.effective_area[cells],
+                    term.law.coarsened(lambda values, at=cells: values[..., at]),
+                )
+                for term, where in zip(terms, acts, strict=True)
+                if where[n].any() or not surface.prune
+            ]
+            if all(term.law.is_linear for term in own):
+                continue
+            if isinstance(self.prepared[n].network, NonlinearNetwork):
+                return MAX_ITERATIONS
+            found.append(newton_iterations(body.half_cell, own, temperatures))
+        return max(found, default=MAX_ITERATIONS)
+
+    def _contact(self, key: PairKey, pairs: ContactPairs | None, size: int):
+        number, *bodies = key
+        term = self.scene.terms[number]
+        assert isinstance(term, AbstractPairTerm)
+        sides = [self._side(body) for body in bodies]
+        if pairs is None:
+            pairs = no_pairs(*(len(side.fragment_node) for side in sides))
+        return term.bind(pairs, (sides[0], sides[1]), self.ledger.number[key], size)
+
+    def _side(self, index: int) -> ContactSide:
+        body = self.prepared[index]
+        area = body.body.structure.grid.fragment_area
+        return ContactSide(
+            index, body.fragment_node, body.address, body.half_cell, area, body.network
+        )
+
+    def _body(self, index: int, snapshot: Snapshot) -> BodyProgram:
+        body = self.prepared[index]
+        surface = snapshot.surface.surface.bodies[index]
+        touched = any(index in key[1:] for key in self.pair_counts)
+        exposed = surface.exposed_fraction if touched else np.ones((), surface.dtype)
+        nodes, node = np.unique(body.fragment_node, return_inverse=True)
+        return BodyProgram(
+            network=body.network,
+            reference=jnp.asarray(body.reference, surface.dtype),
+            sources=tuple(
+                _volume_load(self.ledger.number[key], found, body, surface.dtype)
+                for key, found in self.volumes.items()
+                if key[1] == index
+            ),
+            address=device_address(body.address, nodes),
+            node=jnp.asarray(node.reshape(-1).astype(np.int32)),
+            exposed_fraction=jnp.asarray(exposed),
+            surface_map=body.surface_map,
+        )
+
+
+def _volume_load(
+    entry: int, found: VolumeBinding, body: PreparedBody, dtype: Any
+) -> VolumeLoad:
+    nodes = np.flatnonzero(found.volume)
+    address = device_address(body.address, nodes)
+    reached = np.asarray(found.volume[nodes], dtype)
+    return VolumeLoad(
+        entry=entry,
+        address=address,
+        rise=jnp.asarray(reached) / body.network.capacity_at(address),
+        volume=jnp.asarray(reached.sum(dtype=float), dtype),
+        heat_rate_density=for_jit(found.heat_rate_density, dtype),
     )
-    made = tuple(_program(scene, prepared, s, volumes, rules) for s in snapshots)
-    return jax.tree.map(_on_device, by_nodes(made) or _joined(made))
-
-
-def _joined(made: tuple[Program, ...]) -> tuple[Program, ...]:
-    """With the loads of all bodies as one, where more than one has any."""
-    loads = [
-        tuple(body.load.places for body in program.bodies if body.load is not None)
-        for program in made
-    ]
-    if len(loads[0]) < 2:
-        return made
-    pairs = zip(made, join_loads(loads), strict=True)
-    return tuple(replace(program, joined=joined) for program, joined in pairs)
-
-
-def _steps(one: PreparedBody, bound: Bound, reach: TemperatureRange | None) -> int:
-    if isinstance(one.network, NonlinearNetwork):
-        return ALL_STEPS
-    terms = [each.binding.term for each in bound.natural]
-    return newton_steps(bound.surface.half_cell, terms, reach)
-
-
-def _program(
-    scene, prepared, snapshot: Snapshot, volumes: Volumes, rules: Rules
-) -> Program:
-    used = {key[0] for key in rules.entries.number}
-    values = [value for n in used for value in scene.terms[n].values]
-    dtype = jnp.dtype(scene.dtype)
-    around = _enclosure(scene, prepared, snapshot, used)
-    groups = [None] * len(prepared) if around is None else patches_of(around)
-    bodies, places = [], []
-    for one, bound, group in zip(prepared, snapshot.bounds, groups, strict=True):
-        body, place = _body(one, bound, volumes, rules, group, around, dtype)
-        bodies.append(body)
-        places.append(place)
-    counts = tuple(0 if b.load is None else len(b.load.places.node) for b in bodies)
-    return Program(
-        bodies=tuple(bodies),
-        joined=None,
-        contacts=tuple(
-            contact_links(
-                scene.terms[key[0]],
-                prepared,
-                snapshot.touching,
-                key,
-                size,
-                rules.entries.number[key],
-                dtype,
-            )
-            for key, size in rules.sizes.items()
-        ),
-        enclosure=None
-        if around is None
-        else coarsened_enclosure(around, places, counts),
-        fine_enclosure=around,
-        entries=rules.entries.entries,
-        breakpoints=tuple(sorted({k for value in values for k in breakpoints(value)})),
-        sampled=any(is_unknown_function(value) for value in values),
-    )
-
-
-def _enclosure(
-    scene: Scene, prepared, snapshot: Snapshot, used: set[int]
-) -> Enclosure | None:
-    """What bodies radiate to each other, if a term asks for it and they do."""
-    for number in sorted(used):
-        term = scene.terms[number]
-        if isinstance(term, RadiativeExchange):
-            surfaces = tuple(bound.surface for bound in snapshot.bounds)
-            return enclosure(term, surfaces, tuple(one.reference for one in prepared))
-    return None
-
-
-def _body(
-    one: PreparedBody,
-    bound: Bound,
-    volumes: Volumes,
-    rules: Rules,
-    group: np.ndarray | None,
-    around: Enclosure | None,
-    dtype: Any,
-) -> tuple[BodyProgram, np.ndarray]:
-    """The program of one body, and the place that each of its fragments is in."""
-    index, number = bound.surface.body, rules.entries.number
-    touched = any(index in key[1:] for key in rules.sizes)
-    exposed = bound.surface.exposed_fraction if touched else np.ones((), dtype)
-    terms = SurfaceTerms(
-        names=tuple(entry.mechanism for entry in rules.entries.entries),
-        half_cell=bound.surface.half_cell * bound.surface.natural.astype(dtype),
-        natural=tuple((number[n, index], b.term) for n, b in bound.natural),
-        prescribed=tuple((number[n, index], b.term) for n, b in bound.prescribed),
-        steps=rules.steps[index],
-    )
-    if around is not None:
-        terms = terms.above(around.base)
-    sources = tuple(
-        volume_load(number[key], found, one, dtype)
-        for key, found in volumes.items()
-        if key[1] == index
-    )
-    load, place = surface_load(one, terms, rules.acts[index], group)
-    program = BodyProgram(
-        network=one.network,
-        reference=jnp.asarray(one.reference, dtype),
-        load=load,
-        sources=sources,
-        reading=surface_reading(one, terms, exposed),
-    )
-    return program, place
 
 
 def _on_device(leaf: Any) -> Any:

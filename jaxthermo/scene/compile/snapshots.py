@@ -1,26 +1,50 @@
-"""A scene looked at: where bodies touch and what acts on their surfaces, and when."""
+"""Geometry of a scene at moments: where bodies stand, touch and exchange heat.
 
-from collections.abc import Callable
-from dataclasses import replace
-from functools import partial
+Between two snapshots everything stands where it is halfway between them, which is exact
+to second order in their distance for whatever moves smoothly.
+"""
+
 from typing import Any, NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
-from ...physics.term import Surface, TemperatureRange
+from ...errors import InputError
+from ...geometry.pose import Pose
+from ...physics.contact.bodies import PlacedGrid
+from ...physics.contact.pairs import ContactPairs
+from ...physics.contact.search import contacts_between
+from ...physics.term import AbstractPairTerm, BodySurface, Surface, TemperatureRange
+from ..receipt import Omission
 from ..scene import Scene
-from .bodies import PreparedBody
-from .contacts import Touching, find_contacts
-from .snapshot_times import middles
-from .surface_terms import Bound, bind_terms, body_surface, drop_idle, surface_terms
+from .bodies import PreparedBody, surface_property
+from .surface_terms import BoundSurface, acting, bind_terms, with_terms
+
+
+SOURCE_SNAPSHOTS = 64
+"""Snapshots of a run in which a source moves by a function of time."""
+
+PairKey = tuple[int, int, int]
+"""Numbers of a term and of both its bodies."""
 
 
 class Snapshot(NamedTuple):
     """A scene at one moment."""
 
-    touching: Touching
-    bounds: tuple[Bound, ...]
-    """Of every body."""
+    surface: BoundSurface
+    pairs: dict[PairKey, ContactPairs]
+    omitted: tuple[Omission, ...]
+    """Pair terms that do not act."""
+
+
+def snapshot_times(scene: Scene, end: float) -> tuple[float, ...]:
+    """Increasing times from 0, each the start of a time in which nothing moves [s]."""
+    times = {0.0}
+    for body in scene.bodies:
+        times |= {t for t in body.pose.snapshot_times(end) if 0 < t < end}
+    if any(term.moves for term in scene.terms):
+        times |= {end * k / SOURCE_SNAPSHOTS for k in range(SOURCE_SNAPSHOTS)}
+    return tuple(sorted(times))
 
 
 def take_snapshots(
@@ -29,54 +53,137 @@ def take_snapshots(
     names: tuple[str, ...],
     starts: tuple[float, ...],
     end: float | int,
-    reach: TemperatureRange | None,
+    temperatures: TemperatureRange | None,
     prune: bool,
 ) -> list[Snapshot]:
-    """The scene at every moment, with the same bindings at each.
+    """The scene at every snapshot, with the same bindings at each.
 
     Args:
         scene: bodies and terms.
         prepared: the bodies.
         names: of the terms.
-        starts: when the moments begin [s].
+        starts: of the snapshots [s].
         end: of the last of them [s].
-        reach: what the run can get to, if that is known.
-        prune: whether what does nothing is left out.
+        temperatures: range of the run, if it is known.
+        prune: True to leave out terms that have no effect.
     """
+    # Of several snapshots only those terms are dropped that never act.
     once = prune and len(starts) == 1
-    known = partial(replace, temperature_range=reach, prune=once)
-    snapshots = [
-        _snapshot(scene, prepared, names, t, known) for t in middles(starts, end)
-    ]
+    stops = (*starts[1:], max(end, starts[-1]))
+    snapshots = []
+    for start, stop in zip(starts, stops, strict=True):
+        time = (start + stop) / 2
+        poses = tuple(body.pose.at(time) for body in scene.bodies)
+        pairs, covered, omitted = _find_contacts(scene, poses, names)
+        surface = Surface(
+            bodies=_body_surfaces(scene, prepared, poses, covered, once),
+            references=tuple(body.reference for body in prepared),
+            temperature_range=temperatures,
+        )
+        terms = tuple(term.at(time) for term in scene.terms)
+        snapshots.append(Snapshot(bind_terms(terms, surface), pairs, omitted))
     if once or not prune:
         return snapshots
-    bodies = [drop_idle([x.bounds[b] for x in snapshots]) for b in range(len(prepared))]
-    return [
-        snapshot._replace(bounds=bounds)
-        for snapshot, *bounds in zip(snapshots, *bodies, strict=True)
-    ]
+    keep = [bool(where.any()) for where in acting([each.surface for each in snapshots])]
+    return [s._replace(surface=with_terms(s.surface, keep)) for s in snapshots]
 
 
-def _snapshot(
+def _body_surfaces(
     scene: Scene,
     prepared: tuple[PreparedBody, ...],
-    names: tuple[str, ...],
-    time: float,
-    known: Callable[[Surface], Surface],
-) -> Snapshot:
-    poses = tuple(body.pose.at(time) for body in scene.bodies)
+    poses: tuple[Pose, ...],
+    covered: list[Float[np.ndarray, " s"]],
+    prune: bool,
+) -> tuple[BodySurface, ...]:
+    """The surfaces of all bodies; `covered` is a fraction of each fragment."""
+    dtype: Any = np.dtype(scene.dtype)
+    grids = [body.structure.grid for body in scene.bodies]
     triangles = np.concatenate(
         [
-            pose.place(body.structure.grid.mesh.triangles)
-            for body, pose in zip(scene.bodies, poses, strict=True)
+            pose.place(grid.mesh.triangles)
+            for grid, pose in zip(grids, poses, strict=True)
         ]
     )
-    touching = find_contacts(scene, poses, names)
-    terms = surface_terms(scene, time)
-    dtype: Any = np.dtype(scene.dtype)
-    bounds = []
-    for index, one in enumerate(prepared):
-        covered = touching.covered[index]
-        surface = body_surface(index, one, poses[index], covered, triangles, dtype)
-        bounds.append(bind_terms(terms, known(surface), one.reference))
-    return Snapshot(touching, tuple(bounds))
+    surfaces = []
+    for index, (body, pose) in enumerate(zip(scene.bodies, poses, strict=True)):
+        grid, exposed = grids[index], 1 - covered[index]
+        surfaces.append(
+            BodySurface(
+                body=index,
+                grid=grid,
+                pose=pose,
+                position=pose.place(grid.fragment_position),
+                normal=pose.turn(grid.fragment_normal),
+                area=(grid.fragment_area * exposed).astype(dtype),
+                exposed_fraction=exposed.astype(dtype),
+                natural=exposed > 0,
+                half_cell=prepared[index].half_cell * exposed.astype(dtype),
+                emissivity=surface_property(body, "emissivity", dtype),
+                absorptivity=surface_property(body, "absorptivity", dtype),
+                scene_triangles=triangles,
+                dtype=dtype,
+                prune=prune,
+            )
+        )
+    return tuple(surfaces)
+
+
+def _find_contacts(
+    scene: Scene, poses: tuple[Pose, ...], names: tuple[str, ...]
+) -> tuple[
+    dict[PairKey, ContactPairs], list[Float[np.ndarray, " s"]], tuple[Omission, ...]
+]:
+    """Touching fragments of each pair of bodies, covered fractions, and omissions.
+
+    Raises:
+        InputError: if bodies overlap deeply, or two terms join the same ones.
+    """
+    terms = [
+        (n, term)
+        for n, term in enumerate(scene.terms)
+        if isinstance(term, AbstractPairTerm)
+    ]
+    covered = [np.zeros(len(b.structure.grid.fragment_area)) for b in scene.bodies]
+    if not terms or len(scene.bodies) == 1:
+        alone = tuple(Omission(names[n], "there is one body") for n, _ in terms)
+        return {}, covered, alone
+    placed = tuple(
+        PlacedGrid(body.structure.grid, pose, f"body {index}")
+        for index, (body, pose) in enumerate(zip(scene.bodies, poses, strict=True))
+    )
+    pairs: dict[PairKey, ContactPairs] = {}
+    omitted = []
+    for number, term in terms:
+        touching = contacts_between(placed, term.max_gap)
+        found = {key: each for key, each in touching.items() if term.connects(*key)}
+        if not found:
+            omitted.append(Omission(names[number], "no bodies touch"))
+        elif term.is_idle:
+            omitted.append(Omission(names[number], "its conductance is 0"))
+        for (one, other), each in found.items():
+            _refuse_twice(pairs, number, one, other)
+            if not term.is_idle:
+                pairs[number, one, other] = each
+            covered[one] = covered[one] + each.coverage_a
+            covered[other] = covered[other] + each.coverage_b
+    return pairs, [np.minimum(part, 1) for part in covered], tuple(omitted)
+
+
+def _refuse_twice(
+    pairs: dict[PairKey, ContactPairs], number: int, one: int, other: int
+):
+    for before in pairs:
+        if before[1:] == (one, other):
+            raise InputError(
+                f"terms[{before[0]}] and terms[{number}] both join bodies {one} and "
+                f"{other}: say which bodies each joins"
+            )
+
+
+def pair_counts(snapshots: list[Snapshot]) -> dict[PairKey, int]:
+    """The most touching pairs at any snapshot, of all bodies that ever touch."""
+    counts: dict[PairKey, int] = {}
+    for snapshot in snapshots:
+        for key, pairs in snapshot.pairs.items():
+            counts[key] = max(counts.get(key, 0), len(pairs.area))
+    return {key: counts[key] for key in sorted(counts)}

@@ -1,154 +1,129 @@
-"""Terms meet bodies: which of them act on a body's surface, where, and how much.
+"""Surface terms bound to a scene: which act, on which fragments, and how strongly.
 
-A term that can do nothing is not bound, and the receipt says why. What holds the
-surface at a temperature is bound first: where it holds, nothing else acts.
+Terms that prescribe a temperature are bound first: no other term acts there.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 
-from ...arrays import Scalar
 from ...errors import InputError
-from ...geometry.pose import Pose
-from ...physics.term import AbstractSurfaceTerm, Binding, Omitted, Surface
-from ..scene import Scene
-from .bodies import PreparedBody, surface_property
+from ...physics.term import (
+    AbstractSurfaceTerm,
+    AbstractTerm,
+    Binding,
+    Omitted,
+    Surface,
+)
 
 
-class Numbered(NamedTuple):
-    """One binding of the term with this number in the scene."""
-
-    number: int
-    binding: Binding
+NumberedBindings = tuple[tuple[int, Binding], ...]
+"""Bindings with the number of their term in the scene."""
 
 
-class Bound(NamedTuple):
-    """The terms on one body at one moment, and what was left out with the reason."""
+class BoundSurface(NamedTuple):
+    """The surface of a scene at one moment, and the terms that act on it."""
 
-    natural: tuple[Numbered, ...]
-    prescribed: tuple[Numbered, ...]
-    omitted: tuple[tuple[int, str], ...]
     surface: Surface
+    natural: NumberedBindings
+    """Terms that give a flux, where no temperature is prescribed."""
+    prescribed: NumberedBindings
+    omitted: tuple[tuple[int, Omitted], ...]
+    """Terms that do not act on a body, by their number."""
 
     @property
-    def everything(self) -> tuple[Numbered, ...]:
-        """What acts at the surface's temperature, then what holds it."""
+    def bindings(self) -> NumberedBindings:
+        """All bindings, natural ones first."""
         return (*self.natural, *self.prescribed)
 
-    @property
-    def numbers(self) -> set[int]:
-        """Of the terms that act."""
-        return {each.number for each in self.everything}
+    def reason(self, number: int, body: int) -> str | None:
+        """The reason why a term was not bound to a body; None if it was."""
+        for omitted, (why, where) in self.omitted:
+            if omitted == number and where in (None, body):
+                return why
+        return None
 
 
-def body_surface(
-    index: int,
-    one: PreparedBody,
-    pose: Pose,
-    covered: Float[np.ndarray, " s"],
-    triangles: Float[np.ndarray, "f 3 3"],
-    dtype: Any,
-) -> Surface:
-    """The surface of a body as terms see it.
-
-    Args:
-        index: of the body.
-        one: the body.
-        pose: where it stands at this moment.
-        covered: share of each fragment that another body touches.
-        triangles: of all bodies, in the world [m].
-        dtype: of the state.
-    """
-    body, bare = one.body, 1 - covered
-    grid = body.structure.grid
-    return Surface(
-        body=index,
-        grid=grid,
-        pose=pose,
-        position=pose.place(grid.fragment_position),
-        normal=pose.turn(grid.fragment_normal),
-        area=(grid.fragment_area * bare).astype(dtype),
-        exposed_fraction=bare.astype(dtype),
-        natural=bare > 0,
-        half_cell=one.half_cell * bare.astype(dtype),
-        emissivity=surface_property(body, "emissivity", dtype),
-        absorptivity=surface_property(body, "absorptivity", dtype),
-        scene_triangles=triangles,
-        dtype=dtype,
-    )
-
-
-def bind_terms(
-    terms: tuple[tuple[int, AbstractSurfaceTerm], ...],
-    surface: Surface,
-    reference: Scalar,
-) -> Bound:
-    """What holds the surface first, then all that acts where nothing holds it.
+def bind_terms(terms: Sequence[AbstractTerm], surface: Surface) -> BoundSurface:
+    """Prescribed temperatures first, then all that acts where there is none.
 
     Raises:
-        InputError: if two terms hold one piece of the surface.
+        InputError: if two terms prescribe the temperature of one piece of surface.
     """
-    omitted: list[tuple[int, str]] = []
-    holding = [(n, term) for n, term in terms if term.is_dirichlet]
-    held = _bind(holding, surface, reference, omitted)
-    taken = np.full(len(surface.natural), -1)
-    for number, binding in held:
-        _refuse_twice(taken[binding.acts], number, surface.body)
+    numbered = [
+        (n, term)
+        for n, term in enumerate(terms)
+        if isinstance(term, AbstractSurfaceTerm)
+    ]
+    omitted: list[tuple[int, Omitted]] = []
+    dirichlet = [(n, term) for n, term in numbered if term.is_dirichlet]
+    prescribed = _bind(dirichlet, surface, omitted)
+    taken = np.full(len(surface.body), -1)
+    for number, binding in prescribed:
+        _refuse_twice(taken[binding.acts], number, surface.body[binding.acts])
         taken[binding.acts] = number
-    rest = replace(surface, natural=surface.natural & (taken < 0))
-    acting = [(n, term) for n, term in terms if not term.is_dirichlet]
-    free = _bind(acting, rest, reference, omitted)
-    return Bound(free, held, tuple(sorted(omitted)), rest)
+    rest = replace(
+        surface,
+        bodies=tuple(
+            replace(body, natural=body.natural & free)
+            for body, free in zip(surface.bodies, surface.apart(taken < 0), strict=True)
+        ),
+    )
+    others = [(n, term) for n, term in numbered if not term.is_dirichlet]
+    natural = _bind(others, rest, omitted)
+    return BoundSurface(rest, natural, prescribed, tuple(omitted))
 
 
-def _bind(terms, surface, reference, omitted) -> tuple[Numbered, ...]:
-    numbered = []
+def _bind(
+    terms: list[tuple[int, AbstractSurfaceTerm]],
+    surface: Surface,
+    omitted: list[tuple[int, Omitted]],
+) -> NumberedBindings:
+    bindings = []
     for number, term in terms:
-        bindings = term.bind(surface, reference)
-        if isinstance(bindings, Omitted):
-            omitted.append((number, bindings.reason))
-        else:
-            numbered += [Numbered(number, each) for each in bindings]
-    return tuple(numbered)
+        for found in term.bind(surface):
+            if isinstance(found, Omitted):
+                omitted.append((number, found))
+            else:
+                bindings.append((number, found))
+    return tuple(bindings)
 
 
-def _refuse_twice(before: np.ndarray, number: int, body: int) -> None:
+def _refuse_twice(before: np.ndarray, number: int, body: np.ndarray) -> None:
     if (before >= 0).any():
         raise InputError(
             f"terms[{before.max()}] and terms[{number}] both hold a piece of body "
-            f"{body}'s surface at a temperature: keep their `on` apart"
+            f"{body[before >= 0][0]}'s surface at a temperature: keep their `on` apart"
         )
 
 
-def acts_ever(bounds: list[Bound]) -> list[Bool[np.ndarray, " s"]]:
-    """Where each binding acts at any of the moments, which have the same bindings."""
-    rows = zip(*(bound.everything for bound in bounds), strict=True)
-    return [np.any([each.binding.acts for each in row], axis=0) for row in rows]
+def acting(surfaces: list[BoundSurface]) -> list[Bool[np.ndarray, " s"]]:
+    """Fragments on which each binding acts at any snapshot."""
+    rows = zip(*(each.bindings for each in surfaces), strict=True)
+    return [np.any([binding.acts for _, binding in row], axis=0) for row in rows]
 
 
-def drop_idle(bounds: list[Bound]) -> list[Bound]:
-    """One body's bindings at all moments, without those that never act."""
-    kept = [acts.any() for acts in acts_ever(bounds)]
-    free = len(bounds[0].natural)
-    pick = lambda row, keep: tuple(x for x, k in zip(row, keep, strict=True) if k)
-    return [
-        b._replace(
-            natural=pick(b.natural, kept[:free]),
-            prescribed=pick(b.prescribed, kept[free:]),
-        )
-        for b in bounds
-    ]
-
-
-def surface_terms(
-    scene: Scene, time: float
-) -> tuple[tuple[int, AbstractSurfaceTerm], ...]:
-    """Terms at surfaces as they stand at a moment [s], with their numbers."""
-    return tuple(
-        (number, frozen)
-        for number, term in enumerate(scene.terms)
-        if isinstance(frozen := term.at(time), AbstractSurfaceTerm)
+def with_terms(bound: BoundSurface, keep: Sequence[bool]) -> BoundSurface:
+    """The surface without some of its bindings."""
+    first = len(bound.natural)
+    pick = lambda row, flags: tuple(x for x, k in zip(row, flags, strict=True) if k)
+    return bound._replace(
+        natural=pick(bound.natural, keep[:first]),
+        prescribed=pick(bound.prescribed, keep[first:]),
     )
+
+
+def ledger_bodies(
+    surfaces: list[BoundSurface], prune: bool
+) -> dict[int, tuple[int, ...]]:
+    """Bodies on which each term acts at any snapshot, by the term's number."""
+    first, found = surfaces[0], {}
+    for (number, _), where in zip(first.bindings, acting(surfaces), strict=True):
+        for body, acts in enumerate(first.surface.apart(where)):
+            bound = not prune and first.reason(number, body) is None
+            if bound or acts.any():
+                found.setdefault(number, set()).add(body)
+    return {number: tuple(sorted(bodies)) for number, bodies in found.items()}

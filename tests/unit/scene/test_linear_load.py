@@ -1,4 +1,4 @@
-"""Linear loads summed by nodes are those of the places, to rounding."""
+"""Linear loads summed by nodes are those of the surface cells, to rounding."""
 
 from dataclasses import replace
 
@@ -11,8 +11,8 @@ import pytest
 import jaxthermo as jt
 from jaxthermo.integrate.run.heat_rates import add_loads
 from jaxthermo.scene.compile.compile import compile_scene
-from jaxthermo.scene.loads.linear_load import NodeLoad
-from jaxthermo.scene.loads.surface_load import SurfaceLoad
+from jaxthermo.scene.compile.linear_load import LinearSurfaceLoad
+from jaxthermo.scene.compile.surface_load import SurfaceLoad
 
 
 STEEL = jt.Material(16.0, density=8000.0, specific_heat=500.0, emissivity=0.9)
@@ -47,39 +47,37 @@ def _loaded(program, states, time):
     return add_loads(program, states, states, time, jnp.ones(()))
 
 
-def _by_place(program):
-    bodies = tuple(replace(b, load=b.load.places) for b in program.bodies)
-    return replace(program, bodies=bodies)
+def _by_cell(program):
+    return replace(program, surface=program.surface.by_cell)
 
 
 @pytest.mark.parametrize("material", [STEEL, WOOL], ids=["steel", "wool"])
 @pytest.mark.parametrize(
     "kinds", [(jt.FullVolume,), (jt.Aggregate, jt.Octree)], ids=["lattice", "two"]
 )
-def test_they_bring_what_the_places_do(ball, kinds, material):
+def test_they_bring_what_the_cells_do(ball, kinds, material):
     compiled = compile_scene(_scene([kind(ball) for kind in kinds], TERMS, material))
     program = compiled.program
-    assert all(isinstance(body.load, NodeLoad) for body in program.bodies)
-    assert program.joined is None
+    assert isinstance(program.surface, LinearSurfaceLoad)
     chance = np.random.default_rng(0)
     states = tuple(s + chance.uniform(-5, 5, s.shape) for s in compiled.state)
     for time in (0.0, 3.0, 4.5):
         found, entries = _loaded(program, states, jnp.full((), time))
-        wanted, told = _loaded(_by_place(program), states, jnp.full((), time))
+        wanted, told = _loaded(_by_cell(program), states, jnp.full((), time))
         for one, other, before in zip(found, wanted, states, strict=True):
             assert np.abs(one - before).max() > 1e-4
             np.testing.assert_allclose(one, other, rtol=0, atol=1e-11)
         np.testing.assert_allclose(entries, told, rtol=1e-11, atol=1e-11)
 
 
-def test_what_is_not_linear_goes_by_places(ball):
+def test_what_is_not_linear_goes_by_cells(ball):
     program = lambda *terms: compile_scene(_scene([jt.Aggregate(ball)], terms)).program
-    kind = lambda *terms: type(program(*terms).bodies[0].load)
-    assert kind(TERMS[0], TERMS[2]) is NodeLoad
+    kind = lambda *terms: type(program(*terms).surface)
+    assert kind(TERMS[0], TERMS[2]) is LinearSurfaceLoad
     assert kind(TERMS[0], jt.Surroundings(280.0)) is SurfaceLoad
     assert kind(jt.Convection(lambda time: 1.0 + time, 280.0)) is SurfaceLoad
     warm = jt.Surroundings(295.0, linear_within=0.2)
-    assert kind(TERMS[2], warm) is NodeLoad
+    assert kind(TERMS[2], warm) is LinearSurfaceLoad
 
 
 def test_energy_closes_and_gradients_are_differences(ball):

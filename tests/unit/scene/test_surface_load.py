@@ -1,4 +1,4 @@
-"""Places of a surface in the time loop: an even number of them, the spare ones idle."""
+"""Surface cells in the time loop: an even number of them, the spare ones idle."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -7,8 +7,8 @@ import pytest
 
 import jaxthermo as jt
 from jaxthermo.integrate.run.heat_rates import add_loads
+from jaxthermo.scene.compile import surface_load
 from jaxthermo.scene.compile.compile import compile_scene
-from jaxthermo.scene.loads import load
 
 
 STEEL = jt.Material(16.0, density=8000.0, specific_heat=500.0, emissivity=0.9)
@@ -22,10 +22,10 @@ TERMS = (
 
 @pytest.mark.parametrize("count", [1, 16, 17, 57, 511, 512, 4097, 73101, 10**6 + 1])
 def test_a_size_is_even_and_little_larger(count):
-    size = load.even_size(count)
+    size = surface_load.even_size(count)
     assert size % 16 == 0 and count <= size < count + max(16, count / 16 + 1)
     assert size % 1024 == 0 or count < 16384
-    assert load.even_size(size) == size
+    assert surface_load.even_size(size) == size
 
 
 @eqx.filter_jit
@@ -35,7 +35,7 @@ def _loaded(program, states):
 
 
 @pytest.mark.slow
-def test_spare_places_do_nothing(monkeypatch):
+def test_spare_cells_do_nothing(monkeypatch):
     grid = jt.voxelize(jt.shapes.sphere(0.025), 0.01)
     bodies = tuple(
         jt.Body(jt.Octree(grid), STEEL, temperature=start, pose=jt.Pose((x, 0.0, 0.0)))
@@ -43,11 +43,11 @@ def test_spare_places_do_nothing(monkeypatch):
     )
     scene = jt.Scene(bodies, TERMS, dtype="float64")
     even = compile_scene(scene)
-    monkeypatch.setattr(load, "even_size", lambda count: count)
+    monkeypatch.setattr(surface_load, "even_size", lambda count: count)
     plain = compile_scene(scene)
-    for one, other in zip(even.program.bodies, plain.program.bodies, strict=True):
-        assert one.load is not None and other.load is not None
-        assert len(one.load.places.node) > len(other.load.places.node)
+    cells = lambda compiled: compiled.program.surface.by_cell.cells
+    for one, other in zip(cells(even), cells(plain), strict=True):
+        assert len(one.node) > len(other.node)
     chance = np.random.default_rng(0)
     states = tuple(s + chance.uniform(-5, 5, s.shape) for s in even.state)
     found, wanted = (_loaded(one.program, states) for one in (even, plain))

@@ -4,7 +4,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from wind_bodies import flux_and_slope, flux_at, law_of, surface, upright_cylinder
+from wind_bodies import (
+    flux_and_slope,
+    flux_at,
+    law_of,
+    surface,
+    upright_cylinder,
+    whole,
+)
 
 from jaxthermo.errors import InputError
 from jaxthermo.geometry.pose import Pose
@@ -102,7 +109,7 @@ def test_a_length_takes_the_place_of_the_bodys_own(grid):
 def test_an_upright_cylinder_without_ends_needs_a_length(grid):
     endless = Cylinder((0.0, 0.0, 0.0), (0, 0, 1), 0.1)
     with pytest.raises(InputError, match="has no length"):
-        FreeConvection(300.0, cylinders=[endless]).bind(surface(grid), 300.0)
+        FreeConvection(300.0, cylinders=[endless]).bind(whole(surface(grid)))
     law_of(FreeConvection(300.0, cylinders=[endless]), surface(grid, LYING))
 
 

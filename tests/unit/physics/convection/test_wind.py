@@ -4,7 +4,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from wind_bodies import DIAMETER, flux_at, law_of, surface, upright_cylinder
+from wind_bodies import (
+    DIAMETER,
+    flux_at,
+    law_of,
+    surface,
+    upright_cylinder,
+    whole,
+)
 
 import jaxthermo as jt
 from jaxthermo.errors import InputError
@@ -158,7 +165,7 @@ def test_still_air_is_left_out(seen):
         Wind(ALONG_X, AIR, speed=0.0),
         Wind(ALONG_X, AIR, speed=jt.Table([0.0, 1.0], [0.0, 0.0])),
     ):
-        assert wind.bind(seen, 300.0) == Omitted("the air stands still")
+        assert wind.bind(whole(seen)) == (Omitted("the air stands still"),)
 
 
 def test_the_places_of_two_cylinders_go_by_their_own_diameters(grid, seen):
@@ -210,8 +217,8 @@ def test_gradients_reach_the_wakes_parameters(shaded):
 
 
 def notes(wind, seen):
-    (binding,) = wind.bind(seen, 300.0)
-    return binding.notes
+    (binding,) = wind.bind(whole(seen))
+    return tuple(note for _, note in binding.notes)
 
 
 def test_notes_name_recalled_shapes_and_constant_numbers(seen):
@@ -272,9 +279,9 @@ def test_a_mistake_is_one_line(arguments, words):
 def test_cylinders_far_from_the_body_are_refused(seen):
     lost = Cylinder((50.0, 0.0, 0.0), (0, 0, 1), 0.1, 0.1)
     with pytest.raises(InputError, match="nearest is 49.9 m away"):
-        Wind(ALONG_X, AIR, cylinders=(lost,)).bind(seen, 300.0)
+        Wind(ALONG_X, AIR, cylinders=(lost,)).bind(whole(seen))
 
 
 def test_a_wake_that_gives_no_share_is_refused(shaded):
     with pytest.raises(InputError, match=r"must lie in \(0, 1\]"):
-        Wind(ALONG_X, AIR, wake=lambda x: -x).bind(shaded, 300.0)
+        Wind(ALONG_X, AIR, wake=lambda x: -x).bind(whole(shaded))

@@ -8,7 +8,7 @@ import numpy as np
 
 from jaxthermo.geometry import shapes
 from jaxthermo.geometry.pose import Pose
-from jaxthermo.physics.term import Surface
+from jaxthermo.physics.term import BodySurface, Surface
 from jaxthermo.voxels.voxelize import voxelize
 
 
@@ -42,13 +42,18 @@ def surface(grid, pose=None, triangles=None, dtype=np.float64, **changes):
         else triangles,
         "dtype": np.dtype(dtype),
     }
-    return Surface(**{**fields, **changes})
+    return BodySurface(**{**fields, **changes})
+
+
+def whole(body, reference=300.0):
+    """The surface of a scene of this body alone."""
+    return Surface((body,), (reference,))
 
 
 def law_of(term, seen, reference=300.0):
     """The law of a term's only binding."""
-    (binding,) = term.bind(seen, reference)
-    return binding.term.law
+    (binding,) = term.bind(whole(seen, reference))
+    return binding.law
 
 
 @eqx.filter_jit

@@ -1,6 +1,4 @@
-"""The surfaces of several bodies as one are every body's for itself, to rounding."""
-
-from dataclasses import replace
+"""The balance of all bodies at once is that of every body alone, to rounding."""
 
 import equinox as eqx
 import jax
@@ -10,7 +8,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.integrate.run.heat_rates import add_loads
+from jaxthermo.integrate.run.heat_rates import add_loads, net_irradiation, surface_nodes
 from jaxthermo.scene.compile.compile import compile_scene
 
 
@@ -75,9 +73,32 @@ def _scene(grids, terms, materials, starts=(300.0, 290.0, 320.0)):
 
 
 @eqx.filter_jit
-def _loaded(program, states, time):
-    dt = jnp.ones((), time.dtype)
-    return add_loads(program, states, states, time, dt)
+def _together(program, states, time):
+    """Heat rates of all cells, body by body, and of the ledger entries."""
+    nodes = surface_nodes(program, states)
+    received = net_irradiation(program, nodes, time)
+    networks = [program.bodies[c.body].network for c in program.surface.cells]
+    return program.surface.heat(time, nodes, networks, received)
+
+
+@eqx.filter_jit
+def _alone(program, states, time):
+    """The same from the balance of one body after the other: the simple form."""
+    load, entries, heat = program.surface, jnp.zeros(len(program.entries)), []
+    nodes = surface_nodes(program, states)
+    received = net_irradiation(program, nodes, time)
+    for index, cells in enumerate(load.cells):
+        here = cells.cells_of(nodes[index])
+        network = program.bodies[cells.body].network
+        terms = load.terms_on(index).conducting(network.relative_conductivity(here))
+        if received is not None:
+            terms = terms.irradiated(load.apart(received)[index], emits=False)
+        rate, by_term = terms.heat(time, here)
+        heat.append(rate)
+        for number, row in enumerate(load.entries):
+            if row[index] >= 0:
+                entries = entries.at[row[index]].add(by_term[number])
+    return heat, entries
 
 
 @pytest.mark.parametrize(
@@ -102,8 +123,8 @@ def test_one_balance_is_all_bodies_own(grids, name):
         # Every moment runs the same compiled step.
         assert jax.tree.map(np.shape, eqx.filter(program, eqx.is_array)) == first
         now = jnp.asarray(0.5)
-        joined = _loaded(program, states, now)
-        alone = _loaded(replace(program, joined=None), states, now)
+        joined = _together(program, states, now)
+        alone = _alone(program, states, now)
         for one, other in zip(joined[0], alone[0], strict=True):
             np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12)
         np.testing.assert_allclose(joined[1], alone[1], rtol=1e-12, atol=1e-14)
@@ -136,22 +157,23 @@ def test_the_program_holds_one_balance(grids):
     assert 0 < _wind_equations(three) == _wind_equations(one)
 
 
-def test_only_several_surfaces_are_joined(grids):
+def test_a_body_without_terms_has_no_cells(grids):
     flux = jt.HeatFlux(200.0, on=TOP)
-    joined = lambda *terms: (
-        compile_scene(_scene(grids, terms, (STEEL,) * 3)).program.joined
+    load = lambda *terms: (
+        compile_scene(_scene(grids, terms, (STEEL,) * 3)).program.surface
     )
-    assert joined() is None and joined(flux) is None
-    assert joined(flux, jt.Surroundings(280.0)) is not None
+    assert load() is None
+    assert [cells.body for cells in load(flux).by_cell.cells] == [1]
+    every = load(flux, jt.Surroundings(280.0))
+    assert [cells.body for cells in every.cells] == [0, 1, 2]
 
 
 def test_sky_and_ground_are_one_entry_and_an_absent_term_none(grids):
     terms = (jt.Surroundings(300.0, ground=290.0), jt.HeatFlux(10.0, on=TOP))
-    joined = compile_scene(_scene(grids, terms, (STEEL, STEEL, MIRROR))).program.joined
-    assert joined is not None
+    load = compile_scene(_scene(grids, terms, (STEEL, STEEL, MIRROR))).program.surface
     # The third body has no surface load.
-    assert joined.entries == ((0, 1), (-1, 2)) and len(joined.places) == 2
-    assert [n for n, _ in joined.terms.natural] == [0, 0, 1]
+    assert load.entries == ((0, 1), (-1, 2)) and len(load.cells) == 2
+    assert [n for n, _ in load.terms.natural] == [0, 0, 1]
 
 
 @pytest.mark.slow

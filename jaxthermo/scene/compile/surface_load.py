@@ -1,0 +1,369 @@
+"""Heat of all surface terms in the time loop, by surface cells.
+
+The balance of every cell stands for itself, so cells of all bodies are one set of
+arrays: one balance to compile and to run instead of one per body. Bodies apart would
+run at once and in many small pieces, three times slower than one after the other.
+"""
+
+import abc
+from collections.abc import Sequence
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from ...arrays import members
+from ...network.network import AbstractNetwork, Address, precise_sum, slot_sums
+from ...physics.surface_energy_balance import SurfaceTerms
+from ...physics.term import spread
+from .bodies import PreparedBody, device_address
+
+
+MIN_SPARE, MAX_SPARE = 16, 1024
+"""Numbers of cells are multiples of a power of two between these."""
+
+
+class BodyCells(eqx.Module):
+    """The surface cells of one body and their nodes.
+
+    Fragments of one node on which the same terms act are one cell; a fragment on which
+    nothing acts has none. Some more at the end, of no area, make their number even
+    (`even_size`). Cells are summed by gathering, and every node is then written once,
+    which is several times faster than adding to it in turn.
+    """
+
+    body: int = eqx.field(static=True)
+    address: Address
+    """Of the nodes that have such cells, each once, in the order of the state."""
+    capacity: Float[Array, "*m"]
+    """Of those nodes [J/K]; one number if all have the same."""
+    node: Int[Array, " p"]
+    """Index of each cell's node among them."""
+    slots: tuple[Int[Array, " m"], ...]
+    """Index of each node's k-th cell; where it has fewer, one without area or none."""
+
+    def nodes_of(self, state: Float[Array, "..."]) -> Float[Array, " m"]:
+        """Values of a state at the nodes."""
+        return state.at[self.address].get(mode="promise_in_bounds")
+
+    def cells_of(self, nodes: Float[Array, " m"]) -> Float[Array, " p"]:
+        """Values of the nodes at the cells."""
+        return nodes.at[self.node].get(mode="promise_in_bounds")
+
+    def add(
+        self, new: Float[Array, "..."], dt: Float[Array, ""], heat: Float[Array, " m"]
+    ) -> Float[Array, "..."]:
+        """A state with the heat rates of the nodes [W] over `dt` [s]."""
+        # The state stays three-dimensional here: flattening it for the scatter would
+        # make XLA compute the whole stencil with flat indices, slowly.
+        return new.at[self.address].add(
+            dt * heat / self.capacity,
+            mode="promise_in_bounds",
+            indices_are_sorted=True,
+            unique_indices=True,
+        )
+
+
+class AbstractSurfaceLoad(eqx.Module):
+    """Heat of all surface terms on the bodies of a scene."""
+
+    @property
+    @abc.abstractmethod
+    def by_cell(self) -> "SurfaceLoad":
+        """The load in general form."""
+
+    @abc.abstractmethod
+    def nodes_of(self, index: int, state: Float[Array, "..."]) -> Float[Array, " m"]:
+        """Values of a state at the nodes of the body with this index."""
+
+    @abc.abstractmethod
+    def heat(
+        self,
+        time: Float[Array, ""],
+        nodes: Sequence[Float[Array, " _"]],
+        networks: Sequence[AbstractNetwork],
+        received: Float[Array, " p"] | None = None,
+        emits: bool = False,
+    ) -> tuple[list[Float[Array, " _"]], Float[Array, " c"]]:
+        """Heat rates of each body's cells or nodes, and of each ledger entry [W].
+
+        Args:
+            time: [s].
+            nodes: temperatures of the nodes above the references [K].
+            networks: of the bodies.
+            received: by each cell from other surfaces [W/m^2].
+            emits: False if the cell's own emission is in what is received.
+        """
+
+    @abc.abstractmethod
+    def add(
+        self,
+        index: int,
+        new: Float[Array, "..."],
+        network: AbstractNetwork,
+        dt: Float[Array, ""],
+        heat: Float[Array, " _"],
+    ) -> Float[Array, "..."]:
+        """A body's state with the heat rates of `heat` over `dt` [s]."""
+
+    def cells_of(self, body: int) -> BodyCells | None:
+        """The cells of a body; None if nothing acts on it."""
+        found = (cells for cells in self.by_cell.cells if cells.body == body)
+        return next(found, None)
+
+    def stiffness(
+        self,
+        body: int,
+        highest: Float[Array, ""],
+        end: float,
+        relative: Float[Array, ""],
+    ) -> Float[Array, " m"]:
+        """Conductance that the load adds to each node in the stable step [W/K].
+
+        Args:
+            body: number of the body.
+            highest: temperature of any surface [K].
+            end: of the run [s].
+            relative: the largest k(T) / k(reference) [-].
+        """
+        load = self.by_cell
+        index = [cells.body for cells in load.cells].index(body)
+        stiffness = load.terms_on(index).stiffness(highest, end, relative)
+        return slot_sums(stiffness, load.cells[index].slots)
+
+    def is_dissipative(self, body: int) -> bool:
+        """True if a term bounds the temperature of a body."""
+        load = self.by_cell
+        return any(
+            cells.body == body
+            and any(
+                term.law.is_dissipative and load.entries[n][index] >= 0
+                for n, term in load.terms.natural
+            )
+            for index, cells in enumerate(load.cells)
+        )
+
+
+class SurfaceLoad(AbstractSurfaceLoad):
+    """Heat of all surface terms, from the balance of every cell.
+
+    Bodies on which nothing acts have no cells, and no index here.
+    """
+
+    terms: SurfaceTerms
+    """On the cells of all bodies, one body after the other."""
+    cells: tuple[BodyCells, ...]
+    references: tuple[Float[Array, ""], ...]
+    """Of the bodies that have cells [K]."""
+    entries: tuple[tuple[int, ...], ...] = eqx.field(static=True)
+    """Ledger entry of each term on each of those bodies; -1 where it has none."""
+    entry_count: int = eqx.field(static=True)
+    """Length of the ledger."""
+
+    @property
+    def by_cell(self) -> "SurfaceLoad":
+        """The load itself."""
+        return self
+
+    def nodes_of(self, index: int, state: Float[Array, "..."]) -> Float[Array, " m"]:
+        """Values at the nodes that have cells."""
+        return self.cells[index].nodes_of(state)
+
+    def conducting(
+        self,
+        nodes: Sequence[Float[Array, " _"]],
+        networks: Sequence[AbstractNetwork],
+    ) -> tuple[SurfaceTerms, Float[Array, " p"]]:
+        """The terms above nodes of these temperatures, and those at the cells [K]."""
+        pairs = zip(self.cells, nodes, strict=True)
+        here = [cells.cells_of(each) for cells, each in pairs]
+        relative = [
+            network.relative_conductivity(each)
+            for network, each in zip(networks, here, strict=True)
+        ]
+        return self.terms.conducting(together(relative, here)), _join(here)
+
+    def heat(
+        self,
+        time: Float[Array, ""],
+        nodes: Sequence[Float[Array, " _"]],
+        networks: Sequence[AbstractNetwork],
+        received: Float[Array, " p"] | None = None,
+        emits: bool = False,
+    ) -> tuple[list[Float[Array, " _"]], Float[Array, " c"]]:
+        """Heat rates of the cells and of the ledger entries."""
+        terms, here = self.conducting(nodes, networks)
+        if received is not None:
+            terms = terms.irradiated(received, emits)
+        heat, rates = terms.rates(time, here)
+        closing = self._closing_term()
+        each = [(n, flux) for n, flux in terms.imposed(time) if n != closing]
+        each += [(n, self._sums(rate)) for n, rate in rates.items() if n != closing]
+        if closing is not None:
+            others = sum(own for _, own in each)
+            each.append((closing, self._sums(heat) - others))
+        return self.apart(heat), self._by_entry(each, heat.dtype)
+
+    def add(
+        self,
+        index: int,
+        new: Float[Array, "..."],
+        network: AbstractNetwork,
+        dt: Float[Array, ""],
+        heat: Float[Array, " _"],
+    ) -> Float[Array, "..."]:
+        """A state with the heat of the cells."""
+        del network
+        cells = self.cells[index]
+        return cells.add(new, dt, slot_sums(heat, cells.slots))
+
+    def terms_on(self, index: int) -> SurfaceTerms:
+        """The terms on the cells of one body."""
+        ends = np.cumsum([0, *self.counts])
+        acting = {n for n, own in enumerate(self.entries) if own[index] >= 0}
+        cells = slice(int(ends[index]), int(ends[index + 1]))
+        return self.terms.selected(cells, acting, self.references[index])
+
+    @property
+    def counts(self) -> tuple[int, ...]:
+        """Number of cells of each of those bodies."""
+        return tuple(cells.node.shape[0] for cells in self.cells)
+
+    def _closing_term(self) -> int | None:
+        """Number of the nonlinear term that costs most, if several bodies have any.
+
+        All terms together bring what goes through the surface. So one need not be
+        summed, nor kept in an array, nor computed twice; it is as exact as the total.
+        """
+        if len(self.cells) == 1:
+            return None
+        sizes: dict[int, int] = {}
+        for n, term in self.terms.natural:
+            if not term.law.is_linear:
+                size = sum(np.size(leaf) for leaf in jax.tree.leaves(term.law))
+                sizes[n] = sizes.get(n, 0) + size
+        return max(sizes, key=lambda n: sizes[n], default=None)
+
+    def _sums(self, values: Float[Array, " p"]) -> Float[Array, " b"]:
+        return jnp.stack([precise_sum(own) for own in self.apart(values)])
+
+    def _by_entry(self, each, dtype) -> Float[Array, " c"]:
+        """Heat rates of terms on each body, by the entries of the ledger."""
+        found = jnp.zeros(self.entry_count, dtype)
+        if not each:
+            return found
+        where = np.array([entry for n, _ in each for entry in self.entries[n]])
+        acts = np.flatnonzero(where >= 0)
+        brought = _join([own for _, own in each])
+        return found.at[where[acts]].add(brought[acts])
+
+    def apart(self, values: Float[Array, " p"]) -> list[Float[Array, " _"]]:
+        """Values of each body's cells."""
+        if len(self.cells) == 1:
+            return [values]
+        return jnp.split(values, np.cumsum(self.counts)[:-1].tolist())
+
+
+def together(
+    values: Sequence[Float[Array, "*#m"]], like: Sequence[Float[Array, " _"]]
+) -> Float[Array, "*#m"]:
+    """Values of several bodies' cells; one number where all bodies have the same."""
+    if not any(each.ndim for each in values):
+        return values[0]
+    pairs = zip(values, like, strict=True)
+    return _join([jnp.broadcast_to(each, here.shape) for each, here in pairs])
+
+
+def _join(arrays: Sequence[Float[Array, " _"]]) -> Float[Array, " p"]:
+    return arrays[0] if len(arrays) == 1 else jnp.concatenate(arrays)
+
+
+def even_size(count: int) -> int:
+    """The next size that threads share without a remainder, at most 1/16 or 16 larger.
+
+    XLA checks the bounds of every element of a loop that its threads do not divide
+    evenly, and such a loop is not vectorized: several times slower.
+    """
+    most = max(count // 16, 1)
+    step = min(max(1 << (most.bit_length() - 1), MIN_SPARE), MAX_SPARE)
+    return -(-count // step) * step
+
+
+def body_cells(
+    number: int,
+    body: PreparedBody,
+    acts: list[Bool[np.ndarray, " s"]],
+    group: Int[np.ndarray, " s"] | None = None,
+) -> tuple[BodyCells | None, Int[np.ndarray, " s"]]:
+    """The surface cells of a body, and the cell of each of its fragments or -1.
+
+    Args:
+        number: of the body.
+        body: itself.
+        acts: fragments on which each term acts, at any time.
+        group: of every fragment; those of different ones share no cell.
+    """
+    cell = np.full(len(body.fragment_node), -1, np.int32)
+    if not any(each.any() for each in acts):
+        return None, cell
+    signature = np.zeros(len(cell), np.int64) if group is None else group.astype(int)
+    for each in acts:
+        # Numbered again for each term, so that any number of terms fits.
+        signature = np.unique(2 * signature + each, return_inverse=True)[1].reshape(-1)
+    touched = np.flatnonzero(np.any(acts, axis=0))
+    signatures = signature.max() + 1
+    key = body.fragment_node.astype(np.int64) * signatures + signature
+    cells, inverse = np.unique(key[touched], return_inverse=True)
+    cell[touched] = inverse.reshape(-1)
+    nodes, node = np.unique(cells // signatures, return_inverse=True)
+    node = node.reshape(-1).astype(np.int32)
+    address, count = device_address(body.address, nodes), even_size(len(cells))
+    found = BodyCells(
+        body=number,
+        address=address,
+        capacity=body.network.capacity_at(address),
+        node=jnp.asarray(np.pad(node, (0, count - len(node)))),
+        slots=tuple(jnp.asarray(slot) for slot in members(node, len(nodes))),
+    )
+    return found, cell
+
+
+def surface_load(
+    terms: SurfaceTerms,
+    cells: tuple[BodyCells | None, ...],
+    cell: Sequence[Int[np.ndarray, " s"]],
+    references: Sequence[Any],
+    entries: tuple[tuple[int, ...], ...],
+    entry_count: int,
+) -> tuple[SurfaceLoad | None, Int[np.ndarray, " s"]]:
+    """The load of all bodies, and the cell of each fragment among all cells or -1.
+
+    Args:
+        terms: on the fragments of all bodies.
+        cells: of each body.
+        cell: of the fragments of each body.
+        references: of the bodies [K].
+        entries: ledger entry of each term on each body.
+        entry_count: length of the ledger.
+    """
+    counts = tuple(0 if c is None else c.node.shape[0] for c in cells)
+    first = np.cumsum([0, *counts])
+    pairs = zip(cell, first[:-1], strict=True)
+    joined = np.concatenate([np.where(own >= 0, own + at, -1) for own, at in pairs])
+    loaded = [n for n, count in enumerate(counts) if count]
+    if not loaded:
+        return None, joined
+    own = [references[n] for n in loaded]
+    dtype = terms.half_cell.dtype
+    reference = spread(own, [counts[n] for n in loaded], dtype)
+    load = SurfaceLoad(
+        terms=terms.coarsened(joined, tuple(counts[n] for n in loaded), reference),
+        cells=tuple(each for each in cells if each is not None),
+        references=tuple(jnp.asarray(each, dtype) for each in own),
+        entries=tuple(tuple(row[n] for n in loaded) for row in entries),
+        entry_count=entry_count,
+    )
+    return load, joined

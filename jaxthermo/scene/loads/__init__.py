@@ -1,1 +1,0 @@
-"""Heat loads on the surface of a scene, in general and in linear form."""
