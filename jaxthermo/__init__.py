@@ -41,7 +41,7 @@ _HOME = {
     "Until": "physics.time_varying",
     "PointTable": "physics.radiation.moving_source",
     "DirectionTable": "physics.radiation.moving_source",
-    "AbstractFluxLaw": "physics.term",
+    "AbstractFluxLaw": "physics.flux_law",
     "AbstractSurfaceTerm": "physics.term",
     "AbstractExchangeTerm": "physics.term",
     "AbstractVolumeTerm": "physics.term",

@@ -16,17 +16,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 from typing_extensions import override
 
-from .term import (
-    AbstractFluxLaw,
-    AbstractSurfaceTerm,
-    Binding,
-    Forcing,
-    LinearLaw,
-    Omitted,
-    Scale,
-    Surface,
-    TemperatureRange,
-)
+from .flux_law import AbstractFluxLaw, LinearLaw, TemperatureRange
+from .term import AbstractSurfaceTerm, Binding, Forcing, Omitted, Scale, Surface
 from .time_varying import (
     check_value,
     cooling_bound,

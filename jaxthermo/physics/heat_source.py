@@ -1,4 +1,4 @@
-"""Heat released inside a body: Joule heat, chemistry, decay. Q = q''' V."""
+"""Heat released inside a body by Joule heating, chemistry or decay: Q = q''' V."""
 
 from typing import Any, NamedTuple
 
@@ -20,29 +20,29 @@ then taken to be as steep as the half cell below it allows."""
 
 
 class VolumeBinding(NamedTuple):
-    """A source of heat in the nodes of one body."""
+    """Heat source in the nodes of one body."""
 
     volume: Float[np.ndarray, " n"]
-    """Of each node, what lies within [m^3]."""
+    """Heated volume of each node [m^3]."""
     heat_rate_density: Any
     """[W/m^3], a number or a function of time."""
 
 
 class HeatSource(AbstractVolumeTerm):
-    """A heat rate density inside bodies; in all of every body without `within`.
-
-    Counted voxel by voxel, by their centres, so that the heat in all is the same in
-    every structure: a node takes that of its voxels, and where a structure leaves the
-    inside out the nearest node takes that of the inside.
+    """Heat rate Q = q''' V inside bodies; in all of every body without `within`.
 
     Raises:
         InputError: for a value that is not finite, or a selection of surface alone.
     """
 
+    # Counted voxel by voxel, by their centres, so that the total heat is the same in
+    # every structure: a node receives that of its voxels, and where a structure leaves
+    # the inside out the nearest node receives that of the inside.
+
     heat_rate_density: Any
     """q''' [W/m^3], positive into the body; a number or a function of time."""
     within: Any = None
-    """A `Region` or `Everything`."""
+    """A `Region` or `Everything`; None for all bodies."""
 
     def __check_init__(self):
         check_value(self.heat_rate_density, "HeatSource(heat_rate_density [W/m^3])")

@@ -12,7 +12,7 @@ node's temperature is exact to rounding, where a near-insulator in the sun needs
 import numpy as np
 
 from ..arrays import is_traced
-from .term import BoundTerm, TemperatureRange, Values
+from .flux_law import BoundTerm, TemperatureRange, Values
 
 
 MAX_ITERATIONS = 6

@@ -25,8 +25,8 @@ from jaxtyping import Array, Float, Int
 
 from ..arrays import is_traced
 from ..network.network import inverse, precise_sum
+from .flux_law import BoundTerm, Values, total
 from .newton_iteration_bound import MAX_ITERATIONS
-from .term import BoundTerm, Values, total
 
 
 NumberedTerms = tuple[tuple[int, BoundTerm], ...]

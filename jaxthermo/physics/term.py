@@ -16,7 +16,7 @@ of it. The four kinds of term, by what they exchange heat with:
 import abc
 import dataclasses
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -24,26 +24,14 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Bool, Float, Int
 
 from ..arrays import Scalar, is_traced
 from ..errors import InputError
 from ..geometry.pose import Pose
-from ..network.network import precise_sum
 from ..voxels.grid import VoxelGrid
 from ..voxels.selection import AbstractSelection, AbstractSpace
-
-
-Values = Array | np.ndarray
-# NumPy arrays wherever nothing is traced: they compile nothing.
-
-
-class TemperatureRange(NamedTuple):
-    """Bounds of the temperatures [K] of surfaces and surroundings up to `end` [s]."""
-
-    lowest: float
-    highest: float
-    end: float | int
+from .flux_law import AbstractFluxLaw, TemperatureRange, Values
 
 
 class Omitted(NamedTuple):
@@ -71,156 +59,6 @@ class Scale(NamedTuple):
     """[W/m^2]"""
     heat_transfer_coefficient: float = 0.0
     """[W/(m^2 K)]"""
-
-
-class LinearLaw(NamedTuple):
-    """A heat flux w d(t) - s theta with a constant slope s."""
-
-    weight: Any
-    """w, one number or one per surface cell."""
-    forcing: Any
-    """d, a number or a function of time."""
-    slope: Any = None
-    """s [W/(m^2 K)], one number or one per surface cell; None for 0."""
-
-
-class AbstractFluxLaw(eqx.Module):
-    """Heat flux into a surface as a function of its temperature.
-
-    Temperatures are differences `theta` from a reference. A law that needs the absolute
-    temperature has a field `reference` [K], which binding fills in; T = reference +
-    theta. Implement `flux`, `slope` and `max_slope`.
-    """
-
-    @abc.abstractmethod
-    def flux(
-        self, time: Float[Array, ""], theta: Float[Array, " m"]
-    ) -> Float[Array, "*#m"]:
-        """Heat flux into the surface [W/m^2] at `time` [s]."""
-
-    @abc.abstractmethod
-    def slope(
-        self, time: Float[Array, ""], theta: Float[Array, " m"]
-    ) -> Float[Array, "*#m"]:
-        """-d flux / d theta [W/(m^2 K)], never negative."""
-
-    @abc.abstractmethod
-    def max_slope(self, highest: Float[Array, ""], end: float) -> Float[Array, ""]:
-        """The largest slope below a temperature `highest` [K] up to `end` [s].
-
-        It limits the explicit step.
-        """
-
-    @property
-    def is_linear(self) -> bool:
-        """True if the slope does not depend on the temperature."""
-        return False
-
-    def linear(self) -> LinearLaw | None:
-        """The parts of a law that is linear with a constant slope, else None."""
-        return None
-
-    def uniform_flux(self, time: Float[Array, ""]) -> Float[Array, ""] | None:
-        """The flux where it is one number for all surface cells, else None."""
-        del time
-        return None
-
-    def coarsened(self, mean: Callable[[Any], Any]) -> "AbstractFluxLaw":
-        """The law on other cells, which combine several fragments or select some.
-
-        A law with arrays of one value per fragment, on the last axis, overrides this.
-
-        Args:
-            mean: from values per fragment to values per cell.
-        """
-        del mean
-        return self
-
-    def above(self, reference: Any) -> "AbstractFluxLaw":
-        """The law for temperatures counted from `reference` [K]."""
-        names = {field.name for field in dataclasses.fields(self)}
-        if "reference" not in names:
-            return self
-        return dataclasses.replace(self, reference=reference)
-
-    def irradiated(
-        self, received: Float[Array, " m"], emits: bool
-    ) -> "AbstractFluxLaw":
-        """The law with the irradiation of each surface cell [W/m^2].
-
-        Laws of radiation between surfaces override this.
-        """
-        del received, emits
-        return self
-
-    def max_flux(self, within: TemperatureRange) -> float | Float[Array, ""]:
-        """A bound of |flux| within a range of temperatures [W/m^2].
-
-        With `curvature` it bounds the error of Newton's method at the surface; without
-        a bound, infinity, every balance takes all iterations.
-        """
-        del within
-        return math.inf
-
-    def curvature(self, within: TemperatureRange) -> float | Float[Array, ""]:
-        """A bound of |d2 flux / dT2| within a range [W/(m^2 K^2)]."""
-        del within
-        return math.inf
-
-    @property
-    def is_dissipative(self) -> bool:
-        """True if `supersolution` bounds the surface's temperature."""
-        return False
-
-    def supersolution(
-        self, time: Float[Array, ""], imposed: Float[Array, " m"]
-    ) -> Float[Array, "*#m"]:
-        """A theta at which the surface loses at least the imposed heat.
-
-        Newton's method that starts there or above cannot overshoot.
-
-        Args:
-            time: [s].
-            imposed: heat rate of the other mechanisms per effective area [W/m^2].
-        """
-        del time
-        return jnp.full_like(imposed, -jnp.inf)
-
-
-class BoundTerm(eqx.Module):
-    """A law on surface cells: fragments, or the parts of a surface that nodes have."""
-
-    effective_area: Float[Values, " m"]
-    """Area times the part of the law's flux that each cell absorbs [m^2]; 0 where the
-    law does not act. A conductance [W/K] for a prescribed temperature."""
-    total_effective_area: Float[Values, "*b"]
-    """Sum over all cells, or over the cells of each body [m^2]."""
-    law: AbstractFluxLaw
-
-    def heat_rate(
-        self, time: Float[Array, ""], theta: Float[Array, " m"]
-    ) -> Float[Array, " m"]:
-        """Heat rate into each cell [W] at surface temperatures above the reference."""
-        return jnp.asarray(self.effective_area) * self.law.flux(time, theta)
-
-    def slope(
-        self, time: Float[Array, ""], theta: Float[Array, " m"]
-    ) -> Float[Array, " m"]:
-        """-d heat rate / d theta [W/K]."""
-        return jnp.asarray(self.effective_area) * self.law.slope(time, theta)
-
-
-def bound(effective_area: Float[Values, " m"], law: AbstractFluxLaw) -> BoundTerm:
-    """A law on surface cells of one body."""
-    return BoundTerm(effective_area, total(effective_area), law)
-
-
-def total(values: Float[Values, " m"]) -> Float[Values, ""]:
-    """Sum in double precision, or to about one rounding where the values are traced."""
-    if is_traced(values):
-        return precise_sum(jnp.asarray(values))
-    host = np.asarray(values)
-    return np.asarray(host.sum(dtype=float), host.dtype)
 
 
 class Binding(NamedTuple):
@@ -313,7 +151,7 @@ class BodySurface:
         return chosen & self.natural
 
 
-Cover = tuple[Float[Values, " s"], Bool[np.ndarray, " s"]]
+Cover = tuple[Float[Values, " _"], Bool[np.ndarray, " _"]]
 # Effective area of the fragments of one body, and where it may be other than 0.
 
 
@@ -352,8 +190,8 @@ class Surface:
         """Reference temperature per fragment [K]; one number if all are equal."""
         return spread(self.references, self.counts, self.dtype)
 
-    def apart(self, values: Float[Values, "*k s"]) -> list[Any]:
-        """Values of each body's fragments."""
+    def apart(self, values: Any) -> list[Any]:
+        """Values of each body's fragments, which are on the last axis."""
         ends = np.cumsum(self.counts)[:-1]
         own: Any = jnp if is_traced(values) else np
         return own.split(values, ends, axis=-1)

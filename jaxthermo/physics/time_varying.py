@@ -13,7 +13,7 @@ from ..errors import InputError
 
 
 def _as_array(numbers: Any) -> Any:
-    """A list of numbers as one array, so that jit sees its values and not a list."""
+    # One array, so that jit sees values and not a list.
     if any(isinstance(leaf, jax.Array) for leaf in jax.tree.leaves(numbers)):
         return jnp.asarray(numbers)
     return np.asarray(numbers, float)
@@ -56,13 +56,13 @@ class Until(eqx.Module):
 
 
 def value_at(value: Any, time: Float[Array, ""]) -> Float[Array, "..."]:
-    """A number, one a fragment, or a function of time, at `time` [s]."""
+    """A number or array, or a function of time, at `time` [s]."""
     found = value(time) if callable(value) else value
     return jnp.asarray(found, time.dtype)
 
 
 def for_jit(value: Any, dtype: Any) -> Any:
-    """The same value with its numbers as arrays: new numbers need no new program."""
+    """The value with its numbers as arrays, so that new numbers need no new program."""
     if not callable(value):
         return jnp.asarray(value, dtype)
     numbers = float | np.ndarray | np.floating
@@ -71,14 +71,14 @@ def for_jit(value: Any, dtype: Any) -> Any:
 
 
 def is_number(value: Any) -> bool:
-    """Whether this is one number at any time, not one a place."""
+    """True if the value is one number at any time, not one per surface cell."""
     time = jax.ShapeDtypeStruct((), jnp.result_type(float))
     found = eqx.filter_eval_shape(lambda t: value_at(value, t), time)
     return not found.shape
 
 
 def is_zero(value: Any) -> bool:
-    """Whether this is known to be 0 at all times: such a term can be left out."""
+    """True if the value is known to be 0 at all times."""
     stated = value.value if isinstance(value, Until) else value
     stated = stated.values if isinstance(stated, Table) else stated
     if callable(stated) or is_traced(stated):
@@ -87,32 +87,30 @@ def is_zero(value: Any) -> bool:
 
 
 SAMPLES = 256
-"""Least number of steps over a run in which some value is a plain function of time."""
+"""Minimum number of steps of a run in which a value is a plain function of time."""
 
 
 def is_unknown_function(value: Any) -> bool:
-    """Whether this is a function of time of which nothing is known between steps."""
+    """True if the value is a function of which nothing is known between steps."""
     if isinstance(value, Until):
         return is_unknown_function(value.value)
     return callable(value) and not isinstance(value, Table)
 
 
 def breakpoints(value: Any) -> tuple[float, ...]:
-    """Times at which a value breaks, which the solver lands on exactly [s].
-
-    Those of a traced table have no numbers to land on.
-    """
+    """Times at which a value has a kink or jump, where steps end exactly [s]."""
     if isinstance(value, Until):
         return (value.end, *breakpoints(value.value))
+    # The times of a traced table are not known.
     if isinstance(value, Table) and not is_traced(value.times):
         return tuple(float(t) for t in np.asarray(value.times))
     return ()
 
 
-def check_value(value: Any, what: str, least: float = -np.inf) -> None:
-    """Refuse a number or table that is not finite or below `least`.
+def check_value(value: Any, what: str, minimum: float = -np.inf) -> None:
+    """Refuse a number or table that is not finite or below `minimum`.
 
-    Functions are trusted, and so are traced values.
+    Functions and traced values are not checked.
 
     Raises:
         InputError: naming `what`.
@@ -122,13 +120,13 @@ def check_value(value: Any, what: str, least: float = -np.inf) -> None:
     if callable(stated) or is_traced(stated):
         return
     numbers = np.asarray(stated, float)
-    if not np.isfinite(numbers).all() or (numbers < least).any():
-        need = "finite" if least == -np.inf else f"at least {least:g}"
+    if not np.isfinite(numbers).all() or (numbers < minimum).any():
+        need = "finite" if minimum == -np.inf else f"at least {minimum:g}"
         raise InputError(f"{what}: got {numbers.tolist()}, which must be {need}")
 
 
 def largest(value: Any, end: float | int) -> Float[Array, ""]:
-    """The largest value taken over [0, end] [s]; functions are sampled 1025 times."""
+    """The largest value in [0, end] [s]; functions are sampled 1025 times."""
     if isinstance(value, Table):
         return jnp.max(jnp.asarray(value.values, float))
     if isinstance(value, Until):
@@ -141,7 +139,7 @@ def largest(value: Any, end: float | int) -> Float[Array, ""]:
 
 
 def largest_size(value: Any, end: float | int) -> Float[Array, ""]:
-    """The largest |value| taken over [0, end] [s]."""
+    """The largest |value| in [0, end] [s]."""
     if not callable(value):
         return jnp.abs(jnp.asarray(value, float)).max()
     return largest(lambda time: jnp.abs(value_at(value, time)), end)
@@ -154,7 +152,7 @@ def cooling_bound(value: Any, end: float | int) -> Float[Array, ""]:
 
 
 def smallest(value: Any, end: float | int) -> Float[Array, ""]:
-    """The smallest value taken over [0, end] [s]."""
+    """The smallest value in [0, end] [s]."""
     if not callable(value):
         return jnp.asarray(value, float).min()
     return -largest(lambda time: -value_at(value, time), end)

@@ -1,7 +1,7 @@
-"""Bodies that move: a pose for every time, by a table or a function.
+"""Moving bodies: poses as a function of time, by a table or a function.
 
-Between two poses of a table a body goes straight at constant speed while it turns about
-one axis at a constant rate (spherical interpolation, Shoemake 1985).
+Between two poses of a table a body moves along a straight line at constant speed while
+it turns about one axis at a constant rate (spherical interpolation, Shoemake 1985).
 """
 
 import math
@@ -16,11 +16,11 @@ from ..geometry.pose import Pose
 
 
 MAX_SNAPSHOTS = 10_000
-"""At the geometry in a run: each finds shadows and contacts and makes a program."""
+"""Of a run: each finds shadows and contacts and makes a program."""
 
 
 class PoseTable(eqx.Module):
-    """Poses at increasing times, the first and the last held before and after them."""
+    """Poses at increasing times, constant before the first and after the last."""
 
     times: tuple[float, ...] = eqx.field(
         static=True, converter=lambda times: tuple(float(t) for t in times)
@@ -44,15 +44,15 @@ class PoseTable(eqx.Module):
         if after in (0, len(self.times)):
             return self.poses[min(after, len(self.times) - 1)]
         start, end = self.times[after - 1], self.times[after]
-        share = (time - start) / (end - start)
-        return between(self.poses[after - 1], self.poses[after], share)
+        fraction = (time - start) / (end - start)
+        return between(self.poses[after - 1], self.poses[after], fraction)
 
 
 class Motion(eqx.Module):
-    """A pose that changes with time, taken anew every so often."""
+    """A pose that changes with time, in snapshots."""
 
     path: Any = eqx.field(static=True)
-    """A table, or a function of time [s] that gives a pose."""
+    """A `PoseTable`, or a function of time [s] that returns a `Pose`."""
     every: float | int | None = eqx.field(static=True, default=None, kw_only=True)
     """Interval between snapshots of the geometry [s]; None: a table's own times."""
 
@@ -70,17 +70,17 @@ class Motion(eqx.Module):
 
     @property
     def is_still(self) -> bool:
-        """Whether all poses of a table are the same; a function may always move."""
+        """True if all poses of a table are the same; a function may always move."""
         path = self.path
         return isinstance(path, PoseTable) and all(
             pose == path.poses[0] for pose in path.poses
         )
 
     def at(self, time: float | int) -> Pose:
-        """Where the body stands at `time` [s].
+        """The pose at `time` [s].
 
         Raises:
-            InputError: if the function gives something else than a pose.
+            InputError: if the function returns anything else than a pose.
         """
         pose = self.path(float(time))
         if not isinstance(pose, Pose):
@@ -90,10 +90,10 @@ class Motion(eqx.Module):
         return pose
 
     def snapshot_times(self, end: float | int) -> tuple[float, ...]:
-        """Times between 0 and `end` [s] at which the geometry is taken anew.
+        """Times between 0 and `end` [s] at which new snapshots start.
 
         Raises:
-            InputError: if they are too many to look at.
+            InputError: if there are too many.
         """
         if self.is_still:
             return ()
@@ -111,36 +111,34 @@ class Motion(eqx.Module):
         return tuple(float(t) for t in times if 0 < t < end)
 
 
-def between(first: Pose, second: Pose, share: float) -> Pose:
-    """The pose a share of the way from one pose to another, turned the short way."""
+def between(first: Pose, second: Pose, fraction: float) -> Pose:
+    """The pose at a fraction of the way between two, turned the short way."""
     a, b = (np.asarray(pose.translation, float) for pose in (first, second))
-    if share == 0 or first == second:
+    if fraction == 0 or first == second:
         return first
-    translation = (1 - share) * a + share * b
-    turned = _slerp(_quaternion(first), _quaternion(second), share)
+    translation = (1 - fraction) * a + fraction * b
+    turned = _slerp(_quaternion(first), _quaternion(second), fraction)
     x, y, z = translation.tolist()
     return Pose((x, y, z), tuple(tuple(row) for row in _matrix(turned).tolist()))
 
 
-def _slerp(a, b, share: float) -> Float[np.ndarray, "4"]:
-    """From one unit quaternion to another at a constant rate."""
+def _slerp(a, b, fraction: float) -> Float[np.ndarray, "4"]:
+    """Interpolation between unit quaternions at a constant rate of turn."""
     cosine = float(a @ b)
     # A quaternion and its reverse are the same turn; the nearer one is the short way.
     b = b if cosine >= 0 else -b
     angle = 2 * math.atan2(float(np.linalg.norm(a - b)), float(np.linalg.norm(a + b)))
     if angle < 1e-9:
-        blend = (1 - share) * a + share * b
+        blend = (1 - fraction) * a + fraction * b
     else:
-        blend = math.sin((1 - share) * angle) * a + math.sin(share * angle) * b
+        blend = math.sin((1 - fraction) * angle) * a + math.sin(fraction * angle) * b
     return blend / np.linalg.norm(blend)
 
 
 def _quaternion(pose: Pose) -> Float[np.ndarray, "4"]:
-    """The turn of a pose as (w, x, y, z).
-
-    The outer product of the quaternion with itself is linear in the rotation matrix;
-    its largest row is divided by least (Shepperd 1978).
-    """
+    """The rotation of a pose as (w, x, y, z)."""
+    # The outer product of the quaternion with itself is linear in the rotation matrix;
+    # its row with the largest diagonal loses no digits (Shepperd 1978).
     (a, b, c), (d, e, f), (g, h, i) = pose.rotation
     product = np.array(
         [

@@ -1,4 +1,4 @@
-"""What is simulated: bodies in space, and a tuple of terms."""
+"""A scene: bodies in space, and the terms that act on them."""
 
 import abc
 from typing import Any
@@ -22,23 +22,23 @@ from .motion import Motion
 
 
 class AbstractMaterials(eqx.Module):
-    """Several materials in one body, by number."""
+    """Materials of one body, by number."""
 
     @property
     @abc.abstractmethod
     def materials(self) -> tuple[Material, ...]:
-        """In the order of their numbers."""
+        """The materials, in the order of their numbers."""
 
     @abc.abstractmethod
     def of_nodes(self, structure: AbstractStructure) -> Int[np.ndarray, " n"]:
-        """The number of each node's."""
+        """Material number of each node."""
 
     @abc.abstractmethod
     def of_fragments(self, grid: VoxelGrid) -> Int[np.ndarray, " s"]:
-        """The number of each surface fragment's."""
+        """Material number of each surface fragment."""
 
     def table(self, field: str, dtype: Any) -> Float[Array | np.ndarray, " c"]:
-        """One property of every material."""
+        """One property of every material, by its field in `Material`."""
         values = [getattr(material, field) for material in self.materials]
         if is_traced(values):
             return jnp.stack([jnp.asarray(value, dtype) for value in values])
@@ -53,62 +53,62 @@ class MaterialMap(AbstractMaterials):
 
     @property
     def materials(self) -> tuple[Material, ...]:
-        """The base, then what is painted."""
+        """The base material, then the painted ones."""
         return (self.base, *(material for _, material in self.painted))
 
     def number(self, points: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, " n"]:
-        """Which material each point has: 0 for the base, i for the i-th painted one."""
+        """Material number of points: 0 for the base, i for the i-th painted one."""
         number = np.zeros(len(points), np.int32)
         for i, (region, _) in enumerate(self.painted):
             number[region.contains(points)] = i + 1
         return number
 
     def of_nodes(self, structure: AbstractStructure) -> Int[np.ndarray, " n"]:
-        """By the nodes' centres."""
+        """Material number at each node's centre."""
         return self.number(structure.nodes().centre)
 
     def of_fragments(self, grid: VoxelGrid) -> Int[np.ndarray, " s"]:
-        """By the centres of their voxels."""
+        """Material number at the centre of each fragment's voxel."""
         return self.number(grid.lattice.centres(grid.fragment_voxel))
 
 
 class MaterialLabels(AbstractMaterials):
-    """A material for every voxel, by its number in a label volume.
+    """A material number for every voxel, in a label volume.
 
-    A node of several voxels has the material that most of them have.
+    A node of several voxels has the material of most of them.
     """
 
     labels: Int[np.ndarray, "x y z"]
-    """Of every voxel of the lattice; what those outside the body have is not read."""
+    """Material number of every voxel of the lattice; ignored outside the body."""
     given: tuple[Material, ...]
 
     @property
     def materials(self) -> tuple[Material, ...]:
-        """As given."""
+        """The given materials."""
         return self.given
 
     def of_nodes(self, structure: AbstractStructure) -> Int[np.ndarray, " n"]:
-        """By the votes of their voxels."""
+        """Material number of most voxels of each node."""
         labels = checked_labels(structure, self.labels, len(self.given))
         return node_materials(structure, labels)
 
     def of_fragments(self, grid: VoxelGrid) -> Int[np.ndarray, " s"]:
-        """Their voxels'."""
+        """Material number of each fragment's voxel."""
         return self.labels[tuple(grid.fragment_voxel.T)]
 
 
 class Body(eqx.Module):
-    """A structure of some material at some temperature, somewhere."""
+    """A body: its structure, material, initial temperature and pose."""
 
     structure: AbstractStructure
     material: Material | AbstractMaterials
     temperature: Any = eqx.field(kw_only=True)
-    """At the start [K]: a number, or a function of positions [n 3] (own frame, m)."""
+    """Initial T [K], a number or a function of positions [n 3] (own frame, m)."""
     pose: Pose | Motion = eqx.field(kw_only=True, default=Pose())
     surface_map: AbstractSurfaceMap = eqx.field(
         kw_only=True, default=FluxCorrectedMap()
     )
-    """How the surface's temperature is read from the nodes."""
+    """Rule by which surface temperatures follow from the nodes."""
 
     def __check_init__(self):
         if not self.structure.grid.solid.any():
@@ -131,12 +131,15 @@ class Body(eqx.Module):
 
 
 class Scene(eqx.Module):
-    """Bodies and what acts on them; what is not in `terms` is not computed."""
+    """Bodies and the mechanisms that act on them.
+
+    A mechanism that is not in `terms` is not computed.
+    """
 
     bodies: tuple[Body, ...]
     terms: tuple[AbstractTerm, ...] = ()
     dtype: str = eqx.field(static=True, default="float32")
-    """Of the state: "float32", or "float64" for twice the memory and all the digits."""
+    """Type of the state: "float32", or "float64" for twice the memory and digits."""
 
     def __check_init__(self):
         if not self.bodies:

@@ -1,4 +1,4 @@
-"""What of a solved body a camera needs: its shape, its fragments, its finish."""
+"""Geometry and surface properties of a simulated body, for a camera."""
 
 from dataclasses import dataclass, replace
 
@@ -13,7 +13,7 @@ from .motion import Motion
 
 @dataclass(frozen=True, eq=False)
 class BodyGeometry:
-    """Shape and fragments in the body's own frame [m], and where it stands."""
+    """Shape and fragments in the body's own frame [m], and its pose."""
 
     vertices: Float[np.ndarray, "v 3"]
     faces: Int[np.ndarray, "f 3"]
@@ -25,37 +25,37 @@ class BodyGeometry:
 
     @property
     def placed(self) -> Pose:
-        """Where it stands; for one that moves, at the start."""
+        """The pose; of a body that moves, at the start."""
         return self.pose.at(0.0)
 
     @property
     def triangles(self) -> Float[np.ndarray, "f 3 3"]:
-        """World [m]."""
+        """Triangles in the world [m]."""
         return self.placed.place(self.vertices)[self.faces]
 
 
 class SolvedSurface(eqx.Module):
-    """A body's geometry with the finish of its surface."""
+    """A body's geometry with the radiative properties of its surface."""
 
     geometry: BodyGeometry = eqx.field(static=True)
     emissivity: Float[Array, "*s"]
-    """[-]; one number for one material."""
+    """One number for one material [-]."""
     absorptivity: Float[Array, "*s"]
 
     @property
     def moves(self) -> bool:
-        """Whether it stands elsewhere at other times."""
+        """True if the pose changes with time."""
         pose = self.geometry.pose
         return isinstance(pose, Motion) and not pose.is_still
 
     def at(self, time: float) -> "SolvedSurface":
-        """Where it stands at a moment [s]."""
+        """The surface at the pose of a moment [s]."""
         here = replace(self.geometry, pose=self.geometry.pose.at(time))
         return SolvedSurface(here, self.emissivity, self.absorptivity)
 
 
 def body_geometry(grid: VoxelGrid, pose: Pose | Motion) -> BodyGeometry:
-    """The part of a voxel grid that outlives the solver."""
+    """The part of a voxel grid that a camera needs after the run."""
     return BodyGeometry(
         vertices=grid.mesh.vertices,
         faces=grid.mesh.faces,

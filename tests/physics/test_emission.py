@@ -8,9 +8,9 @@ import pytest
 
 import jaxthermo as jt
 from jaxthermo.constants import STEFAN_BOLTZMANN
+from jaxthermo.physics.flux_law import bound
 from jaxthermo.physics.radiation.emission import Emission
 from jaxthermo.physics.surface_energy_balance import SurfaceTerms
-from jaxthermo.physics.term import bound
 from jaxthermo.reference.radiation import radiation_temperature
 from jaxthermo.scene.compile.compile import compile_scene
 from tests.bodies import bar

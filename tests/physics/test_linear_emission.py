@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
+from jaxthermo.physics.flux_law import TemperatureRange
 from jaxthermo.physics.radiation.emission import linear_error
-from jaxthermo.physics.term import TemperatureRange
 
 
 METAL = jt.Material(50.0, density=2000.0, specific_heat=500.0, emissivity=0.8)

@@ -9,9 +9,9 @@ import pytest
 import jaxthermo as jt
 from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.physics.boundary import Exchange, ImposedFlux
+from jaxthermo.physics.flux_law import bound
 from jaxthermo.physics.radiation.emission import Emission
 from jaxthermo.physics.surface_energy_balance import SurfaceTerms
-from jaxthermo.physics.term import bound
 from tests.bodies import bar
 
 

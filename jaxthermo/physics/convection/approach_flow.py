@@ -10,7 +10,7 @@ from jaxtyping import Array, Float, Int
 
 from ...arrays import is_traced
 from ...voxels.cylinders import CylinderParts
-from ..term import Values
+from ..flux_law import Values
 from ..time_varying import Table, Until, is_unknown_function, largest, value_at
 from .air import FILM_TEMPERATURES, film_polynomial
 from .cross_flow import limited_speed, mean_coefficient, stream_shape

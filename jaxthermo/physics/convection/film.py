@@ -19,7 +19,7 @@ from jaxtyping import Array, Float
 from typing_extensions import override
 
 from ...arrays import is_traced
-from ..term import AbstractFluxLaw, TemperatureRange
+from ..flux_law import AbstractFluxLaw, TemperatureRange
 from ..time_varying import largest, smallest, value_at
 from .air import (
     MAX_FILM_TEMPERATURE,

@@ -29,16 +29,8 @@ from ...errors import InputError
 from ...voxels.cylinder_parts import parts_of
 from ...voxels.cylinders import Cylinder, given_cylinders
 from ..boundary import toward
-from ..term import (
-    AbstractFluxLaw,
-    AbstractSurfaceTerm,
-    Binding,
-    BodySurface,
-    Forcing,
-    Omitted,
-    Surface,
-    TemperatureRange,
-)
+from ..flux_law import AbstractFluxLaw, TemperatureRange
+from ..term import AbstractSurfaceTerm, Binding, BodySurface, Forcing, Omitted, Surface
 from ..time_varying import check_value, for_jit, largest, value_at
 from . import air
 from .air import (

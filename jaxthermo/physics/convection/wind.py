@@ -27,6 +27,7 @@ from ...raster.directions import unit_vector
 from ...voxels.cylinder_parts import parts_of
 from ...voxels.cylinders import Cylinder, given_cylinders
 from ..boundary import toward
+from ..flux_law import Values
 from ..term import (
     AbstractSurfaceTerm,
     Binding,
@@ -34,7 +35,6 @@ from ..term import (
     Forcing,
     Omitted,
     Surface,
-    Values,
     concatenated,
 )
 from ..time_varying import check_value, for_jit, is_zero

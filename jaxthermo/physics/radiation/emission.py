@@ -21,8 +21,8 @@ from ...arrays import is_traced
 from ...constants import STEFAN_BOLTZMANN
 from ...errors import InputError
 from ..boundary import Exchange
+from ..flux_law import AbstractFluxLaw, TemperatureRange
 from ..term import (
-    AbstractFluxLaw,
     AbstractSurfaceTerm,
     Binding,
     BodySurface,
@@ -31,7 +31,6 @@ from ..term import (
     Omitted,
     Scale,
     Surface,
-    TemperatureRange,
 )
 from ..time_varying import check_value, for_jit, is_zero, largest, smallest, value_at
 from .visibility import SkyView, check_directions, sky_view, unobstructed_view

@@ -21,16 +21,15 @@ from typing_extensions import override
 
 from ...constants import STEFAN_BOLTZMANN
 from ..boundary import toward
+from ..flux_law import AbstractFluxLaw, TemperatureRange
 from ..term import (
     AbstractExchangeTerm,
-    AbstractFluxLaw,
     Binding,
     BodySurface,
     Cover,
     Forcing,
     Omitted,
     Surface,
-    TemperatureRange,
     spread,
 )
 from ..time_varying import check_value, for_jit, is_zero, value_at

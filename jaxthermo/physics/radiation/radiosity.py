@@ -19,7 +19,8 @@ from jaxtyping import Array, Float, Int
 from ...arrays import is_traced
 from ...constants import STEFAN_BOLTZMANN
 from ...errors import InputError
-from ..term import BodySurface, Values
+from ..flux_law import Values
+from ..term import BodySurface
 from .patches import group_patches
 from .view_factors import (
     DEFAULT_DIRECTIONS,

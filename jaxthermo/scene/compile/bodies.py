@@ -1,4 +1,4 @@
-"""What of a body stays as it is however bodies and sources move."""
+"""Data of one body that do not change as bodies and sources move."""
 
 from typing import Any, NamedTuple
 
@@ -11,12 +11,12 @@ from ...arrays import Scalar, is_traced
 from ...errors import InputError
 from ...network.network import AbstractNetwork, Address
 from ...physics.conduction import normal_conductivity, surface_conductivity
+from ...physics.flux_law import Values
 from ...physics.material_network import (
     conductivity_table,
     material_network,
     materials_network,
 )
-from ...physics.term import Values
 from ..scene import AbstractMaterials, Body
 
 
@@ -30,23 +30,23 @@ def device_address(address: HostAddress, nodes: Int[np.ndarray, " m"]) -> Addres
 
 
 class PreparedBody(NamedTuple):
-    """One body with its network and its start."""
+    """One body with its network and initial state."""
 
     body: Body
     network: AbstractNetwork
     reference: Scalar
-    """What the state counts from [K]."""
+    """Temperature from which the state counts [K]."""
     state: Float[Array, "..."]
     half_cell: Float[Values, " s"]
-    """From every fragment to its node [W/K]."""
+    """Conductance from each fragment to its node, k A / distance [W/K]."""
     fragment_node: Int[np.ndarray, " s"]
     address: HostAddress
     surface_map: Any
-    """Bound to the body."""
+    """As bound to the body."""
 
 
 def prepare(body: Body, dtype: Any) -> PreparedBody:
-    """Network, start and addresses of a body."""
+    """Network, initial state and addresses of a body."""
     structure = body.structure
     address = structure.node_address()
     reference, theta = _initial(body, address, dtype)
@@ -74,11 +74,9 @@ def _network(body: Body, reference: Scalar, dtype: Any) -> AbstractNetwork:
 def _initial(
     body: Body, address: HostAddress, dtype: Any
 ) -> tuple[Scalar, Float[Array, "..."]]:
-    """The body's reference temperature [K] and what its nodes are above it.
-
-    The reference is the mean at the start. It is no variable: of a traced start only
-    the difference, which is 0 where the start is uniform, carries a derivative.
-    """
+    """The body's reference temperature, and its nodes' temperatures above it [K]."""
+    # The reference is the initial mean. It is no variable: of a traced initial state
+    # only the difference, 0 where it is uniform, carries a derivative.
     theta = jnp.asarray(np.zeros(body.structure.state_shape, dtype))
     values: Any = body.temperature
     if callable(values):
@@ -92,7 +90,7 @@ def _initial(
         values = np.asarray(values, float)
         if not np.isfinite(values).all() or (values < 0).any():
             raise InputError(
-                "Body(temperature=) gives values that are no temperatures in kelvin"
+                "Body(temperature=) gives values that are not temperatures in kelvin"
             )
         reference = float(values.mean())
     above = jnp.asarray(values - reference, dtype)
@@ -100,7 +98,7 @@ def _initial(
 
 
 def surface_property(body: Body, field: str, dtype: Any) -> Float[Values, "*s"]:
-    """One property of a body at its surface: a number, or one a fragment.
+    """One property of a body at its surface: a number, or one per fragment.
 
     Args:
         body: the body.
@@ -115,13 +113,8 @@ def surface_property(body: Body, field: str, dtype: Any) -> Float[Values, "*s"]:
 
 
 def _half_cells(body: Body, reference: Scalar, dtype: Any) -> Float[Values, " s"]:
-    """Conductance from every fragment to its node, k A / distance [W/K].
-
-    Args:
-        body: the body.
-        reference: where the conductivity is read, if it varies [K].
-        dtype: of the state.
-    """
+    """Conductance from each fragment to its node, k A / distance [W/K]."""
+    # A conductivity that varies is evaluated at the reference temperature.
     structure, material = body.structure, body.material
     grid = structure.grid
     if isinstance(material, AbstractMaterials):

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 from ...arrays import is_traced
 from ...constants import STEFAN_BOLTZMANN
 from ...memory import require_memory
-from ...physics.term import TemperatureRange
+from ...physics.flux_law import TemperatureRange
 from ..scene import AbstractMaterials, Body, Scene
 from .bodies import PreparedBody
 from .program import Program

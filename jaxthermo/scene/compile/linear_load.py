@@ -33,8 +33,8 @@ from ...network.network import (
     precise_sum,
 )
 from ...network.nonlinear import NonlinearNetwork
+from ...physics.flux_law import BoundTerm, LinearLaw
 from ...physics.surface_energy_balance import NumberedTerms, SurfaceTerms
-from ...physics.term import BoundTerm, LinearLaw
 from ...physics.time_varying import value_at
 from .program import Program
 from .surface_load import AbstractSurfaceLoad, BodyCells, SurfaceLoad

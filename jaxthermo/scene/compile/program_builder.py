@@ -9,6 +9,7 @@ import numpy as np
 from ...network.nonlinear import NonlinearNetwork
 from ...physics.contact.links import ContactSide
 from ...physics.contact.pairs import ContactPairs, no_pairs
+from ...physics.flux_law import TemperatureRange, bound
 from ...physics.heat_source import VolumeBinding
 from ...physics.newton_iteration_bound import MAX_ITERATIONS, newton_iterations
 from ...physics.radiation.radiative_exchange import Enclosure
@@ -18,8 +19,6 @@ from ...physics.term import (
     AbstractPairTerm,
     AbstractVolumeTerm,
     Omitted,
-    TemperatureRange,
-    bound,
     concatenated,
 )
 from ...physics.time_varying import breakpoints, for_jit, is_unknown_function

@@ -14,7 +14,8 @@ from ...geometry.pose import Pose
 from ...physics.contact.bodies import PlacedGrid
 from ...physics.contact.pairs import ContactPairs
 from ...physics.contact.search import contacts_between
-from ...physics.term import AbstractPairTerm, BodySurface, Surface, TemperatureRange
+from ...physics.flux_law import TemperatureRange
+from ...physics.term import AbstractPairTerm, BodySurface, Surface
 from ..receipt import Omission
 from ..scene import Scene
 from .bodies import PreparedBody, surface_property
@@ -92,7 +93,7 @@ def _body_surfaces(
     scene: Scene,
     prepared: tuple[PreparedBody, ...],
     poses: tuple[Pose, ...],
-    covered: list[Float[np.ndarray, " s"]],
+    covered: list[Float[np.ndarray, " _"]],
     prune: bool,
 ) -> tuple[BodySurface, ...]:
     """The surfaces of all bodies; `covered` is a fraction of each fragment."""
@@ -131,7 +132,7 @@ def _body_surfaces(
 def _find_contacts(
     scene: Scene, poses: tuple[Pose, ...], names: tuple[str, ...]
 ) -> tuple[
-    dict[PairKey, ContactPairs], list[Float[np.ndarray, " s"]], tuple[Omission, ...]
+    dict[PairKey, ContactPairs], list[Float[np.ndarray, " _"]], tuple[Omission, ...]
 ]:
     """Touching fragments of each pair of bodies, covered fractions, and omissions.
 

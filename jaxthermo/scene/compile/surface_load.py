@@ -268,8 +268,8 @@ class SurfaceLoad(AbstractSurfaceLoad):
 
 
 def together(
-    values: Sequence[Float[Array, "*#m"]], like: Sequence[Float[Array, " _"]]
-) -> Float[Array, "*#m"]:
+    values: Sequence[Float[Array, "..."]], like: Sequence[Float[Array, " _"]]
+) -> Float[Array, "..."]:
     """Values of several bodies' cells; one number where all bodies have the same."""
     if not any(each.ndim for each in values):
         return values[0]
@@ -334,7 +334,7 @@ def body_cells(
 def surface_load(
     terms: SurfaceTerms,
     cells: tuple[BodyCells | None, ...],
-    cell: Sequence[Int[np.ndarray, " s"]],
+    cell: Sequence[Int[np.ndarray, " _"]],
     references: Sequence[Any],
     entries: tuple[tuple[int, ...], ...],
     entry_count: int,

@@ -11,13 +11,7 @@ import numpy as np
 from jaxtyping import Bool
 
 from ...errors import InputError
-from ...physics.term import (
-    AbstractSurfaceTerm,
-    AbstractTerm,
-    Binding,
-    Omitted,
-    Surface,
-)
+from ...physics.term import AbstractSurfaceTerm, AbstractTerm, Binding, Omitted, Surface
 
 
 NumberedBindings = tuple[tuple[int, Binding], ...]

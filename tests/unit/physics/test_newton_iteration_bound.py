@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from jaxthermo.physics.boundary import Exchange, ImposedFlux
+from jaxthermo.physics.flux_law import TemperatureRange, bound
 from jaxthermo.physics.newton_iteration_bound import (
     MAX_ITERATIONS,
     TOLERANCE,
@@ -13,7 +14,6 @@ from jaxthermo.physics.newton_iteration_bound import (
 )
 from jaxthermo.physics.radiation.emission import Emission
 from jaxthermo.physics.surface_energy_balance import SurfaceTerms
-from jaxthermo.physics.term import TemperatureRange, bound
 
 
 AREA = np.array([1e-6, 4e-6, 2e-6])

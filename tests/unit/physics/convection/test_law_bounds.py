@@ -9,13 +9,13 @@ from wind_bodies import law_of, surface, upright_cylinder
 
 from jaxthermo.physics.convection.free_convection import FreeConvection
 from jaxthermo.physics.convection.wind import Wind
+from jaxthermo.physics.flux_law import TemperatureRange, bound
 from jaxthermo.physics.newton_iteration_bound import (
     MAX_ITERATIONS,
     TOLERANCE,
     newton_iterations,
 )
 from jaxthermo.physics.surface_energy_balance import SurfaceTerms
-from jaxthermo.physics.term import TemperatureRange, bound
 from jaxthermo.physics.time_varying import Table
 
 
