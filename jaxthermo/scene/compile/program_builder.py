@@ -1,5 +1,6 @@
 """From snapshots of a scene to programs, alike but for their numbers."""
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import jax
@@ -133,6 +134,7 @@ class ProgramBuilder:
         if self.exchange is not None:
             fine = self.exchange.enclosure(snapshot.surface.surface)
         terms = self._fragment_terms(snapshot.surface)
+        terms = replace(terms, iterations=self.iterations)
         load, enclosure = self._surface_load(snapshot.surface, terms, fine)
         values = self.values
         return Program(
@@ -167,7 +169,6 @@ class ProgramBuilder:
             half_cell=concatenated(half_cells),
             natural=each(bound_surface.natural),
             prescribed=each(bound_surface.prescribed),
-            iterations=self.iterations,
         )
 
     def _surface_load(
@@ -200,26 +201,20 @@ class ProgramBuilder:
         self, bound_surface: BoundSurface, temperatures: TemperatureRange | None
     ) -> int:
         """Newton iterations: the most that any body needs; linear laws need none."""
-        surface, found = bound_surface.surface, []
-        terms = [bound(b.effective_area, b.law) for _, b in bound_surface.natural]
-        acts = [surface.apart(b.acts) for _, b in bound_surface.natural]
-        start = 0
+        surface, found, start = bound_surface.surface, [], 0
+        terms = self._fragment_terms(bound_surface)
         for n, body in enumerate(surface.bodies):
             cells = slice(start, start + len(body.area))
             start = cells.stop
-            own = [
-                bound(
-                    term.effective_area[cells],
-                    term.law.coarsened(lambda values, at=cells: values[..., at]),
-                )
-                for term, where in zip(terms, acts, strict=True)
-                if where[n].any() or not surface.prune
-            ]
-            if all(term.law.is_linear for term in own):
+            entries = [(number, n) in self.ledger.number for number in self.numbers]
+            acting = set(np.flatnonzero(entries).tolist())
+            own = terms.selected(cells, acting, surface.references[n])
+            if own.is_linear:
                 continue
             if isinstance(self.prepared[n].network, NonlinearNetwork):
                 return MAX_ITERATIONS
-            found.append(newton_iterations(body.half_cell, own, temperatures))
+            natural = [term for _, term in own.natural]
+            found.append(newton_iterations(body.half_cell, natural, temperatures))
         return max(found, default=MAX_ITERATIONS)
 
     def _contact(self, key: PairKey, pairs: ContactPairs | None, size: int):

@@ -10,6 +10,7 @@ import pytest
 import jaxthermo as jt
 from jaxthermo.integrate.run.heat_rates import add_loads, net_irradiation, surface_nodes
 from jaxthermo.scene.compile.compile import compile_scene
+from jaxthermo.scene.compile.surface_load import SurfaceLoad
 
 
 PITCH = 0.01
@@ -158,19 +159,19 @@ def test_the_program_holds_one_balance(grids):
 
 
 def test_a_body_without_terms_has_no_cells(grids):
+    def loaded(*terms):
+        load = compile_scene(_scene(grids, terms, (STEEL,) * 3)).program.surface
+        return [] if load is None else [cells.body for cells in load.by_cell.cells]
+
     flux = jt.HeatFlux(200.0, on=TOP)
-    load = lambda *terms: (
-        compile_scene(_scene(grids, terms, (STEEL,) * 3)).program.surface
-    )
-    assert load() is None
-    assert [cells.body for cells in load(flux).by_cell.cells] == [1]
-    every = load(flux, jt.Surroundings(280.0))
-    assert [cells.body for cells in every.cells] == [0, 1, 2]
+    assert loaded() == [] and loaded(flux) == [1]
+    assert loaded(flux, jt.Surroundings(280.0)) == [0, 1, 2]
 
 
 def test_sky_and_ground_are_one_entry_and_an_absent_term_none(grids):
     terms = (jt.Surroundings(300.0, ground=290.0), jt.HeatFlux(10.0, on=TOP))
     load = compile_scene(_scene(grids, terms, (STEEL, STEEL, MIRROR))).program.surface
+    assert isinstance(load, SurfaceLoad)
     # The third body has no surface load.
     assert load.entries == ((0, 1), (-1, 2)) and len(load.cells) == 2
     assert [n for n, _ in load.terms.natural] == [0, 0, 1]
