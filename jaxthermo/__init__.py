@@ -1,4 +1,4 @@
-"""What a thermal camera sees of a triangle mesh over time, differentiable, in JAX.
+"""Heat transfer in triangle meshes as a thermal camera sees it, differentiable, in JAX.
 
 Names are resolved when first used, in the order of the data flow, so that importing the
 package costs nothing of what is not used.

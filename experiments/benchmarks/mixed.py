@@ -1,4 +1,4 @@
-"""What each mechanism costs in a scene of everything, against conduction alone.
+"""Cost of each mechanism in a scene of everything, against conduction alone.
 
 In one run, in turn: every body's own conduction, the whole scene, and the scene without
 each of its mechanisms. A mechanism's share is what the scene is faster without it.
@@ -29,10 +29,10 @@ from jaxthermo.scene.compile.compile import compile_scene
 CONFIG = Path("configs/scenes/mixed.yaml")
 STEPS = 100
 MORE_STEPS = 500
-"""Of one body with idle terms and of its bare loop, for a call of a third of a
-second."""
+"""Steps of one body with idle terms and of its conduction alone: a call then takes a
+third of a second."""
 MORE_REPEATS = 4
-"""How many times as often these two are measured."""
+"""Measurements of these two for each measurement of the others."""
 
 Times = dict[str, list[float]]
 """Wall time of a step [s], of each call."""

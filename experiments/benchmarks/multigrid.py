@@ -37,10 +37,10 @@ from jaxthermo.timing import Timing
 
 
 HEIGHT = 0.5
-"""Of the figurine [m]."""
+"""Height of the figurine [m]."""
 
 CONDUCTIVITY, HEAT_CAPACITY, AIR = 16.0, 4e6, 10.0
-"""Of stainless steel [W/(m K)], [J/(m^3 K)], and of its surface [W/(m^2 K)]."""
+"""Stainless steel [W/(m K)], [J/(m^3 K)]; its surface to air [W/(m^2 K)]."""
 
 STEPS = {"step of 5 s": 5.0, "step of 60 s": 60.0, "steady": None}
 
@@ -64,10 +64,10 @@ class System(NamedTuple):
 
 
 class Solved(NamedTuple):
-    """What one solver did."""
+    """Temperatures, iterations and run time of one solver."""
 
     values: np.ndarray
-    """Of the solid voxels [K]."""
+    """Temperatures of the solid voxels [K]."""
     iterations: int
     seconds: float
 

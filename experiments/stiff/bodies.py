@@ -18,7 +18,7 @@ COPPER = jt.Material(401.0, density=8960.0, specific_heat=385.0)
 STEEL = jt.Material(16.0, density=8000.0, specific_heat=500.0, emissivity=1.0)
 
 COLD, HOT = 300.0, 400.0
-"""Of both halves of a body [K]."""
+"""Initial temperatures of the two halves of a body [K]."""
 
 
 @functools.cache

@@ -113,7 +113,7 @@ FACTORS = {
 
 
 def _factors(z: float) -> Iterator[Row]:
-    """What one step makes of the mode of the most turns, against its formula."""
+    """Amplification of the checkerboard mode in one step, against its formula."""
     cells = CELLS[0]
     shape = lambda points: np.cos(
         np.pi * (cells - 1) * (points[:, 0] / PITCH + cells / 2) / cells

@@ -7,10 +7,10 @@ from .solved import Method, stable_step
 
 
 STEPS = 5
-"""Of most implicit runs."""
+"""Number of steps of most implicit runs."""
 
 LONG = 100.0
-"""Of a step of super time stepping, in stable steps."""
+"""Length of a step of super time stepping, in stable steps."""
 
 
 def explicit(stable: float, steps: int = 200) -> list[Method]:

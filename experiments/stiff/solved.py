@@ -29,7 +29,7 @@ class Limits(NamedTuple):
     overshoot: dict[str, float]
     """[K]"""
     energy: dict[str, float]
-    """Of the heat that moved [-]."""
+    """Largest energy residual, relative to the heat that moved [-]."""
 
 
 LIMITS = Limits(
@@ -65,7 +65,7 @@ class Ran(NamedTuple):
         return result_name(self.solution.result)
 
     def beyond(self, bounds: Bounds) -> float:
-        """How far any node or fragment is out of bounds [K]."""
+        """Largest excess of any node or fragment over the bounds [K]."""
         low, high = bounds
         values = [*self.nodes, np.asarray(self.solution.surface_temperature, float)]
         ends = [end for v in values for end in (v.max() - high, low - v.min())]
@@ -194,7 +194,7 @@ def row_of(
 
 
 def unsaid(ran: Ran, dtype: str, solver: Any) -> bool:
-    """Whether a solve stopped short of its tolerance and the result is a success.
+    """True if a solve stopped short of its tolerance and the result is a success.
 
     A solve is called done within twice its tolerance; steps of an adaptive solver that
     were rejected and taken again do not count.

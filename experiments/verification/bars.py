@@ -22,7 +22,7 @@ from .bodies import FOURIER, LEFT, RIGHT, bar, between, mirrored
 
 
 LENGTH, STEP, STEPS = 0.1, 0.5, 100
-"""Of V09 [m], [s]."""
+"""Length of the bar of V09 [m], its time step [s] and number of steps."""
 MODE = Material(10.0, density=1000.0, specific_heat=1000.0)
 AMPLITUDE = 100.0
 """[K]: a linear solve's tolerance is then small beside it."""
@@ -57,7 +57,7 @@ def _held(cells, length, material, start, ends, times, solver):
 
 
 def _decay(cells: int, solver: AbstractSolver) -> float:
-    """What is left of the sine's amplitude, at the node where most is missing."""
+    """Remaining fraction of the sine's amplitude, smallest over the nodes."""
     shape = lambda x: np.sin(np.pi * (x / LENGTH + 0.5))
     row, found = _held(
         cells, LENGTH, MODE, lambda p: 300.0 + AMPLITUDE * shape(p[:, 0]),
@@ -131,7 +131,7 @@ def measure_bar() -> Row:
 
 
 STUFF = Material(1.0, density=1000.0, specific_heat=1000.0)
-"""Of V04; its slab is 0.1 m thick, insulated behind, in air of 10 W/(m^2 K): Bi 1."""
+"""Material of V04: a slab of 0.1 m, insulated behind, 10 W/(m^2 K) to air: Bi = 1."""
 COLD, HOT = 300.0, 400.0
 THETA = (0.95064178, 0.87925481, 0.64339078, 0.85159546)
 """At the centre, half-way, at the surface, and the mean."""

@@ -16,8 +16,8 @@ LEFT, RIGHT = Side(normal=(-1.0, 0.0, 0.0)), Side(normal=(1.0, 0.0, 0.0))
 """The ends of a bar along x; nothing passes through its other sides."""
 
 FOURIER = 0.25
-"""Of explicit steps along a bar, alpha dt / pitch^2: stable, and not 1/6, at which the
-leading errors of space and time cancel and the order would flatter."""
+"""Fourier number alpha dt / pitch^2 of explicit steps along a bar: stable, and not
+1/6, at which the leading errors of space and time cancel."""
 
 
 class Bar(NamedTuple):
@@ -25,7 +25,7 @@ class Bar(NamedTuple):
 
     grid: VoxelGrid
     depth: Float[np.ndarray, " n"]
-    """Of the nodes, from the end at -x [m]."""
+    """Distance of the nodes from the end at -x [m]."""
     along: Int[np.ndarray, " n"]
     """A fragment of each, on a side that nothing passes through."""
     length: float
@@ -94,7 +94,7 @@ def layered(solution_surface: np.ndarray, grid: VoxelGrid) -> np.ndarray:
 
 
 _CORNERS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
-"""Of a face across the last axis, counter-clockwise seen from its positive side."""
+"""Corners of a face across the last axis, counter-clockwise from its positive side."""
 
 
 def of_blocks(

@@ -23,7 +23,7 @@ from .bodies import FOURIER, LEFT, RIGHT, bar
 COPPER = Material(401.0, density=8933.0, specific_heat=385.0)
 STEEL = Material(15.1, density=8055.0, specific_heat=480.0)
 DIFFUSION_LENGTHS = (6.1, 7.0)
-"""Of copper and steel on the two sides: the far ends feel nothing."""
+"""Lengths of copper and steel, long enough that the far ends stay as they are."""
 IN_COPPER = float((COPPER.diffusivity / STEEL.diffusivity) ** 0.5)
 """Diffusion lengths of copper, in those of steel."""
 

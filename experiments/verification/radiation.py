@@ -40,7 +40,7 @@ from .walls import solid, solve
 X, Y, Z = np.eye(3)
 ORIGIN = np.zeros(3)
 POINTS = 24
-"""Of a rectangle's quadrature, along each edge."""
+"""Quadrature points of a rectangle along each edge."""
 
 PLATES, SPHERES = 441.0291215, 20.78300772
 """[W/m^2], [W]"""
@@ -114,7 +114,7 @@ def measure_plate() -> Row:
 
 
 def _net_emission(emissivity: float, kelvin: float, around: float) -> float:
-    """Of a voxel, in its first millisecond [W/m^2]."""
+    """Net heat flux of a voxel in its first millisecond [W/m^2]."""
     row = bar(1, 1.0)
     metal = Material(1e9, 8000.0, 500.0, emissivity)
     body = Body(FullVolume(row.grid), metal, temperature=kelvin)

@@ -28,7 +28,7 @@ COLUMN = (
     (0.7396, 1.3594, 1.7668, 1.9083),
     (0.3418, 0.6296, 0.8199, 0.8863),
 )
-"""Of case 1, from the top down [degC]."""
+"""Temperatures of case 1, from the top down [degC]."""
 
 ROOF = (230.0, 0.12, 1.15, 0.029)
 """Aluminium, wood, concrete, insulation [W/(m K)]."""
@@ -46,7 +46,7 @@ ROOF_FLOW = 9.5
 """[W/m]"""
 
 BAR_FLOW, BAR_HOTTEST = 0.54, 0.805
-"""Of case 4 [W], [degC]."""
+"""Heat flow [W] and highest temperature [degC] of case 4."""
 
 
 def measure_column() -> Row:
@@ -189,13 +189,13 @@ def measure_iron_bar() -> Row:
 
 
 INNER, OUTER = 0.05, 0.1
-"""Of the shell [m]."""
+"""Radii of the shell [m]."""
 HOT, COLD = ZERO_CELSIUS + 100.0, ZERO_CELSIUS + 20.0
 SHELL_HEAT, SHELL_MIDDLE = 50.26548246, 46.66666667
 """[W], [degC]"""
 
 RADIUS, LENGTH = 0.0025, 0.05
-"""Of the fin [m]."""
+"""Radius and length of the fin [m]."""
 FIN_COEFFICIENT, EXCESS = 100.0, 75.0
 FIN_HEAT, FIN_EFFICIENCY, FIN_TIP = 4.37775788, 0.74319126, 46.61455996
 AIR = 300.0

@@ -43,7 +43,7 @@ def _relative(name, unit, expected, computed, tolerance) -> Value:
 
 
 COMPOSITE = {"q": 499.687851, "T1-": 99.987539, "T1+": 99.93757, "Ts": 49.968785}
-"""Of V13, as listed: too few digits for what is asked."""
+"""Values of V13 as published, with fewer digits than the tolerance needs."""
 
 
 def composite() -> tuple[float, float, float, float]:
@@ -164,7 +164,7 @@ def measure_sol_air() -> Row:
 
 
 PITCH = 2.0 / 16
-"""Of 16 x 8 x 1 voxels [m]."""
+"""Edge of the 16 x 8 x 1 voxels [m]."""
 SLAB_FLUX = 1.0 / PITCH
 """Through x = 2: one watt in all [W/m^2]."""
 SLAB_COLD = 300.0
@@ -214,7 +214,7 @@ def _compliance(grid, conductivity: float, sources: tuple = ()) -> float:
 
 
 def _gaussian(grid, amplitude: float) -> tuple[HeatSource, ...]:
-    """Of a exp(-r^2 / (2 0.2^2)) around the middle, a slice across x at a time.
+    """Heat a exp(-r^2 / (2 0.2^2)) around the middle, a slice across x at a time.
 
     The compliance takes no notice of where in a slice the heat is made.
     """

@@ -1,1 +1,1 @@
-"""What the commands do; `jaxthermo.__main__` reads their arguments."""
+"""Actions of the commands; `jaxthermo.__main__` reads their arguments."""

@@ -34,7 +34,7 @@ PATHS = ("set",)
 
 
 Change: TypeAlias = tuple[Location, str]
-"""Where an override set a value, and its text."""
+"""Location of a value that an override set, and the text of the override."""
 
 
 def with_overrides(data: Any, texts: Sequence[str]) -> tuple[Any, list[Change]]:

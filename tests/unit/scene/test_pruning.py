@@ -65,9 +65,7 @@ def _agree(seed):
     bodies = _bodies(chance)
     scene = jt.Scene(bodies, _terms(chance, bodies), dtype="float64")
     runs = [
-        run_plan(
-            scene, plan_run(scene, 5.0, [2.0, 5.0], jt.ForwardEuler(dt=0.25), prune)
-        )
+        run_plan(plan_run(scene, 5.0, [2.0, 5.0], jt.ForwardEuler(dt=0.25), prune))
         for prune in (True, False)
     ]
     lean, full = runs
