@@ -150,6 +150,7 @@ class ContactLinks(eqx.Module):
     ) -> tuple[tuple[Float[Array, "..."], Float[Array, "..."]], Float[Array, ""]]:
         """Both states after the heat of one step, and the total heat rate [W]."""
         rate = self.heat_rate(time, theta, references)
+        # The same rate for both bodies: one gains exactly what the other loses.
         rises = (-dt * rate * self.per_capacity[0], dt * rate * self.per_capacity[1])
         first, second = (
             state.at[address].add(rise, mode="promise_in_bounds")

@@ -119,17 +119,17 @@ class _FilmRange(NamedTuple):
     """True if all film temperatures are inside the range of interpolation."""
 
 
-def film_range(temperature: Any, reach: TemperatureRange) -> _FilmRange:
+def film_range(temperature: Any, within: TemperatureRange) -> _FilmRange:
     """Range for air of a temperature [K], which may change with time."""
     air = (
-        float(smallest(temperature, reach.end)),
-        float(largest(temperature, reach.end)),
+        float(smallest(temperature, within.end)),
+        float(largest(temperature, within.end)),
     )
-    low, high = (air[0] + reach.lowest) / 2, (air[1] + reach.highest) / 2
+    low, high = (air[0] + within.lowest) / 2, (air[1] + within.highest) / 2
     samples = np.linspace(low, high, _FILM_SAMPLES)
     return _FilmRange(
         air=air,
-        gap=max(reach.highest - air[0], air[1] - reach.lowest, 0.0),
+        gap=max(within.highest - air[0], air[1] - within.lowest, 0.0),
         film=np.clip(samples, MIN_FILM_TEMPERATURE, MAX_FILM_TEMPERATURE),
         smooth=low > MIN_FILM_TEMPERATURE and high < MAX_FILM_TEMPERATURE,
     )
@@ -187,16 +187,16 @@ class FilmExchange(AbstractFluxLaw):
         return bound * (1.05 if tabulated else 1.01)
 
     @override
-    def max_flux(self, reach: TemperatureRange) -> float:
-        air = film_range(self.temperature, reach)
+    def max_flux(self, within: TemperatureRange) -> float:
+        air = film_range(self.temperature, within)
         h, _, _ = film_derivatives(np.asarray(self._rows, float), air.film)
         return SAMPLING_MARGIN * self._overshoot * float(h.max(initial=0.0)) * air.gap
 
     @override
-    def curvature(self, reach: TemperatureRange) -> float:
+    def curvature(self, within: TemperatureRange) -> float:
         # |h'' (T_inf - T_s) - 2 h'| with derivatives by T_s and T_inf - T_s =
         # 2 (T_inf - T_f): largest at an end of the air's range.
-        air = film_range(self.temperature, reach)
+        air = film_range(self.temperature, within)
         if not air.smooth:
             # h has a kink at the ends of the interpolation: no finite bound there.
             return np.inf

@@ -190,26 +190,26 @@ class FreeExchange(AbstractFluxLaw):
         return 7 / 3 * 1.01 * h.max()
 
     @override
-    def max_flux(self, reach: TemperatureRange) -> float:
-        apart, whole, _, _ = self._sampled(reach)
+    def max_flux(self, within: TemperatureRange) -> float:
+        apart, whole, _, _ = self._sampled(within)
         return SAMPLING_MARGIN * float((apart * whole**2).max())
 
     @override
-    def curvature(self, reach: TemperatureRange) -> float:
+    def curvature(self, within: TemperatureRange) -> float:
         # |h'' (T_inf - T_s)| + 2 |h'| with h = w^2. The sixth root has no bounded
         # second derivative at 0 but for the regularization.
-        if not film_range(self.temperature, reach).smooth:
+        if not film_range(self.temperature, within).smooth:
             return np.inf
-        apart, whole, once, twice = self._sampled(reach)
+        apart, whole, once, twice = self._sampled(within)
         curvature = 2 * apart * (once**2 + whole * twice) + 4 * whole * once
         return SAMPLING_MARGIN * float(curvature.max())
 
     def _sampled(
-        self, reach: TemperatureRange
+        self, within: TemperatureRange
     ) -> tuple[Float[np.ndarray, "d #f"], ...]:
         """Differences [K], and bounds of w = sqrt(h) and its first two derivatives."""
         # Every part of a derivative counts with its absolute value.
-        air = film_range(self.temperature, reach)
+        air = film_range(self.temperature, within)
         max_of = lambda values: float(np.max(values, initial=0.0))
         host = lambda values: np.asarray(values, float)
         root = [
@@ -300,6 +300,7 @@ class FreeConvection(AbstractSurfaceTerm):
             factors = np.zeros((2, len(body.area))) if skipped else self._factors(body)
             still.append(factors[0].astype(dtype))
             rising.append(factors[1].astype(dtype))
+        # The film polynomials are common to all bodies, whatever their temperatures.
         with jax.ensure_compile_time_eval():
             films = _film_factors(jnp.asarray(FILM_TEMPERATURES, dtype))
             root, rise = (np.asarray(film_polynomial(each)) for each in films)

@@ -68,13 +68,13 @@ class Emission(AbstractFluxLaw):
         return 4 * STEFAN_BOLTZMANN * hottest**3
 
     @override
-    def max_flux(self, reach: TemperatureRange) -> float | Float[Array, ""]:
-        highest = jnp.maximum(largest(self.temperature, reach.end), reach.highest)
+    def max_flux(self, within: TemperatureRange) -> float | Float[Array, ""]:
+        highest = jnp.maximum(largest(self.temperature, within.end), within.highest)
         return STEFAN_BOLTZMANN * highest**4
 
     @override
-    def curvature(self, reach: TemperatureRange) -> float | Float[Array, ""]:
-        return 12 * STEFAN_BOLTZMANN * reach.highest**2
+    def curvature(self, within: TemperatureRange) -> float | Float[Array, ""]:
+        return 12 * STEFAN_BOLTZMANN * within.highest**2
 
     @property
     @override
@@ -121,16 +121,16 @@ class _RadiativeCoefficient(eqx.Module):
         return 4 * STEFAN_BOLTZMANN * ambient * ambient * ambient
 
 
-def linear_error(temperature: Any, reach: TemperatureRange) -> float:
+def linear_error(temperature: Any, within: TemperatureRange) -> float:
     """Largest relative error of 4 T_s^3 (T_s - T) for T_s^4 - T^4 [-].
 
     It is |4 / ((1 + r)(1 + r^2)) - 1| with r = T / T_s, largest at an end of the range.
     """
-    low = float(smallest(temperature, reach.end))
-    high = float(largest(temperature, reach.end))
+    low = float(smallest(temperature, within.end))
+    high = float(largest(temperature, within.end))
     if not low > 0:
         return math.inf
-    ratios = reach.lowest / high, reach.highest / low
+    ratios = within.lowest / high, within.highest / low
     return max(abs(4 / ((1 + r) * (1 + r * r)) - 1) for r in ratios)
 
 

@@ -74,6 +74,7 @@ class DirectionTable:
         angle = math.atan2(across, float(first @ second))
         if angle == 0:
             return triple(first)
+        # Spherical interpolation: the angular velocity is constant.
         turned = math.sin((1 - t) * angle) * first
         return triple(unit_vector(turned + math.sin(t * angle) * second))
 

@@ -79,12 +79,12 @@ class Radiation(AbstractFluxLaw):
         return 4 * STEFAN_BOLTZMANN * hottest**3
 
     @override
-    def max_flux(self, reach: TemperatureRange) -> float | Float[Array, ""]:
-        return STEFAN_BOLTZMANN * reach.highest**4
+    def max_flux(self, within: TemperatureRange) -> float | Float[Array, ""]:
+        return STEFAN_BOLTZMANN * within.highest**4
 
     @override
-    def curvature(self, reach: TemperatureRange) -> float | Float[Array, ""]:
-        return 12 * STEFAN_BOLTZMANN * reach.highest**2
+    def curvature(self, within: TemperatureRange) -> float | Float[Array, ""]:
+        return 12 * STEFAN_BOLTZMANN * within.highest**2
 
     @property
     @override
@@ -208,12 +208,8 @@ class Enclosure(eqx.Module):
     def coarsened(
         self, cell: Int[np.ndarray, " s"], counts: tuple[int, ...]
     ) -> "Enclosure":
-        """The exchange on cells that combine several fragments of one patch.
-
-        Args:
-            cell: of each fragment; -1 for none.
-            counts: number of cells of each body.
-        """
+        """Exchange on cells that each combine fragments of one patch, -1 for none."""
+        # The patches remain, and with them the matrix K; only the weights are summed.
         fine = self.exchange
         kept, cells = np.flatnonzero(cell >= 0), sum(counts)
         patch = np.zeros(cells, np.int32)

@@ -12,7 +12,7 @@ fixed positions, one for each snapshot.
 import abc
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import Any, Self
 
 import equinox as eqx
 import numpy as np
@@ -47,9 +47,6 @@ def fixed_or_moving(value: Any) -> Any:
         return value
 
 
-_Source = TypeVar("_Source", bound="AbstractSource")
-
-
 class AbstractSource(AbstractSurfaceTerm):
     """Source that irradiates surfaces and is not heated by them."""
 
@@ -73,7 +70,7 @@ class AbstractSource(AbstractSurfaceTerm):
         return callable(getattr(self, self.location_field))
 
     @override
-    def at(self: _Source, time: float) -> _Source:
+    def at(self, time: float) -> Self:
         if not self.moves:
             return self
         field = self.location_field
@@ -121,6 +118,7 @@ class AbstractSource(AbstractSurfaceTerm):
         exposure = self.exposure(
             body.scene_triangles, body.position, body.normal, body.pitch
         )
+        # Fragments in shadow are left out of the binding, so that they cost nothing.
         lit = exposed & (exposure > 0)
         if body.prune and not lit.any():
             return body.omitted("no surface of this body sees it")

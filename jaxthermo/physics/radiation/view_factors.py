@@ -115,6 +115,8 @@ def _count_lines(
     patch = _hits(bodies, scene, view, layers)
     same = layers.pixel[1:] == layers.pixel[:-1]
     enters = layers.entering
+    # Consecutive fragments of a line face each other across empty space where the first
+    # is left and the second entered.
     open_gap: Bool[np.ndarray, " g"] = same & ~enters[:-1] & enters[1:]
     first, last = np.append(True, ~same), np.append(~same, True)
     numbers = patch[:-1][open_gap] * scene.count + patch[1:][open_gap]
