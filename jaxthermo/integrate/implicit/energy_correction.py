@@ -34,7 +34,7 @@ def correct_energy(
     """Return states that hold exactly the heat of the ledger, and that heat [J]."""
     # The slopes only distribute a rest of the size of rounding: so small, too, is what
     # their derivatives would add.
-    own, pairs = jax.lax.stop_gradient(_slopes(program, after, time))
+    loads, contacts = jax.lax.stop_gradient(_slopes(program, after, time))
     capacity = [body.network.capacity() for body in program.bodies]
     difference = jax.tree.map(jnp.subtract, after, before)
     # Nodes that have not changed at all stay as they are, bit by bit.
@@ -54,38 +54,38 @@ def correct_energy(
     total = jnp.stack([body.network.total_capacity() for body in program.bodies])
     # Where nothing changed nothing will; only a division by zero must be avoided.
     holding = jnp.where(holding > 0, holding, total)
-    loss, links = _by_body(program, own, pairs)
+    loss, links = _by_body(program, loads, contacts)
     warmer = solve_dominant(holding + g * loss, g * links, missing(heat, after))
-    heat = heat - g * _response(program, own, pairs, warmer)
+    heat = heat - g * _response(program, loads, contacts, warmer)
     states = tuple(
         new + extra * m for new, extra, m in zip(after, warmer, changed, strict=True)
     )
     # The rest is rounding; loads that depend on temperature take it.
     rest = missing(heat, states) * inverse(loss)
-    return states, heat - _response(program, own, 0 * pairs, rest)
+    return states, heat - _response(program, loads, 0 * contacts, rest)
 
 
 def _by_body(
-    program: Program, own: Float[Array, " c"], pairs: Float[Array, " c"]
+    program: Program, loads: Float[Array, " c"], contacts: Float[Array, " c"]
 ) -> tuple[Float[Array, " b"], Float[Array, "b b"]]:
     """Sum the slopes of each body's loads, and of each pair's contacts [W/K]."""
     bodies = len(program.bodies)
-    loss = jnp.zeros(bodies, own.dtype)
-    links = jnp.zeros((bodies, bodies), own.dtype)
+    loss = jnp.zeros(bodies, loads.dtype)
+    links = jnp.zeros((bodies, bodies), loads.dtype)
     for n, entry in enumerate(program.entries):
         if entry.other is None:
-            loss = loss.at[entry.body].add(own[n])
+            loss = loss.at[entry.body].add(loads[n])
         else:
-            links = links.at[entry.body, entry.other].add(pairs[n])
+            links = links.at[entry.body, entry.other].add(contacts[n])
     return loss, links + links.T
 
 
-def _response(program, own, pairs, warmer) -> Float[Array, " c"]:
+def _response(program, loads, contacts, warmer) -> Float[Array, " c"]:
     """Return the decrease of each entry's heat rate for warmer bodies [W]."""
     each = [
-        own[n] * warmer[entry.body]
+        loads[n] * warmer[entry.body]
         if entry.other is None
-        else pairs[n] * (warmer[entry.other] - warmer[entry.body])
+        else contacts[n] * (warmer[entry.other] - warmer[entry.body])
         for n, entry in enumerate(program.entries)
     ]
     return jnp.stack(each) if each else jnp.zeros(0, warmer.dtype)
@@ -95,14 +95,14 @@ def _slopes(
     program: Program, states: State, time: Float[Array, ""]
 ) -> tuple[Float[Array, " c"], Float[Array, " c"]]:
     """Return -d(entry)/d(state) of loads and of contacts, 0 or more [W/K]."""
-    own = load_slopes(program, states, time).entries
-    pairs = jnp.zeros_like(own)
-    zero = jnp.zeros((), own.dtype)
+    loads = load_slopes(program, states, time).entries
+    contacts = jnp.zeros_like(loads)
+    zero = jnp.zeros((), loads.dtype)
     for contact in program.contacts:
         one = jnp.ones_like(contact.area)
         flow = contact.heat_rate(time, (one, 0 * one), (zero, zero))
-        pairs = pairs.at[contact.entry].set(precise_sum(flow))
-    return own, pairs
+        contacts = contacts.at[contact.entry].set(precise_sum(flow))
+    return loads, contacts
 
 
 def solve_dominant(
@@ -110,11 +110,13 @@ def solve_dominant(
 ) -> Float[Array, " b"]:
     """Solve (excess_i + sum_j links_ij) x_i - sum_j links_ij x_j = right_i.
 
-    Gaussian elimination without a subtraction: each diagonal is stored as what it
-    exceeds the sum of its row by, so that strong links lose no digit.
+    Gaussian elimination in which each diagonal is stored as what it exceeds the sum of
+    its row by, so that strong links lose no digit.
 
     Source: Grassmann, Taksar, Heyman, Operations Research 33 (1985) 1107-1116.
     """
+    # No difference occurs: `excess` is positive, `links` is symmetric, 0 or more, and 0
+    # on the diagonal.
     count = len(excess)
     index = np.arange(count)
     for k in range(count):

@@ -40,8 +40,8 @@ class _Jacobian(eqx.Module):
     def mv(self, u: State) -> State:
         """Return A u [W]."""
         image = [
-            own * each - network.face_heat_rate(each)
-            for own, network, each in zip(self.diagonal, self.networks, u, strict=True)
+            d * v - network.face_heat_rate(v)
+            for d, network, v in zip(self.diagonal, self.networks, u, strict=True)
         ]
         # References are 0, since u is a difference of temperatures.
         zero = jnp.zeros((), u[0].dtype)

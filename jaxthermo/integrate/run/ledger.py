@@ -24,7 +24,7 @@ class Ledger(eqx.Module):
     """Integral of |heat rate|."""
 
     def add(self, heat: Float[Array, " m"]) -> "Ledger":
-        """Return the ledger after a step that brought `heat` [J]."""
+        """Return the ledger after a step of given `heat` [J]."""
         if not len(heat):
             return self
         # Compensated (Kahan): a thousand float32 steps would otherwise lose more than
@@ -142,19 +142,19 @@ def energies(
 
 
 def _body_energy(entries, body, stored, heat, moved, equalization) -> BodyEnergy:
-    own = [c for c, e in enumerate(entries) if e.other is None and e.body == body]
+    loads = [c for c, e in enumerate(entries) if e.other is None and e.body == body]
     pairs = [c for c, e in enumerate(entries) if e.other is not None and body in e[1:]]
     contacts = {
         _pair_name(entries[c]): _sign(entries[c], body) * heat[:, c] for c in pairs
     }
-    brought = heat[:, np.array(own, int)].sum(axis=1)
-    brought = sum(contacts.values(), brought)
-    through = moved[:, np.array(own + pairs, int)].sum(axis=1)
+    total = heat[:, np.array(loads, int)].sum(axis=1)
+    total = sum(contacts.values(), total)
+    through = moved[:, np.array(loads + pairs, int)].sum(axis=1)
     return BodyEnergy(
         stored_J=stored,
-        mechanisms={entries[c].mechanism: heat[:, c] for c in own},
+        mechanisms={entries[c].mechanism: heat[:, c] for c in loads},
         contacts=contacts,
-        residual_relative=(stored - brought) / _nonzero(through + equalization),
+        residual_relative=(stored - total) / _nonzero(through + equalization),
     )
 
 

@@ -114,7 +114,7 @@ class SteadySolution(AbstractSolution):
     """
 
     times: Float[Array, " 1"]
-    """The time whose poses and loads are taken to last [s]."""
+    """Time of the poses and loads of the steady state [s]."""
     surface_temperature: Float[Array, "1 s"]
     """Temperature of every fragment, bodies one after the other [K]."""
     mean_temperature: Float[Array, "1 b"]

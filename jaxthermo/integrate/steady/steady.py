@@ -77,8 +77,8 @@ def steady(
 
     Args:
         scene: bodies and terms; Newton's method starts at the bodies' temperatures.
-        at: time whose poses and values are taken to last [s]; needed where something
-            varies with time.
+        at: time of the poses and values that stay [s]; needed where something varies
+            with time.
         tolerance: largest distance of a node from its steady temperature [K]; None for
             1e-3 K in float32 and 1e-8 K in float64.
         throw: raise if the solve failed; otherwise `SteadySolution.result` says so.
