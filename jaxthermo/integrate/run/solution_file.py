@@ -61,7 +61,8 @@ def save_solution(path: Path, solution: Solution) -> None:
         arrays[f"body{b}_emissivity"] = surface.emissivity
         arrays[f"body{b}_absorptivity"] = surface.absorptivity
     with replacing(path) as temporary, open(temporary, "wb") as file:
-        np.savez_compressed(file, **{k: np.asarray(v) for k, v in arrays.items()})
+        plain: dict[str, Any] = {k: np.asarray(v) for k, v in arrays.items()}
+        np.savez_compressed(file, **plain)
 
 
 def load_solution(path: Path) -> StoredSolution:

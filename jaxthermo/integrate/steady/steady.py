@@ -159,7 +159,7 @@ def _solve(
     program: Program, context: ImplicitContext, start: State, time, isolated
 ) -> tuple[State, SolverStatistics]:
     constants = stop_gradient((program, context, start, time))
-    states, statistics = _newton(*constants, isolated)
+    states, statistics = _newton(*constants, isolated=isolated)
     if not context.differentiable:
         return states, statistics
     # Implicit function theorem: one more solve, of rates whose value is 0 and whose
