@@ -124,6 +124,8 @@ class ForwardEuler(AbstractSolver):
     K T the heat rates by conduction, q those of the terms [W], C capacities [J/K].
     Stable where dt (sum_j G_ij - dq_i/dT_i) <= C_i at every node i: in a uniform body
     dt <= h^2 / (6 alpha), h the voxel's edge [m], alpha the diffusivity [m^2/s].
+
+    Source: Patankar, Numerical Heat Transfer and Fluid Flow (1980), section 4.3.
     """
 
     dt: Any = None
@@ -221,6 +223,8 @@ class BackwardEuler(_AbstractImplicit):
     """Implicit Euler: first order, L-stable, never overshoots.
 
     T_{n+1} = T_n + dt / C (K T_{n+1} + q(T_{n+1}, t_n + dt/2)), see `ForwardEuler`.
+
+    Source: Hairer, Wanner, Solving Ordinary Differential Equations II (1996), IV.3.
     """
 
     dt: Any = None
