@@ -60,17 +60,8 @@ def plan_run(
 ) -> Plan:
     """Compile a scene and schedule its steps.
 
-    Args:
-        scene: bodies and terms.
-        t1: end of the run [s].
-        save_at: times to save [s]; None for the end.
-        solver: solver of the user; None to select one.
-        prune: omit terms that have no effect, see `compile_scene`.
-        reverse_memory: memory for the states that reverse mode stores [bytes].
-
-    Raises:
-        InputError: for save times out of order, a step above the stable one, or too
-            little memory.
+    Arguments and errors are those of `simulate`; `prune` omits terms that have no
+    effect, see `compile_scene`.
     """
     saves = save_times(t1, save_at)
     arranged = scene if solver is None else solver.arranged(scene)
@@ -99,17 +90,8 @@ def plan_run(
         checkpoints = _checkpoint_count(compiled.state, reverse_memory)
     if isinstance(stepper, AdaptiveStepper):
         stepper = replace(stepper, checkpoints=checkpoints)
-    return Plan(
-        arranged,
-        compiled,
-        intervals,
-        saves,
-        stable_step,
-        solver,
-        stepper,
-        reason,
-        checkpoints,
-    )
+    parts = (arranged, compiled, intervals, saves, stable_step, solver, stepper)
+    return Plan(*parts, reason, checkpoints)
 
 
 def _checkpoint_count(state: State, memory: int) -> int:

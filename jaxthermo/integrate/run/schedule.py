@@ -59,13 +59,8 @@ def schedule(
 ) -> tuple[Interval, ...]:
     """Divide a run into intervals that end at save times, event times and the end.
 
-    Args:
-        t1: end of the run [s].
-        saves: increasing save times in [0, t1] [s].
-        event_times: other times that a step must end at, such as breakpoints of the
-            terms' values [s]; those outside (0, t1) are ignored.
-        max_dt: largest step allowed [s]; may be infinite.
-        min_steps: smallest number of steps per interval.
+    Events are times that a step must end at, such as breakpoints of the terms' values;
+    those outside (0, t1) are ignored. The longest step `max_dt` may be infinite.
 
     Raises:
         InputError: if an interval takes more steps than can be counted.

@@ -105,10 +105,8 @@ def take_steps(
         state, time = carry
         # Unused columns of the table leave the time of the last step as it is.
         time = jnp.where(row.steps > 0, row.observation_time, time)
-        return (
-            advance(stepper, program, state, row.start, row.dt, row.steps),
-            time,
-        ), None
+        state = advance(stepper, program, state, row.start, row.dt, row.steps)
+        return (state, time), None
 
     def save_interval(state, row: StepTable):
         begin = jnp.zeros((), row.start.dtype)
