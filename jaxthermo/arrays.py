@@ -1,45 +1,45 @@
-"""Array code that several packages need."""
+"""Arrays: names of their types, precision, tracing, and grouping of entries.
+
+Shape letters: n nodes, e links, s surface fragments, x y z voxels, v vertices,
+f faces, k raster fragments, l levels, t saved times, b bodies, h w pixels, p points.
+"""
 
 import contextlib
-from collections.abc import Callable
 from typing import Any
 
 import jax
 import jax.core
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float, Int
 
-
-Vec3 = tuple[float, float, float] | Float[np.ndarray, "3"]
-"""A point or a direction given by the user [m or -]."""
 
 Scalar = float | int | Float[Array, ""] | Float[np.ndarray, ""] | np.floating
 """One number, traced or not."""
 
-TimeValue = Scalar | Callable
-"""A number, or a function of time [s] that gives one."""
-
 HostFloat = Float[np.ndarray, "..."]
-HostInt = Int[np.ndarray, "..."]
-HostBool = Bool[np.ndarray, "..."]
+"""Array of numpy, of any shape."""
 
 
 def precision(dtype: str) -> contextlib.AbstractContextManager:
-    """A context in which arrays of `dtype` can be made."""
+    """Context in which arrays of `dtype` can be created."""
+    # Local, so that a float64 scene leaves the precision of other code unchanged.
     return jax.enable_x64(True) if dtype == "float64" else contextlib.nullcontext()
 
 
 def is_traced(tree: Any) -> bool:
-    """Whether anything in a pytree is being differentiated, mapped or compiled."""
+    """True if any leaf of a pytree is being differentiated, mapped or compiled."""
     return any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(tree))
 
 
 def members(group: Int[np.ndarray, " k"], groups: int) -> Int[np.ndarray, "m g"]:
-    """The first entry of every group, the second, and so on; k where there is none.
+    """Indices of the first entry of every group, the second, and so on.
 
     Args:
-        group: of each entry.
-        groups: how many there are.
+        group: group of each of the k entries.
+        groups: number of groups.
+
+    Returns:
+        Indices, padded with k.
     """
     order = np.argsort(group, kind="stable").astype(np.int32)
     found = np.full((np.bincount(group).max(), groups), len(group), np.int32)
@@ -48,27 +48,28 @@ def members(group: Int[np.ndarray, " k"], groups: int) -> Int[np.ndarray, "m g"]
 
 
 def rank_in_group(group: Int[np.ndarray, " k"]) -> Int[np.ndarray, " k"]:
-    """Rank of each entry among those of its group; groups come one after the other."""
+    """Rank of each entry within its group; equal groups must be adjacent."""
     slots = np.arange(len(group))
     first = np.ones(len(group), bool)
     first[1:] = group[1:] != group[:-1]
     return slots - np.maximum.accumulate(np.where(first, slots, 0))
 
 
-LIST_COST, LIST_START = 6.0, 30_000.0
-"""Of an entry of a sparse list, and of having one at all, in gathered entries."""
+# Cost of one entry of a sparse list, and of having a list at all, relative to an entry
+# that is gathered: scatters are slow, and a list adds operations to every step.
+LIST_ENTRY_COST, LIST_COST = 6.0, 30_000.0
 
 
 def gathered_columns(degree: Int[np.ndarray, " n"]) -> int:
-    """How many entries to gather for every row, the rest in a list, at the least cost.
+    """Number of entries to gather for every row; the rest goes to a sparse list.
 
     Args:
-        degree: entries of each row.
+        degree: number of entries of each row.
     """
     count = np.bincount(degree)
-    beyond = np.cumsum(count[::-1])[::-1]
-    """Rows with at least this degree."""
-    left_over = np.append(np.cumsum(beyond[::-1])[::-1][1:], 0)
-    cost = len(degree) * np.arange(len(count)) + LIST_COST * left_over
-    cost += LIST_START * (left_over > 0)
+    rows_from = np.cumsum(count[::-1])[::-1]
+    # Entries beyond the first k of every row: the rows of higher degrees, summed.
+    remaining = np.append(np.cumsum(rows_from[::-1])[::-1][1:], 0)
+    cost = len(degree) * np.arange(len(count)) + LIST_ENTRY_COST * remaining
+    cost += LIST_COST * (remaining > 0)
     return int(cost.argmin())

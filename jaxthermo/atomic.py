@@ -1,4 +1,4 @@
-"""Writing a file so that a reader sees the old one or the new one, never a part."""
+"""Atomic files: a reader sees the old or the new one, never a part."""
 
 import os
 import uuid
@@ -11,9 +11,7 @@ from .errors import InputError
 
 @contextmanager
 def replacing(path: str | Path) -> Iterator[Path]:
-    """A temporary name beside `path`; it takes the place of `path` when all went well.
-
-    Nothing is left behind when the block raises.
+    """Yield a temporary path that replaces `path` on success and is removed on failure.
 
     Raises:
         InputError: when the folder is missing, cannot be written or is full.
@@ -23,7 +21,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
     # whose files only the owner can read.
     temporary = target.parent / f".{target.stem}.{uuid.uuid4().hex[:8]}{target.suffix}"
     try:
-        # Tells an unwritable folder before any work, in the system's words.
+        # Detects an unwritable folder before any work, with the system's message.
         temporary.open("xb").close()
         yield temporary
         os.replace(temporary, target)
@@ -34,6 +32,6 @@ def replacing(path: str | Path) -> Iterator[Path]:
             "written and has space"
         ) from error
     finally:
-        # Tried even where it never existed, as below a file that is no folder.
+        # The parent may not exist, or be a file.
         if temporary.parent.is_dir():
             temporary.unlink(missing_ok=True)

@@ -6,18 +6,18 @@ from typing import Any
 
 
 class InputError(ValueError):
-    """A user's mistake, told in one line: what is wrong, where, what to do.
+    """Mistake of the user, in one line: what is wrong, where, and a remedy.
 
-    The command line prints the message and exits with status 2; anything else that is
-    raised is a defect of ours and keeps its traceback.
+    The command line prints the message and exits with status 2; any other exception is
+    a defect of this package and keeps its traceback.
     """
 
 
 def positive_length(argument: str, value: float | int) -> float:
-    """The value [m] as a float, refused unless positive and finite.
+    """Convert a length [m] to a float.
 
     Raises:
-        InputError: naming the argument and its value.
+        InputError: unless it is positive and finite.
     """
     if not (math.isfinite(value) and value > 0.0):
         raise InputError(
@@ -26,23 +26,24 @@ def positive_length(argument: str, value: float | int) -> float:
     return float(value)
 
 
-def whole_number(value: Any, option: str, least: int = 1) -> int:
-    """The value as an int.
+def whole_number(value: Any, option: str, minimum: int = 1) -> int:
+    """Convert a value to an int.
 
     Args:
         value: given by the user.
-        option: such as "Octree(levels=)".
-        least: smallest that is allowed.
+        option: name of the argument, e.g. "Octree(levels=)".
+        minimum: smallest allowed value.
 
     Raises:
-        InputError: unless the value is an integer of at least `least`.
+        InputError: unless the value is an integer of at least `minimum`.
     """
     try:
         number = operator.index(value)
     except TypeError:
         number = None
-    if number is None or number < least or isinstance(value, bool):
+    # bool is an integer in Python, but True levels are a mistake.
+    if number is None or number < minimum or isinstance(value, bool):
         raise InputError(
-            f"{option[:-1]}{value!r}): give a whole number of at least {least}"
+            f"{option[:-1]}{value!r}): give a whole number of at least {minimum}"
         )
     return number

@@ -1,4 +1,4 @@
-"""Memory known before it is taken."""
+"""Memory: what is available, and a check before allocation."""
 
 import os
 
@@ -6,12 +6,12 @@ from .errors import InputError
 
 
 def available_bytes() -> int:
-    """Memory this process may still take: the host's free pages."""
+    """Memory of the host that this process can still allocate [bytes]."""
     return os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") + _cached_bytes()
 
 
 def _cached_bytes() -> int:
-    """Page cache, which the kernel hands back when asked (Linux; else 0)."""
+    # The kernel frees its page cache on demand. Only Linux tells its size.
     try:
         with open("/proc/meminfo", encoding="ascii") as lines:
             table = dict(line.split(":", 1) for line in lines)
@@ -21,7 +21,7 @@ def _cached_bytes() -> int:
 
 
 def readable_bytes(count: float | int) -> str:
-    """A number of bytes for people, e.g. "3.2 GiB"."""
+    """Format a number of bytes, e.g. "3.2 GiB"."""
     for unit in ("B", "KiB", "MiB", "GiB", "TiB"):
         if count < 1024 or unit == "TiB":
             break
@@ -29,8 +29,8 @@ def readable_bytes(count: float | int) -> str:
     return f"{count:.0f} {unit}" if unit == "B" else f"{count:.1f} {unit}"
 
 
-def require_memory(needed: int, what: str, remedy: str) -> None:
-    """Refuse work that would not fit, before anything is allocated.
+def require_memory(needed: int, task: str, remedy: str) -> None:
+    """Refuse work that does not fit into memory, before any allocation.
 
     Raises:
         InputError: if more than 80 % of the available memory would be needed.
@@ -38,6 +38,6 @@ def require_memory(needed: int, what: str, remedy: str) -> None:
     available = available_bytes()
     if needed > 0.8 * available:
         raise InputError(
-            f"{what} needs about {readable_bytes(needed)} of memory and "
+            f"{task} needs about {readable_bytes(needed)} of memory and "
             f"{readable_bytes(available)} is free: {remedy}"
         )

@@ -1,4 +1,4 @@
-"""Timings that mean something: warmed up, blocked, with their spread."""
+"""Timings after a warm-up, waiting for results, with their range."""
 
 import statistics
 import time
@@ -9,25 +9,26 @@ import jax
 
 
 class Timing(NamedTuple):
-    """Wall time of one call [s]: the median, and the fastest and slowest seen."""
+    """Wall time of one call [s]: median, minimum and maximum."""
 
     median: float
     fastest: float
     slowest: float
 
     def per(self, count: float | int) -> "Timing":
-        """The same per one of `count` things done in a call."""
+        """Time per item, for calls of `count` items."""
         return Timing(*(value / count for value in self))
 
     def text(self) -> str:
-        """For a table: "12.3 ms (11.9-14.0)" or "1.92 s (1.89-2.18)"."""
+        """Format for a table: "12.3 ms (11.9-14.0)" or "1.92 s (1.89-2.18)"."""
         scale, unit = (1.0, "s") if self.median >= 1.0 else (1e3, "ms")
         median, low, high = (scale * value for value in self)
         return f"{median:.3g} {unit} ({low:.3g}-{high:.3g})"
 
 
 def measure(call: Callable[[], Any], repeats: int = 5) -> Timing:
-    """Times `call`, after one to warm up, waiting for its arrays."""
+    """Measure the wall time of `call`."""
+    # The first call compiles. JAX returns before it has computed: block until ready.
     jax.block_until_ready(call())
     spans = []
     for _ in range(repeats):

@@ -29,15 +29,15 @@ def surface_of(grid: VoxelGrid, pose=STANDING, others=(), emissivity=0.8, body=0
         body=body,
         grid=grid,
         pose=pose,
-        position=pose.place(grid.fragment_position),
-        normal=pose.turn(grid.fragment_normal),
+        position=pose.to_world(grid.fragment_position),
+        normal=pose.rotate(grid.fragment_normal),
         area=grid.fragment_area,
         exposed_fraction=np.ones(count),
         natural=np.ones(count, bool),
         half_cell=np.full(count, 1e3),
         emissivity=np.asarray(emissivity),
         absorptivity=np.asarray(1.0),
-        scene_triangles=np.concatenate([pose.place(grid.mesh.triangles), *others]),
+        scene_triangles=np.concatenate([pose.to_world(grid.mesh.triangles), *others]),
         dtype=np.dtype("float64"),
     )
 
@@ -65,4 +65,4 @@ def in_patches(grid: VoxelGrid, most: int, pose=STANDING) -> PatchedBody:
         grid.lattice,
         most,
     )
-    return PatchedBody(pose.place(grid.mesh.triangles), patches, pose)
+    return PatchedBody(pose.to_world(grid.mesh.triangles), patches, pose)

@@ -16,7 +16,7 @@ from jaxthermo.integrate.run.simulate import simulate
 from jaxthermo.integrate.surface_error import surface_error
 from jaxthermo.scene.compile.compile import mechanism_names
 from jaxthermo.scene.dimensionless_groups import scene_numbers
-from jaxthermo.structures.fit_card import FitCard, outside
+from jaxthermo.structures.fit_card import FitCard, extrapolations
 from jaxthermo.structures.weights import ConductionWeights
 
 from ..config.schema import CalibrationConfig
@@ -91,7 +91,7 @@ def check_card(
     log("building the scene")
     scene = config.build()
     numbers = scene_numbers(scene, config.time.end)
-    warnings = outside(card, numbers, mechanism_names(scene))
+    warnings = extrapolations(card, numbers, mechanism_names(scene))
     reference = full_volume_run(config, 0.25, log)
     weights_path = ("bodies", 0, "structure", "weights")
     # Both runs share the scene's voxels and structure, which are slow to build.

@@ -26,7 +26,7 @@ _ABBREVIATIONS: dict[str, Path] = {
 """Short names in a scene of one body."""
 
 # The constructor's argument and the field that keeps it differ.
-_FIELD_OF = {"absorptivity": "own_absorptivity"}
+_FIELD_OF = {"absorptivity": "given_absorptivity"}
 
 
 def find_path(scene: Scene, name: str) -> Path:

@@ -13,7 +13,7 @@ from typing_extensions import override
 from jaxthermo.errors import InputError
 from jaxthermo.image.camera import AbstractCamera
 from jaxthermo.image.render import draw
-from jaxthermo.image.view import View, look
+from jaxthermo.image.view import View, compute_view
 from jaxthermo.integrate.run.parametric_run import ParametricSolution
 from jaxthermo.scene.scene import Scene
 from jaxthermo.scene.solved_surface import SolvedSurface
@@ -122,7 +122,7 @@ def view_of(
     surfaces: tuple[SolvedSurface, ...], scene: Scene, camera: AbstractCamera
 ) -> View:
     """View of the bodies; temperatures are smoothed over the voxels."""
-    return look(surfaces, scene.terms, camera, True)
+    return compute_view(surfaces, scene.terms, camera, True)
 
 
 def body_mask(view: View) -> Bool[np.ndarray, "h w"]:

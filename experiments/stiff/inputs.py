@@ -10,7 +10,7 @@ import numpy as np
 
 import jaxthermo as jt
 from jaxthermo.arrays import precision
-from jaxthermo.geometry.mesh import Mesh, verdict_line
+from jaxthermo.geometry.mesh import Mesh, mesh_summary
 from jaxthermo.geometry.repair import repair_mesh
 from jaxthermo.integrate.run.solution import result_name
 
@@ -111,7 +111,7 @@ def _damaged(what: str, mesh: Mesh, exact: float, least: float) -> Row:
         Bound("out of bounds", out, 1e-3),
         Bound("told", float(bool(mended.repairs) or not mended.is_watertight), 1, 1),
     )
-    seen = verdict_line(mended).split(", area")[0] + f"; repaired: {mended.repairs}"
+    seen = mesh_summary(mended).split(", area")[0] + f"; repaired: {mended.repairs}"
     return Row(what, seen=seen, checks=checks)
 
 

@@ -10,7 +10,7 @@ from skimage.metrics import structural_similarity
 from jaxthermo.config.camera_framing import build_camera
 from jaxthermo.config.schema.image import PinholeConfig
 from jaxthermo.image.render import draw
-from jaxthermo.image.view import View, look
+from jaxthermo.image.view import View, compute_view
 from jaxthermo.integrate.surface_error import AnySolution, error_span
 from jaxthermo.scene.solved_surface import SolvedSurface
 
@@ -35,7 +35,7 @@ class Scenery(NamedTuple):
 def scenery(camera: PinholeConfig, surfaces: tuple[SolvedSurface, ...]) -> Scenery:
     """The camera of the config, looking at the body."""
     triangles = np.concatenate([s.geometry.triangles for s in surfaces])
-    view = look(surfaces, (), build_camera(camera, triangles))
+    view = compute_view(surfaces, (), build_camera(camera, triangles))
     width, height = view.camera.size
     body = np.zeros(height * width, bool)
     body[view.pixel] = True

@@ -10,7 +10,7 @@ from jaxthermo.geometry.shapes import figurine
 from jaxthermo.report import page
 from jaxthermo.report.chart import write_chart
 from jaxthermo.report.table import Table
-from jaxthermo.voxels.cylinder_parts import ALIKE
+from jaxthermo.voxels.cylinder_parts import MAX_DIAMETER_RATIO
 
 from . import (
     convection_average as average,
@@ -143,7 +143,8 @@ def _parts(divided: list[dict[str, Any]], folder: Path) -> list[page.Section]:
         page.paragraph(
             f"Found in {divided[0]['height_voxels']} voxels of height: connected parts "
             "of slices across the body's longest axis, joined where their diameters "
-            f"differ by less than a factor of {ALIKE:g}. The diameter is that of the "
+            f"differ by less than a factor of {MAX_DIAMETER_RATIO:g}. The diameter is "
+            "that of the "
             "cylinder of a part's length and volume. Colours: the part each fragment "
             "belongs to; outlines: the cylinders."
         ),

@@ -110,7 +110,7 @@ def _body(cube: VoxelGrid, shift: float) -> PatchedBody:
         cube.lattice,
         PATCHES,
     )
-    return PatchedBody(pose.place(cube.mesh.triangles), patches, pose)
+    return PatchedBody(pose.to_world(cube.mesh.triangles), patches, pose)
 
 
 def reach_of_ten_percent() -> float:

@@ -15,7 +15,7 @@ from jaxthermo.image.palette import apply_palette, palette_table
 from jaxthermo.image.render import draw
 from jaxthermo.image.ssao import screen_space_occlusion
 from jaxthermo.image.ticks import decimals_of, label as written, nice_ticks, to_celsius
-from jaxthermo.image.view import look
+from jaxthermo.image.view import compute_view
 from jaxthermo.physics.radiation.visibility import DEFAULT_DIRECTIONS, sky_view
 from jaxthermo.raster.layers import peel
 from jaxthermo.report.difference_scale import BACKGROUND
@@ -54,7 +54,7 @@ def show_occlusion(folder: Path, height: int) -> dict[str, Any]:
     structure = jt.FullVolume(grid)
     cooled = {on: _cooled(structure, on) for on in (False, True)}
     camera = frame_all(mesh.triangles, *SIZE)
-    scenery = look(cooled[True].surfaces, (), camera)
+    scenery = compute_view(cooled[True].surfaces, (), camera)
     shot = lambda values: _shot(scenery, cooled[True].surfaces, values)
     kelvin = {on: shot(s.surface_temperature[-1]) for on, s in cooled.items()}
     seen = shot(jnp.asarray(share, jnp.float32))

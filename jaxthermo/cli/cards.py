@@ -5,7 +5,7 @@ from ..config.schema.scene import SceneConfig
 from ..scene.compile.compile import mechanism_names
 from ..scene.dimensionless_groups import body_numbers
 from ..scene.scene import Scene
-from ..structures.fit_card import outside
+from ..structures.fit_card import extrapolations
 
 
 def card_warnings(config: SceneConfig, scene: Scene) -> list[str]:
@@ -21,6 +21,6 @@ def card_warnings(config: SceneConfig, scene: Scene) -> list[str]:
         if path is None:
             continue
         numbers = body_numbers(scene, body, config.time.end)
-        for words in outside(load_card(path), numbers, mechanism_names(scene)):
+        for words in extrapolations(load_card(path), numbers, mechanism_names(scene)):
             found.append(f"bodies.{n}: beyond the range of {path.name}: {words}")
     return found

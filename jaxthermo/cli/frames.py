@@ -12,7 +12,7 @@ from ..config.schema.scene import SceneConfig
 from ..errors import InputError
 from ..image.files import write_exr, write_png
 from ..image.render import Image, coarsen, draw
-from ..image.view import View, look, standing
+from ..image.view import View, at_time, compute_view
 from ..integrate.run.solution_file import StoredSolution
 from ..physics.term import AbstractTerm
 from ..scene.solved_surface import SolvedSurface
@@ -47,9 +47,9 @@ class Watch:
         self._start = self._look(0.0)
 
     def _look(self, time: float) -> View:
-        surfaces, terms = standing(self._surfaces, self._terms, time)
+        surfaces, terms = at_time(self._surfaces, self._terms, time)
         finer = self._camera.finer(self._image.samples)
-        return look(surfaces, terms, finer, self._image.smooth)
+        return compute_view(surfaces, terms, finer, self._image.smooth)
 
     def at(self, time: float) -> View:
         """What it sees at a moment [s]; looked at once where nothing moves."""
@@ -112,7 +112,7 @@ def write_frames(
         # Drawn twice, for the scale and for the file: kept, long runs fill the memory.
         for k in chosen:
             temperature, time = stored.surface_temperature[k], stored.times[k]
-            here = standing(stored.surfaces, terms, float(time))
+            here = at_time(stored.surfaces, terms, float(time))
             yield draw(watch.at(float(time)), *here, temperature, time)
 
     low, high = _scale(config, images())

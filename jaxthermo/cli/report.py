@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.table import Table
 
 from ..constants import ZERO_CELSIUS
-from ..geometry.mesh import verdict_line
+from ..geometry.mesh import mesh_summary
 from ..image.ticks import time_label
 from ..integrate.implicit.adaptive import AdaptiveStepper
 from ..integrate.run.plan import Plan
@@ -37,7 +37,7 @@ def tell_scene(
     for body, report in zip(scene.bodies, structures, strict=True):
         grid = body.structure.grid
         shape = " x ".join(str(n) for n in grid.lattice.shape)
-        tell(console, verdict_line(grid.mesh))
+        tell(console, mesh_summary(grid.mesh))
         tell(
             console,
             f"  {grid.solid_count} solid voxels of {grid.pitch * 1e3:.4g} mm in "

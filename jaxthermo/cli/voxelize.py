@@ -11,7 +11,7 @@ from ..atomic import replacing
 from ..config.types.quantities import LENGTH, to_si
 from ..errors import InputError
 from ..geometry.load import load_mesh
-from ..geometry.mesh import describe_mesh, verdict_line
+from ..geometry.mesh import describe_mesh, mesh_summary
 from ..report.sheet import write_layer_sheets
 from ..voxels.report import voxel_report
 from ..voxels.voxelize import voxelize as make_voxels
@@ -36,7 +36,7 @@ def voxelize(
     target = None if height is None else _length("--height", height)
     loaded = load_mesh(mesh, unit=unit, height=target, up=up)
     console = open_console()
-    tell(console, verdict_line(loaded))
+    tell(console, mesh_summary(loaded))
     with results_folder(out) as folder:
         with doing(console, "voxelizing"):
             grid = make_voxels(loaded, pitch=edge)

@@ -1,4 +1,4 @@
-"""Which faces share edges, and which hang together: array operations only."""
+"""Edges and connected parts of a triangle mesh, by array operations only."""
 
 from dataclasses import dataclass
 
@@ -8,22 +8,23 @@ from jaxtyping import Bool, Int
 
 @dataclass(frozen=True)
 class Edges:
-    """The edges of a mesh; half-edge `3 f + i` leaves corner i of face f."""
+    """Edge table of a mesh; half-edge `3 f + i` leaves corner i of face f."""
 
     start: Int[np.ndarray, "h"]
     end: Int[np.ndarray, "h"]
     edge: Int[np.ndarray, "h"]
-    """The undirected edge that each half-edge runs along."""
+    """Number of the undirected edge of each half-edge."""
     uses: Int[np.ndarray, "e"]
     """Half-edges along each edge: 2 on a closed surface."""
     balance: Int[np.ndarray, "e"]
-    """Half-edges towards the higher vertex less those towards the lower one."""
+    """Half-edges towards the higher vertex minus those towards the lower one."""
 
 
 def edges_of(faces: Int[np.ndarray, "f 3"]) -> Edges:
-    """The edge table of a mesh."""
+    """Build the edge table of a mesh."""
     start = faces.reshape(-1).astype(np.int64)
     end = np.roll(faces, -1, axis=1).reshape(-1).astype(np.int64)
+    # One integer per edge: np.unique of integers is much faster than of rows.
     width = int(faces.max(initial=0)) + 1
     key = np.minimum(start, end) * width + np.maximum(start, end)
     _, edge, uses = np.unique(key, return_inverse=True, return_counts=True)
@@ -33,17 +34,18 @@ def edges_of(faces: Int[np.ndarray, "f 3"]) -> Edges:
 
 
 def edge_pairs(edges: Edges) -> Int[np.ndarray, "p 2"]:
-    """The two half-edges of each edge that has exactly two."""
+    """Pairs of half-edges along the edges that have exactly two."""
     order = np.argsort(edges.edge, kind="stable")
     paired = order[edges.uses[edges.edge[order]] == 2]
     return paired.reshape(-1, 2)
 
 
 def part_labels(faces: Int[np.ndarray, "f 3"]) -> Int[np.ndarray, "f"]:
-    """A number from 0 for each face, equal where faces hang together by edges."""
+    """Label the faces from 0 by connected part, connected over edges."""
     if not len(faces):
         return np.zeros(0, np.int64)
     edges = edges_of(faces)
+    # All faces along an edge link to the first one there: a star is enough.
     _, first = np.unique(edges.edge, return_index=True)
     links = np.stack([np.arange(len(edges.edge)), first[edges.edge]], 1) // 3
     roots = connected_labels(len(faces), links)
@@ -53,12 +55,10 @@ def part_labels(faces: Int[np.ndarray, "f 3"]) -> Int[np.ndarray, "f"]:
 def connected_labels(
     count: int, links: Int[np.ndarray, "l 2"]
 ) -> Int[np.ndarray, "count"]:
-    """The lowest node of each node's connected part.
-
-    Roots are hooked to their lowest neighbour and paths are halved until nothing
-    changes: a few passes over the links, none of them a Python loop over nodes.
-    """
+    """Label each node of a graph with the lowest node of its connected part."""
     label = np.arange(count)
+    # Roots are hooked to their lowest neighbour and paths are halved until nothing
+    # changes: a few passes over the links, none of them a Python loop over nodes.
     while True:
         ends = label[links]
         links = links[ends[:, 0] != ends[:, 1]]
@@ -73,7 +73,7 @@ def connected_labels(
 def is_closed(
     edges: Edges, labels: Int[np.ndarray, "f"], parts: int
 ) -> Bool[np.ndarray, "parts"]:
-    """Whether each part has every edge used as often one way as the other."""
+    """Flag the parts in which every edge is used equally often in both directions."""
     open_edge = edges.balance[edges.edge] != 0
     touched = np.bincount(np.repeat(labels, 3)[open_edge], minlength=parts)
     return touched == 0

@@ -1,4 +1,4 @@
-"""Is a mesh file all there? What each format says about its own length."""
+"""Checks that a mesh file is complete, by what each format states about its length."""
 
 import re
 import struct
@@ -13,18 +13,20 @@ Counts = tuple[int, int]
 
 
 def file_fault(suffix: str, data: bytes) -> str | None:
-    """Why these bytes are no complete file of their format, or None.
+    """Reason why these bytes are no complete file of their format, or None.
 
-    An OBJ is to be given as `plain_obj` leaves it; it says nothing about its length:
-    one cut at the end of a line between two faces looks complete. A PLY and an OFF are
-    judged by `declared_counts` after reading.
+    Args:
+        suffix: of the file, in lower case.
+        data: its bytes, of an OBJ the result of `plain_obj`.
     """
+    # An OBJ states no length: one cut between two faces looks complete. PLY and OFF
+    # are checked by `declared_counts` after parsing.
     check = {".stl": _stl_fault, ".glb": _glb_fault, ".obj": _obj_fault}.get(suffix)
     return check(data) if check else None
 
 
 def declared_counts(suffix: str, data: bytes) -> Counts | None:
-    """Vertices and faces that the file says it holds, where its format says so."""
+    """Numbers of vertices and faces that the file declares, if its format does."""
     if suffix == ".obj":
         return _lines(data, rb"^v "), _lines(data, rb"^f ")
     if suffix == ".stl" and not _is_binary_stl(data):
@@ -38,11 +40,9 @@ def declared_counts(suffix: str, data: bytes) -> Counts | None:
 
 
 def plain_obj(data: bytes) -> bytes:
-    """Only the vertices and the faces of an OBJ, by position and parted by blanks.
-
-    The parser splits vertices by texture and material, misreads relative indices with
-    normals, and takes neither tabs nor comments within a line.
-    """
+    """Reduce an OBJ to vertices and faces without texture and normal indices."""
+    # The parser splits vertices by texture and material, misreads relative indices
+    # with normals, and accepts neither tabs nor comments within a line.
     text = data.replace(b"\t", b" ").replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     text = text.replace(b"\\\n", b" ")
     lines = re.findall(rb"^ *([vf] [^#\n]*)", text, re.MULTILINE)
@@ -65,7 +65,7 @@ def _stl_fault(data: bytes) -> str | None:
     if _is_binary_stl(data):
         return None
     text = data.lower()
-    # Some exporters begin binary files with "solid" too: only the facets tell.
+    # Some exporters begin binary files with "solid" too: only facets are conclusive.
     if text.lstrip().startswith(b"solid") and b"facet" in text[:2000]:
         begun, ended = _lines(text, rb"^\s*facet\b"), text.count(b"endfacet")
         if begun != ended:
@@ -95,7 +95,7 @@ def _obj_fault(data: bytes) -> str | None:
     if short:
         number = _lines(data[: short.start()], rb"^v ") + 1
         return f"vertex {number} has fewer than three coordinates"
-    # The parser would take vertex 0 for vertex 1 without a word.
+    # The parser would silently read vertex 0 as vertex 1.
     if _OBJ_ZERO.search(data):
         return "a face index is 0, and OBJ counts from 1: an index out of range"
     if _OBJ_RELATIVE.search(data) and data.rfind(b"\nv ") > data.find(b"\nf "):

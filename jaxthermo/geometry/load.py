@@ -1,4 +1,4 @@
-"""A mesh file into metres, z up; every mistake a user can make told in one line."""
+"""Mesh files to metres and z up, with one line for every error a user can make."""
 
 import io
 import logging
@@ -21,8 +21,9 @@ from .repair import MAX_HOLE_EDGES, repair_mesh
 
 
 FORMATS = (".obj", ".ply", ".stl", ".glb", ".off")
+"""Suffixes that `load_mesh` reads."""
 
-FileMesh = tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]
+_FileMesh = tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]
 
 
 def load_mesh(
@@ -37,19 +38,19 @@ def load_mesh(
     """Read an OBJ, PLY, STL, GLB or OFF file as one mesh in metres, z up.
 
     Scenes are merged with their transforms. A GLB is by its standard in metres with y
-    up: say so with `unit="m", up="y"`. An OBJ cut off at the end of a line cannot be
-    told from a complete one; look at the open edges of the verdict.
+    up: give `unit="m", up="y"`. An OBJ cut off at the end of a line looks complete:
+    check `Mesh.open_edges`.
 
     Args:
-        path: The file; its ending tells the format.
+        path: The file; its suffix decides the format.
         unit: Length of one file unit, as a name ("mm") or in metres.
         height: Instead of `unit`: the extent along the up axis [m].
         up: The file's axis that points up: x, y, z, -x, -y or -z.
-        repair: Whether to mend what can be mended (see `repair_mesh`).
+        repair: Repair what can be repaired (see `repair_mesh`).
         max_hole_edges: Holes with more edges than this stay open [-].
 
     Raises:
-        InputError: naming what is wrong, the file, and what to do.
+        InputError: naming the file, the mistake and a remedy.
     """
     path = Path(path).expanduser()
     if (unit is None) == (height is None):
@@ -57,12 +58,12 @@ def load_mesh(
             f"{path}: give either unit= (such as 'mm') or height= in metres, "
             f"{'neither was given' if unit is None else 'not both'}"
         )
-    scale = 1.0 if unit is None else metres_per_unit(unit)
+    scale = 1.0 if unit is None else _metres_per_unit(unit)
     target = None if height is None else positive_length("height", height)
     axes = axes_for_up(up)
     vertices, faces = _parse(path, _read(path))
     _check_geometry(path, vertices, faces)
-    vertices = vertices @ turn_matrix(axes).T
+    vertices = vertices @ axes_rotation(axes).T
     if target is not None:
         scale = target / _extent_along_up(path, vertices[faces], up)
     mesh = Mesh(vertices * scale, faces, path.stem, axes)
@@ -87,8 +88,8 @@ def _read(path: Path) -> bytes:
         ) from error
 
 
-def _parse(path: Path, data: bytes) -> FileMesh:
-    """The one place that meets the parser, whose errors have no common type."""
+def _parse(path: Path, data: bytes) -> _FileMesh:
+    """Parse the bytes; any exception of the parser becomes an `InputError`."""
     suffix = path.suffix.lower()
     if not data.strip(b"\0 \t\r\n"):
         raise _damaged(path, "the file is empty")
@@ -105,7 +106,7 @@ def _parse(path: Path, data: bytes) -> FileMesh:
             merged = scene.to_mesh()
             vertices = np.array(merged.vertices, np.float64).reshape(-1, 3)
             faces = np.array(merged.faces, np.int64).reshape(-1, 3)
-    except Exception as error:
+    except Exception as error:  # the parser's errors have no common type
         reason = str(error).strip().split("\n")[0] or type(error).__name__
         raise _damaged(path, f"damaged or cut short ({reason[:120]})") from error
     counts = declared_counts(suffix, data)
@@ -127,21 +128,21 @@ def _parse(path: Path, data: bytes) -> FileMesh:
 
 @contextmanager
 def _silence() -> Iterator[None]:
-    """Keep the parser's warnings and log lines from the user: our line says it all."""
-    log, nowhere = logging.getLogger("trimesh"), logging.NullHandler()
+    """Suppress the parser's warnings and log lines: our error message replaces them."""
+    log, discard = logging.getLogger("trimesh"), logging.NullHandler()
     before = log.propagate
-    # Its modules log under names of their own below this one.
+    # Its modules log to children of this logger, which propagate to it.
     log.propagate = False
-    log.addHandler(nowhere)
+    log.addHandler(discard)
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
-            # numpy only warns where text stops being numbers: make that a refusal.
+            # numpy only warns where text stops being numbers: that must be an error.
             warnings.simplefilter("ignore")
             warnings.filterwarnings("error", ".*could not be read to its end.*")
             yield
     finally:
         log.propagate = before
-        log.removeHandler(nowhere)
+        log.removeHandler(discard)
 
 
 def _damaged(path: Path, fault: str) -> InputError:
@@ -162,6 +163,7 @@ def _check_geometry(
     if bad:
         raise _damaged(path, f"{bad} of {len(vertices)} vertices are NaN or infinite")
     a, b, c = np.moveaxis(vertices[faces], 1, 0)
+    # Scaled first: products of very small edges would underflow to zero area.
     span = max(float(np.abs(b - a).max()), float(np.abs(c - a).max()))
     if span == 0.0 or not np.cross((b - a) / span, (c - a) / span).any():
         raise InputError(
@@ -188,7 +190,7 @@ _METRES = {
     "micrometer": 1e-6, "millimeter": 1e-3, "centimeter": 1e-2, "meter": 1.0,
 }  # fmt: skip
 
-# Every row triple is a proper rotation, so that winding and volume keep their sign.
+# Each is a proper rotation, so that winding and volume keep their sign.
 _AXES = {
     "x": ("y", "z", "x"),
     "y": ("x", "-z", "y"),
@@ -199,12 +201,8 @@ _AXES = {
 }
 
 
-def metres_per_unit(unit: str | float | int) -> float:
-    """Length of one file unit [m], from a name ("mm") or a number.
-
-    Raises:
-        InputError: the name is unknown, or the number is not positive and finite.
-    """
+def _metres_per_unit(unit: str | float | int) -> float:
+    """Length of one file unit [m], from a name ("mm") or a number."""
     if isinstance(unit, str):
         metres = _METRES.get(unit.strip().lower())
         if metres is None:
@@ -217,7 +215,7 @@ def metres_per_unit(unit: str | float | int) -> float:
 
 
 def axes_for_up(up: str) -> tuple[str, str, str]:
-    """What our x, y and z are called in a file whose axis `up` points up.
+    """Names of our x, y and z axes in a file whose axis `up` points up.
 
     Raises:
         InputError: `up` is none of x, y, z, -x, -y, -z.
@@ -228,8 +226,8 @@ def axes_for_up(up: str) -> tuple[str, str, str]:
     return axes
 
 
-def turn_matrix(axes: tuple[str, str, str]) -> Float[np.ndarray, "3 3"]:
-    """The rotation from file axes to ours: `ours = matrix @ file`."""
+def axes_rotation(axes: tuple[str, str, str]) -> Float[np.ndarray, "3 3"]:
+    """Rotation from file axes to ours: `ours = matrix @ file`."""
     rows = np.zeros((3, 3))
     for row, axis in zip(rows, axes, strict=True):
         row["xyz".index(axis[-1])] = -1.0 if axis.startswith("-") else 1.0

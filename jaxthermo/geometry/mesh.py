@@ -1,4 +1,4 @@
-"""A triangle mesh and its verdict: is it closed, how large is it, what was mended."""
+"""Triangle mesh: geometry, solid angles and a report of its quality."""
 
 from dataclasses import dataclass, field, replace
 
@@ -13,12 +13,13 @@ class Mesh:
     """Triangles in metres, z up, counter-clockwise seen from outside."""
 
     vertices: Float[np.ndarray, "v 3"]
+    """Positions [m]."""
     faces: Int[np.ndarray, "f 3"]
     name: str = "mesh"
     axes: tuple[str, str, str] = ("x", "y", "z")
-    """What each of our axes was called in the file, e.g. ("x", "-z", "y") for y up."""
+    """Names of our axes in the file, e.g. ("x", "-z", "y") for a file with y up."""
     repairs: dict[str, int] = field(default_factory=dict)
-    """What the loader mended: kind of defect -> how many."""
+    """Number of repaired defects by kind."""
 
     @property
     def triangles(self) -> Float[np.ndarray, "f 3 3"]:
@@ -28,6 +29,7 @@ class Mesh:
     @property
     def bounds(self) -> Float[np.ndarray, "2 3"]:
         """Lowest and highest corner of the bounding box [m]."""
+        # Only of vertices that a face uses: scanners leave strays far away.
         used = self.vertices[self.faces.reshape(-1)]
         return np.stack([used.min(0), used.max(0)])
 
@@ -45,36 +47,65 @@ class Mesh:
     @property
     def volume(self) -> float:
         """Enclosed volume by the divergence theorem [m^3]; meaningful if watertight."""
+        # About the centre: far from the origin the terms would cancel digits.
         centred = self.triangles - self.bounds.mean(0)
         return float((centred.mean(1) * self.area_vectors).sum() / 3.0)
 
     @property
     def is_watertight(self) -> bool:
-        """Whether every edge is used as often one way as the other."""
+        """True if every edge is used equally often in both directions."""
         return self.open_edges == 0
 
     @property
     def open_edges(self) -> int:
-        """Directed edges without a partner the other way."""
-        start = self.faces.reshape(-1).astype(np.int64)
-        end = np.roll(self.faces, -1, axis=1).reshape(-1).astype(np.int64)
-        n = len(self.vertices)
-        key = np.minimum(start, end) * n + np.maximum(start, end)
-        balance = np.where(start < end, 1, -1)
-        _, inverse = np.unique(key, return_inverse=True)
-        return int(np.abs(np.bincount(inverse, weights=balance)).sum())
+        """Number of directed edges without an opposite partner."""
+        return int(np.abs(edges_of(self.faces).balance).sum())
 
     def moved(self, offset: tuple[float, float, float] | np.ndarray) -> "Mesh":
-        """The same mesh, translated by `offset` [m]."""
+        """Translate by `offset` [m]."""
         return replace(self, vertices=self.vertices + np.asarray(offset, float))
+
+
+def part_volumes(
+    mesh: Mesh, labels: Int[np.ndarray, "f"], parts: int
+) -> Float[np.ndarray, "parts"]:
+    """Signed volume of each connected part [m^3]."""
+    # About each part's own centre, so that open parts get a volume near their bulge
+    # and not one that depends on the origin.
+    centre = mesh.triangles.mean(1)
+    weight = np.bincount(labels, minlength=parts)
+    origin = np.stack(
+        [np.bincount(labels, axis, parts) / weight for axis in centre.T], axis=1
+    )
+    cone = ((centre - origin[labels]) * mesh.area_vectors).sum(1) / 3.0
+    return np.bincount(labels, cone, parts)
+
+
+def winding_number(
+    triangles: Float[np.ndarray, "f 3 3"], point: Float[np.ndarray, "3"]
+) -> float:
+    """Winding number of a surface around a point [-]: solid angle over 4 pi.
+
+    1 inside a closed surface, 0 outside. Near a whole number also for surfaces with
+    small holes, where counting the hits of one ray fails.
+
+    Source: Van Oosterom and Strackee, "The solid angle of a plane triangle" (1983).
+    """
+    a, b, c = np.moveaxis(triangles - point, 1, 0)
+    la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
+    triple = (a * np.cross(b, c)).sum(1)
+    base = la * lb * lc + (a * b).sum(1) * lc + (b * c).sum(1) * la
+    base += (c * a).sum(1) * lb
+    # arctan2 gives half the solid angle, with its sign and beyond pi / 2.
+    return float(np.arctan2(triple, base).sum() / (2.0 * np.pi))
 
 
 def describe_mesh(mesh: Mesh) -> dict:
     """Facts about a mesh as plain types, ready for JSON.
 
-    `area` [m^2], `volume` [m^3] (None if the mesh is open: it has no inside), `size`
-    along x, y, z [m]; `bodies` counts the connected parts that point outward or are
-    open, `cavities` the closed ones that point inward.
+    `area` [m^2], `volume` [m^3] (None if the mesh is open), `size` along x, y, z [m];
+    `bodies` counts the connected parts that point outward or are open, `cavities` the
+    closed ones that point inward.
     """
     labels = part_labels(mesh.faces)
     parts = int(labels.max(initial=-1)) + 1
@@ -96,8 +127,8 @@ def describe_mesh(mesh: Mesh) -> dict:
     }
 
 
-def verdict_line(mesh: Mesh) -> str:
-    """One line for the terminal: closed or not, how large, what was mended."""
+def mesh_summary(mesh: Mesh) -> str:
+    """One line for the terminal: watertight or open, size, parts and repairs."""
     facts = describe_mesh(mesh)
     width, depth, height = facts["size"]
     if facts["watertight"]:
@@ -118,34 +149,5 @@ def verdict_line(mesh: Mesh) -> str:
     )
 
 
-def _count(number: int, one: str, many: str | None = None) -> str:
-    return f"{number} {one if number == 1 else many or one + 's'}"
-
-
-def part_volumes(
-    mesh: Mesh, labels: Int[np.ndarray, "f"], parts: int
-) -> Float[np.ndarray, "parts"]:
-    """Signed volume of each part about its own centre [m^3]."""
-    centre = mesh.triangles.mean(1)
-    weight = np.bincount(labels, minlength=parts)
-    origin = np.stack(
-        [np.bincount(labels, axis, parts) / weight for axis in centre.T], axis=1
-    )
-    share = ((centre - origin[labels]) * mesh.area_vectors).sum(1) / 3.0
-    return np.bincount(labels, share, parts)
-
-
-def winding_number(
-    triangles: Float[np.ndarray, "f 3 3"], point: Float[np.ndarray, "3"]
-) -> float:
-    """How often a surface goes round a point [-]: the sum of solid angles over 4 pi.
-
-    Van Oosterom and Strackee, "The solid angle of a plane triangle" (1983). It stays
-    near a whole number for surfaces with small holes, where counting hits does not.
-    """
-    a, b, c = np.moveaxis(triangles - point, 1, 0)
-    la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
-    triple = (a * np.cross(b, c)).sum(1)
-    base = la * lb * lc + (a * b).sum(1) * lc + (b * c).sum(1) * la
-    base += (c * a).sum(1) * lb
-    return float(np.arctan2(triple, base).sum() / (2.0 * np.pi))
+def _count(number: int, singular: str, plural: str | None = None) -> str:
+    return f"{number} {singular if number == 1 else plural or singular + 's'}"

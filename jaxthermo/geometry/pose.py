@@ -1,4 +1,4 @@
-"""Where a body stands: a rigid placement."""
+"""Rigid placement of a body."""
 
 import equinox as eqx
 import numpy as np
@@ -8,7 +8,7 @@ from ..errors import InputError
 
 
 class Pose(eqx.Module):
-    """A rigid placement: x -> rotation x + translation."""
+    """Rigid placement of a body in the world: x -> rotation x + translation."""
 
     translation: tuple[float, float, float] = eqx.field(
         static=True, default=(0.0, 0.0, 0.0)
@@ -17,7 +17,7 @@ class Pose(eqx.Module):
     rotation: tuple[tuple[float, float, float], ...] = eqx.field(
         static=True, default=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     )
-    """Rows of a rotation matrix."""
+    """Rows of a rotation matrix [-]."""
 
     def __check_init__(self):
         matrix = np.asarray(self.rotation, float)
@@ -29,24 +29,26 @@ class Pose(eqx.Module):
                 f"Pose(rotation={self.rotation!r}): give a 3 x 3 rotation matrix"
             )
 
-    def place(self, points: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
-        """Points of the body in the world [m]."""
-        return self.turn(points) + np.asarray(self.translation, float)
+    def to_world(self, points: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
+        """Transform points from the body to the world [m]."""
+        return self.rotate(points) + np.asarray(self.translation, float)
 
-    def turn(self, vectors: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
-        """Directions of the body in the world."""
+    def rotate(self, vectors: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
+        """Rotate directions from the body to the world."""
         return vectors @ np.asarray(self.rotation, float).T
 
-    def unplace(self, points: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
-        """World points in the body's frame [m]."""
-        return self.unturn(points - np.asarray(self.translation, float))
+    def to_body(self, points: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
+        """Transform points from the world to the body [m]."""
+        return self.rotate_back(points - np.asarray(self.translation, float))
 
-    def unturn(self, vectors: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
-        """World directions in the body's frame."""
+    def rotate_back(
+        self, vectors: Float[np.ndarray, "*n 3"]
+    ) -> Float[np.ndarray, "*n 3"]:
+        """Rotate directions from the world to the body."""
         return vectors @ np.asarray(self.rotation, float)
 
     def at(self, time: float) -> "Pose":
-        """Itself: it does not move."""
+        """Pose at a time [s], here always the same."""
         del time
         return self
 

@@ -1,4 +1,4 @@
-"""Mend what a scan or an exporter leaves behind, and count each kind of defect."""
+"""Mesh repair: weld, clean, orient and close, with a count of each kind of defect."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -11,26 +11,37 @@ from .mesh import Mesh, part_volumes, winding_number
 
 
 MAX_HOLE_EDGES = 8
+"""Default of `max_hole_edges` [-]."""
+
+# A part with less volume over area^1.5 than this is a sheet, which has no inside.
+_MIN_COMPACTNESS = 1e-3
+
+# A larger hole, relative to its part's area, is intended: a cup is no defect.
+_MAX_HOLE_AREA = 0.1
 
 
 def repair_mesh(mesh: Mesh, *, max_hole_edges: int = MAX_HOLE_EDGES) -> Mesh:
-    """Weld, clean, orient and close a mesh; `repairs` counts what was done.
+    """Weld, clean, orient and close a mesh; `Mesh.repairs` counts the changes.
 
-    Equal vertices become one; faces that use a vertex twice and copies of a face go;
-    winding becomes consistent and outward, where a part inside another that points the
-    other way stays a cavity; holes of few edges and little area are filled; vertices
-    that no face uses go. A face of zero area between three distinct vertices stays: its
-    neighbours would gape without it.
+    Equal vertices are merged, degenerate and duplicate faces and unused vertices
+    removed, faces wound consistently and outward (a part inside another that points
+    the other way stays a cavity), and small holes filled.
+
+    Args:
+        mesh: as read from a file.
+        max_hole_edges: holes with more edges stay open [-].
     """
+    # A face of zero area between three distinct vertices stays: without it its
+    # neighbours would have open edges.
     counts = {"unused_vertices": len(mesh.vertices) - len(np.unique(mesh.faces))}
     mesh, counts["merged_vertices"] = _merge_vertices(mesh)
     mesh, counts["degenerate_faces"] = _drop(mesh, _is_degenerate(mesh.faces))
     mesh, counts["duplicate_faces"] = _drop(mesh, _is_duplicate(mesh.faces))
-    aligned = consistent_winding(mesh.faces)
-    closed, counts["filled_holes"] = fill_small_holes(
+    aligned = _consistent_winding(mesh.faces)
+    closed, counts["filled_holes"] = _fill_small_holes(
         replace(mesh, faces=aligned), max_hole_edges
     )
-    outward = outward_winding(closed)
+    outward = _outward_winding(closed)
     turned = outward[: len(mesh.faces)] != mesh.faces
     counts["flipped_faces"] = int(turned.any(1).sum())
     mesh = _drop_unused(replace(closed, faces=outward))
@@ -48,7 +59,7 @@ def _merge_vertices(mesh: Mesh) -> tuple[Mesh, int]:
     is_new[1:] = (ordered[1:] != ordered[:-1]).any(1)
     group = np.empty(len(points), np.int64)
     group[order] = np.cumsum(is_new) - 1
-    # The first of each group in file order stands for it, so order is kept.
+    # The first vertex of each group in file order represents it: order is kept.
     first = np.full(int(is_new.sum()), len(points))
     np.minimum.at(first, group, np.arange(len(points)))
     used = np.unique(mesh.faces)
@@ -65,17 +76,15 @@ def _is_degenerate(faces: Int[np.ndarray, "f 3"]) -> Bool[np.ndarray, "f"]:
 
 
 def _is_duplicate(faces: Int[np.ndarray, "f 3"]) -> Bool[np.ndarray, "f"]:
-    """Copies of an earlier face: the same way round, or turned and not a wall.
-
-    Two faces back to back are a wall between two parts, and stay, unless their whole
-    part is doubled (a two-sided export) or they leave an edge with an odd use.
-    """
+    """Flag copies of an earlier face, with the same or the opposite winding."""
+    # Two faces back to back are a wall between two parts, and stay, unless their whole
+    # part is doubled (a two-sided export) or they leave an edge with an odd use.
     lowest = faces.argmin(1)
     turned = np.take_along_axis(faces, (lowest[:, None] + np.arange(3)) % 3, axis=1)
-    way = turned[:, 1] > turned[:, 2]
+    winding = turned[:, 1] > turned[:, 2]
     corners, same = np.unique(np.sort(faces, 1), axis=0, return_inverse=True)
     same = same.reshape(-1)
-    _, first = np.unique(2 * same + way, return_index=True)
+    _, first = np.unique(2 * same + winding, return_index=True)
     copy = np.ones(len(faces), bool)
     copy[first] = False
     kept = np.flatnonzero(~copy)
@@ -100,17 +109,11 @@ def _drop_unused(mesh: Mesh) -> Mesh:
     return replace(mesh, vertices=mesh.vertices[used], faces=number[mesh.faces])
 
 
-# Below this volume over area^1.5 an open part is a sheet, which has no inside.
-_SHEET = 1e-3
-
-
-def consistent_winding(faces: Int[np.ndarray, "f 3"]) -> Int[np.ndarray, "f 3"]:
-    """Turn the fewest faces such that neighbours agree across every two-face edge.
-
-    Each face stands twice in a graph, as it is and turned; a link joins the two states
-    that agree. A part's two components are its two windings, so one labelling solves
-    all parts at once. A part where they coincide (a Moebius band) is left as it is.
-    """
+def _consistent_winding(faces: Int[np.ndarray, "f 3"]) -> Int[np.ndarray, "f 3"]:
+    """Flip the fewest faces such that neighbours agree across every two-face edge."""
+    # Each face is two nodes of a graph, as it is and flipped; a link joins the states
+    # that agree. The two components of a part are its two windings, so one labelling
+    # solves all parts. Where they coincide (a Moebius band) the part stays as it is.
     edges = edges_of(faces)
     pairs = edge_pairs(edges)
     differ = edges.start[pairs[:, 0]] == edges.start[pairs[:, 1]]
@@ -124,26 +127,26 @@ def consistent_winding(faces: Int[np.ndarray, "f 3"]) -> Int[np.ndarray, "f 3"]:
     )
     label = connected_labels(2 * count, links)
     as_is, turned = label[:count], label[count:]
-    # Each part is known by the lower label of its two windings.
+    # The lower label of its two windings identifies a part.
     part = np.minimum(as_is, turned)
-    off = (as_is != part) & (as_is != turned)
-    outvoted = np.bincount(part, off, 2 * count) > np.bincount(part, ~off, 2 * count)
+    differs = (as_is != part) & (as_is != turned)
+    outvoted = np.bincount(part, differs, 2 * count) > np.bincount(
+        part, ~differs, 2 * count
+    )
     one_sided = np.bincount(part, as_is == turned, 2 * count) > 0
-    return _flip(faces, (off ^ outvoted[part]) & ~one_sided[part])
+    return _flip(faces, (differs ^ outvoted[part]) & ~one_sided[part])
 
 
-def outward_winding(mesh: Mesh) -> Int[np.ndarray, "f 3"]:
-    """Turn each outermost part outward, and all that lies inside it along with it.
-
-    Turning a nest as a whole keeps the sense of its parts to each other: a cavity stays
-    a cavity, whichever way the file had the outer surface.
-    """
+def _outward_winding(mesh: Mesh) -> Int[np.ndarray, "f 3"]:
+    """Wind each outermost part outward, flipping the parts inside it along with it."""
+    # Flipping nested parts together keeps their sense relative to each other: a cavity
+    # stays a cavity, whichever way the file wound the outer surface.
     labels = part_labels(mesh.faces)
     parts = int(labels.max(initial=-1)) + 1
     volumes = part_volumes(mesh, labels, parts)
     areas = np.bincount(labels, np.linalg.norm(mesh.area_vectors, axis=1), parts)
     closed = is_closed(edges_of(mesh.faces), labels, parts)
-    inward = volumes < -np.where(closed, 0.0, _SHEET) * areas**1.5
+    inward = volumes < -np.where(closed, 0.0, _MIN_COMPACTNESS) * areas**1.5
     if not inward.any():
         return mesh.faces
     lower, upper = _part_bounds(mesh, labels, parts)
@@ -152,7 +155,7 @@ def outward_winding(mesh: Mesh) -> Int[np.ndarray, "f 3"]:
         if outermost[outer] != outer:
             continue
         boxed = (lower > lower[outer]).all(1) & (upper < upper[outer]).all(1)
-        # Being inside matters only where it changes whether the part is turned.
+        # The costly winding number is needed only where it would change the result.
         boxed &= (outermost == np.arange(parts)) & (inward != inward[outer])
         surface = triangles[labels == outer] if boxed.any() else triangles[:0]
         for inner in np.flatnonzero(boxed):
@@ -177,23 +180,19 @@ def _flip(
     return np.where(which[:, None], faces[:, [0, 2, 1]], faces)
 
 
-# A hole of more than this share of its part's area is meant: a cup is no defect.
-_AREA_SHARE = 0.1
+def _fill_small_holes(mesh: Mesh, max_edges: int) -> tuple[Mesh, int]:
+    """Close the holes of at most `max_edges` edges by fans; return how many.
 
-
-def fill_small_holes(mesh: Mesh, max_edges: int) -> tuple[Mesh, int]:
-    """Close the holes of at most `max_edges` edges; tells how many were closed.
-
-    A hole stays open if it is large beside its part, or if no fan over it is free of
-    edges that the mesh already has.
+    A hole stays open if it is large compared with its part, or if every fan over it
+    would use an edge that the mesh already has.
     """
-    loops = [loop for loop in boundary_loops(mesh.faces) if len(loop) <= max_edges]
+    loops = [loop for loop in _boundary_loops(mesh.faces) if len(loop) <= max_edges]
     if not loops:
         return mesh, 0
     labels = part_labels(mesh.faces)
     areas = np.bincount(labels, np.linalg.norm(mesh.area_vectors, axis=1))
     limit = np.zeros(len(mesh.vertices))
-    limit[mesh.faces] = _AREA_SHARE * areas[labels][:, None]
+    limit[mesh.faces] = _MAX_HOLE_AREA * areas[labels][:, None]
     edges = edges_of(mesh.faces)
     taken = set(zip(edges.start.tolist(), edges.end.tolist(), strict=True))
     fans: list[Int[np.ndarray, "t 3"]] = []
@@ -208,12 +207,8 @@ def fill_small_holes(mesh: Mesh, max_edges: int) -> tuple[Mesh, int]:
     return replace(mesh, faces=np.concatenate([mesh.faces, *fans])), len(fans)
 
 
-def boundary_loops(faces: Int[np.ndarray, "f 3"]) -> list[list[int]]:
-    """The holes of a mesh as rings of vertices, in the winding of a face that fills.
-
-    Where two holes meet in a vertex the walk drops each ring as it closes, so that
-    every ring visits a vertex once.
-    """
+def _boundary_loops(faces: Int[np.ndarray, "f 3"]) -> list[list[int]]:
+    """List the holes as rings of vertices, in the winding of a face that fills them."""
     edges = edges_of(faces)
     lone = edges.uses[edges.edge] == 1
     onward: dict[int, list[int]] = {}
@@ -227,17 +222,19 @@ def boundary_loops(faces: Int[np.ndarray, "f 3"]) -> list[list[int]]:
 
 
 def _walk(first: int, onward: dict[int, list[int]]) -> list[list[int]]:
-    path, place, loops = [first], {first: 0}, []
+    # Where two holes meet in a vertex the path drops each ring as it closes, so that
+    # every ring visits a vertex once.
+    path, position, loops = [first], {first: 0}, []
     while onward.get(path[-1]):
         vertex = onward[path[-1]].pop()
-        if vertex not in place:
-            place[vertex] = len(path)
+        if vertex not in position:
+            position[vertex] = len(path)
             path.append(vertex)
             continue
-        loops.append(path[place[vertex] :])
-        for dropped in path[place[vertex] + 1 :]:
-            del place[dropped]
-        path = path[: place[vertex] + 1]
+        loops.append(path[position[vertex] :])
+        for dropped in path[position[vertex] + 1 :]:
+            del position[dropped]
+        path = path[: position[vertex] + 1]
     return loops
 
 
@@ -245,12 +242,12 @@ def _best_fan(
     vertices: Float[np.ndarray, "v 3"],
     loop: list[int],
     taken: set[tuple[int, int]],
-    largest: float,
+    max_area: float,
 ) -> Int[np.ndarray, "t 3"] | None:
-    """The fan of least area over a ring, or None where none is fit."""
-    best, best_area = None, largest
-    for turn in range(len(loop)):
-        ring = loop[turn:] + loop[:turn]
+    """Fan of minimal area over a ring, or None where none is valid."""
+    best, best_area = None, max_area
+    for start in range(len(loop)):
+        ring = loop[start:] + loop[:start]
         spokes = [(ring[0], tip) for tip in ring[2:-1]]
         if len(ring) < 3 or any(s in taken or s[::-1] in taken for s in spokes):
             continue

@@ -1,7 +1,7 @@
 """Procedural bodies: watertight, wound outward, centred at the origin.
 
-Round shapes are widened a little such that their volume is exact: the heat a body
-stores goes with its volume. Their vertices lie slightly outside the radius asked for.
+Round shapes are widened slightly so that their volume, and with it their heat capacity,
+is exact; their vertices lie just outside the given radius.
 """
 
 import numpy as np
@@ -16,9 +16,9 @@ from .mesh import Mesh
 
 __all__ = ["box", "cylinder", "figurine", "slab", "sphere"]
 
-Size = float | int | tuple[float | int, float | int, float | int]
+_Size = float | int | tuple[float | int, float | int, float | int]
 
-# Corner number 4 i + 2 j + k of the unit cube stands at (i, j, k).
+# Corner number 4 i + 2 j + k of the unit cube is at (i, j, k).
 _BOX_QUADS = np.array(
     [
         [0, 1, 3, 2],
@@ -31,8 +31,8 @@ _BOX_QUADS = np.array(
 )
 
 
-def box(size: Size) -> Mesh:
-    """A box of 12 triangles with edges `size` along x, y, z [m]; one number: a cube."""
+def box(size: _Size) -> Mesh:
+    """Box of 12 triangles with edges `size` along x, y, z [m]; one number: a cube."""
     edges = size if isinstance(size, tuple) else (size, size, size)
     lengths = np.array([positive_length("size", edge) for edge in edges])
     corners = np.indices((2, 2, 2)).reshape(3, -1).T - 0.5
@@ -41,28 +41,29 @@ def box(size: Size) -> Mesh:
 
 
 def slab(thickness: float | int, width: float | int, length: float | int) -> Mesh:
-    """A box `thickness` thick along x, `width` along y, `length` along z [m]."""
+    """Box `thickness` thick along x, `width` along y, `length` along z [m]."""
     plate = box((thickness, width, length))
     return Mesh(plate.vertices, plate.faces, "slab")
 
 
 def sphere(radius: float | int, subdivisions: int = 4) -> Mesh:
-    """A sphere of `radius` [m] from an icosahedron with its faces cut in four.
+    """Sphere of `radius` [m]: an icosahedron with its faces repeatedly cut in four.
 
-    With 20 * 4^subdivisions faces the volume is exact and the area is too large, by
-    1e-3 of itself at 3 subdivisions and a quarter of that with each one more.
+    Of 20 * 4^subdivisions faces. The volume is exact; the area is too large by 1e-3 of
+    itself at 3 subdivisions, a quarter of that with each further one.
     """
     radius = positive_length("radius", radius)
     points, faces = _icosahedron()
     for _ in range(subdivisions):
         points, faces = _cut_in_four(points, faces)
+    # Widened so that the volume is that of the sphere.
     unit = Mesh(points, faces, "sphere")
     widening = (4.0 / 3.0 * np.pi / unit.volume) ** (1.0 / 3.0)
     return Mesh(points * radius * widening, faces, "sphere")
 
 
 def cylinder(radius: float | int, height: float | int, sections: int = 64) -> Mesh:
-    """A cylinder along z of `radius` and `height` [m] with `sections` sides [-]."""
+    """Cylinder along z of `radius` and `height` [m] with `sections` sides [-]."""
     radius, height = (
         positive_length("radius", radius),
         positive_length("height", height),
@@ -70,27 +71,28 @@ def cylinder(radius: float | int, height: float | int, sections: int = 64) -> Me
     if sections < 3:
         raise InputError(f"sections={sections} make no cylinder: give 3 or more")
     angle = 2.0 * np.pi * np.arange(sections) / sections
+    # Widened so that the polygon has the area of the circle.
     widening = np.sqrt(2.0 * np.pi / sections / np.sin(2.0 * np.pi / sections))
     rim = radius * widening * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     low = np.column_stack([rim, np.full(sections, -0.5 * height)])
     high = np.column_stack([rim, np.full(sections, 0.5 * height)])
     centres = np.array([[0.0, 0.0, -0.5 * height], [0.0, 0.0, 0.5 * height]])
-    this = np.arange(sections)
-    after = np.roll(this, -1)
+    index = np.arange(sections)
+    after = np.roll(index, -1)
     bottom, top = np.full(sections, 2 * sections), np.full(sections, 2 * sections + 1)
     faces = np.concatenate(
         [
-            np.stack([this, after, after + sections], axis=1),
-            np.stack([this, after + sections, this + sections], axis=1),
-            np.stack([bottom, after, this], axis=1),
-            np.stack([top, this + sections, after + sections], axis=1),
+            np.stack([index, after, after + sections], axis=1),
+            np.stack([index, after + sections, index + sections], axis=1),
+            np.stack([bottom, after, index], axis=1),
+            np.stack([top, index + sections, after + sections], axis=1),
         ]
     )
     return Mesh(np.concatenate([low, high, centres]), faces, "cylinder")
 
 
 def _icosahedron() -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]:
-    """Two poles and two rings of five, each ring at the height 1/sqrt(5)."""
+    """Icosahedron of radius 1: two poles and two rings of five at z = +-1/sqrt(5)."""
     angle = 2.0 * np.pi * np.arange(5) / 5.0
     z = 1.0 / np.sqrt(5.0)
     upper = np.column_stack([2 * z * np.cos(angle), 2 * z * np.sin(angle)])

@@ -1,1 +1,1 @@
-"""Cameras, thermal images, palettes and files."""
+"""Images: cameras, thermal frames, palettes and files."""

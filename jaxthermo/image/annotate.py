@@ -1,4 +1,4 @@
-"""The frame one publishes: the image, its temperature scale, the time and a title."""
+"""Annotated frames: image, temperature scale, time and title; contact sheets."""
 
 import math
 from collections.abc import Sequence
@@ -32,7 +32,7 @@ _UNIT = "\N{DEGREE SIGN}C"
 
 @dataclass(frozen=True)
 class _Layout:
-    """Sizes that follow from the image's [px]."""
+    """Sizes that follow from those of the image [pixels]."""
 
     font: ImageFont.FreeTypeFont | ImageFont.ImageFont
     text: int
@@ -41,7 +41,7 @@ class _Layout:
 
     @classmethod
     def of(cls, height: int, width: int) -> "_Layout":
-        # By the height, but a narrow image must not drown in its own labels.
+        # By the height, but with smaller labels beside a narrow image.
         side = math.sqrt(height * min(width, 2 * height))
         text = min(max(round(side / 28), 10), 96)
         return cls(
@@ -58,7 +58,7 @@ class _Layout:
 def _bar_labels(
     low: float, high: float, height: int, room: int
 ) -> list[tuple[float, str, bool]]:
-    """Where along the bar (0 bottom, 1 top), what, and whether it is an end."""
+    """Position along the bar (0 bottom, 1 top), text, and flag of an end, per label."""
     if high <= low:
         return [(0.5, label(low, end_decimals(low, high)), True)]
     ticks = nice_ticks(low, high, min(max(height // (2 * room), 2), 8))
@@ -67,21 +67,21 @@ def _bar_labels(
         (0.0, label(low, end_decimals(low, high)), True),
         (1.0, label(high, end_decimals(low, high)), True),
     ]
-    reach = room / height
+    margin = room / height
     inner = [((t - low) / (high - low), label(t, decimals), False) for t in ticks]
-    # A round number too near an end gives way: the ends tell what the colours span.
-    return ends + [tick for tick in inner if reach < tick[0] < 1.0 - reach]
+    # Ticks too close to an end are dropped: the ends show the range of the colours.
+    return ends + [tick for tick in inner if margin < tick[0] < 1.0 - margin]
 
 
 def _draw_bar(
     canvas: Image.Image,
-    at: tuple[int, int, int, int],
+    box: tuple[int, int, int, int],
     limits: tuple[float, float],
     palette: str,
     labels: list[tuple[float, str, bool]],
     layout: _Layout,
 ) -> None:
-    left, top, width, height = at
+    left, top, width, height = box
     low, high = limits
     column = np.linspace(high, low, height)[:, None]
     colours = apply_palette(np.repeat(column, width, axis=1), low, high, palette)
@@ -95,14 +95,17 @@ def _draw_bar(
         top + height + edge - 1,
     )
     draw.rectangle(outline, outline=_FRAME, width=edge)
-    for place, text, is_end in labels:
-        y = top + (1.0 - place) * (height - 1)
+    for position, text, is_end in labels:
+        y = top + (1.0 - position) * (height - 1)
         mark = left + width + edge
         across = (mark, round(y - edge / 2), mark + layout.gap // 2, 0)
         draw.rectangle((*across[:3], across[1] + edge - 1), fill=_FAINT)
-        spot = (mark + layout.gap, y)
         draw.text(
-            spot, text, fill=_FAINT if is_end else _INK, font=layout.font, anchor="lm"
+            (mark + layout.gap, y),
+            text,
+            fill=_FAINT if is_end else _INK,
+            font=layout.font,
+            anchor="lm",
         )
 
 
@@ -123,18 +126,18 @@ def annotate(
     time: Scalar,
     title: str = "",
 ) -> Image.Image:
-    """Sets a coloured image beside its scale and above the time.
+    """Add a temperature scale, the time and a title to a coloured image.
 
     Args:
-        rgb: the image, as `apply_palette` gives it; its pixels are kept as they are.
+        rgb: the image, as from `apply_palette`; its pixels stay unchanged.
         low: temperature of the coldest colour [K].
         high: temperature of the hottest colour [K].
-        palette: the name that coloured the image.
+        palette: name of the palette.
         time: of the frame [s].
-        title: shown at the bottom right, cut to the room there is.
+        title: text at the bottom right, shortened if necessary.
 
     Returns:
-        A larger image; the sizes in it follow from the height.
+        A larger image.
 
     Raises:
         InputError: for an unknown palette, or limits that are not finite and in order.
@@ -143,7 +146,7 @@ def annotate(
     height, width, _ = rgb.shape
     layout = _Layout.of(height, width)
     gap, text = layout.gap, layout.text
-    # The unit stands over the bar, the ends of which need half a line each.
+    # The unit is above the bar, whose end labels extend it by half a line each.
     top = gap + round(1.9 * text)
     bar_height = max(height - top - gap - text // 2, 3 * text)
     bar_width = max(6, round(1.1 * text))
@@ -173,7 +176,7 @@ def annotate(
 
 
 def contact_sheet(images: Sequence[Image.Image], columns: int) -> Image.Image:
-    """Sets images in rows on one dark sheet, each centred in a cell of the largest.
+    """Arrange images in rows on a dark sheet, in cells of the largest size.
 
     Raises:
         InputError: without an image or a column.
@@ -202,7 +205,7 @@ def contact_sheet(images: Sequence[Image.Image], columns: int) -> Image.Image:
 
 
 def write_png(path: str | Path, image: Image.Image) -> None:
-    """Writes a PNG, replacing `path` in one step.
+    """Write a PNG, replacing `path` in one step.
 
     Raises:
         InputError: when the path cannot be written.

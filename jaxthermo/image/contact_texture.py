@@ -1,7 +1,7 @@
-"""Contact textures (thesis 5.3, figures 5.4 and 5.5): a body's layers in false colours.
+"""Contact textures (thesis 5.3, figures 5.4 and 5.5): layers in false colours.
 
-What is shown is one value a fragment: the share that is in contact, or the heat flux
-through the contact. Fragments without a value are grey.
+They show one value per fragment, such as the fraction in contact or the heat flux
+through it; fragments without a value are grey.
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ from .palette import apply_palette
 
 
 UNTOUCHED = (52, 55, 62)
-"""Of the body where there is no value."""
+"""sRGB of fragments without a value."""
 
 
 def contact_images(
@@ -25,18 +25,17 @@ def contact_images(
     palette: str = "iron",
     kind: str = "contact",
 ) -> dict[str, list[UInt8[np.ndarray, "h w 3"]]]:
-    """The packed layers along x, y and z, front layer first.
+    """Draw the packed layers along x, y and z, front layer first.
 
-    The keys are "x_contact" and so on, of the axes along which any fragment has a
-    value; packed layers behind the last such one are left out.
+    The keys are "x_contact" and so on, for axes and layers with any value.
 
     Args:
         grid: of the body.
         values: of every fragment; NaN where it is not in contact.
         low: value of the first colour.
         high: value of the last colour.
-        palette: by name.
-        kind: the second half of the keys.
+        palette: name of the palette.
+        kind: second half of the keys.
 
     Raises:
         InputError: for an unknown palette, or limits that are not finite and in order.
@@ -55,5 +54,5 @@ def contact_images(
 def where_covered(
     values: Float[np.ndarray, " s"], coverage: Float[np.ndarray, " s"]
 ) -> Float[np.ndarray, " s"]:
-    """The values of fragments in contact, and NaN for the others."""
+    """Values of the fragments in contact, NaN for the others."""
     return np.where(coverage > 0, values, np.nan)

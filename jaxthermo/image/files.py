@@ -1,4 +1,4 @@
-"""Thermal images as files: radiometric EXR, and PNG for the eye."""
+"""Image files: radiometric OpenEXR, and PNG in false colours."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -16,7 +16,7 @@ from .render import Image
 
 _Image = Float[np.ndarray, "h w"] | Float[Array, "h w"]
 
-# Names that the format gives a meaning and a type of its own.
+# Names for which the format prescribes a meaning and a type.
 _RESERVED = frozenset(
     {
         "channels",
@@ -35,7 +35,7 @@ _RESERVED = frozenset(
         "view",
     }
 )
-_LONGEST_NAME = 255
+_MAX_NAME_BYTES = 255
 
 
 def _check(channels: Mapping[str, _Image], header: Mapping[str, str]) -> None:
@@ -47,8 +47,8 @@ def _check(channels: Mapping[str, _Image], header: Mapping[str, str]) -> None:
     if 0 in next(iter(shapes.values())):
         raise InputError(f"EXR channels need at least one pixel, not {shapes}")
     for name in (*channels, *header):
-        if not 0 < len(name.encode()) <= _LONGEST_NAME:
-            raise InputError(f"EXR name {name!r}: use 1 to {_LONGEST_NAME} bytes")
+        if not 0 < len(name.encode()) <= _MAX_NAME_BYTES:
+            raise InputError(f"EXR name {name!r}: use 1 to {_MAX_NAME_BYTES} bytes")
     for name in _RESERVED & set(header):
         raise InputError(f"EXR header {name!r} is reserved: choose another name")
 
@@ -58,12 +58,12 @@ def write_exr_channels(
     channels: Mapping[str, _Image],
     header: Mapping[str, str] | None = None,
 ) -> None:
-    """Writes images as float32 channels, lossless, replacing `path` in one step.
+    """Write images as lossless float32 channels, replacing `path` in one step.
 
     Args:
         path: of the file; its folder must exist.
-        channels: name to pixels, all of one shape; any unit, inf and NaN are kept.
-        header: name to text, as the resolved config.
+        channels: pixels by name, all of one shape; inf and NaN are preserved.
+        header: texts by name.
 
     Raises:
         InputError: for channels or names the format cannot hold, or an unwritable path.
@@ -87,7 +87,7 @@ def write_exr_channels(
 def read_exr(
     path: str | Path,
 ) -> tuple[dict[str, Float[np.ndarray, "h w"]], dict[str, str]]:
-    """Reads the channels, as float32, and the texts of the header.
+    """Read the float32 channels and the texts of the header.
 
     Raises:
         InputError: when the file is missing, no EXR or damaged.
@@ -96,7 +96,7 @@ def read_exr(
         raise InputError(f"{path} is not a file: give the path of an EXR file")
     try:
         with OpenEXR.File(str(path), separate_channels=True) as file:
-            # A damaged file shows only here, as a file without parts.
+            # A damaged file is detected only here, as a file without parts.
             channels = {
                 name: np.array(channel.pixels, np.float32)
                 for name, channel in file.channels().items()
@@ -112,7 +112,7 @@ def read_exr(
 
 
 def exr_channels(image: Image) -> dict[str, np.ndarray]:
-    """The named float32 channels of a radiometric frame."""
+    """Channels of a radiometric frame, by name."""
     normal = np.asarray(image.normal)
     return {
         "temperature_K": np.asarray(image.temperature),
@@ -128,7 +128,7 @@ def exr_channels(image: Image) -> dict[str, np.ndarray]:
 
 
 def write_exr(path: str | Path, image: Image, header: dict[str, str] | None = None):
-    """Write a frame with its time and units, and any more text, into an EXR file.
+    """Write a frame with its time, units and further texts as an EXR file.
 
     Raises:
         InputError: if the file cannot be written.
@@ -150,15 +150,15 @@ def picture(
     quantity: str = "apparent",
     title: str = "",
 ):
-    """The frame in false colours, with a temperature bar and the time.
+    """Draw a frame in false colours, with a temperature scale and the time.
 
     Args:
         image: the frame.
-        low: temperature at the lower end of the bar [K].
-        high: at the upper end [K].
-        palette: by name.
-        quantity: "apparent" (what a camera shows) or "surface" (the true temperature).
-        title: beside the time.
+        low: temperature at the lower end of the scale [K].
+        high: temperature at the upper end [K].
+        palette: name of the palette.
+        quantity: "apparent" (as of a camera) or "surface" (the true temperature).
+        title: text beside the time.
     """
     if quantity not in ("apparent", "surface"):
         raise InputError(f"quantity={quantity!r}: choose 'apparent' or 'surface'")
@@ -175,7 +175,7 @@ def picture(
 
 
 def write_png(path: str | Path, image: Image, low: float, high: float, **how):
-    """Write the frame in false colours; the rest as for `picture`.
+    """Write a frame in false colours as PNG; options as for `picture`.
 
     Raises:
         InputError: if the file cannot be written.

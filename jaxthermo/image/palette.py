@@ -1,18 +1,22 @@
-"""False colours: a temperature image becomes an 8-bit sRGB image."""
+"""False colours: from a temperature image to an 8-bit sRGB image.
+
+Without jax, so that a config can check the name of a palette before jax is loaded.
+"""
 
 import functools
 import json
 import math
 from pathlib import Path
+from typing import Any, SupportsFloat
 
 import numpy as np
-from jaxtyping import Array, Float, UInt8
+from jaxtyping import Float, UInt8
 
-from ..arrays import Scalar
 from ..errors import InputError
 
 
 ENTRIES = 256
+"""Colours of a palette."""
 
 
 @functools.cache
@@ -25,12 +29,12 @@ def _tables() -> dict[str, np.ndarray]:
 
 
 def palette_names() -> tuple[str, ...]:
-    """The names that `apply_palette` knows."""
+    """Names of the palettes."""
     return tuple(_tables())
 
 
 def palette_table(name: str) -> UInt8[np.ndarray, "256 3"]:
-    """The sRGB colours of a palette, from cold to hot.
+    """Colours of a palette as sRGB, from cold to hot.
 
     Raises:
         InputError: for an unknown name.
@@ -41,8 +45,8 @@ def palette_table(name: str) -> UInt8[np.ndarray, "256 3"]:
     return _tables()[name]
 
 
-def check_limits(low: Scalar, high: Scalar) -> tuple[float, float]:
-    """The ends of a scale as plain numbers.
+def check_limits(low: SupportsFloat, high: SupportsFloat) -> tuple[float, float]:
+    """Convert the ends of a scale to plain numbers.
 
     Raises:
         InputError: for limits that are not finite and in order.
@@ -56,20 +60,21 @@ def check_limits(low: Scalar, high: Scalar) -> tuple[float, float]:
 
 
 def apply_palette(
-    values: Float[np.ndarray, "h w"] | Float[Array, "h w"],
-    low: Scalar,
-    high: Scalar,
+    values: Float[Any, "h w"],
+    low: SupportsFloat,
+    high: SupportsFloat,
     name: str,
     *,
     invalid: tuple[int, int, int] = (128, 128, 128),
 ) -> UInt8[np.ndarray, "h w 3"]:
-    """Colours an image: `low` gets the coldest colour, `high` the hottest.
+    """Colour an image: index = round(255 (value - low) / (high - low)).
 
-    index = round(255 (value - low) / (high - low)), clipped to 0-255. With
-    `low == high`, values below, at and above it get the first, middle and last colour.
+    The index is clipped to 0-255. With `low == high`, values below, at and above it
+    have the first, middle and last colour.
 
     Args:
-        values: any quantity, in the unit of the limits; NaN where nothing is seen.
+        values: array of numpy or jax, in the unit of the limits; NaN in the
+            background.
         low: value of the first colour.
         high: value of the last colour, at least `low`.
         name: one of `palette_names()`.
@@ -81,13 +86,13 @@ def apply_palette(
     table = palette_table(name)
     low, high = check_limits(low, high)
     image = np.asarray(values, np.float64)
-    seen = ~np.isnan(image)
-    # Clipped first, so that infinities take the end colours without a warning.
-    bounded = np.clip(np.where(seen, image, low), low, high)
+    valid = ~np.isnan(image)
+    # Clipped first, so that infinities have the end colours without a warning.
+    bounded = np.clip(np.where(valid, image, low), low, high)
     if high > low:
         fraction = (bounded - low) / (high - low)
     else:
-        fraction = 0.5 + 0.5 * np.sign(np.where(seen, image, low) - low)
+        fraction = 0.5 + 0.5 * np.sign(np.where(valid, image, low) - low)
     colours = table[np.rint(fraction * (ENTRIES - 1)).astype(np.intp)]
-    colours[~seen] = np.asarray(invalid, np.uint8)
+    colours[~valid] = np.asarray(invalid, np.uint8)
     return colours

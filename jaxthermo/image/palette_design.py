@@ -1,7 +1,8 @@
-"""Builds the palettes; the only file that imports colour-science.
+"""Design of the palettes, and a report of how uniform and distinguishable they are.
 
-The library reads the baked `palettes.json` instead (`import colour` takes seconds).
-After a change here, bake again: `python -m jaxthermo.image.palette_design`.
+The only module that imports colour-science, which takes seconds: import it lazily. All
+others read `palettes.json`; after a change here write it again by
+`python -m jaxthermo.image.palette_design`.
 """
 
 import json
@@ -13,20 +14,30 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, UInt8
 
+from .palette import ENTRIES, palette_names, palette_table
 
-# colour warns about a plotting library that we do not have, and leaves stand-ins for it
-# in sys.modules, after which importing that library "succeeds" anywhere.
+
+# colour warns about a plotting library that is not installed, and leaves stand-ins for
+# it in sys.modules, after which importing that library "succeeds" anywhere.
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")
     import colour
+
+    # Linear RGB as seen without one kind of cone; for tritanopia only approximate, of
+    # which colour warns.
+    _VISION = {
+        "normal": np.eye(3),
+        "protanopia": colour.matrix_cvd_Machado2009("Protanomaly", 1.0),
+        "deuteranopia": colour.matrix_cvd_Machado2009("Deuteranomaly", 1.0),
+        "tritanopia": colour.matrix_cvd_Machado2009("Tritanomaly", 1.0),
+    }
 for _name in [key for key in sys.modules if key.startswith("matplotlib")]:
     del sys.modules[_name]
 
-ENTRIES = 256
 BAKED = Path(__file__).with_name("palettes.json")
 
 # (position, r, g, b) anchors, sRGB 0-255. The order of colours is that of thermal
-# cameras; the values are ours.
+# cameras; the values are not.
 _IRON = (
     (0.00, 4, 2, 12),
     (0.10, 30, 4, 78),
@@ -51,7 +62,7 @@ _RAINBOW = (
     (1.00, 170, 10, 30),
 )
 # Bezier control points (J', a', b') in CAM16-UCS: blue-black, violet, red, orange, pale
-# yellow. One polynomial bends gently everywhere, so no band of colour stands out.
+# yellow. One polynomial is smooth everywhere, so that no band of colour stands out.
 _EMBER = (
     (5.0, 1.5, -9.6),
     (14.0, 5.0, -33.9),
@@ -64,27 +75,27 @@ _EMBER = (
 
 
 def _through_anchors(anchors) -> Float[np.ndarray, "256 3"]:
-    """Straight between the anchors in sRGB, then smoothed so that no kink shows."""
+    """Interpolate between anchors in sRGB, smoothed so that no kink is visible."""
     table = np.asarray(anchors, np.float64)
-    reach = 40
-    offsets = np.arange(-reach, reach + 1)
+    width = 40
+    offsets = np.arange(-width, width + 1)
     weight = np.exp(-0.5 * (offsets / 8.0) ** 2)
     weight /= weight.sum()
     x = np.linspace(0.0, 1.0, ENTRIES)
     columns = []
     for channel in table[:, 1:].T:
         line = np.interp(x, table[:, 0], channel / 255.0)
-        # Odd reflection keeps both end colours exactly.
-        wide = np.pad(line, reach, mode="reflect", reflect_type="odd")
+        # Odd reflection preserves both end colours exactly.
+        wide = np.pad(line, width, mode="reflect", reflect_type="odd")
         columns.append(np.convolve(wide, weight, mode="valid"))
     return np.clip(np.stack(columns, axis=-1), 0.0, 1.0)
 
 
 def ember_ucs() -> Float[np.ndarray, "256 3"]:
-    """The ember palette in CAM16-UCS (J', a', b'), in steps of equal length.
+    """Ember palette in CAM16-UCS (J', a', b') with steps of equal length.
 
     A Bezier curve B(s) = sum_i C(n,i) s^i (1-s)^(n-i) P_i, resampled by arc length, so
-    that equal temperature steps look equally large; J' rises throughout.
+    that equal temperature steps look equally large; the lightness J' rises throughout.
 
     Source: CAM16-UCS, Li et al., Color Res. Appl. 42 (2017) 703.
     """
@@ -101,17 +112,17 @@ def ember_ucs() -> Float[np.ndarray, "256 3"]:
 
 
 def rgb_to_ucs(rgb: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-    """CAM16-UCS (J', a', b') of sRGB in 0-1, J' in 0-100."""
+    """Convert sRGB in 0-1 to CAM16-UCS (J', a', b'), J' in 0-100."""
     return np.asarray(colour.XYZ_to_CAM16UCS(colour.sRGB_to_XYZ(rgb)))
 
 
 def ucs_to_rgb(ucs: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-    """Gives sRGB of CAM16-UCS, not clipped: outside 0-1 it cannot be shown."""
+    """Convert CAM16-UCS to sRGB, not clipped: outside 0-1 it cannot be displayed."""
     return np.asarray(colour.XYZ_to_sRGB(colour.CAM16UCS_to_XYZ(ucs)))
 
 
 def build_palettes() -> dict[str, UInt8[np.ndarray, "256 3"]]:
-    """All palettes, from cold to hot, by name."""
+    """Compute all palettes, from cold to hot, by name."""
     grey = np.repeat(np.linspace(0.0, 1.0, ENTRIES)[:, None], 3, axis=1)
     tables = {
         "iron": _through_anchors(_IRON),
@@ -124,12 +135,62 @@ def build_palettes() -> dict[str, UInt8[np.ndarray, "256 3"]]:
 
 
 def bake(path: Path = BAKED) -> None:
-    """Writes the palettes as rows of 16 hexadecimal colours."""
+    """Write the palettes as rows of 16 hexadecimal colours."""
     rows = {
         name: [table[k : k + 16].tobytes().hex() for k in range(0, ENTRIES, 16)]
         for name, table in build_palettes().items()
     }
     path.write_text(json.dumps(rows, indent=1) + "\n")
+
+
+def colour_difference(
+    first: UInt8[np.ndarray, "*n 3"], second: UInt8[np.ndarray, "*n 3"]
+) -> Float[np.ndarray, "*n"]:
+    """CIEDE2000 difference of sRGB colours, e.g. of two frames, pixel by pixel [-].
+
+    About 1 is just noticeable side by side. Source: CIE 142 (2001).
+    """
+    a, b = (_lab(colours / 255.0) for colours in (first, second))
+    return np.asarray(colour.delta_E(a, b, method="CIE 2000"))
+
+
+def palette_report() -> dict[str, dict[str, float]]:
+    """Uniformity and distinguishability of each palette, as CIEDE2000 differences [-].
+
+    Per palette `step_min`, `step_mean` and `step_max` of neighbouring colours, and the
+    smallest difference of two colours at least 1/8 of the scale apart in normal vision
+    (`apart_normal`) and as simulated for a complete lack of one kind of cone
+    (`apart_protanopia`, `apart_deuteranopia`, `apart_tritanopia`): close to 0, two
+    temperatures look the same.
+
+    Source: Machado, Oliveira and Fernandes, IEEE TVCG 15 (2009) 1291.
+    """
+    report = {}
+    for name in palette_names():
+        table = palette_table(name)
+        steps = colour_difference(table[:-1], table[1:])
+        facts = {
+            "step_min": float(steps.min()),
+            "step_mean": float(steps.mean()),
+            "step_max": float(steps.max()),
+        }
+        for vision, matrix in _VISION.items():
+            # The model acts on linear RGB; its colours may leave the gamut slightly.
+            linear = colour.cctf_decoding(table / 255.0, function="sRGB") @ matrix.T
+            seen = colour.cctf_encoding(np.clip(linear, 0.0, 1.0), function="sRGB")
+            facts[f"apart_{vision}"] = _smallest_difference(_lab(np.asarray(seen)))
+        report[name] = facts
+    return report
+
+
+def _lab(rgb: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
+    return np.asarray(colour.XYZ_to_Lab(colour.sRGB_to_XYZ(rgb)))
+
+
+def _smallest_difference(lab: Float[np.ndarray, "n 3"]) -> float:
+    """Smallest difference of two entries at least 1/8 of the palette apart [-]."""
+    first, second = np.triu_indices(len(lab), len(lab) // 8)
+    return float(np.min(colour.delta_E(lab[first], lab[second], method="CIE 2000")))
 
 
 if __name__ == "__main__":

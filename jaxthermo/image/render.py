@@ -1,4 +1,10 @@
-"""`render`: solution and camera in, image out; differentiable in temperatures."""
+"""Thermal images of a solution, differentiable in its temperatures.
+
+Radiance that leaves a Lambertian surface, total over the spectrum [W/(m^2 sr)]:
+L = [eps sigma T^4 + (1 - eps) sigma T_s^4 + (1 - a) E] / pi, the emission and the
+reflected surroundings (T_s) and sources (E). A camera set to emissivity 1 shows
+T_apparent = (pi L / sigma)^(1/4).
+"""
 
 import math
 from typing import Any
@@ -18,20 +24,20 @@ from ..physics.term import AbstractTerm
 from ..physics.time_varying import value_at
 from ..scene.solved_surface import SolvedSurface
 from .camera import AbstractCamera
-from .view import View, look, standing
+from .view import View, at_time, compute_view
 
 
-DEFAULT_SURROUNDINGS = 293.15
-"""Seen in the surface where a scene names neither surroundings nor air [K]."""
+# Reflected temperature [K] of a scene with neither surroundings nor air.
+_DEFAULT_SURROUNDINGS = 293.15
 
 
-def black_radiance(temperature: Float[Array, "*p"]) -> Float[Array, "*p"]:
-    """Of a black surface, sigma T^4 / pi [W/(m^2 sr)]."""
+def _black_radiance(temperature: Float[Array, "*p"]) -> Float[Array, "*p"]:
+    """Radiance of a black surface, sigma T^4 / pi [W/(m^2 sr)]."""
     return STEFAN_BOLTZMANN / math.pi * temperature**4
 
 
 def apparent_temperature(radiance: Float[Array, "*p"]) -> Float[Array, "*p"]:
-    """The temperature of a black surface of the same radiance [K]."""
+    """Temperature of a black surface of the same radiance [K]."""
     return (radiance * (math.pi / STEFAN_BOLTZMANN)) ** 0.25
 
 
@@ -46,53 +52,52 @@ def leaving_radiance(
     Args:
         temperature: of the surface [K].
         emissivity: of the surface [-].
-        surroundings: temperature seen in it [K].
-        reflected_irradiance: (1 - a) times the sources' irradiance there [W/m^2].
+        surroundings: temperature of the reflected surroundings [K].
+        reflected_irradiance: (1 - a) times the sources' irradiance [W/m^2].
     """
-    own = emissivity * black_radiance(temperature)
-    mirrored = (1 - emissivity) * black_radiance(surroundings)
-    return own + mirrored + reflected_irradiance / math.pi
+    emitted = emissivity * _black_radiance(temperature)
+    reflected = (1 - emissivity) * _black_radiance(surroundings)
+    return emitted + reflected + reflected_irradiance / math.pi
 
 
-def surroundings_temperature(terms: tuple[AbstractTerm, ...]) -> Any:
-    """What the surface mirrors: surroundings, else the air all round, else 20 degC."""
+def _surroundings_temperature(terms: tuple[AbstractTerm, ...]) -> Any:
+    """Temperature of the surroundings, else of the ambient air, else 20 degC [K]."""
     for term in terms:
         if isinstance(term, Surroundings):
             return term.temperature
     for term in terms:
         if isinstance(term, Convection) and term.on is None:
             return term.temperature
-    return DEFAULT_SURROUNDINGS
+    return _DEFAULT_SURROUNDINGS
 
 
-def surroundings_at(
+def _surroundings_at(
     terms: tuple[AbstractTerm, ...], time: Float[Array, ""]
 ) -> Float[Array, ""]:
-    """The same at one time [K]."""
-    return value_at(surroundings_temperature(terms), time)
+    return value_at(_surroundings_temperature(terms), time)
 
 
 class Image(eqx.Module):
-    """One thermal frame. The background is black surroundings, infinitely far."""
+    """Thermal frame; its background is black surroundings at infinite depth."""
 
     time: Float[Array, ""]
-    """[s]"""
+    """Time [s]."""
     temperature: Float[Array, "h w"]
-    """True, of the surface; of the surroundings in the background [K]."""
+    """True surface temperature; that of the surroundings in the background [K]."""
     radiance: Float[Array, "h w"]
-    """Total, towards the camera, averaged over the pixel [W/(m^2 sr)]."""
+    """Total radiance towards the camera, averaged over the pixel [W/(m^2 sr)]."""
     emissivity: Float[Array, "h w"]
-    """1 in the background."""
+    """Emissivity [-]; 1 in the background."""
     depth: Float[Array, "h w"]
-    """Along the optical axis [m]; inf in the background."""
+    """Depth along the optical axis [m]; inf in the background."""
     object_id: Int[Array, "h w"]
-    """Body number; -1 in the background."""
+    """Number of the body; -1 in the background."""
     normal: Float[Array, "h w 3"]
-    """World, outward; 0 in the background."""
+    """Outward normal in the world; 0 in the background."""
 
     @property
     def apparent_temperature(self) -> Float[Array, "h w"]:
-        """What a camera set to emissivity 1 shows [K]."""
+        """Temperature that a camera set to emissivity 1 shows [K]."""
         return apparent_temperature(self.radiance)
 
 
@@ -107,8 +112,8 @@ def _per_fragment(
     )
 
 
-def _spread(view: View, values: Float[Array, " s"]) -> Float[Array, " p"]:
-    """Fragment values at the pixels that show a body."""
+def _to_pixels(view: View, values: Float[Array, " s"]) -> Float[Array, " p"]:
+    """Interpolate fragment values to the pixels that show a body."""
     weight = jnp.asarray(view.weights.weight, values.dtype)
     return jax.ops.segment_sum(
         weight * values[view.weights.fragment],
@@ -118,7 +123,7 @@ def _spread(view: View, values: Float[Array, " s"]) -> Float[Array, " p"]:
     )
 
 
-def _picture(view: View, values: Array, background: Any) -> Array:
+def _to_image(view: View, values: Array, background: Any) -> Array:
     width, height = view.camera.size
     shape = (height, width, *values.shape[1:])
     blank = jnp.full((shape[0] * shape[1], *values.shape[1:]), background, values.dtype)
@@ -132,36 +137,37 @@ def draw(
     temperature: Float[Array, " s"],
     time: Float[Array, ""],
 ) -> Image:
-    """The frame of one set of surface temperatures [K] at one time [s] in a view."""
-    surface = _spread(view, temperature)
-    emissivity = _spread(view, _per_fragment(surfaces, "emissivity"))
-    absorptivity = _spread(view, _per_fragment(surfaces, "absorptivity"))
+    """Draw the frame of surface temperatures [K] at a time [s] in a view."""
+    surface = _to_pixels(view, temperature)
+    emissivity = _to_pixels(view, _per_fragment(surfaces, "emissivity"))
+    absorptivity = _to_pixels(view, _per_fragment(surfaces, "absorptivity"))
     irradiance = jnp.zeros_like(surface)
     for number, exposure in view.exposure:
         strength = value_at(terms[number].strength, time)
         irradiance = irradiance + strength * jnp.asarray(exposure, surface.dtype)
-    ambient = surroundings_at(terms, time)
+    ambient = _surroundings_at(terms, time)
     radiance = leaving_radiance(
         surface, emissivity, ambient, (1 - absorptivity) * irradiance
     )
     dtype = surface.dtype
     return Image(
         time=time,
-        temperature=_picture(view, surface, ambient),
-        radiance=_picture(view, radiance, black_radiance(ambient)),
-        emissivity=_picture(view, emissivity, 1),
-        depth=_picture(view, jnp.asarray(view.depth, dtype), np.inf),
-        object_id=_picture(view, jnp.asarray(view.body, jnp.int32), -1),
-        normal=_picture(view, jnp.asarray(view.normal, dtype), 0),
+        temperature=_to_image(view, surface, ambient),
+        radiance=_to_image(view, radiance, _black_radiance(ambient)),
+        emissivity=_to_image(view, emissivity, 1),
+        depth=_to_image(view, jnp.asarray(view.depth, dtype), np.inf),
+        object_id=_to_image(view, jnp.asarray(view.body, jnp.int32), -1),
+        normal=_to_image(view, jnp.asarray(view.normal, dtype), 0),
     )
 
 
 def coarsen(image: Image, samples: int) -> Image:
-    """An image of `samples` times fewer pixels each way.
+    """Reduce an image by the factor `samples` along both axes.
 
-    A detector integrates radiance over its pixel; the other channels are those of one
-    sample near its middle, since a mean of depths or numbers is nothing.
+    Radiance is averaged; the other channels are those of one sample near the middle.
     """
+    # A detector integrates radiance over its pixel; a mean of depths or body numbers
+    # over an edge would be meaningless.
     if samples == 1:
         return image
     height, width = image.radiance.shape
@@ -188,22 +194,22 @@ def render(
     smooth: bool = True,
     samples: int = 1,
 ) -> Image:
-    """The thermal image of one saved time.
+    """Draw the thermal image of one saved time.
 
     Args:
-        solution: of `simulate` or `steady`.
-        camera: where from.
-        index: which saved time, as in a list.
-        smooth: whether temperatures are smoothed over the voxels.
-        samples: radiance samples a pixel along each axis.
+        solution: from `simulate` or `steady`.
+        camera: position, direction and size of the image.
+        index: index of the saved time.
+        smooth: interpolate temperatures smoothly over the voxels.
+        samples: radiance samples per pixel along each axis.
 
     Raises:
         InputError: if the camera is inside a body or sees none.
     """
     with precision(solution.receipt.dtype):
         time = float(solution.times[index])
-        surfaces, terms = standing(solution.surfaces, solution.terms, time)
-        view = look(surfaces, terms, camera.finer(samples), smooth)
+        surfaces, terms = at_time(solution.surfaces, solution.terms, time)
+        view = compute_view(surfaces, terms, camera.finer(samples), smooth)
         image = draw(
             view,
             surfaces,

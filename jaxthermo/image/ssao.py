@@ -1,14 +1,15 @@
-"""Ambient occlusion from the depths of an image: fast, and blind to what is not in it.
+"""Screen-space ambient occlusion: fast, but only of surfaces in the image.
 
-Through each pixel a few slices are laid that hold the line of sight. In a slice the
-surface's hemisphere is cut off on both sides by the highest thing that the depths show
-there. At the angles h_1 < 0 < h_2 from the way to the eye, there remains
+Each pixel has a few slices, planes that contain the line of sight. In a slice the
+hemisphere of the surface is limited on both sides by the highest horizon in the depth
+image, at the angles h_1 < 0 < h_2 from the direction to the eye. The visible fraction
+of the cosine-weighted slice is
 
     a = 1/4 sum_i [cos g - cos(2 h_i - g) + 2 h_i sin g]
 
-of the cosine-weighted slice, g being the angle of the normal's part in the slice. What
-a slice counts for is the length of that part. Source: Jimenez et al., Practical
-real-time strategies for accurate indirect occlusion, SIGGRAPH courses (2016).
+with g the angle of the normal projected to the slice; the length of the projection is
+the weight of the slice. Source: Jimenez et al., Practical real-time strategies for
+accurate indirect occlusion, SIGGRAPH courses (2016).
 """
 
 from typing import NamedTuple
@@ -21,15 +22,15 @@ from .camera import AbstractCamera
 
 
 SLICES = 8
+# Steps on either side of a slice, denser near the pixel.
 STEPS = 12
-"""On either side of a slice, closer together near the pixel."""
 
 
 class _Sight(NamedTuple):
-    """What the camera makes of its pixels."""
+    """Geometry of the pixels."""
 
     point: Float[np.ndarray, "h w 3"]
-    """What is seen [m]; NaN where nothing is."""
+    """Visible point [m]; NaN in the background."""
     back: Float[np.ndarray, "h w 3"]
     """Unit vectors to the eye."""
     axes: Float[np.ndarray, "2 3"]
@@ -47,18 +48,18 @@ def screen_space_occlusion(
     slices: int = SLICES,
     steps: int = STEPS,
 ) -> Float[np.ndarray, "h w"]:
-    """Share of the cosine-weighted hemisphere that is open; 1 in the background.
+    """Visible fraction of the cosine-weighted hemisphere; 1 in the background.
 
     Args:
-        depth: along the optical axis, infinite where nothing is [m].
-        normal: world, outward.
-        camera: that the image was taken with.
-        radius: how far away something may be to count [m].
-        slices: through each pixel.
-        steps: along either side of each.
+        depth: along the optical axis, inf in the background [m].
+        normal: outward normal in the world.
+        camera: of the image.
+        radius: largest distance of occluders [m].
+        slices: number of slices per pixel.
+        steps: number of steps on either side of a slice.
 
     Raises:
-        InputError: if the radius is not positive, or the image not the camera's.
+        InputError: if the radius is not positive or the image not the camera's.
     """
     if depth.shape != camera.size[::-1]:
         raise InputError(
@@ -67,39 +68,41 @@ def screen_space_occlusion(
         )
     if not (np.isfinite(radius) and radius > 0):
         raise InputError(f"screen_space_occlusion(radius={radius!r}): give metres")
-    seen = np.isfinite(depth)
+    hit = np.isfinite(depth)
     sight = _sight(depth, camera)
-    middle = float(np.median(sight.pixel[seen])) if seen.any() else 1.0
-    # In pixels, the same ones for all: what is then too far is left out one by one.
-    reach = radius / middle * (np.arange(1, steps + 1) / steps) ** 1.5
+    middle = float(np.median(sight.pixel[hit])) if hit.any() else 1.0
+    # The same shifts [pixels] for all pixels, which makes them array operations; points
+    # beyond the radius are excluded one by one in `_horizon`.
+    shift = radius / middle * (np.arange(1, steps + 1) / steps) ** 1.5
     open_part, whole = np.zeros(depth.shape), np.zeros(depth.shape)
     for turn in np.pi * (np.arange(slices) + 0.5) / slices:
-        way = np.array([np.cos(turn), np.sin(turn)])
-        side = _across(way @ sight.axes, sight.back)
+        direction = np.array([np.cos(turn), np.sin(turn)])
+        side = _across(direction @ sight.axes, sight.back)
         length, angle = _tilt(normal, sight.back, side)
         flat = np.cos(angle)[..., None] * side - np.sin(angle)[..., None] * sight.back
         upright = normal / np.maximum(length, 1e-9)[..., None]
         for sign in (-1, 1):
-            shifts = np.unique(np.rint(sign * reach[:, None] * way).astype(int), axis=0)
+            shifts = np.rint(sign * shift[:, None] * direction).astype(int)
+            shifts = np.unique(shifts, axis=0)
             rise = _horizon(sight.point, shifts, upright, sign * flat, radius)
             open_part += length * _arc(angle + sign * (np.pi / 2 - rise), angle)
         whole += length * (np.cos(angle) + angle * np.sin(angle))
-    share = open_part / np.where(whole > 0, whole, 1.0)
-    return np.where(seen, np.clip(share, 0.0, 1.0), 1.0)
+    fraction = open_part / np.where(whole > 0, whole, 1.0)
+    return np.where(hit, np.clip(fraction, 0.0, 1.0), 1.0)
 
 
 def _sight(depth: np.ndarray, camera: AbstractCamera) -> _Sight:
     height, width = depth.shape
     number = np.arange(height * width)
-    # Two points of each ray tell it, whatever the key means to this camera.
+    # Two points define each ray, whatever the key means for this camera.
     a, at_a = camera.points(number, np.full(number.size, -1.0))
     b, at_b = camera.points(number, np.full(number.size, -0.5))
-    way = (b - a) / (at_b - at_a)[:, None]
+    direction = (b - a) / (at_b - at_a)[:, None]
     ahead = np.where(np.isfinite(depth), depth, np.nan).reshape(-1, 1) - at_a[:, None]
-    back = -way / np.linalg.norm(way, axis=1, keepdims=True)
+    back = -direction / np.linalg.norm(direction, axis=1, keepdims=True)
     axes, size = _axes(camera)
     return _Sight(
-        point=(a + way * ahead).reshape(height, width, 3),
+        point=(a + direction * ahead).reshape(height, width, 3),
         back=back.reshape(height, width, 3),
         axes=axes,
         pixel=size(depth),
@@ -108,7 +111,7 @@ def _sight(depth: np.ndarray, camera: AbstractCamera) -> _Sight:
 
 def _axes(camera: AbstractCamera):
     """Unit vectors to the right and down, and the size of a pixel at a depth [m]."""
-    # Twice as many pixels, lest there be only one.
+    # Twice as many pixels, since an image may have only one.
     fine = camera.finer(2)
     corner = np.array([0, 1, fine.size[0]])
     spans, depths = [], []
@@ -127,13 +130,13 @@ def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _across(along: np.ndarray, back: np.ndarray) -> np.ndarray:
-    """The unit vector in the slice that is square to the way back."""
+    """Unit vector in the slice perpendicular to the direction to the eye."""
     side = along - (back @ along)[..., None] * back
     return side / np.linalg.norm(side, axis=-1, keepdims=True)
 
 
 def _tilt(normal: np.ndarray, back: np.ndarray, side: np.ndarray):
-    """Length of the normal's part in the slice, and its angle from the way back."""
+    """Length of the projected normal, and its angle to the direction to the eye."""
     ahead, beside = _dot(normal, back), _dot(normal, side)
     return np.hypot(ahead, beside), np.arctan2(beside, np.maximum(ahead, 0.0))
 
@@ -145,26 +148,25 @@ def _horizon(
     flat: np.ndarray,
     radius: float,
 ) -> np.ndarray:
-    """Angle above the surface's own plane of the highest thing at these shifts.
-
-    Measured along the slice: pixels a little beside it on the same plane have angle 0.
-    """
+    """Angle of the horizon above the surface's plane at these shifts [rad]."""
+    # Measured along the slice: pixels beside it on the same plane have angle 0.
     height, width = point.shape[:2]
-    lowest = np.ones((height, width))
+    # Horizons are compared by cosine: one arccos at the end.
+    smallest = np.ones((height, width))
     for right, down in shifts[shifts.any(1)].tolist():
-        here, there = _overlap(height, down), _overlap(width, right)
-        own, other = (here[0], there[0]), (here[1], there[1])
+        rows, columns = _overlap(height, down), _overlap(width, right)
+        own, other = (rows[0], columns[0]), (rows[1], columns[1])
         gap = point[other] - point[own]
-        far = _dot(gap, gap)
+        squared = _dot(gap, gap)
         rise, run = _dot(gap, upright[own]), _dot(gap, flat[own])
-        stands = (far <= radius * radius) & (rise > 0)
+        stands = (squared <= radius * radius) & (rise > 0)
         cosine = run / np.sqrt(np.where(stands, run * run + rise * rise, 1.0))
-        lowest[own] = np.minimum(lowest[own], np.where(stands, cosine, 1.0))
-    return np.arccos(np.clip(lowest, -1.0, 1.0))
+        smallest[own] = np.minimum(smallest[own], np.where(stands, cosine, 1.0))
+    return np.arccos(np.clip(smallest, -1.0, 1.0))
 
 
 def _overlap(size: int, shift: int) -> tuple[slice, slice]:
-    """Where an axis and the same one shifted overlap."""
+    """Overlap of an axis with itself shifted, as slices of both."""
     low, high = max(0, -shift), max(0, min(size, size - shift))
     low = min(low, high)
     return slice(low, high), slice(low + shift, high + shift)

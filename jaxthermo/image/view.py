@@ -1,4 +1,10 @@
-"""What a camera sees of a solved scene: geometry only, once for all frames."""
+"""View of a solved scene: the geometry of an image, computed once for all frames.
+
+The temperature of a pixel is a weighted mean of the fragments within two voxels, with
+weights (1 - r^2/R^2)^2 times the fragment's area and the squared cosine between the
+normals, so that nothing leaks through a thin sheet or around an edge. The weights
+depend on the view only: a frame costs one sparse product.
+"""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -15,17 +21,18 @@ from ..scene.solved_surface import BodyGeometry, SolvedSurface
 from .camera import AbstractCamera
 
 
-REACH = 2.0
-"""Radius of the weights, in voxels: 1.4 holds at least one fragment of any surface."""
+# Radius of the weights [voxels]; from 1.4 it includes a fragment of any surface.
+_RADIUS = 2.0
 
-CHUNK = 65536
+# Points per chunk, which bounds the size of temporaries.
+_CHUNK = 65536
 
 
 class PixelWeights(NamedTuple):
-    """value[pixel] = sum of weight * value[fragment] over the entries."""
+    """Sparse matrix: value[pixel] = sum of weight * value[fragment]."""
 
     pixel: Int[np.ndarray, " w"]
-    """Sorted."""
+    """Pixel of each entry, sorted."""
     fragment: Int[np.ndarray, " w"]
     weight: Float[np.ndarray, " w"]
 
@@ -53,10 +60,9 @@ class _Cells:
         ]
 
     def pairs(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Every (point, fragment) in the same or neighbouring cells."""
-        reach = np.arange(-1, 2)
-        offsets = np.stack(np.meshgrid(reach, reach, reach, indexing="ij"), -1)
-        cell = self._cell(points)[:, None] + offsets.reshape(1, -1, 3)
+        """All (point, fragment) in the same or neighbouring cells."""
+        offsets = np.indices((3, 3, 3)).reshape(3, -1).T - 1
+        cell = self._cell(points)[:, None] + offsets
         within = ((cell >= 0) & (cell < self.size)).all(-1)
         key = np.where(within, self._key(cell), -1).ravel()
         slot = np.minimum(np.searchsorted(self.keys, key), len(self.keys) - 1)
@@ -67,26 +73,27 @@ class _Cells:
 
 
 def _kernel(points, normals, geometry, owner, fragment, radius):
-    apart = points[owner] - geometry.fragment_position[fragment]
-    share = np.einsum("ij,ij->i", apart, apart) / radius**2
+    offset = points[owner] - geometry.fragment_position[fragment]
+    squared = np.einsum("ij,ij->i", offset, offset) / radius**2
     cosine = np.einsum("ij,ij->i", normals[owner], geometry.fragment_normal[fragment])
-    near = np.maximum(1 - share, 0) ** 2
+    near = np.maximum(1 - squared, 0) ** 2
     return near * np.maximum(cosine, 0) ** 2 * geometry.fragment_area[fragment]
 
 
-def nearest_fragments(
+def _nearest_fragments(
     points: Float[np.ndarray, "p 3"], geometry: BodyGeometry
 ) -> Int[np.ndarray, " p"]:
-    """The nearest fragment of each point, whatever its normal."""
+    """Nearest fragment of each point, with any normal."""
+    # Only the points without a fragment in range search again, twice as far.
     found = np.full(len(points), -1, np.int64)
     radius = geometry.pitch
     while (missing := np.flatnonzero(found < 0)).size:
         radius *= 2
         cells = _Cells(geometry.fragment_position, radius)
-        for part in np.array_split(missing, len(missing) // CHUNK + 1):
+        for part in np.array_split(missing, len(missing) // _CHUNK + 1):
             owner, fragment = cells.pairs(points[part])
-            away = points[part][owner] - geometry.fragment_position[fragment]
-            distance = np.einsum("ij,ij->i", away, away)
+            offset = points[part][owner] - geometry.fragment_position[fragment]
+            distance = np.einsum("ij,ij->i", offset, offset)
             order = np.lexsort([distance, owner])
             owners, first = np.unique(owner[order], return_index=True)
             found[part[owners]] = fragment[order][first]
@@ -98,20 +105,21 @@ def smooth_weights(
     normals: Float[np.ndarray, "p 3"],
     geometry: BodyGeometry,
 ) -> PixelWeights:
-    """Weights of the fragments around each point; they sum to one.
+    """Weights of the fragments around each point, with the sum one.
 
     Args:
-        points: on the body's surface, in its own frame [m].
-        normals: outward there.
-        geometry: the body.
+        points: on the body's surface, in its frame [m].
+        normals: outward normals there.
+        geometry: of the body.
     """
-    radius = REACH * geometry.pitch
+    radius = _RADIUS * geometry.pitch
     cells = _Cells(geometry.fragment_position, radius)
     parts = []
-    for first in range(0, len(points), CHUNK):
-        here = slice(first, first + CHUNK)
-        owner, fragment = cells.pairs(points[here])
-        weight = _kernel(points[here], normals[here], geometry, owner, fragment, radius)
+    for first in range(0, len(points), _CHUNK):
+        chunk = slice(first, first + _CHUNK)
+        point, normal = points[chunk], normals[chunk]
+        owner, fragment = cells.pairs(point)
+        weight = _kernel(point, normal, geometry, owner, fragment, radius)
         kept = weight > 0
         parts.append((owner[kept] + first, fragment[kept], weight[kept]))
     pixel, fragment, weight = (
@@ -120,10 +128,10 @@ def smooth_weights(
     total = np.bincount(pixel, weights=weight, minlength=len(points))
     alone = np.flatnonzero(total == 0)
     if len(alone):
-        # Parts too thin to have fragments of their own show the nearest ones'.
+        # Parts too thin to have fragments show the nearest ones.
         pixel = np.concatenate([pixel, alone])
         fragment = np.concatenate(
-            [fragment, nearest_fragments(points[alone], geometry)]
+            [fragment, _nearest_fragments(points[alone], geometry)]
         )
         weight = np.concatenate([weight, np.ones(len(alone))])
         order = np.argsort(pixel, kind="stable")
@@ -135,30 +143,31 @@ def smooth_weights(
 def block_weights(
     points: Float[np.ndarray, "p 3"], geometry: BodyGeometry
 ) -> PixelWeights:
-    """The nearest fragment alone: shows the voxels as they are."""
+    """Weights of the nearest fragment alone, which show the voxels."""
     return PixelWeights(
         np.arange(len(points)),
-        nearest_fragments(points, geometry),
+        _nearest_fragments(points, geometry),
         np.ones(len(points)),
     )
 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """Everything per pixel that does not change with time; p pixels show a body."""
+    """Time-independent data of the p pixels that show a body."""
 
     camera: AbstractCamera
     pixel: Int[np.ndarray, " p"]
-    """Number of each pixel that shows a body, rows first."""
+    """Index of each pixel, rows first."""
     body: Int[np.ndarray, " p"]
+    """Number of the body."""
     depth: Float[np.ndarray, " p"]
-    """Along the optical axis [m]."""
+    """Depth along the optical axis [m]."""
     normal: Float[np.ndarray, "p 3"]
-    """World, outward."""
+    """Outward normal in the world."""
     weights: PixelWeights
-    """From fragments of all bodies, one after the other."""
+    """Weights of the concatenated fragments of all bodies."""
     exposure: tuple[tuple[int, Float[np.ndarray, " p"]], ...]
-    """For each source (its number among the terms): cosine times lit share."""
+    """Cosine times visible fraction for each source, with its index among the terms."""
 
 
 def _check_outside(surfaces: tuple[SolvedSurface, ...], camera: AbstractCamera):
@@ -167,24 +176,24 @@ def _check_outside(surfaces: tuple[SolvedSurface, ...], camera: AbstractCamera):
         if abs(winding_number(triangles, np.asarray(camera.position, float))) > 0.5:
             raise InputError(
                 f"camera: position {camera.position} is inside body {index}; "
-                "move it out, or leave the camera out to have it placed"
+                "move it out, or omit the camera for an automatic view"
             )
 
 
-def standing(
+def at_time(
     surfaces: tuple[SolvedSurface, ...], terms: tuple[AbstractTerm, ...], time: float
 ) -> tuple[tuple[SolvedSurface, ...], tuple[AbstractTerm, ...]]:
-    """Bodies and sources where they stand at a moment [s]."""
+    """Bodies and sources at their positions at a time [s]."""
     return tuple(s.at(time) for s in surfaces), tuple(t.at(time) for t in terms)
 
 
-def look(
+def compute_view(
     surfaces: tuple[SolvedSurface, ...],
     terms: tuple[AbstractTerm, ...],
     camera: AbstractCamera,
     smooth: bool = True,
 ) -> View:
-    """Find what each pixel shows and how to read a temperature there.
+    """Compute the surface point and the interpolation weights of each pixel.
 
     Raises:
         InputError: if the camera is inside a body or sees none.
@@ -193,15 +202,16 @@ def look(
     world = [s.geometry.triangles for s in surfaces]
     triangles = np.concatenate(world)
     corners, parent = camera.to_raster(triangles)
-    layers = peel(*_on_screen(corners, camera))
+    visible = _on_image(corners, camera)
+    layers = peel(corners[visible], *camera.size)
     front = layers.layer == 0
     pixel, key = layers.pixel[front], layers.depth[front]
     if not len(pixel):
         raise InputError(
             f"camera: at {camera.position} it sees no body; "
-            "turn it round, or leave the camera out to have it placed"
+            "turn it, or omit the camera for an automatic view"
         )
-    hit = parent[_kept(corners, camera)][layers.triangle[front]]
+    hit = parent[visible][layers.triangle[front]]
     point, depth = camera.points(pixel, key)
     normal = _normals(triangles[hit])
     body = np.repeat(np.arange(len(world)), [len(w) for w in world])[hit]
@@ -215,15 +225,11 @@ def look(
     return View(camera, pixel, body, depth, normal, weights, exposure)
 
 
-def _kept(corners: np.ndarray, camera: AbstractCamera) -> np.ndarray:
-    """Triangles whose bounding box meets the image."""
+def _on_image(corners: np.ndarray, camera: AbstractCamera) -> np.ndarray:
+    """Indices of the triangles whose bounding box overlaps the image."""
     low, high = corners[..., :2].min(1), corners[..., :2].max(1)
     size = np.array(camera.size)
     return np.flatnonzero(((high > 0) & (low < size)).all(1))
-
-
-def _on_screen(corners: np.ndarray, camera: AbstractCamera):
-    return corners[_kept(corners, camera)], *camera.size
 
 
 def _normals(triangles: Float[np.ndarray, "p 3 3"]) -> Float[np.ndarray, "p 3"]:
@@ -234,20 +240,20 @@ def _normals(triangles: Float[np.ndarray, "p 3 3"]) -> Float[np.ndarray, "p 3"]:
 
 
 def _all_weights(surfaces, body, point, normal, smooth) -> PixelWeights:
-    """Weights of every body's pixels, in terms of all bodies' fragments."""
+    """Weights of all pixels, in terms of the concatenated fragments of all bodies."""
     parts, first = [], 0
     for index, surface in enumerate(surfaces):
-        here = np.flatnonzero(body == index)
+        shown = np.flatnonzero(body == index)
         geometry = surface.geometry
-        if len(here):
-            own = geometry.placed.unplace(point[here])
-            turned = geometry.placed.unturn(normal[here])
+        if len(shown):
+            local = geometry.placed.to_body(point[shown])
+            rotated = geometry.placed.rotate_back(normal[shown])
             found = (
-                smooth_weights(own, turned, geometry)
+                smooth_weights(local, rotated, geometry)
                 if smooth
-                else block_weights(own, geometry)
+                else block_weights(local, geometry)
             )
-            parts.append((here[found.pixel], found.fragment + first, found.weight))
+            parts.append((shown[found.pixel], found.fragment + first, found.weight))
         first += len(geometry.fragment_area)
     pixel, fragment, weight = (np.concatenate(c) for c in zip(*parts, strict=True))
     order = np.argsort(pixel, kind="stable")

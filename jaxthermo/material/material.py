@@ -1,4 +1,4 @@
-"""Properties of one material."""
+"""Material: conductivity, density, specific heat and surface properties."""
 
 import math
 from collections.abc import Sequence
@@ -12,27 +12,28 @@ from .property import Property
 
 
 DEFAULT_EMISSIVITY = 0.9
-"""Of most painted, oxidized and non-metallic surfaces, long-wave infrared [-]."""
+"""Long-wave emissivity of most painted, oxidized and non-metallic surfaces [-]."""
 
 Conductivity = Scalar | tuple[Scalar, Scalar, Scalar] | Property
-"""The same all ways, one for each axis of the body, or one that varies with T."""
+"""Isotropic, one per axis of the body, or dependent on temperature."""
 
 
-def _check(name: str, value: object, most: float, unit: str) -> None:
+def _check(name: str, value: object, maximum: float, unit: str) -> None:
+    # A traced value has no number yet to check.
     if is_traced(value):
         return
     try:
         number = float(value)  # pyright: ignore[reportArgumentType]
     except (TypeError, ValueError):
         raise InputError(f"{name}={value!r}: give one number [{unit}]") from None
-    if most < math.inf and not 0.0 <= number <= most:
-        raise InputError(f"{name}={number}: give a fraction from 0 to {most:g}")
-    if most == math.inf and not (math.isfinite(number) and number > 0.0):
+    if maximum < math.inf and not 0.0 <= number <= maximum:
+        raise InputError(f"{name}={number}: give a fraction from 0 to {maximum:g}")
+    if maximum == math.inf and not (math.isfinite(number) and number > 0.0):
         raise InputError(f"{name}={number}: give a positive, finite number [{unit}]")
 
 
 def _conductivity(given) -> Conductivity:
-    """Checked; a list or an array of three as a tuple."""
+    """Check a conductivity; convert a list or an array of three to a tuple."""
     if isinstance(given, Property):
         return given
     if not isinstance(given, list | tuple) and getattr(given, "ndim", 0) != 1:
@@ -50,21 +51,21 @@ def _conductivity(given) -> Conductivity:
 
 
 class Material(eqx.Module):
-    """An opaque solid (or a fluid at rest), the same everywhere.
+    """Homogeneous opaque solid, or a fluid at rest.
 
     Attributes:
-        conductivity: k [W/(m K)]; three along the body's own axes if they differ.
+        conductivity: k [W/(m K)]; a tuple of three along the body's axes.
         density: rho [kg/m^3].
         specific_heat: c_p [J/(kg K)].
         emissivity: eps of the surface in the long-wave infrared [-].
-        own_absorptivity: as given, or None; read `absorptivity` instead.
+        given_absorptivity: as given, or None; use `absorptivity` instead.
     """
 
     conductivity: Conductivity
     density: Scalar
     specific_heat: Scalar | Property
     emissivity: Scalar
-    own_absorptivity: Scalar | None
+    given_absorptivity: Scalar | None
 
     def __init__(
         self,
@@ -74,18 +75,19 @@ class Material(eqx.Module):
         emissivity: Scalar = DEFAULT_EMISSIVITY,
         absorptivity: Scalar | None = None,
     ):
-        """Takes numbers, which are checked, or traced values, which cannot be.
+        """Define a material by numbers or traced values; only numbers are checked.
 
         Args:
-            conductivity: k [W/(m K)]: one; three, along the body's own x, y, z; or a
+            conductivity: k [W/(m K)]: one; three, along the body's x, y, z; or a
                 `Property`.
             density: rho [kg/m^3].
             specific_heat: c_p [J/(kg K)]; may be a `Property`.
             emissivity: eps [-], 0 to 1.
-            absorptivity: of sources such as the sun [-]; the emissivity if not given.
+            absorptivity: for radiation sources such as the sun [-], 0 to 1; by
+                default the emissivity.
 
         Raises:
-            InputError: for a value that is not positive and finite, or no fraction.
+            InputError: for a value out of range.
         """
         _check("density", density, math.inf, "kg/m^3")
         if not isinstance(specific_heat, Property):
@@ -97,25 +99,25 @@ class Material(eqx.Module):
         self.density = density
         self.specific_heat = specific_heat
         self.emissivity = emissivity
-        # Kept apart, so that a fit that moves the emissivity moves this with it.
-        self.own_absorptivity = absorptivity
+        # Separate, so that by default a fit of the emissivity changes this with it.
+        self.given_absorptivity = absorptivity
 
     @property
     def absorptivity(self) -> Scalar:
-        """The fraction of a source's radiation that the surface takes in [-]."""
-        if self.own_absorptivity is None:
+        """Fraction of a source's radiation that the surface absorbs [-]."""
+        if self.given_absorptivity is None:
             return self.emissivity
-        return self.own_absorptivity
+        return self.given_absorptivity
 
     @property
     def varies(self) -> bool:
-        """Whether a property depends on temperature."""
+        """True if a property depends on temperature."""
         return isinstance(self.conductivity, Property) or isinstance(
             self.specific_heat, Property
         )
 
     def at(self, temperature: Scalar) -> "Material":
-        """The same material with every property as it is at `temperature` [K]."""
+        """Material with constant properties, evaluated at `temperature` [K]."""
         if not self.varies:
             return self
         number = lambda p: p(temperature) if isinstance(p, Property) else p
@@ -124,15 +126,15 @@ class Material(eqx.Module):
             self.density,
             number(self.specific_heat),
             self.emissivity,
-            self.own_absorptivity,
+            self.given_absorptivity,
         )
 
     @property
     def volumetric_heat_capacity(self) -> Scalar:
-        """Returns rho c_p [J/(m^3 K)].
+        """Volumetric heat capacity rho c_p [J/(m^3 K)].
 
         Raises:
-            InputError: where it depends on temperature; `at` gives a material at one.
+            InputError: if c_p depends on temperature (use `at` first).
         """
         if isinstance(self.specific_heat, Property):
             raise _no_number("specific_heat", "depends on temperature", ".at(kelvin)")
@@ -149,15 +151,15 @@ class Material(eqx.Module):
 
     @property
     def diffusivity(self) -> Scalar:
-        """Returns alpha = k / (rho c_p) [m^2/s]; raises as `effusivity` does."""
+        """Diffusivity alpha = k / (rho c_p) [m^2/s]; raises as `effusivity`."""
         return self._scalar_conductivity / self.volumetric_heat_capacity
 
     @property
     def effusivity(self) -> Scalar:
-        """Returns e = sqrt(k rho c_p) [W s^0.5/(m^2 K)].
+        """Effusivity e = sqrt(k rho c_p) [W s^0.5/(m^2 K)].
 
         Raises:
-            InputError: where k or c_p depends on temperature or k on the axis.
+            InputError: if k or c_p depends on temperature, or k on the axis.
         """
         return (self._scalar_conductivity * self.volumetric_heat_capacity) ** 0.5
 

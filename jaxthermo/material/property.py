@@ -1,4 +1,4 @@
-"""A material property that depends on temperature."""
+"""Material property that depends on temperature."""
 
 from typing import Any
 
@@ -11,7 +11,7 @@ from ..errors import InputError
 
 
 def _as_array(numbers: Any) -> Any:
-    """A list of numbers as one array, of numpy where none of them is traced."""
+    """Convert a list of numbers to one array, of numpy unless one is traced."""
     if is_traced(numbers):
         return jnp.stack([jnp.asarray(x) for x in numbers])
     try:
@@ -21,16 +21,16 @@ def _as_array(numbers: Any) -> Any:
 
 
 class Property(eqx.Module):
-    """Piecewise linear in temperature, constant below the first and above the last.
+    """Property that is piecewise linear in temperature and constant outside the table.
 
     Raises:
         InputError: unless temperatures increase and values are positive and finite.
     """
 
     temperatures: Any = eqx.field(converter=_as_array)
-    """[K], increasing."""
+    """Temperatures, increasing [K]."""
     values: Any = eqx.field(converter=_as_array)
-    """At these, of the unit of the property."""
+    """Values at these temperatures, in the unit of the property."""
 
     def __check_init__(self):
         shape = np.shape(self.temperatures)
@@ -49,19 +49,20 @@ class Property(eqx.Module):
         wrong = np.flatnonzero(~(np.isfinite(values) & (values > 0)))
         if not len(wrong):
             return
-        first, at = values[wrong[0]], self.temperatures
+        first, kelvin = values[wrong[0]], self.temperatures
         where = f"value {wrong[0]}"
-        if not is_traced(at):
-            where = f"at {float(at[wrong[0]]):g} K"
+        if not is_traced(kelvin):
+            where = f"at {float(kelvin[wrong[0]]):g} K"
         what = "goes negative" if first < 0 else "is no positive number"
         raise InputError(
             f"Property: it {what}, {first:g} {where}: give positive, finite values"
         )
 
     def __call__(self, temperature: Any) -> Any:
-        """The value at a temperature [K]; of numpy unless something is traced."""
-        own = jnp if is_traced((self, temperature)) else np
-        return own.interp(temperature, self.temperatures, self.values)
+        """Value at a temperature [K]."""
+        # numpy outside of jit: its result stays a number that can be checked.
+        module = jnp if is_traced((self, temperature)) else np
+        return module.interp(temperature, self.temperatures, self.values)
 
 
 def _check_temperatures(kelvin: np.ndarray) -> None:

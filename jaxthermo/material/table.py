@@ -1,4 +1,4 @@
-"""The table of named materials: `materials["stainless_steel"]` gives a `Material`."""
+"""Table of named materials with their sources: `materials["copper"]`."""
 
 import csv
 import difflib
@@ -6,6 +6,8 @@ import functools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+
+from typing_extensions import override
 
 from ..errors import InputError
 from .material import DEFAULT_EMISSIVITY, Material
@@ -16,13 +18,7 @@ _DATA = Path(__file__).parents[1] / "data"
 
 @dataclass(frozen=True)
 class EmissivityRow:
-    """The emissivity of one finished surface.
-
-    Attributes:
-        surface: material and finish.
-        emissivity: eps, total or long-wave infrared [-].
-        source: where it comes from.
-    """
+    """Emissivity of one finished surface, total or long-wave infrared."""
 
     surface: str
     emissivity: float
@@ -34,16 +30,16 @@ class MaterialRow:
     """One row of the table.
 
     Attributes:
-        name: as the mapping `materials` knows it.
-        label: as the data file writes it.
+        name: key in `materials`.
+        label: name in the data file.
         conductivity: k [W/(m K)].
         density: rho [kg/m^3].
         specific_heat: c_p [J/(kg K)].
-        surface: whose emissivity it has; None where none is tabulated.
-        bulk_source: where the other numbers come from.
-        thesis_density: rho in Table 5.1 of the thesis [kg/m^3], None if not in it.
+        surface: source of the emissivity; None if not tabulated.
+        bulk_source: source of the other numbers.
+        thesis_density: rho in Table 5.1 of the thesis [kg/m^3], or None.
         thesis_specific_heat: c_p in Table 5.1 of the thesis [J/(kg K)], or None.
-        aliases: other names for it.
+        aliases: alternative keys.
     """
 
     name: str
@@ -59,12 +55,12 @@ class MaterialRow:
 
     @property
     def emissivity(self) -> float:
-        """Of its surface [-]; a common value where none is tabulated."""
+        """Emissivity of the surface [-]; a common value if not tabulated."""
         return self.surface.emissivity if self.surface else DEFAULT_EMISSIVITY
 
     @property
     def source(self) -> str:
-        """Where all of its numbers come from."""
+        """Sources of all numbers, as one text."""
         origin = "none tabulated, assumed 0.9"
         if self.surface:
             origin = f"of '{self.surface.surface}', {self.surface.source}"
@@ -72,7 +68,7 @@ class MaterialRow:
 
     @property
     def in_thesis(self) -> bool:
-        """Whether Table 5.1 of the thesis has it."""
+        """True if it is in Table 5.1 of the thesis."""
         return self.thesis_density is not None
 
 
@@ -83,10 +79,7 @@ def _read(file: str, key: str) -> dict[str, dict[str, str]]:
 
 @functools.cache
 def emissivity_rows() -> tuple[EmissivityRow, ...]:
-    """Every tabulated surface, in the table's order.
-
-    Source: `jaxthermo/data/README.md`.
-    """
+    """All tabulated surfaces, in the order of the data file."""
     column = "emissivity_total_or_LWIR"
     return tuple(
         EmissivityRow(surface, float(row[column]), row["source"])
@@ -96,10 +89,7 @@ def emissivity_rows() -> tuple[EmissivityRow, ...]:
 
 @functools.cache
 def material_rows() -> tuple[MaterialRow, ...]:
-    """Every named material with its numbers and their source, in the table's order.
-
-    Source: `jaxthermo/data/README.md`.
-    """
+    """All named materials, in the order of the data file (`data/README.md`)."""
     bulk = _read("materials.csv", "material")
     surfaces = {row.surface: row for row in emissivity_rows()}
     return tuple(
@@ -126,19 +116,6 @@ def _row(
     )
 
 
-__all__ = [
-    "DEFAULT_EMISSIVITY",
-    "Material",
-    "MaterialRow",
-    "MaterialTable",
-    "find_materials",
-    "material_row",
-    "material_rows",
-    "materials",
-    "thesis_material",
-]
-
-
 @functools.cache
 def _by_name() -> dict[str, MaterialRow]:
     rows = material_rows()
@@ -146,23 +123,23 @@ def _by_name() -> dict[str, MaterialRow]:
 
 
 def material_row(name: str) -> MaterialRow:
-    """The row of a material, by its name or an alias.
+    """Row of a material, by its name or an alias.
 
     Raises:
-        InputError: for an unknown name, with the names that come close.
+        InputError: for an unknown name, with similar names.
     """
     known = _by_name()
     if name in known:
         return known[name]
     close = difflib.get_close_matches(str(name).lower(), known, n=3, cutoff=0.6)
-    # A part of a name is not close by edits, yet it is what one types first.
+    # A part of a name has a large edit distance, yet is what users often type.
     parts = [k for k in known if len(str(name)) > 2 and str(name).lower() in k]
     hint = ", ".join(dict.fromkeys([*parts, *close])) or ", ".join(materials)
     raise InputError(f"material {name!r} is not known: did you mean {hint}?")
 
 
 def find_materials(part: str) -> tuple[MaterialRow, ...]:
-    """The materials of which a name, or the data file's, has this in it."""
+    """Materials whose name, alias or label contains `part`."""
     sought = part.lower()
     return tuple(
         row
@@ -172,12 +149,7 @@ def find_materials(part: str) -> tuple[MaterialRow, ...]:
 
 
 def thesis_material(name: str) -> Material:
-    """A material of Table 5.1 with the thesis' density and specific heat.
-
-    The thesis gives no conductivity, so that is the table's; it lets the body absorb
-    everything, so the emissivity is 1.
-
-    Source: thesis (2010), Table 5.1.
+    """Material with the density and specific heat of Table 5.1 of the thesis (2010).
 
     Raises:
         InputError: for a material that is not in Table 5.1.
@@ -186,11 +158,12 @@ def thesis_material(name: str) -> Material:
     if row.thesis_density is None or row.thesis_specific_heat is None:
         known = ", ".join(r.name for r in material_rows() if r.in_thesis)
         raise InputError(f"material {name!r} is not in Table 5.1: use one of {known}")
+    # The thesis gives no conductivity, hence the table's; its bodies are black.
     return Material(row.conductivity, row.thesis_density, row.thesis_specific_heat, 1.0)
 
 
 class MaterialTable(Mapping[str, Material]):
-    """The named materials: `materials["copper"]`. Iterates over names, not aliases."""
+    """Mapping of names and aliases to `Material`; iterates over names only."""
 
     def __getitem__(self, name: str) -> Material:
         row = material_row(name)
@@ -207,9 +180,9 @@ class MaterialTable(Mapping[str, Material]):
     def __contains__(self, name: object) -> bool:
         return name in _by_name()
 
+    @override
     def get(self, key: str, default=None):
-        """The material, or `default` for an unknown name."""
-        # The inherited one waits for a KeyError, which an InputError is not.
+        # The inherited one expects a KeyError, which an InputError is not.
         try:
             return self[key]
         except InputError:
@@ -220,4 +193,3 @@ class MaterialTable(Mapping[str, Material]):
 
 
 materials = MaterialTable()
-"""The named materials."""

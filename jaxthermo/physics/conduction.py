@@ -174,7 +174,7 @@ def _corrected_network(structure, layout, conductance, capacity) -> AbstractNetw
     if not len(found.link):
         return row_network(layout, conductance, capacity)
     weight = jnp.asarray(weight, conductance.dtype)
-    excess = jnp.asarray(found.stretch - 1, conductance.dtype)
+    excess = jnp.asarray(found.length_ratio - 1, conductance.dtype)
     conductance = conductance * (1 + weight * excess)
     straight = row_network(layout, conductance, capacity)
     corrected = weight * conductance[found.link]

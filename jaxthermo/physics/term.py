@@ -131,7 +131,7 @@ class BodySurface:
             return np.ones(len(self.own_position), bool)
         if on.body != self.body:
             return np.zeros(len(self.own_position), bool)
-        chosen = on.chooses(self.own_position, self.own_normal)
+        chosen = on.select(self.own_position, self.own_normal)
         if not chosen.any():
             raise InputError(
                 f"on={on!r} selects no surface of body {self.body}: check its corners "

@@ -1,1 +1,1 @@
-"""Which triangles each pixel's ray crosses, at which depth, in order."""
+"""Rasterization: the triangles that each pixel's ray crosses, sorted by depth."""

@@ -22,9 +22,9 @@ def clip_half_space(
 
     def corners(chosen, first):
         """Points and depths of the corners, in order from corner `first`."""
-        turns = [(first + k) % 3 for k in range(3)]
-        points = (triangles[chosen, turn] for turn in turns)
-        return (*points, *(depth[chosen, turn] for turn in turns))
+        order = [(first + k) % 3 for k in range(3)]
+        points = (triangles[chosen, corner] for corner in order)
+        return (*points, *(depth[chosen, corner] for corner in order))
 
     # One corner ahead leaves a triangle, two leave a quadrilateral: two triangles.
     a, b, c, da, db, dc = corners(one, ahead[one].argmax(1))

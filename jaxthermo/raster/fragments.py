@@ -1,11 +1,11 @@
-"""From triangles to fragments: the pixels whose centres lie inside each triangle.
+"""Fragments: the pixels whose centres lie inside each triangle.
 
 Coordinates are pixels: the centre of pixel (row, column) is (row + 1/2, column + 1/2).
-A triangle covers a row in which its edges cross the line of pixel centres, and in it
-the pixels between the two crossings. Crossings are snapped to 1/1024 pixel and
-compared in integers, half-open on the right and above, so that two triangles which
-share an edge always agree on who owns a pixel on it: no fragment is lost or doubled,
-and a watertight mesh is crossed an even number of times by every ray.
+In each row a triangle covers the pixels between the two columns at which its edges
+cross the line of pixel centres. Corners are snapped to 1/1024 pixel and compared in
+integers, half-open on the right and above, so that two triangles with a common edge
+agree on the owner of a pixel on it: no fragment is lost or doubled, and every ray
+crosses a watertight mesh an even number of times.
 """
 
 from functools import partial
@@ -22,12 +22,12 @@ from ..errors import InputError
 SNAP = 1024
 """Steps per pixel of the snapped coordinates."""
 
-LARGEST = 2**20
-"""Largest coordinate, in pixels, for which the integer crossings cannot overflow."""
+MAX_COORDINATE = 2**20
+"""Limit [pixels] below which the products of 64-bit integers cannot overflow."""
 
 
-SMALLEST = 2**14
-"""Room for triangles or fragments that costs next to nothing."""
+MIN_CAPACITY = 2**14
+"""Smallest array size: smaller ones save no time, only compile more programs."""
 
 
 class Fragments(NamedTuple):
@@ -38,10 +38,11 @@ class Fragments(NamedTuple):
     depth: Float[Array, " k"]
     triangle: Int[Array, " k"]
     entering: Bool[Array, " k"]
-    """Whether the ray meets the triangle's outer side (see `rasterize`)."""
+    """True if the ray meets the outer side of the triangle (see `rasterize`)."""
     count: Int[Array, ""]
-    """Fragments there are: more than the arrays hold if the capacity was too small."""
+    """Number of fragments, larger than the arrays if the capacity was too small."""
     rows_needed: Int[Array, ""]
+    """Number of (triangle, row) pairs, against `row_capacity`."""
 
 
 def _ceil_div(numerator, denominator):
@@ -54,7 +55,7 @@ def _first_centre(snapped):
 
 
 def _expand(counts, capacity):
-    """Owner and position within the owner of each of `sum(counts)` slots."""
+    """Owner of each of `sum(counts)` slots, and the position within its owner."""
     ends = jnp.cumsum(counts)
     owner = jnp.repeat(
         jnp.arange(counts.shape[0]), counts, total_repeat_length=capacity
@@ -64,16 +65,15 @@ def _expand(counts, capacity):
 
 
 def _crossings(corners, row):
-    """Columns at which the three edges of each triangle cross a row of centres.
-
-    Each edge is taken from its lower to its upper end, whatever the triangle, so that
-    both its triangles divide the same integers.
-    """
+    """First and last column between the edges of each triangle in a row of centres."""
+    # From the lower to the upper end in either triangle of an edge, so that both
+    # divide the same integers.
     start, end = corners, jnp.roll(corners, -1, axis=1)
     swap = start[..., 1:] > end[..., 1:]
     low, high = jnp.where(swap, end, start), jnp.where(swap, start, end)
     centre = (row * SNAP + SNAP // 2)[:, None]
     rise = high[..., 1] - low[..., 1]
+    # Half-open: a centre at the height of a vertex belongs to one of two edges.
     covers = (low[..., 1] <= centre) & (centre < high[..., 1])
     rise = jnp.where(covers, rise, 1)
     numerator = low[..., 0] * rise + (centre - low[..., 1]) * (
@@ -87,10 +87,7 @@ def _crossings(corners, row):
 
 
 def _plane_at(corners, depths, row, column):
-    """Depth of each triangle's plane at a pixel centre, and twice its snapped area.
-
-    The depth stays in the corners' range, the area has the sign of the winding.
-    """
+    """Depth of each triangle's plane at a pixel centre, and twice its signed area."""
     (x0, y0), (x1, y1), (x2, y2) = [
         (corners[:, i, 0], corners[:, i, 1]) for i in range(3)
     ]
@@ -99,6 +96,7 @@ def _plane_at(corners, depths, row, column):
     double_area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
     w1 = dx * (y2 - y0) - dy * (x2 - x0)
     w2 = dy * (x1 - x0) - dx * (y1 - y0)
+    # Integers up to here; only the depth itself is rounded.
     weighted = w1.astype(z0.dtype) * (z1 - z0) + w2.astype(z0.dtype) * (z2 - z0)
     depth = z0 + weighted / jnp.where(double_area == 0, 1, double_area).astype(z0.dtype)
     # Planes nearly parallel to the ray extrapolate wildly; the corners bound them.
@@ -114,12 +112,12 @@ def rasterize_fixed(
     row_capacity: int,
     capacity: int,
 ) -> Fragments:
-    """Fragments of every triangle in arrays of a given size.
+    """Compute the fragments of triangles (column, row, depth) in arrays of fixed size.
 
-    Must be traced where 64-bit types are enabled. Corners are (column, row, depth).
     If `count > capacity` or `rows_needed > row_capacity` the result is incomplete and
     the caller must call again with more.
     """
+    # int64 needs x64 mode, which the caller must have enabled.
     corners = jnp.round(triangles[..., :2] * SNAP).astype(jnp.int64)
     low = jnp.clip(_first_centre(corners[..., 1].min(axis=1)), 0, height)
     high = jnp.clip(_first_centre(corners[..., 1].max(axis=1)), 0, height)
@@ -142,7 +140,7 @@ def rasterize_fixed(
 
 
 def rounded_up(number: float | int) -> int:
-    """The next size of a coarse ladder, so that few programs are compiled."""
+    """Round up to 2^n or 3/4 2^n, so that few array sizes and programs occur."""
     power = 2 ** int(np.ceil(np.log2(max(number, 1024.0))))
     return int(0.75 * power) if number <= 0.75 * power else power
 
@@ -150,41 +148,38 @@ def rounded_up(number: float | int) -> int:
 def capacities(
     triangles: Float[np.ndarray, "f 3 3"], width: int, height: int
 ) -> tuple[int, int]:
-    """Array sizes that hold the rows surely and the fragments most likely."""
+    """Array sizes sufficient for all rows and very likely for all fragments."""
     x, y = triangles[..., 0], triangles[..., 1]
     bottom, top = np.clip(y.min(1), 0, height), np.clip(y.max(1), 0, height)
-    # A snapped end can reach one centre more.
+    # Snapping can move an end beyond one more centre.
     slack = 1 / SNAP
     rows = (np.ceil(top - 0.5 + slack) - np.ceil(bottom - 0.5 - slack)).sum()
     left, right = np.clip(x.min(1), 0, width), np.clip(x.max(1), 0, width)
     a, b, c = (triangles[:, i, :2] for i in range(3))
     u, v = b - a, c - a
     area = 0.5 * np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])
+    # A triangle has about as many fragments as pixels of area; the margin covers the
+    # scatter of that count.
     covered = np.minimum(area, (right - left) * (top - bottom)).sum()
     return rounded_up(rows), rounded_up(1.05 * covered + 8 * np.sqrt(covered) + 256)
 
 
-def shared_room(
+def shared_capacities(
     triangles: Float[np.ndarray, "f 3 3"],
     width: int,
     height: int,
-    least: tuple[int, int] = (SMALLEST, SMALLEST),
+    minimum: tuple[int, int] = (MIN_CAPACITY, MIN_CAPACITY),
 ) -> tuple[int, int]:
-    """`capacities`, and no less than `least`: most of many views share one program."""
+    """`capacities`, at least `minimum`, so that most views share one program."""
     rows, fragments = capacities(triangles, width, height)
-    return max(rows, least[0]), max(fragments, least[1])
+    return max(rows, minimum[0]), max(fragments, minimum[1])
 
 
 def padded(
-    triangles: Float[np.ndarray, "f 3 3"], least: int = SMALLEST
+    triangles: Float[np.ndarray, "f 3 3"], minimum: int = MIN_CAPACITY
 ) -> Float[np.ndarray, "k 3 3"]:
-    """At least so many triangles, those at the end without area: one program for all.
-
-    Args:
-        triangles: as for `rasterize`.
-        least: how many.
-    """
-    spare = max(0, max(least, SMALLEST) - len(triangles))
+    """Append triangles without area up to `minimum`: views then share one program."""
+    spare = max(0, max(minimum, MIN_CAPACITY) - len(triangles))
     return np.concatenate([triangles, np.zeros((spare, 3, 3))])
 
 
@@ -194,19 +189,17 @@ def rasterize(
     height: int,
     sizes: tuple[int, int] | None = None,
 ) -> Fragments:
-    """Fragments of every triangle, in arrays as large as needed (host entry).
+    """Compute the fragments of triangles, in arrays as large as needed.
 
     A fragment is `entering` if its triangle's corners turn counter-clockwise on an
     image with rows downwards: for triangles wound counter-clockwise seen from outside
-    and a right-handed view (right, down, forward), where the ray goes in. It is told
-    from the snapped corners, so that every ray enters a closed mesh as often as it
-    leaves.
+    and a right-handed view (right, down, forward), the ray enters the body there.
 
     Args:
         triangles: corners as (column, row, depth), in pixels and any unit of depth.
         width: columns of the image.
         height: rows of the image.
-        sizes: (row, fragment) capacities to start with, to share a compiled program.
+        sizes: initial (row, fragment) capacities, to share a compiled program.
 
     Raises:
         InputError: if a corner is not finite or more than 2^20 pixels away.
@@ -214,7 +207,10 @@ def rasterize(
     if not len(triangles):
         # Arrays on the device have at least one row; this one covers no pixel.
         triangles = np.zeros((1, 3, 3))
-    if not np.isfinite(triangles).all() or np.abs(triangles[..., :2]).max() > LARGEST:
+    if (
+        not np.isfinite(triangles).all()
+        or np.abs(triangles[..., :2]).max() > MAX_COORDINATE
+    ):
         raise InputError(
             "raster: a triangle is not finite or over a million pixels away; "
             "use a coarser pitch or clip the mesh to the view"

@@ -1,9 +1,8 @@
-"""Depth peeling without passes: one sort of all fragments by (pixel, depth).
+"""Depth layers of triangles by one sort of their fragments, and their depth range.
 
-The thesis (4.1, after Everitt 2001) renders again and again, each pass discarding what
-the passes before it have seen, until an occlusion query counts nothing. Sorting gives
-every pass at once: the rank of a fragment within its pixel is its layer, and the layers
-end where the fragments do.
+The thesis (4.1, after Everitt 2001) renders one layer per pass, each discarding what
+the passes before it have drawn. Sorting by (pixel, depth) gives all layers at once: the
+layer of a fragment is its rank within its pixel.
 """
 
 from dataclasses import dataclass
@@ -14,29 +13,29 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from .fragments import Fragments, padded, rasterize, shared_room
+from .fragments import Fragments, padded, rasterize, shared_capacities
 
 
 @dataclass(frozen=True)
 class DepthLayers:
-    """Fragments in order of pixel, then depth; `layer` counts from 0 at the front."""
+    """Fragments sorted by pixel, then depth; `layer` counts from 0 at the front."""
 
     pixel: Int[np.ndarray, " k"]
     depth: Float[np.ndarray, " k"]
     triangle: Int[np.ndarray, " k"]
     entering: Bool[np.ndarray, " k"]
-    """Whether the ray meets the outer side of the triangle, in a right-handed view."""
+    """True if the ray meets the outer side of the triangle, in a right-handed view."""
     layer: Int[np.ndarray, " k"]
     width: int
     height: int
 
     @property
     def count(self) -> int:
-        """How many layers there are."""
+        """Number of layers."""
         return int(self.layer.max()) + 1 if len(self.layer) else 0
 
     def image(self, layer: int, values: np.ndarray, background: Any = 0) -> np.ndarray:
-        """One layer of per-fragment `values` as an image [height, width, ...]."""
+        """Draw one layer of per-fragment `values` as an image [height, width, ...]."""
         chosen = self.layer == layer
         shape = (self.height * self.width, *values.shape[1:])
         flat = np.full(shape, background, values.dtype)
@@ -45,22 +44,20 @@ class DepthLayers:
 
 
 def _depth_steps(depth, bits):
-    """`depth` as integers of `bits` bits that span its range."""
+    """Quantize `depth` to integers of `bits` bits that span its range."""
     low = depth.min()
     span = depth.max() - low
-    share = (depth - low) / jnp.where(span > 0, span, 1.0)
-    return (share * (2.0**bits - 1)).astype(jnp.int64)
+    fraction = (depth - low) / jnp.where(span > 0, span, 1.0)
+    return (fraction * (2.0**bits - 1)).astype(jnp.int64)
 
 
 @jax.jit
 def sort_fragments(
     fragments: Fragments, pixel_bits: int | Int[Array, ""]
 ) -> tuple[Int[Array, " k"], Int[Array, " k"]]:
-    """Order of the fragments by pixel, then depth, and the layer of each in it.
-
-    Must be traced where 64-bit types are enabled: pixel and depth share one key, which
-    tells depths apart to 2^-40 of their range in an image of eight million pixels.
-    """
+    """Permutation that sorts by pixel, then depth, and the layer of each fragment."""
+    # Pixel and depth share one 64-bit key (x64 mode must be on), which resolves depths
+    # to 2^-40 of their range in an image of eight million pixels.
     # More bits than a float64 holds would round up into the pixel's.
     depth_bits = jnp.minimum(63 - pixel_bits, 52)
     key = fragments.pixel.astype(jnp.int64) << depth_bits
@@ -79,10 +76,10 @@ def peel(
     height: int,
     sizes: tuple[int, int] | None = None,
 ) -> DepthLayers:
-    """All depth layers of triangles given as (column, row, depth) in pixels."""
+    """All depth layers of triangles given as (column, row, depth) [pixels]."""
     fragments = rasterize(triangles, width, height, sizes)
     with jax.enable_x64(True):
-        # The padding's pixel is width * height.
+        # Padding has pixel width * height: it sorts behind all fragments.
         order, layer = sort_fragments(fragments, int(width * height).bit_length())
     count = int(fragments.count)
     order = np.asarray(order)[:count]
@@ -106,21 +103,16 @@ def depth_range(
 ) -> tuple[Float[np.ndarray, "h w"], Float[np.ndarray, "h w"]]:
     """Nearest and farthest depth of triangles given as (column, row, depth).
 
-    Where nothing is, the nearest is infinite and the farthest minus infinite. May be
+    Empty pixels have the depths inf and -inf. Arguments as for `rasterize`. May be
     called while something else is traced.
-
-    Args:
-        triangles: in pixels and any unit of depth.
-        width: columns of the image.
-        height: rows of the image.
-        sizes: capacities to start with, as for `rasterize`.
     """
-    sizes = sizes or shared_room(triangles, width, height)
+    sizes = sizes or shared_capacities(triangles, width, height)
     with jax.ensure_compile_time_eval():
         fragments = rasterize(padded(triangles), width, height, sizes)
     count = int(fragments.count)
     pixel = np.asarray(fragments.pixel)[:count]
     depth = np.asarray(fragments.depth)[:count]
+    # No sort: the layers in between are not needed.
     nearest = np.full(width * height, np.inf)
     farthest = np.full(width * height, -np.inf)
     np.minimum.at(nearest, pixel, depth)

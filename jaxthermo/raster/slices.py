@@ -1,8 +1,8 @@
-"""The slicing voxelizer (thesis 4.1, [FC00]): the simple reference of the peeling.
+"""Slicing voxelizer (thesis 4.1, [FC00]): the slow reference for the depth layers.
 
 A slab of one voxel between two clip planes is moved through the body, and everything
-inside it is drawn. One triangle and one slab at a time, with exact integer edge tests:
-slow, obvious, and made of other arithmetic than `fragments`.
+inside it is drawn: one triangle and one slab at a time, with exact integer edge tests
+that are independent of the arithmetic in `fragments`.
 """
 
 import numpy as np
@@ -19,37 +19,36 @@ def _covered(corners: np.ndarray, width: int, height: int) -> np.ndarray:
         np.arange(low[0], high[0] + 1), np.arange(low[1], high[1] + 1)
     )
     x, y = columns.ravel() * SNAP + SNAP // 2, rows.ravel() * SNAP + SNAP // 2
-    to_the_right = np.zeros(x.shape, int)
+    edges_to_the_right = np.zeros(x.shape, int)
     for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
         (ax, ay), (bx, by) = sorted([tuple(start), tuple(end)], key=lambda p: p[1])
         spans = (ay <= y) & (y < by)
         # The edge is strictly right of the centre: cross product, no division.
         right = (bx - ax) * (y - ay) - (by - ay) * (x - ax) > 0
-        to_the_right += spans & right
-    inside = to_the_right % 2 == 1
+        edges_to_the_right += spans & right
+    inside = edges_to_the_right % 2 == 1
     return np.stack([columns.ravel()[inside], rows.ravel()[inside]], axis=1)
 
 
 def slice_voxels(
     triangles: Float[np.ndarray, "f 3 3"], width: int, height: int, depth: int
 ) -> set[tuple[int, int, int]]:
-    """Voxels (column, row, slab) that some triangle passes at the pixel's centre."""
+    """Voxels (column, row, slab) that some triangle crosses at the pixel's centre."""
     found = set()
     for triangle in triangles:
         corners = np.round(triangle[:, :2] * SNAP).astype(np.int64)
         pixels = _covered(corners, width, height)
         if not len(pixels):
             continue
+        # Barycentric weights by a linear solve, not by edge functions.
         edges = np.column_stack([corners, np.full(3, SNAP)]) / SNAP
         weights = np.linalg.solve(
             edges.T, np.column_stack([pixels + 0.5, np.ones(len(pixels))]).T
         )
-        depths = np.clip(weights.T @ triangle[:, 2], *_range(triangle[:, 2]))
+        depths = np.clip(
+            weights.T @ triangle[:, 2], triangle[:, 2].min(), triangle[:, 2].max()
+        )
         for slab in range(depth):
             within = (depths >= slab) & (depths < slab + 1)
             found.update((int(c), int(r), slab) for c, r in pixels[within])
     return found
-
-
-def _range(values: np.ndarray) -> tuple[float, float]:
-    return float(values.min()), float(values.max())

@@ -31,7 +31,7 @@ class BodyGeometry:
     @property
     def triangles(self) -> Float[np.ndarray, "f 3 3"]:
         """Triangles in the world [m]."""
-        return self.placed.place(self.vertices)[self.faces]
+        return self.placed.to_world(self.vertices)[self.faces]
 
 
 class SolvedSurface(eqx.Module):

@@ -1,1 +1,1 @@
-"""Nodes, links and the surface map: what the heat equation is solved on."""
+"""Structures: nodes, links and surface maps that the heat equation is solved on."""

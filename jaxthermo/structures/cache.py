@@ -1,9 +1,8 @@
-"""Structures on disk: what was once built for the same voxels is read back.
+"""Cache of structures on disk.
 
-The file's name is a hash of everything a structure follows from: the mesh, the voxels,
-the fragments, the options and the code that builds. `JAXTHERMO_CACHE` names another
-folder, or is "off". The cache never makes a build fail: what cannot be read is built,
-and what cannot be written is not kept.
+The file's name is a hash of all inputs: mesh, voxels, fragments, options and source
+code. `JAXTHERMO_CACHE` sets another folder, or is "off". The cache never makes a build
+fail: a file that cannot be read is rebuilt, one that cannot be written is skipped.
 """
 
 import contextlib
@@ -23,33 +22,32 @@ from ..voxels.grid import VoxelGrid
 from .structure import Built, Links, Nodes
 
 
-FORMAT = 3
-"""Raised when the arrays in a file come to mean something else."""
+# Incremented when the meaning of the arrays in a file changes.
+_FORMAT = 4
 
-LEAST_VOXELS = 20_000
-"""Smaller bodies are built as fast as they are read."""
+MIN_VOXELS = 20_000
+"""Number of voxels below which building is as fast as reading."""
 
-MOST_BYTES = 2 * 1024**3
-"""Of all files together; what was not used for longest goes first."""
+MAX_BYTES = 2 * 1024**3
+"""Size of all files together; the least recently used are removed first."""
 
-_OURS = re.compile(r"\.?[a-z_]+-[0-9a-f]{40}(\.[0-9a-f]{8})?\.npz")
-"""A file of ours, finished or left behind by a process that was killed."""
+# Files of this cache, complete or left behind by a killed process.
+_OWN_FILES = re.compile(r"\.?[a-z_]+-[0-9a-f]{40}(\.[0-9a-f]{8})?\.npz")
 
 
 def cached(
     kind: str, grid: VoxelGrid, options: dict[str, Any], build: Callable[[], Built]
 ) -> Built:
-    """What `build` gives, read from disk where it was built before.
+    """Read a structure from the cache, or build and store it.
 
     Args:
         kind: of structure, in lower case and underscores.
         grid: the body.
-        options: all else that the result depends on: numbers, texts, arrays, or
-            tuples and dicts of these.
-        build: makes the arrays.
+        options: all other inputs: numbers, texts, arrays, or tuples and dicts of these.
+        build: computes the arrays.
     """
     folder = cache_folder()
-    if folder is None or grid.solid_count < LEAST_VOXELS:
+    if folder is None or grid.solid_count < MIN_VOXELS:
         return build()
     path = folder / f"{kind}-{_key(kind, grid, options)}.npz"
     built = _read(path)
@@ -60,7 +58,7 @@ def cached(
 
 
 def cache_folder() -> Path | None:
-    """Where structures are kept; None if they are not."""
+    """Folder of the cache; None if it is off."""
     named = os.environ.get("JAXTHERMO_CACHE", "")
     if named == "off":
         return None
@@ -76,10 +74,10 @@ def cache_folder() -> Path | None:
 
 
 def _key(kind: str, grid: VoxelGrid, options: dict[str, Any]) -> str:
-    """Hash of everything that a structure follows from."""
+    """Hash of everything that determines a structure."""
     digest = hashlib.sha256()
     lattice = grid.lattice
-    _feed(digest, [FORMAT, _code(), kind, options])
+    _feed(digest, [_FORMAT, _code(), kind, options])
     _feed(digest, [grid.mesh.vertices, grid.mesh.faces])
     _feed(digest, [lattice.shape, lattice.origin, lattice.pitch])
     _feed(digest, [np.packbits(grid.solid), grid.volume_ratio])
@@ -90,16 +88,17 @@ def _key(kind: str, grid: VoxelGrid, options: dict[str, Any]) -> str:
 
 @functools.cache
 def _code() -> str:
-    """Hash of the files that build voxels and structures: edited ones build anew."""
+    """Hash of the sources of voxels and structures: edited code is rebuilt."""
     digest = hashlib.sha256()
-    here = Path(__file__).parent
-    for path in sorted([*here.rglob("*.py"), *here.parent.glob("voxels/*.py")]):
+    folder = Path(__file__).parent
+    for path in sorted([*folder.rglob("*.py"), *folder.parent.glob("voxels/*.py")]):
         digest.update(path.read_bytes())
     return digest.hexdigest()
 
 
 def _feed(digest: Any, value: Any) -> None:
-    """Add a value to a hash, with its type and its length."""
+    """Add a value to a hash."""
+    # With its type and length, or different nestings could give the same bytes.
     if isinstance(value, dict):
         value = sorted(value.items())
     if isinstance(value, np.ndarray):
@@ -112,29 +111,29 @@ def _feed(digest: Any, value: Any) -> None:
     elif value is None or isinstance(value, bool | int | float | str | np.generic):
         digest.update(f"{value!r};".encode())
     else:
-        raise TypeError(f"cannot be told apart in a hash: {type(value)}")
+        raise TypeError(f"cannot be hashed: {type(value)}")
 
 
 def _read(path: Path) -> Built | None:
-    """The structure in a file; None if there is none or it is damaged or not ours."""
+    """Read a structure from a file; None if missing, damaged or of another format."""
     try:
         with path.open("rb") as stream, np.load(stream) as file:
-            # Arrays are not read to the very end, where check sums are compared.
+            # np.load does not read arrays to the end, where check sums are compared.
             if file.zip.testzip() is not None:
                 return None
             built = _from_arrays(dict(file))
-    except Exception:  # damaged bytes make the readers of zip and npy raise anything
+    except Exception:  # readers of damaged zip and npy files raise any exception
         return None
-    # Marks the file as used, for whoever makes room.
+    # Marks the file as recently used for `_make_room`.
     with contextlib.suppress(OSError):
         os.utime(path)
     return built
 
 
 def _write(path: Path, built: Built) -> None:
-    """Keep the arrays, if that can be done and leaves room for others."""
+    """Write the arrays, unless they would take over half of the cache."""
     arrays = _to_arrays(built)
-    if sum(array.nbytes for array in arrays.values()) > MOST_BYTES / 2:
+    if sum(array.nbytes for array in arrays.values()) > MAX_BYTES / 2:
         return
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -146,23 +145,22 @@ def _write(path: Path, built: Built) -> None:
 
 
 def _make_room(folder: Path) -> None:
-    """Remove what was not used for longest, until the rest is under `MOST_BYTES`."""
+    """Remove the least recently used files until the rest is below `MAX_BYTES`."""
     found = []
     for path in folder.iterdir():
-        # Another process may be making room at the same time.
+        # Another process may remove files at the same time.
         with contextlib.suppress(FileNotFoundError):
-            if _OURS.fullmatch(path.name):
+            if _OWN_FILES.fullmatch(path.name):
                 status = path.stat()
                 found.append((status.st_mtime, status.st_size, path))
     kept = 0
     for _, size, path in sorted(found, reverse=True):
         kept += size
-        if kept > MOST_BYTES:
+        if kept > MAX_BYTES:
             path.unlink(missing_ok=True)
 
 
 def _to_arrays(built: Built) -> dict[str, np.ndarray]:
-    """A structure's arrays by name."""
     arrays = {f"nodes.{k}": v for k, v in built.nodes._asdict().items()}
     arrays |= {f"links.{k}": v for k, v in built.links._asdict().items()}
     fragments, voxels = built.fragment_node, built.voxel_node
@@ -170,7 +168,6 @@ def _to_arrays(built: Built) -> dict[str, np.ndarray]:
 
 
 def _from_arrays(array: dict[str, np.ndarray]) -> Built:
-    """The structure of arrays by name."""
     return Built(
         nodes=Nodes(*(array[f"nodes.{k}"] for k in Nodes._fields)),
         links=Links(*(array[f"links.{k}"] for k in Links._fields)),

@@ -1,4 +1,4 @@
-"""A fit card: weights that were fitted, to what, and where they may be trusted."""
+"""Fit card: fitted weights with the range of scenes that they were fitted on."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -7,49 +7,46 @@ from typing import Any
 from .weights import ConductionWeights
 
 
-Range = tuple[float, float]
-
-
 @dataclass(frozen=True, eq=False)
 class FitCard:
-    """Weights of one kind of structure, with what the fit has seen."""
+    """Weights of one kind of structure, with the data of their fit."""
 
     name: str
     structure: Mapping[str, Any]
-    """Its kind and options, as in a config."""
+    """Kind and options of the structure, as in a config."""
     weights: ConductionWeights
     parameters: Mapping[str, float] = field(default_factory=dict)
-    """Other values of the scene that were fitted, by name."""
-    ranges: Mapping[str, Range] = field(default_factory=dict)
-    """Of the numbers of `scene_numbers`, over all cases that were fitted."""
+    """Other fitted values of the scene, by name."""
+    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    """Range of each number of `scene_numbers` over all fitted cases."""
     mechanisms: tuple[str, ...] = ()
-    """That these cases had."""
+    """Mechanisms of heat transfer in these cases."""
     error_percent: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    """"train" and "held_out", each "default" and "fitted"."""
+    """Errors of "train" and "held_out", each "default" and "fitted" [%]."""
     origin: Mapping[str, str] = field(default_factory=dict)
     """Hashes and versions."""
 
 
-SLACK = 1.2
-"""Beyond its ends a range still holds by this factor."""
+# Factor by which a scene may leave a fitted range without a warning.
+_TOLERANCE = 1.2
 
 
-def outside(
+def extrapolations(
     card: FitCard, numbers: Mapping[str, float], mechanisms: tuple[str, ...]
 ) -> list[str]:
-    """Where a scene leaves what a card was fitted on, a sentence each.
+    """List where a scene is outside of the cases of a fit, one sentence each.
 
     Args:
         card: of the fit.
-        numbers: of the scene, as `scene_numbers` gives them.
-        mechanisms: that it has.
+        numbers: of the scene, as from `scene_numbers`.
+        mechanisms: of the scene.
     """
     found = []
     for name, (low, high) in card.ranges.items():
         value = numbers.get(name)
         if value is None:
             continue
-        if not low / SLACK <= value <= high * SLACK:
+        if not low / _TOLERANCE <= value <= high * _TOLERANCE:
             between = f"{low:.3g} to {high:.3g}" if low < high else f"{low:.3g}"
             words = name.replace("_", " ")
             found.append(f"{words} {value:.3g}: the card was fitted at {between}")

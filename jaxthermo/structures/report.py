@@ -1,4 +1,4 @@
-"""What a structure is made of, as plain types; units in the keys."""
+"""Report of a structure as plain types, with units in the keys."""
 
 from dataclasses import fields
 from math import prod
@@ -13,11 +13,11 @@ from .structure import AbstractStructure
 def structure_report(
     structure: AbstractStructure, build_time: float | None = None
 ) -> dict[str, Any]:
-    """Counts, memory, and where the capacity is.
+    """Counts, memory and distribution of the capacity.
 
     Args:
         structure: of any kind.
-        build_time: how long it took to make [s], if that was measured.
+        build_time: time to build it, if measured [s].
     """
     report = {
         "kind": type(structure).__name__,
@@ -33,13 +33,11 @@ def structure_report(
         "build_time_s": build_time,
     }
     if isinstance(structure, IrregularMultiLevel):
-        shares = structure.coverage()
-        report["share_of_body_volume"] = shares._asdict()
+        report["share_of_body_volume"] = structure.coverage()._asdict()
     return report
 
 
 def _options(structure: AbstractStructure) -> dict[str, Any]:
-    """What was chosen."""
     return {
         field.name: getattr(structure, field.name)
         for field in fields(structure)
@@ -48,14 +46,12 @@ def _options(structure: AbstractStructure) -> dict[str, Any]:
 
 
 def _bytes(structure: AbstractStructure) -> dict[str, int]:
-    """Of the arrays that a solver reads, in float32 and int32.
-
-    A state and a capacity for each node, two numbers of nodes and a conductance for
-    each link, a node and an area for each fragment. A stencil has a state and a byte
-    of open faces for each cell of its lattice, and neither capacities nor links.
-    """
+    """Size of the arrays that a solver reads, in float32 and int32 [bytes]."""
     shape = structure.state_shape
     as_stencil = len(shape) == 3
+    # Per node a state and a capacity; per link two node indices and a conductance; per
+    # fragment a node and an area. A stencil has a state and a byte of open faces for
+    # each cell of its lattice, and neither capacities nor links.
     parts = {
         "state": 4 * prod(shape),
         "capacity": 0 if as_stencil else 4 * structure.node_count,
@@ -66,7 +62,7 @@ def _bytes(structure: AbstractStructure) -> dict[str, int]:
 
 
 def _levels(structure: AbstractStructure) -> list[dict[str, Any]]:
-    """Nodes and volume of every level."""
+    """Number of nodes and volume of every level."""
     nodes = structure.nodes()
     counts = np.bincount(nodes.level)
     volumes = np.bincount(nodes.level, nodes.volume)

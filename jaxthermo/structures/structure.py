@@ -1,8 +1,8 @@
-"""What the heat equation is solved on: nodes, links and where the surface lies.
+"""Interface of all structures: nodes, links and the surface of one body.
 
-Every kind of structure gives the same things, so everything downstream knows only this
-interface. They are made on the host, once, as integers and geometry; conductances come
-later, inside jit, from these, the materials and the weights.
+Everything downstream uses only this interface. The arrays are made once on the host, as
+integers and geometry; conductances follow inside jit from these, the materials and the
+weights.
 """
 
 import abc
@@ -12,161 +12,159 @@ from typing import NamedTuple
 import equinox as eqx
 import numpy as np
 from jaxtyping import Float, Int
+from typing_extensions import override
 
 from ..voxels.grid import VoxelGrid
 from .weights import ConductionWeights
 
 
 class Nodes(NamedTuple):
-    """The control volumes."""
+    """Control volumes; positions in the body's frame."""
 
     centre: Float[np.ndarray, "n 3"]
-    """Of the volume, own frame [m]."""
+    """Centre of the volume [m]."""
     volume: Float[np.ndarray, " n"]
-    """That the node's capacity is taken of [m^3], scaled by the grid's ratio."""
+    """Volume for the heat capacity [m^3], including the grid's `volume_ratio`."""
     level: Int[np.ndarray, " n"]
-    """0 at the surface, counted inwards or upwards in size as the kind says."""
-    place: Float[np.ndarray, "n 3"]
-    """Where the node's temperature is that of the body, own frame [m]: the centre,
-    unless the structure says better."""
+    """0 at the surface, rising inwards or with the size, depending on the kind."""
+    location: Float[np.ndarray, "n 3"]
+    """Point that has the node's temperature [m]; often the centre."""
 
 
 class Links(NamedTuple):
-    """Pairs of nodes that exchange heat, one entry a pair."""
+    """Pairs of nodes that exchange heat, one entry per pair."""
 
     src: Int[np.ndarray, " e"]
-    """Sorted, int32."""
+    """First node, int32, sorted."""
     dst: Int[np.ndarray, " e"]
     area: Float[np.ndarray, " e"]
     """Shared face [m^2]."""
     distance_src: Float[np.ndarray, " e"]
-    """From the centre of `src` to the shared face [m]."""
+    """Distance from `src` to the shared face [m]."""
     distance_dst: Float[np.ndarray, " e"]
-    """From the shared face to the centre of `dst` [m]."""
+    """Distance from the shared face to `dst` [m]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Built:
-    """A structure's arrays, as they are made once and kept on disk."""
+    """Arrays of a structure, computed once and cached on disk."""
 
     nodes: Nodes
     links: Links
     fragment_node: Int[np.ndarray, " s"]
-    """The node under each surface fragment of the grid, int32."""
+    """Node under each surface fragment of the grid, int32."""
     voxel_node: Int[np.ndarray, " v"]
-    """The node of each solid voxel in lattice order, int32; -1 for one in no node."""
+    """Node of each solid voxel in lattice order, int32; -1 for none."""
 
 
 class AbstractStructure(eqx.Module):
     """Nodes, links and surface of one body."""
 
     grid: eqx.AbstractVar[VoxelGrid]
-    """The voxels this structure was made from."""
+    """Voxels of the body."""
     weights: eqx.AbstractVar[ConductionWeights]
-    """All 1: the plain two-point flux."""
+    """Factors of conductances and capacities; the default is the two-point flux."""
 
     @property
     @abc.abstractmethod
     def node_count(self) -> int:
-        """How many nodes there are."""
+        """Number of nodes."""
 
     @property
     @abc.abstractmethod
     def link_count(self) -> int:
-        """How many pairs of nodes are linked."""
+        """Number of links."""
 
     @abc.abstractmethod
     def nodes(self) -> Nodes:
-        """The control volumes, in node order."""
+        """Control volumes, in node order."""
 
     @abc.abstractmethod
     def links(self) -> Links:
-        """The links, sorted by their first node."""
+        """Links, sorted by their first node."""
 
     @abc.abstractmethod
     def fragment_node(self) -> Int[np.ndarray, " s"]:
-        """The node of each surface fragment of the grid."""
+        """Node of each surface fragment of the grid."""
 
     @abc.abstractmethod
     def voxel_node(self) -> Int[np.ndarray, " v"]:
-        """The node of each solid voxel in lattice order; -1 for one in no node."""
+        """Node of each solid voxel in lattice order; -1 for none."""
 
     @property
     @abc.abstractmethod
     def capacity_ratio(self) -> float:
-        """Volume of all nodes over the volume of the body: 1 if no capacity is lost."""
+        """Total volume of the nodes over that of the body [-]."""
 
     @property
     @abc.abstractmethod
     def state_shape(self) -> tuple[int, ...]:
-        """Shape of the solver's state: the nodes, or the lattice and one cell round."""
+        """Shape of the solver's state: the nodes, or the lattice with a rim."""
 
     @abc.abstractmethod
     def node_address(self) -> tuple[Int[np.ndarray, " n"], ...]:
-        """Where every node lies in the state."""
+        """Indices of every node in the state."""
 
     def for_solves(self) -> "AbstractStructure":
-        """The same nodes and links, as implicit steps and steady states run fast."""
+        """Same nodes and links in the form that is fastest in implicit solves."""
         return self
 
     def fragment_offset(self) -> Float[np.ndarray, "s 3"]:
-        """From the node under each fragment to the fragment's own voxel [m]."""
-        grid, place = self.grid, self.nodes().place
+        """Vector from the node of each fragment to the fragment's voxel [m]."""
+        grid, location = self.grid, self.nodes().location
         voxel = grid.lattice.centres(grid.fragment_voxel)
-        return voxel - place[self.fragment_node()]
+        return voxel - location[self.fragment_node()]
 
     def fragment_distance(self) -> Float[np.ndarray, " s"]:
-        """From each fragment straight down to the level of its node [m].
-
-        Half a voxel to the centre of the fragment's own voxel, and from there along
-        the normal to the node where that is deeper.
-        """
+        """Distance along the normal from each fragment down to its node [m]."""
+        # Half a voxel to the fragment's voxel, and on from there where the node is
+        # deeper; a node above that voxel does not shorten the path.
         along = np.einsum("si,si->s", self.fragment_offset(), self.grid.fragment_normal)
         return self.grid.pitch / 2 + np.maximum(along, 0)
 
 
 class AbstractBuiltStructure(AbstractStructure):
-    """A structure whose arrays are all made beforehand."""
+    """Structure whose arrays are all computed at construction."""
 
     built: eqx.AbstractVar[Built]
 
     @property
+    @override
     def node_count(self) -> int:
-        """How many nodes there are."""
         return len(self.built.nodes.volume)
 
     @property
+    @override
     def link_count(self) -> int:
-        """How many pairs of nodes are linked."""
         return len(self.built.links.src)
 
+    @override
     def nodes(self) -> Nodes:
-        """The control volumes, in node order."""
         return self.built.nodes
 
+    @override
     def links(self) -> Links:
-        """The links, sorted by their first node."""
         return self.built.links
 
+    @override
     def fragment_node(self) -> Int[np.ndarray, " s"]:
-        """The node of each surface fragment of the grid."""
         return self.built.fragment_node
 
+    @override
     def voxel_node(self) -> Int[np.ndarray, " v"]:
-        """The node of each solid voxel in lattice order; -1 for one in no node."""
         return self.built.voxel_node
 
     @property
+    @override
     def capacity_ratio(self) -> float:
-        """Volume of all nodes over the volume of the body: 1 if no capacity is lost."""
         body = self.grid.solid_count * self.grid.voxel_volume
         return float(self.built.nodes.volume.sum() / body)
 
     @property
+    @override
     def state_shape(self) -> tuple[int, ...]:
-        """One value a node."""
         return (self.node_count,)
 
+    @override
     def node_address(self) -> tuple[Int[np.ndarray, " n"], ...]:
-        """Where every node lies in the state."""
         return (np.arange(self.node_count, dtype=np.int32),)

@@ -1,17 +1,17 @@
-"""Weights of conduction: what a cheap structure is tuned with; all 1 to begin with.
+"""Conduction weights: dimensionless factors that tune a coarse structure.
 
 A link's conductance is w k A / L with w the product of the weights of its classes: a
-link within a level, a link between two levels, and, on top, a link that touches the
-surface (one of its nodes has surface fragments). The thesis turned one such number by
-hand. A capacity factor per level shifts heat capacity between levels; the total stays.
+link within a level, a link between two levels, and, in addition, a link that touches
+the surface (one of its nodes has surface fragments). A capacity factor per level shifts
+heat capacity between levels; the total stays the same.
 
-Where nodes do not fill the body, as in a shell, each can be given the capacity of all
-that is nearest to it instead of its own: with V its volume and S that of the voxels
-nearest to it, capacities are as V^(1-x) S^x, x = `nearest_capacity`. So is their
-total: at 1 it is the body's, also where the nodes alone would hold less.
+Where nodes do not fill the body, as in a shell, each node can also represent the volume
+nearest to it: with V its volume and S that of the voxels nearest to it, capacities are
+proportional to V^(1-x) S^x, x = `nearest_capacity`. So is their total: at x = 1 it is
+the body's, even where the nodes alone would hold less.
 
-Nodes on either side of a face may also be apart along it, and then a difference along
-the face passes for one across it, which the weight `non_orthogonal` takes off.
+`non_orthogonal` corrects the two-point flux where the line between two nodes is not
+normal to their face (see `build.links`).
 """
 
 from typing import Any
@@ -24,26 +24,29 @@ from ..errors import InputError
 
 
 class ConductionWeights(eqx.Module):
-    """Dimensionless factors; each a number for all levels, or one a level."""
+    """Factors of conductances and capacities [-]; all default to the two-point flux.
+
+    Raises:
+        InputError: for values out of range or lists where one number is expected.
+    """
 
     within: Any = 1.0
-    """Of links within level l; one number, or [levels]."""
+    """Factor of links within level l; one number, or [levels]."""
     between: Any = 1.0
-    """Of links between level l and a deeper one; one number, or [levels - 1]."""
+    """Factor of links between level l and a deeper one; one number, or [levels - 1]."""
     surface: Any = 1.0
-    """Of links that touch the surface, on top of the others."""
+    """Additional factor of links that touch the surface."""
     capacity: Any = 1.0
-    """Of the nodes of level l, before the total is restored; one number, or
+    """Factor of capacities in level l, before the total is restored; one number, or
     [levels]."""
     surface_distance: Any = 1.0
-    """Of the distance between a surface and its node, in the surface map."""
+    """Factor of the distance between a surface and its node, in the surface map."""
     nearest_capacity: Any = 0.0
-    """Of what is nearest to a node in its capacity: 0 none, 1 all; any number."""
+    """Exponent of the nearest voxels' volume in the capacity; usually 0 to 1."""
     non_orthogonal: Any = 0.0
-    """Of what links take for a difference across their face and is one along it, the
-    part that is taken off: 0 none, 1 all. Only explicit solvers can step it."""
+    """Fraction of the non-orthogonal correction, 1 for all; explicit solvers only."""
     links: Any = 1.0
-    """Of every link, on top of the others; one number, or [links]."""
+    """Additional factor of every link; one number, or [links]."""
 
     def __check_init__(self):
         for name, value in self.__dict__.items():
@@ -67,34 +70,30 @@ class ConductionWeights(eqx.Module):
 
     @property
     def are_one(self) -> bool:
-        """Whether links and capacities are known to have no factors."""
+        """True if links and capacities are known to have no factors."""
         values = (self.within, self.between, self.surface, self.capacity, self.links)
-        known = not any(is_traced(value) for value in (*values, self.nearest_capacity))
+        known = not any(is_traced(value) for value in values)
         plain = known and all(np.all(np.asarray(value) == 1) for value in values)
         return plain and not self.uses_nearest_capacity
 
     @property
     def uses_nearest_capacity(self) -> bool:
-        """Whether what is nearest to a node counts in its capacity, or may."""
-        return _counts(self.nearest_capacity)
+        """True if `nearest_capacity` is traced or not zero."""
+        return _may_act(self.nearest_capacity)
 
     @property
     def corrects_non_orthogonality(self) -> bool:
-        """Whether differences along faces are taken off, or may be."""
-        return _counts(self.non_orthogonal)
+        """True if `non_orthogonal` is traced or not zero."""
+        return _may_act(self.non_orthogonal)
 
 
-def _counts(value: Any) -> bool:
+def _may_act(value: Any) -> bool:
+    # A traced value may be anything, so the program must include its term.
     return is_traced(value) or bool(np.asarray(value) != 0)
 
 
-_LISTS = {
-    "within": "level",
-    "between": "level",
-    "capacity": "level",
-    "links": "link",
-}
-"""Weights that may be a list, and of what."""
+# Weights that may be a list, and what each entry belongs to.
+_LISTS = {"within": "level", "between": "level", "capacity": "level", "links": "link"}
 
 _AT_LEAST_0 = ("of at least 0", lambda numbers: numbers >= 0)
 _RANGES = {

@@ -1,4 +1,4 @@
-"""A body as a combination of cylinders (thesis ch. 3): what its convection goes by."""
+"""Cylinders that approximate a body for its convection (thesis ch. 3)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,20 +13,20 @@ from ..raster.directions import unit_vector
 
 @dataclass(frozen=True)
 class Cylinder:
-    """A circular cylinder in the body's own frame.
+    """Circular cylinder in the body's frame.
 
     Raises:
         InputError: if the axis has no direction, or a size is not positive.
     """
 
     axis_point: Any
-    """The middle of its axis [m]: three numbers."""
+    """Middle of the axis: three numbers [m]."""
     axis: Any
-    """Three numbers of any length."""
+    """Direction of the axis: three numbers [-]."""
     diameter: Any
-    """[m]"""
+    """Diameter [m]."""
     length: Any = None
-    """[m]; without one it has no ends."""
+    """Length [m]; None for an infinite cylinder."""
     body: int = 0
     """Number of the body in the scene."""
 
@@ -46,11 +46,11 @@ class Cylinder:
 
     @property
     def direction(self) -> Float[np.ndarray, "3"]:
-        """The axis, of length one."""
+        """Unit vector along the axis."""
         return unit_vector(self.axis)
 
     def distance(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
-        """From its surface, negative inside [m]."""
+        """Signed distance of points from its surface, negative inside [m]."""
         offset = points - np.asarray(self.axis_point, float)
         along = offset @ self.direction
         across = np.linalg.norm(offset - along[:, None] * self.direction, axis=1)
@@ -70,13 +70,13 @@ def _finite_point(point: Any) -> None:
 
 
 class CylinderParts(NamedTuple):
-    """Cylinders, and to which of them each surface fragment belongs."""
+    """Cylinders, and the index of the one that each surface fragment belongs to."""
 
     cylinders: tuple[Cylinder, ...]
     fragment: Int[np.ndarray, " s"]
 
     def rows(self) -> list[dict[str, Any]]:
-        """The table of the parts, in plain types."""
+        """Table of the cylinders in plain types."""
         counts = np.bincount(self.fragment, minlength=len(self.cylinders))
         return [
             {
@@ -94,34 +94,34 @@ class CylinderParts(NamedTuple):
 def nearest_parts(
     cylinders: Sequence[Cylinder], points: Float[np.ndarray, "s 3"]
 ) -> CylinderParts:
-    """Each point to the cylinder whose surface it is nearest to, or deepest in.
+    """Assign each point to the cylinder with the smallest signed distance.
 
     Raises:
         InputError: if no point is within a diameter of any of them.
     """
     distance = np.stack([cylinder.distance(points) for cylinder in cylinders])
     diameter = np.array([cylinder.diameter for cylinder in cylinders])
-    apart = distance.min(1)
-    if (apart > diameter).all():
+    gap = distance.min(1)
+    if (gap > diameter).all():
         raise InputError(
             f"cylinders: none is near the surface of body {cylinders[0].body}; the "
-            f"nearest is {apart.min():.3g} m away: give axis_point in metres, in the "
+            f"nearest is {gap.min():.3g} m away: give axis_point in metres, in the "
             "body's own frame"
         )
     return CylinderParts(tuple(cylinders), distance.argmin(0))
 
 
 def given_cylinders(given: Any) -> tuple[Cylinder, ...]:
-    """What a user gives as `cylinders`; empty for None.
+    """Validate a user's argument `cylinders`; empty for None.
 
     Raises:
-        InputError: if it is no list of them.
+        InputError: unless it is a list of `Cylinder` or None.
     """
     try:
         found = list(given or ())
     except (TypeError, ValueError):
         found = [given]
-    cylinders = tuple(each for each in found if isinstance(each, Cylinder))
+    cylinders = tuple(item for item in found if isinstance(item, Cylinder))
     if len(cylinders) < len(found):
         raise InputError(f"cylinders={given!r}: give a list of Cylinder, or None")
     return cylinders

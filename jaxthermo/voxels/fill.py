@@ -1,10 +1,9 @@
-"""Filling: three axes vote on every voxel, so that open meshes still fill.
+"""Solid voxels by a majority vote of the three axes, also for open meshes.
 
 Along a ray the winding number rises by one where the ray enters the surface and falls
 where it leaves. A voxel is inside for an axis if the number at its centre is not zero:
 overlapping closed parts unite and cavities stay hollow. A ray on which entries and
-exits do not balance has passed a hole and casts no vote; a voxel is solid if more than
-half of the votes cast on it say so.
+exits do not balance has passed through a hole and does not vote.
 """
 
 import numpy as np
@@ -22,15 +21,15 @@ def first_cell_behind(depth: Float[np.ndarray, " k"]) -> Int[np.ndarray, " k"]:
     return np.ceil(depth - 0.5).astype(np.int64)
 
 
-def turn(layers: DepthLayers) -> Int8[np.ndarray, " k"]:
-    """+1 where the ray enters, -1 where it leaves."""
+def crossing_sign(layers: DepthLayers) -> Int8[np.ndarray, " k"]:
+    """+1 where the ray enters the body, -1 where it leaves."""
     return np.where(layers.entering, 1, -1).astype(np.int8)
 
 
 def balanced_rays(layers: DepthLayers) -> Bool[np.ndarray, " p"]:
-    """For each pixel whether its ray leaves as often as it enters."""
+    """Flag the pixels whose ray leaves the body as often as it enters."""
     pixels = layers.width * layers.height
-    return np.bincount(layers.pixel, turn(layers), minlength=pixels) == 0
+    return np.bincount(layers.pixel, crossing_sign(layers), minlength=pixels) == 0
 
 
 def _winding(
@@ -44,8 +43,8 @@ def _winding(
     index[axis] = np.maximum(cell[counts], 0)
     index[row_axis], index[column_axis] = np.divmod(layers.pixel[counts], layers.width)
     winding = np.zeros(shape, np.int8)
-    # Wrapping of int8 does no harm: only the sums must fit, not the steps to them.
-    np.add.at(winding, tuple(index), turn(layers)[counts])
+    # int8 may wrap in between: only the final sums must fit.
+    np.add.at(winding, tuple(index), crossing_sign(layers)[counts])
     if axis == 2:
         return np.cumsum(winding, axis=2, dtype=np.int8, out=winding)
     planes = np.moveaxis(winding, axis, 0)
@@ -58,12 +57,8 @@ def _winding(
 def fill_by_vote(
     views: Views, shape: tuple[int, int, int]
 ) -> Bool[np.ndarray, "x y z"]:
-    """Solid voxels by a majority of the axes' votes.
-
-    Args:
-        views: depth layers along x, y, z.
-        shape: voxels along x, y, z.
-    """
+    """Solid voxels by majority of the votes of the three views."""
+    # int8 throughout: the largest arrays of the voxelization set its memory.
     votes = np.zeros(shape, np.int8)
     cast = []
     for axis, layers in enumerate(views):
@@ -72,6 +67,7 @@ def fill_by_vote(
         # Rows before columns, as the lattice has them, with the depth axis of length 1.
         ordered = rays if pixel_axes(axis)[0] < pixel_axes(axis)[1] else rays.T
         cast.append(np.expand_dims(ordered, axis).astype(np.int8))
+    # Solid where 2 x votes for > votes cast.
     votes *= 2
     for x, plane in enumerate(votes):
         plane -= cast[0][0] + cast[1][x] + cast[2][x]

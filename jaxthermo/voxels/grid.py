@@ -1,4 +1,4 @@
-"""`VoxelGrid`: the solid voxels of a body and its surface fragments."""
+"""Voxel grid: the solid voxels of a body and its surface fragments."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from .lattice import Lattice
 
 @dataclass(frozen=True)
 class LayerCounts:
-    """Depth layers along x, y, z as peeled, and after keeping each voxel once."""
+    """Numbers of depth layers along x, y, z: all, and packed without duplicates."""
 
     peeled: tuple[int, int, int]
     packed: tuple[int, int, int]
@@ -19,50 +19,50 @@ class LayerCounts:
 
 @dataclass(frozen=True)
 class ThinParts:
-    """What is thinner than a voxel along a ray, and what of it has no voxel at all."""
+    """Parts thinner than a voxel along a ray, and those lost without any voxel."""
 
     thin_fragments: int
     thin_area: float
-    """Area [m^2] of the fragments on parts under one voxel thick."""
+    """Area of the fragments on parts less than one voxel thick [m^2]."""
     lost_fragments: int
     lost_area: float
-    """Area [m^2] of the fragments that no solid voxel is near: these parts are lost."""
-    places: tuple[dict, ...]
-    """The largest thin places: centre [m], thickness [m], area [m^2], lost share."""
+    """Area of the fragments without a solid voxel nearby [m^2]."""
+    regions: tuple[dict, ...]
+    """Largest thin regions: centre [m], thickness [m], area [m^2], lost fraction."""
 
 
 @dataclass(frozen=True, eq=False)
 class VoxelGrid:
-    """A body as solid voxels, with surface fragments that carry true areas.
+    """Solid voxels of a body, with surface fragments that have true areas.
 
-    A fragment lies on the mesh where the ray through a column of voxel centres crosses
-    it, along the dominant axis i of its normal n, so each piece of surface has one.
-    Its area is pitch^2 / |n_i|, scaled to the mesh's area if the mesh is watertight.
+    A fragment is the point of the mesh where the ray through a column of voxel centres
+    crosses it, along the dominant axis i of its normal n; each piece of surface has
+    one. Its area is pitch^2 / |n_i|, scaled to the mesh's area if that is watertight.
     """
 
     lattice: Lattice
     solid: Bool[np.ndarray, "x y z"]
     mesh: Mesh
     fragment_position: Float[np.ndarray, "s 3"]
-    """[m]"""
+    """Position in the body's frame [m]."""
     fragment_normal: Float[np.ndarray, "s 3"]
-    """Outward."""
+    """Outward unit normal."""
     fragment_area: Float[np.ndarray, " s"]
-    """True area [m^2], after scaling by `area_ratio`."""
+    """True area, including `area_ratio` [m^2]."""
     fragment_voxel: Int[np.ndarray, "s 3"]
-    """Cell of the solid voxel each fragment belongs to."""
+    """Cell of the solid voxel that each fragment belongs to."""
     fragment_axis: Int[np.ndarray, " s"]
     """Dominant axis of the normal: 0, 1 or 2."""
     fragment_layer: Int[np.ndarray, "s 2"]
-    """Depth layer along the dominant axis, as peeled and as packed."""
+    """Depth layer along the dominant axis, among all and packed."""
     area_ratio: float
-    """Mesh area over area of the fragments before scaling; 1 if not to be trusted."""
+    """Area of the mesh over that of the unscaled fragments [-]; 1 if unreliable."""
     volume_ratio: float
-    """Mesh volume over volume of the voxels; 1 if not to be trusted."""
+    """Volume of the mesh over that of the voxels [-]; 1 if unreliable."""
     layers: LayerCounts
     thin: ThinParts
     unscaled_because: str = ""
-    """Why the two ratios are not to be trusted; empty if they are."""
+    """Reason why the two ratios are unreliable; empty if they apply."""
 
     @property
     def pitch(self) -> float:
@@ -76,10 +76,10 @@ class VoxelGrid:
 
     @property
     def solid_count(self) -> int:
-        """How many voxels are solid."""
+        """Number of solid voxels."""
         return int(np.count_nonzero(self.solid))
 
     @property
     def voxel_volume(self) -> float:
-        """True volume that one voxel stands for [m^3]."""
+        """Volume of a voxel, including `volume_ratio` [m^3]."""
         return float(self.pitch**3 * self.volume_ratio)

@@ -1,4 +1,4 @@
-"""The lattice of cubic cells around a body, and whether it can be afforded."""
+"""Lattice of cubic cells around a body: its memory, and views along its axes."""
 
 from dataclasses import dataclass
 
@@ -12,26 +12,28 @@ from ..raster.fragments import capacities
 from ..raster.layers import DepthLayers, peel
 
 
-BYTES_PER_CELL = 4
-"""Peak of the fill: votes, one winding, the solid, and planes of temporaries."""
+# Peak of the fill: votes, one winding number, the solid, planes of temporaries.
+_BYTES_PER_CELL = 4
 
 BYTES_PER_FRAGMENT = 150
-"""Peak of the sort, with the padding of its arrays."""
+"""Peak memory of the sort of fragments, with the padding of its arrays."""
 
-BYTES_PER_FACE = 600
-"""Corners in three views, spans of rows, normals."""
+# Corners in three views, spans of rows, normals.
+_BYTES_PER_FACE = 600
 
 
 @dataclass(frozen=True)
 class Lattice:
-    """A box of cubic cells; (i, j, k) is centred at origin + (i+1/2, ...) pitch."""
+    """Box of cubic cells; (i, j, k) is centred at origin + (i+1/2, ...) pitch."""
 
     shape: tuple[int, int, int]
     origin: Float[np.ndarray, "3"]
+    """Lowest corner [m]."""
     pitch: float
+    """Edge of a cell [m]."""
 
     def to_cells(self, points: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
-        """Positions [m] in units of cells."""
+        """Convert positions [m] to units of cells from the lowest corner."""
         return (points - self.origin) / self.pitch
 
     def centres(self, cells: Int[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
@@ -40,27 +42,24 @@ class Lattice:
 
     @property
     def cells(self) -> int:
-        """How many cells the box has."""
+        """Number of cells."""
         return int(np.prod(self.shape))
 
 
 def _cell_counts(size: Float[np.ndarray, "3"], pitch: float) -> np.ndarray:
-    """Cells along each axis, as floats: a tiny pitch may ask for more than integers."""
+    """Cells along each axis, as floats."""
+    # Floats, since a tiny pitch may need more cells than integers can count.
     with np.errstate(over="ignore"):
         length = size / pitch
-    # A few ulp of a float32 file over a whole number of cells are no further cell.
+    # A few ulp of a float32 file beyond a whole number of cells need no further cell.
     return np.maximum(np.ceil(length - 1e-6 * (1 + length)), 1)
 
 
 def check_pitch(mesh: Mesh, pitch: float) -> None:
-    """Refuse a pitch that gives no voxels or too many, before anything is allocated.
-
-    Args:
-        mesh: the body.
-        pitch: edge of a voxel [m].
+    """Refuse a pitch [m] that gives no voxels or too many, before any allocation.
 
     Raises:
-        InputError: saying which pitch would do.
+        InputError: with a pitch that would be possible.
     """
     if not len(mesh.faces):
         raise InputError(f"{mesh.name}: has no triangles to voxelize")
@@ -74,12 +73,12 @@ def check_pitch(mesh: Mesh, pitch: float) -> None:
             "or check the mesh's unit"
         )
     counts = _cell_counts(size, pitch)
-    # Seen along x, y and z a face covers |n_x|, |n_y| and |n_z| times its area.
+    # Along x, y and z a face covers |n_x|, |n_y| and |n_z| times its area.
     projected = float(np.abs(mesh.area_vectors).sum())
     with np.errstate(over="ignore"):
-        needed = counts.prod() * BYTES_PER_CELL
+        needed = counts.prod() * _BYTES_PER_CELL
         needed += projected / pitch / pitch * BYTES_PER_FRAGMENT
-    needed += len(mesh.faces) * BYTES_PER_FACE
+    needed += len(mesh.faces) * _BYTES_PER_FACE
     require_memory(
         int(min(needed, 1e18)),
         f"voxelizing {mesh.name} at a pitch of {pitch:g} m "
@@ -89,18 +88,16 @@ def check_pitch(mesh: Mesh, pitch: float) -> None:
 
 
 def _affordable_pitch(size: Float[np.ndarray, "3"], projected: float) -> float:
-    """A pitch that takes about half of what is free: a quarter each for two parts."""
+    """Pitch [m] that needs about half of the available memory."""
+    # A quarter for the cells and a quarter for the fragments.
     quarter = available_bytes() / 4
-    by_cells = np.cbrt(size.prod() * BYTES_PER_CELL / quarter)
+    by_cells = np.cbrt(size.prod() * _BYTES_PER_CELL / quarter)
     by_fragments = np.sqrt(projected * BYTES_PER_FRAGMENT / quarter)
     return float(max(by_cells, by_fragments))
 
 
 def lattice_around(mesh: Mesh, pitch: float) -> Lattice:
-    """The smallest lattice, centred on the mesh, whose cells of `pitch` [m] cover it.
-
-    A mesh whose size is a whole number of cells fills them exactly.
-    """
+    """Smallest lattice of the given pitch [m] around a mesh and centred on it."""
     low, high = mesh.bounds
     count = _cell_counts(high - low, pitch)
     corner = (low + high) / 2 - count * pitch / 2
@@ -109,17 +106,15 @@ def lattice_around(mesh: Mesh, pitch: float) -> Lattice:
 
 
 def pixel_axes(axis: int) -> tuple[int, int]:
-    """Lattice axes of the rows and columns of the view along `axis`.
-
-    Column, row and depth axes are a right-handed frame.
-    """
+    """Lattice axes of the rows and columns of the view along `axis`."""
+    # Column, row and depth are a right-handed frame, as `rasterize` requires.
     return (axis + 2) % 3, (axis + 1) % 3
 
 
 def peel_axes(
     mesh: Mesh, lattice: Lattice
 ) -> tuple[DepthLayers, DepthLayers, DepthLayers]:
-    """Depth layers of a mesh seen along x, y and z; depths in cells."""
+    """Depth layers of a mesh along x, y and z; depths in cells."""
     corners = lattice.to_cells(mesh.triangles)
     frames, sizes, needs = [], [], []
     for axis in range(3):

@@ -1,4 +1,4 @@
-"""What an engineer wants to know of a voxel grid, as plain types for `voxels.json`."""
+"""Report of a voxel grid as plain types, for `voxels.json`."""
 
 from dataclasses import asdict
 from typing import Any
@@ -10,9 +10,9 @@ from .surface import surface_links, surface_voxels
 
 
 def voxel_report(grid: VoxelGrid) -> dict[str, Any]:
-    """Counts, layers, true areas and volumes, and what is too thin; units in the keys.
+    """Counts, layers, true areas and volumes, and thin parts; units in the keys.
 
-    Axes are ours, z up; `file_axis` names each as the mesh file had it.
+    Axes have z up; `file_axis` is the name of each in the mesh file.
     """
     surface = surface_voxels(grid.solid)
     links = surface_links(surface, grid.lattice.shape)
@@ -40,7 +40,7 @@ def _layers(grid: VoxelGrid) -> dict[str, dict]:
 
 
 def _true_sizes(grid: VoxelGrid) -> dict[str, Any]:
-    """Mesh against voxels; `mesh` over counted is the ratio, where it is trusted."""
+    """Area and volume of the mesh and of the voxels, and the ratios between them."""
     watertight = grid.mesh.is_watertight
     return {
         "area_m2": {
@@ -60,7 +60,7 @@ def _true_sizes(grid: VoxelGrid) -> dict[str, Any]:
 
 def _thin_parts(grid: VoxelGrid) -> dict[str, Any]:
     thin = asdict(grid.thin)
-    places = [_finite(place) for place in thin.pop("places")]
+    regions = [_finite(region) for region in thin.pop("regions")]
     return {
         "thinner_than_a_voxel": {
             "fragments": thin["thin_fragments"],
@@ -70,11 +70,11 @@ def _thin_parts(grid: VoxelGrid) -> dict[str, Any]:
             "fragments": thin["lost_fragments"],
             "area_m2": thin["lost_area"],
         },
-        "largest_places": places,
+        "largest_places": regions,
     }
 
 
-def _finite(place: dict) -> dict:
-    """JSON has no infinity: without a far side, no thickness is known."""
-    thickness = place["thickness_m"]
-    return {**place, "thickness_m": thickness if np.isfinite(thickness) else None}
+def _finite(region: dict) -> dict:
+    # JSON has no infinity, which stands for an unknown thickness (no far side).
+    thickness = region["thickness_m"]
+    return {**region, "thickness_m": thickness if np.isfinite(thickness) else None}

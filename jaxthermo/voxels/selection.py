@@ -1,4 +1,4 @@
-"""Where a term or a material applies: a side, a box in space, marked fragments, all."""
+"""Selections of a body's surface or space that a term or a material applies to."""
 
 import abc
 from typing import Any
@@ -6,40 +6,41 @@ from typing import Any
 import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float
+from typing_extensions import override
 
 from ..errors import InputError
 from ..raster.directions import unit_vector
 
 
 class AbstractSelection(eqx.Module):
-    """What `on=` takes: some of the surface of one body."""
+    """Part of the surface of one body, as an argument `on=`."""
 
     body: eqx.AbstractVar[int]
 
     @abc.abstractmethod
-    def chooses(
+    def select(
         self, position: Float[np.ndarray, "s 3"], normal: Float[np.ndarray, "s 3"]
     ) -> Bool[np.ndarray, " s"]:
-        """Which of these surface fragments (own frame) are meant."""
+        """Flag the selected surface fragments (in the body's frame)."""
 
 
 class AbstractSpace(AbstractSelection):
-    """A part of space, which chooses what lies in it: surface and inside alike."""
+    """Part of space, which selects the surface and the interior in it."""
 
     @abc.abstractmethod
     def contains(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
-        """Which points (own frame) lie in it."""
+        """Flag the points (in the body's frame) that lie in it."""
 
-    def chooses(
+    @override
+    def select(
         self, position: Float[np.ndarray, "s 3"], normal: Float[np.ndarray, "s 3"]
     ) -> Bool[np.ndarray, " s"]:
-        """Fragments that lie in it."""
         del normal
         return self.contains(position)
 
 
 class Side(AbstractSelection):
-    """The fragments of a body that face `normal`, within `half_angle` [rad] of it."""
+    """Fragments of a body whose normal is within `half_angle` [rad] of `normal`."""
 
     normal: tuple[float, float, float] = eqx.field(static=True)
     body: int = eqx.field(static=True, default=0)
@@ -52,17 +53,18 @@ class Side(AbstractSelection):
                 f"Side(half_angle={self.half_angle!r}): give radians in (0, pi]"
             )
 
-    def chooses(
+    @override
+    def select(
         self, position: Float[np.ndarray, "s 3"], normal: Float[np.ndarray, "s 3"]
     ) -> Bool[np.ndarray, " s"]:
-        """Fragments whose outward normal is close enough to the side's."""
         del position
+        # Tolerance for normals exactly at the half angle, as on a cube or an octagon.
         cosine = normal @ unit_vector(self.normal)
         return np.greater(cosine, np.cos(self.half_angle) - 1e-9)
 
 
 class Region(AbstractSpace):
-    """Everything of a body inside a box, corners in metres."""
+    """Part of a body inside a box with corners `lower` and `upper` [m]."""
 
     lower: tuple[float, float, float] = eqx.field(static=True)
     upper: tuple[float, float, float] = eqx.field(static=True)
@@ -75,68 +77,65 @@ class Region(AbstractSpace):
                 "each lower coordinate must be below its upper one"
             )
 
+    @override
     def contains(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
-        """Which points lie in the box."""
         inside = (points >= self.lower) & (points <= self.upper)
         return np.all(inside, axis=1)
 
 
 class Everything(AbstractSpace):
-    """A whole body."""
+    """Whole body."""
 
     body: int = eqx.field(static=True, default=0)
 
+    @override
     def contains(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
-        """All points."""
         return np.ones(len(points), bool)
 
 
 class FragmentMask(AbstractSelection):
-    """The surface fragments that are marked, in the order of the body's grid."""
+    """Surface fragments given by a mask, in the order of the body's grid."""
 
     body: int = eqx.field(static=True)
     count: int = eqx.field(static=True)
-    """How many fragments the mask is for."""
+    """Number of fragments of the body."""
     packed: bytes = eqx.field(static=True)
-    """The mask, eight fragments a byte: unlike an array it can be compared."""
+    """Mask with eight fragments a byte: static fields must be hashable."""
 
     def __init__(self, mask: Any, body: int = 0):
-        """Takes one truth value a fragment.
+        """Select fragments by a mask.
 
         Args:
-            mask: as from `grid.fragment_position[:, 2] > 0.1`.
+            mask: one truth value per fragment, e.g.
+                `grid.fragment_position[:, 2] > 0.1`.
             body: number of the body.
 
         Raises:
             InputError: for anything but one-dimensional truth values.
         """
-        marks = np.asarray(mask)
-        if marks.dtype != bool or marks.ndim != 1:
+        values = np.asarray(mask)
+        if values.dtype != bool or values.ndim != 1:
             raise InputError(
-                f"FragmentMask(mask=): got {marks.dtype} values of shape "
-                f"{marks.shape}: give one True or False for each fragment"
+                f"FragmentMask(mask=): got {values.dtype} values of shape "
+                f"{values.shape}: give one True or False for each fragment"
             )
-        self.body, self.count = body, len(marks)
-        self.packed = np.packbits(marks).tobytes()
+        self.body, self.count = body, len(values)
+        self.packed = np.packbits(values).tobytes()
 
     @property
     def mask(self) -> Bool[np.ndarray, " s"]:
-        """Which fragments are marked."""
+        """Flags of the selected fragments."""
         bits = np.frombuffer(self.packed, np.uint8)
         return np.unpackbits(bits, count=self.count).astype(bool)
 
     def __repr__(self) -> str:
-        marked = int(np.count_nonzero(self.mask))
-        return f"FragmentMask({marked} of {self.count} fragments, body={self.body})"
+        selected = int(np.count_nonzero(self.mask))
+        return f"FragmentMask({selected} of {self.count} fragments, body={self.body})"
 
-    def chooses(
+    @override
+    def select(
         self, position: Float[np.ndarray, "s 3"], normal: Float[np.ndarray, "s 3"]
     ) -> Bool[np.ndarray, " s"]:
-        """The marked fragments.
-
-        Raises:
-            InputError: if the mask is of another number of fragments.
-        """
         del normal
         if len(position) != self.count:
             raise InputError(

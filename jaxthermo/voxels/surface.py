@@ -1,8 +1,8 @@
-"""Surface fragments: each piece of surface once, with its true area and its voxel.
+"""Surface fragments, each with its voxel, and the voxels at the surface.
 
 Thesis 4.2 keeps a fragment in the view along the dominant axis of its normal. The ray
-grid of that view cuts the surface into pieces of area pitch^2 / |n_i| (thesis' own
-pitch^2 counts only 83 % of a sphere, exposed voxel faces 150 %).
+grid of that view cuts the surface into pieces of area pitch^2 / |n_i| (the thesis' own
+pitch^2 gives only 83 % of a sphere's area, exposed voxel faces 150 %).
 """
 
 from dataclasses import replace
@@ -13,37 +13,35 @@ from jaxtyping import Bool, Float, Int
 
 from ..geometry.mesh import Mesh
 from ..raster.layers import DepthLayers
-from .fill import balanced_rays, first_cell_behind, turn
+from .fill import balanced_rays, crossing_sign, first_cell_behind
 from .lattice import pixel_axes
 
 
-SAME_DEPTH = 1e-4
-"""Crossings closer than this, in cells, count as one surface when parts touch."""
+# Crossings closer than this [cells] are one surface where parts touch.
+_SAME_DEPTH = 1e-4
 
 
-def hidden_inside(layers: DepthLayers) -> Bool[np.ndarray, " k"]:
-    """Crossings with the body on both sides: where closed parts overlap or touch.
-
-    On a ray that has passed a hole nothing can be said, and nothing is hidden.
-    """
+def _hidden_inside(layers: DepthLayers) -> Bool[np.ndarray, " k"]:
+    """Flag crossings with the body on both sides, where parts overlap or touch."""
     if not len(layers.pixel):
         return np.zeros(0, bool)
-    step = turn(layers).astype(np.int64)
-    # Balanced rays sum to zero, and of the others nothing is asked.
+    step = crossing_sign(layers).astype(np.int64)
+    # Balanced rays sum to zero, so one running sum serves all of them; a ray through a
+    # hole is left out, and nothing on it is hidden.
     balanced = balanced_rays(layers)[layers.pixel]
     after = np.cumsum(np.where(balanced, step, 0))
-    apart = np.ones(len(after), bool)
-    apart[1:] = (layers.pixel[1:] != layers.pixel[:-1]) | (
-        np.diff(layers.depth) > SAME_DEPTH
+    is_new = np.ones(len(after), bool)
+    is_new[1:] = (layers.pixel[1:] != layers.pixel[:-1]) | (
+        np.diff(layers.depth) > _SAME_DEPTH
     )
-    start = np.flatnonzero(apart)
+    start = np.flatnonzero(is_new)
     last = np.append(start[1:], len(after)) - 1
     between = ((after - step)[start] != 0) & (after[last] != 0)
-    return between[np.cumsum(apart) - 1] & balanced
+    return between[np.cumsum(is_new) - 1] & balanced
 
 
-def select(layers: DepthLayers, keep: Bool[np.ndarray, " k"]) -> DepthLayers:
-    """Some of the fragments, with the layer numbers they had."""
+def _select(layers: DepthLayers, keep: Bool[np.ndarray, " k"]) -> DepthLayers:
+    """Subset of the fragments, with their original layer numbers."""
     return replace(
         layers,
         pixel=layers.pixel[keep],
@@ -54,11 +52,8 @@ def select(layers: DepthLayers, keep: Bool[np.ndarray, " k"]) -> DepthLayers:
     )
 
 
-def thickness_behind(layers: DepthLayers) -> Float[np.ndarray, " k"]:
-    """Depth from each crossing to the next one on the body's side of it.
-
-    Infinite where that one does not close the body.
-    """
+def _thickness_behind(layers: DepthLayers) -> Float[np.ndarray, " k"]:
+    """Depth of the body behind each crossing [cells]; inf where it has no far side."""
     last = max(len(layers.pixel) - 1, 0)
     entering = layers.entering
     other = np.arange(len(entering)) + np.where(entering, 1, -1)
@@ -68,19 +63,19 @@ def thickness_behind(layers: DepthLayers) -> Float[np.ndarray, " k"]:
 
 
 class AxisFragments(NamedTuple):
-    """The fragments kept in the view along one axis, in order of pixel and depth."""
+    """Fragments of the view along one axis, sorted by pixel and depth."""
 
     position: Float[np.ndarray, "s 3"]
-    """In cells."""
+    """Position [cells]."""
     triangle: Int[np.ndarray, " s"]
     ray: Int[np.ndarray, " s"]
     """Number of the ray among those of all three views."""
     layer: Int[np.ndarray, " s"]
-    """Rank on the ray as peeled."""
+    """Depth layer in the view."""
     inward_cell: Int[np.ndarray, "s 3"]
     """First cell on the ray whose centre lies inside."""
     thickness: Float[np.ndarray, " s"]
-    """Distance along the ray to the other side of the body, in cells."""
+    """Distance along the ray to the other side of the body [cells]."""
 
 
 def face_axes(mesh: Mesh) -> tuple[Float[np.ndarray, "f 3"], Int[np.ndarray, " f"]]:
@@ -97,20 +92,20 @@ def axis_fragments(
     axis: int,
     first_ray: int,
 ) -> tuple[AxisFragments, Int[np.ndarray, " h"]]:
-    """The fragments to keep in one view, and the triangles of those hidden inside.
+    """Surface fragments of one view, and the triangles of those hidden inside.
 
     Args:
         layers: all fragments of the view.
-        dominant: for each triangle the axis along which its fragments are kept.
-        axis: of the view.
+        dominant: dominant axis of each triangle, in whose view its fragments count.
+        axis: depth axis of the view.
         first_ray: number of the view's first ray.
     """
-    hidden = hidden_inside(layers)
+    hidden = _hidden_inside(layers)
     inside = layers.triangle[hidden]
-    outer = select(layers, ~hidden)
-    mine = dominant[outer.triangle] == axis
-    thickness = thickness_behind(outer)[mine]
-    outer = select(outer, mine)
+    outer = _select(layers, ~hidden)
+    on_axis = dominant[outer.triangle] == axis
+    thickness = _thickness_behind(outer)[on_axis]
+    outer = _select(outer, on_axis)
     row_axis, column_axis = pixel_axes(axis)
     cell = np.zeros((len(outer.pixel), 3), np.int64)
     cell[:, row_axis], cell[:, column_axis] = np.divmod(outer.pixel, outer.width)
@@ -134,11 +129,9 @@ def attach_to_solid(
     position: Float[np.ndarray, "s 3"],
     inward_cell: Int[np.ndarray, "s 3"],
 ) -> tuple[Int[np.ndarray, "s 3"], Bool[np.ndarray, " s"]]:
-    """The solid voxel of each fragment, and which fragments have none near.
-
-    The first cell inward is solid wherever the body is a voxel thick. Elsewhere the
-    nearest solid voxel within two cells is taken; a part farther from any is lost.
-    """
+    """Assign each fragment to a solid voxel; flag those without one nearby as lost."""
+    # The first cell inward is solid wherever the body is a voxel thick. Elsewhere the
+    # nearest solid voxel within two cells is taken.
     shape = np.array(solid.shape)
     cell = np.clip(inward_cell, 0, shape - 1)
     stray = np.flatnonzero(~solid[tuple(cell.T)])
@@ -148,11 +141,11 @@ def attach_to_solid(
     for offset in np.indices((5, 5, 5)).reshape(3, -1).T - 2 if len(stray) else ():
         candidate = start + offset
         within = ((candidate >= 0) & (candidate < shape)).all(1)
-        apart = ((candidate + 0.5 - position[stray]) ** 2).sum(1)
-        better = within & (apart < nearest)
+        distance = ((candidate + 0.5 - position[stray]) ** 2).sum(1)
+        better = within & (distance < nearest)
         better[better] = solid[tuple(candidate[better].T)]
         cell[stray[better]] = candidate[better]
-        nearest[better] = apart[better]
+        nearest[better] = distance[better]
     lost = np.zeros(len(cell), bool)
     lost[stray] = np.isinf(nearest)
     return cell, lost
@@ -174,7 +167,8 @@ def surface_voxels(solid: Bool[np.ndarray, "x y z"]) -> Int[np.ndarray, "m 3"]:
 def surface_links(
     voxels: Int[np.ndarray, "m 3"], shape: tuple[int, int, int]
 ) -> Int[np.ndarray, "e 2"]:
-    """Pairs of surface voxels that touch over a face, an edge or a corner (26)."""
+    """Pairs of voxels that touch over a face, an edge or a corner (thesis 4.2)."""
+    # A rim of one cell, so that no jump to a neighbour wraps around.
     padded = np.array(shape) + 2
     strides = np.array([padded[1] * padded[2], padded[2], 1])
     key = (voxels + 1) @ strides

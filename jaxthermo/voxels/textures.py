@@ -1,6 +1,6 @@
-"""The voxelized textures of thesis 4.1 and 4.2 (figures 4.3 to 4.6) as images.
+"""Voxel textures of thesis 4.1 and 4.2 (figures 4.3 to 4.6) as images.
 
-Every image shows what one sees when looking along +x, +y or +z, with z (along z: y) up.
+Images are views along +x, +y or +z with z up (along z: y up).
 """
 
 import numpy as np
@@ -16,18 +16,18 @@ BACKGROUND = np.array([16, 17, 20], np.uint8)
 AXIS_COLOURS = np.array(
     [[222, 72, 62], [84, 180, 84], [72, 112, 226], [128, 128, 128]], np.uint8
 )
-"""Normals along x red, y green, z blue; faces without area grey."""
+"""sRGB of normals along x, y, z and of faces without area."""
 
 KINDS = ("depth", "normal", "dominant", "packed")
 
 
 def layer_images(grid: VoxelGrid) -> dict[str, list[UInt8[np.ndarray, "h w 3"]]]:
-    """Every depth layer as an RGB image, front layer first.
+    """Draw every depth layer as an RGB image, front layer first.
 
-    The keys are an axis and a kind, such as "x_depth". Of the kinds, "depth" (near is
-    bright), "normal" (rgb = (n + 1) / 2) and "dominant" (the axis of the normal: red x,
-    green y, blue z) show the layers as peeled; "packed" shows the fragments that are
-    kept, moved forwards, with their normals.
+    The keys are an axis and a kind, such as "x_depth". "depth" (near is bright),
+    "normal" (rgb = (n + 1) / 2) and "dominant" (axis of the normal: red x, green y,
+    blue z) show all layers; "packed" shows the normals of the surface fragments, each
+    moved to the first free layer.
     """
     normals, dominant = face_axes(grid.mesh)
     kept = _normal_colours(grid.fragment_normal)
@@ -50,27 +50,27 @@ def layer_images(grid: VoxelGrid) -> dict[str, list[UInt8[np.ndarray, "h w 3"]]]
 def packed_images(
     grid: VoxelGrid, axis: int, colours: UInt8[np.ndarray, "s 3"]
 ) -> list[UInt8[np.ndarray, "h w 3"]]:
-    """The fragments that an axis has made, moved forwards, in given colours."""
-    mine = grid.fragment_axis == axis
-    cell = np.floor(grid.lattice.to_cells(grid.fragment_position[mine])).astype(int)
-    rank = grid.fragment_layer[mine, 1]
+    """Draw the surface fragments of an axis, packed forwards, in given colours."""
+    on_axis = grid.fragment_axis == axis
+    cell = np.floor(grid.lattice.to_cells(grid.fragment_position[on_axis])).astype(int)
+    rank = grid.fragment_layer[on_axis, 1]
     row_axis, column_axis = pixel_axes(axis)
     height, width = grid.lattice.shape[row_axis], grid.lattice.shape[column_axis]
     stack = np.empty((grid.layers.packed[axis], height, width, 3), np.uint8)
     stack[:] = BACKGROUND
-    stack[rank, cell[:, row_axis], cell[:, column_axis]] = colours[mine]
+    stack[rank, cell[:, row_axis], cell[:, column_axis]] = colours[on_axis]
     return [_upright(image, axis) for image in stack]
 
 
 def _upright(image: UInt8[np.ndarray, "h w 3"], axis: int) -> np.ndarray:
-    """From rows and columns of the raster to what the eye sees, up at the top."""
+    """Rotate and mirror a raster image so that up is at the top."""
     # Along y the raster has z in its columns; along x and z, right is against the
     # column axis.
     return image.transpose(1, 0, 2)[::-1] if axis == 1 else image[::-1, ::-1]
 
 
 def _grey(depth: Float[np.ndarray, " k"]) -> UInt8[np.ndarray, "k 3"]:
-    """From bright at the front of the lattice, 0, to dark at its back, 1."""
+    """Grey levels, bright at the front of the lattice (0) and dark at the back (1)."""
     level = np.round(255 - 190 * np.clip(depth, 0, 1)).astype(np.uint8)
     return np.repeat(level[:, None], 3, axis=1)
 

@@ -1,4 +1,4 @@
-"""`voxelize`: mesh to solid voxels and surface fragments, by depth layers."""
+"""Voxelization: mesh to solid voxels and surface fragments, by depth layers."""
 
 from typing import NamedTuple
 
@@ -15,15 +15,15 @@ from .surface import AxisFragments, attach_to_solid, axis_fragments, face_axes
 
 
 def voxelize(mesh: Mesh, pitch: Scalar) -> VoxelGrid:
-    """Solid voxels and surface fragments of a mesh.
+    """Compute the solid voxels and surface fragments of a mesh.
 
     Args:
-        mesh: the body; a hole is bridged by the vote of the three axes.
+        mesh: the body; holes are bridged by a vote of the three axes.
         pitch: edge of a voxel [m].
 
     Raises:
         InputError: if the pitch is not positive, gives no voxel, or needs more memory
-            than there is.
+            than available.
     """
     pitch = float(pitch)
     check_pitch(mesh, pitch)
@@ -58,13 +58,14 @@ def _with_surface(
 ) -> VoxelGrid:
     normals, dominant = face_axes(mesh)
     kept, hidden = _kept_fragments(views, dominant)
+    # A ray grid of spacing h cuts the surface into pieces of area h^2 / |n_i|.
     slope = np.abs(normals).max(1)
     area = lattice.pitch**2 / slope[kept.triangle]
     cell, lost = attach_to_solid(solid, kept.position, kept.inward_cell)
     position = lattice.origin + kept.position * lattice.pitch
     thickness = kept.thickness * lattice.pitch * slope[kept.triangle]
-    thin = report_thin_parts(position, thickness, area, lost, cell, lattice.pitch)
-    scaling = true_scaling(
+    thin = _thin_parts(position, thickness, area, lost, cell, lattice.pitch)
+    scaling = _true_scaling(
         mesh,
         area=float(area[~lost].sum()),
         volume=np.count_nonzero(solid) * lattice.pitch**3,
@@ -73,24 +74,24 @@ def _with_surface(
     packed = np.zeros(len(lost), np.int64)
     packed[~lost] = rank_in_group(kept.ray[~lost])
     # In lattice order the solver's gathers and scatters walk memory forwards.
-    here = np.flatnonzero(~lost)
-    number = np.ravel_multi_index(tuple(cell[here].T), lattice.shape)
-    here = here[np.argsort(number, kind="stable")]
-    axis = dominant[kept.triangle[here]]
+    attached = np.flatnonzero(~lost)
+    number = np.ravel_multi_index(tuple(cell[attached].T), lattice.shape)
+    order = attached[np.argsort(number, kind="stable")]
+    axis = dominant[kept.triangle[order]]
     return VoxelGrid(
         lattice=lattice,
         solid=solid,
         mesh=mesh,
-        fragment_position=position[here],
-        fragment_normal=normals[kept.triangle[here]],
-        fragment_area=area[here] * scaling.area_ratio,
-        fragment_voxel=cell[here],
+        fragment_position=position[order],
+        fragment_normal=normals[kept.triangle[order]],
+        fragment_area=area[order] * scaling.area_ratio,
+        fragment_voxel=cell[order],
         fragment_axis=axis,
-        fragment_layer=np.stack([kept.layer[here], packed[here]], axis=1),
+        fragment_layer=np.stack([kept.layer[order], packed[order]], axis=1),
         area_ratio=scaling.area_ratio,
         volume_ratio=scaling.volume_ratio,
         unscaled_because=scaling.unscaled_because,
-        layers=_layer_counts(views, axis, packed[here]),
+        layers=_layer_counts(views, axis, packed[order]),
         thin=thin,
     )
 
@@ -103,15 +104,15 @@ def _layer_counts(
     return LayerCounts((x, y, z), (counts[0], counts[1], counts[2]))
 
 
-TRUSTED_RATIO = 2.0
-"""A ratio beyond this means that parts are lost, not that a surface is rounded off."""
+# A ratio beyond this means lost parts, not a surface rounded off by voxels.
+_MAX_RATIO = 2.0
 
-TRUSTED_OVERLAP = 2e-3
-"""Share of the surface that may lie inside the body before its volume is doubted."""
+# With a larger fraction of the surface inside the body its volume is unreliable.
+_MAX_OVERLAP = 2e-3
 
 
-class Scaling(NamedTuple):
-    """Factors from counted to true area and volume; 1 if they cannot be trusted."""
+class _Scaling(NamedTuple):
+    """Ratios of the true to the voxelized area and volume; 1 if unreliable."""
 
     area_ratio: float
     volume_ratio: float
@@ -119,69 +120,73 @@ class Scaling(NamedTuple):
     """Empty if the ratios apply."""
 
 
-def true_scaling(mesh: Mesh, area: float, volume: float, hidden_area: float) -> Scaling:
-    """The scaling that gives back the mesh's own area and volume.
+def _true_scaling(
+    mesh: Mesh, area: float, volume: float, hidden_area: float
+) -> _Scaling:
+    """Ratios that restore the mesh's area and volume.
 
     Args:
         mesh: the body.
-        area: of all fragments kept [m^2].
+        area: of all surface fragments [m^2].
         volume: of all solid voxels [m^3].
         hidden_area: of the fragments inside the body [m^2].
     """
-    doubt = _doubt(mesh, area, volume, hidden_area)
-    if doubt:
-        return Scaling(1.0, 1.0, doubt)
-    return Scaling(mesh.area / area, mesh.volume / volume, "")
+    reason = _unreliable_because(mesh, area, volume, hidden_area)
+    if reason:
+        return _Scaling(1.0, 1.0, reason)
+    return _Scaling(mesh.area / area, mesh.volume / volume, "")
 
 
-def _doubt(mesh: Mesh, area: float, volume: float, hidden_area: float) -> str:
+def _unreliable_because(
+    mesh: Mesh, area: float, volume: float, hidden_area: float
+) -> str:
     edges = mesh.open_edges
     if edges:
         return f"the mesh is open ({edges} open edges): it has no volume of its own"
     overlap = hidden_area / (area + hidden_area)
-    if overlap > TRUSTED_OVERLAP:
+    if overlap > _MAX_OVERLAP:
         return f"parts overlap or touch: {overlap:.1%} of the surface lies inside"
-    for what, ratio in ("area", mesh.area / area), ("volume", mesh.volume / volume):
-        if not 1 / TRUSTED_RATIO < ratio < TRUSTED_RATIO:
+    for quantity, ratio in ("area", mesh.area / area), ("volume", mesh.volume / volume):
+        if not 1 / _MAX_RATIO < ratio < _MAX_RATIO:
             return (
-                f"the mesh has {ratio:.2g} times the {what} of what was voxelized: "
+                f"the mesh has {ratio:.2g} times the {quantity} of its voxels: "
                 "parts of it are too thin for this pitch"
             )
     return ""
 
 
-BLOCK = 8
-"""Thin fragments within a block of this many cells are reported as one place."""
+# Thin fragments within a cube of this many cells per edge are one region.
+_REGION = 8
 
 
-def report_thin_parts(
+def _thin_parts(
     position: Float[np.ndarray, "s 3"],
     thickness: Float[np.ndarray, " s"],
     area: Float[np.ndarray, " s"],
     lost: Bool[np.ndarray, " s"],
     cell: Int[np.ndarray, "s 3"],
     pitch: float,
-    most: int = 10,
+    max_regions: int = 10,
 ) -> ThinParts:
-    """Sum up fragments with less than one voxel behind them, by place.
+    """Sum up the fragments with less than one voxel behind them, by region.
 
     Args:
         position: of every fragment [m].
         thickness: of the body behind it, along its normal [m].
         area: true area [m^2].
-        lost: whether no solid voxel is near.
+        lost: without a solid voxel nearby.
         cell: lattice cell of the fragment.
         pitch: edge of a voxel [m].
-        most: how many places to name.
+        max_regions: number of the largest regions to list.
     """
     thin = lost | (thickness < pitch)
-    blocks, inverse = np.unique(cell[thin] // BLOCK, axis=0, return_inverse=True)
+    blocks, inverse = np.unique(cell[thin] // _REGION, axis=0, return_inverse=True)
     total = np.bincount(inverse, weights=area[thin], minlength=len(blocks))
     gone = np.bincount(inverse, weights=(area * lost)[thin], minlength=len(blocks))
-    places = []
-    for block in np.argsort(-total)[:most]:
+    regions = []
+    for block in np.argsort(-total)[:max_regions]:
         members = np.flatnonzero(thin)[inverse == block]
-        places.append(
+        regions.append(
             {
                 "centre_m": [round(float(c), 6) for c in position[members].mean(0)],
                 "thickness_m": round(float(thickness[members].min()), 9),
@@ -194,5 +199,5 @@ def report_thin_parts(
         thin_area=float(area[thin].sum()),
         lost_fragments=int(lost.sum()),
         lost_area=float(area[lost].sum()),
-        places=tuple(places),
+        regions=tuple(regions),
     )

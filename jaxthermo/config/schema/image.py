@@ -1,13 +1,11 @@
 """The camera, and how its frames are drawn."""
 
-import json
 import math
-from functools import cache
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field
 
+from ...image.palette import palette_names
 from ..messages import close_match
 from ..types.model import ByKind, Mistake, Model, Short
 from ..types.quantities import (
@@ -26,7 +24,6 @@ from ..types.quantities import (
 )
 
 
-_PALETTES = Path(__file__).parents[2] / "image" / "palettes.json"
 Pixels = Annotated[Whole, Field(ge=1, le=16384)]
 FieldOfView = Annotated[Angle, Field(gt=0, lt=math.pi)]
 
@@ -85,14 +82,8 @@ Frames = Annotated[
 ]
 
 
-@cache
-def _palette_names() -> tuple[str, ...]:
-    # From the data file: the module of palettes imports JAX.
-    return tuple(json.loads(_PALETTES.read_text(encoding="utf-8")))
-
-
 def _known_palette(name: str) -> str:
-    names = _palette_names()
+    names = palette_names()
     if name not in names:
         raise refuse(f"unknown palette '{name}'{close_match(name, names)}")
     return name

@@ -63,7 +63,7 @@ class MaterialConfig(Model, builds="Material"):
             "density": named.density,
             "specific_heat": named.specific_heat,
             "emissivity": named.emissivity,
-            "absorptivity": named.own_absorptivity,
+            "absorptivity": named.given_absorptivity,
         }
         return table | given
 

@@ -27,21 +27,21 @@ class PlacedGrid:
     @cached_property
     def world_fragments(self) -> Float[np.ndarray, "s 3"]:
         """Positions of the fragments in the world [m]."""
-        return self.pose.place(self.grid.fragment_position)
+        return self.pose.to_world(self.grid.fragment_position)
 
     @cached_property
     def world_bounds(self) -> Float[np.ndarray, "2 3"]:
         """Lowest and highest corner of the body in the world [m]."""
-        corners = self.pose.place(self.grid.mesh.vertices)
+        corners = self.pose.to_world(self.grid.mesh.vertices)
         return np.stack([corners.min(0), corners.max(0)])
 
     def vertices_in(self, frame: "PlacedGrid") -> Float[np.ndarray, "v 3"]:
         """Vertices of the mesh in another body's frame [m]."""
-        return frame.pose.unplace(self.pose.place(self.grid.mesh.vertices))
+        return frame.pose.to_body(self.pose.to_world(self.grid.mesh.vertices))
 
     def fragments_in(self, frame: "PlacedGrid") -> Float[np.ndarray, "s 3"]:
         """Positions of the fragments in another body's frame [m]."""
-        return frame.pose.unplace(self.world_fragments)
+        return frame.pose.to_body(self.world_fragments)
 
 
 # Allowed overlap in voxels of the coarser body: rounding and coarse meshes cause it.
@@ -93,7 +93,7 @@ def _solid_cells(
 def _fraction_inside(body: PlacedGrid, other: PlacedGrid) -> float:
     """Fraction of a body's fragments with a voxel centre inside another body."""
     voxels = body.grid.lattice.centres(body.grid.fragment_voxel)
-    inside = _solid_cells(other.pose.unplace(body.pose.place(voxels)), other)
+    inside = _solid_cells(other.pose.to_body(body.pose.to_world(voxels)), other)
     return len(inside) / len(voxels)
 
 

@@ -193,7 +193,7 @@ def _contact_pairs(a: PlacedGrid, b: PlacedGrid, threshold: float) -> ContactPai
     if not len(near):
         return nothing
     found = ray_hits(a, b, near, limits)
-    in_b = b.pose.unplace(a.pose.place(found.point_b))
+    in_b = b.pose.to_body(a.pose.to_world(found.point_b))
     fragment_a = nearest_fragments(a.grid, found.point_a, found.triangle_a)
     fragment_b = nearest_fragments(b.grid, in_b, found.triangle_b)
     both = (fragment_a >= 0) & (fragment_b >= 0)

@@ -316,7 +316,7 @@ class FreeConvection(AbstractSurfaceTerm):
     def _factors(self, body: BodySurface) -> Float[np.ndarray, "2 s"]:
         """Factors `still` and `rising` of every fragment, as part of a cylinder."""
         parts = parts_of(body.grid, self.cylinders, body.body)
-        up = body.pose.unturn(np.array([0.0, 0.0, 1.0]))
+        up = body.pose.rotate_back(np.array([0.0, 0.0, 1.0]))
         each = np.array([self._part(c, up) for c in parts.cylinders])
         return each.T[:, parts.fragment]
 

@@ -210,7 +210,7 @@ class Wind(AbstractSurfaceTerm):
     def _coefficients(self, surface: BodySurface, groups: FlowGroups) -> Any:
         """Film polynomial of h for each fragment, at each node of a changing speed."""
         dtype = surface.dtype
-        wind = surface.pose.unturn(unit_vector(self.velocity))
+        wind = surface.pose.rotate_back(unit_vector(self.velocity))
         harmonics = surface_harmonics(surface.own_normal, groups.axis, wind)
         flow = ApproachFlow(
             initial_value(self.temperature, dtype),

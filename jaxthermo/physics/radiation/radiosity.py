@@ -175,7 +175,7 @@ def patch_exchange(
         for s, area in zip(surfaces, areas, strict=True)
     ]
     bodies = tuple(
-        PatchedBody(s.pose.place(s.grid.mesh.triangles), patches, s.pose)
+        PatchedBody(s.pose.to_world(s.grid.mesh.triangles), patches, s.pose)
         for s, patches in zip(surfaces, grouped, strict=True)
     )
     first = np.cumsum([0, *(patches.count for patches in grouped)])

@@ -222,7 +222,7 @@ def inside_body(
 ) -> Bool[np.ndarray, " p"]:
     """True for each world point [m] inside a solid voxel of a body."""
     grid = surface.grid
-    cells = np.floor(grid.lattice.to_cells(surface.pose.unplace(points))).astype(int)
+    cells = np.floor(grid.lattice.to_cells(surface.pose.to_body(points))).astype(int)
     within = ((cells >= 0) & (cells < grid.lattice.shape)).all(1)
     found = np.zeros(len(points), bool)
     found[within] = grid.solid[tuple(cells[within].T)]

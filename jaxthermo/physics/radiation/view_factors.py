@@ -27,7 +27,7 @@ from ...raster.directions import (
     half_sphere_directions,
     orthographic_view,
 )
-from ...raster.fragments import SMALLEST, padded, shared_room
+from ...raster.fragments import MIN_CAPACITY, padded, shared_capacities
 from ...raster.layers import DepthLayers, peel
 from .patches import Patches
 
@@ -99,7 +99,7 @@ def _hits(bodies, scene: _Scene, view: OrthographicView, layers: DepthLayers):
     for number, patched in enumerate(bodies):
         hits = np.flatnonzero(body == number)
         normal = scene.normal[layers.triangle[hits]]
-        local = patched.pose.unplace(point[hits]), patched.pose.unturn(normal)
+        local = patched.pose.to_body(point[hits]), patched.pose.rotate_back(normal)
         patch[hits] = scene.first[number] + patched.patches.patch_of(*local)
     return patch
 
@@ -109,7 +109,7 @@ def _count_lines(
 ) -> tuple[np.ndarray, np.ndarray, tuple[int, int]]:
     """Lines between each pair of patches and to the surroundings; array capacities."""
     corners = view.project(scene.triangles)
-    room = shared_room(corners, view.width, view.height, room)
+    room = shared_capacities(corners, view.width, view.height, room)
     with jax.ensure_compile_time_eval():
         layers = peel(padded(corners), view.width, view.height, room)
     patch = _hits(bodies, scene, view, layers)
@@ -135,7 +135,7 @@ def _sample_all_directions(
     """
     scene = _concatenated(bodies)
     between, outside = np.zeros((scene.count, scene.count)), np.zeros(scene.count)
-    room, half = (SMALLEST, SMALLEST), (directions + 1) // 2
+    room, half = (MIN_CAPACITY, MIN_CAPACITY), (directions + 1) // 2
     weight = 2 / half * pixel * pixel
     for view in _views(scene.triangles, half_sphere_directions(half), pixel):
         pairs, ends, room = _count_lines(bodies, scene, view, room)
@@ -149,13 +149,13 @@ def _cone(
 ) -> tuple[np.ndarray, float]:
     """Axis and smallest cosine of the cone of directions from one box to another."""
     # The boxes are aligned with the axes of `pose`.
-    ends = [pose.unturn(points) for points in (first, second)]
+    ends = [pose.rotate_back(points) for points in (first, second)]
     low, high = ends[1].min(0) - ends[0].max(0), ends[1].max(0) - ends[0].min(0)
     corners = np.where(np.indices((2, 2, 2)).reshape(3, -1).T == 1, high, low)
     axis = (low + high) / 2
     length = np.linalg.norm(corners, axis=1) * np.linalg.norm(axis)
     cosines = corners @ axis / np.where(length > 0, length, 1.0)
-    return pose.turn(axis), float(cosines.min())
+    return pose.rotate(axis), float(cosines.min())
 
 
 def _sample_pair(
@@ -178,7 +178,7 @@ def _sample_pair(
     small = min(first, second, key=extent)
     pixel = extent(small) / lines
     between = np.zeros((scene.count, scene.count))
-    room = (SMALLEST, SMALLEST)
+    room = (MIN_CAPACITY, MIN_CAPACITY)
     weight = 2 * (1 - min_cosine) / directions * pixel * pixel
     spans = [
         slice(scene.first[n], scene.first[n] + bodies[n].patches.count) for n in pair

@@ -26,7 +26,7 @@ from ...raster.directions import (
     orthographic_view,
     view_frame,
 )
-from ...raster.fragments import SMALLEST, shared_room
+from ...raster.fragments import MIN_CAPACITY, shared_capacities
 from ...raster.layers import depth_range
 from ...raster.perspective import PerspectiveView, perspective_views
 
@@ -175,7 +175,7 @@ def sky_view(
     """
     check_directions(directions)
     seen, sampled = np.zeros((2, len(position))), np.zeros((2, len(position)))
-    sizes, points = (SMALLEST, SMALLEST), np.arange(len(position))
+    sizes, points = (MIN_CAPACITY, MIN_CAPACITY), np.arange(len(position))
     # All directions point upward: the sky is half 0, the opposite directions half 1,
     # the ground. The first depth layer of a map shows the points that are visible from
     # one side, the last layer those from the other: one map for two directions.
@@ -183,7 +183,7 @@ def sky_view(
         view = orthographic_view(position, upward, _PIXEL * pitch)
         require_memory(view.width * view.height * 16, "a map", "use a coarser pitch")
         corners = view.project(triangles)
-        sizes = shared_room(corners, view.width, view.height, sizes)
+        sizes = shared_capacities(corners, view.width, view.height, sizes)
         ends = depth_range(corners, view.width, view.height, sizes)
         cosine = normal @ upward
         visible, known = _sees_out(view, ends, position, normal)

@@ -80,7 +80,7 @@ def _initial(
     theta = jnp.asarray(np.zeros(body.structure.state_shape, dtype))
     values: Any = body.temperature
     if callable(values):
-        values = values(body.structure.nodes().place)
+        values = values(body.structure.nodes().location)
     elif not is_traced(values):
         return float(values), theta
     if is_traced(values):

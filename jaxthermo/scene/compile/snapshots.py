@@ -101,7 +101,7 @@ def _body_surfaces(
     grids = [body.structure.grid for body in scene.bodies]
     triangles = np.concatenate(
         [
-            pose.place(grid.mesh.triangles)
+            pose.to_world(grid.mesh.triangles)
             for grid, pose in zip(grids, poses, strict=True)
         ]
     )
@@ -113,8 +113,8 @@ def _body_surfaces(
                 body=index,
                 grid=grid,
                 pose=pose,
-                position=pose.place(grid.fragment_position),
-                normal=pose.turn(grid.fragment_normal),
+                position=pose.to_world(grid.fragment_position),
+                normal=pose.rotate(grid.fragment_normal),
                 area=(grid.fragment_area * exposed).astype(dtype),
                 exposed_fraction=exposed.astype(dtype),
                 natural=exposed > 0,

@@ -1,1 +1,1 @@
-"""Voxels to nodes and links: the steps that the kinds of structure share."""
+"""Steps from voxels to nodes and links that the kinds of structure share."""

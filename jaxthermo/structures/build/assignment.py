@@ -1,7 +1,9 @@
-"""Which cell each voxel belongs to, where cells of several sizes overlap or leave gaps.
+"""Assignment of voxels to nodes, and to cells that overlap or leave gaps.
 
-Conduction needs a body divided without either. Of the cells that cover a voxel the
-smallest has it; a voxel that none covers goes to the cell fewest steps away.
+Conduction needs a body divided without overlaps and gaps. A voxel belongs to the
+smallest cell that covers it, or else to the cell the fewest steps away. By the same
+rule quantities given per voxel, such as a heated region, are assigned to nodes, so that
+their total is the same in all structures.
 """
 
 from typing import NamedTuple
@@ -16,20 +18,21 @@ from .blocks import voxel_layers
 
 
 LevelCells = list[Int[np.ndarray, "_ 3"]]
-"""Cells of each level l, 2^l voxels wide: [i, j, k] begins at voxel 2^l [i, j, k]."""
+"""Cells of each level l, 2^l voxels wide; [i, j, k] begins at voxel 2^l [i, j, k]."""
 
 
 def voxel_depth(grid: VoxelGrid) -> Int[np.ndarray, "x y z"]:
     """Steps over faces from outside to each voxel: 1 in the shell, 0 outside.
 
-    With a rim of one empty voxel, and more at the far sides, so that the largest cells
-    that could fit divide the lattice.
+    On a lattice with one empty voxel before the grid's first: voxel v is v + 1 there.
     """
+    # With that rim each level of a cube begins where the level above ends. At the upper
+    # ends the lattice is extended to a multiple of the largest cells that could fit.
     shape = np.array(grid.solid.shape)
     layer = voxel_layers(grid, int(shape.max()))
     largest = 1 << (max(int(layer.max()) + 1, 1).bit_length() - 1)
     beyond = -(shape + 1) % largest
-    # The largest cells may end with the body; where they do, the rim comes on top.
+    # Where the largest cells end with the body the rim is still needed behind them.
     beyond = np.where(beyond == 0, largest, beyond)
     depth = np.zeros(tuple(shape + 1 + beyond), np.int16)
     x, y, z = shape + 1
@@ -38,12 +41,11 @@ def voxel_depth(grid: VoxelGrid) -> Int[np.ndarray, "x y z"]:
 
 
 def nested_cells(depth: Int[np.ndarray, "x y z"]) -> LevelCells:
-    """For each level l the cells of 2^l voxels that form its shell, in lattice order.
+    """Cells of 2^l voxels that form the shell of each level l, in lattice order.
 
-    Level 0 is the shell of the body. A cell of a coarser level is inside what the
-    levels above leave, 2^l - 1 voxels less than the body all round, if at least half
-    of the eight voxels around its centre are; of the cells inside, those with a face
-    to one that is not are the level. A level in between may have none.
+    Level 0 is the shell of the body. A cell of level l is inside the remaining core
+    (the body without its outer 2^l - 1 layers) if at least four of the eight voxels
+    around its centre are; those with a face to a cell outside form the level.
 
     Args:
         depth: from `voxel_depth`.
@@ -57,7 +59,7 @@ def nested_cells(depth: Int[np.ndarray, "x y z"]) -> LevelCells:
 
 
 def _inside(depth: Int[np.ndarray, "x y z"], size: int) -> Bool[np.ndarray, "a b c"]:
-    """Cells with at least four of their eight central voxels at the depth `size`."""
+    """Cells with at least four of their eight central voxels as deep as `size`."""
     middle = (slice(size // 2 - 1, None, size), slice(size // 2, None, size))
     found = [
         (depth[x, y, z] >= size).astype(np.uint8)
@@ -68,47 +70,46 @@ def _inside(depth: Int[np.ndarray, "x y z"], size: int) -> Bool[np.ndarray, "a b
     return sum(found[1:], found[0]) >= 4
 
 
-class Territory(NamedTuple):
-    """The division of a body among its cells."""
+class Assignment(NamedTuple):
+    """Division of a body among cells."""
 
     owner: Int[np.ndarray, "x y z"]
-    """Number of the cell, -1 outside the body."""
+    """Number of the cell of each voxel, -1 outside the body."""
     gap: Int[np.ndarray, "x y z"]
-    """Steps from the cell; 0 within it."""
+    """Steps from the voxel to its cell, 0 within it."""
 
 
-def divide(
+def assign_voxels(
     body: Bool[np.ndarray, "x y z"], levels: LevelCells
-) -> tuple[Territory, LevelCells]:
-    """Divide a body among cells, and leave out cells that smaller ones hide entirely.
-
-    Every cell left has voxels of its own, and each of these is joined over faces of
-    the body to the cell's centre: no cell joins parts that the body does not.
+) -> tuple[Assignment, LevelCells]:
+    """Divide a body among cells; drop the cells that smaller ones hide entirely.
 
     Args:
         body: the voxels to divide, with an empty rim.
-        levels: for each level l its cells of 2^l voxels. Cells of one level do not
-            overlap; the numbers run on from level to level.
+        levels: cells of each level, without overlap within a level; their numbers
+            continue from level to level.
 
     Returns:
-        The division, and the cells left in each level.
+        The division, and the remaining cells of each level.
     """
     owner = _paint(body, levels)
     counts = [len(cells) for cells in levels]
-    seen = np.zeros(sum(counts), bool)
-    seen[: counts[0]] = True
-    seen[owner[owner >= counts[0]]] = True
-    if not seen.all():
-        parts = np.split(seen, np.cumsum(counts)[:-1])
+    visible = np.zeros(sum(counts), bool)
+    # Cells of level 0 are always kept, since fragments lie on them.
+    visible[: counts[0]] = True
+    visible[owner[owner >= counts[0]]] = True
+    if not visible.all():
+        parts = np.split(visible, np.cumsum(counts)[:-1])
         levels = [cells[part] for cells, part in zip(levels, parts, strict=True)]
         owner = _paint(body, levels)
-    return Territory(owner, grow(body, owner)), levels
+    return Assignment(owner, assign_nearest(body, owner)), levels
 
 
 def _paint(
     body: Bool[np.ndarray, "x y z"], levels: LevelCells
 ) -> Int[np.ndarray, "x y z"]:
     """Number of the smallest cell that covers each voxel of the body, else -1."""
+    # From coarse to fine, so that smaller cells overwrite larger ones.
     owner = np.full(body.shape, -1, np.int32)
     first = sum(len(cells) for cells in levels)
     for level in reversed(range(len(levels))):
@@ -128,88 +129,81 @@ def _paint(
 
 
 def _joined_to_centre(size: int) -> Bool[np.ndarray, "s s s"]:
-    """Voxels of a cell that, if in the body, are joined to its centre within the cell.
-
-    Half of the eight central voxels are `size` steps or more from the outside, so all
-    eight are at least size - 2, and every path of fewer steps stays in the body. The
-    voxels nearer to the corners may belong to another part of the body.
-    """
-    place = np.arange(size)
-    steps = np.maximum(size // 2 - 1 - place, place - size // 2)
+    """Voxels of a cell that, if in the body, are connected to its centre within it."""
+    # Half of the eight central voxels have a depth of `size` or more, so all eight have
+    # size - 2, and every shorter path stays in the body. Voxels nearer to the corners
+    # may belong to another part of the body, which no cell may connect.
+    index = np.arange(size)
+    steps = np.maximum(size // 2 - 1 - index, index - size // 2)
     total = steps[:, None, None] + steps[:, None] + steps
     return total < max(size - 2, 1)
 
 
-def grow(
+def assign_nearest(
     body: Bool[np.ndarray, "x y z"], owner: Int[np.ndarray, "x y z"]
 ) -> Int[np.ndarray, "x y z"]:
-    """Give every voxel without an owner to a neighbour's, step by step, in place.
-
-    What the body does not join to any owner keeps -1.
+    """Assign every voxel without an owner to the nearest one through the body.
 
     Args:
         body: the voxels to divide, with an empty rim.
-        owner: of each voxel, -1 for none.
+        owner: of each voxel, -1 for none; changed in place. Voxels that the body does
+            not connect to any owner keep -1.
 
     Returns:
-        The steps. Of several neighbours the first in lattice order decides.
+        The steps to the owner.
     """
     gap = np.zeros(body.shape, np.int16)
     flat_owner, flat_gap = owner.reshape(-1), gap.reshape(-1)
-    waiting = np.flatnonzero(body & (owner < 0))
+    unassigned = np.flatnonzero(body & (owner < 0))
     _, y, z = body.shape
     step = 0
-    while len(waiting):
+    while len(unassigned):
         step += 1
-        found = np.full(len(waiting), -1, np.int32)
+        found = np.full(len(unassigned), -1, np.int32)
+        # Of several neighbours the first in lattice order decides: reproducible.
         for jump in (-y * z, -z, -1, 1, z, y * z):
-            found = np.where(found < 0, flat_owner[waiting + jump], found)
+            found = np.where(found < 0, flat_owner[unassigned + jump], found)
         reached = found >= 0
         if not reached.any():
             break
-        flat_owner[waiting[reached]] = found[reached]
-        flat_gap[waiting[reached]] = step
-        waiting = waiting[~reached]
+        flat_owner[unassigned[reached]] = found[reached]
+        flat_gap[unassigned[reached]] = step
+        unassigned = unassigned[~reached]
     return gap
 
 
 def voxel_owner(structure: AbstractStructure) -> Int[np.ndarray, " v"]:
-    """The node that each solid voxel's heat goes to, in lattice order.
+    """Node that the heat of each solid voxel is assigned to, in lattice order.
 
-    A voxel in no node, as inside a shell, goes to the node the fewest steps through
-    the body away; one that the body joins to no node keeps -1.
+    A voxel in no node, as inside a shell, is assigned to the nearest node through the
+    body; one that is connected to no node keeps -1.
     """
-    own, solid = structure.voxel_node(), structure.grid.solid
-    if (own >= 0).all():
-        return own
+    node, solid = structure.voxel_node(), structure.grid.solid
+    if (node >= 0).all():
+        return node
     owner = np.full(np.add(solid.shape, 2), -1, np.int32)
     padded = np.pad(solid, 1)
-    owner[padded] = own
-    grow(padded, owner)
+    owner[padded] = node
+    assign_nearest(padded, owner)
     return owner[padded]
 
 
 def volume_within(
     structure: AbstractStructure, chosen: Bool[np.ndarray, " v"]
 ) -> Float[np.ndarray, " n"]:
-    """Volume of the chosen solid voxels that goes to each node [m^3].
-
-    Args:
-        structure: of the body.
-        chosen: of the solid voxels, in lattice order.
-    """
+    """Volume of the chosen solid voxels (in lattice order) of each node [m^3]."""
     owner = voxel_owner(structure)[chosen]
     count = np.bincount(owner[owner >= 0], minlength=structure.node_count)
     return count * structure.grid.voxel_volume
 
 
-LEAST_SHARE = 0.5
-"""Of its own volume, that a node keeps however little is nearest to it: an edge with a
-tenth would make the whole body ten times as stiff, and its heat spreads at once."""
+# Smallest nearest volume relative to the node's own: an edge node with a tenth would
+# make the explicit step ten times as short.
+_MIN_NEAREST_FRACTION = 0.5
 
 
 def nearest_volume(structure: AbstractStructure) -> Float[np.ndarray, " n"]:
-    """Volume of all solid voxels that are nearest to each node [m^3]."""
+    """Volume of all solid voxels nearest to each node [m^3], for `nearest_capacity`."""
     everything = np.ones(structure.grid.solid_count, bool)
-    least = LEAST_SHARE * structure.nodes().volume
-    return np.maximum(volume_within(structure, everything), least)
+    minimum = _MIN_NEAREST_FRACTION * structure.nodes().volume
+    return np.maximum(volume_within(structure, everything), minimum)

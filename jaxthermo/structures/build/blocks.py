@@ -1,7 +1,7 @@
-"""Nodes, links and surface of any division of the voxels: labels in, a structure out.
+"""Labels of voxels, and the structure whose nodes are the labelled groups.
 
-A label volume holds the node of every voxel, -1 where there is none. Nodes are numbered
-in the lattice order of their first voxels, so that neighbours lie close in memory.
+A label volume has the node of every voxel, -1 for none. Nodes are numbered in the
+lattice order of their first voxels, so that neighbours are close in memory.
 """
 
 import numpy as np
@@ -15,38 +15,38 @@ from .links import block_links, voxel_links
 
 
 def index_type(shape: tuple[int, ...]) -> np.dtype:
-    """Integers that can number all cells of a lattice: int32, or int64 if need be."""
+    """Smallest of int32 and int64 that can index all cells of a lattice."""
     return np.promote_types(np.int32, np.min_scalar_type(-int(np.prod(shape))))
 
 
 def number_by_first_voxel(
     first: Int[np.ndarray, "x y z"],
 ) -> tuple[Int[np.ndarray, "x y z"], Int[np.ndarray, " n"]]:
-    """Labels from 0 without gaps.
+    """Number nodes from 0 in the order of their first voxels.
 
     Args:
-        first: for each voxel the number, in lattice order, of the first voxel of its
-            node; -1 for voxels in no node.
+        first: index, in lattice order, of the first voxel of each voxel's node; -1 for
+            voxels in no node.
 
     Returns:
-        The labels, and the first voxel of each node.
+        The labels, and the index of the first voxel of each node.
     """
     flat = first.reshape(-1)
     covered = np.flatnonzero(flat >= 0)
-    theirs = flat[covered]
-    leads = theirs == covered
-    # Only the entries at first voxels are read.
+    first_voxel = flat[covered]
+    is_first = first_voxel == covered
+    # The running count is right at first voxels, and only there it is read.
     number = np.zeros(len(flat), np.int32)
-    number[covered] = np.cumsum(leads, dtype=np.int32) - 1
+    number[covered] = np.cumsum(is_first, dtype=np.int32) - 1
     labels = np.full(len(flat), -1, np.int32)
-    labels[covered] = number[theirs]
-    return labels.reshape(first.shape), covered[leads]
+    labels[covered] = number[first_voxel]
+    return labels.reshape(first.shape), covered[is_first]
 
 
 def build_blocks(
     grid: VoxelGrid, labels: Int[np.ndarray, "x y z"], level: Int[np.ndarray, " n"]
 ) -> Built:
-    """A structure whose nodes are groups of voxels.
+    """Build a structure whose nodes are groups of voxels.
 
     Args:
         grid: the body.
@@ -57,9 +57,10 @@ def build_blocks(
     covered = np.flatnonzero(labels.reshape(-1) >= 0)
     node = labels.reshape(-1)[covered]
     voxels = np.bincount(node, minlength=len(level))
-    place = np.unravel_index(covered, labels.shape)
-    total = [np.bincount(node, index, len(level)) for index in place]
+    cell = np.unravel_index(covered, labels.shape)
+    total = [np.bincount(node, index, len(level)) for index in cell]
     centre = np.stack(total, axis=1) / voxels[:, None] + 0.5
+    # Single voxels need no sort of shared faces.
     if np.array_equal(node, np.arange(len(level))):
         links = voxel_links(labels, grid.pitch)
     else:
@@ -70,7 +71,7 @@ def build_blocks(
             centre=middle,
             volume=voxels * grid.voxel_volume,
             level=level.astype(np.int32),
-            place=middle,
+            location=middle,
         ),
         links=links,
         fragment_node=labels[tuple(grid.fragment_voxel.T)],
@@ -81,10 +82,13 @@ def build_blocks(
 def block_parts(
     solid: Bool[np.ndarray, "x y z"], factor: int
 ) -> Int[np.ndarray, "x y z"]:
-    """For each voxel the first voxel, in lattice order, of its part of its block.
+    """Divide the voxels into connected parts of cubic blocks.
 
-    A block has factor^3 voxels, fewer at the upper ends of the lattice. A part is what
-    hangs together over voxel faces without leaving the block. Empty voxels have -1.
+    A block has factor^3 voxels, fewer at the upper ends of the lattice; its parts are
+    connected over voxel faces without leaving the block.
+
+    Returns:
+        For each voxel the index of the first voxel of its part; -1 for empty voxels.
     """
     edge = np.minimum(factor, solid.shape)
     blocks = -(-np.array(solid.shape) // edge)
@@ -98,6 +102,7 @@ def block_parts(
     strides = np.array([solid.shape[1] * solid.shape[2], solid.shape[2], 1])
     corner = _lattice_sum(blocks, edge * strides).astype(first.dtype)
     within = _lattice_sum(edge, strides).astype(first.dtype)
+    # Most blocks are full or empty; only mixed ones need connected parts.
     full = inside.all((3, 4, 5))
     first_inside[...] = np.where(full, corner, -1)[..., None, None, None]
     mixed = inside.any((3, 4, 5)) & ~full
@@ -110,7 +115,7 @@ def block_parts(
 def _lattice_sum(
     counts: Int[np.ndarray, "3"], strides: Int[np.ndarray, "3"]
 ) -> Int[np.ndarray, "i j k"]:
-    """Of all (i, j, k) below the counts: i s_x + j s_y + k s_z."""
+    """Linear index i s_x + j s_y + k s_z of all (i, j, k) below the counts."""
     x, y, z = (np.arange(n) * stride for n, stride in zip(counts, strides, strict=True))
     return x[:, None, None] + y[:, None] + z
 
@@ -118,45 +123,41 @@ def _lattice_sum(
 def _first_of_parts(
     solid: Bool[np.ndarray, "m i j k"], voxel: Int[np.ndarray, "m i j k"]
 ) -> Int[np.ndarray, "m i j k"]:
-    """The lowest of `voxel` in each part of each block; -1 where empty."""
-    # All blocks in one pile, an empty plane under each.
-    pile = np.pad(solid, [(0, 0), (1, 0), (0, 0), (0, 0)])
-    part = measure.label(pile.reshape(-1, *solid.shape[2:]), connectivity=1)
-    part = np.asarray(part).reshape(pile.shape)[:, 1:][solid]
-    own = voxel[solid]
-    lowest = np.zeros(part.max(initial=0) + 1, own.dtype)
-    # Voxels come in rising order inside a block: the last one written is the lowest.
-    lowest[part[::-1]] = own[::-1]
-    result = np.full(solid.shape, -1, own.dtype)
+    """Lowest of `voxel` in each connected part of each block; -1 where empty."""
+    # All blocks stacked, separated by empty planes, so that one labelling serves all.
+    stack = np.pad(solid, [(0, 0), (1, 0), (0, 0), (0, 0)])
+    part = measure.label(stack.reshape(-1, *solid.shape[2:]), connectivity=1)
+    part = np.asarray(part).reshape(stack.shape)[:, 1:][solid]
+    index = voxel[solid]
+    lowest = np.zeros(part.max(initial=0) + 1, index.dtype)
+    # Indices rise within a block: written backwards, the lowest one remains.
+    lowest[part[::-1]] = index[::-1]
+    result = np.full(solid.shape, -1, index.dtype)
     result[solid] = lowest[part]
     return result
 
 
-def voxel_layers(grid: VoxelGrid, most: int) -> Int[np.ndarray, "x y z"]:
-    """Number of the layer of each voxel, 0 at the surface; -1 outside and deeper.
+def voxel_layers(grid: VoxelGrid, max_layers: int) -> Int[np.ndarray, "x y z"]:
+    """Number the layers of voxels from 0 at the surface; -1 outside and deeper.
 
-    Layer 0 are the solid voxels with an empty face neighbour, and the few others that
-    carry a fragment; layer i + 1 are the face neighbours of layer i not yet reached.
-
-    Args:
-        grid: the body.
-        most: how many layers to take off.
+    Layer 0 is `shell_voxels`, layer i + 1 the remaining face neighbours of layer i.
     """
+    # A rim of empty voxels, so that no jump to a neighbour wraps around.
     padded = np.pad(grid.solid, 1)
     _, y, z = padded.shape
-    waiting = padded.reshape(-1)
-    layer = np.full(waiting.shape, -1, np.int32)
+    unreached = padded.reshape(-1)
+    layer = np.full(unreached.shape, -1, np.int32)
     first = tuple(shell_voxels(grid).T + 1)
     front = np.asarray(np.ravel_multi_index(first, padded.shape))
-    waiting[front] = False
+    unreached[front] = False
     layer[front] = 0
-    for number in range(1, most):
+    for number in range(1, max_layers):
         reached = []
         for jump in (-y * z, -z, -1, 1, z, y * z):
-            near = front + jump
-            near = near[waiting[near]]
-            waiting[near] = False
-            reached.append(near)
+            neighbour = front + jump
+            neighbour = neighbour[unreached[neighbour]]
+            unreached[neighbour] = False
+            reached.append(neighbour)
         front = np.concatenate(reached)
         if not len(front):
             break

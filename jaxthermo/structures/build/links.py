@@ -1,8 +1,14 @@
-"""Links between groups of voxels: the shared face's area and the way across it.
+"""Links between groups of voxels: areas, distances and normals of shared faces.
 
-The voxel faces that two groups share are taken for one flat face. On axis i they cover
-A_i; the face has the area A = |(A_x, A_y, A_z)|, which does not grow with the steps of
-a staircase, and lies the distance sum_i A_i d_i / A along its normal from each centre.
+The voxel faces that two groups share are replaced by one flat face. With A_i their area
+across axis i, it has the area A = |(A_x, A_y, A_z)|, which does not grow with the steps
+of a staircase, at the distance sum_i A_i d_i / A along its normal from each centre.
+
+Non-orthogonal correction: of the vector d from node i to node j the part n . d crosses
+the face with normal n; the rest s lies along it. With the gradient g the difference
+across the face is T_j - T_i - g . s over the distance n . d, exact for any linear
+temperature. The two-point flux uses T_j - T_i over a length between n . d and |d|
+(`link_distance`).
 """
 
 from typing import NamedTuple
@@ -13,43 +19,43 @@ from jaxtyping import Float, Int
 from ..structure import AbstractStructure, Links
 
 
-LEAST_DISTANCE = 0.25
-"""Between a centre and a face, in voxels; a bent group's centre may lie beyond it."""
+# Smallest distance from a centre to a face [voxels]: the centre of a concave group may
+# lie beyond its face.
+_MIN_DISTANCE = 0.25
 
-STRETCH = 1_000_000
-"""Faces taken at a time: temporaries stay small."""
+CHUNK_FACES = 1_000_000
+"""Number of faces per chunk, which bounds the size of temporaries."""
 
 
 def link_distance(
     normal: Float[np.ndarray, " e"], straight: Float[np.ndarray, " e"]
 ) -> Float[np.ndarray, " e"]:
-    """Way of the heat from centre to centre: half way between two measures of it.
-
-    Along the face's normal is exact where heat flows along it; but where coarse meets
-    fine, centres are also apart sideways, which conducts too well along the face. The
-    straight line errs the other way. The mean had the smallest largest error on a
-    statue heated from three sides, in octrees, over cores and between random cells.
+    """Length of the heat path between two centres: (n . d + max(|d|, n . d)) / 2.
 
     Args:
         normal: distance along the normal of the shared face.
-        straight: distance between the centres, which may be nothing for bent groups.
+        straight: distance between the centres, 0 possible for concave groups.
     """
+    # The normal distance is exact for heat flow along the normal, but conducts too well
+    # along the face where centres are displaced along it (coarse next to fine); |d|
+    # errs the other way. The mean had the smallest maximal error on a statue heated
+    # from three sides, in octrees, over cores and between random cells.
     return (normal + np.maximum(straight, normal)) / 2
 
 
 def block_links(
     labels: Int[np.ndarray, "x y z"], centre: Float[np.ndarray, "n 3"], pitch: float
 ) -> Links:
-    """One link for each pair of groups that share voxel faces.
+    """Link each pair of groups that share voxel faces.
 
     Args:
         labels: group of each voxel, -1 for none.
-        centre: of each group, in voxels from the corner of the lattice.
+        centre: centre of each group [voxels from the corner of the lattice].
         pitch: edge of a voxel [m].
     """
     side, plane = _shared_faces(labels, len(centre))
-    # A pair's faces stay in one stretch.
-    begin = np.searchsorted(side, side[::STRETCH] // 6 * 6)
+    # Chunks end between pairs: the faces of a pair are summed in one of them.
+    begin = np.searchsorted(side, side[::CHUNK_FACES] // 6 * 6)
     begin = np.union1d(0, begin)
     end = np.append(begin[1:], len(side))
     parts = [
@@ -66,18 +72,19 @@ def block_links(
 def _shared_faces(
     labels: Int[np.ndarray, "x y z"], count: int
 ) -> tuple[Int[np.ndarray, " k"], Int[np.ndarray, " k"]]:
-    """All faces between different groups, sorted: their sides, and places along it.
+    """Sorted keys of all faces between different groups, and their planes.
 
-    A side is one number: 6 (src n + dst) + 2 axis + (1 if dst is the upper one).
+    The key is 6 (src n + dst) + 2 axis + (1 if dst is the upper one).
     """
     sides, planes = [], []
     for axis in range(3):
         line = np.moveaxis(labels, axis, -1)
         below, above = line[..., :-1], line[..., 1:]
         shared = (below != above) & (below >= 0) & (above >= 0)
-        place = np.arange(1, line.shape[-1], dtype=np.int32)
-        planes.append(np.broadcast_to(place, shared.shape)[shared])
+        plane = np.arange(1, line.shape[-1], dtype=np.int32)
+        planes.append(np.broadcast_to(plane, shared.shape)[shared])
         below, above = below[shared], above[shared]
+        # In place: these arrays are among the largest of the build.
         side = np.minimum(below, above).astype(np.int64)
         side *= count
         side += np.maximum(below, above)
@@ -95,16 +102,16 @@ def _links(
     plane: Int[np.ndarray, " k"],
     centre: Float[np.ndarray, "n 3"],
 ) -> Links:
-    """Links of sorted faces, in voxels."""
+    """Links of sorted faces [voxels]."""
     start = _starts(side)
     faces = np.diff(start, append=len(side))
-    place = np.add.reduceat(plane, start, dtype=float) / faces
+    mean_plane = np.add.reduceat(plane, start, dtype=float) / faces
     side = side[start]
     pair, face = np.divmod(side, 6)
     src, dst = np.divmod(pair, len(centre))
     axis, sign = face // 2, face % 2 * 2 - 1
-    to_src = np.maximum(sign * (place - centre[src, axis]), LEAST_DISTANCE)
-    to_dst = np.maximum(sign * (centre[dst, axis] - place), LEAST_DISTANCE)
+    to_src = np.maximum(sign * (mean_plane - centre[src, axis]), _MIN_DISTANCE)
+    to_dst = np.maximum(sign * (centre[dst, axis] - mean_plane), _MIN_DISTANCE)
 
     on_axis = _starts(side // 2)
     squares = np.add.reduceat(faces, on_axis) ** 2.0
@@ -126,32 +133,32 @@ def _links(
 
 
 def _starts(ordered: Int[np.ndarray, " k"]) -> Int[np.ndarray, " u"]:
-    """Where each run of equal numbers begins."""
+    """Index at which each run of equal numbers begins."""
     changes = np.ones(len(ordered), bool)
     changes[1:] = ordered[1:] != ordered[:-1]
     return np.flatnonzero(changes)
 
 
 def voxel_links(labels: Int[np.ndarray, "x y z"], pitch: float) -> Links:
-    """One link per shared face, of area pitch^2, half a pitch on either side.
+    """Link single voxels over shared faces, without the sort of `block_links`.
 
     Args:
         labels: rank of each labelled voxel in lattice order; -1 for the others.
         pitch: edge of a voxel [m].
     """
-    # One voxel more at the upper ends, so that the next along an axis always exists.
+    # One more voxel at the upper ends, so that the next along an axis always exists.
     padded = np.pad(labels, (0, 1), constant_values=-1)
     _, y, z = padded.shape
     flat = padded.reshape(-1)
     voxel = np.flatnonzero(flat >= 0)
-    # Along z, y and x: for each voxel in rising order.
+    # Along z, y and x, so that neighbours come in rising order and links are sorted.
     after = np.stack([flat[voxel + jump] for jump in (1, z, y * z)], axis=1)
     linked = after >= 0
-    own = np.arange(len(voxel), dtype=np.int32)
+    node = np.arange(len(voxel), dtype=np.int32)
     dst = after[linked]
     half = np.full(len(dst), pitch / 2)
     return Links(
-        src=np.repeat(own, np.count_nonzero(linked, axis=1)),
+        src=np.repeat(node, np.count_nonzero(linked, axis=1)),
         dst=dst,
         area=np.full(len(dst), pitch**2),
         distance_src=half,
@@ -159,61 +166,60 @@ def voxel_links(labels: Int[np.ndarray, "x y z"], pitch: float) -> Links:
     )
 
 
-LEAST_ACROSS = 0.5
-"""Of |d|, the least that is taken for n . d, the rest going to s: where faces are cut
-at a slant it would be next to nothing, and the step with it."""
+MIN_NORMAL_FRACTION = 0.5
+"""Smallest n . d / |d|: at slanted cuts it would vanish, and the time step with it."""
 
-NOTHING = 1e-9
-"""Of |d|, what counts as no way along the face."""
+# Smallest |s| / |d| that is corrected.
+_MIN_OFFSET = 1e-9
 
 
 class NonOrthogonalLinks(NamedTuple):
-    """The links whose ends are apart along their face."""
+    """Links whose nodes are displaced along their face."""
 
     link: Int[np.ndarray, " k"]
-    """Which of the structure's they are."""
+    """Indices of the links."""
     offset: Float[np.ndarray, "k 3"]
-    """s, from `src` to `dst` [m]."""
-    stretch: Float[np.ndarray, " e"]
-    """Length that the two-point flux of every link has, over n . d."""
+    """Displacement s along the face, from `src` to `dst` [m]."""
+    length_ratio: Float[np.ndarray, " e"]
+    """Length of the two-point flux over n . d, for every link [-]."""
 
 
 def non_orthogonal_links(structure: AbstractStructure) -> NonOrthogonalLinks:
-    """Those of one structure."""
-    links, place = structure.links(), structure.nodes().place
+    """Find the links of a structure that need the non-orthogonal correction."""
+    links, location = structure.links(), structure.nodes().location
     normal = face_normals(structure)
-    way = place[links.dst] - place[links.src]
-    straight = np.linalg.norm(way, axis=1)
-    across = np.einsum("ei,ei->e", way, normal)
-    across = np.maximum(across, LEAST_ACROSS * straight)
-    apart = way - across[:, None] * normal
-    some = np.linalg.norm(apart, axis=1) > NOTHING * straight
-    link = np.flatnonzero(some & normal.any(axis=1))
-    stretch = np.ones(len(way))
-    stretch[link] = (link_distance(across, straight) / across)[link]
-    return NonOrthogonalLinks(link, apart[link], stretch)
+    step = location[links.dst] - location[links.src]
+    straight = np.linalg.norm(step, axis=1)
+    across = np.einsum("ei,ei->e", step, normal)
+    across = np.maximum(across, MIN_NORMAL_FRACTION * straight)
+    # What is missing to the minimum goes to s, so that d = (n . d) n + s still holds.
+    offset = step - across[:, None] * normal
+    displaced = np.linalg.norm(offset, axis=1) > _MIN_OFFSET * straight
+    link = np.flatnonzero(displaced & normal.any(axis=1))
+    ratio = np.ones(len(step))
+    ratio[link] = (link_distance(across, straight) / across)[link]
+    return NonOrthogonalLinks(link, offset[link], ratio)
 
 
 def link_axes(structure: AbstractStructure) -> Float[np.ndarray, "e 3"]:
-    """How much of each link crosses along x, y and z: its squared direction, sum 1.
+    """Squared direction cosines of each link, sum 1.
 
-    The direction is the normal of the voxel faces that the two nodes share: along x if
-    all of them lie across x, however far the centres are apart sideways. Nodes that
-    share no face, as voxels over an edge, have that from centre to centre.
+    The direction is the normal of the shared voxel faces; of nodes that share none, as
+    voxels over an edge, the line from centre to centre.
     """
     upward, downward = _face_counts(structure)
     across, links = upward + downward, structure.links()
     centre = structure.nodes().centre
-    apart = centre[links.dst] - centre[links.src]
-    across = np.where(across.any(axis=1, keepdims=True), across, apart)
+    step = centre[links.dst] - centre[links.src]
+    across = np.where(across.any(axis=1, keepdims=True), across, step)
     squared = np.square(across)
     return squared / squared.sum(axis=1, keepdims=True)
 
 
 def face_normals(structure: AbstractStructure) -> Float[np.ndarray, "e 3"]:
-    """Unit normal from `src` to `dst` of the voxel faces that each link's nodes share.
+    """Unit normal of the shared voxel faces of each link, from `src` to `dst`.
 
-    Zero where they share none, or as many looking one way as the other.
+    Zero without a shared face, or where the faces cancel.
     """
     upward, downward = _face_counts(structure)
     normal = upward - downward
@@ -222,21 +228,19 @@ def face_normals(structure: AbstractStructure) -> Float[np.ndarray, "e 3"]:
 
 
 def _face_counts(structure):
-    """Voxel faces of every link along x, y, z: with `dst` above, and with it below."""
+    """Shared voxel faces of every link along x, y, z, with `dst` above and below."""
     links, count = structure.links(), structure.node_count
-    pair = lambda one, other: (
-        np.minimum(one, other).astype(np.int64) * count + np.maximum(one, other)
-    )
+    pair = lambda a, b: np.minimum(a, b).astype(np.int64) * count + np.maximum(a, b)
     key = pair(links.src, links.dst)
     order = np.argsort(key, kind="stable")
-    # One more, so that what is sought beyond the last finds something.
+    # One more entry, so that a key beyond the last finds one.
     ranked = np.append(key[order], -1)
     upward, downward = np.zeros((2, len(key), 3))
     for axis, (below, above) in enumerate(_faces_between_nodes(structure)):
         face = pair(below, above)
-        place = np.searchsorted(ranked[:-1], face)
-        found = ranked[place] == face
-        link = order[place[found]]
+        index = np.searchsorted(ranked[:-1], face)
+        found = ranked[index] == face
+        link = order[index[found]]
         rises = links.src[link] == below[found]
         upward[:, axis] = np.bincount(link[rises], minlength=len(key))
         downward[:, axis] = np.bincount(link[~rises], minlength=len(key))
@@ -244,7 +248,7 @@ def _face_counts(structure):
 
 
 def _faces_between_nodes(structure):
-    """For each axis the nodes below and above every voxel face between two nodes."""
+    """Nodes below and above every voxel face between two nodes, for each axis."""
     solid = structure.grid.solid
     node = np.full(solid.shape, -1, np.int32)
     node[solid] = structure.voxel_node()

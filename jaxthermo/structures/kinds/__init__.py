@@ -1,1 +1,1 @@
-"""The kinds of structure, one a file."""
+"""The kinds of structure, one per file."""

@@ -1,4 +1,4 @@
-"""Growing voxels: blocks of voxels with their true volume and open faces."""
+"""Aggregates: blocks of voxels with their true volume and open faces."""
 
 from dataclasses import replace
 
@@ -16,32 +16,33 @@ from ..structure import AbstractBuiltStructure, Built
 from ..weights import ConductionWeights
 
 
-MIN_TIME_CONSTANT = 0.45
-"""By default: more than halves the steps at factor 4 and adds 0.05 % of error."""
+# More than halves the number of steps at factor 4 and adds 0.05 % of error.
+_MIN_TIME_CONSTANT = 0.45
 
-ALIGNMENT = 0.7
-"""By default: halved the error of a heated bust and took a fifth off a statue's and a
-bunny's, at factors 2 to 4; between 0.5 and 0.8 it hardly matters."""
+# Halved the error of a heated bust and reduced that of a statue and a bunny by a fifth,
+# at factors 2 to 4; between 0.5 and 0.8 it hardly matters.
+_ALIGNMENT = 0.7
 
 
 class Aggregate(AbstractBuiltStructure):
-    """Blocks of factor^3 voxels, each with the volume and centre of what is solid.
+    """Blocks of factor^3 voxels, each with the volume and centre of its solid voxels.
 
-    Parts of a block that do not touch inside it are nodes of their own, so that heat
-    does not leap across a gap. Blocks at the upper ends of the lattice may be cut.
-    Where nodes stand, see `alignment`.
+    Disconnected parts of a block are separate nodes, so that heat does not cross a gap.
+    Blocks at the upper ends of the lattice may be incomplete.
+
+    Raises:
+        InputError: for a factor below 1, or other options outside 0 to 1.
     """
 
     grid: VoxelGrid = eqx.field(static=True)
     factor: int = eqx.field(static=True, default=4)
     """Voxels along an edge of a block; 1 is the full volume."""
     min_time_constant: float = eqx.field(
-        static=True, kw_only=True, default=MIN_TIME_CONSTANT
+        static=True, kw_only=True, default=_MIN_TIME_CONSTANT
     )
-    """That slivers are held to, of a whole block's inside the body; 0 for none."""
-    alignment: float = eqx.field(static=True, kw_only=True, default=ALIGNMENT)
-    """How far nodes stand from their centre (0) towards the middle of their block (1),
-    in line with their neighbours."""
+    """Smallest time constant of a node relative to a whole block's [-]; 0: no limit."""
+    alignment: float = eqx.field(static=True, kw_only=True, default=_ALIGNMENT)
+    """Location of nodes between their centre (0) and the middle of their block (1)."""
     weights: ConductionWeights = eqx.field(
         kw_only=True, default=ConductionWeights(), converter=as_weights
     )
@@ -67,87 +68,85 @@ class Aggregate(AbstractBuiltStructure):
         )
 
 
-def _build(grid: VoxelGrid, factor: int, least: float, alignment: float) -> Built:
+def _build(
+    grid: VoxelGrid, factor: int, min_time_constant: float, alignment: float
+) -> Built:
     factor = min(factor, max(grid.solid.shape))
     labels, first = number_by_first_voxel(block_parts(grid.solid, factor))
-    # Blocks in lattice order: neighbours along z follow one another in memory.
+    # Lattice order of the blocks: neighbours along z are adjacent in memory.
     block = np.stack(np.unravel_index(first, labels.shape)) // factor
     shape = block.max(axis=1) + 1
     order = np.argsort(np.ravel_multi_index(tuple(block), shape), kind="stable")
-    # The last entry serves the label -1.
+    # The last entry maps the label -1 to itself.
     number = np.full(len(order) + 1, -1, np.int32)
     number[order] = np.arange(len(order))
     built = build_blocks(grid, number[labels], np.zeros(len(order), np.int32))
     edge, corner = factor * grid.pitch, grid.lattice.origin
-    built = in_line(built, block.T[order], corner, edge, alignment)
-    # Of a whole block with six neighbours: V / sum A / L = (factor pitch)^2 / 6.
+    built = _align_nodes(built, block.T[order], corner, edge, alignment)
+    # A whole block with six neighbours has V / sum A / L = (factor pitch)^2 / 6.
     whole = (factor * grid.pitch) ** 2 / 6 * grid.volume_ratio
-    return hold_back(built, least * whole) if least else built
+    limit = min_time_constant * whole
+    return _limit_small_nodes(built, limit) if limit else built
 
 
-def in_line(
+def _align_nodes(
     built: Built,
     block: Int[np.ndarray, "n 3"],
     corner: Float[np.ndarray, "3"],
     edge: float,
     alignment: float,
 ) -> Built:
-    """The same structure with its nodes moved, and its links as long as they then are.
-
-    A node without a neighbour along an axis stays where it is on it: a thin sheet has
-    nothing to be in line with across.
+    """Move nodes towards the middle of their block and adapt the links.
 
     Args:
         built: nodes that are parts of cubic blocks.
-        block: of each, its place among the blocks.
+        block: index of each node's block along x, y, z.
         corner: of the first block [m].
         edge: of a block [m].
-        alignment: how far to move, from the centre (0) to the middle of the block (1).
+        alignment: location between the centre (0) and the middle of the block (1).
     """
+    # The difference of two nodes gives the flux where the line between them is normal
+    # to the face. Centres of partly filled blocks are not aligned along a surface: a
+    # gradient across it looks like one along it. Middles of blocks are aligned, but the
+    # temperature of a node is not that of its middle. In between both errors are small.
     links, centre = built.links, built.nodes.centre
     src, dst = links.src, links.dst
     axis = np.argmax(block[src] != block[dst], axis=1)
     linked = np.zeros(block.shape, bool)
     linked[src, axis] = linked[dst, axis] = True
+    # Without a neighbour along an axis, as across a thin sheet, a node stays.
     middle = corner + (block + 0.5) * edge
-    place = centre + alignment * np.where(linked, middle - centre, 0)
+    location = centre + alignment * np.where(linked, middle - centre, 0)
     row = np.arange(len(src))
     face = corner[axis] + np.maximum(block[src], block[dst])[row, axis] * edge
-    to_src, to_dst = (np.abs(face - place[end, axis]) for end in (src, dst))
+    to_src, to_dst = (np.abs(face - location[end, axis]) for end in (src, dst))
     normal = to_src + to_dst
-    straight = np.linalg.norm(place[dst] - place[src], axis=1)
+    straight = np.linalg.norm(location[dst] - location[src], axis=1)
     longer = link_distance(normal, straight) / normal
     return replace(
         built,
-        nodes=built.nodes._replace(place=place),
+        nodes=built.nodes._replace(location=location),
         links=links._replace(
             distance_src=to_src * longer, distance_dst=to_dst * longer
         ),
     )
 
 
-def hold_back(built: Built, least: float) -> Built:
-    """The same structure with the links of slivers lengthened.
-
-    Args:
-        built: nodes and links.
-        least: time constant that no node is below, times the diffusivity [m^2].
-    """
+def _limit_small_nodes(built: Built, minimum: float) -> Built:
+    """Lengthen the links of nodes with V / sum_j(A_j / L_j) below `minimum` [m^2]."""
+    # The explicit step is limited by the smallest time constant C / sum_j G_j, for one
+    # material V / (alpha sum_j A_j / L_j). That of a few thin parts of blocks is far
+    # below a whole block's. They follow their neighbours anyway; with longer links they
+    # follow a little later. Capacities and areas stay, so no heat is lost.
     links, volume = built.links, built.nodes.volume
     conductance = links.area / (links.distance_src + links.distance_dst)
     total = np.bincount(links.src, conductance, len(volume))
     total += np.bincount(links.dst, conductance, len(volume))
-    share = _share(volume, total * least)
-    stretch = 1 / np.minimum(share[links.src], share[links.dst])
+    # Fraction of its conductance that a node keeps: 1 where it is large enough.
+    kept = np.minimum(1.0, volume / np.maximum(total * minimum, volume))
+    stretch = 1 / np.minimum(kept[links.src], kept[links.dst])
     longer = links._replace(
         distance_src=links.distance_src * stretch,
         distance_dst=links.distance_dst * stretch,
     )
     return replace(built, links=longer)
-
-
-def _share(
-    volume: Float[np.ndarray, " n"], needed: Float[np.ndarray, " n"]
-) -> Float[np.ndarray, " n"]:
-    """Of their conductances, what nodes may keep: 1 where they are large enough."""
-    return np.minimum(1.0, volume / np.maximum(needed, volume))

@@ -1,10 +1,11 @@
-"""The full volume: every solid voxel is a node, linked over its faces."""
+"""Full volume: every solid voxel is a node, linked over its faces."""
 
 from dataclasses import replace
 
 import equinox as eqx
 import numpy as np
 from jaxtyping import Float, Int
+from typing_extensions import override
 
 from ...voxels.grid import VoxelGrid
 from ..build.links import voxel_links
@@ -13,15 +14,15 @@ from ..structure import AbstractStructure, Links, Nodes
 from ..weights import ConductionWeights
 
 
-DENSE = 0.5
-"""Share of solid voxels in the box from which a stencil solves as fast as links."""
+# Fraction of solid voxels in the box from which a stencil solves as fast as links.
+_DENSE = 0.5
 
 
 class FullVolume(AbstractStructure):
     """Every solid voxel, linked to its six neighbours; the reference for all others.
 
     It runs as a dense masked stencil over the bounding box, or, with `stencil=False`,
-    as sorted links: slower, the same to rounding, and the stencil's tested reference.
+    as sorted links: slower, but equal to rounding, and the reference for the stencil.
     """
 
     grid: VoxelGrid = eqx.field(static=True)
@@ -32,32 +33,28 @@ class FullVolume(AbstractStructure):
 
     @property
     def runs_as_stencil(self) -> bool:
-        """Whether a state is the lattice: not if links were asked for, or weighted."""
+        """True if a state is the lattice: no request for links, and no weights."""
         return self.stencil and self.weights.are_one
 
+    @override
     def for_solves(self) -> "FullVolume":
-        """As links, unless most of the bounding box is solid.
-
-        A solve keeps half a dozen arrays, which are as long as the box for a stencil.
-        """
-        full = self.grid.solid_count > DENSE * self.grid.solid.size
+        # A solve stores half a dozen arrays, as long as the box for a stencil.
+        full = self.grid.solid_count > _DENSE * self.grid.solid.size
         return self if full else replace(self, stencil=False)
 
     @property
+    @override
     def node_count(self) -> int:
-        """How many voxels are solid."""
         return self.grid.solid_count
 
     @property
+    @override
     def link_count(self) -> int:
-        """How many pairs of solid voxels share a face."""
-        return sum(int(np.count_nonzero(pair)) for pair in self._shared_faces())
-
-    def _shared_faces(self):
-        """For each axis: which voxels and their next ones along it are both solid."""
+        count = 0
         for axis in range(3):
             body = np.moveaxis(self.grid.solid, axis, 0)
-            yield np.moveaxis(body[:-1] & body[1:], 0, axis)
+            count += int(np.count_nonzero(body[:-1] & body[1:]))
+        return count
 
     def _numbers(self) -> Int[np.ndarray, "x y z"]:
         """Node number of each solid voxel, in C order; -1 elsewhere."""
@@ -65,48 +62,50 @@ class FullVolume(AbstractStructure):
         number = np.cumsum(solid.reshape(-1), dtype=np.int32).reshape(solid.shape) - 1
         return np.where(solid, number, -1)
 
+    @override
     def nodes(self) -> Nodes:
-        """The solid voxels."""
         cells = np.argwhere(self.grid.solid)
         centre = self.grid.lattice.centres(cells)
         return Nodes(
             centre=centre,
             volume=np.full(len(cells), self.grid.voxel_volume),
             level=np.zeros(len(cells), np.int32),
-            place=centre,
+            location=centre,
         )
 
+    @override
     def links(self) -> Links:
-        """One link per shared face, of area pitch^2 over a distance of one pitch."""
         return voxel_links(self._numbers(), self.grid.pitch)
 
+    @override
     def fragment_node(self) -> Int[np.ndarray, " s"]:
-        """The voxel of each fragment, as a node number."""
         return self._numbers()[tuple(self.grid.fragment_voxel.T)]
 
+    @override
     def voxel_node(self) -> Int[np.ndarray, " v"]:
-        """Every solid voxel is a node."""
         return np.arange(self.node_count, dtype=np.int32)
 
+    @override
     def fragment_offset(self) -> Float[np.ndarray, "s 3"]:
-        """None: a fragment's voxel is its node."""
+        # Exactly zero, since a fragment's voxel is its node: no gradient is needed.
         return np.zeros(self.grid.fragment_position.shape)
 
     @property
+    @override
     def capacity_ratio(self) -> float:
-        """All of the body is there."""
         return 1.0
 
     @property
+    @override
     def state_shape(self) -> tuple[int, ...]:
-        """The lattice and one cell round it, or the nodes."""
         if not self.runs_as_stencil:
             return (self.node_count,)
+        # A rim of one cell, so that the stencil needs no special case at the ends.
         x, y, z = self.grid.solid.shape
         return (x + 2, y + 2, z + 2)
 
+    @override
     def node_address(self) -> tuple[Int[np.ndarray, " n"], ...]:
-        """Where every node lies in the state."""
         if not self.runs_as_stencil:
             return (np.arange(self.node_count, dtype=np.int32),)
         return tuple((i + 1).astype(np.int32) for i in np.nonzero(self.grid.solid))

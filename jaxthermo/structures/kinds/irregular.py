@@ -1,4 +1,4 @@
-"""Irregular levels (thesis 4.3): shells inside shells, each of cells twice as large."""
+"""Irregular levels (thesis 4.3): nested shells, each of cells twice as large."""
 
 from typing import NamedTuple
 
@@ -8,7 +8,13 @@ from jaxtyping import Float, Int
 
 from ...errors import whole_number
 from ...voxels.grid import VoxelGrid
-from ..build.assignment import LevelCells, Territory, divide, nested_cells, voxel_depth
+from ..build.assignment import (
+    Assignment,
+    LevelCells,
+    assign_voxels,
+    nested_cells,
+    voxel_depth,
+)
 from ..cache import cached
 from ..fit_card import as_weights
 from ..structure import AbstractBuiltStructure, Built, Links, Nodes
@@ -17,45 +23,34 @@ from .shell import fragment_rank
 
 
 class Coverage(NamedTuple):
-    """Shares of the body's volume; the cells' is 1 + overlap - crack + outside."""
+    """Volumes relative to the body: cells have 1 + overlap - crack + outside."""
 
     overlap: float
-    """Covered more than once, each further time counted."""
+    """Covered more than once, each further time counted [-]."""
     crack: float
-    """Covered by no cell."""
+    """Covered by no cell [-]."""
     outside: float
-    """Of cells that stick out of the body."""
+    """Parts of cells outside the body [-]."""
 
 
 def cover_count(grid: VoxelGrid, nodes: Nodes) -> Int[np.ndarray, "x y z"]:
-    """How many nodes cover each voxel, a node of level l being a cube of 2^l voxels.
-
-    Each cube adds at its eight corners, with alternating sign; the running sums along
-    x, y and z then fill the cubes.
-
-    Args:
-        grid: the body.
-        nodes: all inside the lattice.
-    """
+    """Number of nodes over each voxel, a node of level l being 2^l voxels wide."""
+    # Each cube adds +-1 at its eight corners, with alternating sign; running sums along
+    # x, y and z then fill the cubes, whatever their size.
     change = np.zeros(np.array(grid.solid.shape) + 1, np.int16)
     size = 1 << nodes.level
     low = grid.lattice.to_cells(nodes.centre) - size[:, None] / 2
     corner = np.rint(low).astype(int)
     for far in np.ndindex(2, 2, 2):
-        at = corner + np.array(far) * size[:, None]
-        np.add.at(change, tuple(at.T), np.int16((-1) ** sum(far)))
+        end = corner + np.array(far) * size[:, None]
+        np.add.at(change, tuple(end.T), np.int16((-1) ** sum(far)))
     for axis in range(3):
         np.cumsum(change, axis=axis, out=change)
     return change[:-1, :-1, :-1]
 
 
 def coverage(grid: VoxelGrid, count: Int[np.ndarray, "x y z"]) -> Coverage:
-    """Shares of the whole body.
-
-    Args:
-        grid: the body.
-        count: from `cover_count`.
-    """
+    """Overlap, cracks and outside parts relative to the body, from `cover_count`."""
     inside = count[grid.solid]
     total, solid = int(count.sum(dtype=np.int64)), max(len(inside), 1)
     covered = int(np.count_nonzero(inside))
@@ -72,12 +67,10 @@ def capacity_by_region(
 ) -> tuple[Float[np.ndarray, "a b c"], Float[np.ndarray, "a b c"]]:
     """Volume of the cells, and of the body, in boxes of the lattice [m^3].
 
-    The two differ where cells overlap, stick out or leave cracks.
-
     Args:
         grid: the body.
         count: from `cover_count`.
-        width: of a box, in voxels.
+        width: edge of a box [voxels].
     """
     starts = [np.arange(0, n, width) for n in count.shape]
 
@@ -90,12 +83,12 @@ def capacity_by_region(
 
 
 class IrregularMultiLevel(AbstractBuiltStructure):
-    """The shell, and inside it copies at half the resolution of the one above.
+    """The shell, and inside it nested shells of half the resolution each.
 
-    Cells of level l are cubes of 2^l voxels on a lattice of their own, so they overlap
-    or leave cracks wherever the body is not made of such cubes: `coverage` says how
-    much. A node's capacity is that of its whole cube, as in the thesis; the total is
-    `capacity_ratio` of the body's. Material in cracks conducts but stores no heat.
+    Cells of level l are cubes of 2^l voxels on a separate lattice, so they overlap or
+    leave cracks (see `coverage`). A node's capacity is that of its whole cube, as in
+    the thesis; the total is `capacity_ratio` of the body's. Material in cracks conducts
+    but stores no heat.
 
     Raises:
         InputError: unless `levels` is a whole number of at least 1.
@@ -103,7 +96,7 @@ class IrregularMultiLevel(AbstractBuiltStructure):
 
     grid: VoxelGrid = eqx.field(static=True)
     levels: int | None = eqx.field(static=True, default=None)
-    """At most so many; without, as many as fit. What lies deeper is left empty."""
+    """Maximal number of levels, None for as many as fit; empty deeper inside."""
     keep_capacity: bool = eqx.field(static=True, default=False)
     """Scale all capacities by one factor, so that the total is the body's."""
     weights: ConductionWeights = eqx.field(
@@ -125,25 +118,24 @@ class IrregularMultiLevel(AbstractBuiltStructure):
         body = depth > 0
         if self.levels is not None and self.levels < len(levels):
             levels = levels[: self.levels]
-            # Deeper than all cells of these levels there is nothing to conduct.
+            # Below the last level the body is empty and must not conduct.
             body &= depth <= 1 << self.levels
-        territory, levels = divide(body, levels)
+        assignment, levels = assign_voxels(body, levels)
         x, y, z = grid.solid.shape
         return Built(
             nodes=self._nodes(levels),
-            links=irregular_links(levels, territory, pitch),
+            links=_irregular_links(levels, assignment, pitch),
             fragment_node=fragment_rank(grid, levels[0] - 1),
             # The division has one empty voxel before the grid's first.
-            voxel_node=territory.owner[1 : x + 1, 1 : y + 1, 1 : z + 1][grid.solid],
+            voxel_node=assignment.owner[1 : x + 1, 1 : y + 1, 1 : z + 1][grid.solid],
         )
 
     def _nodes(self, levels: LevelCells) -> Nodes:
-        """One node a cell, level by level."""
         grid = self.grid
         counts = [len(cells) for cells in levels]
         level = np.repeat(np.arange(len(levels), dtype=np.int32), counts)
         size = (1 << level)[:, None]
-        # The cells are counted from one voxel before the grid's first.
+        # The lattice of the cells begins one voxel before the grid's.
         middle = (np.concatenate(levels) + 0.5) * size - 1
         volume = size[:, 0] ** 3 * grid.voxel_volume
         if self.keep_capacity:
@@ -153,20 +145,20 @@ class IrregularMultiLevel(AbstractBuiltStructure):
 
     @property
     def level_count(self) -> int:
-        """How many levels there are."""
+        """Number of levels."""
         return int(self.built.nodes.level.max(initial=-1)) + 1
 
     def cover_count(self) -> Int[np.ndarray, "x y z"]:
-        """How many nodes cover each voxel of the lattice."""
+        """Number of nodes that cover each voxel of the lattice."""
         return cover_count(self.grid, self.built.nodes)
 
     def coverage(self) -> Coverage:
-        """Overlap, cracks and what sticks out, as shares of the body."""
+        """Overlap, cracks and outside parts relative to the body."""
         return coverage(self.grid, self.cover_count())
 
 
 class _Pairs(NamedTuple):
-    """Pairs of cells, src < dst, each once, in order; lengths in voxels."""
+    """Pairs of cells, src < dst, each once, sorted; lengths [voxels]."""
 
     key: Int[np.ndarray, " k"]
     """src * number of cells + dst."""
@@ -175,27 +167,23 @@ class _Pairs(NamedTuple):
     distance_dst: Float[np.ndarray, " k"]
 
 
-def irregular_links(levels: LevelCells, territory: Territory, pitch: float) -> Links:
-    """All links, sorted.
+def _irregular_links(levels: LevelCells, assignment: Assignment, pitch: float) -> Links:
+    """Links of cells that touch, sorted.
 
     Two cells of level l that share a face of their lattice have the area (2^l h)^2 and
-    half a cell on either side. All others that touch in the division of the body have
-    the area of the voxel faces between them, and on either side half a cell and the
-    mean gap that the division bridged.
-
-    Args:
-        levels: cells of each level, that of level l being 2^l voxels wide.
-        territory: the division of the body among them.
-        pitch: edge of a voxel h [m].
+    half a cell on either side, with the pitch h [m]. All others that touch in the
+    division of the body have the area of the voxel faces between them, and on either
+    side half a cell plus the mean gap that the division bridged.
     """
     counts = [len(cells) for cells in levels]
     half = np.repeat(0.5 * (1 << np.arange(len(levels))), counts)
-    lattice, contact = _lattice_pairs(levels, half), _contacts(territory, half)
-    apart = ~np.isin(contact.key, lattice.key, assume_unique=True)
+    lattice, contact = _lattice_pairs(levels, half), _contacts(assignment, half)
+    # Contacts over a lattice face are already links.
+    new = ~np.isin(contact.key, lattice.key, assume_unique=True)
     pairs = _Pairs(
         *(
-            np.concatenate([ours, theirs[apart]])
-            for ours, theirs in zip(lattice, contact, strict=True)
+            np.concatenate([first, second[new]])
+            for first, second in zip(lattice, contact, strict=True)
         )
     )
     order = np.argsort(pairs.key)
@@ -210,23 +198,24 @@ def irregular_links(levels: LevelCells, territory: Territory, pitch: float) -> L
 
 
 def _lattice_pairs(levels: LevelCells, half: Float[np.ndarray, " n"]) -> _Pairs:
-    """Cells of one level that share a face."""
+    """Pairs of cells of one level that share a face."""
     pairs, first = [np.zeros((2, 0), np.int64)], 0
     for cells in levels:
         shape = cells.max(axis=0, initial=0) + 2
         key = np.asarray(np.ravel_multi_index(tuple(cells.T), tuple(shape)))
         for stride in (shape[1] * shape[2], shape[2], 1):
-            place = np.searchsorted(key, key + stride)
-            here = np.flatnonzero(np.append(key, -1)[place] == key + stride)
-            pairs.append(first + np.stack([here, place[here]]))
+            # Keys are sorted and have a rim, so no stride wraps around.
+            index = np.searchsorted(key, key + stride)
+            found = np.flatnonzero(np.append(key, -1)[index] == key + stride)
+            pairs.append(first + np.stack([found, index[found]]))
         first += len(cells)
     src, dst = np.concatenate(pairs, axis=1)
     return _Pairs(src * len(half) + dst, 4 * half[src] ** 2, half[src], half[dst])
 
 
-def _contacts(territory: Territory, half: Float[np.ndarray, " n"]) -> _Pairs:
-    """Cells with voxel faces between what they own."""
-    sides = np.concatenate([_faces(territory, axis) for axis in range(3)], axis=1)
+def _contacts(assignment: Assignment, half: Float[np.ndarray, " n"]) -> _Pairs:
+    """Pairs of cells with voxel faces between their voxels."""
+    sides = np.concatenate([_faces(assignment, axis) for axis in range(3)], axis=1)
     owners, gaps = sides[:2].astype(np.int64), sides[2:]
     key = owners.min(axis=0) * len(half) + owners.max(axis=0)
     key, which, area = np.unique(key, return_inverse=True, return_counts=True)
@@ -237,10 +226,10 @@ def _contacts(territory: Territory, half: Float[np.ndarray, " n"]) -> _Pairs:
     return _Pairs(key, area.astype(float), half[src] + gap_src, half[dst] + gap_dst)
 
 
-def _faces(territory: Territory, axis: int) -> Int[np.ndarray, "4 k"]:
-    """Owner below and above, gap below and above, of faces across one axis."""
-    owner = np.moveaxis(territory.owner, axis, 0)
-    gap = np.moveaxis(territory.gap, axis, 0)
+def _faces(assignment: Assignment, axis: int) -> Int[np.ndarray, "4 k"]:
+    """Owners and gaps below and above the faces across one axis."""
+    owner = np.moveaxis(assignment.owner, axis, 0)
+    gap = np.moveaxis(assignment.gap, axis, 0)
     below, above = owner[:-1], owner[1:]
     between = (below != above) & (below >= 0) & (above >= 0)
     parts = (below, above, gap[:-1], gap[1:])

@@ -17,13 +17,13 @@ from ..weights import ConductionWeights
 class MultiLevel(AbstractBuiltStructure):
     """The outer `levels` layers of voxels, linked over their faces.
 
-    As many levels as the body is deep, or more, give the full volume.
+    With at least as many levels as the body has layers it is the full volume.
     """
 
     grid: VoxelGrid = eqx.field(static=True)
     levels: int = eqx.field(static=True, default=10)
     hollow: str = eqx.field(static=True, default="empty")
-    """Capacity of what lies deeper: "empty" drops it, "innermost" spreads it evenly
+    """Capacity of deeper voxels: "empty" drops it, "innermost" distributes it evenly
     over the nodes of the innermost level."""
     weights: ConductionWeights = eqx.field(
         kw_only=True, default=ConductionWeights(), converter=as_weights
@@ -45,8 +45,8 @@ class MultiLevel(AbstractBuiltStructure):
 
 def _build(grid: VoxelGrid, levels: int, hollow: str) -> Built:
     layer = voxel_layers(grid, levels)
-    own = np.arange(layer.size, dtype=index_type(layer.shape)).reshape(layer.shape)
-    labels, first = number_by_first_voxel(np.where(layer >= 0, own, -1))
+    index = np.arange(layer.size, dtype=index_type(layer.shape)).reshape(layer.shape)
+    labels, first = number_by_first_voxel(np.where(layer >= 0, index, -1))
     built = build_blocks(grid, labels, layer.reshape(-1)[first])
     if hollow == "empty":
         return built

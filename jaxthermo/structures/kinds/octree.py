@@ -1,4 +1,4 @@
-"""An octree: large cells deep inside, single voxels at the surface."""
+"""Octree: large cells deep inside, single voxels at the surface."""
 
 from dataclasses import replace
 
@@ -16,16 +16,17 @@ from ..weights import ConductionWeights
 
 
 class Octree(AbstractBuiltStructure):
-    """Cells of 1, 2, 4, ... voxels, the largest that lie well inside the body.
+    """Cells of 1, 2, 4, ... voxels per edge, as large as possible inside the body.
 
-    A cell exists where it and its 26 neighbours of the same size are solid throughout.
-    So neighbours, over corners too, differ by at most one level: those of a cell's
-    children all lie in the cell's own neighbours, hence the children could exist there.
+    A cell exists where it and its 26 neighbours of the same size are entirely solid.
     """
+
+    # Hence neighbours, over corners too, differ by at most one level: the neighbours of
+    # a cell's children all lie in the cell's neighbours, so they could exist there.
 
     grid: VoxelGrid = eqx.field(static=True)
     levels: int | None = eqx.field(static=True, default=None)
-    """Sizes of cells that may occur, 1 being single voxels only; None: no limit."""
+    """Number of cell sizes; 1 for single voxels only, None for no limit."""
     weights: ConductionWeights = eqx.field(
         kw_only=True, default=ConductionWeights(), converter=as_weights
     )
@@ -51,7 +52,7 @@ def _build(grid: VoxelGrid, levels: int | None) -> Built:
 def octree_cells(
     solid: Bool[np.ndarray, "x y z"], levels: int | None
 ) -> Int[np.ndarray, "x y z"]:
-    """For each voxel the first voxel, in lattice order, of its cell; -1 if empty."""
+    """Index of the first voxel, in lattice order, of each voxel's cell; -1 if empty."""
     possible = [solid]
     filled = solid
     while levels is None or len(possible) < levels:
@@ -60,6 +61,7 @@ def octree_cells(
         if not inner.any():
             break
         possible.append(inner)
+    # From coarse to fine: a cell is taken only where no larger one was.
     first = np.full((0, 0, 0), -1, index_type(solid.shape))
     for level in reversed(range(len(possible))):
         first = _refine(first, possible[level])
@@ -70,7 +72,7 @@ def octree_cells(
 
 
 def _halve(filled: Bool[np.ndarray, "x y z"]) -> Bool[np.ndarray, "u v w"]:
-    """Which cells of twice the size are filled; an odd plane at the end makes none."""
+    """Flag the entirely solid cells of twice the size; an odd last plane is dropped."""
     for axis in range(3):
         along = np.moveaxis(filled, axis, 0)
         pairs = along[: len(along) // 2 * 2]
@@ -79,7 +81,7 @@ def _halve(filled: Bool[np.ndarray, "x y z"]) -> Bool[np.ndarray, "u v w"]:
 
 
 def _with_neighbours(filled: Bool[np.ndarray, "x y z"]) -> Bool[np.ndarray, "x y z"]:
-    """Which cells are filled, and all 26 around them."""
+    """Flag the cells that are solid together with all 26 neighbours."""
     for axis in range(3):
         along = np.moveaxis(filled, axis, 0)
         inner = np.zeros_like(along)
@@ -91,7 +93,7 @@ def _with_neighbours(filled: Bool[np.ndarray, "x y z"]) -> Bool[np.ndarray, "x y
 def _refine(
     coarse: Int[np.ndarray, "u v w"], like: Bool[np.ndarray, "x y z"]
 ) -> Int[np.ndarray, "x y z"]:
-    """Each number on eight cells of half the size; -1 where there was none."""
+    """Repeat each entry on eight cells of half the size; -1 beyond the coarse ones."""
     fine = np.full(like.shape, -1, coarse.dtype)
     u, v, w = coarse.shape
     fine[: 2 * u, : 2 * v, : 2 * w] = coarse.repeat(2, 0).repeat(2, 1).repeat(2, 2)

@@ -1,4 +1,4 @@
-"""Any division of the voxels that a user brings."""
+"""Partition of the voxels by labels of the user."""
 
 from dataclasses import InitVar
 from typing import Any
@@ -17,11 +17,11 @@ from ..weights import ConductionWeights
 
 
 class Partition(AbstractBuiltStructure):
-    """Voxels with the same label are one node; all nodes are of level 0.
+    """Nodes of level 0 that are groups of voxels with equal labels.
 
-    Labels are integers over the grid's lattice, `[x y z]`, in any order and with any
-    numbers left out; those on empty voxels are ignored, and solid voxels with a
-    negative one are no part of the structure. Nodes are numbered by first voxel.
+    Labels are arbitrary integers over the grid's lattice, `[x y z]`; those of empty
+    voxels are ignored, and solid voxels with a negative label are left out. Nodes are
+    numbered by their first voxel.
 
     Raises:
         InputError: if the labels do not fit the grid or leave fragments without a node.
@@ -43,7 +43,7 @@ class Partition(AbstractBuiltStructure):
 
 
 def _checked(grid: VoxelGrid, labels: Any) -> Int[np.ndarray, "x y z"]:
-    """The labels of solid voxels, -1 elsewhere."""
+    """Validate the labels; -1 where the voxel is empty or left out."""
     try:
         given = np.asarray(labels)
     except ValueError:
@@ -62,12 +62,12 @@ def _checked(grid: VoxelGrid, labels: Any) -> Int[np.ndarray, "x y z"]:
     checked = np.where(grid.solid & (given >= 0), given.astype(np.int64), -1)
     if checked.max() < 0:
         raise InputError("Partition(labels=): no solid voxel has a label of at least 0")
-    without = grid.fragment_voxel[checked[tuple(grid.fragment_voxel.T)] < 0]
-    if len(without):
+    uncovered = grid.fragment_voxel[checked[tuple(grid.fragment_voxel.T)] < 0]
+    if len(uncovered):
         raise InputError(
             "Partition(labels=): labels leave surface voxels without a node, "
-            f"{len(np.unique(without, axis=0))} of them, the first at "
-            f"{tuple(map(int, without[0]))}: give each a label of at least 0"
+            f"{len(np.unique(uncovered, axis=0))} of them, the first at "
+            f"{tuple(map(int, uncovered[0]))}: give each a label of at least 0"
         )
     return checked
 
@@ -77,7 +77,7 @@ def _build(grid: VoxelGrid, labels: Int[np.ndarray, "x y z"]) -> Built:
     covered = np.flatnonzero(flat >= 0)
     found, group = np.unique(flat[covered], return_inverse=True)
     first = np.zeros(len(found), index_type(labels.shape))
-    # The last one written counts: backwards, that is the first voxel.
+    # Written backwards, the first voxel of each label remains.
     first[group[::-1]] = covered[::-1]
     voxel = np.full(flat.shape, -1, first.dtype)
     voxel[covered] = first[group]

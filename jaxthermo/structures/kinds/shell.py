@@ -1,4 +1,4 @@
-"""The single shell: only the surface voxels, linked to all that they touch."""
+"""Single shell: only the surface voxels, linked to all neighbours."""
 
 import equinox as eqx
 import numpy as np
@@ -15,10 +15,10 @@ from ..weights import ConductionWeights
 
 
 class SingleShell(AbstractBuiltStructure):
-    """The surface voxels, linked over faces, edges and corners (thesis 4.2).
+    """Surface voxels, linked over faces, edges and corners (thesis 4.2).
 
     Each of the up to 26 links has the area pitch^2, so a flat sheet conducts
-    1 + sqrt(2) times as well along itself as its material: `weights` can undo that.
+    1 + sqrt(2) times as well along itself as its material; `weights` can correct that.
 
     Raises:
         InputError: if the capacity is neither "body" nor "own".
@@ -26,8 +26,8 @@ class SingleShell(AbstractBuiltStructure):
 
     grid: VoxelGrid = eqx.field(static=True)
     capacity: str = eqx.field(static=True, default="body")
-    """"body" spreads the whole body's volume evenly over the shell; "own" leaves each
-    voxel its own: a hollow body."""
+    """Volume of the nodes: "body" distributes that of the whole body evenly; "own" is
+    one voxel each: a hollow body."""
     weights: ConductionWeights = eqx.field(
         kw_only=True, default=ConductionWeights(), converter=as_weights
     )
@@ -54,7 +54,7 @@ class SingleShell(AbstractBuiltStructure):
                 centre=centre,
                 volume=np.full(count, volume),
                 level=np.zeros(count, np.int32),
-                place=centre,
+                location=centre,
             ),
             links=_links(grid, voxels),
             fragment_node=fragment_rank(grid, voxels),
@@ -73,7 +73,7 @@ def _voxel_node(
 def fragment_rank(
     grid: VoxelGrid, voxels: Int[np.ndarray, "m 3"]
 ) -> Int[np.ndarray, " s"]:
-    """Which of the voxels, in lattice order, each fragment lies on."""
+    """Index of each fragment's voxel among the given voxels in lattice order."""
     shape = grid.solid.shape
     number = np.ravel_multi_index(tuple(voxels.T), shape)
     sought = np.ravel_multi_index(tuple(grid.fragment_voxel.T), shape)
@@ -81,9 +81,9 @@ def fragment_rank(
 
 
 def _links(grid: VoxelGrid, voxels: Int[np.ndarray, "m 3"]) -> Links:
-    """Pairs that touch; 1, sqrt(2) or sqrt(3) pitches apart."""
+    """Links of touching voxels at 1, sqrt(2) or sqrt(3) times the pitch."""
     pairs = surface_links(voxels, grid.lattice.shape)
-    # Runs of ascending first voxels, one for each of 13 directions.
+    # Stable, since the pairs are 13 sorted runs, one for each direction.
     src, dst = pairs[np.argsort(pairs[:, 0], kind="stable")].T
     steps = np.abs(voxels[dst] - voxels[src]).sum(1)
     half = 0.5 * grid.pitch * np.sqrt(np.arange(4))[steps]

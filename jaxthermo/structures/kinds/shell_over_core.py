@@ -18,10 +18,7 @@ from ..weights import ConductionWeights
 
 
 class ShellOverCore(AbstractBuiltStructure):
-    """Layers of single voxels (level 0) over blocks of factor^3 voxels (level 1).
-
-    A body that is no thicker than the layers has no core.
-    """
+    """Layers of single voxels (level 0) over blocks of factor^3 voxels (level 1)."""
 
     grid: VoxelGrid = eqx.field(static=True)
     layers: int = eqx.field(static=True, default=1)
@@ -45,6 +42,7 @@ class ShellOverCore(AbstractBuiltStructure):
 def _build(grid: VoxelGrid, layers: int, factor: int) -> Built:
     fine = voxel_layers(grid, layers) >= 0
     voxel = block_parts(grid.solid & ~fine, factor)
+    # Single voxels are their own first voxel.
     voxel[fine] = np.flatnonzero(fine)
     labels, first = number_by_first_voxel(voxel)
     return build_blocks(grid, labels, ~fine.reshape(-1)[first] * 1)

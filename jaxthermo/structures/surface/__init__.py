@@ -1,1 +1,1 @@
-"""Node temperatures to surface temperatures."""
+"""Surface maps: node temperatures to surface temperatures."""

@@ -95,7 +95,7 @@ def test_a_pose_at_each_time(scene):
     assert isinstance(motion, Motion) and motion.every == 5.0
     halfway = motion.at(30.0)
     assert halfway.translation == (1.5, 0.0, 0.0)
-    turned = halfway.turn(np.array([[1.0, 0.0, 0.0]]))
+    turned = halfway.rotate(np.array([[1.0, 0.0, 0.0]]))
     np.testing.assert_allclose(turned, [[math.sqrt(0.5), math.sqrt(0.5), 0]], atol=1e-9)
 
 

@@ -93,7 +93,7 @@ def test_a_rotation_turns_anticlockwise_about_its_axis():
     pose = PoseConfig.model_validate(
         {"translation": [1, 0, 0], "rotation": {"axis": [0, 0, 2], "angle": "90 deg"}}
     )
-    placed = pose.build().at(0.0).place(np.array([[1.0, 0.0, 0.0]]))
+    placed = pose.build().at(0.0).to_world(np.array([[1.0, 0.0, 0.0]]))
     np.testing.assert_allclose(placed, [[1.0, 1.0, 0.0]], atol=1e-15)
 
 

@@ -8,7 +8,7 @@ import pytest
 import jaxthermo as jt
 from jaxthermo.config.card_file import load_card, write_card
 from jaxthermo.config.loader import load_config, to_yaml
-from jaxthermo.structures.fit_card import FitCard, outside
+from jaxthermo.structures.fit_card import FitCard, extrapolations
 from tests.bodies import blocks
 
 
@@ -106,6 +106,6 @@ def test_what_is_no_card_is_told(tmp_path, text, message):
 def test_a_scene_outside_the_fitted_range_is_told():
     card = _card()
     inside = {"biot": 0.021, "voxels_across": 5.5}
-    assert outside(card, inside, ("sun",)) == []
-    found = outside(card, {"biot": 0.5, "voxels_across": 2.0}, ("sun", "wind"))
+    assert extrapolations(card, inside, ("sun",)) == []
+    found = extrapolations(card, {"biot": 0.5, "voxels_across": 2.0}, ("sun", "wind"))
     assert [line.split()[0] for line in found] == ["biot", "voxels", "wind:"]

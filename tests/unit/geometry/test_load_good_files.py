@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from jaxthermo.geometry import shapes
-from jaxthermo.geometry.load import axes_for_up, load_mesh, turn_matrix
+from jaxthermo.geometry.load import axes_for_up, axes_rotation, load_mesh
 
 
 KINDS = ["obj", "ply", "ply_ascii", "stl", "stl_ascii", "glb", "off"]
@@ -51,7 +51,7 @@ def test_units(tmp_path, unit, metres):
 
 @pytest.mark.parametrize("up", ["x", "y", "z", "-x", "-y", "-z"])
 def test_up_is_a_proper_rotation(tmp_path, up):
-    matrix = turn_matrix(axes_for_up(up))
+    matrix = axes_rotation(axes_for_up(up))
     assert np.linalg.det(matrix) == pytest.approx(1.0)
     axis = np.zeros(3)
     axis["xyz".index(up[-1])] = -1.0 if up.startswith("-") else 1.0
@@ -64,7 +64,7 @@ def test_up_is_a_proper_rotation(tmp_path, up):
 
 def test_y_up_is_as_documented():
     assert axes_for_up("y") == ("x", "-z", "y")
-    turned = turn_matrix(axes_for_up("y")) @ np.array([1.0, 2.0, 3.0])
+    turned = axes_rotation(axes_for_up("y")) @ np.array([1.0, 2.0, 3.0])
     assert turned.tolist() == [1.0, -3.0, 2.0]
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from jaxthermo.geometry import shapes
-from jaxthermo.geometry.mesh import Mesh, describe_mesh, verdict_line
+from jaxthermo.geometry.mesh import Mesh, describe_mesh, mesh_summary
 from jaxthermo.geometry.repair import repair_mesh
 
 
@@ -28,7 +28,7 @@ def test_open_body_has_no_volume_and_says_so():
         replace(mesh, faces=mesh.faces[mesh.triangles[:, :, 2].min(1) < 0.4])
     )
     assert describe_mesh(cup)["volume"] is None
-    assert "open (4 open edges), no volume" in verdict_line(cup)
+    assert "open (4 open edges), no volume" in mesh_summary(cup)
 
 
 def test_line_names_cavity_and_repairs():
@@ -38,7 +38,7 @@ def test_line_names_cavity_and_repairs():
         np.concatenate([ball.faces, hole.faces[:, ::-1] + len(ball.vertices)]),
         "shell",
     )
-    line = verdict_line(
+    line = mesh_summary(
         repair_mesh(
             replace(hollow, faces=np.concatenate([hollow.faces[:2], hollow.faces]))
         )

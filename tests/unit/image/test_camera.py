@@ -50,7 +50,7 @@ def test_field_of_view_spans_the_height():
 def test_finer_keeps_the_view():
     for camera in (PINHOLE, PARALLEL):
         fine = camera.finer(3)
-        assert (fine.width, fine.height) == (192, 144)
+        assert fine.size == (192, 144)
         point = np.array([[[0.1, 0.2, 0.3]] * 3])
         coarse, precise = camera.to_raster(point)[0], fine.to_raster(point)[0]
         np.testing.assert_allclose(precise[..., :2], 3 * coarse[..., :2])

@@ -112,3 +112,58 @@ def test_bad_limits(low, high):
 def test_unknown_palette_lists_the_names():
     with pytest.raises(InputError, match="'jet' is not known: use one of iron, ember"):
         apply_palette(np.zeros((2, 2)), 0.0, 1.0, "jet")
+
+
+@pytest.fixture(scope="module")
+def report():
+    return palette_design.palette_report()
+
+
+def test_report_covers_every_palette_with_plain_numbers(report):
+    assert tuple(report) == palette_names()
+    for facts in report.values():
+        assert all(type(value) is float for value in facts.values())
+        assert 0.0 < facts["step_min"] <= facts["step_mean"] <= facts["step_max"]
+
+
+def test_report_of_greys_is_that_of_the_reversed_greys_and_of_no_cone(report):
+    """Grey is grey to everyone, so that no kind of vision changes it."""
+    grey = report["white-hot"]
+    assert report["black-hot"] == pytest.approx(grey)
+    for kind in ("protanopia", "deuteranopia", "tritanopia"):
+        assert grey[f"apart_{kind}"] == pytest.approx(grey["apart_normal"], rel=1e-3)
+
+
+def test_report_finds_that_a_rainbow_repeats_colours_for_the_colour_blind(report):
+    assert (
+        report["rainbow"]["apart_protanopia"] < 1.0 < report["rainbow"]["apart_normal"]
+    )
+    for name in ("iron", "ember"):
+        for kind in ("normal", "protanopia", "deuteranopia", "tritanopia"):
+            assert report[name][f"apart_{kind}"] > 5.0, (name, kind)
+
+
+def test_ember_is_more_uniform_than_iron(report):
+    ratio = lambda facts: facts["step_max"] / facts["step_mean"]
+    assert ratio(report["ember"]) < ratio(report["iron"])
+
+
+def test_colour_difference_of_frames():
+    frame = np.random.default_rng(0).integers(0, 256, (4, 5, 3)).astype(np.uint8)
+    assert (palette_design.colour_difference(frame, frame) == 0.0).all()
+    black, white = np.zeros((1, 1, 3), np.uint8), np.full((1, 1, 3), 255, np.uint8)
+    difference = palette_design.colour_difference(black, white)
+    assert difference.shape == (1, 1)
+    np.testing.assert_allclose(difference, 100.0, atol=0.01)
+
+
+def test_colour_difference_of_middle_greys_is_that_of_lightness():
+    """CIEDE2000 weighs lightness by S_L = 1 at L* = 50."""
+    levels = np.array([[119, 119, 119], [120, 120, 120]], np.uint8)
+    difference = palette_design.colour_difference(levels[:1], levels[1:])
+    lightness = 116 * np.cbrt(_linear(levels[:, 0] / 255)) - 16
+    np.testing.assert_allclose(difference[0], np.diff(lightness)[0], rtol=5e-3)
+
+
+def _linear(value):
+    return ((value + 0.055) / 1.055) ** 2.4

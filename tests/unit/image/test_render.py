@@ -9,7 +9,7 @@ import jaxthermo as jt
 from jaxthermo.geometry.mesh import winding_number
 from jaxthermo.image.files import read_exr
 from jaxthermo.image.render import apparent_temperature, coarsen, draw, leaving_radiance
-from jaxthermo.image.view import block_weights, look, smooth_weights
+from jaxthermo.image.view import block_weights, compute_view, smooth_weights
 from jaxthermo.scene.solved_surface import SolvedSurface, body_geometry
 
 
@@ -79,7 +79,7 @@ def test_reflected_sun_follows_the_cosine_and_the_shadow():
         dtype="float64",
     )
     solution = jt.simulate(scene, 0.0, save_at=[0.0])
-    view = look(solution.surfaces, solution.terms, SIDE)
+    view = compute_view(solution.surfaces, solution.terms, SIDE)
     number, exposure = view.exposure[0]
     assert number == 0
     # The second cube stands beside the line of sight and of the rays but for its edge.
@@ -98,7 +98,7 @@ def test_a_body_in_the_shadow_reflects_no_sun():
     above = jt.OrthographicCamera(
         (0.0, 0.0, 0.2), (0.0, 0.0, 0.0), 0.12, up=(0.0, 1.0, 0.0), width=60, height=60
     )
-    view = look(solution.surfaces, solution.terms, above)
+    view = compute_view(solution.surfaces, solution.terms, above)
     assert (view.body == 0).all()
     np.testing.assert_allclose(view.exposure[0][1], 0.0)
 
@@ -186,7 +186,7 @@ def test_pixels_have_a_gradient_with_respect_to_conductivity():
     terms = (jt.Sun((-1.0, 0.0, 0.0), 2e4), jt.Surroundings(280.0))
     grey = jnp.asarray(0.8)
     surfaces = (SolvedSurface(body_geometry(grid, jt.Pose()), grey, grey),)
-    view = look(surfaces, terms, SIDE)
+    view = compute_view(surfaces, terms, SIDE)
 
     @jax.jit
     @jax.value_and_grad

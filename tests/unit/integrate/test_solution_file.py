@@ -5,7 +5,7 @@ import pytest
 from bodies import bar
 
 import jaxthermo as jt
-from jaxthermo.image.view import look
+from jaxthermo.image.view import compute_view
 from jaxthermo.integrate.run.solution_file import (
     FORMAT_VERSION,
     load_solution,
@@ -67,8 +67,8 @@ def test_a_camera_sees_the_same(solution, tmp_path):
     save_solution(tmp_path / "solution.npz", solution)
     stored = load_solution(tmp_path / "solution.npz")
     camera = jt.Camera((0.3, -0.4, 0.2), (0.0, 0.0, 0.05), width=40, height=30)
-    one = look(stored.surfaces, solution.terms, camera)
-    other = look(solution.surfaces, solution.terms, camera)
+    one = compute_view(stored.surfaces, solution.terms, camera)
+    other = compute_view(solution.surfaces, solution.terms, camera)
     assert set(one.body) == {0, 1}
     np.testing.assert_array_equal(one.pixel, other.pixel)
     np.testing.assert_array_equal(one.weights.weight, other.weights.weight)

@@ -31,11 +31,11 @@ def _both(src, dst, seed):
     return pairs, row_network(row_layout(NODES, src, dst), conductance, capacity)
 
 
-@pytest.fixture(scope="module", params=[0.0, arrays.LIST_START], autouse=True)
+@pytest.fixture(scope="module", params=[0.0, arrays.LIST_COST], autouse=True)
 def list_start(request):
     """With a list where it pays by its entries alone, and as it is."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(arrays, "LIST_START", request.param)
+        patch.setattr(arrays, "LIST_COST", request.param)
         yield
 
 
@@ -79,9 +79,9 @@ def test_every_link_stands_in_the_rows_of_both_its_nodes(seed, hub):
 def test_a_hub_keeps_the_rest_of_its_neighbours_in_the_list(monkeypatch):
     """But a small structure has none: starting on a list costs more than padding."""
     src, dst = _random_links(0, hub=True)
-    monkeypatch.setattr(arrays, "LIST_START", 30_000.0)
+    monkeypatch.setattr(arrays, "LIST_COST", 30_000.0)
     assert len(row_layout(NODES, src, dst).list_node) == 0
-    monkeypatch.setattr(arrays, "LIST_START", 0.0)
+    monkeypatch.setattr(arrays, "LIST_COST", 0.0)
     layout = row_layout(NODES, src, dst)
     assert len(layout.list_node) > 0
     assert len(layout.neighbour) < 10

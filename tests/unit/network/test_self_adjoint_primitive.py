@@ -46,7 +46,7 @@ def _rows():
     dst = ((src + random.integers(1, 4, 24)) % nodes).astype(np.int32)
     with pytest.MonkeyPatch.context() as patch:
         # So that some links stand in the list.
-        patch.setattr(arrays, "LIST_START", 0.0)
+        patch.setattr(arrays, "LIST_COST", 0.0)
         layout = row_layout(nodes, src, dst)
     given = jnp.asarray(random.random(24) / 8)
     rows = row_network(layout, given, jnp.ones(nodes))

@@ -10,7 +10,7 @@ from peeling import FACES, peel_padded, rotation
 from jaxthermo.errors import InputError
 from jaxthermo.raster import fragments as raster
 from jaxthermo.raster.fragments import (
-    LARGEST,
+    MAX_COORDINATE,
     capacities,
     rasterize,
     rasterize_fixed,
@@ -168,7 +168,7 @@ def test_capacities_hold_dense_and_sparse_meshes():
         assert int(found.count) <= count
 
 
-@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1.5 * LARGEST, -1e300])
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1.5 * MAX_COORDINATE, -1e300])
 def test_coordinates_beyond_integers_are_refused(bad):
     triangles = np.ones((2, 3, 3))
     triangles[1, 2, 0] = bad
@@ -177,7 +177,7 @@ def test_coordinates_beyond_integers_are_refused(bad):
 
 
 def test_the_largest_coordinates_do_not_overflow():
-    end = float(LARGEST)
+    end = float(MAX_COORDINATE)
     corners = np.array([[[-end, -end, 1], [end, -end, 1], [-end, end, 5]]])
     # Its long edge passes through the corner of the image, at 45 degrees.
     assert peel_padded(corners, 4, 4).count == 0

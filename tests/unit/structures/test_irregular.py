@@ -7,7 +7,7 @@ import pytest
 from hypothesis import example, given, settings, strategies as st
 
 from jaxthermo.errors import InputError
-from jaxthermo.structures.build.assignment import divide, voxel_depth
+from jaxthermo.structures.build.assignment import assign_voxels, voxel_depth
 from jaxthermo.structures.kinds.full import FullVolume
 from jaxthermo.structures.kinds.irregular import IrregularMultiLevel, capacity_by_region
 from tests.bodies import blocks
@@ -173,7 +173,7 @@ def test_a_body_is_divided_among_its_cells(seed):
     depth = voxel_depth(blocks(solid))
     cells = [np.array(c).reshape(-1, 3) for c in cells_one_by_one(solid)]
     levels = [(c + 1) // 2**l for l, c in enumerate(cells)]
-    (owner, gap), left = divide(depth > 0, levels)
+    (owner, gap), left = assign_voxels(depth > 0, levels)
     assert [len(c) for c in left] == [len(c) for c in levels]
     assert ((owner >= 0) == (depth > 0)).all()
     low = np.concatenate([c * 2**l for l, c in enumerate(left)])
@@ -197,7 +197,7 @@ def test_a_hidden_cell_is_left_out():
     fragments[:8] = cells
     levels = [np.argwhere(np.ones((2, 2, 2), bool)) + 2, np.array([[1, 1, 1]])]
     body = np.pad(np.ones((6, 6, 6), bool), 1)
-    territory, left = divide(body, levels)
+    territory, left = assign_voxels(body, levels)
     assert [len(c) for c in left] == [8, 0]
     assert territory.owner.max() == 7
     pulled = IrregularMultiLevel(replace(grid, fragment_voxel=fragments))

@@ -31,7 +31,7 @@ def _axis(structure):
 def _flows(structure, gradient):
     """Through every link [W], of a straight field, for 1 W/(m K); and what they are."""
     nodes, links = structure.nodes(), structure.links()
-    theta = nodes.place @ gradient
+    theta = nodes.location @ gradient
     length = links.distance_src + links.distance_dst
     found = links.area * (theta[links.dst] - theta[links.src]) / length
     axis, joined = _axis(structure)
@@ -55,16 +55,16 @@ def test_a_straight_field_flows_as_it_is(wedge, gradient):
 def test_only_along_axes_with_neighbours(wedge):
     sheet = blocks(np.ones((8, 8, 1), bool))
     still, moved = (jt.Aggregate(sheet, EDGE, alignment=a).nodes() for a in (0.0, 1.0))
-    np.testing.assert_array_equal(moved.place, still.place)
+    np.testing.assert_array_equal(moved.location, still.location)
     alone = jt.Aggregate(blocks(np.ones((3, 2, 1), bool)), EDGE, alignment=1.0).nodes()
-    np.testing.assert_array_equal(alone.place, alone.centre)
+    np.testing.assert_array_equal(alone.location, alone.centre)
     nodes = jt.Aggregate(wedge, EDGE, alignment=1.0).nodes()
-    assert np.abs(nodes.place - nodes.centre).max() > 0.5
+    assert np.abs(nodes.location - nodes.centre).max() > 0.5
 
 
 def test_distances_reach_from_node_to_node(wedge):
     structure = jt.Aggregate(wedge, EDGE, min_time_constant=0.0, alignment=1.0)
-    links, place = structure.links(), structure.nodes().place
+    links, place = structure.links(), structure.nodes().location
     length = links.distance_src + links.distance_dst
     apart = np.linalg.norm(place[links.dst] - place[links.src], axis=1)
     _, joined = _axis(structure)

@@ -5,7 +5,7 @@ import pytest
 
 import jaxthermo as jt
 from jaxthermo.structures.build.links import (
-    LEAST_ACROSS,
+    MIN_NORMAL_FRACTION,
     face_normals,
     link_axes,
     link_distance,
@@ -33,7 +33,7 @@ def _kinds(grid):
 @pytest.mark.parametrize("kind", ["aggregate", "core", "octree"])
 def test_a_way_is_its_parts_across_and_along(slanted, kind):
     structure = _kinds(slanted)[kind]
-    links, place = structure.links(), structure.nodes().place
+    links, place = structure.links(), structure.nodes().location
     normal, found = face_normals(structure), non_orthogonal_links(structure)
     np.testing.assert_allclose(normal**2, link_axes(structure), atol=1e-14)
     way = (place[links.dst] - place[links.src])[found.link]
@@ -41,13 +41,13 @@ def test_a_way_is_its_parts_across_and_along(slanted, kind):
     across = way - found.offset
     length = np.linalg.norm(across, axis=1)
     assert len(found.link) > 20
-    assert (length >= LEAST_ACROSS * straight * (1 - 1e-12)).all()
+    assert (length >= MIN_NORMAL_FRACTION * straight * (1 - 1e-12)).all()
     assert (across * normal[found.link] > -1e-12).all()
-    free = length > LEAST_ACROSS * straight * (1 + 1e-9)
+    free = length > MIN_NORMAL_FRACTION * straight * (1 + 1e-9)
     assert free.mean() > 0.8
     turned = np.einsum("ei,ei->e", found.offset, normal[found.link])
     np.testing.assert_allclose(turned[free], 0, atol=1e-12 * PITCH)
-    stretch = found.stretch[found.link]
+    stretch = found.length_ratio[found.link]
     np.testing.assert_allclose(stretch * length, link_distance(length, straight))
 
 
@@ -59,7 +59,7 @@ def test_links_in_line_have_no_way_along(slanted):
     ):
         found = non_orthogonal_links(structure)
         assert len(found.link) == 0
-        np.testing.assert_array_equal(found.stretch, 1.0)
+        np.testing.assert_array_equal(found.length_ratio, 1.0)
 
 
 def test_normals_turn_with_their_links():

@@ -46,7 +46,7 @@ def test_a_linear_field_is_exact_under_the_linear_map(grid, factor):
 
 def test_the_constant_map_is_the_node(grid):
     structure = jt.Aggregate(grid, factor=4)
-    node = structure.nodes().place[structure.fragment_node()]
+    node = structure.nodes().location[structure.fragment_node()]
     np.testing.assert_allclose(_read(structure, jt.ConstantMap()), _start(node))
 
 

@@ -14,7 +14,7 @@ NORMAL = np.tile([0.0, 0.0, 1.0], (3, 1))
 @pytest.mark.parametrize("mask", [[True, False, True], [False] * 3, [True] * 3])
 def test_a_mask_chooses_what_it_marks(mask):
     on = FragmentMask(np.array(mask), body=2)
-    np.testing.assert_array_equal(on.chooses(POSITION, NORMAL), mask)
+    np.testing.assert_array_equal(on.select(POSITION, NORMAL), mask)
     np.testing.assert_array_equal(on.mask, mask)
     assert on.body == 2
     assert repr(on) == f"FragmentMask({sum(mask)} of 3 fragments, body=2)"
@@ -30,7 +30,7 @@ def test_masks_can_be_compared_and_hashed():
 
 def test_a_mask_of_another_body_is_told():
     with pytest.raises(InputError, match="has 5 values and body 0 has 3 fragments"):
-        FragmentMask(np.ones(5, bool)).chooses(POSITION, NORMAL)
+        FragmentMask(np.ones(5, bool)).select(POSITION, NORMAL)
 
 
 @pytest.mark.parametrize("mask", [[1, 0, 1], np.ones((3, 1), bool), "all", []])
@@ -42,10 +42,10 @@ def test_only_truth_values_make_a_mask(mask):
 def test_everything_is_all_of_a_body():
     everything = Everything(body=1)
     assert everything.body == 1
-    assert everything.chooses(POSITION, NORMAL).all()
+    assert everything.select(POSITION, NORMAL).all()
     assert everything.contains(POSITION).shape == (3,)
 
 
 def test_a_region_chooses_the_surface_in_it():
     region = Region(lower=(0.5, -1.0, -1.0), upper=(5.0, 1.0, 1.0))
-    np.testing.assert_array_equal(region.chooses(POSITION, NORMAL), [False, True, True])
+    np.testing.assert_array_equal(region.select(POSITION, NORMAL), [False, True, True])

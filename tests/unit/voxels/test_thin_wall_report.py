@@ -19,11 +19,11 @@ def test_a_plate_on_voxel_centres_is_thin():
     assert grid.thin.thin_area == pytest.approx(128.0, rel=0.05)
     assert grid.thin.lost_fragments == 0 and grid.thin.lost_area == 0.0
     assert grid.solid_count == 216 + 64
-    place = grid.thin.places[0]
+    place = grid.thin.regions[0]
     assert place["thickness_m"] == pytest.approx(0.4, abs=1e-6)
     assert place["lost_share"] == 0.0
     assert 8.0 < place["centre_m"][0] < 16.0
-    assert sum(p["area_m2"] for p in grid.thin.places) == pytest.approx(
+    assert sum(p["area_m2"] for p in grid.thin.regions) == pytest.approx(
         grid.thin.thin_area
     )
 
@@ -32,7 +32,7 @@ def test_a_plate_between_voxel_centres_is_lost():
     grid = voxelize(block_and_plate(0.0), 1.0)
     assert grid.thin.lost_area == pytest.approx(128.0, rel=0.1)
     assert grid.solid_count == 216
-    assert grid.thin.places[0]["lost_share"] == 1.0
+    assert grid.thin.regions[0]["lost_share"] == 1.0
     # None of it is left among the fragments.
     assert grid.fragment_position[:, 0].max() < 4.0
     assert "area" in grid.unscaled_because or grid.area_ratio > 1.0
@@ -41,7 +41,7 @@ def test_a_plate_between_voxel_centres_is_lost():
 def test_thick_bodies_have_no_thin_parts():
     for mesh, pitch in ((BALL, 0.1), (shapes.box(5.0), 1.0)):
         thin = voxelize(mesh, pitch).thin
-        assert (thin.thin_fragments, thin.lost_fragments, thin.places) == (0, 0, ())
+        assert (thin.thin_fragments, thin.lost_fragments, thin.regions) == (0, 0, ())
         assert thin.thin_area == thin.lost_area == 0.0
 
 
@@ -54,7 +54,7 @@ def test_thickness_is_along_the_normal():
     plate = shapes.box((20.0, 20.0, 0.9))
     plate = type(plate)(plate.vertices @ turn.T, plate.faces, "plate")
     grid = voxelize(plate, 1.0)
-    assert grid.thin.places[0]["thickness_m"] <= 0.9 + 1e-9
+    assert grid.thin.regions[0]["thickness_m"] <= 0.9 + 1e-9
     assert grid.thin.thin_area > 0.8 * plate.area
     assert not voxelize(plate, 0.85).thin.thin_area > 0.2 * plate.area
 
@@ -68,6 +68,6 @@ def test_at_most_ten_places_are_named():
     grid = voxelize(
         joined(shapes.box(6.0).moved(-20 * rng.uniform(size=3)), *chips), 1.0
     )
-    assert 0 < len(grid.thin.places) <= 10
-    areas = [p["area_m2"] for p in grid.thin.places]
+    assert 0 < len(grid.thin.regions) <= 10
+    areas = [p["area_m2"] for p in grid.thin.regions]
     assert areas == sorted(areas, reverse=True)

@@ -26,7 +26,7 @@ def points_of(body):
     u, v = (w.reshape(-1)[:, None] for w in np.meshgrid(steps, steps))
     u, v = u[(u + v <= 1)[:, 0]], v[(u + v <= 1)[:, 0]]
     a, b, c = (triangles[:, None, i] for i in range(3))
-    return body.pose.place((a + u * (b - a) + v * (c - a)).reshape(-1, 3))
+    return body.pose.to_world((a + u * (b - a) + v * (c - a)).reshape(-1, 3))
 
 
 def closest(one, other):

@@ -29,8 +29,8 @@ def check_sums(pairs, a, b):
         assert coverage == pytest.approx(np.minimum(covered / grid.fragment_area, 1))
     keys = set(zip(pairs.fragment_a.tolist(), pairs.fragment_b.tolist(), strict=True))
     assert len(keys) == pairs.count == len(pairs.area)
-    normals = a.pose.turn(a.grid.fragment_normal)[pairs.fragment_a]
-    others = b.pose.turn(b.grid.fragment_normal)[pairs.fragment_b]
+    normals = a.pose.rotate(a.grid.fragment_normal)[pairs.fragment_a]
+    others = b.pose.rotate(b.grid.fragment_normal)[pairs.fragment_b]
     assert ((normals * others).sum(1) < -0.4).all()
 
 

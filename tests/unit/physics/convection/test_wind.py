@@ -95,7 +95,7 @@ def test_a_turned_body_feels_the_same_wind_turned_with_it(grid, seen):
     sine, cosine = 0.5, float(np.sqrt(0.75))
     rotation = ((cosine, -sine, 0.0), (sine, cosine, 0.0), (0.0, 0.0, 1.0))
     turned = surface(grid, Pose((1.0, 2.0, 3.0), rotation))
-    wind = tuple(float(v) for v in turned.pose.turn(np.array([2.0, 0.0, 0.0])))
+    wind = tuple(float(v) for v in turned.pose.rotate(np.array([2.0, 0.0, 0.0])))
     np.testing.assert_allclose(
         coefficients(Wind(wind, AIR), turned),
         coefficients(Wind((2.0, 0.0, 0.0), AIR), seen),

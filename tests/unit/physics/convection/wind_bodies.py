@@ -29,15 +29,15 @@ def surface(grid, pose=None, triangles=None, dtype=np.float64, **changes):
         "body": 0,
         "grid": grid,
         "pose": pose,
-        "position": pose.place(grid.fragment_position),
-        "normal": pose.turn(grid.fragment_normal),
+        "position": pose.to_world(grid.fragment_position),
+        "normal": pose.rotate(grid.fragment_normal),
         "area": grid.fragment_area.astype(dtype),
         "exposed_fraction": np.ones(count),
         "natural": np.ones(count, bool),
         "half_cell": np.ones(count),
         "emissivity": np.ones(()),
         "absorptivity": np.ones(()),
-        "scene_triangles": pose.place(grid.mesh.triangles)
+        "scene_triangles": pose.to_world(grid.mesh.triangles)
         if triangles is None
         else triangles,
         "dtype": np.dtype(dtype),
