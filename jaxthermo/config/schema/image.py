@@ -95,7 +95,7 @@ class ImageConfig(Model):
     palette: Annotated[
         str,
         AfterValidator(_known_palette),
-        Field(json_schema_extra={"enum": [*_palette_names()]}),
+        Field(json_schema_extra={"enum": [*palette_names()]}),
     ] = "iron"
     quantity: Literal["apparent", "surface"] = "apparent"
     """Apparent temperature, as a camera measures it, or the surface's own."""

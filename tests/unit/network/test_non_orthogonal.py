@@ -41,7 +41,7 @@ def _network(structure):
 def test_linear_temperatures_conduct_exactly(slanted, kind):
     """Through every face flows k A g . n, whatever lies on its sides."""
     structure = _structure(slanted, kind)
-    links, place = structure.links(), structure.nodes().place
+    links, place = structure.links(), structure.nodes().location
     flow = K * links.area * (face_normals(structure) @ SLOPE)
     exact = np.zeros(structure.node_count)
     np.add.at(exact, links.src, flow)
