@@ -48,16 +48,26 @@ def _face_heat_rate(
     return total
 
 
-def solid_degree(solid: Bool[np.ndarray, "x y z"]) -> np.ndarray:
-    """Number of solid neighbours of each solid voxel, 0 to 6; 0 elsewhere."""
+def _solid_neighbours(solid: Bool[np.ndarray, "x y z"], bits: int) -> np.ndarray:
+    """Solid neighbours of each solid voxel, those along axis a shifted by a * bits."""
     degree = np.zeros(solid.shape, np.uint8)
     for axis in range(3):
         body = np.moveaxis(solid, axis, 0)
         count = np.moveaxis(degree, axis, 0)
-        both = (body[1:] & body[:-1]).view(np.uint8)
+        both = (body[1:] & body[:-1]).view(np.uint8) << (bits * axis)
         count[1:] += both
         count[:-1] += both
     return degree
+
+
+def solid_degree(solid: Bool[np.ndarray, "x y z"]) -> np.ndarray:
+    """Number of solid neighbours of each solid voxel, 0 to 6; 0 elsewhere."""
+    return _solid_neighbours(solid, 0)
+
+
+def solid_degrees(solid: Bool[np.ndarray, "x y z"]) -> np.ndarray:
+    """Solid neighbours of each solid voxel along x, + 4 along y, + 16 along z."""
+    return _solid_neighbours(solid, 2)
 
 
 def _neighbour_sum(state):
@@ -152,18 +162,6 @@ class UniformStencil(AbstractNetwork):
     @override
     def stored(self, state: Float[Array, "..."]) -> Float[Array, ""]:
         return self.node_capacity * precise_sum(state)
-
-
-def solid_degrees(solid: Bool[np.ndarray, "x y z"]) -> np.ndarray:
-    """Solid neighbours of each solid voxel along x, + 4 along y, + 16 along z."""
-    degrees = np.zeros(solid.shape, np.uint8)
-    for axis in range(3):
-        body = np.moveaxis(solid, axis, 0)
-        count = np.moveaxis(degrees, axis, 0)
-        both = (body[1:] & body[:-1]).view(np.uint8) << (2 * axis)
-        count[1:] += both
-        count[:-1] += both
-    return degrees
 
 
 def _pair_sums(state):
