@@ -105,6 +105,7 @@ class Exchange(AbstractFluxLaw):
     def flux(
         self, time: Float[Array, ""], theta: Float[Array, " m"]
     ) -> Float[Array, "*#m"]:
+        # Differences first: they keep their digits in float32.
         above = value_at(self.temperature, time) - self.reference
         return value_at(self.coefficient, time) * (above - theta)
 

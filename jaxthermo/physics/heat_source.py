@@ -14,9 +14,9 @@ from .term import AbstractVolumeTerm, Forcing, Omitted
 from .time_varying import check_value, cooling_bound, is_zero
 
 
-UNBOUNDED = 1e5
-"""Where heat is released inside, no surface bounds the temperature [K]: emission is
-then taken to be as steep as the half cell below it allows."""
+# Where heat is released inside, no surface bounds the temperature [K]: emission is
+# then taken to be as steep as the half cell below it allows.
+_UNBOUNDED = 1e5
 
 
 class VolumeBinding(NamedTuple):
@@ -66,7 +66,7 @@ class HeatSource(AbstractVolumeTerm):
     def forcing(self, end: float | int) -> Forcing:
         density = self.heat_rate_density
         return Forcing(
-            highest=0.0 if is_zero(density) else UNBOUNDED,
+            highest=0.0 if is_zero(density) else _UNBOUNDED,
             lowest=cooling_bound(density, end),
         )
 

@@ -46,9 +46,11 @@ def newton_iterations(
         area = np.asarray(term.effective_area, float)
         flux += area * max_flux
         curvature += area * max_curvature
+    # A half cell without conductance gives no bound; one without flux needs none.
     acts = (flux > 0) & (conducts > 0)
     if not acts.any() or not np.isfinite(flux).all() or (flux[conducts <= 0] > 0).any():
         return MAX_ITERATIONS
+    # The start is off by at most the flux over the conductance.
     error = flux[acts] / conducts[acts]
     rate = curvature[acts] / 2 / conducts[acts]
     tolerance = TOLERANCE[np.asarray(half_cell).dtype.name]

@@ -45,7 +45,7 @@ class SurfaceTerms(eqx.Module):
     prescribed: NumberedTerms
     """Terms that prescribe the surface's temperature: heat straight to the node."""
     iterations: int = eqx.field(static=True, default=MAX_ITERATIONS)
-    """Of Newton's method; with fewer than all it starts at the node's temperature."""
+    """Newton iterations; with fewer than all they start at the node's temperature."""
 
     @property
     def is_linear(self) -> bool:
@@ -106,10 +106,8 @@ class SurfaceTerms(eqx.Module):
         return whole, by_name
 
     def imposed(self, time: Float[Array, ""]) -> list[tuple[int, Float[Array, "*b"]]]:
-        """Total heat rates of the terms with one flux for all cells [W].
-
-        They are known without evaluating the cells; one rate per body.
-        """
+        """Heat rates of the terms with one flux for all cells, per body [W]."""
+        # They are known without evaluating any cell.
         found = []
         for n, term in self.natural:
             flux = term.law.uniform_flux(time)
@@ -121,10 +119,8 @@ class SurfaceTerms(eqx.Module):
     def rates(
         self, time: Float[Array, ""], theta: Float[Array, " m"]
     ) -> tuple[Float[Array, " m"], dict[int, Float[Array, " m"]]]:
-        """Heat rate through each cell, and its parts without those of `imposed` [W].
-
-        What all natural terms bring is what conduction carries to the node.
-        """
+        """Heat rate through each cell, and its parts without those of `imposed` [W]."""
+        # What all natural terms bring is what conduction carries to the node.
         rates, excess = self._solve(time, theta)
         whole = jnp.asarray(self.half_cell) * excess
         for n, term in self.prescribed:
@@ -141,6 +137,7 @@ class SurfaceTerms(eqx.Module):
         """Heat rate of each natural term, and the excess, which agree to rounding."""
         nonlinear = [(n, term) for n, term in self.natural if not term.law.is_linear]
         linear = [(n, term) for n, term in self.natural if term.law.is_linear]
+        # Linear terms together: brought - slope T_s, exact at any temperature.
         zero = jnp.zeros_like(theta)
         brought = sum((term.heat_rate(time, zero) for _, term in linear), zero)
         slope = sum((term.slope(time, zero) for _, term in linear), zero)
@@ -191,11 +188,9 @@ class SurfaceTerms(eqx.Module):
         return self._supersolution(dissipative, time, theta, brought, slope)
 
     def _supersolution(self, dissipative, time, theta, brought, slope):
-        """An excess at or above the solution, from where Newton cannot overshoot.
-
-        The lower of two bounds: emission alone loses all the heat that is imposed and
-        that a hotter node sends; or conduction alone carries it off.
-        """
+        """An excess at or above the solution, from where Newton cannot overshoot."""
+        # The lower of two bounds: emission alone loses all the heat that is imposed and
+        # that a hotter node sends; or conduction alone carries it off.
         zero = jnp.zeros_like(theta)
         imposed = lambda here: jnp.maximum(brought - slope * here, 0)
         ambient = zero - jnp.inf
@@ -230,6 +225,7 @@ class SurfaceTerms(eqx.Module):
         for _, term in self.natural:
             steepest = term.law.max_slope(highest, end).astype(conducts.dtype)
             slope = slope + jnp.asarray(term.effective_area) * steepest
+        # The slope and the half cell are in series: neither alone limits the step.
         through = slope * conducts * inverse(slope + conducts)
         prescribed = (relative * term.effective_area for _, term in self.prescribed)
         return sum(prescribed, through)

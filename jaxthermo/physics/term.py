@@ -216,8 +216,10 @@ class Surface:
             found = [(body, body.exposed(on)) for body in self.bodies]
             covers = [e if isinstance(e, Omitted) else (b.area, e) for b, e in found]
         omitted = [cover for cover in covers if isinstance(cover, Omitted)]
+        # Several snapshots need the same bindings, whether they act or not.
         if self.prune and len(omitted) == len(self.bodies):
             return tuple(omitted)
+        # Bodies without the term have no area: one law and one array for the scene.
         areas, acts = [], []
         for body, cover in zip(self.bodies, covers, strict=True):
             nowhere = np.zeros(len(body.area), bool)
@@ -233,6 +235,7 @@ class Surface:
 
 def spread(values: Sequence[Any], counts: Sequence[int], dtype: Any) -> Any:
     """Values of bodies at each of their cells; one number where all are equal."""
+    # One number where bodies count from one temperature: no array for the time loop.
     same = not is_traced(values) and len({float(value) for value in values}) == 1
     if same or len(values) == 1:
         return jnp.asarray(values[0], dtype)
@@ -266,6 +269,7 @@ class AbstractTerm(eqx.Module):
             for field in dataclasses.fields(self)
             if not field.metadata.get("static")
         )
+        # Selections of a surface or a volume never change with time.
         places = AbstractSelection | AbstractSpace
         return tuple(v for v in given if v is not None and not isinstance(v, places))
 

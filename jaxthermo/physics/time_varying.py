@@ -130,8 +130,10 @@ def largest(value: Any, end: float | int) -> Float[Array, ""]:
     if isinstance(value, Table):
         return jnp.max(jnp.asarray(value.values, float))
     if isinstance(value, Until):
+        # It is 0 after its end.
         return jnp.maximum(largest(value.value, end), 0.0)
     if callable(value):
+        # The sampling includes both ends; a narrow peak may be missed.
         return jnp.max(
             jax.vmap(lambda t: value_at(value, t))(jnp.linspace(0.0, end, 1025))
         )

@@ -44,8 +44,10 @@ def body_numbers(scene: Scene, body: Body, end: float) -> dict[str, float]:
     grid = body.structure.grid
     volume = grid.solid_count * grid.voxel_volume
     length = float(characteristic_length(volume, grid.fragment_area.sum()))
+    # Of several materials the base one stands for the body.
     material: Any = getattr(body.material, "materials", (body.material,))[0]
     start = body.temperature
+    # A start that varies is near room temperature as far as these numbers go.
     kelvin = 300.0 if callable(start) else float(start)
     known = material.at(kelvin)
     k = float(np.mean(np.asarray(known.conductivity, float)))

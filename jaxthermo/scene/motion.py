@@ -15,8 +15,8 @@ from ..errors import InputError
 from ..geometry.pose import Pose
 
 
-MAX_SNAPSHOTS = 10_000
-"""Of a run: each finds shadows and contacts and makes a program."""
+# Of a run: each snapshot finds shadows and contacts, and makes a program.
+_MAX_SNAPSHOTS = 10_000
 
 
 class PoseTable(eqx.Module):
@@ -102,10 +102,10 @@ class Motion(eqx.Module):
         else:
             # A last snapshot a rounding error before the end would see nothing new.
             snapshots = math.ceil(end / self.every * (1 - 1e-12))
-            if snapshots > MAX_SNAPSHOTS:
+            if snapshots > _MAX_SNAPSHOTS:
                 raise InputError(
                     f"Motion(every={self.every:g}): {snapshots} snapshots of the "
-                    f"geometry in {end:g} s; give {end / MAX_SNAPSHOTS:.2g} s or more"
+                    f"geometry in {end:g} s; give {end / _MAX_SNAPSHOTS:.2g} s or more"
                 )
             times = (self.every * k for k in range(1, snapshots))
         return tuple(float(t) for t in times if 0 < t < end)
@@ -128,6 +128,7 @@ def _slerp(a, b, fraction: float) -> Float[np.ndarray, "4"]:
     # A quaternion and its reverse are the same turn; the nearer one is the short way.
     b = b if cosine >= 0 else -b
     angle = 2 * math.atan2(float(np.linalg.norm(a - b)), float(np.linalg.norm(a + b)))
+    # The formula for larger angles would divide rounding by rounding.
     if angle < 1e-9:
         blend = (1 - fraction) * a + fraction * b
     else:

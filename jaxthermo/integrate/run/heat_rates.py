@@ -35,10 +35,11 @@ def add_loads(
     Returns:
         The new states, and the heat rate of each ledger entry [W].
     """
+    # All loads of a step act at the temperatures before it.
     nodes = surface_nodes(program, states)
     received = net_irradiation(program, nodes, time)
     warmed, rates = add_own_loads(program, nodes, received, False, new, time, dt)
-    return add_contacts(program, states, warmed, rates, time, dt)
+    return _add_contacts(program, states, warmed, rates, time, dt)
 
 
 def add_own_loads(
@@ -83,7 +84,7 @@ def _networks(program: Program, load: AbstractSurfaceLoad) -> list[AbstractNetwo
     return [program.bodies[cells.body].network for cells in load.by_cell.cells]
 
 
-def add_contacts(
+def _add_contacts(
     program: Program,
     states: State,
     new: State,
@@ -127,6 +128,8 @@ def net_irradiation(
         return None
     load = program.surface.by_cell
     with jax.named_scope("emission"):
+        # Surface temperatures with the irradiation by nodes; then the exchange between
+        # surfaces of these temperatures, in which no heat is lost.
         terms, here = load.conducting(nodes, _networks(program, load))
         surface = here + terms.irradiated(given).surface_excess(time, here)
         return program.enclosure.net(time, surface)

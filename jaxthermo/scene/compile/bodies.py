@@ -20,11 +20,11 @@ from ...physics.material_network import (
 from ..scene import AbstractMaterials, Body
 
 
-HostAddress = tuple[np.ndarray, ...]
-"""Position of every node of a body in its state."""
+# Position of every node of a body in its state.
+_HostAddress = tuple[np.ndarray, ...]
 
 
-def device_address(address: HostAddress, nodes: Int[np.ndarray, " m"]) -> Address:
+def device_address(address: _HostAddress, nodes: Int[np.ndarray, " m"]) -> Address:
     """Position of some of the nodes in the state."""
     return tuple(jnp.asarray(index[nodes]) for index in address)
 
@@ -40,7 +40,7 @@ class PreparedBody(NamedTuple):
     half_cell: Float[Values, " s"]
     """Conductance from each fragment to its node, k A / distance [W/K]."""
     fragment_node: Int[np.ndarray, " s"]
-    address: HostAddress
+    address: _HostAddress
     surface_map: Any
     """As bound to the body."""
 
@@ -72,7 +72,7 @@ def _network(body: Body, reference: Scalar, dtype: Any) -> AbstractNetwork:
 
 
 def _initial(
-    body: Body, address: HostAddress, dtype: Any
+    body: Body, address: _HostAddress, dtype: Any
 ) -> tuple[Scalar, Float[Array, "..."]]:
     """The body's reference temperature, and its nodes' temperatures above it [K]."""
     # The reference is the initial mean. It is no variable: of a traced initial state

@@ -19,12 +19,10 @@ from .program import Program
 def max_temperature(
     scene: Scene, prepared: tuple[PreparedBody, ...], end: float | int
 ) -> Float[Array, ""]:
-    """An upper bound of temperatures up to `end` [K] where surfaces emit.
-
-    Without imposed fluxes nothing gets hotter than the start or what terms heat towards
-    (the maximum principle). With them a surface that emits the flux does; where nothing
-    emits there is no bound, and none is needed.
-    """
+    """An upper bound of temperatures up to `end` [K] where surfaces emit."""
+    # Without imposed fluxes nothing gets hotter than the start or what terms heat
+    # towards (the maximum principle). With them a surface that emits the flux does;
+    # where nothing emits there is no bound, and none is needed.
     start = [
         body.reference + jnp.max(body.network.temperature(body.state))
         for body in prepared
@@ -36,6 +34,7 @@ def max_temperature(
     emissivity = jnp.stack(
         [jnp.min(jnp.asarray(_emissivities(b), float)) for b in scene.bodies]
     ).min()
+    # Emissivities below 1e-3 would give no useful bound.
     emitted = imposed / (STEFAN_BOLTZMANN * jnp.maximum(emissivity, 1e-3))
     return (bound**4 + emitted) ** 0.25
 
@@ -71,6 +70,8 @@ def stable_step(
         highest: temperature of any surface [K].
         end: of the run [s].
     """
+    # Up to this step temperatures also stay within their bounds: every node's weight in
+    # its own next temperature is positive.
     rates = []
     for number, body in enumerate(program.bodies):
         network = body.network

@@ -24,6 +24,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+from typing_extensions import override
 
 from ...arrays import is_traced
 from ...network.network import (
@@ -40,11 +41,11 @@ from .program import Program
 from .surface_load import AbstractSurfaceLoad, BodyCells, SurfaceLoad
 
 
-MIN_SURFACE_FRACTION = 1 / 8
-"""Fraction of a body's nodes below which those under the surface are gathered."""
+# Fraction of a body's nodes below which those under the surface are gathered.
+_MIN_SURFACE_FRACTION = 1 / 8
 
 
-class EntrySums(eqx.Module):
+class _EntrySums(eqx.Module):
     """Heat rate of one ledger entry, summed over the nodes of a body."""
 
     entry: int = eqx.field(static=True)
@@ -55,7 +56,7 @@ class EntrySums(eqx.Module):
     """Lost by each node [W/K]; None for nothing."""
 
 
-class LinearNodes(eqx.Module):
+class _LinearNodes(eqx.Module):
     """Linear heat rates of the nodes of one body."""
 
     forcings: tuple[Any, ...]
@@ -64,7 +65,7 @@ class LinearNodes(eqx.Module):
     """Heat rate of every node by each forcing [W per unit of it]."""
     slope: Float[Array, " n"] | None
     """Lost by each node [W/K]; None for nothing."""
-    sums: tuple[EntrySums, ...]
+    sums: tuple[_EntrySums, ...]
     everywhere: bool = eqx.field(static=True)
     """True if arrays cover all nodes of the body, in order; else those with cells."""
 
@@ -73,20 +74,21 @@ class LinearSurfaceLoad(AbstractSurfaceLoad):
     """Heat of all surface terms, summed for the nodes beforehand."""
 
     general: SurfaceLoad
-    bodies: tuple[LinearNodes, ...]
-    """Of the bodies that have cells."""
+    bodies: tuple[_LinearNodes, ...]
+    """Heat rates of the bodies that have cells."""
 
     @property
+    @override
     def by_cell(self) -> SurfaceLoad:
-        """The load in general form."""
         return self.general
 
+    @override
     def nodes_of(self, index: int, state: Float[Array, "..."]) -> Float[Array, " m"]:
-        """Values at all nodes, or at those with cells."""
         if self.bodies[index].everywhere:
             return state
         return self.general.nodes_of(index, state)
 
+    @override
     def heat(
         self,
         time: Float[Array, ""],
@@ -95,8 +97,6 @@ class LinearSurfaceLoad(AbstractSurfaceLoad):
         received: Float[Array, " p"] | None = None,
         emits: bool = False,
     ) -> tuple[list[Float[Array, " _"]], Float[Array, " c"]]:
-        """Heat rates of the nodes and of the ledger entries."""
-        del networks, received, emits
         heat, by_entry = [], jnp.zeros(self.general.entry_count, nodes[0].dtype)
         for body, theta in zip(self.bodies, nodes, strict=True):
             now = [value_at(forcing, time) for forcing in body.forcings]
@@ -113,6 +113,7 @@ class LinearSurfaceLoad(AbstractSurfaceLoad):
                     by_entry = by_entry.at[sums.entry].add(brought)
         return heat, by_entry
 
+    @override
     def add(
         self,
         index: int,
@@ -121,8 +122,8 @@ class LinearSurfaceLoad(AbstractSurfaceLoad):
         dt: Float[Array, ""],
         heat: Float[Array, " _"],
     ) -> Float[Array, "..."]:
-        """A state with the heat of the nodes."""
         if self.bodies[index].everywhere:
+            # A sum over all nodes is part of the loop that conducts; a scatter is not.
             return new + dt * inverse(network.capacity()) * heat
         return self.general.cells[index].add(new, dt, heat)
 
@@ -171,8 +172,7 @@ def _linear_nodes(
     network: AbstractNetwork,
     balance: "_LinearBalance",
     entries: list[int],
-) -> LinearNodes:
-    """Sums over the cells of each node."""
+) -> _LinearNodes:
     everywhere, sums = _sums(cells, network, balance.traced)
     to_nodes = lambda values: jnp.asarray(sums(values), balance.dtype)
     number = lambda value: jnp.asarray(value, balance.dtype)
@@ -182,15 +182,16 @@ def _linear_nodes(
         slope = balance.slope(term)
         totals = [balance.brought(term, forcing).sum() for forcing in forcings]
         found.append(
-            EntrySums(
+            _EntrySums(
                 entry=entries[term],
                 name=balance.names[term],
                 forced=jnp.stack([number(total) for total in totals]),
                 slope=None if slope is None else to_nodes(slope),
             )
         )
+    # All slopes of a node act on the same temperature: one array for the time loop.
     slopes = [entry.slope for entry in found if entry.slope is not None]
-    return LinearNodes(
+    return _LinearNodes(
         forcings=tuple(balance.forcings),
         forced=tuple(to_nodes(balance.forced(forcing)) for forcing in forcings),
         slope=sum(slopes[1:], slopes[0]) if slopes else None,
@@ -202,12 +203,12 @@ def _linear_nodes(
 def _sums(
     cells: BodyCells, network: AbstractNetwork, traced: bool
 ) -> tuple[bool, Callable[[Any], Any]]:
-    """True if sums are for all nodes; and from values of cells to those of nodes."""
+    # True if sums are for all nodes; and a function from values of cells to nodes.
     index, count = cells.node, cells.slots[0].shape[0]
     everywhere = False
     if isinstance(network, AbstractNodeNetwork):
         nodes = network.node_capacity.shape[0]
-        everywhere = count >= MIN_SURFACE_FRACTION * nodes
+        everywhere = count >= _MIN_SURFACE_FRACTION * nodes
         if everywhere:
             index, count = cells.address[0][index], nodes
     if traced:
@@ -228,10 +229,10 @@ class _Part(NamedTuple):
 
 
 class _LinearBalance:
-    """The balance of all cells, solved: arrays with one value per cell.
+    """The balance of all cells, solved: arrays with one value per cell."""
 
-    On the host in double precision where nothing is traced.
-    """
+    # On the host in double precision where nothing is traced: the sums over cells are
+    # then as exact as the general form in the time loop.
 
     def __init__(
         self, terms: SurfaceTerms, natural: list[LinearLaw], prescribed: list[LinearLaw]
@@ -240,6 +241,7 @@ class _LinearBalance:
         self.names, self.dtype = terms.names, terms.half_cell.dtype
         self._own: Any = jnp if self.traced else np
         self._precise = self.dtype if self.traced else np.float64
+        # The first forcing is 1: all constant terms share it.
         self.forcings: list[Any] = [jnp.ones((), self.dtype)]
         part = self._part
         self._natural = [part(*e) for e in zip(terms.natural, natural, strict=True)]

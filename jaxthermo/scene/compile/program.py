@@ -38,7 +38,7 @@ class VolumeLoad(eqx.Module):
 
     entry: int = eqx.field(static=True)
     address: Address
-    """Of the heated nodes, in the order of the state."""
+    """Position of the heated nodes, in the order of the state."""
     rise: Float[Array, " m"]
     """Heated volume over capacity of each of them [m^3 K/J]."""
     volume: Float[Array, ""]
@@ -68,7 +68,7 @@ class BodyProgram(eqx.Module):
     """Temperature from which the state counts [K]."""
     sources: tuple[VolumeLoad, ...]
     address: Address
-    """Of the nodes that have surface, each once, in the order of the state."""
+    """Position of the nodes that have surface, each once, in the order of the state."""
     node: Int[Array, " s"]
     """Index of each fragment's node among them."""
     exposed_fraction: Float[Array, "*s"]
@@ -129,6 +129,7 @@ class Program(eqx.Module):
         pairs = zip(self.bodies, states, strict=True)
         theta = [body.network.temperature(state) for body, state in pairs]
         found = [body.below(own) for body, own in zip(self.bodies, theta, strict=True)]
+        # The balance at the surface is solved again only for maps that read it.
         excess: Sequence = [None] * len(self.bodies)
         needed = any(body.surface_map.needs_excess for body in self.bodies)
         if needed and time is not None:
@@ -139,6 +140,7 @@ class Program(eqx.Module):
             if not body.surface_map.needs_excess:
                 own = None
             elif own is not None and contact is not None:
+                # A fragment in contact in part has the area mean of both.
                 own = own * body.exposed_fraction + contact
             nodes, below = found[n]
             surface.append(
@@ -185,5 +187,6 @@ class Compiled(eqx.Module):
         return self.programs[0]
 
     def number_at(self, time: float) -> int:
-        """Number of the program that holds from a time on [s]."""
+        """Number of the program that is valid from a time on [s]."""
+        # The start of a step may be a rounding error before that of its program.
         return bisect.bisect_right(self.starts, time * (1 + 1e-12)) - 1

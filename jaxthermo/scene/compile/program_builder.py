@@ -33,14 +33,14 @@ from .surface_load import body_cells, surface_load
 from .surface_terms import BoundSurface, acting, ledger_bodies
 
 
-Volumes = dict[tuple[int, int], VolumeBinding]
-"""Nodes that heat sources reach, by the numbers of the term and of the body."""
+# Nodes that heat sources reach, by the numbers of the term and of the body.
+_Volumes = dict[tuple[int, int], VolumeBinding]
 
 
 def bind_volumes(
     scene: Scene, names: tuple[str, ...]
-) -> tuple[Volumes, list[Omission]]:
-    """What acts inside bodies, and what does not."""
+) -> tuple[_Volumes, list[Omission]]:
+    """Nodes that volume terms heat, and the terms that heat none."""
     found, omitted = {}, []
     for number, term in enumerate(scene.terms):
         if not isinstance(term, AbstractVolumeTerm):
@@ -60,7 +60,7 @@ class Ledger(NamedTuple):
 
     entries: tuple[LedgerEntry, ...]
     number: dict[tuple[int, ...], int]
-    """Of each entry, by the number of its term and of its body, or both bodies."""
+    """Number of each entry, by its term and its body, or both bodies."""
 
     def parts(self, snapshot: Snapshot) -> tuple[Part, ...]:
         """The surface that each entry acts on."""
@@ -84,7 +84,7 @@ class Ledger(NamedTuple):
 
 
 def number_entries(
-    names: tuple[str, ...], snapshots: list[Snapshot], volumes: Volumes, prune: bool
+    names: tuple[str, ...], snapshots: list[Snapshot], volumes: _Volumes, prune: bool
 ) -> Ledger:
     """An entry for every body that a term acts on, in the order of the terms."""
     surfaces = [snapshot.surface for snapshot in snapshots]
@@ -106,7 +106,7 @@ class ProgramBuilder:
         scene: Scene,
         prepared: tuple[PreparedBody, ...],
         snapshots: list[Snapshot],
-        volumes: Volumes,
+        volumes: _Volumes,
         ledger: Ledger,
         temperatures: TemperatureRange | None,
     ):
@@ -114,6 +114,7 @@ class ProgramBuilder:
         self.volumes, self.snapshots = volumes, snapshots
         self.pair_counts = pair_counts(snapshots)
         surfaces = [snapshot.surface for snapshot in snapshots]
+        # Cells must be the same at all snapshots: they go by where a term ever acts.
         self.acting = acting(surfaces)
         self.numbers = list(dict.fromkeys(n for n, _ in surfaces[0].bindings))
         self.iterations = max(self._iterations(each, temperatures) for each in surfaces)
@@ -127,6 +128,7 @@ class ProgramBuilder:
     def programs(self) -> tuple[Program, ...]:
         """One program per snapshot."""
         made = tuple(self._program(snapshot) for snapshot in self.snapshots)
+        # Linear sums are made on the host, in double precision.
         return jax.tree.map(_on_device, linear_programs(made) or made)
 
     def _program(self, snapshot: Snapshot) -> Program:
@@ -177,6 +179,7 @@ class ProgramBuilder:
         """The load on surface cells, and the radiation between them."""
         surface = bound_surface.surface
         acting = list(zip(*map(surface.apart, self.acting), strict=True))
+        # Fragments of one cell must be in one patch of the radiative exchange.
         groups: list = [None] * len(surface.bodies)
         if fine is not None:
             groups = surface.apart(np.asarray(fine.exchange.patch))
@@ -237,6 +240,7 @@ class ProgramBuilder:
         body = self.prepared[index]
         surface = snapshot.surface.surface.bodies[index]
         touched = any(index in key[1:] for key in self.pair_counts)
+        # Bodies that never touch anything need no array of ones.
         exposed = surface.exposed_fraction if touched else np.ones((), surface.dtype)
         nodes, node = np.unique(body.fragment_node, return_inverse=True)
         return BodyProgram(

@@ -1,8 +1,4 @@
-"""Geometry of a scene at moments: where bodies stand, touch and exchange heat.
-
-Between two snapshots everything stands where it is halfway between them, which is exact
-to second order in their distance for whatever moves smoothly.
-"""
+"""Snapshots: the geometry of a scene, its contacts and bound terms at one moment."""
 
 from typing import Any, NamedTuple
 
@@ -22,8 +18,8 @@ from .bodies import PreparedBody, surface_property
 from .surface_terms import BoundSurface, acting, bind_terms, with_terms
 
 
-SOURCE_SNAPSHOTS = 64
-"""Snapshots of a run in which a source moves by a function of time."""
+# Number of a run in which a source moves by a function of time.
+_SOURCE_SNAPSHOTS = 64
 
 PairKey = tuple[int, int, int]
 """Numbers of a term and of both its bodies."""
@@ -44,7 +40,7 @@ def snapshot_times(scene: Scene, end: float) -> tuple[float, ...]:
     for body in scene.bodies:
         times |= {t for t in body.pose.snapshot_times(end) if 0 < t < end}
     if any(term.moves for term in scene.terms):
-        times |= {end * k / SOURCE_SNAPSHOTS for k in range(SOURCE_SNAPSHOTS)}
+        times |= {end * k / _SOURCE_SNAPSHOTS for k in range(_SOURCE_SNAPSHOTS)}
     return tuple(sorted(times))
 
 
@@ -73,6 +69,8 @@ def take_snapshots(
     stops = (*starts[1:], max(end, starts[-1]))
     snapshots = []
     for start, stop in zip(starts, stops, strict=True):
+        # The geometry halfway between two snapshots is exact to second order in their
+        # distance for whatever moves smoothly.
         time = (start + stop) / 2
         poses = tuple(body.pose.at(time) for body in scene.bodies)
         pairs, covered, omitted = _find_contacts(scene, poses, names)
@@ -144,6 +142,7 @@ def _find_contacts(
         for n, term in enumerate(scene.terms)
         if isinstance(term, AbstractPairTerm)
     ]
+    # Fractions of fragments that another body covers: no other term acts there.
     covered = [np.zeros(len(b.structure.grid.fragment_area)) for b in scene.bodies]
     if not terms or len(scene.bodies) == 1:
         alone = tuple(Omission(names[n], "there is one body") for n, _ in terms)

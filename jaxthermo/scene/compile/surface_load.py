@@ -1,9 +1,4 @@
-"""Heat of all surface terms in the time loop, by surface cells.
-
-The balance of every cell stands for itself, so cells of all bodies are one set of
-arrays: one balance to compile and to run instead of one per body. Bodies apart would
-run at once and in many small pieces, three times slower than one after the other.
-"""
+"""Heat of all surface terms in the time loop, by surface cells."""
 
 import abc
 from collections.abc import Sequence
@@ -14,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
+from typing_extensions import override
 
 from ...arrays import members
 from ...network.network import AbstractNetwork, Address, precise_sum, slot_sums
@@ -22,24 +18,22 @@ from ...physics.term import spread
 from .bodies import PreparedBody, device_address
 
 
-MIN_SPARE, MAX_SPARE = 16, 1024
-"""Numbers of cells are multiples of a power of two between these."""
-
-
 class BodyCells(eqx.Module):
     """The surface cells of one body and their nodes.
 
     Fragments of one node on which the same terms act are one cell; a fragment on which
-    nothing acts has none. Some more at the end, of no area, make their number even
-    (`even_size`). Cells are summed by gathering, and every node is then written once,
-    which is several times faster than adding to it in turn.
+    nothing acts has none.
     """
+
+    # Some cells at the end have no area: they make the number even (`even_size`).
+    # Cells are summed by gathering, and every node is then written once, which is
+    # several times faster than adding to it in turn.
 
     body: int = eqx.field(static=True)
     address: Address
-    """Of the nodes that have such cells, each once, in the order of the state."""
+    """Position of the nodes that have cells, each once, in the order of the state."""
     capacity: Float[Array, "*m"]
-    """Of those nodes [J/K]; one number if all have the same."""
+    """Heat capacity of those nodes [J/K]; one number if all have the same."""
     node: Int[Array, " p"]
     """Index of each cell's node among them."""
     slots: tuple[Int[Array, " m"], ...]
@@ -153,23 +147,27 @@ class SurfaceLoad(AbstractSurfaceLoad):
     Bodies on which nothing acts have no cells, and no index here.
     """
 
+    # The balance of every cell stands for itself, so the cells of all bodies are one
+    # set of arrays: one balance to compile and to run instead of one per body. Apart
+    # they would run at once and in many small pieces, three times slower.
+
     terms: SurfaceTerms
     """On the cells of all bodies, one body after the other."""
     cells: tuple[BodyCells, ...]
     references: tuple[Float[Array, ""], ...]
-    """Of the bodies that have cells [K]."""
+    """References of the bodies that have cells [K]."""
     entries: tuple[tuple[int, ...], ...] = eqx.field(static=True)
     """Ledger entry of each term on each of those bodies; -1 where it has none."""
     entry_count: int = eqx.field(static=True)
     """Length of the ledger."""
 
     @property
+    @override
     def by_cell(self) -> "SurfaceLoad":
-        """The load itself."""
         return self
 
+    @override
     def nodes_of(self, index: int, state: Float[Array, "..."]) -> Float[Array, " m"]:
-        """Values at the nodes that have cells."""
         return self.cells[index].nodes_of(state)
 
     def conducting(
@@ -186,6 +184,7 @@ class SurfaceLoad(AbstractSurfaceLoad):
         ]
         return self.terms.conducting(together(relative, here)), _join(here)
 
+    @override
     def heat(
         self,
         time: Float[Array, ""],
@@ -194,11 +193,13 @@ class SurfaceLoad(AbstractSurfaceLoad):
         received: Float[Array, " p"] | None = None,
         emits: bool = False,
     ) -> tuple[list[Float[Array, " _"]], Float[Array, " c"]]:
-        """Heat rates of the cells and of the ledger entries."""
+        # Where conductivity varies with temperature, so do the half cells.
         terms, here = self.conducting(nodes, networks)
         if received is not None:
             terms = terms.irradiated(received, emits)
         heat, rates = terms.rates(time, here)
+        # The ledger: terms of one flux need no sum over cells, and the closing term is
+        # the total minus the others.
         closing = self._closing_term()
         each = [(n, flux) for n, flux in terms.imposed(time) if n != closing]
         each += [(n, self._sums(rate)) for n, rate in rates.items() if n != closing]
@@ -207,6 +208,7 @@ class SurfaceLoad(AbstractSurfaceLoad):
             each.append((closing, self._sums(heat) - others))
         return self.apart(heat), self._by_entry(each, heat.dtype)
 
+    @override
     def add(
         self,
         index: int,
@@ -215,8 +217,6 @@ class SurfaceLoad(AbstractSurfaceLoad):
         dt: Float[Array, ""],
         heat: Float[Array, " _"],
     ) -> Float[Array, "..."]:
-        """A state with the heat of the cells."""
-        del network
         cells = self.cells[index]
         return cells.add(new, dt, slot_sums(heat, cells.slots))
 
@@ -233,11 +233,9 @@ class SurfaceLoad(AbstractSurfaceLoad):
         return tuple(cells.node.shape[0] for cells in self.cells)
 
     def _closing_term(self) -> int | None:
-        """Number of the nonlinear term that costs most, if several bodies have any.
-
-        All terms together bring what goes through the surface. So one need not be
-        summed, nor kept in an array, nor computed twice; it is as exact as the total.
-        """
+        """Number of the most expensive nonlinear term, if there are several bodies."""
+        # All terms together bring what goes through the surface. So one need not be
+        # summed, nor kept in an array, nor computed twice; it is as exact as the total.
         if len(self.cells) == 1:
             return None
         sizes: dict[int, int] = {}
@@ -282,13 +280,11 @@ def _join(arrays: Sequence[Float[Array, " _"]]) -> Float[Array, " p"]:
 
 
 def even_size(count: int) -> int:
-    """The next size that threads share without a remainder, at most 1/16 or 16 larger.
-
-    XLA checks the bounds of every element of a loop that its threads do not divide
-    evenly, and such a loop is not vectorized: several times slower.
-    """
+    """The next size that threads share evenly, at most 1/16 or 16 larger."""
+    # XLA checks the bounds of every element of a loop that its threads do not divide
+    # evenly, and such a loop is not vectorized: several times slower.
     most = max(count // 16, 1)
-    step = min(max(1 << (most.bit_length() - 1), MIN_SPARE), MAX_SPARE)
+    step = min(max(1 << (most.bit_length() - 1), 16), 1024)
     return -(-count // step) * step
 
 
@@ -300,11 +296,8 @@ def body_cells(
 ) -> tuple[BodyCells | None, Int[np.ndarray, " s"]]:
     """The surface cells of a body, and the cell of each of its fragments or -1.
 
-    Args:
-        number: of the body.
-        body: itself.
-        acts: fragments on which each term acts, at any time.
-        group: of every fragment; those of different ones share no cell.
+    Fragments on which each term `acts` at any time; those of different groups share no
+    cell.
     """
     cell = np.full(len(body.fragment_node), -1, np.int32)
     if not any(each.any() for each in acts):
@@ -313,6 +306,7 @@ def body_cells(
     for each in acts:
         # Numbered again for each term, so that any number of terms fits.
         signature = np.unique(2 * signature + each, return_inverse=True)[1].reshape(-1)
+    # A key per node and combination of terms; equal keys are one cell.
     touched = np.flatnonzero(np.any(acts, axis=0))
     signatures = signature.max() + 1
     key = body.fragment_node.astype(np.int64) * signatures + signature
@@ -343,10 +337,10 @@ def surface_load(
 
     Args:
         terms: on the fragments of all bodies.
-        cells: of each body.
-        cell: of the fragments of each body.
+        cells: of each body; None without any.
+        cell: of the fragments of each body; -1 for none.
         references: of the bodies [K].
-        entries: ledger entry of each term on each body.
+        entries: ledger entry of each term on each body; -1 for none.
         entry_count: length of the ledger.
     """
     counts = tuple(0 if c is None else c.node.shape[0] for c in cells)

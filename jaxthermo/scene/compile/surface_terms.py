@@ -14,22 +14,22 @@ from ...errors import InputError
 from ...physics.term import AbstractSurfaceTerm, AbstractTerm, Binding, Omitted, Surface
 
 
-NumberedBindings = tuple[tuple[int, Binding], ...]
-"""Bindings with the number of their term in the scene."""
+# Bindings with the number of their term in the scene.
+_NumberedBindings = tuple[tuple[int, Binding], ...]
 
 
 class BoundSurface(NamedTuple):
     """The surface of a scene at one moment, and the terms that act on it."""
 
     surface: Surface
-    natural: NumberedBindings
+    natural: _NumberedBindings
     """Terms that give a flux, where no temperature is prescribed."""
-    prescribed: NumberedBindings
+    prescribed: _NumberedBindings
     omitted: tuple[tuple[int, Omitted], ...]
     """Terms that do not act on a body, by their number."""
 
     @property
-    def bindings(self) -> NumberedBindings:
+    def bindings(self) -> _NumberedBindings:
         """All bindings, natural ones first."""
         return (*self.natural, *self.prescribed)
 
@@ -55,6 +55,7 @@ def bind_terms(terms: Sequence[AbstractTerm], surface: Surface) -> BoundSurface:
     omitted: list[tuple[int, Omitted]] = []
     dirichlet = [(n, term) for n, term in numbered if term.is_dirichlet]
     prescribed = _bind(dirichlet, surface, omitted)
+    # Number of the term that prescribes the temperature of each fragment.
     taken = np.full(len(surface.body), -1)
     for number, binding in prescribed:
         _refuse_twice(taken[binding.acts], number, surface.body[binding.acts])
@@ -75,7 +76,7 @@ def _bind(
     terms: list[tuple[int, AbstractSurfaceTerm]],
     surface: Surface,
     omitted: list[tuple[int, Omitted]],
-) -> NumberedBindings:
+) -> _NumberedBindings:
     bindings = []
     for number, term in terms:
         for found in term.bind(surface):
