@@ -27,14 +27,11 @@ from ..problem.parameters import ParameterSet
 
 _DEAD_NORM = 1e-6
 """Norm of a column over the largest, below which a parameter is dead."""
-
 _FLAT_SINGULAR_VALUE = 1e-3
 """Singular value over the largest, below which a direction is flat."""
-
 _MAX_CORRELATION = 0.95
 _AT_BOUND = 0.01
 """Distance from a bound, over the range between the bounds."""
-
 _MIN_COMPONENT = 0.3
 """Component of a flat direction that makes a parameter part of it."""
 

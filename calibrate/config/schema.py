@@ -70,7 +70,6 @@ def default_bounds(name: str, start: float) -> tuple[float, float]:
 # The scene's own schema checks them when a case is built.
 Changes = dict[str, Any]
 """Values of the scene's config by dotted key, replacing those in its file."""
-
 Name = Annotated[str, Field(min_length=1, max_length=80)]
 
 

@@ -40,7 +40,6 @@ from .thermogram_targets import FrameTarget, frame_target, render_frames, view_o
 
 _DEFAULT_SMOOTHNESS = 0.5
 """Standard deviation of log(weight) of a link from its neighbours' mean."""
-
 _CHANNELS = {"temperature": "apparent_temperature", "radiance": "radiance"}
 """Channel of an EXR file by compared quantity."""
 
@@ -298,17 +297,9 @@ class _TargetBuilder:
             raise InputError(
                 f"{name}: {len(frames)} sequences of frames and {len(views)} views"
             )
-        masks = []
-        for frame in frames:
-            if mask is not None and mask.shape != frame.shape[1:]:
-                raise InputError(
-                    f"the mask is {mask.shape[1]} x {mask.shape[0]} pixels and the "
-                    f"frames {frame.shape[2]} x {frame.shape[1]}"
-                )
-            masks.append(np.ones(frame.shape[1:], bool) if mask is None else mask)
         times, dtype = self.configs[name].time.save_times, self._dtype(name)
         noise, quantity = given.noise, given.quantity
-        return frame_target(times, views, frames, noise, quantity, masks, dtype)
+        return frame_target(times, views, frames, noise, quantity, mask, dtype)
 
     def _cameras(
         self, given: schema.SimulatedFrames | schema.MeasuredFrames, name: str

@@ -24,13 +24,10 @@ from .targets import AbstractTarget
 
 _MAX_TANGENT_BYTES = 2**30
 """Memory for the states of a batch of derivatives [bytes]."""
-
 _STEP_MARGIN = 1.25
 """Stable step over first step: room to become stiffer before steps are added."""
-
 _FIXED_STEP_MARGIN = 2.0
 """Stable step over fixed step; stiffer values diverge, and the trial is refused."""
-
 _MAX_STIFFENING = 10.0
 """Stable step at the start over that of a trial, beyond which steps are not added."""
 

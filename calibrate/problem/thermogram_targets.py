@@ -139,7 +139,7 @@ def frame_target(
     frames: list[Float[np.ndarray, "_ _ _"]],
     noise: float,
     quantity: str,
-    masks: list[Bool[np.ndarray, "_ _"]],
+    mask: Bool[np.ndarray, "_ _"] | None,
     dtype: Any,
 ) -> FrameTarget:
     """Make a target of frames.
@@ -150,7 +150,7 @@ def frame_target(
         frames: of every view, [time, row, column].
         noise: standard deviation of a pixel.
         quantity: "temperature" or "radiance".
-        masks: pixels of every view to compare; those without a body are left out.
+        mask: pixels to compare, of all views; those without a body are left out.
         dtype: of the fitted scene.
 
     Raises:
@@ -158,7 +158,7 @@ def frame_target(
             or a mask that leaves none.
     """
     data, chosen = [], []
-    for n, (view, given, mask) in enumerate(zip(views, frames, masks, strict=True)):
+    for n, (view, given) in enumerate(zip(views, frames, strict=True)):
         width, height = view.camera.size
         if given.shape[0] != len(times):
             raise InputError(
@@ -169,8 +169,13 @@ def frame_target(
                 f"view {n}: frames of {given.shape[2]} x {given.shape[1]} pixels and a "
                 f"camera of {width} x {height}: give the camera the frames' size"
             )
+        if mask is not None and mask.shape != (height, width):
+            raise InputError(
+                f"the mask is {mask.shape[1]} x {mask.shape[0]} pixels and the frames "
+                f"{width} x {height}"
+            )
         # The background depends on no parameter.
-        compared = mask & body_mask(view)
+        compared = body_mask(view) if mask is None else mask & body_mask(view)
         if not compared.any():
             raise InputError(
                 f"view {n}: no pixel of a body is compared: check the mask"

@@ -11,10 +11,8 @@ from jaxthermo.report.chart import POINT_AREA, Chart, LogAxis, legend
 
 Result = dict[str, Any]
 """Content of `fit.json`."""
-
 MAX_CHARTED = 48
 """Parameters in a chart; a field of thousands only has a table."""
-
 _Point = dict[str, Any]
 _WIDTH, _ROW_HEIGHT, _CELL = 560.0, 26.0, 34.0
 """Width of a chart, heights of a parameter and of a cell in it [px]."""

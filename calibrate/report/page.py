@@ -47,7 +47,6 @@ _NUMBERS = {
 }
 _MAX_VIEWS = 4
 """Views of frames that have pictures."""
-
 _Sections = list[page.Section]
 
 

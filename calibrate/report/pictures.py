@@ -36,10 +36,8 @@ _SCALE_QUANTILE = 0.995
 _PALETTE = "iron"
 _DECADES = 1.0
 """Decades of the scale of differences, so that a fit that halves them is seen."""
-
 Solutions = dict[str, ParametricSolution]
 """Runs with the "default" and the "fitted" values."""
-
 _Frame = Float[np.ndarray, "h w"]
 _Mask = Bool[np.ndarray, "h w"]
 

@@ -78,7 +78,7 @@ def load_progress(path: Path, start: Progress) -> Progress:
         with path.open("rb") as file:
             header = json.loads(file.readline())
             # Leaves that are no arrays, such as programs, are those of the start.
-            arrays = eqx.tree_deserialise_leaves(file, _arrays(start))
+            z, state, tables = eqx.tree_deserialise_leaves(file, _arrays(start))
             steps = [StepRecord(**step) for step in header["steps"]]
     # Whatever is wrong with a file that the user did not write, the remedy is the same.
     except Exception as error:
@@ -86,4 +86,4 @@ def load_progress(path: Path, start: Progress) -> Progress:
             f"{path}: is damaged, or of another fit ({type(error).__name__}): delete "
             "it to start again"
         ) from error
-    return Progress(*arrays, steps, header["done"], header["seconds"])
+    return Progress(z, state, tables, steps, header["done"], header["seconds"])

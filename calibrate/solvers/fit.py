@@ -65,7 +65,6 @@ class Fit:
 
 MAX_JUDGED = 200
 """Coordinates up to which the final Jacobian is kept, to judge the values by."""
-
 _StepLog = Callable[[StepRecord, float], None]
 """Called after every step, with the seconds that all steps took so far."""
 

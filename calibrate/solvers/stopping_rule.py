@@ -14,7 +14,6 @@ from .checkpoint import StepRecord
 
 STAGNATION_LIMIT = 2
 """Trials without progress that end a fit."""
-
 _NEAR = 0.03
 """Length up to which a rejected trial counts; a longer one is shortened first."""
 

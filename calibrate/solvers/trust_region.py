@@ -18,7 +18,6 @@ from jaxthermo.network.network import inverse
 
 FIRST_DAMPING = 0.01
 """First lambda over the curvature g^T J^T J g / |g|^2 along the gradient g."""
-
 _MAX_STEP = 1.0
 """Largest change of a coordinate in one step; 1 is about the size of its value."""
 

@@ -54,9 +54,8 @@ def fitting():
     frames = np.asarray(
         render_frames(view, true, solution, SAVES, "temperature"), float
     )
-    everywhere = [np.ones(frames.shape[1:], bool)]
     target = frame_target(
-        SAVES, (view,), [frames], NOISE, "temperature", everywhere, jnp.float64
+        SAVES, (view,), [frames], NOISE, "temperature", None, jnp.float64
     )
     fitted = tuple(
         Parameter(name, (value,), *bounds)

@@ -72,9 +72,8 @@ def test_a_pixels_radiance_has_the_gradient_of_its_differences(scene, view):
         assert abs(slope) > 1e-4
 
 
-def _target(view, frames, masks=None, times=SAVES):
-    masks = [np.ones((12, 14), bool)] if masks is None else masks
-    return frame_target(times, (view,), [frames], 0.05, "radiance", masks, jnp.float64)
+def _target(view, frames, mask=None, times=SAVES):
+    return frame_target(times, (view,), [frames], 0.05, "radiance", mask, jnp.float64)
 
 
 def test_residuals_count_standard_deviations(scene, view):
@@ -92,14 +91,14 @@ def test_residuals_count_standard_deviations(scene, view):
 
 
 @pytest.mark.parametrize(
-    ("frames", "masks", "message"),
+    ("frames", "mask", "message"),
     [
         (np.ones((2, 12, 13)), None, "13 x 12 pixels and a camera of 14 x 12"),
         (np.ones((3, 12, 14)), None, "3 frames for 2 saved times"),
         (np.full((2, 12, 14), np.nan), None, "are not finite"),
-        (np.ones((2, 12, 14)), [np.zeros((12, 14), bool)], "no pixel of a body"),
+        (np.ones((2, 12, 14)), np.zeros((12, 14), bool), "no pixel of a body"),
     ],
 )
-def test_frames_that_do_not_fit_are_refused(view, frames, masks, message):
+def test_frames_that_do_not_fit_are_refused(view, frames, mask, message):
     with pytest.raises(jt.InputError, match=message):
-        _target(view, frames, masks)
+        _target(view, frames, mask)
