@@ -144,6 +144,7 @@ def _relation(
     flat: Bool[np.ndarray, "p p"],
     correlation: Float[np.ndarray, "p p"],
 ) -> tuple[str, tuple[int, ...]]:
+    # The strongest statement that applies comes first.
     if not alive[n]:
         return "dead", ()
     if flat[n].any():

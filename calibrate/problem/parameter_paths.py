@@ -80,6 +80,7 @@ def value_at(scene: Scene, path: Path) -> Any:
 
 def with_value(scene: Scene, path: Path, value: Any) -> Scene:
     """Copy of the scene with another value at a path."""
+    # A value of None is no leaf by default, and could not be replaced.
     return eqx.tree_at(
         lambda s: value_at(s, path), scene, value, is_leaf=lambda leaf: leaf is None
     )

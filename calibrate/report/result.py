@@ -54,6 +54,7 @@ def fit_json(
             }
             for group, both in errors.items()
         },
+        # Digits beyond these would only make the file longer.
         "correlation": np.round(identified.correlation, 6).tolist(),
         "singular_values": identified.singular_values.tolist(),
         "advice": advice,

@@ -90,6 +90,7 @@ class BroydenLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
             done = self._is_converged(y, state, f_eval_info)
             return state.y_eval, f_eval_info, aux_eval, descent, done
 
+        # A trial from a kept Jacobian may fail: the caller restarts with an exact one.
         def rejected():
             keep = state.f_info, state.aux, state.descent_state
             return y, *keep, jnp.asarray(False)
@@ -126,6 +127,7 @@ class BroydenLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
             change = value - state.f_info.residual
             return value, broyden_update(rows, state.y_eval - y, change), aux
 
+        # A batch of searches would run both branches of the condition.
         if self.use_broyden:
             found = jax.lax.cond(state.first_step, exact, corrected)
         else:

@@ -77,6 +77,7 @@ class BatchedSearch:
         """Advance the searches that are not done."""
         z, states, done = self._advance(self.z, self._states, objective)
 
+        # All searches step, finished ones for nothing: shapes cannot depend on values.
         def keep_finished(old, new):
             finished = self.done.reshape((-1,) + (1,) * (new.ndim - 1))
             return jnp.where(finished, old, new)

@@ -103,6 +103,7 @@ def _with_tangent(
 
 
 def _zero_tangent(value: Array) -> Any:
+    # JAX gives integers and booleans tangents of a type of their own.
     if jnp.issubdtype(value.dtype, jnp.inexact):
         return jnp.zeros_like(value)
     return np.zeros(value.shape, jax.dtypes.float0)
