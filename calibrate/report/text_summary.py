@@ -154,7 +154,7 @@ def parameter_table(
     """Values, standard errors and verdicts."""
     columns = ["parameter", "start", "standard error", "verdict"]
     if is_fitted:
-        columns[2:2] = ["fitted", "fitted / start"]
+        columns[2:2] = ["fitted", "ratio"]
     rows = []
     for name, row in parameters.items():
         error, start, unit = row["standard_error"], row["initial"], row["unit"]
@@ -164,7 +164,7 @@ def parameter_table(
             ratio = f"{row['value'] / start:.3g}" if start else _DASH
             cells += [with_unit(row["value"]), ratio]
         # More digits of an error say nothing.
-        two_digits = with_unit(float(f"{error:.2g}")) if is_finite(error) else _DASH
+        two_digits = f"{error:.2g}" if is_finite(error) else _DASH
         others = f" with {', '.join(row['with'])}" if row["with"] else ""
         cells += [two_digits, marked(row["verdict"], others)]
         rows.append(cells)

@@ -65,7 +65,11 @@ class Table:
         )
         for index, name in enumerate(self.columns):
             justify = "left" if index in self.left else "right"
-            table.add_column(Text(name), justify=justify)
+            # Names in the first column stay whole; what does not fit is folded.
+            first = index == 0
+            table.add_column(
+                Text(name), justify=justify, no_wrap=first, overflow="fold"
+            )
         for row in self.rows:
             # Text from outside may contain square brackets: a string would be taken
             # for markup, or not, by the console that prints it.
