@@ -12,7 +12,7 @@ from ...scene.compile.program import Program, State
 from ...scene.compile.surface_load import AbstractSurfaceLoad
 
 
-Nodes = list[Float[Array, " _"]]
+_Nodes = list[Float[Array, " _"]]
 """Temperatures above the reference [K], per body with a surface load."""
 
 
@@ -25,15 +25,8 @@ def add_loads(
 ) -> tuple[State, Float[Array, " c"]]:
     """Add the heat of one step, of everything but conduction, to `new`.
 
-    Args:
-        program: of the scene.
-        states: on which the loads depend.
-        new: that receive the heat.
-        time: of the loads [s].
-        dt: the step [s].
-
-    Returns:
-        The new states, and the heat rate of each ledger entry [W].
+    Loads depend on `states` and `time`. Returns the new states, and the heat rate of
+    each ledger entry [W].
     """
     # All loads of a step act at the temperatures before it.
     nodes = surface_nodes(program, states)
@@ -44,7 +37,7 @@ def add_loads(
 
 def add_own_loads(
     program: Program,
-    nodes: Nodes,
+    nodes: _Nodes,
     received: Float[Array, " p"] | None,
     emits: bool,
     new: State,
@@ -53,14 +46,8 @@ def add_own_loads(
 ) -> tuple[State, Float[Array, " c"]]:
     """Add the heat that depends on the temperature of each node alone.
 
-    Args:
-        program: of the scene.
-        nodes: temperatures under the surface [K].
-        received: irradiation of the surface cells; None without exchange [W/m^2].
-        emits: False if the cells' own emission is in what is received.
-        new: that receive the heat.
-        time: of the loads [s].
-        dt: the step [s].
+    `received` is the irradiation of the surface cells [W/m^2], None without exchange;
+    `emits` is False if their own emission is already subtracted from it.
     """
     warmed, rates = [], jnp.zeros(len(program.entries), new[0].dtype)
     for body, after in zip(program.bodies, new, strict=True):
@@ -93,6 +80,7 @@ def _add_contacts(
     dt: Float[Array, ""],
 ) -> tuple[State, Float[Array, " c"]]:
     """Add the heat between bodies that touch, and its rates to `rates`."""
+    # The heat that one body loses the other gains, from the same temperatures.
     warmed = list(new)
     for contact in program.contacts:
         one, other = contact.bodies
@@ -107,7 +95,7 @@ def _add_contacts(
     return tuple(warmed), rates
 
 
-def surface_nodes(program: Program, states: State) -> Nodes:
+def surface_nodes(program: Program, states: State) -> _Nodes:
     """Temperatures of the nodes that carry surface loads, by body [K]."""
     load = program.surface
     if load is None:
@@ -123,6 +111,8 @@ def net_irradiation(
     program: Program, nodes: Sequence[Float[Array, " _"]], time: Float[Array, ""]
 ) -> Float[Array, " p"] | None:
     """Irradiation less emission of the surface cells [W/m^2]; None without exchange."""
+    # The nodes' temperatures give a first irradiation, and that the temperatures of the
+    # surface, which emits: two evaluations instead of a solve.
     given = irradiation(program, nodes, time)
     if given is None or program.surface is None or program.enclosure is None:
         return None
