@@ -1,4 +1,4 @@
-"""What a reverse-mode gradient costs beside its forward run, in one run.
+"""Cost of a reverse-mode gradient beside its forward run, measured in turn.
 
 The gradient of the mean of the final surface's temperature, with respect to all weights
 of links, k, h, the emissivity and the sun, of the standard scene on a structure that
@@ -7,6 +7,7 @@ takes weights, by explicit steps from checkpoints within a stated memory.
 
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +15,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from rich.console import Console
-from rich.table import Table
 
 import jaxthermo as jt
-from jaxthermo.timing import Timing
+from jaxthermo.report.table import Table
 
-from ..thesis.meshes import HEIGHT, thesis_meshes
-from .standard import END, START
+from ..harness.meshes import END, HEIGHT, START, thesis_meshes
+from ..harness.timing import interleaved, ratio_of, ratio_text, timing_of
 
 
 MEMORY = 2**30
@@ -79,58 +79,43 @@ def _stable(make, grid) -> float:
 def _measure(make, grid, repeats: int) -> dict[str, Any]:
     dt = 0.9 * _stable(make, grid)
     loss = _loss(make, grid, dt)
-    calls, compiled, spans = {}, {}, {}
+    calls, compiled = {}, {}
     for name, function in (("forward", loss), ("reverse", jax.grad(loss))):
         clock = time.perf_counter()
         calls[name] = jax.jit(function).lower(VALUES).compile()
         compiled[name] = time.perf_counter() - clock
-        jax.block_until_ready(calls[name](VALUES))
-        spans[name] = []
-    for _ in range(repeats):
-        for name, call in calls.items():
-            clock = time.perf_counter()
-            jax.block_until_ready(call(VALUES))
-            spans[name].append(time.perf_counter() - clock)
-    ratio = np.array(spans["reverse"]) / np.array(spans["forward"])
+    spans = interleaved({n: partial(c, VALUES) for n, c in calls.items()}, repeats)
     held = calls["reverse"].memory_analysis()
     return {
         "steps": int(np.ceil(END / dt)),
         "compile_s": compiled,
         "times_s": spans,
-        "ratio": [float(v) for v in (np.median(ratio), ratio.min(), ratio.max())],
+        "ratio": ratio_of(spans["reverse"], spans["forward"]),
         "temporary_bytes": None if held is None else int(held.temp_size_in_bytes),
         "gradient": np.asarray(calls["reverse"](VALUES), float).tolist(),
     }
 
 
 def run(folder: Path, height: int = 128, repeats: int = 3) -> dict[str, Any]:
-    """Times of both, their ratio, memory and the gradient, for each structure.
-
-    Args:
-        folder: for files, of which there are none.
-        height: voxels along up.
-        repeats: of each measurement.
-    """
+    """Times of both, their ratio, memory and the gradient, for each structure."""
     del folder
     name, mesh = next(iter(thesis_meshes().items()))
     grid = jt.voxelize(mesh, HEIGHT / height)
     rows = {kind: _measure(make, grid, repeats) for kind, make in STRUCTURES.items()}
-    table = Table(title=f"Reverse mode over {END:g} s of {name}, {height} high")
-    for column in ("", "steps", "forward", "reverse", "ratio", "memory", "compiled"):
-        table.add_column(column, justify="left" if not column else "right")
-    for kind, row in rows.items():
-        text = lambda key, row=row: Timing(
-            float(np.median(t := row["times_s"][key])), min(t), max(t)
-        ).text()
-        middle, low, high = row["ratio"]
-        table.add_row(
+    columns = ("", "steps", "forward", "reverse", "ratio", "memory", "compiled")
+    lines = [
+        [
             kind,
             str(row["steps"]),
-            text("forward"),
-            text("reverse"),
-            f"{middle:.2f} ({low:.2f}-{high:.2f})",
+            timing_of(row["times_s"]["forward"]).text(),
+            timing_of(row["times_s"]["reverse"]).text(),
+            ratio_text(row["ratio"]),
             f"{row['temporary_bytes'] / 2**30:.2f} GiB",
             f"{row['compile_s']['reverse']:.1f} s",
-        )
-    Console().print(table)
+        ]
+        for kind, row in rows.items()
+    ]
+    title = f"Reverse mode over {END:g} s of {name}, {height} high"
+    table = Table(columns, lines, title)
+    Console().print(table.rich())
     return {"mesh": name, "height": height, "budget_bytes": MEMORY, "runs": rows}

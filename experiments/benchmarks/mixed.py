@@ -16,26 +16,25 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from rich.console import Console
-from rich.table import Table
 
 import jaxthermo as jt
 from jaxthermo.config.loader import load_config
 from jaxthermo.integrate.explicit.euler import EulerStepper
 from jaxthermo.integrate.run.ledger import empty_ledger
 from jaxthermo.integrate.stepper import RunState, advance
+from jaxthermo.report.table import Table
 from jaxthermo.scene.compile.compile import compile_scene
+
+from ..harness.timing import Spans, interleaved, ratio_of, ratio_text
 
 
 CONFIG = Path("configs/scenes/mixed.yaml")
 STEPS = 100
 MORE_STEPS = 500
-"""Steps of one body with idle terms and of its conduction alone: a call then takes a
-third of a second."""
+"""Steps of one body with idle terms and of its bare loop, about a third of a
+second."""
 MORE_REPEATS = 4
-"""Measurements of these two for each measurement of the others."""
-
-Times = dict[str, list[float]]
-"""Wall time of a step [s], of each call."""
+"""Repeats of these two measurements, over those of the others."""
 
 
 class Runner(NamedTuple):
@@ -79,19 +78,11 @@ def _bare(body: jt.Body, dt: float, steps: int) -> Runner:
     return Runner(lambda: jax.block_until_ready(loop(network, state)), steps)
 
 
-def _measure(runners: dict[str, Runner], repeats: int) -> Times:
-    """All in turn, forth and back, after a call of each that compiles."""
-    times: Times = {name: [] for name in runners}
-    for runner in runners.values():
-        runner.call()
-    order = list(runners.items())
-    for _ in range(repeats):
-        for name, runner in order:
-            clock = time.perf_counter()
-            runner.call()
-            times[name].append((time.perf_counter() - clock) / runner.steps)
-        order.reverse()
-    return times
+def _measure(runners: dict[str, Runner], repeats: int) -> Spans:
+    """Wall times of a step [s]; in turn, there and back."""
+    calls = {name: runner.call for name, runner in runners.items()}
+    spans = interleaved(calls, repeats, there_and_back=True)
+    return {n: [t / runners[n].steps for t in each] for n, each in spans.items()}
 
 
 def _runners(scene: jt.Scene, dt: float) -> dict[str, Runner]:
@@ -132,14 +123,7 @@ def _idle_runners(scene: jt.Scene, dt: float) -> dict[str, Runner]:
 def run(
     folder: Path, config: Path = CONFIG, height: int | None = None, repeats: int = 5
 ) -> dict[str, Any]:
-    """Times, ratios with their spread, and shares.
-
-    Args:
-        folder: for files, of which there are none.
-        config: of the scene.
-        height: voxels along up of every body, instead of the config's.
-        repeats: of each measurement.
-    """
+    """Times, ratios with their spread, and shares."""
     del folder
     overrides = ()
     if height is not None:
@@ -169,15 +153,10 @@ def run(
 
 
 def _ratio(above: np.ndarray, below: np.ndarray) -> dict[str, float]:
-    ratios = above / below
-    return {
-        "median": float(np.median(ratios)),
-        "low": float(ratios.min()),
-        "high": float(ratios.max()),
-    }
+    return dict(zip(("median", "low", "high"), ratio_of(above, below), strict=True))
 
 
-def _results(scene: jt.Scene, times: Times) -> dict[str, Any]:
+def _results(scene: jt.Scene, times: Spans) -> dict[str, Any]:
     arrays = {name: np.array(each) for name, each in times.items()}
     conduction = sum(
         arrays[f"conduction of body {n}"] for n in range(len(scene.bodies))
@@ -198,20 +177,20 @@ def _results(scene: jt.Scene, times: Times) -> dict[str, Any]:
 
 
 def _show(scene: jt.Scene, found: dict[str, Any], built: float, set_up: float) -> None:
-    table = Table(title=f"{len(scene.bodies)} bodies, {STEPS} steps, this host")
-    for column in ("", "ms a step", "share of the scene's time"):
-        table.add_column(column, justify="left" if not column else "right")
+    lines = []
     for name, step in found["step_ms"].items():
         share = found["shares"].get(name.removeprefix("without "))
-        told = "" if share is None else f"{100 * share:.0f} %"
-        table.add_row(name, f"{step:.3f}", told)
+        text = "" if share is None else f"{100 * share:.0f} %"
+        lines.append([name, f"{step:.3f}", text])
+    columns = ("", "ms a step", "share of the scene's time")
+    table = Table(
+        columns, lines, f"{len(scene.bodies)} bodies, {STEPS} steps, this host"
+    )
     console = Console()
-    console.print(table)
+    console.print(table.rich())
     for what, key in (
         ("the scene over the sum of conduction", "over_conduction"),
         ("one body with idle terms over the bare loop", "idle_over_bare"),
     ):
-        ratio = found[key]
-        spread = f"({ratio['low']:.2f}-{ratio['high']:.2f})"
-        console.print(f"{what}: {ratio['median']:.2f} {spread}")
+        console.print(f"{what}: {ratio_text([*found[key].values()])}")
     console.print(f"built in {built:.1f} s, compiled and set up in {set_up:.1f} s")

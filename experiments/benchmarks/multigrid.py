@@ -21,7 +21,6 @@ import numpy as np
 import pyamg
 import scipy.sparse as sparse
 from rich.console import Console
-from rich.table import Table
 
 import jaxthermo as jt
 from jaxthermo.geometry.figurine import figurine
@@ -33,14 +32,17 @@ from jaxthermo.integrate.implicit.context import MULTIGRID_STEP_RATIO
 from jaxthermo.network.multigrid import Hierarchy, hierarchy, jacobi
 from jaxthermo.network.network import AbstractNetwork
 from jaxthermo.physics.conduction import assemble_uniform
+from jaxthermo.report.table import Table
 from jaxthermo.timing import Timing
+
+from ..harness.timing import timing_of
 
 
 HEIGHT = 0.5
 """Height of the figurine [m]."""
 
 CONDUCTIVITY, HEAT_CAPACITY, AIR = 16.0, 4e6, 10.0
-"""Stainless steel [W/(m K)], [J/(m^3 K)]; its surface to air [W/(m^2 K)]."""
+"""Stainless steel [W/(m K)], [J/(m^3 K)], and heat transfer to air [W/(m^2 K)]."""
 
 STEPS = {"step of 5 s": 5.0, "step of 60 s": 60.0, "steady": None}
 
@@ -64,10 +66,10 @@ class System(NamedTuple):
 
 
 class Solved(NamedTuple):
-    """Temperatures, iterations and run time of one solver."""
+    """The result of one solver."""
 
     values: np.ndarray
-    """Temperatures of the solid voxels [K]."""
+    """Temperature of each solid voxel [K]."""
     iterations: int
     seconds: float
 
@@ -183,7 +185,7 @@ def _compare(given: System, dt: float | None, repeats: int) -> dict[str, Any]:
         name: {
             "iterations": solved.iterations,
             "residual": float(left(solved.values)),
-            "solve_s": Timing(median(t := spans[name]), min(t), max(t))._asdict(),
+            "solve_s": timing_of(spans[name])._asdict(),
         }
         for name, solved in last.items()
     }
@@ -218,14 +220,19 @@ def run(
 
 def _show(name: str, found: dict[str, Any], result: dict[str, Any]) -> None:
     size = f"{result['height']} high, {result['solid_voxels']} voxels"
-    table = Table(title=f"{name}, {size}, float64 to {TOLERANCE:g}")
-    for column in ("", "solve (fastest-slowest)", "iterations", "residual"):
-        table.add_column(column, justify="left" if not column else "right")
-    for solver, row in found["solvers"].items():
-        spread = Timing(**row["solve_s"]).text()
-        table.add_row(solver, spread, str(row["iterations"]), f"{row['residual']:.1e}")
+    lines = [
+        [
+            solver,
+            Timing(**row["solve_s"]).text(),
+            str(row["iterations"]),
+            f"{row['residual']:.1e}",
+        ]
+        for solver, row in found["solvers"].items()
+    ]
+    columns = ("", "solve (fastest-slowest)", "iterations", "residual")
+    table = Table(columns, lines, f"{name}, {size}, float64 to {TOLERANCE:g}")
     console = Console()
-    console.print(table)
+    console.print(table.rich())
     console.print(
         f"chosen: {found['chosen']}, {found['faster_than_the_faster_peer']:.2f} times "
         "as fast as the faster peer"

@@ -8,9 +8,9 @@ import jax.numpy as jnp
 import numba
 import numpy as np
 from rich.console import Console
-from rich.table import Table
 
 from jaxthermo.network.stencil import UniformStencil, solid_degree
+from jaxthermo.report.table import Table
 from jaxthermo.timing import Timing, measure
 
 
@@ -95,11 +95,16 @@ def run(shape: tuple[int, int, int] = SHAPE, repeats: int = 5) -> dict[str, Any]
 
 def _show(shape: tuple[int, int, int], rows: dict[str, Timing]) -> None:
     size = " x ".join(str(n) for n in shape)
-    table = Table(title=f"One explicit step of {size} float32, this host")
-    for column in ("", "time (fastest-slowest)", "G lattice voxels/s", "of a copy"):
-        table.add_column(column, justify="left" if not column else "right")
-    for name, row in rows.items():
-        rate = np.prod(shape) / row.median / 1e9
-        share = row.median / rows["memory copy"].median
-        table.add_row(name, row.text(), f"{rate:.2f}", f"{share:.1f} x")
-    Console().print(table)
+    columns = ("", "time (fastest-slowest)", "G lattice voxels/s", "of a copy")
+    copy = rows["memory copy"].median
+    lines = [
+        [
+            name,
+            row.text(),
+            f"{np.prod(shape) / row.median / 1e9:.2f}",
+            f"{row.median / copy:.1f} x",
+        ]
+        for name, row in rows.items()
+    ]
+    title = f"One explicit step of {size} float32, this host"
+    Console().print(Table(columns, lines, title).rich())

@@ -6,24 +6,22 @@ step, as `surface_error` has it. Every solver is tried from coarse to fine until
 within the error that is asked; that run is timed, in turn with the explicit loop.
 """
 
-import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import jax
-import numpy as np
 from rich.console import Console
-from rich.table import Table
 
 import jaxthermo as jt
 from jaxthermo.integrate.explicit.rkl2 import stage_count
 from jaxthermo.integrate.run.plan import Plan, initial_state, plan_run
 from jaxthermo.integrate.run.simulate import integrate, run_plan
 from jaxthermo.integrate.run.solution import RESULTS
-from jaxthermo.timing import Timing
+from jaxthermo.report.table import Table
 
-from .standard import COPPER, END, SAVE_AT, STEEL, standard_scene
+from ..harness.meshes import COPPER, END, SAVE_AT, STEEL, standard_scene
+from ..harness.timing import interleaved, ratio_of, ratio_text, timing_of
 
 
 ERROR = 0.1
@@ -38,7 +36,7 @@ COUNTS = (18, 24, 36, 48, 72, 108, 144, 216)
 """Steps of a run that are tried."""
 
 TOLERANCES = (0.3, 0.1, 0.03, 0.01)
-"""Of adaptive steps [K]."""
+"""Error per adaptive step [K]."""
 
 
 class Found(NamedTuple):
@@ -62,7 +60,7 @@ def _tries() -> dict[str, Iterator[tuple[str, Any]]]:
 
 
 def _evaluations(todo: Plan, solution: jt.Solution) -> int:
-    """Of all conductances of the body: stages, or iterations of linear solves."""
+    """Evaluations of all conductances: stages, or iterations of linear solves."""
     effort = solution.run.statistics
     if effort is not None:
         return int(effort.linear_iterations) + 2 * int(effort.newton_iterations)
@@ -81,18 +79,8 @@ def _cheapest(scene: jt.Scene, tries, reference: jt.Solution) -> Found | None:
     return None
 
 
-def _timed(runs: dict[str, Plan], repeats: int) -> dict[str, list[float]]:
-    """Wall times of each, in turn, after one that compiles; scene set-up apart."""
-    call = lambda todo: jax.block_until_ready(integrate(todo, initial_state(todo)))
-    spans: dict[str, list[float]] = {name: [] for name in runs}
-    for todo in runs.values():
-        call(todo)
-    for _ in range(repeats):
-        for name, todo in runs.items():
-            clock = time.perf_counter()
-            call(todo)
-            spans[name].append(time.perf_counter() - clock)
-    return spans
+def _run(todo: Plan) -> Any:
+    return integrate(todo, initial_state(todo))
 
 
 def _measure(scene: jt.Scene, repeats: int) -> dict[str, Any]:
@@ -105,7 +93,9 @@ def _measure(scene: jt.Scene, repeats: int) -> dict[str, Any]:
     }
     runs = {"explicit": explicit}
     runs |= {name: each.todo for name, each in found.items() if each is not None}
-    spans = _timed(runs, repeats)
+    # Only the compiled loop is timed, not the set-up of the scene.
+    calls = {name: partial(_run, todo) for name, todo in runs.items()}
+    spans = interleaved(calls, repeats)
     rows = {
         "explicit": {
             "how": f"{explicit.steps} steps",
@@ -120,25 +110,18 @@ def _measure(scene: jt.Scene, repeats: int) -> dict[str, Any]:
         if each is None:
             rows[name] = {"how": "not within the error"}
             continue
-        ratio = np.array(spans["explicit"]) / np.array(spans[name])
         rows[name] = {
             "how": each.how,
             "error_percent": each.error,
             "evaluations": each.evaluations,
             "times_s": spans[name],
-            "faster": [float(np.median(ratio)), float(ratio.min()), float(ratio.max())],
+            "faster": ratio_of(spans["explicit"], spans[name]),
         }
     return {"stable_step_s": stable, "solvers": rows}
 
 
 def run(folder: Path, height: int = 250, repeats: int = 3) -> dict[str, Any]:
-    """Times, evaluations and errors of every solver for every material and structure.
-
-    Args:
-        folder: for files, of which there are none.
-        height: voxels along up.
-        repeats: of each measurement.
-    """
+    """Times, evaluations and errors of every solver, by material and structure."""
     del folder
     result: dict[str, Any] = {"height": height, "error_percent": ERROR, "runs": {}}
     for made, material in MATERIALS.items():
@@ -151,18 +134,21 @@ def run(folder: Path, height: int = 250, repeats: int = 3) -> dict[str, Any]:
 
 
 def _show(title: str, found: dict[str, Any]) -> None:
-    table = Table(title=f"{title}: error in time at most {ERROR:g} %")
-    for column in ("", "steps", "error %", "evaluations", "run", "times faster"):
-        table.add_column(column, justify="left" if not column else "right")
+    columns = ("", "steps", "error %", "evaluations", "run", "times faster")
+    lines = []
     for name, row in found["solvers"].items():
         if "times_s" not in row:
-            table.add_row(name, row["how"], "", "", "", "")
+            lines.append([name, row["how"], "", "", "", ""])
             continue
-        spans = row["times_s"]
-        text = Timing(float(np.median(spans)), min(spans), max(spans)).text()
-        faster = "{:.2f} ({:.2f}-{:.2f})".format(*row.get("faster", (1, 1, 1)))
-        table.add_row(
-            name, row["how"], f"{row['error_percent']:.3f}",
-            str(row["evaluations"]), text, faster,
-        )  # fmt: skip
-    Console().print(table)
+        lines.append(
+            [
+                name,
+                row["how"],
+                f"{row['error_percent']:.3f}",
+                str(row["evaluations"]),
+                timing_of(row["times_s"]).text(),
+                ratio_text(row.get("faster", (1, 1, 1))),
+            ]
+        )
+    title = f"{title}: error in time at most {ERROR:g} %"
+    Console().print(Table(columns, lines, title).rich())

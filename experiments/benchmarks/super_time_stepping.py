@@ -6,7 +6,6 @@ threads; loads are one flux and one coefficient for each voxel with surface, whi
 author knows to be enough here and the scene compiler does not. They take turns.
 """
 
-import time
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,7 +15,6 @@ import jax.numpy as jnp
 import numba
 import numpy as np
 from rich.console import Console
-from rich.table import Table
 
 import jaxthermo as jt
 from jaxthermo.integrate.explicit.rkl2 import (
@@ -27,29 +25,30 @@ from jaxthermo.integrate.explicit.rkl2 import (
 from jaxthermo.integrate.run.plan import Plan, initial_state, plan_run
 from jaxthermo.integrate.stepper import advance
 from jaxthermo.network.stencil import UniformStencil
-from jaxthermo.timing import Timing
+from jaxthermo.report.table import Table
 
-from .standard import STEEL, standard_scene
+from ..harness.meshes import STEEL, standard_scene
+from ..harness.timing import interleaved, ratio_of, ratio_text, timing_of
 
 
 STEPS = (18, 36)
-"""Of the sunny half of the standard scene, 90 s."""
+"""Numbers of steps for the first 90 s of the standard scene, in the sun."""
 
 END = 90.0
 
 
 class Peer(NamedTuple):
-    """What numba needs of a scene."""
+    """The arrays of a scene that the numba loop reads."""
 
     rows: np.ndarray
-    """Of every span of solid voxels: x and y, and first and past-the-last z."""
+    """x, y, first z and z past the last of every span of solid voxels."""
     degree: np.ndarray
     conducts: float
     """Conductance over capacity [1/s]."""
     surface: np.ndarray
     """Places of voxels with surface in the flat state."""
     gain: np.ndarray
-    """Of each, its loads at 0 above the reference [K/s]."""
+    """Loads of each at 0 K above the reference [K/s]."""
     loss: np.ndarray
     """And what they fall by for each kelvin [1/s]."""
 
@@ -158,48 +157,34 @@ def _compare(scene: jt.Scene, steps: int, repeats: int) -> dict[str, Any]:
     ours = lambda: jax.block_until_ready(loop(program, first)).theta[0]
     theirs = lambda: _peer_run(peer, np.asarray(first.theta[0]), dt, steps, stages)
     difference = np.abs(np.asarray(ours()) - theirs()).max()
-    spans: dict[str, list[float]] = {"jaxthermo": [], "numba": []}
-    for _ in range(repeats):
-        for name, call in (("jaxthermo", ours), ("numba", theirs)):
-            clock = time.perf_counter()
-            call()
-            spans[name].append(time.perf_counter() - clock)
-    ratios = np.array(spans["jaxthermo"]) / np.array(spans["numba"])
+    spans = interleaved({"jaxthermo": ours, "numba": theirs}, repeats)
     return {
         "steps": steps,
         "stages": stages,
         "evaluations": steps * stages,
         "largest_difference_K": float(difference),
         "times_s": spans,
-        "ratio": [float(v) for v in (np.median(ratios), ratios.min(), ratios.max())],
+        "ratio": ratio_of(spans["jaxthermo"], spans["numba"]),
     }
 
 
 def run(folder: Path, height: int = 250, repeats: int = 5) -> dict[str, Any]:
-    """Time of both for each number of steps, their ratio and largest difference.
-
-    Args:
-        folder: for files, of which there are none.
-        height: voxels along up.
-        repeats: of each measurement.
-    """
+    """Time of both for each number of steps, their ratio and largest difference."""
     del folder
     scene, name = standard_scene(STEEL, jt.FullVolume, height)
     rows = [_compare(scene, steps, repeats) for steps in STEPS]
-    table = Table(title=f"RKL2 on {name}, {height} high, {END:g} s, this host")
-    for column in ("", "jaxthermo", "numba", "ratio", "differ by [K]"):
-        table.add_column(column, justify="left" if not column else "right")
-    for row in rows:
-        text = lambda key, row=row: Timing(
-            float(np.median(t := row["times_s"][key])), min(t), max(t)
-        ).text()
-        middle, low, high = row["ratio"]
-        table.add_row(
+    columns = ("", "jaxthermo", "numba", "ratio", "differ by [K]")
+    lines = [
+        [
             f"{row['steps']} steps of {row['stages']} stages",
-            text("jaxthermo"),
-            text("numba"),
-            f"{middle:.2f} ({low:.2f}-{high:.2f})",
+            *(timing_of(row["times_s"][key]).text() for key in columns[1:3]),
+            ratio_text(row["ratio"]),
             f"{row['largest_difference_K']:.1e}",
-        )
-    Console().print(table)
+        ]
+        for row in rows
+    ]
+    table = Table(
+        columns, lines, f"RKL2 on {name}, {height} high, {END:g} s, this host"
+    )
+    Console().print(table.rich())
     return {"mesh": name, "height": height, "rows": rows}

@@ -11,13 +11,15 @@ from typing import Any
 import numpy as np
 import trimesh
 from rich.console import Console
-from rich.table import Table
 
 from jaxthermo.geometry.load import load_mesh
 from jaxthermo.geometry.mesh import Mesh
 from jaxthermo.geometry.shapes import figurine
+from jaxthermo.report.table import Table
 from jaxthermo.timing import Timing, measure as measure_warm
 from jaxthermo.voxels.voxelize import voxelize
+
+from ..harness.timing import timing_of
 
 
 CELLS = 548
@@ -46,11 +48,7 @@ def _cold(mesh: Mesh, pitch: float, repeats: int) -> tuple[Timing, float]:
         with ProcessPoolExecutor(1, mp_context=fresh) as pool:
             spans.append(pool.submit(_first_call, mesh, pitch).result())
     wall, processor = zip(*spans, strict=True)
-    return _timing(wall), statistics.median(processor)
-
-
-def _timing(spans: tuple[float, ...]) -> Timing:
-    return Timing(statistics.median(spans), min(spans), max(spans))
+    return timing_of(wall), statistics.median(processor)
 
 
 def _peer(mesh: Mesh, pitch: float, repeats: int) -> tuple[Timing, int]:
@@ -62,7 +60,7 @@ def _peer(mesh: Mesh, pitch: float, repeats: int) -> tuple[Timing, int]:
         voxels = other.voxelized(pitch)
         filled = int(voxels.fill().filled_count) if voxels is not None else 0
         spans.append(time.perf_counter() - clock)
-    return _timing(tuple(spans)), filled
+    return timing_of(spans), filled
 
 
 def measure(
@@ -106,10 +104,10 @@ def run() -> dict[str, Any]:
 
 def _show(mesh: Mesh, shape: tuple[int, int, int], rows: dict[str, Timing]) -> None:
     size = " x ".join(str(n) for n in shape)
-    table = Table(title=f"{mesh.name}, {len(mesh.faces)} triangles, to {size} voxels")
-    for column in ("", "time (fastest-slowest)", "trimesh takes"):
-        table.add_column(column, justify="left" if not column else "right")
-    for name, row in rows.items():
-        ratio = rows["trimesh"].median / row.median
-        table.add_row(name, row.text(), f"{ratio:.1f} x")
-    Console().print(table)
+    lines = [
+        [name, row.text(), f"{rows['trimesh'].median / row.median:.1f} x"]
+        for name, row in rows.items()
+    ]
+    columns = ("", "time (fastest-slowest)", "trimesh takes")
+    title = f"{mesh.name}, {len(mesh.faces)} triangles, to {size} voxels"
+    Console().print(Table(columns, lines, title).rich())

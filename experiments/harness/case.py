@@ -154,7 +154,7 @@ class Case:
     title: str
     source: str
     requirement: str
-    """What must hold, with the tolerance as the source states it."""
+    """Limits that must be kept, with the tolerance as the source states it."""
     method: str
     """Voxels, steps and solver."""
     measure: Callable[[], Row | Iterable[Row]]

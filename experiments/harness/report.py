@@ -32,7 +32,7 @@ class PageTexts(NamedTuple):
 
 
 def summary(outcomes: Sequence[Outcome]) -> str:
-    """How many cases pass, and the ids of the others."""
+    """The number of cases that pass, and the ids of the others."""
     text = f"{len(ids_of(outcomes, PASS))} of {len(outcomes)} cases pass"
     for words, verdict in (("failed", FAIL), ("only reported", REPORTED)):
         ids = "; ".join(ids_of(outcomes, verdict)) or "none"

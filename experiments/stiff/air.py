@@ -111,7 +111,8 @@ CASES = (
         "S17",
         "h = 0, wind of 0 m/s and 1000 m/s",
         "Churchill and Bernstein, J. Heat Transfer 99 (1977) 300",
-        "Nu(0) = 0.3 with finite slopes; bounds hold; a Re out of range is told",
+        "Nu(0) = 0.3 with finite slopes; bounds hold; the receipt notes a Re "
+        "out of range",
         "",
         winds,
     ),

@@ -18,7 +18,7 @@ COPPER = jt.Material(401.0, density=8960.0, specific_heat=385.0)
 STEEL = jt.Material(16.0, density=8000.0, specific_heat=500.0, emissivity=1.0)
 
 COLD, HOT = 300.0, 400.0
-"""Initial temperatures of the two halves of a body [K]."""
+"""Temperatures of the two halves of a body at the start [K]."""
 
 
 @functools.cache
@@ -36,12 +36,7 @@ def two_halves(points: np.ndarray) -> np.ndarray:
 
 
 def pattern(name: str, shape: tuple[int, ...]) -> np.ndarray:
-    """Material 0 or 1 of every voxel.
-
-    Args:
-        name: "laminate", "checkerboard" or "uniform".
-        shape: of the lattice.
-    """
+    """Material 0 or 1 of every voxel."""
     index = np.indices(shape)
     number = {
         "laminate": index[0] % 2,
@@ -57,14 +52,7 @@ def labelled(
     pair: tuple[jt.Material, jt.Material],
     temperature=two_halves,
 ) -> jt.Body:
-    """A body of two materials in a pattern, hot and cold by halves.
-
-    Args:
-        grid: its voxels.
-        name: of the pattern.
-        pair: the materials.
-        temperature: at the start, as of `Body`.
-    """
+    """A body of two materials in a pattern, hot and cold by halves."""
     labels = jt.MaterialLabels(pattern(name, grid.solid.shape), pair)
     return jt.Body(jt.FullVolume(grid), labels, temperature=temperature)
 

@@ -36,14 +36,7 @@ LONGEST = 1e6
 
 
 def insulated(name: str, pair, dtype: str, temperature=two_halves) -> jt.Scene:
-    """A body of two materials that exchanges heat with nothing; one program for all.
-
-    Args:
-        name: of the pattern.
-        pair: the materials.
-        dtype: of the scene.
-        temperature: at the start.
-    """
+    """A body of two materials that exchanges heat with nothing; one program for all."""
     body = labelled(block(*CELLS, PITCH), name, pair, temperature)
     return jt.Scene((body,), (), dtype=dtype)
 
@@ -54,12 +47,7 @@ def _backward(stable: float, ratio: float) -> Method:
 
 
 def through_all(what: str, scene: jt.Scene) -> Iterator[Row]:
-    """Every solver, backward Euler up to the longest step, and the refusal.
-
-    Args:
-        what: the scene is.
-        scene: insulated.
-    """
+    """Every solver, backward Euler up to the longest step, and the refusal."""
     stable = stable_step(scene)
     methods = every_solver(stable)
     methods[3:3] = [_backward(stable, LONGEST)]
@@ -113,7 +101,7 @@ FACTORS = {
 
 
 def _factors(z: float) -> Iterator[Row]:
-    """Amplification of the checkerboard mode in one step, against its formula."""
+    """Amplification of the shortest mode by one step, against its formula."""
     cells = CELLS[0]
     shape = lambda points: np.cos(
         np.pi * (cells - 1) * (points[:, 0] / PITCH + cells / 2) / cells
@@ -133,7 +121,7 @@ def _factors(z: float) -> Iterator[Row]:
         yield row._replace(seen=f"factor {found:.9f}", if_met="pass")
 
 
-def landings() -> Iterator[Row]:
+def save_times() -> Iterator[Row]:
     """S22."""
     scene = insulated("laminate", (AEROGEL, DIAMOND), "float64")
     for method in damping(stable_step(scene)):
@@ -157,7 +145,7 @@ def _landed(scene: jt.Scene, method: Method) -> Row:
         checks.append(Bound("step over its own", (run.dt or 0.0) / given, 1 + 1e-9))
     what, bounds, more = "end no multiple of dt", (COLD, HOT), tuple(checks)
     row = row_of(what, scene.dtype, method, ran, bounds, more=more)
-    return row._replace(seen=f"{run.steps} steps to 3 landings")
+    return row._replace(seen=f"{run.steps} steps to 3 save times")
 
 
 _IMPLICIT = (jt.BackwardEuler, jt.CrankNicolson, jt.TRBDF2)
@@ -202,10 +190,10 @@ CASES = (
     Case(
         "S22",
         f"an end that {STEPS} steps do not reach, and an end at 0",
-        "equal steps between landings",
+        "equal steps between save times",
         "lands on every save time exactly; no time changes nothing, bit by bit; dt = 0 "
         "is refused",
         "",
-        landings,
+        save_times,
     ),
 )

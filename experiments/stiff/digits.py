@@ -1,4 +1,4 @@
-"""Slow changes (S10) and sums over 1e7 voxels (S20) in float32."""
+"""Precision of float32: slow changes (S10) and sums over 1e7 voxels (S20)."""
 
 from collections.abc import Iterator
 
@@ -15,7 +15,7 @@ from .solved import Method, row_of, run_nodes
 
 
 FLUX, STEPS = 31.15, 1000
-"""Heat flux of the thesis' table 5.1 [W/m^2], and the number of steps of 1 s."""
+"""Heat flux of the thesis' table 5.1 [W/m^2], and number of steps of 1 s."""
 METALS = {
     "copper": (jt.Material(401.0, 8960.0, 385.0), 9.01e-6),
     "lead": (jt.Material(35.0, 11340.0, 128.0), 2.15e-5),
@@ -69,7 +69,7 @@ def _rise(name: str, dtype: str, solver: str) -> Row:
 
 
 def _under_surface(metal: jt.Material) -> float:
-    """Excess of the heated surface over its node, half a metre below [K]."""
+    """Excess of the heated surface over its node, half a metre below it [K]."""
     return FLUX * 0.5 / float(metal.conductivity)
 
 

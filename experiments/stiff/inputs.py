@@ -60,7 +60,7 @@ def _open(mesh: Mesh) -> Mesh:
 
 
 _CAP = 0.2**2 * (3 - 0.2) / 4
-"""Its share of the sphere, which the vote may close flat."""
+"""Fraction of the sphere in the cap, which the vote may close flat."""
 
 DAMAGES = {
     "triangles of no area": _with_slivers,
@@ -77,26 +77,26 @@ def damaged_meshes() -> Iterator[Row]:
     whole = jt.shapes.sphere(RADIUS, subdivisions=3)
     exact = 4 / 3 * np.pi * RADIUS**3
     for what, damage in DAMAGES.items():
-        least = 0.98 - (_CAP if damage is _open else 0)
+        lowest = 0.98 - (_CAP if damage is _open else 0)
         try:
-            yield _damaged(what, damage(whole), exact, least)
+            yield _damaged(what, damage(whole), exact, lowest)
         except Exception as error:
             yield broken(what, error)
     sheet = jt.shapes.box((0.1, 0.1, 0.1 * PITCH))
     grid = jt.voxelize(sheet, PITCH)
     volume = grid.solid_count * grid.voxel_volume
-    told = Bound("told thin", grid.thin.thin_fragments, np.inf, 1)
+    thin = Bound("reported as thin", grid.thin.thin_fragments, np.inf, 1)
     # A sheet of a tenth of a voxel cannot be one voxel thick without it being said.
-    said = Bound("said", float(bool(grid.unscaled_because)), 1, 1)
+    unscaled = Bound("said", float(bool(grid.unscaled_because)), 1, 1)
     seen = f"{grid.solid_count} voxels, {volume / 1e-5:.3g} times the volume: "
     yield Row(
         "a sheet of a tenth of a voxel",
         seen=seen + (grid.unscaled_because or "scaled to the mesh's own"),
-        checks=(told, said) if abs(volume / 1e-5 - 1) > 0.01 else (told,),
+        checks=(thin, unscaled) if abs(volume / 1e-5 - 1) > 0.01 else (thin,),
     )
 
 
-def _damaged(what: str, mesh: Mesh, exact: float, least: float) -> Row:
+def _damaged(what: str, mesh: Mesh, exact: float, lowest: float) -> Row:
     """Repaired as a file would be, voxelized, and run for a step."""
     mended = repair_mesh(mesh)
     grid = jt.voxelize(mended, PITCH)
@@ -107,9 +107,11 @@ def _damaged(what: str, mesh: Mesh, exact: float, least: float) -> Row:
     surface = np.asarray(run.surface_temperature)
     out = max(float(surface.max()) - 300, 290 - float(surface.min()))
     checks = (
-        Bound("volume", volume / exact, 1.02, least),
+        Bound("volume", volume / exact, 1.02, lowest),
         Bound("out of bounds", out, 1e-3),
-        Bound("told", float(bool(mended.repairs) or not mended.is_watertight), 1, 1),
+        Bound(
+            "reported", float(bool(mended.repairs) or not mended.is_watertight), 1, 1
+        ),
     )
     seen = mesh_summary(mended).split(", area")[0] + f"; repaired: {mended.repairs}"
     return Row(what, seen=seen, checks=checks)
@@ -141,7 +143,7 @@ def proposals() -> Iterator[Row]:
 
 
 def _traced(name: str, solver) -> Row:
-    """What k = -1 does where no check can see it: for comparison."""
+    """A traced k = -1, which no check can see: shown for comparison."""
 
     @eqx.filter_jit
     def run(k):
@@ -171,7 +173,7 @@ def _by_logarithm(name: str, solver) -> Row:
         return -jnp.abs(run.surface_temperature[-1] - 350.0).mean()
 
     step = jax.jit(jax.value_and_grad(loss))
-    worst, least = 0.0, np.inf
+    worst, lowest = 0.0, np.inf
     with precision("float64"):
         at = jnp.asarray(np.log(16.0), jnp.float64)
         for _ in range(20):
@@ -179,8 +181,8 @@ def _by_logarithm(name: str, solver) -> Row:
             worst = max(worst, abs(float(slope)), abs(float(value)))
             # Held to what a fit would allow: a factor of 1e3 about the start.
             at = jnp.clip(at - 1e3 * slope, np.log(1.6e-2), np.log(1.6e4))
-            least = min(least, float(jnp.exp(at)))
-    checks = (Bound("k", least, np.inf, 1e-3), Bound("loss, slope", worst, 1e3, 0.0))
+            lowest = min(lowest, float(jnp.exp(at)))
+    checks = (Bound("k", lowest, np.inf, 1e-3), Bound("loss, slope", worst, 1e3, 0.0))
     return Row("log k, steps too long", name, "float64", checks=checks)
 
 
@@ -189,7 +191,8 @@ CASES = (
         "S16",
         "damaged meshes of a sphere, 20 voxels across",
         "divergence theorem; filling by the vote of three axes",
-        "the sphere's volume to 2 %, less the cap where that is missing; it is told",
+        "the sphere's volume to 2 %, less the cap where that is missing; the "
+        "damage is reported",
         "",
         damaged_meshes,
     ),

@@ -144,7 +144,7 @@ def _all_there(what: str, scene: jt.Scene, method: Method, bounds: Bounds) -> Ro
 
 
 def _in_air() -> None:
-    """A grid made by hand, without a solid voxel."""
+    """Simulate on a grid without a solid voxel."""
     full = block(3, 3, 3, PITCH)
     fields = ("position", "normal", "area", "voxel", "axis", "layer")
     none = {f"fragment_{f}": getattr(full, f"fragment_{f}")[:0] for f in fields}
@@ -156,7 +156,7 @@ def _in_air() -> None:
 CASES = (
     Case(
         "S12",
-        "an island: a part of a body that nothing reaches",
+        "an island: a part of a body without any exchange of heat",
         "C / dt is on the diagonal: no step is singular",
         "its temperature stays bit by bit; the steady state finds it",
         "",

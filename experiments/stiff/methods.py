@@ -1,4 +1,4 @@
-"""Which solvers a scene goes through, and how long their steps are."""
+"""Solvers that run a scene, and the lengths of their steps."""
 
 import jaxthermo as jt
 
@@ -10,7 +10,7 @@ STEPS = 5
 """Number of steps of most implicit runs."""
 
 LONG = 100.0
-"""Length of a step of super time stepping, in stable steps."""
+"""Length of a step of super time stepping [stable steps]."""
 
 
 def explicit(stable: float, steps: int = 200) -> list[Method]:
@@ -87,13 +87,7 @@ def damping(stable: float, ratio: float = 1e3) -> list[Method]:
 
 
 def too_long(what: str, scene: jt.Scene, ratio: float = 2.0) -> Row:
-    """Explicit Euler above its limit, which it must refuse and name.
-
-    Args:
-        what: the scene is.
-        scene: to run.
-        ratio: of the step to the limit.
-    """
+    """Explicit Euler above its limit, which it must refuse and name."""
     stable = stable_step(scene)
     solver = jt.ForwardEuler(dt=ratio * stable)
     return refusal(

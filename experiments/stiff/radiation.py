@@ -19,8 +19,8 @@ from .solved import Limits, Method, judged, run_nodes, stable_step
 AROUND = 300.0
 METAL = jt.Material(200.0, density=2700.0, specific_heat=900.0, emissivity=1.0)
 EDGE = 1e-3
-"""Of a voxel [m]: of a cube that 1 s is long for."""
-MOST_NEWTON = 20
+"""Edge of a voxel [m]; the cube's time constant is far below 1 s."""
+MAX_NEWTON = 20
 STEPS = (1.0, 1e4, 1e8, 1e12)
 LIMITS = Limits(
     # Two roundings of 5800 K in float32.
@@ -55,8 +55,8 @@ def _from(start: float) -> Iterator[Row]:
         for method in methods:
             # Newton's steps are counted over all stages: one for backward Euler.
             one = method.name.startswith(("BackwardEuler", "CrankNicolson"))
-            most = MOST_NEWTON if one else None
-            yield judged(what, scene, method, bounds, LIMITS, most)
+            max_newton = MAX_NEWTON if one else None
+            yield judged(what, scene, method, bounds, LIMITS, max_newton)
         yield too_long(what, scene, LONG)
 
 
@@ -174,13 +174,13 @@ def grazing_sources() -> Iterator[Row]:
         except Exception as error:
             yield broken(what, error)
             continue
-        most = float(found[top].max())
+        brightest = float(found[top].max())
         dark = 0.0 if "above" not in what else 1 / LEAST**2
         checks = (
-            Bound("exposure of the top", most, dark, 0.0),
+            Bound("exposure of the top", brightest, dark, 0.0),
             Bound("anywhere", float(found.max()), 1 / LEAST**2, 0.0),
         )
-        yield Row(what, seen=f"top at most {most:.4g} 1/m^2", checks=checks)
+        yield Row(what, seen=f"top at most {brightest:.4g} 1/m^2", checks=checks)
     body = jt.Body(jt.FullVolume(grid), STEEL, temperature=COLD)
     lamp = jt.PointSource((1.0, 0.0, 0.03), 100.0, min_distance=LEAST)
     scene = jt.Scene((body,), (lamp,), dtype="float64")

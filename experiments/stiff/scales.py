@@ -122,8 +122,8 @@ CASES = (
         "S05",
         "Biot numbers of 1e-6 and 1e6",
         "Carslaw and Jaeger, Conduction of Heat in Solids, 3.3 and 3.11",
-        "the mean of a slab agrees with exp(-t / tau), and with the series of a held "
-        "surface, to 1e-5 of the first excess",
+        "the mean of a slab agrees with exp(-t / tau), and with the series of a "
+        "prescribed surface, to 1e-5 of the first excess",
         "",
         biot_numbers,
     ),

@@ -24,12 +24,12 @@ Bounds = tuple[float, float]
 
 
 class Limits(NamedTuple):
-    """By the dtype of a scene."""
+    """Limits by the dtype of a scene."""
 
     overshoot: dict[str, float]
     """[K]"""
     energy: dict[str, float]
-    """Largest energy residual, relative to the heat that moved [-]."""
+    """Largest energy residual over the heat that moved [-], by dtype."""
 
 
 LIMITS = Limits(
@@ -40,7 +40,7 @@ LIMITS = Limits(
 
 
 class Method(NamedTuple):
-    """A solver, and how far."""
+    """A solver and the end of its run."""
 
     name: str
     solver: AbstractSolver
@@ -51,7 +51,7 @@ class Method(NamedTuple):
 
 
 class Ran(NamedTuple):
-    """A run with its nodes."""
+    """A run with the temperatures of its nodes."""
 
     solution: jt.Solution
     nodes: tuple[np.ndarray, ...]
@@ -133,7 +133,7 @@ def judged(
     method: Method,
     bounds: Bounds,
     limits: Limits = LIMITS,
-    most_newton: int | None = None,
+    max_newton: int | None = None,
 ) -> Row:
     """One solver on one scene, by bounds, energy and what it says of itself.
 
@@ -143,13 +143,13 @@ def judged(
         method: the solver.
         bounds: of the maximum principle [K].
         limits: of overshoot and energy.
-        most_newton: steps of Newton's method allowed in a stage.
+        max_newton: steps of Newton's method allowed in a stage.
     """
     try:
         ran = run_nodes(scene, method.solver, method.end)
     except Exception as error:
         return broken(what, error, method.name, scene.dtype)
-    return row_of(what, scene.dtype, method, ran, bounds, limits, most_newton)
+    return row_of(what, scene.dtype, method, ran, bounds, limits, max_newton)
 
 
 def row_of(
@@ -159,7 +159,7 @@ def row_of(
     ran: Ran,
     bounds: Bounds,
     limits: Limits = LIMITS,
-    most_newton: int | None = None,
+    max_newton: int | None = None,
     more: tuple[Bound, ...] = (),
 ) -> Row:
     """The row of a run; arguments as of `judged`, with `more` checks."""
@@ -172,10 +172,16 @@ def row_of(
     }[method.bounds]
     checks = [overshoot, Bound("energy", ran.residual, limits.energy[dtype])]
     if effort is not None:
-        checks.append(Bound("unsaid", float(unsaid(ran, dtype, method.solver)), 0.0))
-    if effort is not None and most_newton is not None:
+        checks.append(
+            Bound(
+                "missed tolerance",
+                float(misses_tolerance(ran, dtype, method.solver)),
+                0.0,
+            )
+        )
+    if effort is not None and max_newton is not None:
         taken = int(effort.newton_iterations) / max(ran.solution.run.steps, 1)
-        checks.append(Bound("Newton steps", taken, most_newton))
+        checks.append(Bound("Newton steps", taken, max_newton))
         checks.append(Bound("not settled", float(effort.newton_failed), 0.0))
     return Row(
         what,
@@ -193,8 +199,8 @@ def row_of(
     )
 
 
-def unsaid(ran: Ran, dtype: str, solver: Any) -> bool:
-    """True if a solve stopped short of its tolerance and the result is a success.
+def misses_tolerance(ran: Ran, dtype: str, solver: Any) -> bool:
+    """True if a solve missed its tolerance although the run reports success.
 
     A solve is called done within twice its tolerance; steps of an adaptive solver that
     were rejected and taken again do not count.

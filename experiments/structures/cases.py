@@ -40,7 +40,7 @@ class Subject:
 
     @property
     def lattice_voxels(self) -> int:
-        """Of the box, empty ones too: what the full volume's loop steps over."""
+        """Voxels of the bounding box, empty ones included, over which the loop runs."""
         return int(self.grid.solid.size)
 
     def scene(
@@ -73,7 +73,7 @@ class Subject:
 
     @property
     def material(self) -> Material:
-        """Of the whole body."""
+        """The material of the whole body."""
         return self.config.material.build()
 
     def sun(self, load: str) -> Sun:
@@ -86,12 +86,7 @@ class Subject:
 
 
 def rays(axes: tuple[str, str, str], load: str) -> tuple[float, float, float]:
-    """The way the rays travel onto a side named in the file's axes.
-
-    Args:
-        axes: what each of our axes is called in the file.
-        load: such as "+x": from there, so along -x.
-    """
+    """The way the rays travel onto a side named in the file's axes."""
     way = np.zeros(3)
     for i, name in enumerate(axes):
         if name[-1] == load[-1]:
@@ -122,7 +117,7 @@ class Case:
 
     @property
     def identity(self) -> Any:
-        """Plain values that tell it from all others."""
+        """Plain values that distinguish it from all others."""
         options = structure_identity(self.entry.structure) if self.entry else {}
         return [self.label, self.kind, options]
 
@@ -151,9 +146,9 @@ def case_loads(case: Case, config: ComparisonConfig) -> tuple[str, ...]:
 
 
 def make_map(config: SurfaceMapConfig) -> AbstractSurfaceMap:
-    """How all structures but the full volume are read."""
+    """Build the surface map of all structures but the full volume."""
     return config.build()
 
 
 NEAREST = ConstantMap()
-"""How the full volume is read: the voxel's temperature is its centre's."""
+"""Surface map of the full volume: a voxel's temperature is that of its centre."""

@@ -1,19 +1,35 @@
-"""`experiments run structures`: measures, and writes tables, plots and pictures."""
+"""`experiments run structures`: every structure against the full volume."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import jax
 from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TaskID,
+    TextColumn,
+    TimeElapsedColumn,
+)
 
 from jaxthermo.cli.console import doing, open_console, tell
 from jaxthermo.errors import InputError
 
+from ..harness.record import Record, Row, program_hash
 from .cases import all_cases, case_loads
-from .claims import equilibrium_claim, levels_claim, limb_claim
-from .claims_table import capacity_claim, path_claim, speed_claims
+from .claims import (
+    capacity_claim,
+    equilibrium_claim,
+    levels_claim,
+    limb_claim,
+    path_claim,
+    speed_claims,
+)
 from .config import (
     ComparedBody,
     ComparisonConfig,
@@ -22,16 +38,74 @@ from .config import (
     load_comparison,
     resolved,
 )
-from .equilibrium import Equilibrium
-from .levels import level_rows
-from .local import local_rows
-from .progress import Steps, counted
-from .record import Record, Row, program_hash
 from .report import Findings, write_report
 from .study import Study
-from .summary import summarize
-from .tables import show_table
+from .summary import show_table, summarize
+from .sweeps import Equilibrium, level_rows, local_rows
 
+
+class Steps:
+    """Counts rows on a progress bar and prints each when it is done."""
+
+    def __init__(self, console: Console, bar: Progress, task: TaskID):
+        """Use `counted` instead."""
+        self.console = console
+        self.bar = bar
+        self.task = task
+
+    def each(self, rows: Iterable[Row], what: str) -> Iterator[Row]:
+        """Yield the same rows, with a description on the bar."""
+        self.bar.update(self.task, description=what)
+        for row in rows:
+            self.bar.advance(self.task)
+            tell(self.console, row_in_words(row))
+            yield row
+
+
+@contextmanager
+def counted(console: Console, total: int) -> Iterator[Steps]:
+    """A progress bar over `total` rows; none where standard output is no terminal."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(bar_width=None),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+    )
+    with Progress(
+        *columns, console=console, transient=True, disable=not console.is_terminal
+    ) as bar:
+        yield Steps(console, bar, bar.add_task("", total=total))
+
+
+def row_in_words(row: Row) -> str:
+    """One line about any row."""
+    names = ("body", "load", "hollow", "asked_for", "label")
+    where = " ".join(str(row[name]) for name in names if name in row)
+    if "refused" in row:
+        return f"{row['what']}, {where}: {row['refused']}"
+    if row["what"] == "reference":
+        return f"reference, {where}: {row['steps']} steps, {row['took_s']:.3g} s in all"
+    if row["what"] == "equilibrium":
+        return (
+            f"equilibrium, {where}: mean {row['mean_K']:.6f} K, uneven by "
+            f"{row['surface_range_K']:.1g} K after {row['steps']} steps"
+        )
+    error = f"error {row['error']['worst_rms_percent']:.3g} %"
+    if row["what"] == "levels":
+        return f"levels, {where}: {row['nodes']} nodes, {error}"
+    ratio, time = row["times_faster"], row["run_time_s"]
+    return (
+        f"{where}: {row['nodes']} nodes, {row['steps']} steps in "
+        f"{time['median']:.3g} s, {ratio['median']:.3g} times faster "
+        f"({ratio['least']:.3g} to {ratio['most']:.3g}), {error}"
+    )
+
+
+# The modules that rows follow from; the others only draw and print them.
+_MEASURING = tuple(
+    Path(__file__).with_name(f"{name}.py")
+    for name in ("cases", "config", "measure", "study", "sweeps")
+)
 
 DEFAULT = Path(__file__).parents[2] / "configs" / "experiments" / "structures.yaml"
 
@@ -54,7 +128,7 @@ def run(
             f"the standard comparison, {DEFAULT}, is not installed: name a config file"
         )
     comparison = load_comparison(config or DEFAULT, height)
-    record, console = Record(folder), open_console()
+    record, console = Record(folder, _MEASURING), open_console()
     studies = [Study(body, comparison, record) for body in comparison.bodies]
     with doing(console, "voxelizing"):
         for study in studies:
@@ -76,7 +150,7 @@ def run(
     return {
         "config": resolved(comparison),
         "config_hash": config_hash(comparison),
-        "program_hash": program_hash(),
+        "program_hash": program_hash(_MEASURING),
         "seed": None,
         "table": findings.lines,
         "claims": findings.claims,
@@ -88,7 +162,7 @@ def run(
 
 
 def host() -> str:
-    """What it ran on."""
+    """The computer that measured."""
     device = jax.devices()[0]
     return f"{os.cpu_count()} cores, {device.device_kind}"
 
@@ -156,7 +230,7 @@ def limb_study(config: ComparisonConfig, record: Record) -> Study | None:
 
 
 def count_rows(config: ComparisonConfig, limb: Study | None) -> int:
-    """How many rows there will be."""
+    """The number of rows of the whole comparison."""
     claims = config.claims
     total = len(config.bodies) * count_body_rows(config)
     if claims.levels is not None:

@@ -1,7 +1,6 @@
 """The config of the comparison: bodies, loads, structures, claims; checked, in SI."""
 
 import hashlib
-import json
 import math
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, TypeAlias
@@ -34,6 +33,8 @@ from jaxthermo.config.types.quantities import (
     Whole,
 )
 from jaxthermo.errors import InputError
+
+from ..harness.record import fingerprint
 
 
 FULL = "full volume"
@@ -76,16 +77,16 @@ class SunConfig(Model):
 
 
 class ExpectConfig(Model):
-    """What a structure shall reach; the report says where it does not."""
+    """Expectations of a structure; the report marks those that are not met."""
 
     body: str | None = None
-    """Of which body; of all if not given."""
+    """Body to which the expectations apply; all bodies if not given."""
     error_percent: Annotated[Number, Field(gt=0)] | None = None
     """At most, at the worst time of the worst load."""
     nodes: Annotated[Whole, Field(ge=1)] | None = None
     """At most."""
     node_share: Fraction | None = None
-    """Of the solid voxels, at most."""
+    """Nodes over solid voxels, at most."""
     times_faster: Annotated[Number, Field(gt=0)] | None = None
     """At least, by the median, than the full volume's explicit loop."""
 
@@ -139,7 +140,7 @@ class LimbConfig(Model):
 
 
 class ClaimsConfig(Model):
-    """What the thesis says and this run measures; what is left out is not run."""
+    """Claims of the thesis that are measured; an omitted one is not run."""
 
     levels: LevelsConfig | None = None
     equilibrium: EquilibriumConfig | None = None
@@ -214,11 +215,6 @@ def load_comparison(
 ) -> ComparisonConfig:
     """The config in a YAML file, with meshes found and values in SI units.
 
-    Args:
-        path: the file; meshes are looked for beside it, then in JAXTHERMO_MESHES.
-        height: in voxels, instead of the file's `voxels_high`.
-        find_meshes: whether a mesh that is not there is a mistake.
-
     Raises:
         InputError: one line for each mistake.
     """
@@ -239,12 +235,6 @@ def resolved(config: ComparisonConfig) -> dict[str, Any]:
     return config.model_dump(mode="json", exclude_none=True)
 
 
-def fingerprint(value: Any) -> str:
-    """16 hex digits of plain values: what a measurement follows from."""
-    text = json.dumps(value, sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
-
-
 def body_identity(body: ComparedBody) -> dict[str, Any]:
     """The body as plain values, with the content of its file in place of its path."""
     plain = body.model_dump(mode="json", exclude_none=True)
@@ -263,7 +253,7 @@ def structure_identity(structure: StructureConfig) -> dict[str, Any]:
 
 
 def common_identity(config: ComparisonConfig) -> dict[str, Any]:
-    """What every row follows from; the lists count with the rows they lead to."""
+    """Inputs that all rows have in common, without the lists that make rows."""
     plain = resolved(config)
     for listed in ("bodies", "loads", "structures", "claims", "full_volume_as_links"):
         plain.pop(listed, None)

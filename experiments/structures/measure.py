@@ -1,25 +1,121 @@
-"""One row: a structure under a load, its cost and its error."""
+"""One row: a structure under a load, its cost, its error and its frames."""
 
 import os
 import statistics
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
+from skimage.metrics import structural_similarity
 
-from jaxthermo.integrate.run.solution import Solution
-from jaxthermo.integrate.surface_error import AnySolution, surface_error
+from jaxthermo.arrays import precision
+from jaxthermo.config.camera_framing import build_camera
+from jaxthermo.config.schema.image import PinholeConfig
+from jaxthermo.errors import InputError
+from jaxthermo.image.render import draw
+from jaxthermo.image.view import View, compute_view
+from jaxthermo.integrate.run.observe import Observation
+from jaxthermo.integrate.run.plan import Plan, initial_state, plan_run, step_table
+from jaxthermo.integrate.run.schedule import save_intervals
+from jaxthermo.integrate.run.simulate import make_solution, take_steps
+from jaxthermo.integrate.run.solution import RESULTS, Solution
+from jaxthermo.integrate.solvers import ForwardEuler
+from jaxthermo.integrate.surface_error import AnySolution, error_span, surface_error
 from jaxthermo.scene.scene import Scene
+from jaxthermo.scene.solved_surface import SolvedSurface
 from jaxthermo.structures.structure import AbstractStructure
 from jaxthermo.timing import Timing
 
+from ..harness.record import Row
+from ..harness.timing import timed_call
 from .config import ComparisonConfig
-from .record import Row
-from .runner import Runner, finish, prepare
+
+
+Loop = Callable[[], Observation]
+"""Takes every step from the start, and reads the surface at the saved times."""
+
+
+@dataclass(frozen=True, eq=False)
+class Runner:
+    """All that comes before the first step is done."""
+
+    scene: Scene
+    plan: Plan
+    compile: Callable[[], Loop]
+    """Builds the loop of a run and calls it."""
+
+    @property
+    def held_bytes(self) -> int:
+        """Arrays of the compiled scene and of its state."""
+        arrays = (self.plan.compiled.program, self.plan.compiled.state)
+        leaves = (x for x in jax.tree.leaves(arrays) if isinstance(x, jax.Array))
+        return sum(x.nbytes for x in leaves)
+
+    def solution(self, seen: Observation) -> Solution:
+        """The solution, as of `simulate`, of a finished loop.
+
+        Raises:
+            InputError: if temperatures stopped being finite or fell below 0 K.
+        """
+        with precision(self.scene.dtype):
+            found = make_solution(self.plan, seen)
+        if found.result != RESULTS.successful:
+            raise InputError(RESULTS[found.result])
+        return found
+
+
+def prepare(
+    scene: Scene, t1: float, save_at: tuple[float, ...], dt: float | None = None
+) -> Runner:
+    """Compile a scene and lay out its steps.
+
+    Args:
+        scene: one body and what acts on it.
+        t1: end [s].
+        save_at: times to keep [s].
+        dt: the step; the largest stable one if not given [s].
+    """
+    with precision(scene.dtype):
+        todo = plan_run(scene, t1, save_at, ForwardEuler(dt=dt))
+        program, state = todo.compiled.program, initial_state(todo)
+        layout = step_table(todo, save_intervals(todo.intervals))
+        jax.block_until_ready((program, state, layout))
+
+    def compile_loop() -> Loop:
+        # A function of its own, so that nothing compiled before is used again.
+        own = lambda *parts: take_steps(*parts)
+        with precision(scene.dtype):
+            made = (
+                eqx.filter_jit(own)
+                .lower(todo.stepper, program, state, layout)
+                .compile()
+            )
+
+        def loop() -> Observation:
+            with precision(scene.dtype):
+                return made(todo.stepper, program, state, layout)[1]
+
+        return loop
+
+    return Runner(scene, todo, compile_loop)
+
+
+def finish(runner: Runner) -> Solution:
+    """Run once, untimed."""
+    return runner.solution(jax.block_until_ready(runner.compile()()))
+
+
+def surface_at(solution: AnySolution, time: float) -> Float[np.ndarray, " s"]:
+    """Temperatures of all fragments at a saved time [K]."""
+    index = int(np.abs(np.asarray(solution.times) - time).argmin())
+    return np.asarray(solution.surface_temperature[index], np.float32)
 
 
 Timed = tuple[AbstractStructure, float]
@@ -51,13 +147,6 @@ def without_structure_cache() -> Iterator[None]:
             os.environ["JAXTHERMO_CACHE"] = before
 
 
-def timed_call(call: Callable[[], Any]) -> tuple[Any, float]:
-    """What a call gives, and how long it took [s]."""
-    clock = time.perf_counter()
-    made = jax.block_until_ready(call())
-    return made, time.perf_counter() - clock
-
-
 def run_timed(scene: Scene, config: ComparisonConfig) -> tuple[Solution, Timing, Row]:
     """A run at the scene's own largest stable step, timed warm.
 
@@ -74,18 +163,13 @@ def run_timed(scene: Scene, config: ComparisonConfig) -> tuple[Solution, Timing,
 
 
 def repeated(
-    call: Callable[[], Any], repeats: int, most: float = LONG
+    call: Callable[[], Any], repeats: int, max_seconds: float = LONG
 ) -> tuple[Any, list[float]]:
-    """What a call gives, and how long it took each time [s].
-
-    Args:
-        call: gives the same each time; the first time it warms up and does not count.
-        repeats: wanted of it.
-        most: seconds for all repeats. Where it is too little for them there are fewer,
-            one at least, and the first time counts too: a long call hides its warm-up.
-    """
+    """The result of a call, and its wall time of each repeat [s]."""
+    # The first call warms up and does not count, unless all repeats would take
+    # more than `max_seconds`: then there are fewer, and a long call hides it.
     seen, first = timed_call(call)
-    fitting = max(1, int(most / first))
+    fitting = max(1, int(max_seconds / first))
     if fitting >= repeats:
         return seen, [timed_call(call)[1] for _ in range(repeats)]
     return seen, [first, *(timed_call(call)[1] for _ in range(fitting))]
@@ -133,7 +217,7 @@ def error_row(solution: AnySolution, reference: AnySolution) -> Row:
 
 
 def ratio_row(structure: Timing, full: Timing) -> Row:
-    """How many times less time a structure takes; the ends of what was seen of both."""
+    """Time of the full volume over that of a structure, with the extremes of both."""
     return {
         "median": full.median / structure.median,
         "least": full.fastest / structure.slowest,
@@ -142,7 +226,7 @@ def ratio_row(structure: Timing, full: Timing) -> Row:
 
 
 def build_timed(make: Callable[[], AbstractStructure]) -> Timed:
-    """A structure, built anew even if it is in the cache."""
+    """A structure, built even if it is in the cache."""
     with without_structure_cache():
         clock = time.perf_counter()
         structure = make()
@@ -152,7 +236,72 @@ def build_timed(make: Callable[[], AbstractStructure]) -> Timed:
 def run_reference(
     scene: Scene, config: ComparisonConfig, stable_step: float | None
 ) -> Solution:
-    """The full volume, at the config's share of its stable step [s]."""
+    """The full volume, at the config's fraction of its stable step [s]."""
     span = config.time
     step = None if stable_step is None else config.reference_step * stable_step
     return finish(prepare(scene, span.end, span.save_times, step))
+
+
+class Scenery(NamedTuple):
+    """One camera on one body, for all its structures."""
+
+    view: View
+    surfaces: tuple[SolvedSurface, ...]
+    body: Bool[np.ndarray, "h w"]
+    """Pixels that show the body."""
+
+    def frame(self, temperature: Float[np.ndarray, " s"]) -> Float[np.ndarray, "h w"]:
+        """The surface's temperature in every pixel [K]; the air's in the background."""
+        values = jnp.asarray(temperature)
+        image = draw(self.view, self.surfaces, (), values, jnp.zeros((), values.dtype))
+        return np.asarray(image.temperature)
+
+
+def scenery(camera: PinholeConfig, surfaces: tuple[SolvedSurface, ...]) -> Scenery:
+    """The camera of the config, looking at the body."""
+    triangles = np.concatenate([s.geometry.triangles for s in surfaces])
+    view = compute_view(surfaces, (), build_camera(camera, triangles))
+    width, height = view.camera.size
+    body = np.zeros(height * width, bool)
+    body[view.pixel] = True
+    return Scenery(view, surfaces, body.reshape(height, width))
+
+
+def frame_error(scene: Scenery, solution: AnySolution, reference: AnySolution) -> Row:
+    """RMS [K] and SSIM over the body's pixels at each saved time after 0.
+
+    The data range of the SSIM is what the surface error is divided by at that time.
+    """
+    later = np.asarray(reference.times) > 0
+    found = np.asarray(solution.surface_temperature)[later]
+    expected = np.asarray(reference.surface_temperature)[later]
+    spans = np.asarray(error_span(jnp.asarray(expected)), float)
+    rms, ssim = [], []
+    for one, other, span in zip(found, expected, spans, strict=True):
+        ours, theirs = scene.frame(one), scene.frame(other)
+        square = (ours - theirs)[scene.body].astype(float) ** 2
+        rms.append(float(np.sqrt(square.mean())))
+        ssim.append(_similarity(scene, ours, theirs, float(span)))
+    return {
+        "rms_kelvin": rms,
+        "ssim": ssim,
+        "ssim_data_range_K": spans.tolist(),
+        "worst_rms_kelvin": max(rms),
+        "worst_ssim": min(ssim),
+    }
+
+
+def _similarity(
+    scene: Scenery,
+    ours: Float[np.ndarray, "h w"],
+    theirs: Float[np.ndarray, "h w"],
+    span: float,
+) -> float:
+    """Mean over the body's pixels: the background is the same in all and would flatter.
+
+    Differences from the background keep float32's digits.
+    """
+    level = float(theirs.min())
+    images = [np.asarray(image, float) - level for image in (ours, theirs)]
+    every = structural_similarity(*images, data_range=span, full=True)[-1]
+    return float(np.asarray(every)[scene.body].mean())

@@ -17,9 +17,9 @@ from jaxthermo.report.difference_scale import (
 )
 from jaxthermo.report.sheet import ColourBar, Tile, sheet
 
+from ..harness.record import Record, Row
 from .config import FULL
-from .frames import Scenery
-from .record import Record, Row
+from .measure import Scenery
 from .study import Study
 
 
@@ -33,14 +33,7 @@ Frame = Float[np.ndarray, "h w"]
 def write_pictures(
     study: Study, rows: list[Row], folder: Path, prefix: str = ""
 ) -> list[Path]:
-    """Two sheets of a body: `differences_NAME.png` and `frames_NAME.png`.
-
-    Args:
-        study: of the body.
-        rows: its structures', of all loads, but none that were refused.
-        folder: for the files.
-        prefix: of the files' names.
-    """
+    """Two sheets of a body: `differences_NAME.png` and `frames_NAME.png`."""
     shown = study.config.picture
     chosen = [row for row in rows if row["load"] == shown.load]
     scene = study.scenery

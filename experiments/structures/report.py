@@ -8,19 +8,25 @@ from jaxthermo.atomic import replacing
 from jaxthermo.memory import readable_bytes
 from jaxthermo.report import page
 from jaxthermo.report.chart import write_chart
+from jaxthermo.report.numbers import seconds
 from jaxthermo.report.table import Cell, Table, prose
 
-from .axes import Paint, colours
+from ..harness.record import Row
 from .cases import all_cases
+from .charts import (
+    Paint,
+    by_levels,
+    by_thickness,
+    colours,
+    error_against_time,
+    error_over_time,
+)
 from .claims import Claim
 from .config import FULL, resolved
 from .measure import LONG
 from .pictures import write_pictures
-from .plots import by_levels, by_thickness, error_against_time, error_over_time
-from .record import Row
 from .study import Study
-from .summary import Line
-from .tables import in_words, seconds, span, times
+from .summary import Line, in_words, span, times
 
 
 TITLE = "Structures against the full volume"
@@ -159,7 +165,7 @@ def _full(rows: list[Row]) -> str:
 
 
 def _expected(lines: list[Line]) -> list[page.Section]:
-    """What the config expects of structures, and whether it was met."""
+    """The expectations of the config, each marked as met or missed."""
     rows = [
         [line["label"], Cell(in_words(c), c["met"])]
         for line in lines
@@ -206,7 +212,7 @@ def _error(line: Line) -> list[str | Cell]:
 
 
 def _claims(findings: Findings, folder: Path, files: list[Path]) -> list[page.Section]:
-    """What the thesis says, what was found, and the charts that show it."""
+    """Claims of the thesis, results of this run, and the charts that show them."""
     words = {True: "yes", False: "no", None: "reported"}
     rows = [
         [

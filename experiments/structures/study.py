@@ -14,6 +14,7 @@ from jaxthermo.integrate.run.solution_file import StoredSolution
 from jaxthermo.structures.kinds.full import FullVolume
 from jaxthermo.structures.report import structure_report
 
+from ..harness.record import Arrays, Record, Row
 from .cases import NEAREST, Case, Subject, case_loads, load_subject, make_map
 from .config import (
     FULL,
@@ -22,22 +23,23 @@ from .config import (
     body_identity,
     common_identity,
 )
-from .frames import Scenery, frame_error, scenery
 from .measure import (
     Baseline,
+    Scenery,
     Timed,
     build_timed,
     error_row,
+    frame_error,
     ratio_row,
     run_reference,
     run_timed,
+    scenery,
+    surface_at,
 )
-from .record import Arrays, Record, Row
-from .runner import surface_at
 
 
 class Study:
-    """What the rows of one body share; made when first needed, once a process."""
+    """Data that all rows of one body use; computed once, when first needed."""
 
     def __init__(self, body: ComparedBody, config: ComparisonConfig, record: Record):
         """Nothing is loaded or run yet."""
@@ -60,7 +62,7 @@ class Study:
 
     @cached_property
     def identity(self) -> dict[str, Any]:
-        """What all rows of this body follow from, as plain values."""
+        """Inputs of all rows of this body, as plain values."""
         return {
             "common": common_identity(self.config),
             "body": body_identity(self.body),
@@ -81,7 +83,7 @@ class Study:
         return self._baselines[load]
 
     def reference(self, load: str) -> StoredSolution:
-        """The full volume at a share of its stable step: what errors are from."""
+        """The reference of all errors: the full volume at a fraction of its step."""
         if load not in self._references:
             row = self.reference_row(load)
             if "refused" in row:
@@ -95,11 +97,11 @@ class Study:
         return self._references[load]
 
     def reference_rows(self) -> Iterator[Row]:
-        """One row a load, so that what takes longest is told by itself."""
+        """The reference rows, one for each load."""
         return map(self.reference_row, self.config.loads)
 
     def reference_row(self, load: str) -> Row:
-        """How the reference of a load was run; its surface is in the row's arrays."""
+        """Run data of a load's reference; its surface is in the row's arrays."""
         return self.record.once(
             {**self.identity, "load": load, "reference": True},
             {"what": "reference", "body": self.body.name, "load": load},
@@ -122,7 +124,7 @@ class Study:
         }
 
     def check(self) -> None:
-        """Voxelize the body and put the scenes together: mistakes are told first.
+        """Voxelize the body and build the scenes, to report mistakes before any run.
 
         Raises:
             InputError: for terms that do not fit the body or one another, or a camera

@@ -1,10 +1,20 @@
-"""The table: one line a body and structure, over all its loads."""
+"""The table: one line for each body and structure, over all its loads."""
 
 import statistics
 from typing import Any
 
+from rich.console import Console
+
+from jaxthermo.report.numbers import (
+    seconds,
+    seconds_with_range,
+    significant,
+    with_range,
+)
+from jaxthermo.report.table import Table
+
+from ..harness.record import Row
 from .config import ComparisonConfig, ExpectConfig
-from .record import Row
 
 
 Line = dict[str, Any]
@@ -60,23 +70,17 @@ def _line(body: str, label: str, rows: list[Row]) -> Line:
     }
 
 
-def _spread(values: list[dict[str, float]], least: str, most: str) -> dict[str, float]:
+def _spread(values: list[dict[str, float]], low: str, high: str) -> dict[str, float]:
     """The median of medians, and the ends of all."""
     return {
         "median": statistics.median(value["median"] for value in values),
-        least: min(value[least] for value in values),
-        most: max(value[most] for value in values),
+        low: min(value[low] for value in values),
+        high: max(value[high] for value in values),
     }
 
 
 def check(line: Line, row: Row, expect: ExpectConfig | None) -> list[dict[str, Any]]:
-    """What the config expects of a structure: limit, what was found, and whether.
-
-    Args:
-        line: the structure's summary.
-        row: any of its rows.
-        expect: of the config.
-    """
+    """Compare a structure with the expectations of the config."""
     if expect is None or expect.body not in (None, line["body"]):
         return []
     share = line["nodes"] / row["structure"]["solid_voxels"]
@@ -94,3 +98,71 @@ def check(line: Line, row: Row, expect: ExpectConfig | None) -> list[dict[str, A
             {"what": name, way.replace(" ", "_"): limit, "found": value, "met": held}
         )
     return checks
+
+
+COLUMNS = ("structure", "nodes", "run", "times faster", "error %")
+MORE = ("steps", "p99 %", "max %", "frame K", "SSIM", "capacity")
+NAMES = {
+    "error_percent": "error %",
+    "nodes": "nodes",
+    "node_share": "nodes a solid voxel",
+    "times_faster": "times faster",
+}
+WIDE = 140
+"""Characters that all columns take."""
+
+
+def show_table(console: Console, lines: list[Line]) -> None:
+    """One table a body, and below it what was expected and not met."""
+    # Wide in a file; on a narrow terminal the columns that matter most.
+    wide = not console.is_terminal or console.width >= WIDE
+    page = console if console.is_terminal else Console(width=WIDE, markup=False)
+    for body in dict.fromkeys(line["body"] for line in lines):
+        here = [line for line in lines if line["body"] == body]
+        title = f"{body}: worst of all loads and saved times; median times"
+        columns = COLUMNS + (MORE if wide else ())
+        rows = [cells(line, wide) for line in here]
+        page.print(Table(columns, rows, title, framed=False).rich())
+        for line in here:
+            for check in line.get("expected", ()):
+                if not check["met"]:
+                    page.print(f"not met by {line['label']}: {in_words(check)}")
+
+
+def cells(line: Line, wide: bool) -> list[str]:
+    """A line of the table as text."""
+    if "refused" in line:
+        return [line["label"], "refused"]
+    few = [
+        line["label"],
+        f"{line['nodes']:,}",
+        seconds(line["run_time_s"]["median"]),
+        times(line["times_faster"]),
+        f"{line['worst_rms_percent']:.3g}",
+    ]
+    more = [
+        str(line["steps"]),
+        f"{line['worst_p99_percent']:.3g}",
+        f"{line['worst_max_percent']:.3g}",
+        f"{line['frame_rms_kelvin']:.2g}",
+        f"{line['frame_ssim']:.4f}",
+        f"{line['capacity_ratio']:.4g}",
+    ]
+    return few + more if wide else few
+
+
+def span(time: dict[str, float]) -> str:
+    """A time with its range in one unit: "13 (12-15) ms"."""
+    return seconds_with_range(time["median"], time["fastest"], time["slowest"])
+
+
+def times(ratio: dict[str, float]) -> str:
+    """A ratio with its range: "8.1 (7.5-9)"."""
+    return with_range(ratio["median"], ratio["least"], ratio["most"])
+
+
+def in_words(check: dict) -> str:
+    """A measured value with its limit: "error % 0.41 (at most 0.3)"."""
+    way = "at_most" if "at_most" in check else "at_least"
+    name, found, limit = NAMES[check["what"]], check["found"], check[way]
+    return f"{name} {significant(found)} ({way.replace('_', ' ')} {significant(limit)})"

@@ -1,1 +1,1 @@
-"""What the thesis claims, measured again: one file for each figure or table."""
+"""Claims of the thesis, measured again by figure or table."""

@@ -6,7 +6,6 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
-from rich.table import Table
 
 from jaxthermo.geometry.mesh import Mesh
 from jaxthermo.geometry.pose import Pose
@@ -19,18 +18,20 @@ from jaxthermo.physics.contact.bodies import PlacedGrid
 from jaxthermo.physics.contact.links import contact_conductance_of
 from jaxthermo.physics.contact.pairs import ContactPairs, contact_flux
 from jaxthermo.physics.contact.search import find_contacts
+from jaxthermo.report.numbers import seconds
 from jaxthermo.report.sheet import ColourBar, Tile, sheet
+from jaxthermo.report.table import Table
 from jaxthermo.voxels.voxelize import voxelize
 
 
 BALL = 0.18
 """Radius of the ball over the height of the body."""
 CONDUCTIVITY = 16.0
-"""Of both bodies, stainless steel [W/(m K)]."""
+"""Conductivity of both bodies, stainless steel [W/(m K)]."""
 CONDUCTANCE = 1000.0
 """h_c [W/(m^2 K)]."""
 DIFFERENCE = 100.0
-"""Of their temperatures at first [K]."""
+"""Difference of their temperatures at the start [K]."""
 TILE = 280
 """Edge of a picture, about [px]."""
 
@@ -52,13 +53,7 @@ def ball_on_head(mesh: Mesh, height: int) -> tuple[PlacedGrid, PlacedGrid]:
 def balls_on_heads(
     meshes: dict[str, Mesh], height: int, folder: Path
 ) -> list[dict[str, Any]]:
-    """What touches and how long it takes to find, with a sheet of textures a body.
-
-    Args:
-        meshes: the bodies, by name.
-        height: of each, in voxels.
-        folder: for the pictures.
-    """
+    """Contacts of a ball with each body, and the time to find them."""
     rows = []
     for name, mesh in meshes.items():
         head, ball = ball_on_head(mesh, height)
@@ -99,16 +94,18 @@ def _first_flux(pairs: ContactPairs, head: PlacedGrid, ball: PlacedGrid):
 
 def texture_sheet(name: str, head: PlacedGrid, ball: PlacedGrid, pairs, flux):
     """Conduction textures of both bodies, of the layers that hold any contact."""
-    most = max(float(np.abs(each).max()) for each in flux) / 1e3
+    max_flux = max(float(np.abs(each).max()) for each in flux) / 1e3
     tiles = []
     coverages = pairs.coverage_a, pairs.coverage_b
     for body, each, coverage in zip((head, ball), flux, coverages, strict=True):
         values = where_covered(np.abs(each) / 1e3, coverage)
-        for key, layers in contact_images(body.grid, values, 0.0, most).items():
+        for key, layers in contact_images(body.grid, values, 0.0, max_flux).items():
             tiles += _tiles(f"{body.name}, {key[0]}", body, values, key, layers)
     bar = ColourBar(
         palette_table("iron"),
-        tuple((share, label(share * most, 1)) for share in (0.0, 0.5, 1.0)),
+        tuple(
+            (position, label(position * max_flux, 1)) for position in (0.0, 0.5, 1.0)
+        ),
         f"heat flux through the contact at first [kW/m^2], ball {DIFFERENCE:g} K "
         "hotter; grey: no contact",
     )
@@ -129,18 +126,18 @@ def _tiles(what: str, body: PlacedGrid, values, key: str, layers) -> list[Tile]:
     return tiles
 
 
-def head_table(rows: list[dict[str, Any]]) -> Table:
-    """For the terminal."""
-    table = Table(title="A ball on a head, thesis figure 5.5")
-    for head in ("mesh", "high", "fragments", "pairs", "area", "time"):
-        table.add_column(head, justify="left" if head == "mesh" else "right")
-    for row in rows:
-        table.add_row(
+def head_table(found: list[dict[str, Any]]) -> Table:
+    """Contacts of each body with its ball."""
+    rows = [
+        [
             row["mesh"],
             str(row["height_voxels"]),
             " + ".join(map(str, row["fragments"])),
             str(row["pairs"]),
             f"{row['area_m2'] * 1e4:.2f} cm^2",
-            f"{1e3 * row['time_s']:.0f} ms",
-        )
-    return table
+            seconds(row["time_s"]),
+        ]
+        for row in found
+    ]
+    columns = ("mesh", "high", "fragments", "pairs", "area", "time")
+    return Table(columns, rows, "A ball on a head, thesis figure 5.5")

@@ -9,20 +9,18 @@ from jaxthermo.atomic import replacing
 from jaxthermo.geometry.shapes import figurine
 from jaxthermo.report import page
 from jaxthermo.report.chart import write_chart
-from jaxthermo.report.table import Table
 from jaxthermo.voxels.cylinder_parts import MAX_DIAMETER_RATIO
 
+from ..harness.meshes import thesis_meshes
 from . import (
-    convection_average as average,
     convection_cooling as cooling,
-    convection_local as local,
+    convection_numbers as numbers,
     convection_parts as parts,
 )
-from .meshes import thesis_meshes
 
 
 HEIGHT = 160
-"""Of the bodies that are divided into cylinders, in voxels."""
+"""Height of the bodies that are divided into cylinders [voxels]."""
 TITLE = "Convection: the thesis' claims"
 
 
@@ -34,15 +32,15 @@ def run(folder: Path, height: int = HEIGHT) -> dict[str, Any]:
         height: of the bodies that are divided into cylinders, in voxels.
     """
     console = Console()
-    curves = local.measure_local()
-    console.print(local.local_table(curves))
-    averages = average.measure_averages()
-    console.print(average.average_table(averages))
+    curves = numbers.measure_local()
+    console.print(numbers.local_table(curves).rich())
+    averages = numbers.measure_averages()
+    console.print(numbers.average_table(averages).rich())
     cooled = cooling.measure_cooling(folder)
-    console.print(cooling.choice_table(cooled))
+    console.print(cooling.choice_table(cooled).rich())
     meshes = {"figurine": figurine(), **thesis_meshes()}
     divided = parts.measure_parts(meshes, height, folder)
-    console.print(parts.part_table(divided))
+    console.print(parts.part_table(divided).rich())
     sections = [
         *_local(curves, folder),
         *_averages(averages, folder),
@@ -62,11 +60,11 @@ def run(folder: Path, height: int = HEIGHT) -> dict[str, Any]:
 
 def _local(curves: list[dict[str, Any]], folder: Path) -> list[page.Section]:
     charts = {
-        "local_slow": local.local_chart(local.SLOW, "Slow flow, Pr 0.71"),
-        "local_fast": local.local_chart(
-            local.FAST, "Fast flow, as figure 5.6 (points: recalled, ±15 %)"
+        "local_slow": numbers.local_chart(numbers.SLOW, "Slow flow, Pr 0.71"),
+        "local_fast": numbers.local_chart(
+            numbers.FAST, "Fast flow, as figure 5.6 (points: recalled, ±15 %)"
         ),
-        "local_shape": local.shape_chart(),
+        "local_shape": numbers.shape_chart(),
     }
     worst = max(abs(row["average_mismatch"]) for row in curves)
     return [
@@ -80,14 +78,11 @@ def _local(curves: list[dict[str, Any]], folder: Path) -> list[page.Section]:
             "Lines: the model. Points to Re 40: a computed steady flow. Points from "
             "Re 7.08e4 up: written down from memory of the published figure, ±15 %: "
             "they show what the model was made from, and prove nothing. Between, the "
-            "front is a laminar boundary layer and the rear is fitted to the average.",
+            "front is a laminar boundary layer and the rear is fitted to the numbers.",
             note=True,
         ),
         *(write_chart(chart, folder / name) for name, chart in charts.items()),
-        Table(
-            ["Re", "average", "mismatch", "minima [degrees]", "off the points", ""],
-            local.local_cells(curves),
-        ),
+        numbers.local_table(curves),
     ]
 
 
@@ -101,8 +96,8 @@ def _averages(rows: list[dict[str, Any]], folder: Path) -> list[page.Section]:
             "range that the correlation is given for; profile rests on recalled curves "
             "from Re 7e4 on, where it goes up and down by 2 %."
         ),
-        write_chart(average.average_chart(), folder / "averages"),
-        Table(average.HEADS, average.average_cells(rows)),
+        write_chart(numbers.average_chart(), folder / "averages"),
+        numbers.average_table(rows),
     ]
 
 
@@ -129,7 +124,7 @@ def _cooling(found: dict[str, Any], folder: Path) -> list[page.Section]:
             "takes as much heat from the whole surface at first as the wind does; the "
             "range that it leaves on the side is the voxels' own."
         ),
-        Table(cooling.CHOICE_HEADS, cooling.choice_cells(found)),
+        cooling.choice_table(found),
     ]
 
 
@@ -149,5 +144,5 @@ def _parts(divided: list[dict[str, Any]], folder: Path) -> list[page.Section]:
             "belongs to; outlines: the cylinders."
         ),
         *pictures,
-        Table(parts.PART_HEADS, parts.part_cells(divided)),
+        parts.part_table(divided),
     ]

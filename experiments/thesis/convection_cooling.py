@@ -6,7 +6,6 @@ from typing import Any
 import altair as alt
 import jax.numpy as jnp
 import numpy as np
-from rich.table import Table
 
 from jaxthermo.geometry.shapes import cylinder
 from jaxthermo.image.annotate import contact_sheet, write_png
@@ -22,11 +21,12 @@ from jaxthermo.physics.convection.cross_flow import local_nusselt
 from jaxthermo.physics.convection.nusselt import AVERAGES, churchill_bernstein
 from jaxthermo.physics.convection.wind import Wind
 from jaxthermo.report.chart import Chart
+from jaxthermo.report.table import Table
 from jaxthermo.scene.scene import Body, Scene
 from jaxthermo.structures.kinds.full import FullVolume
 from jaxthermo.voxels.voxelize import voxelize
 
-from .convection_local import HEIGHT, SHADES, WIDTH
+from .convection_numbers import HEIGHT, SHADES, WIDTH
 
 
 DIAMETER, LENGTH = 0.1, 0.05
@@ -78,11 +78,7 @@ class Cooling:
 
 
 def measure_cooling(folder: Path) -> dict[str, Any]:
-    """C21, the three averages and a fixed h on one cylinder.
-
-    Args:
-        folder: for the picture of the frames.
-    """
+    """C21, the three averages and a fixed h on one cylinder."""
     case = Cooling()
     wind = lambda name: Wind((SPEED, 0.0, 0.0), AIR, average=name)
     runs = {a.name: case.run(wind(a.name)) for a in AVERAGES}
@@ -159,7 +155,7 @@ def frames(solution: Solution):
 
 
 def cooling_chart(found: dict[str, Any]) -> Chart:
-    """How the side differs from its own mean by angle, at the saved times."""
+    """Temperature of the side less its mean by angle, at the saved times."""
     points = [
         {"time": f"{time:g} s", "angle": angle, "T": value - float(np.mean(row))}
         for time, row in zip(found["times_s"], found["temperature_K"], strict=True)
@@ -192,12 +188,9 @@ def cooling_chart(found: dict[str, Any]) -> Chart:
     return both.properties(width=WIDTH, height=HEIGHT, title=title)
 
 
-CHOICE_HEADS = ["", "mean [K]", "side, coldest [K]", "warmest [K]", "range [K]"]
-
-
-def choice_cells(found: dict[str, Any]) -> list[list[str]]:
-    """As text."""
-    return [
+def choice_table(found: dict[str, Any]) -> Table:
+    """Temperatures of the cylinder by the choice of the average."""
+    rows = [
         [
             row["name"],
             f"{row['mean_K']:.2f}",
@@ -207,14 +200,6 @@ def choice_cells(found: dict[str, Any]) -> list[list[str]]:
         ]
         for row in found["choices"]
     ]
-
-
-def choice_table(found: dict[str, Any]) -> Table:
-    """For the terminal."""
+    columns = ("", "mean [K]", "side, coldest [K]", "warmest [K]", "range [K]")
     title = f"A cylinder after {found['compared_at_s']:g} s at Re {found['Re']:.3g}"
-    table = Table(title=title)
-    for head in CHOICE_HEADS:
-        table.add_column(head, justify="right" if head else "left")
-    for cells in choice_cells(found):
-        table.add_row(*cells)
-    return table
+    return Table(columns, rows, title)

@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, UInt8
 from PIL import Image, ImageDraw, ImageFont
-from rich.table import Table
 
 from jaxthermo.geometry.mesh import Mesh
 from jaxthermo.image.annotate import contact_sheet, write_png
 from jaxthermo.raster.directions import OrthographicView
+from jaxthermo.report.table import Table
 from jaxthermo.voxels.cylinder_parts import cylinder_parts
 from jaxthermo.voxels.cylinders import Cylinder, CylinderParts
 from jaxthermo.voxels.grid import VoxelGrid
@@ -24,21 +24,15 @@ COLOURS = np.array(
 )
 PAPER, INK = (16, 17, 20), (236, 236, 238)
 TALL = 560
-"""Of a picture [px], about."""
+"""Height of a picture, about [px]."""
 WAYS = {"looking along +y": (0.0, 1.0, 0.0), "looking along -x": (-1.0, 0.0, 0.0)}
 """Level, so that z is up in every picture."""
 PIXEL = 0.8
-"""Of the pitch: a fragment paints two by two pixels, which leaves no holes."""
+"""Pixel over pitch: a fragment paints two by two pixels, which leaves no holes."""
 
 
 def measure_parts(meshes: dict[str, Mesh], height: int, folder: Path) -> list[dict]:
-    """The cylinders of each body, and a picture of them.
-
-    Args:
-        meshes: by name.
-        height: of each, in voxels.
-        folder: for the pictures.
-    """
+    """The cylinders of each body, and a picture of them."""
     found = []
     for name, mesh in meshes.items():
         grid = voxelize(mesh, float(np.ptp(mesh.bounds[:, 2])) / height)
@@ -117,12 +111,9 @@ def _outline(cylinder: Cylinder, view: OrthographicView) -> Float[np.ndarray, "5
     return view.project(corners)[:, :2]
 
 
-PART_HEADS = ["body", "part", "diameter [mm]", "length [mm]", "axis", "fragments"]
-
-
-def part_cells(found: list[dict]) -> list[list[str]]:
-    """As text, the largest parts first."""
-    return [
+def part_table(found: list[dict[str, Any]]) -> Table:
+    """The cylinders of each body, the largest first."""
+    rows = [
         [
             body["mesh"],
             str(row["part"]),
@@ -134,13 +125,5 @@ def part_cells(found: list[dict]) -> list[list[str]]:
         for body in found
         for row in body["parts"]
     ]
-
-
-def part_table(found: list[dict[str, Any]]) -> Table:
-    """For the terminal."""
-    table = Table(title="Bodies as cylinders")
-    for head in PART_HEADS:
-        table.add_column(head, justify="left" if head == "body" else "right")
-    for cells in part_cells(found):
-        table.add_row(*cells)
-    return table
+    columns = ("body", "part", "diameter [mm]", "length [mm]", "axis", "fragments")
+    return Table(columns, rows, "Bodies as cylinders")

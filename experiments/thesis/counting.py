@@ -1,34 +1,285 @@
-"""Claims on counts: cells of cubes, compression, table 6.1, and lost capacity."""
+"""Claims on counts: C05 (cubes), C06 and table 6.1 (compression), C15 (capacity)."""
 
 from typing import Any
 
+import numpy as np
 from rich.console import Console
 
-from .compression import (
-    compression_table,
-    count_heights,
-    count_table_6_1,
-    table_6_1,
-)
-from .cubes import count_cubes, cube_table
-from .irregular_capacity import capacity_table, measure_capacity
-from .meshes import thesis_meshes
+from jaxthermo.geometry.mesh import Mesh
+from jaxthermo.geometry.shapes import box
+from jaxthermo.report.table import Table
+from jaxthermo.structures.build.assignment import nested_cells, voxel_depth
+from jaxthermo.structures.kinds.irregular import IrregularMultiLevel, capacity_by_region
+from jaxthermo.structures.kinds.shell import SingleShell
+from jaxthermo.structures.report import structure_report
+from jaxthermo.voxels.voxelize import voxelize
+
+from ..harness.meshes import thesis_meshes
+
+
+POWERS = range(3, 9)
+
+
+def count_cubes(powers: range = POWERS) -> dict[str, Any]:
+    """Cells of cubes with n = 2^p voxels a side, and which law they follow.
+
+    The level l of a cube has about 6 (n / 2^l)^2 cells, so the sum is 4/3 of the shell
+    however many levels there are: n^2. Only if the depth, not the cells, doubled from
+    level to level would n^2 log n come out.
+    """
+    rows = [_count_cells(1 << power) for power in powers]
+    side = np.array([row["side_voxels"] for row in rows], float)
+    cells = np.array([row["cells"] for row in rows], float)
+    log_side, log_cells = np.log(side), np.log(cells)
+    local = np.diff(log_cells) / np.diff(log_side)
+    # d ln(n^2 log n) / d ln n = 2 + 1 / ln n, between the two largest cubes.
+    with_log = np.diff(2 * log_side + np.log(log_side)) / np.diff(log_side)
+    return {
+        "rows": rows,
+        "slope_fitted": float(np.polyfit(log_side, log_cells, 1)[0]),
+        "slope_of_the_largest": float(local[-1]),
+        "slope_claimed_there": float(with_log[-1]),
+        "slope_of_the_largest_is_2": bool(abs(local[-1] - 2) <= 0.05),
+        "growth_beyond_n2": _growth(cells / side**2),
+        "growth_beyond_n2_claimed": _growth(log_side),
+    }
+
+
+def _growth(values: np.ndarray) -> float:
+    """From the smallest cube to the largest."""
+    return float(values[-1] / values[0])
+
+
+def _count_cells(side: int) -> dict[str, Any]:
+    grid = voxelize(box((1.0, 1.0, 1.0)), 1.0 / side)
+    levels = nested_cells(voxel_depth(grid))
+    cells = sum(len(level) for level in levels)
+    return {
+        "side_voxels": side,
+        "full_volume": grid.solid_count,
+        "levels": len(levels),
+        "shell": len(levels[0]),
+        "cells": cells,
+        "cells_over_shell": cells / len(levels[0]),
+        "cells_over_n2": cells / side**2,
+        "cells_over_n2_log2_n": cells / (side**2 * np.log2(side)),
+    }
+
+
+def cube_table(result: dict[str, Any]) -> Table:
+    """The cells of each cube, and the slopes of their number."""
+    columns = ("n", "levels", "shell", "cells", "/ shell", "/ n^2", "/ n^2 log2 n")
+    rows = [
+        [
+            str(row["side_voxels"]),
+            str(row["levels"]),
+            str(row["shell"]),
+            str(row["cells"]),
+            f"{row['cells_over_shell']:.3f}",
+            f"{row['cells_over_n2']:.2f}",
+            f"{row['cells_over_n2_log2_n']:.2f}",
+        ]
+        for row in result["rows"]
+    ]
+    caption = (
+        f"slope {result['slope_of_the_largest']:.3f} between the largest two, "
+        f"{result['slope_fitted']:.3f} fitted to all; "
+        f"n^2 log n: {result['slope_claimed_there']:.3f} between the largest"
+    )
+    return Table(columns, rows, "C05: irregular cells of a cube of side n", caption)
+
+
+HEIGHTS = (50, 100, 150, 200, 250)
+"""Voxels along up."""
+
+TABLE_HEIGHT = 550
+TABLE = {
+    "shell": 2.5e6,
+    "multi_level": 2.8e7,
+    "irregular": 3.2e6,
+    "full_volume": 2.8e7,
+}
+"""Voxels of the Happy Buddha at 225 x 550 x 225, as table 6.1 has them."""
+TIMES = {"shell": 13e-3, "multi_level": 50e-3, "irregular": 21e-3, "full_volume": 55e-3}
+"""Time of one simulation step in table 6.1 [s]."""
+
+
+def count_heights(mesh: Mesh, heights: tuple[int, ...] = HEIGHTS) -> list[dict]:
+    """Nodes of shell and irregular structure against body and box, by resolution."""
+    return [_count_structures(mesh, height) for height in heights]
+
+
+def count_table_6_1(mesh: Mesh, height: int = TABLE_HEIGHT) -> dict[str, Any]:
+    """The thesis' counts beside ours, and what its own numbers say."""
+    ours = _count_structures(mesh, height)
+    return {
+        "ours": ours,
+        "thesis": TABLE,
+        "thesis_box_cells": 225 * 550 * 225,
+        "irregular_over_shell": {
+            "thesis": TABLE["irregular"] / TABLE["shell"],
+            "ours": ours["irregular"] / ours["shell"],
+        },
+        "irregular_over_full": {
+            "thesis": TABLE["irregular"] / TABLE["full_volume"],
+            "ours_of_body": ours["irregular_of_body"],
+            "ours_of_box": ours["irregular_of_box"],
+        },
+        "thesis_times_faster_than_full": {
+            name: TIMES["full_volume"] / time for name, time in TIMES.items()
+        },
+        "remark": "the thesis' full volume is its bounding box, empty cells included",
+    }
+
+
+def _count_structures(mesh: Mesh, height: int) -> dict[str, Any]:
+    grid = voxelize(mesh, float(np.ptp(mesh.bounds[:, 2])) / height)
+    body, box = grid.solid_count, grid.lattice.cells
+    shell = SingleShell(grid).node_count
+    irregular = IrregularMultiLevel(grid)
+    return {
+        "height_voxels": height,
+        "lattice_shape": list(grid.lattice.shape),
+        "box": box,
+        "body": body,
+        "shell": shell,
+        "irregular": irregular.node_count,
+        "irregular_levels": irregular.level_count,
+        "shell_of_body": shell / body,
+        "shell_of_box": shell / box,
+        "irregular_of_body": irregular.node_count / body,
+        "irregular_of_box": irregular.node_count / box,
+    }
+
+
+def compression_table(found: dict[str, list[dict]]) -> Table:
+    """Voxels kept by each structure, over those of the body and of its box."""
+    columns = ("mesh", "high", "shell", "/ body", "/ box", "irregular", "/ body")
+    rows = [
+        [
+            name,
+            str(row["height_voxels"]),
+            str(row["shell"]),
+            f"{row['shell_of_body']:.1%}",
+            f"{row['shell_of_box']:.1%}",
+            str(row["irregular"]),
+            f"{row['irregular_of_body']:.1%}",
+            f"{row['irregular_of_box']:.1%}",
+        ]
+        for name, counts in found.items()
+        for row in counts
+    ]
+    title = "C06: voxels kept, over those of the body and of its box"
+    return Table((*columns, "/ box"), rows, title, "claimed: 10-25 %")
+
+
+def table_6_1(result: dict[str, Any], name: str) -> Table:
+    """Counts of the thesis beside those of this run."""
+    ours, shape = result["ours"], result["ours"]["lattice_shape"]
+    size = " x ".join(str(n) for n in shape)
+    rows = [
+        [row, f"{thesis:.2g}", f"{count:.3g}"]
+        for row, thesis, count in (
+            ("single shell", TABLE["shell"], ours["shell"]),
+            ("irregular multi-level", TABLE["irregular"], ours["irregular"]),
+            ("full volume", TABLE["full_volume"], ours["body"]),
+            ("bounding box", result["thesis_box_cells"], ours["box"]),
+        )
+    ]
+    columns = ("", "thesis, 225 x 550 x 225", "ours")
+    return Table(columns, rows, f"Table 6.1, voxels: {name} at {size}")
+
+
+CAPACITY_HEIGHT = 250
+"""Voxels along up: the thesis' 100 x 250 x 100."""
+REGION = 16
+"""Voxels along an edge of a region."""
+THESIS_LEVELS = 7
+
+
+def measure_capacity(mesh: Mesh, height: int = CAPACITY_HEIGHT) -> dict[str, Any]:
+    """Capacity over volume, of the body and region by region."""
+    grid = voxelize(mesh, float(np.ptp(mesh.bounds[:, 2])) / height)
+    plain = IrregularMultiLevel(grid)
+    kept = IrregularMultiLevel(grid, keep_capacity=True)
+    cells, body = capacity_by_region(grid, plain.cover_count(), REGION)
+    ratio = cells[body > 0] / body[body > 0]
+    fraction = body[body > 0] / body.sum()
+    return {
+        "structure": structure_report(plain),
+        "levels": {"thesis": THESIS_LEVELS, "ours": plain.level_count},
+        "capacity_ratio": plain.capacity_ratio,
+        "capacity_ratio_kept": kept.capacity_ratio,
+        "regions": {
+            "width_voxels": REGION,
+            "count": len(ratio),
+            "capacity_ratio": _spread(ratio, fraction),
+            "capacity_ratio_kept": _spread(ratio / plain.capacity_ratio, fraction),
+        },
+        "map": _map(cells, body, grid.pitch),
+    }
+
+
+def _spread(ratio: np.ndarray, fraction: np.ndarray) -> dict[str, float]:
+    """Quantiles of the regions' ratios, weighted by their fractions of the body."""
+    order = np.argsort(ratio)
+    below = np.cumsum(fraction[order])
+    found = {
+        f"percentile_{percent}": float(
+            ratio[order][np.searchsorted(below, percent / 100)]
+        )
+        for percent in (5, 25, 50, 75, 95)
+    }
+    rms = float(np.sqrt((fraction * (ratio - 1) ** 2).sum()))
+    off = float(fraction[np.abs(ratio - 1) > 0.1].sum())
+    return {**found, "rms_from_1": rms, "share_of_body_10_percent_off": off}
+
+
+def _map(cells: np.ndarray, body: np.ndarray, pitch: float) -> dict[str, Any]:
+    """Region numbers along x, y, z, and both volumes; only where there is either."""
+    there = np.argwhere((cells > 0) | (body > 0))
+    return {
+        "region_edge_m": REGION * pitch,
+        "region": there.tolist(),
+        "cells_m3": cells[tuple(there.T)].tolist(),
+        "body_m3": body[tuple(there.T)].tolist(),
+    }
+
+
+def capacity_table(result: dict[str, Any], name: str) -> Table:
+    """Capacities of the body and of its regions, over the exact ones."""
+    shares = result["structure"]["share_of_body_volume"]
+    regions = result["regions"]
+    both = ("capacity_ratio", "capacity_ratio_kept")
+    quantiles = (
+        ("percentile_5", "in regions: 5th percentile"),
+        ("percentile_95", "in regions: 95th percentile"),
+        ("rms_from_1", "in regions: RMS from 1"),
+    )
+    rows = [
+        ["levels (thesis 7)", str(result["levels"]["ours"]), ""],
+        ["capacity / the body's", *(f"{result[key]:.4f}" for key in both)],
+        *([text, *(f"{regions[k][q]:.3f}" for k in both)] for q, text in quantiles),
+        *([f"{key}, of the body", f"{value:.2%}", ""] for key, value in shares.items()),
+    ]
+    title = f"C15: capacity of the irregular {name}, {CAPACITY_HEIGHT} high"
+    return Table(("", "as in the thesis", "total kept"), rows, title)
 
 
 def run() -> dict[str, Any]:
     """C05, C06, C15 and the counts of table 6.1."""
     console = Console()
     cubes = count_cubes()
-    console.print(cube_table(cubes))
+    console.print(cube_table(cubes).rich())
     meshes = thesis_meshes()
     rows = {name: count_heights(mesh) for name, mesh in meshes.items()}
-    console.print(compression_table(rows))
+    console.print(compression_table(rows).rich())
     # The Happy Buddha, or what stands in for it.
     name, mesh = next(iter(meshes.items()))
     table = count_table_6_1(mesh)
-    console.print(table_6_1(table, name))
+    console.print(table_6_1(table, name).rich())
     capacity = measure_capacity(mesh)
-    console.print(capacity_table(capacity, name))
+    console.print(capacity_table(capacity, name).rich())
     return {
         "meshes": {name: mesh.name for name, mesh in meshes.items()},
         "C05": cubes,

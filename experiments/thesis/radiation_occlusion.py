@@ -31,18 +31,13 @@ COOLING = 1800.0
 """[s]"""
 CERAMIC = jt.Material(1.2, density=2000.0, specific_heat=850.0, emissivity=0.92)
 NEAR = 0.15
-"""How far the screen-space variant looks [m]."""
+"""Radius of the screen-space occlusion [m]."""
 SIZE = (420, 560)
-"""Of a picture [px]."""
+"""Width and height of a picture [px]."""
 
 
 def show_occlusion(folder: Path, height: int) -> dict[str, Any]:
-    """The figurine with and without occlusion: pictures and numbers.
-
-    Args:
-        folder: for the pictures.
-        height: of the figurine, in voxels.
-    """
+    """The figurine with and without occlusion: pictures and numbers."""
     mesh = figurine(TALL)
     grid = voxelize(mesh, TALL / height)
     start = time.perf_counter()
@@ -50,14 +45,14 @@ def show_occlusion(folder: Path, height: int) -> dict[str, Any]:
         mesh.triangles, grid.fragment_position, grid.fragment_normal, grid.pitch
     )
     seconds = time.perf_counter() - start
-    share = view.sky + view.ground
+    visible = view.sky + view.ground
     structure = jt.FullVolume(grid)
     cooled = {on: _cooled(structure, on) for on in (False, True)}
     camera = frame_all(mesh.triangles, *SIZE)
     scenery = compute_view(cooled[True].surfaces, (), camera)
     shot = lambda values: _shot(scenery, cooled[True].surfaces, values)
     kelvin = {on: shot(s.surface_temperature[-1]) for on, s in cooled.items()}
-    seen = shot(jnp.asarray(share, jnp.float32))
+    seen = shot(jnp.asarray(visible, jnp.float32))
     body = np.asarray(seen.object_id) >= 0
     screen = screen_space_occlusion(
         np.asarray(seen.depth, float), np.asarray(seen.normal, float), camera, NEAR
@@ -77,12 +72,12 @@ def show_occlusion(folder: Path, height: int) -> dict[str, Any]:
     area = grid.fragment_area
     return {
         "height_voxels": height,
-        "fragments": len(share),
+        "fragments": len(visible),
         "triangles": len(mesh.faces),
         "directions": DEFAULT_DIRECTIONS,
         "time_s": seconds,
-        "view_factor_mean": float(share @ area / area.sum()),
-        "view_factor_least": float(share.min()),
+        "view_factor_mean": float(visible @ area / area.sum()),
+        "view_factor_least": float(visible.min()),
         "warmer_mean_K": float(warmer @ area / area.sum()),
         "warmer_most_K": float(warmer.max()),
         "screen_less_rays_rms": float(np.sqrt(np.mean((screen - rays)[body] ** 2))),

@@ -22,12 +22,12 @@ from .bodies import FOURIER, LEFT, RIGHT, bar, between, mirrored
 
 
 LENGTH, STEP, STEPS = 0.1, 0.5, 100
-"""Length of the bar of V09 [m], its time step [s] and number of steps."""
+"""Length [m], step [s] and number of steps of V09."""
 MODE = Material(10.0, density=1000.0, specific_heat=1000.0)
 AMPLITUDE = 100.0
-"""[K]: a linear solve's tolerance is then small beside it."""
+"""Amplitude of the sine [K], large against the tolerance of a linear solve."""
 SOLVED = 1e-12
-"""Left by linear solves [K]."""
+"""Tolerance of the linear solves [K]."""
 EXACT_DECAY = 0.61049803
 
 T3 = Material(35.0, density=7200.0, specific_heat=440.5)
@@ -41,7 +41,7 @@ SHORT_TABLE = {
     5.0: (386.385, 372.940, 347.087, 322.940),
 }
 SHORT_OFF = {0.1: 9e-4, 0.5: 9e-4, 1.0: 9e-4, 5.0: 5e-5}
-"""The peer's: 0.09 % at 0.1 s, 0.00 % at 5 s."""
+"""Errors of the reference code: 0.09 % at 0.1 s, 0.00 % at 5 s."""
 
 
 def _held(cells, length, material, start, ends, times, solver):
@@ -57,7 +57,7 @@ def _held(cells, length, material, start, ends, times, solver):
 
 
 def _decay(cells: int, solver: AbstractSolver) -> float:
-    """Remaining fraction of the sine's amplitude, smallest over the nodes."""
+    """Remaining fraction of the sine, at the node that is farthest off."""
     shape = lambda x: np.sin(np.pi * (x / LENGTH + 0.5))
     row, found = _held(
         cells, LENGTH, MODE, lambda p: 300.0 + AMPLITUDE * shape(p[:, 0]),
@@ -131,7 +131,7 @@ def measure_bar() -> Row:
 
 
 STUFF = Material(1.0, density=1000.0, specific_heat=1000.0)
-"""Material of V04: a slab of 0.1 m, insulated behind, 10 W/(m^2 K) to air: Bi = 1."""
+"""V04: slab of 0.1 m, insulated behind, in air of 10 W/(m^2 K), Bi 1."""
 COLD, HOT = 300.0, 400.0
 THETA = (0.95064178, 0.87925481, 0.64339078, 0.85159546)
 """At the centre, half-way, at the surface, and the mean."""
@@ -226,7 +226,7 @@ CASES = (
         "one sine mode between two cold faces",
         "4 alpha / h^2 sin^2(pi / 2 N), an exact mode of the cells too",
         "1e-10",
-        "bars of 10, 20, 40 voxels, 100 steps of 0.5 s; the node that is off most",
+        "bars of 10, 20, 40 voxels, 100 steps of 0.5 s; worst node",
         measure_mode,
     ),
     Case(

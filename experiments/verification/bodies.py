@@ -13,21 +13,21 @@ from jaxthermo.voxels.voxelize import voxelize
 
 
 LEFT, RIGHT = Side(normal=(-1.0, 0.0, 0.0)), Side(normal=(1.0, 0.0, 0.0))
-"""The ends of a bar along x; nothing passes through its other sides."""
+"""The ends of a bar along x; its other sides are adiabatic."""
 
 FOURIER = 0.25
-"""Fourier number alpha dt / pitch^2 of explicit steps along a bar: stable, and not
-1/6, at which the leading errors of space and time cancel."""
+"""Cell Fourier number alpha dt / pitch^2 of explicit steps: stable, and not 1/6,
+where the leading errors of space and time cancel and the order would flatter."""
 
 
 class Bar(NamedTuple):
-    """Voxels in one row along x; the sides show what the nodes have."""
+    """Voxels in one row along x, with a fragment that shows each node's temperature."""
 
     grid: VoxelGrid
     depth: Float[np.ndarray, " n"]
-    """Distance of the nodes from the end at -x [m]."""
+    """Distance of each node from the end at -x [m]."""
     along: Int[np.ndarray, " n"]
-    """A fragment of each, on a side that nothing passes through."""
+    """Index of a fragment of each node, on an adiabatic side."""
     length: float
     """[m]"""
 
@@ -37,12 +37,7 @@ class Bar(NamedTuple):
         return self.grid.pitch
 
     def end(self, surface: np.ndarray, side: Side) -> float:
-        """The surface of one end.
-
-        Args:
-            surface: of every fragment.
-            side: which end.
-        """
+        """The surface of one end."""
         normal = self.grid.fragment_normal[:, 0] * side.normal[0]
         return float(surface[normal > 0.9][0])
 
@@ -60,13 +55,7 @@ def between(
     y: Float[np.ndarray, " n"],
     places: tuple[float, ...],
 ) -> list[float]:
-    """A smooth profile at some places: the cubic through the four nearest points.
-
-    Args:
-        x: where it is known.
-        y: what it is there.
-        places: where it is asked for.
-    """
+    """Interpolate a smooth profile by the cubic through the four nearest points."""
     found = []
     for place in places:
         near = np.argsort(np.abs(x - place), kind="stable")[:4]

@@ -23,7 +23,7 @@ from .bodies import FOURIER, LEFT, RIGHT, bar
 COPPER = Material(401.0, density=8933.0, specific_heat=385.0)
 STEEL = Material(15.1, density=8055.0, specific_heat=480.0)
 DIFFUSION_LENGTHS = (6.1, 7.0)
-"""Lengths of copper and steel, long enough that the far ends stay as they are."""
+"""Lengths of the copper and steel bars: the far ends stay as they were."""
 IN_COPPER = float((COPPER.diffusivity / STEEL.diffusivity) ** 0.5)
 """Diffusion lengths of copper, in those of steel."""
 
@@ -50,7 +50,7 @@ def _two_bars(contact: Contact, per_length: int, end: float) -> tuple[float, flo
     Args:
         contact: between them.
         per_length: cells in a diffusion length of steel at the end.
-        end: when to look [s].
+        end: time of the result [s].
     """
     pitch = float(np.sqrt(STEEL.diffusivity * end)) / per_length
     rows = [_bar(count, pitch) for count in _cells(per_length)]

@@ -19,11 +19,11 @@ HOLMAN = Material(45.0, density=8000.0, specific_heat=401.79)
 COPPER = Material(401.0, density=3.439e6, specific_heat=1.0)
 
 DEPTHS = (0.005, 0.01, 0.02, 0.05)
-"""Depths of V01, at 60 s [m]."""
+"""Depths of V01 at 60 s [m]."""
 STEP_RISE = (91.795949, 83.726865, 68.494259, 35.79627)
 """[degC]"""
 FLUX = 3.2e5
-"""Surface heat flux of V02 [W/m^2]."""
+"""Heat flux of V02 [W/m^2]."""
 FLUX_TIMES = (1.0, 10.0, 60.0)
 FLUX_SURFACE = (48.416629, 109.86127, 240.11426)
 CONVECTION_TIMES = (100.0, 500.0, 1000.0, 1500.0)

@@ -40,7 +40,7 @@ from .walls import solid, solve
 X, Y, Z = np.eye(3)
 ORIGIN = np.zeros(3)
 POINTS = 24
-"""Quadrature points of a rectangle along each edge."""
+"""Quadrature points along each edge of a rectangle."""
 
 PLATES, SPHERES = 441.0291215, 20.78300772
 """[W/m^2], [W]"""
@@ -114,7 +114,7 @@ def measure_plate() -> Row:
 
 
 def _net_emission(emissivity: float, kelvin: float, around: float) -> float:
-    """Net heat flux of a voxel in its first millisecond [W/m^2]."""
+    """Net emission of a voxel in its first millisecond [W/m^2]."""
     row = bar(1, 1.0)
     metal = Material(1e9, 8000.0, 500.0, emissivity)
     body = Body(FullVolume(row.grid), metal, temperature=kelvin)
@@ -208,7 +208,7 @@ APPARENT = 296.4424
 
 
 def measure_apparent() -> Row:
-    """A17: a box of 300 K in surroundings of 250 K, at the pixel that is off most."""
+    """A17: a box of 300 K in surroundings of 250 K, at the worst pixel."""
     grey = Material(1.0, 1000.0, 1000.0, emissivity=0.91)
     body = Body(FullVolume(bar(2, 0.1).grid), grey, temperature=300.0)
     scene = Scene((body,), (Surroundings(250.0),), dtype="float64")

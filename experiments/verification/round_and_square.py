@@ -97,7 +97,7 @@ def _cube(cells: int) -> list[float]:
     theta, _ = _cooled(grid, grid.fragment_normal.max(axis=1) > 0.9)
 
     def face(sign: float) -> np.ndarray:
-        """Scaled temperature of one side across x [y z]."""
+        """Temperatures of one side across x [y z]."""
         side = np.flatnonzero(sign * grid.fragment_normal[:, 0] > 0.9)
         found = np.empty((cells, cells))
         found[grid.fragment_voxel[side, 1], grid.fragment_voxel[side, 2]] = theta[side]

@@ -46,7 +46,7 @@ ROOF_FLOW = 9.5
 """[W/m]"""
 
 BAR_FLOW, BAR_HOTTEST = 0.54, 0.805
-"""Heat flow [W] and highest temperature [degC] of case 4."""
+"""Heat flow [W] and hottest temperature outside [degC] of case 4."""
 
 
 def measure_column() -> Row:
@@ -202,11 +202,7 @@ AIR = 300.0
 
 
 def shell(cells: int) -> tuple[float, float]:
-    """Heat through the whole shell [W], and the temperature half-way [degC].
-
-    Args:
-        cells: per outer radius.
-    """
+    """Heat through the whole shell [W], and the temperature half-way [degC]."""
     pitch = OUTER / cells
     grid = voxelize(hollow_hemisphere(INNER, OUTER), pitch)
     round_ = np.abs(grid.fragment_normal[:, 2] + 1.0) > 1e-6
@@ -244,11 +240,7 @@ def measure_shell() -> Row:
 
 
 def fin(cells: int) -> tuple[float, float]:
-    """Heat from the base [W] and the tip's excess [K].
-
-    Args:
-        cells: per radius.
-    """
+    """Heat from the base [W] and the tip's excess [K]."""
     grid = voxelize(cylinder(RADIUS, LENGTH, sections=256), RADIUS / cells)
     along = grid.fragment_normal[:, 2]
     body = Body(FullVolume(grid), solid(180.0), temperature=AIR)
@@ -265,10 +257,10 @@ def fin(cells: int) -> tuple[float, float]:
 def measure_fin() -> Row:
     """V16: its voxels' section comes and goes with the pitch, so one pitch is shown."""
     heat, tip = fin(16)
-    most = FIN_COEFFICIENT * 2 * np.pi * RADIUS * LENGTH * EXCESS
+    max_heat = FIN_COEFFICIENT * 2 * np.pi * RADIUS * LENGTH * EXCESS
     found = (
         ("heat rate", "W", FIN_HEAT, heat),
-        ("efficiency", "", FIN_EFFICIENCY, float(heat / most)),
+        ("efficiency", "", FIN_EFFICIENCY, float(heat / max_heat)),
         ("tip above the air", "K", FIN_TIP, tip),
     )
     return result(

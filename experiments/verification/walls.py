@@ -23,7 +23,7 @@ from .bodies import LEFT, RIGHT, Bar, bar, between, mirrored, of_blocks
 
 
 def solid(conductivity: float, emissivity: float = 0.9) -> Material:
-    """All that a steady state asks of a material."""
+    """A material of which a steady state needs only the conductivity."""
     return Material(conductivity, 1000.0, 1000.0, emissivity)
 
 
@@ -43,7 +43,7 @@ def _relative(name, unit, expected, computed, tolerance) -> Value:
 
 
 COMPOSITE = {"q": 499.687851, "T1-": 99.987539, "T1+": 99.93757, "Ts": 49.968785}
-"""Values of V13 as published, with fewer digits than the tolerance needs."""
+"""Results of V13 as listed, with fewer digits than the tolerance needs."""
 
 
 def composite() -> tuple[float, float, float, float]:
@@ -164,7 +164,7 @@ def measure_sol_air() -> Row:
 
 
 PITCH = 2.0 / 16
-"""Edge of the 16 x 8 x 1 voxels [m]."""
+"""Edge of one of 16 x 8 x 1 voxels [m]."""
 SLAB_FLUX = 1.0 / PITCH
 """Through x = 2: one watt in all [W/m^2]."""
 SLAB_COLD = 300.0
@@ -214,7 +214,7 @@ def _compliance(grid, conductivity: float, sources: tuple = ()) -> float:
 
 
 def _gaussian(grid, amplitude: float) -> tuple[HeatSource, ...]:
-    """Heat a exp(-r^2 / (2 0.2^2)) around the middle, a slice across x at a time.
+    """Sources a exp(-r^2 / (2 0.2^2)) around the middle, one for each slice across x.
 
     The compliance takes no notice of where in a slice the heat is made.
     """
@@ -280,7 +280,7 @@ CASES = (
     ),
     Case(
         "V18",
-        "slab that makes heat, in a fluid",
+        "slab with a heat source, in a fluid",
         "Incropera 3.47",
         "1e-6",
         "half of it, 10 voxels; steady",
@@ -296,7 +296,7 @@ CASES = (
     ),
     Case(
         "A9 1fa",
-        "slab that makes heat, one face held",
+        "slab with a heat source, one face at a prescribed temperature",
         "TMAP8 ver-1fa",
         "0.05 %, what the peer is off by",
         "40 voxels of 40 mm; steady",

@@ -5,12 +5,10 @@ import copy
 import pytest
 
 from experiments.structures.claims import (
+    capacity_claim,
     equilibrium_claim,
     levels_claim,
     limb_claim,
-)
-from experiments.structures.claims_table import (
-    capacity_claim,
     path_claim,
     speed_claims,
 )

@@ -8,13 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis.extra import numpy as hnp
 
-from experiments.structures.axes import SHADES, colour, colours
+from experiments.structures.charts import SHADES, colour, colours, error_against_time
 from experiments.structures.config import ExpectConfig
-from experiments.structures.local import LocalError, classes, thickness
 from experiments.structures.measure import repeated
-from experiments.structures.plots import error_against_time
 from experiments.structures.summary import check
-from experiments.structures.tables import plain
+from experiments.structures.sweeps import LocalError, classes, thickness
+from jaxthermo.report.numbers import significant
 from tests.bodies import blocks
 
 
@@ -57,17 +56,17 @@ def test_a_point_a_structure_and_load_with_both_in_the_legend():
     [(0.40541, "0.405"), (999.4, "999"), (999.6, "1,000"), (87947, "87,947")],
 )
 def test_numbers_have_three_digits_or_all_before_the_point(value, text):
-    assert plain(value) == text
+    assert significant(value) == text
 
 
 def test_a_run_is_repeated_as_often_as_there_is_time_for():
     calls = []
     call = lambda: calls.append(time.sleep(0.02))
-    _, spans = repeated(call, 3, most=10.0)
+    _, spans = repeated(call, 3, max_seconds=10.0)
     assert (len(spans), len(calls)) == (3, 4)
     calls.clear()
     # Too long for three, and for one: the first counts, and it is repeated once.
-    _, spans = repeated(call, 3, most=1e-6)
+    _, spans = repeated(call, 3, max_seconds=1e-6)
     assert (len(spans), len(calls)) == (2, 2) and min(spans) >= 0.02
 
 

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from experiments.structures.record import Record
+from experiments.harness.record import Record
 from jaxthermo.errors import InputError
 
 

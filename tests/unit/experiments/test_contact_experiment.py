@@ -4,14 +4,15 @@ import pytest
 from rich.console import Console
 
 from experiments import catalogue
-from experiments.thesis.contact_area import (
+from experiments.thesis.contact import (
     area_chart,
     area_sheet,
     area_table,
     measure_areas,
+    measure_pruning,
+    pruning_table,
 )
 from experiments.thesis.contact_head import balls_on_heads, head_table
-from experiments.thesis.contact_pruning import measure_pruning, pruning_table
 from jaxthermo.geometry.shapes import figurine
 
 
@@ -29,7 +30,7 @@ def test_areas_are_measured_and_drawn(tmp_path):
     area_sheet(tmp_path / "layers.png", (8,))
     names = sorted(path.name for path in tmp_path.iterdir())
     assert names == ["area.png", "area.svg", "layers.png"]
-    Console(quiet=True).print(area_table(rows))
+    Console(quiet=True).print(area_table(rows).rich())
 
 
 @pytest.mark.slow
@@ -41,4 +42,4 @@ def test_pruning_loses_nothing_and_a_ball_rests_on_a_head(tmp_path):
     assert head["pairs"] > 0 < head["first_heat_rate_W"]
     assert (tmp_path / head["picture"]).is_file()
     console = Console(quiet=True)
-    console.print(pruning_table([row]), head_table([head]))
+    console.print(pruning_table([row]).rich(), head_table([head]).rich())

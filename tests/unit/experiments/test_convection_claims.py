@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from experiments.thesis import convection_average, convection_local, convection_parts
+from experiments.thesis import convection_numbers, convection_parts
 from jaxthermo.geometry.shapes import cylinder
 from jaxthermo.voxels.cylinder_parts import cylinder_parts
 from jaxthermo.voxels.voxelize import voxelize
 
 
 def test_every_knot_keeps_its_average_and_stays_near_its_points():
-    rows = convection_local.measure_local()
+    rows = convection_numbers.measure_local()
     assert len(rows) == 18
     assert max(abs(row["average_mismatch"]) for row in rows) < 1e-12
     counts = {row["Re"]: len(row["minima_deg"]) for row in rows}
@@ -22,8 +22,8 @@ def test_every_knot_keeps_its_average_and_stays_near_its_points():
 
 
 def test_averages_out_of_their_range_stand_in_brackets():
-    rows = convection_average.measure_averages()
-    cells = {row[0]: row for row in convection_average.average_cells(rows)}
+    rows = convection_numbers.measure_averages()
+    cells = {row[0]: row for row in convection_numbers.average_table(rows).rows}
     assert cells["1000"][2] == "(15.64)" and cells["4000"][2] == "31.53"
     assert cells["219000"][4] == "1.286"
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from experiments.thesis import radiation_bodies as bodies, radiation_light as light
+from experiments.thesis import radiation as bodies, radiation_light as light
 from jaxthermo.report.chart import write_chart
 
 
@@ -24,7 +24,7 @@ def test_c03_near_bodies_matter(rows):
     share = np.array([row["share_of_100_K_excess"] for row in rows])
     assert share[0] > 0.8 and share[1] > 0.1 and share[2] < 0.01
     assert max(abs(row["error_of_voxels"]) for row in rows) < 0.03
-    assert 1.0 < bodies.reach_of_ten_percent() < 2.0
+    assert 1.0 < bodies.ten_percent_gap() < 2.0
     # What is left out is a wall as warm as its neighbour, in the limit.
     missed = [row["insulated_wall_missed_K"] for row in rows]
     assert 80 < missed[0] < 100 and missed[2] < 1
@@ -34,7 +34,7 @@ def test_chart_and_tables(rows, tmp_path):
     svg = write_chart(bodies.neighbour_chart(rows), tmp_path / "chart")
     assert svg.startswith("<svg") and "31.15" in svg
     assert (tmp_path / "chart.png").stat().st_size > 10_000
-    assert bodies.neighbour_table(rows).row_count == 3
+    assert len(bodies.neighbour_table(rows).rows) == 3
 
 
 def test_c04_within_a_hundredth():
@@ -44,4 +44,4 @@ def test_c04_within_a_hundredth():
     assert night["last_lit_degrees"] == pytest.approx(90.0, abs=1.0)
     assert night["first_shaded_degrees"] > 85.0
     assert night["last_lit_degrees"] <= 90.0
-    assert light.light_table(found).row_count == len(found["checks"])
+    assert len(light.light_table(found).rows) == len(found["checks"])

@@ -2,10 +2,14 @@
 
 import pytest
 
-from experiments.thesis.compression import count_heights, count_table_6_1
-from experiments.thesis.cubes import count_cubes, cube_table
-from experiments.thesis.irregular_capacity import measure_capacity
-from experiments.thesis.meshes import thesis_meshes
+from experiments.harness.meshes import thesis_meshes
+from experiments.thesis.counting import (
+    count_cubes,
+    count_heights,
+    count_table_6_1,
+    cube_table,
+    measure_capacity,
+)
 from jaxthermo.geometry.shapes import figurine
 
 
@@ -18,7 +22,7 @@ def test_cubes_grow_with_their_surface():
         assert row["shell"] == 6 * n * n - 12 * n + 8
         assert row["shell"] < row["cells"] < 4 / 3 * row["shell"]
     assert result["growth_beyond_n2_claimed"] == pytest.approx(4 / 3)
-    assert cube_table(result).row_count == 2
+    assert len(cube_table(result).rows) == 2
 
 
 def test_shares_are_of_the_body_and_of_the_box():

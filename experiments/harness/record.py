@@ -1,4 +1,4 @@
-"""Rows on disk as they are made, so that a run that was cut off goes on."""
+"""Rows that are written as they are measured: an interrupted run continues."""
 
 import hashlib
 import json
@@ -14,18 +14,25 @@ import jaxthermo
 from jaxthermo.atomic import replacing
 from jaxthermo.errors import InputError
 
-from .config import fingerprint
-
 
 Row = dict[str, Any]
 Arrays = dict[str, np.ndarray]
 
 
 class Record:
-    """`rows.jsonl` and `arrays/`, both by the fingerprint of what they follow from."""
+    """Rows in `rows.jsonl` and `arrays/`, each under the fingerprint of its inputs."""
 
-    def __init__(self, folder: Path):
-        """Read the rows that are there; those of other configs stay where they are."""
+    def __init__(self, folder: Path, sources: tuple[Path, ...] = ()):
+        """Read the rows of earlier runs; those of other configs stay in the file.
+
+        Args:
+            folder: of the results.
+            sources: files of the experiment that its rows follow from.
+
+        Raises:
+            InputError: if the folder cannot be read or created.
+        """
+        self.sources = sources
         self.path = folder / "rows.jsonl"
         self.arrays = folder / "arrays"
         self.rows: dict[str, Row] = {}
@@ -46,21 +53,20 @@ class Record:
     def once(
         self, identity: Any, head: Row, make: Callable[[], tuple[Row, Arrays]]
     ) -> Row:
-        """The row of that identity: kept from an earlier run, or made and kept now.
+        """The row of an identity, from an earlier run or measured and stored now.
 
         Args:
-            identity: plain values: all that the row follows from but the programs.
-            head: what the row begins with: its names.
+            identity: plain values that the row follows from, without the programs.
+            head: first fields of the row: its names.
             make: measures the rest; arrays go to a file of their own.
 
         Returns:
-            The row, with the seconds that it took; `refused` says why there is nothing
-            else in it. Such a row is tried again next time: there may be more memory
-            then.
+            The row, with the seconds that it took. A row that has only a reason under
+            `refused` is measured again next time, when there may be more memory.
         """
-        key = _key(identity)
+        key = self._key(identity)
         if self.known(identity):
-            # What this run made itself serves other claims too.
+            # A row of this run may serve a second claim; it is not an earlier one.
             self.reused += key in self.earlier
             return self.rows[key]
         clock = time.perf_counter()
@@ -78,13 +84,17 @@ class Record:
         return row
 
     def known(self, identity: Any) -> bool:
-        """Whether there is such a row already, with its arrays."""
-        row = self.rows.get(_key(identity), {"refused": "", "arrays": []})
+        """True if the row exists, with its arrays, and was not refused."""
+        row = self.rows.get(self._key(identity), {"refused": "", "arrays": []})
         whole = not row["arrays"] or self._array_file(row["id"]).is_file()
         return "refused" not in row and whole
 
     def arrays_of(self, row: Row) -> Arrays:
-        """The arrays that belong to a row."""
+        """The arrays of a row.
+
+        Raises:
+            InputError: if their file is damaged.
+        """
         path = self._array_file(row["id"])
         try:
             with path.open("rb") as stream, np.load(stream) as kept:
@@ -94,6 +104,9 @@ class Record:
                 f"{path}: cannot be read ({type(error).__name__}): delete it, and the "
                 "same command measures it again"
             ) from error
+
+    def _key(self, identity: Any) -> str:
+        return fingerprint([identity, program_hash(self.sources)])
 
     def _array_file(self, key: str) -> Path:
         return self.arrays / f"{key}.npz"
@@ -106,10 +119,6 @@ class Record:
             raise InputError(f"cannot write {self.path}: {error.strerror}") from error
 
 
-def _key(identity: Any) -> str:
-    return fingerprint([identity, program_hash()])
-
-
 def _parsed(line: str) -> Row | None:
     """A row; None for a line that was cut off."""
     try:
@@ -119,24 +128,20 @@ def _parsed(line: str) -> Row | None:
     return row if isinstance(row, dict) and {"id", "arrays"} <= set(row) else None
 
 
-MEASURING = (
-    "cases",
-    "config",
-    "equilibrium",
-    "frames",
-    "levels",
-    "measure",
-    "runner",
-    "study",
-)
-"""The modules here that rows follow from; the others only draw and tell them."""
-
-
 @cache
-def program_hash() -> str:
-    """Of what measures, the library included: rows of edited programs do not mix."""
+def program_hash(sources: tuple[Path, ...] = ()) -> str:
+    """16 hex digits of the library and of `sources`, which rows follow from.
+
+    Rows that an edited program measured must not be mixed with older ones.
+    """
     digest = hashlib.sha256()
-    here = [Path(__file__).with_name(f"{name}.py") for name in MEASURING]
-    for path in (*sorted(Path(jaxthermo.__file__).parent.rglob("*.py")), *here):
+    library = sorted(Path(jaxthermo.__file__).parent.rglob("*.py"))
+    for path in (*library, *sources):
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
+
+
+def fingerprint(value: Any) -> str:
+    """16 hex digits of plain values that a measurement follows from."""
+    text = json.dumps(value, sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]

@@ -1,4 +1,4 @@
-"""Claim C20: the local Nusselt number around a cylinder (figure 5.6), and its knots."""
+"""Claim C20, the local Nusselt number (figure 5.6), and the three averages."""
 
 import csv
 import functools
@@ -9,11 +9,11 @@ import altair as alt
 import jax
 import jax.numpy as jnp
 import numpy as np
-from rich.table import Table
 
 from jaxthermo.physics.convection.cross_flow import local_nusselt
-from jaxthermo.physics.convection.nusselt import cylinder_table, profile
-from jaxthermo.report.chart import Chart
+from jaxthermo.physics.convection.nusselt import AVERAGES, cylinder_table, profile
+from jaxthermo.report.chart import Chart, LogAxis
+from jaxthermo.report.table import Table
 
 
 DATA = Path(__file__).with_name("data") / "nu_local_cylinder.csv"
@@ -52,18 +52,18 @@ def around(reynolds: float) -> tuple[np.ndarray, float]:
 
 @functools.cache
 def tabulated() -> list[dict[str, str]]:
-    """What the shape was made from, at both ends."""
+    """Published points from which the shape was made, at low and at high Re."""
     with DATA.open(encoding="utf-8", newline="") as lines:
         return list(csv.DictReader(lines))
 
 
 def measure_local() -> list[dict[str, Any]]:
     """Each knot: how the average is kept, the minima, the distance from the data."""
-    knots = cylinder_table()
+    table = cylinder_table()
     return [
         _measure(float(reynolds), float(average), bool(recalled))
         for reynolds, average, recalled in zip(
-            knots.reynolds, knots.average, knots.recalled, strict=True
+            table.reynolds, table.average, table.recalled, strict=True
         )
     ]
 
@@ -86,19 +86,10 @@ def _measure(reynolds: float, average: float, recalled: bool) -> dict[str, Any]:
     }
 
 
-def local_table(rows: list[dict[str, Any]]) -> Table:
-    """For the terminal."""
-    table = Table(title="C20: local Nusselt number at the knots")
-    for head in ("Re", "average", "mismatch", "minima [deg]", "off the data", ""):
-        table.add_column(head, justify="right")
-    for cells in local_cells(rows):
-        table.add_row(*cells)
-    return table
-
-
-def local_cells(rows: list[dict[str, Any]]) -> list[list[str]]:
-    """As text."""
-    return [
+def local_table(found: list[dict[str, Any]]) -> Table:
+    """The local number at the tabulated Reynolds numbers."""
+    columns = ("Re", "average", "mismatch", "minima [deg]", "off the points", "")
+    rows = [
         [
             f"{row['Re']:g}",
             f"{row['average']:.4g}",
@@ -109,8 +100,9 @@ def local_cells(rows: list[dict[str, Any]]) -> list[list[str]]:
             else f"{100 * row['off_data_of_average']:.2g} %",
             "recalled, +-15 %" if row["recalled"] else "",
         ]
-        for row in rows
+        for row in found
     ]
+    return Table(columns, rows, "C20: local Nusselt number at the tabulated Re")
 
 
 def local_chart(numbers: tuple[float, ...], title: str) -> Chart:
@@ -185,3 +177,80 @@ def _paint(numbers: tuple[float, ...]) -> alt.Color:
     names = [_name(re) for re in numbers]
     scale = alt.Scale(domain=names, range=[*SHADES, "#7a7f89"][: len(names)])
     return alt.Color("Re:N", title="Re", scale=scale, sort=None)
+
+
+REYNOLDS = (1.0, 40.0, 1e3, 4e3, 1e4, 3e4, 7.08e4, 1.4e5, 2.19e5)
+COLOURS = ("#17358c", "#b8500a", "#4c7a12")
+
+
+def averages(reynolds: np.ndarray) -> np.ndarray:
+    """Averages of each correlation [correlations, Re]."""
+    with jax.enable_x64(True):
+        re = jnp.asarray(reynolds, jnp.float64)
+        pr = jnp.full_like(re, PRANDTL)
+        return np.stack([np.asarray(a.nusselt(re, pr)) for a in AVERAGES])
+
+
+def measure_averages() -> list[dict[str, Any]]:
+    """The three averages at each Reynolds number."""
+    found = averages(np.array(REYNOLDS))
+    return [
+        {
+            "Re": re,
+            **{a.name: float(v) for a, v in zip(AVERAGES, column, strict=True)},
+            "largest_over_smallest": float(column.max() / column.min()),
+            "outside": [
+                a.name for a in AVERAGES if not a.min_reynolds <= re <= a.max_reynolds
+            ],
+        }
+        for re, column in zip(REYNOLDS, found.T, strict=True)
+    ]
+
+
+def average_table(found: list[dict[str, Any]]) -> Table:
+    """The averages; a number in brackets is outside the range of its correlation."""
+
+    def cell(row: dict[str, Any], name: str) -> str:
+        text = f"{row[name]:.4g}"
+        return f"({text})" if name in row["outside"] else text
+
+    rows = [
+        [
+            f"{row['Re']:g}",
+            *(cell(row, a.name) for a in AVERAGES),
+            f"{row['largest_over_smallest']:.3f}",
+        ]
+        for row in found
+    ]
+    columns = ("Re", *(a.name for a in AVERAGES), "largest / smallest")
+    caption = "in brackets: outside the range the correlation is given for"
+    return Table(columns, rows, "Average Nusselt numbers, Pr 0.71", caption)
+
+
+def average_chart() -> alt.Chart:
+    """The averages over Churchill and Bernstein's."""
+    reynolds = np.geomspace(1.0, 2.5e5, 241)
+    found = averages(reynolds)
+    points = [
+        {"Re": float(re), "share": float(v / base), "label": a.name}
+        for a, row in zip(AVERAGES, found, strict=True)
+        for re, v, base in zip(reynolds, row, found[0], strict=True)
+        # Far below its range one of them says nothing.
+        if re >= a.min_reynolds / 20 or a.nusselt is profile
+    ]
+    x = LogAxis([point["Re"] for point in points], "Reynolds number")
+    scale = alt.Scale(domain=[a.name for a in AVERAGES], range=list(COLOURS))
+    return (
+        alt.Chart(alt.Data(values=points))
+        .mark_line(strokeWidth=2)
+        .encode(
+            x=alt.X(**x.channel("Re")),
+            y=alt.Y(
+                "share:Q",
+                title="average over churchill_bernstein",
+                scale=alt.Scale(zero=False),
+            ),
+            color=alt.Color("label:N", title=None, scale=scale, sort=None),
+        )
+        .properties(width=560, height=300, title="Three averages")
+    )

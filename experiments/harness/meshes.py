@@ -1,0 +1,63 @@
+"""The meshes of the thesis and the standard scene, which several experiments use."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import jaxthermo as jt
+from jaxthermo.geometry.load import load_mesh
+from jaxthermo.geometry.mesh import Mesh
+from jaxthermo.geometry.shapes import figurine
+
+
+HEIGHT = 0.5
+"""Height of every body [m]."""
+
+STEEL = jt.Material(16.0, density=8000.0, specific_heat=500.0, absorptivity=1.0)
+# 29 times as stiff as steel: k / (rho c_p).
+COPPER = jt.Material(401.0, density=8960.0, specific_heat=385.0, absorptivity=1.0)
+
+START = 293.15
+"""Temperature of body and air at the start [K]."""
+SAVE_AT = (30.0, 60.0, 90.0, 135.0, 180.0)
+END = 180.0
+"""Times of the standard scene [s]."""
+
+_FILES = {"Happy Buddha": "happy-buddha.obj", "Max Planck": "max-planck.obj"}
+
+
+def thesis_meshes() -> dict[str, Mesh]:
+    """The meshes in JAXTHERMO_MESHES or ../shared/meshes; the figurine if none is."""
+    named = os.environ.get("JAXTHERMO_MESHES", "../shared/meshes")
+    folders = [Path(folder) for folder in named.split(os.pathsep) if folder]
+    found = {}
+    for name, file in _FILES.items():
+        for folder in folders:
+            if name not in found and (folder / file).is_file():
+                found[name] = load_mesh(folder / file, height=HEIGHT, up="y")
+    return found or {"figurine": figurine(HEIGHT)}
+
+
+def standard_scene(
+    material: jt.Material,
+    structure: Callable[..., Any],
+    height: int,
+    sun_until: float = 90.0,
+) -> tuple[jt.Scene, str]:
+    """A statue in air, with the sun from +x for a time, and the name of its mesh.
+
+    Args:
+        material: of the body.
+        structure: builds the structure from the voxels.
+        height: of the statue [voxels].
+        sun_until: time of sunset [s].
+    """
+    name, mesh = next(iter(thesis_meshes().items()))
+    grid = jt.voxelize(mesh, HEIGHT / height)
+    body = jt.Body(structure(grid), material, temperature=START)
+    terms = (
+        jt.Sun((-1.0, 0.0, 0.0), jt.Until(5000.0, sun_until)),
+        jt.Convection(10.0, START),
+    )
+    return jt.Scene((body,), terms), name

@@ -1,0 +1,67 @@
+"""Timing of alternatives in turn, so that all see the same state of the machine."""
+
+import statistics
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import jax
+import numpy as np
+from numpy.typing import ArrayLike
+
+from jaxthermo.report.numbers import with_range
+from jaxthermo.timing import Timing
+
+
+Spans = dict[str, list[float]]
+"""Wall time of every call of each alternative [s]."""
+
+
+def timed_call(call: Callable[[], Any]) -> tuple[Any, float]:
+    """The result of a call, and its wall time [s]."""
+    clock = time.perf_counter()
+    # Without waiting for the arrays only the dispatch would be timed.
+    result = jax.block_until_ready(call())
+    return result, time.perf_counter() - clock
+
+
+def interleaved(
+    calls: Mapping[str, Callable[[], Any]],
+    repeats: int,
+    *,
+    there_and_back: bool = False,
+) -> Spans:
+    """Time every call in turn, after one of each that compiles and warms up.
+
+    Args:
+        calls: the alternatives by name.
+        repeats: of every call.
+        there_and_back: reverse the order every other time, so that a drift of the
+            machine's speed affects the first and the last alike.
+    """
+    for call in calls.values():
+        jax.block_until_ready(call())
+    spans: Spans = {name: [] for name in calls}
+    order = list(calls.items())
+    for _ in range(repeats):
+        for name, call in order:
+            spans[name].append(timed_call(call)[1])
+        if there_and_back:
+            order.reverse()
+    return spans
+
+
+def timing_of(spans: Sequence[float]) -> Timing:
+    """Median, fastest and slowest of wall times [s]."""
+    return Timing(statistics.median(spans), min(spans), max(spans))
+
+
+def ratio_of(above: ArrayLike, below: ArrayLike) -> list[float]:
+    """Median, lowest and highest ratio of times measured in turn."""
+    ratio = np.asarray(above) / np.asarray(below)
+    return [float(np.median(ratio)), float(ratio.min()), float(ratio.max())]
+
+
+def ratio_text(ratio: Sequence[float]) -> str:
+    """A ratio for a table: "2.1 (1.9-2.4)"."""
+    return with_range(*ratio)
