@@ -4,10 +4,10 @@ import hashlib
 import os
 import platform
 import shutil
+from importlib.metadata import version
 from pathlib import Path
 
 import jax
-import jaxlib
 import pytest
 
 
@@ -24,7 +24,7 @@ def _compilation_cache() -> Path:
     processor = [line for line in lines if line.startswith(("model name", "flags"))]
     text = "\n".join([platform.machine(), platform.processor(), *processor[:2]])
     digest = hashlib.sha256(text.encode()).hexdigest()[:12]
-    return ROOT / ".jax_cache" / f"{jaxlib.__version__}-{digest}"
+    return ROOT / ".jax_cache" / f"{version('jaxlib')}-{digest}"
 
 
 # Small programs that run once: most of the time goes into compiling them. Without

@@ -19,7 +19,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -303,7 +303,7 @@ class AbstractTerm(eqx.Module):
         """True if the geometry of its action changes with time."""
         return False
 
-    def at(self, time: float) -> "AbstractTerm":
+    def at(self, time: float) -> Self:
         """The term at a moment [s], with a geometry that does not change."""
         del time
         return self

@@ -23,7 +23,7 @@ def difference(before: Path, after: Path) -> tuple[float, float] | str:
     """Maximum and RMS difference of two `solution.npz` [K], or why there is none."""
     with np.load(before) as old, np.load(after) as new:
         times = [np.asarray(each["times"]) for each in (old, new)]
-        if times[0].shape != times[1].shape or not np.allclose(*times):
+        if times[0].shape != times[1].shape or not np.allclose(times[0], times[1]):
             return "other saved times"
         a, b = (each["surface_temperature"].astype(float) for each in (old, new))
     if a.shape != b.shape:

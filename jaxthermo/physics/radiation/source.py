@@ -12,7 +12,7 @@ fixed positions, one for each snapshot.
 import abc
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import Any, Self
 
 import equinox as eqx
 import numpy as np
@@ -70,7 +70,7 @@ class AbstractSource(AbstractSurfaceTerm):
         return callable(getattr(self, self.location_field))
 
     @override
-    def at(self, time: float) -> "AbstractSource":
+    def at(self, time: float) -> Self:
         if not self.moves:
             return self
         field = self.location_field

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import jsonschema
 import pytest
@@ -100,7 +101,8 @@ def test_an_editor_sees_mistakes(where, value):
 
 
 def test_numbers_have_units_and_fields_descriptions():
-    definitions = validator("scene").schema["$defs"]
+    schema: Any = validator("scene").schema
+    definitions = schema["$defs"]
     sun = definitions["SunConfig"]["properties"]["irradiance"]
     assert "[W/m^2]" in sun["description"]
     assert '"unit": "W/m^2"' in json.dumps(sun)
