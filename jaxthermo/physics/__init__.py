@@ -1,1 +1,1 @@
-"""The laws: one heat transfer mechanism a file."""
+"""Heat transfer mechanisms: conduction, convection, radiation, contact, sources."""
