@@ -95,6 +95,7 @@ class AbstractFluxLaw(eqx.Module):
 
     def above(self, reference: Any) -> "AbstractFluxLaw":
         """The law for temperatures counted from `reference` [K]."""
+        # Laws of temperature differences alone, or of none, have no such field.
         names = {field.name for field in dataclasses.fields(self)}
         if "reference" not in names:
             return self
@@ -176,5 +177,6 @@ def total(values: Float[Values, " m"]) -> Float[Values, ""]:
     """Sum in double precision, or to about one rounding where the values are traced."""
     if is_traced(values):
         return precise_sum(jnp.asarray(values))
+    # A float32 sum of a million cells would lose four digits.
     host = np.asarray(values)
     return np.asarray(host.sum(dtype=float), host.dtype)

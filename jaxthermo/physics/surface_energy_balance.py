@@ -240,6 +240,8 @@ class SurfaceTerms(eqx.Module):
             counts: number of cells of each body.
             reference: of the cells [K]; one number if it is the same for all.
         """
+        # Areas and conductances add up; laws are averaged by effective area, so that
+        # the heat at one temperature stays the same.
         kept = np.flatnonzero(cell >= 0)
         number, cells = cell[kept], sum(counts)
 

@@ -143,6 +143,7 @@ class BodySurface:
         self, on: AbstractSelection | None = None
     ) -> Bool[np.ndarray, " s"] | Omitted:
         """Selected fragments that have a natural boundary."""
+        # The reasons are those of the receipt, in the order that a user would check.
         chosen = self.selected(on)
         if self.prune and not chosen.any():
             return self.omitted("`on` is on another body")

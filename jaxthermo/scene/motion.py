@@ -34,6 +34,7 @@ class PoseTable(eqx.Module):
                 f"PoseTable: {len(self.times)} times and {len(self.poses)} poses; "
                 "give as many of each, at least one"
             )
+        # An infinite time has no pose halfway.
         gaps = np.diff(self.times)
         if not np.isfinite(self.times).all() or (gaps <= 0).any():
             raise InputError("PoseTable: the times must be finite and increase")
@@ -107,6 +108,7 @@ class Motion(eqx.Module):
                     f"Motion(every={self.every:g}): {snapshots} snapshots of the "
                     f"geometry in {end:g} s; give {end / _MAX_SNAPSHOTS:.2g} s or more"
                 )
+            # Products, not sums, which would collect rounding.
             times = (self.every * k for k in range(1, snapshots))
         return tuple(float(t) for t in times if 0 < t < end)
 

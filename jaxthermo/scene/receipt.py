@@ -100,6 +100,7 @@ def _absent(scene: Scene) -> list[Omission]:
         for name, (why, kinds) in _ABSENT.items()
         if not present & kinds
     ]
+    # Contact is missing for one of two reasons, unless a term asks for it.
     if "contact" in present:
         return missing
     one = "there is one body" if len(scene.bodies) == 1 else "no term joins the bodies"

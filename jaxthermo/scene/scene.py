@@ -58,6 +58,7 @@ class MaterialMap(AbstractMaterials):
 
     def number(self, points: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, " n"]:
         """Material number of points: 0 for the base, i for the i-th painted one."""
+        # Later materials are painted over earlier ones.
         number = np.zeros(len(points), np.int32)
         for i, (region, _) in enumerate(self.painted):
             number[region.contains(points)] = i + 1
@@ -148,6 +149,7 @@ class Scene(eqx.Module):
             raise InputError(
                 f"Scene(dtype={self.dtype!r}): choose 'float32' or 'float64'"
             )
+        # Both kinds of surroundings have this name: they emit the same heat.
         if sum(term.name == "emission" for term in self.terms) > 1:
             raise InputError(
                 "Scene: two Surroundings would count the emission twice; give one, "

@@ -15,6 +15,7 @@ from .motion import Motion
 class BodyGeometry:
     """Shape and fragments in the body's own frame [m], and its pose."""
 
+    # Not the grid: its voxels need far more memory than its surface.
     vertices: Float[np.ndarray, "v 3"]
     faces: Int[np.ndarray, "f 3"]
     fragment_position: Float[np.ndarray, "s 3"]

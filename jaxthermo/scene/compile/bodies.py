@@ -93,6 +93,7 @@ def _initial(
                 "Body(temperature=) gives values that are not temperatures in kelvin"
             )
         reference = float(values.mean())
+    # The difference is taken in double precision: a float32 resolves 3e-5 K at 300 K.
     above = jnp.asarray(values - reference, dtype)
     return reference, theta.at[address].set(above)
 
@@ -106,6 +107,7 @@ def surface_property(body: Body, field: str, dtype: Any) -> Float[Values, "*s"]:
         dtype: of the state.
     """
     material, grid = body.material, body.structure.grid
+    # One material needs no array of its property.
     if isinstance(material, AbstractMaterials):
         return material.table(field, dtype)[material.of_fragments(grid)]
     value = getattr(material, field)

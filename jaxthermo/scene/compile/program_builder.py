@@ -93,6 +93,7 @@ def number_entries(
         for number, bodies in ledger_bodies(surfaces, prune).items()
         for body in bodies
     }
+    # Sorted by term, then by body, then by the other body of a pair.
     ordered = sorted({*keys, *volumes, *pair_counts(snapshots)})
     entries = tuple(LedgerEntry(names[key[0]], *key[1:]) for key in ordered)
     return Ledger(entries, {key: n for n, key in enumerate(ordered)})
@@ -118,6 +119,7 @@ class ProgramBuilder:
         self.acting = acting(surfaces)
         self.numbers = list(dict.fromkeys(n for n, _ in surfaces[0].bindings))
         self.iterations = max(self._iterations(each, temperatures) for each in surfaces)
+        # Only values of terms that act decide where steps end.
         used = sorted({key[0] for key in ledger.number})
         self.values = [value for n in used for value in scene.terms[n].values]
         self.exchange = next(
@@ -160,14 +162,14 @@ class ProgramBuilder:
         each = lambda bindings: tuple(
             (order[n], bound(b.effective_area, b.law)) for n, b in bindings
         )
-        names = {
-            key[0]: self.ledger.entries[k] for key, k in self.ledger.number.items()
-        }
+        pairs = zip(self.ledger.number, self.ledger.entries, strict=True)
+        names = {key[0]: entry.mechanism for key, entry in pairs}
+        # Where a temperature is prescribed, that term holds the half cell.
         half_cells = [
             body.half_cell * body.natural.astype(body.dtype) for body in surface.bodies
         ]
         return SurfaceTerms(
-            names=tuple(names[number].mechanism for number in self.numbers),
+            names=tuple(names[number] for number in self.numbers),
             half_cell=concatenated(half_cells),
             natural=each(bound_surface.natural),
             prescribed=each(bound_surface.prescribed),

@@ -64,7 +64,8 @@ def take_snapshots(
         temperatures: range of the run, if it is known.
         prune: True to leave out terms that have no effect.
     """
-    # Of several snapshots only those terms are dropped that never act.
+    # Several snapshots need the same bindings: a term that does not act now is omitted
+    # only where there is one snapshot.
     once = prune and len(starts) == 1
     stops = (*starts[1:], max(end, starts[-1]))
     snapshots = []
@@ -81,7 +82,7 @@ def take_snapshots(
         )
         terms = tuple(term.at(time) for term in scene.terms)
         snapshots.append(Snapshot(bind_terms(terms, surface), pairs, omitted))
-    if once or not prune:
+    if not prune:
         return snapshots
     keep = [bool(where.any()) for where in acting([each.surface for each in snapshots])]
     return [s._replace(surface=with_terms(s.surface, keep)) for s in snapshots]

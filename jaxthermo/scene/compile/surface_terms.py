@@ -60,6 +60,7 @@ def bind_terms(terms: Sequence[AbstractTerm], surface: Surface) -> BoundSurface:
     for number, binding in prescribed:
         _refuse_twice(taken[binding.acts], number, surface.body[binding.acts])
         taken[binding.acts] = number
+    # What other terms bring there has no effect: they are not bound.
     rest = replace(
         surface,
         bodies=tuple(
@@ -97,6 +98,7 @@ def _refuse_twice(before: np.ndarray, number: int, body: np.ndarray) -> None:
 
 def acting(surfaces: list[BoundSurface]) -> list[Bool[np.ndarray, " s"]]:
     """Fragments on which each binding acts at any snapshot."""
+    # A light that moves reaches a fragment at some snapshots only.
     rows = zip(*(each.bindings for each in surfaces), strict=True)
     return [np.any([binding.acts for _, binding in row], axis=0) for row in rows]
 
@@ -118,6 +120,7 @@ def ledger_bodies(
     first, found = surfaces[0], {}
     for (number, _), where in zip(first.bindings, acting(surfaces), strict=True):
         for body, acts in enumerate(first.surface.apart(where)):
+            # Without pruning an idle term has entries too: they stay 0.
             bound = not prune and first.reason(number, body) is None
             if bound or acts.any():
                 found.setdefault(number, set()).add(body)
