@@ -109,20 +109,13 @@ def _parse(path: Path, data: bytes) -> _FileMesh:
     except Exception as error:  # the parser's errors have no common type
         reason = str(error).strip().split("\n")[0] or type(error).__name__
         raise _damaged(path, f"damaged or cut short ({reason[:120]})") from error
-    counts = declared_counts(suffix, data)
-    if counts and len(faces) and len(faces) < counts[1]:
-        raise _damaged(
-            path, f"it announces {counts[1]} faces, {len(faces)} can be read"
-        )
-    if (
-        counts
-        and suffix in (".ply", ".off")
-        and len(vertices) < counts[0]
-        and counts[1]
-    ):
-        raise _damaged(
-            path, f"it announces {counts[0]} vertices, {len(vertices)} can be read"
-        )
+    points, triangles = declared_counts(suffix, data) or (0, 0)
+    fault = "it announces {} {}, {} can be read"
+    if 0 < len(faces) < triangles:
+        raise _damaged(path, fault.format(triangles, "faces", len(faces)))
+    # Other formats may declare vertices that the parser merges or drops.
+    if suffix in (".ply", ".off") and triangles and len(vertices) < points:
+        raise _damaged(path, fault.format(points, "vertices", len(vertices)))
     return vertices, faces
 
 

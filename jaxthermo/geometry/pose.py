@@ -13,7 +13,7 @@ class Pose(eqx.Module):
     translation: tuple[float, float, float] = eqx.field(
         static=True, default=(0.0, 0.0, 0.0)
     )
-    """[m]"""
+    """Position of the body's origin in the world [m]."""
     rotation: tuple[tuple[float, float, float], ...] = eqx.field(
         static=True, default=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     )

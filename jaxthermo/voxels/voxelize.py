@@ -1,7 +1,5 @@
 """Voxelization: mesh to solid voxels and surface fragments, by depth layers."""
 
-from typing import NamedTuple
-
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
@@ -65,12 +63,13 @@ def _with_surface(
     position = lattice.origin + kept.position * lattice.pitch
     thickness = kept.thickness * lattice.pitch * slope[kept.triangle]
     thin = _thin_parts(position, thickness, area, lost, cell, lattice.pitch)
-    scaling = _true_scaling(
-        mesh,
-        area=float(area[~lost].sum()),
-        volume=np.count_nonzero(solid) * lattice.pitch**3,
-        hidden_area=float((lattice.pitch**2 / slope[hidden]).sum()),
-    )
+    found_area = float(area[~lost].sum())
+    found_volume = np.count_nonzero(solid) * lattice.pitch**3
+    hidden_area = float((lattice.pitch**2 / slope[hidden]).sum())
+    unreliable = _unreliable_because(mesh, found_area, found_volume, hidden_area)
+    # True over voxelized area and volume; 1 where that would hide lost parts.
+    area_ratio = 1.0 if unreliable else mesh.area / found_area
+    volume_ratio = 1.0 if unreliable else mesh.volume / found_volume
     packed = np.zeros(len(lost), np.int64)
     packed[~lost] = rank_in_group(kept.ray[~lost])
     # In lattice order the solver's gathers and scatters walk memory forwards.
@@ -84,13 +83,13 @@ def _with_surface(
         mesh=mesh,
         fragment_position=position[order],
         fragment_normal=normals[kept.triangle[order]],
-        fragment_area=area[order] * scaling.area_ratio,
+        fragment_area=area[order] * area_ratio,
         fragment_voxel=cell[order],
         fragment_axis=axis,
         fragment_layer=np.stack([kept.layer[order], packed[order]], axis=1),
-        area_ratio=scaling.area_ratio,
-        volume_ratio=scaling.volume_ratio,
-        unscaled_because=scaling.unscaled_because,
+        area_ratio=area_ratio,
+        volume_ratio=volume_ratio,
+        unscaled_because=unreliable,
         layers=_layer_counts(views, axis, packed[order]),
         thin=thin,
     )
@@ -109,32 +108,6 @@ _MAX_RATIO = 2.0
 
 # With a larger fraction of the surface inside the body its volume is unreliable.
 _MAX_OVERLAP = 2e-3
-
-
-class _Scaling(NamedTuple):
-    """Ratios of the true to the voxelized area and volume; 1 if unreliable."""
-
-    area_ratio: float
-    volume_ratio: float
-    unscaled_because: str
-    """Empty if the ratios apply."""
-
-
-def _true_scaling(
-    mesh: Mesh, area: float, volume: float, hidden_area: float
-) -> _Scaling:
-    """Ratios that restore the mesh's area and volume.
-
-    Args:
-        mesh: the body.
-        area: of all surface fragments [m^2].
-        volume: of all solid voxels [m^3].
-        hidden_area: of the fragments inside the body [m^2].
-    """
-    reason = _unreliable_because(mesh, area, volume, hidden_area)
-    if reason:
-        return _Scaling(1.0, 1.0, reason)
-    return _Scaling(mesh.area / area, mesh.volume / volume, "")
 
 
 def _unreliable_because(
@@ -168,17 +141,7 @@ def _thin_parts(
     pitch: float,
     max_regions: int = 10,
 ) -> ThinParts:
-    """Sum up the fragments with less than one voxel behind them, by region.
-
-    Args:
-        position: of every fragment [m].
-        thickness: of the body behind it, along its normal [m].
-        area: true area [m^2].
-        lost: without a solid voxel nearby.
-        cell: lattice cell of the fragment.
-        pitch: edge of a voxel [m].
-        max_regions: number of the largest regions to list.
-    """
+    """Sum up the fragments with less than one voxel behind them, by region."""
     thin = lost | (thickness < pitch)
     blocks, inverse = np.unique(cell[thin] // _REGION, axis=0, return_inverse=True)
     total = np.bincount(inverse, weights=area[thin], minlength=len(blocks))

@@ -96,15 +96,7 @@ def _align_nodes(
     edge: float,
     alignment: float,
 ) -> Built:
-    """Move nodes towards the middle of their block and adapt the links.
-
-    Args:
-        built: nodes that are parts of cubic blocks.
-        block: index of each node's block along x, y, z.
-        corner: of the first block [m].
-        edge: of a block [m].
-        alignment: location between the centre (0) and the middle of the block (1).
-    """
+    """Move nodes towards the middle of their block and adapt the links."""
     # The difference of two nodes gives the flux where the line between them is normal
     # to the face. Centres of partly filled blocks are not aligned along a surface: a
     # gradient across it looks like one along it. Middles of blocks are aligned, but the
