@@ -19,7 +19,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -32,6 +32,10 @@ from ..geometry.pose import Pose
 from ..voxels.grid import VoxelGrid
 from ..voxels.selection import AbstractSelection, AbstractSpace
 from .flux_law import AbstractFluxLaw, TemperatureRange, Values
+
+
+# Not `Self`, which the type checks of the tests take on decorated classes only.
+_Term = TypeVar("_Term", bound="AbstractTerm")
 
 
 class Omitted(NamedTuple):
@@ -304,7 +308,7 @@ class AbstractTerm(eqx.Module):
         """True if the geometry of its action changes with time."""
         return False
 
-    def at(self, time: float) -> Self:
+    def at(self: _Term, time: float) -> _Term:
         """The term at a moment [s], with a geometry that does not change."""
         del time
         return self

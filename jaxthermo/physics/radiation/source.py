@@ -12,7 +12,7 @@ fixed positions, one for each snapshot.
 import abc
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, Self
+from typing import Any, TypeVar
 
 import equinox as eqx
 import numpy as np
@@ -37,6 +37,7 @@ from .visibility import lit_fraction, lit_fraction_from_point
 
 
 Triple = tuple[float, float, float]
+_Source = TypeVar("_Source", bound="AbstractSource")
 
 
 def fixed_or_moving(value: Any) -> Any:
@@ -70,7 +71,7 @@ class AbstractSource(AbstractSurfaceTerm):
         return callable(getattr(self, self.location_field))
 
     @override
-    def at(self, time: float) -> Self:
+    def at(self: _Source, time: float) -> _Source:
         if not self.moves:
             return self
         field = self.location_field
