@@ -129,6 +129,7 @@ class Exchange(AbstractFluxLaw):
 
     @override
     def max_slope(self, highest: Float[Array, ""], end: float) -> Float[Array, ""]:
+        # A coefficient that varies limits the step by its largest value.
         coefficient = self.coefficient
         if callable(coefficient):
             coefficient = largest(coefficient, end)
@@ -223,6 +224,7 @@ class HeatFlux(AbstractSurfaceTerm):
 
     @override
     def scale(self, material: Any, kelvin: float, end: float) -> Scale:
+        # Cooling counts like heating: what matters is the gradient that it makes.
         return Scale(heat_flux=abs(float(largest(self.heat_flux, end))))
 
 

@@ -64,6 +64,7 @@ class HeatSource(AbstractVolumeTerm):
 
     @override
     def forcing(self, end: float | int) -> Forcing:
+        # A source that is 0 at all times leaves the other bounds in force.
         density = self.heat_rate_density
         return Forcing(
             highest=0.0 if is_zero(density) else _UNBOUNDED,

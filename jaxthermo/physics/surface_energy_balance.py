@@ -83,6 +83,7 @@ class SurfaceTerms(eqx.Module):
     ) -> Float[Array, " m"]:
         """Temperature of each cell's surface above its node's [K]."""
         excess = self._solve(time, theta)[1]
+        # A fragment has one prescribed temperature at most.
         for _, term in self.prescribed:
             gap = term.law.flux(time, theta)
             excess = jnp.where(term.effective_area > 0, gap, excess)

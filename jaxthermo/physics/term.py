@@ -197,6 +197,7 @@ class Surface:
 
     def apart(self, values: Any) -> list[Any]:
         """Values of each body's fragments, which are on the last axis."""
+        # Traced values, such as a fitted emissivity, stay on the device.
         ends = np.cumsum(self.counts)[:-1]
         own: Any = jnp if is_traced(values) else np
         return own.split(values, ends, axis=-1)

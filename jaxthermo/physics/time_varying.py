@@ -81,6 +81,7 @@ def is_zero(value: Any) -> bool:
     """True if the value is known to be 0 at all times."""
     stated = value.value if isinstance(value, Until) else value
     stated = stated.values if isinstance(stated, Table) else stated
+    # A fit may move a traced value away from 0.
     if callable(stated) or is_traced(stated):
         return False
     return bool(np.all(np.asarray(stated) == 0))

@@ -45,6 +45,7 @@ def compile_scene(
         InputError: if the program would not fit into memory, or terms contradict each
             other.
     """
+    # Memory is checked before anything large is made.
     starts, names = snapshot_times(scene, end), mechanism_names(scene)
     memory, dtype = check_memory(scene, saves, len(starts)), jnp.dtype(scene.dtype)
     prepared = tuple(prepare(body, dtype) for body in scene.bodies)
@@ -56,6 +57,7 @@ def compile_scene(
     programs = ProgramBuilder(
         scene, prepared, snapshots, volumes, ledger, temperatures
     ).programs()
+    # One step for all snapshots: the smallest.
     limit = jnp.stack([stable_step(each, hottest, end) for each in programs]).min()
     first, structures = snapshots[0], [body.structure for body in scene.bodies]
     surfaces = first.surface.surface.bodies

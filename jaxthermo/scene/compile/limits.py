@@ -48,6 +48,7 @@ def temperature_range(
         for body in prepared
     ]
     lowest += [term.forcing(end).lowest for term in scene.terms]
+    # The range decides how many iterations are compiled: it must be known.
     if is_traced((lowest, highest)):
         return None
     return TemperatureRange(min(float(v) for v in lowest), float(highest), end)

@@ -159,6 +159,7 @@ def _find_contacts(
         found = {key: each for key, each in touching.items() if term.connects(*key)}
         if not found:
             omitted.append(Omission(names[number], "no bodies touch"))
+        # An idle pair still covers the surface: it insulates it.
         elif term.is_idle:
             omitted.append(Omission(names[number], "its conductance is 0"))
         for (one, other), each in found.items():
