@@ -8,7 +8,7 @@ import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from jaxthermo.cli.console import open_console, tell
+from jaxthermo.cli.console import open_console, print_line
 from jaxthermo.cli.progress import patient_interrupt
 from jaxthermo.errors import InputError
 from jaxthermo.report.table import Table
@@ -53,7 +53,7 @@ class _ProgressBar(ProgressLog):
         )  # fmt: skip
         # A bar in a log file would be a line of control characters per step.
         if not self._console.is_terminal:
-            tell(self._console, f"step {step.number}: loss {step.loss:.6g}{kind}")
+            print_line(self._console, f"step {step.number}: loss {step.loss:.6g}{kind}")
 
 
 def _progress(console: Console) -> Progress:
@@ -74,7 +74,7 @@ def fit(config: Path, out: Path, overrides: tuple[str, ...]) -> None:
     with patient_interrupt() as asked, _progress(console) as bar:
         result = fit_config(config, out, overrides, _ProgressBar(console, bar), asked)
     _print_fit(console, result)
-    tell(console, f"fit.json, card.yaml and report.html in {out}")
+    print_line(console, f"fit.json, card.yaml and report.html in {out}")
     if result["ended"] == "interrupted":
         # The exit status of an interrupted command, though the results are written.
         raise KeyboardInterrupt(
@@ -87,7 +87,7 @@ def _print_fit(console: Console, result: dict[str, Any]) -> None:
     title = f"{result['name']}: {result['ended']}"
     _print_table(console, parameter_table(result["parameters"], title))
     for text in (about_standard_errors(result), *summary(result)):
-        tell(console, text)
+        print_line(console, text)
     if result["advice"]:
         _print_table(console, experiment_table(result, _MAX_EXPERIMENTS))
 
@@ -111,9 +111,11 @@ def identify(config: Path, overrides: tuple[str, ...]) -> None:
         words = f"{error.worst:.3g} %"
         if noise_is_known:
             words = f"{error.worst / 100:.3g} times the noise"
-        tell(console, f"{name}: error {words} at the start")
+        print_line(console, f"{name}: error {words} at the start")
     if noise_is_known:
-        tell(console, "standard errors are of the pixels' noise alone, not the model's")
+        print_line(
+            console, "standard errors are of the pixels' noise alone, not the model's"
+        )
 
 
 def check(card: Path, scene: Path, overrides: tuple[str, ...]) -> None:
@@ -125,17 +127,17 @@ def check(card: Path, scene: Path, overrides: tuple[str, ...]) -> None:
     for name, value in found["numbers"].items():
         low, high = found["ranges"].get(name, (np.nan, np.nan))
         words = name.replace("_", " ")
-        tell(console, f"{words} {value:.3g}; fitted at {low:.3g} to {high:.3g}")
+        print_line(console, f"{words} {value:.3g}; fitted at {low:.3g} to {high:.3g}")
     for line in found["outside"]:
-        tell(console, f"warning: {line}")
+        print_line(console, f"warning: {line}")
     both = found["error_percent"]
-    tell(
+    print_line(
         console,
         f"error {both['default']:.3g} % with weights of 1, {both['fitted']:.3g} % with "
         "the card's",
     )
     valid = "the card is valid here"
-    tell(console, valid if found["valid"] else "the card is NOT valid here")
+    print_line(console, valid if found["valid"] else "the card is NOT valid here")
 
 
 def show(folder: Path) -> None:

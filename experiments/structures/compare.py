@@ -17,7 +17,7 @@ from rich.progress import (
     TimeElapsedColumn,
 )
 
-from jaxthermo.cli.console import doing, open_console, tell
+from jaxthermo.cli.console import open_console, print_line, status
 from jaxthermo.errors import InputError
 
 from ..harness.record import Record, Row, program_hash
@@ -130,7 +130,7 @@ def run(
     comparison = load_comparison(config or DEFAULT, height)
     record, console = Record(folder, _MEASURING), open_console()
     studies = [Study(body, comparison, record) for body in comparison.bodies]
-    with doing(console, "voxelizing"):
+    with status(console, "voxelizing"):
         for study in studies:
             study.check()
     try:
@@ -143,8 +143,8 @@ def run(
     if all("refused" in row for row in findings.rows):
         raise InputError(f"nothing could be run: {findings.rows[0]['refused']}")
     if record.reused:
-        tell(console, f"{record.reused} rows were there from an earlier run")
-    with doing(console, "drawing"):
+        print_line(console, f"{record.reused} rows were there from an earlier run")
+    with status(console, "drawing"):
         files = write_report(findings, folder, host())
     show_table(console, findings.lines)
     return {

@@ -1,4 +1,4 @@
-"""What commands say: lines wrapped at words on a terminal, and left whole in a pipe."""
+"""Output of commands: lines wrapped at words on a terminal, and whole in a pipe."""
 
 import textwrap
 from collections.abc import Iterator
@@ -8,11 +8,11 @@ from rich.console import Console
 
 
 def open_console() -> Console:
-    """Standard output; what is printed is plain text, whatever a path may hold."""
+    """Standard output without markup: a path may contain any character."""
     return Console(highlight=False, markup=False, emoji=False, soft_wrap=True)
 
 
-def tell(console: Console, text: str) -> None:
+def print_line(console: Console, text: str) -> None:
     """Print one line, with an indent where the terminal is too narrow for it."""
     if console.is_terminal:
         text = textwrap.fill(
@@ -26,10 +26,10 @@ def tell(console: Console, text: str) -> None:
 
 
 @contextmanager
-def doing(console: Console, what: str) -> Iterator[None]:
-    """Show what takes a while, on a terminal only."""
+def status(console: Console, activity: str) -> Iterator[None]:
+    """Show an activity that takes a while, on a terminal only."""
     if not console.is_terminal:
         yield
         return
-    with console.status(what):
+    with console.status(activity):
         yield

@@ -1,4 +1,4 @@
-"""The folder that a command leaves its results in, and which files in it are ours."""
+"""The folder of a command's results, and which files in it the command may remove."""
 
 import os
 import re
@@ -13,11 +13,11 @@ FRAMES = "frames"
 """The folder of a run's frames."""
 
 _FRAME_FILE = re.compile(r"t\d{6,}\.\d{2,}s\.(exr|png)")
-_MOST_DECIMALS = 9
+_MAX_DECIMALS = 9
 
 
 def prepare_folder(out: str | Path) -> Path:
-    """Creates the folder, before any long work, and makes sure it can be written.
+    """Create the folder, before any long work, and check that it can be written.
 
     Raises:
         InputError: if it is a file, or cannot be created or written.
@@ -37,7 +37,7 @@ def prepare_folder(out: str | Path) -> Path:
 
 @contextmanager
 def results_folder(out: str | Path) -> Iterator[Path]:
-    """`prepare_folder`, taken back if the work ends early and nothing is in there.
+    """`prepare_folder`; new folders are removed if the work fails and they are empty.
 
     Raises:
         InputError: if it is a file, or cannot be created or written.
@@ -47,18 +47,18 @@ def results_folder(out: str | Path) -> Iterator[Path]:
     try:
         yield prepare_folder(out)
     except BaseException:
-        with suppress(OSError):  # as soon as one is not empty
+        with suppress(OSError):  # stops at the first that is not empty
             for path in missing:
                 path.rmdir()
         raise
 
 
 def frame_names(times: list[float]) -> list[str]:
-    """One name a time [s], with as many decimals as it takes to tell all apart.
+    """One name for each time [s], with as many decimals as make all names different.
 
     The names sort by time up to 999999 s.
     """
-    for decimals in range(2, _MOST_DECIMALS):
+    for decimals in range(2, _MAX_DECIMALS):
         names = [f"t{time:0{7 + decimals}.{decimals}f}s" for time in times]
         if len(set(names)) == len(names):
             return names
@@ -66,7 +66,7 @@ def frame_names(times: list[float]) -> list[str]:
 
 
 def earlier_frames(folder: Path) -> set[Path]:
-    """The frames that an earlier command left; any other file is the user's own."""
+    """The frames of an earlier command; any other file is the user's own."""
     if not folder.is_dir():
         return set()
     return {p for p in folder.iterdir() if _FRAME_FILE.fullmatch(p.name)}

@@ -19,15 +19,15 @@ from ..scene.solved_surface import SolvedSurface
 from .files import earlier_frames, frame_names, prepare_folder
 
 
-MARGIN = 0.02
-"""Of the scale beyond the coldest and warmest that is seen."""
+_RELATIVE_MARGIN = 0.02
+"""Margin of the colour scale over the range of temperatures that is seen [-]."""
 
-LEAST = 0.05
-"""Of the scale, beyond what is seen or in all [K]."""
+_MIN_MARGIN = 0.05
+"""Least margin, and least range, of the colour scale [K]."""
 
 
-class Watch:
-    """The config's camera on a scene; a bad one is told at once, before a long run."""
+class FrameCamera:
+    """The config's camera on a scene; a bad one is refused before a long run."""
 
     def __init__(
         self,
@@ -35,7 +35,7 @@ class Watch:
         surfaces: tuple[SolvedSurface, ...],
         terms: tuple[AbstractTerm, ...],
     ):
-        """Looks at the start.
+        """Compute the view at the start.
 
         Raises:
             InputError: if the camera is inside a body or sees none.
@@ -44,7 +44,7 @@ class Watch:
         self._camera = build_camera(config.camera, triangles)
         self._image = config.image
         self._surfaces, self._terms = surfaces, terms
-        self._start = self._look(0.0)
+        self._start = self._view(0.0)
 
     def _look(self, time: float) -> View:
         surfaces, terms = at_time(self._surfaces, self._terms, time)
@@ -52,14 +52,14 @@ class Watch:
         return compute_view(surfaces, terms, finer, self._image.smooth)
 
     def at(self, time: float) -> View:
-        """What it sees at a moment [s]; looked at once where nothing moves."""
+        """The view at a time [s]; the same for all times where nothing moves."""
         if any(each.moves for each in (*self._surfaces, *self._terms)):
-            return self._look(time)
+            return self._view(time)
         return self._start
 
 
 def chosen_frames(config: SceneConfig, times: Float[Array, " t"]) -> list[int]:
-    """Which saved times become frames: all, or those the config names."""
+    """Indices of the saved times that become frames: all, or those of the config."""
     if config.image.frames is None:
         return list(range(len(times)))
     saved = np.asarray(times, float)
@@ -71,7 +71,7 @@ def chosen_frames(config: SceneConfig, times: Float[Array, " t"]) -> list[int]:
 
 
 def _scale(config: SceneConfig, images: Iterator[Image]) -> tuple[float, float]:
-    """Ends of the colour scale [K]: as configured, else what the bodies show.
+    """Ends of the colour scale [K]: as configured, else those of the images.
 
     The images are not coarsened yet: a pixel that the silhouette crosses shows a
     mixture with the background, colder than anything of the body.
@@ -85,10 +85,12 @@ def _scale(config: SceneConfig, images: Iterator[Image]) -> tuple[float, float]:
             seen = np.asarray(shown)[np.asarray(image.object_id) >= 0]
             coldest = min(coldest, float(seen.min()))
             warmest = max(warmest, float(seen.max()))
-        margin = max(MARGIN * (warmest - coldest), LEAST)
-        # One end given may lie beyond all that is seen: then all have one colour.
-        low = min(coldest - margin, (high or np.inf) - LEAST) if low is None else low
-        high = max(warmest + margin, low + LEAST) if high is None else high
+        margin = max(_RELATIVE_MARGIN * (warmest - coldest), _MIN_MARGIN)
+        # A given end may be beyond all that is seen: then all pixels have one colour.
+        if low is None:
+            low = min(coldest - margin, (high or np.inf) - _MIN_MARGIN)
+        if high is None:
+            high = max(warmest + margin, low + _MIN_MARGIN)
     if not -np.inf < low < high < np.inf:
         raise InputError(
             "image: the temperatures seen are not finite: check the terms, or give "
@@ -98,18 +100,18 @@ def _scale(config: SceneConfig, images: Iterator[Image]) -> tuple[float, float]:
 
 
 def write_frames(
-    config: SceneConfig, watch: Watch, stored: StoredSolution, folder: Path
+    config: SceneConfig, camera: FrameCamera, stored: StoredSolution, folder: Path
 ) -> int:
-    """Draw the chosen times into `folder`; returns how many there are.
+    """Draw the chosen times into `folder`; returns the number of frames.
 
-    They take the place of all frames that are there: frames of another camera or
-    scale must not pass for these. Files with other names are kept.
+    Earlier frames are removed: those of another camera or scale must not be mistaken
+    for these. Files with other names are kept.
     """
     terms = tuple(term.build() for term in config.terms)
     chosen = chosen_frames(config, stored.times)
 
     def images() -> Iterator[Image]:
-        # Drawn twice, for the scale and for the file: kept, long runs fill the memory.
+        # Drawn twice, for the scale and for the file: a long run would fill the memory.
         for k in chosen:
             temperature, time = stored.surface_temperature[k], stored.times[k]
             here = at_time(stored.surfaces, terms, float(time))

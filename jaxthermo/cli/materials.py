@@ -16,7 +16,7 @@ from ..material.table import (
     material_rows,
     materials as by_name,
 )
-from .console import open_console, tell
+from .console import open_console, print_line
 
 
 _COLUMNS = ("k W/(m K)", "rho kg/m^3", "c_p J/(kg K)", "emissivity")
@@ -33,11 +33,11 @@ _BAND = (
 
 
 def materials(name: str | None, emissivity: bool) -> None:
-    """Prints the materials or the finishes that match a name; one by its name in full.
+    """Print the materials or finishes that match a name; a single material in full.
 
     Args:
         name: of a material, or a part of it; None for all.
-        emissivity: whether to print finishes.
+        emissivity: True to print finishes.
 
     Raises:
         InputError: if none matches.
@@ -46,11 +46,11 @@ def materials(name: str | None, emissivity: bool) -> None:
         _print(_finishes(_matching(name)), _BAND)
         return
     rows = find_materials(name) if name else material_rows()
-    # Of an unknown name `material_row` knows which come close.
+    # For an unknown name `material_row` raises with the names that come close.
     if name and (name in by_name or not rows):
         rows = (material_row(name),)
     if len(rows) == 1:
-        _tell_all(rows[0])
+        _log_all(rows[0])
     else:
         _print(_table(rows), _MARKS)
 
@@ -70,20 +70,22 @@ def _matching(part: str | None) -> tuple[EmissivityRow, ...]:
 def _print(table: Table, note: str) -> None:
     console = Console(highlight=False, markup=False)
     console.print(table)
-    tell(open_console(), note)
+    print_line(open_console(), note)
 
 
-def _tell_all(row: MaterialRow) -> None:
+def _log_all(row: MaterialRow) -> None:
     console = open_console()
-    tell(console, f"{row.name} ({row.label})")
+    print_line(console, f"{row.name} ({row.label})")
     for label, number in zip(_COLUMNS, _numbers(row), strict=True):
-        tell(console, f"  {label:13} {number}")
+        print_line(console, f"  {label:13} {number}")
     if row.in_thesis:
         density, heat = row.thesis_density, row.thesis_specific_heat
-        tell(console, f"  in the thesis rho {density:g}, c_p {heat:g} (Table 5.1)")
+        print_line(
+            console, f"  in the thesis rho {density:g}, c_p {heat:g} (Table 5.1)"
+        )
     if row.aliases:
-        tell(console, f"  also          {', '.join(row.aliases)}")
-    tell(console, f"  source        {row.source}")
+        print_line(console, f"  also          {', '.join(row.aliases)}")
+    print_line(console, f"  source        {row.source}")
 
 
 def _table(rows: tuple[MaterialRow, ...]) -> Table:
@@ -119,5 +121,5 @@ def _numbers(row: MaterialRow) -> tuple[str, ...]:
 
 
 def _short(source: str) -> str:
-    """What the numbers were taken from, without how they were come by."""
+    """Source of the numbers, without how they were derived from it."""
     return re.split(r" / | via | \(|, not | @", source)[0]

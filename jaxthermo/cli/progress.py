@@ -20,45 +20,45 @@ from ..image.ticks import time_label
 def progress_bar(console: Console, end: float, steps: int) -> Iterator[Callable]:
     """A bar over all steps; yields a function of (steps done, simulated time).
 
-    Where standard output is no terminal there is no bar.
+    Without a terminal there is no bar.
     """
     columns = (
         TextColumn("simulating"),
         BarColumn(bar_width=None),
         TaskProgressColumn(),
-        TextColumn("{task.fields[reached]} of " + bare_time(end) + ","),
+        TextColumn("{task.fields[reached]} of " + _duration(end) + ","),
         TimeRemainingColumn(),
         TextColumn("left"),
     )
     with Progress(
         *columns, console=console, transient=True, disable=not console.is_terminal
     ) as bar:
-        task = bar.add_task("", total=max(steps, 1), reached=bare_time(0.0))
+        task = bar.add_task("", total=max(steps, 1), reached=_duration(0.0))
 
         def update(done: int, time: float) -> None:
-            bar.update(task, completed=done, reached=bare_time(time))
+            bar.update(task, completed=done, reached=_duration(time))
 
         yield update
 
 
-def bare_time(time: float) -> str:
+def _duration(time: float) -> str:
     """A time [s] within a sentence: "90 s", "12 min 30 s"."""
     return time_label(time).removeprefix("t = ")
 
 
 @contextmanager
 def patient_interrupt() -> Iterator[Callable[[], bool]]:
-    """Turns the first Ctrl-C into a flag to be asked for; the second one interrupts."""
-    asked = False
+    """Turn the first Ctrl-C into a flag that is polled; the second one interrupts."""
+    requested = False
 
-    def note(number, frame):
-        nonlocal asked
-        if asked:
+    def request(number, frame):
+        nonlocal requested
+        if requested:
             raise KeyboardInterrupt
-        asked = True
+        requested = True
 
-    before = signal.signal(signal.SIGINT, note)
+    before = signal.signal(signal.SIGINT, request)
     try:
-        yield lambda: asked
+        yield lambda: requested
     finally:
         signal.signal(signal.SIGINT, before)

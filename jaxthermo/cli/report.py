@@ -1,4 +1,4 @@
-"""A run told on the terminal: what goes into it, and what came of it."""
+"""Terminal output of a run: the scene, the receipt, and the result."""
 
 import math
 import re
@@ -15,24 +15,24 @@ from ..integrate.run.plan import Plan
 from ..integrate.run.solution import Solution
 from ..memory import readable_bytes
 from ..scene.scene import Scene
-from .console import tell
+from .console import print_line
 from .summary import peak_memory
 
 
-KEPT = 1e-6
-"""A capacity ratio this close to 1 is nothing to speak of."""
+_CAPACITY_TOLERANCE = 1e-6
+"""Deviation of a capacity ratio from 1 that is not reported."""
 
 
-def tell_scene(
+def log_scene(
     console: Console, scene: Scene, todo: Plan, structures: list[dict[str, Any]]
 ) -> None:
-    """The bodies, the receipt, and how many steps there will be.
+    """Print the bodies, the receipt, and the number of steps.
 
     Args:
-        console: to tell it on.
+        console: output of the command.
         scene: what is simulated.
-        todo: how.
-        structures: the report of each body's.
+        todo: steps and solver of the run.
+        structures: `structure_report` of each body.
     """
     for body, report in zip(scene.bodies, structures, strict=True):
         grid = body.structure.grid
@@ -44,31 +44,31 @@ def tell_scene(
             f"{shape}, {len(grid.fragment_area)} surface fragments",
         )
         for line in structure_lines(report):
-            tell(console, f"  {line}")
+            print_line(console, f"  {line}")
     receipt = todo.compiled.receipt
-    tell(console, f"included: {', '.join(receipt.included)}")
+    print_line(console, f"included: {', '.join(receipt.included)}")
     for omission in receipt.left_out:
-        tell(console, f"left out: {omission.what} ({omission.why})")
+        print_line(console, f"left out: {omission.what} ({omission.why})")
     for note in receipt.notes:
-        tell(console, f"note: {note}")
+        print_line(console, f"note: {note}")
     limit = "none" if todo.stable_step is None else f"{todo.stable_step:.4g} s"
     steps = f"{todo.steps} steps"
     if isinstance(todo.stepper, AdaptiveStepper):
-        steps = f"steps that follow the error, to {todo.steps} landings"
-    tell(
+        steps = f"steps that follow the error, to {todo.steps} event times"
+    print_line(
         console,
         f"{type(todo.solver).__name__} ({todo.solver_reason}): {steps}, stable step "
         f"{limit}, about {readable_bytes(receipt.memory_bytes)} for the solver",
     )
 
 
-def tell_receipt(console: Console, scene: Scene, todo: Plan) -> None:
-    """All of the receipt: what acts where, what is left out, what it will take.
+def log_receipt(console: Console, scene: Scene, todo: Plan) -> None:
+    """Print the whole receipt: mechanisms, the bodies and areas that they act on.
 
     Args:
-        console: to tell it on.
+        console: output of the command.
         scene: what would be simulated.
-        todo: how.
+        todo: steps and solver of the run.
     """
     receipt = todo.compiled.receipt
     table = Table(box=None, pad_edge=False, title_justify="left")
@@ -82,32 +82,32 @@ def tell_receipt(console: Console, scene: Scene, todo: Plan) -> None:
     for part in receipt.parts:
         where = " and ".join(f"body {index}" for index in part.bodies)
         if part.area:
-            share = f"{100 * part.surface_share:.3g} %"
-            table.add_row(part.mechanism, where, f"{part.area:.4g} m2", share)
+            fraction = f"{100 * part.surface_share:.3g} %"
+            table.add_row(part.mechanism, where, f"{part.area:.4g} m2", fraction)
         else:
             table.add_row(part.mechanism, where, "inside", "")
     console.print(table)
     count = receipt.snapshots
     snapshots = "one snapshot" if count == 1 else f"{count} snapshots"
-    tell(console, f"geometry: {snapshots}; state in {receipt.dtype}")
+    print_line(console, f"geometry: {snapshots}; state in {receipt.dtype}")
 
 
 def structure_lines(report: dict[str, Any]) -> list[str]:
-    """What stands for a body, and what heat capacity it lacks or has too much.
+    """The nodes and links of a body, and its heat capacity if that is not exact.
 
     Args:
-        report: of `structure_report`.
+        report: from `structure_report`.
     """
     kind = re.sub(r"(?<!^)(?=[A-Z])", " ", report["kind"]).lower()
     nodes, links = _count(report["nodes"], "node"), _count(report["links"], "link")
     size = readable_bytes(report["bytes_float32"]["total"])
     lines = [f"{kind}: {nodes}, {links}, {size}"]
     ratio = report["capacity_ratio"]
-    if abs(ratio - 1) > KEPT:
+    if abs(ratio - 1) > _CAPACITY_TOLERANCE:
         # Two digits of what is missing: 62 %, but 99.95 % and not 100 %.
         decimals = max(0, 1 - math.floor(math.log10(100 * abs(ratio - 1))))
-        held = f"{100 * ratio:.{decimals}f}"
-        lines.append(f"the structure holds {held} % of the body's heat capacity")
+        percent = f"{100 * ratio:.{decimals}f}"
+        lines.append(f"the structure holds {percent} % of the body's heat capacity")
     return lines
 
 
@@ -115,17 +115,17 @@ def _count(number: int, noun: str) -> str:
     return f"{number} {noun}{'s' * (number != 1)}"
 
 
-def tell_result(console: Console, solution: Solution, times: dict[str, float]) -> None:
-    """What it cost, how warm it became, and how well the energies add up."""
+def log_result(console: Console, solution: Solution, times: dict[str, float]) -> None:
+    """Print the times and memory taken, the final temperatures and the residual."""
     residual = float(abs(solution.energy.residual_relative).max())
     surface = solution.surface_temperature[-1] - ZERO_CELSIUS
-    tell(
+    print_line(
         console,
         f"set up {times['setup_time_s']:.1f} s, compiled {times['compile_time_s']:.1f} "
         f"s, ran {times['run_time_s']:.1f} s, drew {times['frames_time_s']:.1f} s; "
         f"peak memory {readable_bytes(peak_memory())}",
     )
-    tell(
+    print_line(
         console,
         f"at {time_label(float(solution.times[-1]))} the surface is at "
         f"{float(surface.min()):.1f} to "

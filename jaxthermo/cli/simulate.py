@@ -1,4 +1,4 @@
-"""`jaxthermo simulate`: a config is read, its scene is run, the results are written."""
+"""`jaxthermo simulate`: read a config, run its scene, write the results."""
 
 import time
 from pathlib import Path
@@ -9,6 +9,7 @@ from rich.console import Console
 from .. import __version__
 from ..arrays import precision
 from ..atomic import replacing
+from ..config.card_file import load_card
 from ..config.loader import config_hash, load_config, to_yaml
 from ..config.schema.image import ImageConfig, PinholeConfig
 from ..config.schema.scene import SceneConfig
@@ -28,14 +29,16 @@ from ..integrate.run.segments import (
 )
 from ..integrate.run.solution import RESULTS, Solution
 from ..integrate.run.solution_file import StoredSolution, save_solution
+from ..scene.compile.compile import mechanism_names
+from ..scene.dimensionless_groups import body_numbers
 from ..scene.scene import Scene
+from ..structures.fit_card import extrapolations
 from ..structures.report import structure_report
-from .cards import card_warnings
-from .console import doing, open_console, tell
+from .console import open_console, print_line, status
 from .files import FRAMES, prepare_folder, remove_results, results_folder
-from .frames import Watch, write_frames
+from .frames import FrameCamera, write_frames
 from .progress import patient_interrupt, progress_bar
-from .report import tell_receipt, tell_result, tell_scene
+from .report import log_receipt, log_result, log_scene
 from .summary import summarize, write_energy, write_json
 
 
@@ -48,20 +51,20 @@ RESULTS_OF_A_RUN = ("summary.json", "solution.npz", "energy.csv")
 
 
 def simulate(config: Path, out: Path | None, overrides: tuple[str, ...]) -> None:
-    """Reads the config, makes the folder, keeps the resolved config, runs the scene."""
+    """Run a scene and write its results, with the resolved config beside them."""
     scene = load_config(config, overrides)
     with results_folder(out or Path("results") / config.stem) as folder:
-        _spare(config, folder)
+        _check_not_overwritten(config, folder)
         run_simulation(scene, folder)
 
 
 def explain(config: Path, overrides: tuple[str, ...]) -> None:
-    """Compiles the scene and tells what a run would compute, and what it would not."""
+    """Compile the scene and print the included and pruned terms."""
     scene_config = load_config(config, overrides)
     console = open_console()
     with precision(scene_config.dtype):
         planned = _planned(console, scene_config)
-        tell_receipt(console, planned.scene, planned.todo)
+        log_receipt(console, planned.scene, planned.todo)
 
 
 class _Planned(NamedTuple):
@@ -72,21 +75,34 @@ class _Planned(NamedTuple):
 
 
 def _planned(console: Console, config: SceneConfig) -> _Planned:
-    """The scene and how it will be run, told."""
-    with doing(console, "building the scene"):
+    """The scene and the plan of its run, both printed."""
+    with status(console, "building the scene"):
         scene = config.build()
         end, saves = config.time.end, config.time.save_times
         todo = plan_run(scene, end, saves, config.solver.build())
         structures = [structure_report(body.structure) for body in scene.bodies]
-        warnings = card_warnings(config, scene)
-    tell_scene(console, scene, todo, structures)
+        warnings = _card_warnings(config, scene)
+    log_scene(console, scene, todo, structures)
     for warning in warnings:
-        tell(console, f"warning: {warning}")
+        print_line(console, f"warning: {warning}")
     return _Planned(scene, todo, structures, warnings)
 
 
-def _spare(config: Path, out: Path) -> None:
-    """Refuse to write the resolved config over one that somebody wrote by hand."""
+def _card_warnings(config: SceneConfig, scene: Scene) -> list[str]:
+    """A sentence for each dimensionless number of a body outside its card's range."""
+    found = []
+    for n, (given, body) in enumerate(zip(config.bodies, scene.bodies, strict=True)):
+        path = given.structure.weights.card
+        if path is None:
+            continue
+        numbers = body_numbers(scene, body, config.time.end)
+        for words in extrapolations(load_card(path), numbers, mechanism_names(scene)):
+            found.append(f"bodies.{n}: beyond the range of {path.name}: {words}")
+    return found
+
+
+def _check_not_overwritten(config: Path, out: Path) -> None:
+    """Refuse to write the resolved config over one that was written by hand."""
     if (out / CONFIG).exists() and (out / CONFIG).samefile(config):
         text = config.read_text(encoding="utf-8")
         if text != to_yaml(load_config(config)):
@@ -96,16 +112,16 @@ def _spare(config: Path, out: Path) -> None:
 
 
 def run_simulation(config: SceneConfig, out: Path) -> None:
-    """Runs the scene and writes summary, solution, energies and frames into `out`."""
+    """Run the scene and write summary, solution, energies and frames into `out`."""
     console = open_console()
     with precision(config.dtype):
         clock = time.perf_counter()
         scene, todo, structures, warnings = _planned(console, config)
-        with doing(console, "finding what the camera sees"):
-            watch = Watch(config, todo.compiled.surfaces, scene.terms)
+        with status(console, "finding what the camera sees"):
+            camera = FrameCamera(config, todo.compiled.surfaces, scene.terms)
         setup = time.perf_counter() - clock
-        # From here on the folder is this run's: the camera and the scene are sound.
-        # Results of an earlier one must not pass for this one's.
+        # The camera and the scene are valid: from here on the folder is this run's, and
+        # results of an earlier run must not be mistaken for its own.
         remove_results(out, RESULTS_OF_A_RUN)
         prepare_folder(out / FRAMES)
         with replacing(out / CONFIG) as path:
@@ -119,14 +135,14 @@ def run_simulation(config: SceneConfig, out: Path) -> None:
             solution.times, solution.surface_temperature, solution.surfaces
         )
         clock = time.perf_counter()
-        with doing(console, "drawing frames"):
-            frames = write_frames(config, watch, stored, out / FRAMES)
+        with status(console, "drawing frames"):
+            frames = write_frames(config, camera, stored, out / FRAMES)
         times |= {"setup_time_s": setup, "frames_time_s": time.perf_counter() - clock}
         summary = summarize(config, scene, solution, times, structures, warnings)
         write_json(out / "summary.json", summary)
     (out / CHECKPOINT).unlink(missing_ok=True)
-    tell_result(console, solution, times)
-    tell(
+    log_result(console, solution, times)
+    print_line(
         console,
         f"{frames} frame{'s' * (frames != 1)} in {out / FRAMES}, "
         "summary.json beside them",
@@ -136,16 +152,18 @@ def run_simulation(config: SceneConfig, out: Path) -> None:
 def _run(
     console: Console, config: SceneConfig, scene: Scene, todo: Plan, out: Path
 ) -> tuple[Solution, dict[str, float]]:
-    """Segments with a bar and checkpoints, from where an earlier run was cut off."""
+    """Run all segments with checkpoints, from the last one of an interrupted run."""
     key = _checkpoint_key(config)
     fresh = begin_run(todo)
     kept = load_checkpoint(out / CHECKPOINT, fresh, key)
     if kept is not None:
-        tell(console, f"going on from {time_label(time_reached(todo, kept))}")
+        print_line(console, f"going on from {time_label(time_reached(todo, kept))}")
     elif (out / CHECKPOINT).exists():
-        tell(console, f"starting anew: {CHECKPOINT} is of another run, or damaged")
+        print_line(
+            console, f"starting anew: {CHECKPOINT} is of another run, or damaged"
+        )
     clock = time.perf_counter()
-    with doing(console, "compiling"):
+    with status(console, "compiling"):
         ready = compile_segments(todo, kept or fresh)
     compiled, clock = time.perf_counter() - clock, time.perf_counter()
     with (
@@ -168,7 +186,7 @@ def _run(
 
 
 def _checkpoint_key(config: SceneConfig) -> str:
-    """Of all that the simulation depends on: the camera may change meanwhile."""
+    """Hash of all that the simulation depends on: the camera may change meanwhile."""
     undrawn = {"camera": PinholeConfig(), "image": ImageConfig(), "name": None}
     return f"{config_hash(config.model_copy(update=undrawn))} {__version__}"
 

@@ -1,4 +1,4 @@
-"""`summary.json` and `energy.csv`: what a run was, found and cost, for machines."""
+"""`summary.json` and `energy.csv`: a run and its results for other programs."""
 
 import csv
 import io
@@ -29,7 +29,7 @@ def _versions() -> dict[str, str]:
 
 
 def peak_memory() -> int:
-    """Most memory this process has held so far [bytes]."""
+    """Peak memory of this process so far [bytes]."""
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak if sys.platform == "darwin" else peak * 1024
 
@@ -75,15 +75,15 @@ def summarize(
     structures: list[dict[str, Any]],
     warnings: list[str],
 ) -> dict[str, Any]:
-    """Everything about a finished run but its fields, in plain types.
+    """All results of a finished run but its fields, in plain types.
 
     Args:
-        config: that was run.
-        scene: built of it.
+        config: of the run.
+        scene: built from the config.
         solution: of the scene.
         times: wall times by name.
-        structures: the report of each body's.
-        warnings: where the scene leaves the range of its fit cards.
+        structures: `structure_report` of each body.
+        warnings: dimensionless numbers outside the range of the fit cards.
     """
     receipt = solution.receipt.as_dict()
     device = jax.devices()[0]
@@ -113,7 +113,7 @@ def summarize(
 
 
 def _effort(effort: SolverStatistics | None) -> dict[str, float] | None:
-    """Of an implicit solver, by name."""
+    """Work of an implicit solver, by name."""
     if effort is None:
         return None
     return {
@@ -140,7 +140,7 @@ def write_json(path: Path, content: dict[str, Any]) -> None:
 def write_energy(path: Path, solution: Solution) -> None:
     """Write the ledger at each saved time as CSV, in one step.
 
-    First of all bodies; where there are several, then of each.
+    Columns of all bodies together, then of each body if there are several.
     """
     columns = {"time_s": np.asarray(solution.times, float), **_ledger(solution.energy)}
     if len(solution.energy.bodies) > 1:

@@ -1,4 +1,4 @@
-"""`jaxthermo voxelize`: what a mesh becomes at a pitch, without a simulation."""
+"""`jaxthermo voxelize`: the voxels of a mesh at a pitch, without a simulation."""
 
 import json
 from pathlib import Path
@@ -15,17 +15,17 @@ from ..geometry.mesh import describe_mesh, mesh_summary
 from ..report.sheet import write_layer_sheets
 from ..voxels.report import voxel_report
 from ..voxels.voxelize import voxelize as make_voxels
-from .console import doing, open_console, tell
+from .console import open_console, print_line, status
 from .files import results_folder
 
 
 def voxelize(
     mesh: Path, pitch: str, unit: str | None, height: str | None, up: str, out: Path
 ) -> None:
-    """Writes `voxels.json` and sheets of the depth layers; prints what matters of them.
+    """Write `voxels.json` and sheets of the depth layers, and print a summary.
 
     Args:
-        mesh: the file.
+        mesh: file of a closed surface.
         pitch: edge of a voxel, such as "2 mm".
         unit: length of one file unit.
         height: extent along up, such as "0.5 m", instead of the unit.
@@ -38,20 +38,22 @@ def voxelize(
     console = open_console()
     tell(console, mesh_summary(loaded))
     with results_folder(out) as folder:
-        with doing(console, "voxelizing"):
+        with status(console, "voxelizing"):
             grid = make_voxels(loaded, pitch=edge)
             facts = {"mesh": describe_mesh(loaded), **voxel_report(grid)}
             with replacing(folder / "voxels.json") as path:
                 path.write_text(json.dumps(facts, indent=2) + "\n", encoding="utf-8")
             sheets = write_layer_sheets(grid, folder)
         for line in _lines(facts):
-            tell(console, line)
+            print_line(console, line)
         console.print(_layer_table(facts["layers"]))
-        tell(console, f"voxels.json and {len(sheets)} sheets of layers in {folder}")
+        print_line(
+            console, f"voxels.json and {len(sheets)} sheets of layers in {folder}"
+        )
 
 
 def _lines(facts: dict[str, Any]) -> list[str]:
-    """The report in words."""
+    """The lines of the summary."""
     shape = " x ".join(str(n) for n in facts["lattice_shape"])
     why_not = facts["ratios_not_applied_because"]
     scaling = (

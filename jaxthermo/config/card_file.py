@@ -9,12 +9,14 @@ from ..atomic import replacing
 from ..errors import InputError
 from ..structures.fit_card import FitCard
 from ..structures.weights import ConductionWeights
+from .messages import quoted
 from .strict_yaml import read_yaml, write_yaml
 
 
-FORMAT = 1
-LONG = 64
-"""Values of a list that are still written into the YAML file."""
+# Format 1 had other names of weights.
+_FORMAT = 2
+_MAX_LISTED = 64
+"""Length of a list above which it is written into the `.npz` file."""
 
 _KEYS = {
     "card",
@@ -34,13 +36,13 @@ def write_card(path: Path, card: FitCard) -> None:
 
     Args:
         path: of the YAML file.
-        card: to be kept.
+        card: to be written.
     """
     weights: dict[str, Any] = {}
     arrays: dict[str, np.ndarray] = {}
     for name, value in vars(card.weights).items():
         numbers = np.asarray(value, float)
-        if numbers.ndim and len(numbers) > LONG:
+        if numbers.ndim and len(numbers) > _MAX_LISTED:
             arrays[name] = numbers.astype(np.float32)
             weights[name] = path.with_suffix(".npz").name
         else:
@@ -49,7 +51,7 @@ def write_card(path: Path, card: FitCard) -> None:
         with replacing(path.with_suffix(".npz")) as temporary:
             np.savez_compressed(temporary, allow_pickle=False, **arrays)
     plain = {
-        "card": FORMAT,
+        "card": _FORMAT,
         "name": card.name,
         "structure": dict(card.structure),
         "weights": weights,
@@ -64,17 +66,24 @@ def write_card(path: Path, card: FitCard) -> None:
 
 
 def load_card(path: str | Path) -> FitCard:
-    """The card in a file.
+    """The fit card in a YAML file, with the arrays beside it.
 
     Raises:
-        InputError: if it is missing or no card.
+        InputError: if it is missing, no card, or of another format.
     """
     path = Path(path)
     data = read_yaml(path)
     missing = sorted({"card", "name", "structure", "weights"} - set(data))
-    if missing or data["card"] != FORMAT:
-        what = f"it has no {', '.join(missing)}" if missing else "of another format"
-        raise InputError(f"{path}: is no fit card: {what}; `calibrate fit` makes them")
+    if missing:
+        raise InputError(
+            f"{path}: is no fit card: it has no {', '.join(missing)}; `calibrate fit` "
+            "makes them"
+        )
+    if data["card"] != _FORMAT:
+        raise InputError(
+            f"{path}: is a fit card of format {quoted(data['card'])}, and this version "
+            f"reads format {_FORMAT}: fit it again with `calibrate fit`"
+        )
     unknown = sorted(set(data) - _KEYS)
     if unknown:
         raise InputError(f"{path}: a fit card has no {', '.join(unknown)}")

@@ -91,16 +91,20 @@ def test_a_card_that_does_not_fit_is_refused(tmp_path, change, message):
     ("text", "message"),
     [
         ("a: 1", "is no fit card: it has no card"),
-        ("{card: 9, name: a, structure: {}, weights: {}}", "of another format"),
-        ("{card: 1, name: a, structure: {}, weights: {inside: 2}}", "is no fit card"),
-        ("{card: 1, name: a, structure: {}, weights: {within: -2}}", "at least 0"),
+        ("{name: a, structure: {}, weights: {}}", "it has no card"),
+        ("{card: 9, name: a, structure: {}, weights: {}}", "format 9, .* reads format"),
+        ("{card: 1, name: a, structure: {}, weights: {share: 1}}", "of format 1"),
+        ("{card: two, name: a, structure: {}, weights: {}}", "of format 'two'"),
+        ("{card: 2, name: a, structure: {}, weights: {inside: 2}}", "is no fit card"),
+        ("{card: 2, name: a, structure: {}, weights: {within: -2}}", "at least 0"),
     ],
 )
 def test_what_is_no_card_is_told(tmp_path, text, message):
     path = tmp_path / "card.yaml"
     path.write_text(text)
-    with pytest.raises(jt.InputError, match=message):
+    with pytest.raises(jt.InputError, match=message) as caught:
         load_card(path)
+    assert "\n" not in str(caught.value)
 
 
 def test_a_scene_outside_the_fitted_range_is_told():

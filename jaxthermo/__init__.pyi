@@ -1,0 +1,82 @@
+"""Types of all that `jaxthermo` exports; `__init__.py` resolves the same names."""
+
+from .config.card_file import load_card as load_card
+from .errors import InputError as InputError
+from .geometry import shapes as shapes
+from .geometry.load import load_mesh as load_mesh
+from .geometry.mesh import Mesh as Mesh
+from .geometry.pose import Pose as Pose
+from .image.camera import Camera as Camera, OrthographicCamera as OrthographicCamera
+from .image.files import write_exr as write_exr, write_png as write_png
+from .image.render import render as render
+from .integrate.run.simulate import simulate as simulate
+from .integrate.run.solution import (
+    RESULTS as RESULTS,
+    Solution as Solution,
+    SteadySolution as SteadySolution,
+)
+from .integrate.solvers import (
+    TRBDF2 as TRBDF2,
+    BackwardEuler as BackwardEuler,
+    CrankNicolson as CrankNicolson,
+    ForwardEuler as ForwardEuler,
+    SuperTimeStepping as SuperTimeStepping,
+)
+from .integrate.steady.steady import steady as steady
+from .integrate.surface_error import surface_error as surface_error
+from .material.material import Material as Material
+from .material.property import Property as Property
+from .material.table import materials as materials
+from .physics.boundary import (
+    Convection as Convection,
+    FixedTemperature as FixedTemperature,
+    HeatFlux as HeatFlux,
+)
+from .physics.contact.links import Contact as Contact, bonded as bonded
+from .physics.convection.free_convection import FreeConvection as FreeConvection
+from .physics.convection.wake import WakeDeficit as WakeDeficit
+from .physics.convection.wind import Wind as Wind
+from .physics.heat_source import HeatSource as HeatSource
+from .physics.radiation.area_source import AreaSource as AreaSource
+from .physics.radiation.emission import Surroundings as Surroundings
+from .physics.radiation.moving_source import (
+    DirectionTable as DirectionTable,
+    PointTable as PointTable,
+)
+from .physics.radiation.radiative_exchange import RadiativeExchange as RadiativeExchange
+from .physics.radiation.source import PointSource as PointSource, Sun as Sun
+from .physics.time_varying import Table as Table, Until as Until
+from .scene.compile.compile import compile_scene as compile_scene
+from .scene.motion import Motion as Motion, PoseTable as PoseTable
+from .scene.scene import (
+    Body as Body,
+    MaterialLabels as MaterialLabels,
+    MaterialMap as MaterialMap,
+    Scene as Scene,
+)
+from .structures.fit_card import FitCard as FitCard
+from .structures.kinds.aggregate import Aggregate as Aggregate
+from .structures.kinds.full import FullVolume as FullVolume
+from .structures.kinds.irregular import IrregularMultiLevel as IrregularMultiLevel
+from .structures.kinds.multilevel import MultiLevel as MultiLevel
+from .structures.kinds.octree import Octree as Octree
+from .structures.kinds.partition import Partition as Partition
+from .structures.kinds.shell import SingleShell as SingleShell
+from .structures.kinds.shell_over_core import ShellOverCore as ShellOverCore
+from .structures.surface.surface_map import (
+    ConstantMap as ConstantMap,
+    FluxCorrectedMap as FluxCorrectedMap,
+    LinearMap as LinearMap,
+)
+from .structures.weights import ConductionWeights as ConductionWeights
+from .voxels.cylinders import Cylinder as Cylinder
+from .voxels.grid import VoxelGrid as VoxelGrid
+from .voxels.selection import (
+    Everything as Everything,
+    FragmentMask as FragmentMask,
+    Region as Region,
+    Side as Side,
+)
+from .voxels.voxelize import voxelize as voxelize
+
+__version__: str
