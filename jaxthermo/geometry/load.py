@@ -27,7 +27,7 @@ _FileMesh = tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]
 
 
 def load_mesh(
-    path: str | os.PathLike,
+    path: str | os.PathLike[str],
     *,
     unit: str | float | int | None = None,
     height: float | int | None = None,

@@ -17,6 +17,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from typing_extensions import override
 
+from ..arrays import Number
 from ..errors import InputError
 from ..physics.time_varying import SAMPLES
 from ..scene.compile.program import Compiled
@@ -128,7 +129,7 @@ class ForwardEuler(AbstractSolver):
     Source: Patankar, Numerical Heat Transfer and Fluid Flow (1980), section 4.3.
     """
 
-    dt: Any = None
+    dt: Number | None = None
     """Step [s]; None for the largest stable step."""
 
     @property
@@ -171,7 +172,7 @@ class SuperTimeStepping(AbstractSolver):
     Source: Meyer, Balsara, Aslam, Journal of Computational Physics 257 (2014) 594-626.
     """
 
-    dt: Any = None
+    dt: Number | None = None
     """Step [s]; None for 1/128 of the run."""
     stages: int | None = eqx.field(static=True, default=None)
     """Number of stages of every step; None for the smallest stable number."""
@@ -227,7 +228,7 @@ class BackwardEuler(_AbstractImplicit):
     Source: Hairer, Wanner, Solving Ordinary Differential Equations II (1996), IV.3.
     """
 
-    dt: Any = None
+    dt: Number | None = None
     """Step [s]; None for 1/128 of the run."""
     tolerance: float | None = None
 
@@ -251,7 +252,7 @@ class CrankNicolson(_AbstractImplicit):
     Source: Crank, Nicolson, Proc. Cambridge Philosophical Society 43 (1947) 50-67.
     """
 
-    dt: Any = None
+    dt: Number | None = None
     """Step [s]; None for 1/128 of the run."""
     tolerance: float | None = None
 
@@ -269,7 +270,7 @@ class TRBDF2(_AbstractImplicit):
     Source: Hosea, Shampine, Applied Numerical Mathematics 20 (1996) 21-37.
     """
 
-    dt: Any = None
+    dt: Number | None = None
     """Step [s]; None for steps by error control."""
     error: float = 0.01
     """Largest error of one step under error control [K]."""

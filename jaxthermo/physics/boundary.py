@@ -159,9 +159,9 @@ class FixedTemperature(AbstractSurfaceTerm):
     piece of surface are an error.
     """
 
-    temperature: Any
+    temperature: TimeVarying
     """T_s [K], a number or a function of time."""
-    on: Any = None
+    on: AbstractSelection | None = None
 
     def __check_init__(self):
         check_value(self.temperature, "FixedTemperature(temperature [K])", 0.0)
@@ -196,9 +196,9 @@ class FixedTemperature(AbstractSurfaceTerm):
 class HeatFlux(AbstractSurfaceTerm):
     """A heat flux q'' into the surface; on the whole surface without `on`."""
 
-    heat_flux: Any
+    heat_flux: TimeVarying
     """q'' [W/m^2], positive into the body; a number or a function of time."""
-    on: Any = None
+    on: AbstractSelection | None = None
 
     def __check_init__(self):
         check_value(self.heat_flux, "HeatFlux(heat_flux [W/m^2])")
@@ -231,11 +231,11 @@ class HeatFlux(AbstractSurfaceTerm):
 class Convection(AbstractSurfaceTerm):
     """Convection, q = h (T_inf - T_s); on the whole surface without `on`."""
 
-    heat_transfer_coefficient: Any
+    heat_transfer_coefficient: TimeVarying
     """h [W/(m^2 K)], a number or a function of time."""
-    temperature: Any
+    temperature: TimeVarying
     """T_inf of the fluid [K], a number or a function of time."""
-    on: Any = None
+    on: AbstractSelection | None = None
 
     def __check_init__(self):
         h = self.heat_transfer_coefficient

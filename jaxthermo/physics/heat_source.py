@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 from typing_extensions import override
 
+from ..arrays import TimeVarying
 from ..errors import InputError
 from ..structures.build.assignment import volume_within
 from ..structures.structure import AbstractStructure

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import is_traced
+from ..arrays import Numbers, TimeVarying, is_traced
 from ..errors import InputError
 
 
@@ -22,9 +22,9 @@ def _as_array(numbers: Any) -> Any:
 class Table(eqx.Module):
     """Piecewise linear in time, constant before the first and after the last time."""
 
-    times: Any = eqx.field(converter=_as_array)
+    times: Numbers = eqx.field(converter=_as_array)
     """[s], increasing."""
-    values: Any = eqx.field(converter=_as_array)
+    values: Numbers = eqx.field(converter=_as_array)
 
     def __check_init__(self):
         if np.shape(self.times) != np.shape(self.values) or np.ndim(self.times) != 1:
@@ -47,7 +47,7 @@ class Table(eqx.Module):
 class Until(eqx.Module):
     """A value up to, but not including, `end` [s]; zero from then on."""
 
-    value: Any
+    value: TimeVarying
     end: float = eqx.field(static=True)
 
     def __call__(self, time: Float[Array, ""]) -> Float[Array, ""]:

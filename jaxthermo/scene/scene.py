@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..arrays import is_traced
+from ..arrays import PositionVarying, is_traced
 from ..errors import InputError
 from ..geometry.pose import Pose
 from ..material.material import Material

@@ -19,7 +19,7 @@ from typing import Any
 import equinox as eqx
 import numpy as np
 
-from ..arrays import is_traced
+from ..arrays import Numbers, is_traced
 from ..errors import InputError
 
 

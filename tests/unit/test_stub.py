@@ -1,4 +1,4 @@
-"""The stub of the package: it has every exported name, and a user's script its types."""
+"""The stub of the package has every exported name, and a script all types."""
 
 import ast
 import json

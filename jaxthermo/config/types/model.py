@@ -189,6 +189,8 @@ class KindModel(Model):
     def unknown_key(cls, key: str) -> str:
         """The keys that this kind takes: the given one may be another kind's."""
         takes = [name for name in cls.model_fields if name != "kind"]
+        # The keys of the kind itself come before those that all kinds share.
+        takes.sort(key=lambda name: name not in cls.__annotations__)
         keys = ", ".join(takes) or "no other keys"
         return f"unknown key: {cls.model_fields['kind'].default} takes {keys}"
 

@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
-from ...arrays import Scalar, is_traced
+from ...arrays import Scalar, TimeVarying, is_traced
 from ...errors import InputError
 from ...network.network import AbstractNetwork, Address, inverse, precise_sum
 from ..term import AbstractPairTerm
@@ -205,7 +205,7 @@ class Contact(AbstractPairTerm):
         InputError: for a negative conductance, or a length that is not positive.
     """
 
-    conductance: Any
+    conductance: TimeVarying
     """h_c [W/(m^2 K)], a number or a function of time; infinity bonds the bodies."""
     bodies: tuple[int, int] | None = eqx.field(static=True, default=None)
     """Numbers of the two bodies; None for any two that touch."""

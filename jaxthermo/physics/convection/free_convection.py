@@ -257,7 +257,7 @@ class FreeConvection(AbstractSurfaceTerm):
         InputError: for a negative temperature, or a length that is not positive.
     """
 
-    temperature: Any
+    temperature: TimeVarying
     """T_inf of the air [K], a number or a function of time."""
     length: float | None = eqx.field(static=True, default=None)
     """L of all parts [m]; None for the height or diameter of each."""

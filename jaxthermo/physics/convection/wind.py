@@ -86,9 +86,9 @@ class Wind(AbstractSurfaceTerm):
 
     velocity: tuple[float, float, float] = eqx.field(static=True, converter=_velocity)
     """Direction of the wind; its length is the speed [m/s] unless `speed` is given."""
-    temperature: Any
+    temperature: TimeVarying
     """T_inf of the air [K], a number or a function of time."""
-    speed: Any = None
+    speed: TimeVarying | None = None
     """V [m/s], instead of the length of `velocity`; a number or a function of time."""
     average: str = eqx.field(static=True, default="churchill_bernstein")
     """Correlation of the mean Nusselt number: the name of one of `AVERAGES`."""
@@ -96,7 +96,7 @@ class Wind(AbstractSurfaceTerm):
         static=True, default=None, converter=given_cylinders
     )
     """Cylinders of the bodies that they name; those of other bodies are detected."""
-    wake: Any = None
+    wake: TimeVarying | None = None
     """Speed ratio u / U by x / D behind another object, such as `WakeDeficit()`."""
 
     def __check_init__(self):

@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from typing_extensions import override
 
-from ...arrays import is_traced
+from ...arrays import TimeVarying, is_traced
 from ...constants import STEFAN_BOLTZMANN
 from ...errors import InputError
 from ...raster.directions import unit_vector, view_frame
@@ -123,11 +123,11 @@ class AreaSource(AbstractSource):
     """Normal of its front, of any length."""
     size: tuple[float, float] = eqx.field(static=True, converter=fixed_or_moving)
     """Width across `up` and height along `up` [m]."""
-    radiance: Any = None
+    radiance: TimeVarying | None = None
     """L [W/(m^2 sr)], a number or a function of time."""
-    temperature: Any = None
+    temperature: TimeVarying | None = None
     """T [K], a number or a function of time: L = eps sigma T^4 / pi."""
-    emissivity: Any = 1.0
+    emissivity: TimeVarying = 1.0
     """eps [-], used with `temperature`."""
     up: Triple = eqx.field(
         static=True, converter=fixed_or_moving, default=(0.0, 0.0, 1.0)

@@ -147,9 +147,9 @@ class Surroundings(AbstractSurfaceTerm):
         InputError: for a negative temperature, or options out of range.
     """
 
-    temperature: Any
+    temperature: TimeVarying
     """T_s [K], a number or a function of time; with `ground`, that of the sky."""
-    ground: Any = None
+    ground: TimeVarying | None = None
     """Temperature below the horizon [K], a number or a function of time."""
     occlusion: int | None = eqx.field(static=True, default=None)
     """Number of directions in which obstacles are detected, such as 128."""

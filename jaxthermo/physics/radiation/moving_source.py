@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ...arrays import Numbers, Points
 from ...errors import InputError
 from ...raster.directions import unit_vector
 from .source import Triple, triple
@@ -28,9 +29,9 @@ class PointTable:
         InputError: unless the times increase and each has a finite point.
     """
 
-    times: Any
+    times: Numbers
     """Times [s], increasing."""
-    points: Any
+    points: Points
     """World positions [m], one for each time."""
 
     def __post_init__(self):
@@ -51,9 +52,9 @@ class DirectionTable:
             opposite to the previous one.
     """
 
-    times: Any
+    times: Numbers
     """Times [s], increasing."""
-    directions: Any
+    directions: Points
     """Directions of any length, one for each time."""
 
     def __post_init__(self):

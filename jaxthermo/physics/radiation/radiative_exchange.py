@@ -123,7 +123,7 @@ class RadiativeExchange(AbstractExchangeTerm):
         InputError: for a negative temperature.
     """
 
-    temperature: Any
+    temperature: TimeVarying
     """T_s of the black surroundings [K], a number or a function of time."""
     max_patches: int = eqx.field(static=True, default=DEFAULT_MAX_PATCHES)
     """Largest number of patches of a body."""

@@ -140,7 +140,7 @@ class Sun(AbstractSource):
         static=True, converter=fixed_or_moving
     )
     """Direction of the rays, of any length, or a function of time [s] for it."""
-    irradiance: Any
+    irradiance: TimeVarying
     """Irradiance normal to the rays [W/m^2]: a number or a function of time."""
 
     def __check_init__(self):
@@ -246,7 +246,7 @@ class PointSource(AbstractSource):
         static=True, converter=fixed_or_moving
     )
     """World position [m], or a function of time [s] that returns it."""
-    radiant_intensity: Any
+    radiant_intensity: TimeVarying
     """I [W/sr], power over 4 pi: a number or a function of time."""
     min_distance: float = eqx.field(static=True, default=0.01)
     """R_0 [m]: closer surfaces receive the irradiance at this distance."""
