@@ -81,7 +81,7 @@ def _log_all(row: MaterialRow) -> None:
     if row.in_thesis:
         density, heat = row.thesis_density, row.thesis_specific_heat
         print_line(
-            console, f"  in the thesis rho {density:g}, c_p {heat:g} (Table 5.1)"
+            console, f"  thesis        rho {density:g}, c_p {heat:g} (Table 5.1)"
         )
     if row.aliases:
         print_line(console, f"  also          {', '.join(row.aliases)}")
