@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from ..arrays import Numbers, is_traced
+from ..arrays import Samples, is_traced
 from ..errors import InputError
 
 

@@ -1,6 +1,6 @@
 """Heat released inside a body by Joule heating, chemistry or decay: Q = q''' V."""
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -18,6 +18,13 @@ from .time_varying import check_value, cooling_bound, is_zero
 # Where heat is released inside, no surface bounds the temperature [K]: emission is
 # then taken to be as steep as the half cell below it allows.
 _UNBOUNDED = 1e5
+
+
+if TYPE_CHECKING:
+    _Within = AbstractSpace | None
+else:
+    # Checked by the class, which says what to give instead.
+    _Within = Any
 
 
 class VolumeBinding(NamedTuple):

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import Numbers, TimeVarying, is_traced
+from ..arrays import Samples, TimeVarying, is_traced
 from ..errors import InputError
 
 
@@ -22,9 +22,9 @@ def _as_array(numbers: Any) -> Any:
 class Table(eqx.Module):
     """Piecewise linear in time, constant before the first and after the last time."""
 
-    times: Numbers = eqx.field(converter=_as_array)
+    times: Samples = eqx.field(converter=_as_array)
     """[s], increasing."""
-    values: Numbers = eqx.field(converter=_as_array)
+    values: Samples = eqx.field(converter=_as_array)
 
     def __check_init__(self):
         if np.shape(self.times) != np.shape(self.values) or np.ndim(self.times) != 1:

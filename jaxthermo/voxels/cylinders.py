@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from ..arrays import Number, Numbers
+from ..arrays import Number, Vector
 from ..errors import InputError
 from ..raster.directions import unit_vector
 

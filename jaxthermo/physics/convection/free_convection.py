@@ -332,4 +332,4 @@ class FreeConvection(AbstractSurfaceTerm):
                 "has no length: give it one, or FreeConvection a length"
             )
         shape, rising = (PLATE, 1.0) if upright else (CYLINDER, _CYLINDER_OVER_PLATE)
-        return shape.a / length**0.5, rising
+        return shape.a / float(length) ** 0.5, rising
