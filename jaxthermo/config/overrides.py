@@ -1,47 +1,26 @@
 """`--set bodies.0.pitch=3mm`: a value of the config, replaced from the command line."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, TypeAlias
 
 from ..errors import InputError
 from .messages import close_match, dotted, quoted
 from .strict_yaml import parse_yaml
-from .types.model import Location
+from .types.model import Location, Model, Short, field_parts
 
 
-ALTERNATIVES = (
-    ("mesh", "shape"),
-    ("pitch", "voxels_high"),
-    ("unit", "height"),
-    ("save_at", "save_every"),
-    ("side", "region", "fragments", "body"),
-    ("radiance", "temperature"),
-)
-"""Keys of which a mapping holds one: setting it takes the place of the other."""
-
-SHORT = {
-    "structure": "kind",
-    "surface_map": "kind",
-    "wake": "kind",
-    "material": "name",
-    "weights": "card",
-}
-"""Keys that may hold a word alone, and what the word is a value of."""
-
-
-PATHS = ("set",)
+_PATH_KEYS = ("set",)
 """Keys whose mapping has paths as keys: the rest of a location is one of them."""
-
 
 Change: TypeAlias = tuple[Location, str]
 """Location of a value that an override set, and the text of the override."""
 
 
 def with_overrides(data: Any, texts: Sequence[str]) -> tuple[Any, list[Change]]:
-    """A copy of the data with "a.b=c" each, in order; c is YAML.
+    """A copy of the data with texts "a.b=c" applied in order; c is YAML.
 
     Raises:
-        InputError: for one that is none, or has no place in the data.
+        InputError: for a text of another form, or a path that the data cannot have.
     """
     changed: list[Change] = []
     for text in texts:
@@ -65,7 +44,7 @@ def parse_override(text: str) -> tuple[Location, Any]:
 
 
 def with_override(data: Any, location: Location, value: Any) -> Any:
-    """A copy of the data in which the value stands at the location."""
+    """A copy of the data with the value at the location."""
     return _replaced(data, location, value, ())
 
 
@@ -77,13 +56,13 @@ def _replaced(data: Any, rest: Location, value: Any, before: Location) -> Any:
         index = _index(data, key, before)
         item = _replaced(data[index], rest[1:], value, here)
         return [*data[:index], item, *data[index + 1 :]]
-    if before and before[-1] in PATHS:
+    if before and before[-1] in _PATH_KEYS:
         rest = (dotted(rest),)
         key = rest[0]
     if data is None or data == "auto":
         data = {}
-    elif isinstance(data, str) and before and before[-1] in SHORT:
-        data = {SHORT[str(before[-1])]: data}
+    elif isinstance(data, str) and (word_key := _word_key(before)) is not None:
+        data = {word_key: data}
     if not isinstance(data, dict):
         raise InputError(
             f"{dotted(here)}: `{dotted(before)}` is {quoted(data)} in the config, "
@@ -95,8 +74,32 @@ def _replaced(data: Any, rest: Location, value: Any, before: Location) -> Any:
     if len(rest) > 1 and key not in data and isinstance(rest[1], int):
         raise InputError(f"{dotted(here)}: no such list{close_match(key, data)}")
     item = _replaced(data.get(key), rest[1:], value, here)
-    others = {o for group in ALTERNATIVES if key in group for o in group} - {key}
+    others = _alternatives(key)
     return {**{k: v for k, v in data.items() if k not in others}, key: item}
+
+
+def _models(base: type[Model] = Model) -> Iterator[type[Model]]:
+    for model in base.__subclasses__():
+        yield model
+        yield from _models(model)
+
+
+def _alternatives(key: str) -> set[str]:
+    """Keys of which a mapping has one, without this: setting it replaces the others."""
+    groups = (group for model in _models() for group in model.exactly_one)
+    return {other for group in groups if key in group for other in group} - {key}
+
+
+def _word_key(location: Location) -> str | None:
+    """The key that a word alone stands for, as `kind` for "octree" in `structure`."""
+    if not location:
+        return None
+    for model in _models():
+        if location[-1] in model.model_fields:
+            for part in field_parts(model, str(location[-1])):
+                if isinstance(part, Short):
+                    return part.key
+    return None
 
 
 def _index(data: list, key: str | int, before: Location) -> int:
