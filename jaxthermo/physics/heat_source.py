@@ -47,9 +47,9 @@ class HeatSource(AbstractVolumeTerm):
     # every structure: a node receives that of its voxels, and where a structure leaves
     # the inside out the nearest node receives that of the inside.
 
-    heat_rate_density: Any
+    heat_rate_density: TimeVarying
     """q''' [W/m^3], positive into the body; a number or a function of time."""
-    within: Any = None
+    within: _Within = None
     """A `Region` or `Everything`; None for all bodies."""
 
     def __check_init__(self):

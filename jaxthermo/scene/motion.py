@@ -53,7 +53,7 @@ class PoseTable(eqx.Module):
 class Motion(eqx.Module):
     """A pose that changes with time, in snapshots."""
 
-    path: Any = eqx.field(static=True)
+    path: _PoseFunction = eqx.field(static=True)
     """A `PoseTable`, or a function of time [s] that returns a `Pose`."""
     every: float | int | None = eqx.field(static=True, default=None, kw_only=True)
     """Interval between snapshots of the geometry [s]; None: a table's own times."""

@@ -103,7 +103,7 @@ class Body(eqx.Module):
 
     structure: AbstractStructure
     material: Material | AbstractMaterials
-    temperature: Any = eqx.field(kw_only=True)
+    temperature: PositionVarying = eqx.field(kw_only=True)
     """Initial T [K], a number or a function of positions [n 3] (own frame, m)."""
     pose: Pose | Motion = eqx.field(kw_only=True, default=Pose())
     surface_map: AbstractSurfaceMap = eqx.field(
