@@ -5,16 +5,31 @@ f faces, k raster fragments, l levels, t saved times, b bodies, h w pixels, p po
 """
 
 import contextlib
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
 
 import jax
 import jax.core
 import numpy as np
 from jaxtyping import Array, Float, Int
+from numpy.typing import ArrayLike
 
 
 Scalar = float | int | Float[Array, ""] | Float[np.ndarray, ""] | np.floating
 """One number, traced or not."""
+
+if TYPE_CHECKING:
+    Number = Scalar
+    Numbers = ArrayLike | Float[Array, "..."]
+    Samples = Float[np.ndarray, " k"]
+    Vector = Sequence[Scalar] | Float[np.ndarray, "3"]
+    Points = Sequence[Sequence[Scalar]] | Float[np.ndarray, "n 3"]
+    TimeVarying = Numbers | Callable[[Float[Array, ""]], Float[Array, "..."]]
+    PositionVarying = Scalar | Callable[[Float[np.ndarray, "n 3"]], ArrayLike]
+else:
+    # For editors only: a wrong value is refused by its class, with argument, value and
+    # remedy, and the type check of a test run would come first.
+    Number = Numbers = Samples = Vector = Points = TimeVarying = PositionVarying = Any
 
 HostFloat = Float[np.ndarray, "..."]
 """Array of numpy, of any shape."""

@@ -175,7 +175,7 @@ def picture(
     )
 
 
-def write_png(path: str | Path, image: Image, low: float, high: float, **how):
+def write_png(path: str | Path, image: Image, low: float, high: float, **how: Any):
     """Write a frame in false colours as PNG; options as for `picture`.
 
     Raises:

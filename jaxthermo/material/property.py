@@ -27,9 +27,9 @@ class Property(eqx.Module):
         InputError: unless temperatures increase and values are positive and finite.
     """
 
-    temperatures: Any = eqx.field(converter=_as_array)
+    temperatures: Samples = eqx.field(converter=_as_array)
     """Temperatures, increasing [K]."""
-    values: Any = eqx.field(converter=_as_array)
+    values: Samples = eqx.field(converter=_as_array)
     """Values at these temperatures, in the unit of the property."""
 
     def __check_init__(self):

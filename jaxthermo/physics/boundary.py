@@ -16,6 +16,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 from typing_extensions import override
 
+from ..arrays import TimeVarying
+from ..voxels.selection import AbstractSelection
 from .flux_law import AbstractFluxLaw, LinearLaw, TemperatureRange
 from .term import AbstractSurfaceTerm, Binding, Forcing, Omitted, Scale, Surface
 from .time_varying import (

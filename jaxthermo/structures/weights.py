@@ -30,22 +30,22 @@ class ConductionWeights(eqx.Module):
         InputError: for values out of range or lists where one number is expected.
     """
 
-    within: Any = 1.0
+    within: Numbers = 1.0
     """Factor of links within level l; one number, or [levels]."""
-    between: Any = 1.0
+    between: Numbers = 1.0
     """Factor of links between level l and a deeper one; one number, or [levels - 1]."""
-    surface: Any = 1.0
+    surface: Numbers = 1.0
     """Additional factor of links that touch the surface."""
-    capacity: Any = 1.0
+    capacity: Numbers = 1.0
     """Factor of capacities in level l, before the total is restored; one number, or
     [levels]."""
-    surface_distance: Any = 1.0
+    surface_distance: Numbers = 1.0
     """Factor of the distance between a surface and its node, in the surface map."""
-    nearest_capacity: Any = 0.0
+    nearest_capacity: Numbers = 0.0
     """Exponent of the nearest voxels' volume in the capacity; usually 0 to 1."""
-    non_orthogonal: Any = 0.0
+    non_orthogonal: Numbers = 0.0
     """Fraction of the non-orthogonal correction, 1 for all; explicit solvers only."""
-    links: Any = 1.0
+    links: Numbers = 1.0
     """Additional factor of every link; one number, or [links]."""
 
     def __check_init__(self):

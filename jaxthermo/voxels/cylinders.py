@@ -20,13 +20,13 @@ class Cylinder:
         InputError: if the axis has no direction, or a size is not positive.
     """
 
-    axis_point: Any
+    axis_point: Vector
     """Middle of the axis: three numbers [m]."""
-    axis: Any
+    axis: Vector
     """Direction of the axis: three numbers [-]."""
-    diameter: Any
+    diameter: Number
     """Diameter [m]."""
-    length: Any = None
+    length: Number | None = None
     """Length [m]; None for an infinite cylinder."""
     body: int = 0
     """Number of the body in the scene."""

@@ -25,6 +25,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from typing_extensions import override
 
+from ...arrays import TimeVarying
 from ...errors import InputError
 from ...voxels.cylinder_parts import parts_of
 from ...voxels.cylinders import Cylinder, given_cylinders

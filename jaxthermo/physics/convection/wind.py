@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Float
 from typing_extensions import override
 
-from ...arrays import is_traced
+from ...arrays import TimeVarying, is_traced
 from ...errors import InputError
 from ...raster.directions import unit_vector
 from ...voxels.cylinder_parts import parts_of

@@ -19,6 +19,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
+from ...arrays import TimeVarying
 from ...constants import STEFAN_BOLTZMANN
 from ..boundary import toward
 from ..flux_law import AbstractFluxLaw, TemperatureRange

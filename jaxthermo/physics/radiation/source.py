@@ -19,6 +19,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from typing_extensions import override
 
+from ...arrays import TimeVarying
 from ...errors import InputError
 from ...raster.directions import unit_vector
 from ..boundary import ImposedFlux
