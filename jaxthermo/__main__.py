@@ -100,6 +100,14 @@ def materials(
 
 
 @app.command
+def palettes() -> None:
+    """List the colour scales and the differences between their colours."""
+    from .cli.palettes import palettes as show
+
+    show()
+
+
+@app.command
 def example(name: str | None = None, /, *, out: Path | None = None) -> None:
     """List the example scenes, which need no mesh file, or write one.
 

@@ -5,8 +5,6 @@ it turns about one axis at a constant rate (spherical interpolation, Shoemake 19
 """
 
 import math
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 import numpy as np

@@ -3,6 +3,7 @@
 import pytest
 
 from jaxthermo.__main__ import main
+from jaxthermo.image.palette import palette_names
 from jaxthermo.material.table import emissivity_rows, find_materials, material_rows
 
 
@@ -68,3 +69,10 @@ def test_find_materials_looks_at_labels_and_aliases_too():
     assert [row.name for row in find_materials("octane")] == ["gasoline"]
     assert [row.name for row in find_materials("Petrol")] == ["gasoline"]
     assert find_materials("zzz") == ()
+
+
+def test_palettes_are_listed_with_the_differences_of_their_colours(shown):
+    lines = shown("palettes")
+    for name in palette_names():
+        (line,) = (line for line in lines if line.split()[:1] == [name])
+        assert all(float(number) >= 0 for number in line.split()[1:])

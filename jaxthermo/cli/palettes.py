@@ -1,0 +1,35 @@
+"""`jaxthermo palettes`: the colour scales and the differences between their colours."""
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from ..image.palette_design import palette_report
+from .console import open_console, print_line
+
+
+_COLUMNS = {
+    "step_min": "smallest\nstep",
+    "step_max": "largest\nstep",
+    "apart_normal": "normal\nvision",
+    "apart_protanopia": "prot-\nanopia",
+    "apart_deuteranopia": "deuter-\nanopia",
+    "apart_tritanopia": "trit-\nanopia",
+}
+_NOTE = (
+    "Differences CIEDE2000, of neighbouring colours (step), and the smallest of two "
+    "colours at least 1/8 of the scale apart, in normal vision and without one kind of "
+    "cone: below about 1 two temperatures look the same."
+)
+
+
+def palettes() -> None:
+    """Print the differences between the colours of every palette."""
+    table = Table(box=box.SIMPLE, pad_edge=False)
+    table.add_column("palette", no_wrap=True)
+    for column in _COLUMNS.values():
+        table.add_column(column, justify="right")
+    for name, facts in palette_report().items():
+        table.add_row(name, *(f"{facts[key]:.2f}" for key in _COLUMNS))
+    Console(highlight=False, markup=False).print(table)
+    print_line(open_console(), _NOTE)
