@@ -58,7 +58,7 @@ class Steps:
         self.bar.update(self.task, description=what)
         for row in rows:
             self.bar.advance(self.task)
-            tell(self.console, row_in_words(row))
+            print_line(self.console, row_in_words(row))
             yield row
 
 

@@ -37,8 +37,8 @@ def log_scene(
     for body, report in zip(scene.bodies, structures, strict=True):
         grid = body.structure.grid
         shape = " x ".join(str(n) for n in grid.lattice.shape)
-        tell(console, mesh_summary(grid.mesh))
-        tell(
+        print_line(console, mesh_summary(grid.mesh))
+        print_line(
             console,
             f"  {grid.solid_count} solid voxels of {grid.pitch * 1e3:.4g} mm in "
             f"{shape}, {len(grid.fragment_area)} surface fragments",

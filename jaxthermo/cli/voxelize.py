@@ -36,7 +36,7 @@ def voxelize(
     target = None if height is None else _length("--height", height)
     loaded = load_mesh(mesh, unit=unit, height=target, up=up)
     console = open_console()
-    tell(console, mesh_summary(loaded))
+    print_line(console, mesh_summary(loaded))
     with results_folder(out) as folder:
         with status(console, "voxelizing"):
             grid = make_voxels(loaded, pitch=edge)

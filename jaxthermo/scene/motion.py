@@ -5,6 +5,8 @@ it turns about one axis at a constant rate (spherical interpolation, Shoemake 19
 """
 
 import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 import numpy as np
@@ -13,6 +15,12 @@ from jaxtyping import Float
 from ..errors import InputError
 from ..geometry.pose import Pose
 
+
+if TYPE_CHECKING:
+    _PoseFunction = Callable[[float], Pose]
+else:
+    # Checked by the class, which says what to give instead.
+    _PoseFunction = Any
 
 # Of a run: each snapshot finds shadows and contacts, and makes a program.
 _MAX_SNAPSHOTS = 10_000
