@@ -36,6 +36,7 @@ from .physics.contact.links import Contact as Contact, bonded as bonded
 from .physics.convection.free_convection import FreeConvection as FreeConvection
 from .physics.convection.wake import WakeDeficit as WakeDeficit
 from .physics.convection.wind import Wind as Wind
+from .physics.flux_law import AbstractFluxLaw as AbstractFluxLaw
 from .physics.heat_source import HeatSource as HeatSource
 from .physics.radiation.area_source import AreaSource as AreaSource
 from .physics.radiation.emission import Surroundings as Surroundings
@@ -45,6 +46,16 @@ from .physics.radiation.moving_source import (
 )
 from .physics.radiation.radiative_exchange import RadiativeExchange as RadiativeExchange
 from .physics.radiation.source import PointSource as PointSource, Sun as Sun
+from .physics.term import (
+    AbstractExchangeTerm as AbstractExchangeTerm,
+    AbstractPairTerm as AbstractPairTerm,
+    AbstractSurfaceTerm as AbstractSurfaceTerm,
+    AbstractVolumeTerm as AbstractVolumeTerm,
+    Binding as Binding,
+    Forcing as Forcing,
+    Omitted as Omitted,
+    Surface as Surface,
+)
 from .physics.time_varying import Table as Table, Until as Until
 from .scene.compile.compile import compile_scene as compile_scene
 from .scene.motion import Motion as Motion, PoseTable as PoseTable
