@@ -54,7 +54,7 @@ TOLERANCE = 1e-8
 MOST = 5000
 
 
-class System(NamedTuple):
+class _System(NamedTuple):
     """(diag(m) - K) x = b, as a state and as a matrix of the solid voxels."""
 
     network: AbstractNetwork
@@ -65,7 +65,7 @@ class System(NamedTuple):
     matrix: Any
 
 
-class Solved(NamedTuple):
+class _Solved(NamedTuple):
     """The result of one solver."""
 
     values: np.ndarray
@@ -74,7 +74,7 @@ class Solved(NamedTuple):
     seconds: float
 
 
-def system(height: int, dt: float | None) -> System:
+def system(height: int, dt: float | None) -> _System:
     """The figurine, heated from +x, in still air; at rest if there is no step."""
     grid = jt.voxelize(figurine(HEIGHT), HEIGHT / height)
     structure = jt.FullVolume(grid).for_solves()
@@ -93,12 +93,12 @@ def system(height: int, dt: float | None) -> System:
     k = half + half.T
     matrix = sparse.csr_array(sparse.diags_array(k.sum(axis=1) + m) - k)
     b = 5000.0 * np.bincount(node, shone_on, n)
-    return System(
+    return _System(
         network, hierarchy(structure, network), put(m), put(b), address, matrix
     )
 
 
-class Norm(AbstractStoppingNorm):
+class _Norm(AbstractStoppingNorm):
     """The residual's, as scipy stops by."""
 
     def initial(self, residual: Any) -> jax.Array:
@@ -112,7 +112,7 @@ class Norm(AbstractStoppingNorm):
 
 
 @jax.jit
-def conjugate_gradients(
+def _conjugate_gradients(
     network: AbstractNetwork, levels: Hierarchy | None, m: jax.Array, b: jax.Array
 ) -> tuple[jax.Array, jax.Array]:
     """The solution and how many iterations it took; without levels by the diagonal."""
@@ -121,22 +121,22 @@ def conjugate_gradients(
         jax.eval_shape(lambda: b),
         lx.positive_semidefinite_tag,
     )
-    solver = ConjugateGradient(Norm(), TOLERANCE, relative=True, max_iterations=MOST)
+    solver = ConjugateGradient(_Norm(), TOLERANCE, relative=True, max_iterations=MOST)
     cycle = jacobi(network, m) if levels is None else levels.cycle(m)
     options = {"preconditioner": cycle}
     found = lx.linear_solve(operator, b, solver, options=options, throw=False)
     return found.value, found.stats["iterations"]
 
 
-def _ours(given: System, levels: Hierarchy | None) -> Solved:
+def _ours(given: _System, levels: Hierarchy | None) -> _Solved:
     clock = time.perf_counter()
-    x, count = conjugate_gradients(given.network, levels, given.m, given.b)
+    x, count = _conjugate_gradients(given.network, levels, given.m, given.b)
     jax.block_until_ready(x)
     seconds = time.perf_counter() - clock
-    return Solved(np.asarray(x[given.address]), int(count), seconds)
+    return _Solved(np.asarray(x[given.address]), int(count), seconds)
 
 
-def _scipy(given: System, preconditioner: Any) -> Solved:
+def _scipy(given: _System, preconditioner: Any) -> _Solved:
     count = 0
 
     def counted(_):
@@ -153,22 +153,22 @@ def _scipy(given: System, preconditioner: Any) -> Solved:
         M=preconditioner,
         callback=counted,
     )
-    return Solved(x, count, time.perf_counter() - clock)
+    return _Solved(x, count, time.perf_counter() - clock)
 
 
-def _compare(given: System, dt: float | None, repeats: int) -> dict[str, Any]:
+def _compare(given: _System, dt: float | None, repeats: int) -> dict[str, Any]:
     """Times, iterations and true residuals of one system."""
     stable = float(1 / given.network.max_rate())
     chosen = MULTIGRID if dt is None or dt > MULTIGRID_STEP_RATIO * stable else DIAGONAL
     clock = time.perf_counter()
     arguments = given.network, given.levels, given.m, given.b
-    conjugate_gradients.lower(*arguments).compile()
+    _conjugate_gradients.lower(*arguments).compile()
     compiled = time.perf_counter() - clock
     clock = time.perf_counter()
     aggregation = pyamg.smoothed_aggregation_solver(given.matrix, symmetry="symmetric")
     set_up = time.perf_counter() - clock
     diagonal = sparse.diags_array(1 / given.matrix.diagonal())
-    solvers: dict[str, Callable[[], Solved]] = {
+    solvers: dict[str, Callable[[], _Solved]] = {
         DIAGONAL: partial(_ours, given, None),
         MULTIGRID: partial(_ours, given, given.levels),
         "scipy, diagonal": partial(_scipy, given, diagonal),

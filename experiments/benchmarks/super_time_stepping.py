@@ -37,7 +37,7 @@ STEPS = (18, 36)
 END = 90.0
 
 
-class Peer(NamedTuple):
+class _Peer(NamedTuple):
     """The arrays of a scene that the numba loop reads."""
 
     rows: np.ndarray
@@ -88,7 +88,7 @@ def _first(rows, zero, change, last):
             last[i, j, k] = zero[i, j, k] + change[i, j, k] / np.float32(3)
 
 
-def _peer_run(peer: Peer, state: np.ndarray, dt: float, steps: int, stages: int):
+def _peer_run(peer: _Peer, state: np.ndarray, dt: float, steps: int, stages: int):
     """All steps of the scheme on a copy of the state."""
     weight, table = 4 / (stages**2 + stages - 2), rkl2_coefficients(stages)
     one = lambda *values: tuple(np.float32(v) for v in values)
@@ -117,7 +117,7 @@ def _peer_run(peer: Peer, state: np.ndarray, dt: float, steps: int, stages: int)
     return zero
 
 
-def _peer_of(todo: Plan, scene: jt.Scene) -> Peer:
+def _peer_of(todo: Plan, scene: jt.Scene) -> _Peer:
     """The same loads and links as plain arrays."""
     program, structure = todo.compiled.program, scene.bodies[0].structure
     network, surface = program.bodies[0].network, program.surface
@@ -135,7 +135,7 @@ def _peer_of(todo: Plan, scene: jt.Scene) -> Peer:
     own = lambda each: np.bincount(cells.node, each) / capacity
     cold, warm = own(heat(zero)), own(heat(zero + 1))
     address = tuple(np.asarray(index) for index in cells.address)
-    return Peer(
+    return _Peer(
         rows=np.stack([i, j, low + 1, high + 1], axis=1),
         degree=np.pad(np.asarray(network.degree), 1),
         conducts=float(network.conductance) / capacity,

@@ -27,7 +27,7 @@ def _scene(*terms, temperature=HOT) -> jt.Scene:
 AHEAD = (1.0, 0.0, 0.0)
 
 
-def winds() -> Iterator[Row]:
+def _winds() -> Iterator[Row]:
     """S17."""
     yield _at_rest()
     for what, term in {
@@ -88,7 +88,7 @@ def _slope(what: str, scene_of, at: float, name: str, solver) -> Row:
     return Row(what, name, "float64", seen=f"{slope:.4g}", checks=checks)
 
 
-def nothing_to_exchange() -> Iterator[Row]:
+def _nothing_to_exchange() -> Iterator[Row]:
     """S18."""
     still = lambda t: (
         jt.Convection(10.0, t, on=jt.Side((0.0, 0.0, 1.0))),
@@ -114,7 +114,7 @@ CASES = (
         "Nu(0) = 0.3 with finite slopes; bounds hold; the receipt notes a Re "
         "out of range",
         "",
-        winds,
+        _winds,
     ),
     Case(
         "S18",
@@ -122,6 +122,6 @@ CASES = (
         "no difference, no heat; Ra^(1/4) has an infinite slope at 0",
         "nothing moves, bit by bit; slopes are finite",
         "",
-        nothing_to_exchange,
+        _nothing_to_exchange,
     ),
 )

@@ -72,7 +72,7 @@ def capacities() -> Iterator[Row]:
                 yield from through_all(f"{words}, {name}", scene)
 
 
-def long_steps() -> Iterator[Row]:
+def _long_steps() -> Iterator[Row]:
     """S04."""
     for dtype in DTYPES:
         scene = insulated("uniform", (STEEL, STEEL), dtype)
@@ -185,7 +185,7 @@ CASES = (
         "backward Euler never overshoots; Crank-Nicolson does not up to 2 limits, and "
         "rings above by (1 - z/2)/(1 + z/2) a step; factors to 1e-9",
         "",
-        long_steps,
+        _long_steps,
     ),
     Case(
         "S22",

@@ -43,7 +43,7 @@ def heated(metal: jt.Material, pitch: float, dtype: str) -> jt.Scene:
     return jt.Scene((body,), (side,), dtype=dtype)
 
 
-def slow_changes() -> Iterator[Row]:
+def _slow_changes() -> Iterator[Row]:
     """S10."""
     for name in METALS:
         yield _rise(name, "float64", "ForwardEuler")
@@ -88,7 +88,7 @@ SIDE = 216
 """Voxels along each edge: 1.008e7."""
 
 
-def many_voxels() -> Iterator[Row]:
+def _many_voxels() -> Iterator[Row]:
     """S20."""
     values = np.random.default_rng(0).uniform(0, 100, 10**7).astype(np.float32)
     exact = float(values.sum(dtype=np.float64))
@@ -127,7 +127,7 @@ CASES = (
         "q A / (rho c V); one float32 rounding of 300 K is 3.05e-5 K",
         "the rise after 1000 steps of 1 s, to 1e-3, and the table's three digits",
         "",
-        slow_changes,
+        _slow_changes,
     ),
     Case(
         "S20",
@@ -135,6 +135,6 @@ CASES = (
         "pairwise summation: error of order eps log n",
         "sums and the ledger's drift to 1e-6",
         "",
-        many_voxels,
+        _many_voxels,
     ),
 )

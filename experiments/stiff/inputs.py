@@ -72,7 +72,7 @@ DAMAGES = {
 }
 
 
-def damaged_meshes() -> Iterator[Row]:
+def _damaged_meshes() -> Iterator[Row]:
     """S16."""
     whole = jt.shapes.sphere(RADIUS, subdivisions=3)
     exact = 4 / 3 * np.pi * RADIUS**3
@@ -130,7 +130,7 @@ def _scene(conductivity) -> jt.Scene:
     return jt.Scene((body,), (), dtype="float64")
 
 
-def proposals() -> Iterator[Row]:
+def _proposals() -> Iterator[Row]:
     """S21."""
     yield refusal("k = -1", lambda: jt.Material(-1.0, 1.0, 1.0), "positive, finite")
     yield refusal("k is NaN", lambda: jt.Material(np.nan, 1.0, 1.0), "positive, finite")
@@ -194,7 +194,7 @@ CASES = (
         "the sphere's volume to 2 %, less the cap where that is missing; the "
         "damage is reported",
         "",
-        damaged_meshes,
+        _damaged_meshes,
     ),
     Case(
         "S21",
@@ -202,6 +202,6 @@ CASES = (
         "k = exp(p) is positive for any p",
         "a number is refused; a fit of log k stays positive and finite",
         "",
-        proposals,
+        _proposals,
     ),
 )

@@ -78,7 +78,7 @@ def _at_rest(scene: jt.Scene) -> Row:
     return Row("steady state", "steady", scene.dtype, checks=checks)
 
 
-def no_conductivity() -> Iterator[Row]:
+def _no_conductivity() -> Iterator[Row]:
     """S13."""
     yield refusal("k = 0", lambda: jt.Material(0.0, 1.0, 1.0), "positive, finite")
     with precision("float64"):
@@ -103,7 +103,7 @@ def no_conductivity() -> Iterator[Row]:
         yield from through_all("every other voxel of k = 1e-30", scene)
 
 
-def no_capacity() -> Iterator[Row]:
+def _no_capacity() -> Iterator[Row]:
     """S14."""
     yield refusal("density 0", lambda: jt.Material(1.0, 0.0, 1.0), "positive, finite")
     yield refusal("c_p 0", lambda: jt.Material(1.0, 1.0, 0.0), "positive, finite")
@@ -117,7 +117,7 @@ def no_capacity() -> Iterator[Row]:
     yield from through_all("every other voxel of 1e-6 J/(m^3 K)", scene)
 
 
-def few_voxels() -> Iterator[Row]:
+def _few_voxels() -> Iterator[Row]:
     """S15."""
     line = rod(8, STEEL, 100.0)
     for method in damping(stable_step(line)):
@@ -168,7 +168,7 @@ CASES = (
         "harmonic mean, 0 if either half insulates",
         "refused as a material; conductance 0 with a finite slope where it is traced",
         "",
-        no_conductivity,
+        _no_conductivity,
     ),
     Case(
         "S14",
@@ -176,7 +176,7 @@ CASES = (
         "maximum principle",
         "refused; and 1e-6 beside 3.4e6 J/(m^3 K) keeps the bounds",
         "",
-        no_capacity,
+        _no_capacity,
     ),
     Case(
         "S15",
@@ -184,6 +184,6 @@ CASES = (
         "an InputError says what, where and what to do",
         "a value for every fragment; what has no voxel is refused in one line",
         "",
-        few_voxels,
+        _few_voxels,
     ),
 )

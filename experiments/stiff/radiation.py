@@ -60,12 +60,12 @@ def _from(start: float) -> Iterator[Row]:
         yield too_long(what, scene, LONG)
 
 
-def from_the_sun() -> Iterator[Row]:
+def _from_the_sun() -> Iterator[Row]:
     """S06."""
     return _from(5800.0)
 
 
-def from_near_zero() -> Iterator[Row]:
+def _from_near_zero() -> Iterator[Row]:
     """S07."""
     return _from(1e-3)
 
@@ -81,7 +81,7 @@ SOLVERS = {
 }
 
 
-def at_zero() -> Iterator[Row]:
+def _at_zero() -> Iterator[Row]:
     """S08."""
     for name, solver in SOLVERS.items():
         try:
@@ -118,7 +118,7 @@ def _derivatives(name: str, solver) -> Row:
 GAP = 1e-3
 
 
-def close_temperatures() -> Iterator[Row]:
+def _close_temperatures() -> Iterator[Row]:
     """S09."""
     yield _close("float64", "ForwardEuler")
     for name in SOLVERS:
@@ -158,7 +158,7 @@ LEAST = 0.01
 """Distance from on which a source is a point [m]."""
 
 
-def grazing_sources() -> Iterator[Row]:
+def _grazing_sources() -> Iterator[Row]:
     """S19."""
     grid = block(6, 6, 6, PITCH)
     top = grid.fragment_normal[:, 2] > 0.9
@@ -219,7 +219,7 @@ CASES = (
         "maximum principle; undamped Newton from the hot side takes 14 to 16 steps",
         "at most 20 steps of Newton's method; ends within [300, 5800] K",
         "",
-        from_the_sun,
+        _from_the_sun,
     ),
     Case(
         "S07",
@@ -227,7 +227,7 @@ CASES = (
         "maximum principle; undamped Newton takes 104 steps from there",
         "at most 20 steps of Newton's method; ends within [0.001, 300] K",
         "",
-        from_near_zero,
+        _from_near_zero,
     ),
     Case(
         "S08",
@@ -235,7 +235,7 @@ CASES = (
         f"d(T^4)/dT = 0 at 0 K; a cube of {METAL.volumetric_heat_capacity:.3g} J/m^3K",
         "finite value, forward and reverse derivative, which agree to 1e-9",
         "",
-        at_zero,
+        _at_zero,
     ),
     Case(
         "S09",
@@ -243,7 +243,7 @@ CASES = (
         "T1^4 - T2^4 = (T1 - T2)(T1 + T2)(T1^2 + T2^2)",
         "as exact as the temperatures: 1.5 roundings of 300 K over the gap",
         "",
-        close_temperatures,
+        _close_temperatures,
     ),
     Case(
         "S19",
@@ -251,6 +251,6 @@ CASES = (
         "I max(0, L . n) / max(R, R_0)^2",
         "max(0, L . n) is 0 there; 1 / R^2 stops at the least distance",
         "",
-        grazing_sources,
+        _grazing_sources,
     ),
 )

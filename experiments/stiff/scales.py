@@ -21,7 +21,7 @@ from .solved import (
 )
 
 
-def small_and_large() -> Iterator[Row]:
+def _small_and_large() -> Iterator[Row]:
     """S03."""
     for dtype in ("float64", "float32"):
         small = beside(block(3, 3, 3, 1e-5), 0.0, DIAMOND, 400.0)
@@ -49,7 +49,7 @@ LENGTH, AIR, START = 0.1, 300.0, 400.0
 MATERIAL = jt.Material(1.0, density=1000.0, specific_heat=1000.0)
 
 
-def biot_numbers() -> Iterator[Row]:
+def _biot_numbers() -> Iterator[Row]:
     """S05."""
     end = LENGTH**2 / MATERIAL.diffusivity / 1e-6
     yield from _slab(1e-6, 8, end, float(np.exp(-1.0)), 128)
@@ -116,7 +116,7 @@ CASES = (
         "h^2 / 6 alpha; maximum principle",
         "implicit steps of 100 s are taken; explicit Euler refuses and names its limit",
         "",
-        small_and_large,
+        _small_and_large,
     ),
     Case(
         "S05",
@@ -125,6 +125,6 @@ CASES = (
         "the mean of a slab agrees with exp(-t / tau), and with the series of a "
         "prescribed surface, to 1e-5 of the first excess",
         "",
-        biot_numbers,
+        _biot_numbers,
     ),
 )

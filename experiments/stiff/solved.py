@@ -50,7 +50,7 @@ class Method(NamedTuple):
     """`kept` to rounding, `bounded` by the range of the data, or `reported`."""
 
 
-class Ran(NamedTuple):
+class _Ran(NamedTuple):
     """A run with the temperatures of its nodes."""
 
     solution: jt.Solution
@@ -83,7 +83,7 @@ def run_nodes(
     solver: AbstractSolver,
     end: float,
     save_at: Sequence[float] | None = None,
-) -> Ran:
+) -> _Ran:
     """The same as `simulate`, run twice to time it, with the temperatures of all nodes.
 
     Args:
@@ -116,7 +116,7 @@ def run_nodes(
                 scene.bodies, program.bodies, state.theta, strict=True
             )
         )
-    return Ran(solution, nodes, max(middle - begin - took, 0.0), took)
+    return _Ran(solution, nodes, max(middle - begin - took, 0.0), took)
 
 
 def stable_step(scene: jt.Scene) -> float:
@@ -156,7 +156,7 @@ def row_of(
     what: str,
     dtype: str,
     method: Method,
-    ran: Ran,
+    ran: _Ran,
     bounds: Bounds,
     limits: Limits = LIMITS,
     max_newton: int | None = None,
@@ -175,7 +175,7 @@ def row_of(
         checks.append(
             Bound(
                 "missed tolerance",
-                float(misses_tolerance(ran, dtype, method.solver)),
+                float(_misses_tolerance(ran, dtype, method.solver)),
                 0.0,
             )
         )
@@ -199,7 +199,7 @@ def row_of(
     )
 
 
-def misses_tolerance(ran: Ran, dtype: str, solver: Any) -> bool:
+def _misses_tolerance(ran: _Ran, dtype: str, solver: Any) -> bool:
     """True if a solve missed its tolerance although the run reports success.
 
     A solve is called done within twice its tolerance; steps of an adaptive solver that

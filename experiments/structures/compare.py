@@ -58,7 +58,7 @@ class Steps:
         self.bar.update(self.task, description=what)
         for row in rows:
             self.bar.advance(self.task)
-            print_line(self.console, row_in_words(row))
+            print_line(self.console, _row_in_words(row))
             yield row
 
 
@@ -77,7 +77,7 @@ def counted(console: Console, total: int) -> Iterator[Steps]:
         yield Steps(console, bar, bar.add_task("", total=total))
 
 
-def row_in_words(row: Row) -> str:
+def _row_in_words(row: Row) -> str:
     """One line about any row."""
     names = ("body", "load", "hollow", "asked_for", "label")
     where = " ".join(str(row[name]) for name in names if name in row)
@@ -172,8 +172,8 @@ def _measure(
 ) -> Findings:
     """All rows and what follows from them, with a bar on a terminal."""
     claims = config.claims
-    limb = limb_study(config, studies[0].record)
-    with counted(console, count_rows(config, limb)) as steps:
+    limb = _limb_study(config, studies[0].record)
+    with counted(console, _count_rows(config, limb)) as steps:
         rows = [row for study in studies for row in _rows(study, steps)]
         swept, even = [], []
         if claims.levels is not None:
@@ -213,7 +213,7 @@ def _rows(study: Study, steps: Steps) -> Iterator[Row]:
         yield from steps.each(study.rows(case), f"{study.body.name}, {case.label}")
 
 
-def limb_study(config: ComparisonConfig, record: Record) -> Study | None:
+def _limb_study(config: ComparisonConfig, record: Record) -> Study | None:
     """The body with thin limbs, under the load that the pictures show."""
     limb = config.claims.limb
     if limb is None:
@@ -229,18 +229,18 @@ def limb_study(config: ComparisonConfig, record: Record) -> Study | None:
     )
 
 
-def count_rows(config: ComparisonConfig, limb: Study | None) -> int:
+def _count_rows(config: ComparisonConfig, limb: Study | None) -> int:
     """The number of rows of the whole comparison."""
     claims = config.claims
-    total = len(config.bodies) * count_body_rows(config)
+    total = len(config.bodies) * _count_body_rows(config)
     if claims.levels is not None:
         total += (len(claims.levels.counts) + 1) * len(claims.levels.hollow)
     if claims.equilibrium is not None:
         total += len(all_cases(config))
-    return total + (0 if limb is None else count_body_rows(limb.config))
+    return total + (0 if limb is None else _count_body_rows(limb.config))
 
 
-def count_body_rows(config: ComparisonConfig) -> int:
+def _count_body_rows(config: ComparisonConfig) -> int:
     """References, and every structure under its loads."""
     each = (len(case_loads(case, config)) for case in all_cases(config))
     return len(config.loads) + sum(each)

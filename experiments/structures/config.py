@@ -91,20 +91,20 @@ class ExpectConfig(Model):
     """At least, by the median, than the full volume's explicit loop."""
 
 
-class NamedConfig(Model):
+class _NamedConfig(Model):
     """A structure and what the tables call it."""
 
     label: Annotated[str, Field(min_length=1, max_length=40)]
     structure: StructureConfig
 
 
-class EntryConfig(NamedConfig):
+class EntryConfig(_NamedConfig):
     """One structure of the comparison."""
 
     expect: ExpectConfig | None = None
 
 
-class PictureConfig(Model):
+class _PictureConfig(Model):
     """Which load and saved time the pictures show."""
 
     load: Load
@@ -131,7 +131,7 @@ class LimbConfig(Model):
 
     shape: ShapeConfig
     voxels_high: Height
-    structures: Annotated[tuple[NamedConfig, ...], NotEmpty]
+    structures: Annotated[tuple[_NamedConfig, ...], NotEmpty]
 
     def mistakes(self) -> list[Mistake]:
         """Names given twice."""
@@ -139,7 +139,7 @@ class LimbConfig(Model):
         return _twice(labels, "structures", len(RESERVED))
 
 
-class ClaimsConfig(Model):
+class _ClaimsConfig(Model):
     """Claims of the thesis that are measured; an omitted one is not run."""
 
     levels: LevelsConfig | None = None
@@ -164,8 +164,8 @@ class ComparisonConfig(Model):
     reference_step: Annotated[Fraction, Field(gt=0)] = 0.25
     repeats: Repeats = 5
     camera: PinholeConfig = PinholeConfig()
-    picture: PictureConfig
-    claims: ClaimsConfig = ClaimsConfig()
+    picture: _PictureConfig
+    claims: _ClaimsConfig = _ClaimsConfig()
 
     def mistakes(self) -> list[Mistake]:
         """Names given twice, and names of what is not there."""

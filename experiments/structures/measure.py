@@ -134,7 +134,7 @@ class Baseline(NamedTuple):
 
 
 @contextmanager
-def without_structure_cache() -> Iterator[None]:
+def _without_structure_cache() -> Iterator[None]:
     """Structures are built, not read back: their build time is part of the result."""
     before = os.environ.get("JAXTHERMO_CACHE")
     os.environ["JAXTHERMO_CACHE"] = "off"
@@ -227,7 +227,7 @@ def ratio_row(structure: Timing, full: Timing) -> Row:
 
 def build_timed(make: Callable[[], AbstractStructure]) -> Timed:
     """A structure, built even if it is in the cache."""
-    with without_structure_cache():
+    with _without_structure_cache():
         clock = time.perf_counter()
         structure = make()
         return structure, time.perf_counter() - clock

@@ -42,8 +42,8 @@ def write_pictures(
     where = f"{study.body.name}, sun on {shown.load}, {time_label(shown.time)}"
     name = study.body.name
     sheets = {
-        "differences": difference_sheet(scene, expected, chosen, frames, where),
-        "frames": frame_sheet(scene, expected, chosen, frames, where),
+        "differences": _difference_sheet(scene, expected, chosen, frames, where),
+        "frames": _frame_sheet(scene, expected, chosen, frames, where),
     }
     paths = [folder / f"{prefix}{kind}_{name}.png" for kind in sheets]
     for path, image in zip(paths, sheets.values(), strict=True):
@@ -55,7 +55,7 @@ def _frames(scene: Scenery, rows: list[Row], record: Record) -> list[Frame]:
     return [scene.frame(record.arrays_of(row)["surface"]) for row in rows]
 
 
-def difference_sheet(
+def _difference_sheet(
     scene: Scenery, expected: Frame, rows: list[Row], frames: list[Frame], where: str
 ) -> Image.Image:
     """Structure less full volume [K], on one scale for all."""
@@ -75,7 +75,7 @@ def difference_sheet(
     return sheet(tiles, bar, title)
 
 
-def frame_sheet(
+def _frame_sheet(
     scene: Scenery, expected: Frame, rows: list[Row], frames: list[Frame], where: str
 ) -> Image.Image:
     """Surface temperatures, on the reference's scale."""

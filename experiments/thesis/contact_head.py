@@ -36,7 +36,7 @@ TILE = 280
 """Edge of a picture, about [px]."""
 
 
-def ball_on_head(mesh: Mesh, height: int) -> tuple[PlacedGrid, PlacedGrid]:
+def _ball_on_head(mesh: Mesh, height: int) -> tuple[PlacedGrid, PlacedGrid]:
     """A body, and a ball that touches its highest point from above."""
     tall = float(np.ptp(mesh.bounds[:, 2]))
     pitch = tall / height
@@ -56,14 +56,14 @@ def balls_on_heads(
     """Contacts of a ball with each body, and the time to find them."""
     rows = []
     for name, mesh in meshes.items():
-        head, ball = ball_on_head(mesh, height)
+        head, ball = _ball_on_head(mesh, height)
         find_contacts(head, ball)
         start = time.perf_counter()
         pairs = find_contacts(head, ball)
         seconds = time.perf_counter() - start
         file = f"contact_{name.lower().replace(' ', '_')}.png"
         flux = _first_flux(pairs, head, ball)
-        write_png(folder / file, texture_sheet(name, head, ball, pairs, flux))
+        write_png(folder / file, _texture_sheet(name, head, ball, pairs, flux))
         rows.append(
             {
                 "mesh": name,
@@ -92,7 +92,7 @@ def _first_flux(pairs: ContactPairs, head: PlacedGrid, ball: PlacedGrid):
     )
 
 
-def texture_sheet(name: str, head: PlacedGrid, ball: PlacedGrid, pairs, flux):
+def _texture_sheet(name: str, head: PlacedGrid, ball: PlacedGrid, pairs, flux):
     """Conduction textures of both bodies, of the layers that hold any contact."""
     max_flux = max(float(np.abs(each).max()) for each in flux) / 1e3
     tiles = []

@@ -42,7 +42,7 @@ SECTOR = 10
 """Width of a sector [degrees]."""
 
 
-class Cooling:
+class _Cooling:
     """One cylinder, upright, in a wind along x."""
 
     def __init__(self):
@@ -79,7 +79,7 @@ class Cooling:
 
 def measure_cooling(folder: Path) -> dict[str, Any]:
     """C21, the three averages and a fixed h on one cylinder."""
-    case = Cooling()
+    case = _Cooling()
     wind = lambda name: Wind((SPEED, 0.0, 0.0), AIR, average=name)
     runs = {a.name: case.run(wind(a.name)) for a in AVERAGES}
     first = runs[AVERAGES[0].name]
@@ -108,7 +108,7 @@ def measure_cooling(folder: Path) -> dict[str, Any]:
     }
 
 
-def _mean_coefficient(case: Cooling, wind: Wind) -> float:
+def _mean_coefficient(case: _Cooling, wind: Wind) -> float:
     """H that takes from the whole surface what the wind takes at first [W/(m^2 K)]."""
     body = Body(FullVolume(case.grid), CERAMIC, temperature=HOT)
     short = simulate(Scene((body,), (wind,), dtype="float64"), 1e-3)
@@ -116,7 +116,7 @@ def _mean_coefficient(case: Cooling, wind: Wind) -> float:
     return lost / (case.grid.fragment_area.sum() * (HOT - AIR))
 
 
-def _choice(case: Cooling, name: str, solution: Solution, at: int) -> dict[str, Any]:
+def _choice(case: _Cooling, name: str, solution: Solution, at: int) -> dict[str, Any]:
     side = case.by_sector(solution)[at]
     return {
         "name": name,

@@ -152,7 +152,7 @@ def _count_structures(mesh: Mesh, height: int) -> dict[str, Any]:
     }
 
 
-def compression_table(found: dict[str, list[dict]]) -> Table:
+def _compression_table(found: dict[str, list[dict]]) -> Table:
     """Voxels kept by each structure, over those of the body and of its box."""
     columns = ("mesh", "high", "shell", "/ body", "/ box", "irregular", "/ body")
     rows = [
@@ -246,7 +246,7 @@ def _map(cells: np.ndarray, body: np.ndarray, pitch: float) -> dict[str, Any]:
     }
 
 
-def capacity_table(result: dict[str, Any], name: str) -> Table:
+def _capacity_table(result: dict[str, Any], name: str) -> Table:
     """Capacities of the body and of its regions, over the exact ones."""
     shares = result["structure"]["share_of_body_volume"]
     regions = result["regions"]
@@ -273,13 +273,13 @@ def run() -> dict[str, Any]:
     console.print(cube_table(cubes).rich())
     meshes = thesis_meshes()
     rows = {name: count_heights(mesh) for name, mesh in meshes.items()}
-    console.print(compression_table(rows).rich())
+    console.print(_compression_table(rows).rich())
     # The Happy Buddha, or what stands in for it.
     name, mesh = next(iter(meshes.items()))
     table = count_table_6_1(mesh)
     console.print(table_6_1(table, name).rich())
     capacity = measure_capacity(mesh)
-    console.print(capacity_table(capacity, name).rich())
+    console.print(_capacity_table(capacity, name).rich())
     return {
         "meshes": {name: mesh.name for name, mesh in meshes.items()},
         "C05": cubes,

@@ -68,7 +68,7 @@ def _decay(cells: int, solver: AbstractSolver) -> float:
     return float(left[np.argmax(np.abs(left - middle))])
 
 
-def measure_mode() -> Row:
+def _measure_mode() -> Row:
     """V09: every amplitude as its own closed form on the cells has it."""
     euler, implicit, trapezoid = (
         ForwardEuler(STEP),
@@ -95,7 +95,7 @@ def _swing(time):
     return ZERO_CELSIUS + 100.0 * jnp.sin(jnp.pi * time / 40.0)
 
 
-def measure_t3() -> Row:
+def _measure_t3() -> Row:
     """V20b and A8 at 20, 40 and 80 cells."""
     found, sizes = [], (20, 40, 80)
     for cells in sizes:
@@ -111,7 +111,7 @@ def measure_t3() -> Row:
     return result((found[-1],), order)
 
 
-def measure_bar() -> Row:
+def _measure_bar() -> Row:
     """A9 1fb at 40, 80 and 160 cells."""
     found, sizes = [], (40, 80, 160)
     for cells in sizes:
@@ -165,7 +165,7 @@ def _slab(cells, material, start, coefficient, air, times):
     return profiles, np.asarray(solution.mean_temperature)[:, 0]
 
 
-def measure_heisler() -> Row:
+def _measure_heisler() -> Row:
     """V04 at 10, 20 and 40 cells."""
     found, sizes = [], (10, 20, 40)
     for cells in sizes:
@@ -178,7 +178,7 @@ def measure_heisler() -> Row:
     return result(found[1], Order(tuple(1 / n for n in sizes), errors, expected=2.0))
 
 
-def measure_fds() -> Row:
+def _measure_fds() -> Row:
     """V22a and A1 at 10, 20 and 40 cells."""
     found, sizes = [], (10, 20, 40)
     for cells in sizes:
@@ -211,7 +211,7 @@ CASES = (
         "Incropera 5.42; Carslaw and Jaeger 3.11",
         "2e-3 at 20 cells, second order",
         "bar of 20 voxels, insulated behind; explicit",
-        measure_heisler,
+        _measure_heisler,
     ),
     Case(
         "V22a, A1",
@@ -219,7 +219,7 @@ CASES = (
         "firemodels/fds, Verification/Heat_Transfer",
         "0.1 K",
         "bar of 40 voxels, insulated behind; explicit; places are from the back",
-        measure_fds,
+        _measure_fds,
     ),
     Case(
         "V09",
@@ -227,7 +227,7 @@ CASES = (
         "4 alpha / h^2 sin^2(pi / 2 N), an exact mode of the cells too",
         "1e-10",
         "bars of 10, 20, 40 voxels, 100 steps of 0.5 s; worst node",
-        measure_mode,
+        _measure_mode,
     ),
     Case(
         "V20b, A8",
@@ -235,7 +235,7 @@ CASES = (
         "NAFEMS Standard Benchmarks; MOOSE nafems_t3 (36.89 with dt 1 s)",
         "0.1 K",
         "bar of 80 voxels; explicit",
-        measure_t3,
+        _measure_t3,
     ),
     Case(
         "A9 1fb",
@@ -243,6 +243,6 @@ CASES = (
         "TMAP8 ver-1fb",
         "0.09 % to 1 s and 0.005 % at 5 s, what the peer is off by",
         "bar of 160 voxels of 25 mm; explicit; expected to 3 decimals",
-        measure_bar,
+        _measure_bar,
     ),
 )

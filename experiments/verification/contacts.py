@@ -96,7 +96,7 @@ def _one_bar(per_length: int, end: float) -> float:
     return float(shared) / (401.0 + 15.1) - ZERO_CELSIUS
 
 
-def measure_perfect() -> Row:
+def _measure_perfect() -> Row:
     """V11 at 5 cells per diffusion length of steel."""
     one, other = _two_bars(bonded, 5, 1.0)
     return result(
@@ -110,7 +110,7 @@ def measure_perfect() -> Row:
     )
 
 
-def measure_resisting() -> Row:
+def _measure_resisting() -> Row:
     """V12, at each time on voxels that are as fine beside the diffusion length."""
     sizes, found = (5, 10, 20), []
     for per_length in sizes:
@@ -155,7 +155,7 @@ def _two_boxes(distance: float) -> tuple[float, float]:
     return float(hot) - base, float(cold) - base
 
 
-def measure_boxes() -> Row:
+def _measure_boxes() -> Row:
     """A19: inequalities only."""
     (hot, cold), far = _two_boxes(0.06), _two_boxes(0.5)
     return result(
@@ -180,7 +180,7 @@ CASES = (
         "Carslaw and Jaeger 2.15",
         "0.05 K from 5 cells per diffusion length",
         "bars of 157 and 35 voxels, bonded, and one bar of both; explicit",
-        measure_perfect,
+        _measure_perfect,
     ),
     Case(
         "V12",
@@ -188,7 +188,7 @@ CASES = (
         "closed form, and a Crank-Nicolson run of 8000 cells",
         "0.2 % of 100 K; taken for the flux as 0.2 % of itself",
         "20 cells per diffusion length of steel at each time; explicit",
-        measure_resisting,
+        _measure_resisting,
     ),
     Case(
         "A19",
@@ -196,6 +196,6 @@ CASES = (
         "Genesis tests/test_sensors.py",
         "by more than 1 K; within 0.05 K",
         "boxes of 6 x 6 x 6 voxels, 1000 W/(m^2 K), 0.05 s",
-        measure_boxes,
+        _measure_boxes,
     ),
 )

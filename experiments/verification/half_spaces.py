@@ -41,7 +41,7 @@ def _run(cells, pitch, material, start, term, times):
     return row, np.asarray(solution.surface_temperature)
 
 
-def measure_step() -> Row:
+def _measure_step() -> Row:
     """V01 at 10, 20 and 41 cells per diffusion length, 0.22 m deep."""
     found, pitches = [], (0.01 / 3.5, 0.01 / 7.5, 0.01 / 15.0)
     term = FixedTemperature(ZERO_CELSIUS + 100.0, on=LEFT)
@@ -57,7 +57,7 @@ def measure_step() -> Row:
     return result(found[1], Order(pitches, errors, expected=2.0))
 
 
-def measure_flux() -> Row:
+def _measure_flux() -> Row:
     """V02: the surface at three times, and Holman's point inside."""
     found, pitches = [], (0.01 / 5, 0.01 / 10, 0.01 / 20)
     for pitch in pitches:
@@ -80,7 +80,7 @@ def _holman() -> Value:
     return Value("Holman 4.2: T(25 mm, 30 s)", "degC", 79.313554, at, 0.2)
 
 
-def measure_convection() -> Row:
+def _measure_convection() -> Row:
     """A9 1fd at 13, 29 and 63 cells per diffusion length of the last time."""
     found, pitches = [], (0.05 / 1.5, 0.05 / 3.5, 0.05 / 7.5)
     term = Convection(200.0, 500.0, on=LEFT)
@@ -108,7 +108,7 @@ CASES = (
         "Carslaw and Jaeger 2.4; Incropera 5.60",
         "0.1 % of 80 K at 20 cells per diffusion length",
         "bar of 165 voxels of 1.33 mm; explicit",
-        measure_step,
+        _measure_step,
     ),
     Case(
         "V02",
@@ -116,7 +116,7 @@ CASES = (
         "Incropera 5.62; Holman 4.2",
         "0.2 K",
         "bar of 440 voxels of 0.5 mm, Holman's of 220 of 1 mm; explicit",
-        measure_flux,
+        _measure_flux,
     ),
     Case(
         "A9 1fd",
@@ -124,6 +124,6 @@ CASES = (
         "TMAP8 ver-1fd",
         "0.29 %, what the peer is off by",
         "bar of 375 voxels of 6.7 mm; explicit; expected to 3 decimals",
-        measure_convection,
+        _measure_convection,
     ),
 )

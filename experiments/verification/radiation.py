@@ -50,7 +50,7 @@ REYNOLDS, PRANDTL = 6071.0, 0.7
 NUSSELT = {"churchill_bernstein": 40.63709, "sanitjai_goldstein": 40.38327}
 
 
-def measure_view_factors() -> Row:
+def _measure_view_factors() -> Row:
     """V23: Lambert's formula for polygons, integrated over the patch that emits."""
     floor = rectangle_rule(ORIGIN, X, Y, POINTS)
     ceiling = np.array([Z, Z + Y, Z + X + Y, Z + X])
@@ -79,7 +79,7 @@ def _seen(corners: np.ndarray) -> float:
     return float(polygon_view_factor(ORIGIN[None], Z[None], corners)[0])
 
 
-def measure_enclosures() -> Row:
+def _measure_enclosures() -> Row:
     """V24 in closed form."""
     plates = forms.between_plates(400.0, 300.0, 0.8, 0.5)
     spheres = forms.between_spheres(0.05, 0.1, 400.0, 300.0, 0.8, 0.5)
@@ -91,7 +91,7 @@ def measure_enclosures() -> Row:
     )
 
 
-def measure_sun() -> Row:
+def _measure_sun() -> Row:
     """V25 in closed form."""
     angle = np.pi * (forms.SUN_RADIUS / forms.ASTRONOMICAL_UNIT) ** 2
     found = (
@@ -102,7 +102,7 @@ def measure_sun() -> Row:
     return result(tuple(Value(n, u, e, c, 1e-6 * e) for n, u, e, c in found))
 
 
-def measure_plate() -> Row:
+def _measure_plate() -> Row:
     """A14: black plates of 1000 degC, 1 m above an element."""
     black = STEFAN_BOLTZMANN * 1273.15**4 / 1e3
     square = np.array([[-1, 1, 1], [1, 1, 1], [1, -1, 1], [-1, -1, 1]], float)
@@ -124,7 +124,7 @@ def _net_emission(emissivity: float, kelvin: float, around: float) -> float:
     return -heat / 1e-3 / float(row.grid.fragment_area.sum())
 
 
-def measure_emission() -> Row:
+def _measure_emission() -> Row:
     """A15: emission of a body, by the heat that it loses."""
     found = [_net_emission(1.0, 400.0, 0.0), _net_emission(0.85, 400.0, 305.0)]
     listed = ((1451.614, 5e-4), (816.7822, 5e-5))
@@ -139,7 +139,7 @@ def measure_emission() -> Row:
     )
 
 
-def measure_nusselt() -> Row:
+def _measure_nusselt() -> Row:
     """A15: averages of cross-flow, and of the local numbers around a cylinder."""
     averages, checks = {a.name: a.nusselt for a in AVERAGES}, []
     with jax.enable_x64(True):
@@ -171,7 +171,7 @@ def _hollow(inner: float, outer: float) -> Mesh:
     )
 
 
-def measure_spheres() -> Row:
+def _measure_spheres() -> Row:
     """V24: the ball's temperature at the heat of the closed form."""
     ball = voxelize(sphere(INNER), 0.005)
     around = voxelize(_hollow(OUTER, OUTSIDE), 0.005)
@@ -207,7 +207,7 @@ def measure_spheres() -> Row:
 APPARENT = 296.4424
 
 
-def measure_apparent() -> Row:
+def _measure_apparent() -> Row:
     """A17: a box of 300 K in surroundings of 250 K, at the worst pixel."""
     grey = Material(1.0, 1000.0, 1000.0, emissivity=0.91)
     body = Body(FullVolume(bar(2, 0.1).grid), grey, temperature=300.0)
@@ -229,7 +229,7 @@ CASES = (
         "Incropera, table 13.2",
         "1e-6",
         "Lambert's formula for polygons under quadrature; discs: both quadratures",
-        measure_view_factors,
+        _measure_view_factors,
     ),
     Case(
         "V24",
@@ -237,7 +237,7 @@ CASES = (
         "Incropera 13.19 to 13.21",
         "1e-6",
         "reference/radiation",
-        measure_enclosures,
+        _measure_enclosures,
     ),
     Case(
         "V25",
@@ -245,7 +245,7 @@ CASES = (
         "nominal radius, astronomical unit",
         "1e-6",
         "reference/radiation; expected to 7 digits",
-        measure_sun,
+        _measure_sun,
     ),
     Case(
         "A14",
@@ -253,7 +253,7 @@ CASES = (
         "closed forms (FDS prints 81.8, which is 0.9 % low)",
         "none stated; 1e-3, its digits",
         "Lambert's formula for polygons",
-        measure_plate,
+        _measure_plate,
     ),
     Case(
         "A15, emission",
@@ -262,7 +262,7 @@ CASES = (
         "none stated; half its last digit",
         "one voxel, its first millisecond; 1451.614 and 816.7822 are listed, with "
         "the constant of 2014",
-        measure_emission,
+        _measure_emission,
     ),
     Case(
         "A15, cross-flow",
@@ -270,7 +270,7 @@ CASES = (
         "ht tests/test_conv_external.py",
         "none stated; half the last digit; ours within 40 to 50",
         "physics/convection",
-        measure_nusselt,
+        _measure_nusselt,
     ),
     Case(
         "V24, bodies",
@@ -278,7 +278,7 @@ CASES = (
         "Incropera 13.21",
         "1e-6 is of the closed form; none is stated for voxels: not judged",
         "ball of 10 voxels' radius in a hollow one, 64 patches each; steady",
-        measure_spheres,
+        _measure_spheres,
     ),
     Case(
         "A17",
@@ -286,6 +286,6 @@ CASES = (
         "ThRend main.cpp",
         "none stated; half its last digit",
         "frame of a box of emissivity 0.91 at 300 K, 250 K around",
-        measure_apparent,
+        _measure_apparent,
     ),
 )

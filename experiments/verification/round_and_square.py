@@ -55,7 +55,7 @@ def _cooled(grid, exposed):
     return theta(surface), float(theta(mean)[0])
 
 
-def measure_cylinder() -> Row:
+def _measure_cylinder() -> Row:
     """V05 at 10, 20 and 40 voxels per radius."""
     found, sizes = [], (10, 20, 40)
     names = ("theta, axis", "theta, half-way", "theta, surface", "theta, mean")
@@ -80,7 +80,7 @@ def _cylinder(cells: int) -> list[float]:
     return [float(axis), float(half), float(outside), mean]
 
 
-def measure_cube() -> Row:
+def _measure_cube() -> Row:
     """V07 at 10, 20 and 40 voxels per half side."""
     found, sizes = [], (10, 20, 40)
     names = ("theta, centre", "theta, corner", "theta, middle of a face")
@@ -112,7 +112,7 @@ def _cube(cells: int) -> list[float]:
     return [float(centre), float(corner), float(middle)]
 
 
-def measure_lumped() -> Row:
+def _measure_lumped() -> Row:
     """V14 with steps of 20, 10 and 5 s, in kelvin at every time."""
     found, steps = [], (20.0, 10.0, 5.0)
     body = Body(FullVolume(bar(1, 0.1).grid), ALUMINIUM, temperature=1000.0)
@@ -133,7 +133,7 @@ CASES = (
         "Incropera 5.50",
         "5e-3, at no stated resolution",
         "slice of 40 voxels per radius (20 are too few: see the errors); explicit",
-        measure_cylinder,
+        _measure_cylinder,
     ),
     Case(
         "V07",
@@ -141,7 +141,7 @@ CASES = (
         "product of three slabs",
         "3e-3",
         "an eighth, 20 x 20 x 20 voxels; explicit",
-        measure_cube,
+        _measure_cube,
     ),
     Case(
         "V14",
@@ -149,6 +149,6 @@ CASES = (
         "Bejan and Kraus 3.283; Incropera 5.18",
         "0.1 K",
         "one voxel; TR-BDF2 in steps of 5 s",
-        measure_lumped,
+        _measure_lumped,
     ),
 )

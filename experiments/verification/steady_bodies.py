@@ -49,7 +49,7 @@ BAR_FLOW, BAR_HOTTEST = 0.54, 0.805
 """Heat flow [W] and hottest temperature outside [degC] of case 4."""
 
 
-def measure_column() -> Row:
+def _measure_column() -> Row:
     """V21a with 2, 4 and 8 cells in an eighth of the side."""
     found, sizes = [], (2, 4, 8)
     names = tuple(f"row {i + 1}, column {j + 1}" for i in range(7) for j in range(4))
@@ -135,7 +135,7 @@ def _roof() -> _Roof:
     return _Roof(layered(surface, grid), np.array(ROOF)[labels], faces, heat_rate)
 
 
-def measure_roof() -> Row:
+def _measure_roof() -> Row:
     """V21b: layers of 1.5 to 35 mm on voxels of 0.5 mm."""
     roof = _roof()
     points = [
@@ -146,7 +146,7 @@ def measure_roof() -> Row:
     return result((Value("heat flow", "W/m", ROOF_FLOW, flow, 0.1), *points))
 
 
-def iron_bar(pitch: float) -> tuple[float, float]:
+def _iron_bar(pitch: float) -> tuple[float, float]:
     """Heat flow [W] and hottest place outside [degC], of a quarter of case 4.
 
     The bar ends flush with the wall outside, z = 0, and stands out 0.4 m inside.
@@ -173,11 +173,11 @@ def iron_bar(pitch: float) -> tuple[float, float]:
     return heat, float(cold.max()) - ZERO_CELSIUS
 
 
-def measure_iron_bar() -> Row:
+def _measure_iron_bar() -> Row:
     """V21d on voxels of 12.5, 8.3 and 6.25 mm."""
     found, sizes = [], (0.025 / 2, 0.025 / 3, 0.025 / 4)
     for pitch in sizes:
-        heat, hottest = iron_bar(pitch)
+        heat, hottest = _iron_bar(pitch)
         found.append(
             (
                 Value("heat flow", "W", BAR_FLOW, heat, 0.01 * BAR_FLOW),
@@ -224,7 +224,7 @@ def shell(cells: int) -> tuple[float, float]:
     return heat, float(fit[-1]) - ZERO_CELSIUS
 
 
-def measure_shell() -> Row:
+def _measure_shell() -> Row:
     """V15 at 10, 20 and 40 voxels per outer radius, half as many per inner one."""
     found, sizes = [], (10, 20, 40)
     for cells in sizes:
@@ -254,7 +254,7 @@ def fin(cells: int) -> tuple[float, float]:
     return heat, float(tip) - AIR
 
 
-def measure_fin() -> Row:
+def _measure_fin() -> Row:
     """V16: its voxels' section comes and goes with the pitch, so one pitch is shown."""
     heat, tip = fin(16)
     max_heat = FIN_COEFFICIENT * 2 * np.pi * RADIUS * LENGTH * EXCESS
@@ -275,7 +275,7 @@ CASES = (
         "ISO 10211, annex A; a Fourier series",
         "0.1 K",
         "32 x 64 voxels; steady; places are eighths of the side, from top and left",
-        measure_column,
+        _measure_column,
     ),
     Case(
         "V21b",
@@ -283,7 +283,7 @@ CASES = (
         "ISO 10211, annex A (finite volumes of 0.1 mm: 9.4900 W/m)",
         "0.1 K and 0.1 W/m",
         "1000 x 95 voxels of 0.5 mm; steady",
-        measure_roof,
+        _measure_roof,
     ),
     Case(
         "V21d",
@@ -291,7 +291,7 @@ CASES = (
         "ISO 10211, annex A (finite volumes of 5 mm: 0.53775 W, 0.8080 degC)",
         "1 % and 0.005 K",
         "a quarter, 207 000 voxels of 6.25 mm; steady",
-        measure_iron_bar,
+        _measure_iron_bar,
     ),
     Case(
         "V15",
@@ -300,7 +300,7 @@ CASES = (
         "2 % at 20 cells per radius",
         "upper half, 20 voxels per inner radius, 40 per outer (20 per outer are just "
         "too few: see the errors); steady",
-        measure_shell,
+        _measure_shell,
     ),
     Case(
         "V16",
@@ -308,6 +308,6 @@ CASES = (
         "Incropera, table 3.4",
         "1 %",
         "cylinder of 16 voxels per radius, 320 long; steady",
-        measure_fin,
+        _measure_fin,
     ),
 )

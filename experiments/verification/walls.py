@@ -32,7 +32,7 @@ def solve(bodies: tuple[Body, ...], terms: tuple) -> SteadySolution:
     return steady(Scene(bodies, terms, dtype="float64"))
 
 
-def on_bar(row: Bar, material, terms: tuple, start: float = 300.0) -> np.ndarray:
+def _on_bar(row: Bar, material, terms: tuple, start: float = 300.0) -> np.ndarray:
     """The surface of a bar in its steady state [K]."""
     body = Body(FullVolume(row.grid), material, temperature=start)
     return np.asarray(solve((body,), terms).surface_temperature)[0]
@@ -53,7 +53,7 @@ def composite() -> tuple[float, float, float, float]:
     return q, 100.0 - q * copper, q * (cover + air), q * air
 
 
-def measure_composite() -> Row:
+def _measure_composite() -> Row:
     """V13: 100 degC, 10 mm of copper, a contact, 20 mm of insulation, air at 0."""
     pitch = 0.005
     copper, cover = bar(2, pitch), bar(4, pitch)
@@ -86,16 +86,16 @@ def measure_composite() -> Row:
     )
 
 
-def measure_source() -> Row:
+def _measure_source() -> Row:
     """V18: half a slab of 0.2 m; on cells the first node has what the centre has."""
     row = bar(10, 0.01)
     terms = HeatSource(1e4), Convection(20.0, 300.0, on=RIGHT)
-    surface = on_bar(row, solid(1.0), terms)
+    surface = _on_bar(row, solid(1.0), terms)
     found = [float(surface[row.along[0]]) - 300.0, row.end(surface, RIGHT) - 300.0]
     return result(values(("centre", "surface"), "K", (100.0, 50.0), found, 1e-6))
 
 
-def measure_radiating_end() -> Row:
+def _measure_radiating_end() -> Row:
     """V20a: the sides radiate nothing because a sleeve covers them, bonded to nothing.
 
     Surroundings act on all that is bare; 1e-9 W/(m^2 K) leak into the sleeve.
@@ -115,13 +115,13 @@ def measure_radiating_end() -> Row:
     return result((Value("radiating end", "K", 927.00395, end, 0.1),))
 
 
-def measure_slab_with_source() -> Row:
+def _measure_slab_with_source() -> Row:
     """A9 1fa: 300 + 1280 (1 - x^2 / 2.56); nodes of cells stand q h^2 / 8 k above."""
     found, sizes, places = [], (10, 20, 40), (0.0, 0.4, 0.8, 1.2)
     terms = HeatSource(1e4), FixedTemperature(300.0, on=RIGHT)
     for cells in sizes:
         row = bar(cells, 1.6 / cells)
-        surface = on_bar(row, solid(10.0), terms)
+        surface = _on_bar(row, solid(10.0), terms)
         at = between(*mirrored(row.depth, surface[row.along]), places)
         exact = (300.0 + 1280.0 * (1.0 - x * x / 2.56) for x in places)
         found.append(
@@ -135,7 +135,7 @@ def measure_slab_with_source() -> Row:
     return result(found[-1], order)
 
 
-def measure_two_metals() -> Row:
+def _measure_two_metals() -> Row:
     """A9 1fc: the interface of 40 cm of copper and 40 cm of iron, 600 and 0 K."""
     row = bar(8, 0.1)
     beyond = Region(lower=(0.0, -1.0, -1.0), upper=(1.0, 1.0, 1.0))
@@ -143,12 +143,12 @@ def measure_two_metals() -> Row:
         Material(401.0, 1.0, 3.4392e6), ((beyond, Material(80.2, 1.0, 3.5179e6)),)
     )
     terms = FixedTemperature(600.0, on=LEFT), FixedTemperature(0.0, on=RIGHT)
-    nodes = on_bar(row, metals, terms)[row.along]
+    nodes = _on_bar(row, metals, terms)[row.along]
     interface = (401.0 * nodes[3] + 80.2 * nodes[4]) / (401.0 + 80.2)
     return result((_relative("interface", "K", 500.0, interface, 1e-9),))
 
 
-def measure_sol_air() -> Row:
+def _measure_sol_air() -> Row:
     """V25: walls that let nothing through stand at the sol-air temperature."""
     row = bar(3, 0.01)
     painted = Material(1.0, 1000.0, 1000.0, 0.9, absorptivity=0.9)
@@ -156,7 +156,7 @@ def measure_sol_air() -> Row:
     sun = Sun((-1.0, 0.0, 0.0), 1000.0)
     to_sky = HeatFlux(-0.9 * 63.0, on=RIGHT)
     found = [
-        row.end(on_bar(row, painted, terms), RIGHT) - ZERO_CELSIUS
+        row.end(_on_bar(row, painted, terms), RIGHT) - ZERO_CELSIUS
         for terms in ((air, sun), (air, sun, to_sky))
     ]
     names = ("wall", "with 0.9 x 63 W/m^2 to the sky")
@@ -234,7 +234,7 @@ def _gaussian(grid, amplitude: float) -> tuple[HeatSource, ...]:
     )
 
 
-def measure_forward() -> Row:
+def _measure_forward() -> Row:
     """Seven densities."""
     grid = _slab()
     return result(
@@ -251,7 +251,7 @@ def measure_forward() -> Row:
     )
 
 
-def measure_slab_source() -> Row:
+def _measure_slab_source() -> Row:
     """Six amplitudes of a source inside."""
     grid = _slab()
     k = _conductivity(0.5)
@@ -276,7 +276,7 @@ CASES = (
         "series resistances",
         "1e-9 relative",
         "two bodies of 2 and 4 voxels; steady",
-        measure_composite,
+        _measure_composite,
     ),
     Case(
         "V18",
@@ -284,7 +284,7 @@ CASES = (
         "Incropera 3.47",
         "1e-6",
         "half of it, 10 voxels; steady",
-        measure_source,
+        _measure_source,
     ),
     Case(
         "V20a",
@@ -292,7 +292,7 @@ CASES = (
         "NAFEMS Standard Benchmarks (927.0 K)",
         "0.1 K",
         "4 voxels in an insulating sleeve; steady",
-        measure_radiating_end,
+        _measure_radiating_end,
     ),
     Case(
         "A9 1fa",
@@ -300,7 +300,7 @@ CASES = (
         "TMAP8 ver-1fa",
         "0.05 %, what the peer is off by",
         "40 voxels of 40 mm; steady",
-        measure_slab_with_source,
+        _measure_slab_with_source,
     ),
     Case(
         "A9 1fc",
@@ -308,7 +308,7 @@ CASES = (
         "TMAP8 ver-1fc",
         "none stated; 1e-9 relative as for V13",
         "one body of 4 and 4 voxels; steady",
-        measure_two_metals,
+        _measure_two_metals,
     ),
     Case(
         "V25, sol-air",
@@ -316,7 +316,7 @@ CASES = (
         "ASHRAE Handbook, Fundamentals",
         "1e-6",
         "3 voxels; steady; expected to 6 decimals",
-        measure_sol_air,
+        _measure_sol_air,
     ),
     Case(
         "A11",
@@ -324,7 +324,7 @@ CASES = (
         "mosaic, thermal_mesh forward_agreement (single precision, 7 digits)",
         "none stated; 1e-6 relative, its digits",
         "16 x 8 x 1 voxels; steady",
-        measure_forward,
+        _measure_forward,
     ),
     Case(
         "A11, source",
@@ -332,6 +332,6 @@ CASES = (
         "mosaic, thermal_mesh (single precision, 7 digits)",
         "none stated; 1e-6 relative, its digits",
         "16 x 8 x 1 voxels, a source for each of 16 slices; steady",
-        measure_slab_source,
+        _measure_slab_source,
     ),
 )
