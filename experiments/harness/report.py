@@ -143,7 +143,7 @@ def _run_lines(outcome: Outcome) -> Table:
     what = None
     for row in outcome.rows:
         if row.what != what:
-            rows.append([row.what])
+            rows.append([Cell(row.what, wraps=True)])
             what = row.what
         solver, *cells = _run_cells(row)
         rows.append([f"  {solver}", *cells])

@@ -11,6 +11,10 @@ from rich.text import Text
 from .templates import Html, render
 
 
+_MAX_NAME_WIDTH = 40
+"""Longest text of a first column that is never folded [characters]."""
+
+
 class Cell(NamedTuple):
     """Text of a table cell that is more than a number."""
 
@@ -65,16 +69,20 @@ class Table:
         )
         for index, name in enumerate(self.columns):
             justify = "left" if index in self.left else "right"
-            # Names in the first column stay whole; what does not fit is folded.
-            first = index == 0
+            # Numbers, and names in the first column, stay whole: a folded number
+            # reads as two. Long texts are folded where they do not fit.
+            cells = [row[index] for row in self.rows if index < len(row)]
+            texts = [cell.text if isinstance(cell, Cell) else cell for cell in cells]
+            name_width = max(map(len, texts), default=0)
+            whole = justify == "right" or (index == 0 and name_width <= _MAX_NAME_WIDTH)
             table.add_column(
-                Text(name), justify=justify, no_wrap=first, overflow="fold"
+                Text(name), justify=justify, no_wrap=whole, overflow="fold"
             )
         for row in self.rows:
             # Text from outside may contain square brackets: a string would be taken
             # for markup, or not, by the console that prints it.
-            cells = (c if isinstance(c, Cell) else Cell(c) for c in row)
-            table.add_row(*(cell.rich_text for cell in cells))
+            texts = (c if isinstance(c, Cell) else Cell(c) for c in row)
+            table.add_row(*(cell.rich_text for cell in texts))
         return table
 
     def html(self) -> Html:
