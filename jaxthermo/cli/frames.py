@@ -115,7 +115,7 @@ def write_frames(
         for k in chosen:
             temperature, time = stored.surface_temperature[k], stored.times[k]
             here = at_time(stored.surfaces, terms, float(time))
-            yield draw(watch.at(float(time)), *here, temperature, time)
+            yield draw(camera.at(float(time)), *here, temperature, time)
 
     low, high = _scale(config, images())
     before, written = earlier_frames(prepare_folder(folder)), set()

@@ -7,7 +7,7 @@ from jaxtyping import Bool, Int
 
 
 @dataclass(frozen=True)
-class Edges:
+class _Edges:
     """Edge table of a mesh; half-edge `3 f + i` leaves corner i of face f."""
 
     start: Int[np.ndarray, "h"]
@@ -20,7 +20,7 @@ class Edges:
     """Half-edges towards the higher vertex minus those towards the lower one."""
 
 
-def edges_of(faces: Int[np.ndarray, "f 3"]) -> Edges:
+def edges_of(faces: Int[np.ndarray, "f 3"]) -> _Edges:
     """Build the edge table of a mesh."""
     start = faces.reshape(-1).astype(np.int64)
     end = np.roll(faces, -1, axis=1).reshape(-1).astype(np.int64)
@@ -30,10 +30,10 @@ def edges_of(faces: Int[np.ndarray, "f 3"]) -> Edges:
     _, edge, uses = np.unique(key, return_inverse=True, return_counts=True)
     upward = np.where(start < end, 1.0, -1.0)
     balance = np.bincount(edge, weights=upward, minlength=len(uses)).astype(np.int64)
-    return Edges(start, end, edge, uses, balance)
+    return _Edges(start, end, edge, uses, balance)
 
 
-def edge_pairs(edges: Edges) -> Int[np.ndarray, "p 2"]:
+def edge_pairs(edges: _Edges) -> Int[np.ndarray, "p 2"]:
     """Pairs of half-edges along the edges that have exactly two."""
     order = np.argsort(edges.edge, kind="stable")
     paired = order[edges.uses[edges.edge[order]] == 2]
@@ -71,7 +71,7 @@ def connected_labels(
 
 
 def is_closed(
-    edges: Edges, labels: Int[np.ndarray, "f"], parts: int
+    edges: _Edges, labels: Int[np.ndarray, "f"], parts: int
 ) -> Bool[np.ndarray, "parts"]:
     """Flag the parts in which every edge is used equally often in both directions."""
     open_edge = edges.balance[edges.edge] != 0

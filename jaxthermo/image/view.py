@@ -28,7 +28,7 @@ _RADIUS = 2.0
 _CHUNK = 65536
 
 
-class PixelWeights(NamedTuple):
+class _PixelWeights(NamedTuple):
     """Sparse matrix: value[pixel] = sum of weight * value[fragment]."""
 
     pixel: Int[np.ndarray, " w"]
@@ -104,7 +104,7 @@ def smooth_weights(
     points: Float[np.ndarray, "p 3"],
     normals: Float[np.ndarray, "p 3"],
     geometry: BodyGeometry,
-) -> PixelWeights:
+) -> _PixelWeights:
     """Weights of the fragments around each point, with the sum one.
 
     Args:
@@ -137,14 +137,14 @@ def smooth_weights(
         order = np.argsort(pixel, kind="stable")
         pixel, fragment, weight = pixel[order], fragment[order], weight[order]
         total[alone] = 1.0
-    return PixelWeights(pixel, fragment, weight / total[pixel])
+    return _PixelWeights(pixel, fragment, weight / total[pixel])
 
 
 def block_weights(
     points: Float[np.ndarray, "p 3"], geometry: BodyGeometry
-) -> PixelWeights:
+) -> _PixelWeights:
     """Weights of the nearest fragment alone, which show the voxels."""
-    return PixelWeights(
+    return _PixelWeights(
         np.arange(len(points)),
         _nearest_fragments(points, geometry),
         np.ones(len(points)),
@@ -164,7 +164,7 @@ class View:
     """Depth along the optical axis [m]."""
     normal: Float[np.ndarray, "p 3"]
     """Outward normal in the world."""
-    weights: PixelWeights
+    weights: _PixelWeights
     """Weights of the concatenated fragments of all bodies."""
     exposure: tuple[tuple[int, Float[np.ndarray, " p"]], ...]
     """Cosine times visible fraction for each source, with its index among the terms."""
@@ -239,7 +239,7 @@ def _normals(triangles: Float[np.ndarray, "p 3 3"]) -> Float[np.ndarray, "p 3"]:
     return vector / np.where(length > 0, length, 1)
 
 
-def _all_weights(surfaces, body, point, normal, smooth) -> PixelWeights:
+def _all_weights(surfaces, body, point, normal, smooth) -> _PixelWeights:
     """Weights of all pixels, in terms of the concatenated fragments of all bodies."""
     parts, first = [], 0
     for index, surface in enumerate(surfaces):
@@ -257,4 +257,4 @@ def _all_weights(surfaces, body, point, normal, smooth) -> PixelWeights:
         first += len(geometry.fragment_area)
     pixel, fragment, weight = (np.concatenate(c) for c in zip(*parts, strict=True))
     order = np.argsort(pixel, kind="stable")
-    return PixelWeights(pixel[order], fragment[order], weight[order])
+    return _PixelWeights(pixel[order], fragment[order], weight[order])

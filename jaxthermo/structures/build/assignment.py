@@ -102,7 +102,7 @@ def assign_voxels(
         parts = np.split(visible, np.cumsum(counts)[:-1])
         levels = [cells[part] for cells, part in zip(levels, parts, strict=True)]
         owner = _paint(body, levels)
-    return Assignment(owner, assign_nearest(body, owner)), levels
+    return Assignment(owner, _assign_nearest(body, owner)), levels
 
 
 def _paint(
@@ -139,7 +139,7 @@ def _joined_to_centre(size: int) -> Bool[np.ndarray, "s s s"]:
     return total < max(size - 2, 1)
 
 
-def assign_nearest(
+def _assign_nearest(
     body: Bool[np.ndarray, "x y z"], owner: Int[np.ndarray, "x y z"]
 ) -> Int[np.ndarray, "x y z"]:
     """Assign every voxel without an owner to the nearest one through the body.
@@ -184,7 +184,7 @@ def voxel_owner(structure: AbstractStructure) -> Int[np.ndarray, " v"]:
     owner = np.full(np.add(solid.shape, 2), -1, np.int32)
     padded = np.pad(solid, 1)
     owner[padded] = node
-    assign_nearest(padded, owner)
+    _assign_nearest(padded, owner)
     return owner[padded]
 
 
