@@ -71,8 +71,11 @@ def test_find_materials_looks_at_labels_and_aliases_too():
     assert find_materials("zzz") == ()
 
 
-def test_palettes_are_listed_with_the_differences_of_their_colours(shown):
-    lines = shown("palettes")
+def test_palettes_are_listed_with_the_differences_of_their_colours(capsys):
+    with pytest.raises(SystemExit) as stopped:
+        main(["palettes"])
+    assert stopped.value.code == 0
+    lines = capsys.readouterr().out.splitlines()
     for name in palette_names():
         (line,) = (line for line in lines if line.split()[:1] == [name])
         assert all(float(number) >= 0 for number in line.split()[1:])
