@@ -23,7 +23,7 @@ _RELATIVE_MARGIN = 0.02
 """Margin of the colour scale over the range of temperatures that is seen [-]."""
 
 _MIN_MARGIN = 0.05
-"""Least margin, and least range, of the colour scale [K]."""
+"""Minimum margin, and minimum range, of the colour scale [K]."""
 
 
 class FrameCamera:
@@ -46,7 +46,7 @@ class FrameCamera:
         self._surfaces, self._terms = surfaces, terms
         self._start = self._view(0.0)
 
-    def _look(self, time: float) -> View:
+    def _view(self, time: float) -> View:
         surfaces, terms = at_time(self._surfaces, self._terms, time)
         finer = self._camera.finer(self._image.samples)
         return compute_view(surfaces, terms, finer, self._image.smooth)
