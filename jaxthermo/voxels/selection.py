@@ -15,7 +15,11 @@ from ..raster.directions import unit_vector
 class AbstractSelection(eqx.Module):
     """Part of the surface of one body, as an argument `on=`."""
 
-    body: eqx.AbstractVar[int]
+    # A property, not an `AbstractVar`, which editors take for the first argument.
+    @property
+    @abc.abstractmethod
+    def body(self) -> int:
+        """Number of the body in the scene."""
 
     @abc.abstractmethod
     def select(
@@ -96,10 +100,10 @@ class Everything(AbstractSpace):
 class FragmentMask(AbstractSelection):
     """Surface fragments given by a mask, in the order of the body's grid."""
 
-    body: int = eqx.field(static=True)
-    count: int = eqx.field(static=True)
+    body: int = eqx.field(static=True, default=0)
+    count: int = eqx.field(static=True, default=0)
     """Number of fragments of the body."""
-    packed: bytes = eqx.field(static=True)
+    packed: bytes = eqx.field(static=True, default=b"")
     """Mask with eight fragments a byte: static fields must be hashable."""
 
     def __init__(self, mask: Any, body: int = 0):
