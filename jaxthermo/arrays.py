@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     Samples = Float[np.ndarray, " k"]
     Vector = Sequence[Scalar] | Float[np.ndarray, "3"]
     Points = Sequence[Sequence[Scalar]] | Float[np.ndarray, "n 3"]
-    TimeVarying = Numbers | Callable[[Float[Array, ""]], Float[Array, "..."]]
+    TimeVarying = Numbers | Callable[[Float[Array, ""]], Numbers]
     PositionVarying = Scalar | Callable[[Float[np.ndarray, "n 3"]], ArrayLike]
 else:
     # For editors only: a wrong value is refused by its class, with argument, value and

@@ -110,7 +110,7 @@ def _factors(z: float) -> Iterator[Row]:
     scene = insulated("uniform", (STEEL, STEEL), "float64", start)
     mode = shape(scene.bodies[0].structure.nodes().centre)
     sine = float(np.sin(np.pi * (cells - 1) / (2 * cells)))
-    dt = z / (4 * STEEL.diffusivity / PITCH**2 * sine**2)
+    dt = z / (4 * float(STEEL.diffusivity) / PITCH**2 * sine**2)
     for name, formula in FACTORS.items():
         solver = getattr(jt, name)(dt=dt)
         method = Method(f"{name}, z = {z:g}", solver, dt, "reported")

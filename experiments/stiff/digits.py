@@ -70,7 +70,7 @@ def _rise(name: str, dtype: str, solver: str) -> Row:
 
 def _under_surface(metal: jt.Material) -> float:
     """Excess of the heated surface over its node, half a metre below it [K]."""
-    return FLUX * 0.5 / float(metal.conductivity)
+    return FLUX * 0.5 / float(np.asarray(metal.conductivity))
 
 
 def _stored_as_kelvin() -> Row:

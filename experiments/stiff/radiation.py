@@ -128,7 +128,8 @@ def _close_temperatures() -> Iterator[Row]:
 def _close(dtype: str, name: str) -> Row:
     """The flux between close temperatures, of a step too short to change them."""
     # The surface lies half a voxel of metal away from its node.
-    between = 4 * STEFAN_BOLTZMANN * 300.0**3 * EDGE / 2 / float(METAL.conductivity)
+    k = float(np.asarray(METAL.conductivity))
+    between = 4 * STEFAN_BOLTZMANN * 300.0**3 * EDGE / 2 / k
     exact = STEFAN_BOLTZMANN * ((300 + GAP) ** 4 - 300.0**4) / (1 + between)
     # Half a rounding of 300 K, over the gap: what the inputs themselves are off.
     rounding = 0.5 * float(np.spacing(np.asarray(300.0, dtype))) / GAP

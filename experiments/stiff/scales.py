@@ -28,7 +28,7 @@ def _small_and_large() -> Iterator[Row]:
         large = beside(block(3, 3, 3, 1.0), 10.0, AEROGEL, 300.0)
         scene = jt.Scene((small, large), (jt.Convection(10.0, 350.0),), dtype=dtype)
         what, stable = "10 um diamond, 1 m aerogel", stable_step(scene)
-        limit = 1e-10 / (6 * DIAMOND.diffusivity)
+        limit = 1e-10 / (6 * float(DIAMOND.diffusivity))
         ratio = Bound("limit over h^2 / 6 alpha", stable / limit, 1 + 1e-5, 1 - 1e-5)
         yield Row("the explicit limit", seen=f"{stable:.4g} s", checks=(ratio,))
         yield too_long(what, scene, 1.0 / stable)
@@ -51,12 +51,12 @@ MATERIAL = jt.Material(1.0, density=1000.0, specific_heat=1000.0)
 
 def _biot_numbers() -> Iterator[Row]:
     """S05."""
-    end = LENGTH**2 / MATERIAL.diffusivity / 1e-6
+    end = LENGTH**2 / float(MATERIAL.diffusivity) / 1e-6
     yield from _slab(1e-6, 8, end, float(np.exp(-1.0)), 128)
     odd = np.arange(1, 200, 2) * np.pi / 2
     fourier = 0.5
     series = float((2 / odd**2 * np.exp(-(odd**2) * fourier)).sum())
-    end = fourier * LENGTH**2 / MATERIAL.diffusivity
+    end = fourier * LENGTH**2 / float(MATERIAL.diffusivity)
     yield from _slab(1e6, 160, end, series, 400)
 
 
@@ -76,7 +76,8 @@ def rod(cells: int, material: jt.Material, h: float) -> jt.Scene:
 
 def _slab(biot: float, cells: int, end: float, exact: float, steps: int):
     """A rod against a limit of its Biot number."""
-    scene = rod(cells, MATERIAL, biot * float(MATERIAL.conductivity) / LENGTH)
+    k = float(np.asarray(MATERIAL.conductivity))
+    scene = rod(cells, MATERIAL, biot * k / LENGTH)
     stable, dt, note = stable_step(scene), end / steps, f"{steps} steps"
     what = f"Bi = {biot:g}"
     long = Method(f"SuperTimeStepping, {note}", jt.SuperTimeStepping(dt=dt), end)

@@ -206,6 +206,7 @@ def _misses_tolerance(ran: _Ran, dtype: str, solver: Any) -> bool:
     were rejected and taken again do not count.
     """
     effort = ran.solution.run.statistics
+    assert effort is not None
     given = getattr(solver, "tolerance", None)
     tolerance = LINEAR_TOLERANCE[dtype] if given is None else given
     short = (

@@ -237,7 +237,7 @@ def _fitted(
 def _kept(cylinders: list[Cylinder], volume: Float[np.ndarray, " p"]) -> list[int]:
     """Indices of the parts that are large enough, the largest first."""
     fraction = volume / volume.sum()
-    stub = [c.length is not None and c.length < c.diameter / 2 for c in cylinders]
+    stub = [c.length is not None and bool(c.length < c.diameter / 2) for c in cylinders]
     minimum = np.where(stub, _MIN_STUB_VOLUME, _MIN_VOLUME)
     order = np.argsort(-fraction, kind="stable")
     # The largest always remains, whatever its shape.

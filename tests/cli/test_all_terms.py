@@ -56,7 +56,7 @@ image: {samples: 1}
 @pytest.mark.slow
 def test_all_of_them_together(tmp_path):
     np.save(tmp_path / "parts.npy", np.arange(64).reshape(4, 4, 4) % 2)
-    cube = jt.voxelize(jt.shapes.box((0.04,) * 3), 0.01)
+    cube = jt.voxelize(jt.shapes.box((0.04, 0.04, 0.04)), 0.01)
     np.save(tmp_path / "hot.npy", cube.fragment_normal[:, 0] > 0.9)
     scene, out = scene_file(tmp_path, SCENE), tmp_path / "out"
     code, _, err = run("simulate", scene, "--out", out)

@@ -56,7 +56,8 @@ def test_the_error_of_adaptive_steps_follows_what_is_asked():
     asked = (1e-2, 1e-3, 1e-4)
     runs = [_run(jt.TRBDF2(error=error)) for error in asked]
     off = [np.abs(run.surface_temperature - _exact()).max() for run in runs]
-    taken = [int(run.run.statistics.accepted_steps) for run in runs]
+    efforts = [run.run.statistics for run in runs]
+    taken = [int(effort.accepted_steps) for effort in efforts if effort is not None]
     print("asked", asked, "off", off, "steps", taken)
     assert off[0] > off[1] > off[2]
     assert all(error < 3 * limit for error, limit in zip(off, asked, strict=True))

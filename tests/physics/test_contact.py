@@ -48,7 +48,7 @@ def _ends(solution, scene):
 
 def test_bonded_half_spaces_meet_between():
     scene = _scene(jt.bonded)
-    end = (5e-3) ** 2 / STEEL.diffusivity
+    end = float((5e-3) ** 2 / STEEL.diffusivity)
     solution = jt.simulate(scene, end)
     one, other = (float(side[0]) for side in _ends(solution, scene))
     exact = perfect_contact(100.0, 0.0, COPPER.effusivity, STEEL.effusivity)
@@ -120,7 +120,7 @@ def test_the_gradient_with_respect_to_the_conductance():
 def test_boxes_in_contact_move_toward_each_other_and_apart_stay():
     """A19: two boxes of 6 cm, +80 K and -80 K about 22 C, k 200, rho 2000, c 1."""
     stuff = jt.Material(200.0, density=2000.0, specific_heat=1.0)
-    grid = jt.voxelize(jt.shapes.box((0.06,) * 3), 0.01)
+    grid = jt.voxelize(jt.shapes.box((0.06, 0.06, 0.06)), 0.01)
 
     def means(distance):
         bodies = tuple(

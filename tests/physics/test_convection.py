@@ -8,7 +8,8 @@ from jaxthermo.reference.slab import slab_convection
 from tests.bodies import bar, depth, on_top
 
 
-SOLID = jt.Material(conductivity=1.0, density=1000.0, specific_heat=1000.0)
+CONDUCTIVITY = 1.0
+SOLID = jt.Material(conductivity=CONDUCTIVITY, density=1000.0, specific_heat=1000.0)
 NO_RESISTANCE = jt.Material(conductivity=1e9, density=1000.0, specific_heat=1000.0)
 HALF_THICKNESS = 0.1
 FRONT = jt.Side(normal=(1.0, 0.0, 0.0))
@@ -48,10 +49,10 @@ def test_half_a_cell_is_in_series_with_the_fluid(voxel):
 
 def _slab(cells, biot=1.0, fourier=0.2):
     grid = bar(cells, HALF_THICKNESS / cells)
-    h = biot * SOLID.conductivity / HALF_THICKNESS
+    h = biot * CONDUCTIVITY / HALF_THICKNESS
     body = jt.Body(jt.FullVolume(grid), SOLID, temperature=1.0)
     scene = jt.Scene((body,), (jt.Convection(h, 0.0, on=FRONT),), dtype="float64")
-    end = fourier * HALF_THICKNESS**2 / SOLID.diffusivity
+    end = float(fourier * HALF_THICKNESS**2 / SOLID.diffusivity)
     # At a cell Fourier number of 1/8 the error in time falls with that in space.
     step = (HALF_THICKNESS / cells) ** 2 / (8 * SOLID.diffusivity)
     solution = jt.simulate(scene, end, solver=jt.ForwardEuler(dt=step))
@@ -82,7 +83,7 @@ def test_large_biot_is_a_fixed_surface_temperature():
     means = [
         jt.simulate(jt.Scene((body,), (term,), dtype="float64"), 2000.0)
         for term in (
-            jt.Convection(1e8 * SOLID.conductivity / 0.1, 300.0, on=FRONT),
+            jt.Convection(1e8 * CONDUCTIVITY / 0.1, 300.0, on=FRONT),
             jt.FixedTemperature(300.0, on=FRONT),
         )
     ]

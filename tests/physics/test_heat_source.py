@@ -1,5 +1,7 @@
 """Heat released inside: as much as asked for, and where, in any structure."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -144,9 +146,14 @@ def test_functions_of_time_are_kept(grid):
 
 def test_mistakes_are_one_line(grid):
     aside = _box(1.0, (2.0, 2.0, 2.0))
+    surfaces: tuple[Any, ...] = (
+        Side(normal=(1.0, 0.0, 0.0)),
+        FragmentMask(np.ones(3, bool)),
+        "all",
+    )
     with pytest.raises(InputError, match="no voxel of body 0 has its centre in it"):
         HeatSource(1.0, aside).bind(jt.FullVolume(grid), 0)
-    for within in (Side(normal=(1.0, 0.0, 0.0)), FragmentMask(np.ones(3, bool)), "all"):
+    for within in surfaces:
         with pytest.raises(InputError, match="it heats the inside: give a Region"):
             HeatSource(1.0, within)
     with pytest.raises(InputError, match="must be finite"):

@@ -10,7 +10,7 @@ from jaxthermo.scene.motion import Motion, PoseTable
 
 
 METAL = jt.Material(200.0, density=2000.0, specific_heat=500.0, emissivity=0.5)
-GRID = jt.voxelize(jt.shapes.box((0.04,) * 3), 0.01)
+GRID = jt.voxelize(jt.shapes.box((0.04, 0.04, 0.04)), 0.01)
 
 
 def _approaching(arrival):

@@ -8,7 +8,8 @@ from jaxthermo.reference.semi_infinite import surface_flux, surface_step
 from tests.bodies import bar, depth, on_top
 
 
-STEEL = jt.Material(conductivity=45.0, density=7800.0, specific_heat=460.0)
+CONDUCTIVITY = 45.0
+STEEL = jt.Material(conductivity=CONDUCTIVITY, density=7800.0, specific_heat=460.0)
 START, HELD = 293.15, 373.15
 HOT_END = jt.Side(normal=(-1.0, 0.0, 0.0))
 """All other sides carry no term: they are insulated."""
@@ -67,7 +68,7 @@ def test_heated_first_node_is_at_half_a_cell(fine_bar, heated):
         np.array([1.0, 10.0, 60.0]),
         initial=START,
         heat_flux=3.2e5,
-        conductivity=STEEL.conductivity,
+        conductivity=CONDUCTIVITY,
         diffusivity=STEEL.diffusivity,
     )
     print("V02 errors at the first node", heated[:, 0] - exact, "K")

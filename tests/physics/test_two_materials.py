@@ -9,8 +9,9 @@ from jaxthermo.reference.semi_infinite import perfect_contact
 from tests.bodies import bar, depth, on_top
 
 
-COPPER = jt.Material(conductivity=401.0, density=8933.0, specific_heat=385.0)
-STEEL = jt.Material(conductivity=15.1, density=8055.0, specific_heat=480.0)
+COPPER_K, STEEL_K = 401.0, 15.1
+COPPER = jt.Material(conductivity=COPPER_K, density=8933.0, specific_heat=385.0)
+STEEL = jt.Material(conductivity=STEEL_K, density=8055.0, specific_heat=480.0)
 LEFT, RIGHT = jt.Side((-1.0, 0.0, 0.0)), jt.Side((1.0, 0.0, 0.0))
 
 
@@ -34,11 +35,11 @@ def test_interface_of_copper_and_steel():
         _painted(grid, COPPER, STEEL, copper_cells),
         temperature=lambda p: np.where(p[:, 0] < middle, 373.15, 273.15),
     )
-    end = (5 * pitch) ** 2 / STEEL.diffusivity
+    end = float((5 * pitch) ** 2 / STEEL.diffusivity)
     solution = jt.simulate(jt.Scene((body,), dtype="float64"), end)
     nodes = np.asarray(solution.surface_temperature)[0, on_top(grid)]
     a, b = nodes[copper_cells - 1], nodes[copper_cells]
-    k_a, k_b = COPPER.conductivity, STEEL.conductivity
+    k_a, k_b = COPPER_K, STEEL_K
     interface = (k_a * a + k_b * b) / (k_a + k_b) - 273.15
     exact = perfect_contact(100.0, 0.0, COPPER.effusivity, STEEL.effusivity)
     print("V11 interface", interface, "error", interface - exact, "K")

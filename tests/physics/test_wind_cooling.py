@@ -66,7 +66,7 @@ def test_a_good_conductor_cools_as_the_mean_coefficient_says(grid):
     solution = simulate((body(grid, COPPER),), end, WIND)
     found = float(solution.mean_temperature[0, 0])
     area = grid.fragment_area.sum()
-    capacity = COPPER.density * COPPER.specific_heat * np.pi / 4 * DIAMETER**2 * HEIGHT
+    capacity = COPPER.volumetric_heat_capacity * np.pi / 4 * DIAMETER**2 * HEIGHT
     speed, diameter = jnp.array(SPEED), jnp.array(DIAMETER)
     h = jax.jit(lambda t: mean_coefficient(speed, diameter, t, churchill_bernstein))
     temperature, dt = HOT, 1.5

@@ -1,5 +1,7 @@
 """Thermal images: radiance, smoothing, what hides what, and gradients to the pixels."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -23,7 +25,8 @@ SIDE = jt.OrthographicCamera(
 
 def cube(pitch=0.01, size=0.1, **kwargs):
     grid = jt.voxelize(jt.shapes.box((size, size, size)), pitch)
-    return jt.Body(jt.FullVolume(grid), METAL, **({"temperature": 300.0} | kwargs))
+    given: dict[str, Any] = {"temperature": 300.0} | kwargs
+    return jt.Body(jt.FullVolume(grid), METAL, **given)
 
 
 @pytest.fixture(scope="module")

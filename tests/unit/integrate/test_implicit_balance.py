@@ -61,8 +61,10 @@ def test_a_long_step_ends_at_the_lumped_balance(dtype):
     run = jt.simulate(scene, dt, solver=jt.BackwardEuler(dt=dt), throw=False)
     excess = capacity * 5500.0 / (dt * area * 5.670374419e-8 * 4 * 300.0**3)
     found = float(run.mean_temperature[-1, 0]) - 300.0
-    print(dtype, found, excess, int(run.run.statistics.newton_iterations), run.result)
+    effort = run.run.statistics
+    assert effort is not None
+    print(dtype, found, excess, int(effort.newton_iterations), run.result)
     assert run.result == jt.RESULTS.successful
-    assert int(run.run.statistics.newton_iterations) <= 16
+    assert int(effort.newton_iterations) <= 16
     # One rounding of 5500 K in float32 is 5e-4 K.
     np.testing.assert_allclose(found, excess, atol=1e-6 if dtype == "float64" else 1e-3)

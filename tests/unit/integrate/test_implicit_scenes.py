@@ -1,6 +1,7 @@
 """Implicit steps of everything that a scene may hold, against small explicit ones."""
 
 import functools
+from typing import Any
 
 import numpy as np
 import pytest
@@ -29,7 +30,7 @@ def _grid():
     return blocks(np.ones((4, 3, 3), bool), 0.01)
 
 
-def _body(start, place=0.0, material=METAL, structure=jt.FullVolume):
+def _body(start, place=0.0, material=METAL, structure: Any = jt.FullVolume):
     pose = jt.Pose(translation=(place, 0.0, 0.0))
     return jt.Body(structure(_grid()), material, temperature=start, pose=pose)
 
@@ -71,7 +72,9 @@ def test_it_is_what_small_explicit_steps_give(name):
     exact = jt.simulate(scene, END, [30.0, END], solver=jt.ForwardEuler(dt=0.01))
     run = jt.simulate(scene, END, [30.0, END], solver=jt.TRBDF2(dt=2.0))
     off = np.abs(run.surface_temperature - exact.surface_temperature).max()
-    print(name, "off", off, "newton", int(run.run.statistics.newton_iterations))
+    effort = run.run.statistics
+    assert effort is not None
+    print(name, "off", off, "newton", int(effort.newton_iterations))
     # What the name promises is there.
     mechanisms = exact.receipt.included
     assert name not in ("contact", "wind") or name in mechanisms

@@ -25,7 +25,7 @@ def _scene(structure, *terms, dtype="float64", temperature: Any = 300.0):
     return jt.Scene((body,), terms, dtype=dtype)
 
 
-LIMIT = 0.01**2 / (3 * METAL.diffusivity)
+LIMIT = 0.01**2 / (3 * float(METAL.diffusivity))
 """Of a voxel with three neighbours [s]."""
 
 
@@ -49,7 +49,7 @@ def test_the_limit_counts_what_is_on_the_surface(structure):
     h = 5000.0
     scene = _scene(structure, jt.Convection(jt.Table([0.0, 5.0], [0.0, h]), 300.0))
     run = jt.simulate(scene, 1.0).run
-    through = 1 / (1 / h + 0.01 / (2 * METAL.conductivity))
+    through = 1 / (1 / h + 0.01 / (2 * np.asarray(METAL.conductivity)))
     rate = 3 * METAL.diffusivity / 0.01**2 + 3 * through / (
         METAL.volumetric_heat_capacity * 0.01
     )

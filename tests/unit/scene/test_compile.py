@@ -33,7 +33,9 @@ def structure():
     return jt.FullVolume(blocks(solid, 0.01))
 
 
-def _scene(structure, *terms, material=METAL, dtype="float32"):
+def _scene(
+    structure, *terms, material: jt.Material | jt.MaterialMap = METAL, dtype="float32"
+):
     body = jt.Body(structure, material, temperature=300.0)
     return jt.Scene((body,), terms, dtype=dtype)
 

@@ -40,7 +40,9 @@ class Evaporation(jt.AbstractSurfaceTerm):
     dew_point: Any
     on: Any = None
 
-    name = "evaporation"
+    @property
+    def name(self):
+        return "evaporation"
 
     def bind(self, surface):
         return surface.bind(

@@ -1,6 +1,7 @@
 """Poses over time: between two poses straight and at a constant rate of turn."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -73,6 +74,9 @@ def test_equal_poses_are_still():
     assert not Motion(PoseTable((0, 1), (about_z(30.0), about_z(31.0)))).is_still
 
 
+NUMBER: Any = 3.0
+
+
 @pytest.mark.parametrize(
     ("mistake", "message"),
     [
@@ -81,10 +85,10 @@ def test_equal_poses_are_still():
         (lambda: PoseTable((1, 1), (Pose(), Pose())), "increase"),
         (lambda: PoseTable((0, math.inf), (Pose(), Pose())), "finite"),
         (lambda: Motion(lambda time: Pose()), "every="),
-        (lambda: Motion(3.0), "PoseTable or a function"),
+        (lambda: Motion(NUMBER), "PoseTable or a function"),
         (lambda: Motion(lambda time: Pose(), every=0.0), "positive number"),
         (lambda: Motion(lambda time: Pose(), every=math.nan), "positive number"),
-        (lambda: Motion(lambda time: time, every=1.0).at(2.0), "not a Pose"),
+        (lambda: Motion(lambda time: NUMBER, every=1.0).at(2.0), "not a Pose"),
         (
             lambda: Motion(lambda time: Pose(), every=1e-9).snapshot_times(60.0),
             "give 0.006 s or more",

@@ -44,6 +44,7 @@ def _bodies(chance):
 def _terms(chance, bodies):
     """Some of what there is, a good part of which does nothing."""
     last = len(bodies) - 1
+    block = jt.Region((-0.01, -0.01, -0.01), (0.02, 0.02, 0.02))
     kinds = [
         jt.Sun((0.0, 0.0, -1.0), 500.0),
         jt.Sun((1.0, 0.0, 0.0), 500.0),
@@ -55,7 +56,7 @@ def _terms(chance, bodies):
         jt.HeatFlux(200.0, on=jt.Side((0.0, 1.0, 0.0))),
         jt.FixedTemperature(310.0, on=jt.Side((0.0, 0.0, -1.0))),
         jt.Contact(500.0),
-        jt.HeatSource(1e4, within=jt.Region((-0.01,) * 3, (0.02,) * 3)),
+        jt.HeatSource(1e4, within=block),
     ]
     return tuple(kind for kind in kinds if chance.random() < 0.6)
 

@@ -111,6 +111,7 @@ def test_sheets_sticks_and_single_voxels_have_a_part_too(shape):
     parts = cylinder_parts(blocks(np.ones(shape, bool), 0.01))
     assert not parts.fragment.any()
     (only,) = parts.cylinders
+    assert only.length is not None
     volume = np.pi / 4 * only.diameter**2 * only.length
     assert volume == pytest.approx(np.prod(shape) * 1e-6, rel=1e-9)
 
