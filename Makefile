@@ -4,13 +4,14 @@ UV := $(shell command -v uv 2>/dev/null || echo .uv/bin/uv)
 SYNC = UV_PROJECT_ENVIRONMENT=.venv $(UV) sync --locked --inexact --quiet
 RUN = .venv/bin
 
-.PHONY: help env demo test slow check bench clean
+.PHONY: help env demo test slow check bench schemas clean
 
 help:
 	@echo "make env    the environment, in .venv"
 	@echo "make demo   thermal frames of the built-in figurine, in results/demo"
 	@echo "make test   the test suite        make slow   the long tests"
 	@echo "make check  lint and types        make bench  the benchmarks"
+	@echo "make schemas  the JSON Schemas in configs, after a change of a model"
 
 .uv/bin/uv:
 	@python3 -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
@@ -45,6 +46,11 @@ check: .venv/.dev
 
 bench: .venv/.test
 	$(RUN)/python -m experiments run benchmarks
+
+schemas: .venv/.core
+	$(RUN)/python -m jaxthermo schema > configs/scene.schema.json
+	$(RUN)/python -m calibrate schema > configs/calibration.schema.json
+	$(RUN)/python -m experiments schema > configs/comparison.schema.json
 
 clean:
 	rm -rf .venv .uv results .jax_cache

@@ -2,9 +2,9 @@
 
 The same system for all, in float64, to the same relative residual: conjugate gradients
 on the layout that solves take, with the diagonal and with this multigrid, whose
-diagonals are taken anew for every solve, of which solvers choose one by the step; and
+diagonals are recomputed for every solve, one of which a solver selects by the step; and
 scipy's on a sparse matrix, with the diagonal and with pyamg's smoothed aggregation,
-whose set-up is told apart. They take turns.
+whose set-up is reported separately. They run interleaved.
 """
 
 import time

@@ -45,8 +45,8 @@ def _winds() -> Iterator[Row]:
             row = judged(f"V = {speed:g} m/s", scene, method, (COLD, HOT))
             yield row
     notes = jt.compile_scene(_scene(jt.Wind(AHEAD, COLD, speed=1e3))).receipt.notes
-    told = Bound("notes", len(notes), np.inf, 1)
-    yield Row("V = 1000 m/s: the receipt", seen="; ".join(notes), checks=(told,))
+    noted = Bound("notes", len(notes), np.inf, 1)
+    yield Row("V = 1000 m/s: the receipt", seen="; ".join(notes), checks=(noted,))
     for name, solver in _SOLVERS.items():
         by_speed = lambda v: _scene(jt.Wind(AHEAD, COLD, speed=v))
         yield _slope("d(mean)/dV at V = 0", by_speed, 0.0, name, solver)

@@ -160,7 +160,7 @@ def _run(
         print_line(console, f"going on from {time_label(time_reached(todo, kept))}")
     elif (out / CHECKPOINT).exists():
         print_line(
-            console, f"starting anew: {CHECKPOINT} is of another run, or damaged"
+            console, f"starting again: {CHECKPOINT} is of another run, or damaged"
         )
     clock = time.perf_counter()
     with status(console, "compiling"):

@@ -53,6 +53,6 @@ class Pose(eqx.Module):
         return self
 
     def snapshot_times(self, end: float) -> tuple[float, ...]:
-        """When it must be taken anew: never."""
+        """Times at which the geometry changes: none."""
         del end
         return ()

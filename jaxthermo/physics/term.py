@@ -276,8 +276,8 @@ class AbstractTerm(eqx.Module):
             if not field.metadata.get("static")
         )
         # Selections of a surface or a volume never change with time.
-        places = AbstractSelection | AbstractSpace
-        return tuple(v for v in given if v is not None and not isinstance(v, places))
+        where = AbstractSelection | AbstractSpace
+        return tuple(v for v in given if v is not None and not isinstance(v, where))
 
     def forcing(self, end: float | int) -> Forcing:
         """Bounds of its effect on temperatures up to `end` [s].

@@ -122,7 +122,7 @@ def test_a_checkpoint_that_does_not_fit_is_ignored(
     segments = stop_at(None)
     code, text, err = run("simulate", scene, "--out", out, *STEPS)
     assert (code, err) == (0, "")
-    assert "going on" not in text and "starting anew" in text
+    assert "going on" not in text and "starting again" in text
     assert segments[0] == 2
     assert files(out) == RESULTS | frame_files()
     same_arrays(out / "solution.npz", uninterrupted / "solution.npz")
