@@ -11,7 +11,6 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from jaxthermo.cli.console import open_console, print_line
 from jaxthermo.cli.progress import patient_interrupt
 from jaxthermo.errors import InputError
-from jaxthermo.report.table import Table
 
 from .analysis.fit_card import check_card
 from .config.loader import load_calibration
@@ -28,8 +27,6 @@ from .solvers.checkpoint import StepRecord
 
 _MAX_EXPERIMENTS = 5
 """Further experiments that are listed."""
-_PIPE_WIDTH = 240
-"""Width up to which tables grow in a pipe [characters]."""
 
 
 class _ProgressBar(ProgressLog):
@@ -85,16 +82,11 @@ def fit(config: Path, out: Path, overrides: tuple[str, ...]) -> None:
 
 def _print_fit(console: Console, result: dict[str, Any]) -> None:
     title = f"{result['name']}: {result['ended']}"
-    _print_table(console, parameter_table(result["parameters"], title))
+    console.print(parameter_table(result["parameters"], title).rich())
     for text in (about_standard_errors(result), *summary(result)):
         print_line(console, text)
     if result["advice"]:
-        _print_table(console, experiment_table(result, _MAX_EXPERIMENTS))
-
-
-def _print_table(console: Console, table: Table) -> None:
-    # Rich assumes 80 columns for a pipe, where lines should be left whole.
-    console.print(table.rich(), width=None if console.is_terminal else _PIPE_WIDTH)
+        console.print(experiment_table(result, _MAX_EXPERIMENTS).rich())
 
 
 def identify(config: Path, overrides: tuple[str, ...]) -> None:
@@ -106,7 +98,7 @@ def identify(config: Path, overrides: tuple[str, ...]) -> None:
         found, errors, noise_is_known = identify_start(loaded, log)
     title = f"{loaded.name}: how well the data determine the start values"
     rows = parameter_rows(found, np.array([v.value for v in found.verdicts]))
-    _print_table(console, parameter_table(rows, title, is_fitted=False))
+    console.print(parameter_table(rows, title, is_fitted=False).rich())
     for name, error in errors.items():
         words = f"{error.worst:.3g} %"
         if noise_is_known:

@@ -152,7 +152,7 @@ def parameter_table(
     parameters: Mapping[str, Mapping[str, Any]], title: str, is_fitted: bool = True
 ) -> Table:
     """Values, standard errors and verdicts."""
-    columns = ["parameter", "start", "std. error", "verdict"]
+    columns = ["parameter", "start", "standard error", "verdict"]
     if is_fitted:
         columns[2:2] = ["fitted", "ratio"]
     rows = []

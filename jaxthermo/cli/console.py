@@ -7,9 +7,17 @@ from contextlib import contextmanager
 from rich.console import Console
 
 
+_PIPE_WIDTH = 240
+"""Width up to which tables grow in a pipe [characters]."""
+
+
 def open_console() -> Console:
     """Standard output without markup: a path may contain any character."""
-    return Console(highlight=False, markup=False, emoji=False, soft_wrap=True)
+    console = Console(highlight=False, markup=False, emoji=False, soft_wrap=True)
+    # Rich assumes 80 columns for a pipe, where lines should be left whole.
+    if not console.is_terminal:
+        console.width = _PIPE_WIDTH
+    return console
 
 
 def print_line(console: Console, text: str) -> None:

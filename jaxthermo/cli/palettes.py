@@ -1,10 +1,7 @@
 """`jaxthermo palettes`: the colour scales and the differences between their colours."""
 
-from rich import box
-from rich.console import Console
-from rich.table import Table
-
 from ..image.palette_design import palette_report
+from ..report.table import Table
 from .console import open_console, print_line
 
 
@@ -25,11 +22,10 @@ _NOTE = (
 
 def palettes() -> None:
     """Print the differences between the colours of every palette."""
-    table = Table(box=box.SIMPLE, pad_edge=False)
-    table.add_column("palette", no_wrap=True)
-    for column in _COLUMNS.values():
-        table.add_column(column, justify="right")
-    for name, facts in palette_report().items():
-        table.add_row(name, *(f"{facts[key]:.2f}" for key in _COLUMNS))
-    Console(highlight=False, markup=False).print(table)
-    print_line(open_console(), _NOTE)
+    rows = [
+        (name, *(f"{facts[key]:.2f}" for key in _COLUMNS))
+        for name, facts in palette_report().items()
+    ]
+    console = open_console()
+    console.print(Table(("palette", *_COLUMNS.values()), rows, framed=False).rich())
+    print_line(console, _NOTE)

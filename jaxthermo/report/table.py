@@ -13,8 +13,6 @@ from .templates import Html, render
 
 _MAX_NAME_WIDTH = 40
 """Longest text of a first column that is never folded [characters]."""
-_MAX_VERDICT_WIDTH = 12
-"""The same in other columns of text [characters]."""
 
 
 class Cell(NamedTuple):
@@ -71,13 +69,12 @@ class Table:
         )
         for index, name in enumerate(self.columns):
             justify = "left" if index in self.left else "right"
-            # Numbers, names in the first column and verdicts of two words stay whole: a
-            # folded number reads as two. Long texts are folded where they do not fit.
+            # Numbers, and names in the first column, stay whole: a folded number
+            # reads as two. Long texts are folded where they do not fit.
             cells = [row[index] for row in self.rows if index < len(row)]
             texts = [cell.text if isinstance(cell, Cell) else cell for cell in cells]
-            widest = max(map(len, texts), default=0)
-            limit = _MAX_VERDICT_WIDTH if index else _MAX_NAME_WIDTH
-            whole = justify == "right" or widest <= limit
+            name_width = max(map(len, texts), default=0)
+            whole = justify == "right" or (index == 0 and name_width <= _MAX_NAME_WIDTH)
             table.add_column(
                 Text(name), justify=justify, no_wrap=whole, overflow="fold"
             )
