@@ -205,6 +205,15 @@ def render(
 
     Raises:
         InputError: if the camera is inside a body or sees none.
+
+    Example:
+        >>> import jaxthermo as jt
+        >>> grid = jt.voxelize(jt.shapes.box((0.04, 0.04, 0.04)), pitch=0.01)
+        >>> body = jt.Body(jt.FullVolume(grid), jt.materials["copper"], 300.0)
+        >>> warm = jt.steady(jt.Scene((body,), (jt.Convection(10.0, 290.0),)))
+        >>> camera = jt.Camera((0.2, -0.2, 0.1), (0.0, 0.0, 0.0), width=32, height=24)
+        >>> jt.render(warm, camera).temperature.shape  # rows, columns
+        (24, 32)
     """
     with precision(solution.receipt.dtype):
         time = float(solution.times[index])

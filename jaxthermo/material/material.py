@@ -59,6 +59,12 @@ class Material(eqx.Module):
         specific_heat: c_p [J/(kg K)].
         emissivity: eps of the surface in the long-wave infrared [-].
         given_absorptivity: as given, or None; use `absorptivity` instead.
+
+    Example:
+        >>> import jaxthermo as jt
+        >>> paint = jt.Material(0.2, 1500.0, specific_heat=1400.0, emissivity=0.95)
+        >>> paint.absorptivity
+        0.95
     """
 
     conductivity: Conductivity

@@ -231,7 +231,13 @@ class HeatFlux(AbstractSurfaceTerm):
 
 
 class Convection(AbstractSurfaceTerm):
-    """Convection, q = h (T_inf - T_s); on the whole surface without `on`."""
+    """Convection, q = h (T_inf - T_s); on the whole surface without `on`.
+
+    Example:
+        >>> import jaxthermo as jt
+        >>> still = jt.Convection(10.0, 290.0)
+        >>> top = jt.Convection(25.0, 290.0, on=jt.Side((0.0, 0.0, 1.0)))
+    """
 
     heat_transfer_coefficient: TimeVarying
     """h [W/(m^2 K)], a number or a function of time."""

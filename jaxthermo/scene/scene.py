@@ -99,7 +99,14 @@ class MaterialLabels(AbstractMaterials):
 
 
 class Body(eqx.Module):
-    """A body: its structure, material, initial temperature and pose."""
+    """A body: its structure, material, initial temperature and pose.
+
+    Example:
+        >>> import jaxthermo as jt
+        >>> grid = jt.voxelize(jt.shapes.box((0.04, 0.04, 0.04)), pitch=0.01)
+        >>> steel = jt.materials["stainless_steel"]
+        >>> body = jt.Body(jt.FullVolume(grid), steel, temperature=350.0)
+    """
 
     structure: AbstractStructure
     material: Material | AbstractMaterials
@@ -135,6 +142,15 @@ class Scene(eqx.Module):
     """Bodies and the mechanisms that act on them.
 
     A mechanism that is not in `terms` is not computed.
+
+    Example:
+        >>> import jaxthermo as jt
+        >>> grid = jt.voxelize(jt.shapes.box((0.04, 0.04, 0.04)), pitch=0.01)
+        >>> body = jt.Body(jt.FullVolume(grid), jt.materials["copper"], 350.0)
+        >>> terms = (jt.Convection(10.0, 290.0), jt.Surroundings(280.0))
+        >>> scene = jt.Scene((body,), terms)
+        >>> [term.name for term in scene.terms]
+        ['convection', 'emission']
     """
 
     bodies: tuple[Body, ...]

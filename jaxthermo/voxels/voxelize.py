@@ -22,6 +22,12 @@ def voxelize(mesh: Mesh, pitch: Scalar) -> VoxelGrid:
     Raises:
         InputError: if the pitch is not positive, gives no voxel, or needs more memory
             than available.
+
+    Example:
+        >>> import jaxthermo as jt
+        >>> grid = jt.voxelize(jt.shapes.box((0.04, 0.04, 0.04)), pitch=0.01)
+        >>> int(grid.solid_count)
+        64
     """
     pitch = float(pitch)
     check_pitch(mesh, pitch)

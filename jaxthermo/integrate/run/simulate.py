@@ -74,6 +74,16 @@ def simulate(
         InputError: for times out of order, a step above the stable one, or too little
             memory.
         RuntimeError: if the run failed and `throw` is set.
+
+    Example:
+        >>> import jaxthermo as jt
+        >>> grid = jt.voxelize(jt.shapes.box((0.04, 0.04, 0.04)), pitch=0.01)
+        >>> steel = jt.Material(16.0, density=8000.0, specific_heat=500.0)
+        >>> body = jt.Body(jt.FullVolume(grid), steel, temperature=350.0)
+        >>> scene = jt.Scene((body,), (jt.Convection(10.0, 290.0),))
+        >>> solution = jt.simulate(scene, 60.0, save_at=[30.0, 60.0])
+        >>> solution.surface_temperature.shape  # times, fragments
+        (2, 96)
     """
     with precision(scene.dtype):
         plan = plan_run(scene, t1, save_at, solver, reverse_memory=reverse_memory)

@@ -90,6 +90,15 @@ def steady(
         InputError: where something varies with time and `at` is not given, or where a
             heat source acts on a part that nothing cools: there is no steady state.
         RuntimeError: if the solve did not converge and `throw` is set.
+
+    Example:
+        >>> import jaxthermo as jt
+        >>> grid = jt.voxelize(jt.shapes.box((0.04, 0.04, 0.04)), pitch=0.01)
+        >>> body = jt.Body(jt.FullVolume(grid), jt.materials["copper"], 350.0)
+        >>> terms = (jt.HeatFlux(100.0), jt.Convection(10.0, 290.0))
+        >>> warm = jt.steady(jt.Scene((body,), terms))
+        >>> f"{warm.mean_temperature.item():.3f}"
+        '300.000'
     """
     if tolerance is not None and not tolerance > 0:
         raise InputError(f"steady(tolerance={tolerance!r}): give a positive one [K]")

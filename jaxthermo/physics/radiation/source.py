@@ -135,6 +135,11 @@ class Sun(AbstractSource):
 
     Raises:
         InputError: for a direction of length 0, or a negative irradiance.
+
+    Example:
+        >>> import jaxthermo as jt
+        >>> low = jt.Sun(direction=(-1.0, 0.0, -0.2), irradiance=800.0)
+        >>> shaded = jt.Sun((0.0, 0.0, -1.0), irradiance=jt.Until(800.0, 90.0))
     """
 
     direction: Triple | Callable[[float], Any] = eqx.field(

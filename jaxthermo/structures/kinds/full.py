@@ -23,6 +23,12 @@ class FullVolume(AbstractStructure):
 
     It runs as a dense masked stencil over the bounding box, or, with `stencil=False`,
     as sorted links: slower, but equal to rounding, and the reference for the stencil.
+
+    Example:
+        >>> import jaxthermo as jt
+        >>> grid = jt.voxelize(jt.shapes.box((0.04, 0.04, 0.04)), pitch=0.01)
+        >>> jt.FullVolume(grid).grid.solid_count
+        64
     """
 
     grid: VoxelGrid = eqx.field(static=True)

@@ -1,0 +1,29 @@
+"""The examples in the docstrings of the names that are used most run as they stand."""
+
+import doctest
+
+import pytest
+
+import jaxthermo as jt
+
+
+NAMES = (
+    "voxelize",
+    "FullVolume",
+    "Material",
+    "Body",
+    "Scene",
+    "Sun",
+    "Convection",
+    "simulate",
+    "steady",
+    "render",
+)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_example_runs(name):
+    found = doctest.DocTestFinder(recurse=False).find(getattr(jt, name), name, globs={})
+    assert len(found) == 1 and found[0].examples
+    runner = doctest.DocTestRunner()
+    assert runner.run(found[0]).failed == 0
