@@ -4,8 +4,7 @@ from .config.card_file import load_card as load_card
 from .errors import InputError as InputError
 from .geometry import shapes as shapes
 from .geometry.load import load_mesh as load_mesh
-from .geometry.mesh import Mesh as Mesh
-from .geometry.pose import Pose as Pose
+from .geometry.mesh import Mesh as Mesh, Pose as Pose
 from .image.camera import Camera as Camera, OrthographicCamera as OrthographicCamera
 from .image.files import write_exr as write_exr, write_png as write_png
 from .image.render import render as render
@@ -24,8 +23,7 @@ from .integrate.solvers import (
 )
 from .integrate.steady.steady import steady as steady
 from .integrate.surface_error import surface_error as surface_error
-from .material.material import Material as Material
-from .material.property import Property as Property
+from .material.material import Material as Material, Property as Property
 from .material.table import materials as materials
 from .physics.boundary import (
     Convection as Convection,
@@ -65,21 +63,25 @@ from .scene.scene import (
     MaterialMap as MaterialMap,
     Scene as Scene,
 )
-from .structures.fit_card import FitCard as FitCard
 from .structures.kinds.aggregate import Aggregate as Aggregate
 from .structures.kinds.full import FullVolume as FullVolume
+from .structures.kinds.groups import (
+    MultiLevel as MultiLevel,
+    Octree as Octree,
+    Partition as Partition,
+    ShellOverCore as ShellOverCore,
+)
 from .structures.kinds.irregular import IrregularMultiLevel as IrregularMultiLevel
-from .structures.kinds.multilevel import MultiLevel as MultiLevel
-from .structures.kinds.octree import Octree as Octree
-from .structures.kinds.partition import Partition as Partition
 from .structures.kinds.shell import SingleShell as SingleShell
-from .structures.kinds.shell_over_core import ShellOverCore as ShellOverCore
-from .structures.surface.surface_map import (
+from .structures.structure import (
+    ConductionWeights as ConductionWeights,
+    FitCard as FitCard,
+)
+from .structures.surface_map import (
     ConstantMap as ConstantMap,
     FluxCorrectedMap as FluxCorrectedMap,
     LinearMap as LinearMap,
 )
-from .structures.weights import ConductionWeights as ConductionWeights
 from .voxels.cylinders import Cylinder as Cylinder
 from .voxels.grid import VoxelGrid as VoxelGrid
 from .voxels.selection import (

@@ -1,10 +1,11 @@
-"""Arrays: names of their types, precision, tracing, and grouping of entries.
+"""Arrays: names of their types, precision, tracing, grouping of entries, memory.
 
 Shape letters: n nodes, e links, s surface fragments, x y z voxels, v vertices,
 f faces, k raster fragments, l levels, t saved times, b bodies, h w pixels, p points.
 """
 
 import contextlib
+import os
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,8 @@ import jax.core
 import numpy as np
 from jaxtyping import Array, Float, Int
 from numpy.typing import ArrayLike
+
+from .errors import InputError
 
 
 Scalar = float | int | Float[Array, ""] | Float[np.ndarray, ""] | np.floating
@@ -88,3 +91,41 @@ def gathered_columns(degree: Int[np.ndarray, " n"]) -> int:
     cost = len(degree) * np.arange(len(count)) + LIST_ENTRY_COST * remaining
     cost += LIST_COST * (remaining > 0)
     return int(cost.argmin())
+
+
+def available_bytes() -> int:
+    """Memory of the host that this process can still allocate [bytes]."""
+    return os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") + _cached_bytes()
+
+
+def _cached_bytes() -> int:
+    # The kernel frees its page cache on demand. Only Linux tells its size.
+    try:
+        with open("/proc/meminfo", encoding="ascii") as lines:
+            table = dict(line.split(":", 1) for line in lines)
+    except OSError:
+        return 0
+    return int(table.get("Cached", "0 kB").split()[0]) * 1024
+
+
+def readable_bytes(count: float | int) -> str:
+    """Format a number of bytes, e.g. "3.2 GiB"."""
+    for unit in ("B", "KiB", "MiB", "GiB", "TiB"):
+        if count < 1024 or unit == "TiB":
+            break
+        count /= 1024
+    return f"{count:.0f} {unit}" if unit == "B" else f"{count:.1f} {unit}"
+
+
+def require_memory(needed: int, task: str, remedy: str) -> None:
+    """Refuse work that does not fit into memory, before any allocation.
+
+    Raises:
+        InputError: if more than 80 % of the available memory would be needed.
+    """
+    available = available_bytes()
+    if needed > 0.8 * available:
+        raise InputError(
+            f"{task} needs about {readable_bytes(needed)} of memory and "
+            f"{readable_bytes(available)} is free: {remedy}"
+        )

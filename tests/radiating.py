@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from jaxthermo.geometry.mesh import Mesh
-from jaxthermo.geometry.pose import Pose
+from jaxthermo.geometry.mesh import Mesh, Pose
 from jaxthermo.geometry.shapes import sphere
 from jaxthermo.physics.radiation.patches import group_patches
 from jaxthermo.physics.radiation.view_factors import PatchedBody

@@ -16,8 +16,7 @@ from jaxthermo.integrate.run.simulate import simulate
 from jaxthermo.integrate.surface_error import surface_error
 from jaxthermo.scene.compile.compile import mechanism_names
 from jaxthermo.scene.dimensionless_groups import scene_numbers
-from jaxthermo.structures.fit_card import FitCard, extrapolations
-from jaxthermo.structures.weights import ConductionWeights
+from jaxthermo.structures.structure import ConductionWeights, FitCard, extrapolations
 
 from ..config.schema import CalibrationConfig
 from ..problem.build import Calibration

@@ -8,7 +8,7 @@ import numpy as np
 
 from jaxthermo.config.schema.structure import SurfaceMapConfig
 from jaxthermo.errors import InputError
-from jaxthermo.geometry.pose import Pose
+from jaxthermo.geometry.mesh import Pose
 from jaxthermo.material.material import Material
 from jaxthermo.physics.radiation.source import Sun
 from jaxthermo.physics.time_varying import Until
@@ -16,7 +16,7 @@ from jaxthermo.scene.scene import Body, Scene
 from jaxthermo.scene.solved_surface import SolvedSurface, body_geometry
 from jaxthermo.structures.kinds.full import FullVolume
 from jaxthermo.structures.structure import AbstractStructure
-from jaxthermo.structures.surface.surface_map import AbstractSurfaceMap, ConstantMap
+from jaxthermo.structures.surface_map import AbstractSurfaceMap, ConstantMap
 from jaxthermo.voxels.grid import VoxelGrid
 from jaxthermo.voxels.voxelize import voxelize
 

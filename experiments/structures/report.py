@@ -4,8 +4,8 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
+from jaxthermo.arrays import readable_bytes
 from jaxthermo.atomic import replacing
-from jaxthermo.memory import readable_bytes
 from jaxthermo.report import page
 from jaxthermo.report.chart import write_chart
 from jaxthermo.report.numbers import seconds

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Int
 from jaxthermo.physics.radiation.source import Sun
 from jaxthermo.physics.time_varying import Until
 from jaxthermo.scene.scene import Scene
-from jaxthermo.structures.kinds.multilevel import MultiLevel
+from jaxthermo.structures.kinds.groups import MultiLevel
 from jaxthermo.voxels.grid import VoxelGrid
 
 from ..harness.record import Arrays, Row

@@ -9,7 +9,7 @@ import numpy as np
 from rich.console import Console
 
 from jaxthermo.errors import InputError
-from jaxthermo.geometry.pose import Pose
+from jaxthermo.geometry.mesh import Pose
 from jaxthermo.geometry.shapes import box, sphere
 from jaxthermo.image.annotate import write_png
 from jaxthermo.image.contact_texture import contact_images, where_covered

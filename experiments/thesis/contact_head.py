@@ -7,8 +7,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from jaxthermo.geometry.mesh import Mesh
-from jaxthermo.geometry.pose import Pose
+from jaxthermo.geometry.mesh import Mesh, Pose
 from jaxthermo.geometry.shapes import sphere
 from jaxthermo.image.annotate import write_png
 from jaxthermo.image.contact_texture import contact_images, where_covered

@@ -9,7 +9,7 @@ from jaxthermo.atomic import replacing
 from jaxthermo.geometry.shapes import figurine
 from jaxthermo.report import page
 from jaxthermo.report.chart import write_chart
-from jaxthermo.voxels.cylinder_parts import MAX_DIAMETER_RATIO
+from jaxthermo.voxels.cylinders import MAX_DIAMETER_RATIO
 
 from ..harness.meshes import thesis_meshes
 from . import (

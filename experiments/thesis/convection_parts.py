@@ -9,10 +9,9 @@ from PIL import Image, ImageDraw, ImageFont
 
 from jaxthermo.geometry.mesh import Mesh
 from jaxthermo.image.annotate import contact_sheet, write_png
-from jaxthermo.raster.directions import OrthographicView
+from jaxthermo.raster.views import OrthographicView
 from jaxthermo.report.table import Table
-from jaxthermo.voxels.cylinder_parts import cylinder_parts
-from jaxthermo.voxels.cylinders import Cylinder, CylinderParts
+from jaxthermo.voxels.cylinders import Cylinder, CylinderParts, cylinder_parts
 from jaxthermo.voxels.grid import VoxelGrid
 from jaxthermo.voxels.voxelize import voxelize
 

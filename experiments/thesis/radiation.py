@@ -9,7 +9,7 @@ from rich.console import Console
 
 from jaxthermo.atomic import replacing
 from jaxthermo.constants import STEFAN_BOLTZMANN
-from jaxthermo.geometry.pose import Pose
+from jaxthermo.geometry.mesh import Pose
 from jaxthermo.geometry.shapes import box
 from jaxthermo.physics.radiation.patches import group_patches
 from jaxthermo.physics.radiation.view_factors import (

@@ -17,7 +17,7 @@ from jaxthermo.image.ssao import screen_space_occlusion
 from jaxthermo.image.ticks import decimals_of, label as written, nice_ticks, to_celsius
 from jaxthermo.image.view import compute_view
 from jaxthermo.physics.radiation.visibility import DEFAULT_DIRECTIONS, sky_view
-from jaxthermo.raster.layers import peel
+from jaxthermo.raster.fragments import peel
 from jaxthermo.report.difference_scale import BACKGROUND
 from jaxthermo.report.sheet import ColourBar, Tile, sheet
 from jaxthermo.voxels.voxelize import voxelize

@@ -5,7 +5,7 @@ import functools
 import numpy as np
 
 from jaxthermo.constants import ZERO_CELSIUS
-from jaxthermo.geometry.pose import Pose
+from jaxthermo.geometry.mesh import Pose
 from jaxthermo.geometry.shapes import box
 from jaxthermo.integrate.run.simulate import simulate
 from jaxthermo.integrate.solvers import ForwardEuler

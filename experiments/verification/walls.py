@@ -3,7 +3,7 @@
 import numpy as np
 
 from jaxthermo.constants import ZERO_CELSIUS
-from jaxthermo.geometry.pose import Pose
+from jaxthermo.geometry.mesh import Pose
 from jaxthermo.geometry.shapes import box
 from jaxthermo.integrate.run.solution import SteadySolution
 from jaxthermo.integrate.steady.steady import steady

@@ -7,13 +7,13 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from ..arrays import readable_bytes
 from ..constants import ZERO_CELSIUS
 from ..geometry.mesh import mesh_summary
 from ..image.ticks import time_label
 from ..integrate.implicit.adaptive import AdaptiveStepper
 from ..integrate.run.plan import Plan
 from ..integrate.run.solution import Solution
-from ..memory import readable_bytes
 from ..scene.scene import Scene
 from .console import print_line
 from .summary import peak_memory

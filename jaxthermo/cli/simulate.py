@@ -32,8 +32,8 @@ from ..integrate.run.solution_file import StoredSolution, save_solution
 from ..scene.compile.compile import mechanism_names
 from ..scene.dimensionless_groups import body_numbers
 from ..scene.scene import Scene
-from ..structures.fit_card import extrapolations
 from ..structures.report import structure_report
+from ..structures.structure import extrapolations
 from .console import open_console, print_line, status
 from .files import FRAMES, prepare_folder, remove_results, results_folder
 from .frames import FrameCamera, write_frames

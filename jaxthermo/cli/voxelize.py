@@ -13,7 +13,7 @@ from ..errors import InputError
 from ..geometry.load import load_mesh
 from ..geometry.mesh import describe_mesh, mesh_summary
 from ..report.sheet import write_layer_sheets
-from ..voxels.report import voxel_report
+from ..voxels.grid import voxel_report
 from ..voxels.voxelize import voxelize as make_voxels
 from .console import open_console, print_line, status
 from .files import results_folder

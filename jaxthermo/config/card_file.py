@@ -7,8 +7,7 @@ import numpy as np
 
 from ..atomic import replacing
 from ..errors import InputError
-from ..structures.fit_card import FitCard
-from ..structures.weights import ConductionWeights
+from ..structures.structure import ConductionWeights, FitCard
 from .messages import quoted
 from .strict_yaml import read_yaml, write_yaml
 

@@ -9,9 +9,7 @@ import numpy as np
 from jaxtyping import Float
 from skimage.measure import marching_cubes
 
-from jaxthermo.errors import InputError
-
-from ..errors import positive_length
+from ..errors import InputError, positive_length
 from .mesh import Mesh
 
 

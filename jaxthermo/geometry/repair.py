@@ -6,8 +6,16 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from .connectivity import connected_labels, edge_pairs, edges_of, is_closed, part_labels
-from .mesh import Mesh, part_volumes, winding_number
+from .mesh import (
+    Mesh,
+    connected_labels,
+    edge_pairs,
+    edges_of,
+    is_closed,
+    part_labels,
+    part_volumes,
+    winding_number,
+)
 
 
 MAX_HOLE_EDGES = 8

@@ -7,9 +7,7 @@ is exact; their vertices lie just outside the given radius.
 import numpy as np
 from jaxtyping import Float, Int
 
-from jaxthermo.errors import InputError
-
-from ..errors import positive_length
+from ..errors import InputError, positive_length
 from .figurine import figurine
 from .mesh import Mesh
 

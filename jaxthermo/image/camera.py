@@ -9,8 +9,7 @@ from jaxtyping import Float, Int
 from typing_extensions import override
 
 from ..errors import InputError
-from ..raster.clip import clip_half_space
-from ..raster.directions import unit_vector
+from ..raster.views import clip_half_space, unit_vector
 
 
 # Depth of the near plane relative to the distance of `look_at`.

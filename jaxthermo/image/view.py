@@ -16,7 +16,7 @@ from ..errors import InputError
 from ..geometry.mesh import winding_number
 from ..physics.radiation.source import AbstractSource
 from ..physics.term import AbstractTerm
-from ..raster.layers import peel
+from ..raster.fragments import peel
 from ..scene.solved_surface import BodyGeometry, SolvedSurface
 from .camera import AbstractCamera
 

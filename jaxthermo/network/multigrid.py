@@ -1,13 +1,26 @@
 """Multigrid preconditioner of any network, for implicit steps and steady states.
 
 It is built in two steps: once the levels, which depend on the conductances alone; and
-for every diagonal m (another time step, another air) the cycle, which is cheap.
+for every diagonal m (another time step, another air) the cycle, which is cheap. The
+levels of a lattice are its blocks of 2 x 2 x 2 cells, recursively; those of nodes and
+links are connected groups of nodes in cubic blocks, whose edges double likewise.
 """
 
-import equinox as eqx
-from jaxtyping import Array, Float
+import math
+from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
-from ..structures.structure import AbstractStructure
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+from typing_extensions import override
+
+from ..arrays import members
+from ..geometry.mesh import connected_labels
+from ..structures.structure import AbstractBuiltStructure, AbstractStructure
+from .link_operator import LinkNetwork, RowLayout, RowNetwork, row_layout, row_network
 from .multigrid_cycle import (
     AbstractTransfer,
     JacobiCycle,
@@ -15,9 +28,279 @@ from .multigrid_cycle import (
     dense_solve,
     level,
 )
-from .multigrid_lattice import lattice_levels
-from .multigrid_nodes import node_layout, node_levels
-from .network import AbstractNetwork, AbstractNodeNetwork, inverse
+from .network import AbstractNetwork, AbstractNodeNetwork, inverse, slot_sums
+from .stencil import HeterogeneousStencil, OrthotropicStencil, UniformStencil
+
+
+_Faces = tuple[Array, Array, Array]
+
+
+class LatticeTransfer(AbstractTransfer):
+    """Transfer between a lattice and its blocks, with one empty cell on each side."""
+
+    shape: tuple[int, ...] = eqx.field(static=True)
+    """Shape of the fine lattice [cells]."""
+
+    @override
+    def restrict(self, fine: Float[Array, "..."]) -> Float[Array, "..."]:
+        values = fine[1:-1, 1:-1, 1:-1]
+        for axis in range(3):
+            values = _pair_sum(values, axis)
+        return jnp.pad(values, 1)
+
+    @override
+    def prolong(self, coarse: Float[Array, "..."]) -> Float[Array, "..."]:
+        # The loop makes it an array: otherwise XLA repeats the smoothing for each cell.
+        along_z = lambda plane: jnp.repeat(plane, 2, axis=1)
+        values = jax.lax.map(along_z, coarse[1:-1, 1:-1, 1:-1])
+        for axis in range(2):
+            values = jnp.repeat(values, 2, axis=axis)
+        x, y, z = self.shape
+        return jnp.pad(values[:x, :y, :z], 1)
+
+
+def lattice_levels(
+    network: AbstractNetwork, max_size: int
+) -> tuple[tuple[AbstractNetwork, ...], tuple[LatticeTransfer, ...]]:
+    """Stencil and coarser ones down to `max_size` values in a state, with transfers."""
+    networks, transfers = [network], []
+    shape = tuple(n - 2 for n in jax.eval_shape(network.diagonal).shape)
+    while math.prod(n + 2 for n in shape) > max_size:
+        transfers.append(LatticeTransfer(shape))
+        faces = _block_faces(networks[-1])
+        shape = tuple(-(-n // 2) for n in shape)
+        # Only conduction is evaluated: the capacities of blocks are in m.
+        networks.append(HeterogeneousStencil(faces, jnp.zeros(shape, faces[0].dtype)))
+    return tuple(networks), tuple(transfers)
+
+
+def _block_faces(network: AbstractNetwork) -> _Faces:
+    """Conductance of the faces between blocks of a stencil [W/K]."""
+    faces = []
+    for axis in range(3):
+        values = _even_faces(network, axis)
+        for other in {0, 1, 2} - {axis}:
+            values = _pair_sum(values, other)
+        faces.append(values)
+    x, y, z = faces
+    if isinstance(network, UniformStencil | OrthotropicStencil):
+        # Up to here the values are counts of open faces.
+        g = jnp.broadcast_to(network.conductance, (3,))
+        x, y, z = (n.astype(g.dtype) * g[axis] for axis, n in enumerate(faces))
+    # The centres of blocks are twice as far apart, so the conductance is half of that
+    # of the faces together. The plain sum, which the transfers imply, would make coarse
+    # levels twice as stiff and correct half of the error.
+    return x / 2, y / 2, z / 2
+
+
+def _even_faces(network: AbstractNetwork, axis: int) -> Array:
+    """Every other face across an axis: faces between blocks, not inside them."""
+    if isinstance(network, HeterogeneousStencil):
+        face = network.face_conductance[axis]
+        face = _padded(face, axis, 0, (face.shape[axis] + 1) % 2)
+        return face[_every_other(axis, 0)]
+    if isinstance(network, UniformStencil):
+        linked = network.degree > 0
+    elif isinstance(network, OrthotropicStencil):
+        linked = network.degrees > 0
+    else:
+        raise TypeError(f"no lattice levels of a {type(network).__name__}")
+    # Two adjacent cells that have any links are linked to each other.
+    linked = _padded(linked, axis, 1, 1 + linked.shape[axis] % 2)
+    both = linked[_every_other(axis, 0)] & linked[_every_other(axis, 1)]
+    return both.astype(jnp.uint8)
+
+
+def _pair_sum(values: Array, axis: int) -> Array:
+    """Sums of consecutive pairs of entries along an axis."""
+    values = _padded(values, axis, 0, values.shape[axis] % 2)
+    return values[_every_other(axis, 0)] + values[_every_other(axis, 1)]
+
+
+def _padded(values: Array, axis: int, before: int, after: int) -> Array:
+    widths = [(0, 0)] * 3
+    widths[axis] = (before, after)
+    return jnp.pad(values, widths)
+
+
+def _every_other(axis: int, start: int) -> tuple[slice, ...]:
+    index = [slice(None)] * 3
+    index[axis] = slice(start, None, 2)
+    return tuple(index)
+
+
+# Levels that keep more than this fraction of the nodes are skipped.
+_MAX_SIZE_RATIO = 0.9
+
+
+class _NodeTransfer(AbstractTransfer):
+    """Transfer between nodes and their groups."""
+
+    group: Int[Array, " n"]
+    """Group of each node."""
+    members: tuple[Int[Array, " c"], ...]
+    """Node number k of each group; one past the last node if it has fewer."""
+
+    @override
+    def restrict(self, fine: Float[Array, "..."]) -> Float[Array, "..."]:
+        return slot_sums(fine, self.members)
+
+    @override
+    def prolong(self, coarse: Float[Array, "..."]) -> Float[Array, "..."]:
+        return coarse.at[self.group].get(mode="promise_in_bounds")
+
+
+class _CoarseLayout(NamedTuple):
+    """Groups of the nodes of the previous level; built on the host."""
+
+    group: Int[np.ndarray, " n"]
+    members: tuple[Int[np.ndarray, " c"], ...]
+    kept: Int[np.ndarray, " k"]
+    """Links between different groups."""
+    link: Int[np.ndarray, " k"]
+    """Coarse link that contains each of these links."""
+    length_ratio: Float[np.ndarray, " k"]
+    """Length of each link over that of its coarse link, centre to centre [-]."""
+    links: int
+    """Number of coarse links."""
+    rows: RowLayout
+
+
+class _NodeLayout(NamedTuple):
+    """Rows of a structure's links, and its coarser levels."""
+
+    links: int
+    """Number of links."""
+    rows: RowLayout
+    coarser: tuple[_CoarseLayout, ...]
+
+
+class _Graph(NamedTuple):
+    centre: Float[np.ndarray, "n 3"]
+    weight: Float[np.ndarray, " n"]
+    links: Int[np.ndarray, "e 2"]
+
+
+# Layouts of each structure, kept as long as it exists.
+_LAYOUTS: WeakKeyDictionary = WeakKeyDictionary()
+
+
+def node_layout(structure: AbstractStructure, max_nodes: int) -> _NodeLayout:
+    """Levels of the nodes of a structure, built once for each structure.
+
+    The coarsest has at most `max_nodes` nodes, unless more than that are not linked.
+    """
+    built = isinstance(structure, AbstractBuiltStructure)
+    key = structure.built if built else structure.grid
+    found = _LAYOUTS.setdefault(key, {})
+    if max_nodes not in found:
+        found[max_nodes] = _layout(structure, max_nodes)
+    return found[max_nodes]
+
+
+def _layout(structure: AbstractStructure, max_nodes: int) -> _NodeLayout:
+    nodes, links = structure.nodes(), structure.links()
+    lattice = structure.grid.lattice
+    pairs = np.stack([links.src, links.dst], axis=1)
+    graph = _Graph((nodes.centre - lattice.origin) / lattice.pitch, nodes.volume, pairs)
+    edge, coarser = 1, []
+    while len(graph.weight) > max_nodes and len(graph.links):
+        edge *= 2
+        group = _groups(graph, edge)
+        if group.max() + 1 <= _MAX_SIZE_RATIO * len(group) or edge > max(lattice.shape):
+            level, graph = _merged(graph, group)
+            coarser.append(level)
+    rows = row_layout(len(nodes.volume), links.src, links.dst)
+    return _NodeLayout(len(pairs), rows, tuple(coarser))
+
+
+def _groups(graph: _Graph, edge: int) -> Int[np.ndarray, " n"]:
+    """Group of each node, numbered along z first like the lattice."""
+    # A node is in the block of its centre; only nodes that links connect inside a block
+    # form a group, so that no heat crosses a gap. A cell larger than the blocks stays
+    # alone until they have grown.
+    block = (graph.centre / edge).astype(np.int64)
+    _, y, z = block.max(axis=0) + 1
+    index = (block[:, 0] * y + block[:, 1]) * z + block[:, 2]
+    inside = index[graph.links[:, 0]] == index[graph.links[:, 1]]
+    part = connected_labels(len(index), graph.links[inside])
+    leads = np.flatnonzero(part == np.arange(len(part)))
+    number = np.zeros(len(part), np.int32)
+    number[leads[np.argsort(index[leads], kind="stable")]] = np.arange(len(leads))
+    return number[part]
+
+
+def _merged(
+    graph: _Graph, group: Int[np.ndarray, " n"]
+) -> tuple[_CoarseLayout, _Graph]:
+    count = int(group.max()) + 1
+    weight = np.bincount(group, graph.weight, count)
+    moment = graph.centre * graph.weight[:, None]
+    centre = np.stack([np.bincount(group, m, count) for m in moment.T], axis=1)
+    centre /= weight[:, None]
+
+    ends = np.sort(group[graph.links], axis=1)
+    kept = np.flatnonzero(ends[:, 0] != ends[:, 1])
+    joint, link = np.unique(
+        ends[kept, 0].astype(np.int64) * count + ends[kept, 1], return_inverse=True
+    )
+    pairs = np.stack(np.divmod(joint, count), axis=1)
+    before = _lengths(graph.centre, graph.links[kept])
+    after = _lengths(centre, pairs)[link]
+    # Conductances between groups are sums over their links, each scaled by this ratio:
+    # a link between two single nodes keeps its conductance. Centres of curved groups
+    # may be close together, hence the maximum.
+    length_ratio = before / np.maximum(after, before)
+    layout = _CoarseLayout(
+        group=group,
+        members=tuple(members(group, count)),
+        kept=kept.astype(np.int32),
+        link=link.astype(np.int32),
+        length_ratio=length_ratio,
+        links=len(pairs),
+        rows=row_layout(count, pairs[:, 0], pairs[:, 1]),
+    )
+    return layout, _Graph(centre, weight, pairs)
+
+
+def _lengths(centre, pairs):
+    return np.linalg.norm(centre[pairs[:, 0]] - centre[pairs[:, 1]], axis=1)
+
+
+def node_levels(
+    layout: _NodeLayout, network: AbstractNodeNetwork
+) -> tuple[tuple[AbstractNodeNetwork, ...], tuple[_NodeTransfer, ...]]:
+    """Network of this layout and successively coarser ones, with the transfers."""
+    networks, transfers = [network], []
+    conductance = link_conductance(layout, network)
+    for coarse in layout.coarser:
+        dtype = conductance.dtype
+        part = conductance[coarse.kept] * jnp.asarray(coarse.length_ratio, dtype)
+        conductance = jnp.zeros(coarse.links, dtype).at[coarse.link].add(part)
+        columns = tuple(jnp.asarray(column) for column in coarse.members)
+        transfers.append(_NodeTransfer(jnp.asarray(coarse.group), columns))
+        # Only conduction is evaluated: the capacities of groups are in m.
+        nothing = jnp.zeros(len(columns[0]), dtype)
+        networks.append(row_network(coarse.rows, conductance, nothing))
+    return tuple(networks), tuple(transfers)
+
+
+def link_conductance(
+    layout: _NodeLayout, network: AbstractNodeNetwork
+) -> Float[Array, " e"]:
+    """Conductance of every link, collected from a network of this layout [W/K]."""
+    rows = layout.rows
+    if isinstance(network, LinkNetwork):
+        return network.conductance
+    if not isinstance(network, RowNetwork):
+        raise TypeError(f"no node levels of a {type(network).__name__}")
+    # The empty entries of the rows refer to one past the last link.
+    found = jnp.zeros(layout.links + 1, network.node_capacity.dtype)
+    if network.following is not None:
+        found = found.at[rows.following].set(network.following[rows.first])
+    for link, conductance in zip(rows.link, network.conductance, strict=True):
+        found = found.at[link].set(conductance)
+    return found.at[rows.list_link].set(network.list_conductance)[:-1]
 
 
 MAX_DENSE_SIZE = 256

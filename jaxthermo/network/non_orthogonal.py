@@ -20,7 +20,7 @@ from typing_extensions import override
 
 from ..structures.build.links import NonOrthogonalLinks
 from ..structures.structure import AbstractStructure
-from ..structures.surface.surface_map import Gradient, gradient_at
+from ..structures.surface_map import Gradient, gradient_at
 from .network import AbstractNodeNetwork, inverse
 
 

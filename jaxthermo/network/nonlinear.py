@@ -24,7 +24,7 @@ from jaxtyping import Array, Float
 from typing_extensions import override
 
 from ..arrays import Scalar, is_traced
-from ..material.property import Property
+from ..material.material import Property
 from .network import AbstractNetwork, inverse
 
 

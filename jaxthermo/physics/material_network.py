@@ -16,8 +16,7 @@ from jaxtyping import Array, Float, Int
 
 from ..arrays import Scalar
 from ..errors import InputError
-from ..material.material import Material
-from ..material.property import Property
+from ..material.material import Material, Property
 from ..network.network import AbstractNetwork
 from ..network.nonlinear import NonlinearNetwork, kirchhoff_transform
 from ..structures.build.assignment import voxel_owner

@@ -28,7 +28,7 @@ from jaxtyping import Bool, Float, Int
 
 from ..arrays import Scalar, is_traced
 from ..errors import InputError
-from ..geometry.pose import Pose
+from ..geometry.mesh import Pose
 from ..voxels.grid import VoxelGrid
 from ..voxels.selection import AbstractSelection, AbstractSpace
 from .flux_law import AbstractFluxLaw, TemperatureRange, Values

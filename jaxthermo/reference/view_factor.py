@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from ..arrays import Scalar
 from ..physics.radiation.area_source import polygon_view_factor
-from ..raster.directions import unit_vector, view_frame
+from ..raster.views import unit_vector, view_frame
 
 
 def parallel_rectangles(width: Scalar, length: Scalar, gap: Scalar) -> float:

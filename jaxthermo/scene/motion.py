@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..errors import InputError
-from ..geometry.pose import Pose
+from ..geometry.mesh import Pose
 
 
 if TYPE_CHECKING:

@@ -10,12 +10,12 @@ from jaxtyping import Array, Float, Int
 
 from ..arrays import PositionVarying, is_traced
 from ..errors import InputError
-from ..geometry.pose import Pose
+from ..geometry.mesh import Pose
 from ..material.material import Material
 from ..physics.material_network import checked_labels, node_materials
 from ..physics.term import AbstractTerm
 from ..structures.structure import AbstractStructure
-from ..structures.surface.surface_map import AbstractSurfaceMap, FluxCorrectedMap
+from ..structures.surface_map import AbstractSurfaceMap, FluxCorrectedMap
 from ..voxels.grid import VoxelGrid
 from ..voxels.selection import Region
 from .motion import Motion

@@ -6,7 +6,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..geometry.pose import Pose
+from ..geometry.mesh import Pose
 from ..voxels.grid import VoxelGrid
 from .motion import Motion
 

@@ -36,7 +36,7 @@ _OWN_FILES = re.compile(r"\.?[a-z_]+-[0-9a-f]{40}(\.[0-9a-f]{8})?\.npz")
 
 
 def cached(
-    kind: str, grid: VoxelGrid, options: dict[str, Any], build: Callable[[], Built]
+    kind: str, grid: VoxelGrid, options: dict[str, Any], build: Callable[..., Built]
 ) -> Built:
     """Read a structure from the cache, or build and store it.
 
@@ -44,15 +44,15 @@ def cached(
         kind: of structure, in lower case and underscores.
         grid: the body.
         options: all other inputs: numbers, texts, arrays, or tuples and dicts of these.
-        build: computes the arrays.
+        build: computes the arrays from the grid, and the options by name.
     """
     folder = cache_folder()
     if folder is None or grid.solid_count < MIN_VOXELS:
-        return build()
+        return build(grid, **options)
     path = folder / f"{kind}-{_key(kind, grid, options)}.npz"
     built = _read(path)
     if built is None:
-        built = build()
+        built = build(grid, **options)
         _write(path, built)
     return built
 

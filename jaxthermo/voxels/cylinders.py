@@ -1,15 +1,27 @@
-"""Cylinders that approximate a body for its convection (thesis ch. 3)."""
+"""Cylinders that approximate a body for its convection (thesis ch. 3).
+
+To decompose a body, it is cut into slabs across its longest axis. A connected piece of
+a slab has the diameter of the circle of its mean cross-section. Pieces that touch from
+slab to slab are merged into parts, the most similar diameters first, as long as they
+differ by less than 1.7 times and no part has two pieces in one slab: a leg ends where
+the trunk begins. The axis of an elongated part is its longest principal axis, that of
+any other the body's. Its diameter is that of the cylinder of its length and volume,
+2 sqrt(V / (pi L)).
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
+from skimage import measure
 
 from ..arrays import Number, Vector
 from ..errors import InputError
-from ..raster.directions import unit_vector
+from ..raster.views import unit_vector
+from .grid import VoxelGrid
 
 
 @dataclass(frozen=True)
@@ -126,3 +138,227 @@ def given_cylinders(given: Any) -> tuple[Cylinder, ...]:
     if len(cylinders) < len(found):
         raise InputError(f"cylinders={given!r}: give a list of Cylinder, or None")
     return cylinders
+
+
+# Slabs along the axis; none is thinner than two blocks of voxels.
+_MAX_SLABS = 48
+
+# Blocks along the longest edge of the lattice; finer voxels are grouped.
+_MAX_BLOCKS = 96
+
+MAX_DIAMETER_RATIO = 1.7
+"""Ratio of diameters up to which pieces are merged into one part [-]."""
+
+# Smallest parts, relative to the volume of the body: of any part, and of one that is
+# shorter than half its diameter.
+_MIN_VOLUME = 0.002
+_MIN_STUB_VOLUME = 0.05
+
+# Ratio of second moments from which a part uses its own axis: L > 1.22 D.
+_MIN_ELONGATION = 2.0
+
+# Principal axes with this fraction of the largest second moment are equivalent to it.
+_EQUAL_MOMENTS = 0.9
+
+# Cosine to an axis of the frame from which the body is cut across that axis.
+_ALIGNED = np.cos(np.radians(15.0))
+
+
+@dataclass(frozen=True)
+class _Blocks:
+    """Cubes of voxels with any solid voxel."""
+
+    occupied: Bool[np.ndarray, "x y z"]
+    centre: Float[np.ndarray, "n 3"]
+    """Centre of each occupied block [m]."""
+    volume: Float[np.ndarray, " n"]
+    """Solid volume of each [m^3]."""
+    edge: float
+    """Edge of a block [m]."""
+    factor: int
+    """Voxels along an edge."""
+
+
+def _blocks(grid: VoxelGrid) -> _Blocks:
+    factor = -(-max(grid.solid.shape) // _MAX_BLOCKS)
+    shape = np.array([-(-n // factor) for n in grid.solid.shape])
+    padded = np.pad(
+        grid.solid,
+        [(0, b * factor - n) for b, n in zip(shape, grid.solid.shape, strict=True)],
+    )
+    split = padded.reshape(np.stack([shape, np.full(3, factor)], 1).reshape(-1))
+    count = split.sum((1, 3, 5))
+    cells = np.argwhere(count > 0)
+    edge = factor * grid.pitch
+    return _Blocks(
+        occupied=count > 0,
+        centre=grid.origin + (cells + 0.5) * edge,
+        volume=count[count > 0] * grid.voxel_volume,
+        edge=edge,
+        factor=factor,
+    )
+
+
+def _main_axis(
+    points: Float[np.ndarray, "n 3"], weight: Float[np.ndarray, " n"]
+) -> tuple[Float[np.ndarray, "3"], float]:
+    """Main axis of a body, and the ratio of its two largest second moments.
+
+    The longest principal axis; for a disc, with two equal longest axes, the short one;
+    for a ball or a cube the one closest to vertical.
+    """
+    centred = points - np.average(points, axis=0, weights=weight)
+    moments, axes = np.linalg.eigh((centred * weight[:, None]).T @ centred)
+    equal = moments >= _EQUAL_MOMENTS * moments[-1]
+    axis = axes[:, 0] if equal.tolist() == [False, True, True] else axes[:, -1]
+    axis = axes @ axes[2] if equal.all() else axis
+    ratio = moments[-1] / max(moments[-2], np.finfo(float).tiny)
+    return axis * np.sign(axis[np.abs(axis).argmax()]), float(ratio)
+
+
+# Every snapshot of a moving body needs its parts, which do not change.
+_CACHE: WeakKeyDictionary[VoxelGrid, CylinderParts] = WeakKeyDictionary()
+
+
+def cylinder_parts(grid: VoxelGrid) -> CylinderParts:
+    """Decompose a body into cylinders; assign every surface fragment to one."""
+    if grid not in _CACHE:
+        _CACHE[grid] = _find_parts(grid)
+    return _CACHE[grid]
+
+
+def _find_parts(grid: VoxelGrid) -> CylinderParts:
+    blocks = _blocks(grid)
+    axis = _snapped(_main_axis(blocks.centre, blocks.volume)[0])
+    slab = _slabs(blocks, axis)
+    piece, touching = _pieces(blocks, slab)
+    part = _join(piece, slab, blocks.volume, touching)[piece]
+    cylinders = [_fitted(blocks, part == p, axis) for p in range(part.max() + 1)]
+    kept = _kept(cylinders, np.bincount(part, blocks.volume))
+    chosen = [cylinders[p] for p in kept]
+    number = np.full(len(cylinders), -1)
+    number[kept] = np.arange(len(kept))
+    lattice = np.full(blocks.occupied.shape, -1)
+    lattice[blocks.occupied] = number[part]
+    block_part = lattice[tuple((grid.fragment_voxel // blocks.factor).T)]
+    nearest = nearest_parts(chosen, grid.fragment_position).fragment
+    return CylinderParts(tuple(chosen), np.where(block_part >= 0, block_part, nearest))
+
+
+def parts_of(grid: VoxelGrid, given: tuple[Cylinder, ...], body: int) -> CylinderParts:
+    """Cylinders given for a body, or else those of its decomposition.
+
+    Raises:
+        InputError: if the given ones are far from the body.
+    """
+    selected = [cylinder for cylinder in given if cylinder.body == body]
+    if selected:
+        return nearest_parts(selected, grid.fragment_position)
+    return cylinder_parts(grid)
+
+
+def _snapped(axis: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
+    # Slabs slightly askew would cut thin wedges off a flat base.
+    main = np.abs(axis).argmax()
+    return np.eye(3)[main] if np.abs(axis[main]) >= _ALIGNED else axis
+
+
+def _extent(
+    blocks: _Blocks, chosen: Bool[np.ndarray, " n"], axis: Float[np.ndarray, "3"]
+) -> tuple[float, float]:
+    """Lower end and length of the chosen blocks along an axis [m]."""
+    along = blocks.centre[chosen] @ axis
+    # From the centres of the outermost blocks on to their outer faces.
+    support = blocks.edge * np.abs(axis).max()
+    return float(along.min() - support / 2), float(np.ptp(along) + support)
+
+
+def _slabs(blocks: _Blocks, axis: Float[np.ndarray, "3"]) -> Int[np.ndarray, " n"]:
+    low, length = _extent(blocks, np.ones(len(blocks.volume), bool), axis)
+    count = max(1, min(_MAX_SLABS, int(length / (2 * blocks.edge) + 1e-6)))
+    fraction = (blocks.centre @ axis - low) / length
+    return np.clip((fraction * count + 1e-9).astype(np.int64), 0, count - 1)
+
+
+def _pieces(
+    blocks: _Blocks, slab: Int[np.ndarray, " n"]
+) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, "t 2"]]:
+    """Number of the piece of each block, and the pairs of pieces that touch."""
+    lattice = np.zeros(blocks.occupied.shape, np.int64)
+    lattice[blocks.occupied] = slab + 1
+    label = np.asarray(measure.label(lattice, background=0, connectivity=3))
+    pairs = []
+    for axis in range(3):
+        below, above = np.moveaxis(label, axis, 0)[:-1], np.moveaxis(label, axis, 0)[1:]
+        differ = (below > 0) & (above > 0) & (below != above)
+        pairs.append(np.stack([below[differ], above[differ]], axis=1))
+    touching = np.unique(np.sort(np.concatenate(pairs), axis=1), axis=0)
+    return label[blocks.occupied] - 1, touching - 1
+
+
+def _join(
+    piece: Int[np.ndarray, " n"],
+    slab: Int[np.ndarray, " n"],
+    volume: Float[np.ndarray, " n"],
+    touching: Int[np.ndarray, "t 2"],
+) -> Int[np.ndarray, " p"]:
+    """Number of the part of each piece, by merging the most similar ones first."""
+    _, first = np.unique(piece, return_index=True)
+    # Volume of each part, and its slabs as a bit mask.
+    volumes = np.bincount(piece, volume)
+    slabs = [1 << int(s) for s in slab[first]]
+    neighbours = [set() for _ in first]
+    for a, b in touching.tolist():
+        neighbours[a].add(b)
+        neighbours[b].add(a)
+    part = np.arange(len(first))
+
+    def dissimilarity(pair):
+        a, b = pair
+        # Volumes per slab go with the squares of the diameters.
+        sections = [volumes[p] / slabs[p].bit_count() for p in pair]
+        return np.inf if slabs[a] & slabs[b] else max(sections) / min(sections)
+
+    pairs = {
+        (a, b): dissimilarity((a, b))
+        for a in range(len(neighbours))
+        for b in neighbours[a]
+        if a < b
+    }
+    while pairs and min(pairs.values()) <= MAX_DIAMETER_RATIO**2:
+        a, b = min(pairs, key=lambda pair: pairs[pair])
+        volumes[a] += volumes[b]
+        slabs[a] |= slabs[b]
+        part[part == b] = a
+        neighbours[a] = (neighbours[a] | neighbours[b]) - {a, b}
+        pairs = {pair: v for pair, v in pairs.items() if not {a, b} & set(pair)}
+        for other in neighbours[a]:
+            neighbours[other] = (neighbours[other] - {b}) | {a}
+            pair = (min(a, other), max(a, other))
+            pairs[pair] = dissimilarity(pair)
+    return np.unique(part, return_inverse=True)[1].reshape(-1)
+
+
+def _fitted(
+    blocks: _Blocks, chosen: Bool[np.ndarray, " n"], axis: Float[np.ndarray, "3"]
+) -> Cylinder:
+    """Cylinder of a part's length and volume."""
+    centre, volume = blocks.centre[chosen], blocks.volume[chosen]
+    main, ratio = _main_axis(centre, volume)
+    axis = main if ratio >= _MIN_ELONGATION else axis
+    low, length = _extent(blocks, chosen, axis)
+    middle = np.average(centre, axis=0, weights=volume)
+    middle = middle + (low + length / 2 - middle @ axis) * axis
+    diameter = 2 * np.sqrt(volume.sum() / (np.pi * length))
+    triple = lambda v: (float(v[0]), float(v[1]), float(v[2]))
+    return Cylinder(triple(middle), triple(axis), float(diameter), length)
+
+
+def _kept(cylinders: list[Cylinder], volume: Float[np.ndarray, " p"]) -> list[int]:
+    """Indices of the parts that are large enough, the largest first."""
+    fraction = volume / volume.sum()
+    stub = [c.length is not None and bool(c.length < c.diameter / 2) for c in cylinders]
+    minimum = np.where(stub, _MIN_STUB_VOLUME, _MIN_VOLUME)
+    order = np.argsort(-fraction, kind="stable")
+    # The largest always remains, whatever its shape.
+    return [int(p) for p in order if fraction[p] >= minimum[p] or p == order[0]]

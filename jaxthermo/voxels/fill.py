@@ -9,7 +9,7 @@ exits do not balance has passed through a hole and does not vote.
 import numpy as np
 from jaxtyping import Bool, Float, Int, Int8
 
-from ..raster.layers import DepthLayers
+from ..raster.fragments import DepthLayers
 from .lattice import pixel_axes
 
 

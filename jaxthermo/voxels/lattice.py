@@ -5,11 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from ..arrays import available_bytes, require_memory
 from ..errors import InputError
 from ..geometry.mesh import Mesh
-from ..memory import available_bytes, require_memory
-from ..raster.fragments import capacities
-from ..raster.layers import DepthLayers, peel
+from ..raster.fragments import DepthLayers, capacities, peel
 
 
 # Peak of the fill: votes, one winding number, the solid, planes of temporaries.

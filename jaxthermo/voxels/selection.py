@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 from typing_extensions import override
 
 from ..errors import InputError
-from ..raster.directions import unit_vector
+from ..raster.views import unit_vector
 
 
 class AbstractSelection(eqx.Module):

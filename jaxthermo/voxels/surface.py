@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ..geometry.mesh import Mesh
-from ..raster.layers import DepthLayers
+from ..raster.fragments import DepthLayers
 from .fill import balanced_rays, crossing_sign, first_cell_behind
 from .lattice import pixel_axes
 

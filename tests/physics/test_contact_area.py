@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jaxthermo.geometry.pose import Pose
+from jaxthermo.geometry.mesh import Pose
 from jaxthermo.geometry.shapes import box, sphere
 from jaxthermo.physics.contact.bodies import PlacedGrid
 from jaxthermo.physics.contact.search import find_contacts

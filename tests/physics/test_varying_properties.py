@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.material.property import Property
+from jaxthermo.material.material import Property
 from jaxthermo.physics.material_network import material_network
 from tests.bodies import blocks
 

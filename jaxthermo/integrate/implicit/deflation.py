@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ...geometry.connectivity import connected_labels
+from ...geometry.mesh import connected_labels
 from ...network.multigrid_cycle import AbstractCycle
 from ...network.network import inverse
 from ...structures.structure import AbstractStructure

@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from ...atomic import replacing
 from ...errors import InputError
-from ...geometry.pose import Pose
+from ...geometry.mesh import Pose
 from ...scene.motion import Motion, PoseTable
 from ...scene.solved_surface import BodyGeometry, SolvedSurface
 from .solution import Solution

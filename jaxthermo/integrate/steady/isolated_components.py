@@ -15,9 +15,8 @@ from jaxtyping import Array, Float, Int
 from skimage import measure
 
 from ...errors import InputError
-from ...geometry.connectivity import connected_labels
-from ...network.multigrid import MAX_DENSE_SIZE
-from ...network.multigrid_nodes import link_conductance, node_layout
+from ...geometry.mesh import connected_labels
+from ...network.multigrid import MAX_DENSE_SIZE, link_conductance, node_layout
 from ...network.network import AbstractNetwork, AbstractNodeNetwork
 from ...scene.compile.program import Program, State
 from ...scene.scene import Scene

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ...errors import InputError
-from ...geometry.pose import Pose
+from ...geometry.mesh import Pose
 from ...voxels.grid import VoxelGrid
 
 

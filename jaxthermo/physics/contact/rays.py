@@ -17,9 +17,8 @@ import jax
 import numpy as np
 from jaxtyping import Float, Int
 
-from ...memory import require_memory
-from ...raster.fragments import capacities
-from ...raster.layers import DepthLayers, peel
+from ...arrays import require_memory
+from ...raster.fragments import DepthLayers, capacities, peel
 from ...voxels.grid import VoxelGrid
 from ...voxels.lattice import BYTES_PER_FRAGMENT, Lattice, pixel_axes
 from ...voxels.surface import face_axes

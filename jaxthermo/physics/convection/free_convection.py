@@ -27,8 +27,7 @@ from typing_extensions import override
 
 from ...arrays import TimeVarying
 from ...errors import InputError
-from ...voxels.cylinder_parts import parts_of
-from ...voxels.cylinders import Cylinder, given_cylinders
+from ...voxels.cylinders import Cylinder, given_cylinders, parts_of
 from ..boundary import toward
 from ..flux_law import AbstractFluxLaw, TemperatureRange
 from ..term import AbstractSurfaceTerm, Binding, BodySurface, Forcing, Omitted, Surface

@@ -16,12 +16,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ...arrays import Scalar, is_traced
+from ...arrays import Scalar, is_traced, require_memory
 from ...errors import InputError
-from ...geometry.connectivity import part_labels
-from ...memory import require_memory
-from ...raster.directions import orthographic_view
-from ...raster.layers import DepthLayers
+from ...geometry.mesh import part_labels
+from ...raster.fragments import DepthLayers
+from ...raster.views import orthographic_view
 
 
 # Where the formula is negative, u / U decays to 0 over about this much.

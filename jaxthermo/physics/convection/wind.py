@@ -23,9 +23,8 @@ from typing_extensions import override
 
 from ...arrays import TimeVarying, is_traced
 from ...errors import InputError
-from ...raster.directions import unit_vector
-from ...voxels.cylinder_parts import parts_of
-from ...voxels.cylinders import Cylinder, given_cylinders
+from ...raster.views import unit_vector
+from ...voxels.cylinders import Cylinder, given_cylinders, parts_of
 from ..boundary import toward
 from ..flux_law import Values
 from ..term import (

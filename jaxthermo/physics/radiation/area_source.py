@@ -20,7 +20,7 @@ from typing_extensions import override
 from ...arrays import TimeVarying, is_traced
 from ...constants import STEFAN_BOLTZMANN
 from ...errors import InputError
-from ...raster.directions import unit_vector, view_frame
+from ...raster.views import unit_vector, view_frame
 from ..term import BodySurface, Forcing
 from ..time_varying import check_value, largest, value_at
 from .source import (

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...arrays import Numbers, Points
 from ...errors import InputError
-from ...raster.directions import unit_vector
+from ...raster.views import unit_vector
 from .source import Triple, triple
 
 

@@ -21,7 +21,7 @@ from typing_extensions import override
 
 from ...arrays import TimeVarying
 from ...errors import InputError
-from ...raster.directions import unit_vector
+from ...raster.views import unit_vector
 from ..boundary import ImposedFlux
 from ..term import (
     AbstractSurfaceTerm,

@@ -20,15 +20,20 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ...errors import InputError
-from ...geometry.pose import Pose
-from ...raster.directions import (
+from ...geometry.mesh import Pose
+from ...raster.fragments import (
+    MIN_CAPACITY,
+    DepthLayers,
+    padded,
+    peel,
+    shared_capacities,
+)
+from ...raster.views import (
     OrthographicView,
     cap_directions,
     half_sphere_directions,
     orthographic_view,
 )
-from ...raster.fragments import MIN_CAPACITY, padded, shared_capacities
-from ...raster.layers import DepthLayers, peel
 from .patches import Patches
 
 

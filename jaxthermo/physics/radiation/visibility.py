@@ -18,17 +18,17 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from ...arrays import require_memory
 from ...errors import InputError
-from ...memory import require_memory
-from ...raster.directions import (
+from ...raster.fragments import MIN_CAPACITY, depth_range, shared_capacities
+from ...raster.views import (
     OrthographicView,
+    PerspectiveView,
     half_sphere_directions,
     orthographic_view,
+    perspective_views,
     view_frame,
 )
-from ...raster.fragments import MIN_CAPACITY, shared_capacities
-from ...raster.layers import depth_range
-from ...raster.perspective import PerspectiveView, perspective_views
 
 
 # Distance of the four samples from the fragment's centre, in voxels.

@@ -7,9 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...arrays import is_traced
+from ...arrays import is_traced, require_memory
 from ...constants import STEFAN_BOLTZMANN
-from ...memory import require_memory
 from ...physics.flux_law import TemperatureRange
 from ..scene import AbstractMaterials, Body, Scene
 from .bodies import PreparedBody

@@ -13,7 +13,7 @@ from ...physics.contact.links import ContactLinks
 from ...physics.radiation.radiative_exchange import Enclosure
 from ...physics.surface_energy_balance import SurfaceTerms
 from ...physics.time_varying import value_at
-from ...structures.surface.surface_map import BoundMap
+from ...structures.surface_map import BoundMap
 from ..receipt import Receipt
 from ..solved_surface import SolvedSurface
 from .surface_load import AbstractSurfaceLoad, together

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...errors import InputError
-from ...geometry.pose import Pose
+from ...geometry.mesh import Pose
 from ...physics.contact.bodies import PlacedGrid
 from ...physics.contact.pairs import ContactPairs
 from ...physics.contact.search import contacts_between

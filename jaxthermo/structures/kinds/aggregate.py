@@ -11,9 +11,7 @@ from ...voxels.grid import VoxelGrid
 from ..build.blocks import block_parts, build_blocks, number_by_first_voxel
 from ..build.links import link_distance
 from ..cache import cached
-from ..fit_card import as_weights
-from ..structure import AbstractBuiltStructure, Built
-from ..weights import ConductionWeights
+from ..structure import AbstractBuiltStructure, Built, ConductionWeights, as_weights
 
 
 # More than halves the number of steps at factor 4 and adds 0.05 % of error.
@@ -50,22 +48,17 @@ class Aggregate(AbstractBuiltStructure):
 
     def __post_init__(self):
         self.factor = whole_number(self.factor, "Aggregate(factor=)")
-        grid, factor = self.grid, self.factor
-        options = {
+        fractions = {
             "min_time_constant": float(self.min_time_constant),
             "alignment": float(self.alignment),
         }
-        for name, value in options.items():
+        for name, value in fractions.items():
             if not 0 <= value <= 1:
                 raise InputError(
                     f"Aggregate({name}={value!r}): give a number from 0 to 1"
                 )
-        self.built = cached(
-            "aggregate",
-            grid,
-            {"factor": factor, **options},
-            lambda: _build(grid, factor, *options.values()),
-        )
+        options = {"factor": self.factor, **fractions}
+        self.built = cached("aggregate", self.grid, options, _build)
 
 
 def _build(

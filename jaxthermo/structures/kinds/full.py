@@ -9,9 +9,7 @@ from typing_extensions import override
 
 from ...voxels.grid import VoxelGrid
 from ..build.links import voxel_links
-from ..fit_card import as_weights
-from ..structure import AbstractStructure, Links, Nodes
-from ..weights import ConductionWeights
+from ..structure import AbstractStructure, ConductionWeights, Links, Nodes, as_weights
 
 
 # Fraction of solid voxels in the box from which a stencil solves as fast as links.

@@ -16,13 +16,18 @@ from ..build.assignment import (
     voxel_depth,
 )
 from ..cache import cached
-from ..fit_card import as_weights
-from ..structure import AbstractBuiltStructure, Built, Links, Nodes
-from ..weights import ConductionWeights
+from ..structure import (
+    AbstractBuiltStructure,
+    Built,
+    ConductionWeights,
+    Links,
+    Nodes,
+    as_weights,
+)
 from .shell import fragment_rank
 
 
-class Coverage(NamedTuple):
+class _Coverage(NamedTuple):
     """Volumes relative to the body: cells have 1 + overlap - crack + outside."""
 
     overlap: float
@@ -33,35 +38,6 @@ class Coverage(NamedTuple):
     """Parts of cells outside the body [-]."""
 
 
-def cover_count(grid: VoxelGrid, nodes: Nodes) -> Int[np.ndarray, "x y z"]:
-    """Number of nodes over each voxel, a node of level l being 2^l voxels wide."""
-    # Each cube adds +-1 at its eight corners, with alternating sign; running sums along
-    # x, y and z then fill the cubes, whatever their size.
-    change = np.zeros(np.array(grid.solid.shape) + 1, np.int16)
-    size = 1 << nodes.level
-    low = grid.lattice.to_cells(nodes.centre) - size[:, None] / 2
-    corner = np.rint(low).astype(int)
-    for far in np.ndindex(2, 2, 2):
-        end = corner + np.array(far) * size[:, None]
-        np.add.at(change, tuple(end.T), np.int16((-1) ** sum(far)))
-    for axis in range(3):
-        np.cumsum(change, axis=axis, out=change)
-    return change[:-1, :-1, :-1]
-
-
-def coverage(grid: VoxelGrid, count: Int[np.ndarray, "x y z"]) -> Coverage:
-    """Overlap, cracks and outside parts relative to the body, from `cover_count`."""
-    inside = count[grid.solid]
-    total, solid = int(count.sum(dtype=np.int64)), max(len(inside), 1)
-    covered = int(np.count_nonzero(inside))
-    within = int(inside.sum(dtype=np.int64))
-    return Coverage(
-        overlap=(within - covered) / solid,
-        crack=(len(inside) - covered) / solid,
-        outside=(total - within) / solid,
-    )
-
-
 def capacity_by_region(
     grid: VoxelGrid, count: Int[np.ndarray, "x y z"], width: int
 ) -> tuple[Float[np.ndarray, "a b c"], Float[np.ndarray, "a b c"]]:
@@ -69,7 +45,7 @@ def capacity_by_region(
 
     Args:
         grid: the body.
-        count: from `cover_count`.
+        count: from `IrregularMultiLevel.cover_count`.
         width: edge of a box [voxels].
     """
     starts = [np.arange(0, n, width) for n in count.shape]
@@ -109,39 +85,7 @@ class IrregularMultiLevel(AbstractBuiltStructure):
             self.levels = whole_number(self.levels, "IrregularMultiLevel(levels=)")
         self.keep_capacity = bool(self.keep_capacity)
         options = {"levels": self.levels, "keep_capacity": self.keep_capacity}
-        self.built = cached("irregular_multi_level", self.grid, options, self._build)
-
-    def _build(self) -> Built:
-        grid, pitch = self.grid, self.grid.pitch
-        depth = voxel_depth(grid)
-        levels = nested_cells(depth)
-        body = depth > 0
-        if self.levels is not None and self.levels < len(levels):
-            levels = levels[: self.levels]
-            # Below the last level the body is empty and must not conduct.
-            body &= depth <= 1 << self.levels
-        assignment, levels = assign_voxels(body, levels)
-        x, y, z = grid.solid.shape
-        return Built(
-            nodes=self._nodes(levels),
-            links=_irregular_links(levels, assignment, pitch),
-            fragment_node=fragment_rank(grid, levels[0] - 1),
-            # The division has one empty voxel before the grid's first.
-            voxel_node=assignment.owner[1 : x + 1, 1 : y + 1, 1 : z + 1][grid.solid],
-        )
-
-    def _nodes(self, levels: LevelCells) -> Nodes:
-        grid = self.grid
-        counts = [len(cells) for cells in levels]
-        level = np.repeat(np.arange(len(levels), dtype=np.int32), counts)
-        size = (1 << level)[:, None]
-        # The lattice of the cells begins one voxel before the grid's.
-        middle = (np.concatenate(levels) + 0.5) * size - 1
-        volume = size[:, 0] ** 3 * grid.voxel_volume
-        if self.keep_capacity:
-            volume *= grid.solid_count * grid.voxel_volume / volume.sum()
-        centre = grid.origin + middle * grid.pitch
-        return Nodes(centre, volume, level, centre)
+        self.built = cached("irregular_multi_level", self.grid, options, _build)
 
     @property
     def level_count(self) -> int:
@@ -150,11 +94,64 @@ class IrregularMultiLevel(AbstractBuiltStructure):
 
     def cover_count(self) -> Int[np.ndarray, "x y z"]:
         """Number of nodes that cover each voxel of the lattice."""
-        return cover_count(self.grid, self.built.nodes)
+        # Each cube adds +-1 at its eight corners, with alternating sign; running sums
+        # along x, y and z then fill the cubes, whatever their size.
+        grid, nodes = self.grid, self.built.nodes
+        change = np.zeros(np.array(grid.solid.shape) + 1, np.int16)
+        size = 1 << nodes.level
+        low = grid.lattice.to_cells(nodes.centre) - size[:, None] / 2
+        corner = np.rint(low).astype(int)
+        for far in np.ndindex(2, 2, 2):
+            end = corner + np.array(far) * size[:, None]
+            np.add.at(change, tuple(end.T), np.int16((-1) ** sum(far)))
+        for axis in range(3):
+            np.cumsum(change, axis=axis, out=change)
+        return change[:-1, :-1, :-1]
 
-    def coverage(self) -> Coverage:
+    def coverage(self) -> _Coverage:
         """Overlap, cracks and outside parts relative to the body."""
-        return coverage(self.grid, self.cover_count())
+        count = self.cover_count()
+        inside = count[self.grid.solid]
+        total, solid = int(count.sum(dtype=np.int64)), max(len(inside), 1)
+        covered = int(np.count_nonzero(inside))
+        within = int(inside.sum(dtype=np.int64))
+        return _Coverage(
+            overlap=(within - covered) / solid,
+            crack=(len(inside) - covered) / solid,
+            outside=(total - within) / solid,
+        )
+
+
+def _build(grid: VoxelGrid, levels: int | None, keep_capacity: bool) -> Built:
+    depth = voxel_depth(grid)
+    cells = nested_cells(depth)
+    body = depth > 0
+    if levels is not None and levels < len(cells):
+        cells = cells[:levels]
+        # Below the last level the body is empty and must not conduct.
+        body &= depth <= 1 << levels
+    assignment, cells = assign_voxels(body, cells)
+    x, y, z = grid.solid.shape
+    return Built(
+        nodes=_nodes(grid, cells, keep_capacity),
+        links=_links(cells, assignment, grid.pitch),
+        fragment_node=fragment_rank(grid, cells[0] - 1),
+        # The division has one empty voxel before the grid's first.
+        voxel_node=assignment.owner[1 : x + 1, 1 : y + 1, 1 : z + 1][grid.solid],
+    )
+
+
+def _nodes(grid: VoxelGrid, levels: LevelCells, keep_capacity: bool) -> Nodes:
+    counts = [len(cells) for cells in levels]
+    level = np.repeat(np.arange(len(levels), dtype=np.int32), counts)
+    size = (1 << level)[:, None]
+    # The lattice of the cells begins one voxel before the grid's.
+    middle = (np.concatenate(levels) + 0.5) * size - 1
+    volume = size[:, 0] ** 3 * grid.voxel_volume
+    if keep_capacity:
+        volume *= grid.solid_count * grid.voxel_volume / volume.sum()
+    centre = grid.origin + middle * grid.pitch
+    return Nodes(centre, volume, level, centre)
 
 
 class _Pairs(NamedTuple):
@@ -167,7 +164,7 @@ class _Pairs(NamedTuple):
     distance_dst: Float[np.ndarray, " k"]
 
 
-def _irregular_links(levels: LevelCells, assignment: Assignment, pitch: float) -> Links:
+def _links(levels: LevelCells, assignment: Assignment, pitch: float) -> Links:
     """Links of cells that touch, sorted.
 
     Two cells of level l that share a face of their lattice have the area (2^l h)^2 and
@@ -180,12 +177,8 @@ def _irregular_links(levels: LevelCells, assignment: Assignment, pitch: float) -
     lattice, contact = _lattice_pairs(levels, half), _contacts(assignment, half)
     # Contacts over a lattice face are already links.
     new = ~np.isin(contact.key, lattice.key, assume_unique=True)
-    pairs = _Pairs(
-        *(
-            np.concatenate([first, second[new]])
-            for first, second in zip(lattice, contact, strict=True)
-        )
-    )
+    both = zip(lattice, contact, strict=True)
+    pairs = _Pairs(*(np.concatenate([first, second[new]]) for first, second in both))
     order = np.argsort(pairs.key)
     src, dst = np.divmod(pairs.key[order], max(len(half), 1))
     return Links(

@@ -9,9 +9,14 @@ from ...voxels.grid import VoxelGrid
 from ...voxels.surface import surface_links
 from ..build.blocks import shell_voxels
 from ..cache import cached
-from ..fit_card import as_weights
-from ..structure import AbstractBuiltStructure, Built, Links, Nodes
-from ..weights import ConductionWeights
+from ..structure import (
+    AbstractBuiltStructure,
+    Built,
+    ConductionWeights,
+    Links,
+    Nodes,
+    as_weights,
+)
 
 
 class SingleShell(AbstractBuiltStructure):
@@ -39,35 +44,25 @@ class SingleShell(AbstractBuiltStructure):
                 f'SingleShell(capacity={self.capacity!r}): give "body" or "own"'
             )
         options = {"capacity": self.capacity}
-        self.built = cached("single_shell", self.grid, options, self._build)
-
-    def _build(self) -> Built:
-        grid = self.grid
-        voxels = shell_voxels(grid)
-        count = len(voxels)
-        volume = grid.voxel_volume
-        if self.capacity == "body":
-            volume *= grid.solid_count / max(count, 1)
-        centre = grid.lattice.centres(voxels)
-        return Built(
-            nodes=Nodes(
-                centre=centre,
-                volume=np.full(count, volume),
-                level=np.zeros(count, np.int32),
-                location=centre,
-            ),
-            links=_links(grid, voxels),
-            fragment_node=fragment_rank(grid, voxels),
-            voxel_node=_voxel_node(grid, voxels),
-        )
+        self.built = cached("single_shell", self.grid, options, _build)
 
 
-def _voxel_node(
-    grid: VoxelGrid, voxels: Int[np.ndarray, "m 3"]
-) -> Int[np.ndarray, " v"]:
+def _build(grid: VoxelGrid, capacity: str) -> Built:
+    voxels = shell_voxels(grid)
+    count = len(voxels)
+    volume = grid.voxel_volume
+    if capacity == "body":
+        volume *= grid.solid_count / max(count, 1)
+    centre = grid.lattice.centres(voxels)
     node = np.full(grid.solid.shape, -1, np.int32)
-    node[tuple(voxels.T)] = np.arange(len(voxels))
-    return node[grid.solid]
+    node[tuple(voxels.T)] = np.arange(count)
+    level = np.zeros(count, np.int32)
+    return Built(
+        nodes=Nodes(centre, np.full(count, volume), level, centre),
+        links=_links(grid, voxels),
+        fragment_node=node[tuple(grid.fragment_voxel.T)],
+        voxel_node=node[grid.solid],
+    )
 
 
 def fragment_rank(

@@ -9,8 +9,7 @@ import jaxthermo as jt
 from jaxthermo.config.loader import config_hash, load_config, to_yaml
 from jaxthermo.config.schema.body import MotionConfig
 from jaxthermo.errors import InputError
-from jaxthermo.material.material import Material
-from jaxthermo.material.property import Property
+from jaxthermo.material.material import Material, Property
 from jaxthermo.scene.motion import Motion
 from jaxthermo.scene.scene import MaterialLabels
 

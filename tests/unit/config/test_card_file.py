@@ -8,7 +8,7 @@ import pytest
 import jaxthermo as jt
 from jaxthermo.config.card_file import load_card, write_card
 from jaxthermo.config.loader import load_config, to_yaml
-from jaxthermo.structures.fit_card import FitCard, extrapolations
+from jaxthermo.structures.structure import FitCard, extrapolations
 from tests.bodies import blocks
 
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from experiments.thesis import convection_numbers, convection_parts
 from jaxthermo.geometry.shapes import cylinder
-from jaxthermo.voxels.cylinder_parts import cylinder_parts
+from jaxthermo.voxels.cylinders import cylinder_parts
 from jaxthermo.voxels.voxelize import voxelize
 
 

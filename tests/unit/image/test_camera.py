@@ -7,7 +7,7 @@ from hypothesis import given, settings, strategies as st
 from jaxthermo.errors import InputError
 from jaxthermo.geometry.shapes import box, sphere
 from jaxthermo.image.camera import Camera, OrthographicCamera, frame_all
-from jaxthermo.raster.clip import clip_half_space
+from jaxthermo.raster.views import clip_half_space
 
 
 FORWARD = np.array([0.0, 0.0, 1.0])

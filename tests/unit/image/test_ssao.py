@@ -8,8 +8,7 @@ from jaxthermo.geometry.shapes import box, sphere
 from jaxthermo.image.camera import Camera, OrthographicCamera
 from jaxthermo.image.ssao import screen_space_occlusion
 from jaxthermo.physics.radiation.visibility import sky_view
-from jaxthermo.raster.fragments import padded
-from jaxthermo.raster.layers import peel
+from jaxthermo.raster.fragments import padded, peel
 
 
 FLOOR = box((8.0, 8.0, 0.2)).triangles - np.array([0.0, 0.0, 0.1])

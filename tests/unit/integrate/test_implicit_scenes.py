@@ -9,7 +9,7 @@ import pytest
 import jaxthermo as jt
 from jaxthermo.integrate.run.plan import plan_run
 from jaxthermo.integrate.run.segments import begin_run, finish_run, run_segments
-from jaxthermo.material.property import Property
+from jaxthermo.material.material import Property
 from tests.bodies import blocks
 
 

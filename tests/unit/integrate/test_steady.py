@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.material.property import Property
+from jaxthermo.material.material import Property
 from tests.bodies import blocks
 
 

@@ -10,7 +10,7 @@ from hypothesis.extra import numpy as hnp
 
 import jaxthermo as jt
 from jaxthermo.errors import InputError
-from jaxthermo.geometry.pose import Pose
+from jaxthermo.geometry.mesh import Pose
 from jaxthermo.integrate.run.solution_file import StoredSolution
 from jaxthermo.scene.solved_surface import BodyGeometry, SolvedSurface
 

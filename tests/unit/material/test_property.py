@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from jaxthermo.errors import InputError
-from jaxthermo.material.material import Material
-from jaxthermo.material.property import Property
+from jaxthermo.material.material import Material, Property
 
 
 def test_piecewise_linear_and_constant_outside():

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from jaxthermo.material.property import Property
+from jaxthermo.material.material import Property
 from jaxthermo.network.nonlinear import kirchhoff_transform
 
 

@@ -14,8 +14,7 @@ from jaxthermo.network.multigrid import Hierarchy, hierarchy, jacobi
 from jaxthermo.network.nonlinear import NonlinearNetwork
 from jaxthermo.physics.conduction import assemble_mixed, assemble_uniform
 from jaxthermo.structures.kinds.full import FullVolume
-from jaxthermo.structures.kinds.octree import Octree
-from jaxthermo.structures.kinds.shell_over_core import ShellOverCore
+from jaxthermo.structures.kinds.groups import Octree, ShellOverCore
 from tests.bodies import blocks
 
 

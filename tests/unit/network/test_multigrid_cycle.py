@@ -14,7 +14,7 @@ from jaxthermo.network.multigrid_cycle import SMOOTHED_RANGE, dense_solve, level
 from jaxthermo.network.stencil import HeterogeneousStencil
 from jaxthermo.physics.conduction import assemble_mixed, assemble_uniform
 from jaxthermo.structures.kinds.full import FullVolume
-from jaxthermo.structures.kinds.octree import Octree
+from jaxthermo.structures.kinds.groups import Octree
 from tests.bodies import blocks
 
 

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxthermo.network.multigrid_lattice import LatticeTransfer, lattice_levels
+from jaxthermo.network.multigrid import LatticeTransfer, lattice_levels
 from jaxthermo.network.stencil import HeterogeneousStencil
 from jaxthermo.physics.conduction import assemble_mixed, assemble_uniform
 from jaxthermo.structures.kinds.full import FullVolume

@@ -7,14 +7,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxthermo.network import multigrid_nodes
+from jaxthermo.network import multigrid
 from jaxthermo.network.link_operator import LinkNetwork
-from jaxthermo.network.multigrid_lattice import lattice_levels
-from jaxthermo.network.multigrid_nodes import node_layout, node_levels
+from jaxthermo.network.multigrid import lattice_levels, node_layout, node_levels
 from jaxthermo.network.network import AbstractNodeNetwork
 from jaxthermo.physics.conduction import assemble_uniform
 from jaxthermo.structures.kinds.full import FullVolume
-from jaxthermo.structures.kinds.octree import Octree
+from jaxthermo.structures.kinds.groups import Octree
 from tests.bodies import blocks
 
 
@@ -114,14 +113,14 @@ def test_parts_that_nothing_links_stay_apart_and_end_the_levels():
 
 def test_a_layout_is_found_once_and_goes_with_its_structure():
     gc.collect()
-    before = len(multigrid_nodes._LAYOUTS)
+    before = len(multigrid._LAYOUTS)
     structure, _ = _body(np.ones((3, 3, 3), bool))
     assert node_layout(structure, 5) is node_layout(structure, 5)
     assert node_layout(structure, 5) is not node_layout(structure, 8)
-    assert len(multigrid_nodes._LAYOUTS) == before + 1
+    assert len(multigrid._LAYOUTS) == before + 1
     del structure
     gc.collect()
-    assert len(multigrid_nodes._LAYOUTS) == before
+    assert len(multigrid._LAYOUTS) == before
 
 
 def test_other_networks_are_refused():

@@ -8,7 +8,7 @@ import pytest
 
 import jaxthermo as jt
 from jaxthermo.errors import InputError
-from jaxthermo.material.property import Property
+from jaxthermo.material.material import Property
 from jaxthermo.network.nonlinear import NonlinearNetwork
 from jaxthermo.physics.conduction import assemble_uniform
 from jaxthermo.physics.material_network import material_network, materials_network

@@ -3,7 +3,7 @@
 import numpy as np
 
 from jaxthermo.geometry import shapes
-from jaxthermo.raster.layers import peel
+from jaxthermo.raster.fragments import peel
 
 
 FACES = 1600

@@ -3,7 +3,7 @@
 import numpy as np
 from hypothesis import given, settings, strategies as st
 
-from jaxthermo.raster.clip import clip_half_space
+from jaxthermo.raster.views import clip_half_space
 
 
 def area_vectors(triangles):

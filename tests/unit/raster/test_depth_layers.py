@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from peeling import BODIES, ball, cuboid, in_view, peel_padded, ray_balance, union
 
-from jaxthermo.raster.layers import peel, sort_fragments
+from jaxthermo.raster.fragments import peel, sort_fragments
 
 
 SIZE = 24

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jaxthermo.errors import InputError
-from jaxthermo.raster.directions import cap_directions, half_sphere_directions
+from jaxthermo.raster.views import cap_directions, half_sphere_directions
 
 
 @pytest.mark.parametrize("least", [-1.0, 0.0, 0.5, 0.999])

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from jaxthermo.geometry.shapes import box, sphere
-from jaxthermo.raster.perspective import perspective_views
+from jaxthermo.raster.views import perspective_views
 
 
 seeds = st.integers(0, 2**32 - 1)

@@ -6,7 +6,7 @@ from hypothesis import given, settings, strategies as st
 from peeling import BODIES, in_view, peel_padded
 
 from jaxthermo.geometry import shapes
-from jaxthermo.raster.layers import peel
+from jaxthermo.raster.fragments import peel
 from jaxthermo.raster.slices import slice_voxels
 
 

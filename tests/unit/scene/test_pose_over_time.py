@@ -9,7 +9,7 @@ from hypothesis import given, settings, strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
 from jaxthermo.errors import InputError
-from jaxthermo.geometry.pose import Pose
+from jaxthermo.geometry.mesh import Pose
 from jaxthermo.scene.motion import Motion, PoseTable, between
 
 

@@ -10,7 +10,7 @@ from voxel_volumes import ball, solids
 from jaxthermo.errors import InputError
 from jaxthermo.structures.build.blocks import voxel_layers
 from jaxthermo.structures.kinds.full import FullVolume
-from jaxthermo.structures.kinds.multilevel import MultiLevel
+from jaxthermo.structures.kinds.groups import MultiLevel
 from tests.bodies import blocks
 
 

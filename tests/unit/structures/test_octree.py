@@ -10,14 +10,14 @@ from voxel_volumes import ball, solids
 from jaxthermo.errors import InputError
 from jaxthermo.geometry.load import load_mesh
 from jaxthermo.structures.kinds.full import FullVolume
-from jaxthermo.structures.kinds.octree import Octree, octree_cells
+from jaxthermo.structures.kinds.groups import Octree, _octree_cells
 from jaxthermo.voxels.voxelize import voxelize
 from tests.bodies import blocks
 
 
 def levels_of(solid, levels=None):
     """Level of every voxel's cell, -1 where empty, as its number of voxels tells."""
-    first = octree_cells(solid, levels)
+    first = _octree_cells(solid, levels)
     _, cell, count = np.unique(first, return_inverse=True, return_counts=True)
     level = np.rint(np.log2(count) / 3).astype(int)[cell].reshape(solid.shape)
     return np.where(solid, level, -1)
@@ -58,7 +58,7 @@ def test_cells_are_the_largest_that_lie_well_inside(name):
 @pytest.mark.parametrize("name", BODIES)
 def test_cells_are_whole_cubes_on_their_own_lattice(name):
     solid = BODIES[name]
-    first, level = octree_cells(solid, None), levels_of(solid)
+    first, level = _octree_cells(solid, None), levels_of(solid)
     np.testing.assert_array_equal(first < 0, ~solid)
     cells = np.argwhere(solid)
     corner = (cells >> level[solid][:, None]) << level[solid][:, None]

@@ -9,7 +9,7 @@ from voxel_volumes import ball, solids
 from jaxthermo.errors import InputError
 from jaxthermo.structures.kinds.aggregate import Aggregate
 from jaxthermo.structures.kinds.full import FullVolume
-from jaxthermo.structures.kinds.partition import Partition
+from jaxthermo.structures.kinds.groups import Partition
 from tests.bodies import blocks
 
 

@@ -10,7 +10,7 @@ from voxel_volumes import ball, parts_of, solids
 from jaxthermo.errors import InputError
 from jaxthermo.structures.build.blocks import voxel_layers
 from jaxthermo.structures.kinds.full import FullVolume
-from jaxthermo.structures.kinds.shell_over_core import ShellOverCore
+from jaxthermo.structures.kinds.groups import ShellOverCore
 from tests.bodies import blocks
 
 

@@ -26,7 +26,8 @@ class Builder:
     def __init__(self):
         self.calls = 0
 
-    def __call__(self) -> Built:
+    def __call__(self, grid=None, **options) -> Built:
+        del grid, options
         self.calls += 1
         index = np.arange(6, dtype=np.int32)
         return Built(

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.structures.surface.surface_map import gradient_at
+from jaxthermo.structures.surface_map import gradient_at
 from tests.bodies import bar, blocks
 
 

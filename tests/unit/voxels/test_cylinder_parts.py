@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from jaxthermo.voxels.cylinder_parts import cylinder_parts, parts_of
-from jaxthermo.voxels.cylinders import Cylinder
+from jaxthermo.voxels.cylinders import Cylinder, cylinder_parts, parts_of
 from tests.bodies import blocks
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from voxel_bodies import BALL
 
-from jaxthermo import memory
+from jaxthermo import arrays
 from jaxthermo.errors import InputError
 from jaxthermo.geometry import shapes
 from jaxthermo.geometry.mesh import Mesh
@@ -52,7 +52,7 @@ def test_memory_is_refused_before_it_is_taken(monkeypatch, pitch):
     def unreachable(*_):
         raise AssertionError("work began")
 
-    for module in (memory, lattice):
+    for module in (arrays, lattice):
         monkeypatch.setattr(module, "available_bytes", lambda: 10_000_000)
     monkeypatch.setattr(voxelize_module, "peel_axes", unreachable)
     with pytest.raises(InputError, match=r"sphere.*cells.*free.*such as 0\.\d+ m"):
@@ -60,7 +60,7 @@ def test_memory_is_refused_before_it_is_taken(monkeypatch, pitch):
 
 
 def test_the_pitch_that_is_advised_would_do(monkeypatch):
-    for module in (memory, lattice):
+    for module in (arrays, lattice):
         monkeypatch.setattr(module, "available_bytes", lambda: 10_000_000)
     with pytest.raises(InputError) as caught:
         lattice.check_pitch(BALL, 1e-3)

@@ -7,7 +7,7 @@ import pytest
 from voxel_bodies import BALL, joined, without
 
 from jaxthermo.geometry import shapes
-from jaxthermo.voxels.report import voxel_report
+from jaxthermo.voxels.grid import voxel_report
 from jaxthermo.voxels.surface import surface_voxels
 from jaxthermo.voxels.textures import AXIS_COLOURS, BACKGROUND, KINDS, layer_images
 from jaxthermo.voxels.voxelize import voxelize

@@ -5,7 +5,7 @@ import functools
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from jaxthermo.geometry.pose import Pose
+from jaxthermo.geometry.mesh import Pose
 from jaxthermo.geometry.shapes import box, sphere
 from jaxthermo.physics.contact.bodies import PlacedGrid
 from jaxthermo.voxels.voxelize import voxelize

@@ -14,7 +14,7 @@ from wind_bodies import (
 )
 
 from jaxthermo.errors import InputError
-from jaxthermo.geometry.pose import Pose
+from jaxthermo.geometry.mesh import Pose
 from jaxthermo.physics.convection.free_convection import (
     CYLINDER,
     PLATE,
@@ -22,8 +22,7 @@ from jaxthermo.physics.convection.free_convection import (
     churchill_chu,
     free_coefficient,
 )
-from jaxthermo.voxels.cylinder_parts import parts_of
-from jaxthermo.voxels.cylinders import Cylinder
+from jaxthermo.voxels.cylinders import Cylinder, parts_of
 
 
 LYING = Pose((0.0, 0.0, 0.0), ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0)))

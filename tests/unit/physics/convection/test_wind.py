@@ -15,7 +15,7 @@ from wind_bodies import (
 
 import jaxthermo as jt
 from jaxthermo.errors import InputError
-from jaxthermo.geometry.pose import Pose
+from jaxthermo.geometry.mesh import Pose
 from jaxthermo.physics.convection.air import kinematic_viscosity
 from jaxthermo.physics.convection.cross_flow import local_nusselt, mean_coefficient
 from jaxthermo.physics.convection.film import FilmExchange, SpeedTable
@@ -23,8 +23,7 @@ from jaxthermo.physics.convection.nusselt import churchill_bernstein
 from jaxthermo.physics.convection.wake import WakeDeficit
 from jaxthermo.physics.convection.wind import Wind
 from jaxthermo.physics.term import Omitted
-from jaxthermo.voxels.cylinder_parts import parts_of
-from jaxthermo.voxels.cylinders import Cylinder
+from jaxthermo.voxels.cylinders import Cylinder, parts_of
 
 
 ALONG_X = (1.0, 0.0, 0.0)

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxthermo.geometry import shapes
-from jaxthermo.geometry.pose import Pose
+from jaxthermo.geometry.mesh import Pose
 from jaxthermo.physics.term import BodySurface, Surface
 from jaxthermo.voxels.voxelize import voxelize
 

@@ -21,8 +21,8 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
-from ...arrays import gathered_columns, rank_in_group
-from ..structure import AbstractStructure
+from ..arrays import gathered_columns, rank_in_group
+from .structure import AbstractStructure
 
 
 Components = tuple[Float[Array, " m"], Float[Array, " m"], Float[Array, " m"]]

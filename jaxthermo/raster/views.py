@@ -1,0 +1,248 @@
+"""Views: directions, and orthographic and perspective rays through pixels."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ..errors import InputError
+from .fragments import DepthLayers, depth_range, padded, peel, rounded_up
+
+
+def unit_vector(
+    direction: object, argument: str = "direction"
+) -> Float[np.ndarray, "3"]:
+    """Scale `direction` to length one.
+
+    Raises:
+        InputError: if it is not three finite numbers or has no length.
+    """
+    try:
+        vector = np.asarray(direction, float)
+    except (TypeError, ValueError):
+        vector = np.zeros(0)
+    length = np.linalg.norm(vector) if vector.shape == (3,) else 0.0
+    if not np.isfinite(length) or length == 0.0:
+        raise InputError(
+            f"{argument} {direction!r}: give three finite numbers, not all zero"
+        )
+    return vector / length
+
+
+def view_frame(direction: object) -> Float[np.ndarray, "3 3"]:
+    """Right, down and forward axes of a view along `direction`, as orthonormal rows."""
+    forward = unit_vector(direction)
+    # The axis least parallel to the view gives the most accurate cross product.
+    helper = np.eye(3)[int(np.argmin(np.abs(forward)))]
+    right = unit_vector(np.cross(forward, helper))
+    return np.stack([right, np.cross(forward, right), forward])
+
+
+@dataclass(frozen=True)
+class OrthographicView:
+    """Parallel rays along `frame[2]` through a pixel grid of spacing `pitch` [m]."""
+
+    frame: Float[np.ndarray, "3 3"]
+    corner: Float[np.ndarray, "3"]
+    """Point of column 0, row 0, depth 0 in view axes [m]."""
+    pitch: float
+    width: int
+    height: int
+
+    def project(self, points: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
+        """Transform world points [m] to (column, row, depth) in pixels."""
+        return (points @ self.frame.T - self.corner) / self.pitch
+
+    def peel(self, triangles: Float[np.ndarray, "f 3 3"]) -> DepthLayers:
+        """Depth layers of world triangles [m] in this view."""
+        return peel(self.project(triangles), self.width, self.height)
+
+
+def orthographic_view(
+    points: Float[np.ndarray, "*n 3"], direction: object, pitch: float
+) -> OrthographicView:
+    """Smallest view along `direction` around all points, with a pixel of margin."""
+    frame = view_frame(direction)
+    rotated = points.reshape(-1, 3) @ frame.T
+    low, high = rotated.min(0), rotated.max(0)
+    size = np.maximum(np.ceil((high - low)[:2] / pitch).astype(int), 1) + 2
+    corner = (low + high) / 2 - np.append(size, 0) * pitch / 2
+    corner[2] = low[2]
+    return OrthographicView(frame, corner, pitch, int(size[0]), int(size[1]))
+
+
+# Successive points of a Fibonacci spiral are rotated by the golden angle [rad].
+_GOLDEN_ANGLE = float(np.pi * (3.0 - np.sqrt(5.0)))
+
+
+def cap_directions(
+    axis: object, min_cosine: float, count: int
+) -> Float[np.ndarray, "d 3"]:
+    """Unit vectors within an angle of `axis`, each for the same solid angle.
+
+    A Fibonacci spiral, the same at every call.
+
+    Args:
+        axis: centre of the cap.
+        min_cosine: cosine of the angle between the axis and the rim [-].
+        count: number of directions.
+
+    Raises:
+        InputError: if the axis is no direction.
+
+    Source: Swinbank and Purser, Q. J. R. Meteorol. Soc. 132 (2006) 1769.
+    """
+    index = np.arange(count)
+    # Equal steps in height are equal areas on a sphere (Archimedes).
+    height = 1.0 - (1.0 - min_cosine) * (index + 0.5) / count
+    radius = np.sqrt(np.maximum(0.0, 1.0 - height * height))
+    angle = _GOLDEN_ANGLE * index
+    local = np.stack([radius * np.cos(angle), radius * np.sin(angle), height], axis=1)
+    return local @ view_frame(axis)
+
+
+def half_sphere_directions(count: int) -> Float[np.ndarray, "d 3"]:
+    """Unit vectors with z > 0; with their opposites they sample all directions."""
+    return cap_directions((0.0, 0.0, 1.0), 0.0, count)
+
+
+def clip_half_space(
+    triangles: Float[np.ndarray, "f 3 3"],
+    normal: Float[np.ndarray, "3"],
+    offset: float,
+) -> tuple[Float[np.ndarray, "k 3 3"], Int[np.ndarray, " k"]]:
+    """Clip triangles to the half-space normal . x >= offset.
+
+    Returns:
+        The remaining triangles, wound as before, and the index of the triangle that
+        each is a part of.
+    """
+    depth = triangles @ normal - offset
+    ahead = depth >= 0
+    count = ahead.sum(axis=1)
+    whole, one, two = (np.flatnonzero(count == n) for n in (3, 1, 2))
+
+    def corners(chosen, first):
+        """Points and depths of the corners, in order from corner `first`."""
+        order = [(first + k) % 3 for k in range(3)]
+        points = (triangles[chosen, corner] for corner in order)
+        return (*points, *(depth[chosen, corner] for corner in order))
+
+    # One corner ahead leaves a triangle, two leave a quadrilateral: two triangles.
+    a, b, c, da, db, dc = corners(one, ahead[one].argmax(1))
+    tips = np.stack([a, _intersect(a, b, da, db), _intersect(a, c, da, dc)], axis=1)
+    behind, d, e, db, dd, de = corners(two, (~ahead[two]).argmax(1))
+    at_d, at_e = _intersect(d, behind, dd, db), _intersect(e, behind, de, db)
+    lower, upper = np.stack([d, e, at_e], axis=1), np.stack([d, at_e, at_d], axis=1)
+    pieces = np.concatenate([triangles[whole], tips, lower, upper])
+    return pieces, np.concatenate([whole, one, two, two])
+
+
+def _intersect(inside, outside, depth_in, depth_out):
+    # Always from inside to outside, so that neighbours compute the same point.
+    fraction = depth_in / (depth_in - depth_out)
+    return inside + fraction[:, None] * (outside - inside)
+
+
+_MIN_COSINE = 0.6
+"""Cosine of the largest angle to the axis of one view; beyond it a cube is drawn."""
+
+_NEAR = 1e-6
+"""Depth of the near plane over that of the farthest point [-]."""
+
+
+@dataclass(frozen=True)
+class PerspectiveView:
+    """Rays from `eye` through a grid of pixels on the plane at depth 1."""
+
+    frame: Float[np.ndarray, "3 3"]
+    """Right, down and forward axes, as rows."""
+    eye: Float[np.ndarray, "3"]
+    """Position [m]."""
+    corner: Float[np.ndarray, "2"]
+    """Tangents to the right and down at the corner of pixel (0, 0) [-]."""
+    pixel: float
+    """Size of a pixel over the depth [-]."""
+    width: int
+    height: int
+    near: float
+    """Depth of the near plane [m]."""
+
+    def project(self, points: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
+        """Transform world points [m] ahead of the eye to (column, row, depth [m])."""
+        local = (points - self.eye) @ self.frame.T
+        depth = np.maximum(local[..., 2], self.near)
+        image = (local[..., :2] / depth[..., None] - self.corner) / self.pixel
+        return np.concatenate([image, depth[..., None]], axis=-1)
+
+    def nearest(
+        self, triangles: Float[np.ndarray, "f 3 3"]
+    ) -> Float[np.ndarray, "h w"]:
+        """Depth of the first triangle in each pixel [m]; inf in empty pixels."""
+        corners = self.project(self._within(triangles))
+        # The inverse of the depth is linear over the image, the depth is not.
+        corners[..., 2] = -1 / corners[..., 2]
+        # Clipping leaves each view with another count: rounded, they share a program.
+        corners = padded(corners, rounded_up(len(corners)))
+        key, _ = depth_range(corners, self.width, self.height)
+        hit = np.isfinite(key)
+        return np.where(hit, -1 / np.where(hit, key, -1.0), np.inf)
+
+    def _within(self, triangles: np.ndarray) -> np.ndarray:
+        """Clip world triangles to the image with a margin of one pixel."""
+        right, down, forward = self.frame
+        left, top = self.corner - self.pixel
+        size = np.array([self.width + 2, self.height + 2]) * self.pixel
+        planes = [
+            (forward, self.near),
+            (right - left * forward, 0.0),
+            ((left + size[0]) * forward - right, 0.0),
+            (down - top * forward, 0.0),
+            ((top + size[1]) * forward - down, 0.0),
+        ]
+        for normal, offset in planes:
+            triangles, _ = clip_half_space(
+                triangles, normal, offset + self.eye @ normal
+            )
+        return triangles
+
+
+def perspective_views(
+    eye: Float[np.ndarray, "3"], points: Float[np.ndarray, "n 3"], size: float
+) -> list[tuple[PerspectiveView, Int[np.ndarray, " m"]]]:
+    """Views from `eye` that cover all points, with the indices of the points in each.
+
+    Args:
+        eye: position of the observer [m].
+        points: none of them at the eye [m].
+        size: of a pixel at the farthest point [m].
+    """
+    away = points - eye
+    distance = np.linalg.norm(away, axis=1)
+    towards = away / distance[:, None]
+    middle = towards.mean(0)
+    if (towards @ middle > _MIN_COSINE * np.linalg.norm(middle)).all():
+        return [(_view(eye, middle, away, size), np.arange(len(points)))]
+    axis = np.abs(away).argmax(1)
+    side = np.take_along_axis(away, axis[:, None], 1)[:, 0] > 0
+    views = []
+    # Six square views at most: a single image would grow with tan(angle).
+    for face in np.unique(2 * axis + side):
+        chosen = np.flatnonzero(2 * axis + side == face)
+        forward = (1.0 if face % 2 else -1.0) * np.eye(3)[face // 2]
+        views.append((_view(eye, forward, away[chosen], size), chosen))
+    return views
+
+
+def _view(eye, forward, away: np.ndarray, size: float) -> PerspectiveView:
+    frame = view_frame(unit_vector(forward))
+    local = away @ frame.T
+    farthest = float(local[:, 2].max())
+    pixel = size / farthest
+    tangent = local[:, :2] / local[:, 2:]
+    low, high = tangent.min(0), tangent.max(0)
+    # Two pixels of margin: samples lie slightly beside their point.
+    count = np.maximum(np.ceil((high - low) / pixel).astype(int), 1) + 4
+    corner = (low + high) / 2 - count * pixel / 2
+    width, height = int(count[0]), int(count[1])
+    return PerspectiveView(frame, eye, corner, pixel, width, height, _NEAR * farthest)

@@ -1,0 +1,240 @@
+"""Structures whose nodes are groups of voxels: layers, blocks, cells, labels."""
+
+from dataclasses import InitVar, replace
+from typing import Any
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Bool, Int
+
+from ...errors import InputError, whole_number
+from ...voxels.grid import VoxelGrid
+from ..build.blocks import (
+    block_parts,
+    build_blocks,
+    index_type,
+    number_by_first_voxel,
+    voxel_layers,
+)
+from ..cache import cached
+from ..structure import AbstractBuiltStructure, Built, ConductionWeights, as_weights
+
+
+class MultiLevel(AbstractBuiltStructure):
+    """The outer `levels` layers of voxels, linked over their faces (thesis 4.3).
+
+    With at least as many levels as the body has layers it is the full volume.
+    """
+
+    grid: VoxelGrid = eqx.field(static=True)
+    levels: int = eqx.field(static=True, default=10)
+    hollow: str = eqx.field(static=True, default="empty")
+    """Capacity of deeper voxels: "empty" drops it, "innermost" distributes it evenly
+    over the nodes of the innermost level."""
+    weights: ConductionWeights = eqx.field(
+        kw_only=True, default=ConductionWeights(), converter=as_weights
+    )
+    built: Built = eqx.field(static=True, init=False)
+
+    def __post_init__(self):
+        self.levels = whole_number(self.levels, "MultiLevel(levels=)")
+        if self.hollow not in ("empty", "innermost"):
+            raise InputError(
+                f'MultiLevel(hollow={self.hollow!r}): choose "empty" or "innermost"'
+            )
+        options = {"levels": self.levels, "hollow": self.hollow}
+        self.built = cached("multilevel", self.grid, options, _build_layers)
+
+
+def _build_layers(grid: VoxelGrid, levels: int, hollow: str) -> Built:
+    layer = voxel_layers(grid, levels)
+    index = np.arange(layer.size, dtype=index_type(layer.shape)).reshape(layer.shape)
+    labels, first = number_by_first_voxel(np.where(layer >= 0, index, -1))
+    built = build_blocks(grid, labels, layer.reshape(-1)[first])
+    if hollow == "empty":
+        return built
+    nodes = built.nodes
+    innermost = nodes.level == nodes.level.max()
+    missing = (grid.solid_count - len(first)) * grid.voxel_volume
+    volume = nodes.volume + innermost * (missing / np.count_nonzero(innermost))
+    return replace(built, nodes=nodes._replace(volume=volume))
+
+
+class ShellOverCore(AbstractBuiltStructure):
+    """Layers of single voxels (level 0) over blocks of factor^3 voxels (level 1)."""
+
+    grid: VoxelGrid = eqx.field(static=True)
+    layers: int = eqx.field(static=True, default=1)
+    factor: int = eqx.field(static=True, default=4)
+    """Voxels along an edge of a block of the core."""
+    weights: ConductionWeights = eqx.field(
+        kw_only=True, default=ConductionWeights(), converter=as_weights
+    )
+    built: Built = eqx.field(static=True, init=False)
+
+    def __post_init__(self):
+        self.layers = whole_number(self.layers, "ShellOverCore(layers=)")
+        self.factor = whole_number(self.factor, "ShellOverCore(factor=)")
+        options = {"layers": self.layers, "factor": self.factor}
+        self.built = cached(
+            "shell_over_core", self.grid, options, _build_shell_over_core
+        )
+
+
+def _build_shell_over_core(grid: VoxelGrid, layers: int, factor: int) -> Built:
+    fine = voxel_layers(grid, layers) >= 0
+    voxel = block_parts(grid.solid & ~fine, factor)
+    # Single voxels are their own first voxel.
+    voxel[fine] = np.flatnonzero(fine)
+    labels, first = number_by_first_voxel(voxel)
+    return build_blocks(grid, labels, ~fine.reshape(-1)[first] * 1)
+
+
+class Octree(AbstractBuiltStructure):
+    """Cells of 1, 2, 4, ... voxels per edge, as large as possible inside the body.
+
+    A cell exists where it and its 26 neighbours of the same size are entirely solid.
+    """
+
+    # Hence neighbours, over corners too, differ by at most one level: the neighbours of
+    # a cell's children all lie in the cell's neighbours, so they could exist there.
+
+    grid: VoxelGrid = eqx.field(static=True)
+    levels: int | None = eqx.field(static=True, default=None)
+    """Number of cell sizes; 1 for single voxels only, None for no limit."""
+    weights: ConductionWeights = eqx.field(
+        kw_only=True, default=ConductionWeights(), converter=as_weights
+    )
+    built: Built = eqx.field(static=True, init=False)
+
+    def __post_init__(self):
+        if self.levels is not None:
+            self.levels = whole_number(self.levels, "Octree(levels=)")
+        self.built = cached("octree", self.grid, {"levels": self.levels}, _build_octree)
+
+
+def _build_octree(grid: VoxelGrid, levels: int | None) -> Built:
+    labels, first = number_by_first_voxel(_octree_cells(grid.solid, levels))
+    built = build_blocks(grid, labels, np.zeros(len(first), np.int32))
+    size = np.cbrt(built.nodes.volume / grid.voxel_volume)
+    level = np.rint(np.log2(size)).astype(np.int32)
+    return replace(built, nodes=built.nodes._replace(level=level))
+
+
+def _octree_cells(
+    solid: Bool[np.ndarray, "x y z"], levels: int | None
+) -> Int[np.ndarray, "x y z"]:
+    """Index of the first voxel, in lattice order, of each voxel's cell; -1 if empty."""
+    possible = [solid]
+    filled = solid
+    while levels is None or len(possible) < levels:
+        filled = _halve(filled)
+        inner = _with_neighbours(filled)
+        if not inner.any():
+            break
+        possible.append(inner)
+    # From coarse to fine: a cell is taken only where no larger one was.
+    first = np.full((0, 0, 0), -1, index_type(solid.shape))
+    for level in reversed(range(len(possible))):
+        first = _refine(first, possible[level])
+        new = np.nonzero(possible[level] & (first < 0))
+        corner = tuple(index << level for index in new)
+        first[new] = np.ravel_multi_index(corner, solid.shape)
+    return first
+
+
+def _halve(filled: Bool[np.ndarray, "x y z"]) -> Bool[np.ndarray, "u v w"]:
+    """Flag the entirely solid cells of twice the size; an odd last plane is dropped."""
+    for axis in range(3):
+        along = np.moveaxis(filled, axis, 0)
+        pairs = along[: len(along) // 2 * 2]
+        filled = np.moveaxis(pairs[::2] & pairs[1::2], 0, axis)
+    return filled
+
+
+def _with_neighbours(filled: Bool[np.ndarray, "x y z"]) -> Bool[np.ndarray, "x y z"]:
+    """Flag the cells that are solid together with all 26 neighbours."""
+    for axis in range(3):
+        along = np.moveaxis(filled, axis, 0)
+        inner = np.zeros_like(along)
+        inner[1:-1] = along[:-2] & along[1:-1] & along[2:]
+        filled = np.moveaxis(inner, 0, axis)
+    return filled
+
+
+def _refine(
+    coarse: Int[np.ndarray, "u v w"], like: Bool[np.ndarray, "x y z"]
+) -> Int[np.ndarray, "x y z"]:
+    """Repeat each entry on eight cells of half the size; -1 beyond the coarse ones."""
+    fine = np.full(like.shape, -1, coarse.dtype)
+    u, v, w = coarse.shape
+    fine[: 2 * u, : 2 * v, : 2 * w] = coarse.repeat(2, 0).repeat(2, 1).repeat(2, 2)
+    return fine
+
+
+class Partition(AbstractBuiltStructure):
+    """Nodes of level 0 that are groups of voxels with equal labels.
+
+    Labels are arbitrary integers over the grid's lattice, `[x y z]`; those of empty
+    voxels are ignored, and solid voxels with a negative label are left out. Nodes are
+    numbered by their first voxel.
+
+    Raises:
+        InputError: if the labels do not fit the grid or leave fragments without a node.
+    """
+
+    grid: VoxelGrid = eqx.field(static=True)
+    labels: InitVar[Any]
+    weights: ConductionWeights = eqx.field(
+        kw_only=True, default=ConductionWeights(), converter=as_weights
+    )
+    built: Built = eqx.field(static=True, init=False)
+
+    def __post_init__(self, labels: Any):
+        checked = _checked_labels(self.grid, labels)
+        self.built = cached(
+            "partition", self.grid, {"labels": checked}, _build_partition
+        )
+
+
+def _checked_labels(grid: VoxelGrid, labels: Any) -> Int[np.ndarray, "x y z"]:
+    """Validate the labels; -1 where the voxel is empty or left out."""
+    try:
+        given = np.asarray(labels)
+    except ValueError:
+        raise InputError("Partition(labels=): give an array of integers") from None
+    if not np.issubdtype(given.dtype, np.integer):
+        raise InputError(
+            f"Partition(labels=): {given.dtype} values cannot name nodes: give integers"
+        )
+    if given.shape != grid.solid.shape:
+        raise InputError(
+            f"Partition(labels=): shape {given.shape} is not that of the grid's "
+            f"lattice: give one label a voxel, {grid.solid.shape}"
+        )
+    if given.max() > np.iinfo(np.int64).max:
+        raise InputError("Partition(labels=): give labels below 2^63")
+    checked = np.where(grid.solid & (given >= 0), given.astype(np.int64), -1)
+    if checked.max() < 0:
+        raise InputError("Partition(labels=): no solid voxel has a label of at least 0")
+    uncovered = grid.fragment_voxel[checked[tuple(grid.fragment_voxel.T)] < 0]
+    if len(uncovered):
+        raise InputError(
+            "Partition(labels=): labels leave surface voxels without a node, "
+            f"{len(np.unique(uncovered, axis=0))} of them, the first at "
+            f"{tuple(map(int, uncovered[0]))}: give each a label of at least 0"
+        )
+    return checked
+
+
+def _build_partition(grid: VoxelGrid, labels: Int[np.ndarray, "x y z"]) -> Built:
+    flat = labels.reshape(-1)
+    covered = np.flatnonzero(flat >= 0)
+    found, group = np.unique(flat[covered], return_inverse=True)
+    first = np.zeros(len(found), index_type(labels.shape))
+    # Written backwards, the first voxel of each label remains.
+    first[group[::-1]] = covered[::-1]
+    voxel = np.full(flat.shape, -1, first.dtype)
+    voxel[covered] = first[group]
+    numbers, nodes = number_by_first_voxel(voxel.reshape(labels.shape))
+    return build_blocks(grid, numbers, np.zeros(len(nodes), np.int32))

@@ -1,1 +1,0 @@
-"""Surface maps: node temperatures to surface temperatures."""
