@@ -11,7 +11,7 @@
 
 import abc
 import math
-from typing import Any
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -57,10 +57,8 @@ class AbstractSolver(eqx.Module):
     dt: eqx.AbstractVar[Any]
     """Step [s]; None to have it chosen."""
 
-    @property
-    def load_fraction(self) -> float:
-        """Position in the last step, 0 to 1, of the loads that an observation uses."""
-        return 1 - END_FRACTION
+    load_fraction: ClassVar[float] = 1 - END_FRACTION
+    """Position in the last step, 0 to 1, of the loads that an observation uses."""
 
     def min_steps(self, events: int) -> int:
         """Return the smallest number of steps between two of the run's events."""
@@ -129,14 +127,11 @@ class ForwardEuler(AbstractSolver):
     Source: Patankar, Numerical Heat Transfer and Fluid Flow (1980), section 4.3.
     """
 
+    # Euler steps take their loads at the middle.
+    load_fraction = 0.5
+
     dt: Number | None = None
     """Step [s]; None for the largest stable step."""
-
-    @property
-    @override
-    def load_fraction(self) -> float:
-        # Euler steps take their loads at the middle.
-        return 0.5
 
     @override
     def min_steps(self, events: int) -> int:
@@ -210,9 +205,7 @@ class _AbstractImplicit(AbstractSolver):
     def arranged(self, scene: Scene) -> Scene:
         return arranged_for_solves(scene)
 
-    @property
-    @abc.abstractmethod
-    def _tableau(self) -> Tableau: ...
+    _tableau: eqx.AbstractClassVar[Tableau]
 
     @override
     def stepper(self, scene, compiled, max_dt, traced) -> AbstractStepper:
@@ -228,18 +221,12 @@ class BackwardEuler(_AbstractImplicit):
     Source: Hairer, Wanner, Solving Ordinary Differential Equations II (1996), IV.3.
     """
 
+    load_fraction = 0.5
+    _tableau = BACKWARD_EULER
+
     dt: Number | None = None
     """Step [s]; None for 1/128 of the run."""
     tolerance: float | None = None
-
-    @property
-    @override
-    def load_fraction(self) -> float:
-        return 0.5
-
-    @property
-    def _tableau(self) -> Tableau:
-        return BACKWARD_EULER
 
 
 class CrankNicolson(_AbstractImplicit):
@@ -252,13 +239,11 @@ class CrankNicolson(_AbstractImplicit):
     Source: Crank, Nicolson, Proc. Cambridge Philosophical Society 43 (1947) 50-67.
     """
 
+    _tableau = CRANK_NICOLSON
+
     dt: Number | None = None
     """Step [s]; None for 1/128 of the run."""
     tolerance: float | None = None
-
-    @property
-    def _tableau(self) -> Tableau:
-        return CRANK_NICOLSON
 
 
 class TRBDF2(_AbstractImplicit):
@@ -269,6 +254,8 @@ class TRBDF2(_AbstractImplicit):
 
     Source: Hosea, Shampine, Applied Numerical Mathematics 20 (1996) 21-37.
     """
+
+    _tableau = TR_BDF2
 
     dt: Number | None = None
     """Step [s]; None for steps by error control."""
@@ -297,10 +284,6 @@ class TRBDF2(_AbstractImplicit):
             return super().stepper(scene, compiled, max_dt, traced)
         context = implicit_context(scene, compiled, max_dt, self.tolerance, traced)
         return AdaptiveStepper(context, jnp.asarray(self.error, compiled.receipt.dtype))
-
-    @property
-    def _tableau(self) -> Tableau:
-        return TR_BDF2
 
 
 def select_solver(

@@ -1,7 +1,7 @@
 """The state of a run, the interface of all steppers, and the loop over their steps."""
 
 import abc
-from typing import Any
+from typing import Any, ClassVar
 
 import equinox as eqx
 import equinox.internal as eqxi
@@ -26,10 +26,8 @@ class RunState(eqx.Module):
 class AbstractStepper(eqx.Module):
     """One-step method, with everything that it precomputes for a scene."""
 
-    @property
-    def two_buffers(self) -> bool:
-        """True if a step is so cheap that copying the state would be noticeable."""
-        return False
+    two_buffers: ClassVar[bool] = False
+    """True if a step is so cheap that copying the state would be noticeable."""
 
     @abc.abstractmethod
     def begin(self, state: RunState) -> RunState:

@@ -8,6 +8,7 @@ stored heat is sum C state for every network.
 """
 
 import abc
+from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -26,15 +27,13 @@ class AbstractNetwork(eqx.Module):
     another loses. G is symmetric, except where `is_symmetric` is False.
     """
 
+    is_symmetric: ClassVar[bool] = True
+    """True if G is symmetric, which linear solvers need."""
+
     @property
     def linear(self) -> "AbstractNetwork":
         """Linear network of the conducted potential: itself, or at the reference."""
         return self
-
-    @property
-    def is_symmetric(self) -> bool:
-        """True if G is symmetric, which linear solvers need."""
-        return True
 
     @abc.abstractmethod
     def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:

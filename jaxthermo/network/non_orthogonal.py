@@ -32,6 +32,9 @@ _POWER_STEPS, _LAST_STEPS, _MARGIN = 40, 8, 1.05
 class NonOrthogonalNetwork(AbstractNodeNetwork):
     """Two-point network with a correction for some of its links."""
 
+    # The gradient at a node depends on nodes that its link does not connect.
+    is_symmetric = False
+
     straight: AbstractNodeNetwork
     """Two-point flux, with conductances for the distances normal to the faces."""
     node_capacity: Float[Array, " n"]
@@ -48,12 +51,6 @@ class NonOrthogonalNetwork(AbstractNodeNetwork):
     """x G of each corrected link [W/K]."""
     rate_ratio: Float[Array, ""]
     """Bound of the fastest rate over that of the two-point flux [-]."""
-
-    @property
-    @override
-    def is_symmetric(self) -> bool:
-        # The gradient at a node depends on nodes that its link does not connect.
-        return False
 
     @override
     def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:

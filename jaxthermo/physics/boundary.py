@@ -36,6 +36,8 @@ from .time_varying import (
 class ImposedFlux(AbstractFluxLaw):
     """A heat flux that does not depend on the temperature."""
 
+    is_linear = True
+
     heat_flux: Any
     """[W/m^2]"""
 
@@ -77,11 +79,6 @@ class ImposedFlux(AbstractFluxLaw):
     def curvature(self, within: TemperatureRange) -> float | Float[Array, ""]:
         return 0.0
 
-    @property
-    @override
-    def is_linear(self) -> bool:
-        return True
-
 
 class Above(eqx.Module):
     """A function of time for a temperature above the reference [K]."""
@@ -96,6 +93,8 @@ class Above(eqx.Module):
 
 class Exchange(AbstractFluxLaw):
     """Newton's law, q = h (T_inf - T)."""
+
+    is_linear = True
 
     coefficient: Any
     """h [W/(m^2 K)], a number or a function of time."""
@@ -148,11 +147,6 @@ class Exchange(AbstractFluxLaw):
     def curvature(self, within: TemperatureRange) -> float | Float[Array, ""]:
         return 0.0
 
-    @property
-    @override
-    def is_linear(self) -> bool:
-        return True
-
 
 class FixedTemperature(AbstractSurfaceTerm):
     """A prescribed surface temperature T_s; on the whole surface without `on`.
@@ -161,22 +155,15 @@ class FixedTemperature(AbstractSurfaceTerm):
     piece of surface are an error.
     """
 
+    name = "fixed_temperature"
+    is_dirichlet = True
+
     temperature: TimeVarying
     """T_s [K], a number or a function of time."""
     on: AbstractSelection | None = None
 
     def __check_init__(self):
         check_value(self.temperature, "FixedTemperature(temperature [K])", 0.0)
-
-    @property
-    @override
-    def name(self) -> str:
-        return "fixed_temperature"
-
-    @property
-    @override
-    def is_dirichlet(self) -> bool:
-        return True
 
     @override
     def bind(self, surface: Surface) -> tuple[Binding | Omitted, ...]:
@@ -198,17 +185,14 @@ class FixedTemperature(AbstractSurfaceTerm):
 class HeatFlux(AbstractSurfaceTerm):
     """A heat flux q'' into the surface; on the whole surface without `on`."""
 
+    name = "heat_flux"
+
     heat_flux: TimeVarying
     """q'' [W/m^2], positive into the body; a number or a function of time."""
     on: AbstractSelection | None = None
 
     def __check_init__(self):
         check_value(self.heat_flux, "HeatFlux(heat_flux [W/m^2])")
-
-    @property
-    @override
-    def name(self) -> str:
-        return "heat_flux"
 
     @override
     def bind(self, surface: Surface) -> tuple[Binding | Omitted, ...]:
@@ -239,6 +223,8 @@ class Convection(AbstractSurfaceTerm):
         >>> top = jt.Convection(25.0, 290.0, on=jt.Side((0.0, 0.0, 1.0)))
     """
 
+    name = "convection"
+
     heat_transfer_coefficient: TimeVarying
     """h [W/(m^2 K)], a number or a function of time."""
     temperature: TimeVarying
@@ -249,11 +235,6 @@ class Convection(AbstractSurfaceTerm):
         h = self.heat_transfer_coefficient
         check_value(h, "Convection(heat_transfer_coefficient [W/(m^2 K)])", 0.0)
         check_value(self.temperature, "Convection(temperature [K])", 0.0)
-
-    @property
-    @override
-    def name(self) -> str:
-        return "convection"
 
     @override
     def bind(self, surface: Surface) -> tuple[Binding | Omitted, ...]:

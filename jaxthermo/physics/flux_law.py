@@ -7,7 +7,7 @@ import abc
 import dataclasses
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -49,6 +49,11 @@ class AbstractFluxLaw(eqx.Module):
     theta. Implement `flux`, `slope` and `max_slope`.
     """
 
+    is_linear: ClassVar[bool] = False
+    """True if the slope does not depend on the temperature."""
+    is_dissipative: ClassVar[bool] = False
+    """True if `supersolution` bounds the surface's temperature."""
+
     @abc.abstractmethod
     def flux(
         self, time: Float[Array, ""], theta: Float[Array, " m"]
@@ -67,11 +72,6 @@ class AbstractFluxLaw(eqx.Module):
 
         It limits the explicit step.
         """
-
-    @property
-    def is_linear(self) -> bool:
-        """True if the slope does not depend on the temperature."""
-        return False
 
     def linear(self) -> LinearLaw | None:
         """The parts of a law that is linear with a constant slope, else None."""
@@ -124,11 +124,6 @@ class AbstractFluxLaw(eqx.Module):
         """A bound of |d2 flux / dT2| within a range [W/(m^2 K^2)]."""
         del within
         return math.inf
-
-    @property
-    def is_dissipative(self) -> bool:
-        """True if `supersolution` bounds the surface's temperature."""
-        return False
 
     def supersolution(
         self, time: Float[Array, ""], imposed: Float[Array, " m"]

@@ -43,6 +43,8 @@ class HeatSource(AbstractVolumeTerm):
         InputError: for a value that is not finite, or a selection of surface alone.
     """
 
+    name = "heat_source"
+
     # Counted voxel by voxel, by their centres, so that the total heat is the same in
     # every structure: a node receives that of its voxels, and where a structure leaves
     # the inside out the nearest node receives that of the inside.
@@ -59,11 +61,6 @@ class HeatSource(AbstractVolumeTerm):
                 f"HeatSource(within={self.within!r}): it heats the inside: give a "
                 "Region or Everything"
             )
-
-    @property
-    @override
-    def name(self) -> str:
-        return "heat_source"
 
     @property
     @override

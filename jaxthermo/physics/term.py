@@ -19,7 +19,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -262,10 +262,8 @@ class AbstractTerm(eqx.Module):
     Do not derive from this class, but from one of the four kinds of term.
     """
 
-    @property
-    @abc.abstractmethod
-    def name(self) -> str:
-        """Name of the mechanism in the energy ledger and in the receipt."""
+    name: eqx.AbstractClassVar[str]
+    """Name of the mechanism in the energy ledger and in the receipt."""
 
     @property
     def values(self) -> tuple[Any, ...]:
@@ -322,14 +320,12 @@ class AbstractSurfaceTerm(AbstractTerm):
     takes part in every solver, in the energy ledger and in the receipt.
     """
 
+    is_dirichlet: ClassVar[bool] = False
+    """True if it prescribes the temperature of the surface, as no other term."""
+
     @abc.abstractmethod
     def bind(self, surface: Surface) -> tuple[Binding | Omitted, ...]:
         """Its laws on the surface of a scene, as `Surface.bind` makes them."""
-
-    @property
-    def is_dirichlet(self) -> bool:
-        """True if it prescribes the temperature of the surface, as no other term."""
-        return False
 
 
 class AbstractExchangeTerm(AbstractSurfaceTerm):

@@ -18,10 +18,7 @@ from ..stepper import AbstractStepper, RunState
 class EulerStepper(AbstractStepper):
     """Explicit Euler: first order, stable up to the stable step."""
 
-    @property
-    @override
-    def two_buffers(self) -> bool:
-        return True
+    two_buffers = True
 
     @override
     def begin(self, state: RunState) -> RunState:

@@ -205,6 +205,8 @@ class Contact(AbstractPairTerm):
         InputError: for a negative conductance, or a length that is not positive.
     """
 
+    name = "contact"
+
     conductance: TimeVarying
     """h_c [W/(m^2 K)], a number or a function of time; infinity bonds the bodies."""
     bodies: tuple[int, int] | None = eqx.field(static=True, default=None)
@@ -227,11 +229,6 @@ class Contact(AbstractPairTerm):
                 raise InputError(f"Contact({name}={length!r}): give a positive length")
         if self.bodies is not None and self.bodies[0] == self.bodies[1]:
             raise InputError(f"Contact(bodies={self.bodies}): name two bodies")
-
-    @property
-    @override
-    def name(self) -> str:
-        return "contact"
 
     @property
     @override

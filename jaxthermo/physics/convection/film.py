@@ -218,11 +218,6 @@ class FilmExchange(AbstractFluxLaw):
     def _overshoot(self) -> float:
         return _SPLINE_OVERSHOOT if isinstance(self.coefficients, SpeedTable) else 1.0
 
-    @property
-    @override
-    def is_linear(self) -> bool:
-        return False
-
     @override
     def coarsened(self, mean: Callable[[Array], Array]) -> "FilmExchange":
         where = lambda law: (

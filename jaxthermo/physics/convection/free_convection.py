@@ -234,11 +234,6 @@ class FreeExchange(AbstractFluxLaw):
             + np.abs(rise[0]) * second,
         )
 
-    @property
-    @override
-    def is_linear(self) -> bool:
-        return False
-
     @override
     def coarsened(self, mean: Callable[[Array], Array]) -> "FreeExchange":
         where = lambda law: (law.still, law.rising)
@@ -256,6 +251,8 @@ class FreeConvection(AbstractSurfaceTerm):
     Raises:
         InputError: for a negative temperature, or a length that is not positive.
     """
+
+    name = "free_convection"
 
     temperature: TimeVarying
     """T_inf of the air [K], a number or a function of time."""
@@ -275,16 +272,6 @@ class FreeConvection(AbstractSurfaceTerm):
             raise InputError(
                 f"FreeConvection(length={given!r}): give a positive length in metres"
             )
-
-    @property
-    @override
-    def name(self) -> str:
-        return "free_convection"
-
-    @property
-    @override
-    def values(self) -> tuple[Any, ...]:
-        return (self.temperature,)
 
     @override
     def forcing(self, end: float | int) -> Forcing:

@@ -83,6 +83,8 @@ class Wind(AbstractSurfaceTerm):
             average.
     """
 
+    name = "wind"
+
     velocity: tuple[float, float, float] = eqx.field(static=True, converter=_velocity)
     """Direction of the wind; its length is the speed [m/s] unless `speed` is given."""
     temperature: TimeVarying
@@ -109,11 +111,6 @@ class Wind(AbstractSurfaceTerm):
                 f"Wind(wake={self.wake!r}): give a function of x / D, such as "
                 "WakeDeficit()"
             )
-
-    @property
-    @override
-    def name(self) -> str:
-        return "wind"
 
     @property
     @override

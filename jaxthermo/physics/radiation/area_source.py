@@ -115,6 +115,9 @@ class AreaSource(AbstractSource):
             `temperature` is given.
     """
 
+    name = "area_source"
+    location_field = "centre"
+
     centre: Triple | Callable[[float], Any] = eqx.field(
         static=True, converter=fixed_or_moving
     )
@@ -156,11 +159,6 @@ class AreaSource(AbstractSource):
 
     @property
     @override
-    def name(self) -> str:
-        return "area_source"
-
-    @property
-    @override
     def strength(self) -> Any:
         if self.radiance is not None:
             return self.radiance
@@ -173,11 +171,6 @@ class AreaSource(AbstractSource):
     @override
     def values(self) -> tuple[Any, ...]:
         return (self.temperature if self.radiance is None else self.radiance,)
-
-    @property
-    @override
-    def location_field(self) -> str:
-        return "centre"
 
     @property
     def _edges(self) -> tuple[np.ndarray, np.ndarray]:

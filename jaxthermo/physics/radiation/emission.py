@@ -39,6 +39,8 @@ from .visibility import SkyView, check_directions, sky_view, unobstructed_view
 class Emission(AbstractFluxLaw):
     """Heat flux sigma (T_s^4 - T^4); the effective area contains the emissivity."""
 
+    is_dissipative = True
+
     temperature: Any
     """T_s of the surroundings [K]."""
     reference: Any = 0.0
@@ -75,16 +77,6 @@ class Emission(AbstractFluxLaw):
     @override
     def curvature(self, within: TemperatureRange) -> float | Float[Array, ""]:
         return 12 * STEFAN_BOLTZMANN * within.highest**2
-
-    @property
-    @override
-    def is_linear(self) -> bool:
-        return False
-
-    @property
-    @override
-    def is_dissipative(self) -> bool:
-        return True
 
     @override
     def supersolution(
@@ -147,6 +139,8 @@ class Surroundings(AbstractSurfaceTerm):
         InputError: for a negative temperature, or options out of range.
     """
 
+    name = "emission"
+
     temperature: TimeVarying
     """T_s [K], a number or a function of time; with `ground`, that of the sky."""
     ground: TimeVarying | None = None
@@ -169,17 +163,6 @@ class Surroundings(AbstractSurfaceTerm):
             check_value(self.ground, "Surroundings(ground [K])", 0.0)
         if self.occlusion is not None:
             check_directions(self.occlusion)
-
-    @property
-    @override
-    def name(self) -> str:
-        return "emission"
-
-    @property
-    @override
-    def values(self) -> tuple[Any, ...]:
-        only = self.ground is None
-        return (self.temperature,) if only else (self.temperature, self.ground)
 
     @override
     def bind(self, surface: Surface) -> tuple[Binding | Omitted, ...]:

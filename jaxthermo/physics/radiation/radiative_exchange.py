@@ -21,7 +21,7 @@ from typing_extensions import override
 
 from ...arrays import TimeVarying
 from ...constants import STEFAN_BOLTZMANN
-from ..boundary import toward
+from ..boundary import ImposedFlux, toward
 from ..flux_law import AbstractFluxLaw, TemperatureRange
 from ..term import (
     AbstractExchangeTerm,
@@ -42,14 +42,14 @@ from .view_factors import DEFAULT_DIRECTIONS
 class Radiation(AbstractFluxLaw):
     """Heat flux H - sigma T^4 [W/m^2]; the effective area contains the emissivity."""
 
+    is_dissipative = True
+
     received: Float[Array, "*#m"]
-    """Irradiation minus sigma T_0^4 [W/m^2]; the net flux without `emits`."""
+    """Irradiation minus sigma T_0^4 [W/m^2]."""
     base: Float[Array, ""]
     """T_0 [K], the same for all bodies."""
     reference: Any = 0.0
     """Temperature from which the body's state counts [K]."""
-    emits: bool = eqx.field(static=True, default=True)
-    """True if the emission is computed here, False if `received` includes it."""
 
     def _emitted(self, theta: Float[Array, " m"]) -> Float[Array, " m"]:
         hot = self.reference + theta
@@ -62,15 +62,13 @@ class Radiation(AbstractFluxLaw):
         self, time: Float[Array, ""], theta: Float[Array, " m"]
     ) -> Float[Array, "*#m"]:
         del time
-        return self.received - self._emitted(theta) if self.emits else self.received
+        return self.received - self._emitted(theta)
 
     @override
     def slope(
         self, time: Float[Array, ""], theta: Float[Array, " m"]
     ) -> Float[Array, "*#m"]:
         del time
-        if not self.emits:
-            return jnp.zeros((), theta.dtype)
         hot = jnp.maximum(self.reference + theta, 0)
         return 4 * STEFAN_BOLTZMANN * hot * hot * hot
 
@@ -87,16 +85,6 @@ class Radiation(AbstractFluxLaw):
     def curvature(self, within: TemperatureRange) -> float | Float[Array, ""]:
         return 12 * STEFAN_BOLTZMANN * within.highest**2
 
-    @property
-    @override
-    def is_linear(self) -> bool:
-        return not self.emits
-
-    @property
-    @override
-    def is_dissipative(self) -> bool:
-        return self.emits
-
     @override
     def supersolution(
         self, time: Float[Array, ""], pushed: Float[Array, " m"]
@@ -106,8 +94,9 @@ class Radiation(AbstractFluxLaw):
         return equilibrium_temperature(self.base, brought) - self.reference
 
     @override
-    def irradiated(self, received: Float[Array, " m"], emits: bool) -> "Radiation":
-        return replace(self, received=received, emits=emits)
+    def irradiated(self, received: Float[Array, " m"], emits: bool) -> AbstractFluxLaw:
+        # The net flux does not depend on the temperature of the surface any more.
+        return replace(self, received=received) if emits else ImposedFlux(received)
 
 
 class RadiativeExchange(AbstractExchangeTerm):
@@ -124,6 +113,8 @@ class RadiativeExchange(AbstractExchangeTerm):
         InputError: for a negative temperature.
     """
 
+    name = "emission"
+
     temperature: TimeVarying
     """T_s of the black surroundings [K], a number or a function of time."""
     max_patches: int = eqx.field(static=True, default=DEFAULT_MAX_PATCHES)
@@ -133,11 +124,6 @@ class RadiativeExchange(AbstractExchangeTerm):
 
     def __check_init__(self):
         check_value(self.temperature, "RadiativeExchange(temperature [K])", 0.0)
-
-    @property
-    @override
-    def name(self) -> str:
-        return "emission"
 
     @override
     def forcing(self, end: float | int) -> Forcing:

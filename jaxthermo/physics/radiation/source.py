@@ -52,15 +52,13 @@ def fixed_or_moving(value: Any) -> Any:
 class AbstractSource(AbstractSurfaceTerm):
     """Source that irradiates surfaces and is not heated by them."""
 
+    location_field: eqx.AbstractClassVar[str]
+    """Name of the field with its position or direction, perhaps a function."""
+
     @property
     @abc.abstractmethod
     def strength(self) -> Any:
         """Irradiance for a unit of exposure: a number or a function of time."""
-
-    @property
-    @abc.abstractmethod
-    def location_field(self) -> str:
-        """Name of the field with its position or direction, perhaps a function."""
 
     def check_location_value(self, value: Any, what: str) -> None:
         """Raise an InputError that names `what` for an invalid position."""
@@ -142,6 +140,9 @@ class Sun(AbstractSource):
         >>> shaded = jt.Sun((0.0, 0.0, -1.0), irradiance=jt.Until(800.0, 90.0))
     """
 
+    name = "sun"
+    location_field = "direction"
+
     direction: Triple | Callable[[float], Any] = eqx.field(
         static=True, converter=fixed_or_moving
     )
@@ -155,23 +156,8 @@ class Sun(AbstractSource):
 
     @property
     @override
-    def name(self) -> str:
-        return "sun"
-
-    @property
-    @override
     def strength(self) -> Any:
         return self.irradiance
-
-    @property
-    @override
-    def values(self) -> tuple[Any, ...]:
-        return (self.irradiance,)
-
-    @property
-    @override
-    def location_field(self) -> str:
-        return "direction"
 
     @override
     def check_location_value(self, value: Any, what: str) -> None:
@@ -248,6 +234,9 @@ class PointSource(AbstractSource):
         InputError: for an invalid position, or values that are not positive.
     """
 
+    name = "point_source"
+    location_field = "position"
+
     position: Triple | Callable[[float], Any] = eqx.field(
         static=True, converter=fixed_or_moving
     )
@@ -269,23 +258,8 @@ class PointSource(AbstractSource):
 
     @property
     @override
-    def name(self) -> str:
-        return "point_source"
-
-    @property
-    @override
     def strength(self) -> Any:
         return self.radiant_intensity
-
-    @property
-    @override
-    def values(self) -> tuple[Any, ...]:
-        return (self.radiant_intensity,)
-
-    @property
-    @override
-    def location_field(self) -> str:
-        return "position"
 
     @override
     def check_location(self, surface: BodySurface) -> None:

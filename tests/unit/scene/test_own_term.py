@@ -36,13 +36,10 @@ class EvaporationFlux(jt.AbstractFluxLaw):
 class Evaporation(jt.AbstractSurfaceTerm):
     """Evaporation from the part of a surface that `on` selects."""
 
+    name = "evaporation"
     coefficient: Any
     dew_point: Any
     on: Any = None
-
-    @property
-    def name(self):
-        return "evaporation"
 
     def bind(self, surface):
         return surface.bind(
