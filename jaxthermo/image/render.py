@@ -209,7 +209,8 @@ def render(
     Example:
         >>> import jaxthermo as jt
         >>> grid = jt.voxelize(jt.shapes.box((0.04, 0.04, 0.04)), pitch=0.01)
-        >>> body = jt.Body(jt.FullVolume(grid), jt.materials["copper"], 300.0)
+        >>> copper = jt.materials["copper"]
+        >>> body = jt.Body(jt.FullVolume(grid), copper, temperature=350.0)
         >>> warm = jt.steady(jt.Scene((body,), (jt.Convection(10.0, 290.0),)))
         >>> camera = jt.Camera((0.2, -0.2, 0.1), (0.0, 0.0, 0.0), width=32, height=24)
         >>> jt.render(warm, camera).temperature.shape  # rows, columns

@@ -146,7 +146,8 @@ class Scene(eqx.Module):
     Example:
         >>> import jaxthermo as jt
         >>> grid = jt.voxelize(jt.shapes.box((0.04, 0.04, 0.04)), pitch=0.01)
-        >>> body = jt.Body(jt.FullVolume(grid), jt.materials["copper"], 350.0)
+        >>> copper = jt.materials["copper"]
+        >>> body = jt.Body(jt.FullVolume(grid), copper, temperature=350.0)
         >>> terms = (jt.Convection(10.0, 290.0), jt.Surroundings(280.0))
         >>> scene = jt.Scene((body,), terms)
         >>> [term.name for term in scene.terms]

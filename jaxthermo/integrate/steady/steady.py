@@ -94,7 +94,8 @@ def steady(
     Example:
         >>> import jaxthermo as jt
         >>> grid = jt.voxelize(jt.shapes.box((0.04, 0.04, 0.04)), pitch=0.01)
-        >>> body = jt.Body(jt.FullVolume(grid), jt.materials["copper"], 350.0)
+        >>> copper = jt.materials["copper"]
+        >>> body = jt.Body(jt.FullVolume(grid), copper, temperature=350.0)
         >>> terms = (jt.HeatFlux(100.0), jt.Convection(10.0, 290.0))
         >>> warm = jt.steady(jt.Scene((body,), terms))
         >>> f"{warm.mean_temperature.item():.3f}"
