@@ -19,8 +19,7 @@ from jaxthermo.integrate.run.parametric_run import ParametricRun, ParametricSolu
 from jaxthermo.integrate.run.solution_file import load_solution
 from jaxthermo.integrate.surface_error import check_surfaces
 from jaxthermo.scene.compile.compile import compile_scene
-from jaxthermo.scene.scene import Scene
-from jaxthermo.scene.solved_surface import SolvedSurface
+from jaxthermo.scene.scene import Scene, SolvedSurface
 
 from ..config import schema
 from ..config.loader import scene_config

@@ -15,8 +15,7 @@ from jaxthermo.image.camera import AbstractCamera
 from jaxthermo.image.render import draw
 from jaxthermo.image.view import View, compute_view
 from jaxthermo.integrate.run.parametric_run import ParametricSolution
-from jaxthermo.scene.scene import Scene
-from jaxthermo.scene.solved_surface import SolvedSurface
+from jaxthermo.scene.scene import Scene, SolvedSurface
 
 from .targets import AbstractTarget, CaseError
 

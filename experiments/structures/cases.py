@@ -12,8 +12,8 @@ from jaxthermo.geometry.mesh import Pose
 from jaxthermo.material.material import Material
 from jaxthermo.physics.radiation.source import Sun
 from jaxthermo.physics.time_varying import Until
-from jaxthermo.scene.scene import Body, Scene
-from jaxthermo.scene.solved_surface import SolvedSurface, body_geometry
+from jaxthermo.scene.compile.compile import body_geometry
+from jaxthermo.scene.scene import Body, Scene, SolvedSurface
 from jaxthermo.structures.kinds.full import FullVolume
 from jaxthermo.structures.structure import AbstractStructure
 from jaxthermo.structures.surface_map import AbstractSurfaceMap, ConstantMap

@@ -28,8 +28,7 @@ from jaxthermo.integrate.run.simulate import make_solution, take_steps
 from jaxthermo.integrate.run.solution import RESULTS, Solution
 from jaxthermo.integrate.solvers import ForwardEuler
 from jaxthermo.integrate.surface_error import AnySolution, error_span, surface_error
-from jaxthermo.scene.scene import Scene
-from jaxthermo.scene.solved_surface import SolvedSurface
+from jaxthermo.scene.scene import Scene, SolvedSurface
 from jaxthermo.structures.structure import AbstractStructure
 from jaxthermo.timing import Timing
 

@@ -14,7 +14,7 @@ from jaxthermo.geometry.shapes import box, sphere
 from jaxthermo.image.annotate import write_png
 from jaxthermo.image.contact_texture import contact_images, where_covered
 from jaxthermo.image.palette import palette_table
-from jaxthermo.physics.contact.bodies import PlacedGrid, require_shallow
+from jaxthermo.physics.contact.rays import PlacedGrid, require_shallow
 from jaxthermo.physics.contact.search import (
     broad_phase,
     contacts_between,

@@ -13,10 +13,9 @@ from jaxthermo.image.annotate import write_png
 from jaxthermo.image.contact_texture import contact_images, where_covered
 from jaxthermo.image.palette import palette_table
 from jaxthermo.image.ticks import label
-from jaxthermo.physics.contact.bodies import PlacedGrid
 from jaxthermo.physics.contact.links import contact_conductance_of
-from jaxthermo.physics.contact.pairs import ContactPairs, contact_flux
-from jaxthermo.physics.contact.search import find_contacts
+from jaxthermo.physics.contact.rays import PlacedGrid
+from jaxthermo.physics.contact.search import ContactPairs, contact_flux, find_contacts
 from jaxthermo.report.numbers import seconds
 from jaxthermo.report.sheet import ColourBar, Tile, sheet
 from jaxthermo.report.table import Table

@@ -15,7 +15,7 @@ from ..image.render import Image, coarsen, draw
 from ..image.view import View, at_time, compute_view
 from ..integrate.run.solution_file import StoredSolution
 from ..physics.term import AbstractTerm
-from ..scene.solved_surface import SolvedSurface
+from ..scene.scene import SolvedSurface
 from .files import earlier_frames, frame_names, prepare_folder
 
 

@@ -22,7 +22,7 @@ from ..physics.boundary import Convection
 from ..physics.radiation.emission import Surroundings
 from ..physics.term import AbstractTerm
 from ..physics.time_varying import value_at
-from ..scene.solved_surface import SolvedSurface
+from ..scene.scene import SolvedSurface
 from .camera import AbstractCamera
 from .view import View, at_time, compute_view
 

@@ -17,7 +17,7 @@ from ..geometry.mesh import winding_number
 from ..physics.radiation.source import AbstractSource
 from ..physics.term import AbstractTerm
 from ..raster.fragments import peel
-from ..scene.solved_surface import BodyGeometry, SolvedSurface
+from ..scene.scene import BodyGeometry, SolvedSurface
 from .camera import AbstractCamera
 
 

@@ -8,7 +8,7 @@ from jaxtyping import Array, Bool, Float
 
 from ..arrays import is_traced, precision
 from ..errors import InputError
-from ..scene.solved_surface import SolvedSurface
+from ..scene.scene import SolvedSurface
 from .run.solution import Solution
 from .run.solution_file import StoredSolution
 

@@ -1,5 +1,11 @@
 """Conduction between linked nodes (thesis eq. 4): q = G (T_j - T_i).
 
+| material | network |
+|---|---|
+| one, constant | stencil or rows, as its structure requires |
+| one, with a `Property` | the same at the reference, with Kirchhoff's transform |
+| several, constant | a conductance for every link |
+
 Conductances are a pure function of a structure's geometry, its materials and weights.
 The two halves of a link are in series, each with its length and conductivity,
 
@@ -13,18 +19,20 @@ across a face of normal n with k = n . K n: the part of the flux -K grad T throu
 face that depends on the temperatures of the two nodes at its sides alone.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..arrays import is_traced
+from ..arrays import Scalar, is_traced
 from ..errors import InputError
-from ..material.material import Material
+from ..material.material import Material, Property
 from ..network.link_operator import row_layout, row_network
 from ..network.network import AbstractNetwork, inverse, precise_sum
 from ..network.non_orthogonal import non_orthogonal
+from ..network.nonlinear import NonlinearNetwork, kirchhoff_transform
 from ..network.stencil import (
     HeterogeneousStencil,
     OrthotropicStencil,
@@ -54,6 +62,58 @@ def series(
     dtype = k1.dtype
     a, l1, l2 = (jnp.asarray(v, dtype) for v in (area, length1, length2))
     return a * k1 * k2 * inverse(l1 * k2 + l2 * k1)
+
+
+def material_network(
+    structure: AbstractStructure, material: Material, reference: Scalar, dtype: Any
+) -> AbstractNetwork:
+    """Network of a body of one material, with states relative to `reference` [K]."""
+    constant = material.at(reference)
+    k, heat = constant.conductivity, constant.volumetric_heat_capacity
+    network = assemble_uniform(structure, k, heat, dtype)
+    if not material.varies:
+        return network
+    varying = (material.specific_heat, material.conductivity)
+    heat, conduction = (
+        kirchhoff_transform(p, reference, dtype) if isinstance(p, Property) else None
+        for p in varying
+    )
+    return NonlinearNetwork(network, heat, conduction)
+
+
+def materials_network(
+    structure: AbstractStructure,
+    number: Int[np.ndarray, " n"],
+    materials: Sequence[Material],
+    dtype: Any,
+) -> AbstractNetwork:
+    """Network of a body of several materials; `number` is that of each node.
+
+    Raises:
+        InputError: if one of them varies with temperature.
+    """
+    k = conductivity_table(materials, dtype)
+    heat = [jnp.asarray(m.volumetric_heat_capacity, dtype) for m in materials]
+    return assemble_mixed(structure, number, k, jnp.stack(heat))
+
+
+def conductivity_table(
+    materials: Sequence[Material], dtype: Any
+) -> Float[Array, " c"] | Float[Array, "c 3"]:
+    """Conductivities of several materials [W/(m K)], by axis if any is orthotropic.
+
+    Raises:
+        InputError: if one of them varies with temperature.
+    """
+    for index, material in enumerate(materials):
+        if material.varies:
+            raise InputError(
+                f"material {index} of a body of several depends on temperature, which "
+                "only bodies of one material can: give it numbers, as .at(kelvin) does"
+            )
+    given = [jnp.asarray(material.conductivity, dtype) for material in materials]
+    shape = max((k.shape for k in given), key=len)
+    return jnp.stack([jnp.broadcast_to(k, shape) for k in given])
 
 
 def assemble_uniform(

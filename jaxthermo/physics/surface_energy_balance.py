@@ -11,6 +11,15 @@ with an error of first order in the pitch. Newton's method solves the balance: i
 iteration where every law is linear, and from a supersolution of emission, where it
 cannot overshoot, else. Laws that are neither, such as convection with properties that
 vary, are so nearly linear that the start may be their tangent at the node.
+
+The number of iterations is known beforehand. From a start e_0 kelvin off each leaves at
+most
+
+    e_{n+1} = c e_n^2,    c = max |q''| / (2 G),
+
+of a flux q with that curvature. A metal's half cell conducts a thousand times better
+than its surface radiates: there one iteration from the node's temperature is exact to
+rounding, where a near-insulator in the sun needs all.
 """
 
 from dataclasses import replace
@@ -25,9 +34,14 @@ from jaxtyping import Array, Float, Int
 
 from ..arrays import is_traced
 from ..network.network import inverse, precise_sum
-from .flux_law import BoundTerm, Values, total
-from .newton_iteration_bound import MAX_ITERATIONS
+from .flux_law import BoundTerm, TemperatureRange, Values, total
 
+
+MAX_ITERATIONS = 6
+"""From ten times the node's temperature in a near-insulator they leave 1e-6 of q."""
+
+TOLERANCE = {"float32": 1e-5, "float64": 1e-12}
+"""About one rounding of a difference of 100 K, by the type of the state [K]."""
 
 NumberedTerms = tuple[tuple[int, BoundTerm], ...]
 """Bound terms with the index of their name."""
@@ -51,6 +65,39 @@ class SurfaceTerms(eqx.Module):
     def is_linear(self) -> bool:
         """True if one iteration of Newton's method is the solution."""
         return all(term.law.is_linear for _, term in self.natural)
+
+    def newton_iterations(self, within: TemperatureRange | None) -> int:
+        """Iterations from the node's temperature that solve the balance.
+
+        All of them where no bound is known, as for an unknown range of temperatures.
+        """
+        if within is None or self.is_linear or is_traced(self):
+            return MAX_ITERATIONS
+        conducts = np.asarray(self.half_cell, float)
+        flux, curvature = np.zeros_like(conducts), np.zeros_like(conducts)
+        for _, term in self.natural:
+            bounds = term.law.max_flux(within), term.law.curvature(within)
+            if not np.isfinite(np.asarray(bounds, float)).all():
+                return MAX_ITERATIONS
+            area = np.asarray(term.effective_area, float)
+            flux += area * float(bounds[0])
+            curvature += area * float(bounds[1])
+        # A half cell without conductance gives no bound; one without flux needs none.
+        acts = (flux > 0) & (conducts > 0)
+        unbounded = not np.isfinite(flux).all() or (flux[conducts <= 0] > 0).any()
+        if not acts.any() or unbounded:
+            return MAX_ITERATIONS
+        # The start is off by at most the flux over the conductance.
+        error = flux[acts] / conducts[acts]
+        rate = curvature[acts] / 2 / conducts[acts]
+        tolerance = TOLERANCE[np.asarray(self.half_cell).dtype.name]
+        # Where the bound overflows it is of no use, and all iterations are taken.
+        with np.errstate(over="ignore"):
+            for iterations in range(1, MAX_ITERATIONS):
+                error = rate * error * error
+                if error.max() < tolerance:
+                    return iterations
+        return MAX_ITERATIONS
 
     def conducting(self, relative: Float[Array, "*#m"]) -> "SurfaceTerms":
         """The terms above nodes with k(T) / k(reference) = `relative`."""

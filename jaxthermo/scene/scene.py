@@ -1,6 +1,7 @@
-"""A scene: bodies in space, and the terms that act on them."""
+"""A scene: bodies in space, the terms that act on them, and surfaces for a camera."""
 
 import abc
+from dataclasses import dataclass, replace
 from typing import Any
 
 import equinox as eqx
@@ -12,8 +13,8 @@ from ..arrays import PositionVarying, is_traced
 from ..errors import InputError
 from ..geometry.mesh import Pose
 from ..material.material import Material
-from ..physics.material_network import checked_labels, node_materials
 from ..physics.term import AbstractTerm
+from ..structures.build.assignment import voxel_owner
 from ..structures.structure import AbstractStructure
 from ..structures.surface_map import AbstractSurfaceMap, FluxCorrectedMap
 from ..voxels.grid import VoxelGrid
@@ -89,9 +90,28 @@ class MaterialLabels(AbstractMaterials):
         return self.given
 
     def of_nodes(self, structure: AbstractStructure) -> Int[np.ndarray, " n"]:
-        """Material number of most voxels of each node."""
-        labels = checked_labels(structure, self.labels, len(self.given))
-        return node_materials(structure, labels)
+        """Material number of most voxels of each node.
+
+        Raises:
+            InputError: unless every voxel has the number of an existing material.
+        """
+        given, solid = np.asarray(self.labels), structure.grid.solid
+        if not np.issubdtype(given.dtype, np.integer) or given.shape != solid.shape:
+            raise InputError(
+                f"material labels: got {given.dtype} values of shape {given.shape}: "
+                f"give one integer for each voxel of the grid, {solid.shape}"
+            )
+        # Labels outside the body are ignored.
+        labels, count = given[solid].astype(np.int32), len(self.given)
+        if labels.min() < 0 or labels.max() >= count:
+            raise InputError(
+                f"material labels: {labels.min()} to {labels.max()}, and there are "
+                f"{count} materials: number them from 0"
+            )
+        owner = voxel_owner(structure)
+        pair = owner[owner >= 0].astype(np.int64) * count + labels[owner >= 0]
+        votes = np.bincount(pair, minlength=structure.node_count * count)
+        return votes.reshape(-1, count).argmax(axis=1).astype(np.int32)
 
     def of_fragments(self, grid: VoxelGrid) -> Int[np.ndarray, " s"]:
         """Material number of each fragment's voxel."""
@@ -179,3 +199,47 @@ class Scene(eqx.Module):
                         f"terms[{i}] is on body {body}, and there are "
                         f"{len(self.bodies)}: count from 0"
                     )
+
+
+@dataclass(frozen=True, eq=False)
+class BodyGeometry:
+    """Shape and fragments in the body's own frame [m], and its pose."""
+
+    # Not the grid: its voxels need far more memory than its surface.
+    vertices: Float[np.ndarray, "v 3"]
+    faces: Int[np.ndarray, "f 3"]
+    fragment_position: Float[np.ndarray, "s 3"]
+    fragment_normal: Float[np.ndarray, "s 3"]
+    fragment_area: Float[np.ndarray, " s"]
+    pitch: float
+    pose: Pose | Motion
+
+    @property
+    def placed(self) -> Pose:
+        """The pose; of a body that moves, at the start."""
+        return self.pose.at(0.0)
+
+    @property
+    def triangles(self) -> Float[np.ndarray, "f 3 3"]:
+        """Triangles in the world [m]."""
+        return self.placed.to_world(self.vertices)[self.faces]
+
+
+class SolvedSurface(eqx.Module):
+    """A body's geometry with the radiative properties of its surface."""
+
+    geometry: BodyGeometry = eqx.field(static=True)
+    emissivity: Float[Array, "*s"]
+    """One number for one material [-]."""
+    absorptivity: Float[Array, "*s"]
+
+    @property
+    def moves(self) -> bool:
+        """True if the pose changes with time."""
+        pose = self.geometry.pose
+        return isinstance(pose, Motion) and not pose.is_still
+
+    def at(self, time: float) -> "SolvedSurface":
+        """The surface at the pose of a moment [s]."""
+        here = replace(self.geometry, pose=self.geometry.pose.at(time))
+        return SolvedSurface(here, self.emissivity, self.absorptivity)

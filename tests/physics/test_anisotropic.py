@@ -11,10 +11,11 @@ import jaxthermo as jt
 from jaxthermo.material.material import Material
 from jaxthermo.physics.conduction import (
     assemble_uniform,
+    conductivity_table,
+    materials_network,
     normal_conductivity,
     surface_conductivity,
 )
-from jaxthermo.physics.material_network import conductivity_table, materials_network
 from jaxthermo.reference.slab import decay_explicit_euler, sine_rate, sine_rate_of_cells
 from tests.bodies import blocks
 

@@ -5,7 +5,7 @@ import pytest
 
 from jaxthermo.geometry.mesh import Pose
 from jaxthermo.geometry.shapes import box, sphere
-from jaxthermo.physics.contact.bodies import PlacedGrid
+from jaxthermo.physics.contact.rays import PlacedGrid
 from jaxthermo.physics.contact.search import find_contacts
 from jaxthermo.voxels.voxelize import voxelize
 

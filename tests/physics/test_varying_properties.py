@@ -10,7 +10,7 @@ import pytest
 
 import jaxthermo as jt
 from jaxthermo.material.material import Property
-from jaxthermo.physics.material_network import material_network
+from jaxthermo.physics.conduction import material_network
 from tests.bodies import blocks
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.physics.material_network import materials_network
+from jaxthermo.physics.conduction import materials_network
 from tests.bodies import blocks
 
 

@@ -18,8 +18,7 @@ from jaxtyping import Array, Bool, Float
 from ...arrays import precision
 from ...errors import InputError
 from ...scene.compile.compile import compile_scene
-from ...scene.scene import Scene
-from ...scene.solved_surface import SolvedSurface
+from ...scene.scene import Scene, SolvedSurface
 from ..explicit.euler import EulerStepper
 from ..solvers import AbstractSolver, ForwardEuler
 from .plan import Plan, StepTable, initial_state, plan_run, step_table

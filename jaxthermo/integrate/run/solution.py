@@ -10,8 +10,8 @@ from jaxtyping import Array, Bool, Float
 
 from ...arrays import is_traced
 from ...physics.term import AbstractTerm
-from ...scene.receipt import Receipt
-from ...scene.solved_surface import SolvedSurface
+from ...scene.compile.program import Receipt
+from ...scene.scene import SolvedSurface
 from ..implicit.newton_stage import SolverStatistics
 from .ledger import Energy, HeatRates
 

@@ -11,7 +11,7 @@ from ...atomic import replacing
 from ...errors import InputError
 from ...geometry.mesh import Pose
 from ...scene.motion import Motion, PoseTable
-from ...scene.solved_surface import BodyGeometry, SolvedSurface
+from ...scene.scene import BodyGeometry, SolvedSurface
 from .solution import Solution
 
 

@@ -10,7 +10,7 @@ both exactly and with finite derivatives. One body loses exactly what the other 
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -20,10 +20,10 @@ from typing_extensions import override
 
 from ...arrays import Scalar, TimeVarying, is_traced
 from ...errors import InputError
-from ...network.network import AbstractNetwork, Address, inverse, precise_sum
+from ...network.network import Address, inverse, precise_sum
 from ..term import AbstractPairTerm
 from ..time_varying import check_value, for_jit, is_zero, largest, value_at
-from .pairs import ContactPairs
+from .search import ContactPairs
 
 
 _Rows = Float[Array | np.ndarray, "*p"]
@@ -42,11 +42,11 @@ def contact_conductance_of(
     # The inner `where` keeps inf * area, whose derivative is infinite, out of the
     # graph.
     between = jnp.where(finite, jnp.where(finite, h_c, 1) * area, jnp.inf)
-    return series_conductance(half_a, half_b, between)
+    return _series(half_a, half_b, between)
 
 
-def series_conductance(first: _Rows, *others: _Rows) -> _Rows:
-    """Conductance of several in series [W/K], 0 to infinity but not all infinite."""
+def _series(first: _Rows, *others: _Rows) -> _Rows:
+    # Conductance of several in series [W/K], 0 to infinity but not all infinite.
     # G = low / (1 + low / high) for two: no product that overflows, and no 0 / 0.
     total = jnp.asarray(first)
     for other in others:
@@ -55,15 +55,7 @@ def series_conductance(first: _Rows, *others: _Rows) -> _Rows:
     return total
 
 
-def half_conductance(half_cell: _Rows, area: _Rows, fragment_area: _Rows) -> _Rows:
-    """Conductance of the part of a fragment's half cell behind a contact [W/K].
-
-    G_half = k A / d = (k A_fragment / d) * A / A_fragment, contact area A [m^2]
-    """
-    return half_cell * area * inverse(jnp.asarray(fragment_area))
-
-
-def gap_factor(gap: _Rows, gap_length: Scalar) -> _Rows:
+def _gap_factor(gap: _Rows, gap_length: Scalar) -> _Rows:
     """Fraction of h_c that remains across a gap [-]: 1 at contact, 0 from a length on.
 
     w = 1 - s^2 (3 - 2 s), s = gap / gap_length clipped to [0, 1], with a continuous
@@ -83,21 +75,6 @@ def gap_factor(gap: _Rows, gap_length: Scalar) -> _Rows:
         )
     s = jnp.clip(gap / jnp.asarray(gap_length, gap.dtype), 0, 1)
     return 1 - s * s * (3 - 2 * s)
-
-
-def coefficient_across(
-    gap: _Rows, coefficient: Scalar | _Rows, gap_length: Scalar
-) -> _Rows:
-    """Conductance h_c of every pair at its gap [m] [W/(m^2 K)].
-
-    Raises:
-        InputError: if the gap length [m] is not positive.
-    """
-    h_c = jnp.asarray(coefficient, gap.dtype)
-    factor = gap_factor(gap, gap_length)
-    finite = jnp.isfinite(h_c)
-    infinite = jnp.where(factor > 0, jnp.asarray(jnp.inf, gap.dtype), 0)
-    return jnp.where(finite, jnp.where(finite, h_c, 1) * factor, infinite)
 
 
 class ContactLinks(eqx.Module):
@@ -179,19 +156,6 @@ class ContactLinks(eqx.Module):
         return zero.at[self.fragment[side]].add(difference * self.area_fraction[side])
 
 
-class ContactSide(NamedTuple):
-    """One of two bodies in contact."""
-
-    body: int
-    fragment_node: Int[np.ndarray, " s"]
-    address: tuple[np.ndarray, ...]
-    """Position of each node in the state."""
-    half_cell: Any
-    """Conductance from each fragment to its node [W/K]."""
-    fragment_area: Float[np.ndarray, " s"]
-    network: AbstractNetwork
-
-
 class Contact(AbstractPairTerm):
     """Heat conduction through touching surfaces of two bodies, or of all.
 
@@ -220,8 +184,9 @@ class Contact(AbstractPairTerm):
     """Largest number of pairs of fragments; None for that of the scene."""
 
     def __check_init__(self):
-        if not _is_infinite(self.conductance):
-            check_value(self.conductance, "Contact(conductance [W/(m^2 K)])", 0.0)
+        h_c = self.conductance
+        if not isinstance(h_c, float | int) or h_c != math.inf:
+            check_value(h_c, "Contact(conductance [W/(m^2 K)])", 0.0)
         for name, length in (
             ("threshold", self.threshold), ("gap_length", self.gap_length)
         ):  # fmt: skip
@@ -253,31 +218,29 @@ class Contact(AbstractPairTerm):
         """Fraction of the conductance that remains at a gap [m], 1 to 0."""
         if self.gap_length is None:
             return np.ones_like(gap)
-        return np.asarray(gap_factor(gap, self.gap_length))
+        return np.asarray(_gap_factor(gap, self.gap_length))
 
     @override
     def bind(
         self,
         pairs: ContactPairs,
-        ends: tuple[ContactSide, ContactSide],
+        ends: tuple[Any, Any],
         entry: int,
         size: int,
     ) -> ContactLinks:
-        first, second = ends
-        dtype = np.dtype(first.half_cell.dtype)
+        first, second = (body.number for body in ends)
+        dtype = np.dtype(ends[0].half_cell.dtype)
         # Arrays of one size at all snapshots, so that one program runs them all.
-        padded = pairs.padded(
-            self.max_pairs or size, f"bodies {first.body} and {second.body}"
-        )
+        padded = pairs.padded(self.max_pairs or size, f"bodies {first} and {second}")
         fragments = padded.fragment_a, padded.fragment_b
         columns = [
-            _end(side, fragment, padded.area, dtype)
-            for side, fragment in zip(ends, fragments, strict=True)
+            _end(body, fragment, padded.area, dtype)
+            for body, fragment in zip(ends, fragments, strict=True)
         ]
         address, half_cell, per_capacity, fraction = zip(*columns, strict=True)
         return ContactLinks(
             entry=entry,
-            bodies=(first.body, second.body),
+            bodies=(first, second),
             address=address,
             fragment=(jnp.asarray(fragments[0]), jnp.asarray(fragments[1])),
             half_cell=half_cell,
@@ -288,21 +251,19 @@ class Contact(AbstractPairTerm):
         )
 
 
-def _end(side: ContactSide, fragment: np.ndarray, area: np.ndarray, dtype: Any):
+def _end(body: Any, fragment: np.ndarray, area: np.ndarray, dtype: Any):
     """Address, half cell, 1 / capacity and area fraction of the pairs' fragments."""
-    node = side.fragment_node[fragment]
-    address = tuple(jnp.asarray(index[node]) for index in side.address)
-    fraction = (area / side.fragment_area[fragment]).astype(dtype)
-    capacity = side.network.capacity_at(address)
+    node = body.fragment_node[fragment]
+    address = tuple(jnp.asarray(index[node]) for index in body.address)
+    fragment_area = body.body.structure.grid.fragment_area
+    # A pair has the fraction of the half cell that is behind it.
+    fraction = (area / fragment_area[fragment]).astype(dtype)
+    capacity = body.network.capacity_at(address)
     if not capacity.ndim:
         capacity = jnp.broadcast_to(capacity, fraction.shape)
-    half_cell = side.half_cell[fragment] * fraction
+    half_cell = body.half_cell[fragment] * fraction
     return address, jnp.asarray(half_cell), 1 / capacity, jnp.asarray(fraction)
 
 
-def _is_infinite(conductance: Any) -> bool:
-    return isinstance(conductance, float | int) and conductance == float("inf")
-
-
-bonded = Contact(float("inf"))
+bonded = Contact(math.inf)
 """Contact of infinite conductance: bodies that touch conduct as one."""

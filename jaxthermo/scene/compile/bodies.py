@@ -1,4 +1,7 @@
-"""Data of one body that do not change as bodies and sources move."""
+"""Bodies before a run: networks, initial states, and the limits that follow from them.
+
+None of it changes as bodies and sources move.
+"""
 
 from typing import Any, NamedTuple
 
@@ -7,17 +10,19 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ...arrays import Scalar, is_traced
+from ...arrays import Scalar, is_traced, require_memory
+from ...constants import STEFAN_BOLTZMANN
 from ...errors import InputError
 from ...network.network import AbstractNetwork, Address
-from ...physics.conduction import normal_conductivity, surface_conductivity
-from ...physics.flux_law import Values
-from ...physics.material_network import (
+from ...physics.conduction import (
     conductivity_table,
     material_network,
     materials_network,
+    normal_conductivity,
+    surface_conductivity,
 )
-from ..scene import AbstractMaterials, Body
+from ...physics.flux_law import TemperatureRange, Values
+from ..scene import AbstractMaterials, Body, Scene
 
 
 # Position of every node of a body in its state.
@@ -32,6 +37,8 @@ def device_address(address: _HostAddress, nodes: Int[np.ndarray, " m"]) -> Addre
 class PreparedBody(NamedTuple):
     """One body with its network and initial state."""
 
+    number: int
+    """In the scene."""
     body: Body
     network: AbstractNetwork
     reference: Scalar
@@ -45,13 +52,18 @@ class PreparedBody(NamedTuple):
     """As bound to the body."""
 
 
-def prepare(body: Body, dtype: Any) -> PreparedBody:
+def prepare(number: int, body: Body, dtype: Any) -> PreparedBody:
     """Network, initial state and addresses of a body."""
-    structure = body.structure
+    structure, material = body.structure, body.material
     address = structure.node_address()
     reference, theta = _initial(body, address, dtype)
-    network = _network(body, reference, dtype)
+    if isinstance(material, AbstractMaterials):
+        of_nodes = material.of_nodes(structure)
+        network = materials_network(structure, of_nodes, material.materials, dtype)
+    else:
+        network = material_network(structure, material, reference, dtype)
     return PreparedBody(
+        number=number,
         body=body,
         network=network,
         reference=reference,
@@ -63,18 +75,10 @@ def prepare(body: Body, dtype: Any) -> PreparedBody:
     )
 
 
-def _network(body: Body, reference: Scalar, dtype: Any) -> AbstractNetwork:
-    structure, material = body.structure, body.material
-    if isinstance(material, AbstractMaterials):
-        number = material.of_nodes(structure)
-        return materials_network(structure, number, material.materials, dtype)
-    return material_network(structure, material, reference, dtype)
-
-
 def _initial(
     body: Body, address: _HostAddress, dtype: Any
 ) -> tuple[Scalar, Float[Array, "..."]]:
-    """The body's reference temperature, and its nodes' temperatures above it [K]."""
+    # Reference temperature of a body, and its nodes' temperatures above it [K].
     # The reference is the initial mean. It is no variable: of a traced initial state
     # only the difference, 0 where it is uniform, carries a derivative.
     theta = jnp.asarray(np.zeros(body.structure.state_shape, dtype))
@@ -103,7 +107,7 @@ def surface_property(body: Body, field: str, dtype: Any) -> Float[Values, "*s"]:
 
     Args:
         body: the body.
-        field: "emissivity" or "absorptivity", as `Material` calls it.
+        field: its name in `Material`.
         dtype: of the state.
     """
     material, grid = body.material, body.structure.grid
@@ -115,7 +119,6 @@ def surface_property(body: Body, field: str, dtype: Any) -> Float[Values, "*s"]:
 
 
 def _half_cells(body: Body, reference: Scalar, dtype: Any) -> Float[Values, " s"]:
-    """Conductance from each fragment to its node, k A / distance [W/K]."""
     # A conductivity that varies is evaluated at the reference temperature.
     structure, material = body.structure, body.material
     grid = structure.grid
@@ -128,3 +131,68 @@ def _half_cells(body: Body, reference: Scalar, dtype: Any) -> Float[Values, " s"
         k = surface_conductivity(material.at(reference), grid.fragment_normal, dtype)
     per_length = grid.fragment_area / structure.fragment_distance()
     return k * per_length.astype(dtype)
+
+
+def max_temperature(
+    scene: Scene, prepared: tuple[PreparedBody, ...], end: float | int
+) -> Float[Array, ""]:
+    """An upper bound of temperatures up to `end` [K] where surfaces emit."""
+    # Without imposed fluxes nothing gets hotter than the start or what terms heat
+    # towards (the maximum principle). With them a surface that emits the flux does;
+    # where nothing emits there is no bound, and none is needed.
+    start = [
+        body.reference + jnp.max(body.network.temperature(body.state))
+        for body in prepared
+    ]
+    forcings = [term.forcing(end) for term in scene.terms]
+    highest = [*start, *(forcing.highest for forcing in forcings)]
+    imposed = sum(jnp.maximum(forcing.heat_flux, 0.0) for forcing in forcings)
+    bound = jnp.stack([jnp.asarray(v, float) for v in highest]).max()
+    least = []
+    for material in (body.material for body in scene.bodies):
+        several = isinstance(material, AbstractMaterials)
+        given = material.table("emissivity", float) if several else material.emissivity
+        least.append(jnp.min(jnp.asarray(given, float)))
+    emissivity = jnp.stack(least).min()
+    # Emissivities below 1e-3 would give no useful bound.
+    emitted = imposed / (STEFAN_BOLTZMANN * jnp.maximum(emissivity, 1e-3))
+    return (bound**4 + emitted) ** 0.25
+
+
+def temperature_range(
+    scene: Scene, prepared: tuple[PreparedBody, ...], highest: Any, end: float | int
+) -> TemperatureRange | None:
+    """Range of temperatures up to `end` [s]; None if values are traced."""
+    lowest = [
+        body.reference + jnp.min(body.network.temperature(body.state))
+        for body in prepared
+    ]
+    lowest += [term.forcing(end).lowest for term in scene.terms]
+    # The range decides how many iterations are compiled: it must be known.
+    if is_traced((lowest, highest)):
+        return None
+    return TemperatureRange(min(float(v) for v in lowest), float(highest), end)
+
+
+def check_memory(scene: Scene, saves: int, snapshots: int) -> int:
+    """Estimate of the solver's peak memory [bytes].
+
+    Raises:
+        InputError: if it would not fit.
+    """
+    width = 8 if scene.dtype == "float64" else 4
+    total = 0
+    for body in scene.bodies:
+        structure = body.structure
+        cells = int(np.prod(structure.state_shape))
+        fragments = len(structure.grid.fragment_area)
+        copies = 4 if not isinstance(body.material, AbstractMaterials) else 12
+        # Saved rows exist twice while the solution is put together.
+        each = 40 * snapshots + 2 * saves
+        total += cells * (copies * width + 1) + fragments * each * width
+        if len(structure.state_shape) == 1:
+            # A link is in two rows, with the neighbour's number and conductance.
+            total += structure.link_count * (5 * width + 24)
+    remedy = "use a coarser pitch, or save fewer times"
+    require_memory(total, "simulating this scene", remedy)
+    return total

@@ -6,19 +6,32 @@ have no contact, and what stands still has one snapshot: what is left out has no
 and no operation in the program, and the receipt says why.
 """
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 from ...arrays import is_traced
-from ...physics.term import BodySurface
-from ..receipt import Omission, Receipt, omissions, on_body
-from ..scene import Body, Scene
-from ..solved_surface import SolvedSurface, body_geometry
-from .bodies import prepare
-from .limits import check_memory, max_temperature, stable_step, temperature_range
-from .program import Compiled
-from .program_builder import ProgramBuilder, bind_volumes, number_entries
+from ...geometry.mesh import Pose
+from ...physics.term import BodySurface, Omitted
+from ...voxels.grid import VoxelGrid
+from ..motion import Motion
+from ..scene import AbstractMaterials, Body, BodyGeometry, Scene, SolvedSurface
+from .bodies import check_memory, max_temperature, prepare, temperature_range
+from .program import Compiled, LedgerEntry, Omission, Part, Program, Receipt
+from .program_builder import ProgramBuilder, bind_volumes, ledger_entries
 from .snapshots import Snapshot, snapshot_times, take_snapshots
+
+
+# Why a mechanism of most scenes is not in this one, and the terms that stand for it.
+_ABSENT = {
+    "sun": ("the scene has no source", {"sun", "point_source", "area_source"}),
+    "convection": (
+        "the scene has no moving air or coefficient",
+        {"convection", "wind", "free_convection"},
+    ),
+    "emission": ("the scene has no surroundings", {"emission"}),
+}
 
 
 def mechanism_names(scene: Scene) -> tuple[str, ...]:
@@ -48,21 +61,22 @@ def compile_scene(
     # Memory is checked before anything large is made.
     starts, names = snapshot_times(scene, end), mechanism_names(scene)
     memory, dtype = check_memory(scene, saves, len(starts)), jnp.dtype(scene.dtype)
-    prepared = tuple(prepare(body, dtype) for body in scene.bodies)
+    prepared = tuple(
+        prepare(number, body, dtype) for number, body in enumerate(scene.bodies)
+    )
     hottest = max_temperature(scene, prepared, end)
     temperatures = temperature_range(scene, prepared, hottest, end)
-    snapshots = take_snapshots(scene, prepared, names, starts, end, temperatures, prune)
-    volumes, others = bind_volumes(scene, names)
-    ledger = number_entries(names, snapshots, volumes, prune)
+    snapshots = take_snapshots(scene, prepared, starts, end, temperatures, prune)
+    volumes, unheated = bind_volumes(scene)
+    ledger = ledger_entries(names, snapshots, volumes, prune)
     programs = ProgramBuilder(
         scene, prepared, snapshots, volumes, ledger, temperatures
     ).programs()
     # One step for all snapshots: the smallest.
-    limit = jnp.stack([stable_step(each, hottest, end) for each in programs]).min()
+    limit = jnp.stack([_stable_step(each, hottest, end) for each in programs]).min()
     first, structures = snapshots[0], [body.structure for body in scene.bodies]
-    surfaces = first.surface.surface.bodies
-    mechanisms = dict.fromkeys(entry.mechanism for entry in ledger.entries)
-    omitted = [_omitted(scene, names, first, n) for n in range(len(scene.bodies))]
+    surfaces = first.surface.bodies
+    mechanisms = dict.fromkeys(entry.mechanism for entry in ledger.values())
     finite = not is_traced(limit) and np.isfinite(limit)
     return Compiled(
         programs=programs,
@@ -73,10 +87,8 @@ def compile_scene(
         hottest=hottest,
         receipt=Receipt(
             included=("conduction", *mechanisms),
-            parts=ledger.parts(first),
-            left_out=omissions(
-                scene, omitted, (*others, *first.omitted), len(starts) > 1
-            ),
+            parts=_parts(ledger, first),
+            left_out=_omissions(scene, names, first, unheated, len(starts) > 1),
             notes=_notes(snapshots, names),
             nodes=sum(s.node_count for s in structures),
             links=sum(s.link_count for s in structures),
@@ -91,29 +103,47 @@ def compile_scene(
     )
 
 
-def _omitted(
-    scene: Scene, names: tuple[str, ...], snapshot: Snapshot, body: int
-) -> list[Omission]:
-    """Surface terms that do not act on a body."""
-    found = {
-        number: omitted.reason
-        for number, omitted in snapshot.surface.omitted
-        if omitted.body in (None, body)
-    }
-    return [Omission(on_body(names[n], body, scene), found[n]) for n in sorted(found)]
+@eqx.filter_jit
+def _stable_step(
+    program: Program, highest: Float[Array, ""], end: float
+) -> Float[Array, ""]:
+    """Largest stable explicit step, min C / (sum G + stiffness) [s]; or infinity.
+
+    `highest` is the temperature of any surface [K], `end` that of the run [s].
+    """
+    # Up to this step temperatures also stay within their bounds: every node's weight in
+    # its own next temperature is positive.
+    rates = []
+    for number, body in enumerate(program.bodies):
+        network = body.network
+        rates.append(network.max_rate())
+        loads = _stiffness(program, number, highest, end)
+        if not loads:
+            continue
+        total = network.diagonal() * network.max_relative_conductivity()
+        for address, stiffness in loads:
+            total = total.at[address].add(stiffness)
+        for address, _ in loads:
+            capacity = network.capacity_at(address) * network.min_relative_capacity()
+            rates.append((total[address] / capacity).max())
+    largest = jnp.stack(rates).max()
+    return jnp.where(largest > 0, 1 / jnp.where(largest > 0, largest, 1), jnp.inf)
 
 
-def _notes(snapshots: list[Snapshot], names: tuple[str, ...]) -> tuple[str, ...]:
-    """Notes of all bindings, each once."""
-    found = {
-        f"{names[number]} on body {body}: {note}": None
-        for snapshot in snapshots
-        for body in range(len(snapshot.surface.surface.bodies))
-        for number, binding in snapshot.surface.bindings
-        for on, note in binding.notes
-        if on == body
-    }
-    return tuple(found)
+def _stiffness(program: Program, number: int, highest, end):
+    """Addresses of a body's nodes, and the conductance that loads add there [W/K]."""
+    found = []
+    load = program.surface
+    cells = None if load is None else load.cells_of(number)
+    if load is not None and cells is not None:
+        relative = program.bodies[number].network.max_relative_conductivity()
+        stiffness = load.stiffness(number, highest, end, relative)
+        found.append((cells.address, stiffness))
+    for contact in program.contacts:
+        for side in (0, 1):
+            if contact.bodies[side] == number:
+                found.append((contact.address[side], contact.stiffness(end)))
+    return found
 
 
 def _solved(body: Body, surface: BodySurface) -> SolvedSurface:
@@ -122,3 +152,90 @@ def _solved(body: Body, surface: BodySurface) -> SolvedSurface:
         emissivity=jnp.asarray(surface.emissivity),
         absorptivity=jnp.asarray(surface.absorptivity),
     )
+
+
+def body_geometry(grid: VoxelGrid, pose: Pose | Motion) -> BodyGeometry:
+    """The part of a voxel grid that a camera needs after the run."""
+    return BodyGeometry(
+        vertices=grid.mesh.vertices,
+        faces=grid.mesh.faces,
+        fragment_position=grid.fragment_position,
+        fragment_normal=grid.fragment_normal,
+        fragment_area=grid.fragment_area,
+        pitch=grid.pitch,
+        pose=pose,
+    )
+
+
+def _parts(
+    ledger: dict[tuple[int, ...], LedgerEntry], snapshot: Snapshot
+) -> tuple[Part, ...]:
+    """The surface that each entry of the ledger acts on."""
+    found = []
+    surface = snapshot.surface
+    for (number, *bodies), entry in ledger.items():
+        area = surface.bodies[bodies[0]].grid.fragment_area
+        if len(bodies) == 2:
+            pairs = snapshot.pairs.get((number, bodies[0], bodies[1]))
+            reached = 0.0 if pairs is None else float(pairs.area.sum())
+        else:
+            acts = [
+                surface.apart(binding.acts)[bodies[0]]
+                for n, binding in snapshot.bindings
+                if n == number
+            ]
+            reached = float(area[np.any(acts, axis=0)].sum()) if acts else 0.0
+        fraction = reached / float(area.sum())
+        found.append(Part(entry.mechanism, tuple(bodies), reached, fraction))
+    return tuple(found)
+
+
+def _omissions(
+    scene: Scene,
+    names: tuple[str, ...],
+    snapshot: Snapshot,
+    unheated: list[tuple[int, Omitted]],
+    moves: bool,
+) -> tuple[Omission, ...]:
+    """All that was left out: of surfaces, of volumes, of pairs, and of the scene."""
+    several = len(scene.bodies) > 1
+    on = lambda name, body: f"{name} on body {body}" if several else name
+    found = []
+    for index, body in enumerate(scene.bodies):
+        own = {
+            n: omitted.reason
+            for n, omitted in snapshot.omitted
+            if omitted.body in (None, index)
+        }
+        found += [Omission(on(names[n], index), own[n]) for n in sorted(own)]
+        if not isinstance(body.material, AbstractMaterials):
+            name = on("per-node conductivity", index)
+            found.append(Omission(name, "the material is uniform"))
+    found += [Omission(on(names[n], body), why) for n, (why, body) in unheated]
+    found += [Omission(names[n], why) for n, why in snapshot.unpaired]
+    # Usual mechanisms that nothing in the scene asks for.
+    present = {term.name for term in scene.terms}
+    found += [
+        Omission(name, why)
+        for name, (why, kinds) in _ABSENT.items()
+        if not present & kinds
+    ]
+    if "contact" not in present:
+        why = "no term joins the bodies" if several else "there is one body"
+        found.append(Omission("contact", why))
+    if not moves:
+        found.append(Omission("motion", "nothing moves: one snapshot"))
+    return tuple(found)
+
+
+def _notes(snapshots: list[Snapshot], names: tuple[str, ...]) -> tuple[str, ...]:
+    """Notes of all bindings, each once."""
+    found = {
+        f"{names[number]} on body {body}: {note}": None
+        for snapshot in snapshots
+        for body in range(len(snapshot.surface.bodies))
+        for number, binding in snapshot.bindings
+        for on, note in binding.notes
+        if on == body
+    }
+    return tuple(found)

@@ -1,7 +1,8 @@
-"""A compiled scene: all that the solver needs, and nothing else."""
+"""A compiled scene: all that the solver needs, and a receipt of what it contains."""
 
 import bisect
 from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -14,8 +15,7 @@ from ...physics.radiation.radiative_exchange import Enclosure
 from ...physics.surface_energy_balance import SurfaceTerms
 from ...physics.time_varying import value_at
 from ...structures.surface_map import BoundMap
-from ..receipt import Receipt
-from ..solved_surface import SolvedSurface
+from ..scene import SolvedSurface
 from .surface_load import AbstractSurfaceLoad, together
 
 
@@ -164,6 +164,53 @@ class Program(eqx.Module):
             return [excess]
         ends = [sum(len(each) for each in below[:n]) for n in range(1, len(below))]
         return jnp.split(excess, ends)
+
+
+@dataclass(frozen=True)
+class Omission:
+    """A mechanism that is not in the program."""
+
+    what: str
+    why: str
+
+
+@dataclass(frozen=True)
+class Part:
+    """The surface of one body, or of two in contact, that a mechanism acts on."""
+
+    mechanism: str
+    bodies: tuple[int, ...]
+    area: float
+    """At the start [m^2]; 0 for what acts inside."""
+    surface_share: float
+    """Fraction of the surface of the first of the bodies [-]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Receipt:
+    """Contents of a compiled scene."""
+
+    included: tuple[str, ...]
+    parts: tuple[Part, ...]
+    left_out: tuple[Omission, ...]
+    notes: tuple[str, ...]
+    """Remarks on the validity of laws: ranges that were left, data that is not sure."""
+    nodes: int
+    links: int
+    fragments: int
+    snapshots: int
+    """Number of geometries, as bodies and sources move; 1 if nothing does."""
+    capacity_ratios: tuple[float, ...]
+    """Heat capacity of each body's nodes over that of the body [-]."""
+    dtype: str
+    memory_bytes: int
+    """Estimate of the solver's peak: states, operators and surface arrays."""
+    stable_step_s: float | None
+    """Largest explicit step; None where there is no limit, or none is known."""
+
+    def as_dict(self) -> dict:
+        """Plain types, for `summary.json`."""
+        return asdict(self)
 
 
 class Compiled(eqx.Module):

@@ -1,37 +1,60 @@
-"""Snapshots: the geometry of a scene, its contacts and bound terms at one moment."""
+"""Snapshots: the geometry of a scene, its contacts and bound terms at one moment.
 
+Terms that prescribe a temperature are bound first: no other term acts there.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from ...errors import InputError
 from ...geometry.mesh import Pose
-from ...physics.contact.bodies import PlacedGrid
-from ...physics.contact.pairs import ContactPairs
-from ...physics.contact.search import contacts_between
+from ...physics.contact.rays import PlacedGrid
+from ...physics.contact.search import ContactPairs, contacts_between
 from ...physics.flux_law import TemperatureRange
-from ...physics.term import AbstractPairTerm, BodySurface, Surface
-from ..receipt import Omission
+from ...physics.term import (
+    AbstractPairTerm,
+    AbstractSurfaceTerm,
+    AbstractTerm,
+    Binding,
+    BodySurface,
+    Omitted,
+    Surface,
+)
 from ..scene import Scene
 from .bodies import PreparedBody, surface_property
-from .surface_terms import BoundSurface, acting, bind_terms, with_terms
 
 
 # Number of a run in which a source moves by a function of time.
 _SOURCE_SNAPSHOTS = 64
+
+# Bindings with the number of their term in the scene.
+_NumberedBindings = tuple[tuple[int, Binding], ...]
 
 PairKey = tuple[int, int, int]
 """Numbers of a term and of both its bodies."""
 
 
 class Snapshot(NamedTuple):
-    """A scene at one moment."""
+    """A scene at one moment: its surface, and what acts on it."""
 
-    surface: BoundSurface
+    surface: Surface
+    natural: _NumberedBindings
+    """Terms that give a flux, where no temperature is prescribed."""
+    prescribed: _NumberedBindings
+    omitted: tuple[tuple[int, Omitted], ...]
+    """Surface terms that do not act on a body, by their number."""
     pairs: dict[PairKey, ContactPairs]
-    omitted: tuple[Omission, ...]
-    """Pair terms that do not act."""
+    unpaired: tuple[tuple[int, str], ...]
+    """Pair terms that do not act, by their number, and why."""
+
+    @property
+    def bindings(self) -> _NumberedBindings:
+        """All bindings, natural ones first."""
+        return (*self.natural, *self.prescribed)
 
 
 def snapshot_times(scene: Scene, end: float) -> tuple[float, ...]:
@@ -47,7 +70,6 @@ def snapshot_times(scene: Scene, end: float) -> tuple[float, ...]:
 def take_snapshots(
     scene: Scene,
     prepared: tuple[PreparedBody, ...],
-    names: tuple[str, ...],
     starts: tuple[float, ...],
     end: float | int,
     temperatures: TemperatureRange | None,
@@ -58,7 +80,6 @@ def take_snapshots(
     Args:
         scene: bodies and terms.
         prepared: the bodies.
-        names: of the terms.
         starts: of the snapshots [s].
         end: of the last of them [s].
         temperatures: range of the run, if it is known.
@@ -74,18 +95,42 @@ def take_snapshots(
         # distance for whatever moves smoothly.
         time = (start + stop) / 2
         poses = tuple(body.pose.at(time) for body in scene.bodies)
-        pairs, covered, omitted = _find_contacts(scene, poses, names)
+        pairs, covered, unpaired = _find_contacts(scene, poses)
         surface = Surface(
             bodies=_body_surfaces(scene, prepared, poses, covered, once),
             references=tuple(body.reference for body in prepared),
             temperature_range=temperatures,
         )
-        terms = tuple(term.at(time) for term in scene.terms)
-        snapshots.append(Snapshot(bind_terms(terms, surface), pairs, omitted))
+        bound = _bind_terms([term.at(time) for term in scene.terms], surface)
+        snapshots.append(Snapshot(*bound, pairs, unpaired))
     if not prune:
         return snapshots
-    keep = [bool(where.any()) for where in acting([each.surface for each in snapshots])]
-    return [s._replace(surface=with_terms(s.surface, keep)) for s in snapshots]
+    keep = [bool(where.any()) for where in acting(snapshots)]
+    pick = lambda row, flags: tuple(x for x, k in zip(row, flags, strict=True) if k)
+    count = len(snapshots[0].natural)
+    return [
+        snapshot._replace(
+            natural=pick(snapshot.natural, keep[:count]),
+            prescribed=pick(snapshot.prescribed, keep[count:]),
+        )
+        for snapshot in snapshots
+    ]
+
+
+def acting(snapshots: list[Snapshot]) -> list[Bool[np.ndarray, " s"]]:
+    """Fragments on which each binding acts at any snapshot."""
+    # A light that moves reaches a fragment at some snapshots only.
+    rows = zip(*(each.bindings for each in snapshots), strict=True)
+    return [np.any([binding.acts for _, binding in row], axis=0) for row in rows]
+
+
+def pair_counts(snapshots: list[Snapshot]) -> dict[PairKey, int]:
+    """The most touching pairs at any snapshot, of all bodies that ever touch."""
+    counts: dict[PairKey, int] = {}
+    for snapshot in snapshots:
+        for key, pairs in snapshot.pairs.items():
+            counts[key] = max(counts.get(key, 0), len(pairs.area))
+    return {key: counts[key] for key in sorted(counts)}
 
 
 def _body_surfaces(
@@ -95,18 +140,15 @@ def _body_surfaces(
     covered: list[Float[np.ndarray, " _"]],
     prune: bool,
 ) -> tuple[BodySurface, ...]:
-    """The surfaces of all bodies; `covered` is a fraction of each fragment."""
+    # Covered is the fraction of each fragment that another body touches.
     dtype: Any = np.dtype(scene.dtype)
-    grids = [body.structure.grid for body in scene.bodies]
-    triangles = np.concatenate(
-        [
-            pose.to_world(grid.mesh.triangles)
-            for grid, pose in zip(grids, poses, strict=True)
-        ]
-    )
+    meshes = [body.structure.grid.mesh for body in scene.bodies]
+    placed = zip(meshes, poses, strict=True)
+    triangles = [pose.to_world(mesh.vertices[mesh.faces]) for mesh, pose in placed]
+    shadow = np.concatenate(triangles)
     surfaces = []
     for index, (body, pose) in enumerate(zip(scene.bodies, poses, strict=True)):
-        grid, exposed = grids[index], 1 - covered[index]
+        grid, exposed = body.structure.grid, 1 - covered[index]
         surfaces.append(
             BodySurface(
                 body=index,
@@ -120,7 +162,7 @@ def _body_surfaces(
                 half_cell=prepared[index].half_cell * exposed.astype(dtype),
                 emissivity=surface_property(body, "emissivity", dtype),
                 absorptivity=surface_property(body, "absorptivity", dtype),
-                scene_triangles=triangles,
+                scene_triangles=shadow,
                 dtype=dtype,
                 prune=prune,
             )
@@ -129,9 +171,11 @@ def _body_surfaces(
 
 
 def _find_contacts(
-    scene: Scene, poses: tuple[Pose, ...], names: tuple[str, ...]
+    scene: Scene, poses: tuple[Pose, ...]
 ) -> tuple[
-    dict[PairKey, ContactPairs], list[Float[np.ndarray, " _"]], tuple[Omission, ...]
+    dict[PairKey, ContactPairs],
+    list[Float[np.ndarray, " _"]],
+    tuple[tuple[int, str], ...],
 ]:
     """Touching fragments of each pair of bodies, covered fractions, and omissions.
 
@@ -146,46 +190,69 @@ def _find_contacts(
     # Fractions of fragments that another body covers: no other term acts there.
     covered = [np.zeros(len(b.structure.grid.fragment_area)) for b in scene.bodies]
     if not terms or len(scene.bodies) == 1:
-        alone = tuple(Omission(names[n], "there is one body") for n, _ in terms)
-        return {}, covered, alone
+        return {}, covered, tuple((n, "there is one body") for n, _ in terms)
     placed = tuple(
         PlacedGrid(body.structure.grid, pose, f"body {index}")
         for index, (body, pose) in enumerate(zip(scene.bodies, poses, strict=True))
     )
     pairs: dict[PairKey, ContactPairs] = {}
+    taken: dict[tuple[int, int], int] = {}
     omitted = []
     for number, term in terms:
         touching = contacts_between(placed, term.max_gap)
         found = {key: each for key, each in touching.items() if term.connects(*key)}
         if not found:
-            omitted.append(Omission(names[number], "no bodies touch"))
+            omitted.append((number, "no bodies touch"))
         # An idle pair still covers the surface: it insulates it.
         elif term.is_idle:
-            omitted.append(Omission(names[number], "its conductance is 0"))
+            omitted.append((number, "its conductance is 0"))
         for (one, other), each in found.items():
-            _refuse_twice(pairs, number, one, other)
+            if (one, other) in taken:
+                raise InputError(
+                    f"terms[{taken[one, other]}] and terms[{number}] both join bodies "
+                    f"{one} and {other}: say which bodies each joins"
+                )
             if not term.is_idle:
                 pairs[number, one, other] = each
+                taken[one, other] = number
             covered[one] = covered[one] + each.coverage_a
             covered[other] = covered[other] + each.coverage_b
     return pairs, [np.minimum(part, 1) for part in covered], tuple(omitted)
 
 
-def _refuse_twice(
-    pairs: dict[PairKey, ContactPairs], number: int, one: int, other: int
-):
-    for before in pairs:
-        if before[1:] == (one, other):
+def _bind_terms(
+    terms: Sequence[AbstractTerm], surface: Surface
+) -> tuple[
+    Surface, _NumberedBindings, _NumberedBindings, tuple[tuple[int, Omitted], ...]
+]:
+    """The first fields of a snapshot: natural and prescribed bindings, and omissions.
+
+    Raises:
+        InputError: if two terms prescribe the temperature of one piece of surface.
+    """
+    acts = [(n, t) for n, t in enumerate(terms) if isinstance(t, AbstractSurfaceTerm)]
+    omitted: list[tuple[int, Omitted]] = []
+
+    def bind(is_dirichlet: bool, where: Surface) -> _NumberedBindings:
+        chosen = [(n, term) for n, term in acts if term.is_dirichlet == is_dirichlet]
+        found = [(n, each) for n, term in chosen for each in term.bind(where)]
+        omitted.extend((n, each) for n, each in found if isinstance(each, Omitted))
+        return tuple((n, each) for n, each in found if not isinstance(each, Omitted))
+
+    prescribed = bind(True, surface)
+    # Number of the term that prescribes the temperature of each fragment.
+    taken = np.full(len(surface.body), -1)
+    for number, binding in prescribed:
+        before, body = taken[binding.acts], surface.body[binding.acts]
+        if (before >= 0).any():
             raise InputError(
-                f"terms[{before[0]}] and terms[{number}] both join bodies {one} and "
-                f"{other}: say which bodies each joins"
+                f"terms[{before.max()}] and terms[{number}] both hold a piece of body "
+                f"{body[before >= 0][0]}'s surface at a temperature: keep their `on` "
+                "apart"
             )
-
-
-def pair_counts(snapshots: list[Snapshot]) -> dict[PairKey, int]:
-    """The most touching pairs at any snapshot, of all bodies that ever touch."""
-    counts: dict[PairKey, int] = {}
-    for snapshot in snapshots:
-        for key, pairs in snapshot.pairs.items():
-            counts[key] = max(counts.get(key, 0), len(pairs.area))
-    return {key: counts[key] for key in sorted(counts)}
+        taken[binding.acts] = number
+    # What other terms bring there has no effect: they are not bound.
+    pairs = zip(surface.bodies, surface.apart(taken < 0), strict=True)
+    bodies = tuple(replace(body, natural=body.natural & free) for body, free in pairs)
+    rest = replace(surface, bodies=bodies)
+    return rest, bind(False, rest), prescribed, tuple(omitted)

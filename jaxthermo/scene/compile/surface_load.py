@@ -289,7 +289,6 @@ def even_size(count: int) -> int:
 
 
 def body_cells(
-    number: int,
     body: PreparedBody,
     acts: list[Bool[np.ndarray, " s"]],
     group: Int[np.ndarray, " s"] | None = None,
@@ -316,7 +315,7 @@ def body_cells(
     node = node.reshape(-1).astype(np.int32)
     address, count = device_address(body.address, nodes), even_size(len(cells))
     found = BodyCells(
-        body=number,
+        body=body.number,
         address=address,
         capacity=body.network.capacity_at(address),
         node=jnp.asarray(np.pad(node, (0, count - len(node)))),

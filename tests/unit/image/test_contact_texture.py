@@ -7,7 +7,7 @@ from jaxthermo.errors import InputError
 from jaxthermo.geometry.shapes import box
 from jaxthermo.image.contact_texture import UNTOUCHED, contact_images, where_covered
 from jaxthermo.image.palette import palette_table
-from jaxthermo.physics.contact.pairs import contact_flux
+from jaxthermo.physics.contact.search import contact_flux
 from jaxthermo.report.sheet import write_sheets
 from jaxthermo.voxels.textures import BACKGROUND
 from jaxthermo.voxels.voxelize import voxelize

@@ -12,7 +12,8 @@ from jaxthermo.geometry.mesh import winding_number
 from jaxthermo.image.files import read_exr
 from jaxthermo.image.render import apparent_temperature, coarsen, draw, leaving_radiance
 from jaxthermo.image.view import block_weights, compute_view, smooth_weights
-from jaxthermo.scene.solved_surface import SolvedSurface, body_geometry
+from jaxthermo.scene.compile.compile import body_geometry
+from jaxthermo.scene.scene import SolvedSurface
 
 
 METAL = jt.Material(

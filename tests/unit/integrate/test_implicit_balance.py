@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.physics.material_network import material_network
+from jaxthermo.physics.conduction import material_network
 from tests.bodies import blocks
 
 

@@ -12,7 +12,7 @@ import jaxthermo as jt
 from jaxthermo.errors import InputError
 from jaxthermo.geometry.mesh import Pose
 from jaxthermo.integrate.run.solution_file import StoredSolution
-from jaxthermo.scene.solved_surface import BodyGeometry, SolvedSurface
+from jaxthermo.scene.scene import BodyGeometry, SolvedSurface
 
 
 def surface(area, shift: float = 0.0) -> SolvedSurface:

@@ -10,8 +10,11 @@ import jaxthermo as jt
 from jaxthermo.errors import InputError
 from jaxthermo.material.material import Property
 from jaxthermo.network.nonlinear import NonlinearNetwork
-from jaxthermo.physics.conduction import assemble_uniform
-from jaxthermo.physics.material_network import material_network, materials_network
+from jaxthermo.physics.conduction import (
+    assemble_uniform,
+    material_network,
+    materials_network,
+)
 from tests.bodies import blocks
 
 

@@ -7,13 +7,12 @@ import pytest
 
 from jaxthermo.physics.boundary import Exchange, ImposedFlux
 from jaxthermo.physics.flux_law import TemperatureRange, bound
-from jaxthermo.physics.newton_iteration_bound import (
+from jaxthermo.physics.radiation.emission import Emission
+from jaxthermo.physics.surface_energy_balance import (
     MAX_ITERATIONS,
     TOLERANCE,
-    newton_iterations,
+    SurfaceTerms,
 )
-from jaxthermo.physics.radiation.emission import Emission
-from jaxthermo.physics.surface_energy_balance import SurfaceTerms
 
 
 AREA = np.array([1e-6, 4e-6, 2e-6])
@@ -36,10 +35,7 @@ def _terms(conductivity, pitch, dtype, sun=1000.0):
 
 
 def _steps(terms, hottest=400.0):
-    bound_terms = [term for _, term in terms.natural]
-    return newton_iterations(
-        terms.half_cell, bound_terms, TemperatureRange(0.0, hottest, 1.0)
-    )
+    return terms.newton_iterations(TemperatureRange(0.0, hottest, 1.0))
 
 
 @eqx.filter_jit

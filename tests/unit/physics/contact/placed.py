@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from jaxthermo.geometry.mesh import Pose
 from jaxthermo.geometry.shapes import box, sphere
-from jaxthermo.physics.contact.bodies import PlacedGrid
+from jaxthermo.physics.contact.rays import PlacedGrid
 from jaxthermo.voxels.voxelize import voxelize
 
 

@@ -8,23 +8,27 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
+import jaxthermo as jt
 from jaxthermo.errors import InputError
 from jaxthermo.physics.contact.links import (
-    coefficient_across,
+    Contact,
+    _gap_factor,
+    _series,
     contact_conductance_of,
-    gap_factor,
-    half_conductance,
-    series_conductance,
 )
+from jaxthermo.physics.contact.search import ContactPairs
+from jaxthermo.scene.compile.bodies import prepare
+from tests.bodies import blocks
 
 
+METAL = jt.Material(16.0, density=8000.0, specific_heat=500.0)
 AREA = jnp.array([1e-4, 3e-6, 0.0])
 HALF_A = jnp.array([4.0, 1e-3, 0.0])
 HALF_B = jnp.array([0.5, 2e-2, 0.0])
 BONDED = np.array([4.0 * 0.5 / 4.5, 1e-3 * 2e-2 / 2.1e-2, 0.0])
 
 conductance = jax.jit(contact_conductance_of)
-series = jax.jit(series_conductance)
+series = jax.jit(_series)
 
 
 @pytest.mark.parametrize("h_c", [1.0, 1e2, 1e4, 1e6])
@@ -85,17 +89,24 @@ def test_the_order_in_a_series_does_not_matter(p, q, r):
 
 
 def test_a_fragments_half_cell_is_shared_by_its_pairs():
-    half = half_conductance(
-        jnp.array([6.0, 6.0, 0.0]), jnp.array([1.0, 2.0, 0.0]), jnp.array([4.0, 4.0, 0])
-    )
-    assert np.asarray(half).tolist() == [1.5, 3.0, 0.0]
+    grid = blocks(np.ones((1, 1, 1), bool), 2.0)
+    body = jt.Body(jt.FullVolume(grid), METAL, temperature=300.0)
+    side = prepare(0, body, np.float64)._replace(half_cell=np.full(6, 6.0))
+    covered = np.zeros(6)
+    pairs = ContactPairs(
+        np.array([0, 1]), np.array([0, 1]), np.array([1.0, 2.0]), np.zeros(2),
+        covered, covered,
+    )  # fmt: skip
+    links = Contact(1.0).bind(pairs, (side, side), 0, 3)
+    for half in links.half_cell:
+        assert np.asarray(half).tolist() == [1.5, 3.0, 0.0]
 
 
 def test_the_gap_law_falls_smoothly_from_one_to_nothing():
     gap = jnp.array([-1.0, 0.0, 0.25, 0.5, 0.75, 1.0, 2.0]) * 1e-3
-    left = np.asarray(gap_factor(gap, 1e-3))
+    left = np.asarray(_gap_factor(gap, 1e-3))
     assert left == pytest.approx([1, 1, 27 / 32, 0.5, 5 / 32, 0, 0], abs=1e-15)
-    slope = jax.jit(jax.vmap(jax.grad(lambda g: gap_factor(g, 1e-3))))
+    slope = jax.jit(jax.vmap(jax.grad(lambda g: _gap_factor(g, 1e-3))))
     found = np.asarray(slope(jnp.array([-1e-9, 1e-9, 1e-3 - 1e-9, 1e-3 + 1e-9, 5e-4])))
     assert np.abs(found[:4]).max() < 1e-5 * 1.5 / 1e-3
     assert found[4] == pytest.approx(-1.5 / 1e-3)
@@ -104,20 +115,18 @@ def test_the_gap_law_falls_smoothly_from_one_to_nothing():
 @pytest.mark.parametrize("h_c", [0.0, 2e3, math.inf])
 def test_the_coefficient_across_a_gap(h_c):
     gap = jnp.array([0.0, 4e-4, 2e-3])
-    across = lambda length, h: coefficient_across(gap, h, length)
-    found = np.asarray(across(1e-3, h_c))
-    left = np.asarray(gap_factor(gap, 1e-3))
-    expected = np.where(left > 0, h_c, 0.0)
-    if math.isfinite(h_c):
-        expected = h_c * left
-    assert found.tolist() == pytest.approx(expected.tolist())
     areas = jnp.full(3, 1e-4)
     half = jnp.full(3, 0.1)
-    through = jax.jit(
-        lambda length, h: contact_conductance_of(
-            areas, half, half, across(length, h)
-        ).sum()
+    across = lambda length, h: contact_conductance_of(
+        areas * _gap_factor(gap, length), half, half, h
     )
+    found = np.asarray(across(1e-3, h_c))
+    left = np.asarray(_gap_factor(gap, 1e-3))
+    expected = np.full(3, 0.05)
+    if math.isfinite(h_c):
+        expected = 1 / (2 / 0.1 + 1 / np.maximum(h_c * left * 1e-4, 1e-300))
+    assert found.tolist() == pytest.approx(expected.tolist())
+    through = jax.jit(lambda length, h: across(length, h).sum())
     slopes = jax.grad(through, argnums=(0, 1))(jnp.array(1e-3), jnp.array(h_c))
     assert np.isfinite(slopes).all()
     if h_c == 2e3:
@@ -128,4 +137,4 @@ def test_the_coefficient_across_a_gap(h_c):
 @pytest.mark.parametrize("length", [0.0, -1e-3, math.inf, math.nan])
 def test_a_gap_length_must_be_one(length):
     with pytest.raises(InputError, match="gap_length"):
-        gap_factor(jnp.zeros(2), length)
+        _gap_factor(jnp.zeros(2), length)

@@ -10,12 +10,11 @@ from wind_bodies import law_of, surface, upright_cylinder
 from jaxthermo.physics.convection.free_convection import FreeConvection
 from jaxthermo.physics.convection.wind import Wind
 from jaxthermo.physics.flux_law import TemperatureRange, bound
-from jaxthermo.physics.newton_iteration_bound import (
+from jaxthermo.physics.surface_energy_balance import (
     MAX_ITERATIONS,
     TOLERANCE,
-    newton_iterations,
+    SurfaceTerms,
 )
-from jaxthermo.physics.surface_energy_balance import SurfaceTerms
 from jaxthermo.physics.time_varying import Table
 
 
@@ -80,10 +79,10 @@ def test_few_steps_are_as_good_as_all(side, name, conductivity):
     area = np.full(law_places(law), 1e-6)
     half_cell = area * conductivity / 5e-4
     free = ((0, bound(area, law)),)
-    steps = newton_iterations(half_cell, [free[0][1]], REACH)
+    every = SurfaceTerms((name,), half_cell, free, ())
+    steps = every.newton_iterations(REACH)
     theta = jnp.linspace(REACH.lowest, REACH.highest, len(area)) - law.reference
     few = SurfaceTerms((name,), half_cell, free, (), steps)
-    every = SurfaceTerms((name,), half_cell, free, ())
     off = np.abs(_excess(few, theta) - _excess(every, theta)).max()
     print(name, conductivity, "steps", steps, "off", off)
     assert steps < MAX_ITERATIONS
