@@ -13,7 +13,9 @@ app = make_app(
 
 
 @app.command
-def fit(config: Path, /, *, out: Path | None = None, overrides: Overrides = ()) -> None:
+def _fit(
+    config: Path, /, *, out: Path | None = None, overrides: Overrides = ()
+) -> None:
     """Fit the parameters of a config; writes fit.json, card.yaml and report.html.
 
     A fit that was interrupted or killed continues from its last step.
@@ -29,7 +31,7 @@ def fit(config: Path, /, *, out: Path | None = None, overrides: Overrides = ()) 
 
 
 @app.command
-def identify(config: Path, /, *, overrides: Overrides = ()) -> None:
+def _identify(config: Path, /, *, overrides: Overrides = ()) -> None:
     """Report how well the data determine each parameter, before anything is fitted.
 
     Args:
@@ -42,7 +44,7 @@ def identify(config: Path, /, *, overrides: Overrides = ()) -> None:
 
 
 @app.command
-def check(card: Path, /, *, scene: Path, overrides: Overrides = ()) -> None:
+def _check(card: Path, /, *, scene: Path, overrides: Overrides = ()) -> None:
     """Check if a fit card is valid for a scene: its ranges, and the error there.
 
     Args:
@@ -56,7 +58,7 @@ def check(card: Path, /, *, scene: Path, overrides: Overrides = ()) -> None:
 
 
 @app.command
-def show(folder: Path, /) -> None:
+def _show(folder: Path, /) -> None:
     """Print the results of a fit.
 
     Args:
@@ -68,7 +70,7 @@ def show(folder: Path, /) -> None:
 
 
 @app.command
-def schema() -> None:
+def _schema() -> None:
     """Print the JSON Schema of a calibration, with units, for editors."""
     from jaxthermo.cli.schema import print_schema
 

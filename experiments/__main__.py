@@ -13,14 +13,14 @@ app = make_app("experiments", "Measurements that can be run again by name.")
 
 
 @app.command(name="list")
-def list_all() -> None:
+def _list_all() -> None:
     """List the experiments."""
     for experiment in catalogue.EXPERIMENTS:
         sys.stdout.write(f"{experiment.name:12} {experiment.about}\n")
 
 
 @app.command
-def run(
+def _run(
     name: str,
     config: Path | None = None,
     /,
@@ -48,7 +48,7 @@ def run(
 
 
 @app.command
-def schema() -> None:
+def _schema() -> None:
     """Print the JSON Schema of a comparison, with units, for editors."""
     from jaxthermo.cli.schema import print_schema
 

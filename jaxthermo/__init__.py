@@ -82,6 +82,7 @@ _HOME = {
     "Solution": "integrate.run.solution",
     "SteadySolution": "integrate.run.solution",
     "RESULTS": "integrate.run.solution",
+    "SurfaceError": "integrate.surface_error",
     "surface_error": "integrate.surface_error",
     "Camera": "image.camera",
     "OrthographicCamera": "image.camera",

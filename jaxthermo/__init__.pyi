@@ -22,7 +22,10 @@ from .integrate.solvers import (
     SuperTimeStepping as SuperTimeStepping,
 )
 from .integrate.steady.steady import steady as steady
-from .integrate.surface_error import surface_error as surface_error
+from .integrate.surface_error import (
+    SurfaceError as SurfaceError,
+    surface_error as surface_error,
+)
 from .material.material import Material as Material, Property as Property
 from .material.table import materials as materials
 from .physics.boundary import (

@@ -16,7 +16,7 @@ app: App = make_app(
 
 
 @app.command
-def simulate(
+def _simulate(
     config: Path,
     /,
     *,
@@ -41,7 +41,9 @@ def simulate(
 
 
 @app.command
-def render(run: Path, /, *, out: Path | None = None, overrides: Overrides = ()) -> None:
+def _render(
+    run: Path, /, *, out: Path | None = None, overrides: Overrides = ()
+) -> None:
     """Draw new frames of a finished run, without simulating it again.
 
     Args:
@@ -56,7 +58,7 @@ def render(run: Path, /, *, out: Path | None = None, overrides: Overrides = ()) 
 
 
 @app.command
-def voxelize(
+def _voxelize(
     mesh: Path,
     /,
     *,
@@ -82,7 +84,7 @@ def voxelize(
 
 
 @app.command
-def materials(
+def _materials(
     name: str | None = None,
     /,
     *,
@@ -100,7 +102,7 @@ def materials(
 
 
 @app.command
-def palettes() -> None:
+def _palettes() -> None:
     """List the colour scales and the differences between their colours."""
     from .cli.palettes import palettes as show
 
@@ -108,7 +110,7 @@ def palettes() -> None:
 
 
 @app.command
-def example(name: str | None = None, /, *, out: Path | None = None) -> None:
+def _example(name: str | None = None, /, *, out: Path | None = None) -> None:
     """List the example scenes, which need no mesh file, or write one.
 
     Args:
@@ -121,7 +123,7 @@ def example(name: str | None = None, /, *, out: Path | None = None) -> None:
 
 
 @app.command
-def schema() -> None:
+def _schema() -> None:
     """Print the JSON Schema of a scene, with units, for editors."""
     from .cli.schema import print_schema
     from .config.schema.scene import SceneConfig

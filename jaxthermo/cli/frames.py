@@ -58,7 +58,7 @@ class FrameCamera:
         return self._start
 
 
-def chosen_frames(config: SceneConfig, times: Float[Array, " t"]) -> list[int]:
+def _chosen_frames(config: SceneConfig, times: Float[Array, " t"]) -> list[int]:
     """Indices of the saved times that become frames: all, or those of the config."""
     if config.image.frames is None:
         return list(range(len(times)))
@@ -108,7 +108,7 @@ def write_frames(
     for these. Files with other names are kept.
     """
     terms = tuple(term.build() for term in config.terms)
-    chosen = chosen_frames(config, stored.times)
+    chosen = _chosen_frames(config, stored.times)
 
     def images() -> Iterator[Image]:
         # Drawn twice, for the scale and for the file: a long run would fill the memory.

@@ -27,10 +27,10 @@ def render(run: Path, out: Path | None, overrides: tuple[str, ...]) -> None:
             )
     # The solution contains the surface: the mesh file may be gone since.
     config = load_config(run / "config.yaml", overrides, find_meshes=False)
-    render_run(config, run, out or run)
+    _render_run(config, run, out or run)
 
 
-def render_run(config: SceneConfig, run: Path, out: Path) -> None:
+def _render_run(config: SceneConfig, run: Path, out: Path) -> None:
     """Draw the saved times of the run in the folder `run` as frames in `out`."""
     console = open_console()
     with precision(config.dtype), status(console, "drawing frames"):

@@ -43,7 +43,7 @@ def log_scene(
             f"  {grid.solid_count} solid voxels of {grid.pitch * 1e3:.4g} mm in "
             f"{shape}, {len(grid.fragment_area)} surface fragments",
         )
-        for line in structure_lines(report):
+        for line in _structure_lines(report):
             print_line(console, f"  {line}")
     receipt = todo.compiled.receipt
     print_line(console, f"included: {', '.join(receipt.included)}")
@@ -92,7 +92,7 @@ def log_receipt(console: Console, scene: Scene, todo: Plan) -> None:
     print_line(console, f"geometry: {snapshots}; state in {receipt.dtype}")
 
 
-def structure_lines(report: dict[str, Any]) -> list[str]:
+def _structure_lines(report: dict[str, Any]) -> list[str]:
     """The nodes and links of a body, and its heat capacity if that is not exact.
 
     Args:

@@ -55,7 +55,7 @@ def simulate(config: Path, out: Path | None, overrides: tuple[str, ...]) -> None
     scene = load_config(config, overrides)
     with results_folder(out or Path("results") / config.stem) as folder:
         _check_not_overwritten(config, folder)
-        run_simulation(scene, folder)
+        _run_simulation(scene, folder)
 
 
 def explain(config: Path, overrides: tuple[str, ...]) -> None:
@@ -111,7 +111,7 @@ def _check_not_overwritten(config: Path, out: Path) -> None:
             )
 
 
-def run_simulation(config: SceneConfig, out: Path) -> None:
+def _run_simulation(config: SceneConfig, out: Path) -> None:
     """Run the scene and write summary, solution, energies and frames into `out`."""
     console = open_console()
     with precision(config.dtype):

@@ -27,6 +27,9 @@ def json_schema(model: type[Model]) -> str:
         def model_schema(self, schema: Any) -> dict[str, Any]:
             return _described(schema["cls"], super().model_schema(schema))
 
+        def normalize_name(self, name: str) -> str:
+            return super().normalize_name(name).lstrip("_")
+
     found = model.model_json_schema(schema_generator=Generator)
     found = {"$schema": "https://json-schema.org/draft/2020-12/schema", **found}
     text = json.dumps(found, indent=1, ensure_ascii=False) + "\n"

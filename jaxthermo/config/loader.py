@@ -26,10 +26,10 @@ def load_config(
     path: str | Path, overrides: Sequence[str] = (), *, find_meshes: bool = True
 ) -> SceneConfig:
     """The config of a scene; see `load_model`."""
-    return load_model(SceneConfig, path, overrides, find_files=find_meshes)
+    return _load_model(SceneConfig, path, overrides, find_files=find_meshes)
 
 
-def load_model(
+def _load_model(
     model: type[AnyModel],
     path: str | Path,
     overrides: Sequence[str] = (),

@@ -77,7 +77,7 @@ def location_of(error: Mapping[str, Any]) -> tuple[str | int, ...]:
     return (*error["loc"], *beyond)
 
 
-def untagged(location: Iterable[str | int]) -> tuple[str | int, ...]:
+def _untagged(location: Iterable[str | int]) -> tuple[str | int, ...]:
     """The location without the <tags> that mark the member of a union."""
     return tuple(part for part in location if not str(part).startswith("<"))
 
@@ -92,7 +92,7 @@ def described(
         source: function of a mistake's location that gives the start of its line.
     """
     entries = error.errors(include_url=False)
-    return "\n".join(f"{source(untagged(e['loc']))}: {e['msg']}" for e in entries)
+    return "\n".join(f"{source(_untagged(e['loc']))}: {e['msg']}" for e in entries)
 
 
 def in_file(source: object, location: tuple[str | int, ...]) -> str:

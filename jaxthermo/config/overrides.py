@@ -24,16 +24,16 @@ def with_overrides(data: Any, texts: Sequence[str]) -> tuple[Any, list[Change]]:
     """
     changed: list[Change] = []
     for text in texts:
-        location, value = parse_override(text)
+        location, value = _parse_override(text)
         try:
-            data = with_override(data, location, value)
+            data = _with_override(data, location, value)
         except InputError as error:
             raise InputError(f"--set {error}") from error
         changed.append((location, text))
     return data, changed
 
 
-def parse_override(text: str) -> tuple[Location, Any]:
+def _parse_override(text: str) -> tuple[Location, Any]:
     """The path and the value of "a.0.b=value"; the value is YAML."""
     path, equals, value = text.partition("=")
     parts = [part.strip() for part in path.split(".")]
@@ -43,7 +43,7 @@ def parse_override(text: str) -> tuple[Location, Any]:
     return location, parse_yaml(value, f"--set {text}")
 
 
-def with_override(data: Any, location: Location, value: Any) -> Any:
+def _with_override(data: Any, location: Location, value: Any) -> Any:
     """A copy of the data with the value at the location."""
     return _replaced(data, location, value, ())
 

@@ -54,7 +54,7 @@ def _check(channels: Mapping[str, _Image], header: Mapping[str, str]) -> None:
         raise InputError(f"EXR header {name!r} is reserved: choose another name")
 
 
-def write_exr_channels(
+def _write_exr_channels(
     path: str | Path,
     channels: Mapping[str, _Image],
     header: Mapping[str, str] | None = None,
@@ -112,7 +112,7 @@ def read_exr(
     return channels, {k: v for k, v in texts.items() if k not in _RESERVED}
 
 
-def exr_channels(image: Image) -> dict[str, np.ndarray]:
+def _exr_channels(image: Image) -> dict[str, np.ndarray]:
     """Channels of a radiometric frame, by name."""
     normal = np.asarray(image.normal)
     return {
@@ -140,7 +140,7 @@ def write_exr(path: str | Path, image: Image, header: dict[str, str] | None = No
         "total; depth_m: m along the axis, inf in the background; object_id: -1 in "
         "the background",
     }
-    write_exr_channels(path, exr_channels(image), notes | (header or {}))
+    _write_exr_channels(path, _exr_channels(image), notes | (header or {}))
 
 
 def picture(

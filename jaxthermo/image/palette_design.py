@@ -34,7 +34,7 @@ with warnings.catch_warnings():
 for _name in [key for key in sys.modules if key.startswith("matplotlib")]:
     del sys.modules[_name]
 
-BAKED = Path(__file__).with_name("palettes.json")
+_BAKED = Path(__file__).with_name("palettes.json")
 
 # (position, r, g, b) anchors, sRGB 0-255. The order of colours is that of thermal
 # cameras; the values are not.
@@ -91,7 +91,7 @@ def _through_anchors(anchors) -> Float[np.ndarray, "256 3"]:
     return np.clip(np.stack(columns, axis=-1), 0.0, 1.0)
 
 
-def ember_ucs() -> Float[np.ndarray, "256 3"]:
+def _ember_ucs() -> Float[np.ndarray, "256 3"]:
     """Ember palette in CAM16-UCS (J', a', b') with steps of equal length.
 
     A Bezier curve B(s) = sum_i C(n,i) s^i (1-s)^(n-i) P_i, resampled by arc length, so
@@ -111,22 +111,22 @@ def ember_ucs() -> Float[np.ndarray, "256 3"]:
     return np.stack([np.interp(even, along, c) for c in curve.T], axis=-1)
 
 
-def rgb_to_ucs(rgb: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+def _rgb_to_ucs(rgb: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
     """Convert sRGB in 0-1 to CAM16-UCS (J', a', b'), J' in 0-100."""
     return np.asarray(colour.XYZ_to_CAM16UCS(colour.sRGB_to_XYZ(rgb)))
 
 
-def ucs_to_rgb(ucs: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+def _ucs_to_rgb(ucs: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
     """Convert CAM16-UCS to sRGB, not clipped: outside 0-1 it cannot be displayed."""
     return np.asarray(colour.XYZ_to_sRGB(colour.CAM16UCS_to_XYZ(ucs)))
 
 
-def build_palettes() -> dict[str, UInt8[np.ndarray, "256 3"]]:
+def _build_palettes() -> dict[str, UInt8[np.ndarray, "256 3"]]:
     """Compute all palettes, from cold to hot, by name."""
     grey = np.repeat(np.linspace(0.0, 1.0, ENTRIES)[:, None], 3, axis=1)
     tables = {
         "iron": _through_anchors(_IRON),
-        "ember": np.clip(ucs_to_rgb(ember_ucs()), 0.0, 1.0),
+        "ember": np.clip(_ucs_to_rgb(_ember_ucs()), 0.0, 1.0),
         "white-hot": grey,
         "black-hot": grey[::-1],
         "rainbow": _through_anchors(_RAINBOW),
@@ -134,16 +134,16 @@ def build_palettes() -> dict[str, UInt8[np.ndarray, "256 3"]]:
     return {k: np.rint(255.0 * v).astype(np.uint8) for k, v in tables.items()}
 
 
-def bake(path: Path = BAKED) -> None:
+def _bake(path: Path = _BAKED) -> None:
     """Write the palettes as rows of 16 hexadecimal colours."""
     rows = {
         name: [table[k : k + 16].tobytes().hex() for k in range(0, ENTRIES, 16)]
-        for name, table in build_palettes().items()
+        for name, table in _build_palettes().items()
     }
     path.write_text(json.dumps(rows, indent=1) + "\n")
 
 
-def colour_difference(
+def _colour_difference(
     first: UInt8[np.ndarray, "*n 3"], second: UInt8[np.ndarray, "*n 3"]
 ) -> Float[np.ndarray, "*n"]:
     """CIEDE2000 difference of sRGB colours, e.g. of two frames, pixel by pixel [-].
@@ -168,7 +168,7 @@ def palette_report() -> dict[str, dict[str, float]]:
     report = {}
     for name in palette_names():
         table = palette_table(name)
-        steps = colour_difference(table[:-1], table[1:])
+        steps = _colour_difference(table[:-1], table[1:])
         facts = {
             "step_min": float(steps.min()),
             "step_mean": float(steps.mean()),
@@ -194,4 +194,4 @@ def _smallest_difference(lab: Float[np.ndarray, "n 3"]) -> float:
 
 
 if __name__ == "__main__":
-    bake()
+    _bake()

@@ -36,12 +36,12 @@ def _black_radiance(temperature: Float[Array, "*p"]) -> Float[Array, "*p"]:
     return STEFAN_BOLTZMANN / math.pi * temperature**4
 
 
-def apparent_temperature(radiance: Float[Array, "*p"]) -> Float[Array, "*p"]:
+def _apparent_temperature(radiance: Float[Array, "*p"]) -> Float[Array, "*p"]:
     """Temperature of a black surface of the same radiance [K]."""
     return (radiance * (math.pi / STEFAN_BOLTZMANN)) ** 0.25
 
 
-def leaving_radiance(
+def _leaving_radiance(
     temperature: Float[Array, "*p"],
     emissivity: Float[Array, "*p"],
     surroundings: Float[Array, ""],
@@ -98,7 +98,7 @@ class Image(eqx.Module):
     @property
     def apparent_temperature(self) -> Float[Array, "h w"]:
         """Temperature that a camera set to emissivity 1 shows [K]."""
-        return apparent_temperature(self.radiance)
+        return _apparent_temperature(self.radiance)
 
 
 def _per_fragment(
@@ -146,7 +146,7 @@ def draw(
         strength = value_at(terms[number].strength, time)
         irradiance = irradiance + strength * jnp.asarray(exposure, surface.dtype)
     ambient = _surroundings_at(terms, time)
-    radiance = leaving_radiance(
+    radiance = _leaving_radiance(
         surface, emissivity, ambient, (1 - absorptivity) * irradiance
     )
     dtype = surface.dtype

@@ -100,7 +100,7 @@ def _nearest_fragments(
     return found
 
 
-def smooth_weights(
+def _smooth_weights(
     points: Float[np.ndarray, "p 3"],
     normals: Float[np.ndarray, "p 3"],
     geometry: BodyGeometry,
@@ -140,7 +140,7 @@ def smooth_weights(
     return _PixelWeights(pixel, fragment, weight / total[pixel])
 
 
-def block_weights(
+def _block_weights(
     points: Float[np.ndarray, "p 3"], geometry: BodyGeometry
 ) -> _PixelWeights:
     """Weights of the nearest fragment alone, which show the voxels."""
@@ -249,9 +249,9 @@ def _all_weights(surfaces, body, point, normal, smooth) -> _PixelWeights:
             local = geometry.placed.to_body(point[shown])
             rotated = geometry.placed.rotate_back(normal[shown])
             found = (
-                smooth_weights(local, rotated, geometry)
+                _smooth_weights(local, rotated, geometry)
                 if smooth
-                else block_weights(local, geometry)
+                else _block_weights(local, geometry)
             )
             parts.append((shown[found.pixel], found.fragment + first, found.weight))
         first += len(geometry.fragment_area)

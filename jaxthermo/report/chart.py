@@ -74,7 +74,7 @@ class LogAxis:
 
 def chart_svg(chart: Chart) -> Html:
     """The chart as SVG for a page, with tooltips."""
-    return with_tooltips(vl_convert.vegalite_to_svg(_styled(chart).to_json()))
+    return _with_tooltips(vl_convert.vegalite_to_svg(_styled(chart).to_json()))
 
 
 def write_chart(chart: Chart, path: Path) -> Html:
@@ -106,7 +106,7 @@ def _styled(chart: Chart) -> Chart:
 _MARK = re.compile(r'<path ([^>]*?aria-label="([^"]*)"[^>]*?)(?:/>|></path>)')
 
 
-def with_tooltips(svg: str) -> Html:
+def _with_tooltips(svg: str) -> Html:
     """Turn descriptions of marks into titles, which browsers show on hovering."""
 
     def titled(found: re.Match[str]) -> str:

@@ -10,10 +10,10 @@ from cli_runs import RESULTS, SCENE, files, frame_files, run, scene_file
 from PIL import Image
 
 import jaxthermo as jt
-from jaxthermo.cli.report import structure_lines
+from jaxthermo.cli.report import _structure_lines
 from jaxthermo.config.loader import config_hash, load_config, resolved
 from jaxthermo.image.camera import frame_all
-from jaxthermo.image.files import exr_channels
+from jaxthermo.image.files import _exr_channels
 from jaxthermo.image.palette import palette_names
 
 
@@ -150,8 +150,8 @@ def test_frames_are_those_of_the_library(finished, solved):
     image = jt.render(solved, camera, 1, samples=config.image.samples)
     with OpenEXR.File(str(finished / "frames/t000012.00s.exr"), True) as file:
         channels = file.channels()
-        assert set(channels) == set(exr_channels(image))
-        for name, values in exr_channels(image).items():
+        assert set(channels) == set(_exr_channels(image))
+        for name, values in _exr_channels(image).items():
             assert channels[name].pixels.dtype == np.float32
             np.testing.assert_array_equal(channels[name].pixels, values, name)
 
@@ -218,7 +218,7 @@ def test_the_terminal_and_the_summary_tell_the_structure(tmp_path, structure, to
 )
 def test_capacity_that_is_missing_or_too_much_is_told(ratio, share):
     report = {"kind": "ShellOverCore", "nodes": 2, "links": 1, "capacity_ratio": ratio}
-    first, *rest = structure_lines({**report, "bytes_float32": {"total": 2048}})
+    first, *rest = _structure_lines({**report, "bytes_float32": {"total": 2048}})
     assert first == "shell over core: 2 nodes, 1 link, 2.0 KiB"
     told = [f"the structure holds {share} of the body's heat capacity"]
     assert rest == (told if share else [])

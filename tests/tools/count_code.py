@@ -11,8 +11,9 @@ Rules, the same for every package:
   comment line, nor a docstring line. Lines are all physical lines.
 - A *public name* is a function or class (constants are counted apart) at the top level
   of a module, without a leading underscore. It has an importer if `jaxthermo` exports
-  it, if another module of the three packages imports it by name, or if one imports its
-  module and reads it as an attribute. Names that only tests import are counted apart.
+  it, if `[project.scripts]` of pyproject.toml calls it, if another module of the three
+  packages imports it by name, or if one imports its module and reads it as an
+  attribute. Names that only tests import are counted apart.
 - A docstring *opens* with the first word of its text; the words in OPENINGS say nothing
   of what the thing is.
 - An *own import in a function* imports from the three packages inside a function.
@@ -25,6 +26,7 @@ import io
 import statistics
 import sys
 import tokenize
+import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -123,9 +125,11 @@ def imports(module: Module, names: set[str]) -> set[tuple[str, str]]:
 
 
 def exported(root: Path) -> set[tuple[str, str]]:
-    """Names that `jaxthermo` resolves, with the modules they come from."""
+    """Names that `jaxthermo` resolves, and entry points, with their modules."""
     tree = ast.parse((root / "jaxthermo" / "__init__.py").read_text(encoding="utf-8"))
-    pairs = set()
+    project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))
+    scripts = project["project"]["scripts"].values()
+    pairs = {tuple(script.split(":")) for script in scripts}
     for node in ast.walk(tree):
         if isinstance(node, ast.Dict):
             for key, value in zip(node.keys, node.values, strict=True):

@@ -65,21 +65,21 @@ class MeshConfig(Model, builds="load_mesh"):
     exactly_one: ClassVar = (("unit", "height"),)
 
 
-class Box(Model, builds="shapes.box"):
+class _Box(Model, builds="shapes.box"):
     """A block with edges along the axes."""
 
     kind: Literal["box"] = "box"
     size: Size
 
 
-class Sphere(Model, builds="shapes.sphere"):
+class _Sphere(Model, builds="shapes.sphere"):
     """A ball."""
 
     kind: Literal["sphere"] = "sphere"
     radius: PositiveLength
 
 
-class Cylinder(Model, builds="shapes.cylinder"):
+class _Cylinder(Model, builds="shapes.cylinder"):
     """An upright cylinder."""
 
     kind: Literal["cylinder"] = "cylinder"
@@ -87,7 +87,7 @@ class Cylinder(Model, builds="shapes.cylinder"):
     height: PositiveLength
 
 
-class Slab(Model, builds="shapes.slab"):
+class _Slab(Model, builds="shapes.slab"):
     """A plate, thin along x."""
 
     kind: Literal["slab"] = "slab"
@@ -96,17 +96,17 @@ class Slab(Model, builds="shapes.slab"):
     length: PositiveLength
 
 
-class Figurine(Model, builds="shapes.figurine"):
+class _Figurine(Model, builds="shapes.figurine"):
     """The demo body, with thick and thin parts, some in front of others."""
 
     kind: Literal["figurine"] = "figurine"
     height: PositiveLength
 
 
-ShapeConfig = Annotated[Box | Sphere | Cylinder | Slab | Figurine, ByKind()]
+ShapeConfig = Annotated[_Box | _Sphere | _Cylinder | _Slab | _Figurine, ByKind()]
 
 
-class PaintConfig(Model):
+class _PaintConfig(Model):
     """A box of the body [m] that is made of another material."""
 
     lower: Position
@@ -123,7 +123,7 @@ class PaintConfig(Model):
         return empty_box(self.lower, self.upper)
 
 
-class RotationConfig(Model):
+class _RotationConfig(Model):
     """A rotation about an axis through the origin, right-handed."""
 
     axis: Direction
@@ -138,18 +138,18 @@ class RotationConfig(Model):
         return tuple((float(a), float(b), float(c)) for a, b, c in matrix)
 
 
-class PoseConfig(Model, builds="Pose"):
+class _PoseConfig(Model, builds="Pose"):
     """Position of the body in the scene: rotated first, then translated."""
 
     translation: Position = (0.0, 0.0, 0.0)
-    rotation: RotationConfig | None = None
+    rotation: _RotationConfig | None = None
 
 
-class MotionConfig(Model, builds="Motion"):
+class _MotionConfig(Model, builds="Motion"):
     """Poses at times, between which the body moves."""
 
     times: Annotated[tuple[Time, ...], NotEmpty]
-    poses: tuple[PoseConfig, ...]
+    poses: tuple[_PoseConfig, ...]
     every: PositiveTime | None = None
     """Interval after which shadows, views and contacts are recomputed."""
 
@@ -165,14 +165,14 @@ class MotionConfig(Model, builds="Motion"):
 
 
 def _rests_or_moves(value: Any) -> str:
-    moves = isinstance(value, MotionConfig)
+    moves = isinstance(value, _MotionConfig)
     if isinstance(value, dict):
         moves = not {"times", "poses", "every"}.isdisjoint(value)
     return "<moves>" if moves else "<rests>"
 
 
 AnyPose = Annotated[
-    Annotated[PoseConfig, Tag("<rests>")] | Annotated[MotionConfig, Tag("<moves>")],
+    Annotated[_PoseConfig, Tag("<rests>")] | Annotated[_MotionConfig, Tag("<moves>")],
     Discriminator(_rests_or_moves),
 ]
 
@@ -193,11 +193,11 @@ class BodyConfig(Model, builds="Body"):
     surface_map: SurfaceMapConfig = FluxCorrectedMap()
     material: BodyMaterial
     """Name, properties, both, or a file of labels with a material for each."""
-    regions: tuple[PaintConfig, ...] = ()
+    regions: tuple[_PaintConfig, ...] = ()
     """Boxes of other materials, later ones on top."""
     temperature: Temperature
     """Temperature at the start [K]."""
-    pose: AnyPose = PoseConfig()
+    pose: AnyPose = _PoseConfig()
     """Position in the scene, or a table of positions by time."""
 
     exactly_one: ClassVar = (("mesh", "shape"), ("pitch", "voxels_high"))

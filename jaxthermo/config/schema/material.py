@@ -34,7 +34,7 @@ def _known_material(name: str) -> str:
     return name
 
 
-class MaterialConfig(Model, builds="Material"):
+class _MaterialConfig(Model, builds="Material"):
     """A material by name, by its properties, or by name with some of them changed."""
 
     name: (
@@ -86,7 +86,7 @@ class MaterialConfig(Model, builds="Material"):
         ]
 
 
-Material = Annotated[MaterialConfig, Short("name", words=_material_names())]
+Material = Annotated[_MaterialConfig, Short("name", words=_material_names())]
 
 
 class LabelledConfig(Model, builds="MaterialLabels"):

@@ -12,7 +12,7 @@ from ..types.model import Mistake, Model
 from ..types.quantities import Angle, Direction, Index, Position
 
 
-class SideConfig(Model, builds="Side"):
+class _SideConfig(Model, builds="Side"):
     """The surface that faces a direction."""
 
     normal: Direction
@@ -20,7 +20,7 @@ class SideConfig(Model, builds="Side"):
     body: Index = 0
 
 
-class RegionConfig(Model, builds="Region"):
+class _RegionConfig(Model, builds="Region"):
     """Everything within a box in the body's own frame [m]."""
 
     lower: Position
@@ -32,7 +32,7 @@ class RegionConfig(Model, builds="Region"):
         return empty_box(self.lower, self.upper)
 
 
-class FragmentsConfig(Model, builds="FragmentMask"):
+class _FragmentsConfig(Model, builds="FragmentMask"):
     """Surface fragments by a file with a truth value for each."""
 
     mask: FoundPath
@@ -46,7 +46,7 @@ class FragmentsConfig(Model, builds="FragmentMask"):
 class _Selection(Model):
     """One of several ways to select a part of a body."""
 
-    region: RegionConfig | None = None
+    region: _RegionConfig | None = None
     body: Index | None = None
 
     def build(self, *args: Any) -> Any:
@@ -59,8 +59,8 @@ class _Selection(Model):
 class WhereConfig(_Selection):
     """The part of the surface on which a term acts."""
 
-    side: SideConfig | None = None
-    fragments: FragmentsConfig | None = None
+    side: _SideConfig | None = None
+    fragments: _FragmentsConfig | None = None
 
     exactly_one: ClassVar = (("side", "region", "fragments", "body"),)
 

@@ -24,14 +24,14 @@ class AutoSolver(KindModel):
         """None, for which `simulate` chooses one."""
 
 
-class ForwardEuler(KindModel, builds="ForwardEuler"):
+class _ForwardEuler(KindModel, builds="ForwardEuler"):
     """Explicit, first order; without `dt`, at the largest stable step."""
 
     kind: Literal["forward_euler"] = "forward_euler"
     dt: Step = None
 
 
-class SuperTimeStepping(KindModel, builds="SuperTimeStepping"):
+class _SuperTimeStepping(KindModel, builds="SuperTimeStepping"):
     """Explicit, in many stages."""
 
     kind: Literal["super_time_stepping"] = "super_time_stepping"
@@ -39,7 +39,7 @@ class SuperTimeStepping(KindModel, builds="SuperTimeStepping"):
     stages: Stages = None
 
 
-class BackwardEuler(KindModel, builds="BackwardEuler"):
+class _BackwardEuler(KindModel, builds="BackwardEuler"):
     """Implicit, first order."""
 
     kind: Literal["backward_euler"] = "backward_euler"
@@ -47,7 +47,7 @@ class BackwardEuler(KindModel, builds="BackwardEuler"):
     tolerance: Tolerance = None
 
 
-class TRBDF2(KindModel, builds="TRBDF2"):
+class _TRBDF2(KindModel, builds="TRBDF2"):
     """Implicit, second order; without `dt`, in steps that follow the error [K]."""
 
     kind: Literal["trbdf2"] = "trbdf2"
@@ -56,7 +56,7 @@ class TRBDF2(KindModel, builds="TRBDF2"):
     tolerance: Tolerance = None
 
 
-class CrankNicolson(KindModel, builds="CrankNicolson"):
+class _CrankNicolson(KindModel, builds="CrankNicolson"):
     """Implicit, second order; oscillates after a jump."""
 
     kind: Literal["crank_nicolson"] = "crank_nicolson"
@@ -66,11 +66,11 @@ class CrankNicolson(KindModel, builds="CrankNicolson"):
 
 SolverConfig = Annotated[
     AutoSolver
-    | ForwardEuler
-    | SuperTimeStepping
-    | BackwardEuler
-    | TRBDF2
-    | CrankNicolson,
+    | _ForwardEuler
+    | _SuperTimeStepping
+    | _BackwardEuler
+    | _TRBDF2
+    | _CrankNicolson,
     ByKind(),
     Short("kind", "forward_euler"),
 ]

@@ -37,7 +37,7 @@ Levels = Annotated[Count | None, Auto]
 """Number of levels; None for as many as the body has."""
 
 
-class WeightsConfig(Model, builds="ConductionWeights"):
+class _WeightsConfig(Model, builds="ConductionWeights"):
     """Factors of conductances and capacities; a list has one number for each level."""
 
     within: Weights = 1.0
@@ -68,14 +68,14 @@ class WeightsConfig(Model, builds="ConductionWeights"):
         return [((name,), "is in the card: give one or the other") for name in given]
 
 
-CardOrWeights = Annotated[WeightsConfig, Short("card")]
+CardOrWeights = Annotated[_WeightsConfig, Short("card")]
 """Factors, or the path of a fit card."""
 
 
 class _Structure(KindModel):
     """A kind of structure; `build` takes the body's voxel grid."""
 
-    weights: CardOrWeights = WeightsConfig()
+    weights: CardOrWeights = _WeightsConfig()
 
     @property
     def options(self) -> dict[str, Any]:
@@ -110,14 +110,14 @@ class FullVolume(_Structure, builds="FullVolume"):
     kind: Literal["full_volume"] = "full_volume"
 
 
-class SingleShell(_Structure, builds="SingleShell"):
+class _SingleShell(_Structure, builds="SingleShell"):
     """The surface voxels only."""
 
     kind: Literal["single_shell"] = "single_shell"
     capacity: Literal["body", "own"] = "body"
 
 
-class MultiLevel(_Structure, builds="MultiLevel"):
+class _MultiLevel(_Structure, builds="MultiLevel"):
     """Shells inside shells."""
 
     kind: Literal["multi_level"] = "multi_level"
@@ -125,7 +125,7 @@ class MultiLevel(_Structure, builds="MultiLevel"):
     hollow: Literal["empty", "innermost"] = "empty"
 
 
-class IrregularMultiLevel(_Structure, builds="IrregularMultiLevel"):
+class _IrregularMultiLevel(_Structure, builds="IrregularMultiLevel"):
     """Shells whose voxels grow inwards."""
 
     kind: Literal["irregular_multi_level"] = "irregular_multi_level"
@@ -133,14 +133,14 @@ class IrregularMultiLevel(_Structure, builds="IrregularMultiLevel"):
     keep_capacity: Flag = False
 
 
-class Octree(_Structure, builds="Octree"):
+class _Octree(_Structure, builds="Octree"):
     """Cells that grow inwards and fill the body."""
 
     kind: Literal["octree"] = "octree"
     levels: Levels = None
 
 
-class Aggregate(_Structure, builds="Aggregate"):
+class _Aggregate(_Structure, builds="Aggregate"):
     """Blocks of factor^3 voxels."""
 
     kind: Literal["aggregate"] = "aggregate"
@@ -149,7 +149,7 @@ class Aggregate(_Structure, builds="Aggregate"):
     alignment: Annotated[float, Field(ge=0, le=1)] = 0.7
 
 
-class ShellOverCore(_Structure, builds="ShellOverCore"):
+class _ShellOverCore(_Structure, builds="ShellOverCore"):
     """Fine layers over blocks."""
 
     kind: Literal["shell_over_core"] = "shell_over_core"
@@ -170,12 +170,12 @@ class Partition(_Structure, builds="Partition"):
 
 StructureConfig = Annotated[
     FullVolume
-    | SingleShell
-    | MultiLevel
-    | IrregularMultiLevel
-    | Octree
-    | Aggregate
-    | ShellOverCore
+    | _SingleShell
+    | _MultiLevel
+    | _IrregularMultiLevel
+    | _Octree
+    | _Aggregate
+    | _ShellOverCore
     | Partition,
     ByKind(),
     Short("kind", "full_volume"),
@@ -184,13 +184,13 @@ StructureConfig = Annotated[
 Depth = Literal["surface", "voxel"]
 
 
-class ConstantMap(KindModel, builds="ConstantMap"):
+class _ConstantMap(KindModel, builds="ConstantMap"):
     """The node's temperature."""
 
     kind: Literal["constant"] = "constant"
 
 
-class LinearMap(KindModel, builds="LinearMap"):
+class _LinearMap(KindModel, builds="LinearMap"):
     """The node's temperature and its gradient."""
 
     kind: Literal["linear"] = "linear"
@@ -205,7 +205,7 @@ class FluxCorrectedMap(KindModel, builds="FluxCorrectedMap"):
 
 
 SurfaceMapConfig = Annotated[
-    ConstantMap | LinearMap | FluxCorrectedMap,
+    _ConstantMap | _LinearMap | FluxCorrectedMap,
     ByKind(),
     Short("kind", "flux_corrected"),
 ]

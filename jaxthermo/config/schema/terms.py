@@ -58,7 +58,7 @@ class _Switched(Model):
         return given
 
 
-class SunConfig(_Switched, builds="Sun"):
+class _SunConfig(_Switched, builds="Sun"):
     """Parallel rays that travel along `direction`."""
 
     kind: Literal["sun"] = "sun"
@@ -69,7 +69,7 @@ class SunConfig(_Switched, builds="Sun"):
     switched: ClassVar = ("irradiance",)
 
 
-class PointSourceConfig(_Switched, builds="PointSource"):
+class _PointSourceConfig(_Switched, builds="PointSource"):
     """A small source near by."""
 
     kind: Literal["point_source"] = "point_source"
@@ -81,7 +81,7 @@ class PointSourceConfig(_Switched, builds="PointSource"):
     switched: ClassVar = ("radiant_intensity",)
 
 
-class AreaSourceConfig(_Switched, builds="AreaSource"):
+class _AreaSourceConfig(_Switched, builds="AreaSource"):
     """A rectangle that radiates from its front, by its radiance or its temperature."""
 
     kind: Literal["area_source"] = "area_source"
@@ -106,7 +106,7 @@ class AreaSourceConfig(_Switched, builds="AreaSource"):
         return [(("emissivity",), "goes with `temperature`; a radiance stands alone")]
 
 
-class SurroundingsConfig(Model, builds="Surroundings"):
+class _SurroundingsConfig(Model, builds="Surroundings"):
     """Net thermal emission to surroundings, or to a sky and a ground."""
 
     kind: Literal["surroundings"] = "surroundings"
@@ -116,7 +116,7 @@ class SurroundingsConfig(Model, builds="Surroundings"):
     linear_within: Annotated[Number, Field(gt=0, lt=1)] | None = None
 
 
-class RadiativeExchangeConfig(Model, builds="RadiativeExchange"):
+class _RadiativeExchangeConfig(Model, builds="RadiativeExchange"):
     """Net thermal emission of bodies to each other and to the surroundings."""
 
     kind: Literal["radiative_exchange"] = "radiative_exchange"
@@ -125,7 +125,7 @@ class RadiativeExchangeConfig(Model, builds="RadiativeExchange"):
     directions: Directions = 128
 
 
-class ConvectionConfig(Model, builds="Convection"):
+class _ConvectionConfig(Model, builds="Convection"):
     """Convection with a given heat transfer coefficient."""
 
     kind: Literal["convection"] = "convection"
@@ -134,7 +134,7 @@ class ConvectionConfig(Model, builds="Convection"):
     on: WhereConfig | None = None
 
 
-class CylinderConfig(Model, builds="Cylinder"):
+class _CylinderConfig(Model, builds="Cylinder"):
     """A cylinder that stands for a part of a body, in the body's own frame."""
 
     axis_point: Position
@@ -144,7 +144,7 @@ class CylinderConfig(Model, builds="Cylinder"):
     body: Index = 0
 
 
-class WakeDeficitConfig(KindModel, builds="WakeDeficit"):
+class _WakeDeficitConfig(KindModel, builds="WakeDeficit"):
     """Slower wind behind other objects."""
 
     kind: Literal["deficit"] = "deficit"
@@ -153,7 +153,7 @@ class WakeDeficitConfig(KindModel, builds="WakeDeficit"):
     exponent: Annotated[Number, Field(ge=0.4, le=1.1)] = 0.497
 
 
-class WindConfig(Model, builds="Wind"):
+class _WindConfig(Model, builds="Wind"):
     """Wind of one direction; the bodies are approximated by cylinders."""
 
     kind: Literal["wind"] = "wind"
@@ -163,8 +163,8 @@ class WindConfig(Model, builds="Wind"):
     average: Literal["churchill_bernstein", "sanitjai_goldstein", "profile"] = (
         "churchill_bernstein"
     )
-    cylinders: tuple[CylinderConfig, ...] = ()
-    wake: Annotated[WakeDeficitConfig, Short("kind", "deficit")] | None = None
+    cylinders: tuple[_CylinderConfig, ...] = ()
+    wake: Annotated[_WakeDeficitConfig, Short("kind", "deficit")] | None = None
 
     def mistakes(self) -> list[Mistake]:
         """A speed without a direction."""
@@ -173,16 +173,16 @@ class WindConfig(Model, builds="Wind"):
         return [(("velocity",), "must not be [0, 0, 0]: it has to point somewhere")]
 
 
-class FreeConvectionConfig(Model, builds="FreeConvection"):
+class _FreeConvectionConfig(Model, builds="FreeConvection"):
     """Natural convection in still air."""
 
     kind: Literal["free_convection"] = "free_convection"
     temperature: Varying[Temperature]
     length: PositiveLength | None = None
-    cylinders: tuple[CylinderConfig, ...] = ()
+    cylinders: tuple[_CylinderConfig, ...] = ()
 
 
-class HeatFluxConfig(_Switched, builds="HeatFlux"):
+class _HeatFluxConfig(_Switched, builds="HeatFlux"):
     """A given heat flux into the surface."""
 
     kind: Literal["heat_flux"] = "heat_flux"
@@ -193,7 +193,7 @@ class HeatFluxConfig(_Switched, builds="HeatFlux"):
     switched: ClassVar = ("heat_flux",)
 
 
-class FixedTemperatureConfig(Model, builds="FixedTemperature"):
+class _FixedTemperatureConfig(Model, builds="FixedTemperature"):
     """A surface of prescribed temperature."""
 
     kind: Literal["fixed_temperature"] = "fixed_temperature"
@@ -201,7 +201,7 @@ class FixedTemperatureConfig(Model, builds="FixedTemperature"):
     on: WhereConfig | None = None
 
 
-class HeatSourceConfig(_Switched, builds="HeatSource"):
+class _HeatSourceConfig(_Switched, builds="HeatSource"):
     """Heat released inside."""
 
     kind: Literal["heat_source"] = "heat_source"
@@ -212,7 +212,7 @@ class HeatSourceConfig(_Switched, builds="HeatSource"):
     switched: ClassVar = ("heat_rate_density",)
 
 
-class ContactConfig(Model, builds="Contact"):
+class _ContactConfig(Model, builds="Contact"):
     """Heat conduction between touching surfaces, of all bodies or of two."""
 
     kind: Literal["contact"] = "contact"
@@ -236,17 +236,17 @@ class ContactConfig(Model, builds="Contact"):
 
 
 TermConfig = Annotated[
-    SunConfig
-    | PointSourceConfig
-    | AreaSourceConfig
-    | SurroundingsConfig
-    | RadiativeExchangeConfig
-    | ConvectionConfig
-    | WindConfig
-    | FreeConvectionConfig
-    | HeatFluxConfig
-    | FixedTemperatureConfig
-    | HeatSourceConfig
-    | ContactConfig,
+    _SunConfig
+    | _PointSourceConfig
+    | _AreaSourceConfig
+    | _SurroundingsConfig
+    | _RadiativeExchangeConfig
+    | _ConvectionConfig
+    | _WindConfig
+    | _FreeConvectionConfig
+    | _HeatFluxConfig
+    | _FixedTemperatureConfig
+    | _HeatSourceConfig
+    | _ContactConfig,
     ByKind(),
 ]

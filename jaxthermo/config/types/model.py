@@ -33,10 +33,15 @@ class Model(BaseModel):
     """A mapping in a config file.
 
     The class keyword `builds` names what `jaxthermo` exports and the values are
-    arguments of, such as `class SunConfig(Model, builds="Sun")`.
+    arguments of, such as `class _SunConfig(Model, builds="Sun")`.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    # JSON Schemas name a member of a union as if it were not private.
+    model_config = ConfigDict(
+        extra="forbid",
+        frozen=True,
+        model_title_generator=lambda model: model.__name__.lstrip("_"),
+    )
 
     builds: ClassVar[str] = ""
     exactly_one: ClassVar[tuple[tuple[str, ...], ...]] = ()
@@ -167,7 +172,7 @@ def _groups(cls: type[Model], data: dict[str, Any]) -> list[Mistake]:
 
 def _error(cls: type[Model], found: list[Mistake]) -> ValidationError:
     return ValidationError.from_exception_data(
-        cls.__name__,
+        cls.__name__.lstrip("_"),
         [
             InitErrorDetails(
                 type=PydanticCustomError(MISTAKE, "{message}", {"message": message}),
@@ -199,7 +204,7 @@ def _tag(value: Any) -> str | None:
     kind = (
         value.get("kind") if isinstance(value, dict) else getattr(value, "kind", None)
     )
-    # In brackets, so that `messages.untagged` can take it out of a location.
+    # In brackets, so that `messages._untagged` can take it out of a location.
     return None if kind is None else f"<{kind}>"
 
 

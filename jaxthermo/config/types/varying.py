@@ -28,10 +28,10 @@ def _table_name(table: type[Model], value: Any) -> str:
     """Name of a table in JSON Schemas: pydantic's own spells out all of the type."""
     nouns = [part.noun for part in parts(value) if isinstance(part, Unit)]
     words = nouns[0].partition(" (")[0].split()[1:] if nouns else []
-    return f"{table.__name__}Of{''.join(map(str.capitalize, words))}"
+    return f"{table.__name__.lstrip('_')}Of{''.join(map(str.capitalize, words))}"
 
 
-class Table(Model, Generic[Value], builds="Table"):
+class _Table(Model, Generic[Value], builds="Table"):
     """A piecewise linear function of time [s]."""
 
     times: Annotated[tuple[Time, ...], NotEmpty]
@@ -53,11 +53,11 @@ class Table(Model, Generic[Value], builds="Table"):
         return [*found, *unequal(self.values, "values", self.times, "times")]
 
 
-class PositionTable(Table[Position], builds="PointTable"):
+class _PositionTable(_Table[Position], builds="PointTable"):
     """A position that moves in time."""
 
 
-class DirectionTable(Table[Direction], builds="DirectionTable"):
+class _DirectionTable(_Table[Direction], builds="DirectionTable"):
     """A direction that turns in time."""
 
     def mistakes(self) -> list[Mistake]:
@@ -122,7 +122,7 @@ _TABLE = Tag("<table>")
 _EITHER = Discriminator(_form)
 
 if TYPE_CHECKING:
-    Varying = Value | Table[Value]
+    Varying = Value | _Table[Value]
 else:
 
     class Varying:
@@ -130,20 +130,20 @@ else:
 
         def __class_getitem__(cls, value: Any) -> Any:
             """The union; typing cannot substitute into the generic model by itself."""
-            table = Annotated[Table[value], _TABLE]
+            table = Annotated[_Table[value], _TABLE]
             return Annotated[Annotated[value, _FIXED] | table, _EITHER]
 
 
 TimePosition = Annotated[
-    Annotated[Position, _FIXED] | Annotated[PositionTable, _TABLE], _EITHER
+    Annotated[Position, _FIXED] | Annotated[_PositionTable, _TABLE], _EITHER
 ]
 TimeDirection = Annotated[
-    Annotated[Direction, _FIXED] | Annotated[DirectionTable, _TABLE], _EITHER
+    Annotated[Direction, _FIXED] | Annotated[_DirectionTable, _TABLE], _EITHER
 ]
 TimeConductance = Annotated[
     Annotated[ContactConductance, _FIXED]
     | Annotated[Literal["bonded"], Tag("<bonded>")]
-    | Annotated[Table[ContactConductance], _TABLE],
+    | Annotated[_Table[ContactConductance], _TABLE],
     Discriminator(_or_bonded),
 ]
 AnyConductivity = Annotated[

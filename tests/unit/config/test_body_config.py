@@ -7,7 +7,7 @@ import pytest
 
 import jaxthermo as jt
 from jaxthermo.config.loader import config_hash, load_config, to_yaml
-from jaxthermo.config.schema.body import MotionConfig
+from jaxthermo.config.schema.body import _MotionConfig
 from jaxthermo.errors import InputError
 from jaxthermo.material.material import Material, Property
 from jaxthermo.scene.motion import Motion
@@ -101,9 +101,9 @@ def test_a_pose_at_each_time(scene):
 def test_a_motion_can_be_taken_anew_more_often(scene):
     pose = "pose: {times: [0, 9], poses: [{}, {translation: [1, 0, 0]}]}"
     seldom = scene("copper", pose).bodies[0].pose
-    assert isinstance(seldom, MotionConfig) and seldom.every is None
+    assert isinstance(seldom, _MotionConfig) and seldom.every is None
     often = scene("copper", pose, "bodies.0.pose.every=100 ms").bodies[0].pose
-    assert isinstance(often, MotionConfig) and often.every == 0.1
+    assert isinstance(often, _MotionConfig) and often.every == 0.1
 
 
 PAINT = "regions: [{lower: [0, 0, 0], upper: [1, 1, 1], material: gold}]"

@@ -8,9 +8,9 @@ import pytest
 
 from jaxthermo.config.camera_framing import build_camera
 from jaxthermo.config.loader import load_config
-from jaxthermo.config.schema.body import BodyConfig, PoseConfig
+from jaxthermo.config.schema.body import BodyConfig, _PoseConfig
 from jaxthermo.config.schema.image import OrthographicConfig, PinholeConfig
-from jaxthermo.config.schema.material import MaterialConfig
+from jaxthermo.config.schema.material import _MaterialConfig
 from jaxthermo.geometry import shapes
 from jaxthermo.image.camera import Camera, OrthographicCamera
 from jaxthermo.integrate.solvers import ForwardEuler
@@ -90,7 +90,7 @@ def test_shapes_have_their_volume(shape, volume):
 
 
 def test_a_rotation_turns_anticlockwise_about_its_axis():
-    pose = PoseConfig.model_validate(
+    pose = _PoseConfig.model_validate(
         {"translation": [1, 0, 0], "rotation": {"axis": [0, 0, 2], "angle": "90 deg"}}
     )
     placed = pose.build().at(0.0).to_world(np.array([[1.0, 0.0, 0.0]]))
@@ -98,7 +98,7 @@ def test_a_rotation_turns_anticlockwise_about_its_axis():
 
 
 def test_a_material_without_a_name():
-    config = MaterialConfig.model_validate(
+    config = _MaterialConfig.model_validate(
         {"conductivity": 16, "density": 8000, "specific_heat": 500, "emissivity": 0.5}
     )
     built = config.build()

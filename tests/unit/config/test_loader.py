@@ -6,13 +6,13 @@ from pathlib import Path
 import pytest
 
 from jaxthermo.config.loader import config_hash, load_config, resolved, to_yaml
-from jaxthermo.config.schema.body import Box, PoseConfig
+from jaxthermo.config.schema.body import _Box, _PoseConfig
 from jaxthermo.config.schema.image import OrthographicConfig
-from jaxthermo.config.schema.material import MaterialConfig
+from jaxthermo.config.schema.material import _MaterialConfig
 from jaxthermo.config.schema.scene import SceneConfig, TimeConfig
-from jaxthermo.config.schema.solver import ForwardEuler
-from jaxthermo.config.schema.terms import ConvectionConfig, SunConfig
-from jaxthermo.config.types.varying import Table
+from jaxthermo.config.schema.solver import _ForwardEuler
+from jaxthermo.config.schema.terms import _ConvectionConfig, _SunConfig
+from jaxthermo.config.types.varying import _Table
 
 
 SCENES = Path(__file__).resolve().parents[3] / "configs" / "scenes"
@@ -56,13 +56,13 @@ def test_values_are_si(full):
     (body,) = config.bodies
     sun, convection = config.terms[:2]
     assert config.name == "full"
-    assert isinstance(body.shape, Box) and body.shape.size == (0.1, 0.1, 0.1)
-    assert body.material == MaterialConfig(name="copper", emissivity=0.3)
-    assert isinstance(body.pose, PoseConfig) and body.pose.rotation is not None
+    assert isinstance(body.shape, _Box) and body.shape.size == (0.1, 0.1, 0.1)
+    assert body.material == _MaterialConfig(name="copper", emissivity=0.3)
+    assert isinstance(body.pose, _PoseConfig) and body.pose.rotation is not None
     assert body.pose.rotation.angle == pytest.approx(math.pi / 6)
-    assert isinstance(sun, SunConfig) and sun.irradiance == 1000.0
-    assert isinstance(convection, ConvectionConfig)
-    assert isinstance(convection.temperature, Table)
+    assert isinstance(sun, _SunConfig) and sun.irradiance == 1000.0
+    assert isinstance(convection, _ConvectionConfig)
+    assert isinstance(convection.temperature, _Table)
     assert convection.temperature.times == (0.0, 60.0)
     assert convection.temperature.values == pytest.approx((293.15, 303.15))
     assert isinstance(config.camera, OrthographicConfig)
@@ -104,7 +104,7 @@ def test_overrides(full):
     assert config.terms[2] == config.terms[2].model_copy(update={"temperature": 303.15})
     assert config.time.save_times == (1.0, 2.0)
     assert config.camera.width == 320 and config.camera.kind == "pinhole"
-    assert config.solver == ForwardEuler(dt=1e-3)
+    assert config.solver == _ForwardEuler(dt=1e-3)
     assert config.name == "a=b"
 
 
@@ -112,7 +112,7 @@ def test_a_part_is_set_of_what_is_written_short(full):
     text = FULL.replace("{name: copper, emissivity: 30 %}", "copper")
     full.write_text(text)
     (body,) = load_config(full, ("bodies.0.material.emissivity=0.4",)).bodies
-    assert body.material == MaterialConfig(name="copper", emissivity=0.4)
+    assert body.material == _MaterialConfig(name="copper", emissivity=0.4)
 
 
 def test_the_hash_follows_the_scene_and_the_mesh_but_not_the_folder(full, tmp_path):

@@ -8,12 +8,12 @@ import pytest
 import jaxthermo as jt
 from jaxthermo.config.loader import config_hash, load_config, resolved, to_yaml
 from jaxthermo.config.schema.structure import (
-    ConstantMap,
     FluxCorrectedMap,
     FullVolume,
-    LinearMap,
-    Octree,
-    WeightsConfig,
+    _ConstantMap,
+    _LinearMap,
+    _Octree,
+    _WeightsConfig,
 )
 from jaxthermo.config.types.files import read_labels
 from jaxthermo.errors import InputError
@@ -87,7 +87,7 @@ def test_a_kind_may_be_written_short(body, kind):
     "override", ["bodies.0.structure.kind=octree", "bodies.0.structure=octree"]
 )
 def test_a_kind_may_be_set(body, more, override):
-    assert body(more, override).structure == Octree()
+    assert body(more, override).structure == _Octree()
 
 
 @pytest.mark.parametrize(
@@ -95,22 +95,22 @@ def test_a_kind_may_be_set(body, more, override):
 )
 def test_a_weight_may_be_set(body, more):
     found = body(more, "bodies.0.structure.weights.between=0.9").structure
-    assert found == Octree(weights=WeightsConfig(between=0.9))
+    assert found == _Octree(weights=_WeightsConfig(between=0.9))
     within = body(more, "bodies.0.structure.weights.within=[1, 90 %]").structure
     assert within.weights.within == (1.0, 0.9)
 
 
 def test_a_weight_of_no_structure_is_of_the_full_volume(body):
     found = body("", "bodies.0.structure.weights.within=0.9").structure
-    assert found == FullVolume(weights=WeightsConfig(within=0.9))
+    assert found == FullVolume(weights=_WeightsConfig(within=0.9))
 
 
 @pytest.mark.parametrize(
     ("more", "expected"),
     [
-        ("surface_map: constant", ConstantMap()),
-        ("surface_map: linear", LinearMap()),
-        ("surface_map: {kind: linear, at: voxel}", LinearMap(at="voxel")),
+        ("surface_map: constant", _ConstantMap()),
+        ("surface_map: linear", _LinearMap()),
+        ("surface_map: {kind: linear, at: voxel}", _LinearMap(at="voxel")),
         ("surface_map: {at: voxel}", FluxCorrectedMap(at="voxel")),
     ],
 )

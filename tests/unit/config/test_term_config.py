@@ -10,11 +10,11 @@ import jaxthermo as jt
 from jaxthermo.config.loader import config_hash, load_config, to_yaml
 from jaxthermo.config.schema.selection import WhereConfig
 from jaxthermo.config.schema.terms import (
-    AreaSourceConfig,
-    HeatFluxConfig,
     TermConfig,
-    WakeDeficitConfig,
-    WindConfig,
+    _AreaSourceConfig,
+    _HeatFluxConfig,
+    _WakeDeficitConfig,
+    _WindConfig,
 )
 from jaxthermo.physics.convection.nusselt import AVERAGES
 from jaxthermo.physics.term import AbstractTerm
@@ -180,19 +180,19 @@ def test_terms_can_be_set(scene):
         "terms.2.radiance=7",
     )
     blown, heated, lit = config.terms
-    assert isinstance(blown, WindConfig)
-    assert blown.wake == WakeDeficitConfig(amplitude=0.9)
+    assert isinstance(blown, _WindConfig)
+    assert blown.wake == _WakeDeficitConfig(amplitude=0.9)
     assert blown.speed == pytest.approx(5 / 3.6)
-    assert heated == HeatFluxConfig(heat_flux=1, on=WhereConfig(body=1))
-    assert isinstance(lit, AreaSourceConfig)
+    assert heated == _HeatFluxConfig(heat_flux=1, on=WhereConfig(body=1))
+    assert isinstance(lit, _AreaSourceConfig)
     assert (lit.radiance, lit.temperature) == (7.0, None)
 
 
 def test_defaults_and_choices_are_those_of_the_library():
-    assert WakeDeficitConfig() == WakeDeficitConfig(
+    assert _WakeDeficitConfig() == _WakeDeficitConfig(
         **{f: getattr(jt.WakeDeficit(), f) for f in ("amplitude", "length", "exponent")}
     )
-    choices = WindConfig.model_json_schema()["properties"]["average"]["enum"]
+    choices = _WindConfig.model_json_schema()["properties"]["average"]["enum"]
     assert choices == [average.name for average in AVERAGES]
 
 

@@ -13,7 +13,7 @@ from jaxthermo.image.palette import apply_palette, palette_names, palette_table
 
 
 def test_baked_tables_regenerate():
-    built = palette_design.build_palettes()
+    built = palette_design._build_palettes()
     assert tuple(built) == palette_names()
     for name, table in built.items():
         difference = table.astype(int) - palette_table(name).astype(int)
@@ -21,21 +21,21 @@ def test_baked_tables_regenerate():
 
 
 def test_bake_writes_what_is_read(tmp_path):
-    palette_design.bake(tmp_path / "palettes.json")
-    assert (tmp_path / "palettes.json").read_text() == palette_design.BAKED.read_text()
+    palette_design._bake(tmp_path / "palettes.json")
+    assert (tmp_path / "palettes.json").read_text() == palette_design._BAKED.read_text()
 
 
 def test_ember_takes_equal_steps_and_brightens():
-    ucs = palette_design.ember_ucs()
+    ucs = palette_design._ember_ucs()
     step = np.linalg.norm(np.diff(ucs, axis=0), axis=1)
     assert step.std() / step.mean() < 1e-3
     assert (np.diff(ucs[:, 0]) > 0.3 * step).all()
-    rgb = palette_design.ucs_to_rgb(ucs)
+    rgb = palette_design._ucs_to_rgb(ucs)
     assert rgb.min() > 0.0 and rgb.max() < 1.0
 
 
 def test_baked_ember_is_uniform_but_for_eight_bits():
-    ucs = palette_design.rgb_to_ucs(palette_table("ember") / 255.0)
+    ucs = palette_design._rgb_to_ucs(palette_table("ember") / 255.0)
     assert (np.diff(ucs[:, 0]) > 0.0).all()
     step = np.linalg.norm(ucs[8:] - ucs[:-8], axis=1)
     assert step.std() / step.mean() < 0.04
@@ -43,7 +43,7 @@ def test_baked_ember_is_uniform_but_for_eight_bits():
 
 @pytest.mark.parametrize("name", ["iron", "white-hot"])
 def test_lightness_rises(name):
-    lightness = palette_design.rgb_to_ucs(palette_table(name) / 255.0)[:, 0]
+    lightness = palette_design._rgb_to_ucs(palette_table(name) / 255.0)[:, 0]
     assert (np.diff(lightness) > 0.0).all()
 
 
@@ -150,9 +150,9 @@ def test_ember_is_more_uniform_than_iron(report):
 
 def test_colour_difference_of_frames():
     frame = np.random.default_rng(0).integers(0, 256, (4, 5, 3)).astype(np.uint8)
-    assert (palette_design.colour_difference(frame, frame) == 0.0).all()
+    assert (palette_design._colour_difference(frame, frame) == 0.0).all()
     black, white = np.zeros((1, 1, 3), np.uint8), np.full((1, 1, 3), 255, np.uint8)
-    difference = palette_design.colour_difference(black, white)
+    difference = palette_design._colour_difference(black, white)
     assert difference.shape == (1, 1)
     np.testing.assert_allclose(difference, 100.0, atol=0.01)
 
@@ -160,7 +160,7 @@ def test_colour_difference_of_frames():
 def test_colour_difference_of_middle_greys_is_that_of_lightness():
     """CIEDE2000 weighs lightness by S_L = 1 at L* = 50."""
     levels = np.array([[119, 119, 119], [120, 120, 120]], np.uint8)
-    difference = palette_design.colour_difference(levels[:1], levels[1:])
+    difference = palette_design._colour_difference(levels[:1], levels[1:])
     lightness = 116 * np.cbrt(_linear(levels[:, 0] / 255)) - 16
     np.testing.assert_allclose(difference[0], np.diff(lightness)[0], rtol=5e-3)
 

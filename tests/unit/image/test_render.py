@@ -10,8 +10,13 @@ import pytest
 import jaxthermo as jt
 from jaxthermo.geometry.mesh import winding_number
 from jaxthermo.image.files import read_exr
-from jaxthermo.image.render import apparent_temperature, coarsen, draw, leaving_radiance
-from jaxthermo.image.view import block_weights, compute_view, smooth_weights
+from jaxthermo.image.render import (
+    _apparent_temperature,
+    _leaving_radiance,
+    coarsen,
+    draw,
+)
+from jaxthermo.image.view import _block_weights, _smooth_weights, compute_view
 from jaxthermo.scene.compile.compile import body_geometry
 from jaxthermo.scene.scene import SolvedSurface
 
@@ -40,15 +45,15 @@ def still():
 def test_apparent_temperature_of_a_grey_surface():
     """A17 of the field survey: eps 0.91 at 300 K before 250 K looks like 296.4424 K."""
     one = lambda value: jnp.asarray(value)
-    radiance = leaving_radiance(one(300.0), one(0.91), one(250.0), one(0.0))
-    assert float(apparent_temperature(radiance)) == pytest.approx(296.4424, abs=1e-4)
+    radiance = _leaving_radiance(one(300.0), one(0.91), one(250.0), one(0.0))
+    assert float(_apparent_temperature(radiance)) == pytest.approx(296.4424, abs=1e-4)
 
 
 def test_a_black_surface_looks_as_warm_as_it_is():
     temperature = jnp.linspace(200.0, 900.0, 7)
     zero = jnp.zeros(7)
-    radiance = leaving_radiance(temperature, zero + 1, jnp.asarray(250.0), zero)
-    np.testing.assert_allclose(apparent_temperature(radiance), temperature, rtol=1e-12)
+    radiance = _leaving_radiance(temperature, zero + 1, jnp.asarray(250.0), zero)
+    np.testing.assert_allclose(_apparent_temperature(radiance), temperature, rtol=1e-12)
 
 
 def test_channels_of_a_frame(still):
@@ -122,7 +127,7 @@ def plate():
 
 def test_smoothing_keeps_constants_and_linear_fields(plate):
     points, normals = _plate_points()
-    weights = smooth_weights(points, normals, plate)
+    weights = _smooth_weights(points, normals, plate)
     sums = np.bincount(weights.pixel, weights=weights.weight)
     np.testing.assert_allclose(sums, 1.0)
     field = 300 + 50 * plate.fragment_position[:, 0]
@@ -135,14 +140,14 @@ def test_smoothing_keeps_constants_and_linear_fields(plate):
 def test_smoothing_does_not_leak_through_a_sheet(plate):
     points, normals = _plate_points()
     field = np.where(plate.fragment_normal[:, 2] > 0.5, 310.0, 290.0)
-    weights = smooth_weights(points, normals, plate)
+    weights = _smooth_weights(points, normals, plate)
     read = np.bincount(weights.pixel, weights=weights.weight * field[weights.fragment])
     np.testing.assert_allclose(read, 310.0)
 
 
 def test_blocks_show_the_nearest_fragment(plate):
     points, _ = _plate_points()
-    weights = block_weights(points, plate)
+    weights = _block_weights(points, plate)
     away = np.linalg.norm(points[:, None] - plate.fragment_position[None], axis=2)
     np.testing.assert_allclose(
         away[np.arange(len(points)), weights.fragment], away.min(axis=1)
@@ -151,7 +156,7 @@ def test_blocks_show_the_nearest_fragment(plate):
 
 def test_parts_without_fragments_show_their_neighbours(plate):
     far = np.array([[0.0, 0.0, 0.02]])
-    weights = smooth_weights(far, np.array([[0.0, 0.0, -1.0]]), plate)
+    weights = _smooth_weights(far, np.array([[0.0, 0.0, -1.0]]), plate)
     assert weights.weight.tolist() == [1.0]
 
 

@@ -7,7 +7,7 @@ import pytest
 from rich.console import Console
 
 from jaxthermo.report import page
-from jaxthermo.report.chart import LogAxis, with_tooltips
+from jaxthermo.report.chart import LogAxis, _with_tooltips
 from jaxthermo.report.difference_scale import (
     DifferenceScale,
     difference_bar,
@@ -72,7 +72,7 @@ def test_a_short_axis_has_ticks_all_the_same(ends):
 
 def test_descriptions_become_tooltips():
     svg = '<g><path aria-label="a &lt; 1 %, &quot;b&quot;" d="M0,0"/><path d="M1"/></g>'
-    with_titles = with_tooltips(svg)
+    with_titles = _with_tooltips(svg)
     assert "<title>a &lt; 1 %, &quot;b&quot;</title></path>" in with_titles
     assert with_titles.count("<title>") == 1
 
