@@ -5,7 +5,6 @@ of links, k, h, the emissivity and the sun, of the standard scene on a structure
 takes weights, by explicit steps from checkpoints within a stated memory.
 """
 
-import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -14,19 +13,20 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from rich.console import Console
 
 import jaxthermo as jt
-from jaxthermo.report.table import Table
+from jaxthermo.arrays import readable_bytes
 
 from ..harness.meshes import END, HEIGHT, START, thesis_meshes
-from ..harness.timing import interleaved, ratio_of, ratio_text, timing_of
+from ..harness.present import named, show, table_of
+from ..harness.timing import interleaved, ratio_of, ratio_text, timed_call, timing_of
 
 
-MEMORY = 2**30
-"""For kept states [bytes]."""
+# For kept states [bytes]: small enough that the full volume recomputes some of them.
+_MEMORY = 2**30
 
-STRUCTURES: dict[str, Callable[..., Any]] = {
+# A structure of each kind that takes weights.
+_STRUCTURES: dict[str, Callable[..., Any]] = {
     "aggregate x4": lambda grid, weights: jt.Aggregate(grid, 4, weights=weights),
     "shell over core": lambda grid, weights: jt.ShellOverCore(
         grid, 1, 4, weights=weights
@@ -34,57 +34,41 @@ STRUCTURES: dict[str, Callable[..., Any]] = {
     "full volume": lambda grid, weights: jt.FullVolume(grid, weights=weights),
 }
 
-VALUES = jnp.array([1.0, 1.0, 1.0, 16.0, 10.0, 0.9, 5000.0], jnp.float32)
-"""Weights within, between and at the surface, k, h, emissivity, sun."""
+# Weights within, between and at the surface, k, h, emissivity, sun.
+_VALUES = (1.0, 1.0, 1.0, 16.0, 10.0, 0.9, 5000.0)
 
 
-def _loss(make, grid, dt: float) -> Callable[[jax.Array], jax.Array]:
-    def loss(values):
-        within, between, surface, k, h, emissivity, sun = values
-        weights = jt.ConductionWeights(within, between, surface)
-        material = jt.Material(
-            k,
-            density=8000.0,
-            specific_heat=500.0,
-            emissivity=emissivity,
-            absorptivity=1.0,
-        )
-        body = jt.Body(make(grid, weights), material, temperature=START)
-        terms = (
-            jt.Sun((-1.0, 0.0, 0.0), jt.Until(sun, END / 2)),
-            jt.Convection(h, START),
-            jt.Surroundings(START),
-        )
-        found = jt.simulate(
-            jt.Scene((body,), terms),
-            END,
-            solver=jt.ForwardEuler(dt=dt),
-            reverse_memory=MEMORY,
-        )
-        return found.surface_temperature[-1].mean()
-
-    return loss
-
-
-def _stable(make, grid) -> float:
-    body = jt.Body(
-        make(grid, jt.ConductionWeights()),
-        jt.Material(16.0, density=8000.0, specific_heat=500.0, emissivity=0.9),
-        temperature=START,
+def _scene(make, grid, values) -> jt.Scene:
+    within, between, surface, k, h, emissivity, sun = values
+    material = jt.Material(
+        k, density=8000.0, specific_heat=500.0, emissivity=emissivity, absorptivity=1.0
     )
-    terms = (jt.Convection(10.0, START), jt.Surroundings(START))
-    return float(jt.compile_scene(jt.Scene((body,), terms), 1, END).stable_step)
+    structure = make(grid, jt.ConductionWeights(within, between, surface))
+    terms = (
+        jt.Sun((-1.0, 0.0, 0.0), jt.Until(sun, END / 2)),
+        jt.Convection(h, START),
+        jt.Surroundings(START),
+    )
+    return jt.Scene((jt.Body(structure, material, temperature=START),), terms)
 
 
 def _measure(make, grid, repeats: int) -> dict[str, Any]:
-    dt = 0.9 * _stable(make, grid)
-    loss = _loss(make, grid, dt)
+    stable = jt.compile_scene(_scene(make, grid, _VALUES), 1, END).stable_step
+    # Fixed while tracing: a step that followed the values would need its own gradient.
+    dt = 0.9 * float(stable)
+    values = jnp.array(_VALUES, jnp.float32)
+
+    def loss(values):
+        scene, solver = _scene(make, grid, values), jt.ForwardEuler(dt=dt)
+        found = jt.simulate(scene, END, solver=solver, reverse_memory=_MEMORY)
+        return found.surface_temperature[-1].mean()
+
     calls, compiled = {}, {}
     for name, function in (("forward", loss), ("reverse", jax.grad(loss))):
-        clock = time.perf_counter()
-        calls[name] = jax.jit(function).lower(VALUES).compile()
-        compiled[name] = time.perf_counter() - clock
-    spans = interleaved({n: partial(c, VALUES) for n, c in calls.items()}, repeats)
+        compiling = partial(lambda f: jax.jit(f).lower(values).compile(), function)
+        calls[name], compiled[name] = timed_call(compiling)
+    spans = interleaved({n: partial(c, values) for n, c in calls.items()}, repeats)
+    # Not every backend reports the memory of what it compiled.
     held = calls["reverse"].memory_analysis()
     return {
         "steps": int(np.ceil(END / dt)),
@@ -92,30 +76,25 @@ def _measure(make, grid, repeats: int) -> dict[str, Any]:
         "times_s": spans,
         "ratio": ratio_of(spans["reverse"], spans["forward"]),
         "temporary_bytes": None if held is None else int(held.temp_size_in_bytes),
-        "gradient": np.asarray(calls["reverse"](VALUES), float).tolist(),
+        "gradient": np.asarray(calls["reverse"](values), float).tolist(),
     }
 
 
 def run(folder: Path, height: int = 128, repeats: int = 3) -> dict[str, Any]:
     """Times of both, their ratio, memory and the gradient, for each structure."""
-    del folder
     name, mesh = next(iter(thesis_meshes().items()))
     grid = jt.voxelize(mesh, HEIGHT / height)
-    rows = {kind: _measure(make, grid, repeats) for kind, make in STRUCTURES.items()}
-    columns = ("", "steps", "forward", "reverse", "ratio", "memory", "compiled")
-    lines = [
-        [
-            kind,
-            str(row["steps"]),
-            timing_of(row["times_s"]["forward"]).text(),
-            timing_of(row["times_s"]["reverse"]).text(),
-            ratio_text(row["ratio"]),
-            f"{row['temporary_bytes'] / 2**30:.2f} GiB",
-            f"{row['compile_s']['reverse']:.1f} s",
-        ]
-        for kind, row in rows.items()
+    rows = {kind: _measure(make, grid, repeats) for kind, make in _STRUCTURES.items()}
+    memory = lambda row: readable_bytes(row["temporary_bytes"] or 0)
+    columns = [
+        ("", "{name}"),
+        ("steps", "{steps}"),
+        ("forward", lambda row: timing_of(row["times_s"]["forward"]).text()),
+        ("reverse", lambda row: timing_of(row["times_s"]["reverse"]).text()),
+        ("ratio", lambda row: ratio_text(row["ratio"])),
+        ("memory", memory),
+        ("compiled", "{compile_s[reverse]:.1f} s"),
     ]
     title = f"Reverse mode over {END:g} s of {name}, {height} high"
-    table = Table(columns, lines, title)
-    Console().print(table.rich())
-    return {"mesh": name, "height": height, "budget_bytes": MEMORY, "runs": rows}
+    show(table_of(named(rows), columns, title))
+    return {"mesh": name, "height": height, "budget_bytes": _MEMORY, "runs": rows}

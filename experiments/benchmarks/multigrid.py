@@ -7,7 +7,6 @@ scipy's on a sparse matrix, with the diagonal and with pyamg's smoothed aggregat
 whose set-up is reported separately. They run interleaved.
 """
 
-import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -20,9 +19,10 @@ import lineax as lx
 import numpy as np
 import pyamg
 import scipy.sparse as sparse
-from rich.console import Console
+from typing_extensions import override
 
 import jaxthermo as jt
+from jaxthermo.cli.console import open_console
 from jaxthermo.geometry.figurine import figurine
 from jaxthermo.integrate.implicit.conjugate_gradient import (
     AbstractStoppingNorm,
@@ -32,31 +32,27 @@ from jaxthermo.integrate.implicit.context import MULTIGRID_STEP_RATIO
 from jaxthermo.network.multigrid import Hierarchy, hierarchy, jacobi
 from jaxthermo.network.network import AbstractNetwork
 from jaxthermo.physics.conduction import assemble_uniform
-from jaxthermo.report.table import Table
 from jaxthermo.timing import Timing
 
-from ..harness.timing import timing_of
+from ..harness.present import named, show, table_of
+from ..harness.timing import timed_call, timing_of
 
 
-HEIGHT = 0.5
-"""Height of the figurine [m]."""
+# Height of the figurine [m]; stainless steel [W/(m K)], [J/(m^3 K)]; air [W/(m^2 K)].
+_HEIGHT = 0.5
+_CONDUCTIVITY, _HEAT_CAPACITY, _AIR = 16.0, 4e6, 10.0
 
-CONDUCTIVITY, HEAT_CAPACITY, AIR = 16.0, 4e6, 10.0
-"""Stainless steel [W/(m K)], [J/(m^3 K)], and heat transfer to air [W/(m^2 K)]."""
+_STEPS = {"step of 5 s": 5.0, "step of 60 s": 60.0, "steady": None}
 
-STEPS = {"step of 5 s": 5.0, "step of 60 s": 60.0, "steady": None}
+_DIAGONAL, _MULTIGRID = "jaxthermo, diagonal", "jaxthermo, multigrid"
 
-DIAGONAL, MULTIGRID = "jaxthermo, diagonal", "jaxthermo, multigrid"
-
-TOLERANCE = 1e-8
-"""Residual over right-hand side, in the norm of vectors."""
-
-MOST = 5000
+# Residual over right-hand side, in the norm of vectors, which scipy stops by.
+_TOLERANCE = 1e-8
+_MAX_ITERATIONS = 5000
 
 
 class _System(NamedTuple):
-    """(diag(m) - K) x = b, as a state and as a matrix of the solid voxels."""
-
+    # (diag(m) - K) x = b, as a state and as a matrix of the solid voxels.
     network: AbstractNetwork
     levels: Hierarchy
     m: jax.Array
@@ -66,29 +62,27 @@ class _System(NamedTuple):
 
 
 class _Solved(NamedTuple):
-    """The result of one solver."""
-
+    # Temperature of each solid voxel [K].
     values: np.ndarray
-    """Temperature of each solid voxel [K]."""
     iterations: int
     seconds: float
 
 
-def system(height: int, dt: float | None) -> _System:
-    """The figurine, heated from +x, in still air; at rest if there is no step."""
-    grid = jt.voxelize(figurine(HEIGHT), HEIGHT / height)
+def _system(height: int, dt: float | None) -> _System:
+    # The figurine, heated from +x, in still air; at rest if there is no step.
+    grid = jt.voxelize(figurine(_HEIGHT), _HEIGHT / height)
     structure = jt.FullVolume(grid).for_solves()
-    network = assemble_uniform(structure, CONDUCTIVITY, HEAT_CAPACITY, np.float64)
+    network = assemble_uniform(structure, _CONDUCTIVITY, _HEAT_CAPACITY, np.float64)
     node, n = structure.fragment_node(), structure.node_count
     surface = np.bincount(node, grid.fragment_area, n)
     shone_on = np.maximum(grid.fragment_normal[:, 0], 0) * grid.fragment_area
-    m = AIR * surface
+    m = _AIR * surface
     if dt is not None:
-        m = m + HEAT_CAPACITY * structure.nodes().volume / dt
+        m = m + _HEAT_CAPACITY * structure.nodes().volume / dt
     address, state = structure.node_address(), np.zeros(structure.state_shape)
     put = lambda values: jnp.asarray(state).at[address].set(values)
     links = structure.links()
-    g = np.full(len(links.src), CONDUCTIVITY * grid.pitch)
+    g = np.full(len(links.src), _CONDUCTIVITY * grid.pitch)
     half = sparse.coo_array((g, (links.src, links.dst)), (n, n)).tocsr()
     k = half + half.T
     matrix = sparse.csr_array(sparse.diags_array(k.sum(axis=1) + m) - k)
@@ -99,15 +93,13 @@ def system(height: int, dt: float | None) -> _System:
 
 
 class _Norm(AbstractStoppingNorm):
-    """The residual's, as scipy stops by."""
-
+    # |r|, as scipy stops by; a solver's own norm is in kelvin.
+    @override
     def initial(self, residual: Any) -> jax.Array:
-        """|r|."""
         return jnp.sqrt(jnp.vdot(residual, residual))
 
+    @override
     def after_step(self, residual: Any, moved: Any) -> jax.Array:
-        """|r|."""
-        del moved
         return self.initial(residual)
 
 
@@ -115,13 +107,15 @@ class _Norm(AbstractStoppingNorm):
 def _conjugate_gradients(
     network: AbstractNetwork, levels: Hierarchy | None, m: jax.Array, b: jax.Array
 ) -> tuple[jax.Array, jax.Array]:
-    """The solution and how many iterations it took; without levels by the diagonal."""
+    # The solution and how many iterations it took; without levels by the diagonal.
     operator = lx.FunctionLinearOperator(
         lambda v: m * v - network.heat_rate(v),
         jax.eval_shape(lambda: b),
         lx.positive_semidefinite_tag,
     )
-    solver = ConjugateGradient(_Norm(), TOLERANCE, relative=True, max_iterations=MOST)
+    solver = ConjugateGradient(
+        _Norm(), _TOLERANCE, relative=True, max_iterations=_MAX_ITERATIONS
+    )
     cycle = jacobi(network, m) if levels is None else levels.cycle(m)
     options = {"preconditioner": cycle}
     found = lx.linear_solve(operator, b, solver, options=options, throw=False)
@@ -129,62 +123,51 @@ def _conjugate_gradients(
 
 
 def _ours(given: _System, levels: Hierarchy | None) -> _Solved:
-    clock = time.perf_counter()
-    x, count = _conjugate_gradients(given.network, levels, given.m, given.b)
-    jax.block_until_ready(x)
-    seconds = time.perf_counter() - clock
-    return _Solved(np.asarray(x[given.address]), int(count), seconds)
+    arguments = given.network, levels, given.m, given.b
+    (x, count), took = timed_call(lambda: _conjugate_gradients(*arguments))
+    return _Solved(np.asarray(x[given.address]), int(count), took)
 
 
 def _scipy(given: _System, preconditioner: Any) -> _Solved:
-    count = 0
-
-    def counted(_):
-        nonlocal count
-        count += 1
-
-    b = np.asarray(given.b[given.address])
-    clock = time.perf_counter()
-    x, _ = sparse.linalg.cg(
-        given.matrix,
-        b,
-        rtol=TOLERANCE,
-        maxiter=MOST,
-        M=preconditioner,
-        callback=counted,
+    # scipy reports no iterations: its callback counts them.
+    each, b = [], np.asarray(given.b[given.address])
+    limits = {"rtol": _TOLERANCE, "maxiter": _MAX_ITERATIONS}
+    solve = lambda: sparse.linalg.cg(
+        given.matrix, b, M=preconditioner, callback=lambda _: each.append(1), **limits
     )
-    return _Solved(x, count, time.perf_counter() - clock)
+    (x, _), took = timed_call(solve)
+    return _Solved(x, len(each), took)
 
 
 def _compare(given: _System, dt: float | None, repeats: int) -> dict[str, Any]:
     """Times, iterations and true residuals of one system."""
     stable = float(1 / given.network.max_rate())
-    chosen = MULTIGRID if dt is None or dt > MULTIGRID_STEP_RATIO * stable else DIAGONAL
-    clock = time.perf_counter()
+    # As the solvers select it: for a short step the diagonal is good enough.
+    is_long = dt is None or dt > MULTIGRID_STEP_RATIO * stable
+    chosen = _MULTIGRID if is_long else _DIAGONAL
     arguments = given.network, given.levels, given.m, given.b
-    _conjugate_gradients.lower(*arguments).compile()
-    compiled = time.perf_counter() - clock
-    clock = time.perf_counter()
-    aggregation = pyamg.smoothed_aggregation_solver(given.matrix, symmetry="symmetric")
-    set_up = time.perf_counter() - clock
+    compiling = lambda: _conjugate_gradients.lower(*arguments).compile()
+    _, compiled = timed_call(compiling)
+    aggregate = pyamg.smoothed_aggregation_solver
+    setting_up = lambda: aggregate(given.matrix, symmetry="symmetric")
+    aggregation, set_up = timed_call(setting_up)
     diagonal = sparse.diags_array(1 / given.matrix.diagonal())
     solvers: dict[str, Callable[[], _Solved]] = {
-        DIAGONAL: partial(_ours, given, None),
-        MULTIGRID: partial(_ours, given, given.levels),
+        _DIAGONAL: partial(_ours, given, None),
+        _MULTIGRID: partial(_ours, given, given.levels),
         "scipy, diagonal": partial(_scipy, given, diagonal),
         "scipy, pyamg": partial(_scipy, given, aggregation.aspreconditioner()),
     }
+    # Each reports the time of its solve alone, without copying the result.
     last = {name: solve() for name, solve in solvers.items()}
-    spans = {name: [] for name in solvers}
-    for _ in range(repeats):
-        for name, solve in solvers.items():
-            spans[name].append(solve().seconds)
+    rounds = [[s().seconds for s in solvers.values()] for _ in range(repeats)]
+    spans = dict(zip(solvers, zip(*rounds, strict=True), strict=True))
     b = np.asarray(given.b[given.address])
-    left = lambda x: np.linalg.norm(b - given.matrix @ x) / np.linalg.norm(b)
+    residual = lambda x: np.linalg.norm(b - given.matrix @ x) / np.linalg.norm(b)
     rows = {
         name: {
             "iterations": solved.iterations,
-            "residual": float(left(solved.values)),
+            "residual": float(residual(solved.values)),
             "solve_s": timing_of(spans[name])._asdict(),
         }
         for name, solved in last.items()
@@ -200,14 +183,12 @@ def _compare(given: _System, dt: float | None, repeats: int) -> dict[str, Any]:
     }
 
 
-def run(
-    folder: Path | None = None, height: int = 128, repeats: int = 3
-) -> dict[str, Any]:
+def run(folder: Path, height: int = 128, repeats: int = 3) -> dict[str, Any]:
     """Every step at `height` voxels, and how iterations grow from half of it."""
     result: dict[str, Any] = {"height": height, "dtype": "float64", "steps": {}}
     with jax.enable_x64(True):
-        for name, dt in STEPS.items():
-            given, coarser = system(height, dt), system(height // 2, dt)
+        for name, dt in _STEPS.items():
+            given, coarser = _system(height, dt), _system(height // 2, dt)
             found = _compare(given, dt, repeats)
             half = _ours(coarser, coarser.levels)
             found["iterations_at_half"] = half.iterations
@@ -220,19 +201,15 @@ def run(
 
 def _show(name: str, found: dict[str, Any], result: dict[str, Any]) -> None:
     size = f"{result['height']} high, {result['solid_voxels']} voxels"
-    lines = [
-        [
-            solver,
-            Timing(**row["solve_s"]).text(),
-            str(row["iterations"]),
-            f"{row['residual']:.1e}",
-        ]
-        for solver, row in found["solvers"].items()
+    columns = [
+        ("", "{name}"),
+        ("solve (fastest-slowest)", lambda row: Timing(**row["solve_s"]).text()),
+        ("iterations", "{iterations}"),
+        ("residual", "{residual:.1e}"),
     ]
-    columns = ("", "solve (fastest-slowest)", "iterations", "residual")
-    table = Table(columns, lines, f"{name}, {size}, float64 to {TOLERANCE:g}")
-    console = Console()
-    console.print(table.rich())
+    title = f"{name}, {size}, float64 to {_TOLERANCE:g}"
+    show(table_of(named(found["solvers"]), columns, title))
+    console = open_console()
     console.print(
         f"chosen: {found['chosen']}, {found['faster_than_the_faster_peer']:.2f} times "
         "as fast as the faster peer"

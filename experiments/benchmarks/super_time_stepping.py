@@ -14,7 +14,6 @@ import jax
 import jax.numpy as jnp
 import numba
 import numpy as np
-from rich.console import Console
 
 import jaxthermo as jt
 from jaxthermo.integrate.explicit.rkl2 import (
@@ -25,37 +24,34 @@ from jaxthermo.integrate.explicit.rkl2 import (
 from jaxthermo.integrate.run.plan import Plan, initial_state, plan_run
 from jaxthermo.integrate.stepper import advance
 from jaxthermo.network.stencil import UniformStencil
-from jaxthermo.report.table import Table
 
 from ..harness.meshes import STEEL, standard_scene
+from ..harness.present import show, table_of
 from ..harness.timing import interleaved, ratio_of, ratio_text, timing_of
 
 
-STEPS = (18, 36)
-"""Numbers of steps for the first 90 s of the standard scene, in the sun."""
-
-END = 90.0
+# Numbers of steps for the first 90 s of the standard scene [s], in the sun: with
+# many stages and with few.
+_STEPS, _END = (18, 36), 90.0
 
 
 class _Peer(NamedTuple):
-    """The arrays of a scene that the numba loop reads."""
-
+    # The arrays of a scene that the numba loop reads.
+    # x, y, first z and z past the last of every span of solid voxels.
     rows: np.ndarray
-    """x, y, first z and z past the last of every span of solid voxels."""
     degree: np.ndarray
+    # Conductance over capacity [1/s].
     conducts: float
-    """Conductance over capacity [1/s]."""
+    # Positions of voxels with surface in the flat state; the loads of each at 0 K above
+    # the reference [K/s], and what they fall by for each kelvin [1/s].
     surface: np.ndarray
-    """Places of voxels with surface in the flat state."""
     gain: np.ndarray
-    """Loads of each at 0 K above the reference [K/s]."""
     loss: np.ndarray
-    """And what they fall by for each kelvin [1/s]."""
 
 
 @numba.njit(parallel=True, fastmath=True)
 def _stage(rows, degree, last, before, zero, change, out, c):
-    """One stage but for its loads; c: dt w G/C, mu, nu, 1 - mu - nu, a mu."""
+    # One stage but for its loads; c: dt w G/C, mu, nu, 1 - mu - nu, a mu.
     g, mu, nu, rest, a = c
     for r in numba.prange(rows.shape[0]):
         i, j, low, high = rows[r]
@@ -73,7 +69,6 @@ def _stage(rows, degree, last, before, zero, change, out, c):
 
 @numba.njit(parallel=True, fastmath=True)
 def _load(surface, gain, loss, last, out, span):
-    """The stage's loads."""
     for n in numba.prange(surface.shape[0]):
         place = surface[n]
         out[place] += span * (gain[n] - loss[n] * last[place])
@@ -81,7 +76,7 @@ def _load(surface, gain, loss, last, out, span):
 
 @numba.njit(parallel=True, fastmath=True)
 def _first(rows, zero, change, last):
-    """The stage's start: from E - Y to Y + (E - Y) / 3."""
+    # From E - Y to Y + (E - Y) / 3, where the second stage starts.
     for r in numba.prange(rows.shape[0]):
         i, j, low, high = rows[r]
         for k in range(low, high):
@@ -89,7 +84,6 @@ def _first(rows, zero, change, last):
 
 
 def _peer_run(peer: _Peer, state: np.ndarray, dt: float, steps: int, stages: int):
-    """All steps of the scheme on a copy of the state."""
     weight, table = 4 / (stages**2 + stages - 2), rkl2_coefficients(stages)
     one = lambda *values: tuple(np.float32(v) for v in values)
     span = dt * weight
@@ -118,7 +112,7 @@ def _peer_run(peer: _Peer, state: np.ndarray, dt: float, steps: int, stages: int
 
 
 def _peer_of(todo: Plan, scene: jt.Scene) -> _Peer:
-    """The same loads and links as plain arrays."""
+    # The same loads and links as plain arrays. A linear load is known from two states.
     program, structure = todo.compiled.program, scene.bodies[0].structure
     network, surface = program.bodies[0].network, program.surface
     assert isinstance(network, UniformStencil) and surface is not None
@@ -146,8 +140,8 @@ def _peer_of(todo: Plan, scene: jt.Scene) -> _Peer:
 
 
 def _compare(scene: jt.Scene, steps: int, repeats: int) -> dict[str, Any]:
-    dt = END / steps
-    todo = plan_run(scene, END, None, jt.SuperTimeStepping(dt=dt))
+    dt = _END / steps
+    todo = plan_run(scene, _END, None, jt.SuperTimeStepping(dt=dt))
     stages = stage_count(dt, float(todo.compiled.stable_step))
     peer, first = _peer_of(todo, scene), initial_state(todo)
     begin, span = jnp.float32(0), jnp.float32(dt)
@@ -170,21 +164,16 @@ def _compare(scene: jt.Scene, steps: int, repeats: int) -> dict[str, Any]:
 
 def run(folder: Path, height: int = 250, repeats: int = 5) -> dict[str, Any]:
     """Time of both for each number of steps, their ratio and largest difference."""
-    del folder
     scene, name = standard_scene(STEEL, jt.FullVolume, height)
-    rows = [_compare(scene, steps, repeats) for steps in STEPS]
-    columns = ("", "jaxthermo", "numba", "ratio", "differ by [K]")
-    lines = [
-        [
-            f"{row['steps']} steps of {row['stages']} stages",
-            *(timing_of(row["times_s"][key]).text() for key in columns[1:3]),
-            ratio_text(row["ratio"]),
-            f"{row['largest_difference_K']:.1e}",
-        ]
-        for row in rows
+    rows = [_compare(scene, steps, repeats) for steps in _STEPS]
+    time = lambda name: lambda row: timing_of(row["times_s"][name]).text()
+    columns = [
+        ("", "{steps} steps of {stages} stages"),
+        ("jaxthermo", time("jaxthermo")),
+        ("numba", time("numba")),
+        ("ratio", lambda row: ratio_text(row["ratio"])),
+        ("differ by [K]", "{largest_difference_K:.1e}"),
     ]
-    table = Table(
-        columns, lines, f"RKL2 on {name}, {height} high, {END:g} s, this host"
-    )
-    Console().print(table.rich())
+    title = f"RKL2 on {name}, {height} high, {_END:g} s, this host"
+    show(table_of(rows, columns, title))
     return {"mesh": name, "height": height, "rows": rows}

@@ -1,43 +1,32 @@
 """Voxelizing beside trimesh at the same pitch, in one run; cold and warm."""
 
 import multiprocessing
-import os
 import statistics
 import time
 from concurrent.futures import ProcessPoolExecutor
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import trimesh
-from rich.console import Console
 
-from jaxthermo.geometry.load import load_mesh
 from jaxthermo.geometry.mesh import Mesh
-from jaxthermo.geometry.shapes import figurine
-from jaxthermo.report.table import Table
 from jaxthermo.timing import Timing, measure as measure_warm
 from jaxthermo.voxels.voxelize import voxelize
 
-from ..harness.timing import timing_of
+from ..harness.meshes import thesis_meshes
+from ..harness.present import show, table_of
+from ..harness.timing import timed_call, timing_of
 
 
-CELLS = 548
-"""Voxels along z: the thesis' 550 less a margin of one at each end."""
-
-
-def _standard_mesh() -> Mesh:
-    """The Happy Buddha where it is at hand, else the built-in figurine."""
-    folder = Path(os.environ.get("JAXTHERMO_MESHES", "../shared/meshes"))
-    path = folder / "happy-buddha.obj"
-    return load_mesh(path, height=0.5, up="y") if path.is_file() else figurine(0.5)
+# Voxels along z: the thesis' 550 less a margin of one at each end.
+_CELLS = 548
 
 
 def _first_call(mesh: Mesh, pitch: float) -> tuple[float, float]:
-    """Wall and processor time [s] of a process' first voxelization, compiling it."""
-    clock, processor = time.perf_counter(), time.process_time()
-    voxelize(mesh, pitch)
-    return time.perf_counter() - clock, time.process_time() - processor
+    # Wall and processor time [s] of a process' first voxelization, compiling it.
+    processor = time.process_time()
+    wall = timed_call(lambda: voxelize(mesh, pitch))[1]
+    return wall, time.process_time() - processor
 
 
 def _cold(mesh: Mesh, pitch: float, repeats: int) -> tuple[Timing, float]:
@@ -54,16 +43,13 @@ def _cold(mesh: Mesh, pitch: float, repeats: int) -> tuple[Timing, float]:
 def _peer(mesh: Mesh, pitch: float, repeats: int) -> tuple[Timing, int]:
     """trimesh: surface voxels by cutting triangles up, then filled; and how many."""
     other = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
-    spans, filled = [], 0
-    for _ in range(repeats):
-        clock = time.perf_counter()
-        voxels = other.voxelized(pitch)
-        filled = int(voxels.fill().filled_count) if voxels is not None else 0
-        spans.append(time.perf_counter() - clock)
-    return timing_of(spans), filled
+    # Nothing of it is compiled, and one call takes long: no warm-up.
+    fill = lambda: other.voxelized(pitch).fill().filled_count
+    calls = [timed_call(fill) for _ in range(repeats)]
+    return timing_of([span for _, span in calls]), int(calls[-1][0])
 
 
-def measure(
+def _measure(
     mesh: Mesh, pitch: float, repeats: int = 5, peer_repeats: int = 1
 ) -> dict[str, Any]:
     """Times [s] of both, and the voxels that each finds.
@@ -75,13 +61,22 @@ def measure(
         peer_repeats: of trimesh, which compiles nothing and takes long.
     """
     cold, cold_processor = _cold(mesh, pitch, min(repeats, 3))
+    # Processor time counts all threads: how much of the speed is parallel.
     clock = time.process_time()
     warm = measure_warm(lambda: voxelize(mesh, pitch), repeats)
     processor = (time.process_time() - clock) / (repeats + 1)
     grid = voxelize(mesh, pitch)
     peer, filled = _peer(mesh, pitch, peer_repeats)
     rows = {"jaxthermo, first call": cold, "jaxthermo": warm, "trimesh": peer}
-    _show(mesh, grid.lattice.shape, rows)
+    columns = [
+        ("", "{name}"),
+        ("time (fastest-slowest)", lambda row: row["time"].text()),
+        ("trimesh takes", lambda row: f"{peer.median / row['time'].median:.1f} x"),
+    ]
+    size = " x ".join(map(str, grid.lattice.shape))
+    title = f"{mesh.name}, {len(mesh.faces)} triangles, to {size} voxels"
+    lines = [{"name": name, "time": span} for name, span in rows.items()]
+    show(table_of(lines, columns, title))
     return {
         "mesh": mesh.name,
         "faces": len(mesh.faces),
@@ -97,17 +92,6 @@ def measure(
 
 
 def run() -> dict[str, Any]:
-    """The standard mesh at the thesis' resolution."""
-    mesh = _standard_mesh()
-    return measure(mesh, float(np.ptp(mesh.bounds[:, 2])) / CELLS)
-
-
-def _show(mesh: Mesh, shape: tuple[int, int, int], rows: dict[str, Timing]) -> None:
-    size = " x ".join(str(n) for n in shape)
-    lines = [
-        [name, row.text(), f"{rows['trimesh'].median / row.median:.1f} x"]
-        for name, row in rows.items()
-    ]
-    columns = ("", "time (fastest-slowest)", "trimesh takes")
-    title = f"{mesh.name}, {len(mesh.faces)} triangles, to {size} voxels"
-    Console().print(Table(columns, lines, title).rich())
+    """The Happy Buddha, or what stands in for it, at the thesis' resolution."""
+    mesh = next(iter(thesis_meshes().values()))
+    return _measure(mesh, float(np.ptp(mesh.bounds[:, 2])) / _CELLS)

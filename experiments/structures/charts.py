@@ -10,7 +10,8 @@ from ..harness.record import Row
 from .config import FULL, LINKS
 
 
-SHADES = {
+# The darkest and the lightest of each kind of structure.
+_SHADES = {
     FULL: ("#14171d", "#14171d"),
     LINKS: ("#868d99", "#868d99"),
     "single_shell": ("#a31621", "#f2877a"),
@@ -20,13 +21,10 @@ SHADES = {
     "aggregate": ("#17358c", "#6db1f2"),
     "shell_over_core": ("#66228f", "#c78be6"),
 }
-"""The darkest and the lightest of each kind of structure."""
-
-OTHER = ("#6b4423", "#cfa27c")
-"""Shades of kinds that are not listed."""
-
-ALONE = 0.3
-"""Between the two, where a kind has one structure only."""
+# Shades of kinds that are not listed.
+_OTHER = ("#6b4423", "#cfa27c")
+# Between the two, where a kind has one structure only.
+_ALONE = 0.3
 
 Paint = dict[str, str]
 """The colour of each label."""
@@ -38,30 +36,29 @@ def colours(kinds: dict[str, str]) -> Paint:
     for kind in dict.fromkeys(kinds.values()):
         labels = [label for label in kinds if kinds[label] == kind]
         for i, label in enumerate(labels):
-            fraction = i / (len(labels) - 1) if len(labels) > 1 else ALONE
-            paint[label] = _mixed(*SHADES.get(kind, OTHER), fraction)
+            fraction = i / (len(labels) - 1) if len(labels) > 1 else _ALONE
+            paint[label] = _mixed(*_SHADES.get(kind, _OTHER), fraction)
     return paint
 
 
 def _mixed(dark: str, light: str, fraction: float) -> str:
-    """The colour at a fraction of the way from one to the other."""
     ends = [[int(text[i : i + 2], 16) for i in (1, 3, 5)] for text in (dark, light)]
     mixed = (round(a + fraction * (b - a)) for a, b in zip(*ends, strict=True))
     return "#" + "".join(f"{value:02x}" for value in mixed)
 
 
-def colour(shown: list[str], paint: Paint, **how: Any) -> alt.Color:
-    """The colour of each label that is shown, in that order."""
+def _colour(shown: list[str], paint: Paint, **how: Any) -> alt.Color:
+    # Only labels that are shown, in that order: all would outgrow the chart.
     scale = alt.Scale(domain=shown, range=[paint[label] for label in shown])
     return alt.Color("label", type="nominal", scale=scale, sort=None, **how)
 
 
-Point = dict[str, Any]
+_Point = dict[str, Any]
 
 WIDTH, HEIGHT = 640.0, 420.0
 
-SHAPES = ("circle", "square", "triangle-up", "diamond", "triangle-down", "cross")
-"""One for each load."""
+# One for each load.
+_SHAPES = ("circle", "square", "triangle-up", "diamond", "triangle-down", "cross")
 
 
 def error_against_time(rows: list[Row], paint: Paint, title: str) -> Chart:
@@ -71,42 +68,41 @@ def error_against_time(rows: list[Row], paint: Paint, title: str) -> Chart:
     across = LogAxis(spans, "run time [s], warm, with the surface map at saved times")
     up = LogAxis([p["error"] for p in points], "error, RMS at its worst time [%]")
     labels, loads = ([*dict.fromkeys(p[k] for p in points)] for k in ("label", "load"))
-    shapes = alt.Scale(domain=loads, range=SHAPES[: len(loads)])
+    shapes = alt.Scale(domain=loads, range=_SHAPES[: len(loads)])
     base = alt.Chart(alt.Data(values=points)).encode(
-        y=alt.Y(**up.channel("error")), color=colour(labels, paint, legend=legend())
+        y=alt.Y(**up.channel("error")), color=_colour(labels, paint, legend=legend())
     )
     spread = base.mark_rule(opacity=0.5).encode(
         x=alt.X(**across.channel("fastest")), x2="slowest:Q"
     )
     # Outlines, so that points which meet show each other.
     dots = base.mark_point(size=POINT_AREA, strokeWidth=2.5, opacity=1).encode(
-        x=alt.X(**across.channel("time")),
+        x=alt.X(**across.channel("median")),
         shape=alt.Shape("load:N", scale=shapes, sort=None, legend=legend("sun on")),
         description="text:N",
     )
     return alt.layer(spread, dots).properties(width=WIDTH, height=HEIGHT, title=title)
 
 
-def _point(row: Row) -> Point:
-    error, run, ratio = row["error"], row["run_time_s"], row["times_faster"]
+def _point(row: Row) -> _Point:
+    text = (
+        "{label}, sun on {load}: error {error[worst_rms_percent]:.3g} %, "
+        "{run_time_s[median]:.3g} s, {times_faster[median]:.3g} times faster "
+        "({times_faster[least]:.3g} to {times_faster[most]:.3g}), {nodes} nodes"
+    )
     return {
-        "label": row["label"],
-        "load": row["load"],
-        "time": run["median"],
-        "fastest": run["fastest"],
-        "slowest": run["slowest"],
-        "error": error["worst_rms_percent"],
-        "text": f"{row['label']}, sun on {row['load']}: error "
-        f"{error['worst_rms_percent']:.3g} %, {run['median']:.3g} s, "
-        f"{ratio['median']:.3g} times faster ({ratio['least']:.3g} to "
-        f"{ratio['most']:.3g}), {row['nodes']} nodes",
+        **{name: row[name] for name in ("label", "load")},
+        **row["run_time_s"],
+        "error": row["error"]["worst_rms_percent"],
+        "text": text.format_map(row),
     }
 
 
 def _lines(
-    points: list[Point], paint: Paint, x: alt.X, y_title: str, title: str
+    points: list[_Point], paint: Paint, x: alt.X, y_title: str, title: str
 ) -> Chart:
-    """A line a label through points of `x`, `value` and `label`; values logarithmic."""
+    # A line a label through points of `x`, `value` and `label`. Logarithmic, since the
+    # errors of good and bad structures lie decades apart.
     labels = list(dict.fromkeys(point["label"] for point in points))
     up = LogAxis([point["value"] for point in points], y_title)
     return (
@@ -115,7 +111,7 @@ def _lines(
         .encode(
             x=x,
             y=alt.Y(**up.channel("value")),
-            color=colour(labels, paint, legend=legend()),
+            color=_colour(labels, paint, legend=legend()),
             description="text:N",
         )
         .properties(width=WIDTH, height=HEIGHT, title=title)

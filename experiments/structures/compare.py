@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,6 @@ from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
     Progress,
-    TaskID,
     TextColumn,
     TimeElapsedColumn,
 )
@@ -21,15 +19,7 @@ from jaxthermo.cli.console import open_console, print_line, status
 from jaxthermo.errors import InputError
 
 from ..harness.record import Record, Row, program_hash
-from .cases import all_cases, case_loads
-from .claims import (
-    capacity_claim,
-    equilibrium_claim,
-    levels_claim,
-    limb_claim,
-    path_claim,
-    speed_claims,
-)
+from .claims import show_table, summarize, thesis_claims
 from .config import (
     ComparedBody,
     ComparisonConfig,
@@ -39,22 +29,17 @@ from .config import (
     resolved,
 )
 from .report import Findings, write_report
-from .study import Study
-from .summary import show_table, summarize
-from .sweeps import Equilibrium, level_rows, local_rows
+from .study import Study, all_cases, case_loads
+from .sweeps import equilibrium_rows, level_rows, local_rows
 
 
-class Steps:
-    """Counts rows on a progress bar and prints each when it is done."""
-
-    def __init__(self, console: Console, bar: Progress, task: TaskID):
-        """Use `counted` instead."""
-        self.console = console
-        self.bar = bar
-        self.task = task
+class _Steps:
+    # Counts rows on a progress bar and prints each when it is done.
+    def __init__(self, console: Console, bar: Progress, total: int):
+        self.console, self.bar = console, bar
+        self.task = bar.add_task("", total=total)
 
     def each(self, rows: Iterable[Row], what: str) -> Iterator[Row]:
-        """Yield the same rows, with a description on the bar."""
         self.bar.update(self.task, description=what)
         for row in rows:
             self.bar.advance(self.task)
@@ -62,19 +47,15 @@ class Steps:
             yield row
 
 
-@contextmanager
-def counted(console: Console, total: int) -> Iterator[Steps]:
-    """A progress bar over `total` rows; none where standard output is no terminal."""
+def _progress(console: Console) -> Progress:
     columns = (
         TextColumn("{task.description}"),
         BarColumn(bar_width=None),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
     )
-    with Progress(
-        *columns, console=console, transient=True, disable=not console.is_terminal
-    ) as bar:
-        yield Steps(console, bar, bar.add_task("", total=total))
+    quiet = not console.is_terminal
+    return Progress(*columns, console=console, transient=True, disable=quiet)
 
 
 def _row_in_words(row: Row) -> str:
@@ -83,31 +64,27 @@ def _row_in_words(row: Row) -> str:
     where = " ".join(str(row[name]) for name in names if name in row)
     if "refused" in row:
         return f"{row['what']}, {where}: {row['refused']}"
-    if row["what"] == "reference":
-        return f"reference, {where}: {row['steps']} steps, {row['took_s']:.3g} s in all"
-    if row["what"] == "equilibrium":
-        return (
-            f"equilibrium, {where}: mean {row['mean_K']:.6f} K, uneven by "
-            f"{row['surface_range_K']:.1g} K after {row['steps']} steps"
-        )
-    error = f"error {row['error']['worst_rms_percent']:.3g} %"
-    if row["what"] == "levels":
-        return f"levels, {where}: {row['nodes']} nodes, {error}"
-    ratio, time = row["times_faster"], row["run_time_s"]
-    return (
-        f"{where}: {row['nodes']} nodes, {row['steps']} steps in "
-        f"{time['median']:.3g} s, {ratio['median']:.3g} times faster "
-        f"({ratio['least']:.3g} to {ratio['most']:.3g}), {error}"
-    )
+    texts = {
+        "reference": "reference, {where}: {steps} steps, {took_s:.3g} s in all",
+        "equilibrium": "equilibrium, {where}: mean {mean_K:.6f} K, uneven by "
+        "{surface_range_K:.1g} K after {steps} steps",
+        "levels": "levels, {where}: {nodes} nodes, "
+        "error {error[worst_rms_percent]:.3g} %",
+        "structure": "{where}: {nodes} nodes, {steps} steps in "
+        "{run_time_s[median]:.3g} s, {times_faster[median]:.3g} times faster "
+        "({times_faster[least]:.3g} to {times_faster[most]:.3g}), "
+        "error {error[worst_rms_percent]:.3g} %",
+    }
+    return texts[row["what"]].format(**row, where=where)
 
 
 # The modules that rows follow from; the others only draw and print them.
 _MEASURING = tuple(
     Path(__file__).with_name(f"{name}.py")
-    for name in ("cases", "config", "measure", "study", "sweeps")
+    for name in ("config", "measure", "study", "sweeps")
 )
 
-DEFAULT = Path(__file__).parents[2] / "configs" / "experiments" / "structures.yaml"
+_DEFAULT = Path(__file__).parents[2] / "configs" / "experiments" / "structures.yaml"
 
 
 def run(
@@ -123,11 +100,11 @@ def run(
     Raises:
         InputError: for a mistake in the config, or a mesh that is not there.
     """
-    if config is None and not DEFAULT.is_file():
+    if config is None and not _DEFAULT.is_file():
         raise InputError(
-            f"the standard comparison, {DEFAULT}, is not installed: name a config file"
+            f"the standard comparison, {_DEFAULT}, is not installed: name a config file"
         )
-    comparison = load_comparison(config or DEFAULT, height)
+    comparison = load_comparison(config or _DEFAULT, height)
     record, console = Record(folder, _MEASURING), open_console()
     studies = [Study(body, comparison, record) for body in comparison.bodies]
     with status(console, "voxelizing"):
@@ -145,8 +122,8 @@ def run(
     if record.reused:
         print_line(console, f"{record.reused} rows were there from an earlier run")
     with status(console, "drawing"):
-        files = write_report(findings, folder, host())
-    show_table(console, findings.lines)
+        files = write_report(findings, folder, _host())
+    show_table(findings.lines)
     return {
         "config": resolved(comparison),
         "config_hash": config_hash(comparison),
@@ -161,10 +138,8 @@ def run(
     }
 
 
-def host() -> str:
-    """The computer that measured."""
-    device = jax.devices()[0]
-    return f"{os.cpu_count()} cores, {device.device_kind}"
+def _host() -> str:
+    return f"{os.cpu_count()} cores, {jax.devices()[0].device_kind}"
 
 
 def _measure(
@@ -173,42 +148,29 @@ def _measure(
     """All rows and what follows from them, with a bar on a terminal."""
     claims = config.claims
     limb = _limb_study(config, studies[0].record)
-    with counted(console, _count_rows(config, limb)) as steps:
+    swept, even, local = [], [], []
+    with _progress(console) as bar:
+        steps = _Steps(console, bar, _count_rows(config, limb))
         rows = [row for study in studies for row in _rows(study, steps)]
-        swept, even = [], []
         if claims.levels is not None:
-            swept = list(steps.each(level_rows(studies[0], claims.levels), "levels"))
+            swept = [*steps.each(level_rows(studies[0], claims.levels), "levels")]
         if claims.equilibrium is not None:
             name = claims.equilibrium.body or studies[0].body.name
             chosen = next(s for s in studies if s.body.name == name)
-            made = Equilibrium(chosen, claims.equilibrium).rows()
-            even = list(steps.each(made, "equilibrium"))
-        on_limb = [] if limb is None else list(_rows(limb, steps))
+            made = equilibrium_rows(chosen, claims.equilibrium.voxels_high)
+            even = [*steps.each(made, "equilibrium")]
+        on_limb = [] if limb is None else [*_rows(limb, steps)]
     lines = summarize(rows, config)
-    local = [] if limb is None else local_rows(limb, on_limb)
-    return Findings(
-        studies=studies,
-        limb=limb,
-        rows=rows,
-        limb_rows=on_limb,
-        level_rows=swept,
-        equilibrium_rows=even,
-        local=local,
-        lines=lines,
-        claims=[
-            *speed_claims(lines),
-            *equilibrium_claim(even),
-            *path_claim(lines),
-            *levels_claim(swept),
-            *(limb_claim(local, claims.limb) if claims.limb else ()),
-            *capacity_claim(rows),
-        ],
-    )
+    if limb is not None:
+        local = local_rows(limb, on_limb)
+    judged = thesis_claims(rows, lines, swept, even, local, claims.limb)
+    return Findings(studies, limb, rows, on_limb, swept, even, local, lines, judged)
 
 
-def _rows(study: Study, steps: Steps) -> Iterator[Row]:
-    for _ in steps.each(study.reference_rows(), f"{study.body.name}, reference"):
-        pass
+def _rows(study: Study, steps: _Steps) -> Iterator[Row]:
+    references = map(study.reference_row, study.config.loads)
+    for _ in steps.each(references, f"{study.body.name}, reference"):
+        pass  # a row of its own in the record, but none of the comparison
     for case in all_cases(study.config):
         yield from steps.each(study.rows(case), f"{study.body.name}, {case.label}")
 

@@ -39,18 +39,19 @@ from ..harness.record import fingerprint
 
 FULL = "full volume"
 LINKS = "full volume as links"
-RESERVED = (FULL, LINKS)
-"""Labels of what every structure is compared with."""
+# Labels of what every structure is compared with.
+_RESERVED = (FULL, LINKS)
 
-LEAST_PIXELS = 16
+# The SSIM's window is 7 pixels wide: smaller frames would hardly hold two.
+_MIN_PIXELS = 16
 
-Load: TypeAlias = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
-"""The side that the sun shines on, in the file's own axes."""
+# The side that the sun shines on, in the file's own axes.
+_Load: TypeAlias = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
 
-Height = Annotated[Whole, Field(ge=8, le=4096)]
-"""In voxels along up."""
+# In voxels along up.
+_Height = Annotated[Whole, Field(ge=8, le=4096)]
 
-Repeats = Annotated[Whole, Field(ge=2, le=100)]
+_Repeats = Annotated[Whole, Field(ge=2, le=100)]
 
 
 class ComparedBody(Model):
@@ -107,7 +108,7 @@ class EntryConfig(_NamedConfig):
 class _PictureConfig(Model):
     """Which load and saved time the pictures show."""
 
-    load: Load
+    load: _Load
     time: PositiveTime
 
 
@@ -123,20 +124,20 @@ class EquilibriumConfig(Model):
 
     body: str | None = None
     """Its name; the first one if not given."""
-    voxels_high: Height = 32
+    voxels_high: _Height = 32
 
 
 class LimbConfig(Model):
     """A body with thin limbs, and the structures that its local error is shown for."""
 
     shape: ShapeConfig
-    voxels_high: Height
+    voxels_high: _Height
     structures: Annotated[tuple[_NamedConfig, ...], NotEmpty]
 
     def mistakes(self) -> list[Mistake]:
         """Names given twice."""
-        labels = [*RESERVED, *(entry.label for entry in self.structures)]
-        return _twice(labels, "structures", len(RESERVED))
+        labels = [*_RESERVED, *(entry.label for entry in self.structures)]
+        return _twice(labels, "structures", len(_RESERVED))
 
 
 class _ClaimsConfig(Model):
@@ -151,18 +152,18 @@ class ComparisonConfig(Model):
     """The whole comparison."""
 
     bodies: Annotated[tuple[ComparedBody, ...], NotEmpty]
-    voxels_high: Height
+    voxels_high: _Height
     material: Material
     temperature: Temperature
     sun: SunConfig
-    loads: Annotated[tuple[Load, ...], NotEmpty]
+    loads: Annotated[tuple[_Load, ...], NotEmpty]
     terms: tuple[TermConfig, ...] = ()
     time: TimeConfig
     structures: Annotated[tuple[EntryConfig, ...], NotEmpty]
     surface_map: SurfaceMapConfig = FluxCorrectedMap(at="voxel")
     full_volume_as_links: bool = True
     reference_step: Annotated[Fraction, Field(gt=0)] = 0.25
-    repeats: Repeats = 5
+    repeats: _Repeats = 5
     camera: PinholeConfig = PinholeConfig()
     picture: _PictureConfig
     claims: _ClaimsConfig = _ClaimsConfig()
@@ -172,12 +173,12 @@ class ComparisonConfig(Model):
         found: list[Mistake] = []
         labels = [entry.label for entry in self.structures]
         found += _twice([body.name for body in self.bodies], "bodies")
-        found += _twice([*RESERVED, *labels], "structures", len(RESERVED))
+        found += _twice([*_RESERVED, *labels], "structures", len(_RESERVED))
         found += _twice(list(self.loads), "loads")
         if self.picture.load not in self.loads:
             found.append((("picture", "load"), "is not one of the `loads`"))
-        if min(self.camera.width, self.camera.height) < LEAST_PIXELS:
-            message = f"frames are compared from {LEAST_PIXELS} pixels up, each way"
+        if min(self.camera.width, self.camera.height) < _MIN_PIXELS:
+            message = f"frames are compared from {_MIN_PIXELS} pixels up, each way"
             found.append((("camera",), message))
         shown = self.picture.time
         if not any(math.isclose(shown, time) for time in self.time.save_times):

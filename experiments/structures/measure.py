@@ -1,12 +1,10 @@
 """One row: a structure under a load, its cost, its error and its frames."""
 
 import os
-import statistics
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
+from unittest import mock
 
 import equinox as eqx
 import jax
@@ -33,46 +31,40 @@ from jaxthermo.structures.structure import AbstractStructure
 from jaxthermo.timing import Timing
 
 from ..harness.record import Row
-from ..harness.timing import timed_call
+from ..harness.timing import timed_call, timing_of
 from .config import ComparisonConfig
 
 
-Loop = Callable[[], Observation]
-"""Takes every step from the start, and reads the surface at the saved times."""
+# Takes every step from the start, and reads the surface at the saved times.
+_Loop = Callable[[], Observation]
 
 
 @dataclass(frozen=True, eq=False)
-class Runner:
-    """All that comes before the first step is done."""
-
+class _Runner:
+    # All that comes before the first step is done; `compile` builds the loop of a run.
     scene: Scene
     plan: Plan
-    compile: Callable[[], Loop]
-    """Builds the loop of a run and calls it."""
+    compile: Callable[[], _Loop]
 
     @property
     def held_bytes(self) -> int:
-        """Arrays of the compiled scene and of its state."""
+        # Arrays of the compiled scene and of its state.
         arrays = (self.plan.compiled.program, self.plan.compiled.state)
         leaves = (x for x in jax.tree.leaves(arrays) if isinstance(x, jax.Array))
         return sum(x.nbytes for x in leaves)
 
     def solution(self, seen: Observation) -> Solution:
-        """The solution, as of `simulate`, of a finished loop.
-
-        Raises:
-            InputError: if temperatures stopped being finite or fell below 0 K.
-        """
         with precision(self.scene.dtype):
             found = make_solution(self.plan, seen)
         if found.result != RESULTS.successful:
+            # Not finite, or below 0 K: a row that is refused, not one with an error.
             raise InputError(RESULTS[found.result])
         return found
 
 
 def prepare(
     scene: Scene, t1: float, save_at: tuple[float, ...], dt: float | None = None
-) -> Runner:
+) -> _Runner:
     """Compile a scene and lay out its steps.
 
     Args:
@@ -85,28 +77,25 @@ def prepare(
         todo = plan_run(scene, t1, save_at, ForwardEuler(dt=dt))
         program, state = todo.compiled.program, initial_state(todo)
         layout = step_table(todo, save_intervals(todo.intervals))
-        jax.block_until_ready((program, state, layout))
+        given = todo.stepper, program, state, layout
+        jax.block_until_ready(given[1:])
 
-    def compile_loop() -> Loop:
+    def compile_loop() -> _Loop:
         # A function of its own, so that nothing compiled before is used again.
         own = lambda *parts: take_steps(*parts)
         with precision(scene.dtype):
-            made = (
-                eqx.filter_jit(own)
-                .lower(todo.stepper, program, state, layout)
-                .compile()
-            )
+            made = eqx.filter_jit(own).lower(*given).compile()
 
         def loop() -> Observation:
             with precision(scene.dtype):
-                return made(todo.stepper, program, state, layout)[1]
+                return made(*given)[1]
 
         return loop
 
-    return Runner(scene, todo, compile_loop)
+    return _Runner(scene, todo, compile_loop)
 
 
-def finish(runner: Runner) -> Solution:
+def finish(runner: _Runner) -> Solution:
     """Run once, untimed."""
     return runner.solution(jax.block_until_ready(runner.compile()()))
 
@@ -120,8 +109,8 @@ def surface_at(solution: AnySolution, time: float) -> Float[np.ndarray, " s"]:
 Timed = tuple[AbstractStructure, float]
 """A structure and how long it took to build [s]."""
 
-LONG = 20.0
-"""Repeats of a run take this long at most, or are one [s]."""
+# Repeats of a run take this long at most, or are one [s].
+MAX_REPEATED_SECONDS = 20.0
 
 
 class Baseline(NamedTuple):
@@ -132,20 +121,6 @@ class Baseline(NamedTuple):
     row: Row
 
 
-@contextmanager
-def _without_structure_cache() -> Iterator[None]:
-    """Structures are built, not read back: their build time is part of the result."""
-    before = os.environ.get("JAXTHERMO_CACHE")
-    os.environ["JAXTHERMO_CACHE"] = "off"
-    try:
-        yield
-    finally:
-        if before is None:
-            del os.environ["JAXTHERMO_CACHE"]
-        else:
-            os.environ["JAXTHERMO_CACHE"] = before
-
-
 def run_timed(scene: Scene, config: ComparisonConfig) -> tuple[Solution, Timing, Row]:
     """A run at the scene's own largest stable step, timed warm.
 
@@ -154,15 +129,15 @@ def run_timed(scene: Scene, config: ComparisonConfig) -> tuple[Solution, Timing,
     span = config.time
     runner, setup = timed_call(lambda: prepare(scene, span.end, span.save_times))
     loop, compiling = timed_call(runner.compile)
-    seen, spans = repeated(loop, config.repeats)
-    timing = Timing(statistics.median(spans), min(spans), max(spans))
+    seen, spans = _repeated(loop, config.repeats)
+    timing = timing_of(spans)
     solution = runner.solution(seen)
     cost = _cost(runner, solution, timing, setup, compiling)
     return solution, timing, {**cost, "timed_runs": len(spans)}
 
 
-def repeated(
-    call: Callable[[], Any], repeats: int, max_seconds: float = LONG
+def _repeated(
+    call: Callable[[], Any], repeats: int, max_seconds: float = MAX_REPEATED_SECONDS
 ) -> tuple[Any, list[float]]:
     """The result of a call, and its wall time of each repeat [s]."""
     # The first call warms up and does not count, unless all repeats would take
@@ -175,7 +150,7 @@ def repeated(
 
 
 def _cost(
-    runner: Runner, solution: Solution, timing: Timing, setup: float, compiling: float
+    runner: _Runner, solution: Solution, timing: Timing, setup: float, compiling: float
 ) -> Row:
     receipt = runner.plan.compiled.receipt
     return {
@@ -226,10 +201,9 @@ def ratio_row(structure: Timing, full: Timing) -> Row:
 
 def build_timed(make: Callable[[], AbstractStructure]) -> Timed:
     """A structure, built even if it is in the cache."""
-    with _without_structure_cache():
-        clock = time.perf_counter()
-        structure = make()
-        return structure, time.perf_counter() - clock
+    # The build time is part of the result. The cache reads its folder at every call.
+    with mock.patch.dict(os.environ, {"JAXTHERMO_CACHE": "off"}):
+        return timed_call(make)
 
 
 def run_reference(

@@ -1,47 +1,96 @@
 """`report.html` and the files beside it: everything in one page, nothing from afar."""
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+from jaxtyping import Float
+from PIL import Image
+
 from jaxthermo.arrays import readable_bytes
-from jaxthermo.atomic import replacing
+from jaxthermo.image.annotate import write_png
+from jaxthermo.image.ticks import time_label, to_celsius
 from jaxthermo.report import page
-from jaxthermo.report.chart import write_chart
-from jaxthermo.report.numbers import seconds
+from jaxthermo.report.chart import Chart, write_chart
+from jaxthermo.report.difference_scale import (
+    DifferenceScale,
+    difference_bar,
+    nice_limit,
+)
+from jaxthermo.report.numbers import seconds, seconds_with_range
+from jaxthermo.report.sheet import Tile, sheet
 from jaxthermo.report.table import Cell, Table, prose
 
+from ..harness.present import Column, colour_bar, table_of, thermal_tile
 from ..harness.record import Row
-from .cases import all_cases
 from .charts import (
-    Paint,
     by_levels,
     by_thickness,
     colours,
     error_against_time,
     error_over_time,
 )
-from .claims import Claim
+from .claims import Claim, Line, in_words, times
 from .config import FULL, resolved
-from .measure import LONG
-from .pictures import write_pictures
-from .study import Study
-from .summary import Line, in_words, span, times
+from .measure import MAX_REPEATED_SECONDS, Scenery
+from .study import Study, all_cases
 
 
-TITLE = "Structures against the full volume"
+_COST: list[Column] = [
+    ("structure", "{label}"),
+    ("nodes", "{nodes:,}"),
+    ("links", "{links:,}"),
+    ("memory", lambda line: readable_bytes(line["held_bytes"])),
+    ("steps", "{steps}"),
+    ("build", lambda line: seconds(line["build_time_s"])),
+    ("setup", lambda line: seconds(line["setup_time_s"])),
+    ("compile", lambda line: seconds(line["compile_time_s"])),
+    (
+        "run (fastest-slowest)",
+        lambda line: seconds_with_range(*line["run_time_s"].values()),
+    ),
+    ("times faster (least-most)", times),
+]
 
-COST = [
-    "structure", "nodes", "links", "memory", "steps", "build", "setup", "compile",
-    "run (fastest-slowest)", "times faster (least-most)",
-]  # fmt: skip
+_ERROR: list[Column] = [
+    ("structure", "{label}"),
+    (
+        "RMS % by load",
+        lambda line: ", ".join(
+            f"{k}: {v:.3g}" for k, v in line["error_percent"].items()
+        ),
+    ),
+    ("p99 %", "{worst_p99_percent:.3g}"),
+    ("max %", "{worst_max_percent:.3g}"),
+    ("RMS K", "{worst_rms_kelvin:.3g}"),
+    ("frame RMS K", "{frame_rms_kelvin:.3g}"),
+    ("frame SSIM", "{frame_ssim:.4f}"),
+    ("capacity", "{capacity_ratio:.5g}"),
+    ("energy", "{energy_residual:.0e}"),
+]
 
-ERROR = [
-    "structure", "RMS % by load", "p99 %", "max %", "RMS K", "frame RMS K",
-    "frame SSIM", "capacity", "energy",
-]  # fmt: skip
+_several = lambda part, name, form=".3g": (
+    lambda row: ", ".join(f"{value:{form}}" for value in row[part][name])
+)
 
-DEFINITIONS = (
+_ALL_ROWS: list[Column] = [
+    ("body", "{body}"),
+    ("load", "{load}"),
+    ("structure", "{label}"),
+    ("nodes", "{nodes:,}"),
+    ("steps", "{steps}"),
+    ("run", lambda row: seconds(row["run_time_s"]["median"])),
+    ("times faster", times),
+    ("RMS %", "{error[worst_rms_percent]:.4g}"),
+    ("RMS % at each time", _several("error", "rms_percent")),
+    ("RMS K at each time", _several("error", "rms_kelvin")),
+    ("frame K at each time", _several("frame", "rms_kelvin")),
+    ("SSIM at each time", _several("frame", "ssim", ".4f")),
+]
+
+_DEFINITIONS = (
     (
         "error",
         "the area-weighted RMS over the surface of the difference from the full volume "
@@ -92,188 +141,173 @@ class Findings:
     claims: list[Claim]
 
 
+class _Page:
+    # The sections of the page and the names of the files beside it, in their order.
+    def __init__(self, findings: Findings, folder: Path):
+        self.findings, self.folder = findings, folder
+        self.sections: list[page.Section] = []
+        self.files: list[str] = []
+        limb = () if findings.limb is None else all_cases(findings.limb.config)
+        cases = (*all_cases(findings.studies[0].config), *limb)
+        # One colour for a structure in all charts.
+        self.paint = colours({case.label: case.kind for case in cases})
+
+    def add_charts(self, charts: Mapping[str, Chart]) -> None:
+        for name, chart in charts.items():
+            self.sections.append(write_chart(chart, self.folder / name))
+            self.files += [f"{name}.svg", f"{name}.png"]
+
+    def add_pictures(self, study: Study, rows: list[Row], prefix: str = "") -> None:
+        for kind, image in _sheets(study, rows).items():
+            path = self.folder / f"{prefix}{kind}_{study.body.name}.png"
+            write_png(path, image)
+            self.sections.append(page.picture(path, path.stem))
+            self.files.append(path.name)
+
+
 def write_report(findings: Findings, folder: Path, host: str) -> list[str]:
     """Charts, pictures and the page; returns the names of all files."""
     config = findings.studies[0].config
-    words = {"share": config.reference_step, "repeats": config.repeats, "long": LONG}
-    about = [(name, text.format(**words)) for name, text in DEFINITIONS]
-    high = f"{config.voxels_high} voxels high, {host}"
-    sections = [page.paragraph(high), page.terms(about)]
-    files: list[Path] = []
+    words = {"share": config.reference_step, "repeats": config.repeats}
+    words["long"] = MAX_REPEATED_SECONDS
+    about = [(name, text.format(**words)) for name, text in _DEFINITIONS]
+    made = _Page(findings, folder)
+    made.sections = [f"{config.voxels_high} voxels high, {host}", page.terms(about)]
     for study in findings.studies:
-        sections += _body(findings, study, folder, files)
-    sections += _claims(findings, folder, files)
-    sections.append(page.details("All rows", _all_rows(findings)))
+        _add_body(made, study)
+    _add_claims(made)
+    rows = table_of((*findings.rows, *findings.limb_rows), _ALL_ROWS, names=3)
+    made.sections.append(page.details("All rows", rows))
     plain = json.dumps(resolved(config), indent=2)
-    sections.append(page.details("The config, in SI units", page.pre(plain)))
-    with replacing(folder / "report.html") as path:
-        path.write_text(page.document(TITLE, sections), encoding="utf-8")
-    return [*(path.name for path in files), "report.html"]
+    made.sections.append(page.details("The config, in SI units", page.pre(plain)))
+    title = "Structures against the full volume"
+    page.write_page(folder / "report.html", title, made.sections)
+    return [*made.files, "report.html"]
 
 
-def _body(
-    findings: Findings, study: Study, folder: Path, files: list[Path]
-) -> list[page.Section]:
-    """The table, the charts and the pictures of one body."""
+def _add_body(made: _Page, study: Study) -> None:
+    """The tables, the charts and the pictures of one body."""
     name, load = study.body.name, study.config.picture.load
-    rows = [r for r in findings.rows if r["body"] == name and "refused" not in r]
-    lines = [line for line in findings.lines if line["body"] == name]
-    made: list[page.Section] = [
-        page.heading(name),
-        Table(COST, [_cost(line) for line in lines]),
-        Table(ERROR, [_error(line) for line in lines]),
-        *_expected(lines),
-        page.paragraph(_full(rows), note=True),
+    rows = [r for r in made.findings.rows if r["body"] == name and "refused" not in r]
+    lines = [line for line in made.findings.lines if line["body"] == name]
+    expected = [
+        [line["label"], Cell(in_words(check), check["met"])]
+        for line in lines
+        for check in line.get("expected", ())
     ]
-    if not rows:
-        return made
-    shown = [row for row in rows if row["load"] == load]
-    paint = _paint(findings)
-    charts = {
-        f"error_against_time_{name}": error_against_time(
-            rows, paint, f"{name}: error against run time"
-        ),
-        f"error_over_time_{name}": error_over_time(
-            shown, paint, f"{name}: error over time, sun on {load}"
-        ),
-    }
-    for file, chart in charts.items():
-        made.append(write_chart(chart, folder / file))
-        files += [folder / f"{file}.svg", folder / f"{file}.png"]
-    for path in write_pictures(study, rows, folder):
-        made.append(page.picture(path, path.stem))
-        files.append(path)
-    return made
-
-
-def _paint(findings: Findings) -> Paint:
-    """One colour for a structure in all charts."""
-    limb = () if findings.limb is None else all_cases(findings.limb.config)
-    cases = (*all_cases(findings.studies[0].config), *limb)
-    return colours({case.label: case.kind for case in cases})
-
-
-def _full(rows: list[Row]) -> str:
-    """The rate of the loop that all are compared with."""
-    return " ".join(
+    # The rate of the loop that all are compared with.
+    full = " ".join(
         f"Full volume, sun on {row['load']}: {row['steps']} steps in "
         f"{seconds(row['run_time_s']['median'])}, "
         f"{row['lattice_voxels_per_s'] / 1e9:.3g} billion lattice voxels a second."
         for row in rows
         if row["label"] == FULL
     )
-
-
-def _expected(lines: list[Line]) -> list[page.Section]:
-    """The expectations of the config, each marked as met or missed."""
-    rows = [
-        [line["label"], Cell(in_words(c), c["met"])]
-        for line in lines
-        for c in line.get("expected", ())
+    made.sections += [
+        page.heading(name),
+        table_of(lines, _COST),
+        table_of(lines, _ERROR),
+        *([Table(["structure", "expected"], expected)] if expected else []),
+        page.paragraph(full, note=True),
     ]
-    return [Table(["structure", "expected"], rows)] if rows else []
+    if not rows:
+        return
+    shown = [row for row in rows if row["load"] == load]
+    over = f"{name}: error over time, sun on {load}"
+    made.add_charts(
+        {
+            f"error_against_time_{name}": error_against_time(
+                rows, made.paint, f"{name}: error against run time"
+            ),
+            f"error_over_time_{name}": error_over_time(shown, made.paint, over),
+        }
+    )
+    made.add_pictures(study, rows)
 
 
-def _refused(reason: str, columns: int) -> Cell:
-    return Cell(reason, wraps=True, columns=columns)
-
-
-def _cost(line: Line) -> list[str | Cell]:
-    if "refused" in line:
-        return [line["label"], _refused(line["refused"], len(COST) - 1)]
-    return [
-        line["label"],
-        f"{line['nodes']:,}",
-        f"{line['links']:,}",
-        readable_bytes(line["held_bytes"]),
-        str(line["steps"]),
-        seconds(line["build_time_s"]),
-        seconds(line["setup_time_s"]),
-        seconds(line["compile_time_s"]),
-        span(line["run_time_s"]),
-        times(line["times_faster"]),
-    ]
-
-
-def _error(line: Line) -> list[str | Cell]:
-    if "refused" in line:
-        return [line["label"], _refused(line["refused"], len(ERROR) - 1)]
-    return [
-        line["label"],
-        ", ".join(f"{k}: {v:.3g}" for k, v in line["error_percent"].items()),
-        f"{line['worst_p99_percent']:.3g}",
-        f"{line['worst_max_percent']:.3g}",
-        f"{line['worst_rms_kelvin']:.3g}",
-        f"{line['frame_rms_kelvin']:.3g}",
-        f"{line['frame_ssim']:.4f}",
-        f"{line['capacity_ratio']:.5g}",
-        f"{line['energy_residual']:.0e}",
-    ]
-
-
-def _claims(findings: Findings, folder: Path, files: list[Path]) -> list[page.Section]:
+def _add_claims(made: _Page) -> None:
     """Claims of the thesis, results of this run, and the charts that show them."""
+    findings = made.findings
     words = {True: "yes", False: "no", None: "reported"}
-    rows = [
-        [
-            claim["id"],
-            prose(claim["claim"]),
-            Cell(words[claim["holds"]], claim["holds"]),
-            prose(*claim["found"]),
-        ]
-        for claim in findings.claims
+    columns: list[Column] = [
+        ("", "{id}"),
+        ("claim", lambda claim: prose(claim["claim"])),
+        ("found so", lambda claim: Cell(words[claim["holds"]], claim["holds"])),
+        ("measured", lambda claim: prose(*claim["found"])),
     ]
-    made: list[page.Section] = []
-    if rows:
-        columns = ["", "claim", "found so", "measured"]
-        made = [
-            page.heading("Claims of the thesis"),
-            Table(columns, rows, left=range(4)),
-        ]
-    charts = {}
+    if findings.claims:
+        table = table_of(findings.claims, columns, left=range(4))
+        made.sections += [page.heading("Claims of the thesis"), table]
     if any("refused" not in row for row in findings.level_rows):
-        charts["error_by_levels"] = by_levels(findings.level_rows)
+        made.add_charts({"error_by_levels": by_levels(findings.level_rows)})
     if findings.local:
-        chart = by_thickness(findings.local, _paint(findings))
-        charts["error_by_thickness"] = chart
-    for file, chart in charts.items():
-        made.append(write_chart(chart, folder / file))
-        files += [folder / f"{file}.svg", folder / f"{file}.png"]
+        chart = by_thickness(findings.local, made.paint)
+        made.add_charts({"error_by_thickness": chart})
     good = [row for row in findings.limb_rows if "refused" not in row]
     if findings.limb is not None and good:
-        # A name of its own: the body may be one of those that are compared.
-        for path in write_pictures(findings.limb, good, folder, "limb_"):
-            made.append(page.picture(path, path.stem))
-            files.append(path)
-    return made
+        # Names of their own: the body may be one of those that are compared.
+        made.add_pictures(findings.limb, good, "limb_")
 
 
-def _all_rows(findings: Findings) -> Table:
-    columns = [
-        "body", "load", "structure", "nodes", "steps", "run", "times faster", "RMS %",
-        "RMS % at each time", "RMS K at each time", "frame K at each time",
-        "SSIM at each time",
-    ]  # fmt: skip
-    several = lambda values: ", ".join(f"{v:.3g}" for v in values)
-    rows = []
-    for row in (*findings.rows, *findings.limb_rows):
-        names = [row["body"], row["load"], row["label"]]
-        if "refused" in row:
-            rows.append([*names, _refused(row["refused"], len(columns) - 3)])
-            continue
-        error, frame = row["error"], row["frame"]
-        rows.append(
-            [
-                *names,
-                f"{row['nodes']:,}",
-                str(row["steps"]),
-                seconds(row["run_time_s"]["median"]),
-                times(row["times_faster"]),
-                f"{error['worst_rms_percent']:.4g}",
-                several(error["rms_percent"]),
-                several(error["rms_kelvin"]),
-                several(frame["rms_kelvin"]),
-                ", ".join(f"{v:.4f}" for v in frame["ssim"]),
-            ]
-        )
-    return Table(columns, rows)
+# Share of the pixels that a scale spans: a few hot tips must not darken the rest.
+_WITHIN = 0.995
+
+_Frame = Float[np.ndarray, "h w"]
+
+
+def _sheets(study: Study, rows: list[Row]) -> dict[str, Image.Image]:
+    """Every structure's frame, and its difference from the full volume's."""
+    shown, scene = study.config.picture, study.scenery
+    chosen = [row for row in rows if row["load"] == shown.load]
+    expected = scene.frame(study.shown_reference)
+    surfaces = (study.record.arrays_of(row)["surface"] for row in chosen)
+    frames = [scene.frame(surface) for surface in surfaces]
+    where = f"{study.body.name}, sun on {shown.load}, {time_label(shown.time)}"
+    return {
+        "differences": _difference_sheet(scene, expected, chosen, frames, where),
+        "frames": _frame_sheet(scene, expected, chosen, frames, where),
+    }
+
+
+def _difference_sheet(
+    scene: Scenery, expected: _Frame, rows: list[Row], frames: list[_Frame], where: str
+) -> Image.Image:
+    # Structure less full volume [K], on one scale for all.
+    differences = [np.asarray(f - expected, float) for f in frames]
+    sizes = np.abs([d[scene.body] for d in differences])
+    scale = DifferenceScale(nice_limit(float(np.quantile(sizes, _WITHIN))))
+    tiles = [
+        Tile(scale.picture(d, scene.body), row["label"], _rms(d, scene))
+        for d, row in zip(differences, rows, strict=True)
+    ]
+    bar = difference_bar(
+        scale,
+        "structure less full volume [K], one scale for all; "
+        f"the largest difference is {sizes.max():.2g} K",
+    )
+    return sheet(tiles, bar, f"{where}: difference from the full volume")
+
+
+def _frame_sheet(
+    scene: Scenery, expected: _Frame, rows: list[Row], frames: list[_Frame], where: str
+) -> Image.Image:
+    # All on the reference's scale, or a structure's error would move its colours.
+    ends = np.quantile(expected[scene.body], [1 - _WITHIN, _WITHIN])
+    limits = float(ends[0]), float(ends[1])
+    tiles = [thermal_tile(expected, scene.body, limits, "reference", "full volume")]
+    for row, frame in zip(rows, frames, strict=True):
+        # The full volume shows what the reference shows, but for the step.
+        if row["label"] != FULL:
+            note = _rms(np.asarray(frame - expected, float), scene)
+            tiles.append(thermal_tile(frame, scene.body, limits, row["label"], note))
+    bar = colour_bar(
+        to_celsius(limits[0]),
+        to_celsius(limits[1]),
+        "surface temperature [\N{DEGREE SIGN}C], as the reference's pixels but "
+        "the coldest and hottest 0.5 %",
+    )
+    return sheet(tiles, bar, f"{where}: frames")
+
+
+def _rms(difference: _Frame, scene: Scenery) -> str:
+    return f"RMS {np.sqrt((difference[scene.body] ** 2).mean()):.2g} K"

@@ -1,6 +1,7 @@
 """One body: the full volume, and every structure beside it, under every load."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import cache, cached_property, partial
 from typing import Any
 
@@ -9,19 +10,30 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxthermo.errors import InputError
+from jaxthermo.geometry.mesh import Pose
 from jaxthermo.integrate.run.solution import Solution
 from jaxthermo.integrate.run.solution_file import StoredSolution
+from jaxthermo.physics.radiation.source import Sun
+from jaxthermo.physics.time_varying import Until
+from jaxthermo.scene.compile.compile import body_geometry
+from jaxthermo.scene.scene import Body, Scene, SolvedSurface
 from jaxthermo.structures.kinds.full import FullVolume
 from jaxthermo.structures.report import structure_report
+from jaxthermo.structures.structure import AbstractStructure
+from jaxthermo.structures.surface_map import AbstractSurfaceMap, ConstantMap
+from jaxthermo.voxels.grid import VoxelGrid
+from jaxthermo.voxels.voxelize import voxelize
 
 from ..harness.record import Arrays, Record, Row
-from .cases import NEAREST, Case, Subject, case_loads, load_subject, make_map
 from .config import (
     FULL,
+    LINKS,
     ComparedBody,
     ComparisonConfig,
+    EntryConfig,
     body_identity,
     common_identity,
+    structure_identity,
 )
 from .measure import (
     Baseline,
@@ -38,6 +50,106 @@ from .measure import (
 )
 
 
+# Surface map of the full volume: a voxel's temperature is that of its centre.
+NEAREST = ConstantMap()
+
+
+def rays(axes: tuple[str, str, str], load: str) -> tuple[float, float, float]:
+    """Direction of rays onto a side that is named in the file's axes."""
+    way = [0.0, 0.0, 0.0]
+    for i, name in enumerate(axes):
+        if name[-1] == load[-1]:
+            # Onto the positive side they travel down the axis.
+            way[i] = 1.0 if (name[0] == "-") != (load[0] == "-") else -1.0
+    return way[0], way[1], way[2]
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """A voxelized body, and the scenes that it is put into."""
+
+    grid: VoxelGrid
+    config: ComparisonConfig
+
+    @classmethod
+    def load(
+        cls, body: ComparedBody, config: ComparisonConfig, voxels_high: int
+    ) -> "Subject":
+        """Voxelize the body's mesh to so many voxels along up."""
+        given = body.mesh or body.shape
+        if given is None:
+            raise InputError("bodies: a body needs a `mesh` or a `shape`")
+        mesh = given.build()
+        pitch = float(np.ptp(mesh.bounds[:, 2])) / voxels_high
+        return cls(voxelize(mesh, pitch), config)
+
+    def body(
+        self, structure: AbstractStructure, surface_map: AbstractSurfaceMap
+    ) -> Body:
+        """The structure with the material and start of the config."""
+        config = self.config
+        material, start = config.material.build(), config.temperature
+        return Body(structure, material, temperature=start, surface_map=surface_map)
+
+    def scene(
+        self, structure: AbstractStructure, surface_map: AbstractSurfaceMap, load: str
+    ) -> Scene:
+        """A structure in the sun from the side that the load names."""
+        sun, others = self.config.sun, self.config.terms
+        strength: Any = sun.irradiance
+        if sun.until is not None:
+            strength = Until(strength, sun.until)
+        first = Sun(self.rays(load), irradiance=strength)
+        terms = (first, *(term.build() for term in others))
+        return Scene((self.body(structure, surface_map),), terms)
+
+    def rays(self, load: str) -> tuple[float, float, float]:
+        """Direction of the sun's rays."""
+        return rays(self.grid.mesh.axes, load)
+
+    @property
+    def surface(self) -> SolvedSurface:
+        """The body's shape; black, since only temperatures are looked at."""
+        one = jnp.ones((), jnp.float32)
+        return SolvedSurface(body_geometry(self.grid, Pose()), one, one)
+
+
+@dataclass(frozen=True)
+class Case:
+    """One line of the comparison: its name, and how its structure is made."""
+
+    label: str
+    kind: str
+    entry: EntryConfig | None = None
+
+    @property
+    def identity(self) -> Any:
+        """Plain values that distinguish it from all others."""
+        options = structure_identity(self.entry.structure) if self.entry else {}
+        return [self.label, self.kind, options]
+
+    def make(self, grid: VoxelGrid) -> AbstractStructure:
+        """The structure of a body's voxels."""
+        if self.entry is None:
+            return FullVolume(grid, stencil=self.kind != LINKS)
+        return self.entry.structure.build(grid)
+
+
+def all_cases(config: ComparisonConfig) -> tuple[Case, ...]:
+    """The full volume, as links too if asked for, and the config's structures."""
+    full = [Case(FULL, FULL)]
+    if config.full_volume_as_links:
+        full.append(Case(LINKS, LINKS))
+    entries = (Case(e.label, e.structure.kind, e) for e in config.structures)
+    return (*full, *entries)
+
+
+def case_loads(case: Case, config: ComparisonConfig) -> tuple[str, ...]:
+    """The loads that a case is run under."""
+    # As links the full volume says what a link costs, under any load: one will do.
+    return (config.picture.load,) if case.kind == LINKS else config.loads
+
+
 class Study:
     """Data that all rows of one body use; computed once, when first needed."""
 
@@ -46,14 +158,14 @@ class Study:
         self.body = body
         self.config = config
         self.record = record
-        self.surface_map = make_map(config.surface_map)
+        self.surface_map = config.surface_map.build()
         self._baselines: dict[str, Baseline] = {}
         self._references: dict[str, StoredSolution] = {}
 
     @cached_property
     def subject(self) -> Subject:
         """The body, voxelized."""
-        return load_subject(self.body, self.config, self.config.voxels_high)
+        return Subject.load(self.body, self.config, self.config.voxels_high)
 
     @cached_property
     def scenery(self) -> Scenery:
@@ -77,7 +189,8 @@ class Study:
             full = FullVolume(self.subject.grid)
             scene = self.subject.scene(full, NEAREST, load)
             solution, timing, cost = run_timed(scene, self.config)
-            work = self.subject.lattice_voxels * cost["steps"]
+            # The loop runs over the bounding box, empty voxels included.
+            work = self.subject.grid.solid.size * cost["steps"]
             cost["lattice_voxels_per_s"] = work / timing.median
             self._baselines[load] = Baseline(solution, timing, cost)
         return self._baselines[load]
@@ -95,10 +208,6 @@ class Study:
                 (self.subject.surface,),
             )
         return self._references[load]
-
-    def reference_rows(self) -> Iterator[Row]:
-        """The reference rows, one for each load."""
-        return map(self.reference_row, self.config.loads)
 
     def reference_row(self, load: str) -> Row:
         """Run data of a load's reference; its surface is in the row's arrays."""
@@ -155,41 +264,41 @@ class Study:
         return build_timed(lambda: case.make(grid))
 
     def _row(self, load: str, built: Callable[[], Timed]) -> tuple[Row, Arrays]:
-        # First, since it may be refused.
+        # The structure first, since it may be refused.
         structure, build_time = built()
         full = self.baseline(load)
         scene = self.subject.scene(structure, self.surface_map, load)
         solution, timing, cost = run_timed(scene, self.config)
-        row = {
-            "build_time_s": build_time,
-            **cost,
-            "full_run_time_s": full.time._asdict(),
-            "times_faster": ratio_row(timing, full.time),
-            "structure": structure_report(structure),
-        }
-        return self._finished(load, row, solution)
+        ratio = ratio_row(timing, full.time)
+        head = {"build_time_s": build_time, **cost}
+        return self._finished(load, head, full, ratio, structure, solution)
 
     def _full_row(self, load: str, built: Callable[[], Timed]) -> tuple[Row, Arrays]:
         structure, build_time = built()
         full = self.baseline(load)
-        row = {
-            "build_time_s": build_time,
-            **full.row,
-            "full_run_time_s": full.time._asdict(),
-            "times_faster": {"median": 1.0, "least": 1.0, "most": 1.0},
-            "structure": structure_report(structure),
-        }
-        return self._finished(load, row, full.solution)
+        ratio = {"median": 1.0, "least": 1.0, "most": 1.0}
+        head = {"build_time_s": build_time, **full.row}
+        return self._finished(load, head, full, ratio, structure, full.solution)
 
-    def _finished(self, load: str, row: Row, solution: Solution) -> tuple[Row, Arrays]:
-        """With errors; and with the surface that the pictures show."""
-        reference = self.reference(load)
-        whole = {
-            **row,
+    def _finished(
+        self,
+        load: str,
+        head: Row,
+        full: Baseline,
+        ratio: Row,
+        structure: AbstractStructure,
+        solution: Solution,
+    ) -> tuple[Row, Arrays]:
+        # With errors, and with the surface that the pictures show.
+        reference, shown = self.reference(load), self.config.picture
+        row = {
+            **head,
+            "full_run_time_s": full.time._asdict(),
+            "times_faster": ratio,
+            "structure": structure_report(structure),
             "error": error_row(solution, reference),
             "frame": frame_error(self.scenery, solution, reference),
         }
-        shown = self.config.picture
         if load != shown.load:
-            return whole, {}
-        return whole, {"surface": surface_at(solution, shown.time)}
+            return row, {}
+        return row, {"surface": surface_at(solution, shown.time)}

@@ -3,52 +3,56 @@
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
+import numpy as np
+from jaxtyping import Float, UInt8
+from PIL import Image, ImageDraw, ImageFont
 
-from jaxthermo.atomic import replacing
+from jaxthermo.geometry.mesh import Mesh
 from jaxthermo.geometry.shapes import figurine
+from jaxthermo.image.annotate import contact_sheet, write_png
+from jaxthermo.raster.views import OrthographicView
 from jaxthermo.report import page
 from jaxthermo.report.chart import write_chart
-from jaxthermo.voxels.cylinders import MAX_DIAMETER_RATIO
+from jaxthermo.report.table import Table
+from jaxthermo.voxels.cylinders import (
+    MAX_DIAMETER_RATIO,
+    Cylinder,
+    CylinderParts,
+    cylinder_parts,
+)
+from jaxthermo.voxels.grid import VoxelGrid
+from jaxthermo.voxels.voxelize import voxelize
 
 from ..harness.meshes import thesis_meshes
-from . import (
-    convection_cooling as cooling,
-    convection_numbers as numbers,
-    convection_parts as parts,
-)
+from ..harness.present import publish, table_of
+from . import convection_cooling as cooling, convection_numbers as numbers
 
 
-HEIGHT = 160
-"""Height of the bodies that are divided into cylinders [voxels]."""
-TITLE = "Convection: the thesis' claims"
-
-
-def run(folder: Path, height: int = HEIGHT) -> dict[str, Any]:
+def run(folder: Path, height: int = 160) -> dict[str, Any]:
     """C20, C21 and what the choice of the average changes, with `report.html`.
 
     Args:
         folder: for charts, pictures and the page.
         height: of the bodies that are divided into cylinders, in voxels.
     """
-    console = Console()
-    curves = numbers.measure_local()
-    console.print(numbers.local_table(curves).rich())
-    averages = numbers.measure_averages()
-    console.print(numbers.average_table(averages).rich())
+    curves, averages = numbers.measure_local(), numbers.measure_averages()
     cooled = cooling.measure_cooling(folder)
-    console.print(cooling.choice_table(cooled).rich())
     meshes = {"figurine": figurine(), **thesis_meshes()}
-    divided = parts.measure_parts(meshes, height, folder)
-    console.print(parts.part_table(divided).rich())
+    divided = _measure_parts(meshes, height, folder)
     sections = [
         *_local(curves, folder),
-        *_averages(averages, folder),
+        page.heading("Which average?"),
+        "The average is the wind's choice (`average`). Where all are in their range "
+        "they part by 4 % at Re 4e3, 10 % at 1e4, 22 % at 3e4; at 2e5 the largest is "
+        "1.3 times the smallest. Numbers in brackets are outside the range that the "
+        "correlation is given for; profile rests on recalled curves from Re 7e4 on, "
+        "where it goes up and down by 2 %.",
+        write_chart(numbers.average_chart(), folder / "averages"),
+        numbers.average_table(averages),
         *_cooling(cooled, folder),
         *_parts(divided, folder),
     ]
-    with replacing(folder / "report.html") as path:
-        path.write_text(page.document(TITLE, sections), encoding="utf-8")
+    publish(folder, "Convection: the thesis' claims", sections)
     return {
         "C20": curves,
         "averages": averages,
@@ -58,22 +62,19 @@ def run(folder: Path, height: int = HEIGHT) -> dict[str, Any]:
     }
 
 
-def _local(curves: list[dict[str, Any]], folder: Path) -> list[page.Section]:
+def _local(curves: numbers.Rows, folder: Path) -> list[page.Section]:
+    fast = "Fast flow, as figure 5.6 (points: recalled, ±15 %)"
     charts = {
         "local_slow": numbers.local_chart(numbers.SLOW, "Slow flow, Pr 0.71"),
-        "local_fast": numbers.local_chart(
-            numbers.FAST, "Fast flow, as figure 5.6 (points: recalled, ±15 %)"
-        ),
+        "local_fast": numbers.local_chart(numbers.FAST, fast),
         "local_shape": numbers.shape_chart(),
     }
     worst = max(abs(row["average_mismatch"]) for row in curves)
     return [
         page.heading("C20: the local Nusselt number around a cylinder"),
-        page.paragraph(
-            "Figure 5.6 as an average times 1 + Σ c_k cos kθ, k to 16, with c_k by "
-            "the logarithm of Re. Whatever the c_k, the average around the cylinder is "
-            f"the one that was chosen, here to {worst:.0e} of itself."
-        ),
+        "Figure 5.6 as an average times 1 + Σ c_k cos kθ, k to 16, with c_k by the "
+        "logarithm of Re. Whatever the c_k, the average around the cylinder is the one "
+        f"that was chosen, here to {worst:.0e} of itself.",
         page.paragraph(
             "Lines: the model. Points to Re 40: a computed steady flow. Points from "
             "Re 7.08e4 up: written down from memory of the published figure, ±15 %: "
@@ -86,32 +87,15 @@ def _local(curves: list[dict[str, Any]], folder: Path) -> list[page.Section]:
     ]
 
 
-def _averages(rows: list[dict[str, Any]], folder: Path) -> list[page.Section]:
-    return [
-        page.heading("Which average?"),
-        page.paragraph(
-            "The average is the wind's choice (`average`). Where all are in their "
-            "range they part by 4 % at Re 4e3, 10 % at 1e4, 22 % at 3e4; at 2e5 the "
-            "largest is 1.3 times the smallest. Numbers in brackets are outside the "
-            "range that the correlation is given for; profile rests on recalled curves "
-            "from Re 7e4 on, where it goes up and down by 2 %."
-        ),
-        write_chart(numbers.average_chart(), folder / "averages"),
-        numbers.average_table(rows),
-    ]
-
-
 def _cooling(found: dict[str, Any], folder: Path) -> list[page.Section]:
     return [
         page.heading("C21: cooling by the direction of the normal"),
-        page.paragraph(
-            f"A cylinder of {1e3 * found['diameter_m']:g} mm at {cooling.HOT:g} K in "
-            f"air of {cooling.AIR:g} K that flows at {found['speed_m_s']:g} m/s, Re "
-            f"{found['Re']:.3g}. After {found['times_s'][2]:g} s the temperatures of "
-            "the side's sectors and the local Nusselt number correlate by "
-            f"{found['correlation_of_temperature_and_number']:.2f}, their ranks by "
-            f"{found['rank_correlation']:.2f}."
-        ),
+        f"A cylinder of {1e3 * found['diameter_m']:g} mm at {cooling.HOT:g} K in air "
+        f"of {cooling.AIR:g} K that flows at {found['speed_m_s']:g} m/s, Re "
+        f"{found['Re']:.3g}. After {found['times_s'][2]:g} s the temperatures of the "
+        "side's sectors and the local Nusselt number correlate by "
+        f"{found['correlation_of_temperature_and_number']:.2f}, their ranks by "
+        f"{found['rank_correlation']:.2f}.",
         write_chart(cooling.cooling_chart(found), folder / "cooling_by_angle"),
         page.picture(folder / "cooling.png", "frames of the cylinder, wind from left"),
         page.paragraph(
@@ -119,30 +103,125 @@ def _cooling(found: dict[str, Any], folder: Path) -> list[page.Section]:
             "the left, as in figure 5.8.",
             note=True,
         ),
-        page.paragraph(
-            f"What the choices change after {found['compared_at_s']:g} s. The fixed h "
-            "takes as much heat from the whole surface at first as the wind does; the "
-            "range that it leaves on the side is the voxels' own."
-        ),
+        f"What the choices change after {found['compared_at_s']:g} s. The fixed h "
+        "takes as much heat from the whole surface at first as the wind does; the "
+        "range that it leaves on the side is the voxels' own.",
         cooling.choice_table(found),
     ]
 
 
-def _parts(divided: list[dict[str, Any]], folder: Path) -> list[page.Section]:
-    pictures = [
-        page.picture(folder / body["picture"], f"{body['mesh']} as cylinders")
-        for body in divided
-    ]
+def _parts(divided: numbers.Rows, folder: Path) -> list[page.Section]:
     return [
         page.heading("Bodies as cylinders"),
-        page.paragraph(
-            f"Found in {divided[0]['height_voxels']} voxels of height: connected parts "
-            "of slices across the body's longest axis, joined where their diameters "
-            f"differ by less than a factor of {MAX_DIAMETER_RATIO:g}. The diameter is "
-            "that of the "
-            "cylinder of a part's length and volume. Colours: the part each fragment "
-            "belongs to; outlines: the cylinders."
+        f"Found in {divided[0]['height_voxels']} voxels of height: connected parts of "
+        "slices across the body's longest axis, joined where their diameters differ "
+        f"by less than a factor of {MAX_DIAMETER_RATIO:g}. The diameter is that of "
+        "the cylinder of a part's length and volume. Colours: the part each fragment "
+        "belongs to; outlines: the cylinders.",
+        *(
+            page.picture(folder / body["picture"], f"{body['mesh']} as cylinders")
+            for body in divided
         ),
-        *pictures,
-        parts.part_table(divided),
+        _part_table(divided),
     ]
+
+
+# Hues of the parts, told apart side by side; a body with more than eight repeats them.
+_COLOURS = np.array(
+    [[86, 156, 214], [230, 140, 60], [110, 190, 110], [214, 96, 96]]
+    + [[170, 130, 210], [200, 180, 80], [90, 190, 190], [220, 130, 180]],
+    np.uint8,
+)
+_PAPER, _INK = (16, 17, 20), (236, 236, 238)
+# Height of a picture, about [px].
+_TALL = 560
+# Level views, so that z is up in every picture; two, since parts hide each other.
+_VIEWS = {"looking along +y": (0.0, 1.0, 0.0), "looking along -x": (-1.0, 0.0, 0.0)}
+# Pixel over pitch: a fragment paints two by two pixels, which leaves no holes.
+_PIXEL = 0.8
+
+
+def _measure_parts(meshes: dict[str, Mesh], height: int, folder: Path) -> numbers.Rows:
+    """The cylinders of each body, and a picture of them."""
+    found = []
+    for name, mesh in meshes.items():
+        grid = voxelize(mesh, float(np.ptp(mesh.bounds[:, 2])) / height)
+        parts = cylinder_parts(grid)
+        file = f"cylinders_{name.lower().replace(' ', '_')}.png"
+        tiles = [_parts_picture(grid, parts, view) for view in _VIEWS]
+        write_png(folder / file, contact_sheet(tiles, len(tiles)))
+        head = {"mesh": name, "height_voxels": height}
+        found.append({**head, "parts": parts.rows(), "picture": file})
+    return found
+
+
+def _parts_picture(grid: VoxelGrid, parts: CylinderParts, name: str) -> Image.Image:
+    """Fragments in the colours of their parts, and the outlines of the cylinders."""
+    view = _upright_view(grid, _VIEWS[name])
+    pixels = _painted(grid, parts, view)
+    factor = max(1, round(_TALL / view.height))
+    large = pixels.repeat(factor, axis=0).repeat(factor, axis=1)
+    image = Image.fromarray(np.ascontiguousarray(large))
+    draw = ImageDraw.Draw(image)
+    for number, cylinder in enumerate(parts.cylinders):
+        corners = _outline(cylinder, view) * factor
+        bright = (128 + _COLOURS[number % len(_COLOURS)] // 2).tolist()
+        draw.line([tuple(c) for c in corners], fill=tuple(bright), width=2)
+    font = ImageFont.load_default(size=max(12, image.height // 34))
+    draw.text((8, 6), name, fill=_INK, font=font)
+    return image
+
+
+def _painted(
+    grid: VoxelGrid, parts: CylinderParts, view: OrthographicView
+) -> UInt8[np.ndarray, "h w 3"]:
+    seen = view.project(grid.fragment_position)
+    facing = -(grid.fragment_normal @ view.frame[2])
+    shown = np.flatnonzero(facing > 0)
+    # Painted from the back to the front.
+    shown = shown[np.argsort(-seen[shown, 2], kind="stable")]
+    light = 0.35 + 0.65 * facing[shown, None]
+    colour = _COLOURS[parts.fragment[shown] % len(_COLOURS)] * light
+    pixels = np.full((view.height, view.width, 3), _PAPER, np.uint8)
+    row, column = (seen[shown, axis].astype(int) for axis in (1, 0))
+    for down, right in ((1, 1), (1, 0), (0, 1), (0, 0)):
+        pixels[row + down, column + right] = colour.astype(np.uint8)
+    return pixels
+
+
+def _upright_view(grid: VoxelGrid, direction: tuple) -> OrthographicView:
+    down = np.array([0.0, 0.0, -1.0])
+    frame = np.stack([np.cross(down, direction), down, np.asarray(direction)])
+    seen = grid.mesh.triangles.reshape(-1, 3) @ frame.T
+    low, pixel = seen.min(0), _PIXEL * grid.pitch
+    # A margin of four pixels, for outlines that are wider than the body.
+    size = np.ceil(np.ptp(seen, axis=0)[:2] / pixel).astype(int) + 8
+    corner = low - np.array([4.0, 4.0, 0.0]) * pixel
+    return OrthographicView(frame, corner, pixel, int(size[0]), int(size[1]))
+
+
+def _outline(cylinder: Cylinder, view: OrthographicView) -> Float[np.ndarray, "5 2"]:
+    # A closed rectangle around what one sees of a cylinder [pixels].
+    axis = cylinder.direction
+    across = np.cross(axis, view.frame[2])
+    # A cylinder seen end on has no direction across: it becomes a point.
+    across = across / max(np.linalg.norm(across), 1e-9) * cylinder.diameter / 2
+    along = axis * (cylinder.length or 0.0) / 2
+    middle = np.asarray(cylinder.axis_point)
+    signs = ((1, 1), (1, -1), (-1, -1), (-1, 1), (1, 1))
+    corners = np.stack([middle + a * along + b * across for a, b in signs])
+    return view.project(corners)[:, :2]
+
+
+def _part_table(found: numbers.Rows) -> Table:
+    # The cylinders of each body, the largest first.
+    rows = [{**row, "body": b["mesh"]} for b in found for row in b["parts"]]
+    columns = [
+        ("body", "{body}"),
+        ("part", "{part}"),
+        ("diameter [mm]", lambda row: f"{1e3 * row['diameter_m']:.1f}"),
+        ("length [mm]", lambda row: f"{1e3 * row['length_m']:.1f}"),
+        ("axis", "({axis[0]:.2f}, {axis[1]:.2f}, {axis[2]:.2f})"),
+        ("fragments", "{fragments:,}"),
+    ]
+    return table_of(rows, columns, "Bodies as cylinders")

@@ -3,7 +3,6 @@
 from typing import Any
 
 import numpy as np
-from rich.console import Console
 
 from jaxthermo.geometry.mesh import Mesh
 from jaxthermo.geometry.shapes import box
@@ -15,12 +14,14 @@ from jaxthermo.structures.report import structure_report
 from jaxthermo.voxels.voxelize import voxelize
 
 from ..harness.meshes import thesis_meshes
+from ..harness.present import show, table_of
 
 
-POWERS = range(3, 9)
+# Cubes of 8 to 256 voxels a side, over which a logarithm grows by 8/3.
+_POWERS = range(3, 9)
 
 
-def count_cubes(powers: range = POWERS) -> dict[str, Any]:
+def _count_cubes(powers: range = _POWERS) -> dict[str, Any]:
     """Cells of cubes with n = 2^p voxels a side, and which law they follow.
 
     The level l of a cube has about 6 (n / 2^l)^2 cells, so the sum is 4/3 of the shell
@@ -46,7 +47,7 @@ def count_cubes(powers: range = POWERS) -> dict[str, Any]:
 
 
 def _growth(values: np.ndarray) -> float:
-    """From the smallest cube to the largest."""
+    # From the smallest cube to the largest.
     return float(values[-1] / values[0])
 
 
@@ -66,67 +67,68 @@ def _count_cells(side: int) -> dict[str, Any]:
     }
 
 
-def cube_table(result: dict[str, Any]) -> Table:
-    """The cells of each cube, and the slopes of their number."""
-    columns = ("n", "levels", "shell", "cells", "/ shell", "/ n^2", "/ n^2 log2 n")
-    rows = [
-        [
-            str(row["side_voxels"]),
-            str(row["levels"]),
-            str(row["shell"]),
-            str(row["cells"]),
-            f"{row['cells_over_shell']:.3f}",
-            f"{row['cells_over_n2']:.2f}",
-            f"{row['cells_over_n2_log2_n']:.2f}",
-        ]
-        for row in result["rows"]
+def _cube_table(result: dict[str, Any]) -> Table:
+    columns = [
+        ("n", "{side_voxels}"),
+        ("levels", "{levels}"),
+        ("shell", "{shell}"),
+        ("cells", "{cells}"),
+        ("/ shell", "{cells_over_shell:.3f}"),
+        ("/ n^2", "{cells_over_n2:.2f}"),
+        ("/ n^2 log2 n", "{cells_over_n2_log2_n:.2f}"),
     ]
     caption = (
-        f"slope {result['slope_of_the_largest']:.3f} between the largest two, "
-        f"{result['slope_fitted']:.3f} fitted to all; "
-        f"n^2 log n: {result['slope_claimed_there']:.3f} between the largest"
-    )
-    return Table(columns, rows, "C05: irregular cells of a cube of side n", caption)
+        "slope {slope_of_the_largest:.3f} between the largest two, "
+        "{slope_fitted:.3f} fitted to all; "
+        "n^2 log n: {slope_claimed_there:.3f} between the largest"
+    ).format_map(result)
+    title = "C05: irregular cells of a cube of side n"
+    return table_of(result["rows"], columns, title, caption)
 
 
-HEIGHTS = (50, 100, 150, 200, 250)
-"""Voxels along up."""
+# Voxels along up.
+_HEIGHTS = (50, 100, 150, 200, 250)
 
-TABLE_HEIGHT = 550
-TABLE = {
+# Table 6.1: voxels of the Happy Buddha at 225 x 550 x 225, and the time of one step of
+# each structure [s]. Its full volume is the whole box, 2.8e7 cells, the empty ones too.
+_TABLE_HEIGHT = 550
+_TABLE = {
     "shell": 2.5e6,
     "multi_level": 2.8e7,
     "irregular": 3.2e6,
     "full_volume": 2.8e7,
 }
-"""Voxels of the Happy Buddha at 225 x 550 x 225, as table 6.1 has them."""
-TIMES = {"shell": 13e-3, "multi_level": 50e-3, "irregular": 21e-3, "full_volume": 55e-3}
-"""Time of one simulation step in table 6.1 [s]."""
+_TIMES = {
+    "shell": 13e-3,
+    "multi_level": 50e-3,
+    "irregular": 21e-3,
+    "full_volume": 55e-3,
+}
 
 
-def count_heights(mesh: Mesh, heights: tuple[int, ...] = HEIGHTS) -> list[dict]:
+def _count_heights(mesh: Mesh, heights: tuple[int, ...] = _HEIGHTS) -> list[dict]:
     """Nodes of shell and irregular structure against body and box, by resolution."""
     return [_count_structures(mesh, height) for height in heights]
 
 
-def count_table_6_1(mesh: Mesh, height: int = TABLE_HEIGHT) -> dict[str, Any]:
+def _count_table_6_1(mesh: Mesh, height: int = _TABLE_HEIGHT) -> dict[str, Any]:
     """The thesis' counts beside ours, and what its own numbers say."""
     ours = _count_structures(mesh, height)
     return {
         "ours": ours,
-        "thesis": TABLE,
+        "thesis": _TABLE,
         "thesis_box_cells": 225 * 550 * 225,
         "irregular_over_shell": {
-            "thesis": TABLE["irregular"] / TABLE["shell"],
+            "thesis": _TABLE["irregular"] / _TABLE["shell"],
             "ours": ours["irregular"] / ours["shell"],
         },
         "irregular_over_full": {
-            "thesis": TABLE["irregular"] / TABLE["full_volume"],
+            "thesis": _TABLE["irregular"] / _TABLE["full_volume"],
             "ours_of_body": ours["irregular_of_body"],
             "ours_of_box": ours["irregular_of_box"],
         },
         "thesis_times_faster_than_full": {
-            name: TIMES["full_volume"] / time for name, time in TIMES.items()
+            name: _TIMES["full_volume"] / time for name, time in _TIMES.items()
         },
         "remark": "the thesis' full volume is its bounding box, empty cells included",
     }
@@ -153,36 +155,31 @@ def _count_structures(mesh: Mesh, height: int) -> dict[str, Any]:
 
 
 def _compression_table(found: dict[str, list[dict]]) -> Table:
-    """Voxels kept by each structure, over those of the body and of its box."""
-    columns = ("mesh", "high", "shell", "/ body", "/ box", "irregular", "/ body")
-    rows = [
-        [
-            name,
-            str(row["height_voxels"]),
-            str(row["shell"]),
-            f"{row['shell_of_body']:.1%}",
-            f"{row['shell_of_box']:.1%}",
-            str(row["irregular"]),
-            f"{row['irregular_of_body']:.1%}",
-            f"{row['irregular_of_box']:.1%}",
-        ]
-        for name, counts in found.items()
-        for row in counts
+    rows = [{**row, "mesh": name} for name, counts in found.items() for row in counts]
+    columns = [
+        ("mesh", "{mesh}"),
+        ("high", "{height_voxels}"),
+        ("shell", "{shell}"),
+        ("/ body", "{shell_of_body:.1%}"),
+        ("/ box", "{shell_of_box:.1%}"),
+        ("irregular", "{irregular}"),
+        ("/ body", "{irregular_of_body:.1%}"),
+        ("/ box", "{irregular_of_box:.1%}"),
     ]
+    # The thesis does not say of which: both are shown.
     title = "C06: voxels kept, over those of the body and of its box"
-    return Table((*columns, "/ box"), rows, title, "claimed: 10-25 %")
+    return table_of(rows, columns, title, "claimed: 10-25 %")
 
 
-def table_6_1(result: dict[str, Any], name: str) -> Table:
-    """Counts of the thesis beside those of this run."""
-    ours, shape = result["ours"], result["ours"]["lattice_shape"]
-    size = " x ".join(str(n) for n in shape)
+def _table_6_1(result: dict[str, Any], name: str) -> Table:
+    ours = result["ours"]
+    size = " x ".join(map(str, ours["lattice_shape"]))
     rows = [
         [row, f"{thesis:.2g}", f"{count:.3g}"]
         for row, thesis, count in (
-            ("single shell", TABLE["shell"], ours["shell"]),
-            ("irregular multi-level", TABLE["irregular"], ours["irregular"]),
-            ("full volume", TABLE["full_volume"], ours["body"]),
+            ("single shell", _TABLE["shell"], ours["shell"]),
+            ("irregular multi-level", _TABLE["irregular"], ours["irregular"]),
+            ("full volume", _TABLE["full_volume"], ours["body"]),
             ("bounding box", result["thesis_box_cells"], ours["box"]),
         )
     ]
@@ -190,28 +187,29 @@ def table_6_1(result: dict[str, Any], name: str) -> Table:
     return Table(columns, rows, f"Table 6.1, voxels: {name} at {size}")
 
 
-CAPACITY_HEIGHT = 250
-"""Voxels along up: the thesis' 100 x 250 x 100."""
-REGION = 16
-"""Voxels along an edge of a region."""
-THESIS_LEVELS = 7
+# Voxels along up, the thesis' 100 x 250 x 100 of the capacity, and its levels there.
+_CAPACITY_HEIGHT = 250
+_THESIS_LEVELS = 7
+# Voxels along an edge of a region: some cells of the deepest level, so that the error
+# is one of places and not of single cells.
+_REGION = 16
 
 
-def measure_capacity(mesh: Mesh, height: int = CAPACITY_HEIGHT) -> dict[str, Any]:
+def _measure_capacity(mesh: Mesh, height: int = _CAPACITY_HEIGHT) -> dict[str, Any]:
     """Capacity over volume, of the body and region by region."""
     grid = voxelize(mesh, float(np.ptp(mesh.bounds[:, 2])) / height)
     plain = IrregularMultiLevel(grid)
     kept = IrregularMultiLevel(grid, keep_capacity=True)
-    cells, body = capacity_by_region(grid, plain.cover_count(), REGION)
+    cells, body = capacity_by_region(grid, plain.cover_count(), _REGION)
     ratio = cells[body > 0] / body[body > 0]
     fraction = body[body > 0] / body.sum()
     return {
         "structure": structure_report(plain),
-        "levels": {"thesis": THESIS_LEVELS, "ours": plain.level_count},
+        "levels": {"thesis": _THESIS_LEVELS, "ours": plain.level_count},
         "capacity_ratio": plain.capacity_ratio,
         "capacity_ratio_kept": kept.capacity_ratio,
         "regions": {
-            "width_voxels": REGION,
+            "width_voxels": _REGION,
             "count": len(ratio),
             "capacity_ratio": _spread(ratio, fraction),
             "capacity_ratio_kept": _spread(ratio / plain.capacity_ratio, fraction),
@@ -221,25 +219,21 @@ def measure_capacity(mesh: Mesh, height: int = CAPACITY_HEIGHT) -> dict[str, Any
 
 
 def _spread(ratio: np.ndarray, fraction: np.ndarray) -> dict[str, float]:
-    """Quantiles of the regions' ratios, weighted by their fractions of the body."""
+    # Quantiles of the regions, weighted by their fractions of the body's volume.
     order = np.argsort(ratio)
     below = np.cumsum(fraction[order])
-    found = {
-        f"percentile_{percent}": float(
-            ratio[order][np.searchsorted(below, percent / 100)]
-        )
-        for percent in (5, 25, 50, 75, 95)
-    }
+    at = lambda percent: ratio[order][np.searchsorted(below, percent / 100)]
+    found = {f"percentile_{p}": float(at(p)) for p in (5, 25, 50, 75, 95)}
     rms = float(np.sqrt((fraction * (ratio - 1) ** 2).sum()))
     off = float(fraction[np.abs(ratio - 1) > 0.1].sum())
     return {**found, "rms_from_1": rms, "share_of_body_10_percent_off": off}
 
 
 def _map(cells: np.ndarray, body: np.ndarray, pitch: float) -> dict[str, Any]:
-    """Region numbers along x, y, z, and both volumes; only where there is either."""
+    # Region numbers along x, y, z, and both volumes; only where there is either.
     there = np.argwhere((cells > 0) | (body > 0))
     return {
-        "region_edge_m": REGION * pitch,
+        "region_edge_m": _REGION * pitch,
         "region": there.tolist(),
         "cells_m3": cells[tuple(there.T)].tolist(),
         "body_m3": body[tuple(there.T)].tolist(),
@@ -247,7 +241,6 @@ def _map(cells: np.ndarray, body: np.ndarray, pitch: float) -> dict[str, Any]:
 
 
 def _capacity_table(result: dict[str, Any], name: str) -> Table:
-    """Capacities of the body and of its regions, over the exact ones."""
     shares = result["structure"]["share_of_body_volume"]
     regions = result["regions"]
     both = ("capacity_ratio", "capacity_ratio_kept")
@@ -262,24 +255,23 @@ def _capacity_table(result: dict[str, Any], name: str) -> Table:
         *([text, *(f"{regions[k][q]:.3f}" for k in both)] for q, text in quantiles),
         *([f"{key}, of the body", f"{value:.2%}", ""] for key, value in shares.items()),
     ]
-    title = f"C15: capacity of the irregular {name}, {CAPACITY_HEIGHT} high"
+    title = f"C15: capacity of the irregular {name}, {_CAPACITY_HEIGHT} high"
     return Table(("", "as in the thesis", "total kept"), rows, title)
 
 
 def run() -> dict[str, Any]:
     """C05, C06, C15 and the counts of table 6.1."""
-    console = Console()
-    cubes = count_cubes()
-    console.print(cube_table(cubes).rich())
+    cubes = _count_cubes()
+    show(_cube_table(cubes))
     meshes = thesis_meshes()
-    rows = {name: count_heights(mesh) for name, mesh in meshes.items()}
-    console.print(_compression_table(rows).rich())
+    rows = {name: _count_heights(mesh) for name, mesh in meshes.items()}
+    show(_compression_table(rows))
     # The Happy Buddha, or what stands in for it.
     name, mesh = next(iter(meshes.items()))
-    table = count_table_6_1(mesh)
-    console.print(table_6_1(table, name).rich())
-    capacity = measure_capacity(mesh)
-    console.print(_capacity_table(capacity, name).rich())
+    table = _count_table_6_1(mesh)
+    show(_table_6_1(table, name))
+    capacity = _measure_capacity(mesh)
+    show(_capacity_table(capacity, name))
     return {
         "meshes": {name: mesh.name for name, mesh in meshes.items()},
         "C05": cubes,

@@ -1,85 +1,96 @@
 """Claims on radiation (5.1): C02, C03, C04, and occlusion on and off."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import altair as alt
 import numpy as np
-from rich.console import Console
 
-from jaxthermo.atomic import replacing
 from jaxthermo.constants import STEFAN_BOLTZMANN
-from jaxthermo.geometry.mesh import Pose
-from jaxthermo.geometry.shapes import box
+from jaxthermo.geometry.mesh import Mesh, Pose
+from jaxthermo.geometry.shapes import box, sphere
+from jaxthermo.physics.radiation.area_source import AreaSource
 from jaxthermo.physics.radiation.patches import group_patches
+from jaxthermo.physics.radiation.source import AbstractSource, PointSource, Sun
 from jaxthermo.physics.radiation.view_factors import (
     DEFAULT_DIRECTIONS,
     PatchedBody,
     view_factors,
 )
-from jaxthermo.reference.view_factor import parallel_rectangles
+from jaxthermo.reference.view_factor import (
+    element_to_rectangle,
+    parallel_rectangles,
+)
 from jaxthermo.report import page
 from jaxthermo.report.chart import Chart, LogAxis, write_chart
-from jaxthermo.report.table import Table
+from jaxthermo.report.table import Cell, Table
 from jaxthermo.voxels.grid import VoxelGrid
 from jaxthermo.voxels.voxelize import voxelize
 
-from . import radiation_light as light
+from ..harness.present import publish, table_of
 from .radiation_occlusion import show_occlusion
 
 
-HOT, COLD = 400.0, 300.0
-"""The thesis' 100 K of difference [K]."""
-THESIS_FLUX = 31.15
-"""[W/m^2] at THESIS_DISTANCE."""
-THESIS_DISTANCE = 10.0
-"""[m]"""
-SUN = 1000.0
-"""Irradiance of the sun, with which the thesis compares [W/m^2]."""
-GAPS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
-"""Between two cubes, in sizes of one."""
-VOXELS = 20
-"""Voxels along the edge of a cube."""
-PATCHES = 96
-EXCESS = STEFAN_BOLTZMANN * (HOT**4 - COLD**4)
-"""Difference of black emission at the two temperatures [W/m^2]."""
+_Rows = list[dict[str, Any]]
+
+# The thesis' 100 K of difference [K]; what it gets of it [W/m^2] at which distance [m].
+_HOT, _COLD = 400.0, 300.0
+_THESIS_FLUX, _THESIS_DISTANCE = 31.15, 10.0
+# Irradiance of the sun, with which the thesis compares [W/m^2].
+_SUN = 1000.0
+# Gaps between two cubes, in sizes of one: to the thesis' 10 m between cubes of 1 m.
+_GAPS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
+# Voxels along the edge of a cube, and its patches: 4 x 4 on each of its six sides.
+_VOXELS, _PATCHES = 20, 96
+# Difference of black emission at the two temperatures [W/m^2].
+_EXCESS = STEFAN_BOLTZMANN * (_HOT**4 - _COLD**4)
 
 
-def measure_thesis_flux() -> dict[str, Any]:
+def _measure_thesis_flux() -> dict[str, Any]:
     """C02: 31.15 W/m^2 at 10 m, beside what a black square metre radiates there."""
-    square = EXCESS * parallel_rectangles(1.0, 1.0, THESIS_DISTANCE)
-    small = EXCESS / (np.pi * THESIS_DISTANCE**2)
-    slip = EXCESS * np.pi / THESIS_DISTANCE**2
+    square = _EXCESS * parallel_rectangles(1.0, 1.0, _THESIS_DISTANCE)
+    small = _EXCESS / (np.pi * _THESIS_DISTANCE**2)
+    slip = _EXCESS * np.pi / _THESIS_DISTANCE**2
     return {
-        "thesis_W_m2": THESIS_FLUX,
+        "thesis_W_m2": _THESIS_FLUX,
         "two_squares_of_1_m_W_m2": square,
         "small_emitter_E_over_pi_R2_W_m2": small,
         "E_pi_over_R2_W_m2": slip,
-        "thesis_over_right": THESIS_FLUX / small,
+        "thesis_over_right": _THESIS_FLUX / small,
         "pi_squared": float(np.pi**2),
-        "edge_of_squares_that_give_it_m": _edge_for(THESIS_FLUX),
+        "edge_of_squares_that_give_it_m": _edge_for(_THESIS_FLUX),
     }
 
 
-def _edge_for(flux: float) -> float:
-    """Edge of two squares 10 m apart that exchange a given flux, by bisection [m]."""
-    low, high = 1e-3, 1e3
+def _bisected(is_below: Callable[[float], bool], low: float, high: float) -> float:
+    # By the geometric mean, since the unknown may lie decades away.
     for _ in range(100):
-        middle = np.sqrt(low * high)
-        found = EXCESS * parallel_rectangles(middle, middle, THESIS_DISTANCE)
-        low, high = (middle, high) if found < flux else (low, middle)
-    return float(low)
+        middle = float(np.sqrt(low * high))
+        low, high = (middle, high) if is_below(middle) else (low, middle)
+    return low
 
 
-def measure_neighbours(
-    gaps: tuple[float, ...] = GAPS, directions: int = DEFAULT_DIRECTIONS
-) -> list[dict[str, Any]]:
+def _edge_for(flux: float) -> float:
+    """Edge of two squares 10 m apart that exchange a given flux [m]."""
+    exchanged = lambda a: _EXCESS * parallel_rectangles(a, a, _THESIS_DISTANCE)
+    return _bisected(lambda edge: exchanged(edge) < flux, 1e-3, 1e3)
+
+
+def _ten_percent_gap() -> float:
+    """The gap, in sizes, up to which a tenth of the view is the other cube."""
+    return _bisected(lambda gap: parallel_rectangles(1.0, 1.0, gap) > 0.1, 1e-2, 1e2)
+
+
+def _measure_neighbours(
+    gaps: tuple[float, ...] = _GAPS, directions: int = DEFAULT_DIRECTIONS
+) -> _Rows:
     """C03: two black cubes of 1 m, 100 K apart, face to face.
 
     The flux onto the side of the cold one that faces the hot one, by the closed form
     and by the view factors of the voxelized cubes.
     """
-    cube = voxelize(box((1.0, 1.0, 1.0)), 1.0 / VOXELS)
+    cube = voxelize(box((1.0, 1.0, 1.0)), 1.0 / _VOXELS)
     return [_neighbours(cube, gap, directions) for gap in gaps]
 
 
@@ -90,17 +101,17 @@ def _neighbours(cube: VoxelGrid, gap: float, directions: int) -> dict[str, Any]:
     views = view_factors(bodies, directions)
     found = float(views.between[:count, count:].sum())
     # An insulated wall is as warm as what it sees: hot neighbour and surroundings.
-    wall = (exact * HOT**4 + (1 - exact) * COLD**4) ** 0.25
+    wall = (exact * _HOT**4 + (1 - exact) * _COLD**4) ** 0.25
     return {
         "gap_sizes": gap,
         "view_factor": exact,
         "view_factor_of_voxels": found,
         "error_of_voxels": found / exact - 1,
-        "flux_W_m2": EXCESS * exact,
-        "flux_of_voxels_W_m2": EXCESS * found,
+        "flux_W_m2": _EXCESS * exact,
+        "flux_of_voxels_W_m2": _EXCESS * found,
         "share_of_100_K_excess": exact,
-        "share_of_sun": EXCESS * exact / SUN,
-        "insulated_wall_missed_K": float(wall - COLD),
+        "share_of_sun": _EXCESS * exact / _SUN,
+        "insulated_wall_missed_K": float(wall - _COLD),
     }
 
 
@@ -111,43 +122,33 @@ def _body(cube: VoxelGrid, shift: float) -> PatchedBody:
         cube.fragment_normal,
         cube.fragment_area,
         cube.lattice,
-        PATCHES,
+        _PATCHES,
     )
     return PatchedBody(pose.to_world(cube.mesh.triangles), patches, pose)
 
 
-def ten_percent_gap() -> float:
-    """The gap, in sizes, up to which a tenth of the view is the other cube."""
-    low, high = 0.01, 100.0
-    for _ in range(100):
-        middle = np.sqrt(low * high)
-        more = parallel_rectangles(1.0, 1.0, middle) > 0.1
-        low, high = (middle, high) if more else (low, middle)
-    return float(low)
-
-
-def neighbour_chart(rows: list[dict[str, Any]]) -> Chart:
-    """Flux against gap: closed form (line), voxels (points) and claims (rules)."""
+def _neighbour_chart(rows: _Rows) -> Chart:
     gaps = np.geomspace(rows[0]["gap_sizes"], rows[-1]["gap_sizes"], 60)
     line = [
-        {"gap": g, "flux": EXCESS * parallel_rectangles(1.0, 1.0, g)}
+        {"gap": g, "flux": _EXCESS * parallel_rectangles(1.0, 1.0, g)}
         for g in gaps.tolist()
     ]
+    text = "{gap_sizes:g} sizes: {flux_of_voxels_W_m2:.4g} W/m^2"
     dots = [
         {
             "gap": row["gap_sizes"],
             "flux": row["flux_of_voxels_W_m2"],
-            "text": f"{row['gap_sizes']:g} sizes: {row['flux_of_voxels_W_m2']:.4g} "
-            "W/m^2",
+            "text": text.format_map(row),
         }
         for row in rows
     ]
+    # The two fluxes that the thesis compares with each other.
     levels = [
-        {"flux": SUN, "text": "sun on the ground, 1000"},
-        {"flux": THESIS_FLUX, "text": "thesis at 10 m, 31.15"},
+        {"flux": _SUN, "text": "sun on the ground, 1000"},
+        {"flux": _THESIS_FLUX, "text": "thesis at 10 m, 31.15"},
     ]
     across = LogAxis([float(g) for g in gaps], "gap between two cubes [sizes of one]")
-    up = LogAxis([SUN, line[-1]["flux"]], "net flux onto the facing side [W/m²]")
+    up = LogAxis([_SUN, line[-1]["flux"]], "net flux onto the facing side [W/m²]")
     x, y = alt.X(**across.channel("gap")), alt.Y(**up.channel("flux"))
     data = lambda values: alt.Chart(alt.Data(values=values))
     rule = data(levels).mark_rule(strokeDash=[5, 4], color="#7a808c").encode(y=y)
@@ -163,53 +164,141 @@ def neighbour_chart(rows: list[dict[str, Any]]) -> Chart:
     return chart.properties(width=640, height=380, title=title)
 
 
-def neighbour_table(found: list[dict[str, Any]]) -> Table:
-    """View factors and fluxes between the two cubes, by their gap."""
-    columns = ("gap / size", "F", "F, voxels", "error", "W/m^2")
-    columns += ("of the sun's 1000 W/m^2", "insulated wall misses")
-    rows = [
-        [
-            f"{row['gap_sizes']:g}",
-            f"{row['view_factor']:.5f}",
-            f"{row['view_factor_of_voxels']:.5f}",
-            f"{row['error_of_voxels']:+.2%}",
-            f"{row['flux_W_m2']:.4g}",
-            f"{row['share_of_sun']:.1%}",
-            f"{row['insulated_wall_missed_K']:.3g} K",
-        ]
-        for row in found
+def _neighbour_table(found: _Rows) -> Table:
+    columns = [
+        ("gap / size", "{gap_sizes:g}"),
+        ("F", "{view_factor:.5f}"),
+        ("F, voxels", "{view_factor_of_voxels:.5f}"),
+        ("error", "{error_of_voxels:+.2%}"),
+        ("W/m^2", "{flux_W_m2:.4g}"),
+        ("of the sun's 1000 W/m^2", "{share_of_sun:.1%}"),
+        ("insulated wall misses", "{insulated_wall_missed_K:.3g} K"),
     ]
-    return Table(columns, rows, "C03: two black cubes, 400 K and 300 K, face to face")
+    title = "C03: two black cubes, 400 K and 300 K, face to face"
+    return table_of(found, columns, title)
 
 
-FIGURINE_HEIGHT = 110
-"""Height of the figurine [voxels]."""
-TITLE = "Radiation: the thesis' claims"
+# C04: radius of the ball, edge of a voxel [m], and the error that passes.
+_RADIUS, _PITCH = 0.2, 0.01
+_WITHIN = 0.01
 
 
-def run(folder: Path, height: int = FIGURINE_HEIGHT) -> dict[str, Any]:
+def _exposure(grid: VoxelGrid, source: AbstractSource, *others: Mesh) -> np.ndarray:
+    triangles = np.concatenate([grid.mesh.triangles, *(m.triangles for m in others)])
+    return source.exposure(
+        triangles, grid.fragment_position, grid.fragment_normal, grid.pitch
+    )
+
+
+def _check(what: str, found: float, exact: float) -> dict[str, Any]:
+    error = found / exact - 1
+    return {
+        "what": what,
+        "found": float(found),
+        "exact": float(exact),
+        "error": float(error),
+        "passes": bool(abs(error) <= _WITHIN),
+    }
+
+
+def _measure_light() -> dict[str, Any]:
+    """C04: what a ball, a plate and hollows catch, and where a ball's night begins."""
+    ball = voxelize(sphere(_RADIUS, subdivisions=4), _PITCH)
+    rays = (-1.0, 0.4, -0.7)
+    away = -np.array(rays) / np.linalg.norm(rays)
+    sun, lamp = Sun(rays, 1.0), PointSource(tuple((0.5 * away).tolist()), 1.0)
+    disc = np.pi * _RADIUS**2
+    cone = 2 * np.pi * (1 - np.sqrt(1 - (_RADIUS / 0.5) ** 2))
+    caught = lambda source: float(_exposure(ball, source) @ ball.fragment_area)
+    checks = [
+        _check("ball in the sun: its disc [m²]", caught(sun), disc),
+        _check("ball by a lamp: its solid angle [sr]", caught(lamp), cone),
+        *_hollow(),
+        _panel(),
+        *(_shadow(angle) for angle in (0.0, 30.0, 60.0)),
+    ]
+    return {"checks": checks, "terminator": _terminator(ball, sun, away)}
+
+
+def _terminator(ball: VoxelGrid, sun: Sun, away: np.ndarray) -> dict[str, float]:
+    # Angles from the sun; a fragment that is partly lit lies between the two.
+    exposure = _exposure(ball, sun)
+    angle = np.rad2deg(np.arccos(np.clip(ball.fragment_normal @ away, -1, 1)))
+    # A fragment that is lit in full has the whole of its cosine.
+    lit = exposure / np.maximum(np.cos(np.deg2rad(angle)), 1e-9)
+    return {
+        "last_lit_degrees": float(angle[exposure > 0].max()),
+        "first_shaded_degrees": float(angle[lit < 1 - 1e-9].min()),
+        "exact_degrees": 90.0,
+    }
+
+
+def _hollow() -> _Rows:
+    """A lamp and a panel in a hollow ball: all they send out is caught."""
+    hole, hull = sphere(_RADIUS, 3), sphere(1.2 * _RADIUS, 3)
+    faces = [hull.faces, hole.faces[:, ::-1] + len(hull.vertices)]
+    vertices = np.concatenate([hull.vertices, hole.vertices])
+    hollow = voxelize(Mesh(vertices, np.concatenate(faces), "hollow"), 2 * _PITCH)
+    lamp = PointSource((0.1, -0.05, 0.08), 1.0)
+    panel = AreaSource((0.02, 0.0, 0.05), (1.0, 0.5, 0.2), (0.1, 0.06), radiance=1.0)
+    sums = [float(_exposure(hollow, s) @ hollow.fragment_area) for s in (lamp, panel)]
+    return [
+        _check("lamp in a hollow ball: 4 pi [sr]", sums[0], 4 * np.pi),
+        _check("panel in a hollow ball: pi A [m² sr]", sums[1], np.pi * 0.1 * 0.06),
+    ]
+
+
+def _panel() -> dict[str, Any]:
+    """A14: a black plate, 2 x 2 m at 1000 degC, 1 m above an element."""
+    plate = AreaSource((0, 0, 1.0), (0, 0, -1.0), (2.0, 2.0), temperature=1273.15)
+    here, up = np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]])
+    exposure = plate.exposure(np.zeros((0, 3, 3)), here, up, _PITCH)
+    exact = STEFAN_BOLTZMANN * 1273.15**4 * 4 * element_to_rectangle(1.0, 1.0, 1.0)
+    found = float(plate.strength * exposure[0])
+    return _check("hot plate over an element, A14 [W/m²]", found, exact)
+
+
+def _shadow(degrees: float) -> dict[str, Any]:
+    """Light on a plate of 40 x 40 voxels, 3 cm below a box 2 cm thick."""
+    plate = voxelize(box((0.4, 0.4, 0.02)), _PITCH)
+    cover = box((0.12, 0.16, 0.02)).moved((0.03, 0.01, 0.05))
+    slope = float(np.tan(np.deg2rad(degrees)))
+    sun = Sun((-slope, 0.0, -1.0), 1.0)
+    top = plate.fragment_normal[:, 2] > 0.9
+    cosine = 1 / np.hypot(1.0, slope)
+    found = float(_exposure(plate, sun, cover)[top] @ plate.fragment_area[top])
+    shadow = (0.12 + 0.02 * slope) * 0.16
+    exact = (0.4 * 0.4 - shadow) * cosine
+    return _check(f"plate below a box, sun at {degrees:g}° [m²]", found, exact)
+
+
+def _light_table(result: dict[str, Any]) -> Table:
+    columns = [
+        ("", "{what}"),
+        ("found", "{found:.6g}"),
+        ("exact", "{exact:.6g}"),
+        ("error", "{error:+.2%}"),
+        ("within", lambda row: Cell("1 %" if row["passes"] else "over", row["passes"])),
+    ]
+    return table_of(result["checks"], columns, "C04: shadow maps and Lambert's cosine")
+
+
+def run(folder: Path, height: int = 110) -> dict[str, Any]:
     """C02, C03, C04 and the pictures of occlusion, with `report.html`.
 
     Args:
         folder: for the chart, the pictures and the page.
         height: of the figurine, in voxels.
     """
-    console = Console()
-    flux = measure_thesis_flux()
-    rows = measure_neighbours()
-    console.print(neighbour_table(rows).rich())
-    lit = light.measure_light()
-    console.print(light.light_table(lit).rich())
-    shown = show_occlusion(folder, height)
-    gap = ten_percent_gap()
+    flux, rows, gap = _measure_thesis_flux(), _measure_neighbours(), _ten_percent_gap()
+    lit, shown = _measure_light(), show_occlusion(folder, height)
     sections = [
         *_thesis_flux(flux),
         *_neighbour_sections(rows, gap, folder),
         *_light(lit),
         *_occlusion(shown, folder),
     ]
-    with replacing(folder / "report.html") as path:
-        path.write_text(page.document(TITLE, sections), encoding="utf-8")
+    publish(folder, "Radiation: the thesis' claims", sections)
     return {
         "C02": flux,
         "C03": {"rows": rows, "ten_percent_up_to_sizes": gap},
@@ -220,27 +309,20 @@ def run(folder: Path, height: int = FIGURINE_HEIGHT) -> dict[str, Any]:
 
 
 def _thesis_flux(flux: dict[str, Any]) -> list[page.Section]:
+    rows = [
+        ["thesis", f"{flux['thesis_W_m2']:.2f}"],
+        ["E pi / R²", f"{flux['E_pi_over_R2_W_m2']:.2f}"],
+        ["E A / (pi R²), 1 m²", f"{flux['small_emitter_E_over_pi_R2_W_m2']:.3f}"],
+        ["two squares of 1 m, exact", f"{flux['two_squares_of_1_m_W_m2']:.4f}"],
+    ]
     return [
         page.heading("C02: 31.15 W/m² at 10 m"),
-        page.paragraph(
-            "The thesis lets a body 100 K hotter send 31.15 W/m² over 10 m and fills "
-            "Table 5.1 with it. Two black squares of 1 m, 400 K and 300 K, exchange "
-            f"{flux['two_squares_of_1_m_W_m2']:.3g} W/m² there: "
-            f"{flux['thesis_over_right']:.2f} times less. That is pi squared, 9.87: "
-            "E pi / R² stands where Lambert's law has E / (pi R²)."
-        ),
-        Table(
-            ["at 10 m", "W/m²"],
-            [
-                ["thesis", f"{flux['thesis_W_m2']:.2f}"],
-                ["E pi / R²", f"{flux['E_pi_over_R2_W_m2']:.2f}"],
-                [
-                    "E A / (pi R²), 1 m²",
-                    f"{flux['small_emitter_E_over_pi_R2_W_m2']:.3f}",
-                ],
-                ["two squares of 1 m, exact", f"{flux['two_squares_of_1_m_W_m2']:.4f}"],
-            ],
-        ),
+        "The thesis lets a body 100 K hotter send 31.15 W/m² over 10 m and fills Table "
+        "5.1 with it. Two black squares of 1 m, 400 K and 300 K, exchange "
+        f"{flux['two_squares_of_1_m_W_m2']:.3g} W/m² there: "
+        f"{flux['thesis_over_right']:.2f} times less. That is pi squared, 9.87: "
+        "E pi / R² stands where Lambert's law has E / (pi R²).",
+        Table(["at 10 m", "W/m²"], rows, "C02: flux of a body 100 K hotter"),
         page.paragraph(
             "Squares that exchange as much would have edges of "
             f"{flux['edge_of_squares_that_give_it_m']:.2f} m. All rates of Table 5.1 "
@@ -250,21 +332,16 @@ def _thesis_flux(flux: dict[str, Any]) -> list[page.Section]:
     ]
 
 
-def _neighbour_sections(
-    rows: list[dict], gap: float, folder: Path
-) -> list[page.Section]:
-    chart = write_chart(neighbour_chart(rows), folder / "neighbours")
+def _neighbour_sections(rows: _Rows, gap: float, folder: Path) -> list[page.Section]:
     return [
         page.heading("C03: other bodies do not matter"),
-        page.paragraph(
-            "At 10 m, less so than the thesis says; near by they do. Two black cubes "
-            "of 1 m stand face to face, 400 K and 300 K, in surroundings at 300 K. Up "
-            f"to a gap of {gap:.2f} sizes more than a tenth of the view is the other "
-            "cube. The last column is what an insulated black wall on the cold side "
-            "would miss of its temperature, were the neighbour left out."
-        ),
-        neighbour_table(rows),
-        chart,
+        "At 10 m, less so than the thesis says; near by they do. Two black cubes of 1 "
+        "m stand face to face, 400 K and 300 K, in surroundings at 300 K. Up to a gap "
+        f"of {gap:.2f} sizes more than a tenth of the view is the other cube. The "
+        "last column is what an insulated black wall on the cold side would miss of "
+        "its temperature, were the neighbour left out.",
+        _neighbour_table(rows),
+        write_chart(_neighbour_chart(rows), folder / "neighbours"),
     ]
 
 
@@ -272,40 +349,31 @@ def _light(lit: dict[str, Any]) -> list[page.Section]:
     night = lit["terminator"]
     return [
         page.heading("C04: shadow map and Lambert's cosine"),
-        light.light_table(lit),
-        page.paragraph(
-            "The ball's night begins at 90°: the last fragment with any light stands "
-            f"at {night['last_lit_degrees']:.2f}°, the first that is not lit in full "
-            f"at {night['first_shaded_degrees']:.2f}°. The edge of a shadow is right "
-            "to half a voxel as the source sees it."
-        ),
+        _light_table(lit),
+        "The ball's night begins at 90°: the last fragment with any light stands at "
+        f"{night['last_lit_degrees']:.2f}°, the first that is not lit in full at "
+        f"{night['first_shaded_degrees']:.2f}°. The edge of a shadow is right to half "
+        "a voxel as the source sees it.",
     ]
 
 
 def _occlusion(shown: dict[str, Any], folder: Path) -> list[page.Section]:
     ball = shown["ball_on_plane"]
-    made: list[page.Section] = [
+    return [
         page.heading("Ambient occlusion, on and off"),
-        page.paragraph(
-            f"The figurine, {shown['height_voxels']} voxels high: "
-            f"{shown['fragments']} fragments in {shown['directions']} directions in "
-            f"{shown['time_s']:.1f} s. The mean view factor to the surroundings is "
-            f"{shown['view_factor_mean']:.3f}. After half an hour the surface is "
-            f"{shown['warmer_mean_K']:.2f} K warmer on average with occlusion, "
-            f"{shown['warmer_most_K']:.1f} K at most: the robe is cast hollow, and "
-            "without occlusion its inside, too, emits to the sky. What hides the "
-            "surroundings counts as being as warm as the surface that sees it."
-        ),
+        f"The figurine, {shown['height_voxels']} voxels high: {shown['fragments']} "
+        f"fragments in {shown['directions']} directions in {shown['time_s']:.1f} s. "
+        "The mean view factor to the surroundings is "
+        f"{shown['view_factor_mean']:.3f}. After half an hour the surface is "
+        f"{shown['warmer_mean_K']:.2f} K warmer on average with occlusion, "
+        f"{shown['warmer_most_K']:.1f} K at most: the robe is cast hollow, and "
+        "without occlusion its inside, too, emits to the sky. What hides the "
+        "surroundings counts as being as warm as the surface that sees it.",
+        *(page.picture(folder / name, name) for name in shown["pictures"]),
+        "On a plane below a ball, against the closed form: rays are off by "
+        f"{ball['rays_rms']:.3f} RMS, the screen-space variant by "
+        f"{ball['screen_rms']:.3f}, the two from each other over the whole image by "
+        f"{ball['screen_less_rays_rms']:.3f}; on the figurine by "
+        f"{shown['screen_less_rays_rms']:.3f}, since the image shows no backs and "
+        "looks no farther than the radius it is given.",
     ]
-    made += [page.picture(folder / name, name) for name in shown["pictures"]]
-    made.append(
-        page.paragraph(
-            "On a plane below a ball, against the closed form: rays are off by "
-            f"{ball['rays_rms']:.3f} RMS, the screen-space variant by "
-            f"{ball['screen_rms']:.3f}, the two from each other over the whole image "
-            f"by {ball['screen_less_rays_rms']:.3f}; on the figurine by "
-            f"{shown['screen_less_rays_rms']:.3f}, since the image shows no backs and "
-            f"looks no farther than the radius it is given."
-        )
-    )
-    return made

@@ -1,6 +1,5 @@
 """Ambient occlusion on and off: a warm figurine under a cold sky."""
 
-import time
 from pathlib import Path
 from typing import Any
 
@@ -11,60 +10,60 @@ import jaxthermo as jt
 from jaxthermo.geometry.shapes import box, figurine, sphere
 from jaxthermo.image.annotate import write_png
 from jaxthermo.image.camera import OrthographicCamera, frame_all
-from jaxthermo.image.palette import apply_palette, palette_table
 from jaxthermo.image.render import draw
 from jaxthermo.image.ssao import screen_space_occlusion
-from jaxthermo.image.ticks import decimals_of, label as written, nice_ticks, to_celsius
+from jaxthermo.image.ticks import to_celsius
 from jaxthermo.image.view import compute_view
 from jaxthermo.physics.radiation.visibility import DEFAULT_DIRECTIONS, sky_view
 from jaxthermo.raster.fragments import peel
-from jaxthermo.report.difference_scale import BACKGROUND
-from jaxthermo.report.sheet import ColourBar, Tile, sheet
+from jaxthermo.report.sheet import sheet
 from jaxthermo.voxels.voxelize import voxelize
 
+from ..harness.present import colour_bar, thermal_tile
+from ..harness.timing import timed_call
 
-TALL = 0.3
-"""[m]"""
-START, SKY, GROUND = 303.15, 253.15, 278.15
-"""[K]"""
-COOLING = 1800.0
-"""[s]"""
-CERAMIC = jt.Material(1.2, density=2000.0, specific_heat=850.0, emissivity=0.92)
-NEAR = 0.15
-"""Radius of the screen-space occlusion [m]."""
-SIZE = (420, 560)
-"""Width and height of a picture [px]."""
+
+# Height of the figurine [m].
+_TALL = 0.3
+# A clear, cold evening: a sky 50 K and a ground 25 K below the start [K], and half an
+# hour of it [s], in which hidden and open parts of a ceramic body part by some kelvin.
+_START, _SKY, _GROUND = 303.15, 253.15, 278.15
+_COOLING = 1800.0
+_CERAMIC = jt.Material(1.2, density=2000.0, specific_heat=850.0, emissivity=0.92)
+# Radius of the screen-space occlusion [m].
+_NEAR = 0.15
+# Width and height of a picture [px].
+_SIZE = (420, 560)
 
 
 def show_occlusion(folder: Path, height: int) -> dict[str, Any]:
     """The figurine with and without occlusion: pictures and numbers."""
-    mesh = figurine(TALL)
-    grid = voxelize(mesh, TALL / height)
-    start = time.perf_counter()
-    view = sky_view(
-        mesh.triangles, grid.fragment_position, grid.fragment_normal, grid.pitch
-    )
-    seconds = time.perf_counter() - start
+    mesh = figurine(_TALL)
+    grid = voxelize(mesh, _TALL / height)
+    place = grid.fragment_position, grid.fragment_normal
+    view, time = timed_call(lambda: sky_view(mesh.triangles, *place, grid.pitch))
     visible = view.sky + view.ground
     structure = jt.FullVolume(grid)
     cooled = {on: _cooled(structure, on) for on in (False, True)}
-    camera = frame_all(mesh.triangles, *SIZE)
+    camera = frame_all(mesh.triangles, *_SIZE)
     scenery = compute_view(cooled[True].surfaces, (), camera)
-    shot = lambda values: _shot(scenery, cooled[True].surfaces, values)
+    zero = jnp.zeros((), jnp.float32)
+    shot = lambda values: draw(scenery, cooled[True].surfaces, (), values, zero)
     kelvin = {on: shot(s.surface_temperature[-1]) for on, s in cooled.items()}
+    # View factors are drawn like temperatures: one value a fragment.
     seen = shot(jnp.asarray(visible, jnp.float32))
     body = np.asarray(seen.object_id) >= 0
     screen = screen_space_occlusion(
-        np.asarray(seen.depth, float), np.asarray(seen.normal, float), camera, NEAR
+        np.asarray(seen.depth, float), np.asarray(seen.normal, float), camera, _NEAR
     )
     rays = np.asarray(seen.temperature, float)
     off, on = (np.asarray(kelvin[key].temperature, float) for key in (False, True))
-    files = {
+    sheets = {
         "occlusion_view_factor.png": _view_factors(rays, screen, body),
         "occlusion_off_on.png": _temperatures(off, on, body),
         "occlusion_difference.png": _difference(on - off, body),
     }
-    for name, image in files.items():
+    for name, image in sheets.items():
         write_png(folder / name, image)
     warmer = np.asarray(
         cooled[True].surface_temperature[-1] - cooled[False].surface_temperature[-1]
@@ -75,98 +74,66 @@ def show_occlusion(folder: Path, height: int) -> dict[str, Any]:
         "fragments": len(visible),
         "triangles": len(mesh.faces),
         "directions": DEFAULT_DIRECTIONS,
-        "time_s": seconds,
+        "time_s": time,
         "view_factor_mean": float(visible @ area / area.sum()),
         "view_factor_least": float(visible.min()),
         "warmer_mean_K": float(warmer @ area / area.sum()),
         "warmer_most_K": float(warmer.max()),
         "screen_less_rays_rms": float(np.sqrt(np.mean((screen - rays)[body] ** 2))),
-        "ball_on_plane": ball_on_plane(),
-        "pictures": list(files),
+        "ball_on_plane": _ball_on_plane(),
+        "pictures": list(sheets),
     }
 
 
 def _cooled(structure, occluded: bool):
     term = jt.Surroundings(
-        SKY, ground=GROUND, occlusion=DEFAULT_DIRECTIONS if occluded else None
+        _SKY, ground=_GROUND, occlusion=DEFAULT_DIRECTIONS if occluded else None
     )
-    body = jt.Body(structure, CERAMIC, temperature=START)
-    return jt.simulate(jt.Scene((body,), (term,)), COOLING)
-
-
-def _shot(scenery, surfaces, values):
-    zero = jnp.zeros((), values.dtype)
-    return draw(scenery, surfaces, (), values, zero)
-
-
-def _tile(
-    values: np.ndarray, body, limits: tuple[float, float], palette, label, note
-) -> Tile:
-    colours = apply_palette(values, *limits, palette)
-    colours[~body] = BACKGROUND
-    return Tile(colours, label, note)
-
-
-def _bar(low: float, high: float, palette: str, title: str) -> ColourBar:
-    ticks = nice_ticks(low, high)
-    decimals = decimals_of(ticks[1] - ticks[0]) if len(ticks) > 1 else 1
-    places = [((t - low) / (high - low), written(t, decimals)) for t in ticks]
-    return ColourBar(palette_table(palette), tuple(places), title)
+    body = jt.Body(structure, _CERAMIC, temperature=_START)
+    return jt.simulate(jt.Scene((body,), (term,)), _COOLING)
 
 
 def _view_factors(rays: np.ndarray, screen: np.ndarray, body: np.ndarray):
+    both = {
+        "rays": (rays, f"{DEFAULT_DIRECTIONS} directions"),
+        "screen space": (screen, "8 slices"),
+    }
     tiles = [
-        _tile(
-            rays,
-            body,
-            (0.0, 1.0),
-            "white-hot",
-            "rays",
-            f"{DEFAULT_DIRECTIONS} directions",
-        ),
-        _tile(screen, body, (0.0, 1.0), "white-hot", "screen space", "8 slices"),
+        thermal_tile(values, body, (0.0, 1.0), name, note, "white-hot")
+        for name, (values, note) in both.items()
     ]
-    bar = _bar(0.0, 1.0, "white-hot", "view factor to the surroundings")
+    bar = colour_bar(0.0, 1.0, "view factor to the surroundings", "white-hot")
     return sheet(tiles, bar, "Ambient occlusion of the figurine")
 
 
 def _temperatures(off: np.ndarray, on: np.ndarray, body: np.ndarray):
+    # One scale for both; a few hot tips must not darken the rest.
     both = np.concatenate([off[body], on[body]])
     low, high = (float(x) for x in np.quantile(both, [0.002, 0.998]))
+    hollow = "even the hollow inside sees sky and ground"
     tiles = [
-        _tile(
-            off,
-            body,
-            (low, high),
-            "iron",
-            "off",
-            "even the hollow inside sees sky and ground",
-        ),
-        _tile(on, body, (low, high), "iron", "on", "what is hidden sees itself"),
+        thermal_tile(off, body, (low, high), "off", hollow),
+        thermal_tile(on, body, (low, high), "on", "what is hidden sees itself"),
     ]
-    limits = to_celsius(low), to_celsius(high)
-    bar = _bar(*limits, "iron", "surface temperature [\N{DEGREE SIGN}C]")
-    return sheet(tiles, bar, f"After {COOLING / 60:g} min under a cold sky")
+    title = "surface temperature [\N{DEGREE SIGN}C]"
+    bar = colour_bar(to_celsius(low), to_celsius(high), title)
+    return sheet(tiles, bar, f"After {_COOLING / 60:g} min under a cold sky")
 
 
 def _difference(warmer: np.ndarray, body: np.ndarray):
     top = float(np.quantile(warmer[body], 0.998))
-    tile = _tile(warmer, body, (0.0, top), "iron", "on less off", "")
-    bar = _bar(0.0, top, "iron", "warmer with occlusion [K]")
+    tile = thermal_tile(warmer, body, (0.0, top), "on less off")
+    bar = colour_bar(0.0, top, "warmer with occlusion [K]")
     return sheet([tile], bar, "What occlusion changes")
 
 
-def ball_on_plane() -> dict[str, float]:
+def _ball_on_plane() -> dict[str, float]:
     """Both kinds of occlusion on a plane under a ball of 1 m, against 1 - (R/d)^3."""
     floor = box((8.0, 8.0, 0.2)).triangles - np.array([0.0, 0.0, 0.1])
     ball = sphere(1.0, 4).triangles + np.array([0.0, 0.0, 1.0])
+    size, above, up = 256, (0.0, 0.0, 10.0), (0.0, 1.0, 0.0)
     camera = OrthographicCamera(
-        (0.0, 0.0, 10.0),
-        (0.0, 0.0, 0.0),
-        8.0,
-        up=(0.0, 1.0, 0.0),
-        width=256,
-        height=256,
+        above, (0.0, 0.0, 0.0), 8.0, up=up, width=size, height=size
     )
     triangles = np.concatenate([ball, floor])
     corners, parent = camera.to_raster(triangles)
@@ -177,12 +144,9 @@ def ball_on_plane() -> dict[str, float]:
     a, b, c = np.moveaxis(triangles[parent[layers.triangle[front]]], 1, 0)
     normal = np.cross(b - a, c - a)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    depths, normals = np.full(256 * 256, np.inf), np.zeros((256 * 256, 3))
-    depths[pixel], normals[pixel] = depth, normal
-    found = screen_space_occlusion(
-        depths.reshape(256, 256), normals.reshape(256, 256, 3), camera, 4.0
-    )
-    screen = found.reshape(-1)[pixel]
+    depths, normals = np.full((size, size), np.inf), np.zeros((size, size, 3))
+    depths.reshape(-1)[pixel], normals.reshape(-1, 3)[pixel] = depth, normal
+    screen = screen_space_occlusion(depths, normals, camera, 4.0).reshape(-1)[pixel]
     view = sky_view(triangles, point, normal, 0.05)
     rays = view.sky + view.ground
     plane = (normal[:, 2] > 0.99) & (np.abs(point[:, 2]) < 1e-3)

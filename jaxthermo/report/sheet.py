@@ -68,7 +68,7 @@ def sheet(tiles: list[Tile], bar: ColourBar, title: str) -> Image.Image:
     return whole
 
 
-def _enlarged(pixels: Pixels, edge: int) -> UInt8[np.ndarray, "H W 3"]:
+def enlarged(pixels: Pixels, edge: int) -> UInt8[np.ndarray, "H W 3"]:
     """Whole pixels repeated until the longer edge is about `edge` [px]."""
     factor = max(1, round(edge / max(pixels.shape[:2])))
     return pixels.repeat(factor, axis=0).repeat(factor, axis=1)
@@ -113,7 +113,7 @@ def _layer_columns(tiles: list[Image.Image]) -> int:
 
 
 def _layer_tile(pixels: Pixels, label: str) -> Image.Image:
-    large = _enlarged(pixels, _LAYER_EDGE)
+    large = enlarged(pixels, _LAYER_EDGE)
     text = max(11, min(24, large.shape[0] // 16))
     return _framed(Tile(large, label), text, _FAINT)
 

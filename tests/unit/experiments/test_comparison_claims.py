@@ -5,12 +5,12 @@ import copy
 import pytest
 
 from experiments.structures.claims import (
-    capacity_claim,
-    equilibrium_claim,
-    levels_claim,
-    limb_claim,
-    path_claim,
-    speed_claims,
+    _capacity_claim,
+    _equilibrium_claim,
+    _levels_claim,
+    _limb_claim,
+    _path_claim,
+    _speed_claims,
 )
 from experiments.structures.config import LimbConfig
 
@@ -31,11 +31,11 @@ def test_the_mean_at_the_end_is_judged_where_the_capacity_is_kept():
         even("octree", 1.0, 302.0),
         even("hollow", 0.5, 304.0),
     ]
-    (claim,) = equilibrium_claim(rows)
+    (claim,) = _equilibrium_claim(rows)
     assert claim["holds"] and "hollow +1e+02 %" in claim["found"][1]
     rows[1] = even("octree", 1.0, 302.00001)
-    assert not equilibrium_claim(rows)[0]["holds"]
-    assert equilibrium_claim([{"refused": "no"}]) == []
+    assert not _equilibrium_claim(rows)[0]["holds"]
+    assert _equilibrium_claim([{"refused": "no"}]) == []
 
 
 def level(count: int | str, error: float) -> dict:
@@ -57,7 +57,7 @@ def level(count: int | str, error: float) -> dict:
 def test_levels_must_fall_and_end_at_the_full_volume(errors, holds):
     # In any order: the rows come as they are asked for.
     rows = [level("all", errors[2]), level(1, errors[0]), level(3, errors[1])]
-    (claim,) = levels_claim(rows)
+    (claim,) = _levels_claim(rows)
     assert claim["holds"] is holds
     assert claim["found"][0].startswith("hollow empty, error by levels: ")
 
@@ -75,9 +75,9 @@ def test_the_hollow_part_must_be_worse_than_the_filled():
         "parts": [],
         "rms_kelvin": {"filled": filled, "hollow": hollow},
     }
-    assert limb_claim([part(0.1, 0.9)], limb)[0]["holds"]
-    assert not limb_claim([part(0.9, 0.1)], limb)[0]["holds"]
-    assert limb_claim([part(None, None), part(0.1, None)], limb) == []
+    assert _limb_claim([part(0.1, 0.9)], limb)[0]["holds"]
+    assert not _limb_claim([part(0.9, 0.1)], limb)[0]["holds"]
+    assert _limb_claim([part(None, None), part(0.1, None)], limb) == []
 
 
 def line(label: str, kind: str, time: float, steps: int, error: float) -> dict:
@@ -103,23 +103,23 @@ LINES = [
 
 
 def test_speed_is_told_a_run_and_a_step():
-    (claim,) = speed_claims(LINES)
+    (claim,) = _speed_claims(LINES)
     shell = claim["numbers"][0]
     assert claim["holds"] is None and shell["thesis"] == 4.23
     assert shell["a_run"]["median"] == 8
     assert shell["a_step"] == pytest.approx((8 / 100) / (1 / 50))
     assert shell["a_step_of_links"] == pytest.approx((16 / 100) / (1 / 50))
     assert len(claim["numbers"]) == len(claim["found"]) == 3
-    without_links = speed_claims([LINES[0], LINES[2]])[0]
+    without_links = _speed_claims([LINES[0], LINES[2]])[0]
     assert without_links["numbers"][0]["a_step_of_links"] is None
 
 
 def test_errors_must_fall_from_shell_to_irregular():
-    assert path_claim(LINES)[0]["holds"]
+    assert _path_claim(LINES)[0]["holds"]
     worse = copy.deepcopy(LINES)
     worse[4]["worst_rms_percent"] = 9.0
-    assert not path_claim(worse)[0]["holds"]
-    assert path_claim(LINES[:3]) == []
+    assert not _path_claim(worse)[0]["holds"]
+    assert _path_claim(LINES[:3]) == []
 
 
 def irregular(keep: bool, ratio: float) -> dict:
@@ -136,8 +136,8 @@ def irregular(keep: bool, ratio: float) -> dict:
 
 
 def test_capacity_is_off_unless_it_is_kept():
-    assert capacity_claim([irregular(False, 1.05), irregular(True, 1.0)])[0]["holds"]
-    assert not capacity_claim([irregular(False, 1.05), irregular(True, 1.1)])[0][
+    assert _capacity_claim([irregular(False, 1.05), irregular(True, 1.0)])[0]["holds"]
+    assert not _capacity_claim([irregular(False, 1.05), irregular(True, 1.1)])[0][
         "holds"
     ]
-    assert capacity_claim([{"refused": "no", "kind": "octree"}]) == []
+    assert _capacity_claim([{"refused": "no", "kind": "octree"}]) == []

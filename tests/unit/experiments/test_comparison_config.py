@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.structures.cases import all_cases, rays
 from experiments.structures.config import body_identity, load_comparison
+from experiments.structures.study import all_cases, rays
 from jaxthermo.errors import InputError
 from jaxthermo.geometry.load import axes_for_up, axes_rotation
 

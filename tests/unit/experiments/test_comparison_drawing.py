@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis.extra import numpy as hnp
 
-from experiments.structures.charts import SHADES, colour, colours, error_against_time
+from experiments.structures.charts import _SHADES, _colour, colours, error_against_time
+from experiments.structures.claims import _check
 from experiments.structures.config import ExpectConfig
-from experiments.structures.measure import repeated
-from experiments.structures.summary import check
-from experiments.structures.sweeps import LocalError, classes, thickness
+from experiments.structures.measure import _repeated
+from experiments.structures.sweeps import _classes, _LocalError, _thickness
 from jaxthermo.report.numbers import significant
 from tests.bodies import blocks
 
@@ -20,10 +20,10 @@ from tests.bodies import blocks
 def test_a_structure_keeps_its_colour_and_a_kind_its_hue():
     kinds = {"full volume": "full volume", "x2": "aggregate", "octree": "octree"}
     few, more = colours(kinds), colours({**kinds, "x4": "aggregate", "own": "mine"})
-    assert few["octree"] == more["octree"] and more["x2"] == SHADES["aggregate"][0]
-    assert more["x4"] == SHADES["aggregate"][1]
+    assert few["octree"] == more["octree"] and more["x2"] == _SHADES["aggregate"][0]
+    assert more["x4"] == _SHADES["aggregate"][1]
     assert len(set(more.values())) == len(more)
-    shown: Any = colour(["x4", "octree"], more).to_dict()
+    shown: Any = _colour(["x4", "octree"], more).to_dict()
     assert shown["scale"] == {
         "domain": ["x4", "octree"],
         "range": [more["x4"], more["octree"]],
@@ -62,11 +62,11 @@ def test_numbers_have_three_digits_or_all_before_the_point(value, text):
 def test_a_run_is_repeated_as_often_as_there_is_time_for():
     calls = []
     call = lambda: calls.append(time.sleep(0.02))
-    _, spans = repeated(call, 3, max_seconds=10.0)
+    _, spans = _repeated(call, 3, max_seconds=10.0)
     assert (len(spans), len(calls)) == (3, 4)
     calls.clear()
     # Too long for three, and for one: the first counts, and it is repeated once.
-    _, spans = repeated(call, 3, max_seconds=1e-6)
+    _, spans = _repeated(call, 3, max_seconds=1e-6)
     assert (len(spans), len(calls)) == (2, 2) and min(spans) >= 0.02
 
 
@@ -90,7 +90,7 @@ def test_thickness_against_a_plain_loop(solid):
     if not solid.any():
         return
     grid = blocks(solid)
-    found = thickness(grid)
+    found = _thickness(grid)
     for value, voxel, axis in zip(
         found, grid.fragment_voxel, grid.fragment_axis, strict=True
     ):
@@ -98,12 +98,12 @@ def test_thickness_against_a_plain_loop(solid):
 
 
 def test_classes_double_and_the_parts_add_up_to_the_whole():
-    assert classes(np.array([1, 7])) == [(1, 1), (2, 2), (3, 4), (5, 8)]
+    assert _classes(np.array([1, 7])) == [(1, 1), (2, 2), (3, 4), (5, 8)]
     solid = np.zeros((6, 6, 6), bool)
     solid[:, :, :2] = True
     solid[:2] = True
     grid = blocks(solid)
-    local = LocalError(grid)
+    local = _LocalError(grid)
     difference = np.random.default_rng(0).normal(size=len(grid.fragment_area))
     parts = local.by_class(difference)
     square = sum(p["area_share"] * p["rms_kelvin"] ** 2 for p in parts)
@@ -120,6 +120,6 @@ def test_expectations_are_met_or_not():
     }
     row = {"structure": {"solid_voxels": 100}}
     expect = ExpectConfig(error_percent=0.3, node_share=0.45, times_faster=8)
-    found = {c["what"]: c["met"] for c in check(line, row, expect)}
+    found = {c["what"]: c["met"] for c in _check(line, row, expect)}
     assert found == {"error_percent": False, "node_share": True, "times_faster": True}
-    assert check(line, row, ExpectConfig(body="cube", nodes=1)) == []
+    assert _check(line, row, ExpectConfig(body="cube", nodes=1)) == []

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from experiments.thesis import convection_numbers, convection_parts
+from experiments.thesis import convection, convection_numbers
 from jaxthermo.geometry.shapes import cylinder
 from jaxthermo.voxels.cylinders import cylinder_parts
 from jaxthermo.voxels.voxelize import voxelize
@@ -31,8 +31,7 @@ def test_averages_out_of_their_range_stand_in_brackets():
 def test_a_picture_shows_the_body_and_the_outline_of_its_cylinder():
     grid = voxelize(cylinder(0.02, 0.1), 0.005)
     parts = cylinder_parts(grid)
-    way = convection_parts.WAYS["looking along +y"]
-    image = np.asarray(convection_parts.parts_picture(grid, parts, way, "upright"))
+    image = np.asarray(convection._parts_picture(grid, parts, "looking along +y"))
     high, wide = image.shape[:2]
     # Upright: 100 mm by 40 mm and a margin.
     assert 1.7 < high / wide < 2.5

@@ -1,0 +1,88 @@
+"""Tables, pages and pictures, as every experiment shows them."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from jaxthermo.cli.console import open_console
+from jaxthermo.image.palette import apply_palette, palette_table
+from jaxthermo.image.ticks import decimals_of, label, nice_ticks
+from jaxthermo.report import page
+from jaxthermo.report.difference_scale import BACKGROUND
+from jaxthermo.report.sheet import ColourBar, Tile
+from jaxthermo.report.table import Cell, Table
+
+
+Column = tuple[str, str | Callable[[Any], str | Cell]]
+"""Heading, and a format string of a row's values or a function of the row."""
+
+
+def table_of(
+    rows: Iterable[Mapping[str, Any]],
+    columns: Sequence[Column],
+    title: str = "",
+    caption: str = "",
+    names: int = 1,
+    **style: Any,
+) -> Table:
+    """A table with a line for each row of a result, which is a mapping.
+
+    A row that was refused shows its first `names` columns, and its reason instead of
+    the others.
+    """
+    headings, formats = zip(*columns, strict=True)
+    lines = []
+    for row in rows:
+        shown = formats[:names] if "refused" in row else formats
+        line = [
+            how.format_map(row) if isinstance(how, str) else how(row) for how in shown
+        ]
+        if "refused" in row:
+            rest = len(formats) - names
+            line.append(Cell(row["refused"], wraps=True, columns=rest))
+        lines.append(line)
+    return Table(headings, lines, title, caption, **style)
+
+
+def named(rows: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """The rows of a result by name, each with its `name` as a value of the row."""
+    return [{**row, "name": name} for name, row in rows.items()]
+
+
+def show(*sections: page.Section) -> None:
+    """Print the tables among the sections of a page."""
+    console = open_console()
+    for section in sections:
+        if isinstance(section, Table):
+            console.print(section.rich())
+
+
+def publish(folder: Path, title: str, sections: Sequence[page.Section]) -> None:
+    """Print the tables of a page and write it as `report.html`."""
+    show(*sections)
+    page.write_page(folder / "report.html", title, sections)
+
+
+def thermal_tile(
+    values: Float[np.ndarray, "h w"],
+    body: Bool[np.ndarray, "h w"],
+    limits: tuple[float, float],
+    name: str,
+    note: str = "",
+    palette: str = "iron",
+) -> Tile:
+    """A picture in false colours where it shows the body; dark elsewhere."""
+    colours = apply_palette(values, *limits, palette)
+    colours[~body] = BACKGROUND
+    return Tile(colours, name, note)
+
+
+def colour_bar(low: float, high: float, title: str, palette: str = "iron") -> ColourBar:
+    """The scale of a palette with round numbers between its ends."""
+    ticks, span = nice_ticks(low, high), max(high - low, 1e-9)
+    decimals = decimals_of(ticks[1] - ticks[0]) if len(ticks) > 1 else 1
+    marks = tuple(((t - low) / span, label(t, decimals)) for t in ticks)
+    return ColourBar(palette_table(palette), marks, title)
