@@ -143,7 +143,7 @@ def show_table(lines: list[Line]) -> None:
 
 
 def times(row: Row) -> str:
-    """How many times faster, with its range: "8.1 (7.5-9)"."""
+    """Ratio of run times with its range: "8.1 (7.5-9)"."""
     return with_range(*row["times_faster"].values())
 
 

@@ -87,7 +87,7 @@ def _even_row(
     hot = Until(config.sun.irradiance, config.sun.until or config.time.end)
     sun = Sun(subject.rays(config.picture.load), irradiance=hot)
     height = float(np.ptp(subject.grid.mesh.bounds[:, 2]))
-    diffusivity = float(body.material.diffusivity)
+    diffusivity = float(config.material.build().diffusivity)
     end = _TIME_CONSTANTS * height**2 / (math.pi**2 * diffusivity)
     solution = finish(prepare(Scene((body,), (sun,), dtype="float64"), end, (end,)))
     surface = np.asarray(solution.surface_temperature[0])
