@@ -14,15 +14,14 @@ from jaxthermo.errors import InputError
 
 from .analysis.fit_card import check_card
 from .config.loader import load_calibration
-from .report.result import parameter_rows
 from .report.text_summary import (
     about_standard_errors,
     experiment_table,
     parameter_table,
     summary,
 )
-from .run import ProgressLog, fit_config, identify_start
-from .solvers.checkpoint import StepRecord
+from .run import ProgressLog, fit_config, identify_start, parameter_rows
+from .solvers.progress import StepRecord
 
 
 _MAX_EXPERIMENTS = 5
@@ -105,9 +104,8 @@ def identify(config: Path, overrides: tuple[str, ...]) -> None:
             words = f"{error.worst / 100:.3g} times the noise"
         print_line(console, f"{name}: error {words} at the start")
     if noise_is_known:
-        print_line(
-            console, "standard errors are of the pixels' noise alone, not the model's"
-        )
+        note = "standard errors are of the pixels' noise alone, not the model's"
+        print_line(console, note)
 
 
 def check(card: Path, scene: Path, overrides: tuple[str, ...]) -> None:
@@ -122,14 +120,12 @@ def check(card: Path, scene: Path, overrides: tuple[str, ...]) -> None:
         print_line(console, f"{words} {value:.3g}; fitted at {low:.3g} to {high:.3g}")
     for line in found["outside"]:
         print_line(console, f"warning: {line}")
-    both = found["error_percent"]
-    print_line(
-        console,
-        f"error {both['default']:.3g} % with weights of 1, {both['fitted']:.3g} % with "
-        "the card's",
+    both, valid = found["error_percent"], "valid" if found["valid"] else "NOT valid"
+    text = (
+        f"error {both['default']:.3g} % with weights of 1, {both['fitted']:.3g} % with"
     )
-    valid = "the card is valid here"
-    print_line(console, valid if found["valid"] else "the card is NOT valid here")
+    print_line(console, f"{text} the card's")
+    print_line(console, f"the card is {valid} here")
 
 
 def show(folder: Path) -> None:

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from jaxthermo import __version__
 from jaxthermo.arrays import precision
 from jaxthermo.atomic import replacing
 from jaxthermo.cli.files import results_folder
@@ -22,17 +23,17 @@ from .analysis.fit_card import make_card
 from .analysis.identifiability import Identified, identify, residual_sd
 from .analysis.speedup import measure_speed
 from .config.loader import calibration_hash, load_calibration, plain
-from .config.schema import CalibrationConfig
+from .config.schema import CalibrationConfig, unit_of
 from .problem.build import Calibration, build
+from .problem.parameters import ParameterSet
 from .problem.problem import Case, Problem
 from .problem.reference import program_hash
 from .problem.targets import CaseError
 from .report.page import write_report
-from .report.result import Errors, fit_json
-from .solvers.broyden import jacobian_rows
-from .solvers.checkpoint import StepRecord
 from .solvers.fit import Fit, Fitting
-from .solvers.multistart import start_points
+from .solvers.levenberg_marquardt import jacobian_rows
+from .solvers.progress import StepRecord
+from .solvers.search import start_points
 
 
 _CHECKPOINT, _CHECKPOINT_HASH = "state.eqx", "state.txt"
@@ -56,7 +57,7 @@ def fit_config(
     log: ProgressLog | None = None,
     stop: Callable[[], bool] = lambda: False,
 ) -> dict[str, Any]:
-    """Run the fit of a config, and write its results into a folder.
+    """Run the fit of a config, write its results, and return those of `fit.json`.
 
     Args:
         path: of the config.
@@ -64,9 +65,6 @@ def fit_config(
         overrides: "a.b=c" each.
         log: receives the progress.
         stop: asked before every step if the fit should end with the best so far.
-
-    Returns:
-        The content of `fit.json`.
 
     Raises:
         InputError: for a mistake in the config or its data.
@@ -77,9 +75,19 @@ def fit_config(
         calibration = build(config, log.stage)
         _discard_old_checkpoint(folder, config)
         log.stage("compiling")
-        fitting = Fitting(calibration.train, config.fit)
+        fitting, settings, start = (
+            Fitting(calibration.train, config.fit),
+            config.fit,
+            None,
+        )
+        # A checkpoint is later than any start.
+        if settings.starts > 1 and not (folder / _CHECKPOINT).exists():
+            log.stage(f"searching from {settings.starts} starts")
+            size = calibration.train.parameters.size
+            draw = settings.starts, size, settings.spread, settings.seed
+            start = fitting.best_start(start_points(*draw), stop)
         fit = fitting.run(
-            start=_best_start(config, fitting, folder, log, stop),
+            start=start,
             checkpoint=folder / _CHECKPOINT,
             log=lambda step, seconds: log.step(step, seconds, config.fit.max_steps),
             stop=stop,
@@ -110,27 +118,11 @@ def _discard_old_checkpoint(folder: Path, config: CalibrationConfig) -> None:
         target.write_text(text, encoding="utf-8")
 
 
-def _best_start(
-    config: CalibrationConfig,
-    fitting: Fitting,
-    folder: Path,
-    log: ProgressLog,
-    stop: Callable[[], bool],
-) -> Float[np.ndarray, " p"] | None:
-    # A checkpoint is later than any start.
-    fit, size = config.fit, fitting.problem.parameters.size
-    if fit.starts == 1 or (folder / _CHECKPOINT).exists():
-        return None
-    log.stage(f"searching from {fit.starts} starts")
-    points = start_points(fit.starts, size, fit.spread, fit.seed)
-    return fitting.best_start(points, stop)
-
-
 def _conclude(
     config: CalibrationConfig, calibration: Calibration, fit: Fit, log: ProgressLog
 ) -> dict[str, Any]:
     train = calibration.train
-    errors: Errors = {
+    errors: _Errors = {
         "train": {
             "default": _case_errors(train.cases, fit.initial_errors),
             "fitted": _case_errors(train.cases, fit.errors),
@@ -150,10 +142,8 @@ def _conclude(
         scene = train.parameters.insert(case.scene, z)
     # The first case stands for all of them.
     speed = measure_speed(calibration.configs[case.name], case.scene, scene)
-    versions = {name: version(name) for name in _PACKAGES}
-    return fit_json(
-        config, train.parameters, fit, identified, errors, advice, speed, versions
-    )
+    findings = identified, errors, advice, speed
+    return _fit_json(config, train.parameters, fit, *findings)
 
 
 def _case_errors(
@@ -182,11 +172,7 @@ def _errors_at(
 def identify_start(
     config: CalibrationConfig, log: ProgressLog
 ) -> tuple[Identified, dict[str, CaseError], bool]:
-    """Judge the parameters at the start, without a fit.
-
-    Returns:
-        The judgement, the error of each case, and if the noise of the data is known.
-    """
+    """Judge the start: its parameters, each case's error, and if the noise is known."""
     problem = build(config, log.stage).train
     log.stage("computing derivatives")
     z = np.zeros(problem.parameters.size)
@@ -207,3 +193,107 @@ def identify_start(
         sd = residual_sd(each, len(z), None)
     found = identify(problem.parameters, z, rows, sd)
     return found, errors, problem.known_sd is not None
+
+
+_Errors = dict[str, dict[str, dict[str, CaseError]]]
+"""Errors by "train" or "held_out", then by "default" or "fitted", then by case."""
+
+
+def _fit_json(
+    config: CalibrationConfig,
+    parameters: ParameterSet,
+    fit: Fit,
+    identified: Identified,
+    errors: _Errors,
+    advice: list[dict[str, Any]],
+    speed: dict[str, Any],
+) -> dict[str, Any]:
+    # Without a Jacobian there are too many values for a row each.
+    start = np.asarray(parameters.flat_values(np.zeros_like(fit.z)), float)
+    judged = fit.jacobian is not None
+    rows = parameter_rows(identified, start)
+    return {
+        "name": config.name,
+        "parameters": rows if judged else _field_rows(parameters, identified, start),
+        "loss": {"initial": fit.initial_loss, "final": fit.loss},
+        "ended": fit.ended,
+        "error_percent": {
+            group: {
+                k: max(e.worst for e in found.values()) for k, found in both.items()
+            }
+            for group, both in errors.items()
+        },
+        "errors": {
+            group: {
+                kind: {case: error.as_json() for case, error in found.items()}
+                for kind, found in both.items()
+            }
+            for group, both in errors.items()
+        },
+        # Digits beyond these would only make the file longer.
+        "correlation": np.round(identified.correlation, 6).tolist(),
+        "singular_values": identified.singular_values.tolist(),
+        "advice": advice,
+        "speedup": speed,
+        "steps": [
+            {
+                "step": step.number,
+                "loss": step.loss,
+                "accepted": step.accepted,
+                "jacobian_computed": step.exact,
+                "values": list(step.values) if judged else [],
+            }
+            for step in fit.steps
+        ],
+        "run_time_s": {
+            "fit": fit.step_seconds,
+            "one_run": fit.run_seconds,
+            "compile": fit.compile_seconds,
+        },
+        "reference": config.reference.kind,
+        "config": plain(config),
+        "config_hash": calibration_hash(config),
+        "program_hash": program_hash(),
+        "seed": config.fit.seed,
+        "versions": {"jaxthermo": __version__, **{n: version(n) for n in _PACKAGES}},
+    }
+
+
+def parameter_rows(
+    identified: Identified, start: Float[np.ndarray, " p"]
+) -> dict[str, dict[str, Any]]:
+    """A row for every value, by its label."""
+    return {
+        verdict.label: {
+            "value": verdict.value,
+            "initial": float(initial),
+            "standard_error": verdict.standard_error,
+            "verdict": verdict.verdict,
+            "with": list(verdict.with_others),
+            "unit": unit_of(verdict.label),
+        }
+        for verdict, initial in zip(identified.verdicts, start, strict=True)
+    }
+
+
+def _field_rows(
+    parameters: ParameterSet, identified: Identified, start: Float[np.ndarray, " p"]
+) -> dict[str, dict[str, Any]]:
+    # A row for every field of thousands of values, all of which are in the card.
+    found, first = {}, 0
+    values = np.array([verdict.value for verdict in identified.verdicts])
+    for parameter in parameters.parameters:
+        part = slice(first, first + parameter.size)
+        found[parameter.name] = {
+            "value": float(np.median(values[part])),
+            "initial": float(np.median(start[part])),
+            "standard_error": None,
+            "verdict": identified.verdicts[first].verdict,
+            "with": [],
+            "unit": unit_of(parameter.name),
+            "count": parameter.size,
+            "min": float(values[part].min()),
+            "max": float(values[part].max()),
+        }
+        first += parameter.size
+    return found

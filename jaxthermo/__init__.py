@@ -78,7 +78,7 @@ _HOME = {
     "TRBDF2": "integrate.solvers",
     "CrankNicolson": "integrate.solvers",
     "simulate": "integrate.run.simulate",
-    "steady": "integrate.steady.steady",
+    "steady": "integrate.steady",
     "Solution": "integrate.run.solution",
     "SteadySolution": "integrate.run.solution",
     "RESULTS": "integrate.run.solution",

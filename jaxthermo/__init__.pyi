@@ -21,7 +21,7 @@ from .integrate.solvers import (
     ForwardEuler as ForwardEuler,
     SuperTimeStepping as SuperTimeStepping,
 )
-from .integrate.steady.steady import steady as steady
+from .integrate.steady import steady as steady
 from .integrate.surface_error import (
     SurfaceError as SurfaceError,
     surface_error as surface_error,

@@ -12,18 +12,17 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxthermo.arrays import precision
-from jaxthermo.config.schema.image import CameraConfig
 from jaxthermo.integrate.run.parametric_run import ParametricRun, ParametricSolution
 from jaxthermo.integrate.surface_error import error_span
 from jaxthermo.scene.scene import Scene
 
-from ..config.schema import CalibrationConfig
+from ..config.schema import CalibrationConfig, CandidateConfig
 from ..problem.build import Calibration, camera_views
 from ..problem.problem import trace
 from ..problem.reference import Log
-from ..problem.thermogram_targets import FrameTarget
-from ..solvers.broyden import jacobian_rows
+from ..problem.targets import FrameTarget
 from ..solvers.fit import Fit
+from ..solvers.levenberg_marquardt import jacobian_rows
 from .identifiability import information_gain
 
 
@@ -48,7 +47,7 @@ def rank_experiments(
         log(f"{candidate.name}: information it would add")
         scene = calibration.scenes[candidate.name]
         times = calibration.configs[candidate.name].time.save_times
-        measure = _measurement(calibration, candidate.views, scene, times, sd)
+        measure = _measurement(calibration, candidate, scene, times, sd)
         rows = _rows_per_time(calibration, fit, scene, times, measure)
         add(candidate.name, np.concatenate(rows, 1))
     for case in calibration.train.cases:
@@ -56,7 +55,7 @@ def rank_experiments(
         # The middle of every span between save times, the first from 0.
         ends = np.array([0.0, *case.run.save_times])
         times = tuple((0.5 * (ends[1:] + ends[:-1])).tolist())
-        measure = _measurement(calibration, (), case.scene, times, sd)
+        measure = _measurement(calibration, None, case.scene, times, sd)
         every = _rows_per_time(calibration, fit, case.scene, times, measure)
         for time, rows in zip(times, every, strict=True):
             add(f"{case.name}, saved at {time:g} s too", rows)
@@ -65,7 +64,7 @@ def rank_experiments(
 
 def _measurement(
     calibration: Calibration,
-    cameras: tuple[CameraConfig, ...],
+    candidate: CandidateConfig | None,
     scene: Scene,
     times: tuple[float, ...],
     sd: float,
@@ -73,6 +72,7 @@ def _measurement(
     # The same kind of data, with the same noise, as the fit's.
     target, cases = calibration.train.cases[0].target, len(calibration.train.cases)
     if isinstance(target, FrameTarget):
+        cameras = () if candidate is None else candidate.views
         views = camera_views(cameras, scene) if cameras else target.views
         return lambda scene, solution: target.measure(views, scene, solution, times)
     # As `SurfaceTarget`, but relative to the range of the run itself.
@@ -81,17 +81,10 @@ def _measurement(
     def surface(scene: Scene, solution: ParametricSolution) -> Float[Array, "t r"]:
         del scene
         area = np.concatenate([s.geometry.fragment_area for s in solution.surfaces])
-        weight = jnp.asarray(
-            np.sqrt(area / area.sum())[None], solution.surface_temperature.dtype
-        )
-        span = error_span(solution.surface_temperature)[:, None]
-        return (
-            100
-            / (sd * (count * cases) ** 0.5)
-            * weight
-            * solution.surface_temperature
-            / span
-        )
+        temperature = solution.surface_temperature
+        weight = jnp.asarray(np.sqrt(area / area.sum())[None], temperature.dtype)
+        span = error_span(temperature)[:, None]
+        return 100 / (sd * (count * cases) ** 0.5) * weight * temperature / span
 
     return surface
 

@@ -20,7 +20,7 @@ from jaxthermo.structures.structure import ConductionWeights, FitCard, extrapola
 
 from ..config.schema import CalibrationConfig
 from ..problem.build import Calibration
-from ..problem.parameter_paths import find_path, with_value
+from ..problem.parameters import find_path, with_values
 from ..problem.reference import full_volume_run
 from ..solvers.fit import Fit
 
@@ -48,13 +48,12 @@ def make_card(
         for name, value in values.items()
         if "weights" not in name.split(".") and np.ndim(value) == 0
     }
-    numbers = [
-        scene_numbers(case.scene, calibration.configs[case.name].time.end)
-        for case in problem.cases
-    ]
+    ends = {name: config.time.end for name, config in calibration.configs.items()}
+    numbers = [scene_numbers(case.scene, ends[case.name]) for case in problem.cases]
     # Each mechanism once, in the order of the cases.
     mechanisms = [name for c in problem.cases for name in mechanism_names(c.scene)]
     body = calibration.configs[first.name].bodies[0]
+    origin = {name: result[f"{name}_hash"] for name in ("config", "program")}
     return FitCard(
         name=config.name or "",
         structure=body.structure.options,
@@ -66,11 +65,7 @@ def make_card(
         },
         mechanisms=tuple(dict.fromkeys(mechanisms)),
         error_percent=result["error_percent"],
-        origin={
-            "config": result["config_hash"],
-            "program": result["program_hash"],
-            **result["versions"],
-        },
+        origin=origin | result["versions"],
     )
 
 
@@ -80,11 +75,7 @@ def check_card(
     overrides: tuple[str, ...],
     log: Callable[[str], None],
 ) -> dict[str, Any]:
-    """Run a scene on every voxel, with the card's structure, and with its weights.
-
-    Raises:
-        InputError: for a card or a scene that cannot be used.
-    """
+    """Run a scene on every voxel, with the card's structure, and with its weights."""
     card = load_card(card_path)
     config = _with_structure(load_config(scene_path, overrides), card)
     log("building the scene")
@@ -92,12 +83,10 @@ def check_card(
     numbers = scene_numbers(scene, config.time.end)
     warnings = extrapolations(card, numbers, mechanism_names(scene))
     reference = full_volume_run(config, 0.25, log)
-    weights_path = ("bodies", 0, "structure", "weights")
+    given = {find_path(scene, n): jnp.asarray(v) for n, v in card.parameters.items()}
+    changes = {("bodies", 0, "structure", "weights"): card.weights, **given}
     # Both runs share the scene's voxels and structure, which are slow to build.
-    fitted = with_value(scene, weights_path, card.weights)
-    for name, value in card.parameters.items():
-        fitted = with_value(fitted, find_path(fitted, name), jnp.asarray(value))
-    errors = {}
+    errors, fitted = {}, with_values(scene, changes)
     for name, made in (("default", scene), ("fitted", fitted)):
         log(f"running the {name} weights")
         solver = config.solver.build()

@@ -36,7 +36,7 @@ _MIN_COMPONENT = 0.3
 """Component of a flat direction that makes a parameter part of it."""
 
 
-class Verdict(NamedTuple):
+class _Verdict(NamedTuple):
     """Judgement of one coordinate."""
 
     label: str
@@ -51,7 +51,7 @@ class Verdict(NamedTuple):
 class Identified(NamedTuple):
     """Judgement of all coordinates."""
 
-    verdicts: tuple[Verdict, ...]
+    verdicts: tuple[_Verdict, ...]
     correlation: Float[np.ndarray, "p p"]
     """Correlation of the errors; 0 for dead or flat parameters."""
     singular_values: Float[np.ndarray, " p"]
@@ -72,7 +72,7 @@ def identify(
     values = np.asarray(parameters.flat_values(z), float)
     if jacobian is None:
         pairs = zip(parameters.labels, values, strict=True)
-        judged = (Verdict(n, "not judged", float(v), None) for n, v in pairs)
+        judged = (_Verdict(n, "not judged", float(v), None) for n, v in pairs)
         return Identified(tuple(judged), np.zeros((0, 0)), np.zeros(0))
     gram = np.asarray(jacobian, float) @ np.asarray(jacobian, float).T
     alive, flat, singular = _flat_directions(gram)
@@ -93,7 +93,7 @@ def identify(
         if kind == "fine" and error is not None:
             kind = _precision_verdict(values[n], error, deviation[n], *bounds[n])
         names = tuple(parameters.labels[m] for m in others)
-        verdicts.append(Verdict(label, kind, float(values[n]), error, names))
+        verdicts.append(_Verdict(label, kind, float(values[n]), error, names))
     # All may be zero, where nothing is compared that changes.
     spread = np.sort(singular)[::-1] / max(singular.max(initial=0.0), 1e-300)
     return Identified(tuple(verdicts), correlation, spread)
@@ -164,15 +164,10 @@ def _precision_verdict(
     is_wide = np.isfinite(upper - lower) and error > upper - lower
     if is_wide or deviation > 1 and not is_unbounded:
         return "not pinned"
-    return "at bound" if _is_at_bound(value, lower, upper) else "fine"
-
-
-def _is_at_bound(value: float, lower: float, upper: float) -> bool:
     ends = np.array([lower, value, upper])
     low, here, high = np.log(ends) if lower > 0 else ends
-    if not np.isfinite(high - low):
-        return False
-    return bool(min(here - low, high - here) < _AT_BOUND * (high - low))
+    near = min(here - low, high - here) < _AT_BOUND * (high - low)
+    return "at bound" if np.isfinite(high - low) and near else "fine"
 
 
 def residual_sd(

@@ -52,11 +52,12 @@ def measure_speed(config: SceneConfig, default: Scene, fitted: Scene) -> dict[st
 
 def _ratios(spans: dict[str, list[float]], name: str) -> dict[str, float]:
     ratios = np.array(spans["full_volume"]) / np.array(spans[name])
-    return {
-        "times_faster": float(np.median(ratios)),
-        "min": float(ratios.min()),
-        "max": float(ratios.max()),
+    found = {
+        "times_faster": np.median(ratios),
+        "min": ratios.min(),
+        "max": ratios.max(),
     }
+    return {key: float(value) for key, value in found.items()}
 
 
 def _seconds(planned: Plan) -> float:

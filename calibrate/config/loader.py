@@ -23,15 +23,10 @@ from .schema import CalibrationConfig
 def load_calibration(
     path: str | Path, overrides: tuple[str, ...] = (), *, find_files: bool = True
 ) -> CalibrationConfig:
-    """Read and check a calibration config.
+    """Read and check a calibration config; each mistake is a line of one `InputError`.
 
-    Args:
-        path: of the YAML file; the scene is searched for beside it.
-        overrides: "a.b=c" each, applied in order.
-        find_files: report a named file that does not exist as a mistake.
-
-    Raises:
-        InputError: one line for each mistake.
+    The scene is searched for beside the file. Overrides, "a.b=c" each, are applied in
+    order. With `find_files` a named file that does not exist is a mistake.
     """
     path = Path(path)
     data, _ = with_overrides(read_yaml(path), overrides)
@@ -45,11 +40,7 @@ def load_calibration(
 
 
 def scene_config(config: CalibrationConfig, *changes: Mapping[str, Any]) -> SceneConfig:
-    """Config of the scene with the changes of all cases, then those given, in order.
-
-    Raises:
-        InputError: one line for each mistake.
-    """
+    """Config of the scene with the changes of all cases, then those given, in order."""
     # As overrides, so that mistakes are reported as those of the command line.
     texts = [
         f"{key}={json.dumps(value)}"

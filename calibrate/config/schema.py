@@ -23,10 +23,7 @@ from jaxthermo.errors import InputError
 
 
 _DEFAULT_BOUNDS: dict[str, tuple[float, float]] = {
-    "within": (0.01, 100.0),
-    "between": (0.01, 100.0),
-    "surface": (0.01, 100.0),
-    "capacity": (0.01, 100.0),
+    **dict.fromkeys(("within", "between", "surface", "capacity"), (0.01, 100.0)),
     "links": (0.1, 10.0),
     "surface_distance": (0.01, 100.0),
     "nearest_capacity": (-3.0, 3.0),
@@ -45,11 +42,7 @@ def unit_of(name: str) -> str:
 
 
 def value_in_si(value: Any, name: str) -> float:
-    """Convert a number of a config, such as 16 or "16 W/(m K)", to SI.
-
-    Raises:
-        ValueError: if it is neither.
-    """
+    """Convert a number of a config, such as 16 or "16 W/(m K)", to SI."""
     # A bound may be infinite, which `to_si` refuses for all other numbers.
     if isinstance(value, str) and value.strip() in ("inf", "-inf"):
         return float(value)

@@ -34,22 +34,18 @@ class Bijection(NamedTuple):
 def bijection(
     start: Any, lower: float, upper: float, softplus: bool = False
 ) -> Bijection:
-    """Choose the bijection for a start strictly between two bounds.
+    """Choose the bijection for a start, a number or an array, within two bounds.
 
-    Args:
-        start: one number or an array, which z = 0 stands for.
-        lower: bound, or -inf.
-        upper: bound, or inf.
-        softplus: use softplus instead of exp for a single lower bound.
+    A bound may be infinite; `softplus` is used instead of exp for a lower one alone.
     """
     has_lower, has_upper = math.isfinite(lower), math.isfinite(upper)
     start = np.asarray(start, float)
     if has_lower and has_upper:
         return _interval(start, lower, upper)
-    if has_lower:
-        return (_softplus_bounded if softplus else _lower_bounded)(start, lower)
-    if has_upper:
-        return _upper_bounded(start, upper)
+    if has_lower and softplus:
+        return _softplus_bounded(start, lower)
+    if has_lower or has_upper:
+        return _half_bounded(start, *((lower, 1) if has_lower else (upper, -1)))
     size = np.abs(start)
     scale = np.where(size > 0, size, 1.0)
     return Bijection(
@@ -63,20 +59,13 @@ def _like(constant: Any, z: Any) -> Array:
     return jnp.asarray(constant, jnp.asarray(z).dtype)
 
 
-def _lower_bounded(start: np.ndarray, lower: float) -> Bijection:
-    # Equal steps of z are equal ratios, wherever the start is.
-    size = start - lower
+def _half_bounded(start: np.ndarray, bound: float, sign: int) -> Bijection:
+    # Equal steps of z are equal ratios, wherever the start is; the sign is that of the
+    # distance from the bound.
+    size = start - bound
     return Bijection(
-        lambda z: lower + _like(size, z) * jnp.exp(z),
-        lambda value: jnp.log((value - lower) / _like(size, value)),
-    )
-
-
-def _upper_bounded(start: np.ndarray, upper: float) -> Bijection:
-    size = upper - start
-    return Bijection(
-        lambda z: upper - _like(size, z) * jnp.exp(-z),
-        lambda value: -jnp.log((upper - value) / _like(size, value)),
+        lambda z: bound + _like(size, z) * jnp.exp(sign * z),
+        lambda value: sign * jnp.log((value - bound) / _like(size, value)),
     )
 
 

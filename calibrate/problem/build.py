@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path as FilePath
 
 import jax.numpy as jnp
 import numpy as np
@@ -15,8 +15,8 @@ from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.errors import InputError
 from jaxthermo.image.files import read_exr
 from jaxthermo.image.view import View
-from jaxthermo.integrate.run.parametric_run import ParametricRun, ParametricSolution
-from jaxthermo.integrate.run.solution_file import load_solution
+from jaxthermo.integrate.run.parametric_run import ParametricRun
+from jaxthermo.integrate.run.solution_file import StoredSolution, load_solution
 from jaxthermo.integrate.surface_error import check_surfaces
 from jaxthermo.scene.compile.compile import compile_scene
 from jaxthermo.scene.scene import Scene, SolvedSurface
@@ -29,12 +29,25 @@ from ..config.schema import (
     default_bounds,
     value_in_si,
 )
-from .parameter_paths import Path, find_path, value_at
-from .parameters import Parameter, ParameterSet, Prior, Smoothness
+from .parameters import (
+    Parameter,
+    ParameterSet,
+    Path,
+    Prior,
+    Smoothness,
+    find_path,
+    value_at,
+)
 from .problem import Case, Problem
 from .reference import Log, full_volume_run, select_times
-from .targets import AbstractTarget, surface_target
-from .thermogram_targets import FrameTarget, frame_target, render_frames, view_of
+from .targets import (
+    AbstractTarget,
+    FrameTarget,
+    frame_target,
+    render_frames,
+    surface_target,
+    view_of,
+)
 
 
 _DEFAULT_SMOOTHNESS = 0.5
@@ -56,28 +69,23 @@ class Calibration:
 
 
 def build(config: CalibrationConfig, log: Log) -> Calibration:
-    """Build scenes, data and parameters.
-
-    Raises:
-        InputError: for a contradiction between config, scene and data.
-    """
+    """Build scenes, data and parameters."""
     every = (*config.train, *config.held_out, *config.candidates)
     configs = {case.name: scene_config(config, case.set) for case in every}
     log("building the scenes")
     scenes = _build_scenes(configs)
-    parameters = build_parameters(config, scenes[config.train[0].name])
+    parameters = _build_parameters(config, scenes[config.train[0].name])
     # Values and bounds come from the first case, but every case needs the paths.
     for scene in scenes.values():
         parameters.check(scene)
-    targets = _TargetBuilder(config, configs, scenes, log)
 
     def problem(cases: tuple[schema.CaseConfig, ...]) -> Problem:
         made = []
         for case in cases:
-            given = configs[case.name]
+            given, scene = configs[case.name], scenes[case.name]
             run = ParametricRun(given.time.save_times, given.solver.build())
-            target = targets.build(case)
-            made.append(Case(case.name, scenes[case.name], run, target))
+            target = _TargetBuilder(config, case, given, scene, log).build()
+            made.append(Case(case.name, scene, run, target))
         return Problem(parameters, tuple(made), config.fit.time_norm)
 
     train = problem(config.train)
@@ -112,19 +120,13 @@ def camera_views(
 
 
 def _start_surfaces(scene: Scene) -> tuple[SolvedSurface, ...]:
-    """Surfaces of the bodies at the start."""
     # Neither the number of save times nor the end has an effect on the surfaces.
     with precision(scene.dtype):
         return compile_scene(scene, 1, 1.0).surfaces
 
 
-def build_parameters(config: CalibrationConfig, scene: Scene) -> ParameterSet:
-    """Build the parameters, with starts and bounds from a scene where none are given.
-
-    Raises:
-        InputError: for a parameter that does not exist, or bounds that exclude its
-            start.
-    """
+def _build_parameters(config: CalibrationConfig, scene: Scene) -> ParameterSet:
+    # Starts and bounds that are not given are those of the scene.
     return ParameterSet(tuple(_parameter(p, scene) for p in config.parameters))
 
 
@@ -135,11 +137,8 @@ def _parameter(given: ParameterConfig, scene: Scene) -> Parameter:
     lower, upper = default_bounds(given.name, start[0])
     if given.bounds is not None:
         lower, upper = (value_in_si(v, given.name) for v in given.bounds)
-    prior = smoothness = None
-    if given.prior is not None:
-        known = given.prior
-        mean, sd = (value_in_si(v, given.name) for v in (known.mean, known.sd))
-        prior = Prior(mean, sd, known.log_normal)
+    prior = None if given.prior is None else _prior(given.prior, given.name)
+    smoothness = None
     if given.per == "link":
         links = scene.bodies[int(path[1])].structure.links()
         sd = given.smoothness or _DEFAULT_SMOOTHNESS
@@ -158,6 +157,11 @@ def _parameter(given: ParameterConfig, scene: Scene) -> Parameter:
         first_is_fixed=is_capacity and len(start) > 1,
         smoothness=smoothness,
     )
+
+
+def _prior(given: schema.PriorConfig, name: str) -> Prior:
+    mean, sd = (value_in_si(value, name) for value in (given.mean, given.sd))
+    return Prior(mean, sd, given.log_normal)
 
 
 def _start_values(
@@ -196,114 +200,99 @@ def _value_count(given: ParameterConfig, path: Path, scene: Scene) -> int:
 
 @dataclass
 class _TargetBuilder:
+    # The data of one case, from the reference that the config names.
     config: CalibrationConfig
-    configs: Mapping[str, SceneConfig]
-    scenes: Mapping[str, Scene]
+    case: schema.CaseConfig
+    given: SceneConfig
+    scene: Scene
     log: Log
 
-    def build(self, case: schema.CaseConfig) -> AbstractTarget:
-        with precision(self.scenes[case.name].dtype):
+    def build(self) -> AbstractTarget:
+        name, times = self.case.name, self.given.time.save_times
+        with precision(self.scene.dtype):
             match self.config.reference:
-                case schema.FullVolumeReference() as given:
-                    return self._full_volume(case, given)
-                case schema.SolutionReference() as given:
-                    return self._solution(case.name, given)
-                case schema.SimulatedFrames() as given:
-                    return self._simulated(case, given)
-                case schema.MeasuredFrames() as given:
-                    return self._measured(case.name, given)
+                case schema.FullVolumeReference() as reference:
+                    truth = scene_config(self.config, self.case.set, reference.set)
+                    log = lambda stage: self.log(f"{name}: {stage}")
+                    return self._surface(full_volume_run(truth, reference.step, log))
+                case schema.SolutionReference(files=files):
+                    if name not in files:
+                        text = "reference: files: there is none for the case"
+                        raise InputError(f"{text} {name}")
+                    found = select_times(load_solution(files[name]), times, files[name])
+                    return self._surface(found)
+                case schema.SimulatedFrames() as reference:
+                    return self._frames(reference, self._simulated(reference), None)
+                case schema.MeasuredFrames() as reference:
+                    frames = _measured(name, reference)
+                    return self._frames(reference, frames, _read_mask(reference.mask))
 
-    def _full_volume(
-        self, case: schema.CaseConfig, given: schema.FullVolumeReference
-    ) -> AbstractTarget:
-        truth = scene_config(self.config, case.set, given.set)
-        log = lambda stage: self.log(f"{case.name}: {stage}")
-        found = full_volume_run(truth, given.step, log)
-        check_surfaces(_start_surfaces(self.scenes[case.name]), found.surfaces)
-        return surface_target(found, self._dtype(case.name))
+    def _surface(self, found: StoredSolution) -> AbstractTarget:
+        check_surfaces(_start_surfaces(self.scene), found.surfaces)
+        return surface_target(found, jnp.dtype(self.scene.dtype))
 
-    def _solution(self, name: str, given: schema.SolutionReference) -> AbstractTarget:
-        if name not in given.files:
-            raise InputError(f"reference: files: there is none for the case {name}")
-        path = given.files[name]
-        times = self.configs[name].time.save_times
-        found = select_times(load_solution(path), times, path)
-        check_surfaces(_start_surfaces(self.scenes[name]), found.surfaces)
-        return surface_target(found, self._dtype(name))
-
-    def _simulated(
-        self, case: schema.CaseConfig, given: schema.SimulatedFrames
-    ) -> FrameTarget:
-        truth = scene_config(self.config, case.set, given.set)
+    def _simulated(self, given: schema.SimulatedFrames) -> list[np.ndarray]:
+        truth = scene_config(self.config, self.case.set, given.set)
         times = truth.time.save_times
         # The truth may change anything but the times at which it is compared.
-        if times != self.configs[case.name].time.save_times:
+        if times != self.given.time.save_times:
             raise InputError("reference: set: the save times are the case's")
-        self.log(f"{case.name}: running the truth")
+        self.log(f"{self.case.name}: running the truth")
         scene = truth.build()
-        frames = []
         with precision(truth.dtype):
             run = ParametricRun(times, truth.solver.build())
-            solution: ParametricSolution = run(scene, run.step_table(scene))
-            cameras = self._cameras(given, case.name)
-            for view in camera_views(cameras, scene, solution.surfaces):
-                rendered = render_frames(view, scene, solution, times, given.quantity)
-                frames.append(np.asarray(rendered, float))
-        if not given.noiseless:
-            # The seed differs between cases, so that their noise is independent.
-            noise = np.random.default_rng([given.seed, *case.name.encode()])
-            frames = [f + noise.normal(0, given.noise, f.shape) for f in frames]
-        return self._frame_target(case.name, given, frames, None)
+            solution = run(scene, run.step_table(scene))
+            cameras = given.views or (self.given.camera,)
+            views = camera_views(cameras, scene, solution.surfaces)
+            shown = scene, solution, times, given.quantity
+            frames = [np.asarray(render_frames(v, *shown), float) for v in views]
+        if given.noiseless:
+            return frames
+        # The seed differs between cases, so that their noise is independent.
+        noise = np.random.default_rng([given.seed, *self.case.name.encode()])
+        return [f + noise.normal(0, given.noise, f.shape) for f in frames]
 
-    def _measured(self, name: str, given: schema.MeasuredFrames) -> FrameTarget:
-        views = sorted(
-            (f for f in given.frames if f.case == name), key=lambda f: f.view
-        )
-        if not views:
-            raise InputError(f"reference: frames: there are none for the case {name}")
-        channel = _CHANNELS[given.quantity]
-        frames = []
-        for view in views:
-            rows = []
-            for path in view.files:
-                channels, _ = read_exr(path)
-                if channel not in channels:
-                    listed = ", ".join(sorted(channels))
-                    raise InputError(
-                        f"{path}: has no channel {channel} (it has {listed})"
-                    )
-                rows.append(channels[channel])
-            # Frames of one view are stacked, and compared with one camera.
-            if len({row.shape for row in rows}) > 1:
-                raise InputError(f"{name}, view {view.view}: frames of several sizes")
-            frames.append(np.stack(rows).astype(float))
-        mask = None
-        if given.mask is not None:
-            with Image.open(given.mask) as picture:
-                # Every pixel that is not black is compared.
-                mask = np.asarray(picture.convert("L")) > 0
-        return self._frame_target(name, given, frames, mask)
-
-    def _frame_target(
+    def _frames(
         self,
-        name: str,
         given: schema.SimulatedFrames | schema.MeasuredFrames,
         frames: list[np.ndarray],
         mask: np.ndarray | None,
     ) -> FrameTarget:
-        views = camera_views(self._cameras(given, name), self.scenes[name])
+        views = camera_views(given.views or (self.given.camera,), self.scene)
         if len(views) != len(frames):
             raise InputError(
-                f"{name}: {len(frames)} sequences of frames and {len(views)} views"
+                f"{self.case.name}: {len(frames)} sequences of frames and "
+                f"{len(views)} views"
             )
-        times, dtype = self.configs[name].time.save_times, self._dtype(name)
+        times, dtype = self.given.time.save_times, jnp.dtype(self.scene.dtype)
         noise, quantity = given.noise, given.quantity
         return frame_target(times, views, frames, noise, quantity, mask, dtype)
 
-    def _cameras(
-        self, given: schema.SimulatedFrames | schema.MeasuredFrames, name: str
-    ) -> tuple[CameraConfig, ...]:
-        return given.views or (self.configs[name].camera,)
 
-    def _dtype(self, name: str) -> Any:
-        return jnp.dtype(self.scenes[name].dtype)
+def _measured(name: str, given: schema.MeasuredFrames) -> list[np.ndarray]:
+    views = sorted((f for f in given.frames if f.case == name), key=lambda f: f.view)
+    if not views:
+        raise InputError(f"reference: frames: there are none for the case {name}")
+    return [_read_frames(view, _CHANNELS[given.quantity]) for view in views]
+
+
+def _read_frames(view: schema.FramesOfCase, channel: str) -> np.ndarray:
+    rows = []
+    for path in view.files:
+        channels, _ = read_exr(path)
+        if channel not in channels:
+            listed = ", ".join(sorted(channels))
+            raise InputError(f"{path}: has no channel {channel} (it has {listed})")
+        rows.append(channels[channel])
+    # Frames of one view are stacked, and compared with one camera.
+    if len({row.shape for row in rows}) > 1:
+        raise InputError(f"{view.case}, view {view.view}: frames of several sizes")
+    return np.stack(rows).astype(float)
+
+
+def _read_mask(path: FilePath | None) -> np.ndarray | None:
+    if path is None:
+        return None
+    with Image.open(path) as picture:
+        # Every pixel that is not black is compared.
+        return np.asarray(picture.convert("L")) > 0

@@ -2,22 +2,102 @@
 
 A parameter sets one number of every scene of a fit, or several tied to the same value.
 Together the parameters are one vector z of unconstrained coordinates, 0 at the start.
+
+The path of a number, as in "bodies.0.structure.weights.within", consists of the fields
+of the Python objects and of list indices. `weights`, `material` and `temperature` stand
+for those of a scene's only body, and a term may be named by its mechanism, as in
+`sun.irradiance`.
 """
 
+import difflib
+import functools
 import math
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, is_dataclass
+from typing import Any, Literal
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
 from jaxthermo.errors import InputError
+from jaxthermo.scene.compile.compile import mechanism_names
 from jaxthermo.scene.scene import Scene
 
 from .bijections import Bijection, Values, bijection
-from .parameter_paths import find_path, with_value
+
+
+Path = tuple[str | int, ...]
+
+_ABBREVIATIONS: dict[str, Path] = {
+    "weights": ("bodies", 0, "structure", "weights"),
+    "material": ("bodies", 0, "material"),
+    "temperature": ("bodies", 0, "temperature"),
+}
+"""Short names in a scene of one body."""
+
+# The constructor's argument and the field that keeps it differ.
+_FIELD_OF = {"absorptivity": "given_absorptivity"}
+
+
+def find_path(scene: Scene, name: str) -> Path:
+    """Resolve a dotted name in a scene, which must have such a number."""
+    path: Path = tuple(int(p) if p.isdigit() else p for p in name.split("."))
+    head, rest = path[0], path[1:]
+    if head in _ABBREVIATIONS:
+        path = (*_ABBREVIATIONS[str(head)], *rest)
+        if len(scene.bodies) > 1:
+            raise InputError(
+                f"parameter {name}: the scene has {len(scene.bodies)} bodies: say "
+                f"which, as in {'.'.join(map(str, path))}"
+            )
+    elif head in (names := mechanism_names(scene)):
+        path = ("terms", names.index(str(head)), *rest)
+    path = tuple(_FIELD_OF.get(p, p) if isinstance(p, str) else p for p in path)
+    node: Any = scene
+    for depth, part in enumerate(path):
+        known = _children(node)
+        if part not in known:
+            parent = ".".join(map(str, path[:depth])) or "a scene"
+            close = difflib.get_close_matches(str(part), map(str, known), 1)
+            hint = f"; did you mean '{close[0]}'?" if close else ""
+            listed = ", ".join(map(str, known)) or "nothing to be fitted"
+            raise InputError(
+                f"parameter {name}: {parent} has no '{part}'{hint} (it has {listed})"
+            )
+        node = _child(node, part)
+    if _children(node):
+        listed = ", ".join(map(str, _children(node)))
+        raise InputError(f"parameter {name}: name one of its parts: {listed}")
+    return path
+
+
+def value_at(scene: Scene, path: Path) -> Any:
+    """Value at a path."""
+    return functools.reduce(_child, path, scene)
+
+
+def with_values(scene: Scene, values: Mapping[Path, Any]) -> Scene:
+    """Copy of the scene with other values at some paths."""
+    there = lambda s: [value_at(s, path) for path in values]
+    # A value of None is no leaf by default, and could not be replaced.
+    is_none = lambda leaf: leaf is None
+    return eqx.tree_at(there, scene, list(values.values()), is_leaf=is_none)
+
+
+def _child(node: Any, part: str | int) -> Any:
+    return node[part] if isinstance(part, int) else getattr(node, part)
+
+
+def _children(node: Any) -> tuple[str | int, ...]:
+    if isinstance(node, list | tuple):
+        return tuple(range(len(node)))
+    # Static fields are compiled into the program and cannot be fitted.
+    is_static = lambda field: field.metadata.get("static", False)
+    given = fields(node) if is_dataclass(node) else ()
+    return tuple(field.name for field in given if not is_static(field))
 
 
 Coordinates = Float[Array | np.ndarray, " p"]
@@ -35,10 +115,9 @@ class Prior:
 
     def residual(self, value: Values) -> Values:
         """(value - mean) / sd, or (log value - log mean) / sd."""
-        value = jnp.asarray(value)
         if self.log_normal:
-            return (jnp.log(value) - math.log(self.mean)) / self.sd
-        return (value - self.mean) / self.sd
+            return (jnp.log(jnp.asarray(value)) - math.log(self.mean)) / self.sd
+        return (jnp.asarray(value) - self.mean) / self.sd
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,14 +144,10 @@ class Smoothness:
 
 @dataclass(frozen=True)
 class Parameter:
-    """A number, or a list of them, at one or several paths of a scene.
-
-    Raises:
-        InputError: for bounds that exclude the start.
-    """
+    """A number, or a list of them, at one or several paths of a scene."""
 
     name: str
-    """Dotted path, see `parameter_paths`."""
+    """Dotted path."""
     start: tuple[float, ...]
     """Start values; a single one for a scalar."""
     lower: float = -math.inf
@@ -132,11 +207,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class ParameterSet:
-    """All parameters of a fit.
-
-    Raises:
-        InputError: for two parameters that set the same number.
-    """
+    """All parameters of a fit."""
 
     parameters: tuple[Parameter, ...]
 
@@ -196,24 +267,16 @@ class ParameterSet:
         """Copy of the scene with the values of the coordinates z."""
         values = self.values(z)
         # Runs when a program is traced, not at each evaluation.
-        for p in self.parameters:
-            for name in p.paths:
-                scene = with_value(scene, find_path(scene, name), values[p.name])
-        return scene
-
-    def prior_residual(self, z: Coordinates) -> Float[Array, " q"]:
-        """Deviations from the priors [standard deviations]."""
-        return self._residual(z, [(p, p.prior) for p in self.parameters])
-
-    def smoothness_residual(self, z: Coordinates) -> Float[Array, " q"]:
-        """Deviations of link weights from their neighbours' [standard deviations]."""
-        return self._residual(z, [(p, p.smoothness) for p in self.parameters])
-
-    def _residual(self, z: Coordinates, terms: list[tuple[Parameter, Any]]) -> Any:
-        values = self.values(z)
-        rows = [
-            jnp.atleast_1d(term.residual(values[p.name]))
-            for p, term in terms
-            if term is not None
+        pairs = [
+            (find_path(scene, n), p.name) for p in self.parameters for n in p.paths
         ]
+        return with_values(scene, {path: values[name] for path, name in pairs})
+
+    def prior_residual(
+        self, z: Coordinates, kind: Literal["prior", "smoothness"]
+    ) -> Float[Array, " q"]:
+        """Deviations from the priors, or of neighbouring links' weights [sd]."""
+        values = self.values(z)
+        terms = ((getattr(p, kind), values[p.name]) for p in self.parameters)
+        rows = [jnp.atleast_1d(term.residual(v)) for term, v in terms if term]
         return jnp.concatenate(rows) if rows else jnp.zeros(0, z.dtype)

@@ -158,10 +158,10 @@ class Problem:
         z = jnp.asarray(z)
         # The mean over the cases, so that priors weigh the same for any number.
         data = 1 / math.sqrt(len(self.cases)) * jnp.concatenate(rows)
-        prior = self.parameters.prior_residual(z)
+        prior = self.parameters.prior_residual(z, "prior")
         # Priors count in the noise's standard deviations, as the data do.
         unit = 1.0 if self.known_sd is None else self.known_sd
-        smoothness = self.parameters.smoothness_residual(z)
+        smoothness = self.parameters.prior_residual(z, "smoothness")
         all_rows = jnp.concatenate([data, unit * prior, unit * smoothness])
         diagnostics = RunDiagnostics(jnp.stack(steps), finite, tuple(errors))
         return all_rows.astype(z.dtype), diagnostics
@@ -233,22 +233,19 @@ def refine_steps(
 ) -> StepTables:
     """Step tables with as many explicit steps as stability needs.
 
-    Args:
-        step_tables: steps of each case.
-        stable: stability limit of each case [s], infinite where the solver has none.
-        first: steps at the start of a fit. A trial that is `_MAX_STIFFENING` stiffer
-            keeps its steps, so that it diverges and is refused instead of running for
-            hours.
+    `stable` is the limit of each case [s], infinite where the solver has none, and
+    `first` the steps at the start of a fit.
     """
     found, changed = [], False
     for n, (table, limit) in enumerate(
         zip(step_tables, np.asarray(stable, float), strict=True)
     ):
         longest = _longest_step(table)
+        # A trial that is far stiffer than the start keeps its steps, so that it
+        # diverges and is refused instead of running for hours.
         shortest = 0.0 if first is None else _longest_step(first[n]) / _MAX_STIFFENING
         if np.isfinite(limit) and shortest < limit < longest:
-            # More steps than needed now, since each change moves the residuals a
-            # little.
+            # More steps than needed now: each change moves the residuals a little.
             table = with_more_steps(table, _STEP_MARGIN * longest / limit)
             changed = True
         found.append(table)

@@ -4,6 +4,7 @@ import functools
 import hashlib
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -45,26 +46,19 @@ def program_hash(with_calibrate: bool = False) -> str:
 
 def on_every_voxel(config: SceneConfig) -> SceneConfig:
     """Config with the full volume for all bodies, and defaults for what it ignores."""
+    default = lambda model, key: {key: type(model).model_fields[key].default}
+    bodies = (b.model_copy(update=default(b, "structure")) for b in config.bodies)
+    changes: dict[str, Any] = {"bodies": tuple(bodies), "name": None}
     # Name, camera, image and solver do not affect the reference and would only spoil
     # its place in the cache.
-    defaults = {
-        key: SceneConfig.model_fields[key].default
-        for key in ("camera", "image", "solver")
-    }
-    bodies = tuple(
-        body.model_copy(
-            update={"structure": type(body).model_fields["structure"].default}
-        )
-        for body in config.bodies
-    )
-    return config.model_copy(update={"bodies": bodies, "name": None, **defaults})
+    for key in ("camera", "image", "solver"):
+        changes |= default(config, key)
+    return config.model_copy(update=changes)
 
 
 def full_volume_run(config: SceneConfig, step: float, log: Log) -> StoredSolution:
     """Run a scene on every voxel, or load the run from the cache."""
-    config = on_every_voxel(config)
-    folder = cache_folder()
-    path = None
+    config, folder, path = on_every_voxel(config), cache_folder(), None
     if folder is not None:
         text = f"{config_hash(config)} {step!r} {program_hash()}"
         name = hashlib.sha256(text.encode()).hexdigest()[:32]
@@ -72,14 +66,6 @@ def full_volume_run(config: SceneConfig, step: float, log: Log) -> StoredSolutio
         if path.is_file():
             return load_solution(path)
     log("running the full volume")
-    found = _run(config, step)
-    if path is not None:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        save_solution(path, found)
-    return StoredSolution(found.times, found.surface_temperature, found.surfaces)
-
-
-def _run(config: SceneConfig, step: float):
     scene = config.build()
     end, saves = config.time.end, config.time.save_times
     with precision(config.dtype):
@@ -89,17 +75,16 @@ def _run(config: SceneConfig, step: float):
     found = simulate(scene, end, saves, solver=ForwardEuler(dt=dt), throw=False)
     if found.result != RESULTS.successful:
         raise InputError(f"the reference: {RESULTS[found.result]}")
-    return found
+    if path is not None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        save_solution(path, found)
+    return StoredSolution(found.times, found.surface_temperature, found.surfaces)
 
 
 def select_times(
     found: StoredSolution, times: tuple[float, ...], path: Path
 ) -> StoredSolution:
-    """Reduce a user's reference from the file `path` to the times that a case saves.
-
-    Raises:
-        InputError: if one of the times [s] is not saved there.
-    """
+    """Reduce a user's reference from a file to the times that a case saves [s]."""
     saved = np.asarray(found.times, float)
     # Files may hold float32 times.
     rows = [np.flatnonzero(np.isclose(saved, t, rtol=1e-5)) for t in times]

@@ -44,19 +44,14 @@ def _is_positive(value: float | None) -> bool:
 
 def loss_chart(result: Result) -> Chart | None:
     """Loss at the best point by step; None if it is nowhere above 0."""
-    kinds = {True: "accepted", False: "not accepted"}
-    history = [(0, result["loss"]["initial"], True)]
-    history += [(s["step"], s["loss"], s["accepted"]) for s in result["steps"]]
-    points = [
-        {
-            "step": step,
-            "loss": loss,
-            "kind": kinds[accepted],
-            "text": f"step {step}, {kinds[accepted]}: {loss:.6g}",
-        }
-        for step, loss, accepted in history
-        if _is_positive(loss)
-    ]
+    kinds = ["not accepted", "accepted"]
+    history = [(0, result["loss"]["initial"], "accepted")]
+    history += [(s["step"], s["loss"], kinds[s["accepted"]]) for s in result["steps"]]
+    points = []
+    for step, loss, kind in history:
+        if _is_positive(loss):
+            text = f"step {step}, {kind}: {loss:.6g}"
+            points.append({"step": step, "loss": loss, "kind": kind, "text": text})
     if not points:
         return None
     vertical = LogAxis([p["loss"] for p in points], "loss: half of the sum of squares")
@@ -64,7 +59,7 @@ def loss_chart(result: Result) -> Chart | None:
     ticks = alt.Axis(tickCount=min(last, 12), format="d", tickMinStep=1)
     # Room for the first and the last point.
     scale = alt.Scale(domain=[0, last], padding=16, nice=False)
-    fill = alt.Scale(domain=list(kinds.values()), range=["#17358c", "#ffffff"])
+    fill = alt.Scale(domain=kinds[::-1], range=["#17358c", "#ffffff"])
     base = alt.Chart(alt.Data(values=points)).encode(
         x=alt.X("step:Q", title="step", axis=ticks, scale=scale),
         y=alt.Y(**vertical.channel("loss")),
@@ -113,9 +108,8 @@ def _value_chart(
     )
     every = [r[k] for r in rows for k in ("low", "high", "start", "value")]
     across = _value_axis(every, f"value [{unit}]" if unit else "value", logarithmic)
-    shown = [
-        name for name in _VERDICT_COLOURS if any(r["verdict"] == name for r in rows)
-    ]
+    verdicts = {r["verdict"] for r in rows}
+    shown = [name for name in _VERDICT_COLOURS if name in verdicts]
     paint = alt.Scale(domain=shown, range=[_VERDICT_COLOURS[name] for name in shown])
     colour = alt.Color("verdict:N", scale=paint, legend=legend("verdict"))
     # Marks of start and fitted value have a legend of their own, apart from colours.
@@ -219,16 +213,11 @@ def correlation_chart(result: Result) -> Chart:
     """Correlation of the values' errors, -1 to 1, a cell per pair."""
     names = list(result["parameters"])[:MAX_CHARTED]
     table = result["correlation"]
-    rows = [
-        {
-            "row": a,
-            "column": b,
-            "value": float(table[i][j]),
-            "text": f"{a} and {b}: {table[i][j]:.2f}",
-        }
-        for i, a in enumerate(names)
-        for j, b in enumerate(names)
-    ]
+    rows = []
+    for i, a in enumerate(names):
+        for j, b in enumerate(names):
+            value, text = float(table[i][j]), f"{a} and {b}: {table[i][j]:.2f}"
+            rows.append({"row": a, "column": b, "value": value, "text": text})
     width = _label_width(names)
     axis = lambda margin, **more: alt.Axis(
         title=None, labelLimit=400, ticks=False, minExtent=margin, **more

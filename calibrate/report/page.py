@@ -14,7 +14,7 @@ from jaxthermo.scene.dimensionless_groups import scene_numbers
 
 from ..problem.build import Calibration
 from ..problem.problem import Problem
-from ..problem.thermogram_targets import FrameTarget
+from ..problem.targets import FrameTarget
 from ..solvers.fit import Fit
 from .charts import (
     MAX_CHARTED,
@@ -95,10 +95,9 @@ def _errors(result: Result) -> _Sections:
 
 def _pictures(calibration: Calibration, fit: Fit, result: Result) -> _Sections:
     sections: _Sections = [page.heading("Spatial distribution of the error")]
-    groups = {"train": calibration.train, "held_out": calibration.held_out}
-    for group, problem in groups.items():
-        if problem is not None:
-            sections += _worst_case(group, problem, calibration, fit, result)
+    sections += _worst_case("train", calibration.train, calibration, fit, result)
+    if (held_out := calibration.held_out) is not None:
+        sections += _worst_case("held_out", held_out, calibration, fit, result)
     return sections
 
 
@@ -152,16 +151,12 @@ def _identifiability(result: Result) -> _Sections:
     sections: _Sections = [page.heading("Identifiability")]
     if not result["correlation"]:
         return [*sections, "There are too many values to be judged."]
-    rows = [
-        [
-            name,
-            marked(row["verdict"]),
-            prose(", ".join(row["with"]) or "\N{EN DASH}"),
-            prose(MEANING.get(row["verdict"], "")),
-        ]
-        for name, row in parameters.items()
-        if row["verdict"] != "fine"
-    ]
+    rows = []
+    for name, row in parameters.items():
+        if (verdict := row["verdict"]) != "fine":
+            others = prose(", ".join(row["with"]) or "\N{EN DASH}")
+            meaning = prose(MEANING.get(verdict, ""))
+            rows.append([name, marked(verdict), others, meaning])
     fine = len(parameters) - len(rows)
     sections.append(f"The data determine {fine} of {len(parameters)} values.")
     if rows:
@@ -197,21 +192,14 @@ def _experiments(result: Result) -> _Sections:
 def _ranges(calibration: Calibration) -> _Sections:
     # Weights are valid for scenes with similar dimensionless numbers.
     groups = {"train": calibration.train, "held_out": calibration.held_out}
+    ends = {name: config.time.end for name, config in calibration.configs.items()}
     found = {
-        GROUPS[group]: [
-            scene_numbers(case.scene, calibration.configs[case.name].time.end)
-            for case in problem.cases
-        ]
+        GROUPS[group]: [scene_numbers(c.scene, ends[c.name]) for c in problem.cases]
         for group, problem in groups.items()
         if problem is not None
     }
-    rows = [
-        [
-            words,
-            *(_span([each[name] for each in numbers]) for numbers in found.values()),
-        ]
-        for name, words in _NUMBERS.items()
-    ]
+    spans = lambda name: [_span([n[name] for n in each]) for each in found.values()]
+    rows = [[words, *spans(name)] for name, words in _NUMBERS.items()]
     note = "At the start values; outside these ranges the weights are extrapolated."
     sections = [Table(["", *found], rows), page.paragraph(note, note=True)]
     return [page.heading("Range of the fit"), *sections]

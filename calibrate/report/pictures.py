@@ -24,8 +24,7 @@ from jaxthermo.report.difference_scale import (
 from jaxthermo.report.sheet import ColourBar, Tile, sheet
 
 from ..problem.problem import Case, Problem
-from ..problem.targets import SurfaceTarget
-from ..problem.thermogram_targets import FrameTarget, body_mask, view_of
+from ..problem.targets import FrameTarget, SurfaceTarget, body_mask, view_of
 
 
 SIDE = 440
@@ -60,11 +59,7 @@ def run_both(problem: Problem, case: Case, z: Float[np.ndarray, " p"]) -> Soluti
 def difference_picture(
     case: Case, camera: Any, solutions: Solutions, times: list[int]
 ) -> bytes:
-    """PNG of surface minus reference temperature [K], default beside fitted.
-
-    Raises:
-        InputError: if the camera is inside a body or sees none.
-    """
+    """PNG of surface minus reference temperature [K], default beside fitted."""
     target = case.target
     assert isinstance(target, SurfaceTarget)
     surfaces = solutions["default"].surfaces
@@ -78,14 +73,12 @@ def difference_picture(
             drawn = draw(view, surfaces, case.scene.terms, surface[time], at)
             return np.asarray(drawn.temperature, float)
 
-    differences = {
-        f"{name}, {time_label(target.times[time])}": frame(
-            solution.surface_temperature, time
-        )
-        - frame(target.reference, time)
-        for time in times
-        for name, solution in solutions.items()
-    }
+    differences = {}
+    for time in times:
+        for name, solution in solutions.items():
+            difference = frame(solution.surface_temperature, time)
+            difference = difference - frame(target.reference, time)
+            differences[f"{name}, {time_label(target.times[time])}"] = difference
     words = "surface minus reference"
     return _png(_difference_sheet(differences, body_mask(view), words, "K", case.name))
 
@@ -96,12 +89,12 @@ def frame_picture(case: Case, solutions: Solutions, time: int, view: int) -> byt
     assert isinstance(target, FrameTarget)
     mask = target.mask(view)
     unit = "K" if target.quantity == "temperature" else "W/(m\N{SUPERSCRIPT TWO} sr)"
-    data = scatter(np.asarray(target.data[view][time], float), mask)
+    data = _scatter(np.asarray(target.data[view][time], float), mask)
     frames = {}
     with precision(case.scene.dtype):
         for name, solution in solutions.items():
             pixels = target.model_pixels(view, case.scene, solution)[time]
-            frames[name] = scatter(np.asarray(pixels, float), mask)
+            frames[name] = _scatter(np.asarray(pixels, float), mask)
     # The scale of differences takes no NaN.
     differences = {n: np.where(mask, f - data, 0.0) for n, f in frames.items()}
     number = f", view {view}" if len(target.views) > 1 else ""
@@ -111,7 +104,7 @@ def frame_picture(case: Case, solutions: Solutions, time: int, view: int) -> byt
     return _png(_stacked(below, _frame_sheet(shown, mask, unit)))
 
 
-def scatter(pixels: Float[np.ndarray, " p"], mask: _Mask) -> _Frame:
+def _scatter(pixels: Float[np.ndarray, " p"], mask: _Mask) -> _Frame:
     """Frame of the pixels of a mask; NaN elsewhere."""
     frame = np.full(mask.shape, np.nan)
     frame[mask] = pixels
@@ -124,7 +117,7 @@ def _resized(camera: Any) -> Any:
     return camera.model_copy(update=size)
 
 
-def close_up(
+def _close_up(
     image: UInt8[np.ndarray, "h w 3"], mask: _Mask
 ) -> UInt8[np.ndarray, "rows columns 3"]:
     """Part of a picture around a mask, enlarged by a whole factor."""
@@ -149,7 +142,7 @@ def _difference_sheet(
     scale = DifferenceScale(limit, _DECADES)
     tiles = []
     for name, difference in differences.items():
-        picture = close_up(scale.picture(difference, mask), mask)
+        picture = _close_up(scale.picture(difference, mask), mask)
         rms = float(np.sqrt((difference[mask] ** 2).mean()))
         tiles.append(Tile(picture, name, f"RMS {rms:.2g} {unit}"))
     text = f"{words} [{unit}]; largest difference {sizes.max():.2g} {unit}"
@@ -168,7 +161,7 @@ def _frame_sheet(frames: dict[str, _Frame], mask: _Mask, unit: str) -> Image.Ima
         colours = apply_palette(np.where(mask, frame, low), low, high, _PALETTE)
         colours[~mask] = BACKGROUND
         note = f"{frame[mask].min():.4g} to {frame[mask].max():.4g} {unit}"
-        tiles.append(Tile(close_up(colours, mask), name, note))
+        tiles.append(Tile(_close_up(colours, mask), name, note))
     ticks = nice_ticks(low, high, 6)
     decimals = decimals_of(ticks[1] - ticks[0]) if len(ticks) > 1 else 1
     ramp = np.linspace(low, high, 512)[None]

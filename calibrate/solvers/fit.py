@@ -22,20 +22,19 @@ from jaxthermo.errors import InputError
 
 from ..config.schema import FitConfig
 from ..problem.problem import Problem, RunDiagnostics, StepTables, refine_steps
-from .broyden import jacobian_rows
-from .checkpoint import Progress, StepRecord, load_progress
-from .levenberg_marquardt import restart
-from .multistart import BatchedSearch, losses
+from .levenberg_marquardt import jacobian_rows, restart
+from .progress import Progress, StepRecord, load_progress, next_action
 from .search import (
     REVERSE_METHODS,
     Objective,
     Search,
+    batched,
     best_loss,
+    losses,
     make_objective,
     residuals,
     with_step_tables,
 )
-from .stopping_rule import next_action
 
 
 @dataclass
@@ -121,10 +120,14 @@ class Fitting:
             progress = Progress(z, self._search.start(z), objective.step_tables, [])
             if checkpoint is not None:
                 progress = load_progress(checkpoint, progress)
-            advance = self._compile(progress)
+            # Everything that the loop runs, so that its time is that of steps alone.
+            state = progress.solver_state
+            jax.block_until_ready(self._stable_steps(state.y_eval))
+            self._host_values(progress.z)
+            advance = self._search.compile(progress.z, state)
             compile_seconds = time.perf_counter() - clock
-            step = partial(self._step, advance, objective)
-            progress, ended = self._loop(step, progress, checkpoint, log, stop)
+            files = checkpoint, log
+            progress, ended = self._loop(advance, objective, progress, *files, stop)
             fit = self._finish(objective, progress, z, first)
         fit.initial_errors = diagnostics.host_errors()
         fit.ended, fit.compile_seconds = ended, compile_seconds
@@ -133,11 +136,7 @@ class Fitting:
     def best_start(
         self, points: Float[np.ndarray, "n p"], stop: Callable[[], bool] = lambda: False
     ) -> Float[np.ndarray, " p"]:
-        """Search from several points together and return the best that is found.
-
-        Raises:
-            InputError: if the residuals are finite at none of them.
-        """
+        """Search from several points together and return the best that is found."""
         dtype, batch = self.problem.dtype, self.problem.batch()
         with precision(dtype.name):
             objective = self.objective
@@ -150,23 +149,40 @@ class Fitting:
             # A batch of searches runs both branches of a condition, so that keeping
             # Jacobians would save nothing.
             search = Search(objective, self.settings, batch, use_broyden=False)
-            at_once = max(1, batch // len(points[0]))
-            batched = BatchedSearch(search, jnp.asarray(points, dtype), at_once)
+            z, done = jnp.asarray(points, dtype), np.zeros(len(points), bool)
+            states, advance = batched(search, z, max(1, batch // len(points[0])))
+            # All searches step, finished ones for nothing: shapes cannot depend on
+            # values.
+            keep_finished = lambda done, old, new: jnp.where(
+                done.reshape((-1,) + (1,) * (new.ndim - 1)), old, new
+            )
             for _ in range(self.settings.max_steps):
-                if batched.done.all() or stop():
+                if done.all() or stop():
                     break
-                stable = jax.lax.map(self._stable_steps, batched.trials).min(axis=0)
+                stable = jax.lax.map(self._stable_steps, states.y_eval).min(axis=0)
                 step_tables = self._refined(objective.step_tables, stable)
                 objective = with_step_tables(objective, step_tables)
-                batched.step(objective)
-            found = np.asarray(losses(objective, batched.z, batch))
-        return np.asarray(batched.z[int(found.argmin())], float)
+                *following, ended = advance(z, states, objective)
+                keep = partial(keep_finished, done)
+                z, states = jax.tree.map(keep, [z, states], following)
+                done = done | np.asarray(ended)
+            found = np.asarray(losses(objective, z, batch))
+        return np.asarray(z[int(found.argmin())], float)
 
     def _begin(
         self, objective: Objective, z: Float[Array, " p"]
     ) -> tuple[Objective, Array, RunDiagnostics]:
         first, diagnostics = self._evaluate(z, objective)
-        _check(self.problem, first)
+        if not bool(jnp.isfinite(first).all()):
+            raise InputError(
+                "the residuals are not finite at the start: check the start values of "
+                "the parameters, and the data"
+            )
+        if self.problem.parameters.size > len(first):
+            raise InputError(
+                f"{self.problem.parameters.size} parameters and {len(first)} "
+                "residuals: leave out parameters, or add cases or save times"
+            )
         if self.settings.huber is not None:
             # The knee is relative to the residuals of squares, hence the second run.
             knee = self.settings.huber * jnp.sqrt((first * first).mean())
@@ -174,15 +190,10 @@ class Fitting:
             first, diagnostics = self._evaluate(z, objective)
         return objective, first, diagnostics
 
-    def _compile(self, progress: Progress) -> Callable[..., Any]:
-        # Everything that the loop runs, so that its time is that of the steps alone.
-        jax.block_until_ready(self._stable_steps(progress.solver_state.y_eval))
-        self._host_values(progress.z)
-        return self._search.compile(progress.z, progress.solver_state)
-
     def _loop(
         self,
-        step: Callable[[Progress, bool], Progress],
+        advance: Callable[..., Any],
+        objective: Objective,
         progress: Progress,
         checkpoint: Path | None,
         log: _StepLog | None,
@@ -200,37 +211,28 @@ class Fitting:
                 return progress, "step limit"
             if stop():
                 return progress, "interrupted"
-            progress = step(progress, action == "refresh")
+            clock, refresh = time.perf_counter(), action == "refresh"
+            z, state = progress.z, progress.solver_state
+            state = restart(state, z) if refresh else state
+            stable = self._stable_steps(state.y_eval)
+            # Other time steps move the residuals too, but less than the trial that
+            # needs them: the Jacobian is kept.
+            step_tables = self._refined(progress.step_tables, stable)
+            length = float(np.abs(np.asarray(state.y_eval) - np.asarray(z)).max())
+            objective = with_step_tables(objective, step_tables)
+            z, state, done = advance(z, state, objective)
+            loss = best_loss(state)
+            seconds = progress.seconds + time.perf_counter() - clock
+            accepted = refresh or loss < steps[-1].loss
+            exact = refresh or not self._search.keeps_jacobian
+            number, values = len(steps) + 1, self._host_values(z)
+            record = StepRecord(number, loss, accepted, length, values, exact, refresh)
+            steps = [*steps, record]
+            progress = Progress(z, state, step_tables, steps, bool(done), seconds)
             if checkpoint is not None:
                 progress.save(checkpoint)
             if log is not None:
-                log(progress.steps[-1], progress.seconds)
-
-    def _step(
-        self,
-        advance: Callable[..., Any],
-        objective: Objective,
-        before: Progress,
-        refresh: bool,
-    ) -> Progress:
-        clock = time.perf_counter()
-        z, state = before.z, before.solver_state
-        state = restart(state, z) if refresh else state
-        stable = self._stable_steps(state.y_eval)
-        step_tables = self._refined(before.step_tables, stable)
-        # Other time steps move the residuals too, but less than the trial that needs
-        # them: the Jacobian is kept.
-        exact = refresh or not self._search.keeps_jacobian
-        length = float(np.abs(np.asarray(state.y_eval) - np.asarray(z)).max())
-        objective = with_step_tables(objective, step_tables)
-        z, state, done = advance(z, state, objective)
-        loss = best_loss(state)
-        seconds = before.seconds + time.perf_counter() - clock
-        accepted = refresh or loss < before.steps[-1].loss
-        number, values = len(before.steps) + 1, self._host_values(z)
-        step = StepRecord(number, loss, accepted, length, values, exact, refresh)
-        steps = [*before.steps, step]
-        return Progress(z, state, step_tables, steps, bool(done), seconds)
+                log(record, seconds)
 
     def _host_values(self, z: Float[Array, " p"]) -> tuple[float, ...]:
         # Fields of thousands of values are not logged.
@@ -280,16 +282,3 @@ class Fitting:
 
 def _loss(residual: Array) -> float:
     return float(0.5 * (np.asarray(residual, float) ** 2).sum())
-
-
-def _check(problem: Problem, first: Array) -> None:
-    if not bool(jnp.isfinite(first).all()):
-        raise InputError(
-            "the residuals are not finite at the start: check the start values of the "
-            "parameters, and the data"
-        )
-    if problem.parameters.size > len(first):
-        raise InputError(
-            f"{problem.parameters.size} parameters and {len(first)} residuals: leave "
-            "out parameters, or add cases or save times"
-        )

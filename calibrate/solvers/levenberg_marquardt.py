@@ -1,4 +1,20 @@
-"""Levenberg-Marquardt whose Jacobian is kept between steps, as an optimistix solver."""
+"""Levenberg-Marquardt whose Jacobian is kept between steps, as an optimistix solver.
+
+A step solves (J^T J + lambda I) d = -J^T r. The first lambda follows from J itself, so
+that the steps are the same whether residuals are in percent or in kelvin.
+
+An exact Jacobian costs about one run per coordinate, a residual alone one run. Between
+near points the last Jacobian is corrected so that it reproduces the observed change
+(Broyden's update):
+
+    J' = J + (r' - r - J d) d^T / |d|^2,  d = z' - z.
+
+Jacobians are stored as `rows` of shape (coordinates, residuals), transposed.
+
+Source: Broyden, Mathematics of Computation 19 (1965) 577-593; for damped least squares
+Madsen, Nielsen and Tingleff, Methods for Non-Linear Least Squares Problems, IMM,
+Technical University of Denmark (2004), 3.5.
+"""
 
 from collections.abc import Callable
 from typing import Any
@@ -8,14 +24,113 @@ import jax
 import jax.numpy as jnp
 import lineax as lx
 import optimistix as optx
-from jaxtyping import Array, Bool, Float, PyTree, Scalar
+from jaxtyping import Array, Bool, Float, PyTree, Scalar, ScalarLike
 from typing_extensions import override
 
-from .broyden import broyden_update, value_and_jacobian
-from .trust_region import BoundedDescent, ScaledTrustRegion
+from jaxthermo.network.network import inverse
 
 
-class BroydenState(eqx.Module):
+_ResidualFunction = Callable[..., tuple[Float[Array, " r"], Any]]
+
+
+def _value_and_jacobian(
+    function: _ResidualFunction, z: Float[Array, " p"], batch: int
+) -> tuple[Float[Array, " r"], Float[Array, "p r"], Any]:
+    """Residuals, rows of their Jacobian, and auxiliary output of a function at z."""
+    tangent = lambda t: jax.jvp(function, (z,), (t,), has_aux=True)
+    # Forward mode: the time loop keeps no history of states.
+    directions = jnp.eye(len(z), dtype=z.dtype)
+    if batch >= len(z):
+        # The value comes with the derivatives, which saves a run.
+        return jax.vmap(tangent, out_axes=(None, 0, None))(directions)
+    value, aux = function(z)
+    rows = jax.lax.map(lambda t: tangent(t)[1], directions, batch_size=batch)
+    return value, rows, aux
+
+
+@eqx.filter_jit
+def jacobian_rows(
+    function: _ResidualFunction, args: Any, z: Float[Array, " p"], batch: int
+) -> Float[Array, "p r"]:
+    """Rows of the Jacobian of `function(z, args)`, compiled once per shape."""
+    return _value_and_jacobian(lambda y: function(y, args), z, batch)[1]
+
+
+def _broyden_update(
+    rows: Float[Array, "p r"], step: Float[Array, " p"], change: Float[Array, " r"]
+) -> Float[Array, "p r"]:
+    """Correct a Jacobian by the change of the residuals over a step."""
+    # A step of length 0 changes nothing: `inverse` is 0 there.
+    direction = step * inverse(step @ step)
+    return rows + direction[:, None] * (change - step @ rows)[None, :]
+
+
+FIRST_DAMPING = 0.01
+"""First lambda over the curvature g^T J^T J g / |g|^2 along the gradient g."""
+_MAX_STEP = 1.0
+"""Largest change of a coordinate in one step; 1 is about the size of its value."""
+
+
+class _ScaledTrustRegion(optx.ClassicalTrustRegion):
+    """Trust region of size 1 / lambda whose first size has the scale of the problem.
+
+    lambda_0 = 0.01 |J g|^2 / |g|^2, g = J^T r
+
+    Source: Nielsen, Damping parameter in Marquardt's method, IMM-REP-1999-05 (1999),
+    who takes the largest entry of J^T J's diagonal, which needs all of J.
+    """
+
+    # Decrease over the predicted one of a good step, then the factors of 1 / lambda
+    # after a good and after a rejected step.
+    high_cutoff: ScalarLike = 0.75
+    high_constant: ScalarLike = 10.0
+    low_constant: ScalarLike = 0.1
+
+    @override
+    def init(self, y: Any, f_info_struct: Any) -> Any:
+        state = super().init(y, f_info_struct)
+        # optimistix starts in the default dtype, which is not always the fit's.
+        return eqx.tree_at(lambda s: s.step_size, state, jnp.ones((), y.dtype))
+
+    @override
+    def step(
+        self, first_step: Any, y: Any, y_eval: Any, f_info: Any, f_eval_info: Any,
+        state: Any,
+    ) -> Any:  # fmt: skip
+        size, accept, result, state = super().step(
+            first_step, y, y_eval, f_info, f_eval_info, state
+        )
+        # Later sizes follow from how well the linear model predicted the decrease.
+        scaled = lambda: _first_size(f_eval_info).astype(size.dtype)
+        size = jax.lax.cond(first_step, scaled, lambda: size)
+        return size, accept, result, eqx.tree_at(lambda s: s.step_size, state, size)
+
+
+def _first_size(f_info: Any) -> Float[Array, ""]:
+    """1 / lambda_0 of optimistix' residual and Jacobian; 1 where there is no slope."""
+    gradient = f_info.compute_grad()
+    square, curvature = (gradient**2).sum(), (f_info.jac.mv(gradient) ** 2).sum()
+    size = square * inverse(curvature) / FIRST_DAMPING
+    return jnp.where(size > 0, size, 1.0)
+
+
+class _BoundedDescent(optx.DampedNewtonDescent):
+    """Damped Newton step, shortened so that no coordinate changes by more than 1."""
+
+    @override
+    def step(self, step_size: Any, state: Any) -> Any:
+        # The linear model seldom holds over more than a value's own size.
+        step, result = super().step(step_size, state)
+        return step * (_MAX_STEP / jnp.maximum(jnp.abs(step).max(), _MAX_STEP)), result
+
+
+def with_trust_region(solver: optx.LevenbergMarquardt) -> optx.LevenbergMarquardt:
+    """Solver of optimistix with this damping and these steps."""
+    parts = _ScaledTrustRegion(), _BoundedDescent(solver.descent.linear_solver)
+    return eqx.tree_at(lambda s: (s.search, s.descent), solver, parts)
+
+
+class _BroydenState(eqx.Module):
     """State between steps: the best point, and the point to evaluate next."""
 
     first_step: Bool[Array, ""]
@@ -43,8 +158,8 @@ class BroydenLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
     rtol: float
     atol: float
     norm: Callable[[PyTree], Scalar] = optx.max_norm
-    search: ScaledTrustRegion = ScaledTrustRegion()
-    descent: BoundedDescent = BoundedDescent(lx.QR())
+    search: _ScaledTrustRegion = _ScaledTrustRegion()
+    descent: _BoundedDescent = _BoundedDescent(lx.QR())
     use_broyden: bool = True
     """If False, every Jacobian is exact."""
     batch: int = 1
@@ -54,7 +169,7 @@ class BroydenLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
     def init(
         self, fn: Any, y: Any, args: Any, options: Any, f_struct: Any,
         aux_struct: Any, tags: Any,
-    ) -> BroydenState:  # fmt: skip
+    ) -> _BroydenState:  # fmt: skip
         # Placeholders: the first step replaces them whatever they are.
         zeros = lambda s: jnp.zeros(s.shape, s.dtype)
         matrix = jnp.zeros((*f_struct.shape, len(y)), f_struct.dtype)
@@ -62,7 +177,7 @@ class BroydenLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
             zeros(f_struct), lx.MatrixLinearOperator(matrix)
         )
         f_info_struct = jax.eval_shape(lambda: f_info)
-        return BroydenState(
+        return _BroydenState(
             first_step=jnp.asarray(True),
             y_eval=y,
             f_info=f_info,
@@ -75,9 +190,25 @@ class BroydenLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
 
     @override
     def step(
-        self, fn: Any, y: Any, args: Any, options: Any, state: BroydenState, tags: Any
-    ) -> tuple[Float[Array, " p"], BroydenState, PyTree]:
-        f_eval_info, aux_eval = self._linearize(fn, y, args, state)
+        self, fn: Any, y: Any, args: Any, options: Any, state: _BroydenState, tags: Any
+    ) -> tuple[Float[Array, " p"], _BroydenState, PyTree]:
+        function = lambda z: fn(z, args)
+
+        # An exact Jacobian costs a run per coordinate, a corrected one a single run.
+        def exact():
+            return _value_and_jacobian(function, state.y_eval, self.batch)
+
+        def corrected():
+            value, aux = function(state.y_eval)
+            rows = state.f_info.jac.as_matrix().T
+            change = value - state.f_info.residual
+            return value, _broyden_update(rows, state.y_eval - y, change), aux
+
+        # A batch of searches would run both branches of the condition.
+        choose = lambda: jax.lax.cond(state.first_step, exact, corrected)
+        value, rows, aux_eval = choose() if self.use_broyden else exact()
+        operator = lx.MatrixLinearOperator(rows.T)
+        f_eval_info = optx.FunctionInfo.ResidualJac(value, operator)
         # The search compares the observed decrease of the loss with that of the linear
         # model, and adapts the damping.
         points = state.first_step, y, state.y_eval
@@ -85,9 +216,14 @@ class BroydenLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
             *points, state.f_info, f_eval_info, state.search_state
         )
 
+        small = lambda new, old: (
+            self.norm(jnp.abs(new - old) / (self.atol + self.rtol * jnp.abs(new))) < 1
+        )
+
         def accepted():
             descent = self.descent.query(state.y_eval, f_eval_info, state.descent_state)
-            done = self._is_converged(y, state, f_eval_info)
+            # Both the coordinates and the residuals have stopped changing.
+            done = small(state.y_eval, y) & small(value, state.f_info.residual)
             return state.y_eval, f_eval_info, aux_eval, descent, done
 
         # A trial from a kept Jacobian may fail: the caller restarts with an exact one.
@@ -100,61 +236,18 @@ class BroydenLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         step, descent_result = self.descent.step(step_size, descent)
         succeeded = search_result == optx.RESULTS.successful
         result = optx.RESULTS.where(succeeded, descent_result, search_result)
-        state = BroydenState(
-            first_step=jnp.asarray(False),
-            y_eval=y + step,
-            f_info=f_info,
-            aux=aux,
-            search_state=search_state,
-            descent_state=descent,
-            terminate=done,
-            result=result,
-        )
-        return y, state, aux
-
-    def _linearize(
-        self, fn: Any, y: Float[Array, " p"], args: Any, state: BroydenState
-    ) -> tuple[Any, PyTree]:
-        function = lambda z: fn(z, args)
-
-        # An exact Jacobian costs a run per coordinate, a corrected one a single run.
-        def exact():
-            return value_and_jacobian(function, state.y_eval, self.batch)
-
-        def corrected():
-            value, aux = function(state.y_eval)
-            rows = state.f_info.jac.as_matrix().T
-            change = value - state.f_info.residual
-            return value, broyden_update(rows, state.y_eval - y, change), aux
-
-        # A batch of searches would run both branches of the condition.
-        if self.use_broyden:
-            found = jax.lax.cond(state.first_step, exact, corrected)
-        else:
-            found = exact()
-        value, rows, aux = found
-        operator = lx.MatrixLinearOperator(rows.T)
-        return optx.FunctionInfo.ResidualJac(value, operator), aux
-
-    def _is_converged(
-        self, y: Float[Array, " p"], state: BroydenState, f_eval_info: Any
-    ) -> Bool[Array, ""]:
-        # Both the coordinates and the residuals have stopped changing.
-        small = lambda new, old: (
-            self.norm(jnp.abs(new - old) / (self.atol + self.rtol * jnp.abs(new))) < 1
-        )
-        residuals = f_eval_info.residual, state.f_info.residual
-        return small(state.y_eval, y) & small(*residuals)
+        parts = f_info, aux, search_state, descent, done, result
+        return y, _BroydenState(jnp.asarray(False), y + step, *parts), aux
 
     @override
     def terminate(
-        self, fn: Any, y: Any, args: Any, options: Any, state: BroydenState, tags: Any
+        self, fn: Any, y: Any, args: Any, options: Any, state: _BroydenState, tags: Any
     ) -> tuple[Bool[Array, ""], optx.RESULTS]:
         return state.terminate, state.result
 
     @override
     def postprocess(
-        self, fn: Any, y: Any, aux: Any, args: Any, options: Any, state: BroydenState,
+        self, fn: Any, y: Any, aux: Any, args: Any, options: Any, state: _BroydenState,
         tags: Any, result: optx.RESULTS,
     ) -> tuple[Float[Array, " p"], PyTree, dict[str, Any]]:  # fmt: skip
         return y, aux, {}

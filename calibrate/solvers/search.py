@@ -22,11 +22,11 @@ import numpy as np
 import optimistix as optx
 from jax.custom_derivatives import linear_call
 from jaxtyping import Array, Float
+from scipy.stats import qmc
 
 from ..config.schema import FitConfig
 from ..problem.problem import Problem, RunDiagnostics, StepTables, Traced
-from .levenberg_marquardt import BroydenLevenbergMarquardt, restart
-from .trust_region import with_trust_region
+from .levenberg_marquardt import BroydenLevenbergMarquardt, restart, with_trust_region
 
 
 class Objective(eqx.Module):
@@ -61,25 +61,20 @@ def with_step_tables(objective: Objective, step_tables: StepTables) -> Objective
     return eqx.tree_at(lambda o: o.step_tables, objective, step_tables)
 
 
-def _pseudo_huber(rows: Float[Array, " r"], knee: Any) -> Float[Array, " r"]:
+def residuals(
+    z: Array, objective: Objective, in_reverse: bool = False
+) -> tuple[Array, RunDiagnostics]:
+    """Residuals at z, whose squares are minimized, as optimistix calls them."""
+    # In reverse the same, by a time loop that can be differentiated in that mode.
+    traced = objective.reverse if in_reverse else objective.traced
+    assert traced is not None
+    values, diagnostics = traced(z, objective.step_tables)
     # r' = r sqrt(2 / (1 + sqrt(1 + (r / k)^2))): the squares of r' are the pseudo-Huber
     # loss of r.
     # Source: Charbonnier et al., IEEE Trans. Image Processing 6 (1997) 298-311.
-    ratio = rows / knee
-    return rows * jnp.sqrt(2 / (1 + jnp.sqrt(1 + ratio * ratio)))
-
-
-def residuals(z: Array, objective: Objective) -> tuple[Array, RunDiagnostics]:
-    """Residuals at z, whose squares are minimized, as optimistix calls them."""
-    values, diagnostics = objective.traced(z, objective.step_tables)
-    return _pseudo_huber(values + objective.noise, objective.knee), diagnostics
-
-
-def _reverse_residuals(z: Array, objective: Objective) -> Array:
-    # The same residuals, by a time loop for derivatives in reverse mode.
-    assert objective.reverse is not None
-    values, _ = objective.reverse(z, objective.step_tables)
-    return _pseudo_huber(values + objective.noise, objective.knee)
+    rows = values + objective.noise
+    ratio = rows / objective.knee
+    return rows * jnp.sqrt(2 / (1 + jnp.sqrt(1 + ratio * ratio))), diagnostics
 
 
 def _with_tangent(
@@ -121,7 +116,7 @@ def _residual_products(z: Array, objective: Objective, tangent: Array) -> Any:
     def transposed(point, cotangent):
         z, arrays = point
         whole = eqx.combine(arrays, static)
-        return jax.vjp(lambda y: _reverse_residuals(y, whole), z)[1](cotangent)[0]
+        return jax.vjp(lambda y: residuals(y, whole, True)[0], z)[1](cotangent)[0]
 
     product = linear_call(forward, transposed, (z, arrays), tangent)
     return residuals(z, objective), product
@@ -133,7 +128,7 @@ def _loss(z: Array, objective: Objective) -> tuple[Array, RunDiagnostics]:
 
 
 def _loss_gradient(z: Array, objective: Objective, tangent: Array) -> Any:
-    in_reverse = lambda y: _half_sum(_reverse_residuals(y, objective))
+    in_reverse = lambda y: _half_sum(residuals(y, objective, True)[0])
     value, gradient = jax.value_and_grad(in_reverse)(z)
     return (value, residuals(z, objective)[1]), gradient @ tangent
 
@@ -230,3 +225,56 @@ def best_loss(state: Any) -> float:
     if hasattr(info, "residual"):
         return float(0.5 * (np.asarray(info.residual) ** 2).sum())
     return float(info.f)
+
+
+def start_points(
+    count: int, size: int, spread: float, seed: int
+) -> Float[np.ndarray, "n p"]:
+    """Start points around 0, which is the first of them.
+
+    Normally distributed by a scrambled Sobol' sequence, which is even for few points.
+    """
+    if count == 1:
+        return np.zeros((1, size))
+    sampler = qmc.MultivariateNormalQMC(
+        np.zeros(size), spread**2 * np.eye(size), rng=np.random.default_rng(seed)
+    )
+    # Sobol' points are balanced in powers of 2.
+    power = 1 << max(count - 2, 0).bit_length()
+    drawn = np.asarray(sampler.random(power))[: count - 1]
+    return np.concatenate([np.zeros((1, size)), drawn])
+
+
+@eqx.filter_jit
+def losses(
+    objective: Objective, points: Float[Array, "n p"], batch: int
+) -> Float[Array, " n"]:
+    """Half of the sum of squares at each point; infinite where it is not finite."""
+
+    def loss(z):
+        found = 0.5 * (residuals(z, objective)[0] ** 2).sum()
+        # A start whose run diverges is left out, not an error.
+        return jnp.where(jnp.isfinite(found), found, jnp.inf)
+
+    return jax.lax.map(loss, points, batch_size=max(1, min(batch, len(points))))
+
+
+def batched(
+    search: Search, starts: Float[Array, "n p"], batch: int
+) -> tuple[Any, Callable[..., Any]]:
+    """States of searches from several starts, and the step that advances them all."""
+    states = [search.start(z) for z in starts]
+    arrays = [eqx.filter(state, eqx.is_array) for state in states]
+    # Programs in the states are the same for all starts.
+    static = eqx.filter(states[0], eqx.is_array, inverse=True)
+
+    @eqx.filter_jit
+    def advance(z, states, objective):
+        def single(given):
+            state = eqx.combine(given[1], static)
+            z, state, done = search.advance(given[0], state, objective)
+            return z, eqx.filter(state, eqx.is_array), done
+
+        return jax.lax.map(single, (z, states), batch_size=batch)
+
+    return jax.tree.map(lambda *each: jnp.stack(each), *arrays), advance

@@ -18,7 +18,7 @@ import numpy as np
 import jaxthermo as jt
 from jaxthermo.cli.console import open_console
 from jaxthermo.config.loader import load_config
-from jaxthermo.integrate.explicit.euler import EulerStepper
+from jaxthermo.integrate.explicit import EulerStepper
 from jaxthermo.integrate.run.ledger import empty_ledger
 from jaxthermo.integrate.stepper import RunState, advance
 from jaxthermo.scene.compile.compile import compile_scene

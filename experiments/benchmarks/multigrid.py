@@ -28,7 +28,7 @@ from jaxthermo.integrate.implicit.conjugate_gradient import (
     AbstractStoppingNorm,
     ConjugateGradient,
 )
-from jaxthermo.integrate.implicit.context import MULTIGRID_STEP_RATIO
+from jaxthermo.integrate.implicit.jacobian import MULTIGRID_STEP_RATIO
 from jaxthermo.network.multigrid import Hierarchy, hierarchy, jacobi
 from jaxthermo.network.network import AbstractNetwork
 from jaxthermo.physics.conduction import assemble_uniform

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import jaxthermo as jt
-from jaxthermo.integrate.explicit.rkl2 import stage_count
+from jaxthermo.integrate.explicit import stage_count
 from jaxthermo.integrate.run.plan import Plan, initial_state, plan_run
 from jaxthermo.integrate.run.simulate import integrate, run_plan
 from jaxthermo.integrate.run.solution import RESULTS

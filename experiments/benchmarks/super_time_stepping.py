@@ -16,11 +16,7 @@ import numba
 import numpy as np
 
 import jaxthermo as jt
-from jaxthermo.integrate.explicit.rkl2 import (
-    RKL2Stepper,
-    rkl2_coefficients,
-    stage_count,
-)
+from jaxthermo.integrate.explicit import RKL2Stepper, rkl2_coefficients, stage_count
 from jaxthermo.integrate.run.plan import Plan, initial_state, plan_run
 from jaxthermo.integrate.stepper import advance
 from jaxthermo.network.stencil import UniformStencil

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 import jaxthermo as jt
-from jaxthermo.integrate.explicit.rkl2 import stage_count
+from jaxthermo.integrate.explicit import stage_count
 
 from ..harness.case import Bound, Case, Row
 from .bodies import AEROGEL, DIAMOND, beside, block

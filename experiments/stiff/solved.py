@@ -9,9 +9,13 @@ import numpy as np
 
 import jaxthermo as jt
 from jaxthermo.arrays import precision
-from jaxthermo.integrate.implicit.context import LINEAR_TOLERANCE
-from jaxthermo.integrate.run.plan import initial_state, plan_run, step_table
-from jaxthermo.integrate.run.schedule import save_intervals
+from jaxthermo.integrate.implicit.jacobian import LINEAR_TOLERANCE
+from jaxthermo.integrate.run.plan import (
+    initial_state,
+    plan_run,
+    save_intervals,
+    step_table,
+)
 from jaxthermo.integrate.run.simulate import make_solution, take_steps_jit
 from jaxthermo.integrate.run.solution import result_name
 from jaxthermo.integrate.solvers import AbstractSolver

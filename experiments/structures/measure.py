@@ -19,11 +19,15 @@ from jaxthermo.config.schema.image import PinholeConfig
 from jaxthermo.errors import InputError
 from jaxthermo.image.render import draw
 from jaxthermo.image.view import View, compute_view
-from jaxthermo.integrate.run.observe import Observation
-from jaxthermo.integrate.run.plan import Plan, initial_state, plan_run, step_table
-from jaxthermo.integrate.run.schedule import save_intervals
+from jaxthermo.integrate.run.plan import (
+    Plan,
+    initial_state,
+    plan_run,
+    save_intervals,
+    step_table,
+)
 from jaxthermo.integrate.run.simulate import make_solution, take_steps
-from jaxthermo.integrate.run.solution import RESULTS, Solution
+from jaxthermo.integrate.run.solution import RESULTS, Observation, Solution
 from jaxthermo.integrate.solvers import ForwardEuler
 from jaxthermo.integrate.surface_error import AnySolution, error_span, surface_error
 from jaxthermo.scene.scene import Scene, SolvedSurface

@@ -6,7 +6,7 @@ from jaxthermo.constants import ZERO_CELSIUS
 from jaxthermo.geometry.mesh import Pose
 from jaxthermo.geometry.shapes import box
 from jaxthermo.integrate.run.solution import SteadySolution
-from jaxthermo.integrate.steady.steady import steady
+from jaxthermo.integrate.steady import steady
 from jaxthermo.material.material import Material
 from jaxthermo.physics.boundary import Convection, FixedTemperature, HeatFlux
 from jaxthermo.physics.contact.links import Contact

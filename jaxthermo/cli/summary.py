@@ -18,7 +18,7 @@ from ..config.loader import config_hash, resolved
 from ..config.schema.scene import SceneConfig
 from ..geometry.mesh import describe_mesh
 from ..integrate.implicit.newton_stage import SolverStatistics
-from ..integrate.run.ledger import BodyEnergy, Energy
+from ..integrate.run.ledger import Energy
 from ..integrate.run.solution import RESULTS, Solution
 from ..scene.scene import Scene
 
@@ -34,7 +34,7 @@ def peak_memory() -> int:
     return peak if sys.platform == "darwin" else peak * 1024
 
 
-def _as_lists(energy: Energy | BodyEnergy) -> dict[str, list[float]]:
+def _as_lists(energy: Energy) -> dict[str, list[float]]:
     return {name: column.tolist() for name, column in _ledger(energy).items()}
 
 
@@ -56,7 +56,7 @@ def _body(scene: Scene, solution: Solution, index: int) -> dict[str, Any]:
     }
 
 
-def _ledger(energy: Energy | BodyEnergy) -> dict[str, np.ndarray]:
+def _ledger(energy: Energy) -> dict[str, np.ndarray]:
     """Columns by name: stored, by mechanism, through contacts, residual."""
     heats = {**energy.mechanisms, **energy.contacts}
     columns = {

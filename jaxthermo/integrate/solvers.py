@@ -22,10 +22,9 @@ from ..errors import InputError
 from ..physics.time_varying import SAMPLES
 from ..scene.compile.program import Compiled
 from ..scene.scene import Scene
-from .explicit.euler import EulerStepper
-from .explicit.rkl2 import MIN_STAGES, RKL2Stepper, stage_count
+from .explicit import MIN_STAGES, EulerStepper, RKL2Stepper, stage_count
 from .implicit.adaptive import AdaptiveStepper
-from .implicit.context import arranged_for_solves, implicit_context
+from .implicit.jacobian import arranged_for_solves, implicit_context
 from .implicit.runge_kutta import (
     BACKWARD_EULER,
     CRANK_NICOLSON,
@@ -33,8 +32,7 @@ from .implicit.runge_kutta import (
     ImplicitStepper,
     Tableau,
 )
-from .run.schedule import END_FRACTION
-from .stepper import AbstractStepper
+from .stepper import END_FRACTION, AbstractStepper
 
 
 _DEFAULT_STEPS = 128
@@ -54,11 +52,10 @@ MAX_RKL2_STEPS = 5_000_000
 class AbstractSolver(eqx.Module):
     """Time integration scheme: how long steps are, and what takes them."""
 
-    dt: eqx.AbstractVar[Any]
-    """Step [s]; None to have it chosen."""
-
     load_fraction: ClassVar[float] = 1 - END_FRACTION
     """Position in the last step, 0 to 1, of the loads that an observation uses."""
+    dt: eqx.AbstractVar[Any]
+    """Step [s]; None to have it chosen."""
 
     def min_steps(self, events: int) -> int:
         """Return the smallest number of steps between two of the run's events."""
@@ -68,16 +65,11 @@ class AbstractSolver(eqx.Module):
     def max_dt(
         self, stable_step: float | None, t1: float | int, sampled: bool
     ) -> float:
-        """Return the longest step that will be taken [s].
+        """Return the longest step that will be taken in a run to `t1` [s].
 
-        Args:
-            stable_step: largest stable explicit step [s]; None if it is traced.
-            t1: end of the run [s].
-            sampled: True if a value is a function of time that is known only where it
-                is evaluated.
-
-        Raises:
-            InputError: for a step that is not positive, or not stable.
+        `stable_step` is the largest stable explicit step [s], None if it is traced;
+        `sampled` is True if a value is a function of time that is known only where it
+        is evaluated.
         """
         del stable_step
         if self.dt is not None:
@@ -129,7 +121,6 @@ class ForwardEuler(AbstractSolver):
 
     # Euler steps take their loads at the middle.
     load_fraction = 0.5
-
     dt: Number | None = None
     """Step [s]; None for the largest stable step."""
 
@@ -197,6 +188,7 @@ class SuperTimeStepping(AbstractSolver):
 class _AbstractImplicit(AbstractSolver):
     """Schemes that solve a system of equations in every step."""
 
+    _tableau: eqx.AbstractClassVar[Tableau]
     tolerance: eqx.AbstractVar[float | None]
     """Largest residual of a linear solve over capacity [K]; None for 1e-4 K in float32
     and 1e-9 K in float64."""
@@ -204,8 +196,6 @@ class _AbstractImplicit(AbstractSolver):
     @override
     def arranged(self, scene: Scene) -> Scene:
         return arranged_for_solves(scene)
-
-    _tableau: eqx.AbstractClassVar[Tableau]
 
     @override
     def stepper(self, scene, compiled, max_dt, traced) -> AbstractStepper:
@@ -223,7 +213,6 @@ class BackwardEuler(_AbstractImplicit):
 
     load_fraction = 0.5
     _tableau = BACKWARD_EULER
-
     dt: Number | None = None
     """Step [s]; None for 1/128 of the run."""
     tolerance: float | None = None
@@ -240,7 +229,6 @@ class CrankNicolson(_AbstractImplicit):
     """
 
     _tableau = CRANK_NICOLSON
-
     dt: Number | None = None
     """Step [s]; None for 1/128 of the run."""
     tolerance: float | None = None
@@ -256,7 +244,6 @@ class TRBDF2(_AbstractImplicit):
     """
 
     _tableau = TR_BDF2
-
     dt: Number | None = None
     """Step [s]; None for steps by error control."""
     error: float = 0.01

@@ -13,11 +13,16 @@ from ..scene.compile.program import Program, State
 from .run.ledger import Ledger
 
 
+# How long before its end a step evaluates the loads of its end, so that they are those
+# from before an event: this fraction of the step, and at least so many roundings of
+# the time, without which the difference would vanish late in a float32 run.
+END_FRACTION, END_ROUNDINGS = 1e-6, 8
+
+
 class RunState(eqx.Module):
     """Everything that one step passes to the next."""
 
     theta: State
-    """Temperature of each node above its body's reference, see `State` [K]."""
     ledger: Ledger
     solver_state: Any = None
     """Statistics and controller memory of the stepper; None for explicit steppers."""
@@ -29,9 +34,9 @@ class AbstractStepper(eqx.Module):
     two_buffers: ClassVar[bool] = False
     """True if a step is so cheap that copying the state would be noticeable."""
 
-    @abc.abstractmethod
     def begin(self, state: RunState) -> RunState:
         """Return the state with the stepper's own initial `solver_state`."""
+        return state
 
     @abc.abstractmethod
     def step(
@@ -56,19 +61,10 @@ def advance(
 ) -> RunState:
     """Take `steps` steps of equal length.
 
-    With `steps` a Python number the loop has a fixed length and can be differentiated
-    in reverse mode; with an array one compiled program serves every length.
-
-    Args:
-        stepper: one-step method.
-        program: compiled scene.
-        state: state after `steps_before` steps.
-        start: start of step number 0 [s].
-        dt: length of each step [s].
-        steps: number of steps to take.
-        steps_before: number of steps taken since `start`.
-        checkpoints: number of states that reverse mode stores; it recomputes the
-            others. None stores all.
+    The state is that `steps_before` steps of `dt` [s] after `start` [s]. With `steps` a
+    Python number the loop has a fixed length and can be differentiated in reverse mode,
+    which stores `checkpoints` states and recomputes the others; None stores all. With
+    an array one compiled program serves every length.
     """
 
     def one_step(i, state):
@@ -78,9 +74,11 @@ def advance(
 
     if isinstance(steps, int):
         if checkpoints is None or checkpoints >= steps:
-            return jax.lax.fori_loop(
-                0, steps, _rematerialized(stepper, one_step), state
-            )
+            # Of a cheap step, reverse mode stores only the state before it: its
+            # intermediate values take longer to write and read than to recompute.
+            if stepper.two_buffers:
+                one_step = jax.checkpoint(one_step, prevent_cse=False)
+            return jax.lax.fori_loop(0, steps, one_step, state)
         return eqxi.scan(
             lambda carry, i: (one_step(i, carry), None),
             state,
@@ -95,11 +93,3 @@ def advance(
     two_steps = lambda i, state: one_step(2 * i + 1, one_step(2 * i, state))
     state = jax.lax.fori_loop(0, steps // 2, two_steps, state)
     return jax.lax.fori_loop(steps - steps % 2, steps, one_step, state)
-
-
-def _rematerialized(stepper: AbstractStepper, one_step):
-    # Of a cheap step, reverse mode stores only the state before it: its intermediate
-    # values take longer to write and read than to recompute.
-    if not stepper.two_buffers:
-        return one_step
-    return jax.checkpoint(one_step, prevent_cse=False)

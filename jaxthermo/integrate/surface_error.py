@@ -83,7 +83,12 @@ def surface_error(solution: AnySolution, reference: AnySolution) -> SurfaceError
         later = _later(solution, reference)
         expected = jnp.asarray(reference.surface_temperature)[later]
         found = jnp.asarray(solution.surface_temperature)[later]
-        _check_range(expected)
+        if not is_traced(expected) and not jnp.ptp(expected, axis=1).max() > 0:
+            raise InputError(
+                "surface_error: the reference's surface has one temperature at every "
+                "saved time: there is no range to measure by; give a scene that heats "
+                "it unevenly"
+            )
         areas = [np.asarray(s.geometry.fragment_area) for s in reference.surfaces]
         area = jnp.asarray(np.concatenate(areas), expected.dtype)
         times = jnp.asarray(reference.times)[later]
@@ -100,12 +105,22 @@ def _error(
     span = error_span(expected)
     percent = lambda kelvin: 100 * kelvin / span
     difference, weight = found - expected, area / area.sum()
-    rms = _root((weight[None, :] * difference**2).sum(axis=1))
+    square = (weight[None, :] * difference**2).sum(axis=1)
+    # The slope of the root at 0 is 0, not infinite.
+    positive = square > 0
+    rms = jnp.where(positive, jnp.sqrt(jnp.where(positive, square, 1)), 0)
+
+    def percentile_99(row: Float[Array, " s"]) -> Float[Array, ""]:
+        order = jnp.argsort(row)
+        # Less what the sum of a million weights may lack by rounding.
+        reached = jnp.cumsum(weight[order]) >= 0.99 - 1e-6
+        return row[order[jnp.argmax(reached)]]
+
     size = jnp.abs(difference)
     return SurfaceError(
         times=times,
         rms_percent=percent(rms),
-        p99_percent=percent(_percentile(size, weight, 0.99)),
+        p99_percent=percent(jax.vmap(percentile_99)(size)),
         max_percent=percent(size.max(axis=1)),
         rms_kelvin=rms,
     )
@@ -119,44 +134,16 @@ def error_span(reference: Float[Array, "t s"]) -> Float[Array, " t"]:
     return jnp.maximum(spans, jnp.finfo(spans.dtype).tiny)
 
 
-def _check_range(reference: Float[Array, "t s"]) -> None:
-    if is_traced(reference) or float(jnp.ptp(reference, axis=1).max()) > 0:
-        return
-    raise InputError(
-        "surface_error: the reference's surface has one temperature at every saved "
-        "time: there is no range to measure by; give a scene that heats it unevenly"
-    )
-
-
-def _root(square: Float[Array, " t"]) -> Float[Array, " t"]:
-    # The slope at 0 is 0, not infinite.
-    positive = square > 0
-    return jnp.where(positive, jnp.sqrt(jnp.where(positive, square, 1)), 0)
-
-
-def _percentile(
-    values: Float[Array, "t s"], weight: Float[Array, " s"], level: float
-) -> Float[Array, " t"]:
-    """Return the smallest value that `level` of the area does not exceed."""
-
-    def percentile(row: Float[Array, " s"]) -> Float[Array, ""]:
-        order = jnp.argsort(row)
-        # Less what the sum of a million weights may lack by rounding.
-        reached = jnp.cumsum(weight[order]) >= level - 1e-6
-        return row[order[jnp.argmax(reached)]]
-
-    return jax.vmap(percentile)(values)
-
-
 def _later(solution: AnySolution, reference: AnySolution) -> Bool[np.ndarray, " t"]:
-    """Return which saved times are after 0, the same in both runs."""
+    # The saved times after 0, the same in both runs.
     times = np.asarray(reference.times, float)
     traced = is_traced(solution.times)
     others = times if traced else np.asarray(solution.times, float)
+    shown = lambda ts: [f"{t:g}" for t in ts[:6]] + ["..."] * (len(ts) > 6)
     if len(times) != len(others) or not np.allclose(times, others, rtol=1e-5):
         raise InputError(
-            f"surface_error: saved at {_listed(others)} s and the reference at "
-            f"{_listed(times)} s: give both the same save_at"
+            f"surface_error: saved at [{', '.join(shown(others))}] s and the reference "
+            f"at [{', '.join(shown(times))}] s: give both the same save_at"
         )
     if not (times > 0).any():
         raise InputError(
@@ -165,19 +152,10 @@ def _later(solution: AnySolution, reference: AnySolution) -> Bool[np.ndarray, " 
     return times > 0
 
 
-def _listed(times: Float[np.ndarray, " t"]) -> str:
-    shown = [f"{t:g}" for t in times[:6]] + ["..."] * (len(times) > 6)
-    return f"[{', '.join(shown)}]"
-
-
 def check_surfaces(
     found: tuple[SolvedSurface, ...], expected: tuple[SolvedSurface, ...]
 ) -> None:
-    """Refuse surfaces that are not the same fragments of the same bodies.
-
-    Raises:
-        InputError: if their number, positions or areas differ.
-    """
+    """Refuse surfaces that are not the same fragments of the same bodies."""
     if len(found) != len(expected):
         raise InputError(
             f"surface_error: {len(found)} bodies and the reference has "
@@ -185,17 +163,14 @@ def check_surfaces(
         )
     for index, (a, b) in enumerate(zip(found, expected, strict=True)):
         here, there = a.geometry, b.geometry
+        positions = here.fragment_position, there.fragment_position
+        same_number = positions[0].shape == positions[1].shape
         # Within a thousandth of a voxel: two voxelizations may round differently.
-        same = here.fragment_position.shape == there.fragment_position.shape and (
-            np.allclose(
-                here.fragment_position,
-                there.fragment_position,
-                rtol=0,
-                atol=1e-3 * there.pitch,
-            )
+        if not (
+            same_number
+            and np.allclose(*positions, rtol=0, atol=1e-3 * there.pitch)
             and np.allclose(here.fragment_area, there.fragment_area, rtol=1e-5)
-        )
-        if not same:
+        ):
             raise InputError(
                 f"surface_error: body {index} has other surface fragments "
                 f"({len(here.fragment_area)}) than the reference "

@@ -8,7 +8,7 @@ from cli_runs import run
 
 from calibrate.__main__ import main
 from calibrate.report import pictures
-from calibrate.solvers.checkpoint import Progress
+from calibrate.solvers.progress import Progress
 from jaxthermo.__main__ import main as simulate
 from tests.calibrating import SPHERE
 

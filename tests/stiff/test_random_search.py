@@ -15,9 +15,13 @@ from hypothesis import HealthCheck, given, settings, strategies as st
 import jaxthermo as jt
 from jaxthermo.arrays import precision
 from jaxthermo.integrate.implicit import adaptive
-from jaxthermo.integrate.implicit.context import LINEAR_TOLERANCE
-from jaxthermo.integrate.run.plan import initial_state, plan_run, step_table
-from jaxthermo.integrate.run.schedule import save_intervals
+from jaxthermo.integrate.implicit.jacobian import LINEAR_TOLERANCE
+from jaxthermo.integrate.run.plan import (
+    initial_state,
+    plan_run,
+    save_intervals,
+    step_table,
+)
 from jaxthermo.integrate.run.simulate import make_solution, take_steps
 from jaxthermo.integrate.run.solution import RESULTS
 from tests.bodies import blocks

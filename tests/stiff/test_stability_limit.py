@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.integrate.explicit.euler import EulerStepper
+from jaxthermo.integrate.explicit import EulerStepper
 from jaxthermo.integrate.run.ledger import empty_ledger
 from jaxthermo.integrate.stepper import RunState, advance
 from jaxthermo.scene.compile.compile import compile_scene

@@ -13,6 +13,7 @@ ACM Transactions on Mathematical Software 17 (1991) 533-554.
 """
 
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import equinox as eqx
@@ -25,8 +26,7 @@ from typing_extensions import override
 from ...scene.compile.program import Program, State
 from ..stepper import AbstractStepper, RunState
 from .conjugate_gradient import ConjugateGradient
-from .context import ImplicitContext
-from .jacobian import linearize
+from .jacobian import ImplicitContext, linearize
 from .newton_stage import (
     SolverStatistics,
     kelvin_norm,
@@ -99,32 +99,24 @@ class AdaptiveStepper(AbstractStepper):
     @override
     def step(self, program: Program, state: RunState, start, dt) -> RunState:
         controller: _ControllerState = state.solver_state
-        first = jnp.where(
-            controller.step > 0, controller.step, _FIRST_STEP_FRACTION * dt
-        )
+        known = controller.step > 0
+        first = jnp.where(known, controller.step, _FIRST_STEP_FRACTION * dt)
         state = RunState(state.theta, state.ledger, replace(controller, step=first))
         carry = _Carry(state, jnp.zeros_like(dt), jnp.zeros((), jnp.int32))
         # A rest of the size of rounding is not a step.
         almost = dt * (1 - 1e-5)
         unfinished = lambda c: (c.elapsed < almost) & (c.tries < MAX_TRIES)
         attempt = lambda c: self._attempt(program, start, dt, c)
-        if self.checkpoints is not None:
-            carry = eqxi.while_loop(
-                unfinished,
-                attempt,
-                carry,
-                max_steps=MAX_TRIES,
-                kind="checkpointed",
-                checkpoints=self.checkpoints,
-            )
-        else:
-            carry = jax.lax.while_loop(unfinished, attempt, carry)
+        loop, stored = jax.lax.while_loop, self.checkpoints
+        if stored is not None:
+            given = {"kind": "checkpointed", "checkpoints": stored}
+            loop = partial(eqxi.while_loop, max_steps=MAX_TRIES, **given)
+        carry = loop(unfinished, attempt, carry)
         state, failed = carry.state, carry.elapsed < almost
-        controller = state.solver_state
-        statistics = controller.statistics
+        statistics = state.solver_state.statistics
         failed = statistics.step_limit_reached | failed
         statistics = replace(statistics, step_limit_reached=failed)
-        controller = replace(controller, statistics=statistics)
+        controller = replace(state.solver_state, statistics=statistics)
         return RunState(state.theta, state.ledger, controller)
 
     def _attempt(self, program: Program, start, dt, carry: _Carry) -> _Carry:
@@ -149,11 +141,9 @@ class AdaptiveStepper(AbstractStepper):
         factor = jnp.where(jnp.isfinite(factor), factor, _MIN_FACTOR)
         following = step * jnp.clip(factor, _MIN_FACTOR, _MAX_FACTOR)
         # A step cut short for an event does not show how long a step may be.
-        following = jnp.where(
-            accepted & (step < controller.step),
-            jnp.maximum(following, controller.step),
-            following,
-        )
+        cut_short = step < controller.step
+        longer = jnp.maximum(following, controller.step)
+        following = jnp.where(accepted & cut_short, longer, following)
         count = accepted.astype(jnp.int32)
         spent = result.statistics
         # Failures of a step that is repeated do not count.
@@ -182,12 +172,9 @@ class AdaptiveStepper(AbstractStepper):
         program, context, result, step, time = stop_gradient(
             (program, self.context, result, step, time)
         )
-        difference: State = jax.tree.map(
-            lambda *f: (
-                step * sum(w * x for w, x in zip(_ERROR_WEIGHTS, f, strict=True))
-            ),
-            *result.slopes,
-        )
+        weighted = lambda f: (w * x for w, x in zip(_ERROR_WEIGHTS, f, strict=True))
+        summed = lambda *f: step * sum(weighted(f))
+        difference: State = jax.tree.map(summed, *result.slopes)
         g = _IMPLICIT_COEFFICIENT * step
         at = linearize(program, context, result.states, 1 / g, time)
         # Smoothed by (I - g f')^-1. Two digits of an error are enough: more would

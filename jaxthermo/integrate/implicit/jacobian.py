@@ -7,25 +7,152 @@ rates for a change u of the conduction potential (of temperature, where k is con
 
 is symmetric and positive definite: K is the linear network, s the slope of each node's
 load [W/K], d = d(phi)/d(eta) of `NonlinearNetwork`, 1 elsewhere. With 1 / g = 0 it is
-that of a steady state, which is singular for a part that loses no heat.
+that of a steady state, which is singular for a part that loses no heat. What else its
+solves need is made once per run, see `ImplicitContext`.
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
 
-from ...network.multigrid import jacobi
+from ...errors import InputError
+from ...geometry.mesh import connected_labels
+from ...network.multigrid import Hierarchy, hierarchy, jacobi
+from ...network.multigrid_cycle import AbstractCycle
 from ...network.network import AbstractNetwork, inverse
 from ...network.nonlinear import NonlinearNetwork
 from ...physics.contact.links import ContactLinks
-from ...scene.compile.program import Program, State
-from .context import ImplicitContext
-from .deflation import DeflatedPreconditioner
-from .residual import load_slopes
+from ...scene.compile.program import Compiled, Program, State
+from ...scene.scene import Scene
+from ...structures.structure import AbstractStructure
+from ..run.heat_rates import load_slopes, pair_conductance, pair_values
+
+
+class _Components(eqx.Module):
+    """Connected components of a body's nodes."""
+
+    number: Int[Array, "..."] | None
+    """Component of every entry of the state; None if there is one component."""
+    count: int = eqx.field(static=True)
+
+    def sums(self, values: Float[Array, "*m"]) -> Float[Array, " p"]:
+        """Sum the values of each component."""
+        if self.number is None:
+            return values.sum()[None]
+        flat, number = values.reshape(-1), self.number.reshape(-1)
+        return jax.ops.segment_sum(flat, number, self.count)
+
+    def spread(self, values: Float[Array, " p"]) -> Float[Array, "*#m"]:
+        """Return the value of its component for every entry of the state."""
+        # One component broadcasts, which costs no gather.
+        return values[0] if self.number is None else values[self.number]
+
+
+def _connected_components(structure: AbstractStructure) -> _Components:
+    links = structure.links()
+    pairs = np.stack([links.src, links.dst], axis=1)
+    labels = connected_labels(structure.node_count, pairs)
+    distinct, component = np.unique(labels, return_inverse=True)
+    if len(distinct) == 1:
+        return _Components(None, 1)
+    number = np.zeros(structure.state_shape, np.int32)
+    number[structure.node_address()] = component
+    return _Components(jnp.asarray(number), len(distinct))
+
+
+LINEAR_TOLERANCE = {"float32": 1e-4, "float64": 1e-9}
+"""Default residual of a linear solve at every node over its capacity [K]."""
+
+MULTIGRID_STEP_RATIO = 30.0
+"""Step over stable step above which multigrid pays: a cycle takes as long as five to
+fifteen iterations with the diagonal (`experiments run multigrid`)."""
+
+
+class ImplicitContext(eqx.Module):
+    """Everything besides the compiled program that implicit stages share."""
+
+    hierarchies: tuple[Hierarchy | None, ...]
+    """Multigrid levels of each body; None to precondition by the diagonal."""
+    components: tuple[_Components, ...]
+    nodes: tuple[Bool[Array, "..."] | None, ...]
+    """Entries of each body's state that are nodes; None for all."""
+    ceilings: tuple[Any, ...]
+    """Upper bound of each body's states [K]; infinite where nothing bounds them."""
+    tolerance: Any
+    """Tolerance of linear solves [K]."""
+    linear: bool = eqx.field(static=True)
+    """True if one Newton iteration is the solution."""
+    differentiable: bool = eqx.field(static=True, default=False)
+    """True if derivatives may be asked for, which costs one more residual."""
+
+
+def arranged_for_solves(scene: Scene) -> Scene:
+    """Return the scene with its bodies stored as linear solves run fast."""
+    bodies = tuple(
+        replace(body, structure=body.structure.for_solves()) for body in scene.bodies
+    )
+    return replace(scene, bodies=bodies)
+
+
+def implicit_context(
+    scene: Scene,
+    compiled: Compiled,
+    max_dt: float,
+    tolerance: float | None,
+    traced: bool,
+) -> ImplicitContext:
+    """Prepare the implicit stages of a compiled scene."""
+    dtype, program = compiled.receipt.dtype, compiled.program
+    if not all(body.network.is_symmetric for body in program.bodies):
+        raise InputError(
+            "a body has weights with `non_orthogonal`, whose conduction is not "
+            "symmetric and cannot be solved for: step with ForwardEuler() or "
+            "SuperTimeStepping(), or set non_orthogonal to 0"
+        )
+    stable_step = compiled.receipt.stable_step_s
+    multigrid = stable_step is None or max_dt > MULTIGRID_STEP_RATIO * stable_step
+    hierarchies: tuple[Hierarchy | None, ...] = tuple(
+        hierarchy(body.structure, part.network) if multigrid else None
+        for body, part in zip(scene.bodies, program.bodies, strict=True)
+    )
+    varies = any(isinstance(body.network, NonlinearNetwork) for body in program.bodies)
+    load = program.surface
+    linear = program.enclosure is None and not varies
+    linear = linear and (load is None or load.by_cell.terms.is_linear)
+    # By the maximum principle no state exceeds the hottest temperature of the scene.
+    # Without a loss at the surface Newton's iterates need no bound.
+    hottest, endless = (jnp.asarray(t, dtype) for t in (compiled.hottest, jnp.inf))
+    ceilings = tuple(
+        body.network.state_of(hottest - body.reference)
+        if load is not None and load.is_dissipative(number)
+        else endless
+        for number, body in enumerate(program.bodies)
+    )
+    kelvin = LINEAR_TOLERANCE[dtype] if tolerance is None else tolerance
+    return ImplicitContext(
+        hierarchies=hierarchies,
+        components=tuple(_connected_components(b.structure) for b in scene.bodies),
+        nodes=tuple(_node_mask(body.structure) for body in scene.bodies),
+        ceilings=ceilings,
+        tolerance=jnp.asarray(kelvin, dtype),
+        linear=linear,
+        differentiable=traced,
+    )
+
+
+def _node_mask(structure: AbstractStructure) -> Bool[Array, "..."] | None:
+    # A list of nodes has no other entries; a lattice has them outside the body.
+    if len(structure.state_shape) == 1:
+        return None
+    mask = np.zeros(structure.state_shape, bool)
+    mask[structure.node_address()] = True
+    return jnp.asarray(mask)
 
 
 class _Jacobian(eqx.Module):
@@ -46,35 +173,46 @@ class _Jacobian(eqx.Module):
         # References are 0, since u is a difference of temperatures.
         zero = jnp.zeros((), u[0].dtype)
         for contact in self.contacts:
-            first, second = (
-                u[body].at[address].get(mode="promise_in_bounds")
-                for body, address in zip(contact.bodies, contact.address, strict=True)
-            )
+            first, second = pair_values(contact, u)
             flow = contact.heat_rate(self.time, (first, second), (zero, zero))
             for side, sign in ((0, 1), (1, -1)):
                 body, address = contact.bodies[side], contact.address[side]
                 image[body] = image[body].at[address].add(sign * flow)
         return tuple(image)
 
-    def diagonal_with_contacts(self) -> State:
-        """Return the diagonal, contacts included [W/K]."""
-        found = list(self.diagonal)
-        zero = jnp.zeros((), found[0].dtype)
-        for contact in self.contacts:
-            one = jnp.ones_like(contact.area)
-            flow = contact.heat_rate(self.time, (one, 0 * one), (zero, zero))
-            for body, address in zip(contact.bodies, contact.address, strict=True):
-                found[body] = found[body].at[address].add(flow)
-        return tuple(found)
+
+class _DeflatedPreconditioner(eqx.Module):
+    """Preconditioner M, with the mean of each component solved for exactly.
+
+    With s = A 1 [W/K], for each component
+
+        z = 1 c + Q^T M Q r,    c = sum r / sum s,    Q r = r - s c.
+
+    Source: Mandel, Communications in Numerical Methods in Engineering 9 (1993) 233-241.
+    """
+
+    cycle: AbstractCycle
+    components: _Components
+    row_sums: Float[Array, "..."]
+    """s, of the body by itself [W/K]."""
+
+    def __call__(self, residual: Float[Array, "*m"]) -> Float[Array, "*m"]:
+        # Where a component loses hardly any heat, as by emission near 0 K in a step of
+        # 1e12 s, the balance has next to no curvature along its mean: less than the
+        # rounding of a multigrid cycle.
+        components, s = self.components, self.row_sums
+        inverse_sum = inverse(components.sums(s))
+        mean = inverse_sum * components.sums(residual)
+        z = self.cycle(residual - s * components.spread(mean))
+        return z + components.spread(mean - inverse_sum * components.sums(s * z))
 
 
 class _BlockPreconditioner(eqx.Module):
     """Preconditioner of each body by itself, contacts on the diagonal only."""
 
-    blocks: tuple[DeflatedPreconditioner, ...]
+    blocks: tuple[_DeflatedPreconditioner, ...]
 
     def __call__(self, residual: State) -> State:
-        """Return the correction of every body."""
         return tuple(m(r) for m, r in zip(self.blocks, residual, strict=True))
 
 
@@ -104,9 +242,15 @@ def linearize(
     `regularization` returns what the preconditioner adds to the diagonal where A may be
     singular [W/K].
     """
-    slopes = load_slopes(program, states, time).change
+    slopes, _ = load_slopes(program, states, time)
     networks = tuple(body.network.linear for body in program.bodies)
-    potential = tuple(map(_potential_slope, program.bodies, states))
+    # The slope d of every body whose conductivity depends on temperature.
+    potential = tuple(
+        jax.jvp(body.network.potential, (state,), (jnp.ones_like(state),))[1]
+        if isinstance(body.network, NonlinearNetwork)
+        else None
+        for body, state in zip(program.bodies, states, strict=True)
+    )
     diagonal = masked_to_nodes(
         tuple(
             _over(network.capacity() * (rate + slope), d)
@@ -117,8 +261,13 @@ def linearize(
     # Divided by d, the unknown is the potential, whose conduction is linear and
     # symmetric also where the conductivity depends on temperature.
     operator = _Jacobian(networks, diagonal, program.contacts, time)
-    # Cycles know no links between bodies: contacts enter by their diagonal only.
-    whole = row_sums = operator.diagonal_with_contacts()
+    # Cycles know no links between bodies: contacts enter by their diagonal only [W/K].
+    found = list(diagonal)
+    for contact in program.contacts:
+        flow = pair_conductance(contact, time)
+        for body, address in zip(contact.bodies, contact.address, strict=True):
+            found[body] = found[body].at[address].add(flow)
+    whole = row_sums = tuple(found)
     if regularization is not None:
         whole = jax.tree.map(jnp.add, whole, regularization(whole))
     parts = zip(networks, context.hierarchies, whole, strict=True)
@@ -126,7 +275,7 @@ def linearize(
         jacobi(network, m) if levels is None else levels.cycle(m)
         for network, levels, m in parts
     )
-    blocks = tuple(map(DeflatedPreconditioner, cycles, context.components, row_sums))
+    blocks = tuple(map(_DeflatedPreconditioner, cycles, context.components, row_sums))
     capacity = tuple(
         jnp.broadcast_to(network.capacity(), state.shape)
         for network, state in zip(networks, states, strict=True)
@@ -142,13 +291,6 @@ def masked_to_nodes(
     """Return values with 0 where there is no node."""
     masked = lambda v, is_node: v if is_node is None else jnp.where(is_node, v, 0)
     return tuple(map(masked, values, nodes))
-
-
-def _potential_slope(body, state) -> Float[Array, "..."] | None:
-    network = body.network
-    if not isinstance(network, NonlinearNetwork):
-        return None
-    return jax.jvp(network.potential, (state,), (jnp.ones_like(state),))[1]
 
 
 def _over(values, slope):

@@ -20,10 +20,9 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ...network.network import inverse
 from ...scene.compile.program import Program, State
+from ..run.heat_rates import evaluate_rates
 from .conjugate_gradient import ConjugateGradient, ResidualNorm, max_abs
-from .context import ImplicitContext
-from .jacobian import Linearization, linearize, masked_to_nodes
-from .residual import evaluate_rates
+from .jacobian import ImplicitContext, Linearization, linearize, masked_to_nodes
 
 
 _MAX_NEWTON_ITERATIONS = 20
@@ -50,7 +49,14 @@ class SolverStatistics(eqx.Module):
 
     def plus(self, other: "SolverStatistics") -> "SolverStatistics":
         """Return the statistics of two parts of a run together."""
-        return jax.tree.map(_combine, self, other)
+
+        # Counts add up, failures stay, and residuals are compared.
+        def combine(a: Array, b: Array) -> Array:
+            if jnp.issubdtype(a.dtype, jnp.floating):
+                return jnp.maximum(a, b)
+            return a | b if a.dtype == bool else a + b
+
+        return jax.tree.map(combine, self, other)
 
     def after_solve(self, converged, solve: dict[str, Any]) -> "SolverStatistics":
         """Count a Newton iteration by the outcome of its linear solve."""
@@ -64,25 +70,20 @@ class SolverStatistics(eqx.Module):
         )
 
 
-def _combine(a: Array, b: Array) -> Array:
-    # Counts add up, failures stay, and residuals are compared.
-    if jnp.issubdtype(a.dtype, jnp.floating):
-        return jnp.maximum(a, b)
-    return a | b if a.dtype == bool else a + b
-
-
 def zero_statistics(dtype) -> SolverStatistics:
     """Return the statistics of a run that has not started."""
     none, no = jnp.zeros((), jnp.int32), jnp.zeros((), bool)
     return SolverStatistics(none, none, none, none, jnp.zeros((), dtype), no, no, no)
 
 
-class _StageSolution(NamedTuple):
-    """Solution of a stage."""
-
+class _Iterate(NamedTuple):
     states: State
+    residual: State
+    """[K]"""
     entries: Float[Array, " c"]
-    """Heat rate of each ledger entry there [W]."""
+    """Heat rate of each ledger entry [W]."""
+    change: Float[Array, ""]
+    """Largest change of a node by the last iteration [K]."""
     statistics: SolverStatistics
 
 
@@ -93,15 +94,23 @@ def solve_stage(
     g: Float[Array, ""],
     time: Float[Array, ""],
     guess: State,
-) -> _StageSolution:
+) -> _Iterate:
     """Solve eta = base + g f(eta)."""
     constants = stop_gradient((program, context, base, g, time, guess))
     found = _newton(*constants)
     if not context.differentiable:
-        return _StageSolution(found.states, found.entries, found.statistics)
-    states = _with_derivative(program, base, g, time, found.states, constants)
-    entries = evaluate_rates(program, states, time).entries
-    return _StageSolution(states, entries, found.statistics)
+        return found
+    # The residual less its own value is 0, with the derivative of the residual.
+    residual, _ = _residual(program, base, g, time, found.states)
+    zero = jax.tree.map(lambda r: r - jax.lax.stop_gradient(r), residual)
+    fixed_program, context, _, fixed_g, fixed_time, _ = constants
+    states, rate = stop_gradient(found.states), 1 / fixed_g
+    at = linearize(fixed_program, context, states, rate, fixed_time)
+    heat = missing_heat(zero, at, rate)
+    change, _ = solve_linear(at, heat, derivative_solver(states))
+    states = jax.tree.map(jnp.add, found.states, change)
+    _, entries = evaluate_rates(program, states, time)
+    return found._replace(states=states, entries=entries)
 
 
 def stop_gradient(tree: Any) -> Any:
@@ -111,7 +120,7 @@ def stop_gradient(tree: Any) -> Any:
 
 
 def _residual(program, base, g, time, states) -> tuple[State, Float[Array, " c"]]:
-    """Return eta - base - g f(eta) [K], and the heat rates of the ledger [W]."""
+    # eta - base - g f(eta) [K], and the heat rates of the ledger [W].
     change, entries = evaluate_rates(program, states, time)
     residual = lambda e, b, f: (e - b) - g * f
     return jax.tree.map(residual, states, base, change), entries
@@ -145,17 +154,6 @@ def solve_linear(
 def missing_heat(residual: State, at: Linearization, rate: Float[Array, ""]) -> State:
     """Return the heat rate that removes a residual [K] at a rate of 1 / step [W]."""
     return jax.tree.map(lambda v, c: -v * (c * rate), residual, at.capacity)
-
-
-class _Iterate(NamedTuple):
-    states: State
-    residual: State
-    """[K]"""
-    entries: Float[Array, " c"]
-    """[W]"""
-    change: Float[Array, ""]
-    """Largest change of a node by the last iteration [K]."""
-    statistics: SolverStatistics
 
 
 def _newton(program, context: ImplicitContext, base, g, time, guess) -> _Iterate:
@@ -196,18 +194,6 @@ def _newton(program, context: ImplicitContext, base, g, time, guess) -> _Iterate
         now.change <= jnp.maximum(rounding(now), 10 * context.tolerance)
     )
     return now._replace(statistics=replace(now.statistics, newton_failed=~converged))
-
-
-def _with_derivative(program, base, g, time, states, constants) -> State:
-    # The residual less its own value is 0, with the derivative of the residual.
-    residual, _ = _residual(program, base, g, time, states)
-    zero = jax.tree.map(lambda r: r - jax.lax.stop_gradient(r), residual)
-    fixed_program, context, _, fixed_g, fixed_time, _ = constants
-    rate = 1 / fixed_g
-    at = linearize(fixed_program, context, stop_gradient(states), rate, fixed_time)
-    heat = missing_heat(zero, at, rate)
-    change, _ = solve_linear(at, heat, derivative_solver(states))
-    return jax.tree.map(jnp.add, states, change)
 
 
 def derivative_solver(states: State) -> ConjugateGradient:

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ...network.network import AbstractNetwork
+from ...network.network import AbstractNetwork, inverse
 from ...physics.contact.links import ContactLinks
 from ...scene.compile.program import Program, State
 from ...scene.compile.surface_load import AbstractSurfaceLoad
@@ -29,13 +29,25 @@ def add_loads(
     each ledger entry [W].
     """
     # All loads of a step act at the temperatures before it.
-    nodes = surface_nodes(program, states)
-    received = net_irradiation(program, nodes, time)
-    warmed, rates = add_own_loads(program, nodes, received, False, new, time, dt)
-    return _add_contacts(program, states, warmed, rates, time, dt)
+    nodes = _surface_nodes(program, states)
+    received = _net_irradiation(program, nodes, time)
+    own, rates = _add_own_loads(program, nodes, received, False, new, time, dt)
+    # The heat that one body loses the other gains, from the same temperatures.
+    warmed = list(own)
+    for contact in program.contacts:
+        one, other = contact.bodies
+        with jax.named_scope("contact"):
+            theta = pair_temperatures(program, contact, states)
+            references = program.bodies[one].reference, program.bodies[other].reference
+            both = warmed[one], warmed[other]
+            (warmed[one], warmed[other]), rate = contact.apply_heat(
+                both, theta, references, time, dt
+            )
+            rates = rates.at[contact.entry].add(rate)
+    return tuple(warmed), rates
 
 
-def add_own_loads(
+def _add_own_loads(
     program: Program,
     nodes: _Nodes,
     received: Float[Array, " p"] | None,
@@ -71,31 +83,7 @@ def _networks(program: Program, load: AbstractSurfaceLoad) -> list[AbstractNetwo
     return [program.bodies[cells.body].network for cells in load.by_cell.cells]
 
 
-def _add_contacts(
-    program: Program,
-    states: State,
-    new: State,
-    rates: Float[Array, " c"],
-    time: Float[Array, ""],
-    dt: Float[Array, ""],
-) -> tuple[State, Float[Array, " c"]]:
-    """Add the heat between bodies that touch, and its rates to `rates`."""
-    # The heat that one body loses the other gains, from the same temperatures.
-    warmed = list(new)
-    for contact in program.contacts:
-        one, other = contact.bodies
-        with jax.named_scope("contact"):
-            theta = pair_temperatures(program, contact, states)
-            references = program.bodies[one].reference, program.bodies[other].reference
-            both = warmed[one], warmed[other]
-            (warmed[one], warmed[other]), rate = contact.apply_heat(
-                both, theta, references, time, dt
-            )
-            rates = rates.at[contact.entry].add(rate)
-    return tuple(warmed), rates
-
-
-def surface_nodes(program: Program, states: State) -> _Nodes:
+def _surface_nodes(program: Program, states: State) -> _Nodes:
     """Temperatures of the nodes that carry surface loads, by body [K]."""
     load = program.surface
     if load is None:
@@ -107,13 +95,13 @@ def surface_nodes(program: Program, states: State) -> _Nodes:
     return found
 
 
-def net_irradiation(
+def _net_irradiation(
     program: Program, nodes: Sequence[Float[Array, " _"]], time: Float[Array, ""]
 ) -> Float[Array, " p"] | None:
     """Irradiation less emission of the surface cells [W/m^2]; None without exchange."""
     # The nodes' temperatures give a first irradiation, and that the temperatures of the
     # surface, which emits: two evaluations instead of a solve.
-    given = irradiation(program, nodes, time)
+    given = _irradiation(program, nodes, time)
     if given is None or program.surface is None or program.enclosure is None:
         return None
     load = program.surface.by_cell
@@ -125,7 +113,7 @@ def net_irradiation(
         return program.enclosure.net(time, surface)
 
 
-def irradiation(
+def _irradiation(
     program: Program, nodes: Sequence[Float[Array, " _"]], time: Float[Array, ""]
 ) -> Float[Array, " p"] | None:
     """Irradiation of the surface cells by surfaces as warm as their nodes [W/m^2]."""
@@ -137,14 +125,69 @@ def irradiation(
         return program.enclosure.irradiation(time, here)
 
 
+def pair_conductance(contact: ContactLinks, time: Float[Array, ""]):
+    """Return the conductance of every touching pair [W/K]."""
+    one, zero = jnp.ones_like(contact.area), jnp.zeros((), contact.area.dtype)
+    return contact.heat_rate(time, (one, 0 * one), (zero, zero))
+
+
 def pair_temperatures(
     program: Program, contact: ContactLinks, states: State
 ) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
     """Temperatures of the nodes of every touching pair above the references [K]."""
-    first, second = (
-        program.bodies[body].network.temperature(
-            states[body].at[address].get(mode="promise_in_bounds")
-        )
+    one, other = (program.bodies[body].network for body in contact.bodies)
+    first, second = pair_values(contact, states)
+    return one.temperature(first), other.temperature(second)
+
+
+def pair_values(contact: ContactLinks, states: State) -> list[Float[Array, " p"]]:
+    """Return the values of the two nodes of every touching pair."""
+    return [
+        states[body].at[address].get(mode="promise_in_bounds")
         for body, address in zip(contact.bodies, contact.address, strict=True)
+    ]
+
+
+def evaluate_rates(
+    program: Program, states: State, time: Float[Array, ""]
+) -> tuple[State, Float[Array, " c"]]:
+    """Return d(state)/dt of every node [K/s], and each ledger entry's heat rate [W].
+
+    d eta / dt = (conduction + loads) / C,
+
+    for the state eta of every node, see `network`. An explicit step computes the same
+    with fused operators; implicit stages evaluate it at states that they iterate.
+    Conduction is summed over faces, see `AbstractNetwork.face_heat_rate`.
+    """
+    zero = tuple(jnp.zeros_like(state) for state in states)
+    one_second = jnp.ones((), states[0].dtype)
+    # Loads added to a zero state over one second are their rates.
+    loaded, entries = add_loads(program, states, zero, time, one_second)
+    change = tuple(
+        added + inverse(body.network.capacity()) * body.network.face_heat_rate(state)
+        for added, body, state in zip(loaded, program.bodies, states, strict=True)
     )
-    return first, second
+    return change, entries
+
+
+def load_slopes(
+    program: Program, states: State, time: Float[Array, ""]
+) -> tuple[State, Float[Array, " c"]]:
+    """Return -d(loads)/d(state) of all loads but contacts, never negative.
+
+    Of every node [1/s], and of each ledger entry, summed over its nodes [W/K].
+    """
+    zero = tuple(jnp.zeros_like(state) for state in states)
+    one_second = jnp.ones((), states[0].dtype)
+    # Irradiation is constant here: what bodies emit counts, what returns does not.
+    given = _irradiation(program, _surface_nodes(program, states), time)
+
+    def own_loads(states):
+        nodes = _surface_nodes(program, states)
+        return _add_own_loads(program, nodes, given, True, zero, time, one_second)
+
+    # These loads act at single nodes, so that one derivative along all ones is the
+    # whole diagonal Jacobian.
+    ones = tuple(jnp.ones_like(state) for state in states)
+    _, slopes = jax.jvp(own_loads, (states,), (ones,))
+    return jax.tree.map(lambda slope: jnp.maximum(-slope, 0), slopes)

@@ -44,53 +44,33 @@ def empty_ledger(entries: int, dtype) -> Ledger:
     return Ledger(heat=zeros, carry=zeros, moved=zeros)
 
 
-class BodyEnergy(eqx.Module):
-    """Energies of one body at the saved times, since the start of the run."""
+class Energy(eqx.Module):
+    """Energies of all bodies, or of one, at the saved times, since the start [J]."""
 
     stored_J: Float[Array, " t"]
-    """Heat stored by the body [J]."""
+    """Heat stored [J]."""
     mechanisms: dict[str, Float[Array, " t"]]
     """Heat by each mechanism [J]."""
     contacts: dict[str, Float[Array, " t"]]
-    """Heat through each contact, by its name, positive into the body [J]."""
-    residual_relative: Float[Array, " t"]
-    """(stored - sum of mechanisms and contacts) / heat moved."""
-
-
-class Energy(eqx.Module):
-    """Energies of all bodies at the saved times, since the start of the run."""
-
-    stored_J: Float[Array, " t"]
-    """Heat stored by all bodies [J]."""
-    mechanisms: dict[str, Float[Array, " t"]]
-    """Heat by each mechanism to all bodies [J]."""
-    contacts: dict[str, Float[Array, " t"]]
     """Heat from the first to the second body of each pair in contact, by a name such as
-    "contact 0-1" [J]."""
-    bodies: tuple[BodyEnergy, ...]
+    "contact 0-1"; of one body, positive into it [J]."""
+    bodies: tuple["Energy", ...]
+    """Those of each body; none within one body."""
     residual_relative: Float[Array, " t"]
-    """(stored - sum of mechanisms) / heat moved, by mechanisms or by conduction."""
+    """(stored - sum of mechanisms) / heat moved, by mechanisms or by conduction; of one
+    body, contacts count with the mechanisms."""
 
 
-class _BodyHeatRates(eqx.Module):
-    """Heat rates of one body in a steady state, positive into the body."""
+class HeatRates(eqx.Module):
+    """Heat rates of all bodies, or of one, in a steady state [W]."""
 
     mechanisms: dict[str, Float[Array, ""]]
     """Heat rate by each mechanism [W]."""
     contacts: dict[str, Float[Array, ""]]
-    """Heat rate through each contact, by its name [W]."""
-    residual_relative: Float[Array, ""]
-    """Net heat rate over the sum of magnitudes, 0 in a steady state."""
-
-
-class HeatRates(eqx.Module):
-    """Heat rates of all bodies in a steady state."""
-
-    mechanisms: dict[str, Float[Array, ""]]
-    """Heat rate by each mechanism to all bodies [W]."""
-    contacts: dict[str, Float[Array, ""]]
-    """Heat rate from the first to the second body of each pair in contact [W]."""
-    bodies: tuple[_BodyHeatRates, ...]
+    """Heat rate from the first to the second body of each pair in contact; of one body,
+    positive into it [W]."""
+    bodies: tuple["HeatRates", ...]
+    """Those of each body; none within one body."""
     residual_relative: Float[Array, ""]
     """Net heat rate over the sum of magnitudes, 0 in a steady state."""
 
@@ -101,14 +81,13 @@ def steady_heat_rates(
     """Group heat rates by mechanism, by body and by pair."""
     zero = jnp.zeros((1, bodies), rates.dtype)
     found = energies(entries, zero, rates[None], jnp.abs(rates)[None], zero[0])
-    found = in_order(found, entries)
     only = lambda table: {name: each[0] for name, each in table.items()}
-    parts = lambda e: (only(e.mechanisms), only(e.contacts))
-    return HeatRates(
-        *parts(found),
-        tuple(_BodyHeatRates(*parts(b), -b.residual_relative[0]) for b in found.bodies),
-        -found.residual_relative[0],
-    )
+
+    def first(e: Energy) -> HeatRates:
+        inner, residual = tuple(map(first, e.bodies)), -e.residual_relative[0]
+        return HeatRates(only(e.mechanisms), only(e.contacts), inner, residual)
+
+    return first(in_order(found, entries))
 
 
 def energies(
@@ -141,7 +120,7 @@ def energies(
     )
 
 
-def _body_energy(entries, body, stored, heat, moved, equalization) -> BodyEnergy:
+def _body_energy(entries, body, stored, heat, moved, equalization) -> Energy:
     loads = [c for c, e in enumerate(entries) if e.other is None and e.body == body]
     pairs = [c for c, e in enumerate(entries) if e.other is not None and body in e[1:]]
     contacts = {
@@ -150,10 +129,11 @@ def _body_energy(entries, body, stored, heat, moved, equalization) -> BodyEnergy
     total = heat[:, np.array(loads, int)].sum(axis=1)
     total = sum(contacts.values(), total)
     through = moved[:, np.array(loads + pairs, int)].sum(axis=1)
-    return BodyEnergy(
+    return Energy(
         stored_J=stored,
         mechanisms={entries[c].mechanism: heat[:, c] for c in loads},
         contacts=contacts,
+        bodies=(),
         residual_relative=(stored - total) / _nonzero(through + equalization),
     )
 
@@ -189,7 +169,5 @@ def in_order(energy: Energy, entries: tuple[LedgerEntry, ...]) -> Energy:
     # A dictionary that leaves a jitted function is sorted by name.
     names = dict.fromkeys(entry.mechanism for entry in entries)
     sort = lambda table: {name: table[name] for name in names if name in table}
-    bodies = tuple(
-        replace(body, mechanisms=sort(body.mechanisms)) for body in energy.bodies
-    )
+    bodies = tuple(in_order(body, entries) for body in energy.bodies)
     return replace(energy, mechanisms=sort(energy.mechanisms), bodies=bodies)

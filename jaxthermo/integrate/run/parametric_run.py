@@ -7,7 +7,6 @@ more steps without a new compilation, and all runs of a fit with one table diffe
 their values only, not in their steps.
 """
 
-import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -19,10 +18,16 @@ from ...arrays import precision
 from ...errors import InputError
 from ...scene.compile.compile import compile_scene
 from ...scene.scene import Scene, SolvedSurface
-from ..explicit.euler import EulerStepper
+from ..explicit import EulerStepper
 from ..solvers import AbstractSolver, ForwardEuler
-from .plan import Plan, StepTable, initial_state, plan_run, step_table
-from .schedule import save_intervals, schedule
+from .plan import (
+    Plan,
+    StepTable,
+    initial_state,
+    plan_run,
+    save_intervals,
+    step_table,
+)
 from .simulate import integrate, take_steps
 
 
@@ -41,11 +46,7 @@ class ParametricSolution(NamedTuple):
 
 @dataclass(frozen=True)
 class ParametricRun:
-    """A run whose scene may hold traced values.
-
-    Raises:
-        InputError: for save times at 0, or reverse mode without a given step.
-    """
+    """A run whose scene may hold traced values."""
 
     save_times: tuple[float, ...]
     """Increasing save times after 0; the last one is the end of the run [s]."""
@@ -73,16 +74,14 @@ class ParametricRun:
         """Schedule the steps for a scene whose numbers are known.
 
         A run that uses the stable step takes `max_dt` [s] instead, if given.
-
-        Raises:
-            InputError: if bodies move.
         """
         # Explicit steps are bounded by `max_dt`, which may leave room for a fit to
         # become stiffer before its steps change.
         solver = ForwardEuler(max_dt) if self.uses_stable_step else self.solver
         with precision(scene.dtype):
             plan = plan_run(scene, self.save_times[-1], self.save_times, solver)
-            _check_static(plan)
+            if len(plan.compiled.programs) > 1:
+                raise InputError("a fit needs bodies that stay where they are")
             return step_table(plan, save_intervals(plan.intervals))
 
     def stable_step(self, scene: Scene) -> Float[Array, ""]:
@@ -92,38 +91,27 @@ class ParametricRun:
 
     def __call__(self, scene: Scene, table: StepTable) -> ParametricSolution:
         """Run a scene that may hold traced values."""
+        saves, end, memory = self.save_times, self.save_times[-1], self.reverse_memory
         with precision(scene.dtype):
-            plan = self._plan(scene)
-            _check_static(plan)
-            state = initial_state(plan)
-            if self.reverse_memory is not None:
+            if self.uses_stable_step:
+                # The stable step of a traced scene is not known, so that `plan_run`
+                # would refuse it; the step table gives the steps.
+                compiled = compile_scene(scene, len(saves), end)
+                given = ForwardEuler(), EulerStepper()
+                plan = Plan(scene, compiled, (), saves, None, *given)
+            else:
+                plan = plan_run(scene, end, saves, self.solver, reverse_memory=memory)
+            compiled, state = plan.compiled, initial_state(plan)
+            if memory is not None:
                 rows = integrate(plan, state, traced=True)
             else:
-                _, rows = take_steps(plan.stepper, plan.compiled.program, state, table)
+                _, rows = take_steps(plan.stepper, compiled.program, state, table)
             return ParametricSolution(
                 rows.surface_temperature,
-                jnp.asarray(plan.compiled.stable_step),
+                jnp.asarray(compiled.stable_step),
                 rows.is_finite.all(),
-                plan.compiled.surfaces,
+                compiled.surfaces,
             )
-
-    def _plan(self, scene: Scene) -> Plan:
-        saves, end = self.save_times, self.save_times[-1]
-        if not self.uses_stable_step:
-            memory = self.reverse_memory
-            return plan_run(scene, end, saves, self.solver, reverse_memory=memory)
-        # The stable step of a traced scene is not known: `plan_run` would refuse it.
-        # The step table gives the steps, so one step per interval stands in here.
-        compiled = compile_scene(scene, len(saves), end)
-        event_times = (*compiled.program.breakpoints, *compiled.starts)
-        intervals = schedule(end, saves, event_times, math.inf)
-        solver, stepper = ForwardEuler(), EulerStepper()
-        return Plan(scene, compiled, intervals, saves, None, solver, stepper)
-
-
-def _check_static(plan: Plan) -> None:
-    if len(plan.compiled.programs) > 1:
-        raise InputError("a fit needs bodies that stay where they are")
 
 
 def with_more_steps(table: StepTable, factor: float) -> StepTable:

@@ -1,7 +1,8 @@
-"""The plan of a run: compiled scene, solver and steps; nothing has been run yet."""
+"""The plan of a run: when to step, by which solver; nothing has been run yet."""
 
+import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import jax
@@ -11,15 +12,95 @@ from jaxtyping import Array, Float, Int
 
 from ...arrays import is_traced
 from ...errors import InputError
-from ...network.network import precise_sum
 from ...scene.compile.compile import compile_scene
-from ...scene.compile.program import Compiled, State
+from ...scene.compile.program import Compiled
 from ...scene.scene import Scene
 from ..implicit.adaptive import AdaptiveStepper
 from ..solvers import AbstractSolver, select_solver
-from ..stepper import AbstractStepper, RunState
+from ..stepper import END_ROUNDINGS, AbstractStepper, RunState
 from .ledger import empty_ledger
-from .schedule import END_ROUNDINGS, Interval, save_times, schedule
+
+
+_MAX_INTERVAL_STEPS = 2**31 - 1
+"""Steps of one interval: the loop counts them in 32 bits."""
+
+
+@dataclass(frozen=True)
+class Interval:
+    """Equal steps from `start` to `end` [s]."""
+
+    start: float
+    end: float
+    steps: int
+    saved: bool
+    """True if `end` is a save time."""
+
+    @property
+    def dt(self) -> float:
+        """Length of one step [s]."""
+        return (self.end - self.start) / self.steps
+
+
+def _save_times(t1: float | int, save_at) -> tuple[float, ...]:
+    """Return the checked save times [s]; the end time alone if none are given."""
+    if not math.isfinite(t1) or t1 < 0:
+        raise InputError(f"t1={t1!r}: give an end time of at least 0 s")
+    times = (t1,) if save_at is None else tuple(float(t) for t in save_at)
+    if not times:
+        raise InputError("save_at is empty: give at least one time, or leave it out")
+    # Negated, so that NaN is refused too.
+    if any(not b > a for a, b in zip(times, times[1:], strict=False)):
+        raise InputError(f"save_at={list(times)}: the times must increase")
+    if not (times[0] >= 0 and times[-1] <= t1):
+        raise InputError(f"save_at={list(times)}: the times must lie in [0, {t1:g}] s")
+    return times
+
+
+def _schedule(
+    t1: float | int,
+    saves: tuple[float, ...],
+    event_times: tuple[float, ...],
+    max_dt: float,
+    min_steps: int = 1,
+) -> tuple[Interval, ...]:
+    """Divide a run into intervals that end at save times, event times and the end.
+
+    Events are times that a step must end at, such as breakpoints of the terms' values;
+    those outside (0, t1) are ignored. The longest step `max_dt` may be infinite.
+    """
+    if not max_dt > 0:
+        raise InputError(
+            f"the largest stable step is {max_dt:g} s: check the materials and terms "
+            "for values far out of range"
+        )
+    ends = sorted({*saves, *(t for t in event_times if 0 < t < t1), t1} - {0.0})
+    intervals, start = [], 0.0
+    for end in ends:
+        # A quotient that exceeds a whole number by rounding must not cost a step more.
+        steps = max(min_steps, math.ceil((end - start) / max_dt * (1 - 1e-9)))
+        if steps > _MAX_INTERVAL_STEPS:
+            raise InputError(
+                f"{end - start:g} s take {steps:.2g} steps of {max_dt:.3g} s, the "
+                "largest stable step: simulate a shorter time, or use a coarser pitch"
+            )
+        intervals.append(Interval(start, end, steps, end in saves))
+        start = end
+    return tuple(intervals)
+
+
+def save_intervals(
+    intervals: tuple[Interval, ...],
+) -> tuple[tuple[Interval, ...], ...]:
+    """Group intervals by the save time that they lead to, the rest in a last group."""
+    # Only the end of a group is observed: thousands of event times cost no memory.
+    groups: list[tuple[Interval, ...]] = []
+    group: list[Interval] = []
+    for interval in intervals:
+        group.append(interval)
+        if interval.saved:
+            groups.append(tuple(group))
+            group = []
+    return tuple([*groups, tuple(group)] if group else groups)
 
 
 class Plan(NamedTuple):
@@ -63,7 +144,7 @@ def plan_run(
     Arguments and errors are those of `simulate`; `prune` omits terms that have no
     effect, see `compile_scene`.
     """
-    saves = save_times(t1, save_at)
+    saves = _save_times(t1, save_at)
     arranged = scene if solver is None else solver.arranged(scene)
     compiled = compile_scene(arranged, len(saves), t1, prune)
     traced = is_traced(compiled.stable_step)
@@ -80,28 +161,25 @@ def plan_run(
     max_dt = solver.max_dt(stable_step, t1, compiled.program.sampled)
     event_times = (*compiled.program.breakpoints, *compiled.starts)
     min_steps = solver.min_steps(len({*saves, *event_times}))
-    intervals = schedule(t1, saves, event_times, max_dt, min_steps)
+    intervals = _schedule(t1, saves, event_times, max_dt, min_steps)
     # Stages and multigrid follow the longest step taken, which may be far shorter
     # than the longest allowed.
     longest = max((i.dt for i in intervals), default=max_dt)
     stepper = solver.stepper(arranged, compiled, longest, is_traced(scene))
     checkpoints = None
     if reverse_memory is not None:
-        checkpoints = _checkpoint_count(compiled.state, reverse_memory)
+        size = sum(x.size * x.dtype.itemsize for x in jax.tree.leaves(compiled.state))
+        checkpoints = reverse_memory // size
+        if checkpoints < 1:
+            raise InputError(
+                f"simulate: reverse_memory={reverse_memory} bytes is less than one "
+                f"state of {size} bytes; give more memory, or leave it out to store "
+                "every state"
+            )
     if isinstance(stepper, AdaptiveStepper):
         stepper = replace(stepper, checkpoints=checkpoints)
     parts = (arranged, compiled, intervals, saves, stable_step, solver, stepper)
     return Plan(*parts, reason, checkpoints)
-
-
-def _checkpoint_count(state: State, memory: int) -> int:
-    size = sum(x.size * x.dtype.itemsize for x in jax.tree.leaves(state))
-    if memory < size:
-        raise InputError(
-            f"simulate: reverse_memory={memory} bytes is less than one state of {size} "
-            "bytes; give more memory, or leave it out to store every state"
-        )
-    return memory // size
 
 
 def initial_state(plan: Plan) -> RunState:
@@ -109,33 +187,6 @@ def initial_state(plan: Plan) -> RunState:
     entries = len(plan.compiled.program.entries)
     state = RunState(plan.compiled.state, empty_ledger(entries, plan.dtype))
     return plan.stepper.begin(state)
-
-
-def equalization_heat(plan: Plan, states: State) -> Float[Array, " b"]:
-    """Return the heat that conduction moves to make each body uniform [J].
-
-    It scales the ledger's error where a body starts unevenly and no mechanism acts.
-    """
-    heat = []
-    parts = zip(plan.scene.bodies, plan.compiled.program.bodies, states, strict=True)
-    for body, part, state in parts:
-        if not callable(body.temperature):
-            heat.append(jnp.asarray(np.zeros((), state.dtype)))
-            continue
-        address = tuple(jnp.asarray(index) for index in body.structure.node_address())
-        mean = part.network.stored(state) / part.network.total_capacity()
-        excess = jnp.abs(state[address] - mean) * part.network.capacity_at(address)
-        heat.append(precise_sum(excess) / 2)
-    return jnp.stack(heat)
-
-
-def intervals_by_program(plan: Plan) -> list[tuple[int, tuple[Interval, ...]]]:
-    """Return the index of each compiled program with the intervals that it runs."""
-    index = [plan.compiled.number_at(i.start) for i in plan.intervals]
-    return [
-        (n, tuple(i for i, m in zip(plan.intervals, index, strict=True) if m == n))
-        for n in sorted(set(index))
-    ]
 
 
 def observation_time(plan: Plan, interval: Interval) -> float:
@@ -174,13 +225,10 @@ def step_table(
 ) -> StepTable:
     """Tabulate the steps of save intervals, of at least the given shape."""
     shape = max(len(groups), min_rows), max(min_columns, *(len(g) for g in groups))
-    start, dt, observed = np.zeros(shape), np.zeros(shape), np.zeros(shape)
-    steps = np.zeros(shape, np.int32)
+    table = np.zeros((4, *shape))
     for row, group in enumerate(groups):
-        start[row, : len(group)] = [i.start for i in group]
-        dt[row, : len(group)] = [i.dt for i in group]
-        steps[row, : len(group)] = [i.steps for i in group]
-        observed[row, : len(group)] = [observation_time(plan, i) for i in group]
+        columns = [(i.start, i.dt, observation_time(plan, i), i.steps) for i in group]
+        table[:, row, : len(group)] = np.transpose(columns)
     # Computed in float64 on the host, rounded once.
-    typed = lambda values: jnp.asarray(values, plan.dtype)
-    return StepTable(typed(start), typed(dt), jnp.asarray(steps), typed(observed))
+    start, dt, observed = (jnp.asarray(each, plan.dtype) for each in table[:3])
+    return StepTable(start, dt, jnp.asarray(table[3].astype(np.int32)), observed)

@@ -13,16 +13,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
 from ...atomic import replacing
 from ...scene.compile.program import Program, State
 from ..stepper import AbstractStepper, RunState, advance
-from .observe import Observation, observe
-from .plan import Plan, equalization_heat, initial_state, observation_time
-from .schedule import Interval
-from .simulate import assemble_solution
-from .solution import Solution
+from .plan import Interval, Plan, initial_state, observation_time
+from .simulate import make_solution
+from .solution import Observation, Solution, observe
 
 
 class RunProgress(NamedTuple):
@@ -35,8 +32,6 @@ class RunProgress(NamedTuple):
     state: RunState
     initial: Observation
     """Observation at the start."""
-    equalization: Float[Array, " b"]
-    """See `equalization_heat` [J]."""
     observations: tuple[Observation, ...]
     """Observations at the save times so far."""
 
@@ -53,12 +48,11 @@ def _advance_in_place(
 
 def begin_run(plan: Plan) -> RunProgress:
     """Return the progress of a run that has not taken a step."""
-    program, state = plan.compiled.program, initial_state(plan)
+    state = initial_state(plan)
     # A copy, since segments overwrite their state and the plan must stay whole.
     theta = jax.tree.map(jnp.array, state.theta)
     state = RunState(theta, state.ledger, state.solver_state)
-    heat = equalization_heat(plan, state.theta)
-    return RunProgress(0, 0, state, observe(program, state, None), heat, ())
+    return RunProgress(0, 0, state, observe(plan.compiled.program, state, None), ())
 
 
 def steps_done(plan: Plan, progress: RunProgress) -> int:
@@ -121,18 +115,14 @@ def run_segments(
         # Even lengths keep the loop of two steps; growth is limited to 8 times, since
         # the first segment's time is mostly compilation.
         length = max(2, 2 * int(min(8 * steps, steps * seconds / spent) / 2))
-        taken = progress.steps_taken + steps
-        if taken < interval.steps:
-            progress = progress._replace(steps_taken=taken, state=state)
-        else:
-            progress = progress._replace(
-                interval=progress.interval + 1, steps_taken=0, state=state
-            )
-            if interval.saved:
-                at = jnp.asarray(observation_time(plan, interval), plan.dtype)
-                row = observe(_program_of(plan, interval), state, at)
-                observations = (*progress.observations, row)
-                progress = progress._replace(observations=observations)
+        taken, observations = progress.steps_taken + steps, progress.observations
+        ended = taken >= interval.steps
+        if ended and interval.saved:
+            at = jnp.asarray(observation_time(plan, interval), plan.dtype)
+            row = observe(_program_of(plan, interval), state, at)
+            observations = (*observations, row)
+        at = (progress.interval + 1, 0) if ended else (progress.interval, taken)
+        progress = RunProgress(*at, state, progress.initial, observations)
         yield progress
 
 
@@ -141,19 +131,15 @@ def finish_run(plan: Plan, progress: RunProgress) -> Solution:
     rows = None
     if progress.observations:
         rows = jax.tree.map(lambda *each: jnp.stack(each), *progress.observations)
-    return assemble_solution(plan, progress.initial, rows, progress.equalization)
+    return make_solution(plan, rows)
 
 
 def save_checkpoint(path: Path, progress: RunProgress, key: str) -> None:
     """Write a checkpoint file in one step."""
-    template = (progress.state, progress.initial, progress.equalization)
-    arrays: dict[str, Any] = {
-        f"leaf{i}": np.asarray(leaf) for i, leaf in enumerate(jax.tree.leaves(template))
-    }
-    for k, row in enumerate(progress.observations):
-        leaves = enumerate(jax.tree.leaves(row))
-        arrays |= {f"observation{k}_{i}": np.asarray(leaf) for i, leaf in leaves}
-    counts = (progress.interval, progress.steps_taken, len(progress.observations))
+    interval, taken, *parts = progress
+    leaves = jax.tree.leaves(parts)
+    arrays: dict[str, Any] = {f"leaf{i}": np.asarray(x) for i, x in enumerate(leaves)}
+    counts = (interval, taken, len(progress.observations))
     # Replaced in one step: a Ctrl-C while writing leaves the old checkpoint.
     with replacing(path) as temporary, open(temporary, "wb") as file:
         np.savez(file, key=np.array(key), position=np.array(counts), **arrays)
@@ -167,21 +153,12 @@ def load_checkpoint(path: Path, fresh: RunProgress, key: str) -> RunProgress | N
             if str(kept["key"]) != key:
                 return None
             interval, taken, rows = (int(n) for n in kept["position"])
-            template = (fresh.state, fresh.initial, fresh.equalization)
-            leaves, tree = jax.tree.flatten(template)
+            # A new run of the same plan has leaves of the same shapes.
+            whole = fresh._replace(observations=(fresh.initial,) * rows)
+            leaves, tree = jax.tree.flatten(whole[2:])
             loaded = [jnp.asarray(kept[f"leaf{i}"]) for i in range(len(leaves))]
-            row_leaves, row_tree = jax.tree.flatten(fresh.initial)
-            observations = [
-                [
-                    jnp.asarray(kept[f"observation{k}_{i}"])
-                    for i in range(len(row_leaves))
-                ]
-                for k in range(rows)
-            ]
     except Exception:  # numpy and zipfile raise many types for a damaged file
         return None
     if any(a.shape != b.shape for a, b in zip(leaves, loaded, strict=True)):
         return None
-    state, initial, equalization = jax.tree.unflatten(tree, loaded)
-    rows = tuple(jax.tree.unflatten(row_tree, row) for row in observations)
-    return RunProgress(interval, taken, state, initial, equalization, rows)
+    return RunProgress(interval, taken, *jax.tree.unflatten(tree, loaded))

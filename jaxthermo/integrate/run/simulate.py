@@ -9,28 +9,27 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ...arrays import is_traced, precision
-from ...scene.compile.program import LedgerEntry, Program
+from ...network.network import precise_sum
+from ...scene.compile.program import LedgerEntry, Program, State
 from ...scene.scene import Scene
 from ..solvers import AbstractSolver
 from ..stepper import AbstractStepper, RunState, advance
 from .ledger import Energy, energies, in_order
-from .observe import Observation, observe
 from .plan import (
     Plan,
     StepTable,
-    equalization_heat,
     initial_state,
-    intervals_by_program,
     observation_time,
     plan_run,
+    save_intervals,
     step_table,
 )
-from .schedule import save_intervals
 from .solution import (
+    Observation,
     RunSummary,
     Solution,
-    float64_as_numpy,
-    raise_failure,
+    finished,
+    observe,
     run_result,
 )
 
@@ -88,18 +87,15 @@ def simulate(
     with precision(scene.dtype):
         plan = plan_run(scene, t1, save_at, solver, reverse_memory=reverse_memory)
         solution = run_plan(plan)
-    if throw and not is_traced(solution.result):
-        raise_failure(solution.result)
-    return float64_as_numpy(solution)
+    return finished(solution, throw)
 
 
 def run_plan(plan: Plan) -> Solution:
     """Run a plan from its start to its solution."""
-    observations = None
-    if plan.intervals:
-        traced = is_traced(plan.scene)
-        observations = integrate(plan, initial_state(plan), traced)
-    return make_solution(plan, observations)
+    if not plan.intervals:
+        return make_solution(plan, None)
+    rows = integrate(plan, initial_state(plan), is_traced(plan.scene))
+    return make_solution(plan, rows)
 
 
 def take_steps(
@@ -132,13 +128,14 @@ take_steps_jit = eqx.filter_jit(take_steps)
 
 def integrate(plan: Plan, state: RunState, traced: bool = False) -> Observation:
     """Take every step of a plan and return the observations at the save times."""
-    parts = intervals_by_program(plan)
-    groups = [save_intervals(part) for _, part in parts]
+    index = [plan.compiled.number_at(i.start) for i in plan.intervals]
+    numbers, pairs = sorted(set(index)), list(zip(plan.intervals, index, strict=True))
+    groups = [save_intervals(tuple(i for i, m in pairs if m == n)) for n in numbers]
     # One shape for all programs, which differ in numbers only: compiled once.
     rows = max((len(each) for each in groups), default=0)
     columns = max((len(group) for each in groups for group in each), default=0)
     found, saved = [], []
-    for (number, _), each in zip(parts, groups, strict=True):
+    for number, each in zip(numbers, groups, strict=True):
         program = plan.compiled.programs[number]
         if traced:
             state, observations = _take_fixed_steps(plan, program, state, each)
@@ -181,27 +178,14 @@ def _saved_rows(
 
 
 def make_solution(plan: Plan, observations: Observation | None) -> Solution:
-    """Assemble the solution of a finished run."""
-    program, state = plan.compiled.program, initial_state(plan)
-    initial = observe(program, state, None)
-    heat = equalization_heat(plan, state.theta)
-    return assemble_solution(plan, initial, observations, heat)
-
-
-def assemble_solution(
-    plan: Plan,
-    initial: Observation,
-    observations: Observation | None,
-    equalization: Float[Array, " b"],
-) -> Solution:
-    """Assemble a solution from observations."""
-    # A run of 0 s has no rows: those of the start, cut to length 0, have the shapes.
-    entries, rows = plan.compiled.program.entries, observations
+    """Assemble the solution of a finished run; None for a run of 0 s."""
+    state, entries = initial_state(plan), plan.compiled.program.entries
+    initial, rows = observe(plan.compiled.program, state, None), observations
     if rows is None:
+        # The row of the start, cut to length 0, has the shapes.
         rows = jax.tree.map(lambda a: a[None][:0], initial)
-    saved, energy = _balance(
-        entries, initial, rows, equalization, plan.save_times[0] == 0.0
-    )
+    heat, from_start = _equalization_heat(plan, state.theta), plan.save_times[0] == 0.0
+    saved, energy = _balance(entries, initial, rows, heat, from_start)
     statistics = None
     if len(rows.is_finite):
         statistics = jax.tree.map(lambda a: a[-1], rows.statistics)
@@ -222,6 +206,22 @@ def assemble_solution(
         terms=plan.scene.terms,
         receipt=plan.compiled.receipt,
     )
+
+
+def _equalization_heat(plan: Plan, states: State) -> Float[Array, " b"]:
+    # The heat that conduction moves to make each body uniform [J]. It scales the
+    # ledger's error where a body starts unevenly and no mechanism acts.
+    heat = []
+    parts = zip(plan.scene.bodies, plan.compiled.program.bodies, states, strict=True)
+    for body, part, state in parts:
+        if not callable(body.temperature):
+            heat.append(jnp.asarray(np.zeros((), state.dtype)))
+            continue
+        address = tuple(jnp.asarray(index) for index in body.structure.node_address())
+        mean = part.network.stored(state) / part.network.total_capacity()
+        excess = jnp.abs(state[address] - mean) * part.network.capacity_at(address)
+        heat.append(precise_sum(excess) / 2)
+    return jnp.stack(heat)
 
 
 @eqx.filter_jit

@@ -1,6 +1,6 @@
 """Solutions of `simulate` and `steady`, and how a run can end."""
 
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
@@ -10,10 +10,12 @@ from jaxtyping import Array, Bool, Float
 
 from ...arrays import is_traced
 from ...physics.term import AbstractTerm
-from ...scene.compile.program import Receipt
+from ...scene.compile.program import Program, Receipt
 from ...scene.scene import SolvedSurface
 from ..implicit.newton_stage import SolverStatistics
-from .ledger import Energy, HeatRates
+from ..stepper import RunState
+from .heat_rates import pair_temperatures
+from .ledger import Energy, HeatRates, Ledger
 
 
 class RESULTS(eqx.Enumeration):
@@ -73,7 +75,10 @@ class RunSummary(eqx.Module):
 
 
 class AbstractSolution(eqx.Module):
-    """Temperatures of the surface, with the bodies and terms that they belong to."""
+    """Temperatures of the surface, with the bodies and terms that they belong to.
+
+    A float64 scene gives numpy arrays where JAX is not set to 64 bits.
+    """
 
     times: eqx.AbstractVar[Float[Array, " t"]]
     surface_temperature: eqx.AbstractVar[Float[Array, "t s"]]
@@ -89,10 +94,7 @@ class AbstractSolution(eqx.Module):
 
 
 class Solution(AbstractSolution):
-    """Surface temperatures over time [K], and the energy ledger [J], from `simulate`.
-
-    A float64 scene gives numpy arrays where JAX is not set to 64 bits.
-    """
+    """Surface temperatures over time [K] and the energy ledger [J], from `simulate`."""
 
     times: Float[Array, " t"]
     surface_temperature: Float[Array, "t s"]
@@ -108,10 +110,7 @@ class Solution(AbstractSolution):
 
 
 class SteadySolution(AbstractSolution):
-    """Steady surface temperatures [K], and the heat rates [W], from `steady`.
-
-    A float64 scene gives numpy arrays where JAX is not set to 64 bits.
-    """
+    """Steady surface temperatures [K], and the heat rates [W], from `steady`."""
 
     times: Float[Array, " 1"]
     """Time of the poses and loads of the steady state [s]."""
@@ -147,20 +146,80 @@ def run_result(
     return RESULTS.where(is_finite, found, RESULTS.nonfinite)
 
 
-def raise_failure(result: RESULTS) -> None:
-    """Raise a failure with its remedy as a RuntimeError; do nothing on success."""
-    if result != RESULTS.successful:
-        raise RuntimeError(RESULTS[result])
+_SolutionT = TypeVar("_SolutionT", Solution, SteadySolution)
 
 
-_SolutionT = TypeVar("_SolutionT", bound=AbstractSolution)
-
-
-def float64_as_numpy(solution: _SolutionT) -> _SolutionT:
-    """Return a solution with its float64 arrays as numpy arrays."""
+def finished(solution: _SolutionT, throw: bool) -> _SolutionT:
+    """Return a solution with float64 as numpy arrays; raise its failure if `throw`."""
+    known = not is_traced(solution.result)
+    if throw and known and solution.result != RESULTS.successful:
+        raise RuntimeError(RESULTS[solution.result])
     # Where JAX is not set to 64 bits, every later use of a float64 array warns and
     # rounds to float32.
     if jnp.result_type(float) == jnp.float64 or is_traced(solution):
         return solution
     double = lambda leaf: isinstance(leaf, jax.Array) and leaf.dtype == jnp.float64
     return jax.tree.map(lambda x: np.asarray(x) if double(x) else x, solution)
+
+
+class Observation(NamedTuple):
+    """The part of a state that a solution stores."""
+
+    surface_temperature: Float[Array, " s"]
+    """Temperature of each fragment, bodies one after the other [K]."""
+    mean_temperature: Float[Array, " b"]
+    """Capacity-weighted mean of each body [K]."""
+    stored_heat: Float[Array, " b"]
+    """Heat of each body above its reference temperature [J]."""
+    is_finite: Bool[Array, ""]
+    is_physical: Bool[Array, ""]
+    """True if no surface temperature is below 0 K by more than rounding."""
+    ledger: Ledger
+    statistics: SolverStatistics | None
+    """Totals of an implicit solver; None for explicit ones."""
+
+
+@eqx.filter_jit
+def observe(
+    program: Program, state: RunState, time: Float[Array, ""] | None
+) -> Observation:
+    """Observe a state.
+
+    `time` is that of the loads that act on the surface [s], within the last step, so
+    that a load that is switched now still counts as it was; None at the start, where
+    none has acted yet.
+    """
+    # Excess of each body's fragments over their nodes by contacts [K].
+    by_contacts: list = [None] * len(program.bodies)
+    for contact in program.contacts if time is not None else ():
+        theta = pair_temperatures(program, contact, state.theta)
+        first, second = (program.bodies[b].reference for b in contact.bodies)
+        rate = contact.heat_rate(time, theta, (first, second))
+        for side, body in enumerate(contact.bodies):
+            fragments = program.bodies[body].node.shape[0]
+            excess, before = contact.excess(rate, side, fragments), by_contacts[body]
+            by_contacts[body] = excess if before is None else before + excess
+    above = program.surface_temperatures(state.theta, time, by_contacts)
+    surface, mean, stored = [], [], []
+    for body, theta, here in zip(program.bodies, state.theta, above, strict=True):
+        # The reference is added last: differences keep their digits in float32.
+        surface.append(body.reference + here)
+        network = body.network
+        heat = network.stored(network.temperature(theta)) / network.total_capacity()
+        mean.append(body.reference + heat)
+        stored.append(network.stored(theta))
+    temperature, heat = jnp.concatenate(surface), jnp.stack(stored)
+    # The adaptive stepper keeps its statistics beside the controller's memory.
+    solver_state = state.solver_state
+    if not isinstance(solver_state, SolverStatistics | None):
+        solver_state = solver_state.statistics
+    return Observation(
+        surface_temperature=temperature,
+        mean_temperature=jnp.stack(mean),
+        stored_heat=heat,
+        is_finite=jnp.isfinite(heat).all(),
+        # Rounding and the solver's tolerance may lead below 0 K by this much.
+        is_physical=temperature.min() > -1e-3,
+        ledger=state.ledger,
+        statistics=solver_state,
+    )

@@ -1,5 +1,6 @@
 """`solution.npz`: the part of a solution from which its images can be drawn again."""
 
+from dataclasses import fields
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,13 +19,8 @@ from .solution import Solution
 FORMAT_VERSION = 2
 """Version of the file's layout; version 1 did not store its version."""
 
-_GEOMETRY_FIELDS = (
-    "vertices",
-    "faces",
-    "fragment_position",
-    "fragment_normal",
-    "fragment_area",
-)
+# All but the pitch and the pose, which are not stored as they are.
+_GEOMETRY_FIELDS = tuple(f.name for f in fields(BodyGeometry))[:5]
 
 
 class StoredSolution(NamedTuple):
@@ -66,12 +62,7 @@ def save_solution(path: Path, solution: Solution) -> None:
 
 
 def load_solution(path: Path) -> StoredSolution:
-    """Read a file of `save_solution`.
-
-    Raises:
-        InputError: if the file is missing, damaged, of another version or not such a
-            file.
-    """
+    """Read a file of `save_solution`; an `InputError` says why it cannot be read."""
     try:
         # Opened here, since np.load leaves a damaged file that it opened itself open.
         with open(path, "rb") as file, np.load(file, allow_pickle=False) as stored:
@@ -99,15 +90,12 @@ def load_solution(path: Path) -> StoredSolution:
 
 def _check_version(path: Path, stored: Any) -> None:
     # Compared as text: a foreign file may store anything under this name.
-    if "format_version" in stored.files:
-        version = str(stored["format_version"])
-        if version == str(FORMAT_VERSION):
-            return
+    has_version, found = "format_version" in stored.files, "not a solution of jaxthermo"
+    version = str(stored["format_version"]) if has_version else "1"
+    if version == str(FORMAT_VERSION):
+        return
+    if has_version or "surface_temperature" in stored.files:
         found = f"a solution of format version {version}"
-    elif "surface_temperature" in stored.files:
-        found = "a solution of format version 1"
-    else:
-        found = "not a solution of jaxthermo"
     raise InputError(
         f"{path}: {found}, and this version of jaxthermo reads format version "
         f"{FORMAT_VERSION}; run the simulation again"
@@ -116,27 +104,16 @@ def _check_version(path: Path, stored: Any) -> None:
 
 def _load_surface(stored, b: int) -> SolvedSurface:
     get = lambda field: stored[f"body{b}_{field}"]
-    pose = _pose(get("translation"), get("rotation"), stored["times"])
-    geometry = BodyGeometry(
-        *(get(field) for field in _GEOMETRY_FIELDS),
-        pitch=float(get("pitch")),
-        pose=pose,
+    row = lambda values: tuple(float(v) for v in values)
+    poses = tuple(
+        Pose(row(shift), tuple(map(row, turn)))
+        for shift, turn in zip(get("translation"), get("rotation"), strict=True)
     )
+    # One pose stands for all times.
+    times = tuple(stored["times"].tolist())
+    pose = poses[0] if len(poses) == 1 else Motion(PoseTable(times, poses))
+    shape = [get(field) for field in _GEOMETRY_FIELDS]
+    geometry = BodyGeometry(*shape, pitch=float(get("pitch")), pose=pose)
     return SolvedSurface(
         geometry, jnp.asarray(get("emissivity")), jnp.asarray(get("absorptivity"))
     )
-
-
-def _pose(translation: np.ndarray, rotation: np.ndarray, times) -> Pose | Motion:
-    poses = [
-        Pose(_point(shift), tuple(map(_point, turn)))
-        for shift, turn in zip(translation, rotation, strict=True)
-    ]
-    if len(poses) == 1:
-        return poses[0]
-    return Motion(PoseTable(tuple(times.tolist()), tuple(poses)))
-
-
-def _point(values: Any) -> tuple[float, float, float]:
-    x, y, z = (float(v) for v in values)
-    return x, y, z

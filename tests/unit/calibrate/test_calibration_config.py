@@ -7,7 +7,7 @@ import pytest
 
 import jaxthermo as jt
 from calibrate.config.loader import calibration_hash, load_calibration, scene_config
-from calibrate.problem.build import build_parameters
+from calibrate.problem.build import _build_parameters
 
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -45,7 +45,7 @@ def test_shipped_configs_load_with_all_their_scenes(path):
 def test_mistakes_are_told_in_one_line(change, message):
     with pytest.raises(jt.InputError, match=message) as raised:
         config = load_calibration(QUICK, (change,))
-        build_parameters(config, _scene(config))
+        _build_parameters(config, _scene(config))
     assert "\n" not in str(raised.value)
 
 
@@ -64,7 +64,7 @@ def test_a_change_of_all_cases_is_set_from_the_command_line():
 
 def test_levels_and_starts_come_from_the_scene():
     config = load_calibration(QUICK)
-    made = build_parameters(config, _scene(config, 48))
+    made = _build_parameters(config, _scene(config, 48))
     assert made.labels == (
         "weights.within.0",
         "weights.within.1",
@@ -80,7 +80,7 @@ def test_units_are_read_at_the_edge():
         "start: '12 W/(m^2 K)', bounds: [1, '50 W/(m^2 K)']}]"
     )
     config = load_calibration(QUICK, (change,))
-    one = build_parameters(config, _scene(config)).parameters[0]
+    one = _build_parameters(config, _scene(config)).parameters[0]
     assert (one.start, one.lower, one.upper) == ((12.0,), 1.0, 50.0)
 
 

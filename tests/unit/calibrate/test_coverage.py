@@ -9,7 +9,7 @@ from calibrate.analysis.identifiability import identify
 from calibrate.config.schema import FitConfig
 from calibrate.problem.parameters import Parameter, ParameterSet
 from calibrate.problem.problem import Case, Problem
-from calibrate.problem.thermogram_targets import frame_target, render_frames, view_of
+from calibrate.problem.targets import frame_target, render_frames, view_of
 from calibrate.solvers.fit import Fitting
 from jaxthermo.integrate.run.parametric_run import ParametricRun
 from jaxthermo.scene.compile.compile import compile_scene

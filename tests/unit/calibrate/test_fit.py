@@ -11,8 +11,8 @@ from calibrate.config.schema import FitConfig
 from calibrate.problem.parameters import Parameter
 from calibrate.problem.targets import SurfaceTarget
 from calibrate.solvers.fit import Fitting
-from calibrate.solvers.multistart import start_points
-from calibrate.solvers.stopping_rule import STAGNATION_LIMIT
+from calibrate.solvers.progress import STAGNATION_LIMIT
+from calibrate.solvers.search import start_points
 from tests.calibrating import BETWEEN, TRUTH, WITHIN, twin
 
 

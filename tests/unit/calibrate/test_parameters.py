@@ -4,8 +4,14 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from calibrate.problem.parameter_paths import find_path, value_at
-from calibrate.problem.parameters import Parameter, ParameterSet, Prior, Smoothness
+from calibrate.problem.parameters import (
+    Parameter,
+    ParameterSet,
+    Prior,
+    Smoothness,
+    find_path,
+    value_at,
+)
 from tests.calibrating import scene
 
 

@@ -27,11 +27,11 @@ from calibrate.report.charts import (
 from calibrate.report.page import write_report
 from calibrate.report.pictures import (
     Solutions,
-    close_up,
+    _close_up,
+    _scatter,
     difference_picture,
     frame_picture,
     run_both,
-    scatter,
 )
 from calibrate.report.text_summary import MEANING, summary
 from calibrate.solvers.fit import Fit
@@ -340,7 +340,7 @@ def test_frames_are_shown_beside_the_models(frames, tmp_path):
 
 def test_a_frame_of_chosen_pixels():
     counts = np.array([[True, False], [False, True]])
-    frame = scatter(np.array([1.0, 2.0]), counts)
+    frame = _scatter(np.array([1.0, 2.0]), counts)
     np.testing.assert_array_equal(frame, [[1.0, np.nan], [np.nan, 2.0]])
 
 
@@ -348,7 +348,7 @@ def test_a_close_up_holds_all_that_counts():
     counts = np.zeros((60, 50), bool)
     counts[20:30, 5:9] = True
     image = np.repeat(counts[..., None], 3, axis=2).astype(np.uint8) * 255
-    seen = close_up(image, counts)
+    seen = _close_up(image, counts)
     times = SMALL // 12
     assert seen.shape == (12 * times, 6 * times, 3)
     assert (seen > 0).all(axis=2).sum() == counts.sum() * times**2

@@ -3,8 +3,7 @@
 import jax.numpy as jnp
 import pytest
 
-from calibrate.solvers.checkpoint import StepRecord
-from calibrate.solvers.stopping_rule import next_action
+from calibrate.solvers.progress import StepRecord, next_action
 
 
 SIZE = 4

@@ -8,12 +8,7 @@ import pytest
 import jaxthermo as jt
 from calibrate.problem.parameters import Parameter, ParameterSet
 from calibrate.problem.problem import Case, Problem
-from calibrate.problem.thermogram_targets import (
-    body_mask,
-    frame_target,
-    render_frames,
-    view_of,
-)
+from calibrate.problem.targets import body_mask, frame_target, render_frames, view_of
 from jaxthermo.integrate.run.parametric_run import ParametricRun
 from jaxthermo.scene.compile.compile import compile_scene
 from tests.bodies import blocks

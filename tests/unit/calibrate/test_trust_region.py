@@ -7,7 +7,11 @@ import numpy as np
 import optimistix as optx
 import pytest
 
-from calibrate.solvers.trust_region import FIRST_DAMPING, first_size, with_trust_region
+from calibrate.solvers.levenberg_marquardt import (
+    FIRST_DAMPING,
+    _first_size,
+    with_trust_region,
+)
 
 
 STEEP = jnp.asarray(
@@ -43,7 +47,7 @@ def test_the_first_size_is_of_the_steepness_along_the_slope():
     jacobian = np.asarray(jax.jacobian(residuals)(z, 2.0))
     slope = jacobian.T @ np.asarray(residuals(z, 2.0))
     damping = FIRST_DAMPING * ((jacobian @ slope) ** 2).sum() / (slope**2).sum()
-    size = first_size(linearized(z, 2.0))
+    size = _first_size(linearized(z, 2.0))
     np.testing.assert_allclose(size, 1 / damping, rtol=1e-12)
 
 

@@ -7,17 +7,14 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 import jaxthermo as jt
-from jaxthermo.integrate.implicit.energy_correction import (
-    correct_energy,
-    solve_dominant,
-)
+from jaxthermo.integrate.implicit.runge_kutta import _correct_energy, _solve_dominant
 from jaxthermo.integrate.run.ledger import into_bodies
 from jaxthermo.scene.compile.compile import compile_scene
 from tests.bodies import blocks
 
 
 METAL = jt.Material(16.0, density=8000.0, specific_heat=500.0, emissivity=0.8)
-_closed = eqx.filter_jit(correct_energy)
+_closed = eqx.filter_jit(_correct_energy)
 
 
 def _scene(conductance):
@@ -104,7 +101,7 @@ def test_elimination_loses_no_digit_however_strong_the_links(excess, links, seed
     assert found.max() <= alone.max() * (1 + 1e-13)
 
 
-_solve = eqx.filter_jit(solve_dominant)
+_solve = eqx.filter_jit(_solve_dominant)
 
 
 def test_elimination_solves():

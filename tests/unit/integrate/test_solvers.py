@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.integrate.explicit.rkl2 import rkl2_coefficients, stage_count
+from jaxthermo.integrate.explicit import rkl2_coefficients, stage_count
 from jaxthermo.integrate.run.solution import RESULTS
 from jaxthermo.integrate.solvers import MAX_EULER_STEPS, MAX_RKL2_STEPS, select_solver
 from tests.bodies import blocks

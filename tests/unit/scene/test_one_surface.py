@@ -8,7 +8,11 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.integrate.run.heat_rates import add_loads, net_irradiation, surface_nodes
+from jaxthermo.integrate.run.heat_rates import (
+    _net_irradiation,
+    _surface_nodes,
+    add_loads,
+)
 from jaxthermo.scene.compile.compile import compile_scene
 from jaxthermo.scene.compile.surface_load import SurfaceLoad
 
@@ -76,8 +80,8 @@ def _scene(grids, terms, materials, starts=(300.0, 290.0, 320.0)):
 @eqx.filter_jit
 def _together(program, states, time):
     """Heat rates of all cells, body by body, and of the ledger entries."""
-    nodes = surface_nodes(program, states)
-    received = net_irradiation(program, nodes, time)
+    nodes = _surface_nodes(program, states)
+    received = _net_irradiation(program, nodes, time)
     networks = [program.bodies[c.body].network for c in program.surface.cells]
     return program.surface.heat(time, nodes, networks, received)
 
@@ -86,8 +90,8 @@ def _together(program, states, time):
 def _alone(program, states, time):
     """The same from the balance of one body after the other: the simple form."""
     load, entries, heat = program.surface, jnp.zeros(len(program.entries)), []
-    nodes = surface_nodes(program, states)
-    received = net_irradiation(program, nodes, time)
+    nodes = _surface_nodes(program, states)
+    received = _net_irradiation(program, nodes, time)
     for index, cells in enumerate(load.cells):
         here = cells.cells_of(nodes[index])
         network = program.bodies[cells.body].network

@@ -14,38 +14,42 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from ...arrays import is_traced, precision
-from ...errors import InputError
-from ...scene.compile.compile import compile_scene
-from ...scene.compile.program import Program, State
-from ...scene.motion import Motion
-from ...scene.scene import Scene
-from ..implicit.conjugate_gradient import ConjugateGradient, CorrectionNorm, max_abs
-from ..implicit.context import ImplicitContext, arranged_for_solves, implicit_context
-from ..implicit.jacobian import Linearization, linearize
-from ..implicit.newton_stage import (
+from ..arrays import is_traced, precision
+from ..errors import InputError
+from ..scene.compile.compile import compile_scene
+from ..scene.compile.program import Program, State
+from ..scene.motion import Motion
+from ..scene.scene import Scene
+from .implicit.conjugate_gradient import ConjugateGradient, CorrectionNorm, max_abs
+from .implicit.jacobian import (
+    ImplicitContext,
+    Linearization,
+    arranged_for_solves,
+    implicit_context,
+    linearize,
+)
+from .implicit.newton_stage import (
     SolverStatistics,
     derivative_solver,
     solve_linear,
     stop_gradient,
     zero_statistics,
 )
-from ..implicit.residual import evaluate_rates
-from ..run.ledger import empty_ledger, steady_heat_rates
-from ..run.observe import observe
-from ..run.solution import (
-    RunSummary,
-    SteadySolution,
-    float64_as_numpy,
-    raise_failure,
-    run_result,
-)
-from ..stepper import RunState
 from .isolated_components import (
     IsolatedComponents,
     ProjectedPreconditioner,
     find_isolated_components,
 )
+from .run.heat_rates import evaluate_rates
+from .run.ledger import empty_ledger, steady_heat_rates
+from .run.solution import (
+    RunSummary,
+    SteadySolution,
+    finished,
+    observe,
+    run_result,
+)
+from .stepper import RunState
 
 
 _STEADY_TOLERANCE = {"float32": 1e-3, "float64": 1e-8}
@@ -105,9 +109,7 @@ def steady(
         raise InputError(f"steady(tolerance={tolerance!r}): give a positive one [K]")
     with precision(scene.dtype):
         solution = _solution(_static_scene(scene, at), at or 0.0, tolerance)
-    if throw and not is_traced(solution.result):
-        raise_failure(solution.result)
-    return float64_as_numpy(solution)
+    return finished(solution, throw)
 
 
 def _static_scene(scene: Scene, at: float | None) -> Scene:
@@ -143,7 +145,7 @@ def _solution(scene: Scene, at: float, tolerance: float | None) -> SteadySolutio
     states, statistics = _solve(program, context, compiled.state, time, isolated)
     entries = len(program.entries)
     found = observe(program, RunState(states, empty_ledger(entries, dtype)), time)
-    rates = evaluate_rates(program, states, time).entries
+    _, rates = evaluate_rates(program, states, time)
     return SteadySolution(
         times=time[None],
         surface_temperature=found.surface_temperature[None],
@@ -174,12 +176,13 @@ def _solve(
         return states, statistics
     # Implicit function theorem: one more solve, of rates whose value is 0 and whose
     # derivative is that of the balance.
-    change = evaluate_rates(program, states, time).change
+    change, _ = evaluate_rates(program, states, time)
     zero = jax.tree.map(lambda f: f - jax.lax.stop_gradient(f), change)
     program, context, _, time = constants
     at = _linearize(program, context, stop_gradient(states), time, None)
     solver = replace(derivative_solver(states), norm=CorrectionNorm())
-    change, _ = solve_linear(at, _watts(zero, at), solver)
+    heat = jax.tree.map(jnp.multiply, zero, at.capacity)
+    change, _ = solve_linear(at, heat, solver)
     return jax.tree.map(jnp.add, states, change), statistics
 
 
@@ -191,10 +194,6 @@ def _linearize(program, context, states: State, time, isolated) -> Linearization
     at = linearize(program, context, states, rate, time, isolated.regularization)
     projected = ProjectedPreconditioner(at.preconditioner, isolated)
     return at._replace(preconditioner=projected)
-
-
-def _watts(change: State, at: Linearization) -> State:
-    return jax.tree.map(jnp.multiply, change, at.capacity)
 
 
 class _Iterate(NamedTuple):
@@ -218,7 +217,8 @@ def _newton(
 
     def iterate(now: _Iterate) -> _Iterate:
         at = _linearize(program, context, now.states, time, isolated)
-        heat = _watts(evaluate_rates(program, now.states, time).change, at)
+        change, _ = evaluate_rates(program, now.states, time)
+        heat = jax.tree.map(jnp.multiply, change, at.capacity)
         if isolated is not None:
             heat = isolated.without_net_heat(heat)
         # There is no time step to measure a residual by. The preconditioner is close

@@ -14,17 +14,15 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from skimage import measure
 
-from ...errors import InputError
-from ...geometry.mesh import connected_labels
-from ...network.multigrid import MAX_DENSE_SIZE, link_conductance, node_layout
-from ...network.network import AbstractNetwork, AbstractNodeNetwork
-from ...scene.compile.program import Program, State
-from ...scene.scene import Scene
-from ...structures.structure import AbstractStructure
-from ..implicit.context import ImplicitContext
-from ..implicit.jacobian import masked_to_nodes
-from ..implicit.residual import load_slopes
-from ..run.heat_rates import add_loads
+from ..errors import InputError
+from ..geometry.mesh import connected_labels
+from ..network.multigrid import MAX_DENSE_SIZE, link_conductance, node_layout
+from ..network.network import AbstractNetwork, AbstractNodeNetwork
+from ..scene.compile.program import Program, State
+from ..scene.scene import Scene
+from ..structures.structure import AbstractStructure
+from .implicit.jacobian import ImplicitContext, masked_to_nodes
+from .run.heat_rates import add_loads, load_slopes, pair_conductance
 
 
 _NET_HEAT_ROUNDING = 1e-5
@@ -81,7 +79,7 @@ class IsolatedComponents(eqx.Module):
         )
 
     def _sums(self, values: State) -> Float[Array, " j"]:
-        """Sum the values of each component; last, those of no component."""
+        # Of each component; last, those of no component.
         flat = jnp.concatenate([each.reshape(-1) for each in values])
         number = jnp.concatenate(self.number)
         return jax.ops.segment_sum(flat, number, self.count + 1)
@@ -118,15 +116,22 @@ def find_isolated_components(
     states: State,
     time: Float[Array, ""],
 ) -> IsolatedComponents | None:
-    """Find the isolated components of a scene; None if there are none.
-
-    Raises:
-        InputError: if a heat source or sink acts on one.
-    """
+    """Find the isolated components of a scene; None if there are none."""
     # On the host, once per solve: the components do not change with temperature.
     component = _components(scene, program, time)
-    slopes = load_slopes(program, _warmed(program, states), time).change
-    capacity = _capacity(program, context, states)
+    dtype = states[0].dtype
+    probe = jnp.asarray(_MIN_PROBE_TEMPERATURE, dtype)
+    warmed = tuple(
+        jnp.maximum(state, body.network.state_of(probe - body.reference))
+        for body, state in zip(program.bodies, states, strict=True)
+    )
+    slopes, _ = load_slopes(program, warmed, time)
+    # Of every entry of all states, 0 where no node is [J/K].
+    capacities = tuple(
+        jnp.broadcast_to(body.network.capacity(), state.shape)
+        for body, state in zip(program.bodies, states, strict=True)
+    )
+    capacity = _flat(masked_to_nodes(capacities, context.nodes)).astype(float)
     # A load whose heat rate falls with temperature removes heat from its component; an
     # entry that is no node has capacity 0 and forms a component of its own.
     loses_heat = np.zeros(len(component), bool)
@@ -140,7 +145,7 @@ def find_isolated_components(
     _refuse_heated(program, states, time, number, capacity)
     total = np.bincount(number, capacity)
     weight = np.where(inside, capacity / np.where(inside, total[number], 1), 0)
-    cuts, dtype = np.cumsum([s.size for s in states])[:-1], states[0].dtype
+    cuts = np.cumsum([s.size for s in states])[:-1]
     found = IsolatedComponents(
         number=tuple(jnp.asarray(each) for each in np.split(number, cuts)),
         weight=tuple(jnp.asarray(each, dtype) for each in np.split(weight, cuts)),
@@ -174,26 +179,6 @@ def _refuse_heated(program: Program, states: State, time, number, capacity) -> N
     )
 
 
-def _warmed(program: Program, states: State) -> State:
-    """Raise states to at least the probe temperature."""
-    above = lambda body, dtype: (
-        jnp.asarray(_MIN_PROBE_TEMPERATURE, dtype) - body.reference
-    )
-    return tuple(
-        jnp.maximum(state, body.network.state_of(above(body, state.dtype)))
-        for body, state in zip(program.bodies, states, strict=True)
-    )
-
-
-def _capacity(program: Program, context: ImplicitContext, states: State):
-    """Return the capacity of every entry of all states, 0 where no node is [J/K]."""
-    each = tuple(
-        jnp.broadcast_to(body.network.capacity(), state.shape)
-        for body, state in zip(program.bodies, states, strict=True)
-    )
-    return _flat(masked_to_nodes(each, context.nodes)).astype(float)
-
-
 def _flat(states: State) -> np.ndarray:
     return np.concatenate([np.asarray(state).reshape(-1) for state in states])
 
@@ -210,9 +195,6 @@ def _components(scene: Scene, program: Program, time) -> Int[np.ndarray, " v"]:
     )
     links = [np.zeros((0, 2), np.int64)]
     for contact in program.contacts:
-        one, zero = jnp.ones_like(contact.area), jnp.zeros((), contact.area.dtype)
-        # A contact of conductance 0 connects nothing.
-        flow = contact.heat_rate(time, (one, 0 * one), (zero, zero))
         ends = [
             flat[
                 starts[b]
@@ -220,7 +202,9 @@ def _components(scene: Scene, program: Program, time) -> Int[np.ndarray, " v"]:
             ]
             for b, a in zip(contact.bodies, contact.address, strict=True)
         ]
-        links.append(np.stack(ends, axis=1)[np.asarray(flow) > 0])
+        # A contact of conductance 0 connects nothing.
+        conducts = np.asarray(pair_conductance(contact, time)) > 0
+        links.append(np.stack(ends, axis=1)[conducts])
     return connected_labels(len(flat), np.concatenate(links))[flat]
 
 

@@ -1,11 +1,17 @@
-"""State of a fit, kept in a file after every step, and read from there again."""
+"""State of a fit between steps: its file, its history, and what follows from that.
+
+Steps may stop lowering the loss because the Jacobian was corrected from other points
+(see `broyden`). The fit then computes it at the best point and continues from there,
+until a refresh is no longer worth its cost.
+"""
 
 import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxthermo.atomic import replacing
@@ -67,11 +73,7 @@ def _arrays(progress: Progress) -> Any:
 
 
 def load_progress(path: Path, start: Progress) -> Progress:
-    """Read the state that an earlier process saved, or return the start.
-
-    Raises:
-        InputError: if the file is damaged, or of another fit.
-    """
+    """Read the state that an earlier process saved, or return the start."""
     if not path.exists():
         return start
     try:
@@ -87,3 +89,53 @@ def load_progress(path: Path, start: Progress) -> Progress:
             "it to start again"
         ) from error
     return Progress(z, state, tables, steps, header["done"], header["seconds"])
+
+
+STAGNATION_LIMIT = 2
+"""Trials without progress that end a fit."""
+_NEAR = 0.03
+"""Length up to which a rejected trial counts; a longer one is shortened first."""
+
+
+def next_action(
+    steps: list[StepRecord], done: bool, size: int, tolerance: float, dtype: Any
+) -> Literal["refresh", "try", "end"]:
+    """Choose what follows the steps so far.
+
+    `done` is the solver's own criterion, `size` the number of coordinates, and
+    `tolerance` the relative change of the loss that is not worth two more trials.
+    """
+    if not steps:
+        return "refresh"
+    # What the solver says of a step that went nowhere does not count.
+    if steps[-1].refresh:
+        return "try"
+    stagnant = _is_stagnant(steps, tolerance, dtype)
+    ends = stagnant or done
+    # The best point before the trials that ask for an end.
+    before = steps[: -STAGNATION_LIMIT if stagnant else -1] if ends else steps
+    best_is_exact = next((s.exact for s in reversed(before) if s.accepted), True)
+    if not (ends or not steps[-1].accepted) or best_is_exact:
+        return "end" if ends else "try"
+    # A refresh costs about one run per coordinate. It is not worth that, nor the trials
+    # after it, where the last one hardly was.
+    last_refresh = max(n for n, step in enumerate(steps) if step.refresh)
+    gain = _relative_gain(steps[last_refresh:])
+    worth = tolerance * (1 + size / STAGNATION_LIMIT)
+    return "end" if gain <= worth else "refresh"
+
+
+def _is_stagnant(steps: list[StepRecord], tolerance: float, dtype: Any) -> bool:
+    last = steps[-STAGNATION_LIMIT:]
+    if len(steps) <= STAGNATION_LIMIT or any(s.refresh for s in last):
+        return False
+    if any(not s.accepted and s.length > _NEAR for s in last):
+        return False
+    # Rounding of a sum over thousands of residuals.
+    resolved = max(16 * float(jnp.finfo(dtype).eps), tolerance)
+    return _relative_gain(steps[-1 - STAGNATION_LIMIT :]) <= resolved
+
+
+def _relative_gain(steps: list[StepRecord]) -> float:
+    before, now = steps[0].loss, steps[-1].loss
+    return (before - now) / before if before > 0 else 0.0

@@ -1,4 +1,4 @@
-"""Super time stepping: explicit steps far above the stable one (RKL2).
+"""Explicit steps: Euler's, see `ForwardEuler`, and RKL2, far above the stable step.
 
 s stages of a Runge-Kutta-Legendre scheme of second order cover
 
@@ -26,9 +26,26 @@ import numpy as np
 from jaxtyping import Array, Float
 from typing_extensions import override
 
-from ...scene.compile.program import Program, State
-from ..run.heat_rates import add_loads
-from ..stepper import AbstractStepper, RunState
+from ..scene.compile.program import Program, State
+from .run.heat_rates import add_loads
+from .stepper import AbstractStepper, RunState
+
+
+class EulerStepper(AbstractStepper):
+    """Explicit Euler: first order, stable up to the stable step."""
+
+    two_buffers = True
+
+    @override
+    def step(self, program: Program, state: RunState, start, dt) -> RunState:
+        pairs = zip(program.bodies, state.theta, strict=True)
+        with jax.named_scope("conduction"):
+            conducted = tuple(b.network.euler_step(theta, dt) for b, theta in pairs)
+        # Loads at the middle of the step: the heat of a ramp is exact, and what is
+        # switched off at an event is on before it and off after it.
+        middle = start + dt / 2
+        new, rates = add_loads(program, state.theta, conducted, middle, dt)
+        return RunState(new, state.ledger.add(dt * rates), state.solver_state)
 
 
 MIN_STAGES = 3
@@ -67,10 +84,6 @@ class RKL2Stepper(AbstractStepper):
     """RKL2 with a fixed number of stages: second order."""
 
     stages: int = eqx.field(static=True)
-
-    @override
-    def begin(self, state: RunState) -> RunState:
-        return state
 
     @override
     def step(self, program: Program, state: RunState, start, dt) -> RunState:

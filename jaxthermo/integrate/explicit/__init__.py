@@ -1,1 +1,0 @@
-"""Explicit time integration schemes: Euler and super time stepping."""

@@ -1,1 +1,0 @@
-"""Steady states: Newton's method and parts without heat exchange."""
