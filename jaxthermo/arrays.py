@@ -34,6 +34,9 @@ else:
     # remedy, and the type check of a test run would come first.
     Number = Numbers = Samples = Vector = Points = TimeVarying = PositionVarying = Any
 
+Quantity = Scalar | Float[Array, "..."] | Float[np.ndarray, "..."]
+"""A number or an array of them, of any shape."""
+
 HostFloat = Float[np.ndarray, "..."]
 """Array of numpy, of any shape."""
 

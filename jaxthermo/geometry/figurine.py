@@ -56,7 +56,6 @@ def _smooth_union(a: _Field, b: _Field, blend: float) -> _Field:
 
 
 def _smooth_intersection(a: _Field, b: _Field, blend: float) -> _Field:
-    """Intersection with an edge rounded over about the width `blend`."""
     return -_smooth_union(-a, -b, blend)
 
 

@@ -59,12 +59,18 @@ def load_mesh(
         )
     scale = 1.0 if unit is None else _metres_per_unit(unit)
     target = None if height is None else positive_length("height", height)
-    axes = axes_for_up(up)
+    axes = _axes_for_up(up)
     vertices, faces = _parse(path, _read(path))
     _check_geometry(path, vertices, faces)
-    vertices = vertices @ axes_rotation(axes).T
+    vertices = vertices @ _axes_rotation(axes).T
     if target is not None:
-        scale = target / _extent_along_up(path, vertices[faces], up)
+        extent = float(np.ptp(vertices[faces][..., 2]))
+        if extent == 0.0:
+            raise InputError(
+                f"{path}: is flat along up={up!r}, so height= cannot scale it: "
+                "give unit="
+            )
+        scale = target / extent
     mesh = Mesh(vertices * scale, faces, path.stem, axes)
     return repair_mesh(mesh, max_hole_edges=max_hole_edges) if repair else mesh
 
@@ -88,12 +94,11 @@ def _read(path: Path) -> bytes:
 
 
 def _parse(path: Path, data: bytes) -> _FileMesh:
-    """Parse the bytes; any exception of the parser becomes an `InputError`."""
     suffix = path.suffix.lower()
     if not data.strip(b"\0 \t\r\n"):
         raise _damaged(path, "the file is empty")
-    data = plain_obj(data) if suffix == ".obj" else data
-    fault = file_fault(suffix, data)
+    data = _plain_obj(data) if suffix == ".obj" else data
+    fault = _file_fault(suffix, data)
     if fault:
         raise _damaged(path, fault)
     try:
@@ -108,7 +113,7 @@ def _parse(path: Path, data: bytes) -> _FileMesh:
     except Exception as error:  # the parser's errors have no common type
         reason = str(error).strip().split("\n")[0] or type(error).__name__
         raise _damaged(path, f"damaged or cut short ({reason[:120]})") from error
-    points, triangles = declared_counts(suffix, data) or (0, 0)
+    points, triangles = _declared_counts(suffix, data) or (0, 0)
     fault = "it announces {} {}, {} can be read"
     if 0 < len(faces) < triangles:
         raise _damaged(path, fault.format(triangles, "faces", len(faces)))
@@ -163,17 +168,6 @@ def _check_geometry(
         )
 
 
-def _extent_along_up(
-    path: Path, triangles: Float[np.ndarray, "f 3 3"], up: str
-) -> float:
-    extent = float(np.ptp(triangles[..., 2]))
-    if extent == 0.0:
-        raise InputError(
-            f"{path}: is flat along up={up!r}, so height= cannot scale it: give unit="
-        )
-    return extent
-
-
 _METRES = {
     "nm": 1e-9, "um": 1e-6, "µm": 1e-6, "μm": 1e-6, "mm": 1e-3, "cm": 1e-2,
     "dm": 1e-1, "m": 1.0, "km": 1e3, "mil": 2.54e-5, "in": 0.0254, "inch": 0.0254,
@@ -194,7 +188,6 @@ _AXES = {
 
 
 def _metres_per_unit(unit: str | float | int) -> float:
-    """Length of one file unit [m], from a name ("mm") or a number."""
     if isinstance(unit, str):
         metres = _METRES.get(unit.strip().lower())
         if metres is None:
@@ -206,19 +199,14 @@ def _metres_per_unit(unit: str | float | int) -> float:
     return positive_length("unit", unit)
 
 
-def axes_for_up(up: str) -> tuple[str, str, str]:
-    """Names of our x, y and z axes in a file whose axis `up` points up.
-
-    Raises:
-        InputError: `up` is none of x, y, z, -x, -y, -z.
-    """
+def _axes_for_up(up: str) -> tuple[str, str, str]:
     axes = _AXES.get(up.strip().lower().removeprefix("+"))
     if axes is None:
         raise InputError(f"up={up!r} is no axis: name one of {', '.join(_AXES)}")
     return axes
 
 
-def axes_rotation(axes: tuple[str, str, str]) -> Float[np.ndarray, "3 3"]:
+def _axes_rotation(axes: tuple[str, str, str]) -> Float[np.ndarray, "3 3"]:
     """Rotation from file axes to ours: `ours = matrix @ file`."""
     rows = np.zeros((3, 3))
     for row, axis in zip(rows, axes, strict=True):
@@ -231,37 +219,33 @@ _OBJ_ZERO = re.compile(rb"^f[^\n]*? 0+(?=[ \n])", re.MULTILINE)
 _OBJ_RELATIVE = re.compile(rb"^f[^\n]*? -\d", re.MULTILINE)
 _OBJ_SHORT_VERTEX = re.compile(rb"^v +\S+(?: +\S+)? *$", re.MULTILINE)
 
-Counts = tuple[int, int]
 
-
-def file_fault(suffix: str, data: bytes) -> str | None:
-    """Reason why these bytes are no complete file of their format, or None.
-
-    Args:
-        suffix: of the file, in lower case.
-        data: its bytes, of an OBJ the result of `plain_obj`.
-    """
+def _file_fault(suffix: str, data: bytes) -> str | None:
+    """Reason why these bytes are no complete file of their format, or None."""
     # An OBJ states no length: one cut between two faces looks complete. PLY and OFF
-    # are checked by `declared_counts` after parsing.
+    # are checked by `_declared_counts` after parsing.
     check = {".stl": _stl_fault, ".glb": _glb_fault, ".obj": _obj_fault}.get(suffix)
     return check(data) if check else None
 
 
-def declared_counts(suffix: str, data: bytes) -> Counts | None:
-    """Numbers of vertices and faces that the file declares, if its format does."""
+def _declared_counts(suffix: str, data: bytes) -> tuple[int, int] | None:
     if suffix == ".obj":
         return _lines(data, rb"^v "), _lines(data, rb"^f ")
     if suffix == ".stl" and not _is_binary_stl(data):
         faces = _lines(data.lower(), rb"^\s*facet\b")
         return 3 * faces, faces
     if suffix == ".off":
-        return _off_counts(data)
-    if suffix == ".ply":
-        return _ply_counts(data)
-    return None
+        found = re.search(rb"OFF\s+(\d+)\s+(\d+)", re.sub(rb"#[^\n]*", b"", data))
+        return (int(found[1]), int(found[2])) if found else None
+    header = _PLY_HEADER.match(data) if suffix == ".ply" else None
+    if header is None:
+        return None
+    element = rb"^element\s+(vertex|face)\s+(\d+)"
+    counts = dict(re.findall(element, header[0], re.MULTILINE))
+    return int(counts.get(b"vertex", 0)), int(counts.get(b"face", 0))
 
 
-def plain_obj(data: bytes) -> bytes:
+def _plain_obj(data: bytes) -> bytes:
     """Reduce an OBJ to vertices and faces without texture and normal indices."""
     # The parser splits vertices by texture and material, misreads relative indices
     # with normals, and accepts neither tabs nor comments within a line.
@@ -323,22 +307,3 @@ def _obj_fault(data: bytes) -> str | None:
     if _OBJ_RELATIVE.search(data) and data.rfind(b"\nv ") > data.find(b"\nf "):
         return "faces with negative indices stand between the vertices: use positive"
     return None
-
-
-def _off_counts(data: bytes) -> Counts | None:
-    text = re.sub(rb"#[^\n]*", b"", data)
-    match = re.search(rb"OFF\s+(\d+)\s+(\d+)", text)
-    return (int(match[1]), int(match[2])) if match else None
-
-
-def _ply_counts(data: bytes) -> Counts | None:
-    header = _PLY_HEADER.match(data)
-    if header is None:
-        return None
-    counts = {
-        name: int(number)
-        for name, number in re.findall(
-            rb"^element\s+(vertex|face)\s+(\d+)", header[0], re.MULTILINE
-        )
-    }
-    return counts.get(b"vertex", 0), counts.get(b"face", 0)

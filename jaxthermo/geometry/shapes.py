@@ -17,16 +17,9 @@ __all__ = ["box", "cylinder", "figurine", "slab", "sphere"]
 _Size = float | int | tuple[float | int, float | int, float | int]
 
 # Corner number 4 i + 2 j + k of the unit cube is at (i, j, k).
-_BOX_QUADS = np.array(
-    [
-        [0, 1, 3, 2],
-        [4, 6, 7, 5],
-        [0, 4, 5, 1],
-        [2, 3, 7, 6],
-        [0, 2, 6, 4],
-        [1, 5, 7, 3],
-    ]
-)
+_BOX_QUADS = np.array([
+    [0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3],
+])  # fmt: skip
 
 
 def box(size: _Size) -> Mesh:
@@ -62,10 +55,8 @@ def sphere(radius: float | int, subdivisions: int = 4) -> Mesh:
 
 def cylinder(radius: float | int, height: float | int, sections: int = 64) -> Mesh:
     """Cylinder along z of `radius` and `height` [m] with `sections` sides [-]."""
-    radius, height = (
-        positive_length("radius", radius),
-        positive_length("height", height),
-    )
+    radius = positive_length("radius", radius)
+    height = positive_length("height", height)
     if sections < 3:
         raise InputError(f"sections={sections} make no cylinder: give 3 or more")
     angle = 2.0 * np.pi * np.arange(sections) / sections

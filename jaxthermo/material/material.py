@@ -14,7 +14,6 @@ from ..errors import InputError
 
 
 def _as_array(numbers: Any) -> Any:
-    """Convert a list of numbers to one array, of numpy unless one is traced."""
     if is_traced(numbers):
         return jnp.stack([jnp.asarray(x) for x in numbers])
     try:
@@ -42,37 +41,32 @@ class Property(eqx.Module):
                 f"Property: {shape} temperatures and {np.shape(self.values)} values: "
                 "give two lists of the same length"
             )
-        if not is_traced(self.temperatures):
-            _check_temperatures(np.asarray(self.temperatures, float))
-        if not is_traced(self.values):
-            self._check_values()
-
-    def _check_values(self) -> None:
-        values = np.asarray(self.values, float)
-        wrong = np.flatnonzero(~(np.isfinite(values) & (values > 0)))
-        if not len(wrong):
-            return
-        first, kelvin = values[wrong[0]], self.temperatures
-        where = f"value {wrong[0]}"
+        kelvin, values = self.temperatures, self.values
         if not is_traced(kelvin):
-            where = f"at {float(kelvin[wrong[0]]):g} K"
-        what = "goes negative" if first < 0 else "is no positive number"
-        raise InputError(
-            f"Property: it {what}, {first:g} {where}: give positive, finite values"
-        )
+            if not np.isfinite(kelvin).all() or (kelvin < 0).any():
+                raise InputError(
+                    "Property: give temperatures in kelvin, finite and at least 0"
+                )
+            if (np.diff(kelvin) <= 0).any():
+                raise InputError("Property: the temperatures must increase")
+        if is_traced(values):
+            return
+        # At zero or below diffusion would be ill-posed, as by a fit beyond its range.
+        wrong = np.flatnonzero(~(np.isfinite(values) & (values > 0)))
+        if len(wrong):
+            first = values[wrong[0]]
+            known = not is_traced(kelvin)
+            where = f"at {kelvin[wrong[0]]:g} K" if known else f"value {wrong[0]}"
+            what = "goes negative" if first < 0 else "is no positive number"
+            raise InputError(
+                f"Property: it {what}, {first:g} {where}: give positive, finite values"
+            )
 
     def __call__(self, temperature: Any) -> Any:
         """Value at a temperature [K]."""
         # numpy outside of jit: its result stays a number that can be checked.
         module = jnp if is_traced((self, temperature)) else np
         return module.interp(temperature, self.temperatures, self.values)
-
-
-def _check_temperatures(kelvin: np.ndarray) -> None:
-    if not np.isfinite(kelvin).all() or (kelvin < 0).any():
-        raise InputError("Property: give temperatures in kelvin, finite and at least 0")
-    if (np.diff(kelvin) <= 0).any():
-        raise InputError("Property: the temperatures must increase")
 
 
 DEFAULT_EMISSIVITY = 0.9
@@ -90,6 +84,7 @@ def _check(name: str, value: object, maximum: float, unit: str) -> None:
         number = float(value)  # pyright: ignore[reportArgumentType]
     except (TypeError, ValueError):
         raise InputError(f"{name}={value!r}: give one number [{unit}]") from None
+    # Zero is the limit of a perfect mirror, but no density or conductivity.
     if maximum < math.inf and not 0.0 <= number <= maximum:
         raise InputError(f"{name}={number}: give a fraction from 0 to {maximum:g}")
     if maximum == math.inf and not (math.isfinite(number) and number > 0.0):
@@ -97,13 +92,13 @@ def _check(name: str, value: object, maximum: float, unit: str) -> None:
 
 
 def _conductivity(given) -> Conductivity:
-    """Check a conductivity; convert a list or an array of three to a tuple."""
     if isinstance(given, Property):
         return given
     if not isinstance(given, list | tuple) and getattr(given, "ndim", 0) != 1:
         _check("conductivity", given, math.inf, "W/(m K)")
         return given
     if len(given) != 3:
+        # One number a direction: a full tensor would couple all 26 neighbours.
         raise InputError(
             f"conductivity: got {len(given)} numbers; give one, or three, along the "
             "body's own x, y and z [W/(m K)]"

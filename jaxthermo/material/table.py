@@ -77,6 +77,7 @@ def _read(file: str, key: str) -> dict[str, dict[str, str]]:
         return {row[key]: row for row in csv.DictReader(lines)}
 
 
+# Read at first use, and once: the tables are no part of the time of `import`.
 @functools.cache
 def emissivity_rows() -> tuple[EmissivityRow, ...]:
     """All tabulated surfaces, in the order of the data file."""
@@ -92,27 +93,24 @@ def material_rows() -> tuple[MaterialRow, ...]:
     """All named materials, in the order of the data file (`data/README.md`)."""
     bulk = _read("materials.csv", "material")
     surfaces = {row.surface: row for row in emissivity_rows()}
+    # Numbers of a bulk have no finish: the names say which surface is typical.
+    names = _read("names.csv", "name").values()
+    pairs = [(name, bulk[name["material"]]) for name in names]
+    number = lambda text: float(text) if text else None
     return tuple(
-        _row(name, bulk[name["material"]], surfaces.get(name["emissivity_row"]))
-        for name in _read("names.csv", "name").values()
-    )
-
-
-def _row(
-    name: dict[str, str], bulk: dict[str, str], surface: EmissivityRow | None
-) -> MaterialRow:
-    thesis = bulk["thesis_rho"]
-    return MaterialRow(
-        name=name["name"],
-        label=bulk["material"],
-        conductivity=float(bulk["k_W_mK"]),
-        density=float(bulk["rho_kg_m3"]),
-        specific_heat=float(bulk["cp_J_kgK"]),
-        surface=surface,
-        bulk_source=bulk["source"],
-        thesis_density=float(thesis) if thesis else None,
-        thesis_specific_heat=float(bulk["thesis_cp"]) if thesis else None,
-        aliases=tuple(name["aliases"].split()),
+        MaterialRow(
+            name=name["name"],
+            label=row["material"],
+            conductivity=float(row["k_W_mK"]),
+            density=float(row["rho_kg_m3"]),
+            specific_heat=float(row["cp_J_kgK"]),
+            surface=surfaces.get(name["emissivity_row"]),
+            bulk_source=row["source"],
+            thesis_density=number(row["thesis_rho"]),
+            thesis_specific_heat=number(row["thesis_cp"]),
+            aliases=tuple(name["aliases"].split()),
+        )
+        for name, row in pairs
     )
 
 
@@ -140,15 +138,12 @@ def material_row(name: str) -> MaterialRow:
 
 def find_materials(part: str) -> tuple[MaterialRow, ...]:
     """Materials whose name, alias or label contains `part`."""
-    sought = part.lower()
-    return tuple(
-        row
-        for row in material_rows()
-        if any(sought in known.lower() for known in (row.name, row.label, *row.aliases))
-    )
+    names = lambda row: (row.name, row.label, *row.aliases)
+    found = lambda row: any(part.lower() in name.lower() for name in names(row))
+    return tuple(filter(found, material_rows()))
 
 
-def thesis_material(name: str) -> Material:
+def _thesis_material(name: str) -> Material:
     """Material with the density and specific heat of Table 5.1 of the thesis (2010).
 
     Raises:
@@ -162,11 +157,12 @@ def thesis_material(name: str) -> Material:
     return Material(row.conductivity, row.thesis_density, row.thesis_specific_heat, 1.0)
 
 
-class MaterialTable(Mapping[str, Material]):
+class _MaterialTable(Mapping[str, Material]):
     """Mapping of names and aliases to `Material`; iterates over names only."""
 
     def __getitem__(self, name: str) -> Material:
         row = material_row(name)
+        # No absorptivity: the emissivities are long-wave or total, not solar.
         return Material(
             row.conductivity, row.density, row.specific_heat, row.emissivity
         )
@@ -177,6 +173,7 @@ class MaterialTable(Mapping[str, Material]):
     def __len__(self) -> int:
         return len(material_rows())
 
+    # The inherited one would build a material, and expects a KeyError.
     def __contains__(self, name: object) -> bool:
         return name in _by_name()
 
@@ -192,4 +189,4 @@ class MaterialTable(Mapping[str, Material]):
         return f"MaterialTable({', '.join(self)})"
 
 
-materials = MaterialTable()
+materials = _MaterialTable()

@@ -32,10 +32,14 @@ from .network import AbstractNetwork, AbstractNodeNetwork, inverse, slot_sums
 from .stencil import HeterogeneousStencil, OrthotropicStencil, UniformStencil
 
 
-_Faces = tuple[Array, Array, Array]
+MAX_DENSE_SIZE = 256
+"""Largest number of values of a state that is solved directly."""
+
+# Levels that keep more than this fraction of the nodes are skipped.
+_MAX_SIZE_RATIO = 0.9
 
 
-class LatticeTransfer(AbstractTransfer):
+class _LatticeTransfer(AbstractTransfer):
     """Transfer between a lattice and its blocks, with one empty cell on each side."""
 
     shape: tuple[int, ...] = eqx.field(static=True)
@@ -59,14 +63,16 @@ class LatticeTransfer(AbstractTransfer):
         return jnp.pad(values[:x, :y, :z], 1)
 
 
-def lattice_levels(
+# One small program, instead of hundreds of single operations to compile.
+@eqx.filter_jit
+def _lattice_levels(
     network: AbstractNetwork, max_size: int
-) -> tuple[tuple[AbstractNetwork, ...], tuple[LatticeTransfer, ...]]:
+) -> tuple[tuple[AbstractNetwork, ...], tuple[_LatticeTransfer, ...]]:
     """Stencil and coarser ones down to `max_size` values in a state, with transfers."""
     networks, transfers = [network], []
     shape = tuple(n - 2 for n in jax.eval_shape(network.diagonal).shape)
     while math.prod(n + 2 for n in shape) > max_size:
-        transfers.append(LatticeTransfer(shape))
+        transfers.append(_LatticeTransfer(shape))
         faces = _block_faces(networks[-1])
         shape = tuple(-(-n // 2) for n in shape)
         # Only conduction is evaluated: the capacities of blocks are in m.
@@ -74,8 +80,7 @@ def lattice_levels(
     return tuple(networks), tuple(transfers)
 
 
-def _block_faces(network: AbstractNetwork) -> _Faces:
-    """Conductance of the faces between blocks of a stencil [W/K]."""
+def _block_faces(network: AbstractNetwork) -> tuple[Array, Array, Array]:
     faces = []
     for axis in range(3):
         values = _even_faces(network, axis)
@@ -112,7 +117,6 @@ def _even_faces(network: AbstractNetwork, axis: int) -> Array:
 
 
 def _pair_sum(values: Array, axis: int) -> Array:
-    """Sums of consecutive pairs of entries along an axis."""
     values = _padded(values, axis, 0, values.shape[axis] % 2)
     return values[_every_other(axis, 0)] + values[_every_other(axis, 1)]
 
@@ -129,13 +133,7 @@ def _every_other(axis: int, start: int) -> tuple[slice, ...]:
     return tuple(index)
 
 
-# Levels that keep more than this fraction of the nodes are skipped.
-_MAX_SIZE_RATIO = 0.9
-
-
 class _NodeTransfer(AbstractTransfer):
-    """Transfer between nodes and their groups."""
-
     group: Int[Array, " n"]
     """Group of each node."""
     members: tuple[Int[Array, " c"], ...]
@@ -162,15 +160,13 @@ class _CoarseLayout(NamedTuple):
     length_ratio: Float[np.ndarray, " k"]
     """Length of each link over that of its coarse link, centre to centre [-]."""
     links: int
-    """Number of coarse links."""
     rows: RowLayout
 
 
 class _NodeLayout(NamedTuple):
-    """Rows of a structure's links, and its coarser levels."""
+    """Rows of a structure's links, their number, and its coarser levels."""
 
     links: int
-    """Number of links."""
     rows: RowLayout
     coarser: tuple[_CoarseLayout, ...]
 
@@ -267,7 +263,8 @@ def _lengths(centre, pairs):
     return np.linalg.norm(centre[pairs[:, 0]] - centre[pairs[:, 1]], axis=1)
 
 
-def node_levels(
+@eqx.filter_jit
+def _node_levels(
     layout: _NodeLayout, network: AbstractNodeNetwork
 ) -> tuple[tuple[AbstractNodeNetwork, ...], tuple[_NodeTransfer, ...]]:
     """Network of this layout and successively coarser ones, with the transfers."""
@@ -303,17 +300,12 @@ def link_conductance(
     return found.at[rows.list_link].set(network.list_conductance)[:-1]
 
 
-MAX_DENSE_SIZE = 256
-"""Largest number of values of a state that is solved directly."""
-
-
 class Hierarchy(eqx.Module):
     """Network and successively coarser ones of the same body."""
 
     networks: tuple[AbstractNetwork, ...]
-    """Networks from fine to coarse."""
     transfers: tuple[AbstractTransfer, ...]
-    """Transfers from each network to the next."""
+    """From each network to the next."""
 
     def cycle(self, m: Float[Array, "..."]) -> MultigridCycle:
         """Cycle that approximates (diag(m) - K)^-1; m [W/K] is 0 without a node."""
@@ -345,8 +337,3 @@ def hierarchy(structure: AbstractStructure, network: AbstractNetwork) -> Hierarc
         layout = node_layout(structure, MAX_DENSE_SIZE)
         return Hierarchy(*_node_levels(layout, network))
     return Hierarchy(*_lattice_levels(network, MAX_DENSE_SIZE))
-
-
-# One small program each, instead of hundreds of single operations to compile.
-_node_levels = eqx.filter_jit(node_levels)
-_lattice_levels = eqx.filter_jit(lattice_levels)

@@ -27,7 +27,6 @@ SMOOTHED_RANGE = 6.0
 
 
 def _materialized(values: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    """Same values, as an array in memory."""
     # Otherwise XLA on the CPU recomputes gathered values for every neighbour, from
     # level to level: a cycle took five times as long. It does not fuse through a branch
     # that depends on the values.

@@ -99,10 +99,6 @@ class AbstractNetwork(eqx.Module):
         """
         return jnp.ones((), self.total_capacity().dtype)
 
-    def max_relative_diffusivity(self) -> Float[Array, ""]:
-        """Largest ratio of k / c to its reference value at any temperature [-]."""
-        return jnp.ones((), self.total_capacity().dtype)
-
 
 def precise_sum(values: Float[Array, "..."]) -> Float[Array, ""]:
     """Sum with about one rounding error, whatever the length."""

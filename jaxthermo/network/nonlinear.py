@@ -180,22 +180,21 @@ class NonlinearNetwork(AbstractNetwork):
 
     @override
     def relative_conductivity(self, theta: Float[Array, "*m"]) -> Float[Array, "*#m"]:
-        if self.conduction is None:
-            return jnp.ones((), theta.dtype)
-        return self.conduction.slope(theta)
+        constant = self.conduction is None
+        return jnp.ones((), theta.dtype) if constant else self.conduction.slope(theta)
 
     @override
     def max_relative_conductivity(self) -> Float[Array, ""]:
-        one = jnp.ones((), self.total_capacity().dtype)
+        one = super().max_relative_conductivity()
         return one if self.conduction is None else self.conduction.max()
 
     @override
     def min_relative_capacity(self) -> Float[Array, ""]:
-        one = jnp.ones((), self.total_capacity().dtype)
+        one = super().min_relative_capacity()
         return one if self.heat is None else self.heat.min()
 
-    @override
     def max_relative_diffusivity(self) -> Float[Array, ""]:
+        """Largest ratio of k / c to its reference value at any temperature [-]."""
         # Between two knots k / c_p is the ratio of two lines, so it is largest at a
         # knot.
         parts = [p for p in (self.heat, self.conduction) if p is not None]

@@ -12,6 +12,7 @@ zero, so that six neighbours are six shifted slices, without a branch or an inde
 
 from collections.abc import Sequence
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -48,8 +49,11 @@ def _face_heat_rate(
     return total
 
 
-def _solid_neighbours(solid: Bool[np.ndarray, "x y z"], bits: int) -> np.ndarray:
-    """Solid neighbours of each solid voxel, those along axis a shifted by a * bits."""
+def solid_degree(solid: Bool[np.ndarray, "x y z"], bits: int = 0) -> np.ndarray:
+    """Number of solid neighbours of each solid voxel, 0 to 6; 0 elsewhere.
+
+    With `bits=2` those along x, + 4 times those along y, + 16 times those along z.
+    """
     degree = np.zeros(solid.shape, np.uint8)
     for axis in range(3):
         body = np.moveaxis(solid, axis, 0)
@@ -60,22 +64,13 @@ def _solid_neighbours(solid: Bool[np.ndarray, "x y z"], bits: int) -> np.ndarray
     return degree
 
 
-def solid_degree(solid: Bool[np.ndarray, "x y z"]) -> np.ndarray:
-    """Number of solid neighbours of each solid voxel, 0 to 6; 0 elsewhere."""
-    return _solid_neighbours(solid, 0)
-
-
-def solid_degrees(solid: Bool[np.ndarray, "x y z"]) -> np.ndarray:
-    """Solid neighbours of each solid voxel along x, + 4 along y, + 16 along z."""
-    return _solid_neighbours(solid, 2)
-
-
-def _neighbour_sum(state):
+def _neighbour_sums(state):
     inner, before, after = slice(1, -1), slice(None, -2), slice(2, None)
-    along_z = state[inner, inner, after] + state[inner, inner, before]
-    along_y = state[inner, after, inner] + state[inner, before, inner]
-    along_x = state[after, inner, inner] + state[before, inner, inner]
-    return along_z + along_y + along_x
+    return (
+        state[after, inner, inner] + state[before, inner, inner],
+        state[inner, after, inner] + state[inner, before, inner],
+        state[inner, inner, after] + state[inner, inner, before],
+    )
 
 
 def _spread(state, degree):
@@ -84,17 +79,16 @@ def _spread(state, degree):
     # five bytes a voxel more to read at every step.
     state, degree = jax.lax.optimization_barrier((state, degree))
     centre = state[1:-1, 1:-1, 1:-1]
-    spread = _neighbour_sum(state) - degree.astype(state.dtype) * centre
+    along_x, along_y, along_z = _neighbour_sums(state)
+    spread = along_z + along_y + along_x - degree.astype(state.dtype) * centre
     return centre, jnp.where(degree > 0, spread, 0)
 
 
 def _uniform_change(state, ratio, degree):
-    """Ratio (sum of six neighbours - degree T)."""
     return jnp.pad(ratio * _spread(state, degree)[1], 1)
 
 
 def _uniform_step(state, ratio, degree):
-    """T + ratio (sum of six neighbours - degree T)."""
     centre, spread = _spread(state, degree)
     # As a row in memory: the CPU compiler vectorizes a loop over it, and one that
     # reloads a scalar it does not.
@@ -116,14 +110,31 @@ def _pull(values, state, ratio, degree):
 UNIFORM = Operator(_uniform_change, _uniform_step, _inside, _pull)
 
 
-class UniformStencil(AbstractNetwork):
+class _AbstractOneMaterial(AbstractNetwork):
+    node_capacity: eqx.AbstractVar[Float[Array, ""]]
+    """Heat capacity of each voxel, rho c_p V [J/K]."""
+    node_count: eqx.AbstractVar[int]
+
+    @override
+    def capacity(self) -> Float[Array, "..."]:
+        return self.node_capacity
+
+    @override
+    def total_capacity(self) -> Float[Array, ""]:
+        return self.node_capacity * self.node_count
+
+    @override
+    def stored(self, state: Float[Array, "..."]) -> Float[Array, ""]:
+        return self.node_capacity * precise_sum(state)
+
+
+class UniformStencil(_AbstractOneMaterial):
     """One material: one conductance, one capacity, and a byte for each voxel."""
 
     degree: UInt8[Array, "x y z"]
     conductance: Float[Array, ""]
     """Conductance of each link, k * pitch [W/K]."""
     node_capacity: Float[Array, ""]
-    """Heat capacity of each voxel, rho c_p V [J/K]."""
     node_count: int
 
     @override
@@ -147,34 +158,12 @@ class UniformStencil(AbstractNetwork):
         return jnp.pad(self.conductance * degree, 1)
 
     @override
-    def capacity(self) -> Float[Array, "..."]:
-        return self.node_capacity
-
-    @override
     def max_rate(self) -> Float[Array, ""]:
         highest = self.degree.max().astype(self.conductance.dtype)
         return highest * self.conductance / self.node_capacity
 
-    @override
-    def total_capacity(self) -> Float[Array, ""]:
-        return self.node_capacity * self.node_count
 
-    @override
-    def stored(self, state: Float[Array, "..."]) -> Float[Array, ""]:
-        return self.node_capacity * precise_sum(state)
-
-
-def _pair_sums(state):
-    """Sums of the two neighbours along x, y and z."""
-    inner, before, after = slice(1, -1), slice(None, -2), slice(2, None)
-    return (
-        state[after, inner, inner] + state[before, inner, inner],
-        state[inner, after, inner] + state[inner, before, inner],
-        state[inner, inner, after] + state[inner, inner, before],
-    )
-
-
-class OrthotropicStencil(AbstractNetwork):
+class OrthotropicStencil(_AbstractOneMaterial):
     """One material: three conductances, one capacity, and a byte for each voxel.
 
     The byte holds the number of neighbours along each axis, 0 to 2, in two bits each.
@@ -184,7 +173,6 @@ class OrthotropicStencil(AbstractNetwork):
     conductance: Float[Array, "3"]
     """Conductance of links along x, y, z, k * pitch [W/K]."""
     node_capacity: Float[Array, ""]
-    """Heat capacity of each voxel, rho c_p V [J/K]."""
     node_count: int
 
     def _change(self, state, factor):
@@ -193,9 +181,9 @@ class OrthotropicStencil(AbstractNetwork):
         state, degrees = jax.lax.optimization_barrier((state, self.degrees))
         centre = state[1:-1, 1:-1, 1:-1]
         total = jnp.zeros_like(centre)
-        for axis, pair in enumerate(_pair_sums(state)):
+        for axis, pair in enumerate(_neighbour_sums(state)):
             row = jnp.broadcast_to(factor[axis], (1, 1, centre.shape[2]))
-            degree = ((degrees >> jnp.uint8(2 * axis)) & jnp.uint8(3)).astype(row.dtype)
+            degree = _axis_degree(degrees, axis, row.dtype)
             total = total + jax.lax.optimization_barrier(row) * (pair - degree * centre)
         return centre, jnp.where(degrees > 0, total, 0)
 
@@ -205,7 +193,8 @@ class OrthotropicStencil(AbstractNetwork):
 
     @override
     def face_heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
-        degrees = tuple(map(self._degree, range(3)))
+        dtype = self.conductance.dtype
+        degrees = [_axis_degree(self.degrees, axis, dtype) for axis in range(3)]
         return _face_heat_rate(state, tuple(self.conductance), degrees)
 
     @override
@@ -216,32 +205,21 @@ class OrthotropicStencil(AbstractNetwork):
         centre, change = self._change(state, ratio)
         return jnp.pad(centre + change, 1)
 
-    def _degree(self, axis):
-        """Number of neighbours of every voxel along one axis."""
-        return ((self.degrees >> jnp.uint8(2 * axis)) & jnp.uint8(3)).astype(
-            self.conductance.dtype
-        )
-
     @override
     def diagonal(self) -> Float[Array, "..."]:
-        total = sum(g * self._degree(axis) for axis, g in enumerate(self.conductance))
+        total = sum(
+            g * _axis_degree(self.degrees, axis, g.dtype)
+            for axis, g in enumerate(self.conductance)
+        )
         return jnp.pad(jnp.asarray(total), 1)
-
-    @override
-    def capacity(self) -> Float[Array, "..."]:
-        return self.node_capacity
 
     @override
     def max_rate(self) -> Float[Array, ""]:
         return self.diagonal().max() / self.node_capacity
 
-    @override
-    def total_capacity(self) -> Float[Array, ""]:
-        return self.node_capacity * self.node_count
 
-    @override
-    def stored(self, state: Float[Array, "..."]) -> Float[Array, ""]:
-        return self.node_capacity * precise_sum(state)
+def _axis_degree(degrees, axis, dtype):
+    return ((degrees >> jnp.uint8(2 * axis)) & jnp.uint8(3)).astype(dtype)
 
 
 class HeterogeneousStencil(AbstractNetwork):

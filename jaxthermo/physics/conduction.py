@@ -38,7 +38,6 @@ from ..network.stencil import (
     OrthotropicStencil,
     UniformStencil,
     solid_degree,
-    solid_degrees,
 )
 from ..structures.build.assignment import nearest_volume
 from ..structures.build.links import link_axes, non_orthogonal_links
@@ -135,7 +134,7 @@ def assemble_uniform(
     grid = structure.grid
     if k.ndim:
         return OrthotropicStencil(
-            degrees=jnp.asarray(solid_degrees(grid.solid)),
+            degrees=jnp.asarray(solid_degree(grid.solid, bits=2)),
             conductance=k * grid.pitch,
             node_capacity=heat * grid.voxel_volume,
             node_count=structure.node_count,

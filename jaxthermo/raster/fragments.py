@@ -266,7 +266,6 @@ class DepthLayers:
 
 
 def _depth_steps(depth, bits):
-    """Quantize `depth` to integers of `bits` bits that span its range."""
     low = depth.min()
     span = depth.max() - low
     fraction = (depth - low) / jnp.where(span > 0, span, 1.0)

@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from ..arrays import HostFloat, Scalar
+from ..arrays import HostFloat, Quantity, Scalar
 from ..constants import STEFAN_BOLTZMANN
-from ..dimensionless import Quantity
 from .semi_infinite import host
 
 

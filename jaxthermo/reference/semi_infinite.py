@@ -10,8 +10,7 @@ import math
 
 import numpy as np
 
-from ..arrays import HostFloat, Scalar
-from ..dimensionless import Quantity
+from ..arrays import HostFloat, Quantity, Scalar
 
 
 # From here on the asymptotic series is exact to rounding; below, exp(x^2) is moderate.

@@ -9,8 +9,7 @@ import math
 import numpy as np
 from jaxtyping import Float
 
-from ..arrays import HostFloat, Scalar
-from ..dimensionless import Quantity
+from ..arrays import HostFloat, Quantity, Scalar
 from .semi_infinite import host
 
 

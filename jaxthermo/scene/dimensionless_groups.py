@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from ..dimensionless import biot, characteristic_length, fourier
 from .scene import Body, Scene
 
 
@@ -43,7 +42,7 @@ def body_numbers(scene: Scene, body: Body, end: float) -> dict[str, float]:
     """
     grid = body.structure.grid
     volume = grid.solid_count * grid.voxel_volume
-    length = float(characteristic_length(volume, grid.fragment_area.sum()))
+    length = float(volume / grid.fragment_area.sum())
     # Of several materials the base one stands for the body.
     material: Any = getattr(body.material, "materials", (body.material,))[0]
     start = body.temperature
@@ -56,8 +55,8 @@ def body_numbers(scene: Scene, body: Body, end: float) -> dict[str, float]:
     flux = sum((scale.heat_flux for scale in scales), 0.0)
     coefficient = sum((scale.heat_transfer_coefficient for scale in scales), 0.0)
     return {
-        "biot": float(biot(coefficient, length, k)),
-        "fourier": float(fourier(diffusivity, end, length)),
+        "biot": float(coefficient * length / k),
+        "fourier": float(diffusivity * end / (length * length)),
         "voxels_across": length / grid.pitch,
         "heating": flux * length / k,
     }

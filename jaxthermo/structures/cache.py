@@ -74,7 +74,6 @@ def cache_folder() -> Path | None:
 
 
 def _key(kind: str, grid: VoxelGrid, options: dict[str, Any]) -> str:
-    """Hash of everything that determines a structure."""
     digest = hashlib.sha256()
     lattice = grid.lattice
     _feed(digest, [_FORMAT, _code(), kind, options])
@@ -88,7 +87,6 @@ def _key(kind: str, grid: VoxelGrid, options: dict[str, Any]) -> str:
 
 @functools.cache
 def _code() -> str:
-    """Hash of the sources of voxels and structures: edited code is rebuilt."""
     digest = hashlib.sha256()
     folder = Path(__file__).parent
     for path in sorted([*folder.rglob("*.py"), *folder.parent.glob("voxels/*.py")]):
@@ -97,7 +95,6 @@ def _code() -> str:
 
 
 def _feed(digest: Any, value: Any) -> None:
-    """Add a value to a hash."""
     # With its type and length, or different nestings could give the same bytes.
     if isinstance(value, dict):
         value = sorted(value.items())
@@ -115,13 +112,17 @@ def _feed(digest: Any, value: Any) -> None:
 
 
 def _read(path: Path) -> Built | None:
-    """Read a structure from a file; None if missing, damaged or of another format."""
     try:
         with path.open("rb") as stream, np.load(stream) as file:
             # np.load does not read arrays to the end, where check sums are compared.
             if file.zip.testzip() is not None:
                 return None
-            built = _from_arrays(dict(file))
+            built = Built(
+                nodes=Nodes(*(file[f"nodes.{k}"] for k in Nodes._fields)),
+                links=Links(*(file[f"links.{k}"] for k in Links._fields)),
+                fragment_node=file["fragment_node"],
+                voxel_node=file["voxel_node"],
+            )
     except Exception:  # readers of damaged zip and npy files raise any exception
         return None
     # Marks the file as recently used for `_make_room`.
@@ -132,7 +133,9 @@ def _read(path: Path) -> Built | None:
 
 def _write(path: Path, built: Built) -> None:
     """Write the arrays, unless they would take over half of the cache."""
-    arrays = _to_arrays(built)
+    arrays = {f"nodes.{k}": v for k, v in built.nodes._asdict().items()}
+    arrays |= {f"links.{k}": v for k, v in built.links._asdict().items()}
+    arrays |= {"fragment_node": built.fragment_node, "voxel_node": built.voxel_node}
     if sum(array.nbytes for array in arrays.values()) > MAX_BYTES / 2:
         return
     try:
@@ -158,19 +161,3 @@ def _make_room(folder: Path) -> None:
         kept += size
         if kept > MAX_BYTES:
             path.unlink(missing_ok=True)
-
-
-def _to_arrays(built: Built) -> dict[str, np.ndarray]:
-    arrays = {f"nodes.{k}": v for k, v in built.nodes._asdict().items()}
-    arrays |= {f"links.{k}": v for k, v in built.links._asdict().items()}
-    fragments, voxels = built.fragment_node, built.voxel_node
-    return {**arrays, "fragment_node": fragments, "voxel_node": voxels}
-
-
-def _from_arrays(array: dict[str, np.ndarray]) -> Built:
-    return Built(
-        nodes=Nodes(*(array[f"nodes.{k}"] for k in Nodes._fields)),
-        links=Links(*(array[f"links.{k}"] for k in Links._fields)),
-        fragment_node=array["fragment_node"],
-        voxel_node=array["voxel_node"],
-    )

@@ -19,9 +19,12 @@ def structure_report(
         structure: of any kind.
         build_time: time to build it, if measured [s].
     """
+    nodes, init = structure.nodes(), [f.name for f in fields(structure) if f.init]
+    options = [name for name in init if name not in ("grid", "weights")]
+    levels = np.bincount(nodes.level), np.bincount(nodes.level, nodes.volume)
     report = {
         "kind": type(structure).__name__,
-        "options": _options(structure),
+        "options": {name: getattr(structure, name) for name in options},
         "pitch_m": float(structure.grid.pitch),
         "solid_voxels": structure.grid.solid_count,
         "nodes": structure.node_count,
@@ -29,20 +32,15 @@ def structure_report(
         "fragments": len(structure.grid.fragment_area),
         "bytes_float32": _bytes(structure),
         "capacity_ratio": structure.capacity_ratio,
-        "levels": _levels(structure),
+        "levels": [
+            {"level": level, "nodes": int(count), "volume_m3": float(volume)}
+            for level, (count, volume) in enumerate(zip(*levels, strict=True))
+        ],
         "build_time_s": build_time,
     }
     if isinstance(structure, IrregularMultiLevel):
         report["share_of_body_volume"] = structure.coverage()._asdict()
     return report
-
-
-def _options(structure: AbstractStructure) -> dict[str, Any]:
-    return {
-        field.name: getattr(structure, field.name)
-        for field in fields(structure)
-        if field.init and field.name not in ("grid", "weights")
-    }
 
 
 def _bytes(structure: AbstractStructure) -> dict[str, int]:
@@ -59,14 +57,3 @@ def _bytes(structure: AbstractStructure) -> dict[str, int]:
         "fragments": 8 * len(structure.grid.fragment_area),
     }
     return {**parts, "total": sum(parts.values())}
-
-
-def _levels(structure: AbstractStructure) -> list[dict[str, Any]]:
-    """Number of nodes and volume of every level."""
-    nodes = structure.nodes()
-    counts = np.bincount(nodes.level)
-    volumes = np.bincount(nodes.level, nodes.volume)
-    return [
-        {"level": level, "nodes": int(count), "volume_m3": float(volume)}
-        for level, (count, volume) in enumerate(zip(counts, volumes, strict=True))
-    ]

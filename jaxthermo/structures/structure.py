@@ -66,8 +66,8 @@ class ConductionWeights(eqx.Module):
                 numbers = np.asarray(value, float)
             except (TypeError, ValueError):
                 numbers = np.full((), np.nan)
-            words, allowed = _RANGES.get(name, _AT_LEAST_0)
-            if not np.isfinite(numbers).all() or not allowed(numbers).all():
+            words, low, high = _RANGES.get(name, ("of at least 0", 0.0, np.inf))
+            if not (np.isfinite(numbers) & (numbers >= low) & (numbers <= high)).all():
                 raise InputError(
                     f"ConductionWeights({name}={_shown(value)}): give finite numbers "
                     + words
@@ -105,14 +105,10 @@ def _may_act(value: Any) -> bool:
 # Weights that may be a list, and what each entry belongs to.
 _LISTS = {"within": "level", "between": "level", "capacity": "level", "links": "link"}
 
-_AT_LEAST_0 = ("of at least 0", lambda numbers: numbers >= 0)
 _RANGES = {
-    "capacity": ("above 0", lambda numbers: numbers > 0),
-    "nearest_capacity": ("from -10 to 10", lambda numbers: abs(numbers) <= 10),
-    "non_orthogonal": (
-        "from -1 to 2",
-        lambda numbers: (numbers >= -1) & (numbers <= 2),
-    ),
+    "capacity": ("above 0", np.nextafter(0.0, 1.0), np.inf),
+    "nearest_capacity": ("from -10 to 10", -10.0, 10.0),
+    "non_orthogonal": ("from -1 to 2", -1.0, 2.0),
 }
 
 

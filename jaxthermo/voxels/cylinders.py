@@ -44,7 +44,14 @@ class Cylinder:
     """Number of the body in the scene."""
 
     def __post_init__(self):
-        _finite_point(self.axis_point)
+        try:
+            point = np.asarray(self.axis_point, float)
+        except (TypeError, ValueError):
+            point = np.zeros(0)
+        if point.shape != (3,) or not np.isfinite(point).all():
+            raise InputError(
+                f"Cylinder(axis_point={self.axis_point!r}): give three finite numbers"
+            )
         unit_vector(self.axis, "Cylinder(axis=)")
         for name in ("axis_point", "axis"):
             # Tuples can be compared and hashed, arrays cannot.
@@ -73,15 +80,6 @@ class Cylinder:
         return outside + np.minimum(np.maximum(radial, beyond), 0)
 
 
-def _finite_point(point: Any) -> None:
-    try:
-        good = np.isfinite(np.asarray(point, float)).all() and len(point) == 3
-    except (TypeError, ValueError):
-        good = False
-    if not good:
-        raise InputError(f"Cylinder(axis_point={point!r}): give three finite numbers")
-
-
 class CylinderParts(NamedTuple):
     """Cylinders, and the index of the one that each surface fragment belongs to."""
 
@@ -104,7 +102,7 @@ class CylinderParts(NamedTuple):
         ]
 
 
-def nearest_parts(
+def _nearest_parts(
     cylinders: Sequence[Cylinder], points: Float[np.ndarray, "s 3"]
 ) -> CylinderParts:
     """Assign each point to the cylinder with the smallest signed distance.
@@ -222,14 +220,13 @@ _CACHE: WeakKeyDictionary[VoxelGrid, CylinderParts] = WeakKeyDictionary()
 
 def cylinder_parts(grid: VoxelGrid) -> CylinderParts:
     """Decompose a body into cylinders; assign every surface fragment to one."""
-    if grid not in _CACHE:
-        _CACHE[grid] = _find_parts(grid)
-    return _CACHE[grid]
-
-
-def _find_parts(grid: VoxelGrid) -> CylinderParts:
+    if grid in _CACHE:
+        return _CACHE[grid]
     blocks = _blocks(grid)
-    axis = _snapped(_main_axis(blocks.centre, blocks.volume)[0])
+    axis, _ = _main_axis(blocks.centre, blocks.volume)
+    main = np.abs(axis).argmax()
+    # Slabs slightly askew would cut thin wedges off a flat base.
+    axis = np.eye(3)[main] if np.abs(axis[main]) >= _ALIGNED else axis
     slab = _slabs(blocks, axis)
     piece, touching = _pieces(blocks, slab)
     part = _join(piece, slab, blocks.volume, touching)[piece]
@@ -241,8 +238,9 @@ def _find_parts(grid: VoxelGrid) -> CylinderParts:
     lattice = np.full(blocks.occupied.shape, -1)
     lattice[blocks.occupied] = number[part]
     block_part = lattice[tuple((grid.fragment_voxel // blocks.factor).T)]
-    nearest = nearest_parts(chosen, grid.fragment_position).fragment
-    return CylinderParts(tuple(chosen), np.where(block_part >= 0, block_part, nearest))
+    nearest = _nearest_parts(chosen, grid.fragment_position).fragment
+    fragment = np.where(block_part >= 0, block_part, nearest)
+    return _CACHE.setdefault(grid, CylinderParts(tuple(chosen), fragment))
 
 
 def parts_of(grid: VoxelGrid, given: tuple[Cylinder, ...], body: int) -> CylinderParts:
@@ -253,14 +251,8 @@ def parts_of(grid: VoxelGrid, given: tuple[Cylinder, ...], body: int) -> Cylinde
     """
     selected = [cylinder for cylinder in given if cylinder.body == body]
     if selected:
-        return nearest_parts(selected, grid.fragment_position)
+        return _nearest_parts(selected, grid.fragment_position)
     return cylinder_parts(grid)
-
-
-def _snapped(axis: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
-    # Slabs slightly askew would cut thin wedges off a flat base.
-    main = np.abs(axis).argmax()
-    return np.eye(3)[main] if np.abs(axis[main]) >= _ALIGNED else axis
 
 
 def _extent(
@@ -342,7 +334,6 @@ def _join(
 def _fitted(
     blocks: _Blocks, chosen: Bool[np.ndarray, " n"], axis: Float[np.ndarray, "3"]
 ) -> Cylinder:
-    """Cylinder of a part's length and volume."""
     centre, volume = blocks.centre[chosen], blocks.volume[chosen]
     main, ratio = _main_axis(centre, volume)
     axis = main if ratio >= _MIN_ELONGATION else axis
@@ -355,7 +346,6 @@ def _fitted(
 
 
 def _kept(cylinders: list[Cylinder], volume: Float[np.ndarray, " p"]) -> list[int]:
-    """Indices of the parts that are large enough, the largest first."""
     fraction = volume / volume.sum()
     stub = [c.length is not None and bool(c.length < c.diameter / 2) for c in cylinders]
     minimum = np.where(stub, _MIN_STUB_VOLUME, _MIN_VOLUME)

@@ -1,6 +1,6 @@
 """Voxel grid: the solid voxels of a body and its surface fragments, and a report."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,8 +15,8 @@ from .surface import surface_links, surface_voxels
 class LayerCounts:
     """Numbers of depth layers along x, y, z: all, and packed without duplicates."""
 
-    peeled: tuple[int, int, int]
-    packed: tuple[int, int, int]
+    peeled: tuple[int, ...]
+    packed: tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,8 @@ def voxel_report(grid: VoxelGrid) -> dict[str, Any]:
     Axes have z up; `file_axis` is the name of each in the mesh file.
     """
     surface = surface_voxels(grid.solid)
-    links = surface_links(surface, grid.lattice.shape)
+    counts = zip(grid.layers.peeled, grid.layers.packed, grid.mesh.axes, strict=True)
+    thin, watertight = grid.thin, grid.mesh.is_watertight
     return {
         "pitch_m": grid.pitch,
         "lattice_shape": list(grid.lattice.shape),
@@ -101,26 +102,12 @@ def voxel_report(grid: VoxelGrid) -> dict[str, Any]:
         "solid_voxels": grid.solid_count,
         "solid_share_of_lattice": grid.solid_count / grid.lattice.cells,
         "surface_voxels": len(surface),
-        "surface_links": len(links),
+        "surface_links": len(surface_links(surface, grid.lattice.shape)),
         "fragments": len(grid.fragment_area),
-        "layers": _layers(grid),
-        **_true_sizes(grid),
-        "thin_parts": _thin_parts(grid),
-    }
-
-
-def _layers(grid: VoxelGrid) -> dict[str, dict]:
-    counts = zip(grid.layers.peeled, grid.layers.packed, grid.mesh.axes, strict=True)
-    return {
-        axis: {"file_axis": name, "peeled": peeled, "packed": packed}
-        for axis, (peeled, packed, name) in zip("xyz", counts, strict=True)
-    }
-
-
-def _true_sizes(grid: VoxelGrid) -> dict[str, Any]:
-    """Area and volume of the mesh and of the voxels, and the ratios between them."""
-    watertight = grid.mesh.is_watertight
-    return {
+        "layers": {
+            axis: {"file_axis": name, "peeled": peeled, "packed": packed}
+            for axis, (peeled, packed, name) in zip("xyz", counts, strict=True)
+        },
         "area_m2": {
             "mesh": grid.mesh.area,
             "fragments_unscaled": float(grid.fragment_area.sum() / grid.area_ratio),
@@ -133,22 +120,17 @@ def _true_sizes(grid: VoxelGrid) -> dict[str, Any]:
         "volume_ratio": grid.volume_ratio,
         "ratios_applied": not grid.unscaled_because,
         "ratios_not_applied_because": grid.unscaled_because or None,
-    }
-
-
-def _thin_parts(grid: VoxelGrid) -> dict[str, Any]:
-    thin = asdict(grid.thin)
-    regions = [_finite(region) for region in thin.pop("regions")]
-    return {
-        "thinner_than_a_voxel": {
-            "fragments": thin["thin_fragments"],
-            "area_m2": thin["thin_area"],
+        "thin_parts": {
+            "thinner_than_a_voxel": {
+                "fragments": thin.thin_fragments,
+                "area_m2": thin.thin_area,
+            },
+            "lost_for_want_of_a_voxel": {
+                "fragments": thin.lost_fragments,
+                "area_m2": thin.lost_area,
+            },
+            "largest_places": [_finite(region) for region in thin.regions],
         },
-        "lost_for_want_of_a_voxel": {
-            "fragments": thin["lost_fragments"],
-            "area_m2": thin["lost_area"],
-        },
-        "largest_places": regions,
     }
 
 

@@ -13,8 +13,7 @@ from jaxtyping import Bool, Float, Int
 
 from ..geometry.mesh import Mesh
 from ..raster.fragments import DepthLayers
-from .fill import balanced_rays, crossing_sign, first_cell_behind
-from .lattice import pixel_axes
+from .lattice import balanced_rays, crossing_sign, first_cell_behind, pixel_axes
 
 
 # Crossings closer than this [cells] are one surface where parts touch.
@@ -41,7 +40,6 @@ def _hidden_inside(layers: DepthLayers) -> Bool[np.ndarray, " k"]:
 
 
 def _select(layers: DepthLayers, keep: Bool[np.ndarray, " k"]) -> DepthLayers:
-    """Subset of the fragments, with their original layer numbers."""
     return replace(
         layers,
         pixel=layers.pixel[keep],

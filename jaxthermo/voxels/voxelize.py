@@ -6,9 +6,15 @@ from jaxtyping import Bool, Float, Int
 from ..arrays import Scalar, rank_in_group
 from ..errors import InputError
 from ..geometry.mesh import Mesh
-from .fill import Views, fill_by_vote
 from .grid import LayerCounts, ThinParts, VoxelGrid
-from .lattice import Lattice, check_pitch, lattice_around, peel_axes
+from .lattice import (
+    Lattice,
+    Views,
+    check_pitch,
+    fill_by_vote,
+    lattice_around,
+    peel_axes,
+)
 from .surface import AxisFragments, attach_to_solid, axis_fragments, face_axes
 
 
@@ -43,10 +49,10 @@ def voxelize(mesh: Mesh, pitch: Scalar) -> VoxelGrid:
     return _with_surface(mesh, lattice, solid, views)
 
 
-def _kept_fragments(
-    views: Views, dominant: Int[np.ndarray, " f"]
-) -> tuple[AxisFragments, Int[np.ndarray, " h"]]:
-    """Fragments of all views, and the triangles of those hidden inside the body."""
+def _with_surface(
+    mesh: Mesh, lattice: Lattice, solid: Bool[np.ndarray, "x y z"], views: Views
+) -> VoxelGrid:
+    normals, dominant = face_axes(mesh)
     parts, hidden, rays = [], [], 0
     for axis, layers in enumerate(views):
         kept, inside = axis_fragments(layers, dominant, axis, rays)
@@ -54,14 +60,7 @@ def _kept_fragments(
         hidden.append(inside)
         rays += layers.width * layers.height
     joined = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return AxisFragments(*joined), np.concatenate(hidden)
-
-
-def _with_surface(
-    mesh: Mesh, lattice: Lattice, solid: Bool[np.ndarray, "x y z"], views: Views
-) -> VoxelGrid:
-    normals, dominant = face_axes(mesh)
-    kept, hidden = _kept_fragments(views, dominant)
+    kept, hidden = AxisFragments(*joined), np.concatenate(hidden)
     # A ray grid of spacing h cuts the surface into pieces of area h^2 / |n_i|.
     slope = np.abs(normals).max(1)
     area = lattice.pitch**2 / slope[kept.triangle]
@@ -83,6 +82,8 @@ def _with_surface(
     number = np.ravel_multi_index(tuple(cell[attached].T), lattice.shape)
     order = attached[np.argsort(number, kind="stable")]
     axis = dominant[kept.triangle[order]]
+    peeled = tuple(layers.count for layers in views)
+    in_front = (int(packed[order][axis == a].max(initial=-1)) + 1 for a in range(3))
     return VoxelGrid(
         lattice=lattice,
         solid=solid,
@@ -96,17 +97,9 @@ def _with_surface(
         area_ratio=area_ratio,
         volume_ratio=volume_ratio,
         unscaled_because=unreliable,
-        layers=_layer_counts(views, axis, packed[order]),
+        layers=LayerCounts(peeled, tuple(in_front)),
         thin=thin,
     )
-
-
-def _layer_counts(
-    views: Views, axis: Int[np.ndarray, " s"], packed: Int[np.ndarray, " s"]
-) -> LayerCounts:
-    x, y, z = (layers.count for layers in views)
-    counts = [int(packed[axis == a].max(initial=-1)) + 1 for a in range(3)]
-    return LayerCounts((x, y, z), (counts[0], counts[1], counts[2]))
 
 
 # A ratio beyond this means lost parts, not a surface rounded off by voxels.

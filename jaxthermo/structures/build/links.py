@@ -102,7 +102,6 @@ def _links(
     plane: Int[np.ndarray, " k"],
     centre: Float[np.ndarray, "n 3"],
 ) -> Links:
-    """Links of sorted faces [voxels]."""
     start = _starts(side)
     faces = np.diff(start, append=len(side))
     mean_plane = np.add.reduceat(plane, start, dtype=float) / faces
@@ -133,7 +132,6 @@ def _links(
 
 
 def _starts(ordered: Int[np.ndarray, " k"]) -> Int[np.ndarray, " u"]:
-    """Index at which each run of equal numbers begins."""
     changes = np.ones(len(ordered), bool)
     changes[1:] = ordered[1:] != ordered[:-1]
     return np.flatnonzero(changes)

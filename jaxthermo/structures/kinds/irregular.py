@@ -191,7 +191,6 @@ def _links(levels: LevelCells, assignment: Assignment, pitch: float) -> Links:
 
 
 def _lattice_pairs(levels: LevelCells, half: Float[np.ndarray, " n"]) -> _Pairs:
-    """Pairs of cells of one level that share a face."""
     pairs, first = [np.zeros((2, 0), np.int64)], 0
     for cells in levels:
         shape = cells.max(axis=0, initial=0) + 2
@@ -207,7 +206,6 @@ def _lattice_pairs(levels: LevelCells, half: Float[np.ndarray, " n"]) -> _Pairs:
 
 
 def _contacts(assignment: Assignment, half: Float[np.ndarray, " n"]) -> _Pairs:
-    """Pairs of cells with voxel faces between their voxels."""
     sides = np.concatenate([_faces(assignment, axis) for axis in range(3)], axis=1)
     owners, gaps = sides[:2].astype(np.int64), sides[2:]
     key = owners.min(axis=0) * len(half) + owners.max(axis=0)

@@ -8,7 +8,7 @@ import pytest
 from experiments.structures.config import body_identity, load_comparison
 from experiments.structures.study import all_cases, rays
 from jaxthermo.errors import InputError
-from jaxthermo.geometry.load import axes_for_up, axes_rotation
+from jaxthermo.geometry.load import _axes_for_up, _axes_rotation
 
 
 CONFIGS = Path(__file__).resolve().parents[3] / "configs" / "experiments"
@@ -103,5 +103,5 @@ def test_a_mistake_in_the_height_names_the_flag(tmp_path):
 def test_rays_come_from_the_side_named_in_the_files_axes(up, load_name):
     side = np.zeros(3)
     side["xyz".index(load_name[1])] = 1.0 if load_name[0] == "+" else -1.0
-    axes = axes_for_up(up)
-    np.testing.assert_array_equal(rays(axes, load_name), -axes_rotation(axes) @ side)
+    axes = _axes_for_up(up)
+    np.testing.assert_array_equal(rays(axes, load_name), -_axes_rotation(axes) @ side)

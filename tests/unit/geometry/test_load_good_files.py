@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from jaxthermo.geometry import shapes
-from jaxthermo.geometry.load import axes_for_up, axes_rotation, load_mesh
+from jaxthermo.geometry.load import _axes_for_up, _axes_rotation, load_mesh
 
 
 KINDS = ["obj", "ply", "ply_ascii", "stl", "stl_ascii", "glb", "off"]
@@ -51,7 +51,7 @@ def test_units(tmp_path, unit, metres):
 
 @pytest.mark.parametrize("up", ["x", "y", "z", "-x", "-y", "-z"])
 def test_up_is_a_proper_rotation(tmp_path, up):
-    matrix = axes_rotation(axes_for_up(up))
+    matrix = _axes_rotation(_axes_for_up(up))
     assert np.linalg.det(matrix) == pytest.approx(1.0)
     axis = np.zeros(3)
     axis["xyz".index(up[-1])] = -1.0 if up.startswith("-") else 1.0
@@ -59,12 +59,12 @@ def test_up_is_a_proper_rotation(tmp_path, up):
     mesh = load_mesh(save(tmp_path, shapes.box(SIDES)), unit="m", up=up, repair=False)
     assert mesh.volume == pytest.approx(30.0)
     assert np.ptp(mesh.bounds[:, 2]) == pytest.approx(SIDES["xyz".index(up[-1])])
-    assert mesh.axes == axes_for_up(up)
+    assert mesh.axes == _axes_for_up(up)
 
 
 def test_y_up_is_as_documented():
-    assert axes_for_up("y") == ("x", "-z", "y")
-    turned = axes_rotation(axes_for_up("y")) @ np.array([1.0, 2.0, 3.0])
+    assert _axes_for_up("y") == ("x", "-z", "y")
+    turned = _axes_rotation(_axes_for_up("y")) @ np.array([1.0, 2.0, 3.0])
     assert turned.tolist() == [1.0, -3.0, 2.0]
 
 

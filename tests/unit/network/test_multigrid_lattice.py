@@ -1,18 +1,14 @@
 """Coarser lattices conduct as if the body had been cut into larger voxels."""
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxthermo.network.multigrid import LatticeTransfer, lattice_levels
+from jaxthermo.network.multigrid import _lattice_levels, _LatticeTransfer
 from jaxthermo.network.stencil import HeterogeneousStencil
 from jaxthermo.physics.conduction import assemble_mixed, assemble_uniform
 from jaxthermo.structures.kinds.full import FullVolume
 from tests.bodies import blocks
-
-
-_levels = eqx.filter_jit(lattice_levels)
 
 
 def _body(shape, k, stencil=True):
@@ -23,7 +19,7 @@ def _body(shape, k, stencil=True):
 @pytest.mark.parametrize("shape", [(4, 6, 8), (3, 5, 1)])
 def test_total_and_spread_are_transposes(shape):
     random = np.random.default_rng(0)
-    transfer = LatticeTransfer(shape)
+    transfer = _LatticeTransfer(shape)
     fine = jnp.pad(jnp.asarray(random.normal(size=shape)), 1)
     coarse = transfer.restrict(fine)
     assert coarse.shape == tuple((n + 1) // 2 + 2 for n in shape)
@@ -39,7 +35,7 @@ def test_total_and_spread_are_transposes(shape):
 @pytest.mark.parametrize("k", [2.0, (3.0, 1.0, 0.5)])
 def test_a_coarse_box_is_a_box_of_larger_voxels(k):
     """K A / L between voxels twice as large: twice that of the small ones."""
-    fine, coarse = _levels(_body((8, 4, 6), jnp.asarray(k)), 200)[0]
+    fine, coarse = _lattice_levels(_body((8, 4, 6), jnp.asarray(k)), 200)[0]
     again = _body((4, 2, 3), 2 * jnp.asarray(k))
     state = jnp.pad(jnp.asarray(np.random.default_rng(0).normal(size=(4, 2, 3))), 1)
     inside = (slice(1, -1),) * 3
@@ -56,9 +52,10 @@ def test_faces_of_a_mixed_body_are_those_between_its_blocks():
     number = random.integers(0, 2, structure.node_count).astype(np.int32)
     network = assemble_mixed(structure, number, jnp.array([1.0, 1e5]), jnp.ones(2))
     assert isinstance(network, HeterogeneousStencil)
-    coarse = _levels(network, 100)[0][1]
+    coarse = _lattice_levels(network, 100)[0][1]
     assert isinstance(coarse, HeterogeneousStencil)
-    plain = _levels(assemble_uniform(structure, 1.0, 1.0, np.float64), 100)[0][1]
+    uniform = assemble_uniform(structure, 1.0, 1.0, np.float64)
+    plain = _lattice_levels(uniform, 100)[0][1]
     assert isinstance(plain, HeterogeneousStencil)
     for axis, face in enumerate(network.face_conductance):
         wanted = np.zeros(coarse.face_conductance[axis].shape)

@@ -2,23 +2,18 @@
 
 import gc
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from jaxthermo.network import multigrid
 from jaxthermo.network.link_operator import LinkNetwork
-from jaxthermo.network.multigrid import lattice_levels, node_layout, node_levels
+from jaxthermo.network.multigrid import _lattice_levels, _node_levels, node_layout
 from jaxthermo.network.network import AbstractNodeNetwork
 from jaxthermo.physics.conduction import assemble_uniform
 from jaxthermo.structures.kinds.full import FullVolume
 from jaxthermo.structures.kinds.groups import Octree
 from tests.bodies import blocks
-
-
-_node_levels = eqx.filter_jit(node_levels)
-_lattices = eqx.filter_jit(lattice_levels)
 
 
 def _levels(layout, network):
@@ -56,7 +51,7 @@ def test_a_box_of_links_coarsens_as_the_lattice_does():
     structure, network = _body(solid)
     networks, _ = _levels(node_layout(structure, 20), network)
     dense = assemble_uniform(FullVolume(structure.grid), 2.0, 1.0, np.float64)
-    lattices, _ = _lattices(dense, 100)
+    lattices, _ = _lattice_levels(dense, 100)
     values = np.random.default_rng(0).normal(size=(2, 3, 4))
     lattice_rate = lattices[1].heat_rate(jnp.pad(jnp.asarray(values), 1))
     rate = networks[1].heat_rate(jnp.asarray(values.reshape(-1)))
@@ -127,6 +122,6 @@ def test_other_networks_are_refused():
     structure, network = _body(np.ones((3, 3, 3), bool))
     dense = assemble_uniform(FullVolume(structure.grid), 2.0, 1.0, np.float64)
     with pytest.raises(TypeError, match="UniformStencil"):
-        node_levels(node_layout(structure, 5), dense)  # type: ignore[arg-type]
+        _node_levels(node_layout(structure, 5), dense)  # type: ignore[arg-type]
     with pytest.raises(TypeError, match="RowNetwork"):
-        lattice_levels(network, 5)
+        _lattice_levels(network, 5)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from jaxthermo.errors import InputError
-from jaxthermo.voxels.cylinders import Cylinder, given_cylinders, nearest_parts
+from jaxthermo.voxels.cylinders import Cylinder, _nearest_parts, given_cylinders
 
 
 points = st.tuples(*[st.floats(-3, 3)] * 3).map(lambda p: np.array([p]))
@@ -38,7 +38,7 @@ def test_points_go_to_the_cylinder_they_are_nearest_to_or_deepest_in():
     thick = Cylinder((0.0, 0.0, 0.0), (0, 0, 1), 1.0, 1.0)
     thin = Cylinder((0.0, 0.0, 1.0), (0, 0, 1), 0.2, 1.0)
     at = np.array([[0.0, 0.0, 1.2], [0.5, 0.0, 0.0], [0.4, 0.0, 0.6], [0.2, 0, 0.9]])
-    found = nearest_parts([thick, thin], at)
+    found = _nearest_parts([thick, thin], at)
     np.testing.assert_array_equal(found.fragment, [1, 0, 0, 1])
     rows = found.rows()
     assert [row["fragments"] for row in rows] == [2, 2]
@@ -76,4 +76,4 @@ def test_a_mistake_is_one_line(given, words):
 def test_cylinders_nowhere_near_are_refused():
     lost = Cylinder((0.0, 0.0, 900.0), (0, 0, 1), 1.0, 1.0, body=2)
     with pytest.raises(InputError, match="body 2.*900 m away"):
-        nearest_parts([lost], np.zeros((4, 3)))
+        _nearest_parts([lost], np.zeros((4, 3)))
