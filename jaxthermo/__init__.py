@@ -26,7 +26,7 @@ _HOME = {
     "FullVolume": "structures.kinds.full",
     "SingleShell": "structures.kinds.shell",
     "MultiLevel": "structures.kinds.groups",
-    "IrregularMultiLevel": "structures.kinds.irregular",
+    "IrregularMultiLevel": "structures.kinds.shell",
     "Octree": "structures.kinds.groups",
     "Aggregate": "structures.kinds.aggregate",
     "ShellOverCore": "structures.kinds.groups",

@@ -74,8 +74,10 @@ from .structures.kinds.groups import (
     Partition as Partition,
     ShellOverCore as ShellOverCore,
 )
-from .structures.kinds.irregular import IrregularMultiLevel as IrregularMultiLevel
-from .structures.kinds.shell import SingleShell as SingleShell
+from .structures.kinds.shell import (
+    IrregularMultiLevel as IrregularMultiLevel,
+    SingleShell as SingleShell,
+)
 from .structures.structure import (
     ConductionWeights as ConductionWeights,
     FitCard as FitCard,

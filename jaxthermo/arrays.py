@@ -53,15 +53,7 @@ def is_traced(tree: Any) -> bool:
 
 
 def members(group: Int[np.ndarray, " k"], groups: int) -> Int[np.ndarray, "m g"]:
-    """Indices of the first entry of every group, the second, and so on.
-
-    Args:
-        group: group of each of the k entries.
-        groups: number of groups.
-
-    Returns:
-        Indices, padded with k.
-    """
+    """Indices of the first entry of every group, the second, ..., padded with k."""
     order = np.argsort(group, kind="stable").astype(np.int32)
     found = np.full((np.bincount(group).max(), groups), len(group), np.int32)
     found[rank_in_group(group[order]), group[order]] = order
@@ -71,8 +63,7 @@ def members(group: Int[np.ndarray, " k"], groups: int) -> Int[np.ndarray, "m g"]
 def rank_in_group(group: Int[np.ndarray, " k"]) -> Int[np.ndarray, " k"]:
     """Rank of each entry within its group; equal groups must be adjacent."""
     slots = np.arange(len(group))
-    first = np.ones(len(group), bool)
-    first[1:] = group[1:] != group[:-1]
+    first = np.diff(group, prepend=-1) != 0
     return slots - np.maximum.accumulate(np.where(first, slots, 0))
 
 
@@ -82,11 +73,7 @@ LIST_ENTRY_COST, LIST_COST = 6.0, 30_000.0
 
 
 def gathered_columns(degree: Int[np.ndarray, " n"]) -> int:
-    """Number of entries to gather for every row; the rest goes to a sparse list.
-
-    Args:
-        degree: number of entries of each row.
-    """
+    """Entries to gather for rows of these degrees; the rest goes to a sparse list."""
     count = np.bincount(degree)
     rows_from = np.cumsum(count[::-1])[::-1]
     # Entries beyond the first k of every row: the rows of higher degrees, summed.

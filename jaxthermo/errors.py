@@ -27,12 +27,7 @@ def positive_length(argument: str, value: float | int) -> float:
 
 
 def whole_number(value: Any, option: str, minimum: int = 1) -> int:
-    """Convert a value to an int.
-
-    Args:
-        value: given by the user.
-        option: name of the argument, e.g. "Octree(levels=)".
-        minimum: smallest allowed value.
+    """Convert the value of an option, e.g. "Octree(levels=)", to an int.
 
     Raises:
         InputError: unless the value is an integer of at least `minimum`.

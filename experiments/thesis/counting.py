@@ -8,8 +8,11 @@ from jaxthermo.geometry.mesh import Mesh
 from jaxthermo.geometry.shapes import box
 from jaxthermo.report.table import Table
 from jaxthermo.structures.build.assignment import nested_cells, voxel_depth
-from jaxthermo.structures.kinds.irregular import IrregularMultiLevel, capacity_by_region
-from jaxthermo.structures.kinds.shell import SingleShell
+from jaxthermo.structures.kinds.shell import (
+    IrregularMultiLevel,
+    SingleShell,
+    capacity_by_region,
+)
 from jaxthermo.structures.report import structure_report
 from jaxthermo.voxels.voxelize import voxelize
 

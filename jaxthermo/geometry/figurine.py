@@ -101,7 +101,19 @@ def figurine(height: float | int = 0.3, resolution: int = 118) -> Mesh:
 def _body(points: _Points) -> _Field:
     robe = _robe(points)
     body = _smooth_union(robe, _head(points), 0.02)
-    for arm, sleeve in (_right_arm(points), _left_arm(points)):
+    # To the side and forward, with a ball on the open hand.
+    elbow, wrist = (-0.200, -0.020, 0.625), (-0.290, -0.125, 0.690)
+    hand = _ellipsoid(points, (-0.302, -0.148, 0.705), (0.026, 0.032, 0.016))
+    right = _arm(points, (-0.088, 0.0, 0.712), elbow, wrist, hand)
+    ball = _ellipsoid(points, (-0.304, -0.152, 0.752), (0.036, 0.036, 0.036))
+    right = _smooth_union(right, ball, 0.008)
+    right_sleeve = _sleeve(points, elbow, wrist, (0.08, 0.24))
+    # In front of the robe without contact: its shadow falls on the pleats.
+    elbow, wrist = (0.176, -0.060, 0.590), (0.062, -0.195, 0.575)
+    hand = _ellipsoid(points, (0.040, -0.213, 0.582), (0.030, 0.022, 0.020))
+    left = _arm(points, (0.088, 0.0, 0.712), elbow, wrist, hand)
+    left_sleeve = _sleeve(points, elbow, wrist, (0.09, 0.25))
+    for arm, sleeve in ((right, right_sleeve), (left, left_sleeve)):
         body = _smooth_union(body, arm, 0.03)
         body = _smooth_union(body, sleeve, 0.012)
     plinth = _smooth_union(
@@ -113,7 +125,9 @@ def _body(points: _Points) -> _Field:
     for side in (-1.0, 1.0):
         foot = _ellipsoid(points, (0.052 * side, -0.148, 0.082), (0.032, 0.042, 0.026))
         body = _smooth_union(body, foot, 0.01)
-    return np.maximum(body, -_cavity(points, robe))
+    # Hollow of the casting: the robe without its wall, closed at both ends.
+    ends = np.abs(points[2] - 0.385) - 0.275
+    return np.maximum(body, -_smooth_intersection(robe + _WALL, ends, 0.04))
 
 
 def _robe(points: _Points) -> _Field:
@@ -157,26 +171,10 @@ def _head(points: _Points) -> _Field:
     return _smooth_union(_smooth_union(skull, crown, 0.004), neck, 0.02)
 
 
-def _right_arm(points: _Points) -> tuple[_Field, _Field]:
-    """Arm to the side and forward, with a ball on the open hand."""
-    elbow, wrist = (-0.200, -0.020, 0.625), (-0.290, -0.125, 0.690)
-    upper = _capsule(points, (-0.088, 0.0, 0.712), elbow, (0.042, 0.034))
+def _arm(points: _Points, shoulder: _Point, elbow: _Point, wrist: _Point, hand: _Field):
+    upper = _capsule(points, shoulder, elbow, (0.042, 0.034))
     lower = _capsule(points, elbow, wrist, (0.034, 0.024))
-    hand = _ellipsoid(points, (-0.302, -0.148, 0.705), (0.026, 0.032, 0.016))
-    ball = _ellipsoid(points, (-0.304, -0.152, 0.752), (0.036, 0.036, 0.036))
-    arm = _smooth_union(_smooth_union(upper, lower, 0.02), hand, 0.015)
-    arm = _smooth_union(arm, ball, 0.008)
-    return arm, _sleeve(points, elbow, wrist, (0.08, 0.24))
-
-
-def _left_arm(points: _Points) -> tuple[_Field, _Field]:
-    """Arm in front of the robe without contact: its shadow falls on the pleats."""
-    elbow, wrist = (0.176, -0.060, 0.590), (0.062, -0.195, 0.575)
-    upper = _capsule(points, (0.088, 0.0, 0.712), elbow, (0.042, 0.034))
-    lower = _capsule(points, elbow, wrist, (0.034, 0.024))
-    hand = _ellipsoid(points, (0.040, -0.213, 0.582), (0.030, 0.022, 0.020))
-    arm = _smooth_union(_smooth_union(upper, lower, 0.02), hand, 0.015)
-    return arm, _sleeve(points, elbow, wrist, (0.09, 0.25))
+    return _smooth_union(_smooth_union(upper, lower, 0.02), hand, 0.015)
 
 
 def _sleeve(
@@ -202,9 +200,3 @@ def _sleeve(
     ends = (np.abs(u - 0.5) - 0.5) * length
     outline = _smooth_intersection(_smooth_intersection(hem, ends, 0.07), -below, 0.02)
     return _smooth_intersection(sheet, outline, 0.012)
-
-
-def _cavity(points: _Points, robe: _Field) -> _Field:
-    """Hollow of the casting: the robe without its wall, closed at both ends."""
-    ends = np.abs(points[2] - 0.385) - 0.275
-    return _smooth_intersection(robe + _WALL, ends, 0.04)

@@ -5,6 +5,8 @@ from dataclasses import dataclass, field, replace
 import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from ..errors import InputError
 
@@ -181,13 +183,6 @@ def edges_of(faces: Int[np.ndarray, "f 3"]) -> _Edges:
     return _Edges(start, end, edge, uses, balance)
 
 
-def edge_pairs(edges: _Edges) -> Int[np.ndarray, "p 2"]:
-    """Pairs of half-edges along the edges that have exactly two."""
-    order = np.argsort(edges.edge, kind="stable")
-    paired = order[edges.uses[edges.edge[order]] == 2]
-    return paired.reshape(-1, 2)
-
-
 def part_labels(faces: Int[np.ndarray, "f 3"]) -> Int[np.ndarray, "f"]:
     """Label the faces from 0 by connected part, connected over edges."""
     if not len(faces):
@@ -204,18 +199,11 @@ def connected_labels(
     count: int, links: Int[np.ndarray, "l 2"]
 ) -> Int[np.ndarray, "count"]:
     """Label each node of a graph with the lowest node of its connected part."""
-    label = np.arange(count)
-    # Roots are hooked to their lowest neighbour and paths are halved until nothing
-    # changes: a few passes over the links, none of them a Python loop over nodes.
-    while True:
-        ends = label[links]
-        links = links[ends[:, 0] != ends[:, 1]]
-        if not len(links):
-            return label
-        ends = label[links]
-        np.minimum.at(label, ends.max(1), ends.min(1))
-        while not np.array_equal(label, label[label]):
-            label = label[label]
+    # Truth values, since a link may occur often: sums of its numbers could wrap to 0.
+    linked = np.ones(len(links), bool)
+    graph = coo_array((linked, tuple(links.T)), shape=(count, count))
+    part = connected_components(graph, directed=False)[1]
+    return np.unique(part, return_index=True)[1][part]
 
 
 def is_closed(

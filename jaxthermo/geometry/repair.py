@@ -9,7 +9,6 @@ from jaxtyping import Bool, Float, Int
 from .mesh import (
     Mesh,
     connected_labels,
-    edge_pairs,
     edges_of,
     is_closed,
     part_labels,
@@ -33,11 +32,7 @@ def repair_mesh(mesh: Mesh, *, max_hole_edges: int = MAX_HOLE_EDGES) -> Mesh:
 
     Equal vertices are merged, degenerate and duplicate faces and unused vertices
     removed, faces wound consistently and outward (a part inside another that points
-    the other way stays a cavity), and small holes filled.
-
-    Args:
-        mesh: as read from a file.
-        max_hole_edges: holes with more edges stay open [-].
+    the other way stays a cavity), and holes of at most `max_hole_edges` edges filled.
     """
     # A face of zero area between three distinct vertices stays: without it its
     # neighbours would have open edges.
@@ -123,7 +118,9 @@ def _consistent_winding(faces: Int[np.ndarray, "f 3"]) -> Int[np.ndarray, "f 3"]
     # that agree. The two components of a part are its two windings, so one labelling
     # solves all parts. Where they coincide (a Moebius band) the part stays as it is.
     edges = edges_of(faces)
-    pairs = edge_pairs(edges)
+    order = np.argsort(edges.edge, kind="stable")
+    # Half-edges along the edges that have exactly two.
+    pairs = order[edges.uses[edges.edge[order]] == 2].reshape(-1, 2)
     differ = edges.start[pairs[:, 0]] == edges.start[pairs[:, 1]]
     if not differ.any():
         return faces
@@ -157,8 +154,10 @@ def _outward_winding(mesh: Mesh) -> Int[np.ndarray, "f 3"]:
     inward = volumes < -np.where(closed, 0.0, _MIN_COMPACTNESS) * areas**1.5
     if not inward.any():
         return mesh.faces
-    lower, upper = _part_bounds(mesh, labels, parts)
     triangles, outermost = mesh.triangles, np.arange(parts)
+    lower, upper = np.full((parts, 3), np.inf), np.full((parts, 3), -np.inf)
+    np.minimum.at(lower, labels, triangles.min(1))
+    np.maximum.at(upper, labels, triangles.max(1))
     for outer in np.argsort(-np.prod(upper - lower, axis=1), kind="stable"):
         if outermost[outer] != outer:
             continue
@@ -171,15 +170,6 @@ def _outward_winding(mesh: Mesh) -> Int[np.ndarray, "f 3"]:
             if abs(winding_number(surface, point)) > 0.5:
                 outermost[inner] = outer
     return _flip(mesh.faces, inward[outermost][labels])
-
-
-def _part_bounds(
-    mesh: Mesh, labels: Int[np.ndarray, "f"], parts: int
-) -> tuple[Float[np.ndarray, "parts 3"], Float[np.ndarray, "parts 3"]]:
-    lower, upper = np.full((parts, 3), np.inf), np.full((parts, 3), -np.inf)
-    np.minimum.at(lower, labels, mesh.triangles.min(1))
-    np.maximum.at(upper, labels, mesh.triangles.max(1))
-    return lower, upper
 
 
 def _flip(

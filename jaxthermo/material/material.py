@@ -112,13 +112,6 @@ def _conductivity(given) -> Conductivity:
 class Material(eqx.Module):
     """Homogeneous opaque solid, or a fluid at rest.
 
-    Attributes:
-        conductivity: k [W/(m K)]; a tuple of three along the body's axes.
-        density: rho [kg/m^3].
-        specific_heat: c_p [J/(kg K)].
-        emissivity: eps of the surface in the long-wave infrared [-].
-        given_absorptivity: as given, or None; use `absorptivity` instead.
-
     Example:
         >>> import jaxthermo as jt
         >>> paint = jt.Material(0.2, 1500.0, specific_heat=1400.0, emissivity=0.95)
@@ -147,7 +140,7 @@ class Material(eqx.Module):
                 `Property`.
             density: rho [kg/m^3].
             specific_heat: c_p [J/(kg K)]; may be a `Property`.
-            emissivity: eps [-], 0 to 1.
+            emissivity: eps of the surface in the long-wave infrared [-], 0 to 1.
             absorptivity: for radiation sources such as the sun [-], 0 to 1; by
                 default the emissivity.
 

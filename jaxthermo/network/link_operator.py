@@ -75,9 +75,7 @@ def row_layout(
     following = np.flatnonzero(follows)
     _, once = np.unique(low[following], return_index=True)
     following = following[once]
-    other = np.ones(len(src), bool)
-    other[following] = False
-    rest = np.flatnonzero(other)
+    rest = np.delete(np.arange(len(src)), following)
     node = np.concatenate([src[rest], dst[rest]])
     neighbour = np.concatenate([dst[rest], src[rest]])
     order = np.argsort(node, kind="stable")
@@ -86,21 +84,17 @@ def row_layout(
     degree = np.bincount(node, minlength=nodes)
     rank = rank_in_group(node)
     columns = gathered_columns(degree)
-    neighbours, links = [], []
-    for k in range(columns):
-        here = rank == k
-        beside = np.arange(nodes, dtype=np.int32)
-        beside[node[here]] = neighbour[here]
-        through = np.full(nodes, len(src), np.int32)
-        through[node[here]] = link[here]
-        neighbours.append(beside)
-        links.append(through)
     more = rank >= columns
+    slot = rank[~more], node[~more]
+    beside = np.tile(np.arange(nodes, dtype=np.int32), (columns, 1))
+    beside[slot] = neighbour[~more]
+    through = np.full((columns, nodes), len(src), np.int32)
+    through[slot] = link[~more]
     return RowLayout(
         following=following.astype(np.int32),
         first=low[following].astype(np.int32),
-        neighbour=tuple(neighbours),
-        link=tuple(links),
+        neighbour=tuple(beside),
+        link=tuple(through),
         list_node=node[more].astype(np.int32),
         list_neighbour=neighbour[more].astype(np.int32),
         list_link=link[more].astype(np.int32),

@@ -62,15 +62,12 @@ class NonOrthogonalNetwork(AbstractNodeNetwork):
         flow = self.conductance * along
         inward = jnp.zeros_like(slopes[0]).at[self.second].add(flow)
         inward = inward.at[self.first].add(-flow)
-        return (
-            self.straight.heat_rate(state)
-            .at[self.chosen]
-            .add(
-                inward,
-                mode="promise_in_bounds",
-                indices_are_sorted=True,
-                unique_indices=True,
-            )
+        rate = self.straight.heat_rate(state).at[self.chosen]
+        return rate.add(
+            inward,
+            mode="promise_in_bounds",
+            indices_are_sorted=True,
+            unique_indices=True,
         )
 
     @override

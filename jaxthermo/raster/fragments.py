@@ -194,17 +194,12 @@ def rasterize(
     height: int,
     sizes: tuple[int, int] | None = None,
 ) -> Fragments:
-    """Compute the fragments of triangles, in arrays as large as needed.
+    """Compute the fragments of triangles (column, row, depth), in arrays of any size.
 
     A fragment is `entering` if its triangle's corners turn counter-clockwise on an
     image with rows downwards: for triangles wound counter-clockwise seen from outside
     and a right-handed view (right, down, forward), the ray enters the body there.
-
-    Args:
-        triangles: corners as (column, row, depth), in pixels and any unit of depth.
-        width: columns of the image.
-        height: rows of the image.
-        sizes: initial (row, fragment) capacities, to share a compiled program.
+    `sizes` are initial (row, fragment) capacities, to share a compiled program.
 
     Raises:
         InputError: if a corner is not finite or more than 2^20 pixels away.

@@ -78,17 +78,9 @@ _GOLDEN_ANGLE = float(np.pi * (3.0 - np.sqrt(5.0)))
 def cap_directions(
     axis: object, min_cosine: float, count: int
 ) -> Float[np.ndarray, "d 3"]:
-    """Unit vectors within an angle of `axis`, each for the same solid angle.
+    """Unit vectors within the angle of `min_cosine` to an axis, of equal solid angles.
 
     A Fibonacci spiral, the same at every call.
-
-    Args:
-        axis: centre of the cap.
-        min_cosine: cosine of the angle between the axis and the rim [-].
-        count: number of directions.
-
-    Raises:
-        InputError: if the axis is no direction.
 
     Source: Swinbank and Purser, Q. J. R. Meteorol. Soc. 132 (2006) 1769.
     """
@@ -111,12 +103,7 @@ def clip_half_space(
     normal: Float[np.ndarray, "3"],
     offset: float,
 ) -> tuple[Float[np.ndarray, "k 3 3"], Int[np.ndarray, " k"]]:
-    """Clip triangles to the half-space normal . x >= offset.
-
-    Returns:
-        The remaining triangles, wound as before, and the index of the triangle that
-        each is a part of.
-    """
+    """Clip triangles to normal . x >= offset; return the pieces and whose they are."""
     depth = triangles @ normal - offset
     ahead = depth >= 0
     count = ahead.sum(axis=1)
@@ -210,12 +197,9 @@ class PerspectiveView:
 def perspective_views(
     eye: Float[np.ndarray, "3"], points: Float[np.ndarray, "n 3"], size: float
 ) -> list[tuple[PerspectiveView, Int[np.ndarray, " m"]]]:
-    """Views from `eye` that cover all points, with the indices of the points in each.
+    """Views from `eye` [m] that cover all points, and the indices of those in each.
 
-    Args:
-        eye: position of the observer [m].
-        points: none of them at the eye [m].
-        size: of a pixel at the farthest point [m].
+    No point may be at the eye; `size` is that of a pixel at the farthest point [m].
     """
     away = points - eye
     distance = np.linalg.norm(away, axis=1)

@@ -38,13 +38,10 @@ _OWN_FILES = re.compile(r"\.?[a-z_]+-[0-9a-f]{40}(\.[0-9a-f]{8})?\.npz")
 def cached(
     kind: str, grid: VoxelGrid, options: dict[str, Any], build: Callable[..., Built]
 ) -> Built:
-    """Read a structure from the cache, or build and store it.
+    """Read a structure of a kind (lower case) from the cache, or build and store it.
 
-    Args:
-        kind: of structure, in lower case and underscores.
-        grid: the body.
-        options: all other inputs: numbers, texts, arrays, or tuples and dicts of these.
-        build: computes the arrays from the grid, and the options by name.
+    Options are all other inputs: numbers, texts, arrays, or tuples and dicts of these;
+    `build` takes the grid, and the options by name.
     """
     folder = cache_folder()
     if folder is None or grid.solid_count < MIN_VOXELS:

@@ -6,19 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from .kinds.irregular import IrregularMultiLevel
+from .kinds.shell import IrregularMultiLevel
 from .structure import AbstractStructure
 
 
 def structure_report(
     structure: AbstractStructure, build_time: float | None = None
 ) -> dict[str, Any]:
-    """Counts, memory and distribution of the capacity.
-
-    Args:
-        structure: of any kind.
-        build_time: time to build it, if measured [s].
-    """
+    """Counts, memory and capacity of every level; with the time to build it [s]."""
     nodes, init = structure.nodes(), [f.name for f in fields(structure) if f.init]
     options = [name for name in init if name not in ("grid", "weights")]
     levels = np.bincount(nodes.level), np.bincount(nodes.level, nodes.volume)

@@ -298,10 +298,7 @@ def extrapolations(
 ) -> list[str]:
     """List where a scene is outside of the cases of a fit, one sentence each.
 
-    Args:
-        card: of the fit.
-        numbers: of the scene, as from `scene_numbers`.
-        mechanisms: of the scene.
+    Numbers are those of `scene_numbers`.
     """
     found = []
     for name, (low, high) in card.ranges.items():

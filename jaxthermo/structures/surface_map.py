@@ -48,12 +48,7 @@ class Gradient(eqx.Module):
     def __call__(
         self, theta: Float[Array, "..."], nodes: Float[Array, " m"]
     ) -> Components:
-        """Gradient along x, y, z [K/m].
-
-        Args:
-            theta: the state [K].
-            nodes: entries of the state at the nodes of the gradient [K].
-        """
+        """Gradient along x, y, z [K/m], from the state and from its nodes [K]."""
 
         def add(slopes, column):
             address, weights = column
@@ -83,14 +78,10 @@ class Gradient(eqx.Module):
 def gradient_at(
     structure: AbstractStructure, chosen: Int[np.ndarray, " m"], dtype: Any
 ) -> Gradient:
-    """Gradient by least squares over linked nodes, weighted by area / distance^2.
+    """Gradient at sorted nodes by least squares over links.
 
-    Zero in directions without neighbours (by the pseudo-inverse).
-
-    Args:
-        structure: nodes and links.
-        chosen: nodes of the gradient, sorted.
-        dtype: of the weights.
+    Weighted by area / distance^2; zero in directions without neighbours (by the
+    pseudo-inverse).
     """
     node, other, row = _rows(structure, chosen)
     rank = rank_in_group(node)

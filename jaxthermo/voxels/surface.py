@@ -29,10 +29,8 @@ def _hidden_inside(layers: DepthLayers) -> Bool[np.ndarray, " k"]:
     # hole is left out, and nothing on it is hidden.
     balanced = balanced_rays(layers)[layers.pixel]
     after = np.cumsum(np.where(balanced, step, 0))
-    is_new = np.ones(len(after), bool)
-    is_new[1:] = (layers.pixel[1:] != layers.pixel[:-1]) | (
-        np.diff(layers.depth) > _SAME_DEPTH
-    )
+    apart = (np.diff(layers.pixel) != 0) | (np.diff(layers.depth) > _SAME_DEPTH)
+    is_new = np.append(True, apart)
     start = np.flatnonzero(is_new)
     last = np.append(start[1:], len(after)) - 1
     between = ((after - step)[start] != 0) & (after[last] != 0)
@@ -40,22 +38,16 @@ def _hidden_inside(layers: DepthLayers) -> Bool[np.ndarray, " k"]:
 
 
 def _select(layers: DepthLayers, keep: Bool[np.ndarray, " k"]) -> DepthLayers:
-    return replace(
-        layers,
-        pixel=layers.pixel[keep],
-        depth=layers.depth[keep],
-        triangle=layers.triangle[keep],
-        entering=layers.entering[keep],
-        layer=layers.layer[keep],
-    )
+    # Layers keep their original numbers.
+    arrays = ("pixel", "depth", "triangle", "entering", "layer")
+    return replace(layers, **{name: getattr(layers, name)[keep] for name in arrays})
 
 
 def _thickness_behind(layers: DepthLayers) -> Float[np.ndarray, " k"]:
     """Depth of the body behind each crossing [cells]; inf where it has no far side."""
-    last = max(len(layers.pixel) - 1, 0)
     entering = layers.entering
     other = np.arange(len(entering)) + np.where(entering, 1, -1)
-    other = np.clip(other, 0, last)
+    other = np.clip(other, 0, max(len(entering) - 1, 0))
     paired = (layers.pixel[other] == layers.pixel) & (entering[other] != entering)
     return np.where(paired, np.abs(layers.depth[other] - layers.depth), np.inf)
 
@@ -92,11 +84,8 @@ def axis_fragments(
 ) -> tuple[AxisFragments, Int[np.ndarray, " h"]]:
     """Surface fragments of one view, and the triangles of those hidden inside.
 
-    Args:
-        layers: all fragments of the view.
-        dominant: dominant axis of each triangle, in whose view its fragments count.
-        axis: depth axis of the view.
-        first_ray: number of the view's first ray.
+    A fragment counts in the view along the dominant axis of its triangle; `first_ray`
+    is the number of this view's first ray among those of all views.
     """
     hidden = _hidden_inside(layers)
     inside = layers.triangle[hidden]

@@ -33,8 +33,10 @@ def layer_images(grid: VoxelGrid) -> dict[str, list[UInt8[np.ndarray, "h w 3"]]]
     kept = _normal_colours(grid.fragment_normal)
     images = {}
     for axis, layers in enumerate(peel_axes(grid.mesh, grid.lattice)):
+        depth = np.clip(layers.depth / grid.lattice.shape[axis], 0, 1)
+        level = np.round(255 - 190 * depth)
         paints = {
-            "depth": _grey(layers.depth / grid.lattice.shape[axis]),
+            "depth": np.repeat(level.astype(np.uint8)[:, None], 3, axis=1),
             "normal": _normal_colours(normals[layers.triangle]),
             "dominant": AXIS_COLOURS[dominant[layers.triangle]],
         }
@@ -67,12 +69,6 @@ def _upright(image: UInt8[np.ndarray, "h w 3"], axis: int) -> np.ndarray:
     # Along y the raster has z in its columns; along x and z, right is against the
     # column axis.
     return image.transpose(1, 0, 2)[::-1] if axis == 1 else image[::-1, ::-1]
-
-
-def _grey(depth: Float[np.ndarray, " k"]) -> UInt8[np.ndarray, "k 3"]:
-    """Grey levels, bright at the front of the lattice (0) and dark at the back (1)."""
-    level = np.round(255 - 190 * np.clip(depth, 0, 1)).astype(np.uint8)
-    return np.repeat(level[:, None], 3, axis=1)
 
 
 def _normal_colours(normal: Float[np.ndarray, "k 3"]) -> UInt8[np.ndarray, "k 3"]:

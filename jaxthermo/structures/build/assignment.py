@@ -6,6 +6,7 @@ rule quantities given per voxel, such as a heated region, are assigned to nodes,
 their total is the same in all structures.
 """
 
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -44,11 +45,9 @@ def nested_cells(depth: Int[np.ndarray, "x y z"]) -> LevelCells:
     """Cells of 2^l voxels that form the shell of each level l, in lattice order.
 
     Level 0 is the shell of the body. A cell of level l is inside the remaining core
-    (the body without its outer 2^l - 1 layers) if at least four of the eight voxels
-    around its centre are; those with a face to a cell outside form the level.
-
-    Args:
-        depth: from `voxel_depth`.
+    (the body without its outer 2^l - 1 layers, from `voxel_depth`) if at least four of
+    the eight voxels around its centre are; those with a face to a cell outside form the
+    level.
     """
     levels = [np.argwhere(depth == 1)]
     for level in range(1, int(depth.max()).bit_length()):
@@ -61,13 +60,8 @@ def nested_cells(depth: Int[np.ndarray, "x y z"]) -> LevelCells:
 def _inside(depth: Int[np.ndarray, "x y z"], size: int) -> Bool[np.ndarray, "a b c"]:
     """Cells with at least four of their eight central voxels as deep as `size`."""
     middle = (slice(size // 2 - 1, None, size), slice(size // 2, None, size))
-    found = [
-        (depth[x, y, z] >= size).astype(np.uint8)
-        for x in middle
-        for y in middle
-        for z in middle
-    ]
-    return sum(found[1:], found[0]) >= 4
+    deep = [depth[around] >= size for around in product(middle, repeat=3)]
+    return np.sum(deep, axis=0, dtype=np.uint8) >= 4
 
 
 class Assignment(NamedTuple):
@@ -84,13 +78,8 @@ def assign_voxels(
 ) -> tuple[Assignment, LevelCells]:
     """Divide a body among cells; drop the cells that smaller ones hide entirely.
 
-    Args:
-        body: the voxels to divide, with an empty rim.
-        levels: cells of each level, without overlap within a level; their numbers
-            continue from level to level.
-
-    Returns:
-        The division, and the remaining cells of each level.
+    The body has an empty rim. Cells of one level do not overlap; their numbers continue
+    from level to level. Returns the division and the remaining cells.
     """
     owner = _paint(body, levels)
     counts = [len(cells) for cells in levels]
@@ -142,15 +131,9 @@ def _joined_to_centre(size: int) -> Bool[np.ndarray, "s s s"]:
 def _assign_nearest(
     body: Bool[np.ndarray, "x y z"], owner: Int[np.ndarray, "x y z"]
 ) -> Int[np.ndarray, "x y z"]:
-    """Assign every voxel without an owner to the nearest one through the body.
+    """Assign voxels without owner, in place, to the nearest; return the steps to it.
 
-    Args:
-        body: the voxels to divide, with an empty rim.
-        owner: of each voxel, -1 for none; changed in place. Voxels that the body does
-            not connect to any owner keep -1.
-
-    Returns:
-        The steps to the owner.
+    The body has an empty rim; voxels that it connects to no owner keep -1.
     """
     gap = np.zeros(body.shape, np.int16)
     flat_owner, flat_gap = owner.reshape(-1), gap.reshape(-1)

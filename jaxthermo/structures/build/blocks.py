@@ -24,12 +24,8 @@ def number_by_first_voxel(
 ) -> tuple[Int[np.ndarray, "x y z"], Int[np.ndarray, " n"]]:
     """Number nodes from 0 in the order of their first voxels.
 
-    Args:
-        first: index, in lattice order, of the first voxel of each voxel's node; -1 for
-            voxels in no node.
-
-    Returns:
-        The labels, and the index of the first voxel of each node.
+    From the index, in lattice order, of the first voxel of each voxel's node (-1 for no
+    node); returns the labels, and the index of the first voxel of each node.
     """
     flat = first.reshape(-1)
     covered = np.flatnonzero(flat >= 0)
@@ -48,11 +44,8 @@ def build_blocks(
 ) -> Built:
     """Build a structure whose nodes are groups of voxels.
 
-    Args:
-        grid: the body.
-        labels: node of each voxel, -1 for none; every number below n occurs, and every
-            voxel with a fragment has one.
-        level: of each node.
+    Every number below n occurs among the labels, and every voxel with a fragment has
+    one; -1 is no node.
     """
     covered = np.flatnonzero(labels.reshape(-1) >= 0)
     node = labels.reshape(-1)[covered]

@@ -32,9 +32,8 @@ def link_distance(
 ) -> Float[np.ndarray, " e"]:
     """Length of the heat path between two centres: (n . d + max(|d|, n . d)) / 2.
 
-    Args:
-        normal: distance along the normal of the shared face.
-        straight: distance between the centres, 0 possible for concave groups.
+    From the distances along the normal of the shared face, n . d, and straight, |d|,
+    which may be 0 for concave groups.
     """
     # The normal distance is exact for heat flow along the normal, but conducts too well
     # along the face where centres are displaced along it (coarse next to fine); |d|
@@ -46,12 +45,9 @@ def link_distance(
 def block_links(
     labels: Int[np.ndarray, "x y z"], centre: Float[np.ndarray, "n 3"], pitch: float
 ) -> Links:
-    """Link each pair of groups that share voxel faces.
+    """Link each pair of groups that share voxel faces; -1 in the labels is no group.
 
-    Args:
-        labels: group of each voxel, -1 for none.
-        centre: centre of each group [voxels from the corner of the lattice].
-        pitch: edge of a voxel [m].
+    Centres are in voxels from the corner of the lattice, the pitch in metres.
     """
     side, plane = _shared_faces(labels, len(centre))
     # Chunks end between pairs: the faces of a pair are summed in one of them.
@@ -132,17 +128,13 @@ def _links(
 
 
 def _starts(ordered: Int[np.ndarray, " k"]) -> Int[np.ndarray, " u"]:
-    changes = np.ones(len(ordered), bool)
-    changes[1:] = ordered[1:] != ordered[:-1]
-    return np.flatnonzero(changes)
+    return np.flatnonzero(np.diff(ordered, prepend=-1))
 
 
 def voxel_links(labels: Int[np.ndarray, "x y z"], pitch: float) -> Links:
     """Link single voxels over shared faces, without the sort of `block_links`.
 
-    Args:
-        labels: rank of each labelled voxel in lattice order; -1 for the others.
-        pitch: edge of a voxel [m].
+    A label is the rank of a voxel in lattice order, -1 for no node; the pitch is in m.
     """
     # One more voxel at the upper ends, so that the next along an axis always exists.
     padded = np.pad(labels, (0, 1), constant_values=-1)
@@ -185,7 +177,7 @@ class NonOrthogonalLinks(NamedTuple):
 def non_orthogonal_links(structure: AbstractStructure) -> NonOrthogonalLinks:
     """Find the links of a structure that need the non-orthogonal correction."""
     links, location = structure.links(), structure.nodes().location
-    normal = face_normals(structure)
+    normal = _face_normals(structure)
     step = location[links.dst] - location[links.src]
     straight = np.linalg.norm(step, axis=1)
     across = np.einsum("ei,ei->e", step, normal)
@@ -214,7 +206,7 @@ def link_axes(structure: AbstractStructure) -> Float[np.ndarray, "e 3"]:
     return squared / squared.sum(axis=1, keepdims=True)
 
 
-def face_normals(structure: AbstractStructure) -> Float[np.ndarray, "e 3"]:
+def _face_normals(structure: AbstractStructure) -> Float[np.ndarray, "e 3"]:
     """Unit normal of the shared voxel faces of each link, from `src` to `dst`.
 
     Zero without a shared face, or where the faces cancel.

@@ -10,7 +10,7 @@ from jaxthermo.integrate.surface_error import surface_error
 from jaxthermo.network.link_operator import RowNetwork
 from jaxthermo.network.non_orthogonal import NonOrthogonalNetwork
 from jaxthermo.physics.conduction import assemble_uniform
-from jaxthermo.structures.build.links import face_normals
+from jaxthermo.structures.build.links import _face_normals
 from tests.bodies import slanted
 
 
@@ -42,7 +42,7 @@ def test_linear_temperatures_conduct_exactly(slanted, kind):
     """Through every face flows k A g . n, whatever lies on its sides."""
     structure = _structure(slanted, kind)
     links, place = structure.links(), structure.nodes().location
-    flow = K * links.area * (face_normals(structure) @ SLOPE)
+    flow = K * links.area * (_face_normals(structure) @ SLOPE)
     exact = np.zeros(structure.node_count)
     np.add.at(exact, links.src, flow)
     np.add.at(exact, links.dst, -flow)

@@ -6,7 +6,7 @@ import pytest
 import jaxthermo as jt
 from jaxthermo.structures.build.links import (
     MIN_NORMAL_FRACTION,
-    face_normals,
+    _face_normals,
     link_axes,
     link_distance,
     non_orthogonal_links,
@@ -34,7 +34,7 @@ def _kinds(grid):
 def test_a_way_is_its_parts_across_and_along(slanted, kind):
     structure = _kinds(slanted)[kind]
     links, place = structure.links(), structure.nodes().location
-    normal, found = face_normals(structure), non_orthogonal_links(structure)
+    normal, found = _face_normals(structure), non_orthogonal_links(structure)
     np.testing.assert_allclose(normal**2, link_axes(structure), atol=1e-14)
     way = (place[links.dst] - place[links.src])[found.link]
     straight = np.linalg.norm(way, axis=1)
@@ -66,4 +66,4 @@ def test_normals_turn_with_their_links():
     structure = jt.FullVolume(blocks(np.ones((3, 2, 2), bool), PITCH))
     links, centre = structure.links(), structure.nodes().centre
     way = (centre[links.dst] - centre[links.src]) / PITCH
-    np.testing.assert_allclose(face_normals(structure), way, atol=1e-12)
+    np.testing.assert_allclose(_face_normals(structure), way, atol=1e-12)

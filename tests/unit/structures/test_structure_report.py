@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from jaxthermo.structures.kinds.full import FullVolume
-from jaxthermo.structures.kinds.irregular import IrregularMultiLevel
-from jaxthermo.structures.kinds.shell import SingleShell
+from jaxthermo.structures.kinds.shell import IrregularMultiLevel, SingleShell
 from jaxthermo.structures.report import structure_report
 from tests.bodies import blocks
 
