@@ -23,7 +23,7 @@ from typing_extensions import override
 
 import jaxthermo as jt
 from jaxthermo.cli.console import open_console
-from jaxthermo.geometry.figurine import figurine
+from jaxthermo.geometry.shapes import figurine
 from jaxthermo.integrate.implicit.conjugate_gradient import (
     AbstractStoppingNorm,
     ConjugateGradient,

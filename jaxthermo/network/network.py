@@ -45,11 +45,11 @@ class AbstractNetwork(eqx.Module):
         # body that loses little heat. Other networks use differences anyway.
         return self.heat_rate(state)
 
-    @abc.abstractmethod
     def euler_step(
         self, state: Float[Array, "..."], dt: Float[Array, ""]
     ) -> Float[Array, "..."]:
         """The state after `dt` [s] of conduction: T + dt / C * sum_j G (T_j - T)."""
+        return state + dt * inverse(self.capacity()) * self.heat_rate(state)
 
     @abc.abstractmethod
     def diagonal(self) -> Float[Array, "..."]:
@@ -59,9 +59,9 @@ class AbstractNetwork(eqx.Module):
     def capacity(self) -> Float[Array, "..."]:
         """Heat capacity of each node [J/K]; one number if all have the same."""
 
-    @abc.abstractmethod
     def max_rate(self) -> Float[Array, ""]:
         """Largest ratio of summed conductances to capacity of any node [1/s]."""
+        return (self.diagonal() * inverse(self.capacity())).max()
 
     @abc.abstractmethod
     def total_capacity(self) -> Float[Array, ""]:
@@ -135,18 +135,8 @@ class AbstractNodeNetwork(AbstractNetwork):
     """Heat capacity of each node [J/K]."""
 
     @override
-    def euler_step(
-        self, state: Float[Array, "..."], dt: Float[Array, ""]
-    ) -> Float[Array, "..."]:
-        return state + dt * inverse(self.node_capacity) * self.heat_rate(state)
-
-    @override
     def capacity(self) -> Float[Array, "..."]:
         return self.node_capacity
-
-    @override
-    def max_rate(self) -> Float[Array, ""]:
-        return (self.diagonal() * inverse(self.node_capacity)).max()
 
     @override
     def total_capacity(self) -> Float[Array, ""]:

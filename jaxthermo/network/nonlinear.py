@@ -25,7 +25,7 @@ from typing_extensions import override
 
 from ..arrays import Scalar, is_traced
 from ..material.material import Property
-from .network import AbstractNetwork, inverse
+from .network import AbstractNetwork
 
 
 class _KirchhoffTransform(eqx.Module):
@@ -171,12 +171,6 @@ class NonlinearNetwork(AbstractNetwork):
         """Potential phi, whose differences drive conduction at the reference [K]."""
         theta = self.temperature(state)
         return theta if self.conduction is None else self.conduction(theta)
-
-    @override
-    def euler_step(
-        self, state: Float[Array, "..."], dt: Float[Array, ""]
-    ) -> Float[Array, "..."]:
-        return state + dt * inverse(self.base.capacity()) * self.heat_rate(state)
 
     @override
     def relative_conductivity(self, theta: Float[Array, "*m"]) -> Float[Array, "*#m"]:

@@ -265,10 +265,6 @@ class HeterogeneousStencil(AbstractNetwork):
         return jnp.pad(self.cell_capacity, 1)
 
     @override
-    def max_rate(self) -> Float[Array, ""]:
-        return (self.diagonal() * inverse(self.capacity())).max()
-
-    @override
     def total_capacity(self) -> Float[Array, ""]:
         return precise_sum(self.cell_capacity)
 

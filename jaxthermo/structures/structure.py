@@ -143,6 +143,11 @@ class Links(NamedTuple):
     distance_dst: Float[np.ndarray, " e"]
     """Distance from the shared face to `dst` [m]."""
 
+    def lengthened(self, ratio: Float[np.ndarray, " e"] | float) -> "Links":
+        """The same links with both distances multiplied by a ratio."""
+        to_src, to_dst = self.distance_src * ratio, self.distance_dst * ratio
+        return self._replace(distance_src=to_src, distance_dst=to_dst)
+
 
 @dataclass(frozen=True, eq=False)
 class Built:

@@ -152,12 +152,9 @@ class BoundMap(eqx.Module):
     ) -> Float[Array, " s"]:
         """Temperature of every fragment above the reference [K].
 
-        Args:
-            theta: the state.
-            nodes: the state at the nodes with a surface.
-            below: the state at each fragment's node.
-            index: index of each fragment's node among those with a surface.
-            excess: of the surface over the node, from the surface balance.
+        From the state `theta`, its values at the nodes with a surface and `below` each
+        fragment, the `index` of each fragment's node among those, and the excess of the
+        surface over the node, from the surface balance.
         """
         total = below
         if self.gradient is not None and self.offset is not None:
@@ -239,9 +236,5 @@ def _with_gradient(structure, offset, part, dtype) -> BoundMap:
     if np.abs(offset).max(initial=0) < 1e-6 * structure.grid.pitch:
         return BoundMap(None, None, part)
     gradient = gradient_at(structure, np.unique(structure.fragment_node()), dtype)
-    return BoundMap(gradient, _components(offset, dtype), part)
-
-
-def _components(vectors: Float[np.ndarray, "m 3"], dtype: Any) -> Components:
-    x, y, z = (jnp.asarray(vectors[:, i], dtype) for i in range(3))
-    return x, y, z
+    x, y, z = (jnp.asarray(offset[:, i], dtype) for i in range(3))
+    return BoundMap(gradient, (x, y, z), part)

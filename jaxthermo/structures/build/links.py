@@ -58,11 +58,7 @@ def block_links(
         _links(side[i:j], plane[i:j], centre) for i, j in zip(begin, end, strict=True)
     ]
     links = Links(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
-    return links._replace(
-        area=links.area * pitch**2,
-        distance_src=links.distance_src * pitch,
-        distance_dst=links.distance_dst * pitch,
-    )
+    return links._replace(area=links.area * pitch**2).lengthened(pitch)
 
 
 def _shared_faces(
@@ -117,14 +113,8 @@ def _links(
     to_dst = np.add.reduceat(faces * to_dst, start) / area
     normal = to_src + to_dst
     straight = np.linalg.norm(centre[dst] - centre[src], axis=1)
-    longer = link_distance(normal, straight) / normal
-    return Links(
-        src=src.astype(np.int32),
-        dst=dst.astype(np.int32),
-        area=area,
-        distance_src=to_src * longer,
-        distance_dst=to_dst * longer,
-    )
+    links = Links(src.astype(np.int32), dst.astype(np.int32), area, to_src, to_dst)
+    return links.lengthened(link_distance(normal, straight) / normal)
 
 
 def _starts(ordered: Int[np.ndarray, " k"]) -> Int[np.ndarray, " u"]:

@@ -107,14 +107,9 @@ def _align_nodes(
     to_src, to_dst = (np.abs(face - location[end, axis]) for end in (src, dst))
     normal = to_src + to_dst
     straight = np.linalg.norm(location[dst] - location[src], axis=1)
-    longer = link_distance(normal, straight) / normal
-    return replace(
-        built,
-        nodes=built.nodes._replace(location=location),
-        links=links._replace(
-            distance_src=to_src * longer, distance_dst=to_dst * longer
-        ),
-    )
+    links = links._replace(distance_src=to_src, distance_dst=to_dst)
+    links = links.lengthened(link_distance(normal, straight) / normal)
+    return replace(built, nodes=built.nodes._replace(location=location), links=links)
 
 
 def _limit_small_nodes(built: Built, minimum: float) -> Built:
@@ -130,8 +125,4 @@ def _limit_small_nodes(built: Built, minimum: float) -> Built:
     # Fraction of its conductance that a node keeps: 1 where it is large enough.
     kept = np.minimum(1.0, volume / np.maximum(total * minimum, volume))
     stretch = 1 / np.minimum(kept[links.src], kept[links.dst])
-    longer = links._replace(
-        distance_src=links.distance_src * stretch,
-        distance_dst=links.distance_dst * stretch,
-    )
-    return replace(built, links=longer)
+    return replace(built, links=links.lengthened(stretch))

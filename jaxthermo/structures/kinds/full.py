@@ -54,11 +54,8 @@ class FullVolume(AbstractStructure):
     @property
     @override
     def link_count(self) -> int:
-        count = 0
-        for axis in range(3):
-            body = np.moveaxis(self.grid.solid, axis, 0)
-            count += int(np.count_nonzero(body[:-1] & body[1:]))
-        return count
+        bodies = (np.moveaxis(self.grid.solid, axis, 0) for axis in range(3))
+        return sum(int(np.count_nonzero(body[:-1] & body[1:])) for body in bodies)
 
     def _numbers(self) -> Int[np.ndarray, "x y z"]:
         """Node number of each solid voxel, in C order; -1 elsewhere."""
