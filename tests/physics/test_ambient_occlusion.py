@@ -41,7 +41,14 @@ def groove(angle, length=60.0):
     return quads(sides)
 
 
-@pytest.mark.parametrize("degrees", [60.0, 90.0, 120.0])
+@pytest.mark.parametrize(
+    "degrees",
+    [
+        60.0,
+        pytest.param(90.0, marks=pytest.mark.slow),
+        pytest.param(120.0, marks=pytest.mark.slow),
+    ],
+)
 def test_endless_groove(degrees):
     angle, pitch = np.deg2rad(degrees), 0.05
     s, c = np.sin(angle / 2), np.cos(angle / 2)

@@ -75,7 +75,10 @@ def test_a_contact_conductance_holds_two_half_spaces_apart():
     np.testing.assert_allclose(other, exact[1], atol=0.2)
 
 
-@pytest.mark.parametrize(("dtype", "most"), [("float64", 1e-12), ("float32", 1e-5)])
+@pytest.mark.parametrize(
+    ("dtype", "most"),
+    [("float64", 1e-12), pytest.param("float32", 1e-5, marks=pytest.mark.slow)],
+)
 def test_what_one_loses_the_other_gains(dtype, most):
     scene = _scene(jt.Contact(1000.0), cells=(20, 15), dtype=dtype)
     energy = jt.simulate(scene, 2.0, [1.0, 2.0]).energy

@@ -35,12 +35,8 @@ def _everything():
     [
         ("float32", True, True),
         ("float64", False, False),
-        pytest.param(
-            "float32", False, True, marks=[pytest.mark.slow, pytest.mark.slice]
-        ),
-        pytest.param(
-            "float64", True, True, marks=[pytest.mark.slow, pytest.mark.slice]
-        ),
+        pytest.param("float32", False, True, marks=pytest.mark.slow),
+        pytest.param("float64", True, True, marks=pytest.mark.slow),
     ],
 )
 def test_all_mechanisms_at_once(ball, dtype, stencil, painted):

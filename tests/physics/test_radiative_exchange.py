@@ -57,7 +57,7 @@ def test_where_all_is_at_one_temperature_nothing_flows():
 
 @pytest.mark.parametrize(
     "dtype",
-    ["float64", pytest.param("float32", marks=[pytest.mark.slow, pytest.mark.slice])],
+    ["float64", pytest.param("float32", marks=pytest.mark.slow)],
 )
 def test_the_first_heat_between_two_squares_is_that_of_their_view_factor(dtype):
     """Black, 6 cm wide and 3 cm apart; the cold one and all around at 0 K."""

@@ -30,7 +30,15 @@ def check(found):
     assert off.min() >= 0 and np.diag(found.factor).min() > -1e-9
 
 
-@pytest.mark.parametrize("gap", [0.1, 0.5, 2.0, 10.0])
+@pytest.mark.parametrize(
+    "gap",
+    [
+        0.1,
+        pytest.param(0.5, marks=pytest.mark.slow),
+        pytest.param(2.0, marks=pytest.mark.slow),
+        10.0,
+    ],
+)
 def test_aligned_cubes_are_parallel_squares(cube, gap):
     """Only the squares that face each other see each other at all."""
     first, second = in_patches(cube, 60), in_patches(cube, 60, moved(1 + gap, 0, 0))

@@ -17,7 +17,7 @@ LONG = [pytest.mark.slow, pytest.mark.slice]
         "A9 1fc",
         pytest.param("V13", marks=LONG),
         pytest.param("V20a", marks=LONG),
-        pytest.param("A9 1fa", marks=LONG),
+        pytest.param("A9 1fa", marks=pytest.mark.slow),
         pytest.param("V25, sol-air", marks=LONG),
     ],
 )

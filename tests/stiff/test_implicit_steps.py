@@ -26,7 +26,9 @@ def _laminate(pattern, dtype):
     return jt.Scene((body,), (), dtype=dtype)
 
 
-@pytest.mark.parametrize("dtype", ["float64", "float32"])
+@pytest.mark.parametrize(
+    "dtype", [pytest.param("float64", marks=pytest.mark.slow), "float32"]
+)
 @pytest.mark.parametrize(
     "pattern", [pytest.param("laminate", marks=pytest.mark.slow), "checkerboard"]
 )

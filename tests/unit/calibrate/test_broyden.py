@@ -80,7 +80,6 @@ def test_optimistix_drives_the_solver(use_broyden):
 
 
 @pytest.mark.slow
-@pytest.mark.slice
 def test_a_fit_comes_to_the_values_of_one_with_exact_jacobians():
     problem, settings = twin(), FitConfig(tolerance=1e-7)
     exact = Fitting(problem, settings, use_broyden=False).run()

@@ -57,7 +57,7 @@ def test_a_fit_ends_by_trials_from_an_exact_jacobian(fit):
     [
         pytest.param("gauss_newton", marks=pytest.mark.slice),
         "bfgs",
-        pytest.param("lbfgs", marks=pytest.mark.slice),
+        "lbfgs",
     ],
 )
 def test_the_truth_is_found_by_other_methods(problem, method):
@@ -69,7 +69,6 @@ def test_the_truth_is_found_by_other_methods(problem, method):
 
 
 @pytest.mark.slow
-@pytest.mark.slice
 def test_a_fit_that_is_stopped_goes_on_to_the_same_result(problem, tmp_path):
     setting = FitConfig(tolerance=1e-6)
     whole = Fitting(problem, setting).run()

@@ -48,7 +48,13 @@ def _along(solution, body=0):
     "dtype", ["float64", pytest.param("float32", marks=pytest.mark.slow)]
 )
 @pytest.mark.parametrize(
-    "kind", [jt.FullVolume, functools.partial(jt.FullVolume, stencil=False)]
+    "kind",
+    [
+        jt.FullVolume,
+        pytest.param(
+            functools.partial(jt.FullVolume, stencil=False), marks=pytest.mark.slow
+        ),
+    ],
 )
 def test_a_bar_between_two_temperatures_is_a_straight_line(kind, dtype):
     terms = (jt.FixedTemperature(400.0, on=LEFT), jt.FixedTemperature(300.0, on=RIGHT))
@@ -95,14 +101,22 @@ SCENES = {
 }
 
 
-LONG = (pytest.mark.slow, pytest.mark.slice)
+# Two bodies that act on each other; the other scenes are within default tests.
+COUPLED = ("contact", "exchange")
 
 
 @pytest.mark.parametrize(
     "name",
     [
         "varying properties",
-        *(pytest.param(n, marks=LONG) for n in SCENES if n != "varying properties"),
+        *(
+            pytest.param(
+                name,
+                marks=[pytest.mark.slow] + [pytest.mark.slice] * (name in COUPLED),
+            )
+            for name in SCENES
+            if name != "varying properties"
+        ),
     ],
 )
 def test_it_is_where_a_long_run_ends(name):
@@ -122,7 +136,7 @@ def test_it_is_where_a_long_run_ends(name):
     assert all(abs(float(sum(body))) < 1e-8 * passes for body in each)
 
 
-@pytest.mark.parametrize("start", [1e-3, 5800.0])
+@pytest.mark.parametrize("start", [1e-3, pytest.param(5800.0, marks=pytest.mark.slow)])
 def test_it_settles_from_any_start(start):
     found = jt.steady(jt.Scene((_body(start),), (SKY,), dtype="float64"))
     effort = found.run.statistics
@@ -140,7 +154,12 @@ def _split():
 
 
 @pytest.mark.parametrize(
-    "kind", [jt.FullVolume, jt.Octree, functools.partial(jt.Aggregate, factor=2)]
+    "kind",
+    [
+        jt.FullVolume,
+        pytest.param(jt.Octree, marks=pytest.mark.slow),
+        pytest.param(functools.partial(jt.Aggregate, factor=2), marks=pytest.mark.slow),
+    ],
 )
 def test_an_island_keeps_the_mean_that_it_starts_with(kind):
     start = lambda points: 300.0 + 1000.0 * points[:, 0]
@@ -175,7 +194,9 @@ def test_heat_in_and_out_of_an_island_leaves_a_slope_about_its_mean():
     np.testing.assert_allclose(theta, exact, rtol=0, atol=1e-7)
 
 
-@pytest.mark.parametrize("dtype", ["float64", "float32"])
+@pytest.mark.parametrize(
+    "dtype", ["float64", pytest.param("float32", marks=pytest.mark.slow)]
+)
 def test_heat_that_nothing_carries_off_is_refused(dtype):
     scene = jt.Scene((_body(),), (jt.Sun((0.0, 0, -1), 900.0),), dtype=dtype)
     with pytest.raises(jt.InputError, match=r"1\.3 W is brought to body 0") as caught:

@@ -55,7 +55,9 @@ def _kept(checkpoints):
 VALUES = jnp.array([16.0, 0.7])
 
 
-@pytest.mark.parametrize("checkpoints", [None, 2, STEPS])
+@pytest.mark.parametrize(
+    "checkpoints", [None, 2, pytest.param(STEPS, marks=pytest.mark.slow)]
+)
 def test_reverse_mode_is_that_of_the_plain_steps(value, checkpoints):
     found = jax.jit(jax.grad(lambda v: value(v, _kept(checkpoints))))(VALUES)
     expected = jax.jit(jax.grad(lambda v: value(v, _plain)))(VALUES)

@@ -85,8 +85,17 @@ def test_nothing_apart_needs_nothing(slanted):
     assert isinstance(_network(straight), RowNetwork)
 
 
-@pytest.mark.parametrize("kind", ["aggregate", "core"])
-@pytest.mark.parametrize("weight", [0.5, 1.0, 2.0])
+@pytest.mark.parametrize(
+    ("kind", "weight"),
+    [
+        ("aggregate", 0.5),
+        ("aggregate", 1.0),
+        ("aggregate", 2.0),
+        pytest.param("core", 0.5, marks=pytest.mark.slow),
+        pytest.param("core", 1.0, marks=pytest.mark.slow),
+        ("core", 2.0),
+    ],
+)
 def test_all_modes_decay_and_the_stable_step_is_safe(slanted, kind, weight):
     network = _network(_structure(slanted, kind, weight))
     count = len(network.capacity())

@@ -127,6 +127,9 @@ def test_derivatives_are_those_of_the_plain_operator(case, derive):
     _same(found, jax.jit(derive(_chain(case, plain=True)))(*given))
 
 
+@pytest.mark.parametrize(
+    "case", ["uniform", pytest.param("rows", marks=pytest.mark.slow)], indirect=True
+)
 def test_derivatives_map_over_a_batch(case):
     scales = jnp.array([0.5, 1.0, 1.5])
     batch = lambda run: (

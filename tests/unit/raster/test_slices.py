@@ -41,7 +41,14 @@ def test_random_triangles_in_and_out_of_the_image(seed):
     assert peeled_voxels(layers, SIZE) == slice_voxels(triangles, SIZE, SIZE, SIZE)
 
 
-@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize(
+    "axis",
+    [
+        pytest.param(0, marks=pytest.mark.slow),
+        pytest.param(1, marks=pytest.mark.slow),
+        2,
+    ],
+)
 def test_the_figurine(axis):
     mesh = shapes.figurine(resolution=48)
     low, high = mesh.bounds

@@ -111,7 +111,7 @@ def _alone(program, states, time):
     [
         "everything",
         *(
-            pytest.param(name, marks=(pytest.mark.slow, pytest.mark.slice))
+            pytest.param(name, marks=pytest.mark.slow)
             for name in SCENES
             if name != "everything"
         ),

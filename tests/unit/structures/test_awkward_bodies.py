@@ -7,7 +7,7 @@ import jaxthermo as jt
 from tests.bodies import blocks
 
 
-pytestmark = [pytest.mark.slow, pytest.mark.slice]
+pytestmark = pytest.mark.slow
 
 METAL = jt.Material(16.0, density=8000.0, specific_heat=500.0, emissivity=0.8)
 KINDS = {
@@ -45,7 +45,16 @@ BODIES = {
 }
 
 
-@pytest.mark.parametrize("body", BODIES)
+IN_SLICE = ("one voxel", "a lone voxel")
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        pytest.param(name, marks=pytest.mark.slice if name in IN_SLICE else ())
+        for name in BODIES
+    ],
+)
 def test_every_structure_of_it_warms_and_keeps_its_heat(body):
     """Finite, above the start, and with a closed ledger."""
     grid = blocks(BODIES[body], 0.01)

@@ -110,7 +110,9 @@ def _surface_mean(structure):
     return (solution.surface_temperature[0] ** 2).mean()
 
 
-@pytest.mark.parametrize("mode", ["forward", "reverse"])
+@pytest.mark.parametrize(
+    "mode", [pytest.param("forward", marks=pytest.mark.slow), "reverse"]
+)
 def test_gradients_reach_every_weight(grid, mode):
     def loss(values):
         weights = jt.ConductionWeights(
