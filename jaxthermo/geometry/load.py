@@ -19,7 +19,7 @@ from .mesh import Mesh
 from .repair import MAX_HOLE_EDGES, repair_mesh
 
 
-FORMATS = (".obj", ".ply", ".stl", ".glb", ".off")
+_FORMATS = (".obj", ".ply", ".stl", ".glb", ".off")
 """Suffixes that `load_mesh` reads."""
 
 _FileMesh = tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]
@@ -80,10 +80,10 @@ def _read(path: Path) -> bytes:
         raise InputError(f"{path}: this is a folder: name a mesh file in it")
     if not path.exists():
         raise InputError(f"{path}: there is no such file: check the path")
-    if path.suffix.lower() not in FORMATS:
+    if path.suffix.lower() not in _FORMATS:
         raise InputError(
             f"{path}: files ending in {path.suffix or 'nothing'!r} are not read: "
-            f"convert to one of {', '.join(FORMATS)}"
+            f"convert to one of {', '.join(_FORMATS)}"
         )
     try:
         return path.read_bytes()

@@ -72,7 +72,7 @@ class Property(eqx.Module):
 DEFAULT_EMISSIVITY = 0.9
 """Long-wave emissivity of most painted, oxidized and non-metallic surfaces [-]."""
 
-Conductivity = Scalar | tuple[Scalar, Scalar, Scalar] | Property
+_Conductivity = Scalar | tuple[Scalar, Scalar, Scalar] | Property
 """Isotropic, one per axis of the body, or dependent on temperature."""
 
 
@@ -91,7 +91,7 @@ def _check(name: str, value: object, maximum: float, unit: str) -> None:
         raise InputError(f"{name}={number}: give a positive, finite number [{unit}]")
 
 
-def _conductivity(given) -> Conductivity:
+def _conductivity(given) -> _Conductivity:
     if isinstance(given, Property):
         return given
     if not isinstance(given, list | tuple) and getattr(given, "ndim", 0) != 1:
@@ -119,7 +119,7 @@ class Material(eqx.Module):
         0.95
     """
 
-    conductivity: Conductivity
+    conductivity: _Conductivity
     density: Scalar
     specific_heat: Scalar | Property
     emissivity: Scalar
@@ -127,7 +127,7 @@ class Material(eqx.Module):
 
     def __init__(
         self,
-        conductivity: Conductivity | Sequence[Scalar] | Float[Array, "3"],
+        conductivity: _Conductivity | Sequence[Scalar] | Float[Array, "3"],
         density: Scalar,
         specific_heat: Scalar | Property,
         emissivity: Scalar = DEFAULT_EMISSIVITY,

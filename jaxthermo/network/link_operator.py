@@ -128,7 +128,7 @@ def _pull(values, state, factors, layout):
     return jax.linear_transpose(change, factors)(values)[0]
 
 
-ROWS = Operator(_row_change, _row_change, lambda values, _: values, _pull)
+_ROWS = Operator(_row_change, _row_change, lambda values, _: values, _pull)
 
 
 class RowNetwork(AbstractNodeNetwork):
@@ -149,7 +149,7 @@ class RowNetwork(AbstractNodeNetwork):
     def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
         factors = self.following, self.conductance, self.list_conductance
         layout = self.neighbour, self.list_node, self.list_neighbour
-        return conduct(ROWS, state, factors, layout)
+        return conduct(_ROWS, state, factors, layout)
 
     @override
     def diagonal(self) -> Float[Array, "..."]:

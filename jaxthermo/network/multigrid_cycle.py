@@ -22,7 +22,7 @@ from typing_extensions import override
 from .network import AbstractNetwork, inverse
 
 
-SMOOTHED_RANGE = 6.0
+_SMOOTHED_RANGE = 6.0
 """Ratio of the largest to the smallest smoothed eigenvalue of D^-1 A."""
 
 
@@ -95,7 +95,7 @@ def level(network: AbstractNetwork, m: Float[Array, "..."]) -> _Level:
     """Level diag(m) - K with the smoother for its range of eigenvalues; m [W/K].
 
     Those of D^-1 A lie in [1 - s, 1 + s], s the largest fraction of links in D
-    (Gershgorin). On [a, b] = [max(1 - s, b / SMOOTHED_RANGE), 1 + s] the polynomial
+    (Gershgorin). On [a, b] = [max(1 - s, b / _SMOOTHED_RANGE), 1 + s] the polynomial
     of degree two that is 1 at 0 and smallest elsewhere is Chebyshev's, with
 
         q(x) = (4 t - 2 x) / (2 t^2 - d^2),   t = (a + b) / 2, d = (b - a) / 2.
@@ -106,7 +106,7 @@ def level(network: AbstractNetwork, m: Float[Array, "..."]) -> _Level:
     inverse_diagonal = inverse(m + links)
     fraction = (links * inverse_diagonal).max()
     high = 1 + fraction
-    low = jnp.maximum(1 - fraction, high / SMOOTHED_RANGE)
+    low = jnp.maximum(1 - fraction, high / _SMOOTHED_RANGE)
     middle, half = (low + high) / 2, (high - low) / 2
     scale = 2 * middle**2 - half**2
     return _Level(network, m, inverse_diagonal, 4 * middle / scale, 2 / scale)

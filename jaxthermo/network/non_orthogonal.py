@@ -29,7 +29,7 @@ from .network import AbstractNodeNetwork, inverse
 _POWER_STEPS, _LAST_STEPS, _MARGIN = 40, 8, 1.05
 
 
-class NonOrthogonalNetwork(AbstractNodeNetwork):
+class _NonOrthogonalNetwork(AbstractNodeNetwork):
     """Two-point network with a correction for some of its links."""
 
     # The gradient at a node depends on nodes that its link does not connect.
@@ -81,7 +81,7 @@ def non_orthogonal(
     structure: AbstractStructure,
     skewed: NonOrthogonalLinks,
     conductance: Float[Array, " k"],
-) -> NonOrthogonalNetwork:
+) -> _NonOrthogonalNetwork:
     """Two-point network with a correction for skewed links.
 
     `conductance` is that of the skewed links times the weight x [W/K].
@@ -91,7 +91,7 @@ def non_orthogonal(
     chosen, index = np.unique(np.concatenate(ends), return_inverse=True)
     first, second = (jnp.asarray(each) for each in np.split(index.astype(np.int32), 2))
     x, y, z = (jnp.asarray(half, dtype) for half in skewed.offset.T / 2)
-    network = NonOrthogonalNetwork(
+    network = _NonOrthogonalNetwork(
         straight=straight,
         node_capacity=straight.node_capacity,
         gradient=gradient_at(structure, chosen, dtype),
@@ -106,7 +106,7 @@ def non_orthogonal(
 
 
 @eqx.filter_jit
-def _rate_ratio(network: NonOrthogonalNetwork) -> Float[Array, ""]:
+def _rate_ratio(network: _NonOrthogonalNetwork) -> Float[Array, ""]:
     """Fastest rate over the bound of that of the two-point flux [-], at least 1."""
     # No mode of the two-point flux is faster than twice the largest ratio of summed
     # conductances to capacity.

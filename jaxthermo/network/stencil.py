@@ -103,11 +103,11 @@ def _inside(values, degree):
 
 def _pull(values, state, ratio, degree):
     # In a separate loop: the compiler does not vectorize a reduction over the stencil.
-    spread = conduct(UNIFORM, computed_once(values), jnp.ones_like(ratio), degree)
+    spread = conduct(_UNIFORM, computed_once(values), jnp.ones_like(ratio), degree)
     return (computed_once(spread) * state).sum()
 
 
-UNIFORM = Operator(_uniform_change, _uniform_step, _inside, _pull)
+_UNIFORM = Operator(_uniform_change, _uniform_step, _inside, _pull)
 
 
 class _AbstractOneMaterial(AbstractNetwork):
@@ -139,7 +139,7 @@ class UniformStencil(_AbstractOneMaterial):
 
     @override
     def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
-        return conduct(UNIFORM, state, self.conductance, self.degree)
+        return conduct(_UNIFORM, state, self.conductance, self.degree)
 
     @override
     def face_heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
@@ -150,7 +150,7 @@ class UniformStencil(_AbstractOneMaterial):
         self, state: Float[Array, "..."], dt: Float[Array, ""]
     ) -> Float[Array, "..."]:
         ratio = dt * (self.conductance / self.node_capacity)
-        return conduct_step(UNIFORM, state, ratio, self.degree)
+        return conduct_step(_UNIFORM, state, ratio, self.degree)
 
     @override
     def diagonal(self) -> Float[Array, "..."]:

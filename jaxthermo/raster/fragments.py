@@ -27,7 +27,7 @@ from ..errors import InputError
 SNAP = 1024
 """Steps per pixel of the snapped coordinates."""
 
-MAX_COORDINATE = 2**20
+_MAX_COORDINATE = 2**20
 """Limit [pixels] below which the products of 64-bit integers cannot overflow."""
 
 
@@ -35,7 +35,7 @@ MIN_CAPACITY = 2**14
 """Smallest array size: smaller ones save no time, only compile more programs."""
 
 
-class Fragments(NamedTuple):
+class _Fragments(NamedTuple):
     """Fragments in fixed-size arrays; slots from `count` on are padding."""
 
     pixel: Int[Array, " k"]
@@ -43,7 +43,7 @@ class Fragments(NamedTuple):
     depth: Float[Array, " k"]
     triangle: Int[Array, " k"]
     entering: Bool[Array, " k"]
-    """True if the ray meets the outer side of the triangle (see `rasterize`)."""
+    """True if the ray meets the outer side of the triangle (see `_rasterize`)."""
     count: Int[Array, ""]
     """Number of fragments, larger than the arrays if the capacity was too small."""
     rows_needed: Int[Array, ""]
@@ -109,14 +109,14 @@ def _plane_at(corners, depths, row, column):
 
 
 @partial(jax.jit, static_argnames=("row_capacity", "capacity"))
-def rasterize_fixed(
+def _rasterize_fixed(
     triangles: Float[Array, "f 3 3"],
     width: int | Int[Array, ""],
     height: int | Int[Array, ""],
     *,
     row_capacity: int,
     capacity: int,
-) -> Fragments:
+) -> _Fragments:
     """Compute the fragments of triangles (column, row, depth) in arrays of fixed size.
 
     If `count > capacity` or `rows_needed > row_capacity` the result is incomplete and
@@ -134,7 +134,7 @@ def rasterize_fixed(
     span, offset, valid, count = _expand(spans, capacity)
     triangle, column, line = owner[span], left[span] + offset, row[span]
     depth, area = _plane_at(corners[triangle], triangles[triangle, :, 2], line, column)
-    return Fragments(
+    return _Fragments(
         pixel=jnp.where(valid, line * width + column, width * height),
         depth=depth,
         triangle=triangle,
@@ -188,12 +188,12 @@ def padded(
     return np.concatenate([triangles, np.zeros((spare, 3, 3))])
 
 
-def rasterize(
+def _rasterize(
     triangles: Float[np.ndarray, "f 3 3"],
     width: int,
     height: int,
     sizes: tuple[int, int] | None = None,
-) -> Fragments:
+) -> _Fragments:
     """Compute the fragments of triangles (column, row, depth), in arrays of any size.
 
     A fragment is `entering` if its triangle's corners turn counter-clockwise on an
@@ -209,7 +209,7 @@ def rasterize(
         triangles = np.zeros((1, 3, 3))
     if (
         not np.isfinite(triangles).all()
-        or np.abs(triangles[..., :2]).max() > MAX_COORDINATE
+        or np.abs(triangles[..., :2]).max() > _MAX_COORDINATE
     ):
         raise InputError(
             "raster: a triangle is not finite or over a million pixels away; "
@@ -219,7 +219,7 @@ def rasterize(
     with jax.enable_x64(True):
         corners = jnp.asarray(triangles, jnp.float64)
         while True:
-            fragments = rasterize_fixed(
+            fragments = _rasterize_fixed(
                 corners,
                 width,
                 height,
@@ -268,8 +268,8 @@ def _depth_steps(depth, bits):
 
 
 @jax.jit
-def sort_fragments(
-    fragments: Fragments, pixel_bits: int | Int[Array, ""]
+def _sort_fragments(
+    fragments: _Fragments, pixel_bits: int | Int[Array, ""]
 ) -> tuple[Int[Array, " k"], Int[Array, " k"]]:
     """Permutation that sorts by pixel, then depth, and the layer of each fragment."""
     # Pixel and depth share one 64-bit key (x64 mode must be on), which resolves depths
@@ -293,10 +293,10 @@ def peel(
     sizes: tuple[int, int] | None = None,
 ) -> DepthLayers:
     """All depth layers of triangles given as (column, row, depth) [pixels]."""
-    fragments = rasterize(triangles, width, height, sizes)
+    fragments = _rasterize(triangles, width, height, sizes)
     with jax.enable_x64(True):
         # Padding has pixel width * height: it sorts behind all fragments.
-        order, layer = sort_fragments(fragments, int(width * height).bit_length())
+        order, layer = _sort_fragments(fragments, int(width * height).bit_length())
     count = int(fragments.count)
     order = np.asarray(order)[:count]
     take = lambda array, kind: np.asarray(array).astype(kind, copy=False)[order]
@@ -319,12 +319,12 @@ def depth_range(
 ) -> tuple[Float[np.ndarray, "h w"], Float[np.ndarray, "h w"]]:
     """Nearest and farthest depth of triangles given as (column, row, depth).
 
-    Empty pixels have the depths inf and -inf. Arguments as for `rasterize`. May be
+    Empty pixels have the depths inf and -inf. Arguments as for `_rasterize`. May be
     called while something else is traced.
     """
     sizes = sizes or shared_capacities(triangles, width, height)
     with jax.ensure_compile_time_eval():
-        fragments = rasterize(padded(triangles), width, height, sizes)
+        fragments = _rasterize(padded(triangles), width, height, sizes)
     count = int(fragments.count)
     pixel = np.asarray(fragments.pixel)[:count]
     depth = np.asarray(fragments.depth)[:count]

@@ -25,10 +25,10 @@ from .structure import Built, Links, Nodes
 # Incremented when the meaning of the arrays in a file changes.
 _FORMAT = 4
 
-MIN_VOXELS = 20_000
+_MIN_VOXELS = 20_000
 """Number of voxels below which building is as fast as reading."""
 
-MAX_BYTES = 2 * 1024**3
+_MAX_BYTES = 2 * 1024**3
 """Size of all files together; the least recently used are removed first."""
 
 # Files of this cache, complete or left behind by a killed process.
@@ -44,7 +44,7 @@ def cached(
     `build` takes the grid, and the options by name.
     """
     folder = cache_folder()
-    if folder is None or grid.solid_count < MIN_VOXELS:
+    if folder is None or grid.solid_count < _MIN_VOXELS:
         return build(grid, **options)
     path = folder / f"{kind}-{_key(kind, grid, options)}.npz"
     built = _read(path)
@@ -133,7 +133,7 @@ def _write(path: Path, built: Built) -> None:
     arrays = {f"nodes.{k}": v for k, v in built.nodes._asdict().items()}
     arrays |= {f"links.{k}": v for k, v in built.links._asdict().items()}
     arrays |= {"fragment_node": built.fragment_node, "voxel_node": built.voxel_node}
-    if sum(array.nbytes for array in arrays.values()) > MAX_BYTES / 2:
+    if sum(array.nbytes for array in arrays.values()) > _MAX_BYTES / 2:
         return
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -145,7 +145,7 @@ def _write(path: Path, built: Built) -> None:
 
 
 def _make_room(folder: Path) -> None:
-    """Remove the least recently used files until the rest is below `MAX_BYTES`."""
+    """Remove the least recently used files until the rest is below `_MAX_BYTES`."""
     found = []
     for path in folder.iterdir():
         # Another process may remove files at the same time.
@@ -156,5 +156,5 @@ def _make_room(folder: Path) -> None:
     kept = 0
     for _, size, path in sorted(found, reverse=True):
         kept += size
-        if kept > MAX_BYTES:
+        if kept > _MAX_BYTES:
             path.unlink(missing_ok=True)

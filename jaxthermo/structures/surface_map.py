@@ -25,7 +25,7 @@ from ..arrays import gathered_columns, rank_in_group
 from .structure import AbstractStructure
 
 
-Components = tuple[Float[Array, " m"], Float[Array, " m"], Float[Array, " m"]]
+_Components = tuple[Float[Array, " m"], Float[Array, " m"], Float[Array, " m"]]
 """Components x, y, z of vectors in separate arrays: rows of three are slow in XLA."""
 
 # Second moment of the neighbours, relative to the largest, below which a direction has
@@ -47,7 +47,7 @@ class Gradient(eqx.Module):
 
     def __call__(
         self, theta: Float[Array, "..."], nodes: Float[Array, " m"]
-    ) -> Components:
+    ) -> _Components:
         """Gradient along x, y, z [K/m], from the state and from its nodes [K]."""
 
         def add(slopes, column):
@@ -132,7 +132,7 @@ class BoundMap(eqx.Module):
     """Surface map of one body, with its arrays."""
 
     gradient: Gradient | None
-    offset: Components | None
+    offset: _Components | None
     """Part of the vector from the node to the point that the gradient covers [m]."""
     along_flux: Float[Array, " s"] | None
     """Excess of the point over its node relative to that of the surface [-]."""
@@ -166,7 +166,7 @@ class BoundMap(eqx.Module):
         return total
 
 
-Depth = Literal["surface", "voxel"]
+_Depth = Literal["surface", "voxel"]
 
 
 class AbstractSurfaceMap(eqx.Module):
@@ -189,7 +189,7 @@ class ConstantMap(AbstractSurfaceMap):
 class LinearMap(AbstractSurfaceMap):
     """Node temperature plus gradient times offset: T_s = T + g . (x_s - x)."""
 
-    at: Depth = eqx.field(static=True, default="surface")
+    at: _Depth = eqx.field(static=True, default="surface")
 
     @override
     def bind(self, structure: AbstractStructure, dtype: Any) -> BoundMap:
@@ -215,7 +215,7 @@ class FluxCorrectedMap(AbstractSurfaceMap):
     gradient g [K/m] and conductivity k [W/(m K)].
     """
 
-    at: Depth = eqx.field(static=True, default="surface")
+    at: _Depth = eqx.field(static=True, default="surface")
 
     @override
     def bind(self, structure: AbstractStructure, dtype: Any) -> BoundMap:

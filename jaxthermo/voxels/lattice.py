@@ -112,7 +112,7 @@ def lattice_around(mesh: Mesh, pitch: float) -> Lattice:
 
 def pixel_axes(axis: int) -> tuple[int, int]:
     """Lattice axes of the rows and columns of the view along `axis`."""
-    # Column, row and depth are a right-handed frame, as `rasterize` requires.
+    # Column, row and depth are a right-handed frame, as `raster.fragments` requires.
     return (axis + 2) % 3, (axis + 1) % 3
 
 

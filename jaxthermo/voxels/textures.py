@@ -11,14 +11,12 @@ from .lattice import peel_axes, pixel_axes
 from .surface import face_axes
 
 
-BACKGROUND = np.array([16, 17, 20], np.uint8)
+_BACKGROUND = np.array([16, 17, 20], np.uint8)
 
-AXIS_COLOURS = np.array(
+_AXIS_COLOURS = np.array(
     [[222, 72, 62], [84, 180, 84], [72, 112, 226], [128, 128, 128]], np.uint8
 )
 """sRGB of normals along x, y, z and of faces without area."""
-
-KINDS = ("depth", "normal", "dominant", "packed")
 
 
 def layer_images(grid: VoxelGrid) -> dict[str, list[UInt8[np.ndarray, "h w 3"]]]:
@@ -38,11 +36,11 @@ def layer_images(grid: VoxelGrid) -> dict[str, list[UInt8[np.ndarray, "h w 3"]]]
         paints = {
             "depth": np.repeat(level.astype(np.uint8)[:, None], 3, axis=1),
             "normal": _normal_colours(normals[layers.triangle]),
-            "dominant": AXIS_COLOURS[dominant[layers.triangle]],
+            "dominant": _AXIS_COLOURS[dominant[layers.triangle]],
         }
         for kind, colours in paints.items():
             images[f"{'xyz'[axis]}_{kind}"] = [
-                _upright(layers.image(k, colours, BACKGROUND), axis)
+                _upright(layers.image(k, colours, _BACKGROUND), axis)
                 for k in range(layers.count)
             ]
         images[f"{'xyz'[axis]}_packed"] = packed_images(grid, axis, kept)
@@ -59,7 +57,7 @@ def packed_images(
     row_axis, column_axis = pixel_axes(axis)
     height, width = grid.lattice.shape[row_axis], grid.lattice.shape[column_axis]
     stack = np.empty((grid.layers.packed[axis], height, width, 3), np.uint8)
-    stack[:] = BACKGROUND
+    stack[:] = _BACKGROUND
     stack[rank, cell[:, row_axis], cell[:, column_axis]] = colours[on_axis]
     return [_upright(image, axis) for image in stack]
 

@@ -10,10 +10,10 @@ import pytest
 import trimesh
 from cli_runs import SCENE, files, run, scene_file
 
-from jaxthermo.geometry.load import FORMATS
+from jaxthermo.geometry.load import _FORMATS
 
 
-KINDS = [suffix.removeprefix(".") for suffix in FORMATS]
+KINDS = [suffix.removeprefix(".") for suffix in _FORMATS]
 
 
 def refused(*arguments, lines=1):

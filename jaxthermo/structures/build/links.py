@@ -23,7 +23,7 @@ from ..structure import AbstractStructure, Links
 # lie beyond its face.
 _MIN_DISTANCE = 0.25
 
-CHUNK_FACES = 1_000_000
+_CHUNK_FACES = 1_000_000
 """Number of faces per chunk, which bounds the size of temporaries."""
 
 
@@ -51,7 +51,7 @@ def block_links(
     """
     side, plane = _shared_faces(labels, len(centre))
     # Chunks end between pairs: the faces of a pair are summed in one of them.
-    begin = np.searchsorted(side, side[::CHUNK_FACES] // 6 * 6)
+    begin = np.searchsorted(side, side[::_CHUNK_FACES] // 6 * 6)
     begin = np.union1d(0, begin)
     end = np.append(begin[1:], len(side))
     parts = [
@@ -146,7 +146,7 @@ def voxel_links(labels: Int[np.ndarray, "x y z"], pitch: float) -> Links:
     )
 
 
-MIN_NORMAL_FRACTION = 0.5
+_MIN_NORMAL_FRACTION = 0.5
 """Smallest n . d / |d|: at slanted cuts it would vanish, and the time step with it."""
 
 # Smallest |s| / |d| that is corrected.
@@ -171,7 +171,7 @@ def non_orthogonal_links(structure: AbstractStructure) -> NonOrthogonalLinks:
     step = location[links.dst] - location[links.src]
     straight = np.linalg.norm(step, axis=1)
     across = np.einsum("ei,ei->e", step, normal)
-    across = np.maximum(across, MIN_NORMAL_FRACTION * straight)
+    across = np.maximum(across, _MIN_NORMAL_FRACTION * straight)
     # What is missing to the minimum goes to s, so that d = (n . d) n + s still holds.
     offset = step - across[:, None] * normal
     displaced = np.linalg.norm(offset, axis=1) > _MIN_OFFSET * straight

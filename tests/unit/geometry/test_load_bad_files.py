@@ -7,10 +7,10 @@ import pytest
 import trimesh
 
 from jaxthermo.errors import InputError
-from jaxthermo.geometry.load import FORMATS, load_mesh
+from jaxthermo.geometry.load import _FORMATS, load_mesh
 
 
-SUFFIXES = [suffix[1:] for suffix in FORMATS]
+SUFFIXES = [suffix[1:] for suffix in _FORMATS]
 
 
 def refusal(path, capfd, **options):
@@ -58,7 +58,7 @@ def test_unreadable(tmp_path, capfd, monkeypatch):
 @pytest.mark.parametrize("name", ["mesh.fbx", "mesh", "mesh.obj.gz"])
 def test_unknown_ending(tmp_path, capfd, name):
     message = refusal(written(tmp_path, name, "x"), capfd)
-    assert all(suffix in message for suffix in FORMATS)
+    assert all(suffix in message for suffix in _FORMATS)
 
 
 @pytest.mark.parametrize("kind", SUFFIXES)

@@ -9,7 +9,7 @@ from jaxthermo.image.contact_texture import UNTOUCHED, contact_images, where_cov
 from jaxthermo.image.palette import palette_table
 from jaxthermo.physics.contact.search import contact_flux
 from jaxthermo.report.sheet import _write_sheets
-from jaxthermo.voxels.textures import BACKGROUND
+from jaxthermo.voxels.textures import _BACKGROUND
 from jaxthermo.voxels.voxelize import voxelize
 
 
@@ -49,7 +49,7 @@ def test_the_layer_that_has_less_is_dark_where_it_ends():
     values = np.where(GRID.fragment_normal[:, 0] > 0.9, 0.5, np.nan)
     images = contact_images(GRID, values)["x_contact"]
     assert len(images) == 2 and all(i.shape == (2, 4, 3) for i in images)
-    assert not (images[1] == BACKGROUND).all(-1).any()
+    assert not (images[1] == _BACKGROUND).all(-1).any()
 
 
 def test_flux_and_coverage_of_fragments():

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from jaxthermo.network import multigrid
 from jaxthermo.network.link_operator import LinkNetwork
 from jaxthermo.network.multigrid import hierarchy, jacobi
-from jaxthermo.network.multigrid_cycle import SMOOTHED_RANGE, dense_solve, level
+from jaxthermo.network.multigrid_cycle import _SMOOTHED_RANGE, dense_solve, level
 from jaxthermo.network.stencil import HeterogeneousStencil
 from jaxthermo.physics.conduction import assemble_mixed, assemble_uniform
 from jaxthermo.structures.kinds.full import FullVolume
@@ -132,9 +132,9 @@ def test_the_smoother_is_chebyshevs():
     structure = FullVolume(blocks(np.ones((6, 6, 6), bool)))
     network = assemble_uniform(structure, 1.0, 1.0, np.float64)
     finest = level(network, _state(structure, np.zeros(216)))
-    x = np.linspace(2 / SMOOTHED_RANGE, 2, 101)
+    x = np.linspace(2 / _SMOOTHED_RANGE, 2, 101)
     left = np.abs(1 - x * (float(finest.first) - float(finest.second) * x))
-    middle = (SMOOTHED_RANGE + 1) / (SMOOTHED_RANGE - 1)
+    middle = (_SMOOTHED_RANGE + 1) / (_SMOOTHED_RANGE - 1)
     assert left.max() == pytest.approx(1 / (2 * middle**2 - 1), rel=1e-12)
     unit = jnp.asarray(_state(structure, np.random.default_rng(0).normal(size=216)))
     twice = jacobi(network, finest.m)

@@ -8,7 +8,7 @@ import pytest
 import jaxthermo as jt
 from jaxthermo.integrate.surface_error import surface_error
 from jaxthermo.network.link_operator import RowNetwork
-from jaxthermo.network.non_orthogonal import NonOrthogonalNetwork
+from jaxthermo.network.non_orthogonal import _NonOrthogonalNetwork
 from jaxthermo.physics.conduction import assemble_uniform
 from jaxthermo.structures.build.links import _face_normals
 from tests.bodies import slanted
@@ -58,7 +58,7 @@ def test_linear_temperatures_conduct_exactly(slanted, kind):
 @pytest.mark.parametrize("kind", ["aggregate", "core"])
 def test_heat_is_kept_and_uniform_bodies_rest(slanted, kind):
     network = _network(_structure(slanted, kind))
-    assert isinstance(network, NonOrthogonalNetwork)
+    assert isinstance(network, _NonOrthogonalNetwork)
     assert not network.is_symmetric
     state = jnp.asarray(np.random.default_rng(3).normal(size=len(network.capacity())))
     rates = network.heat_rate(state)

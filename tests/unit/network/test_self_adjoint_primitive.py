@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from jaxthermo import arrays
-from jaxthermo.network.link_operator import ROWS, row_layout, row_network
+from jaxthermo.network.link_operator import _ROWS, row_layout, row_network
 from jaxthermo.network.self_adjoint_primitive import conduct, conduct_step
-from jaxthermo.network.stencil import UNIFORM, solid_degree
+from jaxthermo.network.stencil import _UNIFORM, solid_degree
 
 
 class Case(NamedTuple):
@@ -36,7 +36,7 @@ def _uniform():
     nodes = np.pad(solid, 1)
     state = jnp.asarray(np.where(nodes, random.normal(size=nodes.shape), 0.0))
     return Case(
-        UNIFORM, state, jnp.asarray(0.11), lambda g: g, jnp.asarray(degree), nodes
+        _UNIFORM, state, jnp.asarray(0.11), lambda g: g, jnp.asarray(degree), nodes
     )
 
 
@@ -58,7 +58,7 @@ def _rows():
     assert rows.following is not None
     assert len(rows.list_node)
     return Case(
-        ROWS,
+        _ROWS,
         jnp.asarray(random.normal(size=nodes)),
         given,
         factors,

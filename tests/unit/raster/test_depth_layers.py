@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from peeling import BODIES, ball, cuboid, in_view, peel_padded, ray_balance, union
 
-from jaxthermo.raster.fragments import peel, sort_fragments
+from jaxthermo.raster.fragments import _sort_fragments, peel
 
 
 SIZE = 24
@@ -126,7 +126,7 @@ def test_one_program_for_one_size():
     peel_padded(
         in_view(ball(np.random.default_rng(0)), np.random.default_rng(0)), 24, 24
     )
-    programs = getattr(sort_fragments, "_cache_size")  # noqa: B009
+    programs = getattr(_sort_fragments, "_cache_size")  # noqa: B009
     before = programs()
     for width, height in ((3, 5), (24, 60), (1, 1)):
         peel_padded(np.ones((2, 3, 3)), width, height)

@@ -10,10 +10,10 @@ from peeling import FACES, peel_padded, rotation
 from jaxthermo.errors import InputError
 from jaxthermo.raster import fragments as raster
 from jaxthermo.raster.fragments import (
-    MAX_COORDINATE,
+    _MAX_COORDINATE,
+    _rasterize,
+    _rasterize_fixed,
     capacities,
-    rasterize,
-    rasterize_fixed,
 )
 
 
@@ -130,9 +130,9 @@ def test_everything_outside_the_image_is_clipped():
 
 def test_the_need_is_reported_when_arrays_are_too_small():
     square = np.array([[[0, 0, 1], [40, 0, 1], [0, 40, 1]]], float)
-    fixed = rasterize_fixed(jnp.asarray(square), 40, 40, row_capacity=8, capacity=16)
+    fixed = _rasterize_fixed(jnp.asarray(square), 40, 40, row_capacity=8, capacity=16)
     assert int(fixed.rows_needed) == 40
-    fixed = rasterize_fixed(jnp.asarray(square), 40, 40, row_capacity=64, capacity=16)
+    fixed = _rasterize_fixed(jnp.asarray(square), 40, 40, row_capacity=64, capacity=16)
     assert int(fixed.rows_needed) == 40
     assert int(fixed.count) == 40 * 39 // 2
     assert fixed.pixel.shape == (16,)
@@ -143,16 +143,16 @@ def test_arrays_that_are_too_small_are_made_larger(monkeypatch):
 
     def counted(*args, **sizes):
         calls.append(sizes)
-        return rasterize_fixed(*args, **sizes)
+        return _rasterize_fixed(*args, **sizes)
 
-    monkeypatch.setattr(raster, "rasterize_fixed", counted)
+    monkeypatch.setattr(raster, "_rasterize_fixed", counted)
     square = np.array([[[0, 0, 1], [40, 0, 1], [0, 40, 1]]], float)
-    found = rasterize(square, 40, 40, sizes=(8, 16))
+    found = _rasterize(square, 40, 40, sizes=(8, 16))
     assert int(found.count) == 40 * 39 // 2
     assert int((found.pixel < 1600).sum()) == int(found.count)
     assert 2 <= len(calls) <= 3
     calls.clear()
-    rasterize(square, 40, 40)
+    _rasterize(square, 40, 40)
     assert len(calls) == 1
 
 
@@ -163,21 +163,23 @@ def test_capacities_hold_dense_and_sparse_meshes():
             rng.uniform(0, 60, (500, 1, 3)) + rng.normal(size=(500, 3, 3)) * scale
         )
         rows, count = capacities(triangles, 60, 60)
-        found = rasterize(triangles, 60, 60, sizes=(2**15, 2**17))
+        found = _rasterize(triangles, 60, 60, sizes=(2**15, 2**17))
         assert int(found.rows_needed) <= rows
         assert int(found.count) <= count
 
 
-@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1.5 * MAX_COORDINATE, -1e300])
+@pytest.mark.parametrize(
+    "bad", [np.nan, np.inf, -np.inf, 1.5 * _MAX_COORDINATE, -1e300]
+)
 def test_coordinates_beyond_integers_are_refused(bad):
     triangles = np.ones((2, 3, 3))
     triangles[1, 2, 0] = bad
     with pytest.raises(InputError, match="pitch|clip"):
-        rasterize(triangles, 8, 8)
+        _rasterize(triangles, 8, 8)
 
 
 def test_the_largest_coordinates_do_not_overflow():
-    end = float(MAX_COORDINATE)
+    end = float(_MAX_COORDINATE)
     corners = np.array([[[-end, -end, 1], [end, -end, 1], [-end, end, 5]]])
     # Its long edge passes through the corner of the image, at 45 degrees.
     assert peel_padded(corners, 4, 4).count == 0

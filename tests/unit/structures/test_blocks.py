@@ -80,7 +80,7 @@ def test_links_do_not_depend_on_how_many_are_taken_at_a_time(labels):
     centre = built.nodes.centre / PITCH
     whole = block_links(numbers, centre, PITCH)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(links_module, "CHUNK_FACES", 3)
+        patch.setattr(links_module, "_CHUNK_FACES", 3)
         pieces = block_links(numbers, centre, PITCH)
     for one, other in zip(whole, pieces, strict=True):
         np.testing.assert_array_equal(one, other)

@@ -5,7 +5,7 @@ import pytest
 
 import jaxthermo as jt
 from jaxthermo.structures.build.links import (
-    MIN_NORMAL_FRACTION,
+    _MIN_NORMAL_FRACTION,
     _face_normals,
     link_axes,
     link_distance,
@@ -41,9 +41,9 @@ def test_a_way_is_its_parts_across_and_along(slanted, kind):
     across = way - found.offset
     length = np.linalg.norm(across, axis=1)
     assert len(found.link) > 20
-    assert (length >= MIN_NORMAL_FRACTION * straight * (1 - 1e-12)).all()
+    assert (length >= _MIN_NORMAL_FRACTION * straight * (1 - 1e-12)).all()
     assert (across * normal[found.link] > -1e-12).all()
-    free = length > MIN_NORMAL_FRACTION * straight * (1 + 1e-9)
+    free = length > _MIN_NORMAL_FRACTION * straight * (1 + 1e-9)
     assert free.mean() > 0.8
     turned = np.einsum("ei,ei->e", found.offset, normal[found.link])
     np.testing.assert_allclose(turned[free], 0, atol=1e-12 * PITCH)

@@ -59,7 +59,7 @@ def assert_same(first: Built, second: Built) -> None:
 def folder(tmp_path, monkeypatch) -> Path:
     """An empty cache that keeps bodies of any size."""
     monkeypatch.setenv("JAXTHERMO_CACHE", str(tmp_path))
-    monkeypatch.setattr(cache, "MIN_VOXELS", 1)
+    monkeypatch.setattr(cache, "_MIN_VOXELS", 1)
     return tmp_path / "structures"
 
 
@@ -171,7 +171,7 @@ def test_threads_at_once_all_get_the_arrays(folder, grid):
 
 def build_read_and_remove() -> None:
     """What each of two processes does in the same folder."""
-    cache.MIN_VOXELS = 1
+    cache._MIN_VOXELS = 1
     grid = blocks(np.ones((2, 3, 4), bool))
     for n in range(40):
         assert_same(cached("kind", grid, {"n": n % 3}, Builder()), Builder()())
@@ -202,7 +202,7 @@ def test_off_and_small_bodies_leave_nothing(tmp_path, monkeypatch, grid):
     monkeypatch.setenv("JAXTHERMO_CACHE", str(tmp_path))
     build = Builder()
     cached("kind", grid, {}, build)
-    monkeypatch.setattr(cache, "MIN_VOXELS", 1)
+    monkeypatch.setattr(cache, "_MIN_VOXELS", 1)
     monkeypatch.setenv("JAXTHERMO_CACHE", "off")
     cached("kind", grid, {}, build)
     assert build.calls == 2
@@ -224,7 +224,7 @@ def test_where_structures_are_kept(monkeypatch):
 
 
 def test_a_folder_that_cannot_be_made_is_no_failure(tmp_path, monkeypatch, grid):
-    monkeypatch.setattr(cache, "MIN_VOXELS", 1)
+    monkeypatch.setattr(cache, "_MIN_VOXELS", 1)
     (tmp_path / "file").write_text("in the way")
     monkeypatch.setenv("JAXTHERMO_CACHE", str(tmp_path / "file"))
     assert_same(cached("kind", grid, {}, Builder()), Builder()())
@@ -253,7 +253,7 @@ def test_what_was_not_used_for_longest_goes_first(folder, grid, monkeypatch):
         os.utime(path, (0, 0))
     cached("kind", grid, {"n": 0}, build)
     assert build.calls == 3
-    monkeypatch.setattr(cache, "MAX_BYTES", int(2.5 * size))
+    monkeypatch.setattr(cache, "_MAX_BYTES", int(2.5 * size))
     cached("kind", grid, {"n": 3}, build)
     assert {p.name for p in folder.iterdir()} > {"mine.npz"}
     assert len(list(folder.iterdir())) == 3 and not left_behind.exists()
@@ -265,7 +265,7 @@ def test_what_was_not_used_for_longest_goes_first(folder, grid, monkeypatch):
 
 
 def test_what_would_leave_no_room_is_not_kept(folder, grid, monkeypatch):
-    monkeypatch.setattr(cache, "MAX_BYTES", 100)
+    monkeypatch.setattr(cache, "_MAX_BYTES", 100)
     cached("kind", grid, {}, Builder())
     assert not folder.exists()
 
