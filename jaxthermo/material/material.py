@@ -51,7 +51,7 @@ class Property(eqx.Module):
                 raise InputError("Property: the temperatures must increase")
         if is_traced(values):
             return
-        # At zero or below diffusion would be ill-posed, as by a fit beyond its range.
+        # At zero or below diffusion is ill-posed; fits beyond their range end there.
         wrong = np.flatnonzero(~(np.isfinite(values) & (values > 0)))
         if len(wrong):
             first = values[wrong[0]]

@@ -174,8 +174,9 @@ class NonlinearNetwork(AbstractNetwork):
 
     @override
     def relative_conductivity(self, theta: Float[Array, "*m"]) -> Float[Array, "*#m"]:
-        constant = self.conduction is None
-        return jnp.ones((), theta.dtype) if constant else self.conduction.slope(theta)
+        if self.conduction is None:
+            return super().relative_conductivity(theta)
+        return self.conduction.slope(theta)
 
     @override
     def max_relative_conductivity(self) -> Float[Array, ""]:
