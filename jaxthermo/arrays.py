@@ -21,6 +21,9 @@ from .errors import InputError
 Scalar = float | int | Float[Array, ""] | Float[np.ndarray, ""] | np.floating
 """One number, traced or not."""
 
+Time = Float[Array, ""]
+"""A moment, or the length of a step, inside of a compiled step [s]."""
+
 if TYPE_CHECKING:
     Number = Scalar
     Numbers = ArrayLike | Float[Array, "..."]

@@ -16,9 +16,15 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 from typing_extensions import override
 
-from ..arrays import TimeVarying
+from ..arrays import Time, TimeVarying
 from ..voxels.selection import AbstractSelection
-from .flux_law import AbstractFluxLaw, LinearLaw, TemperatureRange
+from .flux_law import (
+    AbstractFluxLaw,
+    LinearLaw,
+    PerCell,
+    PerCellOrOne,
+    TemperatureRange,
+)
 from .term import AbstractSurfaceTerm, Binding, Forcing, Omitted, Scale, Surface
 from .time_varying import (
     check_value,
@@ -42,21 +48,15 @@ class ImposedFlux(AbstractFluxLaw):
     """[W/m^2]"""
 
     @override
-    def flux(
-        self, time: Float[Array, ""], theta: Float[Array, " m"]
-    ) -> Float[Array, "*#m"]:
-        del theta
+    def flux(self, time: Time, theta: PerCell) -> PerCellOrOne:
         return value_at(self.heat_flux, time)
 
     @override
-    def slope(
-        self, time: Float[Array, ""], theta: Float[Array, " m"]
-    ) -> Float[Array, "*#m"]:
-        del time
+    def slope(self, time: Time, theta: PerCell) -> PerCellOrOne:
         return jnp.zeros((), theta.dtype)
 
     @override
-    def uniform_flux(self, time: Float[Array, ""]) -> Float[Array, ""] | None:
+    def uniform_flux(self, time: Time) -> Float[Array, ""] | None:
         flux = value_at(self.heat_flux, time)
         return None if flux.ndim else flux
 
@@ -68,7 +68,6 @@ class ImposedFlux(AbstractFluxLaw):
 
     @override
     def max_slope(self, highest: Float[Array, ""], end: float) -> Float[Array, ""]:
-        del end
         return jnp.zeros_like(highest)
 
     @override
@@ -80,13 +79,13 @@ class ImposedFlux(AbstractFluxLaw):
         return 0.0
 
 
-class Above(eqx.Module):
+class _Above(eqx.Module):
     """A function of time for a temperature above the reference [K]."""
 
     temperature: Any
     reference: Float[Array, ""]
 
-    def __call__(self, time: Float[Array, ""]) -> Float[Array, ""]:
+    def __call__(self, time: Time) -> Float[Array, ""]:
         """The difference at `time` [s]."""
         return value_at(self.temperature, time) - self.reference
 
@@ -103,17 +102,13 @@ class Exchange(AbstractFluxLaw):
     reference: Any = 0.0
 
     @override
-    def flux(
-        self, time: Float[Array, ""], theta: Float[Array, " m"]
-    ) -> Float[Array, "*#m"]:
+    def flux(self, time: Time, theta: PerCell) -> PerCellOrOne:
         # Differences first: they keep their digits in float32.
         above = value_at(self.temperature, time) - self.reference
         return value_at(self.coefficient, time) * (above - theta)
 
     @override
-    def slope(
-        self, time: Float[Array, ""], theta: Float[Array, " m"]
-    ) -> Float[Array, "*#m"]:
+    def slope(self, time: Time, theta: PerCell) -> PerCellOrOne:
         return value_at(self.coefficient, time).astype(theta.dtype)
 
     @override
@@ -126,7 +121,7 @@ class Exchange(AbstractFluxLaw):
         # Of a function of time only one number is known to be the same for all cells.
         if not is_number(ambient) or jnp.ndim(self.reference):
             return None
-        return LinearLaw(h, Above(ambient, self.reference), h)
+        return LinearLaw(h, _Above(ambient, self.reference), h)
 
     @override
     def max_slope(self, highest: Float[Array, ""], end: float) -> Float[Array, ""]:

@@ -93,7 +93,7 @@ def materials_network(
     """
     k = conductivity_table(materials, dtype)
     heat = [jnp.asarray(m.volumetric_heat_capacity, dtype) for m in materials]
-    return assemble_mixed(structure, number, k, jnp.stack(heat))
+    return _assemble_mixed(structure, number, k, jnp.stack(heat))
 
 
 def conductivity_table(
@@ -132,22 +132,17 @@ def assemble_uniform(
         # A single row of conductivities by axis stands for all nodes.
         return _assemble_links(structure, k[None] if k.ndim else k, heat)
     grid = structure.grid
+    values = {
+        "conductance": k * grid.pitch,
+        "node_capacity": heat * grid.voxel_volume,
+        "node_count": structure.node_count,
+    }
     if k.ndim:
-        return OrthotropicStencil(
-            degrees=jnp.asarray(solid_degree(grid.solid, bits=2)),
-            conductance=k * grid.pitch,
-            node_capacity=heat * grid.voxel_volume,
-            node_count=structure.node_count,
-        )
-    return UniformStencil(
-        degree=jnp.asarray(solid_degree(grid.solid)),
-        conductance=k * grid.pitch,
-        node_capacity=heat * grid.voxel_volume,
-        node_count=structure.node_count,
-    )
+        return OrthotropicStencil(jnp.asarray(solid_degree(grid.solid, bits=2)), **values)
+    return UniformStencil(jnp.asarray(solid_degree(grid.solid)), **values)
 
 
-def assemble_mixed(
+def _assemble_mixed(
     structure: AbstractStructure,
     material: Int[np.ndarray, " n"],
     conductivity: Float[Array, " c"] | Float[Array, "c 3"],
@@ -219,7 +214,7 @@ def _assemble_links(
     )
     capacity = heat * jnp.asarray(nodes.volume, k.dtype)
     if not structure.weights.are_one:
-        conductance = conductance * link_weights(structure, k.dtype)
+        conductance = conductance * _link_weights(structure, k.dtype)
         capacity = _weighted_capacity(structure, capacity)
     layout = row_layout(len(nodes.volume), links.src, links.dst)
     if not structure.weights.corrects_non_orthogonality:
@@ -240,11 +235,11 @@ def _corrected_network(structure, layout, conductance, capacity) -> AbstractNetw
     return non_orthogonal(straight, structure, found, corrected)
 
 
-def link_weights(structure: AbstractStructure, dtype: Any) -> Float[Array, " e"]:
+def _link_weights(structure: AbstractStructure, dtype: Any) -> Float[Array, " e"]:
     """Weight of every link [-], from its level and position.
 
     Raises:
-        InputError: if the weights are for another number of levels.
+        InputError: if the weights are for another number of levels or links.
     """
     weights, links = structure.weights, structure.links()
     level = structure.nodes().level
@@ -257,19 +252,13 @@ def link_weights(structure: AbstractStructure, dtype: Any) -> Float[Array, " e"]
     outside[structure.fragment_node()] = True
     touches = outside[links.src] | outside[links.dst]
     surface = jnp.where(touches, jnp.asarray(weights.surface, dtype), 1)
-    return (
-        jnp.where(crosses, between, within) * surface * _link_factors(structure, dtype)
-    )
-
-
-def _link_factors(structure: AbstractStructure, dtype: Any) -> Float[Array, "*#e"]:
-    factors = jnp.asarray(structure.weights.links, dtype)
+    factors = jnp.asarray(weights.links, dtype)
     if factors.ndim and len(factors) != structure.link_count:
         raise InputError(
             f"weights: links has {len(factors)} values and the structure has "
             f"{structure.link_count} links: they were fitted to another body or pitch"
         )
-    return factors
+    return jnp.where(crosses, between, within) * surface * factors
 
 
 def _weighted_capacity(

@@ -14,12 +14,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import is_traced
+from ..arrays import Time, is_traced
 from ..network.network import precise_sum
 
 
 Values = Array | np.ndarray
 # NumPy arrays wherever nothing is traced: they compile nothing.
+
+PerCell = Float[Array, " m"]
+PerCellOrOne = Float[Array, "*#m"]
+# One value per surface cell; or one number that all cells have.
 
 
 class TemperatureRange(NamedTuple):
@@ -55,15 +59,11 @@ class AbstractFluxLaw(eqx.Module):
     """True if `supersolution` bounds the surface's temperature."""
 
     @abc.abstractmethod
-    def flux(
-        self, time: Float[Array, ""], theta: Float[Array, " m"]
-    ) -> Float[Array, "*#m"]:
+    def flux(self, time: Time, theta: PerCell) -> PerCellOrOne:
         """Heat flux into the surface [W/m^2] at `time` [s]."""
 
     @abc.abstractmethod
-    def slope(
-        self, time: Float[Array, ""], theta: Float[Array, " m"]
-    ) -> Float[Array, "*#m"]:
+    def slope(self, time: Time, theta: PerCell) -> PerCellOrOne:
         """-d flux / d theta [W/(m^2 K)], never negative."""
 
     @abc.abstractmethod
@@ -77,9 +77,8 @@ class AbstractFluxLaw(eqx.Module):
         """The parts of a law that is linear with a constant slope, else None."""
         return None
 
-    def uniform_flux(self, time: Float[Array, ""]) -> Float[Array, ""] | None:
+    def uniform_flux(self, time: Time) -> Float[Array, ""] | None:
         """The flux where it is one number for all surface cells, else None."""
-        del time
         return None
 
     def coarsened(self, mean: Callable[[Any], Any]) -> "AbstractFluxLaw":
@@ -90,7 +89,6 @@ class AbstractFluxLaw(eqx.Module):
         Args:
             mean: from values per fragment to values per cell.
         """
-        del mean
         return self
 
     def above(self, reference: Any) -> "AbstractFluxLaw":
@@ -101,14 +99,11 @@ class AbstractFluxLaw(eqx.Module):
             return self
         return dataclasses.replace(self, reference=reference)
 
-    def irradiated(
-        self, received: Float[Array, " m"], emits: bool
-    ) -> "AbstractFluxLaw":
+    def irradiated(self, received: PerCell, emits: bool) -> "AbstractFluxLaw":
         """The law with the irradiation of each surface cell [W/m^2].
 
         Laws of radiation between surfaces override this.
         """
-        del received, emits
         return self
 
     def max_flux(self, within: TemperatureRange) -> float | Float[Array, ""]:
@@ -117,17 +112,13 @@ class AbstractFluxLaw(eqx.Module):
         With `curvature` it bounds the error of Newton's method at the surface; without
         a bound, infinity, every balance takes all iterations.
         """
-        del within
         return math.inf
 
     def curvature(self, within: TemperatureRange) -> float | Float[Array, ""]:
         """A bound of |d2 flux / dT2| within a range [W/(m^2 K^2)]."""
-        del within
         return math.inf
 
-    def supersolution(
-        self, time: Float[Array, ""], imposed: Float[Array, " m"]
-    ) -> Float[Array, "*#m"]:
+    def supersolution(self, time: Time, imposed: PerCell) -> PerCellOrOne:
         """A theta at which the surface loses at least the imposed heat.
 
         Newton's method that starts there or above cannot overshoot.
@@ -136,7 +127,6 @@ class AbstractFluxLaw(eqx.Module):
             time: [s].
             imposed: heat rate of the other mechanisms per effective area [W/m^2].
         """
-        del time
         return jnp.full_like(imposed, -jnp.inf)
 
 
@@ -150,15 +140,11 @@ class BoundTerm(eqx.Module):
     """Sum over all cells, or over the cells of each body [m^2]."""
     law: AbstractFluxLaw
 
-    def heat_rate(
-        self, time: Float[Array, ""], theta: Float[Array, " m"]
-    ) -> Float[Array, " m"]:
+    def heat_rate(self, time: Time, theta: PerCell) -> PerCell:
         """Heat rate into each cell [W] at surface temperatures above the reference."""
         return jnp.asarray(self.effective_area) * self.law.flux(time, theta)
 
-    def slope(
-        self, time: Float[Array, ""], theta: Float[Array, " m"]
-    ) -> Float[Array, " m"]:
+    def slope(self, time: Time, theta: PerCell) -> PerCell:
         """-d heat rate / d theta [W/K]."""
         return jnp.asarray(self.effective_area) * self.law.slope(time, theta)
 

@@ -32,9 +32,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..arrays import is_traced
+from ..arrays import Time, is_traced
 from ..network.network import inverse, precise_sum
-from .flux_law import BoundTerm, TemperatureRange, Values, total
+from .flux_law import (
+    BoundTerm,
+    PerCell,
+    PerCellOrOne,
+    TemperatureRange,
+    Values,
+    bound,
+    total,
+)
 
 
 MAX_ITERATIONS = 6
@@ -71,7 +79,8 @@ class SurfaceTerms(eqx.Module):
 
         All of them where no bound is known, as for an unknown range of temperatures.
         """
-        if within is None or self.is_linear or is_traced(self):
+        traced = is_traced((self.half_cell, self.natural))
+        if within is None or self.is_linear or traced:
             return MAX_ITERATIONS
         conducts = np.asarray(self.half_cell, float)
         flux, curvature = np.zeros_like(conducts), np.zeros_like(conducts)
@@ -99,7 +108,7 @@ class SurfaceTerms(eqx.Module):
                     return iterations
         return MAX_ITERATIONS
 
-    def conducting(self, relative: Float[Array, "*#m"]) -> "SurfaceTerms":
+    def conducting(self, relative: PerCellOrOne) -> "SurfaceTerms":
         """The terms above nodes with k(T) / k(reference) = `relative`."""
         if not relative.ndim:
             return self
@@ -110,24 +119,16 @@ class SurfaceTerms(eqx.Module):
         half_cell = self.half_cell * relative
         return replace(self, half_cell=half_cell, prescribed=prescribed)
 
-    def irradiated(
-        self, received: Float[Array, " m"], emits: bool = True
-    ) -> "SurfaceTerms":
-        """The terms with the irradiation from other surfaces.
-
-        Args:
-            received: by each cell, as `Radiation` counts it [W/m^2].
-            emits: False if the cell's own emission is in what is received.
-        """
+    def irradiated(self, received: PerCell, emits: bool = True) -> "SurfaceTerms":
+        """The terms with the irradiation of each cell from other surfaces [W/m^2]."""
+        # Without `emits` the cell's own emission is in what is received.
         natural = tuple(
             (n, replace(term, law=term.law.irradiated(received, emits)))
             for n, term in self.natural
         )
         return replace(self, natural=natural)
 
-    def surface_excess(
-        self, time: Float[Array, ""], theta: Float[Array, " m"]
-    ) -> Float[Array, " m"]:
+    def surface_excess(self, time: Time, theta: PerCell) -> PerCell:
         """Temperature of each cell's surface above its node's [K]."""
         excess = self._solve(time, theta)[1]
         # A fragment has one prescribed temperature at most.
@@ -136,14 +137,10 @@ class SurfaceTerms(eqx.Module):
             excess = jnp.where(term.effective_area > 0, gap, excess)
         return excess
 
-    def heat(
-        self, time: Float[Array, ""], theta: Float[Array, " m"]
-    ) -> tuple[Float[Array, " m"], Float[Array, " c"]]:
+    def heat(self, time: Time, theta: PerCell) -> tuple[PerCell, Float[Array, " c"]]:
         """Heat rate through each cell, and the total of each mechanism [W].
 
-        Args:
-            time: [s].
-            theta: temperature of each cell's node above the reference [K].
+        `theta` are temperatures of the cells' nodes above the reference [K].
         """
         by_name = jnp.zeros(len(self.names), theta.dtype)
         whole, rates = self.rates(time, theta)
@@ -153,7 +150,7 @@ class SurfaceTerms(eqx.Module):
             by_name = by_name.at[number].add(precise_sum(rate))
         return whole, by_name
 
-    def imposed(self, time: Float[Array, ""]) -> list[tuple[int, Float[Array, "*b"]]]:
+    def imposed(self, time: Time) -> list[tuple[int, Float[Array, "*b"]]]:
         """Heat rates of the terms with one flux for all cells, per body [W]."""
         # They are known without evaluating any cell.
         found = []
@@ -164,9 +161,7 @@ class SurfaceTerms(eqx.Module):
                     found.append((n, jnp.asarray(term.total_effective_area) * flux))
         return found
 
-    def rates(
-        self, time: Float[Array, ""], theta: Float[Array, " m"]
-    ) -> tuple[Float[Array, " m"], dict[int, Float[Array, " m"]]]:
+    def rates(self, time: Time, theta: PerCell) -> tuple[PerCell, dict[int, PerCell]]:
         """Heat rate through each cell, and its parts without those of `imposed` [W]."""
         # What all natural terms bring is what conduction carries to the node.
         rates, excess = self._solve(time, theta)
@@ -177,7 +172,7 @@ class SurfaceTerms(eqx.Module):
             whole = whole + rate
         return whole, rates
 
-    def _rate(self, number, term, time, theta):
+    def _rate(self, number: int, term: BoundTerm, time, theta):
         with jax.named_scope(self.names[number]):
             return term.heat_rate(time, theta)
 
@@ -258,15 +253,11 @@ class SurfaceTerms(eqx.Module):
 
     def stiffness(
         self, highest: Float[Array, ""], end: float, relative: Float[Array, ""]
-    ) -> Float[Array, " m"]:
+    ) -> PerCell:
         """Largest -d(heat rate)/dT of each cell below `highest` [K] up to `end` [s].
 
-        It adds to its node's conductances in the stable explicit step [W/K].
-
-        Args:
-            highest: temperature of any surface [K].
-            end: of the run [s].
-            relative: the largest k(T) / k(reference) [-].
+        It adds to its node's conductances in the stable explicit step [W/K]; `relative`
+        is the largest k(T) / k(reference) [-].
         """
         conducts = relative * self.half_cell
         slope = jnp.zeros_like(conducts)
@@ -281,12 +272,10 @@ class SurfaceTerms(eqx.Module):
     def coarsened(
         self, cell: Int[np.ndarray, " m"], counts: tuple[int, ...], reference: Any
     ) -> "SurfaceTerms":
-        """The terms on cells that each combine several of these.
+        """The terms on cells that each combine several fragments.
 
-        Args:
-            cell: number of each fragment's cell; -1 to drop it.
-            counts: number of cells of each body.
-            reference: of the cells [K]; one number if it is the same for all.
+        `cell` is the number of each fragment's cell, or -1 to drop it, `counts` are the
+        numbers of cells of the bodies, and `reference` is that of the cells [K].
         """
         # Areas and conductances add up; laws are averaged by effective area, so that
         # the heat at one temperature stays the same.
@@ -321,18 +310,11 @@ class SurfaceTerms(eqx.Module):
     def selected(
         self, cells: slice, acting: set[int], reference: Any
     ) -> "SurfaceTerms":
-        """The terms on the cells of one body.
-
-        Args:
-            cells: of the body.
-            acting: numbers of the terms that act on it.
-            reference: of the body [K].
-        """
+        """The terms that act on one body, by number, with its own reference [K]."""
 
         def select(term: BoundTerm) -> BoundTerm:
             law = term.law.coarsened(lambda values: values[..., cells])
-            area = term.effective_area[cells]
-            return BoundTerm(area, total(area), law.above(reference))
+            return bound(term.effective_area[cells], law.above(reference))
 
         each = lambda terms: tuple((n, select(t)) for n, t in terms if n in acting)
         return replace(

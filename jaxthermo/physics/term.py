@@ -282,7 +282,6 @@ class AbstractTerm(eqx.Module):
 
         A term that heats bodies must override this: the bounds limit explicit steps.
         """
-        del end
         return Forcing()
 
     def scale(self, material: Any, kelvin: float, end: float) -> Scale:
@@ -293,7 +292,6 @@ class AbstractTerm(eqx.Module):
             kelvin: its temperature [K].
             end: of the run [s].
         """
-        del material, kelvin, end
         return Scale()
 
     @property
@@ -309,7 +307,6 @@ class AbstractTerm(eqx.Module):
 
     def at(self: _Term, time: float) -> _Term:
         """The term at a moment [s], with a geometry that does not change."""
-        del time
         return self
 
 
@@ -367,7 +364,7 @@ class AbstractPairTerm(AbstractTerm):
 
         Args:
             pairs: the touching fragments, `ContactPairs`.
-            ends: of both bodies, `ContactEnd`.
+            ends: the prepared bodies.
             entry: number in the energy ledger.
             size: length of the arrays, at least the number of pairs.
         """

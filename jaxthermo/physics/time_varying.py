@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import Samples, TimeVarying, is_traced
+from ..arrays import Samples, Time, TimeVarying, is_traced
 from ..errors import InputError
 
 
@@ -38,7 +38,7 @@ class Table(eqx.Module):
         ):
             raise InputError("Table: the times must increase")
 
-    def __call__(self, time: Float[Array, ""]) -> Float[Array, ""]:
+    def __call__(self, time: Time) -> Float[Array, ""]:
         """The value at `time` [s]."""
         times = jnp.asarray(self.times, time.dtype)
         return jnp.interp(time, times, jnp.asarray(self.values, time.dtype))
@@ -50,12 +50,12 @@ class Until(eqx.Module):
     value: TimeVarying
     end: float = eqx.field(static=True)
 
-    def __call__(self, time: Float[Array, ""]) -> Float[Array, ""]:
+    def __call__(self, time: Time) -> Float[Array, ""]:
         """The value at `time` [s]."""
         return jnp.where(time < self.end, value_at(self.value, time), 0)
 
 
-def value_at(value: Any, time: Float[Array, ""]) -> Float[Array, "..."]:
+def value_at(value: Any, time: Time) -> Float[Array, "..."]:
     """A number or array, or a function of time, at `time` [s]."""
     found = value(time) if callable(value) else value
     return jnp.asarray(found, time.dtype)
@@ -77,10 +77,15 @@ def is_number(value: Any) -> bool:
     return not found.shape
 
 
+def _stated(value: Any) -> Any:
+    # The numbers of a value as it was given.
+    value = value.value if isinstance(value, Until) else value
+    return value.values if isinstance(value, Table) else value
+
+
 def is_zero(value: Any) -> bool:
     """True if the value is known to be 0 at all times."""
-    stated = value.value if isinstance(value, Until) else value
-    stated = stated.values if isinstance(stated, Table) else stated
+    stated = _stated(value)
     # A fit may move a traced value away from 0.
     if callable(stated) or is_traced(stated):
         return False
@@ -116,8 +121,7 @@ def check_value(value: Any, what: str, minimum: float = -np.inf) -> None:
     Raises:
         InputError: naming `what`.
     """
-    stated = value.value if isinstance(value, Until) else value
-    stated = stated.values if isinstance(stated, Table) else stated
+    stated = _stated(value)
     if callable(stated) or is_traced(stated):
         return
     numbers = np.asarray(stated, float)

@@ -18,12 +18,7 @@ from .scene import Body, Scene
 
 
 def scene_numbers(scene: Scene, end: float) -> dict[str, float]:
-    """Biot, Fourier, voxels across and heating of a scene.
-
-    Args:
-        scene: with values that are known.
-        end: of its run [s].
-    """
+    """Biot, Fourier, voxels across and heating of a scene in a run to `end` [s]."""
     each = [body_numbers(scene, body, end) for body in scene.bodies]
     rules = {name: min if name == "voxels_across" else max for name in each[0]}
     return {
@@ -33,13 +28,7 @@ def scene_numbers(scene: Scene, end: float) -> dict[str, float]:
 
 
 def body_numbers(scene: Scene, body: Body, end: float) -> dict[str, float]:
-    """The same numbers of one body.
-
-    Args:
-        scene: that contains the body.
-        body: itself.
-        end: of the run [s].
-    """
+    """The same numbers of one body of the scene."""
     grid = body.structure.grid
     volume = grid.solid_count * grid.voxel_volume
     length = float(volume / grid.fragment_area.sum())

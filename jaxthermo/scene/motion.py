@@ -53,7 +53,7 @@ class PoseTable(eqx.Module):
             return self.poses[min(after, len(self.times) - 1)]
         start, end = self.times[after - 1], self.times[after]
         fraction = (time - start) / (end - start)
-        return between(self.poses[after - 1], self.poses[after], fraction)
+        return _between(self.poses[after - 1], self.poses[after], fraction)
 
 
 class Motion(eqx.Module):
@@ -120,7 +120,7 @@ class Motion(eqx.Module):
         return tuple(float(t) for t in times if 0 < t < end)
 
 
-def between(first: Pose, second: Pose, fraction: float) -> Pose:
+def _between(first: Pose, second: Pose, fraction: float) -> Pose:
     """The pose at a fraction of the way between two, turned the short way."""
     a, b = (np.asarray(pose.translation, float) for pose in (first, second))
     if fraction == 0 or first == second:

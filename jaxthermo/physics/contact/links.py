@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
-from ...arrays import Scalar, TimeVarying, is_traced
+from ...arrays import Scalar, Time, TimeVarying
 from ...errors import InputError
 from ...network.network import Address, inverse, precise_sum
 from ..term import AbstractPairTerm
@@ -27,6 +27,8 @@ from .search import ContactPairs
 
 
 _Rows = Float[Array | np.ndarray, "*p"]
+_Both = tuple[Float[Array, "..."], Float[Array, "..."]]
+# Values of both bodies.
 
 
 def contact_conductance_of(
@@ -60,19 +62,8 @@ def _gap_factor(gap: _Rows, gap_length: Scalar) -> _Rows:
 
     w = 1 - s^2 (3 - 2 s), s = gap / gap_length clipped to [0, 1], with a continuous
     first derivative. A model without pressure; the length represents asperities and
-    waviness.
-
-    Args:
-        gap: distance of the surfaces [m], negative where they overlap.
-        gap_length: smallest gap without heat transfer [m].
-
-    Raises:
-        InputError: if the length is not positive.
+    waviness. Gaps [m] are negative where the bodies overlap.
     """
-    if not is_traced(gap_length) and not 0 < float(gap_length) < math.inf:
-        raise InputError(
-            f"contact gap_length {float(gap_length)!r}: give a positive length [m]"
-        )
     s = jnp.clip(gap / jnp.asarray(gap_length, gap.dtype), 0, 1)
     return 1 - s * s * (3 - 2 * s)
 
@@ -104,10 +95,7 @@ class ContactLinks(eqx.Module):
         )
 
     def heat_rate(
-        self,
-        time: Float[Array, ""],
-        theta: tuple[Float[Array, " p"], Float[Array, " p"]],
-        references: tuple[Float[Array, ""], Float[Array, ""]],
+        self, time: Time, theta: _Both, references: _Both
     ) -> Float[Array, " p"]:
         """Heat rate from the first body to the second through each pair [W].
 
@@ -118,13 +106,8 @@ class ContactLinks(eqx.Module):
         return self._links(value_at(self.conductance, time)) * difference
 
     def apply_heat(
-        self,
-        new: tuple[Float[Array, "..."], Float[Array, "..."]],
-        theta: tuple[Float[Array, " p"], Float[Array, " p"]],
-        references: tuple[Float[Array, ""], Float[Array, ""]],
-        time: Float[Array, ""],
-        dt: Float[Array, ""],
-    ) -> tuple[tuple[Float[Array, "..."], Float[Array, "..."]], Float[Array, ""]]:
+        self, new: _Both, theta: _Both, references: _Both, time: Time, dt: Time
+    ) -> tuple[_Both, Float[Array, ""]]:
         """Both states after the heat of one step, and the total heat rate [W]."""
         rate = self.heat_rate(time, theta, references)
         # The same rate for both bodies: one gains exactly what the other loses.
@@ -140,10 +123,7 @@ class ContactLinks(eqx.Module):
         return self._links(largest(self.conductance, end).astype(self.area.dtype))
 
     def excess(
-        self,
-        rate: Float[Array, " p"],
-        side: int,
-        fragments: int,
+        self, rate: Float[Array, " p"], side: int, fragments: int
     ) -> Float[Array, " s"]:
         """Surface minus node temperature of the fragments of body `side` (0, 1) [K].
 
@@ -214,19 +194,9 @@ class Contact(AbstractPairTerm):
     def connects(self, a: int, b: int) -> bool:
         return self.bodies is None or {a, b} == set(self.bodies)
 
-    def gap_factor(self, gap: Float[np.ndarray, " p"]) -> Float[np.ndarray, " p"]:
-        """Fraction of the conductance that remains at a gap [m], 1 to 0."""
-        if self.gap_length is None:
-            return np.ones_like(gap)
-        return np.asarray(_gap_factor(gap, self.gap_length))
-
     @override
     def bind(
-        self,
-        pairs: ContactPairs,
-        ends: tuple[Any, Any],
-        entry: int,
-        size: int,
+        self, pairs: ContactPairs, ends: tuple[Any, Any], entry: int, size: int
     ) -> ContactLinks:
         first, second = (body.number for body in ends)
         dtype = np.dtype(ends[0].half_cell.dtype)
@@ -238,6 +208,9 @@ class Contact(AbstractPairTerm):
             for body, fragment in zip(ends, fragments, strict=True)
         ]
         address, half_cell, per_capacity, fraction = zip(*columns, strict=True)
+        area = padded.area
+        if self.gap_length is not None:
+            area = area * np.asarray(_gap_factor(padded.gap, self.gap_length))
         return ContactLinks(
             entry=entry,
             bodies=(first, second),
@@ -246,7 +219,7 @@ class Contact(AbstractPairTerm):
             half_cell=half_cell,
             per_capacity=per_capacity,
             area_fraction=fraction,
-            area=jnp.asarray(padded.area * self.gap_factor(padded.gap), dtype),
+            area=jnp.asarray(area, dtype),
             conductance=for_jit(self.conductance, dtype),
         )
 

@@ -71,14 +71,6 @@ class PlacedGrid:
         corners = self.pose.to_world(self.grid.mesh.vertices)
         return np.stack([corners.min(0), corners.max(0)])
 
-    def vertices_in(self, frame: "PlacedGrid") -> Float[np.ndarray, "v 3"]:
-        """Vertices of the mesh in another body's frame [m]."""
-        return frame.pose.to_body(self.pose.to_world(self.grid.mesh.vertices))
-
-    def fragments_in(self, frame: "PlacedGrid") -> Float[np.ndarray, "s 3"]:
-        """Positions of the fragments in another body's frame [m]."""
-        return frame.pose.to_body(self.world_fragments)
-
 
 class ContactRange(NamedTuple):
     """Distances at which surfaces count as in contact."""
@@ -112,7 +104,10 @@ def ray_hits(
 ) -> _RayHits:
     """Contact of two bodies on rays of A's lattice, near some fragments of A."""
     lattice = a.grid.lattice
-    corners = (a.grid.mesh.vertices, b.vertices_in(a))
+    corners = (
+        a.grid.mesh.vertices,
+        a.pose.to_body(b.pose.to_world(b.grid.mesh.vertices)),
+    )
     faces = (a.grid.mesh.faces, b.grid.mesh.faces)
     triangles = np.concatenate(
         [lattice.to_cells(c)[f] for c, f in zip(corners, faces, strict=True)]
@@ -233,9 +228,7 @@ class _Rays(NamedTuple):
 
 
 def nearest_fragments(
-    grid: VoxelGrid,
-    point: Float[np.ndarray, "k 3"],
-    triangle: Int[np.ndarray, " k"],
+    grid: VoxelGrid, point: Float[np.ndarray, "k 3"], triangle: Int[np.ndarray, " k"]
 ) -> Int[np.ndarray, " k"]:
     """Fragment nearest to each point on a body's surface along its ray; -1 for none.
 
@@ -317,17 +310,11 @@ def max_overlap(a: PlacedGrid, b: PlacedGrid, threshold: float) -> float:
     return max(threshold, _MAX_OVERLAP_VOXELS * max(a.pitch, b.pitch))
 
 
-def _overlap_depth(a: PlacedGrid, b: PlacedGrid) -> float:
-    """Largest depth of the surface of either body in the other [m], to half a voxel."""
-    # The depth of a fragment in a body is the shortest way out of its voxels along the
-    # axes of its lattice.
-    return max(_depth_in(a, b), _depth_in(b, a))
-
-
 def _depth_in(body: PlacedGrid, other: PlacedGrid) -> float:
     """Depth of a body's fragments in another one [m]; 0 if all are outside."""
+    # The shortest way out of its voxels along the axes of its lattice, to half a voxel.
     solid = np.pad(other.grid.solid, 1)
-    cells = _solid_cells(body.fragments_in(other), other)
+    cells = _solid_cells(other.pose.to_body(body.world_fragments), other)
     if not len(cells):
         return 0.0
     # Padded on all sides, so that every way out ends.
@@ -367,7 +354,7 @@ def require_shallow(a: PlacedGrid, b: PlacedGrid, threshold: float) -> None:
     Raises:
         InputError: naming both bodies and the depth.
     """
-    depth = _overlap_depth(a, b)
+    depth = max(_depth_in(a, b), _depth_in(b, a))
     # The depth is known to half a voxel.
     limit = max_overlap(a, b, threshold) + 0.5 * max(a.pitch, b.pitch)
     # Thin bodies can be inside each other entirely at a small depth.

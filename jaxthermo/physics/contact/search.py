@@ -208,7 +208,9 @@ def find_contacts(
     Raises:
         InputError: if the threshold is not positive, or the bodies overlap deeply.
     """
-    max_gap = _contact_threshold(a, b, threshold)
+    max_gap = min(a.pitch, b.pitch) if threshold is None else float(threshold)
+    if not (np.isfinite(max_gap) and max_gap > 0):
+        raise InputError(f"contact threshold {max_gap!r}: give a positive length [m]")
     require_shallow(a, b, max_gap)
     if b.pitch < a.pitch:
         return _contact_pairs(b, a, max_gap).swapped()
@@ -229,15 +231,6 @@ def contacts_between(
         if pairs.count:
             found[i, j] = pairs
     return found
-
-
-def _contact_threshold(a: PlacedGrid, b: PlacedGrid, threshold: Scalar | None) -> float:
-    if threshold is None:
-        return min(a.pitch, b.pitch)
-    max_gap = float(threshold)
-    if not (np.isfinite(max_gap) and max_gap > 0):
-        raise InputError(f"contact threshold {max_gap!r}: give a positive length [m]")
-    return max_gap
 
 
 def _contact_pairs(a: PlacedGrid, b: PlacedGrid, threshold: float) -> ContactPairs:

@@ -103,13 +103,7 @@ def _initial(
 
 
 def surface_property(body: Body, field: str, dtype: Any) -> Float[Values, "*s"]:
-    """One property of a body at its surface: a number, or one per fragment.
-
-    Args:
-        body: the body.
-        field: its name in `Material`.
-        dtype: of the state.
-    """
+    """A property of a body at its surface, by its name in `Material`."""
     material, grid = body.material, body.structure.grid
     # One material needs no array of its property.
     if isinstance(material, AbstractMaterials):

@@ -13,10 +13,10 @@ from jaxtyping import Array, Float
 
 from ...arrays import is_traced
 from ...geometry.mesh import Pose
-from ...physics.term import BodySurface, Omitted
+from ...physics.term import Omitted
 from ...voxels.grid import VoxelGrid
 from ..motion import Motion
-from ..scene import AbstractMaterials, Body, BodyGeometry, Scene, SolvedSurface
+from ..scene import AbstractMaterials, BodyGeometry, Scene, SolvedSurface
 from .bodies import check_memory, max_temperature, prepare, temperature_range
 from .program import Compiled, LedgerEntry, Omission, Part, Program, Receipt
 from .program_builder import ProgramBuilder, bind_volumes, ledger_entries
@@ -82,7 +82,14 @@ def compile_scene(
         programs=programs,
         starts=starts,
         state=tuple(body.state for body in prepared),
-        surfaces=tuple(map(_solved, scene.bodies, surfaces)),
+        surfaces=tuple(
+            SolvedSurface(
+                geometry=body_geometry(surface.grid, body.pose),
+                emissivity=jnp.asarray(surface.emissivity),
+                absorptivity=jnp.asarray(surface.absorptivity),
+            )
+            for body, surface in zip(scene.bodies, surfaces, strict=True)
+        ),
         stable_step=limit,
         hottest=hottest,
         receipt=Receipt(
@@ -133,25 +140,14 @@ def _stable_step(
 def _stiffness(program: Program, number: int, highest, end):
     """Addresses of a body's nodes, and the conductance that loads add there [W/K]."""
     found = []
-    load = program.surface
-    cells = None if load is None else load.cells_of(number)
-    if load is not None and cells is not None:
+    if program.surface is not None:
         relative = program.bodies[number].network.max_relative_conductivity()
-        stiffness = load.stiffness(number, highest, end, relative)
-        found.append((cells.address, stiffness))
+        found = program.surface.stiffness(number, highest, end, relative)
     for contact in program.contacts:
         for side in (0, 1):
             if contact.bodies[side] == number:
                 found.append((contact.address[side], contact.stiffness(end)))
     return found
-
-
-def _solved(body: Body, surface: BodySurface) -> SolvedSurface:
-    return SolvedSurface(
-        geometry=body_geometry(surface.grid, body.pose),
-        emissivity=jnp.asarray(surface.emissivity),
-        absorptivity=jnp.asarray(surface.absorptivity),
-    )
 
 
 def body_geometry(grid: VoxelGrid, pose: Pose | Motion) -> BodyGeometry:

@@ -26,7 +26,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from typing_extensions import override
 
-from ...arrays import is_traced
+from ...arrays import Time, is_traced
 from ...network.network import (
     AbstractNetwork,
     AbstractNodeNetwork,
@@ -34,30 +34,27 @@ from ...network.network import (
     precise_sum,
 )
 from ...network.nonlinear import NonlinearNetwork
-from ...physics.flux_law import BoundTerm, LinearLaw
-from ...physics.surface_energy_balance import NumberedTerms, SurfaceTerms
+from ...physics.flux_law import LinearLaw
+from ...physics.surface_energy_balance import SurfaceTerms
 from ...physics.time_varying import value_at
 from .program import Program
-from .surface_load import AbstractSurfaceLoad, BodyCells, SurfaceLoad
+from .surface_load import (
+    AbstractSurfaceLoad,
+    BodyCells,
+    HeatRates,
+    Networks,
+    OneBody,
+    PerBody,
+    SurfaceLoad,
+)
 
 
 # Fraction of a body's nodes below which those under the surface are gathered.
 _MIN_SURFACE_FRACTION = 1 / 8
 
 
-class _EntrySums(eqx.Module):
-    """Heat rate of one ledger entry, summed over the nodes of a body."""
-
-    entry: int = eqx.field(static=True)
-    name: str = eqx.field(static=True)
-    forced: Float[Array, " d"]
-    """By each forcing [W per unit of it]."""
-    slope: Float[Array, " n"] | None
-    """Lost by each node [W/K]; None for nothing."""
-
-
 class _LinearNodes(eqx.Module):
-    """Linear heat rates of the nodes of one body."""
+    """Linear heat rates of the nodes of one body, and their sums for the ledger."""
 
     forcings: tuple[Any, ...]
     """Numbers or functions of time."""
@@ -65,12 +62,18 @@ class _LinearNodes(eqx.Module):
     """Heat rate of every node by each forcing [W per unit of it]."""
     slope: Float[Array, " n"] | None
     """Lost by each node [W/K]; None for nothing."""
-    sums: tuple[_EntrySums, ...]
     everywhere: bool = eqx.field(static=True)
     """True if arrays cover all nodes of the body, in order; else those with cells."""
+    entries: tuple[int, ...] = eqx.field(static=True)
+    names: tuple[str, ...] = eqx.field(static=True)
+    """Mechanism of each ledger entry."""
+    entry_forced: tuple[Float[Array, " d"], ...]
+    """Heat rate of each entry by the forcings [W per unit of it]."""
+    entry_slope: tuple[Float[Array, " n"] | None, ...]
+    """Lost by each node to the entry [W/K]; None for nothing."""
 
 
-class LinearSurfaceLoad(AbstractSurfaceLoad):
+class _LinearSurfaceLoad(AbstractSurfaceLoad):
     """Heat of all surface terms, summed for the nodes beforehand."""
 
     general: SurfaceLoad
@@ -83,20 +86,14 @@ class LinearSurfaceLoad(AbstractSurfaceLoad):
         return self.general
 
     @override
-    def nodes_of(self, index: int, state: Float[Array, "..."]) -> Float[Array, " m"]:
-        if self.bodies[index].everywhere:
-            return state
-        return self.general.nodes_of(index, state)
+    def nodes_of(self, index: int, state: OneBody) -> Float[Array, " m"]:
+        everywhere = self.bodies[index].everywhere
+        return state if everywhere else super().nodes_of(index, state)
 
     @override
     def heat(
-        self,
-        time: Float[Array, ""],
-        nodes: Sequence[Float[Array, " _"]],
-        networks: Sequence[AbstractNetwork],
-        received: Float[Array, " p"] | None = None,
-        emits: bool = False,
-    ) -> tuple[list[Float[Array, " _"]], Float[Array, " c"]]:
+        self, time: Time, nodes: PerBody, networks: Networks, received=None, emits=False
+    ) -> HeatRates:
         heat, by_entry = [], jnp.zeros(self.general.entry_count, nodes[0].dtype)
         for body, theta in zip(self.bodies, nodes, strict=True):
             now = [value_at(forcing, time) for forcing in body.forcings]
@@ -104,24 +101,24 @@ class LinearSurfaceLoad(AbstractSurfaceLoad):
             for each, forcing in zip(body.forced, now, strict=True):
                 rate = rate + each * forcing
             heat.append(rate)
-            for sums in body.sums:
-                with jax.named_scope(sums.name):
-                    pairs = zip(sums.forced, now, strict=True)
-                    brought = sum(each * forcing for each, forcing in pairs)
-                    if sums.slope is not None:
-                        brought = brought - precise_sum(sums.slope * theta)
-                    by_entry = by_entry.at[sums.entry].add(brought)
+            rows = (body.entries, body.names, body.entry_forced, body.entry_slope)
+            for entry, name, forced, slope in zip(*rows, strict=True):
+                with jax.named_scope(name):
+                    brought = sum(b * f for b, f in zip(forced, now, strict=True))
+                    if slope is not None:
+                        brought = brought - precise_sum(slope * theta)
+                    by_entry = by_entry.at[entry].add(brought)
         return heat, by_entry
 
     @override
     def add(
         self,
         index: int,
-        new: Float[Array, "..."],
+        new: OneBody,
         network: AbstractNetwork,
-        dt: Float[Array, ""],
-        heat: Float[Array, " _"],
-    ) -> Float[Array, "..."]:
+        dt: Time,
+        heat: Array,
+    ) -> OneBody:
         if self.bodies[index].everywhere:
             # A sum over all nodes is part of the loop that conducts; a scatter is not.
             return new + dt * inverse(network.capacity()) * heat
@@ -142,62 +139,113 @@ def linear_programs(programs: Sequence[Program]) -> tuple[Program, ...] | None:
     return tuple(made)
 
 
-def _linear_load(program: Program, load: SurfaceLoad) -> LinearSurfaceLoad | None:
+def _linear_load(program: Program, load: SurfaceLoad) -> _LinearSurfaceLoad | None:
     if program.enclosure is not None:
         return None
     bodies = []
     for index, cells in enumerate(load.cells):
-        network = program.bodies[cells.body].network
+        network, terms = program.bodies[cells.body].network, load.terms_on(index)
+        numbered = (*terms.natural, *terms.prescribed)
+        laws = [law for _, t in numbered if (law := t.law.linear()) is not None]
         # Where conductivity varies, so does the half cell.
-        if isinstance(network, NonlinearNetwork):
-            return None
-        terms = load.terms_on(index)
-        natural, prescribed = _linear(terms.natural), _linear(terms.prescribed)
-        if natural is None or prescribed is None:
+        if isinstance(network, NonlinearNetwork) or len(laws) < len(numbered):
             return None
         entries = [row[index] for row in load.entries]
-        balance = _LinearBalance(terms, natural, prescribed)
-        bodies.append(_linear_nodes(cells, network, balance, entries))
-    return LinearSurfaceLoad(load, tuple(bodies))
+        bodies.append(_linear_nodes(cells, network, terms, laws, entries))
+    return _LinearSurfaceLoad(load, tuple(bodies))
 
 
-def _linear(terms: NumberedTerms) -> list[LinearLaw] | None:
-    """The linear laws of all terms; None if one is not linear."""
-    found = [law for law in (term.law.linear() for _, term in terms) if law is not None]
-    return found if len(found) == len(terms) else None
+class _Part(NamedTuple):
+    """A term on the cells."""
+
+    term: int
+    forcing: int
+    weight: Any
+    """[W per unit of the forcing]"""
+    slope: Any
+    """[W/K]; None for nothing."""
 
 
 def _linear_nodes(
     cells: BodyCells,
     network: AbstractNetwork,
-    balance: "_LinearBalance",
+    terms: SurfaceTerms,
+    laws: list[LinearLaw],
     entries: list[int],
 ) -> _LinearNodes:
-    everywhere, sums = _sums(cells, network, balance.traced)
-    to_nodes = lambda values: jnp.asarray(sums(values), balance.dtype)
-    number = lambda value: jnp.asarray(value, balance.dtype)
-    forcings = range(len(balance.forcings))
-    found = []
-    for term in balance.numbers:
-        slope = balance.slope(term)
-        totals = [balance.brought(term, forcing).sum() for forcing in forcings]
-        found.append(
-            _EntrySums(
-                entry=entries[term],
-                name=balance.names[term],
-                forced=jnp.stack([number(total) for total in totals]),
-                slope=None if slope is None else to_nodes(slope),
-            )
-        )
-    # All slopes of a node act on the same temperature: one array for the time loop.
-    slopes = [entry.slope for entry in found if entry.slope is not None]
-    return _LinearNodes(
-        forcings=tuple(balance.forcings),
-        forced=tuple(to_nodes(balance.forced(forcing)) for forcing in forcings),
-        slope=sum(slopes[1:], slopes[0]) if slopes else None,
-        sums=tuple(found),
-        everywhere=everywhere,
+    """The balance of all cells, solved and summed by nodes."""
+    # On the host in double precision where nothing is traced: the sums over cells are
+    # then as exact as the general form in the time loop.
+    traced, dtype = is_traced((terms, laws)), terms.half_cell.dtype
+    own: Any = jnp if traced else np
+    number = lambda value: own.asarray(value, dtype if traced else np.float64)
+    rounded = lambda value: jnp.asarray(value, dtype)
+    everywhere, sums = _sums(cells, network, traced)
+    forcings, parts = _parts(terms, laws, number)
+    cell = number(terms.half_cell)
+    weight = lambda parts, forcing: sum(
+        (part.weight for part in parts if part.forcing == forcing), 0 * cell
     )
+    slope = lambda parts: sum((p.slope for p in parts if p.slope is not None), 0 * cell)
+    natural = parts[: len(terms.natural)]
+    both = cell + slope(natural)
+    some = own.where(both > 0, both, 1)
+    # Of the heat at a surface, the fraction that goes to its node; the rest is lost by
+    # the terms.
+    through = own.where(both > 0, cell, 0) / some
+    lost = own.where(both > 0, 1, 0) / some
+    each = range(len(forcings))
+    found = sorted({part.term for part in parts})
+    entry_forced, entry_slope = [], []
+    for term in found:
+        here = [part for part in parts if part.term == term]
+        exposed = [part for part in natural if part.term == term]
+        fixed = here[len(exposed) :]
+        # At the temperature that all terms cause together.
+        change = slope(exposed) * lost
+        brought = [weight(here, d) - change * weight(natural, d) for d in each]
+        entry_forced.append(jnp.stack([rounded(total.sum()) for total in brought]))
+        acts = any(part.slope is not None for part in here)
+        lose = slope(exposed) * through + slope(fixed) if acts else None
+        entry_slope.append(rounded(sums(lose)) if acts else None)
+    # All slopes of a node act on the same temperature: one array for the time loop.
+    slopes = [each for each in entry_slope if each is not None]
+    prescribed = parts[len(natural) :]
+    forced = [weight(natural, d) * through + weight(prescribed, d) for d in each]
+    return _LinearNodes(
+        forcings=tuple(forcings),
+        forced=tuple(rounded(sums(values)) for values in forced),
+        slope=sum(slopes[1:], slopes[0]) if slopes else None,
+        everywhere=everywhere,
+        entries=tuple(entries[term] for term in found),
+        names=tuple(terms.names[term] for term in found),
+        entry_forced=tuple(entry_forced),
+        entry_slope=tuple(entry_slope),
+    )
+
+
+def _parts(
+    terms: SurfaceTerms, laws: list[LinearLaw], number: Callable[[Any], Any]
+) -> tuple[list[Any], list[_Part]]:
+    """Forcings, and the terms with a linear law on all cells, natural ones first."""
+    # The first forcing is 1: all constant terms share it.
+    forcings: list[Any] = [jnp.ones((), terms.half_cell.dtype)]
+    parts = []
+    numbered = (*terms.natural, *terms.prescribed)
+    for (term, bound), law in zip(numbered, laws, strict=True):
+        area, forcing = number(bound.effective_area), 0
+        weight = area * number(law.weight)
+        if not callable(law.forcing):
+            weight = weight * number(law.forcing)
+        else:
+            # Terms of one function of time, such as one air, share its forcing.
+            same = (d for d, each in enumerate(forcings) if law.forcing is each)
+            forcing = next(same, len(forcings))
+            if forcing == len(forcings):
+                forcings.append(law.forcing)
+        slope = None if law.slope is None else area * number(law.slope)
+        parts.append(_Part(term, forcing, weight, slope))
+    return forcings, parts
 
 
 def _sums(
@@ -215,94 +263,3 @@ def _sums(
         return everywhere, lambda values: jax.ops.segment_sum(values, index, count)
     host = np.asarray(index)
     return everywhere, lambda values: np.bincount(host, values, count)
-
-
-class _Part(NamedTuple):
-    """A term on the cells."""
-
-    number: int
-    forcing: int
-    weight: Any
-    """[W per unit of the forcing]"""
-    slope: Any
-    """[W/K]; None for nothing."""
-
-
-class _LinearBalance:
-    """The balance of all cells, solved: arrays with one value per cell."""
-
-    # On the host in double precision where nothing is traced: the sums over cells are
-    # then as exact as the general form in the time loop.
-
-    def __init__(
-        self, terms: SurfaceTerms, natural: list[LinearLaw], prescribed: list[LinearLaw]
-    ):
-        self.traced = is_traced((terms, natural, prescribed))
-        self.names, self.dtype = terms.names, terms.half_cell.dtype
-        self._own: Any = jnp if self.traced else np
-        self._precise = self.dtype if self.traced else np.float64
-        # The first forcing is 1: all constant terms share it.
-        self.forcings: list[Any] = [jnp.ones((), self.dtype)]
-        part = self._part
-        self._natural = [part(*e) for e in zip(terms.natural, natural, strict=True)]
-        self._prescribed = [
-            part(*e) for e in zip(terms.prescribed, prescribed, strict=True)
-        ]
-        self._cell = self._number(terms.half_cell)
-        both = self._cell + self._slope(self._natural)
-        some = self._own.where(both > 0, both, 1)
-        # Of the heat at a surface, the fraction that goes to its node; the rest is
-        # lost by the terms.
-        self._through = self._own.where(both > 0, self._cell, 0) / some
-        self._lost = self._own.where(both > 0, 1, 0) / some
-
-    @property
-    def numbers(self) -> list[int]:
-        """Numbers of the terms."""
-        return sorted({part.number for part in (*self._natural, *self._prescribed)})
-
-    def forced(self, forcing: int) -> Any:
-        """Heat to the node [W per unit of the forcing]."""
-        natural = self._weight(self._natural, forcing) * self._through
-        return natural + self._weight(self._prescribed, forcing)
-
-    def brought(self, number: int, forcing: int) -> Any:
-        """Heat of one term at the temperature that all of them cause [W per unit]."""
-        natural, prescribed = self._of(number)
-        lost = self._slope(natural) * self._lost * self._weight(self._natural, forcing)
-        return self._weight([*natural, *prescribed], forcing) - lost
-
-    def slope(self, number: int) -> Any:
-        """Heat that the node loses to a term [W/K]; None for nothing."""
-        natural, prescribed = self._of(number)
-        if all(part.slope is None for part in (*natural, *prescribed)):
-            return None
-        return self._slope(natural) * self._through + self._slope(prescribed)
-
-    def _of(self, number: int) -> tuple[list[_Part], list[_Part]]:
-        of = lambda parts: [part for part in parts if part.number == number]
-        return of(self._natural), of(self._prescribed)
-
-    def _number(self, value: Any) -> Any:
-        return self._own.asarray(value, self._precise)
-
-    def _weight(self, parts: list[_Part], forcing: int) -> Any:
-        return sum((p.weight for p in parts if p.forcing == forcing), 0 * self._cell)
-
-    def _slope(self, parts: list[_Part]) -> Any:
-        return sum((p.slope for p in parts if p.slope is not None), 0 * self._cell)
-
-    def _part(self, numbered: tuple[int, BoundTerm], law: LinearLaw) -> _Part:
-        number, term = numbered
-        area, forcing = self._number(term.effective_area), 0
-        weight = area * self._number(law.weight)
-        if not callable(law.forcing):
-            weight = weight * self._number(law.forcing)
-        else:
-            # Terms of one function of time, such as one air, share its forcing.
-            same = (d for d, each in enumerate(self.forcings) if law.forcing is each)
-            forcing = next(same, len(self.forcings))
-            if forcing == len(self.forcings):
-                self.forcings.append(law.forcing)
-        slope = None if law.slope is None else area * self._number(law.slope)
-        return _Part(number, forcing, weight, slope)

@@ -7,8 +7,10 @@ from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Int
 
+from ...arrays import Time
 from ...network.network import AbstractNetwork, Address
 from ...physics.contact.links import ContactLinks
 from ...physics.radiation.radiative_exchange import Enclosure
@@ -47,7 +49,7 @@ class VolumeLoad(eqx.Module):
     """[W/m^3]"""
 
     def apply_heat(
-        self, new: Float[Array, "..."], time: Float[Array, ""], dt: Float[Array, ""]
+        self, new: Float[Array, "..."], time: Time, dt: Time
     ) -> tuple[Float[Array, "..."], Float[Array, ""]]:
         """A state with the heat of one step, and its rate [W]."""
         density = value_at(self.heat_rate_density, time)
@@ -116,15 +118,13 @@ class Program(eqx.Module):
     def surface_temperatures(
         self,
         states: State,
-        time: Float[Array, ""] | None,
+        time: Time | None,
         contact_excess: Sequence[Float[Array, " _"] | None],
     ) -> list[Float[Array, " _"]]:
         """Temperatures of every body's fragments above its reference [K].
 
-        Args:
-            states: of the bodies.
-            time: of the loads [s]; None where none has acted yet.
-            contact_excess: of each body's fragments over their nodes [K].
+        At a time at which loads act, or None; with the excess of each body's fragments
+        over their nodes that contacts cause [K].
         """
         pairs = zip(self.bodies, states, strict=True)
         theta = [body.network.temperature(state) for body, state in pairs]
@@ -155,15 +155,13 @@ class Program(eqx.Module):
             for body, own in zip(self.bodies, below, strict=True)
         ]
         terms = self.fragment_terms.conducting(together(relative, below))
-        joined = below[0] if len(below) == 1 else jnp.concatenate(below)
+        joined = jnp.concatenate(below) if below[1:] else below[0]
         if self.fine_enclosure is not None:
             received = self.fine_enclosure.irradiation(time, joined)
             terms = terms.irradiated(received)
+        ends = np.cumsum([len(each) for each in below])[:-1].tolist()
         excess = terms.surface_excess(time, joined)
-        if len(below) == 1:
-            return [excess]
-        ends = [sum(len(each) for each in below[:n]) for n in range(1, len(below))]
-        return jnp.split(excess, ends)
+        return jnp.split(excess, ends) if ends else [excess]
 
 
 @dataclass(frozen=True)

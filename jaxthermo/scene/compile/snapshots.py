@@ -75,15 +75,9 @@ def take_snapshots(
     temperatures: TemperatureRange | None,
     prune: bool,
 ) -> list[Snapshot]:
-    """The scene at every snapshot, with the same bindings at each.
+    """The scene at every snapshot, from its start, with the same bindings at each.
 
-    Args:
-        scene: bodies and terms.
-        prepared: the bodies.
-        starts: of the snapshots [s].
-        end: of the last of them [s].
-        temperatures: range of the run, if it is known.
-        prune: True to leave out terms that have no effect.
+    Terms without effect are left out if `prune`.
     """
     # Several snapshots need the same bindings: a term that does not act now is omitted
     # only where there is one snapshot.

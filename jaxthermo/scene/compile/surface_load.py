@@ -11,11 +11,19 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 from typing_extensions import override
 
-from ...arrays import members
+from ...arrays import Time, members
 from ...network.network import AbstractNetwork, Address, precise_sum, slot_sums
 from ...physics.surface_energy_balance import SurfaceTerms
 from ...physics.term import spread
 from .bodies import PreparedBody, device_address
+
+
+OneBody = Float[Array, "..."]
+PerBody = Sequence[Float[Array, " _"]]
+Networks = Sequence[AbstractNetwork]
+HeatRates = tuple[list[Float[Array, " _"]], Float[Array, " c"]]
+# Temperatures of one body; one array or one network for each body with cells; and the
+# heat rates of its cells or nodes, with those of the ledger [W].
 
 
 class BodyCells(eqx.Module):
@@ -25,7 +33,7 @@ class BodyCells(eqx.Module):
     nothing acts has none.
     """
 
-    # Some cells at the end have no area: they make the number even (`even_size`).
+    # Some cells at the end have no area: they make the number even (`_even_size`).
     # Cells are summed by gathering, and every node is then written once, which is
     # several times faster than adding to it in turn.
 
@@ -39,17 +47,11 @@ class BodyCells(eqx.Module):
     slots: tuple[Int[Array, " m"], ...]
     """Index of each node's k-th cell; where it has fewer, one without area or none."""
 
-    def nodes_of(self, state: Float[Array, "..."]) -> Float[Array, " m"]:
-        """Values of a state at the nodes."""
-        return state.at[self.address].get(mode="promise_in_bounds")
-
     def cells_of(self, nodes: Float[Array, " m"]) -> Float[Array, " p"]:
         """Values of the nodes at the cells."""
         return nodes.at[self.node].get(mode="promise_in_bounds")
 
-    def add(
-        self, new: Float[Array, "..."], dt: Float[Array, ""], heat: Float[Array, " m"]
-    ) -> Float[Array, "..."]:
+    def add(self, new: OneBody, dt: Time, heat: Float[Array, " m"]) -> OneBody:
         """A state with the heat rates of the nodes [W] over `dt` [s]."""
         # The state stays three-dimensional here: flattening it for the scatter would
         # make XLA compute the whole stencil with flat indices, slowly.
@@ -69,64 +71,51 @@ class AbstractSurfaceLoad(eqx.Module):
     def by_cell(self) -> "SurfaceLoad":
         """The load in general form."""
 
-    @abc.abstractmethod
-    def nodes_of(self, index: int, state: Float[Array, "..."]) -> Float[Array, " m"]:
+    def nodes_of(self, index: int, state: OneBody) -> Float[Array, " m"]:
         """Values of a state at the nodes of the body with this index."""
+        address = self.by_cell.cells[index].address
+        return state.at[address].get(mode="promise_in_bounds")
 
     @abc.abstractmethod
     def heat(
         self,
-        time: Float[Array, ""],
-        nodes: Sequence[Float[Array, " _"]],
-        networks: Sequence[AbstractNetwork],
+        time: Time,
+        nodes: PerBody,
+        networks: Networks,
         received: Float[Array, " p"] | None = None,
         emits: bool = False,
-    ) -> tuple[list[Float[Array, " _"]], Float[Array, " c"]]:
+    ) -> HeatRates:
         """Heat rates of each body's cells or nodes, and of each ledger entry [W].
 
-        Args:
-            time: [s].
-            nodes: temperatures of the nodes above the references [K].
-            networks: of the bodies.
-            received: by each cell from other surfaces [W/m^2].
-            emits: False if the cell's own emission is in what is received.
+        At temperatures of the nodes above the references [K]. Without `emits` the
+        emission of a cell is in what it has received from other surfaces [W/m^2].
         """
 
     @abc.abstractmethod
     def add(
         self,
         index: int,
-        new: Float[Array, "..."],
+        new: OneBody,
         network: AbstractNetwork,
-        dt: Float[Array, ""],
-        heat: Float[Array, " _"],
-    ) -> Float[Array, "..."]:
+        dt: Time,
+        heat: Array,
+    ) -> OneBody:
         """A body's state with the heat rates of `heat` over `dt` [s]."""
 
-    def cells_of(self, body: int) -> BodyCells | None:
-        """The cells of a body; None if nothing acts on it."""
-        found = (cells for cells in self.by_cell.cells if cells.body == body)
-        return next(found, None)
-
     def stiffness(
-        self,
-        body: int,
-        highest: Float[Array, ""],
-        end: float,
-        relative: Float[Array, ""],
-    ) -> Float[Array, " m"]:
-        """Conductance that the load adds to each node in the stable step [W/K].
+        self, body: int, highest: Float[Array, ""], end: float, relative: Array
+    ) -> list[tuple[Address, Float[Array, " m"]]]:
+        """Conductance that the load adds to a body's nodes in the stable step [W/K].
 
-        Args:
-            body: number of the body.
-            highest: temperature of any surface [K].
-            end: of the run [s].
-            relative: the largest k(T) / k(reference) [-].
+        Below a temperature `highest` [K] up to `end` [s]; `relative` is the largest
+        k(T) / k(reference) [-].
         """
-        load = self.by_cell
-        index = [cells.body for cells in load.cells].index(body)
-        stiffness = load.terms_on(index).stiffness(highest, end, relative)
-        return slot_sums(stiffness, load.cells[index].slots)
+        found, load = [], self.by_cell
+        for index, cells in enumerate(load.cells):
+            if cells.body == body:
+                stiffness = load.terms_on(index).stiffness(highest, end, relative)
+                found.append((cells.address, slot_sums(stiffness, cells.slots)))
+        return found
 
     def is_dissipative(self, body: int) -> bool:
         """True if a term bounds the temperature of a body."""
@@ -166,14 +155,8 @@ class SurfaceLoad(AbstractSurfaceLoad):
     def by_cell(self) -> "SurfaceLoad":
         return self
 
-    @override
-    def nodes_of(self, index: int, state: Float[Array, "..."]) -> Float[Array, " m"]:
-        return self.cells[index].nodes_of(state)
-
     def conducting(
-        self,
-        nodes: Sequence[Float[Array, " _"]],
-        networks: Sequence[AbstractNetwork],
+        self, nodes: PerBody, networks: Networks
     ) -> tuple[SurfaceTerms, Float[Array, " p"]]:
         """The terms above nodes of these temperatures, and those at the cells [K]."""
         pairs = zip(self.cells, nodes, strict=True)
@@ -186,13 +169,8 @@ class SurfaceLoad(AbstractSurfaceLoad):
 
     @override
     def heat(
-        self,
-        time: Float[Array, ""],
-        nodes: Sequence[Float[Array, " _"]],
-        networks: Sequence[AbstractNetwork],
-        received: Float[Array, " p"] | None = None,
-        emits: bool = False,
-    ) -> tuple[list[Float[Array, " _"]], Float[Array, " c"]]:
+        self, time: Time, nodes: PerBody, networks: Networks, received=None, emits=False
+    ) -> HeatRates:
         # Where conductivity varies with temperature, so do the half cells.
         terms, here = self.conducting(nodes, networks)
         if received is not None:
@@ -212,11 +190,11 @@ class SurfaceLoad(AbstractSurfaceLoad):
     def add(
         self,
         index: int,
-        new: Float[Array, "..."],
+        new: OneBody,
         network: AbstractNetwork,
-        dt: Float[Array, ""],
-        heat: Float[Array, " _"],
-    ) -> Float[Array, "..."]:
+        dt: Time,
+        heat: Array,
+    ) -> OneBody:
         cells = self.cells[index]
         return cells.add(new, dt, slot_sums(heat, cells.slots))
 
@@ -265,9 +243,7 @@ class SurfaceLoad(AbstractSurfaceLoad):
         return jnp.split(values, np.cumsum(self.counts)[:-1].tolist())
 
 
-def together(
-    values: Sequence[Float[Array, "..."]], like: Sequence[Float[Array, " _"]]
-) -> Float[Array, "..."]:
+def together(values: Sequence[Float[Array, "..."]], like: PerBody) -> Array:
     """Values of several bodies' cells; one number where all bodies have the same."""
     if not any(each.ndim for each in values):
         return values[0]
@@ -275,11 +251,11 @@ def together(
     return _join([jnp.broadcast_to(each, here.shape) for each, here in pairs])
 
 
-def _join(arrays: Sequence[Float[Array, " _"]]) -> Float[Array, " p"]:
+def _join(arrays: PerBody) -> Float[Array, " p"]:
     return arrays[0] if len(arrays) == 1 else jnp.concatenate(arrays)
 
 
-def even_size(count: int) -> int:
+def _even_size(count: int) -> int:
     """The next size that threads share evenly, at most 1/16 or 16 larger."""
     # XLA checks the bounds of every element of a loop that its threads do not divide
     # evenly, and such a loop is not vectorized: several times slower.
@@ -313,7 +289,7 @@ def body_cells(
     cell[touched] = inverse.reshape(-1)
     nodes, node = np.unique(cells // signatures, return_inverse=True)
     node = node.reshape(-1).astype(np.int32)
-    address, count = device_address(body.address, nodes), even_size(len(cells))
+    address, count = device_address(body.address, nodes), _even_size(len(cells))
     found = BodyCells(
         body=body.number,
         address=address,
@@ -334,13 +310,9 @@ def surface_load(
 ) -> tuple[SurfaceLoad | None, Int[np.ndarray, " s"]]:
     """The load of all bodies, and the cell of each fragment among all cells or -1.
 
-    Args:
-        terms: on the fragments of all bodies.
-        cells: of each body; None without any.
-        cell: of the fragments of each body; -1 for none.
-        references: of the bodies [K].
-        entries: ledger entry of each term on each body; -1 for none.
-        entry_count: length of the ledger.
+    The terms are on the fragments of all bodies; `cells` and `cell` are those of each
+    body as from `body_cells`, and `entries` the ledger entry of each term on each, or
+    -1.
     """
     counts = tuple(0 if c is None else c.node.shape[0] for c in cells)
     first = np.cumsum([0, *counts])

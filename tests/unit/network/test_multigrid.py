@@ -12,7 +12,7 @@ import scipy.sparse as sparse
 
 from jaxthermo.network.multigrid import Hierarchy, hierarchy, jacobi
 from jaxthermo.network.nonlinear import NonlinearNetwork
-from jaxthermo.physics.conduction import assemble_mixed, assemble_uniform
+from jaxthermo.physics.conduction import _assemble_mixed, assemble_uniform
 from jaxthermo.structures.kinds.full import FullVolume
 from jaxthermo.structures.kinds.groups import Octree, ShellOverCore
 from tests.bodies import blocks
@@ -156,7 +156,7 @@ def test_two_materials_and_a_stiffness_over_eight_decades():
     structure = FullVolume(_box(12))
     random = np.random.default_rng(0)
     number = (structure.nodes().centre[:, 2] > 0.4).astype(np.int32)
-    network = assemble_mixed(structure, number, jnp.array([1e-5, 1.0]), jnp.ones(2))
+    network = _assemble_mixed(structure, number, jnp.array([1e-5, 1.0]), jnp.ones(2))
     _, m, b = _heated(structure)
     m = m * jnp.asarray(10.0 ** random.uniform(-4, 4, m.shape))
     levels = hierarchy(structure, network)

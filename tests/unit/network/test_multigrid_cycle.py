@@ -12,7 +12,7 @@ from jaxthermo.network.link_operator import LinkNetwork
 from jaxthermo.network.multigrid import hierarchy, jacobi
 from jaxthermo.network.multigrid_cycle import _SMOOTHED_RANGE, dense_solve, level
 from jaxthermo.network.stencil import HeterogeneousStencil
-from jaxthermo.physics.conduction import assemble_mixed, assemble_uniform
+from jaxthermo.physics.conduction import _assemble_mixed, assemble_uniform
 from jaxthermo.structures.kinds.full import FullVolume
 from jaxthermo.structures.kinds.groups import Octree
 from tests.bodies import blocks
@@ -37,7 +37,7 @@ def _network(kind):
     if kind == "mixed":
         number = (structure.nodes().centre[:, 2] > 3).astype(np.int32)
         k, heat = jnp.array([1.0, 1e5]), jnp.ones(2)
-        return structure, assemble_mixed(structure, number, k, heat)
+        return structure, _assemble_mixed(structure, number, k, heat)
     k = jnp.array([3.0, 1.0, 0.5]) if kind == "axes" else 2.0
     network = assemble_uniform(structure, k, 1.0, np.float64)
     if kind != "links":

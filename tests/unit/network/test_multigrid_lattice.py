@@ -6,7 +6,7 @@ import pytest
 
 from jaxthermo.network.multigrid import _lattice_levels, _LatticeTransfer
 from jaxthermo.network.stencil import HeterogeneousStencil
-from jaxthermo.physics.conduction import assemble_mixed, assemble_uniform
+from jaxthermo.physics.conduction import _assemble_mixed, assemble_uniform
 from jaxthermo.structures.kinds.full import FullVolume
 from tests.bodies import blocks
 
@@ -50,7 +50,7 @@ def test_faces_of_a_mixed_body_are_those_between_its_blocks():
     solid = random.random((5, 4, 3)) < 0.7
     structure = FullVolume(blocks(solid))
     number = random.integers(0, 2, structure.node_count).astype(np.int32)
-    network = assemble_mixed(structure, number, jnp.array([1.0, 1e5]), jnp.ones(2))
+    network = _assemble_mixed(structure, number, jnp.array([1.0, 1e5]), jnp.ones(2))
     assert isinstance(network, HeterogeneousStencil)
     coarse = _lattice_levels(network, 100)[0][1]
     assert isinstance(coarse, HeterogeneousStencil)

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 
 from jaxthermo.network.link_operator import LinkNetwork
 from jaxthermo.network.network import precise_sum
-from jaxthermo.physics.conduction import assemble_mixed, assemble_uniform, series
+from jaxthermo.physics.conduction import _assemble_mixed, assemble_uniform, series
 from jaxthermo.structures.kinds.full import FullVolume
 from tests.bodies import blocks
 
@@ -51,8 +51,8 @@ def _operators(solid):
     return [
         (dense, assemble_uniform(dense, K, HEAT, jnp.float64)),
         (sparse, assemble_uniform(sparse, K, HEAT, jnp.float64)),
-        (dense, assemble_mixed(dense, painted, *two)),
-        (sparse, assemble_mixed(sparse, painted, *two)),
+        (dense, _assemble_mixed(dense, painted, *two)),
+        (sparse, _assemble_mixed(sparse, painted, *two)),
         (sparse, _pairs(sparse)),
     ]
 
@@ -158,7 +158,7 @@ def test_two_materials_take_the_harmonic_mean(mixed):
     solid = np.ones((2, 1, 1), bool)
     structure = FullVolume(blocks(solid, PITCH), stencil=not mixed)
     material = np.array([0, 1], np.int32)
-    network = assemble_mixed(
+    network = _assemble_mixed(
         structure, material, jnp.array([401.0, 0.2]), jnp.array([1e6, 2e6])
     )
     rate = _values(structure, network.heat_rate(_state(structure, [1.0, 0.0])))

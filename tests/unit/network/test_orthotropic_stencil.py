@@ -14,7 +14,7 @@ from jaxthermo.network.stencil import (
     OrthotropicStencil,
     solid_degree,
 )
-from jaxthermo.physics.conduction import assemble_mixed, assemble_uniform
+from jaxthermo.physics.conduction import _assemble_mixed, assemble_uniform
 from jaxthermo.structures.kinds.full import FullVolume
 from tests.bodies import blocks
 
@@ -35,7 +35,7 @@ def _operator(solid, stencil, mixed):
         return structure, assemble_uniform(structure, K, HEAT, jnp.float64)
     painted = np.arange(COUNT, dtype=np.int32) % 2
     two = jnp.array([K, K]), jnp.array([HEAT, HEAT])
-    return structure, assemble_mixed(structure, painted, *two)
+    return structure, _assemble_mixed(structure, painted, *two)
 
 
 KINDS = [(True, False), (False, False), (True, True), (False, True)]

@@ -11,7 +11,7 @@ import pytest
 import jaxthermo as jt
 from jaxthermo.integrate.run.heat_rates import add_loads
 from jaxthermo.scene.compile.compile import compile_scene
-from jaxthermo.scene.compile.linear_load import LinearSurfaceLoad
+from jaxthermo.scene.compile.linear_load import _LinearSurfaceLoad
 from jaxthermo.scene.compile.surface_load import SurfaceLoad
 
 
@@ -58,7 +58,7 @@ def _by_cell(program):
 def test_they_bring_what_the_cells_do(ball, kinds, material):
     compiled = compile_scene(_scene([kind(ball) for kind in kinds], TERMS, material))
     program = compiled.program
-    assert isinstance(program.surface, LinearSurfaceLoad)
+    assert isinstance(program.surface, _LinearSurfaceLoad)
     chance = np.random.default_rng(0)
     states = tuple(s + chance.uniform(-5, 5, s.shape) for s in compiled.state)
     for time in (0.0, 3.0, 4.5):
@@ -73,11 +73,11 @@ def test_they_bring_what_the_cells_do(ball, kinds, material):
 def test_what_is_not_linear_goes_by_cells(ball):
     program = lambda *terms: compile_scene(_scene([jt.Aggregate(ball)], terms)).program
     kind = lambda *terms: type(program(*terms).surface)
-    assert kind(TERMS[0], TERMS[2]) is LinearSurfaceLoad
+    assert kind(TERMS[0], TERMS[2]) is _LinearSurfaceLoad
     assert kind(TERMS[0], jt.Surroundings(280.0)) is SurfaceLoad
     assert kind(jt.Convection(lambda time: 1.0 + time, 280.0)) is SurfaceLoad
     warm = jt.Surroundings(295.0, linear_within=0.2)
-    assert kind(TERMS[2], warm) is LinearSurfaceLoad
+    assert kind(TERMS[2], warm) is _LinearSurfaceLoad
 
 
 def test_energy_closes_and_gradients_are_differences(ball):

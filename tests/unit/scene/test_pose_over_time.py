@@ -1,4 +1,4 @@
-"""Poses over time: between two poses straight and at a constant rate of turn."""
+"""Poses over time: _between two poses straight and at a constant rate of turn."""
 
 import math
 from typing import Any
@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from jaxthermo.errors import InputError
 from jaxthermo.geometry.mesh import Pose
-from jaxthermo.scene.motion import Motion, PoseTable, between
+from jaxthermo.scene.motion import Motion, PoseTable, _between
 
 
 def turned(rotation, translation=(0.0, 0.0, 0.0)):
@@ -33,12 +33,12 @@ def test_turns_are_those_of_scipy(seed, share, turn):
     axis = random.normal(size=3)
     second = first * Rotation.from_rotvec(turn * axis / np.linalg.norm(axis))
     expected = Slerp([0.0, 1.0], Rotation.concatenate([first, second]))(share)
-    found = between(turned(first), turned(second), share)
+    found = _between(turned(first), turned(second), share)
     assert np.abs(np.array(found.rotation) - expected.as_matrix()).max() < 1e-12
 
 
 def test_half_a_turn_keeps_its_rate():
-    quarter = between(about_z(0.0), about_z(180.0), 0.25)
+    quarter = _between(about_z(0.0), about_z(180.0), 0.25)
     angle = Rotation.from_matrix(np.array(quarter.rotation)).magnitude()
     assert angle == pytest.approx(math.pi / 4)
 

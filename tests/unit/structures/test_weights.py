@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.physics.conduction import assemble_uniform, link_weights
+from jaxthermo.physics.conduction import _link_weights, assemble_uniform
 from tests.bodies import blocks
 
 
@@ -47,7 +47,7 @@ def test_every_link_takes_the_weights_of_its_classes(grid, kind):
             for n, c, t in zip(low, crosses, touches, strict=True)
         ]
     )
-    np.testing.assert_allclose(link_weights(structure, jnp.float64), exact)
+    np.testing.assert_allclose(_link_weights(structure, jnp.float64), exact)
 
 
 def test_weights_of_one_change_nothing(grid):

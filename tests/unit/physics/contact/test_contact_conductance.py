@@ -137,4 +137,4 @@ def test_the_coefficient_across_a_gap(h_c):
 @pytest.mark.parametrize("length", [0.0, -1e-3, math.inf, math.nan])
 def test_a_gap_length_must_be_one(length):
     with pytest.raises(InputError, match="gap_length"):
-        _gap_factor(jnp.zeros(2), length)
+        Contact(1.0, gap_length=length)
