@@ -132,14 +132,13 @@ def assemble_uniform(
         # A single row of conductivities by axis stands for all nodes.
         return _assemble_links(structure, k[None] if k.ndim else k, heat)
     grid = structure.grid
-    values = {
-        "conductance": k * grid.pitch,
-        "node_capacity": heat * grid.voxel_volume,
-        "node_count": structure.node_count,
-    }
-    if k.ndim:
-        return OrthotropicStencil(jnp.asarray(solid_degree(grid.solid, bits=2)), **values)
-    return UniformStencil(jnp.asarray(solid_degree(grid.solid)), **values)
+    stencil, bits = (OrthotropicStencil, 2) if k.ndim else (UniformStencil, 0)
+    return stencil(
+        jnp.asarray(solid_degree(grid.solid, bits)),
+        conductance=k * grid.pitch,
+        node_capacity=heat * grid.voxel_volume,
+        node_count=structure.node_count,
+    )
 
 
 def _assemble_mixed(
