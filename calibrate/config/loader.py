@@ -9,9 +9,8 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from jaxthermo.config.loader import load_config, mesh_folders
+from jaxthermo.config.loader import load_config, mesh_folders, with_overrides
 from jaxthermo.config.messages import described, in_file
-from jaxthermo.config.overrides import with_overrides
 from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.config.strict_yaml import read_yaml
 from jaxthermo.config.types.files import FOLDERS

@@ -5,8 +5,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
-from jaxthermo.config import field_units
 from jaxthermo.config.schema.image import CameraConfig
+from jaxthermo.config.schema.scene import unit_of as unit_in_scene
 from jaxthermo.config.types.files import FoundPath
 from jaxthermo.config.types.model import ByKind, KindModel, Mistake, Model, Short
 from jaxthermo.config.types.quantities import (
@@ -37,7 +37,7 @@ _DEFAULT_BOUNDS: dict[str, tuple[float, float]] = {
 
 def unit_of(name: str) -> str:
     """SI unit of a parameter; empty for a factor."""
-    unit = field_units.unit_of(name)
+    unit = unit_in_scene(name)
     return "" if unit is None else unit.symbol
 
 
@@ -47,7 +47,7 @@ def value_in_si(value: Any, name: str) -> float:
     if isinstance(value, str) and value.strip() in ("inf", "-inf"):
         return float(value)
     try:
-        return to_si(value, field_units.unit_of(name) or NUMBER)
+        return to_si(value, unit_in_scene(name) or NUMBER)
     except InputError as error:
         raise ValueError(str(error)) from error
 

@@ -1,5 +1,6 @@
 """Fit cards on disk: a YAML file, and long lists of weights in an `.npz` beside it."""
 
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -14,29 +15,12 @@ from .strict_yaml import read_yaml, write_yaml
 
 # Format 1 had other names of weights.
 _FORMAT = 2
+# Longer lists, such as one weight for each node, would bury the rest of the card.
 _MAX_LISTED = 64
-"""Length of a list above which it is written into the `.npz` file."""
-
-_KEYS = {
-    "card",
-    "name",
-    "structure",
-    "weights",
-    "parameters",
-    "ranges",
-    "mechanisms",
-    "error_percent",
-    "origin",
-}
 
 
 def write_card(path: Path, card: FitCard) -> None:
-    """Write a card, and its long lists beside it.
-
-    Args:
-        path: of the YAML file.
-        card: to be written.
-    """
+    """Write a card as YAML, and its long lists beside it."""
     weights: dict[str, Any] = {}
     arrays: dict[str, np.ndarray] = {}
     for name, value in vars(card.weights).items():
@@ -51,14 +35,11 @@ def write_card(path: Path, card: FitCard) -> None:
             np.savez_compressed(temporary, allow_pickle=False, **arrays)
     plain = {
         "card": _FORMAT,
-        "name": card.name,
-        "structure": dict(card.structure),
+        **vars(card),
         "weights": weights,
-        "parameters": dict(card.parameters),
+        # YAML has no tuples.
         "ranges": {name: list(ends) for name, ends in card.ranges.items()},
         "mechanisms": list(card.mechanisms),
-        "error_percent": {k: dict(v) for k, v in card.error_percent.items()},
-        "origin": dict(card.origin),
     }
     with replacing(path) as temporary:
         temporary.write_text(write_yaml(plain), encoding="utf-8")
@@ -66,6 +47,9 @@ def write_card(path: Path, card: FitCard) -> None:
 
 def load_card(path: str | Path) -> FitCard:
     """The fit card in a YAML file, with the arrays beside it.
+
+    Args:
+        path: of the YAML file.
 
     Raises:
         InputError: if it is missing, no card, or of another format.
@@ -83,7 +67,7 @@ def load_card(path: str | Path) -> FitCard:
             f"{path}: is a fit card of format {quoted(data['card'])}, and this version "
             f"reads format {_FORMAT}: fit it again with `calibrate fit`"
         )
-    unknown = sorted(set(data) - _KEYS)
+    unknown = sorted(set(data) - {"card", *(f.name for f in fields(FitCard))})
     if unknown:
         raise InputError(f"{path}: a fit card has no {', '.join(unknown)}")
     try:
@@ -114,8 +98,10 @@ def _weights(path: Path, given: dict[str, Any]) -> dict[str, Any]:
             continue
         beside = path.with_name(value)
         try:
+            # Opened by name first: `np.load` would leave a damaged file open.
             with beside.open("rb") as stream, np.load(stream) as kept:
                 found[name] = kept[name]
+        # A damaged archive makes the reader raise anything.
         except Exception as error:
             raise InputError(
                 f"{beside} with the weights `{name}` cannot be read "

@@ -1,49 +1,40 @@
-"""A config file, read, changed by overrides, validated, and written out again."""
+"""A config file, read, changed by `--set`, validated, and written out again."""
 
 import hashlib
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeAlias
 
 from pydantic import ValidationError
 
 from ..errors import InputError
-from .messages import described, in_file
-from .overrides import Change, with_overrides
+from .messages import close_match, described, dotted, in_file, quoted
 from .schema.scene import SceneConfig
-from .strict_yaml import read_yaml, write_yaml
+from .strict_yaml import parse_yaml, read_yaml, write_yaml
 from .types.files import FOLDERS
-from .types.model import Location, Model
+from .types.model import Location, Model, Short, field_parts
 from .types.quantities import ALLOW_EXTREME
 
 
-AnyModel = TypeVar("AnyModel", bound=Model)
+# Keys whose mapping has paths as keys: the rest of a location is one of them.
+_PATH_KEYS = ("set",)
+
+Change: TypeAlias = tuple[Location, str]
+"""Location of a value that an override set, and the text of the override."""
 
 
 def load_config(
     path: str | Path, overrides: Sequence[str] = (), *, find_meshes: bool = True
 ) -> SceneConfig:
-    """The config of a scene; see `load_model`."""
-    return _load_model(SceneConfig, path, overrides, find_files=find_meshes)
-
-
-def _load_model(
-    model: type[AnyModel],
-    path: str | Path,
-    overrides: Sequence[str] = (),
-    *,
-    find_files: bool = True,
-) -> AnyModel:
     """The config in a YAML file, with files found and all values in SI units.
 
     Args:
-        model: type of the config; one with a `name` gets the file's, if none is given.
-        path: the file; meshes, labels and masks are searched for beside it, then in
-            the folders of JAXTHERMO_MESHES.
+        path: the file; its name is the scene's, if none is given. Meshes, labels and
+            masks are searched for beside it, then in the folders of JAXTHERMO_MESHES.
         overrides: texts "a.b=c", applied in order; c is YAML.
-        find_files: False to accept files that are named and do not exist.
+        find_meshes: False to accept files that are named and do not exist.
 
     Raises:
         InputError: one line for each mistake in the config.
@@ -51,14 +42,13 @@ def _load_model(
     path = Path(path)
     read = read_yaml(path)
     data, changed = with_overrides(read, overrides)
-    if "name" in model.model_fields:
-        data = {"name": path.stem, **data}
+    data = {"name": path.stem, **data}
     context = {
         ALLOW_EXTREME: data.get(ALLOW_EXTREME) is True,
-        FOLDERS: mesh_folders(path.parent) if find_files else (),
+        FOLDERS: mesh_folders(path.parent) if find_meshes else (),
     }
     try:
-        return model.model_validate(data, context=context)
+        return SceneConfig.model_validate(data, context=context)
     except ValidationError as error:
         source = lambda where: in_file(
             _override_at(where, read, changed) or path, where
@@ -100,17 +90,97 @@ def _content(path: Path) -> str:
         return path.name
 
 
+def with_overrides(data: Any, texts: Sequence[str]) -> tuple[Any, list[Change]]:
+    """A copy of the data with texts "a.b=c" applied in order; c is YAML.
+
+    Raises:
+        InputError: for a text of another form, or a path that the data cannot have.
+    """
+    changed: list[Change] = []
+    for text in texts:
+        path, equals, value = text.partition("=")
+        keys = [key.strip() for key in path.split(".")]
+        if not equals or not all(keys):
+            raise InputError(
+                f"--set {text}: expected a path and a value, such as a.b=3"
+            )
+        location = tuple(int(key) if key.isdigit() else key for key in keys)
+        parsed = parse_yaml(value, f"--set {text}")
+        try:
+            data = _replaced(data, location, parsed, ())
+        except InputError as error:
+            raise InputError(f"--set {error}") from error
+        changed.append((location, text))
+    return data, changed
+
+
+def _replaced(data: Any, rest: Location, value: Any, before: Location) -> Any:
+    if not rest:
+        return value
+    key, here = rest[0], (*before, rest[0])
+    if isinstance(data, list):
+        index = _index(data, key, before)
+        item = _replaced(data[index], rest[1:], value, here)
+        return [*data[:index], item, *data[index + 1 :]]
+    if before and before[-1] in _PATH_KEYS:
+        key = dotted(rest)
+        rest = (key,)
+    # A word may stand for a whole mapping, of which one value is replaced.
+    if data is None or data == "auto":
+        data = {}
+    elif isinstance(data, str) and (word_key := _word_key(before)) is not None:
+        data = {word_key: data}
+    if not isinstance(data, dict):
+        raise InputError(
+            f"{dotted(here)}: `{dotted(before)}` is {quoted(data)} in the config, "
+            f"which has no parts; set `{dotted(before)}` as a whole"
+        )
+    if isinstance(key, int):
+        hint = close_match(key, data)
+        raise InputError(f"{dotted(here)}: `{dotted(before)}` is not a list{hint}")
+    if len(rest) > 1 and key not in data and isinstance(rest[1], int):
+        raise InputError(f"{dotted(here)}: no such list{close_match(key, data)}")
+    item = _replaced(data.get(key), rest[1:], value, here)
+    # Of `unit` and `height` one is given: to set one replaces the other.
+    groups = (group for model in _models() for group in model.exactly_one)
+    others = {other for group in groups if key in group for other in group} - {key}
+    return {**{k: v for k, v in data.items() if k not in others}, key: item}
+
+
+def _models(base: type[Model] = Model) -> Iterator[type[Model]]:
+    for model in base.__subclasses__():
+        yield model
+        yield from _models(model)
+
+
+def _word_key(location: Location) -> str | None:
+    """The key that a word alone stands for, as `kind` for "octree" in `structure`."""
+    last = str(location[-1]) if location else ""
+    models = (model for model in _models() if last in model.model_fields)
+    parts = (part for model in models for part in field_parts(model, last))
+    return next((part.key for part in parts if isinstance(part, Short)), None)
+
+
+def _index(data: list, key: str | int, before: Location) -> int:
+    if not isinstance(key, int):
+        entries = f"`{dotted(before)}` is a list: give an index, such as 0"
+        raise InputError(f"{dotted((*before, key))}: {entries}")
+    if key >= len(data):
+        entries = f"`{dotted(before)}` has {len(data)} entries, counted from 0"
+        raise InputError(f"{dotted((*before, key))}: {entries}")
+    return key
+
+
 def _override_at(where: Location, read: Any, changed: list[Change]) -> str:
     """The last override that the value at the location came with; empty for none."""
-    found = [text for target, text in changed if _is_from(where, target, read)]
+    # Above the target of an override: a mapping that only the override made.
+    made = not _contains(read, where)
+    found = [
+        text
+        for target, text in changed
+        if where[: len(target)] == target or (made and target[: len(where)] == where)
+    ]
     return f"--set {found[-1]}" if found else ""
-
-
-def _is_from(where: Location, target: Location, read: Any) -> bool:
-    if where[: len(target)] == target:
-        return True
-    # Above the target: a mapping that only the override made.
-    return target[: len(where)] == where and not _contains(read, where)
 
 
 def _contains(data: Any, path: Location) -> bool:

@@ -35,6 +35,7 @@ class _Loader(yaml.SafeLoader):
 class _Dumper(yaml.SafeDumper):
     yaml_implicit_resolvers = {}
 
+    # The same tuple twice would be written as an anchor, which readers stumble over.
     def ignore_aliases(self, data: Any) -> bool:
         return True
 
@@ -43,12 +44,9 @@ def _scalar(convert: Callable[[str], Any]) -> Callable[[_Loader, Any], Any]:
     return lambda loader, node: convert(loader.construct_scalar(node))
 
 
-def _sequence(loader: _Loader, node: Any) -> list:
-    return loader.construct_sequence(node, deep=True)
-
-
 def _mapping(loader: _Loader, node: Any) -> dict[str, Any]:
     seen: dict[str, Any] = {}
+    # PyYAML's own constructor lets a later key win without a word.
     for key_node, value_node in node.value:
         key = loader.construct_object(key_node, deep=True)
         if not isinstance(key, str):
@@ -69,13 +67,14 @@ def _problem(message: str, node: yaml.Node) -> yaml.MarkedYAMLError:
 
 def _register() -> None:
     for name, (pattern, convert) in _SCALARS.items():
+        # In both, so that a text such as "1e-3" is written in quotes.
         regexp = re.compile(rf"^{pattern}$")
         for kind in (_Loader, _Dumper):
             kind.add_implicit_resolver(_TAG + name, regexp, None)
         _Loader.yaml_constructors[_TAG + name] = _scalar(convert)
     _Loader.yaml_constructors |= {
         _TAG + "str": _scalar(str),
-        _TAG + "seq": _sequence,
+        _TAG + "seq": lambda loader, node: loader.construct_sequence(node, deep=True),
         _TAG + "map": _mapping,
         None: _unknown_tag,
     }
@@ -98,6 +97,7 @@ def parse_yaml(text: str, source: str) -> Any:
         where = f", line {mark.line + 1}, column {mark.column + 1}" if mark else ""
         problem = error.problem or error.context
         raise InputError(f"{source}{where}: {problem}") from error
+    # The parser recurses: "[[[[..." must not end in a traceback.
     except RecursionError as error:
         raise InputError(f"{source}: nested too deeply") from error
     except (yaml.YAMLError, ValueError, OverflowError) as error:
@@ -108,6 +108,7 @@ def parse_yaml(text: str, source: str) -> Any:
 def read_yaml(path: Path) -> dict[str, Any]:
     """The mapping in a YAML file."""
     try:
+        # Some editors begin a file with a byte order mark.
         text = path.read_bytes().decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: not a text file (UTF-8 is expected)") from error

@@ -65,41 +65,36 @@ class MeshConfig(Model, builds="load_mesh"):
     exactly_one: ClassVar = (("unit", "height"),)
 
 
-class _Box(Model, builds="shapes.box"):
+class _Box(Model, builds="shapes.box", kind="box"):
     """A block with edges along the axes."""
 
-    kind: Literal["box"] = "box"
     size: Size
 
 
-class _Sphere(Model, builds="shapes.sphere"):
+class _Sphere(Model, builds="shapes.sphere", kind="sphere"):
     """A ball."""
 
-    kind: Literal["sphere"] = "sphere"
     radius: PositiveLength
 
 
-class _Cylinder(Model, builds="shapes.cylinder"):
+class _Cylinder(Model, builds="shapes.cylinder", kind="cylinder"):
     """An upright cylinder."""
 
-    kind: Literal["cylinder"] = "cylinder"
     radius: PositiveLength
     height: PositiveLength
 
 
-class _Slab(Model, builds="shapes.slab"):
+class _Slab(Model, builds="shapes.slab", kind="slab"):
     """A plate, thin along x."""
 
-    kind: Literal["slab"] = "slab"
     thickness: PositiveLength
     width: PositiveLength
     length: PositiveLength
 
 
-class _Figurine(Model, builds="shapes.figurine"):
+class _Figurine(Model, builds="shapes.figurine", kind="figurine"):
     """The demo body, with thick and thin parts, some in front of others."""
 
-    kind: Literal["figurine"] = "figurine"
     height: PositiveLength
 
 

@@ -51,17 +51,15 @@ class _View(Model):
         return []
 
 
-class PinholeConfig(_View, builds="Camera"):
+class PinholeConfig(_View, builds="Camera", kind="pinhole"):
     """A perspective camera."""
 
-    kind: Literal["pinhole"] = "pinhole"
     field_of_view: Annotated[FieldOfView | None, Auto] = None
 
 
-class OrthographicConfig(_View, builds="OrthographicCamera"):
+class OrthographicConfig(_View, builds="OrthographicCamera", kind="orthographic"):
     """A camera with parallel rays."""
 
-    kind: Literal["orthographic"] = "orthographic"
     view_height: Annotated[PositiveLength | None, Auto] = None
 
 

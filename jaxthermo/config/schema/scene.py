@@ -2,12 +2,13 @@
 
 import math
 from collections.abc import Iterable, Iterator
+from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar
 
 from pydantic import Field, ValidationError
 
-from ..types.model import Location, Mistake, Model, build
-from ..types.quantities import Flag, NotEmpty, PositiveTime
+from ..types.model import Location, Mistake, Model, build, field_parts, models_within
+from ..types.quantities import Flag, NotEmpty, PositiveTime, Unit
 from ..types.varying import not_increasing
 from .body import BodyConfig
 from .image import CameraConfig, ImageConfig, PinholeConfig
@@ -167,3 +168,25 @@ def _if_valid(model: type[AnyModel], data: Any) -> AnyModel | None:
         return model.model_validate(data)
     except ValidationError:
         return None
+
+
+@cache
+def _units() -> dict[str, Unit]:
+    """The unit of each key; without keys that have several, such as `length`."""
+    found: dict[str, set[Unit]] = {}
+    for model in models_within(SceneConfig):
+        for key in model.model_fields:
+            given = {p for p in field_parts(model, key) if isinstance(p, Unit)}
+            found.setdefault(key, set()).update(given)
+    return {key: units.pop() for key, units in found.items() if len(units) == 1}
+
+
+def unit_of(path: str) -> Unit | None:
+    """The unit of a number of a scene; None for a key that has no unit of its own.
+
+    Args:
+        path: dotted, such as "terms.0.irradiance" or "material.conductivity"; the last
+            key with a unit counts.
+    """
+    units = _units()
+    return next((units[key] for key in reversed(path.split(".")) if key in units), None)

@@ -1,6 +1,6 @@
 """Time integration: the solver and its options."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from pydantic import Field
 
@@ -15,51 +15,46 @@ Tolerance = Annotated[Kelvin | None, Auto]
 Stages = Annotated[Annotated[Whole, Field(ge=3, le=1000)] | None, Auto]
 
 
-class AutoSolver(KindModel):
+class AutoSolver(KindModel, kind="auto"):
     """Solver chosen from the scene."""
-
-    kind: Literal["auto"] = "auto"
 
     def build(self, *args: Any) -> None:
         """None, for which `simulate` chooses one."""
 
 
-class _ForwardEuler(KindModel, builds="ForwardEuler"):
+class _ForwardEuler(KindModel, builds="ForwardEuler", kind="forward_euler"):
     """Explicit, first order; without `dt`, at the largest stable step."""
 
-    kind: Literal["forward_euler"] = "forward_euler"
     dt: Step = None
 
 
-class _SuperTimeStepping(KindModel, builds="SuperTimeStepping"):
+class _SuperTimeStepping(
+    KindModel, builds="SuperTimeStepping", kind="super_time_stepping"
+):
     """Explicit, in many stages."""
 
-    kind: Literal["super_time_stepping"] = "super_time_stepping"
     dt: Step = None
     stages: Stages = None
 
 
-class _BackwardEuler(KindModel, builds="BackwardEuler"):
+class _BackwardEuler(KindModel, builds="BackwardEuler", kind="backward_euler"):
     """Implicit, first order."""
 
-    kind: Literal["backward_euler"] = "backward_euler"
     dt: Step = None
     tolerance: Tolerance = None
 
 
-class _TRBDF2(KindModel, builds="TRBDF2"):
+class _TRBDF2(KindModel, builds="TRBDF2", kind="trbdf2"):
     """Implicit, second order; without `dt`, in steps that follow the error [K]."""
 
-    kind: Literal["trbdf2"] = "trbdf2"
     dt: Step = None
     error: Kelvin = 0.01
     tolerance: Tolerance = None
 
 
-class _CrankNicolson(KindModel, builds="CrankNicolson"):
+class _CrankNicolson(KindModel, builds="CrankNicolson", kind="crank_nicolson"):
     """Implicit, second order; oscillates after a jump."""
 
-    kind: Literal["crank_nicolson"] = "crank_nicolson"
     dt: Step = None
     tolerance: Tolerance = None
 

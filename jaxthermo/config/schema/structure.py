@@ -104,63 +104,56 @@ def _listed(options: Mapping[str, Any]) -> str:
     return ", ".join(f"{name} {value}" for name, value in options.items())
 
 
-class FullVolume(_Structure, builds="FullVolume"):
+class FullVolume(_Structure, builds="FullVolume", kind="full_volume"):
     """Every solid voxel."""
 
-    kind: Literal["full_volume"] = "full_volume"
 
-
-class _SingleShell(_Structure, builds="SingleShell"):
+class _SingleShell(_Structure, builds="SingleShell", kind="single_shell"):
     """The surface voxels only."""
 
-    kind: Literal["single_shell"] = "single_shell"
     capacity: Literal["body", "own"] = "body"
 
 
-class _MultiLevel(_Structure, builds="MultiLevel"):
+class _MultiLevel(_Structure, builds="MultiLevel", kind="multi_level"):
     """Shells inside shells."""
 
-    kind: Literal["multi_level"] = "multi_level"
     levels: Count = 10
     hollow: Literal["empty", "innermost"] = "empty"
 
 
-class _IrregularMultiLevel(_Structure, builds="IrregularMultiLevel"):
+class _IrregularMultiLevel(
+    _Structure, builds="IrregularMultiLevel", kind="irregular_multi_level"
+):
     """Shells whose voxels grow inwards."""
 
-    kind: Literal["irregular_multi_level"] = "irregular_multi_level"
     levels: Levels = None
     keep_capacity: Flag = False
 
 
-class _Octree(_Structure, builds="Octree"):
+class _Octree(_Structure, builds="Octree", kind="octree"):
     """Cells that grow inwards and fill the body."""
 
-    kind: Literal["octree"] = "octree"
     levels: Levels = None
 
 
-class _Aggregate(_Structure, builds="Aggregate"):
+class _Aggregate(_Structure, builds="Aggregate", kind="aggregate"):
     """Blocks of factor^3 voxels."""
 
-    kind: Literal["aggregate"] = "aggregate"
     factor: Count = 4
     min_time_constant: Annotated[float, Field(ge=0, le=1)] = 0.45
     alignment: Annotated[float, Field(ge=0, le=1)] = 0.7
 
 
-class _ShellOverCore(_Structure, builds="ShellOverCore"):
+class _ShellOverCore(_Structure, builds="ShellOverCore", kind="shell_over_core"):
     """Fine layers over blocks."""
 
-    kind: Literal["shell_over_core"] = "shell_over_core"
     layers: Count = 1
     factor: Count = 4
 
 
-class Partition(_Structure, builds="Partition"):
+class Partition(_Structure, builds="Partition", kind="partition"):
     """Nodes given by a file of labels."""
 
-    kind: Literal["partition"] = "partition"
     labels: FoundPath
 
     def arguments(self) -> dict[str, Any]:
@@ -184,23 +177,19 @@ StructureConfig = Annotated[
 Depth = Literal["surface", "voxel"]
 
 
-class _ConstantMap(KindModel, builds="ConstantMap"):
+class _ConstantMap(KindModel, builds="ConstantMap", kind="constant"):
     """The node's temperature."""
 
-    kind: Literal["constant"] = "constant"
 
-
-class _LinearMap(KindModel, builds="LinearMap"):
+class _LinearMap(KindModel, builds="LinearMap", kind="linear"):
     """The node's temperature and its gradient."""
 
-    kind: Literal["linear"] = "linear"
     at: Depth = "surface"
 
 
-class FluxCorrectedMap(KindModel, builds="FluxCorrectedMap"):
+class FluxCorrectedMap(KindModel, builds="FluxCorrectedMap", kind="flux_corrected"):
     """The energy balance at the surface, and the gradient along it."""
 
-    kind: Literal["flux_corrected"] = "flux_corrected"
     at: Depth = "surface"
 
 

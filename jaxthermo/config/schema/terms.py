@@ -58,10 +58,9 @@ class _Switched(Model):
         return given
 
 
-class _SunConfig(_Switched, builds="Sun"):
+class _SunConfig(_Switched, builds="Sun", kind="sun"):
     """Parallel rays that travel along `direction`."""
 
-    kind: Literal["sun"] = "sun"
     direction: TimeDirection
     irradiance: Varying[Irradiance]
     until: PositiveTime | None = None
@@ -69,10 +68,9 @@ class _SunConfig(_Switched, builds="Sun"):
     switched: ClassVar = ("irradiance",)
 
 
-class _PointSourceConfig(_Switched, builds="PointSource"):
+class _PointSourceConfig(_Switched, builds="PointSource", kind="point_source"):
     """A small source near by."""
 
-    kind: Literal["point_source"] = "point_source"
     position: TimePosition
     radiant_intensity: Varying[RadiantIntensity]
     min_distance: PositiveLength = 0.01
@@ -81,10 +79,9 @@ class _PointSourceConfig(_Switched, builds="PointSource"):
     switched: ClassVar = ("radiant_intensity",)
 
 
-class _AreaSourceConfig(_Switched, builds="AreaSource"):
+class _AreaSourceConfig(_Switched, builds="AreaSource", kind="area_source"):
     """A rectangle that radiates from its front, by its radiance or its temperature."""
 
-    kind: Literal["area_source"] = "area_source"
     centre: TimePosition
     normal: Direction
     size: Extent
@@ -106,29 +103,28 @@ class _AreaSourceConfig(_Switched, builds="AreaSource"):
         return [(("emissivity",), "goes with `temperature`; a radiance stands alone")]
 
 
-class _SurroundingsConfig(Model, builds="Surroundings"):
+class _SurroundingsConfig(Model, builds="Surroundings", kind="surroundings"):
     """Net thermal emission to surroundings, or to a sky and a ground."""
 
-    kind: Literal["surroundings"] = "surroundings"
     temperature: Varying[Temperature]
     ground: Varying[Temperature] | None = None
     occlusion: Directions | None = None
     linear_within: Annotated[Number, Field(gt=0, lt=1)] | None = None
 
 
-class _RadiativeExchangeConfig(Model, builds="RadiativeExchange"):
+class _RadiativeExchangeConfig(
+    Model, builds="RadiativeExchange", kind="radiative_exchange"
+):
     """Net thermal emission of bodies to each other and to the surroundings."""
 
-    kind: Literal["radiative_exchange"] = "radiative_exchange"
     temperature: Varying[Temperature]
     max_patches: Annotated[Whole, Field(ge=6, le=4096)] = 128
     directions: Directions = 128
 
 
-class _ConvectionConfig(Model, builds="Convection"):
+class _ConvectionConfig(Model, builds="Convection", kind="convection"):
     """Convection with a given heat transfer coefficient."""
 
-    kind: Literal["convection"] = "convection"
     heat_transfer_coefficient: Varying[HeatTransferCoefficient]
     temperature: Varying[Temperature]
     on: WhereConfig | None = None
@@ -144,19 +140,17 @@ class _CylinderConfig(Model, builds="Cylinder"):
     body: Index = 0
 
 
-class _WakeDeficitConfig(KindModel, builds="WakeDeficit"):
+class _WakeDeficitConfig(KindModel, builds="WakeDeficit", kind="deficit"):
     """Slower wind behind other objects."""
 
-    kind: Literal["deficit"] = "deficit"
     amplitude: Annotated[Number, Field(gt=0, lt=1.3)] = 1.027
     length: Annotated[Number, Field(gt=0)] = 2.227
     exponent: Annotated[Number, Field(ge=0.4, le=1.1)] = 0.497
 
 
-class _WindConfig(Model, builds="Wind"):
+class _WindConfig(Model, builds="Wind", kind="wind"):
     """Wind of one direction; the bodies are approximated by cylinders."""
 
-    kind: Literal["wind"] = "wind"
     velocity: Velocity
     temperature: Varying[Temperature]
     speed: Varying[Speed] | None = None
@@ -173,19 +167,17 @@ class _WindConfig(Model, builds="Wind"):
         return [(("velocity",), "must not be [0, 0, 0]: it has to point somewhere")]
 
 
-class _FreeConvectionConfig(Model, builds="FreeConvection"):
+class _FreeConvectionConfig(Model, builds="FreeConvection", kind="free_convection"):
     """Natural convection in still air."""
 
-    kind: Literal["free_convection"] = "free_convection"
     temperature: Varying[Temperature]
     length: PositiveLength | None = None
     cylinders: tuple[_CylinderConfig, ...] = ()
 
 
-class _HeatFluxConfig(_Switched, builds="HeatFlux"):
+class _HeatFluxConfig(_Switched, builds="HeatFlux", kind="heat_flux"):
     """A given heat flux into the surface."""
 
-    kind: Literal["heat_flux"] = "heat_flux"
     heat_flux: Varying[HeatFlux]
     until: PositiveTime | None = None
     on: WhereConfig | None = None
@@ -193,18 +185,18 @@ class _HeatFluxConfig(_Switched, builds="HeatFlux"):
     switched: ClassVar = ("heat_flux",)
 
 
-class _FixedTemperatureConfig(Model, builds="FixedTemperature"):
+class _FixedTemperatureConfig(
+    Model, builds="FixedTemperature", kind="fixed_temperature"
+):
     """A surface of prescribed temperature."""
 
-    kind: Literal["fixed_temperature"] = "fixed_temperature"
     temperature: Varying[Temperature]
     on: WhereConfig | None = None
 
 
-class _HeatSourceConfig(_Switched, builds="HeatSource"):
+class _HeatSourceConfig(_Switched, builds="HeatSource", kind="heat_source"):
     """Heat released inside."""
 
-    kind: Literal["heat_source"] = "heat_source"
     heat_rate_density: Varying[HeatRateDensity]
     until: PositiveTime | None = None
     within: WithinConfig | None = None
@@ -212,10 +204,9 @@ class _HeatSourceConfig(_Switched, builds="HeatSource"):
     switched: ClassVar = ("heat_rate_density",)
 
 
-class _ContactConfig(Model, builds="Contact"):
+class _ContactConfig(Model, builds="Contact", kind="contact"):
     """Heat conduction between touching surfaces, of all bodies or of two."""
 
-    kind: Literal["contact"] = "contact"
     conductance: TimeConductance
     bodies: Indices | None = None
     threshold: PositiveLength | None = None

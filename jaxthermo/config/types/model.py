@@ -7,7 +7,7 @@ is simulated, so that a new kind needs its class and one model that names it.
 import operator
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any, ClassVar, TypeAlias, get_args
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias, get_args
 
 from pydantic import (
     BaseModel,
@@ -32,8 +32,9 @@ Mistake: TypeAlias = tuple[Location, str]
 class Model(BaseModel):
     """A mapping in a config file.
 
-    The class keyword `builds` names what `jaxthermo` exports and the values are
-    arguments of, such as `class _SunConfig(Model, builds="Sun")`.
+    Class keywords, as in `class _SunConfig(Model, builds="Sun", kind="sun")`: `builds`
+    names what `jaxthermo` exports and the values are arguments of, and `kind` is the
+    word by which a union recognizes this member.
     """
 
     # JSON Schemas name a member of a union as if it were not private.
@@ -47,10 +48,19 @@ class Model(BaseModel):
     exactly_one: ClassVar[tuple[tuple[str, ...], ...]] = ()
     """Groups of keys of which one, and only one, must be given."""
 
-    def __init_subclass__(cls, builds: str = "", **options: Any) -> None:
+    if TYPE_CHECKING:
+        kind: str = ""
+
+    def __init_subclass__(
+        cls, builds: str = "", kind: str = "", **options: Any
+    ) -> None:
         super().__init_subclass__(**options)
-        if builds:
-            cls.builds = builds
+        cls.builds = builds or cls.builds
+        if kind:
+            # Pydantic collects the fields after this. First, so that it is the first
+            # key of what is written out.
+            cls.__annotations__ = {"kind": Literal[kind], **cls.__annotations__}
+            cls.kind = kind
 
     @classmethod
     def target(cls) -> Callable[..., Any]:

@@ -6,6 +6,7 @@ messages, JSON Schemas and the units of fitted parameters all read it there.
 
 import math
 import re
+import sys
 from dataclasses import dataclass
 from functools import cache
 from typing import Annotated, Any, Protocol, runtime_checkable
@@ -26,8 +27,8 @@ from ..messages import MISTAKE, quoted
 
 
 ALLOW_EXTREME = "allow_extreme_temperatures"
+# Temperature below which a bare number is taken for degrees Celsius [K].
 _COLDEST = 150.0
-"""Temperature below which a bare number is taken for degrees Celsius [K]."""
 _NUMBER = re.compile(r"\s*([-+]?(?:\d[\d_]*\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(.*)", re.S)
 # A power on a power ("m^9^9^9") would be evaluated, and may never end.
 _TOWER = re.compile(r"[\d)]\s*(?:\*\*|\^)")
@@ -37,8 +38,8 @@ _JSON_LIMITS = {
     "lt": "exclusiveMaximum",
     "le": "maximum",
 }
+# A longer text is no unit, and the parser's time grows steeply with it [characters].
 _MAX_UNIT_LENGTH = 40
-"""Length of a unit's text above which it is not parsed [characters]."""
 
 
 @dataclass(frozen=True)
@@ -75,31 +76,16 @@ class Unit:
 
 
 LENGTH = Unit("m", "a length", "2 mm")
-TIME = Unit("s", "a time", "3 min")
 TEMPERATURE = Unit("K", "a temperature", "25 degC")
 HEAT_FLUX = Unit("W/m^2", "a heat flux", "1 kW/m^2")
-IRRADIANCE = Unit("W/m^2", "an irradiance", "800 W/m^2")
 HEAT_TRANSFER_COEFFICIENT = Unit(
     "W/(m^2 K)", "a heat transfer coefficient", "10 W/(m^2 K)"
 )
-CONTACT_CONDUCTANCE = Unit(
-    "W/(m^2 K)",
-    "a contact conductance ('bonded' for no resistance)",
-    "1000 W/(m^2 K)",
+_CONTACT_CONDUCTANCE = Unit(
+    "W/(m^2 K)", "a contact conductance ('bonded' for no resistance)", "1000 W/(m^2 K)"
 )
-HEAT_RATE_DENSITY = Unit("W/m^3", "a heat rate density", "5 kW/m^3")
-RADIANT_INTENSITY = Unit("W/sr", "a radiant intensity", "20 W/sr")
-RADIANCE = Unit("W/(m^2 sr)", "a radiance", "100 W/(m^2 sr)")
-SPEED = Unit("m/s", "a speed", "3 m/s")
-CONDUCTIVITY = Unit("W/(m K)", "a conductivity", "16 W/(m K)")
-DENSITY = Unit("kg/m^3", "a density", "8000 kg/m^3")
-SPECIFIC_HEAT = Unit("J/(kg K)", "a specific heat", "500 J/(kg K)")
-ANGLE = Unit(
-    "rad",
-    "an angle",
-    "30 deg",
-    only=("deg", "degree", "degrees", "°", "rad", "radian", "radians", "mrad", "turn"),
-)
+_SPEED = Unit("m/s", "a speed", "3 m/s")
+_ANGLES = ("deg", "degree", "degrees", "°", "rad", "radian", "radians", "mrad", "turn")
 NUMBER = Unit("", "a number", "0.9", only=("%", "percent"))
 
 
@@ -117,7 +103,8 @@ def to_si(value: Any, unit: Unit) -> float:
         number, given = _split(value, unit)
         number = _converted(number, given, value, unit) if given else number
     elif isinstance(value, int | float) and not isinstance(value, bool):
-        number = _float(value)
+        # A whole number beyond the range of floats is not finite either.
+        number = float(value) if abs(value) <= sys.float_info.max else math.inf
     else:
         raise InputError(_expected(value, unit))
     if not math.isfinite(number):
@@ -127,13 +114,6 @@ def to_si(value: Any, unit: Unit) -> float:
 
 def _expected(value: Any, unit: Unit) -> str:
     return f"expected {unit.noun} such as '{unit.example}', got {quoted(value)}"
-
-
-def _float(value: float | int) -> float:
-    try:
-        return float(value)
-    except OverflowError:
-        return math.inf
 
 
 def _split(text: str, unit: Unit) -> tuple[float, str]:
@@ -162,7 +142,8 @@ def _converted(number: float, given: str, text: str, unit: Unit) -> float:
     try:
         quantity = registry.Quantity(number, parsed)
         # For pint W/sr and W are one: 4 pi apart, they must not be mixed up.
-        if _steradians(quantity) != _steradians(registry.Quantity(1, unit.symbol)):
+        both = (quantity, registry.Quantity(1, unit.symbol))
+        if len({dict(one.unit_items()).get("steradian", 0) for one in both}) > 1:
             raise ValueError
         return float(quantity.to(unit.symbol).magnitude)
     except (pint.PintError, ArithmeticError, ValueError) as error:
@@ -171,19 +152,16 @@ def _converted(number: float, given: str, text: str, unit: Unit) -> float:
         raise InputError(_expected(text, unit) + hint) from error
 
 
-def _steradians(quantity: Any) -> Any:
-    """Power of the steradian in a unit."""
-    return dict(quantity.unit_items()).get("steradian", 0)
-
-
 @cache
 def _registry() -> pint.UnitRegistry:
+    # Made at the first text with a unit: it takes longer than reading a small config.
     return pint.UnitRegistry(cache_folder=None)
 
 
+# Pydantic's own protocol cannot be checked at run time.
 @runtime_checkable
 class Info(Protocol):
-    """The context of a validation; pydantic's own protocol is not checkable."""
+    """The context of a validation."""
 
     @property
     def context(self) -> Any:
@@ -240,16 +218,14 @@ NotEmpty = BeforeValidator(_not_empty)
 """Marks a list that needs an entry."""
 
 
-def _three(value: Any) -> Any:
-    if not isinstance(value, list | tuple) or len(value) != 3:
-        raise refuse(f"expected three numbers [x, y, z], got {quoted(value)}")
-    return value
+def _of_length(length: int, expected: str) -> BeforeValidator:
+    # Pydantic would report missing and surplus entries one by one.
+    def check(value: Any) -> Any:
+        if not isinstance(value, list | tuple) or len(value) != length:
+            raise refuse(f"expected {expected}, got {quoted(value)}")
+        return value
 
-
-def _two(value: Any) -> Any:
-    if not isinstance(value, list | tuple) or len(value) != 2:
-        raise refuse(f"expected two values, got {quoted(value)}")
-    return value
+    return BeforeValidator(check)
 
 
 def _not_zero(value: tuple[float, float, float]) -> tuple[float, float, float]:
@@ -258,26 +234,35 @@ def _not_zero(value: tuple[float, float, float]) -> tuple[float, float, float]:
     return value
 
 
-Three = BeforeValidator(_three)
+Three = _of_length(3, "three numbers [x, y, z]")
+_Two = _of_length(2, "two values")
 Number = Annotated[float, NUMBER]
 Fraction = Annotated[Number, Field(ge=0, le=1)]
 Length = Annotated[float, LENGTH]
 PositiveLength = Annotated[Length, Field(gt=0)]
-Time = Annotated[float, TIME]
+Time = Annotated[float, Unit("s", "a time", "3 min")]
 PositiveTime = Annotated[Time, Field(gt=0)]
 Temperature = Annotated[float, TEMPERATURE, AfterValidator(_plausible)]
-Angle = Annotated[float, ANGLE]
-Irradiance = Annotated[float, IRRADIANCE, Field(ge=0)]
+Angle = Annotated[float, Unit("rad", "an angle", "30 deg", only=_ANGLES)]
+Irradiance = Annotated[float, Unit("W/m^2", "an irradiance", "800 W/m^2"), Field(ge=0)]
 HeatFlux = Annotated[float, HEAT_FLUX]
 HeatTransferCoefficient = Annotated[float, HEAT_TRANSFER_COEFFICIENT, Field(ge=0)]
-ContactConductance = Annotated[float, CONTACT_CONDUCTANCE, Field(ge=0)]
-HeatRateDensity = Annotated[float, HEAT_RATE_DENSITY]
-RadiantIntensity = Annotated[float, RADIANT_INTENSITY, Field(ge=0)]
-Radiance = Annotated[float, RADIANCE, Field(ge=0)]
-Speed = Annotated[float, SPEED, Field(ge=0)]
-Conductivity = Annotated[float, CONDUCTIVITY, Field(gt=0)]
-Density = Annotated[float, DENSITY, Field(gt=0)]
-SpecificHeat = Annotated[float, SPECIFIC_HEAT, Field(gt=0)]
+ContactConductance = Annotated[float, _CONTACT_CONDUCTANCE, Field(ge=0)]
+HeatRateDensity = Annotated[float, Unit("W/m^3", "a heat rate density", "5 kW/m^3")]
+RadiantIntensity = Annotated[
+    float, Unit("W/sr", "a radiant intensity", "20 W/sr"), Field(ge=0)
+]
+Radiance = Annotated[
+    float, Unit("W/(m^2 sr)", "a radiance", "100 W/(m^2 sr)"), Field(ge=0)
+]
+Speed = Annotated[float, _SPEED, Field(ge=0)]
+Conductivity = Annotated[
+    float, Unit("W/(m K)", "a conductivity", "16 W/(m K)"), Field(gt=0)
+]
+Density = Annotated[float, Unit("kg/m^3", "a density", "8000 kg/m^3"), Field(gt=0)]
+SpecificHeat = Annotated[
+    float, Unit("J/(kg K)", "a specific heat", "500 J/(kg K)"), Field(gt=0)
+]
 Flag = Annotated[bool, Strict()]
 Whole = Annotated[int, Strict()]
 Index = Annotated[Whole, Field(ge=0)]
@@ -285,7 +270,7 @@ Index = Annotated[Whole, Field(ge=0)]
 Position = Annotated[tuple[Length, Length, Length], Three]
 Size = Annotated[tuple[PositiveLength, PositiveLength, PositiveLength], Three]
 Direction = Annotated[tuple[Number, Number, Number], AfterValidator(_not_zero), Three]
-_Component = Annotated[float, SPEED]
+_Component = Annotated[float, _SPEED]
 Velocity = Annotated[tuple[_Component, _Component, _Component], Three]
-Extent = Annotated[tuple[PositiveLength, PositiveLength], BeforeValidator(_two)]
-Indices = Annotated[tuple[Index, Index], BeforeValidator(_two)]
+Extent = Annotated[tuple[PositiveLength, PositiveLength], _Two]
+Indices = Annotated[tuple[Index, Index], _Two]

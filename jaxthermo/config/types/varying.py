@@ -2,7 +2,7 @@
 
 import math
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, Any, Generic, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Generic, Literal, TypeVar
 
 from pydantic import Discriminator, Tag
 
@@ -24,33 +24,37 @@ from .quantities import (
 Value = TypeVar("Value")
 
 
-def _table_name(table: type[Model], value: Any) -> str:
-    """Name of a table in JSON Schemas: pydantic's own spells out all of the type."""
-    nouns = [part.noun for part in parts(value) if isinstance(part, Unit)]
-    words = nouns[0].partition(" (")[0].split()[1:] if nouns else []
-    return f"{table.__name__.lstrip('_')}Of{''.join(map(str.capitalize, words))}"
+class _Tabulated(Model, Generic[Value]):
+    """Values at increasing arguments."""
+
+    argument: ClassVar[tuple[str, str]]
+    """Key of the arguments, and their unit."""
+
+    @classmethod
+    def model_parametrized_name(cls, params: tuple[Any, ...]) -> str:
+        # In JSON Schemas; pydantic's own name spells out all of the type.
+        nouns = [part.noun for part in parts(params[0]) if isinstance(part, Unit)]
+        words = nouns[0].partition(" (")[0].split()[1:] if nouns else []
+        return f"{cls.__name__.lstrip('_')}Of{''.join(map(str.capitalize, words))}"
+
+    def mistakes(self) -> list[Mistake]:
+        key, unit = self.argument
+        at, values = getattr(self, key), self.values
+        found = not_increasing(at, key, unit)
+        return [*found, *unequal(values, "values", at, key)]
 
 
-class _Table(Model, Generic[Value], builds="Table"):
+class _Table(_Tabulated[Value], Generic[Value], builds="Table"):
     """A piecewise linear function of time [s]."""
 
     times: Annotated[tuple[Time, ...], NotEmpty]
     values: tuple[Value, ...]
 
-    @classmethod
-    def model_parametrized_name(cls, params: tuple[Any, ...]) -> str:
-        """The name of a table for values of one type."""
-        return _table_name(cls, params[0])
+    argument: ClassVar = ("times", "s")
 
     def build(self, *args: Any) -> Any:
-        """The function of time."""
         # By position: the classes of points and directions call the values so.
         return self.target()(self.times, self.values)
-
-    def mistakes(self) -> list[Mistake]:
-        """Times that do not increase; lengths that differ."""
-        found = not_increasing(self.times, "times", "s")
-        return [*found, *unequal(self.values, "values", self.times, "times")]
 
 
 class _PositionTable(_Table[Position], builds="PointTable"):
@@ -61,7 +65,7 @@ class _DirectionTable(_Table[Direction], builds="DirectionTable"):
     """A direction that turns in time."""
 
     def mistakes(self) -> list[Mistake]:
-        """Opposite directions, between which there is no unique way to turn."""
+        # Between opposite directions there is no unique way to turn.
         unit = [[x / math.hypot(*v) for x in v] for v in self.values]
         opposite: list[Mistake] = [
             (("values", i), "is opposite to the one before: give one between them")
@@ -71,22 +75,13 @@ class _DirectionTable(_Table[Direction], builds="DirectionTable"):
         return [*super().mistakes(), *opposite]
 
 
-class PropertyTable(Model, Generic[Value], builds="Property"):
+class PropertyTable(_Tabulated[Value], Generic[Value], builds="Property"):
     """A piecewise linear function of temperature [K]."""
 
     temperatures: Annotated[tuple[Temperature, ...], NotEmpty]
     values: tuple[Value, ...]
 
-    @classmethod
-    def model_parametrized_name(cls, params: tuple[Any, ...]) -> str:
-        """The name of a table for values of one type."""
-        return _table_name(cls, params[0])
-
-    def mistakes(self) -> list[Mistake]:
-        """Temperatures that do not increase; lengths that differ."""
-        kelvin, key = self.temperatures, "temperatures"
-        found = not_increasing(kelvin, key, "K")
-        return [*found, *unequal(self.values, "values", kelvin, key)]
+    argument: ClassVar = ("temperatures", "K")
 
 
 def not_increasing(values: tuple[float, ...], key: str, unit: str) -> list[Mistake]:
@@ -105,6 +100,8 @@ def unequal(values: tuple, key: str, others: tuple, other_key: str) -> list[Mist
     return [((key,), f"there are {len(values)} {key} for {len(others)} {other_key}")]
 
 
+# Pydantic tries all members of a plain union and reports the mistakes of each: these
+# functions select the one that is meant, by its form.
 def _form(value: Any) -> str:
     return "<table>" if isinstance(value, dict | Model) else "<fixed>"
 

@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from jaxthermo.config.field_units import unit_of
-from jaxthermo.config.schema.scene import SceneConfig
+from jaxthermo.config.schema.scene import SceneConfig, unit_of
 from jaxthermo.config.types.model import Model, build, field_parts, models_within
 from jaxthermo.errors import InputError
 from tests.bodies import blocks
