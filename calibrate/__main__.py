@@ -1,5 +1,6 @@
 """Command line of calibrations: fit, identify, check and show."""
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -72,11 +73,11 @@ def _show(folder: Path, /) -> None:
 @app.command
 def _schema() -> None:
     """Print the JSON Schema of a calibration, with units, for editors."""
-    from jaxthermo.cli.schema import print_schema
+    from jaxthermo.config.json_schema import json_schema
 
     from .config.schema import CalibrationConfig
 
-    print_schema(CalibrationConfig)
+    sys.stdout.write(json_schema(CalibrationConfig))
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

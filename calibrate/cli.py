@@ -8,8 +8,7 @@ import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from jaxthermo.cli.console import open_console, print_line
-from jaxthermo.cli.progress import patient_interrupt
+from jaxthermo.cli.console import open_console, patient_interrupt, print_line
 from jaxthermo.errors import InputError
 
 from .analysis.fit_card import check_card

@@ -50,11 +50,11 @@ def _run(
 @app.command
 def _schema() -> None:
     """Print the JSON Schema of a comparison, with units, for editors."""
-    from jaxthermo.cli.schema import print_schema
+    from jaxthermo.config.json_schema import json_schema
 
     from .structures.config import ComparisonConfig
 
-    print_schema(ComparisonConfig)
+    sys.stdout.write(json_schema(ComparisonConfig))
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -1,5 +1,6 @@
 """The command line. Commands import what they need when they run: help stays fast."""
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
@@ -52,7 +53,7 @@ def _render(
         overrides: Value of camera or image to change, such as camera.width=320; may
             be repeated.
     """
-    from .cli.render import render as draw
+    from .cli.frames import render as draw
 
     draw(run, out, overrides)
 
@@ -125,10 +126,10 @@ def _example(name: str | None = None, /, *, out: Path | None = None) -> None:
 @app.command
 def _schema() -> None:
     """Print the JSON Schema of a scene, with units, for editors."""
-    from .cli.schema import print_schema
+    from .config.json_schema import json_schema
     from .config.schema.scene import SceneConfig
 
-    print_schema(SceneConfig)
+    sys.stdout.write(json_schema(SceneConfig))
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

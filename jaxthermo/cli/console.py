@@ -1,14 +1,27 @@
-"""Output of commands: lines wrapped at words on a terminal, and whole in a pipe."""
+"""Output of commands, progress of a long one, and a Ctrl-C that waits for its end.
 
+On a terminal lines wrap at words; in a pipe they are whole, and there is no progress.
+"""
+
+import signal
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    Progress,
+    TaskProgressColumn,
+    TextColumn,
+    TimeRemainingColumn,
+)
+
+from ..image.ticks import time_label
 
 
+# Tables grow up to this width in a pipe [characters].
 _PIPE_WIDTH = 240
-"""Width up to which tables grow in a pipe [characters]."""
 
 
 def open_console() -> Console:
@@ -41,3 +54,45 @@ def status(console: Console, activity: str) -> Iterator[None]:
         return
     with console.status(activity):
         yield
+
+
+@contextmanager
+def progress_bar(console: Console, end: float, steps: int) -> Iterator[Callable]:
+    """A bar over all steps; yields a function of (steps done, simulated time)."""
+    # "90 s" or "12 min 30 s", as within a sentence.
+    duration = lambda time: time_label(time).removeprefix("t = ")
+    columns = (
+        TextColumn("simulating"),
+        BarColumn(bar_width=None),
+        TaskProgressColumn(),
+        TextColumn("{task.fields[reached]} of " + duration(end) + ","),
+        TimeRemainingColumn(),
+        TextColumn("left"),
+    )
+    with Progress(
+        *columns, console=console, transient=True, disable=not console.is_terminal
+    ) as bar:
+        task = bar.add_task("", total=max(steps, 1), reached=duration(0.0))
+
+        def update(done: int, time: float) -> None:
+            bar.update(task, completed=done, reached=duration(time))
+
+        yield update
+
+
+@contextmanager
+def patient_interrupt() -> Iterator[Callable[[], bool]]:
+    """Turn the first Ctrl-C into a flag that is polled; the second one interrupts."""
+    requested = False
+
+    def request(number, frame):
+        nonlocal requested
+        if requested:
+            raise KeyboardInterrupt
+        requested = True
+
+    before = signal.signal(signal.SIGINT, request)
+    try:
+        yield lambda: requested
+    finally:
+        signal.signal(signal.SIGINT, before)

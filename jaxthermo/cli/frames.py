@@ -1,4 +1,4 @@
-"""Frames of a run: EXR and PNG of each chosen time, on one temperature scale."""
+"""Frames of a run, EXR and PNG on one temperature scale, at its end or later."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -6,24 +6,29 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..arrays import precision
 from ..config.camera_framing import build_camera
-from ..config.loader import to_yaml
+from ..config.loader import load_config, to_yaml
 from ..config.schema.scene import SceneConfig
+from ..config.types.model import build
 from ..errors import InputError
 from ..image.files import write_exr, write_png
 from ..image.render import Image, coarsen, draw
 from ..image.view import View, at_time, compute_view
-from ..integrate.run.solution_file import StoredSolution
+from ..integrate.run.solution_file import StoredSolution, load_solution
 from ..physics.term import AbstractTerm
+from ..report.numbers import count
 from ..scene.scene import SolvedSurface
-from .files import earlier_frames, frame_names, prepare_folder
+from .console import open_console, print_line, status
+from .files import FRAMES, earlier_frames, frame_names, prepare_folder, results_folder
 
 
+# Margin of the colour scale over the range of temperatures that is seen [-]: the
+# palette's end colours stay free for what is off the scale.
 _RELATIVE_MARGIN = 0.02
-"""Margin of the colour scale over the range of temperatures that is seen [-]."""
-
+# Minimum margin, and minimum range, of the colour scale [K]: a body of one temperature
+# would show its rounding.
 _MIN_MARGIN = 0.05
-"""Minimum margin, and minimum range, of the colour scale [K]."""
 
 
 class FrameCamera:
@@ -59,7 +64,6 @@ class FrameCamera:
 
 
 def _chosen_frames(config: SceneConfig, times: Float[Array, " t"]) -> list[int]:
-    """Indices of the saved times that become frames: all, or those of the config."""
     if config.image.frames is None:
         return list(range(len(times)))
     saved = np.asarray(times, float)
@@ -71,11 +75,8 @@ def _chosen_frames(config: SceneConfig, times: Float[Array, " t"]) -> list[int]:
 
 
 def _scale(config: SceneConfig, images: Iterator[Image]) -> tuple[float, float]:
-    """Ends of the colour scale [K]: as configured, else those of the images.
-
-    The images are not coarsened yet: a pixel that the silhouette crosses shows a
-    mixture with the background, colder than anything of the body.
-    """
+    # Of images that are not coarsened yet: a pixel that the silhouette crosses shows a
+    # mixture with the background, colder than anything of the body.
     low, high = config.image.low, config.image.high
     if low is None or high is None:
         coldest, warmest = np.inf, -np.inf
@@ -107,7 +108,7 @@ def write_frames(
     Earlier frames are removed: those of another camera or scale must not be mistaken
     for these. Files with other names are kept.
     """
-    terms = tuple(term.build() for term in config.terms)
+    terms = build(config.terms)
     chosen = _chosen_frames(config, stored.times)
 
     def images() -> Iterator[Image]:
@@ -137,3 +138,28 @@ def write_frames(
     for path in before - written:
         path.unlink(missing_ok=True)
     return len(chosen)
+
+
+def render(run: Path, out: Path | None, overrides: tuple[str, ...]) -> None:
+    """`jaxthermo render`: draw a run again, with changes of camera or image."""
+    for name in ("config.yaml", "solution.npz"):
+        if not (run / name).is_file():
+            raise InputError(
+                f"{run}: has no {name}; name a folder written by `jaxthermo simulate`"
+            )
+    for text in overrides:
+        if text.split(".")[0].split("=")[0].strip() not in ("camera", "image"):
+            raise InputError(
+                f"--set {text}: only camera and image can change after the run; "
+                "use `jaxthermo simulate` for the rest"
+            )
+    # The solution contains the surface: the mesh file may be gone since.
+    config = load_config(run / "config.yaml", overrides, find_meshes=False)
+    console, target = open_console(), out or run
+    with precision(config.dtype), status(console, "drawing frames"):
+        stored = load_solution(run / "solution.npz")
+        terms = build(config.terms)
+        camera = FrameCamera(config, stored.surfaces, terms)
+        with results_folder(target) as folder:
+            frames = write_frames(config, camera, stored, folder / FRAMES)
+    print_line(console, f"{count(frames, 'frame')} in {target / FRAMES}")

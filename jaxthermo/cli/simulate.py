@@ -34,10 +34,15 @@ from ..scene.dimensionless_groups import body_numbers
 from ..scene.scene import Scene
 from ..structures.report import structure_report
 from ..structures.structure import extrapolations
-from .console import open_console, print_line, status
+from .console import (
+    open_console,
+    patient_interrupt,
+    print_line,
+    progress_bar,
+    status,
+)
 from .files import FRAMES, prepare_folder, remove_results, results_folder
 from .frames import FrameCamera, write_frames
-from .progress import patient_interrupt, progress_bar
 from .report import log_receipt, log_result, log_scene
 from .summary import summarize, write_energy, write_json
 

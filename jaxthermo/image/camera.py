@@ -12,7 +12,8 @@ from ..errors import InputError
 from ..raster.views import clip_half_space, unit_vector
 
 
-# Depth of the near plane relative to the distance of `look_at`.
+# Depth of the near plane relative to the distance of `look_at`: at depth 0 the
+# projection has no limit.
 _NEAR = 0.02
 
 _FORWARD = np.array([0.0, 0.0, 1.0])
@@ -23,16 +24,18 @@ class AbstractCamera(eqx.Module):
 
     position: eqx.AbstractVar[tuple[float, float, float]]
     look_at: eqx.AbstractVar[tuple[float, float, float]]
+    up: eqx.AbstractVar[tuple[float, float, float]]
+    width: eqx.AbstractVar[int]
+    height: eqx.AbstractVar[int]
 
     @property
-    @abc.abstractmethod
     def size(self) -> tuple[int, int]:
         """Width and height [pixels]."""
+        return self.width, self.height
 
     @property
-    @abc.abstractmethod
     def _frame(self) -> Float[np.ndarray, "3 3"]:
-        """Right, down and forward axes, as rows."""
+        return _view_frame(self.position, self.look_at, self.up)
 
     @abc.abstractmethod
     def to_raster(
@@ -55,8 +58,8 @@ class AbstractCamera(eqx.Module):
 
     def finer(self, samples: int) -> "AbstractCamera":
         """Same view with `samples` times as many pixels along both axes."""
-        width, height = self.size
-        return replace(self, width=width * samples, height=height * samples)
+        size = {"width": self.width * samples, "height": self.height * samples}
+        return replace(self, **size)
 
     def _check_view(self) -> None:
         width, height = self.size
@@ -64,21 +67,22 @@ class AbstractCamera(eqx.Module):
             raise InputError(
                 f"Camera(width={width}, height={height}): give 1 to 134 million pixels"
             )
+        # Raises where the direction or the up vector makes no frame.
         _ = self._frame
 
+    # Pieces of the triangles in camera axes beyond the depth `near`: what is behind the
+    # pinhole would be projected upside down.
     def _clipped(self, triangles: np.ndarray, near: float):
-        """Pieces of the triangles in camera axes beyond the depth `near`."""
         local = (triangles - np.asarray(self.position)) @ self._frame.T
         return clip_half_space(local, _FORWARD, near)
 
     def _to_world(self, local: np.ndarray) -> np.ndarray:
         return local @ self._frame + self.position
 
+    # Of a pixel's centre, to the right of and below that of the image [pixels].
     def _offsets(self, pixel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Pixels to the right of and below the centre of the image."""
-        width, height = self.size
-        row, column = np.divmod(pixel, width)
-        return column + 0.5 - width / 2, row + 0.5 - height / 2
+        row, column = np.divmod(pixel, self.width)
+        return column + 0.5 - self.width / 2, row + 0.5 - self.height / 2
 
 
 class Camera(AbstractCamera):
@@ -105,16 +109,6 @@ class Camera(AbstractCamera):
                 f"Camera(field_of_view={self.field_of_view!r}): "
                 "give radians between 0 and pi"
             )
-
-    @property
-    @override
-    def size(self) -> tuple[int, int]:
-        return self.width, self.height
-
-    @property
-    @override
-    def _frame(self) -> Float[np.ndarray, "3 3"]:
-        return _view_frame(self.position, self.look_at, self.up)
 
     @property
     def _focal(self) -> float:
@@ -166,16 +160,6 @@ class OrthographicCamera(AbstractCamera):
                 f"OrthographicCamera(view_height={self.view_height!r}): "
                 "give a positive length in metres"
             )
-
-    @property
-    @override
-    def size(self) -> tuple[int, int]:
-        return self.width, self.height
-
-    @property
-    @override
-    def _frame(self) -> Float[np.ndarray, "3 3"]:
-        return _view_frame(self.position, self.look_at, self.up)
 
     @override
     def to_raster(

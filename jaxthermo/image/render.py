@@ -7,6 +7,7 @@ T_apparent = (pi L / sigma)^(1/4).
 """
 
 import math
+from itertools import chain
 from typing import Any
 
 import equinox as eqx
@@ -60,21 +61,13 @@ def _leaving_radiance(
     return emitted + reflected + reflected_irradiance / math.pi
 
 
-def _surroundings_temperature(terms: tuple[AbstractTerm, ...]) -> Any:
-    """Temperature of the surroundings, else of the ambient air, else 20 degC [K]."""
-    for term in terms:
-        if isinstance(term, Surroundings):
-            return term.temperature
-    for term in terms:
-        if isinstance(term, Convection) and term.on is None:
-            return term.temperature
-    return _DEFAULT_SURROUNDINGS
-
-
 def _surroundings_at(
     terms: tuple[AbstractTerm, ...], time: Float[Array, ""]
 ) -> Float[Array, ""]:
-    return value_at(_surroundings_temperature(terms), time)
+    # Where no surroundings are given, objects around have the temperature of the air.
+    radiating = (t.temperature for t in terms if isinstance(t, Surroundings))
+    air = (t.temperature for t in terms if isinstance(t, Convection) and t.on is None)
+    return value_at(next(chain(radiating, air), _DEFAULT_SURROUNDINGS), time)
 
 
 class Image(eqx.Module):
@@ -104,16 +97,13 @@ class Image(eqx.Module):
 def _per_fragment(
     surfaces: tuple[SolvedSurface, ...], field: str
 ) -> Float[Array, " s"]:
-    return jnp.concatenate(
-        [
-            jnp.broadcast_to(getattr(s, field), (len(s.geometry.fragment_area),))
-            for s in surfaces
-        ]
-    )
+    # A body of one material has one number for all fragments.
+    shaped = ((getattr(s, field), s.geometry.fragment_area.shape) for s in surfaces)
+    return jnp.concatenate([jnp.broadcast_to(*each) for each in shaped])
 
 
 def _to_pixels(view: View, values: Float[Array, " s"]) -> Float[Array, " p"]:
-    """Interpolate fragment values to the pixels that show a body."""
+    # The pixels of the weights are sorted, which lets XLA sum without scattering.
     weight = jnp.asarray(view.weights.weight, values.dtype)
     return jax.ops.segment_sum(
         weight * values[view.weights.fragment],
@@ -162,28 +152,21 @@ def draw(
 
 
 def coarsen(image: Image, samples: int) -> Image:
-    """Reduce an image by the factor `samples` along both axes.
-
-    Radiance is averaged; the other channels are those of one sample near the middle.
-    """
-    # A detector integrates radiance over its pixel; a mean of depths or body numbers
-    # over an edge would be meaningless.
+    """Reduce an image by the factor `samples` along both axes."""
+    # A detector integrates radiance over its pixel. The mean of depths or body numbers
+    # over an edge would be meaningless: these are of one sample near the middle.
     if samples == 1:
         return image
     height, width = image.radiance.shape
     blocks = image.radiance.reshape(
         height // samples, samples, width // samples, samples
     )
-    pick = lambda a: a[samples // 2 :: samples, samples // 2 :: samples]
-    return Image(
-        time=image.time,
-        temperature=pick(image.temperature),
-        radiance=blocks.mean(axis=(1, 3)),
-        emissivity=pick(image.emissivity),
-        depth=pick(image.depth),
-        object_id=pick(image.object_id),
-        normal=pick(image.normal),
-    )
+    middle = slice(samples // 2, None, samples)
+    picked = {
+        name: getattr(image, name)[middle, middle]
+        for name in ("temperature", "emissivity", "depth", "object_id", "normal")
+    }
+    return Image(time=image.time, radiance=blocks.mean(axis=(1, 3)), **picked)
 
 
 def render(

@@ -23,7 +23,6 @@ from .camera import AbstractCamera
 
 # Radius of the weights [voxels]; from 1.4 it includes a fragment of any surface.
 _RADIUS = 2.0
-
 # Points per chunk, which bounds the size of temporaries.
 _CHUNK = 65536
 
@@ -55,9 +54,8 @@ class _Cells:
         return np.floor((points - self.low) / self.radius).astype(np.int64)
 
     def _key(self, cell: np.ndarray) -> np.ndarray:
-        return (cell[..., 0] * self.size[1] + cell[..., 1]) * self.size[2] + cell[
-            ..., 2
-        ]
+        x, y, z = np.moveaxis(cell, -1, 0)
+        return (x * self.size[1] + y) * self.size[2] + z
 
     def pairs(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """All (point, fragment) in the same or neighbouring cells."""
@@ -83,8 +81,7 @@ def _kernel(points, normals, geometry, owner, fragment, radius):
 def _nearest_fragments(
     points: Float[np.ndarray, "p 3"], geometry: BodyGeometry
 ) -> Int[np.ndarray, " p"]:
-    """Nearest fragment of each point, with any normal."""
-    # Only the points without a fragment in range search again, twice as far.
+    # With any normal. Only points without a fragment in range search twice as far.
     found = np.full(len(points), -1, np.int64)
     radius = geometry.pitch
     while (missing := np.flatnonzero(found < 0)).size:
@@ -105,13 +102,6 @@ def _smooth_weights(
     normals: Float[np.ndarray, "p 3"],
     geometry: BodyGeometry,
 ) -> _PixelWeights:
-    """Weights of the fragments around each point, with the sum one.
-
-    Args:
-        points: on the body's surface, in its frame [m].
-        normals: outward normals there.
-        geometry: of the body.
-    """
     radius = _RADIUS * geometry.pitch
     cells = _Cells(geometry.fragment_position, radius)
     parts = []
@@ -143,7 +133,7 @@ def _smooth_weights(
 def _block_weights(
     points: Float[np.ndarray, "p 3"], geometry: BodyGeometry
 ) -> _PixelWeights:
-    """Weights of the nearest fragment alone, which show the voxels."""
+    # The nearest fragment alone: the image shows the voxels.
     return _PixelWeights(
         np.arange(len(points)),
         _nearest_fragments(points, geometry),
@@ -225,8 +215,8 @@ def compute_view(
     return View(camera, pixel, body, depth, normal, weights, exposure)
 
 
+# Triangles whose bounding box overlaps the image: the others would cost rays.
 def _on_image(corners: np.ndarray, camera: AbstractCamera) -> np.ndarray:
-    """Indices of the triangles whose bounding box overlaps the image."""
     low, high = corners[..., :2].min(1), corners[..., :2].max(1)
     size = np.array(camera.size)
     return np.flatnonzero(((high > 0) & (low < size)).all(1))
@@ -236,11 +226,11 @@ def _normals(triangles: Float[np.ndarray, "p 3 3"]) -> Float[np.ndarray, "p 3"]:
     a, b, c = np.moveaxis(triangles, 1, 0)
     vector = np.cross(b - a, c - a)
     length = np.linalg.norm(vector, axis=1, keepdims=True)
+    # A degenerate triangle has no normal, and no pixel that could show it.
     return vector / np.where(length > 0, length, 1)
 
 
 def _all_weights(surfaces, body, point, normal, smooth) -> _PixelWeights:
-    """Weights of all pixels, in terms of the concatenated fragments of all bodies."""
     parts, first = [], 0
     for index, surface in enumerate(surfaces):
         shown = np.flatnonzero(body == index)

@@ -5,6 +5,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Discriminator, Field, Tag
+from typing_extensions import override
 
 import jaxthermo
 
@@ -109,12 +110,10 @@ class _PaintConfig(Model):
     material: Material
 
     def build(self, *args: Any) -> Any:
-        """The box and its material."""
         box = jaxthermo.Region(lower=self.lower, upper=self.upper)
         return box, self.material.build()
 
     def mistakes(self) -> list[Mistake]:
-        """A box without volume."""
         return empty_box(self.lower, self.upper)
 
 
@@ -125,7 +124,7 @@ class _RotationConfig(Model):
     angle: Angle
 
     def build(self, *args: Any) -> Any:
-        """The rows of the rotation matrix, by Rodrigues' formula."""
+        # Rodrigues' formula, R = 1 + sin(a) K + (1 - cos(a)) K^2, with K v = axis x v.
         x, y, z = np.asarray(self.axis) / math.hypot(*self.axis)
         cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
         sine, cosine = math.sin(self.angle), math.cos(self.angle)
@@ -149,21 +148,18 @@ class _MotionConfig(Model, builds="Motion"):
     """Interval after which shadows, views and contacts are recomputed."""
 
     def build(self, *args: Any) -> Any:
-        """The motion through the poses."""
         poses = tuple(pose.build() for pose in self.poses)
         return self.target()(jaxthermo.PoseTable(self.times, poses), every=self.every)
 
     def mistakes(self) -> list[Mistake]:
-        """Times that do not increase; lengths that differ."""
         found = not_increasing(self.times, "times", "s")
         return [*found, *unequal(self.poses, "poses", self.times, "times")]
 
 
 def _rests_or_moves(value: Any) -> str:
-    moves = isinstance(value, _MotionConfig)
-    if isinstance(value, dict):
-        moves = not {"times", "poses", "every"}.isdisjoint(value)
-    return "<moves>" if moves else "<rests>"
+    # Any of its keys, so that a motion without times is told what it lacks.
+    keys = {"times", "poses", "every"} & {*(value if isinstance(value, dict) else ())}
+    return "<moves>" if keys or isinstance(value, _MotionConfig) else "<rests>"
 
 
 AnyPose = Annotated[
@@ -229,18 +225,13 @@ class BodyConfig(Model, builds="Body"):
         painted = tuple(region.build() for region in self.regions)
         return jaxthermo.MaterialMap(base, painted) if painted else base
 
+    @override
     def mistakes(self) -> list[Mistake]:
-        """Properties that a body of several materials cannot have."""
         if not self.regions:
             return []
         if isinstance(self.material, LabelledConfig):
             return [(("regions",), "the labels of `material` say what is where")]
-        painted = enumerate(self.regions)
-        return [
-            *self.material.varying(("material",)),
-            *(
-                m
-                for i, one in painted
-                for m in one.material.varying(("regions", i, "material"))
-            ),
-        ]
+        found = self.material.varying(("material",))
+        for i, region in enumerate(self.regions):
+            found += region.material.varying(("regions", i, "material"))
+        return found

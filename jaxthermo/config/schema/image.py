@@ -4,6 +4,7 @@ import math
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field
+from typing_extensions import override
 
 from ...image.palette import palette_names
 from ..messages import close_match
@@ -38,7 +39,7 @@ class _View(Model):
     height: Pixels = 480
 
     def mistakes(self) -> list[Mistake]:
-        """A camera that looks at itself, or along its own up direction."""
+        # Checked by the camera's class too, but here before a long run.
         if self.position is None or self.look_at is None:
             return []
         ahead = [b - a for a, b in zip(self.position, self.look_at, strict=True)]
@@ -46,6 +47,7 @@ class _View(Model):
         if distance == 0.0:
             return [(("look_at",), "is where the camera stands")]
         along = sum(a * b for a, b in zip(ahead, self.up, strict=True))
+        # Relative to both lengths, which cosines of tiny angles need to round to 1.
         if abs(along) > (1.0 - 1e-9) * distance * math.hypot(*self.up):
             return [(("up",), "is along the view; choose another up direction")]
         return []
@@ -108,8 +110,8 @@ class ImageConfig(Model):
     frames: Frames = None
     """Saved times that become frames [s]."""
 
+    @override
     def mistakes(self) -> list[Mistake]:
-        """A colour scale that ends before it begins."""
         if self.low is None or self.high is None or self.low < self.high:
             return []
         return [(("high",), f"{self.high:g} K is not above `low`, {self.low:g} K")]

@@ -6,12 +6,13 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, Discriminator, Field, Tag
+from typing_extensions import override
 
 import jaxthermo
 
 from ..messages import close_match
 from ..types.files import FoundPath, read_labels
-from ..types.model import Location, Mistake, Model, Short
+from ..types.model import Location, Mistake, Model, Short, build
 from ..types.quantities import Density, Fraction, NotEmpty, refuse
 from ..types.varying import AnyConductivity, AnySpecificHeat, PropertyTable
 
@@ -22,8 +23,7 @@ _TABLE = Path(__file__).parents[2] / "data" / "names.csv"
 @cache
 def _material_names() -> tuple[str, ...]:
     # Of the data file: `jaxthermo.materials` has the same names, and imports JAX.
-    with _TABLE.open(encoding="utf-8", newline="") as lines:
-        rows = list(csv.DictReader(lines))
+    rows = [*csv.DictReader(_TABLE.read_text(encoding="utf-8").splitlines())]
     return tuple(name for r in rows for name in (r["name"], *r["aliases"].split()))
 
 
@@ -52,24 +52,18 @@ class _MaterialConfig(Model, builds="Material"):
     absorptivity: Fraction | None = None
 
     def arguments(self) -> dict[str, Any]:
-        """The properties of the named material, and those given instead of them."""
         given = super().arguments()
         name = given.pop("name", None)
         if name is None:
             return given
         named = jaxthermo.materials[name]
-        table = {
-            "conductivity": named.conductivity,
-            "density": named.density,
-            "specific_heat": named.specific_heat,
-            "emissivity": named.emissivity,
-            "absorptivity": named.given_absorptivity,
-        }
-        return table | given
+        keys = ("conductivity", "density", "specific_heat", "emissivity")
+        # As given: an absorptivity that is left open follows a changed emissivity.
+        table = {"absorptivity": named.given_absorptivity}
+        return table | {key: getattr(named, key) for key in keys} | given
 
     @classmethod
     def raw_mistakes(cls, data: dict[str, Any]) -> list[Mistake]:
-        """Required properties that are missing although there is no name."""
         if data.get("name") is not None:
             return []
         needed = ("conductivity", "density", "specific_heat")
@@ -77,7 +71,7 @@ class _MaterialConfig(Model, builds="Material"):
         return [((key,), message) for key in needed if data.get(key) is None]
 
     def varying(self, where: Location) -> list[Mistake]:
-        """Tables of temperature, which a body of several materials cannot have."""
+        """Tables of temperature, which are mistakes beside other materials."""
         message = "depends on temperature, which only bodies of one material can"
         return [
             ((*where, key), message)
@@ -95,13 +89,12 @@ class LabelledConfig(Model, builds="MaterialLabels"):
     labels: FoundPath
     materials: Annotated[tuple[Material, ...], NotEmpty]
 
+    @override
     def build(self, *args: Any) -> Any:
-        """The labels and their materials."""
-        given = tuple(material.build() for material in self.materials)
-        return self.target()(read_labels(self.labels), given)
+        return self.target()(read_labels(self.labels), build(self.materials))
 
+    @override
     def mistakes(self) -> list[Mistake]:
-        """Tables of temperature."""
         listed = enumerate(self.materials)
         return [m for i, one in listed for m in one.varying(("materials", i))]
 

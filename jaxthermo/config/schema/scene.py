@@ -6,6 +6,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar
 
 from pydantic import Field, ValidationError
+from typing_extensions import override
 
 from ..types.model import Location, Mistake, Model, build, field_parts, models_within
 from ..types.quantities import Flag, NotEmpty, PositiveTime, Unit
@@ -19,10 +20,10 @@ from .terms import TermConfig
 if TYPE_CHECKING:
     from ...scene.scene import Scene
 
+# With more saved times a run would fill the memory.
 _MAX_SAVES = 100_000
-"""Number of saved times above which a run would fill the memory."""
+# Both compute the whole emission of a surface: with two it would count twice.
 _EMISSION = ("surroundings", "radiative_exchange")
-"""Kinds of terms that compute the emission, of which a scene has at most one."""
 AnyModel = TypeVar("AnyModel", bound=Model)
 
 
@@ -38,20 +39,19 @@ class TimeConfig(Model):
 
     exactly_one: ClassVar = (("save_at", "save_every"),)
 
+    @override
     def mistakes(self) -> list[Mistake]:
-        """Saved times that do not increase, or are after the end."""
-        found = not_increasing(self.save_at or (), "save_at", "s")
-        for i, time in enumerate(self.save_at or ()):
-            if time > self.end:
-                message = f"{time:g} s is after the end, {self.end:g} s"
-                found.append((("save_at", i), message))
-        if self.save_every is not None:
-            if self.save_every > self.end:
-                message = f"{self.save_every:g} s is after the end, {self.end:g} s"
-                found.append((("save_every",), message))
-            if self.end / self.save_every > _MAX_SAVES:
-                message = f"would save more than {_MAX_SAVES} times"
-                found.append((("save_every",), message))
+        every, listed = self.save_every, self.save_at or ()
+        times = [(("save_at", i), time) for i, time in enumerate(listed)]
+        times += [] if every is None else [(("save_every",), every)]
+        found = not_increasing(listed, "save_at", "s")
+        found += [
+            (where, f"{time:g} s is after the end, {self.end:g} s")
+            for where, time in times
+            if time > self.end
+        ]
+        if every is not None and self.end / every > _MAX_SAVES:
+            found.append((("save_every",), f"would save more than {_MAX_SAVES} times"))
         return found
 
     @property
@@ -93,13 +93,13 @@ class SceneConfig(Model, builds="Scene"):
         return self.target()(bodies=bodies, terms=terms, dtype=self.dtype)
 
     @classmethod
+    @override
     def raw_mistakes(cls, data: dict[str, Any]) -> list[Mistake]:
-        """Parts that do not fit together, reported even while others are wrong."""
+        # Parts that do not fit together are reported even while others are wrong.
         return [*_missing_bodies(data), *_unsaved_frames(data), *_second_emission(data)]
 
 
 def _missing_bodies(data: dict[str, Any]) -> list[Mistake]:
-    """Terms that name a body which does not exist."""
     bodies = data.get("bodies")
     count = len(bodies) if isinstance(bodies, list) else 0
     return [
@@ -110,8 +110,8 @@ def _missing_bodies(data: dict[str, Any]) -> list[Mistake]:
     ]
 
 
+# The locations and numbers of bodies in a term as it is written.
 def _named_bodies(term: dict[str, Any]) -> Iterator[tuple[Location, Any]]:
-    """The locations and numbers of bodies in a term as it is written."""
     for key in ("on", "within", "cylinders"):
         for part, value in _items(term.get(key)):
             if part == "body":
@@ -129,7 +129,6 @@ def _items(value: Any) -> Iterable[tuple[str | int, Any]]:
 
 
 def _second_emission(data: dict[str, Any]) -> list[Mistake]:
-    """Terms that would compute the emission again."""
     kinds = [t.get("kind") if isinstance(t, dict) else None for t in _terms(data)]
     found = [i for i, kind in enumerate(kinds) if kind in _EMISSION]
     return [
@@ -148,7 +147,6 @@ def _terms(data: dict[str, Any]) -> list[Any]:
 
 
 def _unsaved_frames(data: dict[str, Any]) -> list[Mistake]:
-    """Frames of times that are not saved."""
     time = _if_valid(TimeConfig, data.get("time"))
     image = data.get("image")
     frames = image.get("frames") if isinstance(image, dict) else None

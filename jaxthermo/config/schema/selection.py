@@ -28,7 +28,6 @@ class _RegionConfig(Model, builds="Region"):
     body: Index = 0
 
     def mistakes(self) -> list[Mistake]:
-        """A box without volume."""
         return empty_box(self.lower, self.upper)
 
 
@@ -39,7 +38,6 @@ class _FragmentsConfig(Model, builds="FragmentMask"):
     body: Index = 0
 
     def arguments(self) -> dict[str, Any]:
-        """The truth values instead of their file."""
         return {"mask": read_mask(self.mask), "body": self.body}
 
 
@@ -50,7 +48,7 @@ class _Selection(Model):
     body: Index | None = None
 
     def build(self, *args: Any) -> Any:
-        """The selection that is given."""
+        # Only `body` can be 0, and only alone: everything of that body.
         given = (value for name, value in self if name != "body" and value is not None)
         part = next(given, None)
         return part.build() if part else jaxthermo.Everything(body=self.body or 0)

@@ -3,6 +3,7 @@
 from typing import Annotated, Any
 
 from pydantic import Field
+from typing_extensions import override
 
 from ..types.model import ByKind, KindModel, Short
 from ..types.quantities import Auto, Number, PositiveTime, Whole
@@ -18,8 +19,10 @@ Stages = Annotated[Annotated[Whole, Field(ge=3, le=1000)] | None, Auto]
 class AutoSolver(KindModel, kind="auto"):
     """Solver chosen from the scene."""
 
+    @override
     def build(self, *args: Any) -> None:
-        """None, for which `simulate` chooses one."""
+        # `simulate` chooses a solver where it is given none.
+        return None
 
 
 class _ForwardEuler(KindModel, builds="ForwardEuler", kind="forward_euler"):

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
+from typing_extensions import override
 
 import jaxthermo
 
@@ -51,15 +52,14 @@ class _WeightsConfig(Model, builds="ConductionWeights"):
     """Fit card from which all weights are taken instead."""
 
     def build(self, *args: Any) -> Any:
-        """The weights as given, or those of the fit card."""
         if self.card is not None:
             return jaxthermo.load_card(self.card).weights
         return super().build()
 
     def mistakes(self) -> list[Mistake]:
-        """Weights given as well as a card."""
         if self.card is None:
             return []
+        # The weights of a card were fitted together: one of them changed fits nothing.
         given = [
             name
             for name, field in type(self).model_fields.items()
@@ -83,11 +83,7 @@ class _Structure(KindModel):
         return self.model_dump(mode="json", exclude={"weights"}, exclude_none=True)
 
     def build(self, *args: Any) -> Any:
-        """The structure on a voxel grid.
-
-        Raises:
-            InputError: for a fit card of another structure, or unusable files.
-        """
+        # The weights of a card compensate the errors of one structure only.
         path = self.weights.card
         if path is not None:
             fitted = dict(jaxthermo.load_card(path).structure)
@@ -156,8 +152,8 @@ class Partition(_Structure, builds="Partition", kind="partition"):
 
     labels: FoundPath
 
+    @override
     def arguments(self) -> dict[str, Any]:
-        """The labels instead of their file."""
         return super().arguments() | {"labels": read_labels(self.labels)}
 
 

@@ -47,15 +47,11 @@ class _Switched(Model):
     """Keys of the values that become 0."""
 
     def arguments(self) -> dict[str, Any]:
-        """The values, those of `switched` up to the end only."""
         given = super().arguments()
         end = given.pop("until", None)
-        if end is not None:
-            cut = {
-                k: jaxthermo.Until(given[k], end) for k in self.switched if k in given
-            }
-            given |= cut
-        return given
+        # The program has a save interval end there, so no step averages over the jump.
+        cut = [key for key in self.switched if key in given and end is not None]
+        return given | {key: jaxthermo.Until(given[key], end) for key in cut}
 
 
 class _SunConfig(_Switched, builds="Sun", kind="sun"):
@@ -97,7 +93,6 @@ class _AreaSourceConfig(_Switched, builds="AreaSource", kind="area_source"):
 
     @classmethod
     def raw_mistakes(cls, data: dict[str, Any]) -> list[Mistake]:
-        """An emissivity although the radiance is given."""
         if data.get("radiance") is None or data.get("emissivity") is None:
             return []
         return [(("emissivity",), "goes with `temperature`; a radiance stands alone")]
@@ -161,7 +156,7 @@ class _WindConfig(Model, builds="Wind", kind="wind"):
     wake: Annotated[_WakeDeficitConfig, Short("kind", "deficit")] | None = None
 
     def mistakes(self) -> list[Mistake]:
-        """A speed without a direction."""
+        # The velocity of a wind of varying speed gives its direction.
         if self.speed is None or any(self.velocity):
             return []
         return [(("velocity",), "must not be [0, 0, 0]: it has to point somewhere")]
@@ -214,13 +209,12 @@ class _ContactConfig(Model, builds="Contact", kind="contact"):
     max_pairs: Annotated[Whole, Field(ge=1)] | None = None
 
     def arguments(self) -> dict[str, Any]:
-        """The values, with an infinite conductance for "bonded"."""
+        # A bond has no resistance; the half cells on both sides limit the heat.
         given = super().arguments()
         bonded = self.conductance == "bonded"
         return given | {"conductance": math.inf} if bonded else given
 
     def mistakes(self) -> list[Mistake]:
-        """A body in contact with itself."""
         if self.bodies is None or self.bodies[0] != self.bodies[1]:
             return []
         return [(("bodies", 1), f"is body {self.bodies[1]} again: name two bodies")]
