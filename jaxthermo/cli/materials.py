@@ -2,9 +2,7 @@
 
 import re
 
-from rich import box
 from rich.console import Console
-from rich.table import Table
 
 from ..errors import InputError
 from ..material.table import (
@@ -16,6 +14,7 @@ from ..material.table import (
     material_rows,
     materials as by_name,
 )
+from ..report.table import Table
 from .console import open_console, print_line
 
 
@@ -42,17 +41,22 @@ def materials(name: str | None, emissivity: bool) -> None:
     Raises:
         InputError: if none matches.
     """
+    console = open_console()
     if emissivity:
-        _print(_finishes(_matching(name)), _BAND)
+        found = [(r.surface, f"{r.emissivity:g}", r.source) for r in _matching(name)]
+        columns = ("surface", "emissivity", "source")
+        console.print(Table(columns, found, left=(0, 2), framed=False).rich())
+        print_line(console, _BAND)
         return
     rows = find_materials(name) if name else material_rows()
     # For an unknown name `material_row` raises with the names that come close.
     if name and (name in by_name or not rows):
         rows = (material_row(name),)
     if len(rows) == 1:
-        _log_all(rows[0])
+        _log_all(console, rows[0])
     else:
-        _print(_table(rows), _MARKS)
+        console.print(_table(rows).rich())
+        print_line(console, _MARKS)
 
 
 def _matching(part: str | None) -> tuple[EmissivityRow, ...]:
@@ -67,14 +71,7 @@ def _matching(part: str | None) -> tuple[EmissivityRow, ...]:
     return found
 
 
-def _print(table: Table, note: str) -> None:
-    console = Console(highlight=False, markup=False)
-    console.print(table)
-    print_line(open_console(), note)
-
-
-def _log_all(row: MaterialRow) -> None:
-    console = open_console()
+def _log_all(console: Console, row: MaterialRow) -> None:
     print_line(console, f"{row.name} ({row.label})")
     for label, number in zip(_COLUMNS, _numbers(row), strict=True):
         print_line(console, f"  {label:13} {number}")
@@ -89,37 +86,19 @@ def _log_all(row: MaterialRow) -> None:
 
 
 def _table(rows: tuple[MaterialRow, ...]) -> Table:
-    table = Table(box=box.SIMPLE, pad_edge=False)
-    names = [row.name + " *" * row.in_thesis for row in rows]
-    table.add_column("name", min_width=max(map(len, names)))
-    for column in (*_COLUMNS[:3], "eps [-]"):
-        # The unit below the symbol: all fits into 80 characters.
-        head = column.replace(" ", "\n", 1)
-        table.add_column(head, justify="right", no_wrap=True)
-    table.add_column("source")
-    for marked, row in zip(names, rows, strict=True):
+    # The unit below the symbol: all fits into 80 characters.
+    heads = [head.replace(" ", "\n", 1) for head in (*_COLUMNS[:3], "eps [-]")]
+    lines = []
+    for row in rows:
         *numbers, emissivity = _numbers(row)
         assumed = "" if row.surface else "~"
-        short = _short(row.bulk_source)
-        table.add_row(marked, *numbers, assumed + emissivity, short)
-    return table
-
-
-def _finishes(rows: tuple[EmissivityRow, ...]) -> Table:
-    table = Table(box=box.SIMPLE, pad_edge=False)
-    table.add_column("surface", no_wrap=True)
-    table.add_column("emissivity", justify="right")
-    table.add_column("source")
-    for row in rows:
-        table.add_row(row.surface, f"{row.emissivity:g}", row.source)
-    return table
+        # The source without how the numbers were derived from it.
+        source = re.split(r" / | via | \(|, not | @", row.bulk_source)[0]
+        name = row.name + " *" * row.in_thesis
+        lines.append((name, *numbers, assumed + emissivity, source))
+    return Table(("name", *heads, "source"), lines, left=(0, 5), framed=False)
 
 
 def _numbers(row: MaterialRow) -> tuple[str, ...]:
     values = (row.conductivity, row.density, row.specific_heat, row.emissivity)
     return tuple(f"{value:g}" for value in values)
-
-
-def _short(source: str) -> str:
-    """Source of the numbers, without how they were derived from it."""
-    return re.split(r" / | via | \(|, not | @", source)[0]

@@ -5,7 +5,6 @@ import re
 from typing import Any
 
 from rich.console import Console
-from rich.table import Table
 
 from ..arrays import readable_bytes
 from ..constants import ZERO_CELSIUS
@@ -14,26 +13,20 @@ from ..image.ticks import time_label
 from ..integrate.implicit.adaptive import AdaptiveStepper
 from ..integrate.run.plan import Plan
 from ..integrate.run.solution import Solution
+from ..report.table import Table
 from ..scene.scene import Scene
 from .console import print_line
 from .summary import peak_memory
 
 
+# Capacity ratios that differ from 1 by less do so by rounding.
 _CAPACITY_TOLERANCE = 1e-6
-"""Deviation of a capacity ratio from 1 that is not reported."""
 
 
 def log_scene(
     console: Console, scene: Scene, todo: Plan, structures: list[dict[str, Any]]
 ) -> None:
-    """Print the bodies, the receipt, and the number of steps.
-
-    Args:
-        console: output of the command.
-        scene: what is simulated.
-        todo: steps and solver of the run.
-        structures: `structure_report` of each body.
-    """
+    """Print the bodies, with their `structure_report`, the receipt, and the steps."""
     for body, report in zip(scene.bodies, structures, strict=True):
         grid = body.structure.grid
         shape = " x ".join(str(n) for n in grid.lattice.shape)
@@ -63,41 +56,25 @@ def log_scene(
 
 
 def log_receipt(console: Console, scene: Scene, todo: Plan) -> None:
-    """Print the whole receipt: mechanisms, the bodies and areas that they act on.
-
-    Args:
-        console: output of the command.
-        scene: what would be simulated.
-        todo: steps and solver of the run.
-    """
+    """Print the whole receipt: mechanisms, the bodies and areas that they act on."""
     receipt = todo.compiled.receipt
-    table = Table(box=None, pad_edge=False, title_justify="left")
-    for title in ("mechanism", "on", "area", "of the surface"):
-        table.add_column(
-            title, justify="left" if title in ("mechanism", "on") else "right"
-        )
-    for index, body in enumerate(scene.bodies):
-        kind = type(body.structure).__name__
-        table.add_row("conduction", f"body {index} ({kind})", "", "")
+    rows = [
+        ("conduction", f"body {index} ({type(body.structure).__name__})", "", "")
+        for index, body in enumerate(scene.bodies)
+    ]
     for part in receipt.parts:
         where = " and ".join(f"body {index}" for index in part.bodies)
-        if part.area:
-            fraction = f"{100 * part.surface_share:.3g} %"
-            table.add_row(part.mechanism, where, f"{part.area:.4g} m2", fraction)
-        else:
-            table.add_row(part.mechanism, where, "inside", "")
-    console.print(table)
+        fraction = f"{100 * part.surface_share:.3g} %" if part.area else ""
+        area = f"{part.area:.4g} m2" if part.area else "inside"
+        rows.append((part.mechanism, where, area, fraction))
+    columns = ("mechanism", "on", "area", "of the surface")
+    console.print(Table(columns, rows, left=(0, 1), framed=False).rich())
     count = receipt.snapshots
     snapshots = "one snapshot" if count == 1 else f"{count} snapshots"
     print_line(console, f"geometry: {snapshots}; state in {receipt.dtype}")
 
 
 def _structure_lines(report: dict[str, Any]) -> list[str]:
-    """The nodes and links of a body, and its heat capacity if that is not exact.
-
-    Args:
-        report: from `structure_report`.
-    """
     kind = re.sub(r"(?<!^)(?=[A-Z])", " ", report["kind"]).lower()
     nodes, links = _count(report["nodes"], "node"), _count(report["links"], "link")
     size = readable_bytes(report["bytes_float32"]["total"])

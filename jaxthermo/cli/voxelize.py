@@ -4,15 +4,13 @@ import json
 from pathlib import Path
 from typing import Any
 
-from rich import box
-from rich.table import Table
-
 from ..atomic import replacing
 from ..config.types.quantities import LENGTH, to_si
 from ..errors import InputError
 from ..geometry.load import load_mesh
 from ..geometry.mesh import describe_mesh, mesh_summary
 from ..report.sheet import write_layer_sheets
+from ..report.table import Table
 from ..voxels.grid import voxel_report
 from ..voxels.voxelize import voxelize as make_voxels
 from .console import open_console, print_line, status
@@ -22,16 +20,8 @@ from .files import results_folder
 def voxelize(
     mesh: Path, pitch: str, unit: str | None, height: str | None, up: str, out: Path
 ) -> None:
-    """Write `voxels.json` and sheets of the depth layers, and print a summary.
-
-    Args:
-        mesh: file of a closed surface.
-        pitch: edge of a voxel, such as "2 mm".
-        unit: length of one file unit.
-        height: extent along up, such as "0.5 m", instead of the unit.
-        up: the file's axis that points up.
-        out: the folder for the results.
-    """
+    """Write `voxels.json` and sheets of the depth layers, and print a summary."""
+    # Checked before the mesh is read, which takes a while.
     edge = _length("--pitch", pitch)
     target = None if height is None else _length("--height", height)
     loaded = load_mesh(mesh, unit=unit, height=target, up=up)
@@ -46,14 +36,18 @@ def voxelize(
             sheets = write_layer_sheets(grid, folder)
         for line in _lines(facts):
             print_line(console, line)
-        console.print(_layer_table(facts["layers"]))
+        columns = ("depth layers along", "in the file", "peeled", "packed")
+        rows = [
+            (axis, row["file_axis"], str(row["peeled"]), str(row["packed"]))
+            for axis, row in facts["layers"].items()
+        ]
+        console.print(Table(columns, rows, left=(), framed=False).rich())
         print_line(
             console, f"voxels.json and {len(sheets)} sheets of layers in {folder}"
         )
 
 
 def _lines(facts: dict[str, Any]) -> list[str]:
-    """The lines of the summary."""
     shape = " x ".join(str(n) for n in facts["lattice_shape"])
     why_not = facts["ratios_not_applied_because"]
     scaling = (
@@ -75,25 +69,12 @@ def _lines(facts: dict[str, Any]) -> list[str]:
     ]
     for place in facts["thin_parts"]["largest_places"][:3]:
         x, y, z = place["centre_m"]
+        share = place["lost_share"]
         lines.append(
             f"  {place['area_m2'] * 1e4:.3g} cm^2 around ({x:.4g}, {y:.4g}, {z:.4g}) m"
-            + (
-                f", {100 * place['lost_share']:.0f} % lost"
-                if place["lost_share"]
-                else ""
-            )
+            + (f", {100 * share:.0f} % lost" if share else "")
         )
     return lines
-
-
-def _layer_table(layers: dict[str, dict[str, Any]]) -> Table:
-    """Depth layers along each axis before and after packing."""
-    table = Table(box=box.SIMPLE)
-    for column in ("depth layers along", "in the file", "peeled", "packed"):
-        table.add_column(column, justify="right")
-    for axis, row in layers.items():
-        table.add_row(axis, row["file_axis"], str(row["peeled"]), str(row["packed"]))
-    return table
 
 
 def _length(option: str, text: str) -> float:

@@ -66,6 +66,7 @@ class Table:
             title_justify="left",
             caption=Text(self.caption) if self.caption else None,
             box=box.HEAVY_HEAD if self.framed else box.SIMPLE,
+            pad_edge=self.framed,
         )
         for index, name in enumerate(self.columns):
             justify = "left" if index in self.left else "right"
