@@ -1,7 +1,7 @@
 """State of a fit between steps: its file, its history, and what follows from that.
 
 Steps may stop lowering the loss because the Jacobian was corrected from other points
-(see `broyden`). The fit then computes it at the best point and continues from there,
+(see `levenberg_marquardt`). The fit then computes it at the best point and continues from there,
 until a refresh is no longer worth its cost.
 """
 
