@@ -1,8 +1,8 @@
 """State of a fit between steps: its file, its history, and what follows from that.
 
-Steps may stop lowering the loss because the Jacobian was corrected from other points
-(see `levenberg_marquardt`). The fit then computes it at the best point and continues from there,
-until a refresh is no longer worth its cost.
+Steps may stop lowering the loss because the Jacobian was corrected from other points,
+see `levenberg_marquardt`. The fit then computes it at the best point and continues from
+there, until a refresh is no longer worth its cost.
 """
 
 import json
