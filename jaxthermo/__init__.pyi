@@ -41,12 +41,13 @@ from .physics.flux_law import AbstractFluxLaw as AbstractFluxLaw
 from .physics.heat_source import HeatSource as HeatSource
 from .physics.radiation.area_source import AreaSource as AreaSource
 from .physics.radiation.emission import Surroundings as Surroundings
-from .physics.radiation.moving_source import (
-    DirectionTable as DirectionTable,
-    PointTable as PointTable,
-)
 from .physics.radiation.radiative_exchange import RadiativeExchange as RadiativeExchange
-from .physics.radiation.source import PointSource as PointSource, Sun as Sun
+from .physics.radiation.source import (
+    DirectionTable as DirectionTable,
+    PointSource as PointSource,
+    PointTable as PointTable,
+    Sun as Sun,
+)
 from .physics.term import (
     AbstractExchangeTerm as AbstractExchangeTerm,
     AbstractPairTerm as AbstractPairTerm,

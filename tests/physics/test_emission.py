@@ -9,7 +9,7 @@ import pytest
 import jaxthermo as jt
 from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.physics.flux_law import bound
-from jaxthermo.physics.radiation.emission import Emission
+from jaxthermo.physics.radiation.emission import _Emission
 from jaxthermo.physics.surface_energy_balance import SurfaceTerms
 from jaxthermo.reference.radiation import radiation_temperature
 from jaxthermo.scene.compile.compile import compile_scene
@@ -138,7 +138,7 @@ def test_surface_settles_between_node_and_surroundings(k, ambient):
         excess = strength * (ambient**4 - middle**4) - half * (middle - 300.0)
         low, high = (middle, high) if excess > 0 else (low, middle)
     exact = half * (low - 300.0)
-    law = Emission(temperature=jnp.asarray(ambient), reference=jnp.asarray(290.0))
+    law = _Emission(temperature=jnp.asarray(ambient), reference=jnp.asarray(290.0))
     term = bound(jnp.full(1, 0.9), law)
     surface = SurfaceTerms(("emission",), jnp.full(1, half), ((0, term),), ())
     rate, _ = _heat(surface, jnp.asarray(0.0), jnp.full(1, 10.0))

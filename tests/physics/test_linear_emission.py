@@ -5,7 +5,7 @@ import pytest
 
 import jaxthermo as jt
 from jaxthermo.physics.flux_law import TemperatureRange
-from jaxthermo.physics.radiation.emission import linear_error
+from jaxthermo.physics.radiation.emission import _linear_error
 
 
 METAL = jt.Material(50.0, density=2000.0, specific_heat=500.0, emissivity=0.8)
@@ -39,7 +39,7 @@ def test_the_error_is_that_of_the_laws():
         t = np.array([low, high]) + 1e-9
         ratio = 4 * there**3 * (there - t) / (there**4 - t**4)
         exact = np.abs(ratio - 1).max()
-        assert linear_error(there, TemperatureRange(low, high, 1.0)) == pytest.approx(
+        assert _linear_error(there, TemperatureRange(low, high, 1.0)) == pytest.approx(
             exact, rel=1e-5
         )
 

@@ -10,7 +10,7 @@ import jaxthermo as jt
 from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.physics.boundary import Exchange, ImposedFlux
 from jaxthermo.physics.flux_law import bound
-from jaxthermo.physics.radiation.emission import Emission
+from jaxthermo.physics.radiation.emission import _Emission
 from jaxthermo.physics.surface_energy_balance import SurfaceTerms
 from tests.bodies import bar
 
@@ -55,7 +55,7 @@ def _laws(flux, h, ambient, reference=280.0):
     return (
         ImposedFlux(jnp.array(flux)),
         Exchange(jnp.array(h), jnp.array(AIR), reference),
-        Emission(jnp.array(ambient), reference),
+        _Emission(jnp.array(ambient), reference),
     )
 
 

@@ -6,8 +6,7 @@ import pytest
 from jaxthermo.errors import InputError
 from jaxthermo.geometry.shapes import box, sphere
 from jaxthermo.physics.radiation.view_factors import (
-    ExchangeAreas,
-    balance,
+    _balance,
     view_factors,
 )
 from jaxthermo.reference.view_factor import parallel_rectangles
@@ -106,10 +105,10 @@ def test_balancing_restores_what_was_scaled():
     exact = exact + exact.T
     outside = random.uniform(size=9)
     area = exact.sum(1) + outside
-    same = balance(ExchangeAreas(exact, outside), area)
+    same = _balance(exact, outside, area)
     np.testing.assert_allclose(same.between, exact, atol=1e-12)
     noise = random.uniform(0.95, 1.05, (9, 9))
-    noisy = balance(ExchangeAreas(exact * (noise + noise.T) / 2, outside * 1.03), area)
+    noisy = _balance(exact * (noise + noise.T) / 2, outside * 1.03, area)
     check(noisy)
     np.testing.assert_allclose(noisy.between, exact, atol=0.06)
     apart = ~np.eye(9, dtype=bool)
@@ -117,7 +116,7 @@ def test_balancing_restores_what_was_scaled():
 
 
 def test_a_patch_that_no_line_meets_sees_the_surroundings():
-    lonely = balance(ExchangeAreas(np.zeros((2, 2)), np.array([1.0, 0.0])), np.ones(2))
+    lonely = _balance(np.zeros((2, 2)), np.array([1.0, 0.0]), np.ones(2))
     np.testing.assert_allclose(lonely.to_surroundings, 1.0)
 
 

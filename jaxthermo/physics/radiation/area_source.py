@@ -21,15 +21,12 @@ from ...arrays import TimeVarying, is_traced
 from ...constants import STEFAN_BOLTZMANN
 from ...errors import InputError
 from ...raster.views import unit_vector, view_frame
-from ..term import BodySurface, Forcing
+from ..term import Forcing
 from ..time_varying import check_value, largest, value_at
 from .source import (
     AbstractSource,
     Triple,
-    check_point,
     fixed_or_moving,
-    inside_body,
-    location_at,
 )
 from .visibility import lit_fraction_from_point
 
@@ -140,7 +137,6 @@ class AreaSource(AbstractSource):
     """Number of patches along each edge, each with its own shadow map."""
 
     def __check_init__(self):
-        check_point(location_at(self.centre, 0.0), "AreaSource(centre=)")
         unit_vector(self.normal, "AreaSource(normal=)")
         unit_vector(self.up, "AreaSource(up=)")
         if np.shape(self.size) != (2,) or not all(0 < s < np.inf for s in self.size):
@@ -192,20 +188,11 @@ class AreaSource(AbstractSource):
         return low + fraction[..., :1] * width + fraction[..., 1:] * height
 
     @override
-    def check_location(self, surface: BodySurface) -> None:
-        if inside_body(surface, self.patch_corners().mean(1)).any():
-            raise InputError(
-                f"AreaSource(centre={self.centre}, size={self.size}): is partly "
-                f"inside body {surface.body}; move it out of the body"
-            )
+    def points(self) -> Float[np.ndarray, "p 3"]:
+        return self.patch_corners().mean(1)
 
-    def exposure(
-        self,
-        triangles: Float[np.ndarray, "f 3 3"],
-        position: Float[np.ndarray, "s 3"],
-        normal: Float[np.ndarray, "s 3"],
-        pitch: float,
-    ) -> Float[np.ndarray, " s"]:
+    @override
+    def exposure(self, triangles, position, normal, pitch) -> Float[np.ndarray, " s"]:
         """Integral of cos cos' s / R^2 over its front [sr], at most pi."""
         found = np.zeros(len(position))
         for corners in self.patch_corners():

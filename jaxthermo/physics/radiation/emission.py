@@ -14,7 +14,7 @@ from typing import Any
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 from typing_extensions import override
 
 from ...arrays import TimeVarying, is_traced
@@ -33,41 +33,59 @@ from ..term import (
     Surface,
 )
 from ..time_varying import check_value, for_jit, is_zero, largest, smallest, value_at
-from .visibility import SkyView, check_directions, sky_view, unobstructed_view
+from .visibility import check_directions, sky_view, unobstructed_view
 
 
-class Emission(AbstractFluxLaw):
-    """Heat flux sigma (T_s^4 - T^4); the effective area contains the emissivity."""
+class AbstractEmission(AbstractFluxLaw):
+    """Laws with the emission sigma T^4; the effective area contains the emissivity."""
 
+    reference: eqx.AbstractVar[Any]
     is_dissipative = True
-
-    temperature: Any
-    """T_s of the surroundings [K]."""
-    reference: Any = 0.0
-
-    @override
-    def flux(
-        self, time: Float[Array, ""], theta: Float[Array, " m"]
-    ) -> Float[Array, "*#m"]:
-        # Factored, (T_s - T)(T_s + T)(T_s^2 + T^2): exact for close temperatures.
-        ambient = value_at(self.temperature, time)
-        hot = self.reference + theta
-        difference = (ambient - self.reference) - theta
-        sums = (ambient + hot) * (ambient * ambient + hot * hot)
-        return STEFAN_BOLTZMANN * difference * sums
 
     @override
     def slope(
         self, time: Float[Array, ""], theta: Float[Array, " m"]
     ) -> Float[Array, "*#m"]:
         del time
-        hot = jnp.maximum(self.reference + theta, 0)
-        return 4 * STEFAN_BOLTZMANN * hot * hot * hot
+        return _radiative_coefficient(jnp.maximum(self.reference + theta, 0))
 
     @override
-    def max_slope(self, hottest: Float[Array, ""], end: float) -> Float[Array, ""]:
+    def max_slope(self, highest: Float[Array, ""], end: float) -> Float[Array, ""]:
         del end
-        return 4 * STEFAN_BOLTZMANN * hottest**3
+        return 4 * STEFAN_BOLTZMANN * highest**3
+
+    @override
+    def curvature(self, within: TemperatureRange) -> float | Float[Array, ""]:
+        return 12 * STEFAN_BOLTZMANN * within.highest**2
+
+
+def _radiative_coefficient(kelvin: Float[Array, "*#m"]) -> Float[Array, "*#m"]:
+    # 4 sigma T^3 [W/(m^2 K)]. A power would not be vectorized.
+    return 4 * STEFAN_BOLTZMANN * kelvin * kelvin * kelvin
+
+
+def net_emission(
+    a: Float[Array, "*#m"], b: Float[Array, "*#m"], difference: Float[Array, "*#m"]
+) -> Float[Array, "*#m"]:
+    """Net emission sigma (T_a^4 - T_b^4) [W/m^2], with the difference T_a - T_b [K]."""
+    # Factored, (T_a - T_b)(T_a + T_b)(T_a^2 + T_b^2): close temperatures keep their
+    # digits in float32.
+    return STEFAN_BOLTZMANN * difference * ((a + b) * (a * a + b * b))
+
+
+class _Emission(AbstractEmission):
+    """Heat flux sigma (T_s^4 - T^4) from surroundings at T_s."""
+
+    temperature: Any
+    reference: Any = 0.0
+
+    @override
+    def flux(
+        self, time: Float[Array, ""], theta: Float[Array, " m"]
+    ) -> Float[Array, "*#m"]:
+        ambient = value_at(self.temperature, time)
+        difference = (ambient - self.reference) - theta
+        return net_emission(ambient, self.reference + theta, difference)
 
     @override
     def max_flux(self, within: TemperatureRange) -> float | Float[Array, ""]:
@@ -75,15 +93,13 @@ class Emission(AbstractFluxLaw):
         return STEFAN_BOLTZMANN * highest**4
 
     @override
-    def curvature(self, within: TemperatureRange) -> float | Float[Array, ""]:
-        return 12 * STEFAN_BOLTZMANN * within.highest**2
-
-    @override
     def supersolution(
-        self, time: Float[Array, ""], pushed: Float[Array, " m"]
+        self, time: Float[Array, ""], imposed: Float[Array, " m"]
     ) -> Float[Array, "*#m"]:
         ambient = value_at(self.temperature, time)
-        return equilibrium_temperature(ambient, jnp.maximum(pushed, 0)) - self.reference
+        return (
+            equilibrium_temperature(ambient, jnp.maximum(imposed, 0)) - self.reference
+        )
 
 
 def equilibrium_temperature(
@@ -103,17 +119,14 @@ def equilibrium_temperature(
 
 
 class _RadiativeCoefficient(eqx.Module):
-    """Radiative heat transfer coefficient 4 sigma T_s^3 [W/(m^2 K)]."""
-
+    # h of the linear law at T_s [K], a function of time.
     temperature: Any
-    """T_s [K], a number or a function of time."""
 
     def __call__(self, time: Float[Array, ""]) -> Float[Array, ""]:
-        ambient = value_at(self.temperature, time)
-        return 4 * STEFAN_BOLTZMANN * ambient * ambient * ambient
+        return _radiative_coefficient(value_at(self.temperature, time))
 
 
-def linear_error(temperature: Any, within: TemperatureRange) -> float:
+def _linear_error(temperature: Any, within: TemperatureRange) -> float:
     """Largest relative error of 4 T_s^3 (T_s - T) for T_s^4 - T^4 [-].
 
     It is |4 / ((1 + r)(1 + r^2)) - 1| with r = T / T_s, largest at an end of the range.
@@ -124,6 +137,13 @@ def linear_error(temperature: Any, within: TemperatureRange) -> float:
         return math.inf
     ratios = within.lowest / high, within.highest / low
     return max(abs(4 / ((1 + r) * (1 + r * r)) - 1) for r in ratios)
+
+
+def emitting(body: BodySurface) -> Bool[np.ndarray, " s"] | Omitted:
+    """Exposed fragments of a body that emits."""
+    if body.prune and is_zero(body.emissivity):
+        return body.omitted("the surface has emissivity 0")
+    return body.exposed()
 
 
 class Surroundings(AbstractSurfaceTerm):
@@ -171,10 +191,7 @@ class Surroundings(AbstractSurfaceTerm):
         if len(omitted) == len(found):
             return tuple(omitted)
         bindings: list[Binding] = []
-        temperatures = (self.temperature, self.ground)[
-            : 1 if self.ground is None else 2
-        ]
-        for n, temperature in enumerate(temperatures):
+        for n, temperature in enumerate(self.values):
             covers = [c if isinstance(c, Omitted) else c[n] for c in found]
             law, notes = self._law(temperature, surface)
             (binding, *_) = surface.bind(law, covers)
@@ -187,15 +204,14 @@ class Surroundings(AbstractSurfaceTerm):
 
     def _covers(self, body: BodySurface) -> list[Cover] | Omitted:
         """Emitting area of a body, for each of the temperatures."""
-        if body.prune and is_zero(body.emissivity):
-            return body.omitted("the surface has emissivity 0")
-        exposed = body.exposed()
+        exposed = emitting(body)
         if isinstance(exposed, Omitted):
             return exposed
-        covers = []
-        for factor in self._view_factors(body):
-            area = body.emissivity * body.area * factor.astype(body.dtype)
-            covers.append((area, exposed & (factor > 0)))
+        area = body.emissivity * body.area
+        covers = [
+            (area * factor.astype(body.dtype), exposed & (factor > 0))
+            for factor in self._view_factors(body)
+        ]
         if body.prune and not any(acts.any() for _, acts in covers):
             return body.omitted("none of the surface sees the surroundings")
         return covers
@@ -205,12 +221,12 @@ class Surroundings(AbstractSurfaceTerm):
     ) -> tuple[AbstractFluxLaw, tuple[str, ...]]:
         """Law of the fourth power, or the linear one if accurate enough, and notes."""
         ambient = for_jit(temperature, surface.dtype)
-        law = Emission(temperature=ambient)
+        law = _Emission(temperature=ambient)
         if self.linear_within is None:
             return law, ()
         if surface.temperature_range is None or is_traced(temperature):
             return law, ("not linear: the range of temperatures is not known",)
-        error = linear_error(temperature, surface.temperature_range)
+        error = _linear_error(temperature, surface.temperature_range)
         note = f"the linear law is off by up to {100 * error:.2g} % of the net emission"
         if not error <= self.linear_within:
             return law, (f"{note}, more than allowed: not used",)
@@ -223,21 +239,11 @@ class Surroundings(AbstractSurfaceTerm):
         """View factor to each of the temperatures."""
         if self.ground is None and self.occlusion is None:
             return [np.ones(len(body.position))]
-        view = self._view(body)
-        if self.ground is None:
-            return [view.sky + view.ground]
-        return [view.sky, view.ground]
-
-    def _view(self, surface: BodySurface) -> SkyView:
-        if self.occlusion is None:
-            return unobstructed_view(surface.normal)
-        return sky_view(
-            surface.scene_triangles,
-            surface.position,
-            surface.normal,
-            surface.pitch,
-            self.occlusion,
-        )
+        view = unobstructed_view(body.normal)
+        if self.occlusion is not None:
+            seen = body.scene_triangles, body.position, body.normal, body.pitch
+            view = sky_view(*seen, self.occlusion)
+        return [view.sky + view.ground] if self.ground is None else list(view)
 
     @override
     def forcing(self, end: float | int) -> Forcing:

@@ -2,95 +2,76 @@
 
 It replaces `Surroundings` where bodies, or parts of one, see each other:
 
-    q = eps (H - sigma T^4),
+    q = eps (H - E),    J = eps E + (1 - eps) H,    H = F J + F_s E_s,
 
-with the irradiation H of a patch from all visible patches (`radiosity`). Each step
-first finds the surface temperatures for the irradiation of surfaces at node
-temperature, then exchanges the radiation of surfaces at these temperatures. The
-exchange conserves heat.
+with the emissive power E = sigma T^4, the radiosity J and the irradiation H of each
+patch. H = K E + k_s E_s is solved once, before the run; the rows of K and k_s add up to
+1. Every fragment receives the irradiation of its patch and emits at its own
+temperature. Each step first finds the surface temperatures for the irradiation of
+surfaces at node temperature, then exchanges the radiation of surfaces at these
+temperatures, which conserves heat. Source: Hottel and Sarofim, Radiative Transfer
+(1967); Gebhart, Heat Transfer (1961).
 """
 
 from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
-from ...arrays import TimeVarying
+from ...arrays import TimeVarying, is_traced
 from ...constants import STEFAN_BOLTZMANN
 from ..boundary import ImposedFlux, toward
-from ..flux_law import AbstractFluxLaw, TemperatureRange
+from ..flux_law import AbstractFluxLaw, TemperatureRange, Values
 from ..term import (
     AbstractExchangeTerm,
     Binding,
-    BodySurface,
-    Cover,
     Forcing,
     Omitted,
     Surface,
     spread,
 )
-from ..time_varying import check_value, for_jit, is_zero, value_at
-from .emission import equilibrium_temperature
-from .radiosity import DEFAULT_MAX_PATCHES, PatchExchange, patch_exchange
-from .view_factors import DEFAULT_DIRECTIONS
+from ..time_varying import check_value, for_jit, value_at
+from .emission import AbstractEmission, emitting, equilibrium_temperature, net_emission
+from .patches import group_patches
+from .view_factors import DEFAULT_DIRECTIONS, PatchedBody, ViewFactors, view_factors
 
 
-class Radiation(AbstractFluxLaw):
-    """Heat flux H - sigma T^4 [W/m^2]; the effective area contains the emissivity."""
+# Smallest emissivity of a patch: radiosity is undetermined between perfect mirrors.
+_MIN_EMISSIVITY = 1e-6
 
-    is_dissipative = True
+
+class _Irradiated(AbstractEmission):
+    """Heat flux H - sigma T^4 [W/m^2]."""
 
     received: Float[Array, "*#m"]
-    """Irradiation minus sigma T_0^4 [W/m^2]."""
+    """H - sigma T_0^4 [W/m^2]."""
     base: Float[Array, ""]
     """T_0 [K], the same for all bodies."""
     reference: Any = 0.0
-    """Temperature from which the body's state counts [K]."""
-
-    def _emitted(self, theta: Float[Array, " m"]) -> Float[Array, " m"]:
-        hot = self.reference + theta
-        above = theta + (self.reference - self.base)
-        sums = (hot + self.base) * (hot * hot + self.base * self.base)
-        return STEFAN_BOLTZMANN * above * sums
 
     @override
     def flux(
         self, time: Float[Array, ""], theta: Float[Array, " m"]
     ) -> Float[Array, "*#m"]:
         del time
-        return self.received - self._emitted(theta)
-
-    @override
-    def slope(
-        self, time: Float[Array, ""], theta: Float[Array, " m"]
-    ) -> Float[Array, "*#m"]:
-        del time
-        hot = jnp.maximum(self.reference + theta, 0)
-        return 4 * STEFAN_BOLTZMANN * hot * hot * hot
-
-    @override
-    def max_slope(self, hottest: Float[Array, ""], end: float) -> Float[Array, ""]:
-        del end
-        return 4 * STEFAN_BOLTZMANN * hottest**3
+        above = theta + (self.reference - self.base)
+        return self.received - net_emission(self.reference + theta, self.base, above)
 
     @override
     def max_flux(self, within: TemperatureRange) -> float | Float[Array, ""]:
         return STEFAN_BOLTZMANN * within.highest**4
 
     @override
-    def curvature(self, within: TemperatureRange) -> float | Float[Array, ""]:
-        return 12 * STEFAN_BOLTZMANN * within.highest**2
-
-    @override
     def supersolution(
-        self, time: Float[Array, ""], pushed: Float[Array, " m"]
+        self, time: Float[Array, ""], imposed: Float[Array, " m"]
     ) -> Float[Array, "*#m"]:
         del time
-        brought = self.received + jnp.maximum(pushed, 0)
+        brought = self.received + jnp.maximum(imposed, 0)
         return equilibrium_temperature(self.base, brought) - self.reference
 
     @override
@@ -117,7 +98,7 @@ class RadiativeExchange(AbstractExchangeTerm):
 
     temperature: TimeVarying
     """T_s of the black surroundings [K], a number or a function of time."""
-    max_patches: int = eqx.field(static=True, default=DEFAULT_MAX_PATCHES)
+    max_patches: int = eqx.field(static=True, default=128)
     """Largest number of patches of a body."""
     directions: int = eqx.field(static=True, default=DEFAULT_DIRECTIONS)
     """Number of directions in which view factors are sampled."""
@@ -133,27 +114,45 @@ class RadiativeExchange(AbstractExchangeTerm):
     def bind(self, surface: Surface) -> tuple[Binding | Omitted, ...]:
         zero = jnp.zeros((), surface.dtype)
         # What the surface receives is found at every step.
-        law = Radiation(zero, jnp.asarray(_base(surface), surface.dtype))
-        return surface.bind(law, [self._emitting(body) for body in surface.bodies])
-
-    def _emitting(self, body: BodySurface) -> Cover | Omitted:
-        """Emitting area of a body."""
-        if body.prune and is_zero(body.emissivity):
-            return body.omitted("the surface has emissivity 0")
-        exposed = body.exposed()
-        if isinstance(exposed, Omitted):
-            return exposed
-        return body.emissivity * body.area, exposed
+        law = _Irradiated(zero, jnp.asarray(_base(surface), surface.dtype))
+        found = [(body, emitting(body)) for body in surface.bodies]
+        return surface.bind(
+            law,
+            [
+                e if isinstance(e, Omitted) else (b.emissivity * b.area, e)
+                for b, e in found
+            ],
+        )
 
     @override
     def enclosure(self, surface: Surface) -> "Enclosure":
-        base = _base(surface)
-        above = [reference - base for reference in surface.references]
-        return Enclosure(
-            exchange=patch_exchange(surface.bodies, self.max_patches, self.directions),
+        bodies, base = surface.bodies, _base(surface)
+        # Fragments in contact keep a trace of their area, so that no patch has area 0.
+        areas = [np.maximum(b.area, 1e-6 * b.grid.fragment_area) for b in bodies]
+        patches = [
+            group_patches(
+                b.own_position, b.own_normal, area, b.grid.lattice, self.max_patches
+            )
+            for b, area in zip(bodies, areas, strict=True)
+        ]
+        patched = tuple(
+            PatchedBody(b.pose.to_world(b.grid.mesh.triangles), own, b.pose)
+            for b, own in zip(bodies, patches, strict=True)
+        )
+        first = np.cumsum([0, *(own.count for own in patches)])
+        grey = [b.emissivity * np.ones(len(b.position), b.dtype) for b in bodies]
+        return _enclosure(
+            view_factors(patched, self.directions),
+            np.concatenate([p.patch + n for p, n in zip(patches, first, strict=False)]),
+            np.concatenate(areas),
+            (jnp if is_traced(grey) else np).concatenate(grey),
             base=jnp.asarray(base, surface.dtype),
             temperature=for_jit(self.temperature, surface.dtype),
-            above=spread(above, surface.counts, surface.dtype),
+            above=spread(
+                [reference - base for reference in surface.references],
+                surface.counts,
+                surface.dtype,
+            ),
         )
 
 
@@ -163,56 +162,95 @@ def _base(surface: Surface) -> Any:
 
 
 class Enclosure(eqx.Module):
-    """Radiative exchange on the surface cells of all bodies."""
+    """Radiation among the surface cells of all bodies and with black surroundings."""
 
-    exchange: PatchExchange
+    patch: Int[Array, " s"]
+    """Patch of each cell, bodies concatenated."""
+    weight: Float[Array, " s"]
+    """Fraction of its patch's emission by each cell at one temperature [-]."""
+    transfer: Float[Array, "p p"]
+    """K [-]: irradiation of each patch for a unit of emissive power of another."""
+    from_surroundings: Float[Array, " p"]
+    """k_s [-]; with the row of K it adds up to 1."""
     base: Float[Array, ""]
     """T_0 [K]."""
     temperature: Any
     """T_s of the surroundings [K]."""
     above: Float[Array, "*#s"]
-    """Reference of each surface cell minus T_0 [K]."""
+    """Reference of each cell minus T_0 [K]."""
 
-    def _around(self, time: Float[Array, ""]) -> Float[Array, ""]:
-        return value_at(self.temperature, time) - self.base
+    def _emitted(self, above: Float[Array, "*s"]) -> Float[Array, "*s"]:
+        # Sigma (T^4 - T_0^4) at T_0 + `above`.
+        return net_emission(self.base + above, self.base, above)
+
+    def _received(
+        self, time: Float[Array, ""], emitted: Float[Array, " s"]
+    ) -> Float[Array, " s"]:
+        around = self._emitted(value_at(self.temperature, time) - self.base)
+        # A patch emits what its cells emit, so that no heat is lost between the two.
+        count = len(self.from_surroundings)
+        by_patch = jax.ops.segment_sum(self.weight * emitted, self.patch, count)
+        heat = self.transfer @ by_patch + self.from_surroundings * around
+        return heat.at[self.patch].get(mode="promise_in_bounds")
 
     def irradiation(
         self, time: Float[Array, ""], theta: Float[Array, " s"]
     ) -> Float[Array, " s"]:
         """H - sigma T_0^4 on surface cells at temperatures `theta` [W/m^2]."""
-        emitted = self.exchange.emitted(theta + self.above, self.base)
-        around = self.exchange.emitted(self._around(time), self.base)
-        return self.exchange.irradiation(emitted, around)
+        return self._received(time, self._emitted(theta + self.above))
 
     def net(
         self, time: Float[Array, ""], theta: Float[Array, " s"]
     ) -> Float[Array, " s"]:
         """Irradiation minus emission of surface cells [W/m^2]."""
-        emitted = self.exchange.emitted(theta + self.above, self.base)
-        around = self.exchange.emitted(self._around(time), self.base)
-        return self.exchange.irradiation(emitted, around) - emitted
+        emitted = self._emitted(theta + self.above)
+        return self._received(time, emitted) - emitted
 
     def coarsened(
         self, cell: Int[np.ndarray, " s"], counts: tuple[int, ...]
     ) -> "Enclosure":
         """Exchange on cells that each combine fragments of one patch, -1 for none."""
         # The patches remain, and with them the matrix K; only the weights are summed.
-        fine = self.exchange
         kept, cells = np.flatnonzero(cell >= 0), sum(counts)
         patch = np.zeros(cells, np.int32)
-        patch[cell[kept]] = np.asarray(fine.patch)[kept]
-        weight = jnp.zeros(cells, fine.weight.dtype)
-        weight = weight.at[cell[kept]].add(fine.weight[kept])
+        patch[cell[kept]] = np.asarray(self.patch)[kept]
+        weight = jnp.zeros(cells, self.weight.dtype)
+        weight = weight.at[cell[kept]].add(self.weight[kept])
         above = self.above
         if above.ndim:
             above = jnp.zeros(cells, above.dtype).at[cell[kept]].set(above[kept])
-        exchange = PatchExchange(
-            patch=jnp.asarray(patch),
-            weight=weight,
-            emissivity=jnp.ones_like(weight),
-            transfer=fine.transfer,
-            from_surroundings=fine.from_surroundings,
-            grey_area=fine.grey_area,
-            fragments=counts,
-        )
-        return Enclosure(exchange, self.base, self.temperature, above)
+        return replace(self, patch=jnp.asarray(patch), weight=weight, above=above)
+
+
+def _enclosure(
+    views: ViewFactors,
+    patch: Int[np.ndarray, " s"],
+    area: Float[np.ndarray, " s"],
+    emissivity: Float[Values, " s"],
+    **temperatures: Any,
+) -> Enclosure:
+    """Exchange of fragments, by their area [m^2], and the view factors of patches."""
+    # Gradients pass through the emissivities; what is not traced is solved on the host,
+    # in double precision.
+    xp: Any = jnp if is_traced(emissivity) else np
+    wide = emissivity if xp is jnp else np.asarray(emissivity, float)
+    cast = lambda values: xp.asarray(values, wide.dtype)
+    emitting = cast(area) * xp.maximum(wide, _MIN_EMISSIVITY)
+    if xp is jnp:
+        grey = jax.ops.segment_sum(emitting, jnp.asarray(patch), len(views.area))
+    else:
+        grey = np.bincount(patch, emitting, len(views.area))
+    mean, factor, outside = map(
+        cast, (grey / cast(views.area), views.factor, views.to_surroundings)
+    )
+    reflection = xp.eye(len(mean), dtype=factor.dtype) - factor * (1 - mean)[None]
+    sources = xp.concatenate([factor * mean[None], outside[:, None]], axis=1)
+    solved = xp.linalg.solve(reflection, sources)
+    output = lambda values: jnp.asarray(values, emissivity.dtype)
+    return Enclosure(
+        patch=jnp.asarray(patch, jnp.int32),
+        weight=output(emitting / grey[patch]),
+        transfer=output(solved[:, :-1]),
+        from_surroundings=output(solved[:, -1]),
+        **temperatures,
+    )

@@ -1,4 +1,4 @@
-"""Sources of radiation: their common interface, the sun and a point source.
+"""Sources of radiation: their common interface, sun and point source, motion.
 
 A surface absorbs
 
@@ -6,12 +6,15 @@ A surface absorbs
 
 with the absorptivity a, the irradiance E and the true area A (thesis eq. 3). The
 exposure X is geometry: cosine, distance and shadows. A moving source is evaluated at
-fixed positions, one for each snapshot.
+fixed positions, one for each snapshot. Its position or direction is any function of
+time; the tables are constant before the first and after the last time.
 """
 
 import abc
+import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any, TypeVar
 
 import equinox as eqx
@@ -19,7 +22,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from typing_extensions import override
 
-from ...arrays import TimeVarying
+from ...arrays import Numbers, Points, TimeVarying
 from ...errors import InputError
 from ...raster.views import unit_vector
 from ..boundary import ImposedFlux
@@ -60,9 +63,19 @@ class AbstractSource(AbstractSurfaceTerm):
     def strength(self) -> Any:
         """Irradiance for a unit of exposure: a number or a function of time."""
 
-    def check_location_value(self, value: Any, what: str) -> None:
+    def __check_init__(self):
+        field = self.location_field
+        value = _value_at(getattr(self, field), 0.0)
+        self._check_location(value, f"{type(self).__name__}({field}=)")
+
+    def _check_location(self, value: Any, what: str) -> None:
         """Raise an InputError that names `what` for an invalid position."""
-        check_point(value, what)
+        try:
+            point = np.asarray(value, float)
+        except (TypeError, ValueError):
+            point = np.zeros(0)
+        if point.shape != (3,) or not np.isfinite(point).all():
+            raise InputError(f"{what} {value!r}: give three finite numbers, in metres")
 
     @property
     @override
@@ -74,10 +87,9 @@ class AbstractSource(AbstractSurfaceTerm):
         if not self.moves:
             return self
         field = self.location_field
-        value = location_at(getattr(self, field), time)
-        what = f"{type(self).__name__}({field}=) at {time:g} s:"
-        self.check_location_value(value, what)
-        return replace(self, **{field: triple(value)})
+        value = _value_at(getattr(self, field), time)
+        self._check_location(value, f"{type(self).__name__}({field}=) at {time:g} s:")
+        return replace(self, **{field: _triple(value)})
 
     @abc.abstractmethod
     def exposure(
@@ -96,9 +108,9 @@ class AbstractSource(AbstractSurfaceTerm):
             pitch: edge of the squares that the points represent [m].
         """
 
-    @abc.abstractmethod
-    def check_location(self, surface: BodySurface) -> None:
-        """Raise an InputError if the source is inside this body."""
+    def points(self) -> Float[np.ndarray, "p 3"]:
+        """Points of the source [m], none of which may be inside a body."""
+        return np.zeros((0, 3))
 
     @override
     def bind(self, surface: Surface) -> tuple[Binding | Omitted, ...]:
@@ -114,7 +126,12 @@ class AbstractSource(AbstractSurfaceTerm):
         exposed = body.exposed()
         if isinstance(exposed, Omitted):
             return exposed
-        self.check_location(body)
+        if _inside(body, self.points()).any():
+            field = self.location_field
+            raise InputError(
+                f"{type(self).__name__}({field}={getattr(self, field)}): is inside "
+                f"body {body.body}; move all of it out of the body"
+            )
         exposure = self.exposure(
             body.scene_triangles, body.position, body.normal, body.pitch
         )
@@ -151,7 +168,6 @@ class Sun(AbstractSource):
     """Irradiance normal to the rays [W/m^2]: a number or a function of time."""
 
     def __check_init__(self):
-        self.check_location_value(location_at(self.direction, 0.0), "Sun(direction=)")
         check_value(self.irradiance, "Sun(irradiance [W/m^2])", 0.0)
 
     @property
@@ -160,21 +176,11 @@ class Sun(AbstractSource):
         return self.irradiance
 
     @override
-    def check_location_value(self, value: Any, what: str) -> None:
+    def _check_location(self, value: Any, what: str) -> None:
         unit_vector(value, what)
 
     @override
-    def check_location(self, surface: BodySurface) -> None:
-        """Accept any scene: parallel rays have no position."""
-
-    @override
-    def exposure(
-        self,
-        triangles: Float[np.ndarray, "f 3 3"],
-        position: Float[np.ndarray, "s 3"],
-        normal: Float[np.ndarray, "s 3"],
-        pitch: float,
-    ) -> Float[np.ndarray, " s"]:
+    def exposure(self, triangles, position, normal, pitch) -> Float[np.ndarray, " s"]:
         """Lambert's cosine times the lit fraction of surface points [-]."""
         cosine = np.maximum(0.0, -normal @ unit_vector(self.direction))
         return cosine * lit_fraction(triangles, position, normal, self.direction, pitch)
@@ -189,28 +195,16 @@ class Sun(AbstractSource):
         return Scale(heat_flux=float(material.absorptivity) * strength)
 
 
-def location_at(value: Any, time: float) -> Any:
-    """Position or direction at `time` [s], given as numbers or a function of time."""
+def _value_at(value: Any, time: float) -> Any:
     return value(time) if callable(value) else value
 
 
-def triple(value: Any) -> Triple:
-    """Three numbers as a tuple of floats, for values already checked."""
+def _triple(value: Any) -> Triple:
     x, y, z = (float(number) for number in np.asarray(value, float))
     return x, y, z
 
 
-def check_point(value: Any, what: str) -> None:
-    """Raise an InputError that names `what` unless `value` is a point in space."""
-    try:
-        point = np.asarray(value, float)
-    except (TypeError, ValueError):
-        point = np.zeros(0)
-    if point.shape != (3,) or not np.isfinite(point).all():
-        raise InputError(f"{what} {value!r}: give three finite numbers, in metres")
-
-
-def inside_body(
+def _inside(
     surface: BodySurface, points: Float[np.ndarray, "p 3"]
 ) -> Bool[np.ndarray, " p"]:
     """True for each world point [m] inside a solid voxel of a body."""
@@ -247,7 +241,6 @@ class PointSource(AbstractSource):
     """R_0 [m]: closer surfaces receive the irradiance at this distance."""
 
     def __check_init__(self):
-        check_point(location_at(self.position, 0.0), "PointSource(position=)")
         what = "PointSource(radiant_intensity [W/sr])"
         check_value(self.radiant_intensity, what, 0.0)
         if not (np.isfinite(self.min_distance) and self.min_distance > 0):
@@ -262,21 +255,11 @@ class PointSource(AbstractSource):
         return self.radiant_intensity
 
     @override
-    def check_location(self, surface: BodySurface) -> None:
-        if inside_body(surface, np.asarray(self.position, float)[None]).any():
-            raise InputError(
-                f"PointSource(position={self.position}): is inside body "
-                f"{surface.body}; move it out of the body"
-            )
+    def points(self) -> Float[np.ndarray, "p 3"]:
+        return np.asarray(self.position, float)[None]
 
     @override
-    def exposure(
-        self,
-        triangles: Float[np.ndarray, "f 3 3"],
-        position: Float[np.ndarray, "s 3"],
-        normal: Float[np.ndarray, "s 3"],
-        pitch: float,
-    ) -> Float[np.ndarray, " s"]:
+    def exposure(self, triangles, position, normal, pitch) -> Float[np.ndarray, " s"]:
         """Cosine times lit fraction over the squared distance [1/m^2]."""
         origin = np.asarray(self.position, float)
         away = origin - position
@@ -296,3 +279,95 @@ class PointSource(AbstractSource):
     def forcing(self, end: float | int) -> Forcing:
         highest = largest(self.radiant_intensity, end)
         return Forcing(heat_flux=highest / (self.min_distance * self.min_distance))
+
+
+# Unit vectors with a shorter sum count as opposite: no unique arc connects them.
+_OPPOSITE_TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True)
+class PointTable:
+    """Points at given times, joined by straight lines at constant speeds.
+
+    Raises:
+        InputError: unless the times increase and each has a finite point.
+    """
+
+    times: Numbers
+    """Times [s], increasing."""
+    points: Points
+    """World positions [m], one for each time."""
+
+    def __post_init__(self):
+        _make_plain(self, "points")
+
+    def __call__(self, time: float) -> Triple:
+        """Point at `time` [s]."""
+        first, second, t = _between(self.times, self.points, time)
+        return _triple((1 - t) * first + t * second)
+
+
+@dataclass(frozen=True)
+class DirectionTable:
+    """Directions at given times, joined by the shorter arcs at constant rates.
+
+    Raises:
+        InputError: unless the times increase and each has a direction that is not
+            opposite to the previous one.
+    """
+
+    times: Numbers
+    """Times [s], increasing."""
+    directions: Points
+    """Directions of any length, one for each time."""
+
+    def __post_init__(self):
+        _make_plain(self, "directions")
+        units = [unit_vector(d, "DirectionTable(directions=)") for d in self.directions]
+        for i, (a, b) in enumerate(pairwise(units), 1):
+            if np.linalg.norm(a + b) < _OPPOSITE_TOLERANCE:
+                raise InputError(
+                    f"DirectionTable: direction {i} is opposite to the one before; "
+                    "give one between them"
+                )
+
+    def __call__(self, time: float) -> Triple:
+        """Unit vector at `time` [s]."""
+        *ends, t = _between(self.times, self.directions, time)
+        first, second = (unit_vector(end) for end in ends)
+        across = float(np.linalg.norm(np.cross(first, second)))
+        angle = math.atan2(across, float(first @ second))
+        if angle == 0:
+            return _triple(first)
+        # Spherical interpolation: the angular velocity is constant.
+        turned = math.sin((1 - t) * angle) * first
+        return _triple(unit_vector(turned + math.sin(t * angle) * second))
+
+
+def _between(
+    times: Any, rows: Any, time: float
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Rows before and after `time` [s], and the fraction of the interval passed [-]."""
+    last = len(times) - 1
+    position = float(np.interp(time, times, np.arange(last + 1.0)))
+    before = int(position)
+    first, second = rows[before], rows[min(before + 1, last)]
+    return np.asarray(first), np.asarray(second), position - before
+
+
+def _make_plain(table: Any, field: str) -> None:
+    """Convert the fields to tuples, which can be compared and hashed."""
+    name = type(table).__name__
+    try:
+        times = np.asarray(table.times, float)
+        rows = np.asarray(getattr(table, field), float)
+    except (TypeError, ValueError):
+        times = rows = np.zeros(0)
+    if times.ndim != 1 or not len(times) or rows.shape != (len(times), 3):
+        raise InputError(f"{name}: give times, and three numbers for each of them")
+    if not (np.isfinite(times).all() and np.isfinite(rows).all()):
+        raise InputError(f"{name}: give finite numbers")
+    if (np.diff(times) <= 0).any():
+        raise InputError(f"{name}: the times must increase")
+    object.__setattr__(table, "times", tuple(times.tolist()))
+    object.__setattr__(table, field, tuple(_triple(row) for row in rows))

@@ -46,15 +46,6 @@ class PatchedBody(NamedTuple):
     pose: Pose = Pose()
 
 
-class ExchangeAreas(NamedTuple):
-    """Area times view factor between patches, and to the surroundings [m^2]."""
-
-    between: Float[np.ndarray, "p p"]
-    """A_i F_ij = A_j F_ji, patches of all bodies concatenated."""
-    outside: Float[np.ndarray, " p"]
-    """A_i times the view factor to the surroundings."""
-
-
 class _Scene(NamedTuple):
     triangles: Float[np.ndarray, "f 3 3"]
     normal: Float[np.ndarray, "f 3"]
@@ -86,7 +77,7 @@ def _views(
     directions: Float[np.ndarray, "d 3"],
     pixel: float,
 ) -> Iterator[OrthographicView]:
-    """View along each direction, its pixels displaced by a fraction of one."""
+    """View along each direction, displaced by a fraction of a pixel."""
     # A view centred on the scene would count half a pixel too much on average.
     for index, direction in enumerate(directions):
         view = orthographic_view(points, direction, pixel)
@@ -133,11 +124,9 @@ def _count_lines(
 
 def _sample_all_directions(
     bodies: tuple[PatchedBody, ...], directions: int, pixel: float
-) -> ExchangeAreas:
-    """Exchange areas from directions over the whole sphere.
-
-    Lines are one `pixel` apart [m]; an odd number of directions counts as one more.
-    """
+) -> tuple[Float[np.ndarray, "p p"], Float[np.ndarray, " p"]]:
+    """A_i F_ij between patches and to the surroundings [m^2], from all directions."""
+    # A line counts both ways: half of the directions, of an odd number one more.
     scene = _concatenated(bodies)
     between, outside = np.zeros((scene.count, scene.count)), np.zeros(scene.count)
     room, half = (MIN_CAPACITY, MIN_CAPACITY), (directions + 1) // 2
@@ -146,7 +135,7 @@ def _sample_all_directions(
         pairs, ends, room = _count_lines(bodies, scene, view, room)
         between += weight * pairs
         outside += weight * ends
-    return ExchangeAreas(between + between.T, outside)
+    return between + between.T, outside
 
 
 def _cone(
@@ -247,7 +236,7 @@ def view_factors(
         )
     extent = max(float(np.ptp(b.triangles.reshape(-1, 3), 0).max()) for b in bodies)
     area = np.concatenate([body.patches.area for body in bodies])
-    found = balance(_sample_all_directions(bodies, directions, extent / lines), area)
+    found = _balance(*_sample_all_directions(bodies, directions, extent / lines), area)
     for first in range(len(bodies)):
         for second in range(first + 1, len(bodies)):
             seen = _sample_pair(bodies, (first, second), directions, lines)
@@ -264,18 +253,20 @@ def _replaced(found: ViewFactors, seen, bodies, pair: tuple[int, int]) -> ViewFa
     between = np.where((a[:, None] & b) | (b[:, None] & a), seen, found.between)
     # The surroundings take the difference, so that the rows keep their sums.
     outside = found.outside + (found.between - between).sum(1)
-    return balance(ExchangeAreas(between, np.maximum(outside, 0.0)), found.area)
+    return _balance(between, np.maximum(outside, 0.0), found.area)
 
 
-def balance(sampled: ExchangeAreas, area: Float[np.ndarray, " p"]) -> ViewFactors:
-    """View factors from sampled areas, scaled to the areas of the patches [m^2]."""
+def _balance(
+    between: Float[np.ndarray, "p p"],
+    outside: Float[np.ndarray, " p"],
+    area: Float[np.ndarray, " p"],
+) -> ViewFactors:
+    """View factors from sampled areas A_i F_ij, scaled to the patches [m^2]."""
     # The scaling A_i F_ij -> d_i A_i F_ij d_j is symmetric: an F_ij of zero stays zero,
     # and a closed cavity stays closed. The remaining rounding error goes to the patch's
     # own F_ii, which exchanges nothing.
-    between = sampled.between
     # A patch that no line has hit sees the surroundings.
-    hit = between.sum(1) + sampled.outside > 0
-    outside = np.where(hit, sampled.outside, area)
+    outside = np.where(between.sum(1) + outside > 0, outside, area)
     scale = np.ones(len(area))
     for _ in range(_MAX_SCALINGS):
         row = scale * (between @ scale + outside)

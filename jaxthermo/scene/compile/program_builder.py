@@ -154,7 +154,7 @@ class ProgramBuilder:
         # Fragments of one cell must be in one patch of the radiative exchange.
         groups: list = [None] * len(surface.bodies)
         if fine is not None:
-            groups = surface.apart(np.asarray(fine.exchange.patch))
+            groups = surface.apart(np.asarray(fine.patch))
         found = [
             body_cells(body, list(acting[n]) if acting else [], groups[n])
             for n, body in enumerate(self.prepared)

@@ -7,7 +7,7 @@ import pytest
 
 from jaxthermo.physics.boundary import Exchange, ImposedFlux
 from jaxthermo.physics.flux_law import TemperatureRange, bound
-from jaxthermo.physics.radiation.emission import Emission
+from jaxthermo.physics.radiation.emission import _Emission
 from jaxthermo.physics.surface_energy_balance import (
     MAX_ITERATIONS,
     TOLERANCE,
@@ -27,7 +27,7 @@ def _terms(conductivity, pitch, dtype, sun=1000.0):
     laws = (
         ImposedFlux(number(sun)),
         Exchange(number(20.0), number(285.0), reference),
-        Emission(number(280.0), reference),
+        _Emission(number(280.0), reference),
     )
     half_cell = area * np.asarray(conductivity / (pitch / 2), dtype)
     free = tuple((n, bound(area, law)) for n, law in enumerate(laws))
