@@ -3,9 +3,9 @@
     ln y = sum_i c_i x^i,    x = ln(T / 300 K)
 
 fitted to CoolProp 8 (Lemmon et al. 2000; Lemmon and Jacobsen 2004). Largest relative
-errors over the range: 8e-5 for nu, 7e-5 for k, 2e-5 for mu, 1.6e-3 for Pr and c_p
-(Sutherland's formulas: up to 7 %). Outside the range the value at its end applies. The
-kinematic viscosity is inversely proportional to the pressure.
+errors over the range: 8e-5 for nu, 7e-5 for k, 1.6e-3 for Pr (Sutherland's formulas:
+up to 7 %). Outside the range the value at its end applies. The kinematic viscosity is
+inversely proportional to the pressure.
 
 A heat transfer coefficient is tabulated at five film temperatures from 200 to 1000 K
 and interpolated by the polynomial through them in 1 / (T_f + 600 K).
@@ -22,9 +22,7 @@ _MIN_AIR_TEMPERATURE, _MAX_AIR_TEMPERATURE = 200.0, 1500.0
 
 _NU = (-11.0587, 1.782631, -0.08207018, 0.01119141, 0.002716612)
 _K = (-3.634962, 0.8443252, -0.07134693, 0.01388592, 0.002188257)
-_MU = (-10.89572, 0.7798227, -0.07797241, 0.008637228, 0.003315594)
 _PR = (-0.3471677, -0.05669733, 0.04780579, 0.05825147, -0.03378019)
-_CP = (6.913595, 0.007805186, 0.05443127, 0.06350017, -0.03490753)
 
 
 def _fit(
@@ -51,16 +49,6 @@ def conductivity(temperature: Float[Array, "*n"]) -> Float[Array, "*n"]:
 def prandtl(temperature: Float[Array, "*n"]) -> Float[Array, "*n"]:
     """Prandtl number Pr [-] at `temperature` [K]."""
     return _fit(_PR, temperature)
-
-
-def dynamic_viscosity(temperature: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    """Dynamic viscosity mu [Pa s] at `temperature` [K]."""
-    return _fit(_MU, temperature)
-
-
-def specific_heat(temperature: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    """Specific heat c_p [J/(kg K)] at `temperature` [K]."""
-    return _fit(_CP, temperature)
 
 
 MIN_FILM_TEMPERATURE, MAX_FILM_TEMPERATURE = 200.0, 1000.0

@@ -52,7 +52,7 @@ def speed_nodes(highest: _Speeds, count: int, dtype: Any) -> Any:
     return nodes * (nodes > 0)
 
 
-class SpeedTable(eqx.Module):
+class _SpeedTable(eqx.Module):
     """Values by speed, with a smooth cubic (Catmull and Rom) between the nodes.
 
     The nodes are equidistant in the fourth root of the speed: a heat transfer
@@ -92,12 +92,12 @@ class SpeedTable(eqx.Module):
 
 def speed_table(
     values: Float[Any, "v n m"], highest: Any, speed: Callable
-) -> SpeedTable:
+) -> _SpeedTable:
     """Table from the values at the `speed_nodes`."""
     xp = np if isinstance(values, np.ndarray) else jnp
     below, above = 2 * values[0] - values[1], 2 * values[-1] - values[-2]
     table = xp.concatenate([below[None], values, above[None]])
-    return SpeedTable(table, highest, speed)
+    return _SpeedTable(table, highest, speed)
 
 
 _FILM_SAMPLES = 33
@@ -139,7 +139,7 @@ class FilmExchange(AbstractFluxLaw):
     """Heat flux h(T_f) (T_inf - T_s) from air [W/m^2]."""
 
     coefficients: Any
-    """Film polynomial of h [W/(m^2 K)], [n m], or a `SpeedTable` of it."""
+    """Film polynomial of h [W/(m^2 K)], [n m], or a `_SpeedTable` of it."""
     temperature: Any
     """T_inf [K], a number or a function of time."""
     reference: Any = 0.0
@@ -170,7 +170,7 @@ class FilmExchange(AbstractFluxLaw):
         # With T_s - T_inf = 2 (T_f - T_inf) the slope is h + dh/dT_f (T_f - T_inf),
         # linear in T_inf: the larger of its values at 0 K and at the warmest air bounds
         # it at every interpolated film temperature.
-        tabulated = isinstance(self.coefficients, SpeedTable)
+        tabulated = isinstance(self.coefficients, _SpeedTable)
         rows = jnp.asarray(self._rows, hottest.dtype)
         warmest = jnp.asarray(largest(self.temperature, end), hottest.dtype)
         bound = jnp.zeros_like(hottest)
@@ -210,19 +210,19 @@ class FilmExchange(AbstractFluxLaw):
     @property
     def _rows(self) -> Any:
         """Coefficients with the powers along the first axis, [n ...]."""
-        tabulated = isinstance(self.coefficients, SpeedTable)
+        tabulated = isinstance(self.coefficients, _SpeedTable)
         rows = self.coefficients.table if tabulated else self.coefficients
         return (jnp if is_traced(rows) else np).moveaxis(rows, -2, 0)
 
     @property
     def _overshoot(self) -> float:
-        return _SPLINE_OVERSHOOT if isinstance(self.coefficients, SpeedTable) else 1.0
+        return _SPLINE_OVERSHOOT if isinstance(self.coefficients, _SpeedTable) else 1.0
 
     @override
     def coarsened(self, mean: Callable[[Array], Array]) -> "FilmExchange":
         where = lambda law: (
             law.coefficients.table
-            if isinstance(law.coefficients, SpeedTable)
+            if isinstance(law.coefficients, _SpeedTable)
             else law.coefficients
         )
         return eqx.tree_at(where, self, _each_row(mean, where(self)))

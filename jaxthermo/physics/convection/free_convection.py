@@ -67,14 +67,14 @@ def _b(prandtl, c: float):
 _CYLINDER_OVER_PLATE = _b(0.71, CYLINDER.c) / _b(0.71, PLATE.c)
 
 
-def churchill_chu(
+def _churchill_chu(
     rayleigh: Float[Array, "*n"], prandtl: Float[Array, "*n"], shape: _Shape
 ) -> Float[Array, "*n"]:
     """Average Nusselt number of a `PLATE` or a `CYLINDER`."""
     return (shape.a + _b(prandtl, shape.c) * rayleigh ** (1 / 6)) ** 2
 
 
-def free_coefficient(
+def _free_coefficient(
     surface: Float[Array, "*n"],
     ambient: Float[Array, "*n"],
     length: Float[Array, "*n"],
@@ -88,7 +88,7 @@ def free_coefficient(
     nu, pr = air.kinematic_viscosity(film), air.prandtl(film)
     buoyancy = _GRAVITY * jnp.abs(surface - ambient) / film
     rayleigh = buoyancy * length**3 * pr / nu**2
-    return churchill_chu(rayleigh, pr, shape) * air.conductivity(film) / length
+    return _churchill_chu(rayleigh, pr, shape) * air.conductivity(film) / length
 
 
 @jax.jit
@@ -126,7 +126,7 @@ def _sixth_root(x: Float[Array, "*m"]) -> Float[Array, "*m"]:
     return guess * (cube + 2 * root) / (2 * cube + root)
 
 
-class FreeExchange(AbstractFluxLaw):
+class _FreeExchange(AbstractFluxLaw):
     """Heat flux h (T_inf - T_s) of free convection [W/m^2].
 
     sqrt(h) = still sqrt(k) + rising beta |T_s - T_inf|^(1/6)
@@ -235,7 +235,7 @@ class FreeExchange(AbstractFluxLaw):
         )
 
     @override
-    def coarsened(self, mean: Callable[[Array], Array]) -> "FreeExchange":
+    def coarsened(self, mean: Callable[[Array], Array]) -> "_FreeExchange":
         where = lambda law: (law.still, law.rising)
         return eqx.tree_at(where, self, tuple(map(mean, where(self))))
 
@@ -291,7 +291,7 @@ class FreeConvection(AbstractSurfaceTerm):
         with jax.ensure_compile_time_eval():
             films = _film_factors(jnp.asarray(FILM_TEMPERATURES, dtype))
             root, rise = (np.asarray(film_polynomial(each)) for each in films)
-        law = FreeExchange(
+        law = _FreeExchange(
             still=np.concatenate(still),
             rising=np.concatenate(rising),
             root=root,

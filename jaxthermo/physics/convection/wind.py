@@ -18,7 +18,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 from typing_extensions import override
 
 from ...arrays import TimeVarying, is_traced
@@ -36,18 +36,24 @@ from ..term import (
     Surface,
     concatenated,
 )
-from ..time_varying import check_value, for_jit, is_zero
+from ..time_varying import (
+    Table,
+    Until,
+    check_value,
+    for_jit,
+    is_unknown_function,
+    is_zero,
+    largest,
+    value_at,
+)
 from .air import kinematic_viscosity
-from .approach_flow import (
-    ApproachFlow,
+from .cross_flow import (
     FlowGroups,
     film_coefficients,
     group_fragments,
-    initial_value,
-    known_maximum,
-    table_limit,
+    surface_harmonics,
+    validity_notes,
 )
-from .cross_flow import surface_harmonics, validity_notes
 from .film import FilmExchange, speed_nodes, speed_table
 from .nusselt import named_average
 from .wake import diameters_behind, wake_speed_ratio
@@ -55,6 +61,12 @@ from .wake import diameters_behind, wake_speed_ratio
 
 # Nodes of the table for a speed that changes with time.
 _SPEED_NODES = 25
+
+# A speed given as a plain function of time is limited to this [m/s].
+_MAX_UNKNOWN_SPEED = 100.0
+
+# Smallest upper end of a table of speeds [m/s].
+_MIN_TABLE_LIMIT = 1e-3
 
 
 def _velocity(given: Any) -> tuple[float, float, float]:
@@ -165,13 +177,13 @@ class Wind(AbstractSurfaceTerm):
         speed = self.strength
         if not callable(speed):
             return every
-        highest = for_jit(table_limit(speed), surface.dtype)
+        highest = for_jit(_table_limit(speed), surface.dtype)
         return speed_table(every, highest, for_jit(speed, surface.dtype))
 
     def _notes(self, groups: FlowGroups) -> tuple[str, ...]:
         """Validity notes for the receipt, as far as the Reynolds numbers are known."""
-        air = initial_value(self.temperature, float)
-        ratio, speed = self._speed_ratio(groups), known_maximum(self.strength)
+        air = _initial_value(self.temperature, float)
+        ratio, speed = self._speed_ratio(groups), _known_maximum(self.strength)
         if speed is None or is_traced((air, ratio)):
             return ()
         with jax.ensure_compile_time_eval():
@@ -208,16 +220,38 @@ class Wind(AbstractSurfaceTerm):
         dtype = surface.dtype
         wind = surface.pose.rotate_back(unit_vector(self.velocity))
         harmonics = surface_harmonics(surface.own_normal, groups.axis, wind)
-        flow = ApproachFlow(
-            initial_value(self.temperature, dtype),
-            self._speed_ratio(groups),
-            groups.diameter,
-        )
+        air, ratio = _initial_value(self.temperature, dtype), self._speed_ratio(groups)
         average, speed = named_average(self.average).nusselt, self.strength
         every = lambda speeds: film_coefficients(
-            speeds, flow, average, groups.member, harmonics, dtype
+            speeds, air, ratio, groups, average, harmonics, dtype
         )
         if not callable(speed):
             xp = jnp if is_traced(speed) else np
             return every(xp.asarray(speed, dtype)[None])[0]
-        return every(speed_nodes(table_limit(speed), _SPEED_NODES, dtype))
+        return every(speed_nodes(_table_limit(speed), _SPEED_NODES, dtype))
+
+
+def _initial_value(value: Any, dtype: Any) -> Float[Values, ""]:
+    """Value of a number or a function of time at 0 s."""
+    with jax.ensure_compile_time_eval():
+        found = value_at(value, jnp.zeros((), dtype))
+        return found if is_traced(found) else np.asarray(found)
+
+
+def _known_maximum(value: Any) -> float | None:
+    """Largest value at any time; None for functions of time and traced values."""
+    stated = value.value if isinstance(value, Until) else value
+    stated = stated.values if isinstance(stated, Table) else stated
+    if callable(stated) or is_traced(stated):
+        return None
+    return float(np.max(np.asarray(stated, float)))
+
+
+def _table_limit(speed: Any) -> Float[Array, ""] | float:
+    """Largest speed that a table of speeds has to cover [m/s]."""
+    if is_unknown_function(speed):
+        return _MAX_UNKNOWN_SPEED
+    known = _known_maximum(speed)
+    if known is None:
+        return jnp.maximum(largest(speed, 0.0), _MIN_TABLE_LIMIT)
+    return known

@@ -8,10 +8,10 @@ from hypothesis import given, settings, strategies as st
 
 from jaxthermo.physics.convection.cross_flow import (
     MAX_REYNOLDS,
-    harmonics,
+    _harmonics,
+    _shape_coefficients,
+    _shape_factor,
     local_nusselt,
-    shape_coefficients,
-    shape_factor,
     surface_harmonics,
     validity_notes,
 )
@@ -25,8 +25,8 @@ AROUND = jnp.asarray(np.arange(64) * (2 * np.pi / 64))
 @jax.jit
 def shape(reynolds):
     """At all angles."""
-    every = jnp.broadcast_to(shape_coefficients(reynolds), (*ANGLES.shape, 16))
-    return shape_factor(every, harmonics(jnp.cos(ANGLES)))
+    every = jnp.broadcast_to(_shape_coefficients(reynolds), (*ANGLES.shape, 16))
+    return _shape_factor(every, _harmonics(jnp.cos(ANGLES)))
 
 
 @jax.jit
@@ -90,7 +90,7 @@ def test_the_shape_stays_positive_everywhere():
 
 
 def test_the_shape_is_held_outside_its_knots():
-    ends = jax.jit(shape_coefficients)(jnp.array([0.0, 1e7]))
+    ends = jax.jit(_shape_coefficients)(jnp.array([0.0, 1e7]))
     np.testing.assert_allclose(ends, cylinder_table().shape[[0, -1]], atol=1e-15)
 
 
@@ -100,8 +100,8 @@ def by_normal(normals):
 
     def factor(normal):
         cosine, square = -normal[:1], (normal[:2] @ normal[:2])[None]
-        found = shape_coefficients(jnp.array([2e4]))
-        return shape_factor(found, harmonics(cosine, square))[0]
+        found = _shape_coefficients(jnp.array([2e4]))
+        return _shape_factor(found, _harmonics(cosine, square))[0]
 
     return jax.vmap(jax.value_and_grad(factor))(normals)
 

@@ -10,7 +10,7 @@ from jaxthermo.physics.convection.air import FILM_TEMPERATURES, film_polynomial,
 from jaxthermo.physics.convection.cross_flow import mean_coefficient
 from jaxthermo.physics.convection.film import (
     FilmExchange,
-    SpeedTable,
+    _SpeedTable,
     speed_nodes,
     speed_table,
 )
@@ -169,7 +169,7 @@ def test_the_steepest_of_a_table_bounds_every_speed():
     rows = [law(AVERAGES[0].nusselt, float(v), 300.0).coefficients for v in nodes]
     table = speed_table(np.stack(rows), 8.0, lambda t: t)
     found = FilmExchange(table, jnp.asarray(300.0), jnp.asarray(250.0))
-    assert isinstance(found.coefficients, SpeedTable)
+    assert isinstance(found.coefficients, _SpeedTable)
     surface = jnp.asarray(SURFACES)
     top = max(
         float(evaluated(found, surface, jnp.asarray(t))[1].max())

@@ -19,8 +19,8 @@ from jaxthermo.physics.convection.free_convection import (
     CYLINDER,
     PLATE,
     FreeConvection,
-    churchill_chu,
-    free_coefficient,
+    _churchill_chu,
+    _free_coefficient,
 )
 from jaxthermo.voxels.cylinders import Cylinder, parts_of
 
@@ -38,7 +38,7 @@ def grid():
 def formula(surface, ambient, length):
     """h of plates and of cylinders by the formula."""
     s, a, l = jnp.broadcast_arrays(surface, ambient, length)
-    return jnp.stack([free_coefficient(s, a, l, k) for k in (PLATE, CYLINDER)])
+    return jnp.stack([_free_coefficient(s, a, l, k) for k in (PLATE, CYLINDER)])
 
 
 @pytest.mark.parametrize(
@@ -46,7 +46,7 @@ def formula(surface, ambient, length):
 )
 def test_values_of_the_library_ht(kind, expected):
     """Values of its documentation, at Pr 0.69 and Gr 2.63e9."""
-    by_kind = jax.jit(churchill_chu, static_argnums=2)
+    by_kind = jax.jit(_churchill_chu, static_argnums=2)
     found = by_kind(jnp.array(0.69 * 2.63e9), jnp.array(0.69), kind)
     assert float(found) == pytest.approx(expected, rel=1e-12)
 

@@ -18,7 +18,7 @@ from jaxthermo.errors import InputError
 from jaxthermo.geometry.mesh import Pose
 from jaxthermo.physics.convection.air import kinematic_viscosity
 from jaxthermo.physics.convection.cross_flow import local_nusselt, mean_coefficient
-from jaxthermo.physics.convection.film import FilmExchange, SpeedTable
+from jaxthermo.physics.convection.film import FilmExchange, _SpeedTable
 from jaxthermo.physics.convection.nusselt import churchill_bernstein
 from jaxthermo.physics.convection.wake import WakeDeficit
 from jaxthermo.physics.convection.wind import Wind
@@ -136,7 +136,7 @@ def test_gradients_by_speed_and_temperatures_are_finite_and_right(seen):
 def test_a_gusty_wind_is_the_steady_one_at_each_moment(seen):
     gusts = jt.Table([0.0, 10.0], [0.0, 10.0])
     law = law_of(Wind(ALONG_X, AIR, speed=gusts), seen)
-    assert isinstance(law, FilmExchange) and isinstance(law.coefficients, SpeedTable)
+    assert isinstance(law, FilmExchange) and isinstance(law.coefficients, _SpeedTable)
     count = len(seen.area)
     for speed in (0.3, 1.0, 3.7, 10.0):
         steady = flux_at(law_of(Wind((speed, 0, 0), AIR), seen), 320.0, count)
