@@ -188,7 +188,7 @@ class SuperTimeStepping(AbstractSolver):
 class _AbstractImplicit(AbstractSolver):
     """Schemes that solve a system of equations in every step."""
 
-    _tableau: eqx.AbstractClassVar[Tableau]
+    _tableau: ClassVar[Tableau]
     tolerance: eqx.AbstractVar[float | None]
     """Largest residual of a linear solve over capacity [K]; None for 1e-4 K in float32
     and 1e-9 K in float64."""

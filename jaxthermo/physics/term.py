@@ -19,7 +19,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -33,6 +33,12 @@ from ..voxels.grid import VoxelGrid
 from ..voxels.selection import AbstractSelection, AbstractSpace
 from .flux_law import AbstractFluxLaw, TemperatureRange, Values
 
+
+# Type checkers know a class variable by its name in the module alone.
+if TYPE_CHECKING:
+    from typing import ClassVar as AbstractClassVar
+else:
+    from equinox import AbstractClassVar
 
 # Not `Self`, which the type checks of the tests take on decorated classes only.
 _Term = TypeVar("_Term", bound="AbstractTerm")
@@ -262,7 +268,7 @@ class AbstractTerm(eqx.Module):
     Do not derive from this class, but from one of the four kinds of term.
     """
 
-    name: eqx.AbstractClassVar[str]
+    name: AbstractClassVar[str]
     """Name of the mechanism in the energy ledger and in the receipt."""
 
     @property

@@ -1,62 +1,19 @@
 """Half-space, uniform at first: three surface loads, and contact of two half-spaces.
 
 Symbols: depth x below the surface [m], time t [s], initial temperature T_i [K],
-conductivity k [W/(m K)], diffusivity alpha [m^2/s]. Error functions are evaluated in
-float64, whatever JAX is set to. Source: Carslaw and Jaeger, Conduction of Heat in
-Solids.
+conductivity k [W/(m K)], diffusivity alpha [m^2/s]. Source: Carslaw and Jaeger,
+Conduction of Heat in Solids.
 """
 
-import math
-
 import numpy as np
+from scipy.special import erf, erfc, erfcx
 
 from ..arrays import HostFloat, Quantity, Scalar
 
 
-# From here on the asymptotic series is exact to rounding; below, exp(x^2) is moderate.
-_SERIES_START = 10.0
-_SERIES_TERMS = 12
-
-
-def _scaled_erfc(x: float) -> float:
-    if x < _SERIES_START:
-        return math.exp(x * x) * math.erfc(x)
-    term = total = 1.0
-    for k in range(1, _SERIES_TERMS + 1):
-        term *= -(2 * k - 1) / (2.0 * x * x)
-        total += term
-    return total / (x * math.sqrt(math.pi))
-
-
-_erf = np.vectorize(math.erf, otypes=[np.float64])
-_erfc = np.vectorize(math.erfc, otypes=[np.float64])
-_erfcx = np.vectorize(_scaled_erfc, otypes=[np.float64])
-
-
 def host(x: Quantity) -> HostFloat:
-    """Array in host memory, in float64."""
+    """Array in host memory, in float64, whatever JAX is set to."""
     return np.asarray(x, np.float64)
-
-
-def erf(x: Quantity) -> HostFloat:
-    """Error function, 2/sqrt(pi) int_0^x exp(-u^2) du [-]."""
-    return np.asarray(_erf(host(x)))
-
-
-def erfc(x: Quantity) -> HostFloat:
-    """Complementary error function, 1 - erf(x) [-], without cancellation."""
-    return np.asarray(_erfc(host(x)))
-
-
-def erfcx(x: Quantity) -> HostFloat:
-    """Scaled complementary error function exp(x^2) erfc(x) [-] for any x >= 0.
-
-    For large x, where the product is infinity times zero, the asymptotic series
-    sum_k (-1)^k (2k-1)!! / (2 x^2)^k / (x sqrt(pi)).
-
-    Source: NIST Digital Library of Mathematical Functions, 7.12.1.
-    """
-    return np.asarray(_erfcx(host(x)))
 
 
 def _scaled_depth(depth: Quantity, time: Quantity, diffusivity: Quantity) -> HostFloat:

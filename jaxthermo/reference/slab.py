@@ -17,7 +17,7 @@ _TERMS = 60
 _HALVINGS = 60
 
 
-def slab_eigenvalues(biot: Scalar, terms: int = _TERMS) -> Float[np.ndarray, "m"]:
+def _eigenvalues(biot: Scalar, terms: int = _TERMS) -> Float[np.ndarray, "m"]:
     """First roots of z tan z = Bi [-], ascending; Bi = h L / k > 0."""
     # Root n is in ((n-1) pi, (n-1/2) pi), where z sin z - Bi cos z changes sign once:
     # bisection is robust for every Biot number.
@@ -49,7 +49,7 @@ def slab_convection(
     for 60 terms, Bi = h L / k and the half-thickness L. Also valid for a slab of
     thickness L with an insulated back at x* = 0. Source: Carslaw and Jaeger, 3.11.
     """
-    z = slab_eigenvalues(biot, terms)
+    z = _eigenvalues(biot, terms)
     x = host(position)[..., None]
     decay = np.exp(-z * z * host(fourier)[..., None])
     return np.asarray(np.sum(_weights(z) * decay * np.cos(z * x), axis=-1))
@@ -62,7 +62,7 @@ def slab_convection_mean(
 
     theta_mean = sum_n C_n exp(-z_n^2 Fo) sin(z_n)/z_n; arguments and source as there
     """
-    z = slab_eigenvalues(biot, terms)
+    z = _eigenvalues(biot, terms)
     decay = np.exp(-z * z * host(fourier)[..., None])
     return np.asarray(np.sum(_weights(z) * decay * np.sin(z) / z, axis=-1))
 

@@ -15,7 +15,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import equinox as eqx
 import numpy as np
@@ -55,7 +55,7 @@ def fixed_or_moving(value: Any) -> Any:
 class AbstractSource(AbstractSurfaceTerm):
     """Source that irradiates surfaces and is not heated by them."""
 
-    location_field: eqx.AbstractClassVar[str]
+    location_field: ClassVar[str]
     """Name of the field with its position or direction, perhaps a function."""
 
     @property
