@@ -69,33 +69,7 @@ def element_to_strip(width: Scalar, gap: Scalar) -> float:
     return half / np.hypot(half, float(gap))
 
 
-def element_to_sphere(radius: Scalar, distance: Scalar, cosine: Scalar) -> float:
-    """View factor from an element to a sphere above its horizon: (R / d)^2 cos(b) [-].
-
-    b is the angle between the normal and the direction to the centre at distance d.
-    """
-    return (float(radius) / float(distance)) ** 2 * float(cosine)
-
-
-def out_of_groove(position: Scalar, length: Scalar, angle: Scalar) -> float:
-    """View factor from an element on the wall of an infinite V-groove to outside [-].
-
-    F = [1 - (L cos a - x) / sqrt(L^2 + x^2 - 2 x L cos a)] / 2
-
-    x is the distance from the bottom [m], L the length of the walls, a the angle [rad].
-    """
-    x, far = float(position), float(length)
-    along = far * np.cos(float(angle)) - x
-    across = far * np.sin(float(angle))
-    return float((1 - along / np.hypot(along, across)) / 2)
-
-
-def groove_mouth(angle: Scalar) -> float:
-    """View factor from both walls of an infinite V-groove to outside: sin(a / 2)."""
-    return float(np.sin(float(angle) / 2))
-
-
-class Rule(NamedTuple):
+class _Rule(NamedTuple):
     """Quadrature points of a patch with their areas as weights."""
 
     position: Float[np.ndarray, "q 3"]
@@ -118,7 +92,7 @@ def rectangle_rule(
     first: Float[np.ndarray, "3"],
     second: Float[np.ndarray, "3"],
     count: int,
-) -> Rule:
+) -> _Rule:
     """Rule of `count` x `count` points of a rectangle; its front is first x second.
 
     `first` and `second` are its edges from a corner [m].
@@ -128,12 +102,12 @@ def rectangle_rule(
     a, b = (x.reshape(-1, 1) for x in np.meshgrid(t, t, indexing="ij"))
     weight = np.outer(w, w).reshape(-1) * np.linalg.norm(across)
     normal = np.broadcast_to(unit_vector(across), (len(weight), 3))
-    return Rule(corner + a * first + b * second, normal, weight)
+    return _Rule(corner + a * first + b * second, normal, weight)
 
 
 def disc_rule(
     centre: Float[np.ndarray, "3"], normal: object, radius: float, count: int
-) -> Rule:
+) -> _Rule:
     """Rule of a disc in `count` rings with twice as many points on each."""
     node, weight = np.polynomial.legendre.leggauss(count)
     turn = 2 * np.pi * np.arange(2 * count) / (2 * count)
@@ -143,10 +117,10 @@ def disc_rule(
     position = centre + (ring[:, None, None] * around).reshape(-1, 3)
     area = np.pi * radius / (2 * count) * weight * ring
     area = np.repeat(area, 2 * count)
-    return Rule(position, np.broadcast_to(front, position.shape), area)
+    return _Rule(position, np.broadcast_to(front, position.shape), area)
 
 
-def view_factor(first: Rule, second: Rule) -> float:
+def view_factor(first: _Rule, second: _Rule) -> float:
     """View factor between patches that do not touch, by the double integral [-].
 
     F = 1 / A_1 integral of cos_1 cos_2 / (pi R^2) dA_2 dA_1
@@ -159,7 +133,7 @@ def view_factor(first: Rule, second: Rule) -> float:
     return float(first.weight @ kernel @ second.weight / first.weight.sum())
 
 
-def view_factor_to_polygon(first: Rule, corners: Float[np.ndarray, "c 3"]) -> float:
+def view_factor_to_polygon(first: _Rule, corners: Float[np.ndarray, "c 3"]) -> float:
     """View factor from a patch to a convex polygon that may touch it [-].
 
     The inner integral is exact. Corners are counter-clockwise seen from the front [m].

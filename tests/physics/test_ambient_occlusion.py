@@ -11,14 +11,37 @@ from jaxthermo.physics.radiation.emission import Surroundings
 from jaxthermo.physics.radiation.view_factors import view_factors
 from jaxthermo.physics.radiation.visibility import sky_view, unobstructed_view
 from jaxthermo.physics.term import Omitted
-from jaxthermo.reference.view_factor import (
-    element_to_sphere,
-    groove_mouth,
-    out_of_groove,
-    parallel_rectangles,
-)
+from jaxthermo.reference.view_factor import element_to_disc, parallel_rectangles
 from jaxthermo.voxels.voxelize import voxelize
 from tests.radiating import in_patches, moved, shell, surface_of, whole
+
+
+def element_to_sphere(radius, distance, cosine):
+    """View factor to a sphere above the horizon: (R / d)^2 cos(angle to its centre)."""
+    return (radius / distance) ** 2 * cosine
+
+
+def out_of_groove(x, angle):
+    """View factor from a wall of an endless V, x from its bottom, to outside.
+
+    F = [1 - (cos a - x) / sqrt(1 + x^2 - 2 x cos a)] / 2, walls of 1 m
+    """
+    along, across = np.cos(angle) - x, np.sin(angle)
+    return (1 - along / np.hypot(along, across)) / 2
+
+
+def groove_mouth(angle):
+    """The same of a whole wall."""
+    return np.sin(angle / 2)
+
+
+def test_closed_forms_of_groove_and_sphere():
+    t, w = np.polynomial.legendre.leggauss(200)
+    along = out_of_groove(0.5 + 0.5 * t, 0.9)
+    assert w @ along / 2 == pytest.approx(groove_mouth(0.9), abs=1e-4)
+    # A sphere far away is a disc of its radius.
+    far = element_to_sphere(1.0, 1e3, 1.0)
+    assert far == pytest.approx(element_to_disc(1.0, 1e3), rel=2e-6)
 
 
 def quads(corners):
@@ -59,7 +82,7 @@ def test_endless_groove(degrees):
     normal = np.tile([-c, 0.0, s], (len(place), 1))
     view = sky_view(groove(angle), place, normal, pitch, 256)
     found = (view.sky + view.ground).reshape(x.shape).mean(1)
-    exact = np.array([out_of_groove(at, 1.0, angle) for at in x[:, 0]])
+    exact = out_of_groove(x[:, 0], angle)
     rms = float(np.sqrt(np.mean((found - exact) ** 2)))
     print(degrees, "degrees: rms", rms, "mean", found.mean() - exact.mean())
     assert rms < 0.015
@@ -76,9 +99,8 @@ def test_ball_on_a_plane():
     floor = box((20.0, 20.0, 1.0)).triangles - np.array([0.0, 0.0, 0.5])
     view = sky_view(np.concatenate([ball, floor]), place, normal, 0.05)
     away = np.hypot(*place[:, :2].T)
-    exact = [
-        1 - element_to_sphere(1.0, np.hypot(r, 1.0), 1 / np.hypot(r, 1.0)) for r in away
-    ]
+    far = np.hypot(away, 1.0)
+    exact = 1 - element_to_sphere(1.0, far, 1 / far)
     np.testing.assert_array_equal(view.ground, 0.0)
     assert np.sqrt(np.mean((view.sky - exact) ** 2)) < 0.02
 

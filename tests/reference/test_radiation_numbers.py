@@ -6,7 +6,7 @@ import pytest
 from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.reference import radiation, view_factor as forms
 from jaxthermo.reference.view_factor import (
-    Rule,
+    _Rule,
     disc_rule,
     rectangle_rule,
     view_factor,
@@ -64,20 +64,10 @@ def test_v23_discs():
 
 
 def test_v23_element_under_a_disc():
-    here = Rule(ORIGIN[None], Z[None], np.ones(1))
+    here = _Rule(ORIGIN[None], Z[None], np.ones(1))
     found = view_factor(here, disc_rule(Z, -Z, 1.0, 16))
     assert found == pytest.approx(0.5, abs=1e-12)
     assert forms.element_to_disc(1.0, 1.0) == 0.5
-
-
-def test_groove_and_sphere():
-    angle = 0.9
-    t, w = np.polynomial.legendre.leggauss(200)
-    along = [forms.out_of_groove(0.5 + 0.5 * x, 1.0, angle) for x in t]
-    assert w @ along / 2 == pytest.approx(forms.groove_mouth(angle), abs=1e-4)
-    # A sphere far away is a disc of its radius.
-    far = forms.element_to_sphere(1.0, 1e3, 1.0)
-    assert far == pytest.approx(forms.element_to_disc(1.0, 1e3), rel=2e-6)
 
 
 def test_v24():
