@@ -41,6 +41,8 @@ def between_spheres(
 
     Radii r_1 and r_2 are in m, temperatures in K. Source: Incropera et al., eq. 13.21.
     """
+    # The outer sphere's resistance counts by the inner area: most of its radiation
+    # returns to itself.
     area = 4 * np.pi * float(inner) ** 2
     narrowing = (float(inner) / float(outer)) ** 2
     resistance = 1 / float(emissivity_inner)
@@ -130,6 +132,8 @@ def radiation_temperature(
     late = np.full(target.shape, float(surroundings))
     if initial == surroundings:
         return late
+    # The time grows without bound towards the surroundings, where Newton's method would
+    # step across the pole; bisection stays between the two temperatures.
     for _ in range(_BISECTIONS):
         middle = 0.5 * (early + late)
         passed = radiation_time(

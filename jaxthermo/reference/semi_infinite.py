@@ -12,7 +12,8 @@ from ..arrays import HostFloat, Quantity, Scalar
 
 
 def host(x: Quantity) -> HostFloat:
-    """Array in host memory, in float64, whatever JAX is set to."""
+    """Array in host memory, in float64."""
+    # The closed form that a float32 run is compared with must not have its errors.
     return np.asarray(x, np.float64)
 
 
@@ -73,12 +74,14 @@ def surface_convection(
     """Temperature [K] for convection to a fluid of T_inf [K] from t = 0, h [W/(m^2 K)].
 
     (T - T_i)/(T_inf - T_i) = erfc(z) - exp(-z^2) erfcx(z + h sqrt(alpha t)/k), with
-    z = x/(2 sqrt(alpha t)). The textbook form with exp * erfc overflows.
+    z = x/(2 sqrt(alpha t))
 
     Source: Carslaw and Jaeger, 2.7.
     """
     z = _scaled_depth(depth, time, diffusivity)
     length = np.sqrt(host(diffusivity) * host(time)) / host(conductivity)
+    # The textbook form, with exp(h x/k + h^2 alpha t/k^2) erfc, overflows: exp(-z^2) is
+    # taken out of erfc, and the scaled function stays finite at any h.
     rise = erfc(z) - np.exp(-z * z) * erfcx(
         z + host(heat_transfer_coefficient) * length
     )
@@ -126,6 +129,7 @@ def contact_surfaces(
     """
     h_c = float(contact_conductance)
     rate = h_c * (1.0 / float(effusivity_a) + 1.0 / float(effusivity_b))
+    # As a half-space in a fluid, with 1/e_A + 1/e_B in place of its 1/e.
     decay = erfcx(rate * np.sqrt(host(time)))
     shared = perfect_contact(temperature_a, temperature_b, effusivity_a, effusivity_b)
     surface_a = np.asarray(shared + (float(temperature_a) - shared) * decay)

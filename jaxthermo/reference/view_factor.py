@@ -43,6 +43,7 @@ def perpendicular_rectangles(shared: Scalar, height: Scalar, width: Scalar) -> f
 def coaxial_discs(first: Scalar, second: Scalar, gap: Scalar) -> float:
     """View factor from a disc to a coaxial second one [-]; radii and gap in m."""
     a, b = float(first) / float(gap), float(second) / float(gap)
+    # The smaller root: a view factor is at most 1.
     s = 1 + (1 + b * b) / (a * a)
     return float((s - np.sqrt(s * s - 4 * (b / a) ** 2)) / 2)
 
@@ -109,6 +110,7 @@ def disc_rule(
     centre: Float[np.ndarray, "3"], normal: object, radius: float, count: int
 ) -> _Rule:
     """Rule of a disc in `count` rings with twice as many points on each."""
+    # Equidistant angles integrate a periodic function with spectral accuracy.
     node, weight = np.polynomial.legendre.leggauss(count)
     turn = 2 * np.pi * np.arange(2 * count) / (2 * count)
     ring = radius * (node + 1) / 2
@@ -125,6 +127,7 @@ def view_factor(first: _Rule, second: _Rule) -> float:
 
     F = 1 / A_1 integral of cos_1 cos_2 / (pi R^2) dA_2 dA_1
     """
+    # Away from each other's front two elements exchange nothing: cosines below 0 are 0.
     gap = second.position[None] - first.position[:, None]
     square = np.einsum("ijk,ijk->ij", gap, gap)
     leaves = np.einsum("ijk,ik->ij", gap, first.normal).clip(0)

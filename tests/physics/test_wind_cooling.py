@@ -7,7 +7,7 @@ import pytest
 
 import jaxthermo as jt
 from jaxthermo.physics.convection.air import kinematic_viscosity
-from jaxthermo.physics.convection.cross_flow import local_nusselt, mean_coefficient
+from jaxthermo.physics.convection.cross_flow import _mean_coefficient, local_nusselt
 from jaxthermo.physics.convection.nusselt import churchill_bernstein
 from jaxthermo.physics.convection.wake import WakeDeficit
 from jaxthermo.physics.convection.wind import Wind
@@ -68,7 +68,7 @@ def test_a_good_conductor_cools_as_the_mean_coefficient_says(grid):
     area = grid.fragment_area.sum()
     capacity = COPPER.volumetric_heat_capacity * np.pi / 4 * DIAMETER**2 * HEIGHT
     speed, diameter = jnp.array(SPEED), jnp.array(DIAMETER)
-    h = jax.jit(lambda t: mean_coefficient(speed, diameter, t, churchill_bernstein))
+    h = jax.jit(lambda t: _mean_coefficient(speed, diameter, t, churchill_bernstein))
     temperature, dt = HOT, 1.5
     for _ in range(100):
         rate = lambda t: -area * float(h((t + AIR) / 2)) * (t - AIR) / capacity

@@ -113,7 +113,7 @@ def local_nusselt(
     return average(limited, prandtl_number) * factor
 
 
-def mean_coefficient(
+def _mean_coefficient(
     speed: Float[Array, "*n"],
     diameter: Float[Array, "*#n"],
     film: Float[Array, "*#n"],
@@ -174,7 +174,7 @@ def _group_coefficients(
     speed, width, film = jnp.broadcast_arrays(
         local[..., None], diameter[None, :, None], film[None, None]
     )
-    mean = mean_coefficient(speed, width, film, average)
+    mean = _mean_coefficient(speed, width, film, average)
     # The stream as a whole determines where the flow separates, so the shape depends on
     # its temperature, not on the local film temperature. With the film of a surface
     # that is 50 K warmer it would differ by 0.2 % at Re 4e3, 5 % at 1e4, 13 % at 1.5e5.

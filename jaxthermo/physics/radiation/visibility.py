@@ -136,17 +136,17 @@ _DEPTH_TOLERANCE = 0.1
 _MAX_DEPTH_CORRECTION = 6.0
 
 
-class SkyView(NamedTuple):
+class _SkyView(NamedTuple):
     """View factors to sky and ground [-]; their sum is 1 without obstacles."""
 
     sky: Float[np.ndarray, " s"]
     ground: Float[np.ndarray, " s"]
 
 
-def unobstructed_view(normal: Float[np.ndarray, "s 3"]) -> SkyView:
+def unobstructed_view(normal: Float[np.ndarray, "s 3"]) -> _SkyView:
     """View factors without obstacles: (1 + n_z) / 2 and (1 - n_z) / 2."""
     up = np.clip(normal[:, 2], -1.0, 1.0)
-    return SkyView((1 + up) / 2, (1 - up) / 2)
+    return _SkyView((1 + up) / 2, (1 - up) / 2)
 
 
 def check_directions(directions: int) -> None:
@@ -164,7 +164,7 @@ def sky_view(
     normal: Float[np.ndarray, "s 3"],
     pitch: float,
     directions: int = DEFAULT_DIRECTIONS,
-) -> SkyView:
+) -> _SkyView:
     """View factors of surface points to sky and ground behind obstacles.
 
     Triangles and points are in the world [m]; `pitch` is the edge of a voxel and of a
@@ -219,7 +219,7 @@ def _sees_out(
     return visible, np.abs(deeper) <= _MAX_DEPTH_CORRECTION
 
 
-def _scaled(seen: np.ndarray, sampled: np.ndarray, unobstructed: SkyView) -> SkyView:
+def _scaled(seen: np.ndarray, sampled: np.ndarray, unobstructed: _SkyView) -> _SkyView:
     """Unobstructed view times the visible fraction of sky and ground."""
     # Only the visible fraction is sampled, in the same directions everywhere, so that
     # unobstructed surfaces have exactly the factors of the closed form. A sliver of sky
@@ -227,4 +227,4 @@ def _scaled(seen: np.ndarray, sampled: np.ndarray, unobstructed: SkyView) -> Sky
     whole = seen.sum(0) / np.maximum(sampled.sum(0), 1e-30)
     has_samples = sampled > 0
     visible = np.where(has_samples, seen / np.where(has_samples, sampled, 1.0), whole)
-    return SkyView(unobstructed.sky * visible[0], unobstructed.ground * visible[1])
+    return _SkyView(unobstructed.sky * visible[0], unobstructed.ground * visible[1])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from jaxthermo.physics.convection.air import FILM_TEMPERATURES, film_polynomial, horner
-from jaxthermo.physics.convection.cross_flow import mean_coefficient
+from jaxthermo.physics.convection.cross_flow import _mean_coefficient
 from jaxthermo.physics.convection.film import (
     FilmExchange,
     _SpeedTable,
@@ -25,7 +25,7 @@ SWAPPED = np.array([0, 2, 1, 4, 3])
 
 @eqx.filter_jit
 def direct(average, speed, diameter, film):
-    return mean_coefficient(speed, diameter, film, average)
+    return _mean_coefficient(speed, diameter, film, average)
 
 
 def law(average, speed, air):

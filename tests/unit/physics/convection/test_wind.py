@@ -17,7 +17,7 @@ import jaxthermo as jt
 from jaxthermo.errors import InputError
 from jaxthermo.geometry.mesh import Pose
 from jaxthermo.physics.convection.air import kinematic_viscosity
-from jaxthermo.physics.convection.cross_flow import local_nusselt, mean_coefficient
+from jaxthermo.physics.convection.cross_flow import _mean_coefficient, local_nusselt
 from jaxthermo.physics.convection.film import FilmExchange, _SpeedTable
 from jaxthermo.physics.convection.nusselt import churchill_bernstein
 from jaxthermo.physics.convection.wake import WakeDeficit
@@ -57,7 +57,7 @@ def test_the_mean_over_the_side_is_that_of_the_correlation(grid, seen, speed):
     """Within the fragments' quadrature around it, 20 voxels across."""
     diameter = _diameter(seen)
     film = jnp.array(AIR + 10.0)
-    expected = mean_coefficient(
+    expected = _mean_coefficient(
         jnp.array(speed), jnp.array(diameter), film, churchill_bernstein
     )
     h, side = coefficients(Wind((speed, 0, 0), AIR), seen), side_of(grid)
