@@ -152,16 +152,12 @@ class FilmExchange(AbstractFluxLaw):
         return (air - self.reference) - theta, h, slope * per_kelvin
 
     @override
-    def flux(
-        self, time: Float[Array, ""], theta: Float[Array, " m"]
-    ) -> Float[Array, "*#m"]:
+    def flux(self, time, theta) -> Float[Array, "*#m"]:
         difference, h, _ = self._at(time, theta)
         return h * difference
 
     @override
-    def slope(
-        self, time: Float[Array, ""], theta: Float[Array, " m"]
-    ) -> Float[Array, "*#m"]:
+    def slope(self, time, theta) -> Float[Array, "*#m"]:
         difference, h, dh = self._at(time, theta)
         return jnp.maximum(h - difference * dh, 0)
 

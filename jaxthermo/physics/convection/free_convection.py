@@ -160,16 +160,12 @@ class _FreeExchange(AbstractFluxLaw):
         return below, whole * whole, 2 * whole * slope
 
     @override
-    def flux(
-        self, time: Float[Array, ""], theta: Float[Array, " m"]
-    ) -> Float[Array, "*#m"]:
+    def flux(self, time, theta) -> Float[Array, "*#m"]:
         difference, h, _ = self._at(time, theta)
         return h * difference
 
     @override
-    def slope(
-        self, time: Float[Array, ""], theta: Float[Array, " m"]
-    ) -> Float[Array, "*#m"]:
+    def slope(self, time, theta) -> Float[Array, "*#m"]:
         difference, h, dh = self._at(time, theta)
         return h - difference * dh
 

@@ -43,9 +43,7 @@ class AbstractEmission(AbstractFluxLaw):
     is_dissipative = True
 
     @override
-    def slope(
-        self, time: Float[Array, ""], theta: Float[Array, " m"]
-    ) -> Float[Array, "*#m"]:
+    def slope(self, time, theta) -> Float[Array, "*#m"]:
         del time
         return _radiative_coefficient(jnp.maximum(self.reference + theta, 0))
 
@@ -60,7 +58,7 @@ class AbstractEmission(AbstractFluxLaw):
 
 
 def _radiative_coefficient(kelvin: Float[Array, "*#m"]) -> Float[Array, "*#m"]:
-    # 4 sigma T^3 [W/(m^2 K)]. A power would not be vectorized.
+    # 4 sigma T^3 [W/(m^2 K)].
     return 4 * STEFAN_BOLTZMANN * kelvin * kelvin * kelvin
 
 
@@ -80,9 +78,7 @@ class _Emission(AbstractEmission):
     reference: Any = 0.0
 
     @override
-    def flux(
-        self, time: Float[Array, ""], theta: Float[Array, " m"]
-    ) -> Float[Array, "*#m"]:
+    def flux(self, time, theta) -> Float[Array, "*#m"]:
         ambient = value_at(self.temperature, time)
         difference = (ambient - self.reference) - theta
         return net_emission(ambient, self.reference + theta, difference)
@@ -93,9 +89,7 @@ class _Emission(AbstractEmission):
         return STEFAN_BOLTZMANN * highest**4
 
     @override
-    def supersolution(
-        self, time: Float[Array, ""], imposed: Float[Array, " m"]
-    ) -> Float[Array, "*#m"]:
+    def supersolution(self, time, imposed) -> Float[Array, "*#m"]:
         ambient = value_at(self.temperature, time)
         return (
             equilibrium_temperature(ambient, jnp.maximum(imposed, 0)) - self.reference

@@ -55,9 +55,7 @@ class _Irradiated(AbstractEmission):
     reference: Any = 0.0
 
     @override
-    def flux(
-        self, time: Float[Array, ""], theta: Float[Array, " m"]
-    ) -> Float[Array, "*#m"]:
+    def flux(self, time, theta) -> Float[Array, "*#m"]:
         del time
         above = theta + (self.reference - self.base)
         return self.received - net_emission(self.reference + theta, self.base, above)
@@ -67,9 +65,7 @@ class _Irradiated(AbstractEmission):
         return STEFAN_BOLTZMANN * within.highest**4
 
     @override
-    def supersolution(
-        self, time: Float[Array, ""], imposed: Float[Array, " m"]
-    ) -> Float[Array, "*#m"]:
+    def supersolution(self, time, imposed) -> Float[Array, "*#m"]:
         del time
         brought = self.received + jnp.maximum(imposed, 0)
         return equilibrium_temperature(self.base, brought) - self.reference
