@@ -8,6 +8,7 @@ irradiation and then the whole term; at 300 K it equals a heat transfer coeffici
 grey surface.
 """
 
+import abc
 import math
 from typing import Any
 
@@ -39,8 +40,12 @@ from .visibility import check_directions, sky_view, unobstructed_view
 class AbstractEmission(AbstractFluxLaw):
     """Laws with the emission sigma T^4; the effective area contains the emissivity."""
 
-    reference: eqx.AbstractVar[Any]
     is_dissipative = True
+
+    @property
+    @abc.abstractmethod
+    def reference(self) -> Any:
+        """Temperature from which the state counts [K]."""
 
     @override
     def slope(self, time, theta) -> Float[Array, "*#m"]:
