@@ -178,7 +178,7 @@ def _group_coefficients(
     # The stream as a whole determines where the flow separates, so the shape depends on
     # its temperature, not on the local film temperature. With the film of a surface
     # that is 50 K warmer it would differ by 0.2 % at Re 4e3, 5 % at 1e4, 13 % at 1.5e5.
-    shape = _shape_coefficients(local * diameter / viscosity)
+    shape = _shape_coefficients(local * diameter[None] / viscosity)
     return film_polynomial(mean), shape
 
 
