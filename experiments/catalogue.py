@@ -17,119 +17,76 @@ from jaxthermo.errors import InputError
 
 
 @dataclass(frozen=True)
-class Experiment:
+class _Experiment:
     """A measurement: a module whose `run()` gives its result in plain types.
 
     One with options is given them, and the folder for the files it writes besides.
     """
 
-    name: str
     module: str
-    group: str
     about: str
-    options: tuple[str, ...] = ()
+    name: str
+    options: tuple[str, ...]
+
+    @property
+    def group(self) -> str:
+        """The folder of its module."""
+        return self.module.split(".")[0]
 
 
-EXPERIMENTS = (
-    Experiment(
-        "stencil",
-        "experiments.benchmarks.stencil",
-        "benchmarks",
-        "one full-volume step beside numba and a memory copy",
+_ABOUT = {
+    "benchmarks.stencil": "one full-volume step beside numba and a memory copy",
+    "benchmarks.voxelize": "voxelizing beside trimesh at the same pitch",
+    "benchmarks.mixed": "what each mechanism costs in a scene of everything",
+    "benchmarks.multigrid": (
+        "an implicit step and a steady state beside scipy and pyamg"
     ),
-    Experiment(
-        "voxelize",
-        "experiments.benchmarks.voxelize",
-        "benchmarks",
-        "voxelizing beside trimesh at the same pitch",
+    "benchmarks.stepping": (
+        "work to a given error in time: every solver against the explicit loop"
     ),
-    Experiment(
-        "mixed",
-        "experiments.benchmarks.mixed",
-        "benchmarks",
-        "what each mechanism costs in a scene of everything",
-        options=("config", "height"),
+    "benchmarks.super_time_stepping": (
+        "RKL2 of the full volume beside the same scheme in numba"
     ),
-    Experiment(
-        "multigrid",
-        "experiments.benchmarks.multigrid",
-        "benchmarks",
-        "an implicit step and a steady state beside scipy and pyamg",
-        options=("height",),
+    "benchmarks.gradients": "a reverse-mode gradient beside its forward run",
+    "thesis.counting": "how many voxels each structure has, against the thesis' counts",
+    "thesis.contact": "area of contact by resolution, pruning, a ball on a head",
+    "thesis.radiation": (
+        "what bodies, sources and surroundings radiate: C02, C03, C04, occlusion"
     ),
-    Experiment(
-        "stepping",
-        "experiments.benchmarks.stepping",
-        "benchmarks",
-        "work to a given error in time: every solver against the explicit loop",
-        options=("height",),
+    "thesis.convection": (
+        "the local Nusselt number, averages, a cylinder in wind: C20, C21"
     ),
-    Experiment(
-        "super-time-stepping",
-        "experiments.benchmarks.super_time_stepping",
-        "benchmarks",
-        "RKL2 of the full volume beside the same scheme in numba",
-        options=("height",),
+    "structures.compare": (
+        "every structure against the full volume: cost, error, pictures"
     ),
-    Experiment(
-        "gradients",
-        "experiments.benchmarks.gradients",
-        "benchmarks",
-        "a reverse-mode gradient beside its forward run",
-        options=("height",),
+    "verification.verify": (
+        "published cases and closed forms: expected, computed, tolerance, order"
     ),
-    Experiment(
-        "counting",
-        "experiments.thesis.counting",
-        "thesis",
-        "how many voxels each structure has, against the thesis' counts",
-    ),
-    Experiment(
-        "contact",
-        "experiments.thesis.contact",
-        "thesis",
-        "area of contact by resolution, pruning, a ball on a head",
-        options=("height",),
-    ),
-    Experiment(
-        "radiation",
-        "experiments.thesis.radiation",
-        "thesis",
-        "what bodies, sources and surroundings radiate: C02, C03, C04, occlusion",
-        options=("height",),
-    ),
-    Experiment(
-        "convection",
-        "experiments.thesis.convection",
-        "thesis",
-        "the local Nusselt number, averages, a cylinder in wind: C20, C21",
-        options=("height",),
-    ),
-    Experiment(
-        "structures",
-        "experiments.structures.compare",
-        "structures",
-        "every structure against the full volume: cost, error, pictures",
-        options=("config", "height"),
-    ),
-    Experiment(
-        "verification",
-        "experiments.verification.verify",
-        "verification",
-        "published cases and closed forms: expected, computed, tolerance, order",
-        options=("cases",),
-    ),
-    Experiment(
-        "stiff",
-        "experiments.stiff.run",
-        "verification",
-        "stiff and extreme cases S01 to S22 through every solver",
-        options=("cases",),
-    ),
-)
+    "stiff.run": "stiff and extreme cases S01 to S22 through every solver",
+}
+# The modules that measure several things, and have the name of what they measure.
+_NAMES = {
+    "structures.compare": "structures",
+    "verification.verify": "verification",
+    "stiff.run": "stiff",
+}
+# The others take the height of their bodies, in voxels.
+_OPTIONS = {
+    **dict.fromkeys(("stencil", "voxelize", "counting"), ()),
+    **dict.fromkeys(("mixed", "structures"), ("config", "height")),
+    **dict.fromkeys(("verification", "stiff"), ("cases",)),
+}
 
 
-def find(name: str) -> tuple[Experiment, ...]:
+def _experiment(module: str, about: str) -> _Experiment:
+    name = _NAMES.get(module, module.split(".")[1].replace("_", "-"))
+    return _Experiment(module, about, name, _OPTIONS.get(name, ("height",)))
+
+
+EXPERIMENTS = tuple(_experiment(*item) for item in _ABOUT.items())
+
+
+def find(name: str) -> tuple[_Experiment, ...]:
     """The experiment of that name, or else those of that group.
 
     Raises:
@@ -138,20 +95,15 @@ def find(name: str) -> tuple[Experiment, ...]:
     found = tuple(e for e in EXPERIMENTS if name == e.name)
     found = found or tuple(e for e in EXPERIMENTS if name == e.group)
     if not found:
-        names = sorted({e.name for e in EXPERIMENTS} | {e.group for e in EXPERIMENTS})
+        names = sorted({n for e in EXPERIMENTS for n in (e.name, e.group)})
         close = difflib.get_close_matches(name, names, 1)
         hint = f"did you mean {close[0]}? " if close else ""
         raise InputError(f"no experiment {name!r}: {hint}there are {', '.join(names)}")
     return found
 
 
-def run(experiment: Experiment, folder: Path, **options: Any) -> dict:
-    """Run an experiment and write `result.json` into `folder`.
-
-    Args:
-        experiment: which.
-        folder: for the results.
-        options: those that were given.
+def run(experiment: _Experiment, folder: Path, **options: Any) -> dict:
+    """Run an experiment with its options and write `result.json` into `folder`.
 
     Raises:
         InputError: if the experiment takes no such option, a library that only
@@ -161,12 +113,14 @@ def run(experiment: Experiment, folder: Path, **options: Any) -> dict:
         if name not in experiment.options:
             takes = ", ".join(experiment.options) or "no options"
             raise InputError(f"{name}: {experiment.name} takes {takes}; leave it out")
+    # Only here: some measurements need libraries that are there for tests alone.
     try:
-        module = importlib.import_module(experiment.module)
+        module = importlib.import_module(f"experiments.{experiment.module}")
     except ModuleNotFoundError as error:
         raise InputError(
             f"{experiment.name} needs {error.name}: install jaxthermo[test]"
         ) from error
+    # Before the measurement, which may take hours.
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -1,7 +1,8 @@
 """A case: what is measured, the limits that it must keep, and the verdict."""
 
 import math
-from collections.abc import Callable, Iterable
+import time
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
@@ -11,10 +12,8 @@ from jaxthermo.errors import InputError
 
 PASS, FAIL = "pass", "FAIL"
 REFUSED = "refused as it must"
+# Nothing is judged, or all checks are met and the rest is shown for comparison.
 REPORTED = "reported"
-"""Nothing is judged, or all checks are met and the rest is shown for comparison."""
-
-VERDICTS = (PASS, REFUSED, REPORTED, FAIL)
 
 Number = float | int
 
@@ -88,6 +87,7 @@ class Order:
     """Error at each size, in any unit."""
     expected: Number | None = None
     """Order that theory gives; None where it gives none, and nothing is judged."""
+    # On few sizes the order is seen with the next term of the error in it.
     margin: Number = 0.3
     """Largest shortfall of the last observed order."""
 
@@ -136,7 +136,7 @@ class Row(NamedTuple):
 
     @property
     def verdict(self) -> str:
-        """One of `VERDICTS`; a row in which nothing is judged is only reported."""
+        """A row in which nothing is judged is only reported."""
         verdicts = [check.passes for check in self.checks]
         if self.order is not None:
             verdicts.append(self.order.passes)
@@ -144,6 +144,10 @@ class Row(NamedTuple):
         if self.failure or not all(judged):
             return FAIL
         return self.if_met if judged else REPORTED
+
+
+# One row; or rows, and checks that share one row, as they are measured.
+Measure = Callable[[], Row | Iterable[Row | Check]]
 
 
 @dataclass(frozen=True)
@@ -157,7 +161,14 @@ class Case:
     """Limits that must be kept, with the tolerance as the source states it."""
     method: str
     """Voxels, steps and solver."""
-    measure: Callable[[], Row | Iterable[Row]]
+    measure: Measure
+
+
+def case(
+    id_: str, title: str, source: str, requirement: str, method: str = ""
+) -> Callable[[Measure], Case]:
+    """Decorator of the function that measures a case; arguments as of `Case`."""
+    return lambda measure: Case(id_, title, source, requirement, method, measure)
 
 
 @dataclass(frozen=True)
@@ -166,6 +177,70 @@ class Group:
 
     title: str
     cases: tuple[Case, ...]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A case that was run, with its rows."""
+
+    case: Case
+    rows: tuple[Row, ...]
+    seconds: float
+
+    @property
+    def verdict(self) -> str:
+        """FAIL if any row fails, else PASS if any was judged, else REPORTED."""
+        verdicts = {row.verdict for row in self.rows}
+        if FAIL in verdicts:
+            return FAIL
+        return REPORTED if verdicts <= {REPORTED} else PASS
+
+    @property
+    def failure(self) -> str:
+        """The exception that stopped the case, if any."""
+        return "; ".join(row.failure for row in self.rows if row.failure)
+
+    @property
+    def worst(self) -> Check | None:
+        """The check with the largest error over its tolerance."""
+        checks = [check for row in self.rows for check in row.checks]
+        return max(checks, key=_severity, default=None)
+
+
+def _severity(check: Check) -> float:
+    # Error over tolerance, so that checks of any unit compare: above 1 one fails.
+    if isinstance(check, Bound):
+        if not check.passes:
+            return math.inf
+        one_sided = check.lowest == -math.inf and 0 < check.highest < math.inf
+        return max(0.0, check.computed / check.highest) if one_sided else 0.0
+    if not check.tolerance:
+        return 0.0 if check.passes is not False else math.inf
+    ratio = abs(check.error) / check.tolerance
+    # No number compares with NaN: `max` would pass over the worst of all.
+    return math.inf if math.isnan(ratio) else ratio
+
+
+def check(case: Case) -> Outcome:
+    """Run a case; an exception becomes a row that fails, after the rows before it.
+
+    A test can parametrize over cases and assert `check(case).verdict != FAIL`.
+    """
+    begin = time.perf_counter()
+    rows: list[Row] = []
+    checks: list[Check] = []
+    try:
+        measured = case.measure()
+        # A row is a tuple itself, and would be taken apart.
+        for item in (measured,) if isinstance(measured, Row) else measured:
+            if isinstance(item, Row):
+                rows.append(item)
+            else:
+                checks.append(item)
+    except Exception as error:  # one broken case must not stop the others
+        rows.append(broken("the case itself", error))
+    shared = [Row(checks=tuple(checks))] if checks else []
+    return Outcome(case, (*shared, *rows), time.perf_counter() - begin)
 
 
 def values(
@@ -180,14 +255,42 @@ def values(
     return tuple(Value(n, unit, e, float(c), tolerance) for n, e, c in rows)
 
 
+def relative(
+    name: str, unit: str, expected: Number, computed: Number, fraction: Number
+) -> Value:
+    """A number whose tolerance is a fraction of what is expected."""
+    return Value(name, unit, expected, float(computed), fraction * abs(expected))
+
+
 def largest_error(checks: Iterable[Value]) -> float:
     """The largest error of several numbers, in their unit."""
     return max(abs(value.error) for value in checks)
 
 
-def result(checks: Iterable[Check], order: Order | None = None) -> Row:
-    """The row of a case that is not about solvers: its checks and its convergence."""
-    return Row(checks=tuple(checks), order=order)
+def converge(
+    measure: Callable[..., Iterable[Value]],
+    at: Sequence[Number],
+    length: Number | None = None,
+    *,
+    expected: Number | None = None,
+    shown: int = -1,
+    error: Callable[[Sequence[Value]], float] = largest_error,
+) -> Row:
+    """The checks at one resolution, and the order of the error over all.
+
+    Args:
+        measure: gives the checks at a size of a voxel or a step, or at a cell count.
+        at: sizes or counts, from coarse to fine.
+        length: that the cells divide; None if `at` are sizes themselves.
+        expected: order that theory gives, if any.
+        shown: index of the resolution whose checks are judged.
+        error: of one resolution, from its checks.
+    """
+    found = [tuple(measure(resolution)) for resolution in at]
+    sizes = tuple(each if length is None else length / each for each in at)
+    return Row(
+        checks=found[shown], order=Order(sizes, tuple(map(error, found)), expected)
+    )
 
 
 def broken(what: str, error: Exception, solver: str = "", dtype: str = "") -> Row:
@@ -196,12 +299,18 @@ def broken(what: str, error: Exception, solver: str = "", dtype: str = "") -> Ro
     return Row(what, solver, dtype, failure=text)
 
 
+def attempt(
+    what: str, measure: Callable[[], Row], solver: str = "", dtype: str = ""
+) -> Row:
+    """The row that is measured, or one that fails because of an exception."""
+    try:
+        return measure()
+    except Exception as error:  # the rows after it must not be lost
+        return broken(what, error, solver, dtype)
+
+
 def refusal(
-    what: str,
-    call: Callable[[], object],
-    reason: str,
-    solver: str = "",
-    dtype: str = "",
+    what: str, call: Callable[[], object], reason: str, solver: str = "", dtype=""
 ) -> Row:
     """A row for a call that must be refused in one line that gives the reason.
 
@@ -212,15 +321,14 @@ def refusal(
         solver: name of the solver, if any.
         dtype: dtype of the scene, if any.
     """
+    stated, seen = False, "not refused"
     try:
         call()
     except InputError as error:
-        message = str(error)
-        stated = reason in message and "\n" not in message
-        seen = message
+        seen = str(error)
+        stated = reason in seen and "\n" not in seen
     except Exception as error:
+        # Any other exception is a stack trace to the user, not a refusal.
         return broken(what, error, solver, dtype)
-    else:
-        stated, seen = False, "not refused"
     check = Bound(f"says {reason!r}", float(stated), 1, 1)
     return Row(what, solver, dtype, seen=seen, checks=(check,), if_met=REFUSED)

@@ -8,11 +8,18 @@ from jaxthermo.report import page
 from jaxthermo.report.numbers import seconds
 from jaxthermo.report.table import Cell, Table, prose
 
-from .case import FAIL, PASS, REFUSED, REPORTED, Bound, Check, Group, Order, Row
-from .outcome import Outcome, ids_of
+from .case import (
+    FAIL,
+    PASS,
+    REPORTED,
+    Bound,
+    Check,
+    Group,
+    Order,
+    Outcome,
+    Row,
+)
 
-
-Found = Sequence[tuple[Group, Sequence[Outcome]]]
 
 _QUANTITY = ("quantity", "expected", "computed", "error", "tolerance", "verdict")
 _RUN = (
@@ -31,6 +38,11 @@ class PageTexts(NamedTuple):
     """Name and reason of each published case that is not computed."""
 
 
+def ids_of(outcomes: Sequence[Outcome], verdict: str) -> list[str]:
+    """Ids of the cases with a verdict."""
+    return [o.case.id for o in outcomes if o.verdict == verdict]
+
+
 def summary(outcomes: Sequence[Outcome]) -> str:
     """The number of cases that pass, and the ids of the others."""
     text = f"{len(ids_of(outcomes, PASS))} of {len(outcomes)} cases pass"
@@ -44,11 +56,14 @@ def terminal_tables(title: str, outcomes: Sequence[Outcome]) -> list[Table]:
     """A line for each case; a table of its own for a case of many rows."""
     single = [outcome for outcome in outcomes if not _has_runs(outcome)]
     tables = [_case_lines(title, single)] if single else []
-    return tables + [_run_lines(o) for o in outcomes if _has_runs(o)]
+    return tables + [_run_table(o, False) for o in outcomes if _has_runs(o)]
 
 
 def write_report(
-    found: Found, path: Path, texts: PageTexts, took: float | None = None
+    found: Sequence[tuple[Group, Sequence[Outcome]]],
+    path: Path,
+    texts: PageTexts,
+    took: float | None = None,
 ) -> None:
     """Write the page: failures, all cases in a line each, then every detail.
 
@@ -66,7 +81,14 @@ def write_report(
     ]
     failed = [outcome for outcome in outcomes if outcome.verdict == FAIL]
     if failed:
-        rows = [[o.case.id, Cell(_reasons(o), False, wraps=True)] for o in failed]
+        reasons = (
+            "; ".join(_row_reason(row) for row in o.rows if row.verdict == FAIL)
+            for o in failed
+        )
+        rows = [
+            [o.case.id, Cell(reason, False, wraps=True)]
+            for o, reason in zip(failed, reasons, strict=True)
+        ]
         sections.append(Table(["failed", "reason"], rows))
     sections += [page.heading("All cases"), _overview(outcomes)]
     for group, each in found:
@@ -84,8 +106,7 @@ def _has_runs(outcome: Outcome) -> bool:
 
 
 def _marked(verdict: str) -> Cell:
-    met = {PASS: True, REFUSED: True, FAIL: False, REPORTED: None}[verdict]
-    return Cell(verdict, met)
+    return Cell(verdict, {FAIL: False, REPORTED: None}.get(verdict, True))
 
 
 def _number(value: float | int | None, digits: int = 7) -> str:
@@ -100,13 +121,9 @@ def _check_cells(check: Check | None, otherwise: str) -> list[str | Cell]:
     if isinstance(check, Bound):
         limits = f"{_number(check.lowest, 4)} to {_number(check.highest, 4)}"
         return [check.name, limits, computed, _NONE, _NONE]
-    return [
-        check.name,
-        f"{_number(check.expected)} {check.unit}".strip(),
-        computed,
-        f"{check.error:+.1e}",
-        _number(check.tolerance, 3),
-    ]
+    expected = f"{_number(check.expected)} {check.unit}".strip()
+    error, tolerance = f"{check.error:+.1e}", _number(check.tolerance, 3)
+    return [check.name, expected, computed, error, tolerance]
 
 
 def _orders(outcome: Outcome) -> str:
@@ -134,24 +151,31 @@ def _case_lines(title: str, outcomes: Sequence[Outcome]) -> Table:
         ]
         for o in outcomes
     ]
+    # Orders and verdicts are words among numbers: they align left as names do.
     return Table(columns, rows, title=title, left=(0, 1, 6, 7))
 
 
-def _run_lines(outcome: Outcome) -> Table:
-    """A line for each solver, below the scene that it solves; reasons of failures."""
+def _run_table(outcome: Outcome, on_page: bool) -> Table:
+    """A line for each solver, below the scene that it solves."""
+    columns = (*_RUN, "observed; checks and their limits") if on_page else _RUN
     rows: list[list[str | Cell]] = []
     what = None
     for row in outcome.rows:
         if row.what != what:
-            rows.append([Cell(row.what, wraps=True)])
+            rows.append([Cell(row.what, wraps=True, columns=len(columns))])
             what = row.what
         solver, *cells = _run_cells(row)
+        if on_page:
+            texts = (row.failure, row.seen, "; ".join(c.text for c in row.checks))
+            rows.append([solver, *cells, prose(*(text for text in texts if text))])
+            continue
         rows.append([f"  {solver}", *cells])
+        # A terminal has no room for the checks of all rows, only for those missed.
         if row.verdict == FAIL:
             rows.append([Cell("  " + _row_reason(row), False, wraps=True)])
     case = outcome.case
     title = f"{case.id}: {case.title}\n{case.requirement}"
-    return Table(_RUN, rows, title=title, left=(0, 1, 7, 8), framed=False)
+    return Table(columns, rows, title=title, left=(0, 1, 7, 8, 9), framed=False)
 
 
 def _run_cells(row: Row) -> list[str | Cell]:
@@ -201,35 +225,22 @@ def _details(outcome: Outcome) -> list[page.Section]:
         page.heading(f"{case.id}: {case.title}", level=3),
         page.terms([(word, text) for word, text in about if text]),
     ]
+    # Rows by solver share the columns of one table; others have a table of checks each.
     if _has_runs(outcome):
-        return [*sections, _run_table(outcome)]
+        return [*sections, _run_table(outcome, True)]
     for row in outcome.rows:
         if row.failure:
             failure = Cell(row.failure, False, wraps=True)
             sections.append(Table(["failed"], [[failure]]))
         if row.checks:
-            cells = [[*_check_cells(c, ""), _check_mark(c)] for c in row.checks]
+            verdicts = {True: PASS, False: FAIL, None: REPORTED}
+            cells = [
+                [*_check_cells(c, ""), _marked(verdicts[c.passes])] for c in row.checks
+            ]
             sections.append(Table(_QUANTITY, cells))
         if row.order is not None:
             sections.append(_order_table(row.order))
     return sections
-
-
-def _check_mark(check: Check) -> Cell:
-    return _marked({True: PASS, False: FAIL, None: REPORTED}[check.passes])
-
-
-def _run_table(outcome: Outcome) -> Table:
-    rows: list[list[str | Cell]] = []
-    what = None
-    columns = (*_RUN, "observed; checks and their limits")
-    for row in outcome.rows:
-        if row.what != what:
-            rows.append([Cell(row.what, wraps=True, columns=len(columns))])
-            what = row.what
-        texts = (row.failure, row.seen, "; ".join(c.text for c in row.checks))
-        rows.append([*_run_cells(row), prose(*(text for text in texts if text))])
-    return Table(columns, rows, left=(0, 1, 7, 8, 9))
 
 
 def _order_table(order: Order) -> Table:
@@ -243,11 +254,6 @@ def _order_table(order: Order) -> Table:
         text = f"{verdict}: {order.expected:g}, or up to {order.margin:g} less"
         rows.append(["expected", "", Cell(text, order.passes)])
     return Table(["size of a voxel or step", "largest error", "order"], rows)
-
-
-def _reasons(outcome: Outcome) -> str:
-    """The reasons for which a case fails."""
-    return "; ".join(_row_reason(row) for row in outcome.rows if row.verdict == FAIL)
 
 
 def _row_reason(row: Row) -> str:

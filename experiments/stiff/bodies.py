@@ -1,4 +1,4 @@
-"""Bodies and materials of the cases: boxes of few voxels, of few shapes.
+"""Bodies and scenes of the cases: boxes of few voxels, of few shapes.
 
 What has the same shape and mechanisms runs as the same program, whatever its numbers.
 """
@@ -13,12 +13,20 @@ import jaxthermo as jt
 
 AEROGEL = jt.Material(0.013, density=100.0, specific_heat=1000.0)
 DIAMOND = jt.Material(2000.0, density=3510.0, specific_heat=508.0)
-AIR = jt.Material(0.026, density=1.18, specific_heat=1006.0)
 COPPER = jt.Material(401.0, density=8960.0, specific_heat=385.0)
 STEEL = jt.Material(16.0, density=8000.0, specific_heat=500.0, emissivity=1.0)
 
 COLD, HOT = 300.0, 400.0
 """Temperatures of the two halves of a body at the start [K]."""
+
+# Of the bodies of two materials.
+CELLS, PITCH = (16, 6, 6), 1e-3
+
+# Length of a rod [m], and temperatures of its air and of its start [K].
+LENGTH, AIR, START = 0.1, 300.0, 400.0
+
+FLUX = 31.15
+"""Heat flux of the thesis' table 5.1 [W/m^2]."""
 
 
 @functools.cache
@@ -35,36 +43,40 @@ def two_halves(points: np.ndarray) -> np.ndarray:
     return np.where(points[:, 0] < 0, HOT, COLD)
 
 
-def pattern(name: str, shape: tuple[int, ...]) -> np.ndarray:
-    """Material 0 or 1 of every voxel."""
-    index = np.indices(shape)
-    number = {
+def single(
+    grid: jt.VoxelGrid, material, temperature, *terms, dtype: str = "float64"
+) -> jt.Scene:
+    """One body in its full volume; arguments as of `Body`, and terms."""
+    body = jt.Body(jt.FullVolume(grid), material, temperature=temperature)
+    return jt.Scene((body,), terms, dtype=dtype)
+
+
+def insulated(name: str, pair, dtype: str, temperature=two_halves) -> jt.Scene:
+    """A body of two materials in a pattern that exchanges heat with nothing."""
+    index = np.indices(CELLS)
+    # A uniform body has two materials as well: all run as one program.
+    labels = {
         "laminate": index[0] % 2,
         "checkerboard": index.sum(axis=0) % 2,
-        "uniform": np.ones(shape),
+        "uniform": np.ones(CELLS),
     }
-    return number[name].astype(np.int32)
-
-
-def labelled(
-    grid: jt.VoxelGrid,
-    name: str,
-    pair: tuple[jt.Material, jt.Material],
-    temperature=two_halves,
-) -> jt.Body:
-    """A body of two materials in a pattern, hot and cold by halves."""
-    labels = jt.MaterialLabels(pattern(name, grid.solid.shape), pair)
-    return jt.Body(jt.FullVolume(grid), labels, temperature=temperature)
+    material = jt.MaterialLabels(labels[name].astype(np.int32), pair)
+    return single(block(*CELLS, PITCH), material, temperature, dtype=dtype)
 
 
 def beside(grid: jt.VoxelGrid, x: float, material, temperature) -> jt.Body:
-    """A body moved along x.
-
-    Args:
-        grid: its voxels.
-        x: its place [m].
-        material: of the body.
-        temperature: at the start, as of `Body`.
-    """
+    """A body moved along x [m]; material and temperature as of `Body`."""
     pose = jt.Pose(translation=(x, 0.0, 0.0))
     return jt.Body(jt.FullVolume(grid), material, temperature=temperature, pose=pose)
+
+
+def rod(cells: int, material: jt.Material, h: float) -> jt.Scene:
+    """A line of voxels that convects at one end, with h [W/(m^2 K)]."""
+    air = jt.Convection(h, AIR, on=jt.Side((1.0, 0.0, 0.0)))
+    return single(block(cells, 1, 1, LENGTH / cells), material, START, air)
+
+
+def heated(metal: jt.Material, pitch: float, dtype: str) -> jt.Scene:
+    """One voxel of an edge [m], heated from one side."""
+    side = jt.HeatFlux(FLUX, on=jt.Side((1.0, 0.0, 0.0)))
+    return single(block(1, 1, 1, pitch), metal, 300.0, side, dtype=dtype)

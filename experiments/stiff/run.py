@@ -4,27 +4,17 @@ from pathlib import Path
 from typing import Any
 
 from ..harness.case import Group
-from ..harness.outcome import select
 from ..harness.report import PageTexts
 from ..harness.run import run_cases
-from . import (
-    air,
-    contrasts,
-    digits,
-    inputs,
-    islands,
-    radiation,
-    scales,
-    touching,
-)
+from . import contrasts, digits, extremes, inputs, radiation
 
 
-_MODULES = (contrasts, scales, radiation, digits, touching, islands, inputs, air)
-CASES = tuple(
+_MODULES = (contrasts, extremes, radiation, digits, inputs)
+_CASES = tuple(
     sorted((case for m in _MODULES for case in m.CASES), key=lambda case: case.id)
 )
 
-PAGE = PageTexts(
+_PAGE = PageTexts(
     "Stiff and extreme cases",
     (
         "Each row is one solver on one scene. It passes if all of its checks lie "
@@ -48,5 +38,5 @@ def run(folder: Path, cases: str | None = None) -> dict[str, Any]:
     Raises:
         InputError: for a name that no case has.
     """
-    groups = (Group("Stiff and extreme cases", CASES),)
-    return run_cases(select(groups, cases), folder, PAGE)
+    groups = (Group("Stiff and extreme cases", _CASES),)
+    return run_cases(groups, cases, folder, _PAGE)

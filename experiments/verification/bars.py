@@ -1,248 +1,303 @@
-"""Bars and slabs in time: V04, V09, V20b with A8, V22a with A1, 1fb of A9."""
+"""Half-spaces, bars and slabs in time: V01, V02, V04, V09, V20b, V22a, A1, A8, A9."""
+
+from collections.abc import Iterator
 
 import jax.numpy as jnp
 import numpy as np
 
+import jaxthermo as jt
 from jaxthermo.constants import ZERO_CELSIUS
-from jaxthermo.integrate.run.simulate import simulate
-from jaxthermo.integrate.solvers import (
-    AbstractSolver,
-    BackwardEuler,
-    CrankNicolson,
-    ForwardEuler,
-)
-from jaxthermo.material.material import Material
-from jaxthermo.physics.boundary import Convection, FixedTemperature
 from jaxthermo.reference import slab as sine_mode
-from jaxthermo.scene.scene import Body, Scene
-from jaxthermo.structures.kinds.full import FullVolume
 
-from ..harness.case import Case, Order, Row, Value, largest_error, result, values
-from .bodies import FOURIER, LEFT, RIGHT, bar, between, mirrored
+from ..harness.case import Order, Row, Value, case, converge, largest_error, values
+from .bodies import LEFT, RIGHT, Bar, bar, between, mirrored, run, single
 
 
-LENGTH, STEP, STEPS = 0.1, 0.5, 100
-"""Length [m], step [s] and number of steps of V09."""
-MODE = Material(10.0, density=1000.0, specific_heat=1000.0)
-AMPLITUDE = 100.0
-"""Amplitude of the sine [K], large against the tolerance of a linear solve."""
-SOLVED = 1e-12
-"""Tolerance of the linear solves [K]."""
-EXACT_DECAY = 0.61049803
-
-T3 = Material(35.0, density=7200.0, specific_heat=440.5)
-
-SHORT = Material(10.0, density=1.0, specific_heat=10.0)
-SHORT_PLACES = (0.5, 1.0, 2.0, 3.0)
-SHORT_TABLE = {
-    0.1: (326.355, 302.535, 300.001, 300.000),
-    0.5: (361.708, 331.731, 304.550, 300.270),
-    1.0: (372.367, 347.950, 315.728, 303.349),
-    5.0: (386.385, 372.940, 347.087, 322.940),
-}
-SHORT_OFF = {0.1: 9e-4, 0.5: 9e-4, 1.0: 9e-4, 5.0: 5e-5}
-"""Errors of the reference code: 0.09 % at 0.1 s, 0.00 % at 5 s."""
+def _surfaces(row: Bar, material, start, terms, times, solver=None) -> np.ndarray:
+    solution = run(single(row.grid, material, start, *terms), times, solver)
+    return np.asarray(solution.surface_temperature)
 
 
-def _held(cells, length, material, start, ends, times, solver):
-    row = bar(cells, length / cells)
-    body = Body(FullVolume(row.grid), material, temperature=start)
-    terms = tuple(
-        FixedTemperature(value, on=side)
-        for value, side in zip(ends, (LEFT, RIGHT), strict=True)
-    )
-    scene = Scene((body,), terms, dtype="float64")
-    solution = simulate(scene, times[-1], times, solver=solver)
-    return row, np.asarray(solution.surface_temperature)[:, row.along]
+# Half-spaces: bars so long that heat does not come to their other end.
+
+_STEEL = jt.Material(45.0, density=7800.0, specific_heat=460.0)
+_ROOM = ZERO_CELSIUS + 20.0
+_DEPTHS = (0.005, 0.01, 0.02, 0.05)
+# At those depths [m] after 60 s [degC].
+_STEP_RISE = (91.795949, 83.726865, 68.494259, 35.79627)
 
 
-def _decay(cells: int, solver: AbstractSolver) -> float:
-    """Remaining fraction of the sine, at the node that is farthest off."""
-    shape = lambda x: np.sin(np.pi * (x / LENGTH + 0.5))
-    row, found = _held(
-        cells, LENGTH, MODE, lambda p: 300.0 + AMPLITUDE * shape(p[:, 0]),
-        (300.0, 300.0), (STEP * STEPS,), solver,
-    )  # fmt: skip
-    left = (found[0] - 300.0) / (AMPLITUDE * np.sin(np.pi * row.depth / LENGTH))
-    middle = float(np.median(left))
-    return float(left[np.argmax(np.abs(left - middle))])
+@case(
+    "V01",
+    "half-space, surface suddenly at another temperature",
+    "Carslaw and Jaeger 2.4; Incropera 5.60",
+    "0.1 % of 80 K at 20 cells per diffusion length",
+    "bar of 165 voxels of 1.33 mm; explicit",
+)
+def _step() -> Row:
+    names = tuple(f"T({1e3 * x:g} mm, 60 s)" for x in _DEPTHS)
+
+    def at(pitch: float):
+        row = bar(round(0.22 / pitch), pitch)
+        hot = jt.FixedTemperature(ZERO_CELSIUS + 100.0, on=LEFT)
+        (surface,) = _surfaces(row, _STEEL, _ROOM, (hot,), (60.0,))
+        found = between(row.depth, surface[row.along] - ZERO_CELSIUS, _DEPTHS)
+        return values(names, "degC", _STEP_RISE, found, 1e-3 * 80.0)
+
+    # 10, 20 and 41 cells per diffusion length; the second is what the source states.
+    pitches = (0.01 / 3.5, 0.01 / 7.5, 0.01 / 15.0)
+    return converge(at, pitches, expected=2.0, shown=1)
 
 
-def _measure_mode() -> Row:
-    """V09: every amplitude as its own closed form on the cells has it."""
-    euler, implicit, trapezoid = (
-        ForwardEuler(STEP),
-        BackwardEuler(STEP, tolerance=SOLVED),
-        CrankNicolson(STEP, tolerance=SOLVED),
-    )
-    forms = (
-        ("explicit Euler, N=20", 20, euler, sine_mode.decay_explicit_euler),
-        ("implicit Euler, N=20", 20, implicit, sine_mode.decay_implicit_euler),
-        ("Crank-Nicolson, N=10", 10, trapezoid, sine_mode.decay_crank_nicolson),
-        ("Crank-Nicolson, N=20", 20, trapezoid, sine_mode.decay_crank_nicolson),
-        ("Crank-Nicolson, N=40", 40, trapezoid, sine_mode.decay_crank_nicolson),
-    )
-    checks = []
-    for name, cells, solver, form in forms:
-        rate = sine_mode.sine_rate_of_cells(MODE.diffusivity, LENGTH, cells)
-        exact = form(rate, STEP, STEPS)
-        checks.append(Value(name, "", exact, _decay(cells, solver), 1e-10))
-    errors = tuple(abs(check.computed - EXACT_DECAY) for check in checks[2:])
-    return result(tuple(checks), Order((1 / 10, 1 / 20, 1 / 40), errors, expected=2.0))
+# Into the surface, for V02 [W/m^2].
+_FLUX = jt.HeatFlux(3.2e5, on=LEFT)
+_FLUX_RISE = {1.0: 48.416629, 10.0: 109.86127, 60.0: 240.11426}
+_HOLMAN = jt.Material(45.0, density=8000.0, specific_heat=401.79)
 
 
-def _swing(time):
-    return ZERO_CELSIUS + 100.0 * jnp.sin(jnp.pi * time / 40.0)
+@case(
+    "V02",
+    "half-space, constant flux",
+    "Incropera 5.62; Holman 4.2",
+    "0.2 K",
+    "bar of 440 voxels of 0.5 mm, Holman's of 220 of 1 mm; explicit",
+)
+def _flux() -> Row:
+    names = tuple(f"T(0, {t:g} s)" for t in _FLUX_RISE)
+
+    def at(pitch: float):
+        row = bar(round(0.22 / pitch), pitch)
+        surfaces = _surfaces(row, _STEEL, _ROOM, (_FLUX,), tuple(_FLUX_RISE))
+        found = [row.end(now, LEFT) - ZERO_CELSIUS for now in surfaces]
+        return values(names, "degC", _FLUX_RISE.values(), found, 0.2)
+
+    measured = converge(at, (0.01 / 5, 0.01 / 10, 0.01 / 20), expected=2.0)
+    row = bar(220, 1e-3)
+    (surface,) = _surfaces(row, _HOLMAN, ZERO_CELSIUS + 35.0, (_FLUX,), (30.0,))
+    (inside,) = between(row.depth, surface[row.along] - ZERO_CELSIUS, (0.025,))
+    holman = Value("Holman 4.2: T(25 mm, 30 s)", "degC", 79.313554, inside, 0.2)
+    return measured._replace(checks=(*measured.checks, holman))
 
 
-def _measure_t3() -> Row:
-    """V20b and A8 at 20, 40 and 80 cells."""
-    found, sizes = [], (20, 40, 80)
-    for cells in sizes:
-        dt = FOURIER * (0.1 / cells) ** 2 / float(T3.diffusivity)
-        row, profile = _held(
-            cells, 0.1, T3, ZERO_CELSIUS, (ZERO_CELSIUS, _swing), (32.0,),
-            ForwardEuler(dt),
-        )  # fmt: skip
-        (at,) = between(row.depth, profile[0] - ZERO_CELSIUS, (0.08,))
-        found.append(Value("T(80 mm, 32 s)", "degC", 36.603116, at, 0.1))
-    errors = tuple(abs(value.error) for value in found)
-    order = Order(tuple(1 / n for n in sizes), errors, expected=2.0)
-    return result((found[-1],), order)
+_COPPER = jt.Material(401.0, density=3.439e6, specific_heat=1.0)
+# By time [s], 5 cm deep [K].
+_CONVECTED = {100.0: 114.981, 500.0: 140.765, 1000.0: 158.598, 1500.0: 171.374}
 
 
-def _measure_bar() -> Row:
-    """A9 1fb at 40, 80 and 160 cells."""
-    found, sizes = [], (40, 80, 160)
-    for cells in sizes:
-        dt = FOURIER * (4.0 / cells) ** 2 / float(SHORT.diffusivity)
-        row, profiles = _held(
-            cells, 4.0, SHORT, 300.0, (400.0, 300.0), tuple(SHORT_TABLE),
-            ForwardEuler(dt),
-        )  # fmt: skip
-        checks = []
-        for (time, exact), now in zip(SHORT_TABLE.items(), profiles, strict=True):
-            at = between(row.depth, now, SHORT_PLACES)
-            names = tuple(f"T({x:g} m, {time:g} s)" for x in SHORT_PLACES)
-            checks += values(names, "K", exact, at, SHORT_OFF[time] * 300.0)
-        found.append(tuple(checks))
-    errors = tuple(map(largest_error, found))
-    return result(found[-1], Order(tuple(4.0 / n for n in sizes), errors))
+@case(
+    "A9 1fd",
+    "half-space in a fluid",
+    "TMAP8 ver-1fd",
+    "0.29 %, what the peer is off by",
+    "bar of 375 voxels of 6.7 mm; explicit; expected to 3 decimals",
+)
+def _convected() -> Row:
+    def at(pitch: float) -> Iterator[Value]:
+        row = bar(round(2.5 / pitch), pitch)
+        air = jt.Convection(200.0, 500.0, on=LEFT)
+        surfaces = _surfaces(row, _COPPER, 100.0, (air,), tuple(_CONVECTED))
+        for (time, exact), now in zip(_CONVECTED.items(), surfaces, strict=True):
+            (found,) = between(row.depth, now[row.along], (0.05,))
+            yield Value(f"T(5 cm, {time:g} s)", "K", exact, found, 0.0029 * exact)
+
+    # 13, 29 and 63 cells per diffusion length of the last time.
+    return converge(at, (0.05 / 1.5, 0.05 / 3.5, 0.05 / 7.5))
 
 
-STUFF = Material(1.0, density=1000.0, specific_heat=1000.0)
-"""V04: slab of 0.1 m, insulated behind, in air of 10 W/(m^2 K), Bi 1."""
-COLD, HOT = 300.0, 400.0
-THETA = (0.95064178, 0.87925481, 0.64339078, 0.85159546)
-"""At the centre, half-way, at the surface, and the mean."""
-
-FDS = Material(0.1, density=100.0, specific_heat=1000.0)
-PLACES = (0.0, 0.02, 0.04, 0.06, 0.08, 0.1)
-"""From the insulated back [m]."""
-FDS_TABLES = {
-    (100.0, 1000.0): (24.791, 27.701, 37.429, 55.969, 83.880, 118.217),
-    (100.0, 2000.0): (42.06, 45.61, 56.06, 72.77, 94.37, 118.75),
-    (10.0, 2000.0): (37.07, 40.14, 49.30, 64.28, 84.28, 107.75),
-    (10.0, 14000.0): (112.76, 118.98),
-}
-"""By coefficient [W/(m^2 K)] and time [s]: [degC] at `PLACES`, or at both ends."""
+# Slabs in a fluid: half of each, from its middle to the surface.
 
 
-def _slab(cells, material, start, coefficient, air, times):
-    """A slab of 0.1 m: profiles that reach both faces [t n], and means [t]."""
+def _slab(cells: int, material, start, air: jt.Convection, times):
+    """Profiles of 0.1 m that go to both faces, by time, and means."""
     row = bar(cells, 0.1 / cells)
-    body = Body(FullVolume(row.grid), material, temperature=start)
-    terms = (Convection(coefficient, air, on=RIGHT),)
-    dt = FOURIER * row.pitch**2 / float(material.diffusivity)
-    scene = Scene((body,), terms, dtype="float64")
-    solution = simulate(scene, times[-1], times, solver=ForwardEuler(dt=dt))
-    surface = np.asarray(solution.surface_temperature)
+    solution = run(single(row.grid, material, start, air), times)
     profiles = []
-    for now in surface:
+    for now in np.asarray(solution.surface_temperature):
         x, y = mirrored(row.depth, now[row.along])
         # The front's own surface is known too.
         profiles.append((np.append(x, row.length), np.append(y, row.end(now, RIGHT))))
     return profiles, np.asarray(solution.mean_temperature)[:, 0]
 
 
-def _measure_heisler() -> Row:
-    """V04 at 10, 20 and 40 cells."""
-    found, sizes = [], (10, 20, 40)
-    for cells in sizes:
-        ((x, y),), (mean,) = _slab(cells, STUFF, HOT, 10.0, COLD, (2000.0,))
-        at = np.array([*between(x, y, (0.0, 0.05, 0.1)), mean])
-        theta = ((at - COLD) / (HOT - COLD)).tolist()
-        names = ("theta, centre", "theta, half-way", "theta, surface", "theta, mean")
-        found.append(values(names, "", THETA, theta, 2e-3))
-    errors = tuple(map(largest_error, found))
-    return result(found[1], Order(tuple(1 / n for n in sizes), errors, expected=2.0))
+# Bi = h 0.1 m / k = 1 in air of 10 W/(m^2 K).
+_STUFF = jt.Material(1.0, density=1000.0, specific_heat=1000.0)
+_COLD, _HOT = 300.0, 400.0
+_THETA = {"centre": 0.95064178, "half-way": 0.87925481}
+_THETA |= {"surface": 0.64339078, "mean": 0.85159546}
 
 
-def _measure_fds() -> Row:
-    """V22a and A1 at 10, 20 and 40 cells."""
-    found, sizes = [], (10, 20, 40)
-    for cells in sizes:
-        checks = []
-        for coefficient in (100.0, 10.0):
-            tables = {t: v for (h, t), v in FDS_TABLES.items() if h == coefficient}
-            profiles, _ = _slab(
-                cells, FDS, ZERO_CELSIUS + 20.0, coefficient, ZERO_CELSIUS + 120.0,
-                tuple(tables),
-            )  # fmt: skip
-            for (time, table), (x, y) in zip(tables.items(), profiles, strict=True):
-                places = PLACES if len(table) == len(PLACES) else (0.0, 0.1)
-                at = between(x, y - ZERO_CELSIUS, places)
-                names = tuple(
-                    f"h {coefficient:g}, {time:g} s, {1e3 * p:g} mm" for p in places
-                )
-                checks += values(names, "degC", table, at, 0.1)
-        found.append(tuple(checks))
-    # The table with three decimals; the others would only show their own rounding.
-    exact = slice(0, len(PLACES))
-    errors = tuple(largest_error(checks[exact]) for checks in found)
-    order = Order(tuple(1 / n for n in sizes), errors, expected=2.0)
-    return result(found[-1], order)
-
-
-CASES = (
-    Case(
-        "V04",
-        "slab in a fluid, Bi 1, Fo 0.2",
-        "Incropera 5.42; Carslaw and Jaeger 3.11",
-        "2e-3 at 20 cells, second order",
-        "bar of 20 voxels, insulated behind; explicit",
-        _measure_heisler,
-    ),
-    Case(
-        "V22a, A1",
-        "FDS heat_conduction_a and _b: slabs of Bi 100 and 10",
-        "firemodels/fds, Verification/Heat_Transfer",
-        "0.1 K",
-        "bar of 40 voxels, insulated behind; explicit; places are from the back",
-        _measure_fds,
-    ),
-    Case(
-        "V09",
-        "one sine mode between two cold faces",
-        "4 alpha / h^2 sin^2(pi / 2 N), an exact mode of the cells too",
-        "1e-10",
-        "bars of 10, 20, 40 voxels, 100 steps of 0.5 s; worst node",
-        _measure_mode,
-    ),
-    Case(
-        "V20b, A8",
-        "NAFEMS T3: one end swings",
-        "NAFEMS Standard Benchmarks; MOOSE nafems_t3 (36.89 with dt 1 s)",
-        "0.1 K",
-        "bar of 80 voxels; explicit",
-        _measure_t3,
-    ),
-    Case(
-        "A9 1fb",
-        "bar between 400 and 300 K",
-        "TMAP8 ver-1fb",
-        "0.09 % to 1 s and 0.005 % at 5 s, what the peer is off by",
-        "bar of 160 voxels of 25 mm; explicit; expected to 3 decimals",
-        _measure_bar,
-    ),
+@case(
+    "V04",
+    "slab in a fluid, Bi 1, Fo 0.2",
+    "Incropera 5.42; Carslaw and Jaeger 3.11",
+    "2e-3 at 20 cells, second order",
+    "bar of 20 voxels, insulated behind; explicit",
 )
+def _heisler() -> Row:
+    names = tuple(f"theta, {where}" for where in _THETA)
+
+    def at(cells: int):
+        air = jt.Convection(10.0, _COLD, on=RIGHT)
+        ((x, y),), (mean,) = _slab(cells, _STUFF, _HOT, air, (2000.0,))
+        found = np.array([*between(x, y, (0.0, 0.05, 0.1)), mean])
+        theta = ((found - _COLD) / (_HOT - _COLD)).tolist()
+        return values(names, "", _THETA.values(), theta, 2e-3)
+
+    return converge(at, (10, 20, 40), 1, expected=2.0, shown=1)
+
+
+_FDS = jt.Material(0.1, density=100.0, specific_heat=1000.0)
+# From the insulated back [m].
+_PLACES = (0.0, 0.02, 0.04, 0.06, 0.08, 0.1)
+# By coefficient [W/(m^2 K)] and time [s]: [degC] at those places, or at both ends.
+_FDS_TABLES = {
+    100.0: {
+        1000.0: (24.791, 27.701, 37.429, 55.969, 83.880, 118.217),
+        2000.0: (42.06, 45.61, 56.06, 72.77, 94.37, 118.75),
+    },
+    10.0: {
+        2000.0: (37.07, 40.14, 49.30, 64.28, 84.28, 107.75),
+        14000.0: (112.76, 118.98),
+    },
+}
+
+
+def _fds_checks(cells: int) -> Iterator[Value]:
+    for h, tables in _FDS_TABLES.items():
+        gas = jt.Convection(h, ZERO_CELSIUS + 120.0, on=RIGHT)
+        profiles, _ = _slab(cells, _FDS, _ROOM, gas, tuple(tables))
+        for (time, table), (x, y) in zip(tables.items(), profiles, strict=True):
+            places = _PLACES if len(table) == len(_PLACES) else (0.0, 0.1)
+            found = between(x, y - ZERO_CELSIUS, places)
+            names = (f"h {h:g}, {time:g} s, {1e3 * p:g} mm" for p in places)
+            yield from values(names, "degC", table, found, 0.1)
+
+
+@case(
+    "V22a, A1",
+    "FDS heat_conduction_a and _b: slabs of Bi 100 and 10",
+    "firemodels/fds, Verification/Heat_Transfer",
+    "0.1 K",
+    "bar of 40 voxels, insulated behind; explicit; places are from the back",
+)
+def _fds() -> Row:
+    # The table with three decimals; the others would only show their own rounding.
+    exact = lambda checks: largest_error(checks[: len(_PLACES)])
+    return converge(_fds_checks, (10, 20, 40), 1, expected=2.0, error=exact)
+
+
+# Bars between two prescribed temperatures.
+
+
+def _profiles(cells: int, length: float, material, start, ends, times, solver=None):
+    """A bar and the temperatures of its nodes at each time [K]."""
+    row = bar(cells, length / cells)
+    terms = tuple(map(jt.FixedTemperature, ends, (LEFT, RIGHT)))
+    return row, _surfaces(row, material, start, terms, times, solver)[:, row.along]
+
+
+_MODE = jt.Material(10.0, density=1000.0, specific_heat=1000.0)
+_MODE_LENGTH, _MODE_STEP, _MODE_STEPS = 0.1, 0.5, 100
+# Of the sine [K]: large against the tolerance of a linear solve [K].
+_AMPLITUDE, _SOLVED = 100.0, 1e-12
+_EXACT_DECAY = 0.61049803
+
+
+def _decay(cells: int, solver) -> float:
+    """Remaining fraction of the sine, at the node that is farthest off."""
+    shape = lambda x: np.sin(np.pi * (x / _MODE_LENGTH + 0.5))
+    start = lambda points: 300.0 + _AMPLITUDE * shape(points[:, 0])
+    ends, times = (300.0, 300.0), (_MODE_STEP * _MODE_STEPS,)
+    row, found = _profiles(cells, _MODE_LENGTH, _MODE, start, ends, times, solver)
+    sine = _AMPLITUDE * np.sin(np.pi * row.depth / _MODE_LENGTH)
+    left = (found[0] - 300.0) / sine
+    # In an exact mode all nodes decay alike: one that does not shows the error.
+    return float(left[np.argmax(np.abs(left - float(np.median(left))))])
+
+
+@case(
+    "V09",
+    "one sine mode between two cold faces",
+    "4 alpha / h^2 sin^2(pi / 2 N), an exact mode of the cells too",
+    "1e-10",
+    "bars of 10, 20, 40 voxels, 100 steps of 0.5 s; worst node",
+)
+def _mode() -> Row:
+    euler = jt.ForwardEuler(_MODE_STEP)
+    implicit = jt.BackwardEuler(_MODE_STEP, tolerance=_SOLVED)
+    trapezoid = jt.CrankNicolson(_MODE_STEP, tolerance=_SOLVED)
+    forms = (
+        ("explicit Euler", 20, euler, sine_mode.decay_explicit_euler),
+        ("implicit Euler", 20, implicit, sine_mode.decay_implicit_euler),
+        *(
+            ("Crank-Nicolson", cells, trapezoid, sine_mode.decay_crank_nicolson)
+            for cells in (10, 20, 40)
+        ),
+    )
+    checks = []
+    for name, cells, solver, form in forms:
+        rate = sine_mode.sine_rate_of_cells(_MODE.diffusivity, _MODE_LENGTH, cells)
+        exact, found = form(rate, _MODE_STEP, _MODE_STEPS), _decay(cells, solver)
+        checks.append(Value(f"{name}, N={cells}", "", exact, found, 1e-10))
+    # The order is that of space alone: the cells' own rate against the exact one.
+    errors = tuple(abs(check.computed - _EXACT_DECAY) for check in checks[2:])
+    return Row(
+        checks=tuple(checks),
+        order=Order((1 / 10, 1 / 20, 1 / 40), errors, expected=2.0),
+    )
+
+
+_T3 = jt.Material(35.0, density=7200.0, specific_heat=440.5)
+
+
+@case(
+    "V20b, A8",
+    "NAFEMS T3: one end swings",
+    "NAFEMS Standard Benchmarks; MOOSE nafems_t3 (36.89 with dt 1 s)",
+    "0.1 K",
+    "bar of 80 voxels; explicit",
+)
+def _t3() -> Row:
+    swing = lambda time: ZERO_CELSIUS + 100.0 * jnp.sin(jnp.pi * time / 40.0)
+
+    def at(cells: int) -> Iterator[Value]:
+        ends = (ZERO_CELSIUS, swing)
+        row, (now,) = _profiles(cells, 0.1, _T3, ZERO_CELSIUS, ends, (32.0,))
+        (found,) = between(row.depth, now - ZERO_CELSIUS, (0.08,))
+        yield Value("T(80 mm, 32 s)", "degC", 36.603116, found, 0.1)
+
+    return converge(at, (20, 40, 80), 1, expected=2.0)
+
+
+_SHORT = jt.Material(10.0, density=1.0, specific_heat=10.0)
+_SHORT_PLACES = (0.5, 1.0, 2.0, 3.0)
+# By time [s]: what the reference code is off by, and [K] at those places [m].
+_SHORT_TABLE = {
+    0.1: (9e-4, (326.355, 302.535, 300.001, 300.000)),
+    0.5: (9e-4, (361.708, 331.731, 304.550, 300.270)),
+    1.0: (9e-4, (372.367, 347.950, 315.728, 303.349)),
+    5.0: (5e-5, (386.385, 372.940, 347.087, 322.940)),
+}
+
+
+@case(
+    "A9 1fb",
+    "bar between 400 and 300 K",
+    "TMAP8 ver-1fb",
+    "0.09 % to 1 s and 0.005 % at 5 s, what the peer is off by",
+    "bar of 160 voxels of 25 mm; explicit; expected to 3 decimals",
+)
+def _short() -> Row:
+    def at(cells: int) -> Iterator[Value]:
+        ends, times = (400.0, 300.0), tuple(_SHORT_TABLE)
+        row, profiles = _profiles(cells, 4.0, _SHORT, 300.0, ends, times)
+        rows = zip(_SHORT_TABLE.items(), profiles, strict=True)
+        for (time, (off, exact)), now in rows:
+            names = (f"T({x:g} m, {time:g} s)" for x in _SHORT_PLACES)
+            found = between(row.depth, now, _SHORT_PLACES)
+            yield from values(names, "K", exact, found, off * 300.0)
+
+    return converge(at, (40, 80, 160), 4.0)
+
+
+CASES = (_step, _flux, _convected, _heisler, _fds, _mode, _t3, _short)

@@ -1,29 +1,26 @@
-"""Bars, columns and closed meshes of blocks, and reading temperatures between nodes."""
+"""Bars and closed meshes of blocks, their runs, and temperatures between nodes."""
 
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from jaxthermo.geometry.mesh import Mesh
-from jaxthermo.geometry.shapes import box
-from jaxthermo.voxels.grid import VoxelGrid
-from jaxthermo.voxels.selection import Side
-from jaxthermo.voxels.voxelize import voxelize
+import jaxthermo as jt
 
 
-LEFT, RIGHT = Side(normal=(-1.0, 0.0, 0.0)), Side(normal=(1.0, 0.0, 0.0))
-"""The ends of a bar along x; its other sides are adiabatic."""
+# The ends of a bar along x; its other sides are adiabatic.
+LEFT, RIGHT = jt.Side(normal=(-1.0, 0.0, 0.0)), jt.Side(normal=(1.0, 0.0, 0.0))
+UP, DOWN = jt.Side(normal=(0.0, 0.0, 1.0)), jt.Side(normal=(0.0, 0.0, -1.0))
 
-FOURIER = 0.25
-"""Cell Fourier number alpha dt / pitch^2 of explicit steps: stable, and not 1/6,
-where the leading errors of space and time cancel and the order would flatter."""
+# Cell Fourier number alpha dt / pitch^2 of explicit steps: stable, and not 1/6, where
+# the leading errors of space and time cancel and the order would flatter.
+_FOURIER = 0.25
 
 
 class Bar(NamedTuple):
     """Voxels in one row along x, with a fragment that shows each node's temperature."""
 
-    grid: VoxelGrid
+    grid: jt.VoxelGrid
     depth: Float[np.ndarray, " n"]
     """Distance of each node from the end at -x [m]."""
     along: Int[np.ndarray, " n"]
@@ -31,12 +28,7 @@ class Bar(NamedTuple):
     length: float
     """[m]"""
 
-    @property
-    def pitch(self) -> float:
-        """Edge of a voxel [m]."""
-        return self.grid.pitch
-
-    def end(self, surface: np.ndarray, side: Side) -> float:
+    def end(self, surface: np.ndarray, side: jt.Side) -> float:
         """The surface of one end."""
         normal = self.grid.fragment_normal[:, 0] * side.normal[0]
         return float(surface[normal > 0.9][0])
@@ -44,23 +36,57 @@ class Bar(NamedTuple):
 
 def bar(cells: int, pitch: float) -> Bar:
     """A bar of `cells` x 1 x 1 voxels along x, centred at the origin."""
-    grid = voxelize(box((cells * pitch, pitch, pitch)), pitch)
+    grid = jt.voxelize(jt.shapes.box((cells * pitch, pitch, pitch)), pitch)
     top = np.flatnonzero(grid.fragment_normal[:, 2] > 0.9)
     top = top[np.argsort(grid.fragment_position[top, 0])]
     return Bar(grid, (np.arange(cells) + 0.5) * pitch, top, cells * pitch)
 
 
+def conductor(conductivity: float, emissivity: float = 0.9) -> jt.Material:
+    """A material of which a steady state needs only the conductivity [W/(m K)]."""
+    return jt.Material(conductivity, 1000.0, 1000.0, emissivity)
+
+
+def full(grid: jt.VoxelGrid, material, start, x: float = 0.0) -> jt.Body:
+    """A body in its full volume, from a temperature [K], moved along x [m]."""
+    pose = jt.Pose((x, 0.0, 0.0))
+    return jt.Body(jt.FullVolume(grid), material, temperature=start, pose=pose)
+
+
+def single(grid: jt.VoxelGrid, material, start, *terms) -> jt.Scene:
+    """A scene of one such body, in double precision."""
+    return jt.Scene((full(grid, material, start),), terms, dtype="float64")
+
+
+def explicit(pitch: float, material: jt.Material) -> jt.ForwardEuler:
+    """Explicit Euler in steps that go with the square of the pitch [m].
+
+    The errors of space and time are then of one order together.
+    """
+    return jt.ForwardEuler(dt=_FOURIER * pitch**2 / float(material.diffusivity))
+
+
+def run(scene: jt.Scene, times: tuple[float, ...], solver=None) -> jt.Solution:
+    """Simulate to the last of the times, which are saved [s].
+
+    Explicit Euler in steps for the first body is the solver where none is given.
+    """
+    if solver is None:
+        first = scene.bodies[0]
+        solver = explicit(first.structure.grid.pitch, first.material)
+    return jt.simulate(scene, times[-1], times, solver=solver)
+
+
 def between(
-    x: Float[np.ndarray, " n"],
-    y: Float[np.ndarray, " n"],
-    places: tuple[float, ...],
+    x: Float[np.ndarray, " n"], y: Float[np.ndarray, " n"], positions: tuple[float, ...]
 ) -> list[float]:
     """Interpolate a smooth profile by the cubic through the four nearest points."""
     found = []
-    for place in places:
-        near = np.argsort(np.abs(x - place), kind="stable")[:4]
+    for position in positions:
+        near = np.argsort(np.abs(x - position), kind="stable")[:4]
+        # In units of the points' distance the fit is well conditioned at any pitch.
         scale = float(np.ptp(x[near]))
-        fit = np.polyfit((x[near] - place) / scale, y[near], 3)
+        fit = np.polyfit((x[near] - position) / scale, y[near], 3)
         found.append(float(fit[-1]))
     return found
 
@@ -72,50 +98,46 @@ def mirrored(
     return np.concatenate([-x[1::-1], x]), np.concatenate([y[1::-1], y])
 
 
-def layered(solution_surface: np.ndarray, grid: VoxelGrid) -> np.ndarray:
-    """Nodes of a body one voxel thick along y, of its side +y [x z]."""
-    side = np.flatnonzero(grid.fragment_normal[:, 1] > 0.9)
-    wide, _, high = grid.lattice.shape
-    found = np.full((wide, high), np.nan)
-    cell = grid.fragment_voxel[side]
-    found[cell[:, 0], cell[:, 2]] = solution_surface[side]
+def layered(surface: np.ndarray, grid: jt.VoxelGrid, axis: int, sign=1) -> np.ndarray:
+    """Temperatures of the voxels on one side across an axis, by the other two axes."""
+    side = np.flatnonzero(sign * grid.fragment_normal[:, axis] > 0.9)
+    found = np.full(np.delete(grid.lattice.shape, axis), np.nan)
+    found[tuple(np.delete(grid.fragment_voxel[side], axis, 1).T)] = surface[side]
     return found
 
 
+# Corners of a face across the last axis, counter-clockwise from its positive side.
 _CORNERS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
-"""Corners of a face across the last axis, counter-clockwise from its positive side."""
 
 
 def of_blocks(
-    solid: Bool[np.ndarray, "a b c"],
-    x: Float[np.ndarray, " i"],
-    y: Float[np.ndarray, " j"],
-    z: Float[np.ndarray, " k"],
-) -> Mesh:
+    solid: Bool[np.ndarray, "a b c"], *planes: Float[np.ndarray, " i"]
+) -> jt.Mesh:
     """The surface of the blocks between planes that are solid.
 
     Args:
         solid: which are; no two may touch along an edge only.
-        x: of the planes across x, one more than blocks [m].
-        y: likewise.
-        z: likewise.
+        planes: across x, y and z, one more than blocks of each [m].
     """
     padded, faces = np.pad(solid, 1), []
     for axis in range(3):
         for sign in (-1, 1):
             open_ = ~np.roll(padded, -sign, axis)[1:-1, 1:-1, 1:-1]
             cells = np.argwhere(solid & open_)
+            # In the opposite order for faces that are seen from their negative side.
             corners = np.roll(_CORNERS, axis + 1, axis=1)[::sign].copy()
             corners[:, axis] = (sign + 1) // 2
             quad = cells[:, None] + corners
             faces += [quad[:, [0, 1, 2]], quad[:, [0, 2, 3]]]
-    places = np.concatenate(faces).reshape(-1, 3)
-    vertices, number = np.unique(places, axis=0, return_inverse=True)
-    planes = [p[vertices[:, axis]] for axis, p in enumerate((x, y, z))]
-    return Mesh(np.stack(planes, axis=1), number.reshape(-1, 3), "blocks")
+    # Faces share their corners: without that the mesh would have open edges.
+    corners, number = np.unique(
+        np.concatenate(faces).reshape(-1, 3), axis=0, return_inverse=True
+    )
+    vertices = [p[corners[:, axis]] for axis, p in enumerate(planes)]
+    return jt.Mesh(np.stack(vertices, axis=1), number.reshape(-1, 3), "blocks")
 
 
-def hollow_hemisphere(inner: float, outer: float, steps: int = 32) -> Mesh:
+def hollow_hemisphere(inner: float, outer: float, steps: int = 32) -> jt.Mesh:
     """The upper half of a spherical shell around the origin, closed by a flat ring.
 
     Both spheres are widened such that each of them holds its true volume.
@@ -128,16 +150,13 @@ def hollow_hemisphere(inner: float, outer: float, steps: int = 32) -> Mesh:
     rings = 4 * steps
     turn = 2 * np.pi * np.arange(rings) / rings
     angle = np.pi / 2 * np.arange(1, steps + 1) / steps
-    unit = np.stack(
-        [
-            np.outer(np.sin(angle), np.cos(turn)),
-            np.outer(np.sin(angle), np.sin(turn)),
-            np.outer(np.cos(angle), np.ones(rings)),
-        ],
-        axis=-1,
-    ).reshape(-1, 3)
-    unit[-rings:, 2] = 0.0
-    unit = np.concatenate([unit, [[0.0, 0.0, 1.0]]])
+    across = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+    unit = np.empty((steps, rings, 3))
+    unit[..., :2] = np.sin(angle)[:, None, None] * across
+    unit[..., 2] = np.cos(angle)[:, None]
+    # The cosine of a right angle is not 0 in floating point: the ring must be flat.
+    unit[-1, :, 2] = 0.0
+    unit = np.concatenate([unit.reshape(-1, 3), [[0.0, 0.0, 1.0]]])
     cap = _cap(steps, rings)
     corners = unit[cap]
     volume = np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
@@ -151,11 +170,13 @@ def hollow_hemisphere(inner: float, outer: float, steps: int = 32) -> Mesh:
         np.stack([rim[1], hole[0], hole[1]], axis=1),
     ]
     vertices = np.concatenate([outer * wide * unit, inner * wide * unit])
-    return Mesh(vertices, np.concatenate([cap, cap[:, ::-1] + count, *ring]), "shell")
+    # The hollow's faces are reversed: their outside is within.
+    faces = np.concatenate([cap, cap[:, ::-1] + count, *ring])
+    return jt.Mesh(vertices, faces, "shell")
 
 
 def _cap(steps: int, rings: int) -> np.ndarray:
-    """Triangles of a hemisphere, outward; the pole is the last vertex."""
+    # Triangles of a hemisphere, outward; the pole is the last vertex.
     this = np.arange(rings)
     after, pole = np.roll(this, -1), np.full(rings, steps * rings)
     faces = [np.stack([pole, this, after], axis=1)]

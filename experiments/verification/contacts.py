@@ -1,201 +1,143 @@
 """Bodies that touch, in time: V11, V12, A19."""
 
 import functools
+from collections.abc import Iterator
 
 import numpy as np
 
+import jaxthermo as jt
 from jaxthermo.constants import ZERO_CELSIUS
-from jaxthermo.geometry.mesh import Pose
-from jaxthermo.geometry.shapes import box
-from jaxthermo.integrate.run.simulate import simulate
-from jaxthermo.integrate.solvers import ForwardEuler
-from jaxthermo.material.material import Material
-from jaxthermo.physics.contact.links import Contact, bonded
-from jaxthermo.scene.scene import Body, MaterialMap, Scene
-from jaxthermo.structures.kinds.full import FullVolume
-from jaxthermo.voxels.selection import Region
-from jaxthermo.voxels.voxelize import voxelize
 
-from ..harness.case import Bound, Case, Order, Row, Value, result, values
-from .bodies import FOURIER, LEFT, RIGHT, bar
+from ..harness.case import Bound, Row, Value, case, converge, largest_error, values
+from .bodies import LEFT, RIGHT, bar, explicit, full, run, single
 
 
-COPPER = Material(401.0, density=8933.0, specific_heat=385.0)
-STEEL = Material(15.1, density=8055.0, specific_heat=480.0)
-DIFFUSION_LENGTHS = (6.1, 7.0)
-"""Lengths of the copper and steel bars: the far ends stay as they were."""
-IN_COPPER = float((COPPER.diffusivity / STEEL.diffusivity) ** 0.5)
-"""Diffusion lengths of copper, in those of steel."""
+_COPPER = jt.Material(401.0, density=8933.0, specific_heat=385.0)
+_STEEL = jt.Material(15.1, density=8055.0, specific_heat=480.0)
+# Lengths of the copper and steel bars: the far ends stay as they were.
+_DIFFUSION_LENGTHS = (6.1, 7.0)
+# Diffusion lengths of copper, in those of steel.
+_IN_COPPER = float((_COPPER.diffusivity / _STEEL.diffusivity) ** 0.5)
 
-INTERFACE = 82.93590583
-HELD_APART = {
+_INTERFACE = 82.93590583
+_CONDUCTANCE = 1000.0
+# By time [s]: both surfaces [degC] and the flux [W/m^2] at that conductance.
+_RESISTED = {
     0.1: (99.080103, 4.470938, 94609.165),
     1.0: (97.340851, 12.924149, 84416.703),
     10.0: (93.450708, 31.831253, 61619.455),
 }
-"""By time [s]: both surfaces [degC] and the flux [W/m^2] at 1000 W/(m^2 K)."""
-CONDUCTANCE = 1000.0
 
+# Three times of V12 have the same voxels, and so have both forms of V11.
 _bar = functools.cache(bar)
 
 
 def _cells(per_length: int) -> tuple[int, int]:
-    copper, steel = DIFFUSION_LENGTHS
-    return round(copper * IN_COPPER * per_length), round(steel * per_length)
+    copper, steel = _DIFFUSION_LENGTHS
+    return round(copper * _IN_COPPER * per_length), round(steel * per_length)
 
 
-def _two_bars(contact: Contact, per_length: int, end: float) -> tuple[float, float]:
-    """Surfaces of a copper bar at 100 degC and a steel one at 0 that touch [degC].
+def _pitch(per_length: int, end: float) -> float:
+    # Voxels as fine beside the diffusion length of steel at any end [s] of a run.
+    return float(np.sqrt(_STEEL.diffusivity * end)) / per_length
 
-    Args:
-        contact: between them.
-        per_length: cells in a diffusion length of steel at the end.
-        end: time of the result [s].
-    """
-    pitch = float(np.sqrt(STEEL.diffusivity * end)) / per_length
-    rows = [_bar(count, pitch) for count in _cells(per_length)]
-    bodies = tuple(
-        Body(
-            FullVolume(row.grid),
-            material,
-            temperature=ZERO_CELSIUS + start,
-            pose=Pose((side * row.length / 2, 0.0, 0.0)),
-        )
-        for row, material, start, side in zip(
-            rows, (COPPER, STEEL), (100.0, 0.0), (-1.0, 1.0), strict=True
-        )
+
+def _two_bars(contact: jt.Contact, per_length: int, end: float) -> tuple[float, float]:
+    """Surfaces of a copper bar at 100 degC and a steel one at 0 that touch [degC]."""
+    pitch = _pitch(per_length, end)
+    copper, steel = (_bar(count, pitch) for count in _cells(per_length))
+    hot, cold = ZERO_CELSIUS + 100.0, ZERO_CELSIUS
+    # The explicit step is that of the first body, the faster one.
+    bodies = (
+        full(copper.grid, _COPPER, hot, -copper.length / 2),
+        full(steel.grid, _STEEL, cold, steel.length / 2),
     )
-    dt = FOURIER * pitch**2 / float(COPPER.diffusivity)
-    scene = Scene(bodies, (contact,), dtype="float64")
-    solution = simulate(scene, end, solver=ForwardEuler(dt=dt))
+    solution = run(jt.Scene(bodies, (contact,), dtype="float64"), (end,))
     one, other = (np.asarray(solution.of_body(b))[0] for b in (0, 1))
     return (
-        rows[0].end(one, RIGHT) - ZERO_CELSIUS,
-        rows[1].end(other, LEFT) - ZERO_CELSIUS,
+        copper.end(one, RIGHT) - ZERO_CELSIUS,
+        steel.end(other, LEFT) - ZERO_CELSIUS,
     )
 
 
 def _one_bar(per_length: int, end: float) -> float:
     """The same two materials in one body: the temperature between them [degC]."""
-    pitch = float(np.sqrt(STEEL.diffusivity * end)) / per_length
+    pitch = _pitch(per_length, end)
     copper, steel = _cells(per_length)
     row = _bar(copper + steel, pitch)
-    middle = float(row.grid.origin[0]) + copper * pitch
+    middle = float(row.grid.lattice.origin[0]) + copper * pitch
     wide = 2 * row.length
-    beyond = Region(lower=(middle, -wide, -wide), upper=(wide, wide, wide))
-    body = Body(
-        FullVolume(row.grid),
-        MaterialMap(COPPER, ((beyond, STEEL),)),
-        temperature=lambda p: ZERO_CELSIUS + np.where(p[:, 0] < middle, 100.0, 0.0),
-    )
-    dt = FOURIER * pitch**2 / float(COPPER.diffusivity)
-    scene = Scene((body,), dtype="float64")
-    solution = simulate(scene, end, solver=ForwardEuler(dt=dt))
+    beyond = jt.Region(lower=(middle, -wide, -wide), upper=(wide, wide, wide))
+    start = lambda p: ZERO_CELSIUS + np.where(p[:, 0] < middle, 100.0, 0.0)
+    scene = single(row.grid, jt.MaterialMap(_COPPER, ((beyond, _STEEL),)), start)
+    solution = run(scene, (end,), explicit(pitch, _COPPER))
     nodes = np.asarray(solution.surface_temperature)[0, row.along]
+    # Half cells in series: the mean of both nodes by their conductivities.
     shared = 401.0 * nodes[copper - 1] + 15.1 * nodes[copper]
     return float(shared) / (401.0 + 15.1) - ZERO_CELSIUS
 
 
-def _measure_perfect() -> Row:
-    """V11 at 5 cells per diffusion length of steel."""
-    one, other = _two_bars(bonded, 5, 1.0)
-    return result(
-        values(
-            ("two bodies, copper's side", "two bodies, steel's side", "one body"),
-            "degC",
-            (INTERFACE,) * 3,
-            [one, other, _one_bar(5, 1.0)],
-            0.05,
-        )
-    )
+@case(
+    "V11",
+    "copper at 100 degC on steel at 0, perfect contact",
+    "Carslaw and Jaeger 2.15",
+    "0.05 K from 5 cells per diffusion length",
+    "bars of 157 and 35 voxels, bonded, and one bar of both; explicit",
+)
+def _perfect() -> tuple[Value, ...]:
+    names = ("two bodies, copper's side", "two bodies, steel's side", "one body")
+    found = [*_two_bars(jt.bonded, 5, 1.0), _one_bar(5, 1.0)]
+    return values(names, "degC", (_INTERFACE,) * 3, found, 0.05)
 
 
-def _measure_resisting() -> Row:
-    """V12, at each time on voxels that are as fine beside the diffusion length."""
-    sizes, found = (5, 10, 20), []
-    for per_length in sizes:
-        checks, worst = [], 0.0
-        for end, (hot, cold, flux) in HELD_APART.items():
-            one, other = _two_bars(Contact(CONDUCTANCE), per_length, end)
-            surfaces = values(
-                (f"copper, {end:g} s", f"steel, {end:g} s"),
-                "degC",
-                (hot, cold),
-                [one, other],
-                0.002 * 100.0,
-            )
-            through = CONDUCTANCE * (one - other)
-            name = f"flux, {end:g} s"
-            checks += [
-                *surfaces, Value(name, "W/m^2", flux, through, 0.002 * flux)
-            ]  # fmt: skip
-            worst = max(worst, *(abs(value.error) for value in surfaces))
-        found.append((tuple(checks), worst))
-    errors = tuple(worst for _, worst in found)
-    order = Order(tuple(1 / n for n in sizes), errors, expected=2.0)
-    return result(found[-1][0], order)
+@case(
+    "V12",
+    "the same with 1000 W/(m^2 K) between them",
+    "closed form, and a Crank-Nicolson run of 8000 cells",
+    "0.2 % of 100 K; taken for the flux as 0.2 % of itself",
+    "20 cells per diffusion length of steel at each time; explicit",
+)
+def _resisting() -> Row:
+    def at(per_length: int) -> Iterator[Value]:
+        for end, (hot, cold, flux) in _RESISTED.items():
+            found = _two_bars(jt.Contact(_CONDUCTANCE), per_length, end)
+            names = (f"copper, {end:g} s", f"steel, {end:g} s")
+            yield from values(names, "degC", (hot, cold), found, 0.002 * 100.0)
+            through = _CONDUCTANCE * (found[0] - found[1])
+            yield Value(f"flux, {end:g} s", "W/m^2", flux, through, 0.002 * flux)
+
+    # The flux follows from the surfaces, in another unit: the order is theirs.
+    surfaces = lambda checks: largest_error(c for c in checks if c.unit == "degC")
+    return converge(at, (5, 10, 20), 1, expected=2.0, error=surfaces)
 
 
 def _two_boxes(distance: float) -> tuple[float, float]:
     """Excesses over 22 degC of two boxes of 6 cm after 0.05 s [K]."""
-    stuff = Material(200.0, density=2000.0, specific_heat=1.0)
-    grid = voxelize(box((0.06, 0.06, 0.06)), 0.01)
+    stuff = jt.Material(200.0, density=2000.0, specific_heat=1.0)
+    grid = jt.voxelize(jt.shapes.box((0.06, 0.06, 0.06)), 0.01)
+    base = ZERO_CELSIUS + 22.0
     bodies = tuple(
-        Body(
-            FullVolume(grid),
-            stuff,
-            temperature=ZERO_CELSIUS + 22.0 + side * 80.0,
-            pose=Pose((side * distance / 2, 0.0, 0.0)),
-        )
+        full(grid, stuff, base + side * 80.0, side * distance / 2)
         for side in (1.0, -1.0)
     )
-    scene = Scene(bodies, (Contact(CONDUCTANCE),), dtype="float64")
-    hot, cold = np.asarray(simulate(scene, 0.05).mean_temperature)[0]
-    base = ZERO_CELSIUS + 22.0
+    scene = jt.Scene(bodies, (jt.Contact(_CONDUCTANCE),), dtype="float64")
+    hot, cold = np.asarray(jt.simulate(scene, 0.05).mean_temperature)[0]
     return float(hot) - base, float(cold) - base
 
 
-def _measure_boxes() -> Row:
-    """A19: inequalities only."""
-    (hot, cold), far = _two_boxes(0.06), _two_boxes(0.5)
-    return result(
-        (
-            Bound("touching: the hot box cools by", 80.0 - hot, 80.0, 1.0, "K"),
-            Bound("touching: the cold box warms by", cold + 80.0, 80.0, 1.0, "K"),
-            *values(
-                ("apart: excess of the hot box", "apart: excess of the cold box"),
-                "K",
-                (80.0, -80.0),
-                list(far),
-                0.05,
-            ),
-        )
-    )
-
-
-CASES = (
-    Case(
-        "V11",
-        "copper at 100 degC on steel at 0, perfect contact",
-        "Carslaw and Jaeger 2.15",
-        "0.05 K from 5 cells per diffusion length",
-        "bars of 157 and 35 voxels, bonded, and one bar of both; explicit",
-        _measure_perfect,
-    ),
-    Case(
-        "V12",
-        "the same with 1000 W/(m^2 K) between them",
-        "closed form, and a Crank-Nicolson run of 8000 cells",
-        "0.2 % of 100 K; taken for the flux as 0.2 % of itself",
-        "20 cells per diffusion length of steel at each time; explicit",
-        _measure_resisting,
-    ),
-    Case(
-        "A19",
-        "two boxes in contact move toward each other, apart they stay",
-        "Genesis tests/test_sensors.py",
-        "by more than 1 K; within 0.05 K",
-        "boxes of 6 x 6 x 6 voxels, 1000 W/(m^2 K), 0.05 s",
-        _measure_boxes,
-    ),
+@case(
+    "A19",
+    "two boxes in contact move toward each other, apart they stay",
+    "Genesis tests/test_sensors.py",
+    "by more than 1 K; within 0.05 K",
+    "boxes of 6 x 6 x 6 voxels, 1000 W/(m^2 K), 0.05 s",
 )
+def _boxes() -> Iterator[Bound | Value]:
+    (hot, cold), far = _two_boxes(0.06), _two_boxes(0.5)
+    yield Bound("touching: the hot box cools by", 80.0 - hot, 80.0, 1.0, "K")
+    yield Bound("touching: the cold box warms by", cold + 80.0, 80.0, 1.0, "K")
+    names = ("apart: excess of the hot box", "apart: excess of the cold box")
+    yield from values(names, "K", (80.0, -80.0), far, 0.05)
+
+
+CASES = (_perfect, _resisting, _boxes)

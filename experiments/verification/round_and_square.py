@@ -2,35 +2,92 @@
 
 import numpy as np
 
-from jaxthermo.geometry.shapes import box, cylinder
-from jaxthermo.integrate.run.simulate import simulate
-from jaxthermo.integrate.solvers import TRBDF2, ForwardEuler
-from jaxthermo.material.material import Material
-from jaxthermo.physics.boundary import Convection
-from jaxthermo.physics.radiation.emission import Surroundings
-from jaxthermo.scene.scene import Body, Scene
-from jaxthermo.structures.kinds.full import FullVolume
-from jaxthermo.voxels.selection import FragmentMask
-from jaxthermo.voxels.voxelize import voxelize
+import jaxthermo as jt
 
-from ..harness.case import Case, Order, Row, largest_error, result, values
-from .bodies import bar
+from ..harness.case import Row, case, converge, values
+from .bodies import bar, layered, single
 
 
-SIZE = 0.1
-"""Radius, or half a side [m]."""
-STUFF = Material(1.0, density=1000.0, specific_heat=1000.0)
-AIR, HOT = 300.0, 400.0
-COEFFICIENT = 10.0
-"""Bi = h SIZE / k = 1 [W/(m^2 K)]."""
-END = 2000.0
-"""Fo = alpha t / SIZE^2 = 0.2 [s]."""
-CYLINDER = (0.87017424, 0.7938029, 0.57022774, 0.71851626)
-CUBE = (0.85911379, 0.26633271, 0.58144499)
+# Radius, or half a side [m].
+_SIZE = 0.1
+_STUFF = jt.Material(1.0, density=1000.0, specific_heat=1000.0)
+_AIR, _HOT = 300.0, 400.0
+_CYLINDER = {"axis": 0.87017424, "half-way": 0.7938029}
+_CYLINDER |= {"surface": 0.57022774, "mean": 0.71851626}
+_CUBE = {"centre": 0.85911379, "corner": 0.26633271, "middle of a face": 0.58144499}
 
-ALUMINIUM = Material(1e9, density=2700.0, specific_heat=900.0, emissivity=0.9)
-"""Without resistance inside."""
-COOLING = {
+
+def _cooled(grid: jt.VoxelGrid, exposed: np.ndarray) -> tuple[np.ndarray, float]:
+    """Theta of the surface and of the whole body at Bi = 1 and Fo = 0.2."""
+    # Bi = h SIZE / k; Fo = alpha t / SIZE^2.
+    air = jt.Convection(10.0, _AIR, on=jt.FragmentMask(exposed))
+    scene = single(grid, _STUFF, _HOT, air)
+    solution = jt.simulate(scene, 2000.0, solver=jt.ForwardEuler())
+    theta = lambda kelvin: (np.asarray(kelvin)[0] - _AIR) / (_HOT - _AIR)
+    surface, mean = solution.surface_temperature, solution.mean_temperature
+    return theta(surface), float(theta(mean)[0])
+
+
+@case(
+    "V05",
+    "long cylinder in a fluid, Bi 1, Fo 0.2",
+    "Incropera 5.50",
+    "5e-3, at no stated resolution",
+    "slice of 40 voxels per radius (20 are too few: see the errors); explicit",
+)
+def _cylinder() -> Row:
+    names = tuple(f"theta, {where}" for where in _CYLINDER)
+
+    def at(cells: int):
+        # A slice one voxel thick between two ends that nothing passes through.
+        pitch = _SIZE / cells
+        grid = jt.voxelize(jt.shapes.cylinder(_SIZE, pitch, sections=256), pitch)
+        end = np.abs(grid.fragment_normal[:, 2]) > 0.9
+        theta, mean = _cooled(grid, ~end)
+        centre = grid.lattice.centres(grid.fragment_voxel)
+        radius = np.hypot(centre[end, 0], centre[end, 1]) / _SIZE
+        # No node lies on the axis nor half-way: smooth fits through those around.
+        near, around = radius < 0.3, np.abs(radius - 0.5) < 0.15
+        axis = np.polyfit(radius[near] ** 2, theta[end][near], 2)[-1]
+        half = np.polyfit(radius[around] - 0.5, theta[end][around], 3)[-1]
+        outside = np.average(theta[~end], weights=grid.fragment_area[~end])
+        found = (axis, half, outside, mean)
+        return values(names, "", _CYLINDER.values(), found, 5e-3)
+
+    # Voxels make steps of a round surface: no order is expected of them.
+    return converge(at, (10, 20, 40), 1)
+
+
+@case(
+    "V07",
+    "cube in a fluid, Bi 1, Fo 0.2 on half a side",
+    "product of three slabs",
+    "3e-3",
+    "an eighth, 20 x 20 x 20 voxels; explicit",
+)
+def _cube() -> Row:
+    names = tuple(f"theta, {where}" for where in _CUBE)
+
+    def at(cells: int):
+        # An eighth of it: nothing passes through the three planes of symmetry.
+        grid = jt.voxelize(jt.shapes.box((_SIZE, _SIZE, _SIZE)), _SIZE / cells)
+        theta, _ = _cooled(grid, grid.fragment_normal.max(axis=1) > 0.9)
+        inner, outer = layered(theta, grid, 0, -1), layered(theta, grid, 0)
+        # Even parabolas through the nodes at 1/2 and 3/2 voxels, along 3 and 2 axes.
+        centre = inner[0, 0] + 3 / 8 * (inner[0, 0] - inner[1, 0])
+        middle = outer[0, 0] + 2 / 8 * (outer[0, 0] - outer[1, 0])
+        # Straight lines out to the edge and along it, from the same two distances.
+        edge = 1.5 * outer[-1] - 0.5 * outer[-2]
+        corner = 1.5 * edge[-1] - 0.5 * edge[-2]
+        return values(names, "", _CUBE.values(), (centre, corner, middle), 3e-3)
+
+    return converge(at, (10, 20, 40), 1, expected=2.0, shown=1)
+
+
+# Without resistance inside: one temperature.
+_ALUMINIUM = jt.Material(1e9, density=2700.0, specific_heat=900.0, emissivity=0.9)
+# Temperatures [K] at times [s], and times at temperatures, in one.
+_COOLING = {
     60.0: 934.667745,
     99.350085: 900.0,
     300.0: 778.764437,
@@ -41,114 +98,26 @@ COOLING = {
     3600.0: 425.566551,
     4576.287399: 400.0,
 }
-"""Temperatures [K] at times [s], and times at temperatures, in one."""
 
 
-def _cooled(grid, exposed):
-    """Theta of the surface and of the whole body at the end."""
-    body = Body(FullVolume(grid), STUFF, temperature=HOT)
-    air = Convection(COEFFICIENT, AIR, on=FragmentMask(exposed))
-    scene = Scene((body,), (air,), dtype="float64")
-    solution = simulate(scene, END, solver=ForwardEuler())
-    theta = lambda kelvin: (np.asarray(kelvin)[0] - AIR) / (HOT - AIR)
-    surface, mean = solution.surface_temperature, solution.mean_temperature
-    return theta(surface), float(theta(mean)[0])
-
-
-def _measure_cylinder() -> Row:
-    """V05 at 10, 20 and 40 voxels per radius."""
-    found, sizes = [], (10, 20, 40)
-    names = ("theta, axis", "theta, half-way", "theta, surface", "theta, mean")
-    for cells in sizes:
-        found.append(values(names, "", CYLINDER, _cylinder(cells), 5e-3))
-    errors = tuple(map(largest_error, found))
-    return result(found[-1], Order(tuple(1 / n for n in sizes), errors))
-
-
-def _cylinder(cells: int) -> list[float]:
-    """A slice one voxel thick between two ends that nothing passes through."""
-    pitch = SIZE / cells
-    grid = voxelize(cylinder(SIZE, pitch, sections=256), pitch)
-    end = np.abs(grid.fragment_normal[:, 2]) > 0.9
-    theta, mean = _cooled(grid, ~end)
-    centre = grid.lattice.centres(grid.fragment_voxel)
-    radius = np.hypot(centre[end, 0], centre[end, 1]) / SIZE
-    near, around = radius < 0.3, np.abs(radius - 0.5) < 0.15
-    axis = np.polyfit(radius[near] ** 2, theta[end][near], 2)[-1]
-    half = np.polyfit(radius[around] - 0.5, theta[end][around], 3)[-1]
-    outside = np.average(theta[~end], weights=grid.fragment_area[~end])
-    return [float(axis), float(half), float(outside), mean]
-
-
-def _measure_cube() -> Row:
-    """V07 at 10, 20 and 40 voxels per half side."""
-    found, sizes = [], (10, 20, 40)
-    names = ("theta, centre", "theta, corner", "theta, middle of a face")
-    for cells in sizes:
-        found.append(values(names, "", CUBE, _cube(cells), 3e-3))
-    errors = tuple(map(largest_error, found))
-    return result(found[1], Order(tuple(1 / n for n in sizes), errors, expected=2.0))
-
-
-def _cube(cells: int) -> list[float]:
-    """An eighth of it: nothing passes through the three planes of symmetry."""
-    pitch = SIZE / cells
-    grid = voxelize(box((SIZE, SIZE, SIZE)), pitch)
-    theta, _ = _cooled(grid, grid.fragment_normal.max(axis=1) > 0.9)
-
-    def face(sign: float) -> np.ndarray:
-        """Temperatures of one side across x [y z]."""
-        side = np.flatnonzero(sign * grid.fragment_normal[:, 0] > 0.9)
-        found = np.empty((cells, cells))
-        found[grid.fragment_voxel[side, 1], grid.fragment_voxel[side, 2]] = theta[side]
-        return found
-
-    inner, outer = face(-1.0), face(1.0)
-    # Even parabolas through the nodes at 1/2 and 3/2 voxels, along three and two axes.
-    centre = inner[0, 0] + 3 / 8 * (inner[0, 0] - inner[1, 0])
-    middle = outer[0, 0] + 2 / 8 * (outer[0, 0] - outer[1, 0])
-    edge = 1.5 * outer[-1] - 0.5 * outer[-2]
-    corner = 1.5 * edge[-1] - 0.5 * edge[-2]
-    return [float(centre), float(corner), float(middle)]
-
-
-def _measure_lumped() -> Row:
-    """V14 with steps of 20, 10 and 5 s, in kelvin at every time."""
-    found, steps = [], (20.0, 10.0, 5.0)
-    body = Body(FullVolume(bar(1, 0.1).grid), ALUMINIUM, temperature=1000.0)
-    scene = Scene((body,), (Surroundings(300.0),), dtype="float64")
-    names = tuple(f"T({t:.6g} s)" for t in COOLING)
-    for dt in steps:
-        solution = simulate(scene, max(COOLING), tuple(COOLING), solver=TRBDF2(dt))
-        kelvin = np.asarray(solution.mean_temperature)[:, 0].tolist()
-        found.append(values(names, "K", tuple(COOLING.values()), kelvin, 0.1))
-    errors = tuple(map(largest_error, found))
-    return result(found[-1], Order(steps, errors, expected=2.0))
-
-
-CASES = (
-    Case(
-        "V05",
-        "long cylinder in a fluid, Bi 1, Fo 0.2",
-        "Incropera 5.50",
-        "5e-3, at no stated resolution",
-        "slice of 40 voxels per radius (20 are too few: see the errors); explicit",
-        _measure_cylinder,
-    ),
-    Case(
-        "V07",
-        "cube in a fluid, Bi 1, Fo 0.2 on half a side",
-        "product of three slabs",
-        "3e-3",
-        "an eighth, 20 x 20 x 20 voxels; explicit",
-        _measure_cube,
-    ),
-    Case(
-        "V14",
-        "cube of one temperature that radiates, 1000 K to 300 K around",
-        "Bejan and Kraus 3.283; Incropera 5.18",
-        "0.1 K",
-        "one voxel; TR-BDF2 in steps of 5 s",
-        _measure_lumped,
-    ),
+@case(
+    "V14",
+    "cube of one temperature that radiates, 1000 K to 300 K around",
+    "Bejan and Kraus 3.283; Incropera 5.18",
+    "0.1 K",
+    "one voxel; TR-BDF2 in steps of 5 s",
 )
+def _lumped() -> Row:
+    scene = single(bar(1, 0.1).grid, _ALUMINIUM, 1000.0, jt.Surroundings(300.0))
+    names = tuple(f"T({t:.6g} s)" for t in _COOLING)
+
+    def at(dt: float):
+        times = tuple(_COOLING)
+        solution = jt.simulate(scene, times[-1], times, solver=jt.TRBDF2(dt))
+        found = np.asarray(solution.mean_temperature)[:, 0].tolist()
+        return values(names, "K", _COOLING.values(), found, 0.1)
+
+    return converge(at, (20.0, 10.0, 5.0), expected=2.0)
+
+
+CASES = (_cylinder, _cube, _lumped)

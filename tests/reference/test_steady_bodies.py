@@ -2,19 +2,18 @@
 
 import pytest
 
-from experiments.harness.case import PASS, Value
-from experiments.harness.outcome import check
+from experiments.harness.case import PASS, Value, check
 from experiments.verification import steady_bodies
-from experiments.verification.verify import find_case
+from experiments.verification.verify import _find_case
 
 
 @pytest.mark.slow
 @pytest.mark.slice
 def test_a_square_column():
     """V21a at four cells in an eighth of the side."""
-    expected = [kelvin for row in steady_bodies.COLUMN for kelvin in row]
+    expected = [kelvin for row in steady_bodies._COLUMN for kelvin in row]
     assert len(expected) == 28
-    assert steady_bodies.column(4) == pytest.approx(expected, abs=0.1)
+    assert steady_bodies._column_points(4) == pytest.approx(expected, abs=0.1)
 
 
 @pytest.mark.slow
@@ -31,7 +30,7 @@ def test_a_square_column():
     ],
 )
 def test_within_the_tolerance_that_is_stated(id_):
-    (row,) = check(find_case(id_)).rows
+    (row,) = check(_find_case(id_)).rows
     for each in row.checks:
         print(id_, each)
         assert each.passes
@@ -41,7 +40,7 @@ def test_within_the_tolerance_that_is_stated(id_):
 @pytest.mark.slow
 def test_spheres_of_voxels_exchange_what_the_closed_form_says():
     """V24: none states a tolerance for voxels; this is what is seen here."""
-    (row,) = check(find_case("V24, bodies")).rows
+    (row,) = check(_find_case("V24, bodies")).rows
     kelvin, heat = row.checks
     assert isinstance(kelvin, Value) and isinstance(heat, Value)
     print(kelvin, heat)

@@ -2,9 +2,8 @@
 
 import pytest
 
-from experiments.harness.case import PASS
-from experiments.harness.outcome import check
-from experiments.verification.verify import find_case
+from experiments.harness.case import PASS, check
+from experiments.verification.verify import _find_case
 
 
 LONG = [pytest.mark.slow, pytest.mark.slice]
@@ -22,7 +21,7 @@ LONG = [pytest.mark.slow, pytest.mark.slice]
     ],
 )
 def test_within_the_tolerance_that_is_stated(id_):
-    (row,) = check(find_case(id_)).rows
+    (row,) = check(_find_case(id_)).rows
     for each in row.checks:
         print(id_, each)
         assert each.passes

@@ -16,19 +16,20 @@ from experiments.harness.case import (
     Case,
     Group,
     Row,
+    check,
     refusal,
 )
-from experiments.harness.outcome import check, select
-from experiments.stiff import islands, run as stiff
-from experiments.stiff.radiation import cube
-from experiments.stiff.solved import Limits, Method, row_of, run_nodes, stable_step
+from experiments.harness.run import _select
+from experiments.stiff import extremes, run as stiff
+from experiments.stiff.radiation import _cube
+from experiments.stiff.solved import Limits, Method, _row_of, run_nodes, stable_step
 from jaxthermo.errors import InputError
 
 
 def test_it_is_listed_with_all_its_cases():
     (found,) = catalogue.find("stiff")
     assert found.options == ("cases",)
-    assert [case.id for case in stiff.CASES] == [f"S{n:02}" for n in range(1, 23)]
+    assert [case.id for case in stiff._CASES] == [f"S{n:02}" for n in range(1, 23)]
 
 
 @pytest.mark.parametrize("found", [2.0, -1.0, float("nan"), float("inf")])
@@ -67,11 +68,11 @@ def test_a_case_that_breaks_is_a_row_that_fails():
 
 
 def test_a_run_out_of_bounds_or_energy_fails():
-    scene = cube(400.0)
+    scene = _cube(400.0)
     dt = stable_step(scene) / 2
     method = Method("ForwardEuler", jt.ForwardEuler(dt=dt), 10 * dt)
-    ran = run_nodes(scene, method.solver, method.end)
-    row = lambda *given: row_of("", "float64", method, ran, *given)
+    ran = run_nodes(scene, method)
+    row = lambda *given: _row_of("", "float64", method, ran, *given)
     assert row((300.0, 400.0)).verdict == PASS
     # The same run, were it to keep below 350 K, or its energy closer than it can be.
     assert row((300.0, 350.0)).verdict == FAIL
@@ -79,7 +80,7 @@ def test_a_run_out_of_bounds_or_energy_fails():
     assert row((300.0, 400.0), Limits({"float64": 1e-9}, none)).verdict == FAIL
     assert row((300.0, 350.0)).overshoot_K == pytest.approx(50.0, abs=1.0)
     worse = ran._replace(nodes=(np.array([np.nan]),))
-    assert row_of("", "float64", method, worse, (300.0, 400.0)).verdict == FAIL
+    assert _row_of("", "float64", method, worse, (300.0, 400.0)).verdict == FAIL
 
 
 def _some():
@@ -89,7 +90,7 @@ def _some():
 
 def test_what_fails_is_written_as_what_passes_is(tmp_path, monkeypatch):
     small = Case("S00", "two rows", "none", "both", "", _some)
-    monkeypatch.setattr(stiff, "CASES", (small,))
+    monkeypatch.setattr(stiff, "_CASES", (small,))
     (found,) = catalogue.find("stiff")
     result = catalogue.run(found, tmp_path, cases=" s00")["result"]
     assert result["verdicts"] == {PASS: 0, REFUSED: 1, REPORTED: 0, FAIL: 1}
@@ -114,9 +115,9 @@ def test_cheap_cases_pass(tmp_path):
 def test_unknown_cases_are_refused():
     for names in ("S99", "S01,x", " , "):
         with pytest.raises(InputError, match="there are S01; S02"):
-            select((Group("", stiff.CASES),), names)
+            _select((Group("", stiff._CASES),), names)
 
 
 def test_the_island_has_a_gap():
-    solid = islands.island_body().structure.grid.solid
+    solid = extremes._island_body().structure.grid.solid
     assert solid.any(axis=(1, 2)).tolist() == [True] * 3 + [False] * 2 + [True] * 3

@@ -18,11 +18,13 @@ from experiments.harness.case import (
     Case,
     Group,
     Order,
+    Row,
     Value,
-    result,
+    _severity,
+    check,
 )
-from experiments.harness.outcome import check, plain, select, severity
 from experiments.harness.report import terminal_tables, write_report
+from experiments.harness.run import _plain, _select
 from experiments.verification import verify, walls
 from experiments.verification.bodies import hollow_hemisphere, of_blocks
 from jaxthermo.errors import InputError
@@ -35,7 +37,7 @@ FREE = Value("free", "K", 300.0, 301.0, None)
 
 
 def case(*checks, order=None, id_="T1"):
-    measured = result(checks, order)
+    measured = Row(checks=checks, order=order)
     return Case(id_, "a case", "nobody", "0.1 K", "by hand", lambda: measured)
 
 
@@ -76,8 +78,8 @@ def test_a_case_that_breaks_fails_and_says_why():
 
 def test_the_worst_is_the_farthest_off_by_its_tolerance():
     nan = replace(RIGHT, computed=math.nan)
-    assert severity(WRONG) == pytest.approx(10.0)
-    assert severity(nan) == math.inf and severity(FREE) == 0.0
+    assert _severity(WRONG) == pytest.approx(10.0)
+    assert _severity(nan) == math.inf and _severity(FREE) == 0.0
     assert check(case(RIGHT, WRONG, FREE)).worst is WRONG
     assert check(case(RIGHT, nan, WRONG)).worst is nan
 
@@ -91,7 +93,7 @@ def test_failures_show_on_the_page_on_the_terminal_and_in_the_record(tmp_path):
     )
     group = Group("Walls & ends", cases)
     outcomes = [check(each) for each in cases]
-    write_report([(group, outcomes)], tmp_path / "report.html", verify.PAGE)
+    write_report([(group, outcomes)], tmp_path / "report.html", verify._PAGE)
     text = (tmp_path / "report.html").read_text()
     failed, rest = text.split("<h2>All cases</h2>")
     assert "2 of 4 cases pass" in failed
@@ -99,22 +101,22 @@ def test_failures_show_on_the_page_on_the_terminal_and_in_the_record(tmp_path):
     assert "T3" in failed and "the wall has no end" in failed and "T4" not in failed
     assert "Walls &amp; ends" in rest
     assert rest.count('class="left missed">FAIL') == 3
-    assert all(name in rest for name, _ in verify.NOT_COVERED)
+    assert all(name in rest for name, _ in verify._NOT_COVERED)
     console = Console(width=200, record=True, file=io.StringIO())
     for table in terminal_tables(group.title, outcomes):
         console.print(table.rich())
     lines = [row for row in console.export_text().splitlines() if "FAIL" in row]
     assert len(lines) == 2 and "T2" in lines[0] and "T3" in lines[1]
-    rows = [plain(outcome, group.title) for outcome in outcomes]
+    rows = [_plain(outcome, group.title) for outcome in outcomes]
     json.dumps(rows, allow_nan=False)
     assert [row["verdict"] for row in rows] == [PASS, FAIL, FAIL, PASS]
     assert rows[1]["rows"][0]["checks"][1]["error"] == 1.0
 
 
 def test_every_published_case_is_computed_or_said_not_to_be():
-    ids = [c.id for group in verify.GROUPS for c in group.cases]
+    ids = [c.id for group in verify._GROUPS for c in group.cases]
     assert len(set(ids)) == len(ids)
-    known = " ".join([*ids, *(name for name, _ in verify.NOT_COVERED)]).replace(
+    known = " ".join([*ids, *(name for name, _ in verify._NOT_COVERED)]).replace(
         ",", " "
     )
     wanted = {f"V{n:02}" for n in (1, 2, 4, 5, 7, 9, 11, 12, 13, 14, 15, 16, 18)}
@@ -124,12 +126,14 @@ def test_every_published_case_is_computed_or_said_not_to_be():
 
 
 def test_cases_are_chosen_by_the_beginnings_of_their_ids():
-    chosen = lambda names: [c.id for g in select(verify.GROUPS, names) for c in g.cases]
+    chosen = lambda names: [
+        c.id for g in _select(verify._GROUPS, names) for c in g.cases
+    ]
     assert chosen("V21") == ["V21a", "V21b", "V21d"]
     assert chosen("a8, v04") == ["V04", "V20b, A8"]
     for wrong in ("V99", " , "):
         with pytest.raises(InputError, match="--cases"):
-            select(verify.GROUPS, wrong)
+            _select(verify._GROUPS, wrong)
 
 
 def test_it_runs_from_the_catalogue(tmp_path):
@@ -143,8 +147,8 @@ def test_it_runs_from_the_catalogue(tmp_path):
 
 
 def test_the_composite_wall_is_the_listed_one():
-    listed = list(walls.COMPOSITE.values())
-    assert list(walls.composite()) == pytest.approx(listed, abs=5.1e-7)
+    listed = list(walls._COMPOSITE.values())
+    assert list(walls._composite()) == pytest.approx(listed, abs=5.1e-7)
 
 
 def test_closed_forms_of_the_sine_mode_are_those_listed():

@@ -1,0 +1,210 @@
+"""Contact (S11), islands (S12), no conductivity, capacity, few voxels (S13 to S15)."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import jaxthermo as jt
+from jaxthermo.arrays import precision
+from jaxthermo.physics.conduction import series
+
+from ..harness.case import Bound, Row, attempt, case, refusal
+from .bodies import (
+    COLD,
+    COPPER,
+    HOT,
+    STEEL,
+    beside,
+    block,
+    heated,
+    insulated,
+    rod,
+    single,
+    two_halves,
+)
+from .contrasts import through_all
+from .digits import SOLVERS
+from .solved import Bounds, Method, Ran, damping, judged, run_nodes, too_long
+
+
+_PITCH = 0.01
+_CELLS = 4
+
+
+def _pair(conductance: float) -> jt.Scene:
+    """A hot and a cold block end to end, with a contact of h_c [W/(m^2 K)]."""
+    grid, half = block(_CELLS, 3, 3, _PITCH), _CELLS * _PITCH / 2
+    bodies = beside(grid, -half, STEEL, HOT), beside(grid, half, STEEL, COLD)
+    return jt.Scene(bodies, (jt.Contact(conductance),), dtype="float64")
+
+
+@case(
+    "S11",
+    "contact conductances of 0, 1 to 1e6 and infinity",
+    "resistances in series, 1 / (R1 + 1 / h_c A + R2)",
+    "infinity is one body, to 1e-10 of the difference; 0 leaves both as they are, "
+    "bit by bit; bounds and energy in between",
+)
+def _contacts() -> Iterator[Row]:
+    whole = single(block(2 * _CELLS, 3, 3, _PITCH), STEEL, two_halves)
+    for conductance in (1.0, 1e3, 1e6, np.inf):
+        scene = _pair(conductance)
+        what, bonded = f"h_c = {conductance:g}", np.isinf(conductance)
+        for method in damping(scene, ratio=50.0):
+
+            def against(ran: Ran, method: Method = method):
+                # A bonded pair beside one body of both, by the same solver.
+                off = ran.moved(np.concatenate(run_nodes(whole, method).nodes))
+                check = Bound("off one body", off / (HOT - COLD), 1e-10)
+                # Their solves differ, and so do the steps that follow an error.
+                adaptive = method.name == "TRBDF2, adaptive"
+                return f"off one body by {off:.2g} K", () if adaptive else (check,)
+
+            more = against if bonded else None
+            yield judged(what, scene, method, (COLD, HOT), more)
+        yield too_long(what, scene)
+    apart = _pair(0.0)
+    same = lambda ran: ("", (Bound("moved", ran.moved(np.repeat([HOT, COLD], 36)), 0),))
+    for method in damping(apart, ratio=50.0)[:3]:
+        yield judged("h_c = 0", apart, method, (COLD, HOT), same)
+    # A conductance of 1e15 against none in the way.
+    euler = Method("ForwardEuler", jt.ForwardEuler(), 100.0)
+    nearly, fully = (run_nodes(_pair(h), euler) for h in (1e15, np.inf))
+    off = nearly.moved(np.concatenate(fully.nodes)) / (HOT - COLD)
+    check = Bound("off bonded", off, 1e-10)
+    yield Row("h_c = 1e15", "ForwardEuler", "float64", checks=(check,))
+
+
+def _island_body() -> jt.Body:
+    """Two blocks with a gap between them, as one body; warmer along x."""
+    left = jt.shapes.box((0.03, 0.02, 0.02))
+    right = left.moved((0.05, 0.0, 0.0))
+    vertices = np.concatenate([left.vertices, right.vertices])
+    mesh = jt.Mesh(
+        vertices, np.concatenate([left.faces, right.faces + len(left.vertices)])
+    )
+    start = lambda points: 320.0 + 10.0 * (points[:, 0] > 0.02)
+    full = jt.FullVolume(jt.voxelize(mesh, _PITCH))
+    return jt.Body(full, STEEL, temperature=start)
+
+
+@case(
+    "S12",
+    "an island: a part of a body without any exchange of heat",
+    "C / dt is on the diagonal: no step is singular",
+    "its temperature stays bit by bit; the steady state finds it",
+)
+def _islands() -> Iterator[Row]:
+    body = _island_body()
+    region = jt.Region((-1.0, -1.0, -1.0), (0.02, 1.0, 1.0))
+    air = jt.Convection(50.0, 300.0, on=region)
+    scene = jt.Scene((body,), (air,), dtype="float64")
+    far = body.structure.nodes().centre[:, 0] > 0.02
+    # What nodes hold is not 330 K to the last bit: they start from a reference.
+    before = run_nodes(scene, Method("", jt.ForwardEuler(), 1e-9)).nodes[0]
+
+    def more(ran: Ran):
+        moved = np.abs(ran.nodes[0] - before)
+        check = Bound("island moved", float(moved[far].max()), 0.0)
+        return f"its neighbour by {float(moved[~far].max()):.2g} K", (check,)
+
+    for method in damping(scene):
+        yield judged("an island", scene, method, (300.0, 330.0), more)
+    at_rest = lambda: _at_rest(scene)
+    yield attempt("steady state", at_rest, "steady", scene.dtype)
+
+
+def _at_rest(scene: jt.Scene) -> Row:
+    """The steady state, in which the island is found and keeps its mean."""
+    rest = jt.steady(scene)
+    surface = np.asarray(rest.surface_temperature)[0]
+    far = scene.bodies[0].structure.grid.fragment_position[:, 0] > 0.02
+    off = max(abs(surface[far] - 330.0).max(), abs(surface[~far] - 300.0).max())
+    found = Bound("islands", rest.isolated_components, 1, 1)
+    checks = (found, Bound("off [K]", float(off), 1e-6))
+    return Row("steady state", "steady", scene.dtype, checks=checks)
+
+
+@case(
+    "S13",
+    "no conductivity",
+    "harmonic mean, 0 if either half insulates",
+    "refused as a material; conductance 0 with a finite slope where it is traced",
+)
+def _no_conductivity() -> Iterator[Row]:
+    yield refusal("k = 0", lambda: jt.Material(0.0, 1.0, 1.0), "positive, finite")
+    # 0 / 0 of both halves is met by a slope of 0, which is a choice.
+    for what, both, slope in (("a half", False, 1), ("both halves", True, 0)):
+        with precision("float64"):
+            one = jnp.ones((), jnp.float64)
+            conductance = lambda k, both=both, one=one: series(
+                one, one, k, one, k if both else one
+            )
+            value, found = map(float, jax.value_and_grad(conductance)(0 * one))
+        zero = Bound("conductance", value, 0, 0)
+        checks = (zero, Bound("slope", found, slope, slope))
+        yield Row(f"{what} of k = 0, traced", dtype="float64", checks=checks)
+    nearly = jt.Material(1e-30, density=1000.0, specific_heat=1000.0)
+    for dtype in ("float64", "float32"):
+        scene = insulated("checkerboard", (nearly, COPPER), dtype)
+        yield from through_all("every other voxel of k = 1e-30", scene)
+
+
+@case(
+    "S14",
+    "no heat capacity",
+    "maximum principle",
+    "refused; and 1e-6 beside 3.4e6 J/(m^3 K) keeps the bounds",
+)
+def _no_capacity() -> Iterator[Row]:
+    yield refusal("density 0", lambda: jt.Material(1.0, 0.0, 1.0), "positive, finite")
+    yield refusal("c_p 0", lambda: jt.Material(1.0, 1.0, 0.0), "positive, finite")
+    falling = lambda: jt.Material(1.0, 1.0, jt.Property([300.0, 400.0], [100.0, 0.0]))
+    yield refusal("c_p that falls to 0", falling, "give positive, finite values")
+    light = jt.Material(1.0, density=1e-6, specific_heat=1.0)
+    scene = insulated("checkerboard", (light, COPPER), "float64")
+    yield from through_all("every other voxel of 1e-6 J/(m^3 K)", scene)
+
+
+@case(
+    "S15",
+    "one voxel, one line of voxels, none",
+    "an InputError says what, where and what to do",
+    "a value for every fragment; what has no voxel is refused in one line",
+)
+def _few_voxels() -> Iterator[Row]:
+    line = rod(8, STEEL, 100.0)
+    for method in damping(line):
+        yield _all_there("8x1x1", line, method, (COLD, HOT))
+    one = heated(STEEL, _PITCH, "float32")
+    for name, solver in SOLVERS.items():
+        yield _all_there("1x1x1", one, Method(name, solver, 1000.0), (COLD, HOT))
+    none = jt.Mesh(np.zeros((0, 3)), np.zeros((0, 3), int))
+    empty = lambda: jt.voxelize(none, _PITCH)
+    yield refusal("a mesh of nothing", empty, "no triangles")
+    small = lambda: jt.voxelize(jt.shapes.box(0.1 * _PITCH), _PITCH)
+    yield refusal("a body below a voxel", small, "finer pitch")
+    yield refusal("a grid of air alone", _in_air, "no solid voxel")
+
+
+def _all_there(what: str, scene: jt.Scene, method: Method, bounds: Bounds) -> Row:
+    """A run with a temperature for every fragment."""
+    fragments = len(scene.bodies[0].structure.grid.fragment_area)
+    found = lambda ran: ran.solution.surface_temperature.shape[1]
+    fits = lambda ran: ("", (Bound("fragments", found(ran), fragments, fragments),))
+    return judged(what, scene, method, bounds, fits)
+
+
+def _in_air() -> None:
+    """Simulate on a grid without a solid voxel."""
+    full = block(3, 3, 3, _PITCH)
+    fields = ("position", "normal", "area", "voxel", "axis", "layer")
+    none = {f"fragment_{f}": getattr(full, f"fragment_{f}")[:0] for f in fields}
+    grid = replace(full, solid=np.zeros_like(full.solid), **none)
+    jt.simulate(single(grid, STEEL, HOT), 1.0, solver=jt.ForwardEuler(dt=0.1))
+
+
+CASES = (_contacts, _islands, _no_conductivity, _no_capacity, _few_voxels)
