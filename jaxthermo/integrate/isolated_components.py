@@ -125,7 +125,8 @@ def find_isolated_components(
         jnp.maximum(state, body.network.state_of(probe - body.reference))
         for body, state in zip(program.bodies, states, strict=True)
     )
-    slopes, _ = load_slopes(program, warmed, time)
+    # One program instead of one an operation; only signs are used.
+    slopes, _ = eqx.filter_jit(load_slopes)(program, warmed, time)
     # Of every entry of all states, 0 where no node is [J/K].
     capacities = tuple(
         jnp.broadcast_to(body.network.capacity(), state.shape)

@@ -61,10 +61,10 @@ def _scene(name):
     "name",
     [
         "varying properties",
-        *(
-            pytest.param(n, marks=LONG)
-            for n in ("contact", "links", "exchange", "wind")
-        ),
+        pytest.param("contact", marks=LONG),
+        pytest.param("exchange", marks=LONG),
+        pytest.param("links", marks=pytest.mark.slow),
+        pytest.param("wind", marks=pytest.mark.slow),
     ],
 )
 def test_it_is_what_small_explicit_steps_give(name):

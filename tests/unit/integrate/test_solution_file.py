@@ -26,7 +26,9 @@ BRICK = jt.Material(
 QUARTER_TURN = ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
 
 
-@pytest.fixture(scope="module", params=["float32", "float64"])
+@pytest.fixture(
+    scope="module", params=["float32", pytest.param("float64", marks=pytest.mark.slow)]
+)
 def solution(request):
     """Of two bodies, one of two materials, one turned and moved."""
     half = jt.Region(lower=(0.0, -1.0, -1.0), upper=(1.0, 1.0, 1.0))
