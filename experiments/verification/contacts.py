@@ -7,6 +7,7 @@ import numpy as np
 
 import jaxthermo as jt
 from jaxthermo.constants import ZERO_CELSIUS
+from jaxthermo.reference.semi_infinite import contact_surfaces, perfect_contact
 
 from ..harness.case import Bound, Row, Value, case, converge, largest_error, values
 from .bodies import LEFT, RIGHT, bar, explicit, full, run, single
@@ -19,14 +20,22 @@ _DIFFUSION_LENGTHS = (6.1, 7.0)
 # Diffusion lengths of copper, in those of steel.
 _IN_COPPER = float((_COPPER.diffusivity / _STEEL.diffusivity) ** 0.5)
 
-_INTERFACE = 82.93590583
 _CONDUCTANCE = 1000.0
-# By time [s]: both surfaces [degC] and the flux [W/m^2] at that conductance.
-_RESISTED = {
-    0.1: (99.080103, 4.470938, 94609.165),
-    1.0: (97.340851, 12.924149, 84416.703),
-    10.0: (93.450708, 31.831253, 61619.455),
-}
+_INTERFACE = perfect_contact(100.0, 0.0, _COPPER.effusivity, _STEEL.effusivity)
+
+
+def _resisted(time: float) -> list[float]:
+    """Both surfaces [degC] and the flux [W/m^2] at that conductance."""
+    found = contact_surfaces(
+        time,
+        temperature_a=100.0,
+        temperature_b=0.0,
+        effusivity_a=_COPPER.effusivity,
+        effusivity_b=_STEEL.effusivity,
+        contact_conductance=_CONDUCTANCE,
+    )
+    return [float(each) for each in found]
+
 
 # Three times of V12 have the same voxels, and so have both forms of V11.
 _bar = functools.cache(bar)
@@ -99,7 +108,8 @@ def _perfect() -> tuple[Value, ...]:
 )
 def _resisting() -> Row:
     def at(per_length: int) -> Iterator[Value]:
-        for end, (hot, cold, flux) in _RESISTED.items():
+        for end in (0.1, 1.0, 10.0):
+            hot, cold, flux = _resisted(end)
             found = _two_bars(jt.Contact(_CONDUCTANCE), per_length, end)
             names = (f"copper, {end:g} s", f"steel, {end:g} s")
             yield from values(names, "degC", (hot, cold), found, 0.002 * 100.0)

@@ -14,7 +14,13 @@ from jaxthermo.physics.convection.nusselt import AVERAGES
 from jaxthermo.physics.radiation.area_source import polygon_view_factor
 from jaxthermo.reference import radiation as forms
 from jaxthermo.reference.view_factor import (
+    coaxial_discs,
     disc_rule,
+    element_to_disc,
+    element_to_rectangle,
+    element_to_strip,
+    parallel_rectangles,
+    perpendicular_rectangles,
     rectangle_rule,
     view_factor,
     view_factor_to_polygon,
@@ -55,11 +61,16 @@ def _view_factors() -> Iterator[Value]:
     across, beside = (view_factor_to_polygon(floor, p) for p in (ceiling, wall))
     lower, upper = disc_rule(_ORIGIN, _Z, 1.0, 16), disc_rule(_Z, -_Z, 1.0, 16)
     sides, discs = across + 4 * beside, view_factor(lower, upper)
-    yield Value("parallel unit squares, gap 1", "", 0.1998248957, across, 1e-6)
-    yield Value("unit squares that share an edge", "", 0.2000437761, beside, 1e-6)
-    yield Value("the six sides of a cube in all", "", 1.0, sides, 1e-6)
-    yield Value("coaxial discs, r1 = r2 = H", "", 0.3819660113, discs, 1e-6)
-    yield Value("element under a disc, R = H", "", 0.5, _seen(_disc(1.0)), 1e-6)
+    exact = (
+        ("parallel unit squares, gap 1", parallel_rectangles(1.0, 1.0, 1.0)),
+        ("unit squares that share an edge", perpendicular_rectangles(1.0, 1.0, 1.0)),
+        ("the six sides of a cube in all", 1.0),
+        ("coaxial discs, r1 = r2 = H", coaxial_discs(1.0, 1.0, 1.0)),
+        ("element under a disc, R = H", element_to_disc(1.0, 1.0)),
+    )
+    found = (across, beside, sides, discs, _seen(_disc(1.0)))
+    for (name, form), computed in zip(exact, found, strict=True):
+        yield Value(name, "", form, computed, 1e-6)
 
 
 # Heat from the inner of two spheres [W].
@@ -109,8 +120,10 @@ def _plates() -> tuple[Value, ...]:
     # 1e5 m stand for endless: what is beyond subtends 1e-5.
     strip = square * np.array([1e5, 1.0, 1.0])
     found = [black * _seen(p) for p in (square, strip, _disc(1.0))]
+    square = 4 * element_to_rectangle(1.0, 1.0, 1.0)
+    factors = square, element_to_strip(2.0, 1.0), element_to_disc(1.0, 1.0)
     names = ("plate of 2 x 2 m", "endless strip of 2 m", "disc of 2 m")
-    return values(names, "kW/m^2", (82.554, 105.345, 74.490), found, 1e-3)
+    return values(names, "kW/m^2", [black * f for f in factors], found, 1e-3)
 
 
 def _net_emission(emissivity: float, kelvin: float, around: float) -> float:

@@ -3,6 +3,8 @@
 import numpy as np
 
 import jaxthermo as jt
+from jaxthermo.reference.radiation import radiation_temperature, radiation_time
+from jaxthermo.reference.slab import slab_convection
 
 from ..harness.case import Row, case, converge, values
 from .bodies import bar, layered, single
@@ -14,7 +16,13 @@ _STUFF = jt.Material(1.0, density=1000.0, specific_heat=1000.0)
 _AIR, _HOT = 300.0, 400.0
 _CYLINDER = {"axis": 0.87017424, "half-way": 0.7938029}
 _CYLINDER |= {"surface": 0.57022774, "mean": 0.71851626}
-_CUBE = {"centre": 0.85911379, "corner": 0.26633271, "middle of a face": 0.58144499}
+# Theta of the slab at its centre and its surface; a cube is the product of three.
+_MIDDLE, _FACE = slab_convection(np.array([0.0, 1.0]), 0.2, 1.0).tolist()
+_CUBE = {
+    "centre": _MIDDLE**3,
+    "corner": _FACE**3,
+    "middle of a face": _MIDDLE**2 * _FACE,
+}
 
 
 def _cooled(grid: jt.VoxelGrid, exposed: np.ndarray) -> tuple[np.ndarray, float]:
@@ -86,18 +94,18 @@ def _cube() -> Row:
 
 # Without resistance inside: one temperature.
 _ALUMINIUM = jt.Material(1e9, density=2700.0, specific_heat=900.0, emissivity=0.9)
-# Temperatures [K] at times [s], and times at temperatures, in one.
-_COOLING = {
-    60.0: 934.667745,
-    99.350085: 900.0,
-    300.0: 778.764437,
-    517.172931: 700.0,
-    600.0: 677.388833,
-    1800.0: 513.013603,
-    1979.070819: 500.0,
-    3600.0: 425.566551,
-    4576.287399: 400.0,
+_COOLED = {
+    "initial": 1000.0,
+    "surroundings": 300.0,
+    "capacity": 2700.0 * 900.0 * 0.1**3,
+    "area": 6 * 0.1**2,
+    "emissivity": 0.9,
 }
+# Some times [s], and when it has some temperatures; its temperatures then [K].
+_TIMES = (60.0, 300.0, 600.0, 1800.0, 3600.0)
+_TIMES += tuple(radiation_time(np.array([900.0, 700.0, 500.0, 400.0]), **_COOLED))
+_TIMES = tuple(sorted(float(time) for time in _TIMES))
+_COOLING = radiation_temperature(np.array(_TIMES), **_COOLED).tolist()
 
 
 @case(
@@ -109,13 +117,12 @@ _COOLING = {
 )
 def _lumped() -> Row:
     scene = single(bar(1, 0.1).grid, _ALUMINIUM, 1000.0, jt.Surroundings(300.0))
-    names = tuple(f"T({t:.6g} s)" for t in _COOLING)
+    names = tuple(f"T({t:.6g} s)" for t in _TIMES)
 
     def at(dt: float):
-        times = tuple(_COOLING)
-        solution = jt.simulate(scene, times[-1], times, solver=jt.TRBDF2(dt))
+        solution = jt.simulate(scene, _TIMES[-1], _TIMES, solver=jt.TRBDF2(dt))
         found = np.asarray(solution.mean_temperature)[:, 0].tolist()
-        return values(names, "K", _COOLING.values(), found, 0.1)
+        return values(names, "K", _COOLING, found, 0.1)
 
     return converge(at, (20.0, 10.0, 5.0), expected=2.0)
 

@@ -6,6 +6,7 @@ import numpy as np
 
 import jaxthermo as jt
 from jaxthermo.constants import ZERO_CELSIUS
+from jaxthermo.reference.radiation import sol_air_temperature
 
 from ..harness.case import Row, Value, case, converge, relative, values
 from .bodies import (
@@ -159,7 +160,7 @@ def _two_metals() -> Iterator[Value]:
     "insulated walls in sun and air",
     "ASHRAE Handbook, Fundamentals",
     "1e-6",
-    "3 voxels; steady; expected to 6 decimals",
+    "3 voxels; steady",
 )
 def _sol_air() -> tuple[Value, ...]:
     # Walls that let nothing through stand at the sol-air temperature.
@@ -173,7 +174,8 @@ def _sol_air() -> tuple[Value, ...]:
         for terms in ((air, sun), (air, sun, to_sky))
     ]
     names = ("wall", "with 0.9 x 63 W/m^2 to the sky")
-    return values(names, "degC", (87.941176, 84.605882), found, 1e-6)
+    exact = [sol_air_temperature(35.0, 900.0, 17.0, sky) for sky in (0.0, 0.9 * 63.0)]
+    return values(names, "degC", exact, found, 1e-6)
 
 
 # Of 16 x 8 x 1 voxels [m]; one watt in all goes in through x = 2 m [W/m^2].
