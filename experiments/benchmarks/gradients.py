@@ -27,11 +27,9 @@ _MEMORY = 2**30
 
 # A structure of each kind that takes weights.
 _STRUCTURES: dict[str, Callable[..., Any]] = {
-    "aggregate x4": lambda grid, weights: jt.Aggregate(grid, 4, weights=weights),
-    "shell over core": lambda grid, weights: jt.ShellOverCore(
-        grid, 1, 4, weights=weights
-    ),
-    "full volume": lambda grid, weights: jt.FullVolume(grid, weights=weights),
+    "aggregate x4": partial(jt.Aggregate, factor=4),
+    "shell over core": partial(jt.ShellOverCore, layers=1, factor=4),
+    "full volume": jt.FullVolume,
 }
 
 # Weights within, between and at the surface, k, h, emissivity, sun.
@@ -43,7 +41,7 @@ def _scene(make, grid, values) -> jt.Scene:
     material = jt.Material(
         k, density=8000.0, specific_heat=500.0, emissivity=emissivity, absorptivity=1.0
     )
-    structure = make(grid, jt.ConductionWeights(within, between, surface))
+    structure = make(grid, weights=jt.ConductionWeights(within, between, surface))
     terms = (
         jt.Sun((-1.0, 0.0, 0.0), jt.Until(sun, END / 2)),
         jt.Convection(h, START),

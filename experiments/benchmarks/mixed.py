@@ -104,7 +104,7 @@ def _idle_runners(scene: jt.Scene, dt: float) -> dict[str, _Runner]:
 def run(
     folder: Path, config: Path = _CONFIG, height: int | None = None, repeats: int = 5
 ) -> dict[str, Any]:
-    """Times, ratios with their spread, and shares."""
+    """Times, ratios with their spread, and shares; `height` in voxels."""
     overrides = ()
     if height is not None:
         count = len(load_config(config).bodies)
@@ -128,11 +128,9 @@ def run(
     }
 
 
-def _ratio(above: np.ndarray, below: np.ndarray) -> dict[str, float]:
-    return dict(zip(("median", "low", "high"), ratio_of(above, below), strict=True))
-
-
 def _results(scene: jt.Scene, times: Spans) -> dict[str, Any]:
+    names = ("median", "low", "high")
+    ratio = lambda above, below: dict(zip(names, ratio_of(above, below), strict=True))
     arrays = {name: np.array(each) for name, each in times.items()}
     conduction = sum(
         arrays[f"conduction of body {n}"] for n in range(len(scene.bodies))
@@ -143,9 +141,9 @@ def _results(scene: jt.Scene, times: Spans) -> dict[str, Any]:
         for term in scene.terms
     }
     return {
-        "over_conduction": _ratio(whole, np.asarray(conduction)),
+        "over_conduction": ratio(whole, np.asarray(conduction)),
         "shares": {"conduction": float(np.median(conduction / whole)), **shares},
-        "idle_over_bare": _ratio(arrays["one body, idle terms"], arrays["bare loop"]),
+        "idle_over_bare": ratio(arrays["one body, idle terms"], arrays["bare loop"]),
         "step_ms": {
             name: 1e3 * float(np.median(each)) for name, each in arrays.items()
         },
@@ -153,14 +151,12 @@ def _results(scene: jt.Scene, times: Spans) -> dict[str, Any]:
 
 
 def _show(scene: jt.Scene, found: dict[str, Any], built: float, set_up: float) -> None:
-    share = lambda row: found["shares"].get(row["name"].removeprefix("without "))
+    percent = {name: f"{100 * x:.0f} %" for name, x in found["shares"].items()}
+    share = lambda row: percent.get(row["name"].removeprefix("without "), "")
     columns = [
         ("", "{name}"),
         ("ms a step", "{ms:.3f}"),
-        (
-            "share of the scene's time",
-            lambda row: "" if share(row) is None else f"{100 * share(row):.0f} %",
-        ),
+        ("share of the scene's time", share),
     ]
     rows = [{"name": name, "ms": step} for name, step in found["step_ms"].items()]
     title = f"{len(scene.bodies)} bodies, {_STEPS} steps, this host"

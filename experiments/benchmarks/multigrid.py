@@ -1,10 +1,9 @@
 """An implicit step and a steady state of the full volume, beside scipy, in one run.
 
-The same system for all, in float64, to the same relative residual: conjugate gradients
-on the layout that solves take, with the diagonal and with this multigrid, whose
-diagonals are recomputed for every solve, one of which a solver selects by the step; and
-scipy's on a sparse matrix, with the diagonal and with pyamg's smoothed aggregation,
-whose set-up is reported separately. They run interleaved.
+The same system for all, in float64, to the same relative residual, interleaved:
+conjugate gradients with the diagonal and with multigrid, one of which a solver selects
+by the step; scipy's with the diagonal and with pyamg's smoothed aggregation, whose
+set-up is reported separately.
 """
 
 from collections.abc import Callable
@@ -87,9 +86,8 @@ def _system(height: int, dt: float | None) -> _System:
     k = half + half.T
     matrix = sparse.csr_array(sparse.diags_array(k.sum(axis=1) + m) - k)
     b = 5000.0 * np.bincount(node, shone_on, n)
-    return _System(
-        network, hierarchy(structure, network), put(m), put(b), address, matrix
-    )
+    levels = hierarchy(structure, network)
+    return _System(network, levels, put(m), put(b), address, matrix)
 
 
 class _Norm(AbstractStoppingNorm):

@@ -15,7 +15,6 @@ import jaxthermo as jt
 from jaxthermo.integrate.explicit import stage_count
 from jaxthermo.integrate.run.plan import Plan, initial_state, plan_run
 from jaxthermo.integrate.run.simulate import integrate, run_plan
-from jaxthermo.integrate.run.solution import RESULTS
 
 from ..harness.meshes import COPPER, END, SAVE_AT, STEEL, standard_scene
 from ..harness.present import named, show, table_of
@@ -70,7 +69,7 @@ def _cheapest(scene: jt.Scene, tries, reference: jt.Solution) -> _Found | None:
         todo = plan_run(scene, END, SAVE_AT, solver)
         found = run_plan(todo)
         error = float(jt.surface_error(found, reference).worst_rms_percent)
-        if found.result == RESULTS.successful and error <= _ERROR:
+        if found.result == jt.RESULTS.successful and error <= _ERROR:
             return _Found(how, todo, error, _evaluations(todo, found))
     return None
 

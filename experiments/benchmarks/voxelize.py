@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from jaxthermo.geometry.mesh import Mesh
+import jaxthermo as jt
 from jaxthermo.timing import Timing, measure as measure_warm
-from jaxthermo.voxels.voxelize import voxelize
 
 from ..harness.meshes import thesis_meshes
 from ..harness.present import show, table_of
@@ -22,14 +21,14 @@ from ..harness.timing import timed_call, timing_of
 _CELLS = 548
 
 
-def _first_call(mesh: Mesh, pitch: float) -> tuple[float, float]:
+def _first_call(mesh: jt.Mesh, pitch: float) -> tuple[float, float]:
     # Wall and processor time [s] of a process' first voxelization, compiling it.
     processor = time.process_time()
-    wall = timed_call(lambda: voxelize(mesh, pitch))[1]
+    wall = timed_call(lambda: jt.voxelize(mesh, pitch))[1]
     return wall, time.process_time() - processor
 
 
-def _cold(mesh: Mesh, pitch: float, repeats: int) -> tuple[Timing, float]:
+def _cold(mesh: jt.Mesh, pitch: float, repeats: int) -> tuple[Timing, float]:
     """First calls in fresh processes, and the median of their processor time [s]."""
     fresh = multiprocessing.get_context("spawn")
     spans = []
@@ -40,17 +39,18 @@ def _cold(mesh: Mesh, pitch: float, repeats: int) -> tuple[Timing, float]:
     return timing_of(wall), statistics.median(processor)
 
 
-def _peer(mesh: Mesh, pitch: float, repeats: int) -> tuple[Timing, int]:
+def _peer(mesh: jt.Mesh, pitch: float, repeats: int) -> tuple[Timing, int]:
     """trimesh: surface voxels by cutting triangles up, then filled; and how many."""
     other = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     # Nothing of it is compiled, and one call takes long: no warm-up.
-    fill = lambda: other.voxelized(pitch).fill().filled_count
+    cut = lambda: other.voxelized(pitch)
+    fill = lambda: 0 if (voxels := cut()) is None else voxels.fill().filled_count
     calls = [timed_call(fill) for _ in range(repeats)]
     return timing_of([span for _, span in calls]), int(calls[-1][0])
 
 
 def _measure(
-    mesh: Mesh, pitch: float, repeats: int = 5, peer_repeats: int = 1
+    mesh: jt.Mesh, pitch: float, repeats: int = 5, peer_repeats: int = 1
 ) -> dict[str, Any]:
     """Times [s] of both, and the voxels that each finds.
 
@@ -63,9 +63,9 @@ def _measure(
     cold, cold_processor = _cold(mesh, pitch, min(repeats, 3))
     # Processor time counts all threads: how much of the speed is parallel.
     clock = time.process_time()
-    warm = measure_warm(lambda: voxelize(mesh, pitch), repeats)
+    warm = measure_warm(lambda: jt.voxelize(mesh, pitch), repeats)
     processor = (time.process_time() - clock) / (repeats + 1)
-    grid = voxelize(mesh, pitch)
+    grid = jt.voxelize(mesh, pitch)
     peer, filled = _peer(mesh, pitch, peer_repeats)
     rows = {"jaxthermo, first call": cold, "jaxthermo": warm, "trimesh": peer}
     columns = [

@@ -16,6 +16,9 @@ from jaxthermo.report.sheet import ColourBar, Tile
 from jaxthermo.report.table import Cell, Table
 
 
+Rows = list[dict[str, Any]]
+"""Rows of a result, in types that JSON has."""
+
 Column = tuple[str, str | Callable[[Any], str | Cell]]
 """Heading, and a format string of a row's values or a function of the row."""
 

@@ -90,12 +90,9 @@ def _point(row: Row) -> _Point:
         "{run_time_s[median]:.3g} s, {times_faster[median]:.3g} times faster "
         "({times_faster[least]:.3g} to {times_faster[most]:.3g}), {nodes} nodes"
     )
-    return {
-        **{name: row[name] for name in ("label", "load")},
-        **row["run_time_s"],
-        "error": row["error"]["worst_rms_percent"],
-        "text": text.format_map(row),
-    }
+    head = {"label": row["label"], "load": row["load"], **row["run_time_s"]}
+    error = row["error"]["worst_rms_percent"]
+    return {**head, "error": error, "text": text.format_map(row)}
 
 
 def _lines(
@@ -120,6 +117,7 @@ def _lines(
 
 def error_over_time(rows: list[Row], paint: Paint, title: str) -> Chart:
     """The error of each structure at every saved time, for one load."""
+    series = ("times", "rms_percent")
     points = [
         {
             "label": row["label"],
@@ -128,9 +126,7 @@ def error_over_time(rows: list[Row], paint: Paint, title: str) -> Chart:
             "text": f"{row['label']}, {time:g} s: {value:.3g} %",
         }
         for row in rows
-        for time, value in zip(
-            row["error"]["times"], row["error"]["rms_percent"], strict=True
-        )
+        for time, value in zip(*map(row["error"].get, series), strict=True)
         if value > 0
     ]
     axis = alt.Axis(values=sorted({point["time"] for point in points}), format=".4~r")

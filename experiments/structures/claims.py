@@ -35,6 +35,11 @@ def summarize(rows: list[Row], config: ComparisonConfig) -> list[Line]:
     return lines
 
 
+# Errors of a line: the largest over all loads.
+_WORST = [f"worst_{e}" for e in ("rms_percent", "p99_percent", "max_percent")]
+_WORST += ["worst_rms_kelvin"]
+
+
 def _line(body: str, label: str, rows: list[Row]) -> Line:
     first = rows[0]
     middle = lambda name: statistics.median(row[name] for row in rows)
@@ -55,15 +60,7 @@ def _line(body: str, label: str, rows: list[Row]) -> Line:
         "error_percent": {
             row["load"]: row["error"]["worst_rms_percent"] for row in rows
         },
-        **{
-            name: worst(name)
-            for name in (
-                "worst_rms_percent",
-                "worst_p99_percent",
-                "worst_max_percent",
-                "worst_rms_kelvin",
-            )
-        },
+        **{name: worst(name) for name in _WORST},
         "frame_rms_kelvin": max(frame["worst_rms_kelvin"] for frame in part("frame")),
         "frame_ssim": min(frame["worst_ssim"] for frame in part("frame")),
         "energy_residual": max(part("energy_residual")),
@@ -81,7 +78,7 @@ def _spread(values: list[dict[str, float]]) -> dict[str, float]:
 
 
 def _check(line: Line, row: Row, expect: ExpectConfig | None) -> list[dict[str, Any]]:
-    """Compare a structure with the expectations of the config."""
+    # None for a structure, or a body, of which the config expects nothing.
     if expect is None or expect.body not in (None, line["body"]):
         return []
     share = line["nodes"] / row["structure"]["solid_voxels"]
@@ -173,16 +170,7 @@ def thesis_claims(
     local: list[Row],
     limb: LimbConfig | None,
 ) -> list[Claim]:
-    """Verdicts on the claims for which there are rows.
-
-    Args:
-        rows: of the structures.
-        lines: of the table.
-        swept: over numbers of levels.
-        even: of the insulated body.
-        local: errors by thickness, of the body with thin limbs.
-        limb: that body.
-    """
+    """Verdicts on the claims for which there are rows."""
     return [
         *_speed_claims(lines),
         *_equilibrium_claim(even),

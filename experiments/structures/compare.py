@@ -6,14 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import jax
+from rich import progress
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-)
 
 from jaxthermo.cli.console import open_console, print_line, status
 from jaxthermo.errors import InputError
@@ -35,7 +29,7 @@ from .sweeps import equilibrium_rows, level_rows, local_rows
 
 class _Steps:
     # Counts rows on a progress bar and prints each when it is done.
-    def __init__(self, console: Console, bar: Progress, total: int):
+    def __init__(self, console: Console, bar: progress.Progress, total: int):
         self.console, self.bar = console, bar
         self.task = bar.add_task("", total=total)
 
@@ -47,19 +41,16 @@ class _Steps:
             yield row
 
 
-def _progress(console: Console) -> Progress:
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(bar_width=None),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-    )
+def _progress(console: Console) -> progress.Progress:
+    text, bar = progress.TextColumn("{task.description}"), progress.BarColumn(None)
+    counts = progress.MofNCompleteColumn(), progress.TimeElapsedColumn()
     quiet = not console.is_terminal
-    return Progress(*columns, console=console, transient=True, disable=quiet)
+    return progress.Progress(
+        text, bar, *counts, console=console, transient=True, disable=quiet
+    )
 
 
 def _row_in_words(row: Row) -> str:
-    """One line about any row."""
     names = ("body", "load", "hollow", "asked_for", "label")
     where = " ".join(str(row[name]) for name in names if name in row)
     if "refused" in row:
@@ -90,12 +81,9 @@ _DEFAULT = Path(__file__).parents[2] / "configs" / "experiments" / "structures.y
 def run(
     folder: Path, config: Path | None = None, height: int | None = None
 ) -> dict[str, Any]:
-    """Every structure of the config against the full volume.
+    """Every structure of the config against the full volume, at `height` voxels.
 
-    Args:
-        folder: for the results; a run that was cut off there goes on.
-        config: a YAML file; the standard comparison if not given.
-        height: voxels along up, instead of the config's.
+    A run that was cut off in the same folder goes on.
 
     Raises:
         InputError: for a mistake in the config, or a mesh that is not there.
@@ -121,8 +109,9 @@ def run(
         raise InputError(f"nothing could be run: {findings.rows[0]['refused']}")
     if record.reused:
         print_line(console, f"{record.reused} rows were there from an earlier run")
+    host = f"{os.cpu_count()} cores, {jax.devices()[0].device_kind}"
     with status(console, "drawing"):
-        files = write_report(findings, folder, _host())
+        files = write_report(findings, folder, host)
     show_table(findings.lines)
     return {
         "config": resolved(comparison),
@@ -138,14 +127,10 @@ def run(
     }
 
 
-def _host() -> str:
-    return f"{os.cpu_count()} cores, {jax.devices()[0].device_kind}"
-
-
 def _measure(
     console: Console, config: ComparisonConfig, studies: list[Study]
 ) -> Findings:
-    """All rows and what follows from them, with a bar on a terminal."""
+    # All rows first, then what follows from them: an interrupted run keeps its rows.
     claims = config.claims
     limb = _limb_study(config, studies[0].record)
     swept, even, local = [], [], []
@@ -176,7 +161,7 @@ def _rows(study: Study, steps: _Steps) -> Iterator[Row]:
 
 
 def _limb_study(config: ComparisonConfig, record: Record) -> Study | None:
-    """The body with thin limbs, under the load that the pictures show."""
+    # Under the load that the pictures show: its local error is one of them.
     limb = config.claims.limb
     if limb is None:
         return None
@@ -186,23 +171,19 @@ def _limb_study(config: ComparisonConfig, record: Record) -> Study | None:
         "structures": tuple(EntryConfig(**dict(named)) for named in limb.structures),
         "full_volume_as_links": False,
     }
-    return Study(
-        ComparedBody(shape=limb.shape), config.model_copy(update=update), record
-    )
+    body = ComparedBody(shape=limb.shape)
+    return Study(body, config.model_copy(update=update), record)
 
 
 def _count_rows(config: ComparisonConfig, limb: Study | None) -> int:
-    """The number of rows of the whole comparison."""
-    claims = config.claims
-    total = len(config.bodies) * _count_body_rows(config)
+    # References, every structure under its loads, and the rows of the claims.
+    loads = lambda c: sum(len(case_loads(case, c)) for case in all_cases(c))
+    claims, parts = config.claims, [config] * len(config.bodies)
+    if limb is not None:
+        parts.append(limb.config)
+    total = sum(len(part.loads) + loads(part) for part in parts)
     if claims.levels is not None:
         total += (len(claims.levels.counts) + 1) * len(claims.levels.hollow)
     if claims.equilibrium is not None:
         total += len(all_cases(config))
-    return total + (0 if limb is None else _count_body_rows(limb.config))
-
-
-def _count_body_rows(config: ComparisonConfig) -> int:
-    """References, and every structure under its loads."""
-    each = (len(case_loads(case, config)) for case in all_cases(config))
-    return len(config.loads) + sum(each)
+    return total

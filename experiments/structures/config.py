@@ -188,14 +188,14 @@ class ComparisonConfig(Model):
     def _unknown_bodies(self) -> list[Mistake]:
         """Bodies that are named elsewhere and are not in the list."""
         bodies = [body.name for body in self.bodies]
-        even = self.claims.equilibrium
         named: list[tuple[Location, str | None]] = [
             (("structures", i, "expect", "body"), entry.expect.body)
             for i, entry in enumerate(self.structures)
             if entry.expect is not None
         ]
-        if even is not None:
-            named.append((("claims", "equilibrium", "body"), even.body))
+        if self.claims.equilibrium is not None:
+            location = ("claims", "equilibrium", "body")
+            named.append((location, self.claims.equilibrium.body))
         return [
             (where, f"there is no '{name}'{close_match(name, bodies)}")
             for where, name in named

@@ -10,13 +10,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Bool, Float
 from skimage.metrics import structural_similarity
 
+import jaxthermo as jt
 from jaxthermo.arrays import precision
 from jaxthermo.config.camera_framing import build_camera
 from jaxthermo.config.schema.image import PinholeConfig
-from jaxthermo.errors import InputError
 from jaxthermo.image.render import draw
 from jaxthermo.image.view import View, compute_view
 from jaxthermo.integrate.run.plan import (
@@ -27,10 +27,9 @@ from jaxthermo.integrate.run.plan import (
     step_table,
 )
 from jaxthermo.integrate.run.simulate import make_solution, take_steps
-from jaxthermo.integrate.run.solution import RESULTS, Observation, Solution
-from jaxthermo.integrate.solvers import ForwardEuler
+from jaxthermo.integrate.run.solution import Observation
 from jaxthermo.integrate.surface_error import AnySolution, error_span, surface_error
-from jaxthermo.scene.scene import Scene, SolvedSurface
+from jaxthermo.scene.scene import SolvedSurface
 from jaxthermo.structures.structure import AbstractStructure
 from jaxthermo.timing import Timing
 
@@ -46,7 +45,7 @@ _Loop = Callable[[], Observation]
 @dataclass(frozen=True, eq=False)
 class _Runner:
     # All that comes before the first step is done; `compile` builds the loop of a run.
-    scene: Scene
+    scene: jt.Scene
     plan: Plan
     compile: Callable[[], _Loop]
 
@@ -57,28 +56,21 @@ class _Runner:
         leaves = (x for x in jax.tree.leaves(arrays) if isinstance(x, jax.Array))
         return sum(x.nbytes for x in leaves)
 
-    def solution(self, seen: Observation) -> Solution:
+    def solution(self, seen: Observation) -> jt.Solution:
         with precision(self.scene.dtype):
             found = make_solution(self.plan, seen)
-        if found.result != RESULTS.successful:
+        if found.result != jt.RESULTS.successful:
             # Not finite, or below 0 K: a row that is refused, not one with an error.
-            raise InputError(RESULTS[found.result])
+            raise jt.InputError(jt.RESULTS[found.result])
         return found
 
 
 def prepare(
-    scene: Scene, t1: float, save_at: tuple[float, ...], dt: float | None = None
+    scene: jt.Scene, t1: float, save_at: tuple[float, ...], dt: float | None = None
 ) -> _Runner:
-    """Compile a scene and lay out its steps.
-
-    Args:
-        scene: one body and what acts on it.
-        t1: end [s].
-        save_at: times to keep [s].
-        dt: the step; the largest stable one if not given [s].
-    """
+    """Compile a scene and lay out steps of `dt` [s], the stable one by default."""
     with precision(scene.dtype):
-        todo = plan_run(scene, t1, save_at, ForwardEuler(dt=dt))
+        todo = plan_run(scene, t1, save_at, jt.ForwardEuler(dt=dt))
         program, state = todo.compiled.program, initial_state(todo)
         layout = step_table(todo, save_intervals(todo.intervals))
         given = todo.stepper, program, state, layout
@@ -99,7 +91,7 @@ def prepare(
     return _Runner(scene, todo, compile_loop)
 
 
-def finish(runner: _Runner) -> Solution:
+def finish(runner: _Runner) -> jt.Solution:
     """Run once, untimed."""
     return runner.solution(jax.block_until_ready(runner.compile()()))
 
@@ -120,12 +112,14 @@ MAX_REPEATED_SECONDS = 20.0
 class Baseline(NamedTuple):
     """The full volume's explicit loop at its own stable step, timed in this process."""
 
-    solution: Solution
+    solution: jt.Solution
     time: Timing
     row: Row
 
 
-def run_timed(scene: Scene, config: ComparisonConfig) -> tuple[Solution, Timing, Row]:
+def run_timed(
+    scene: jt.Scene, config: ComparisonConfig
+) -> tuple[jt.Solution, Timing, Row]:
     """A run at the scene's own largest stable step, timed warm.
 
     The time is that of the compiled loop with the surface map at the saved times.
@@ -134,10 +128,27 @@ def run_timed(scene: Scene, config: ComparisonConfig) -> tuple[Solution, Timing,
     runner, setup = timed_call(lambda: prepare(scene, span.end, span.save_times))
     loop, compiling = timed_call(runner.compile)
     seen, spans = _repeated(loop, config.repeats)
-    timing = timing_of(spans)
-    solution = runner.solution(seen)
-    cost = _cost(runner, solution, timing, setup, compiling)
-    return solution, timing, {**cost, "timed_runs": len(spans)}
+    timing, solution = timing_of(spans), runner.solution(seen)
+    receipt, stable = runner.plan.compiled.receipt, solution.run.stable_step
+    # A sun that the body does not see is no term of the scene.
+    sun = solution.energy.mechanisms.get("sun", (0.0,))
+    row = {
+        "nodes": receipt.nodes,
+        "links": receipt.links,
+        "capacity_ratio": receipt.capacity_ratios[0],
+        "held_bytes": runner.held_bytes,
+        "peak_bytes_forecast": receipt.memory_bytes,
+        "steps": solution.run.steps,
+        # JSON has no infinity.
+        "stable_step_s": stable if stable and np.isfinite(stable) else None,
+        "setup_time_s": setup,
+        "compile_time_s": compiling,
+        "run_time_s": timing._asdict(),
+        "sun_J": float(sun[-1]),
+        "energy_residual": float(np.abs(solution.energy.residual_relative).max()),
+        "timed_runs": len(spans),
+    }
+    return solution, timing, row
 
 
 def _repeated(
@@ -151,36 +162,6 @@ def _repeated(
     if fitting >= repeats:
         return seen, [timed_call(call)[1] for _ in range(repeats)]
     return seen, [first, *(timed_call(call)[1] for _ in range(fitting))]
-
-
-def _cost(
-    runner: _Runner, solution: Solution, timing: Timing, setup: float, compiling: float
-) -> Row:
-    receipt = runner.plan.compiled.receipt
-    return {
-        "nodes": receipt.nodes,
-        "links": receipt.links,
-        "capacity_ratio": receipt.capacity_ratios[0],
-        "held_bytes": runner.held_bytes,
-        "peak_bytes_forecast": receipt.memory_bytes,
-        "steps": solution.run.steps,
-        "stable_step_s": _finite(solution.run.stable_step),
-        "setup_time_s": setup,
-        "compile_time_s": compiling,
-        "run_time_s": timing._asdict(),
-        "sun_J": _last(solution.energy.mechanisms.get("sun")),
-        "energy_residual": float(np.abs(solution.energy.residual_relative).max()),
-    }
-
-
-def _finite(value: float | None) -> float | None:
-    """JSON has no infinity."""
-    return value if value is not None and np.isfinite(value) else None
-
-
-def _last(heat: Float[Array | np.ndarray, " t"] | None) -> float:
-    """Heat brought by the end; none by a sun that the body does not see."""
-    return 0.0 if heat is None else float(heat[-1])
 
 
 def error_row(solution: AnySolution, reference: AnySolution) -> Row:
@@ -210,38 +191,30 @@ def build_timed(make: Callable[[], AbstractStructure]) -> Timed:
         return timed_call(make)
 
 
-def run_reference(
-    scene: Scene, config: ComparisonConfig, stable_step: float | None
-) -> Solution:
-    """The full volume, at the config's fraction of its stable step [s]."""
-    span = config.time
-    step = None if stable_step is None else config.reference_step * stable_step
-    return finish(prepare(scene, span.end, span.save_times, step))
-
-
 class Scenery(NamedTuple):
     """One camera on one body, for all its structures."""
 
     view: View
-    surfaces: tuple[SolvedSurface, ...]
+    surface: SolvedSurface
     body: Bool[np.ndarray, "h w"]
     """Pixels that show the body."""
 
     def frame(self, temperature: Float[np.ndarray, " s"]) -> Float[np.ndarray, "h w"]:
         """The surface's temperature in every pixel [K]; the air's in the background."""
         values = jnp.asarray(temperature)
-        image = draw(self.view, self.surfaces, (), values, jnp.zeros((), values.dtype))
-        return np.asarray(image.temperature)
+        zero = jnp.zeros((), values.dtype)
+        return np.asarray(
+            draw(self.view, (self.surface,), (), values, zero).temperature
+        )
 
 
-def scenery(camera: PinholeConfig, surfaces: tuple[SolvedSurface, ...]) -> Scenery:
+def scenery(camera: PinholeConfig, surface: SolvedSurface) -> Scenery:
     """The camera of the config, looking at the body."""
-    triangles = np.concatenate([s.geometry.triangles for s in surfaces])
-    view = compute_view(surfaces, (), build_camera(camera, triangles))
-    width, height = view.camera.size
-    body = np.zeros(height * width, bool)
-    body[view.pixel] = True
-    return Scenery(view, surfaces, body.reshape(height, width))
+    framed = build_camera(camera, surface.geometry.triangles)
+    view = compute_view((surface,), (), framed)
+    body = np.zeros(view.camera.size[::-1], bool)
+    body.reshape(-1)[view.pixel] = True
+    return Scenery(view, surface, body)
 
 
 def frame_error(scene: Scenery, solution: AnySolution, reference: AnySolution) -> Row:
@@ -254,11 +227,16 @@ def frame_error(scene: Scenery, solution: AnySolution, reference: AnySolution) -
     expected = np.asarray(reference.surface_temperature)[later]
     spans = np.asarray(error_span(jnp.asarray(expected)), float)
     rms, ssim = [], []
-    for one, other, span in zip(found, expected, spans, strict=True):
-        ours, theirs = scene.frame(one), scene.frame(other)
-        square = (ours - theirs)[scene.body].astype(float) ** 2
+    for one, other, span in zip(found, expected, spans.tolist(), strict=True):
+        images = [scene.frame(one), scene.frame(other)]
+        square = (images[0] - images[1])[scene.body].astype(float) ** 2
         rms.append(float(np.sqrt(square.mean())))
-        ssim.append(_similarity(scene, ours, theirs, float(span)))
+        # Differences from the coldest pixel keep float32's digits.
+        level = float(images[1].min())
+        shifted = [np.asarray(image, float) - level for image in images]
+        every = structural_similarity(*shifted, data_range=span, full=True)[-1]
+        # Over the body's pixels: the background is the same in all and would flatter.
+        ssim.append(float(np.asarray(every)[scene.body].mean()))
     return {
         "rms_kelvin": rms,
         "ssim": ssim,
@@ -266,19 +244,3 @@ def frame_error(scene: Scenery, solution: AnySolution, reference: AnySolution) -
         "worst_rms_kelvin": max(rms),
         "worst_ssim": min(ssim),
     }
-
-
-def _similarity(
-    scene: Scenery,
-    ours: Float[np.ndarray, "h w"],
-    theirs: Float[np.ndarray, "h w"],
-    span: float,
-) -> float:
-    """Mean over the body's pixels: the background is the same in all and would flatter.
-
-    Differences from the background keep float32's digits.
-    """
-    level = float(theirs.min())
-    images = [np.asarray(image, float) - level for image in (ours, theirs)]
-    every = structural_similarity(*images, data_range=span, full=True)[-1]
-    return float(np.asarray(every)[scene.body].mean())

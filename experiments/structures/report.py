@@ -38,6 +38,10 @@ from .measure import MAX_REPEATED_SECONDS, Scenery
 from .study import Study, all_cases
 
 
+_run_time = lambda line: seconds_with_range(*line["run_time_s"].values())
+_by_load = lambda errors: ", ".join(f"{k}: {v:.3g}" for k, v in errors.items())
+
+# Cost and accuracy stand in two tables: in one they would not fit on a page.
 _COST: list[Column] = [
     ("structure", "{label}"),
     ("nodes", "{nodes:,}"),
@@ -47,21 +51,13 @@ _COST: list[Column] = [
     ("build", lambda line: seconds(line["build_time_s"])),
     ("setup", lambda line: seconds(line["setup_time_s"])),
     ("compile", lambda line: seconds(line["compile_time_s"])),
-    (
-        "run (fastest-slowest)",
-        lambda line: seconds_with_range(*line["run_time_s"].values()),
-    ),
+    ("run (fastest-slowest)", _run_time),
     ("times faster (least-most)", times),
 ]
 
 _ERROR: list[Column] = [
     ("structure", "{label}"),
-    (
-        "RMS % by load",
-        lambda line: ", ".join(
-            f"{k}: {v:.3g}" for k, v in line["error_percent"].items()
-        ),
-    ),
+    ("RMS % by load", lambda line: _by_load(line["error_percent"])),
     ("p99 %", "{worst_p99_percent:.3g}"),
     ("max %", "{worst_max_percent:.3g}"),
     ("RMS K", "{worst_rms_kelvin:.3g}"),
@@ -90,40 +86,25 @@ _ALL_ROWS: list[Column] = [
     ("SSIM at each time", _several("frame", "ssim", ".4f")),
 ]
 
-_DEFINITIONS = (
-    (
-        "error",
-        "the area-weighted RMS over the surface of the difference from the full volume "
-        "at {share:g} of its stable step, over that one's range (max - min) at the "
-        "same time, or over 5 % of the run's largest range where that is more; the "
-        "worst of the saved times. Every structure is read at the depth of the full "
-        "volume's nodes, by the surface map of the config",
-    ),
-    ("steps", "each structure runs at its own largest stable step"),
-    ("memory", "the arrays of the compiled scene and its state"),
-    (
-        "setup",
-        "all between the structure and the first step, and what is compiled for it",
-    ),
-    (
-        "run",
-        "the compiled loop with the surface map at the saved times: the median of "
-        "{repeats} warm runs, or of as many as {long:g} s hold and the first, two at "
-        "least",
-    ),
-    (
-        "times faster",
-        "what the full volume's explicit loop took in the same process over the run, "
-        "with the ends of what was seen",
-    ),
-    (
-        "frame",
-        "the same camera, over the body's pixels; SSIM with the error's range as its "
-        "data range",
-    ),
-    ("capacity", "of the nodes, over the body's"),
-    ("energy", "what the ledger leaves unexplained, over the heat moved"),
-)
+_DEFINITIONS = {
+    "error": "the area-weighted RMS over the surface of the difference from the full "
+    "volume at {share:g} of its stable step, over that one's range (max - min) at the "
+    "same time, or over 5 % of the run's largest range where that is more; the worst "
+    "of the saved times. Every structure is read at the depth of the full volume's "
+    "nodes, by the surface map of the config",
+    "steps": "each structure runs at its own largest stable step",
+    "memory": "the arrays of the compiled scene and its state",
+    "setup": "all between the structure and the first step, and what is compiled for "
+    "it",
+    "run": "the compiled loop with the surface map at the saved times: the median of "
+    "{repeats} warm runs, or of as many as {long:g} s hold and the first, two at least",
+    "times faster": "what the full volume's explicit loop took in the same process "
+    "over the run, with the ends of what was seen",
+    "frame": "the same camera, over the body's pixels; SSIM with the error's range as "
+    "its data range",
+    "capacity": "of the nodes, over the body's",
+    "energy": "what the ledger leaves unexplained, over the heat moved",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +151,7 @@ def write_report(findings: Findings, folder: Path, host: str) -> list[str]:
     config = findings.studies[0].config
     words = {"share": config.reference_step, "repeats": config.repeats}
     words["long"] = MAX_REPEATED_SECONDS
-    about = [(name, text.format(**words)) for name, text in _DEFINITIONS]
+    about = [(name, text.format(**words)) for name, text in _DEFINITIONS.items()]
     made = _Page(findings, folder)
     made.sections = [f"{config.voxels_high} voxels high, {host}", page.terms(about)]
     for study in findings.studies:
@@ -186,7 +167,6 @@ def write_report(findings: Findings, folder: Path, host: str) -> list[str]:
 
 
 def _add_body(made: _Page, study: Study) -> None:
-    """The tables, the charts and the pictures of one body."""
     name, load = study.body.name, study.config.picture.load
     rows = [r for r in made.findings.rows if r["body"] == name and "refused" not in r]
     lines = [line for line in made.findings.lines if line["body"] == name]
@@ -256,7 +236,7 @@ _Frame = Float[np.ndarray, "h w"]
 
 
 def _sheets(study: Study, rows: list[Row]) -> dict[str, Image.Image]:
-    """Every structure's frame, and its difference from the full volume's."""
+    # Every structure's frame, and its difference from the full volume's.
     shown, scene = study.config.picture, study.scenery
     chosen = [row for row in rows if row["load"] == shown.load]
     expected = scene.frame(study.shown_reference)

@@ -9,20 +9,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from jaxthermo.errors import InputError
-from jaxthermo.geometry.mesh import Pose
-from jaxthermo.integrate.run.solution import Solution
+import jaxthermo as jt
 from jaxthermo.integrate.run.solution_file import StoredSolution
-from jaxthermo.physics.radiation.source import Sun
-from jaxthermo.physics.time_varying import Until
 from jaxthermo.scene.compile.compile import body_geometry
-from jaxthermo.scene.scene import Body, Scene, SolvedSurface
-from jaxthermo.structures.kinds.full import FullVolume
+from jaxthermo.scene.scene import SolvedSurface
 from jaxthermo.structures.report import structure_report
 from jaxthermo.structures.structure import AbstractStructure
-from jaxthermo.structures.surface_map import AbstractSurfaceMap, ConstantMap
-from jaxthermo.voxels.grid import VoxelGrid
-from jaxthermo.voxels.voxelize import voxelize
+from jaxthermo.structures.surface_map import AbstractSurfaceMap
 
 from ..harness.record import Arrays, Record, Row
 from .config import (
@@ -41,9 +34,10 @@ from .measure import (
     Timed,
     build_timed,
     error_row,
+    finish,
     frame_error,
+    prepare,
     ratio_row,
-    run_reference,
     run_timed,
     scenery,
     surface_at,
@@ -51,7 +45,7 @@ from .measure import (
 
 
 # Surface map of the full volume: a voxel's temperature is that of its centre.
-NEAREST = ConstantMap()
+NEAREST = jt.ConstantMap()
 
 
 def rays(axes: tuple[str, str, str], load: str) -> tuple[float, float, float]:
@@ -68,7 +62,7 @@ def rays(axes: tuple[str, str, str], load: str) -> tuple[float, float, float]:
 class Subject:
     """A voxelized body, and the scenes that it is put into."""
 
-    grid: VoxelGrid
+    grid: jt.VoxelGrid
     config: ComparisonConfig
 
     @classmethod
@@ -78,40 +72,36 @@ class Subject:
         """Voxelize the body's mesh to so many voxels along up."""
         given = body.mesh or body.shape
         if given is None:
-            raise InputError("bodies: a body needs a `mesh` or a `shape`")
+            raise jt.InputError("bodies: a body needs a `mesh` or a `shape`")
         mesh = given.build()
         pitch = float(np.ptp(mesh.bounds[:, 2])) / voxels_high
-        return cls(voxelize(mesh, pitch), config)
+        return cls(jt.voxelize(mesh, pitch), config)
 
     def body(
         self, structure: AbstractStructure, surface_map: AbstractSurfaceMap
-    ) -> Body:
+    ) -> jt.Body:
         """The structure with the material and start of the config."""
         config = self.config
         material, start = config.material.build(), config.temperature
-        return Body(structure, material, temperature=start, surface_map=surface_map)
+        return jt.Body(structure, material, temperature=start, surface_map=surface_map)
 
     def scene(
         self, structure: AbstractStructure, surface_map: AbstractSurfaceMap, load: str
-    ) -> Scene:
+    ) -> jt.Scene:
         """A structure in the sun from the side that the load names."""
         sun, others = self.config.sun, self.config.terms
         strength: Any = sun.irradiance
         if sun.until is not None:
-            strength = Until(strength, sun.until)
-        first = Sun(self.rays(load), irradiance=strength)
+            strength = jt.Until(strength, sun.until)
+        first = jt.Sun(rays(self.grid.mesh.axes, load), irradiance=strength)
         terms = (first, *(term.build() for term in others))
-        return Scene((self.body(structure, surface_map),), terms)
-
-    def rays(self, load: str) -> tuple[float, float, float]:
-        """Direction of the sun's rays."""
-        return rays(self.grid.mesh.axes, load)
+        return jt.Scene((self.body(structure, surface_map),), terms)
 
     @property
     def surface(self) -> SolvedSurface:
         """The body's shape; black, since only temperatures are looked at."""
         one = jnp.ones((), jnp.float32)
-        return SolvedSurface(body_geometry(self.grid, Pose()), one, one)
+        return SolvedSurface(body_geometry(self.grid, jt.Pose()), one, one)
 
 
 @dataclass(frozen=True)
@@ -128,10 +118,10 @@ class Case:
         options = structure_identity(self.entry.structure) if self.entry else {}
         return [self.label, self.kind, options]
 
-    def make(self, grid: VoxelGrid) -> AbstractStructure:
+    def make(self, grid: jt.VoxelGrid) -> AbstractStructure:
         """The structure of a body's voxels."""
         if self.entry is None:
-            return FullVolume(grid, stencil=self.kind != LINKS)
+            return jt.FullVolume(grid, stencil=self.kind != LINKS)
         return self.entry.structure.build(grid)
 
 
@@ -170,24 +160,19 @@ class Study:
     @cached_property
     def scenery(self) -> Scenery:
         """The body as the camera sees it."""
-        return scenery(self.config.camera, (self.subject.surface,))
+        return scenery(self.config.camera, self.subject.surface)
 
     @cached_property
     def identity(self) -> dict[str, Any]:
         """Inputs of all rows of this body, as plain values."""
-        return {
-            "common": common_identity(self.config),
-            "body": body_identity(self.body),
-        }
+        config, body = common_identity(self.config), body_identity(self.body)
+        return {"common": config, "body": body}
 
     def baseline(self, load: str) -> Baseline:
-        """The full volume at its own stable step, timed in this process.
-
-        Ratios are of times measured in one process, also after an interruption.
-        """
+        """The full volume at its own stable step, timed in this process."""
+        # Ratios are of times of one process, also after an interruption: no record.
         if load not in self._baselines:
-            full = FullVolume(self.subject.grid)
-            scene = self.subject.scene(full, NEAREST, load)
+            scene = self.subject.scene(jt.FullVolume(self.subject.grid), NEAREST, load)
             solution, timing, cost = run_timed(scene, self.config)
             # The loop runs over the bounding box, empty voxels included.
             work = self.subject.grid.solid.size * cost["steps"]
@@ -200,13 +185,11 @@ class Study:
         if load not in self._references:
             row = self.reference_row(load)
             if "refused" in row:
-                raise InputError(f"the reference: {row['refused']}")
+                raise jt.InputError(f"the reference: {row['refused']}")
             kept = self.record.arrays_of(row)
-            self._references[load] = StoredSolution(
-                jnp.asarray(kept["times"]),
-                jnp.asarray(kept["surface_temperature"]),
-                (self.subject.surface,),
-            )
+            arrays = (jnp.asarray(kept[k]) for k in ("times", "surface_temperature"))
+            solution = StoredSolution(*arrays, (self.subject.surface,))
+            self._references[load] = solution
         return self._references[load]
 
     def reference_row(self, load: str) -> Row:
@@ -224,13 +207,15 @@ class Study:
         return surface_at(self.reference(shown.load), shown.time)
 
     def _reference(self, load: str) -> tuple[Row, Arrays]:
-        stable_step = self.baseline(load).solution.run.stable_step
-        scene = self.subject.scene(FullVolume(self.subject.grid), NEAREST, load)
-        solution = run_reference(scene, self.config, stable_step)
-        return {"steps": solution.run.steps, "dt_s": solution.run.dt}, {
-            "times": np.asarray(solution.times),
-            "surface_temperature": np.asarray(solution.surface_temperature),
-        }
+        config, stable = self.config, self.baseline(load).solution.run.stable_step
+        step = None if stable is None else config.reference_step * stable
+        span = config.time
+        scene = self.subject.scene(jt.FullVolume(self.subject.grid), NEAREST, load)
+        solution = finish(prepare(scene, span.end, span.save_times, step))
+        surface = np.asarray(solution.surface_temperature)
+        row = {"steps": solution.run.steps, "dt_s": solution.run.dt}
+        times = np.asarray(solution.times)
+        return row, {"times": times, "surface_temperature": surface}
 
     def check(self) -> None:
         """Voxelize the body and build the scenes, to report mistakes before any run.
@@ -240,65 +225,46 @@ class Study:
                 that does not see it.
         """
         _ = self.scenery
-        full = FullVolume(self.subject.grid)
+        full = jt.FullVolume(self.subject.grid)
         for load in self.config.loads:
             self.subject.scene(full, NEAREST, load)
 
     def rows(self, case: Case) -> Iterator[Row]:
         """One row a load; the structure is built if any of them is missing."""
-        built = cache(partial(self._built, case))
-        for load in case_loads(case, self.config):
-            head = {
-                "what": "structure",
-                "body": self.body.name,
-                "load": load,
-                "label": case.label,
-                "kind": case.kind,
-            }
-            identity = {**self.identity, "load": load, "case": case.identity}
-            make = self._full_row if case.label == FULL else self._row
-            yield self.record.once(identity, head, partial(make, load, built))
-
-    def _built(self, case: Case) -> Timed:
         grid = self.subject.grid
-        return build_timed(lambda: case.make(grid))
+        built = cache(lambda: build_timed(lambda: case.make(grid)))
+        names = {"label": case.label, "kind": case.kind}
+        for load in case_loads(case, self.config):
+            head = {"what": "structure", "body": self.body.name, "load": load, **names}
+            identity = {**self.identity, "load": load, "case": case.identity}
+            make = partial(self._row, case, load, built)
+            yield self.record.once(identity, head, make)
 
-    def _row(self, load: str, built: Callable[[], Timed]) -> tuple[Row, Arrays]:
+    def _row(
+        self, case: Case, load: str, built: Callable[[], Timed]
+    ) -> tuple[Row, Arrays]:
         # The structure first, since it may be refused.
         structure, build_time = built()
         full = self.baseline(load)
-        scene = self.subject.scene(structure, self.surface_map, load)
-        solution, timing, cost = run_timed(scene, self.config)
-        ratio = ratio_row(timing, full.time)
-        head = {"build_time_s": build_time, **cost}
-        return self._finished(load, head, full, ratio, structure, solution)
-
-    def _full_row(self, load: str, built: Callable[[], Timed]) -> tuple[Row, Arrays]:
-        structure, build_time = built()
-        full = self.baseline(load)
-        ratio = {"median": 1.0, "least": 1.0, "most": 1.0}
-        head = {"build_time_s": build_time, **full.row}
-        return self._finished(load, head, full, ratio, structure, full.solution)
-
-    def _finished(
-        self,
-        load: str,
-        head: Row,
-        full: Baseline,
-        ratio: Row,
-        structure: AbstractStructure,
-        solution: Solution,
-    ) -> tuple[Row, Arrays]:
-        # With errors, and with the surface that the pictures show.
+        if case.label == FULL:
+            # The run that all others are compared with.
+            solution, cost = full.solution, full.row
+            ratio = {"median": 1.0, "least": 1.0, "most": 1.0}
+        else:
+            scene = self.subject.scene(structure, self.surface_map, load)
+            solution, timing, cost = run_timed(scene, self.config)
+            ratio = ratio_row(timing, full.time)
         reference, shown = self.reference(load), self.config.picture
         row = {
-            **head,
+            "build_time_s": build_time,
+            **cost,
             "full_run_time_s": full.time._asdict(),
             "times_faster": ratio,
             "structure": structure_report(structure),
             "error": error_row(solution, reference),
             "frame": frame_error(self.scenery, solution, reference),
         }
+        # Only the surface that the pictures show is kept.
         if load != shown.load:
             return row, {}
         return row, {"surface": surface_at(solution, shown.time)}

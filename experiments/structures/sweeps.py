@@ -8,16 +8,12 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from jaxthermo.physics.radiation.source import Sun
-from jaxthermo.physics.time_varying import Until
-from jaxthermo.scene.scene import Scene
-from jaxthermo.structures.kinds.groups import MultiLevel
-from jaxthermo.voxels.grid import VoxelGrid
+import jaxthermo as jt
 
 from ..harness.record import Arrays, Row
 from .config import FULL, LevelsConfig
 from .measure import build_timed, error_row, finish, prepare
-from .study import NEAREST, Case, Study, Subject, all_cases
+from .study import NEAREST, Case, Study, Subject, all_cases, rays
 
 
 # As many levels as there are.
@@ -43,9 +39,8 @@ def _level_row(
     subject, full = study.subject, study.baseline(load)
     # No body is deeper than its box is wide.
     levels = count if isinstance(count, int) else max(subject.grid.solid.shape)
-    structure, _ = build_timed(
-        lambda: MultiLevel(subject.grid, levels=levels, hollow=hollow)
-    )
+    make = lambda: jt.MultiLevel(subject.grid, levels=levels, hollow=hollow)
+    structure, _ = build_timed(make)
     scene = subject.scene(structure, study.surface_map, load)
     span = study.config.time
     step = full.solution.run.stable_step
@@ -84,12 +79,12 @@ def _even_row(
     surface_map = NEAREST if case.label == FULL else study.surface_map
     body = subject.body(structure, surface_map)
     # The sun sets at the latest where the comparison ends; then nothing is exchanged.
-    hot = Until(config.sun.irradiance, config.sun.until or config.time.end)
-    sun = Sun(subject.rays(config.picture.load), irradiance=hot)
+    hot = jt.Until(config.sun.irradiance, config.sun.until or config.time.end)
+    sun = jt.Sun(rays(subject.grid.mesh.axes, config.picture.load), irradiance=hot)
     height = float(np.ptp(subject.grid.mesh.bounds[:, 2]))
     diffusivity = float(config.material.build().diffusivity)
     end = _TIME_CONSTANTS * height**2 / (math.pi**2 * diffusivity)
-    solution = finish(prepare(Scene((body,), (sun,), dtype="float64"), end, (end,)))
+    solution = finish(prepare(jt.Scene((body,), (sun,), dtype="float64"), end, (end,)))
     surface = np.asarray(solution.surface_temperature[0])
     mean = float(solution.mean_temperature[0, 0])
     row = {
@@ -104,8 +99,8 @@ def _even_row(
     return row, {}
 
 
-def _thickness(grid: VoxelGrid) -> Int[np.ndarray, " s"]:
-    """Solid voxels in a row under each fragment, along its dominant axis."""
+def _thickness(grid: jt.VoxelGrid) -> Int[np.ndarray, " s"]:
+    # Solid voxels in a row under each fragment, along its dominant axis.
     found = np.zeros(len(grid.fragment_axis), np.int64)
     for axis in range(3):
         here = grid.fragment_axis == axis
@@ -128,7 +123,7 @@ def _run_length(solid: Bool[np.ndarray, "a b c"]) -> Int[np.ndarray, "a b c"]:
 
 
 def _classes(thick: Int[np.ndarray, " s"]) -> list[tuple[int, int]]:
-    """Ranges of thickness that double: 1, 2, 3-4, 5-8, ... up to the thickest."""
+    # Ranges that double, 1, 2, 3-4, 5-8, ... up to the thickest: thin parts differ.
     ranges, low, high = [], 1, 1
     while low <= int(thick.max(initial=0)):
         ranges.append((low, high))
@@ -138,14 +133,14 @@ def _classes(thick: Int[np.ndarray, " s"]) -> list[tuple[int, int]]:
 
 class _LocalError:
     # Differences from the reference on parts of one body's surface.
-    def __init__(self, grid: VoxelGrid):
+    def __init__(self, grid: jt.VoxelGrid):
         self.thick = _thickness(grid)
         self.fraction = grid.fragment_area / grid.fragment_area.sum()
 
     def part(
         self, difference: Float[np.ndarray, " s"], low: int, high: float | int
     ) -> dict[str, float] | None:
-        """RMS [K] and share of the area where `low` to `high` voxels are in a row."""
+        # RMS [K] and share of the area where `low` to `high` voxels are in a row.
         here = (self.thick >= low) & (self.thick <= high)
         fraction = float(self.fraction[here].sum())
         if fraction == 0:

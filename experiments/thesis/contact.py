@@ -10,8 +10,7 @@ import numpy as np
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
-from jaxthermo.errors import InputError
-from jaxthermo.geometry.mesh import Mesh, Pose
+import jaxthermo as jt
 from jaxthermo.geometry.shapes import box, sphere
 from jaxthermo.image.annotate import write_png
 from jaxthermo.image.contact_texture import contact_images, where_covered
@@ -29,14 +28,11 @@ from jaxthermo.report.chart import LogAxis, write_chart
 from jaxthermo.report.numbers import seconds
 from jaxthermo.report.sheet import ColourBar, Tile, enlarged, sheet
 from jaxthermo.report.table import Table
-from jaxthermo.voxels.voxelize import voxelize
 
 from ..harness.meshes import thesis_meshes
-from ..harness.present import colour_bar, show, table_of
+from ..harness.present import Rows, colour_bar, show, table_of
 from ..harness.timing import timed_call
 
-
-_Rows = list[dict[str, Any]]
 
 # Voxels across the ball; figure 5.3 shows 16 and 256, the sheet one between as well.
 _RESOLUTIONS = (8, 16, 32, 64, 128, 256)
@@ -60,12 +56,12 @@ def _ball_on_plate(voxels: int) -> tuple[PlacedGrid, PlacedGrid]:
     mesh = sphere(1.0, min(int(np.log2(voxels)) + 1, 7))
     # As wide as the widest contact, and four voxels thick.
     width = 2.2 * float(np.sqrt(2 * max(pitch, _FIXED))) + 4 * pitch
-    plate = voxelize(box((width, width, 4 * pitch)), pitch)
+    plate = jt.voxelize(box((width, width, 4 * pitch)), pitch)
     # Off the lattice's symmetry, where errors of opposite fragments would cancel.
     where = (0.013 * pitch, 0.21 * pitch, -float(mesh.bounds[0, 2]))
     return (
-        PlacedGrid(voxelize(mesh, pitch), Pose(where), "ball"),
-        PlacedGrid(plate, Pose((0.0, 0.0, -2 * pitch)), "plate"),
+        PlacedGrid(jt.voxelize(mesh, pitch), jt.Pose(where), "ball"),
+        PlacedGrid(plate, jt.Pose((0.0, 0.0, -2 * pitch)), "plate"),
     )
 
 
@@ -75,7 +71,7 @@ def _timed_contacts(a: PlacedGrid, b: PlacedGrid, threshold: float | None = None
     return timed_call(lambda: find_contacts(a, b, threshold))
 
 
-def _measure_areas(resolutions: tuple[int, ...] = _RESOLUTIONS) -> _Rows:
+def _measure_areas(resolutions: tuple[int, ...] = _RESOLUTIONS) -> Rows:
     """Contact area against the cap's, with either body as the first."""
     rows = []
     for voxels in resolutions:
@@ -100,7 +96,7 @@ def _measure_areas(resolutions: tuple[int, ...] = _RESOLUTIONS) -> _Rows:
     return rows
 
 
-def _area_table(found: _Rows) -> Table:
+def _area_table(found: Rows) -> Table:
     columns = [
         ("threshold", "{threshold}"),
         ("voxels", "{voxels_across}"),
@@ -118,7 +114,7 @@ def _area_table(found: _Rows) -> Table:
     )
 
 
-def _area_chart(rows: _Rows, path: Path) -> None:
+def _area_chart(rows: Rows, path: Path) -> None:
     # Both thresholds in one chart: the found area must keep to its own dashed line.
     across = LogAxis([row["voxels_across"] for row in rows], "voxels across the ball")
     up = LogAxis([row["area"] for row in rows], "area of contact / radius^2")
@@ -182,7 +178,7 @@ def _random_scene(count: int, random: np.random.Generator) -> tuple[PlacedGrid, 
     # A turned rod fills little of its bounding box: boxes alone prune it badly.
     meshes = (box((0.5, 0.4, 0.3)), sphere(0.25, 3), box((0.1, 0.1, 1.0)))
     grids, edge = (
-        [voxelize(mesh, _PITCH) for mesh in meshes],
+        [jt.voxelize(mesh, _PITCH) for mesh in meshes],
         _SPACING * count ** (1 / 3),
     )
     bodies: list[PlacedGrid] = []
@@ -192,17 +188,17 @@ def _random_scene(count: int, random: np.random.Generator) -> tuple[PlacedGrid, 
         rows = tuple(tuple(row) for row in turn.as_matrix().tolist())
         x, y, z = random.uniform(-edge / 2, edge / 2, 3).tolist()
         grid = grids[len(bodies) % len(grids)]
-        body = PlacedGrid(grid, Pose((x, y, z), rows), f"{len(bodies)}")
+        body = PlacedGrid(grid, jt.Pose((x, y, z), rows), f"{len(bodies)}")
         try:
             for other in bodies:
                 require_shallow(body, other, _PITCH)
-        except InputError:
+        except jt.InputError:
             continue
         bodies.append(body)
     return tuple(bodies)
 
 
-def _measure_pruning(counts: tuple[int, ...] = _COUNTS) -> _Rows:
+def _measure_pruning(counts: tuple[int, ...] = _COUNTS) -> Rows:
     """Pairs left after boxes, after views and after the search, by number of bodies."""
     random = np.random.default_rng(_SEED)
     return [_measure_scene(_random_scene(count, random)) for count in counts]
@@ -231,7 +227,7 @@ def _measure_scene(bodies: tuple[PlacedGrid, ...]) -> dict[str, Any]:
     }
 
 
-def _pruning_table(found: _Rows) -> Table:
+def _pruning_table(found: Rows) -> Table:
     columns = [
         ("bodies", "{bodies}"),
         ("pairs", "{possible}"),
@@ -252,21 +248,21 @@ _BALL = 0.18  # radius of the ball over the height of the body
 _CONDUCTIVITY, _CONDUCTANCE, _DIFFERENCE = 16.0, 1000.0, 100.0
 
 
-def _ball_on_head(mesh: Mesh, height: int) -> tuple[PlacedGrid, PlacedGrid]:
+def _ball_on_head(mesh: jt.Mesh, height: int) -> tuple[PlacedGrid, PlacedGrid]:
     tall = float(np.ptp(mesh.bounds[:, 2]))
     pitch = tall / height
     ball = sphere(_BALL * tall, 5)
     # The ball touches the highest vertex of a face: loose vertices have no surface.
     top = mesh.vertices[mesh.faces].reshape(-1, 3)
     x, y, z = top[top[:, 2].argmax()].tolist()
-    rest = Pose((x, y, z - float(ball.bounds[0, 2])))
+    rest = jt.Pose((x, y, z - float(ball.bounds[0, 2])))
     return (
-        PlacedGrid(voxelize(mesh, pitch), Pose(), "head"),
-        PlacedGrid(voxelize(ball, pitch), rest, "ball"),
+        PlacedGrid(jt.voxelize(mesh, pitch), jt.Pose(), "head"),
+        PlacedGrid(jt.voxelize(ball, pitch), rest, "ball"),
     )
 
 
-def _balls_on_heads(meshes: dict[str, Mesh], height: int, folder: Path) -> _Rows:
+def _balls_on_heads(meshes: dict[str, jt.Mesh], height: int, folder: Path) -> Rows:
     """Contacts of a ball with each body, and the time to find them."""
     rows = []
     for name, mesh in meshes.items():
@@ -326,7 +322,7 @@ def _texture_sheet(
     return sheet(tiles, bar, title)
 
 
-def _head_table(found: _Rows) -> Table:
+def _head_table(found: Rows) -> Table:
     columns = [
         ("mesh", "{mesh}"),
         ("high", "{height_voxels}"),
@@ -339,12 +335,7 @@ def _head_table(found: _Rows) -> Table:
 
 
 def run(folder: Path, height: int = 60) -> dict[str, Any]:
-    """C18 and C19, and the contact textures of figure 5.5.
-
-    Args:
-        folder: for the charts and pictures.
-        height: of the heads, in voxels.
-    """
+    """C18, C19, and figure 5.5 with heads of `height` voxels; charts and pictures."""
     areas = _measure_areas()
     show(_area_table(areas))
     _area_chart(areas, folder / "contact_area")

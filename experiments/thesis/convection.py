@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 from PIL import Image, ImageDraw, ImageFont
 
-from jaxthermo.geometry.mesh import Mesh
+import jaxthermo as jt
 from jaxthermo.geometry.shapes import figurine
 from jaxthermo.image.annotate import contact_sheet, write_png
 from jaxthermo.raster.views import OrthographicView
@@ -16,25 +16,17 @@ from jaxthermo.report.chart import write_chart
 from jaxthermo.report.table import Table
 from jaxthermo.voxels.cylinders import (
     MAX_DIAMETER_RATIO,
-    Cylinder,
     CylinderParts,
     cylinder_parts,
 )
-from jaxthermo.voxels.grid import VoxelGrid
-from jaxthermo.voxels.voxelize import voxelize
 
 from ..harness.meshes import thesis_meshes
-from ..harness.present import publish, table_of
+from ..harness.present import Rows, publish, table_of
 from . import convection_cooling as cooling, convection_numbers as numbers
 
 
 def run(folder: Path, height: int = 160) -> dict[str, Any]:
-    """C20, C21 and what the choice of the average changes, with `report.html`.
-
-    Args:
-        folder: for charts, pictures and the page.
-        height: of the bodies that are divided into cylinders, in voxels.
-    """
+    """C20, C21, averages, and bodies of `height` voxels as cylinders: `report.html`."""
     curves, averages = numbers.measure_local(), numbers.measure_averages()
     cooled = cooling.measure_cooling(folder)
     meshes = {"figurine": figurine(), **thesis_meshes()}
@@ -62,7 +54,7 @@ def run(folder: Path, height: int = 160) -> dict[str, Any]:
     }
 
 
-def _local(curves: numbers.Rows, folder: Path) -> list[page.Section]:
+def _local(curves: Rows, folder: Path) -> list[page.Section]:
     fast = "Fast flow, as figure 5.6 (points: recalled, ±15 %)"
     charts = {
         "local_slow": numbers.local_chart(numbers.SLOW, "Slow flow, Pr 0.71"),
@@ -110,7 +102,7 @@ def _cooling(found: dict[str, Any], folder: Path) -> list[page.Section]:
     ]
 
 
-def _parts(divided: numbers.Rows, folder: Path) -> list[page.Section]:
+def _parts(divided: Rows, folder: Path) -> list[page.Section]:
     return [
         page.heading("Bodies as cylinders"),
         f"Found in {divided[0]['height_voxels']} voxels of height: connected parts of "
@@ -141,11 +133,11 @@ _VIEWS = {"looking along +y": (0.0, 1.0, 0.0), "looking along -x": (-1.0, 0.0, 0
 _PIXEL = 0.8
 
 
-def _measure_parts(meshes: dict[str, Mesh], height: int, folder: Path) -> numbers.Rows:
+def _measure_parts(meshes: dict[str, jt.Mesh], height: int, folder: Path) -> Rows:
     """The cylinders of each body, and a picture of them."""
     found = []
     for name, mesh in meshes.items():
-        grid = voxelize(mesh, float(np.ptp(mesh.bounds[:, 2])) / height)
+        grid = jt.voxelize(mesh, float(np.ptp(mesh.bounds[:, 2])) / height)
         parts = cylinder_parts(grid)
         file = f"cylinders_{name.lower().replace(' ', '_')}.png"
         tiles = [_parts_picture(grid, parts, view) for view in _VIEWS]
@@ -155,7 +147,7 @@ def _measure_parts(meshes: dict[str, Mesh], height: int, folder: Path) -> number
     return found
 
 
-def _parts_picture(grid: VoxelGrid, parts: CylinderParts, name: str) -> Image.Image:
+def _parts_picture(grid: jt.VoxelGrid, parts: CylinderParts, name: str) -> Image.Image:
     """Fragments in the colours of their parts, and the outlines of the cylinders."""
     view = _upright_view(grid, _VIEWS[name])
     pixels = _painted(grid, parts, view)
@@ -173,7 +165,7 @@ def _parts_picture(grid: VoxelGrid, parts: CylinderParts, name: str) -> Image.Im
 
 
 def _painted(
-    grid: VoxelGrid, parts: CylinderParts, view: OrthographicView
+    grid: jt.VoxelGrid, parts: CylinderParts, view: OrthographicView
 ) -> UInt8[np.ndarray, "h w 3"]:
     seen = view.project(grid.fragment_position)
     facing = -(grid.fragment_normal @ view.frame[2])
@@ -189,7 +181,7 @@ def _painted(
     return pixels
 
 
-def _upright_view(grid: VoxelGrid, direction: tuple) -> OrthographicView:
+def _upright_view(grid: jt.VoxelGrid, direction: tuple) -> OrthographicView:
     down = np.array([0.0, 0.0, -1.0])
     frame = np.stack([np.cross(down, direction), down, np.asarray(direction)])
     seen = grid.mesh.triangles.reshape(-1, 3) @ frame.T
@@ -200,7 +192,7 @@ def _upright_view(grid: VoxelGrid, direction: tuple) -> OrthographicView:
     return OrthographicView(frame, corner, pixel, int(size[0]), int(size[1]))
 
 
-def _outline(cylinder: Cylinder, view: OrthographicView) -> Float[np.ndarray, "5 2"]:
+def _outline(cylinder: jt.Cylinder, view: OrthographicView) -> Float[np.ndarray, "5 2"]:
     # A closed rectangle around what one sees of a cylinder [pixels].
     axis = cylinder.direction
     across = np.cross(axis, view.frame[2])
@@ -213,7 +205,7 @@ def _outline(cylinder: Cylinder, view: OrthographicView) -> Float[np.ndarray, "5
     return view.project(corners)[:, :2]
 
 
-def _part_table(found: numbers.Rows) -> Table:
+def _part_table(found: Rows) -> Table:
     # The cylinders of each body, the largest first.
     rows = [{**row, "body": b["mesh"]} for b in found for row in b["parts"]]
     columns = [

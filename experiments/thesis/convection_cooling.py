@@ -8,24 +8,15 @@ import jax.numpy as jnp
 import numpy as np
 from PIL import Image
 
+import jaxthermo as jt
 from jaxthermo.geometry.shapes import cylinder
 from jaxthermo.image.annotate import contact_sheet, write_png
-from jaxthermo.image.camera import OrthographicCamera
 from jaxthermo.image.files import picture
-from jaxthermo.image.render import render
-from jaxthermo.integrate.run.simulate import simulate
-from jaxthermo.integrate.run.solution import Solution
-from jaxthermo.material.material import Material
-from jaxthermo.physics.boundary import Convection
 from jaxthermo.physics.convection.air import kinematic_viscosity, prandtl
 from jaxthermo.physics.convection.cross_flow import local_nusselt
 from jaxthermo.physics.convection.nusselt import AVERAGES, churchill_bernstein
-from jaxthermo.physics.convection.wind import Wind
 from jaxthermo.report.chart import Chart
 from jaxthermo.report.table import Table
-from jaxthermo.scene.scene import Body, Scene
-from jaxthermo.structures.kinds.full import FullVolume
-from jaxthermo.voxels.voxelize import voxelize
 
 from ..harness.present import table_of
 from .convection_numbers import HEIGHT, SHADES, WIDTH, angle_axis
@@ -38,7 +29,7 @@ _ACROSS = 48
 # no numbers with figure 5.8.
 _SPEED, AIR, HOT = 5.0, 300.0, 340.0
 # A poor conductor: in a good one the sides would even out and hide the local number.
-_CERAMIC = Material(conductivity=2.0, density=1800.0, specific_heat=900.0)
+_CERAMIC = jt.Material(conductivity=2.0, density=1800.0, specific_heat=900.0)
 # Saved times, and when the choices are compared [s].
 _SAVED = (0.0, 60.0, 180.0, 600.0, 1200.0)
 _COMPARED = 600.0
@@ -49,7 +40,9 @@ _SECTOR = 10
 class _Cooling:
     # One cylinder, upright, in a wind along x.
     def __init__(self):
-        self.grid = voxelize(cylinder(_DIAMETER / 2, _LENGTH, 128), _DIAMETER / _ACROSS)
+        self.grid = jt.voxelize(
+            cylinder(_DIAMETER / 2, _LENGTH, 128), _DIAMETER / _ACROSS
+        )
         normal = self.grid.fragment_normal
         self.side = np.abs(normal[:, 2]) < 0.5
         degrees = np.degrees(np.arccos(np.clip(-normal[self.side, 0], -1, 1)))
@@ -59,14 +52,14 @@ class _Cooling:
         self.reynolds = _SPEED * _DIAMETER / viscosity
         self.middle = (np.arange(count) + 0.5) * _SECTOR
 
-    def scene(self, term: Any, dtype: str = "float32") -> Scene:
-        body = Body(FullVolume(self.grid), _CERAMIC, temperature=HOT)
-        return Scene((body,), (term,), dtype=dtype)
+    def scene(self, term: Any, dtype: str = "float32") -> jt.Scene:
+        body = jt.Body(jt.FullVolume(self.grid), _CERAMIC, temperature=HOT)
+        return jt.Scene((body,), (term,), dtype=dtype)
 
-    def run(self, term: Any) -> Solution:
-        return simulate(self.scene(term), _SAVED[-1], save_at=_SAVED)
+    def run(self, term: Any) -> jt.Solution:
+        return jt.simulate(self.scene(term), _SAVED[-1], save_at=_SAVED)
 
-    def by_sector(self, solution: Solution) -> np.ndarray:
+    def by_sector(self, solution: jt.Solution) -> np.ndarray:
         # Mean temperature of the side's sectors [times, sectors].
         every = np.asarray(solution.surface_temperature, float)[:, self.side]
         count = np.bincount(self.sector)
@@ -78,25 +71,30 @@ class _Cooling:
         film = jnp.asarray((HOT + AIR) / 2)
         every = lambda value: jnp.full(len(self.middle), value)
         cosine = jnp.cos(jnp.radians(jnp.asarray(self.middle)))
-        local = local_nusselt(
-            cosine, every(self.reynolds), every(prandtl(film)), churchill_bernstein
-        )
-        return np.asarray(local)
+        flow = every(self.reynolds), every(prandtl(film))
+        return np.asarray(local_nusselt(cosine, *flow, churchill_bernstein))
 
 
 def measure_cooling(folder: Path) -> dict[str, Any]:
     """C21, the three averages and a fixed h on one cylinder."""
     case = _Cooling()
-    wind = lambda name: Wind((_SPEED, 0.0, 0.0), AIR, average=name)
+    local, at = case.local_numbers(), _SAVED.index(_COMPARED)
+    wind = lambda name: jt.Wind((_SPEED, 0.0, 0.0), AIR, average=name)
     runs = {a.name: case.run(wind(a.name)) for a in AVERAGES}
-    first = runs[AVERAGES[0].name]
+    name = AVERAGES[0].name
     # The same heat at first, spread evenly.
-    h = _mean_coefficient(case, wind(AVERAGES[0].name))
-    runs[f"fixed h = {h:.1f} W/m²K"] = case.run(Convection(h, AIR))
+    first, h = runs[name], _mean_coefficient(case, wind(name))
+    runs[f"fixed h = {h:.1f} W/m²K"] = case.run(jt.Convection(h, AIR))
     sectors = case.by_sector(first)
     write_png(folder / "cooling.png", _frames(first))
-    at = _SAVED.index(_COMPARED)
-    local = case.local_numbers()
+    choices = []
+    for name, solution in runs.items():
+        side = case.by_sector(solution)[at]
+        row = {"name": name, "mean_K": float(solution.mean_temperature[at, 0])}
+        row |= {"side_lowest_K": float(side.min()), "side_highest_K": float(side.max())}
+        choices.append({**row, "side_range_K": float(np.ptp(side))})
+    rank = lambda values: np.argsort(np.argsort(values))
+    correlation = lambda a, b: float(np.corrcoef(a, b)[0, 1])
     return {
         "speed_m_s": _SPEED,
         "diameter_m": _DIAMETER,
@@ -105,48 +103,29 @@ def measure_cooling(folder: Path) -> dict[str, Any]:
         "sector_middle_deg": case.middle.tolist(),
         "temperature_K": sectors.tolist(),
         "local_number": local.tolist(),
-        "correlation_of_temperature_and_number": _correlation(sectors[2], local),
-        "rank_correlation": _correlation(_rank(sectors[2]), _rank(local)),
-        "choices": [_choice(case, *run, at) for run in runs.items()],
+        "correlation_of_temperature_and_number": correlation(sectors[2], local),
+        "rank_correlation": correlation(rank(sectors[2]), rank(local)),
+        "choices": choices,
         "compared_at_s": _COMPARED,
     }
 
 
-def _mean_coefficient(case: _Cooling, wind: Wind) -> float:
+def _mean_coefficient(case: _Cooling, wind: jt.Wind) -> float:
     # The h that takes from the whole surface what the wind takes at first. float64,
     # since in a millisecond the body loses next to nothing.
-    short = simulate(case.scene(wind, "float64"), 1e-3)
+    short = jt.simulate(case.scene(wind, "float64"), 1e-3)
     lost = -float(short.energy.mechanisms["wind"][0]) / 1e-3
     return lost / (case.grid.fragment_area.sum() * (HOT - AIR))
 
 
-def _choice(case: _Cooling, name: str, solution: Solution, at: int) -> dict[str, Any]:
-    side = case.by_sector(solution)[at]
-    return {
-        "name": name,
-        "mean_K": float(solution.mean_temperature[at, 0]),
-        "side_lowest_K": float(side.min()),
-        "side_highest_K": float(side.max()),
-        "side_range_K": float(np.ptp(side)),
-    }
-
-
-def _correlation(a: np.ndarray, b: np.ndarray) -> float:
-    return float(np.corrcoef(a, b)[0, 1])
-
-
-def _rank(values: np.ndarray) -> np.ndarray:
-    return np.argsort(np.argsort(values))
-
-
-def _frames(solution: Solution) -> Image.Image:
+def _frames(solution: jt.Solution) -> Image.Image:
     # From the front and a little above, with the wind from the left as in figure 5.8.
-    camera = OrthographicCamera(
+    camera = jt.OrthographicCamera(
         (-0.06, -0.3, 0.16), (0.0, 0.0, 0.0), 0.105, width=340, height=250
     )
     shots = []
     for index in range(1, len(_SAVED)):
-        image = render(solution, camera, index, samples=2)
+        image = jt.render(solution, camera, index, samples=2)
         # Each on its own scale: within a frame the body differs by a few kelvin.
         kelvin = np.asarray(solution.surface_temperature[index], float)
         low, high = np.quantile(kelvin, (0.002, 0.998))

@@ -15,10 +15,8 @@ from jaxthermo.physics.convection.nusselt import AVERAGES, cylinder_table, profi
 from jaxthermo.report.chart import Chart, LogAxis
 from jaxthermo.report.table import Table
 
-from ..harness.present import table_of
+from ..harness.present import Rows, table_of
 
-
-Rows = list[dict[str, Any]]
 
 _DATA = Path(__file__).with_name("data") / "nu_local_cylinder.csv"
 # Air, as in figure 5.6.
@@ -92,15 +90,13 @@ def _measure(reynolds: float, average: float, recalled: bool) -> dict[str, Any]:
 
 def local_table(found: Rows) -> Table:
     """The local number at the tabulated Reynolds numbers."""
+    minima = lambda degrees: ", ".join(f"{d:.0f}" for d in degrees)
     off = lambda part: "" if part is None else f"{100 * part:.2g} %"
     columns = [
         ("Re", "{Re:g}"),
         ("average", "{average:.4g}"),
         ("mismatch", "{average_mismatch:.0e}"),
-        (
-            "minima [deg]",
-            lambda row: ", ".join(f"{d:.0f}" for d in row["minima_deg"]) or "none",
-        ),
+        ("minima [deg]", lambda row: minima(row["minima_deg"]) or "none"),
         ("off the points", lambda row: off(row["off_data_of_average"])),
         ("", lambda row: "recalled, +-15 %" if row["recalled"] else ""),
     ]

@@ -4,17 +4,12 @@ from typing import Any
 
 import numpy as np
 
-from jaxthermo.geometry.mesh import Mesh
+import jaxthermo as jt
 from jaxthermo.geometry.shapes import box
 from jaxthermo.report.table import Table
 from jaxthermo.structures.build.assignment import nested_cells, voxel_depth
-from jaxthermo.structures.kinds.shell import (
-    IrregularMultiLevel,
-    SingleShell,
-    capacity_by_region,
-)
+from jaxthermo.structures.kinds.shell import capacity_by_region
 from jaxthermo.structures.report import structure_report
-from jaxthermo.voxels.voxelize import voxelize
 
 from ..harness.meshes import thesis_meshes
 from ..harness.present import show, table_of
@@ -55,7 +50,7 @@ def _growth(values: np.ndarray) -> float:
 
 
 def _count_cells(side: int) -> dict[str, Any]:
-    grid = voxelize(box((1.0, 1.0, 1.0)), 1.0 / side)
+    grid = jt.voxelize(box((1.0, 1.0, 1.0)), 1.0 / side)
     levels = nested_cells(voxel_depth(grid))
     cells = sum(len(level) for level in levels)
     return {
@@ -80,13 +75,11 @@ def _cube_table(result: dict[str, Any]) -> Table:
         ("/ n^2", "{cells_over_n2:.2f}"),
         ("/ n^2 log2 n", "{cells_over_n2_log2_n:.2f}"),
     ]
-    caption = (
-        "slope {slope_of_the_largest:.3f} between the largest two, "
-        "{slope_fitted:.3f} fitted to all; "
-        "n^2 log n: {slope_claimed_there:.3f} between the largest"
-    ).format_map(result)
+    caption = "slope {slope_of_the_largest:.3f} between the largest two, "
+    caption += "{slope_fitted:.3f} fitted to all; "
+    caption += "n^2 log n: {slope_claimed_there:.3f} between the largest"
     title = "C05: irregular cells of a cube of side n"
-    return table_of(result["rows"], columns, title, caption)
+    return table_of(result["rows"], columns, title, caption.format_map(result))
 
 
 # Voxels along up.
@@ -95,26 +88,17 @@ _HEIGHTS = (50, 100, 150, 200, 250)
 # Table 6.1: voxels of the Happy Buddha at 225 x 550 x 225, and the time of one step of
 # each structure [s]. Its full volume is the whole box, 2.8e7 cells, the empty ones too.
 _TABLE_HEIGHT = 550
-_TABLE = {
-    "shell": 2.5e6,
-    "multi_level": 2.8e7,
-    "irregular": 3.2e6,
-    "full_volume": 2.8e7,
-}
-_TIMES = {
-    "shell": 13e-3,
-    "multi_level": 50e-3,
-    "irregular": 21e-3,
-    "full_volume": 55e-3,
-}
+_KINDS = ("shell", "multi_level", "irregular", "full_volume")
+_TABLE = dict(zip(_KINDS, (2.5e6, 2.8e7, 3.2e6, 2.8e7), strict=True))
+_TIMES = dict(zip(_KINDS, (13e-3, 50e-3, 21e-3, 55e-3), strict=True))
 
 
-def _count_heights(mesh: Mesh, heights: tuple[int, ...] = _HEIGHTS) -> list[dict]:
+def _count_heights(mesh: jt.Mesh, heights: tuple[int, ...] = _HEIGHTS) -> list[dict]:
     """Nodes of shell and irregular structure against body and box, by resolution."""
     return [_count_structures(mesh, height) for height in heights]
 
 
-def _count_table_6_1(mesh: Mesh, height: int = _TABLE_HEIGHT) -> dict[str, Any]:
+def _count_table_6_1(mesh: jt.Mesh, height: int = _TABLE_HEIGHT) -> dict[str, Any]:
     """The thesis' counts beside ours, and what its own numbers say."""
     ours = _count_structures(mesh, height)
     return {
@@ -137,11 +121,11 @@ def _count_table_6_1(mesh: Mesh, height: int = _TABLE_HEIGHT) -> dict[str, Any]:
     }
 
 
-def _count_structures(mesh: Mesh, height: int) -> dict[str, Any]:
-    grid = voxelize(mesh, float(np.ptp(mesh.bounds[:, 2])) / height)
+def _count_structures(mesh: jt.Mesh, height: int) -> dict[str, Any]:
+    grid = jt.voxelize(mesh, float(np.ptp(mesh.bounds[:, 2])) / height)
     body, box = grid.solid_count, grid.lattice.cells
-    shell = SingleShell(grid).node_count
-    irregular = IrregularMultiLevel(grid)
+    shell = jt.SingleShell(grid).node_count
+    irregular = jt.IrregularMultiLevel(grid)
     return {
         "height_voxels": height,
         "lattice_shape": list(grid.lattice.shape),
@@ -178,16 +162,14 @@ def _table_6_1(result: dict[str, Any], name: str) -> Table:
     ours = result["ours"]
     size = " x ".join(map(str, ours["lattice_shape"]))
     rows = [
-        [row, f"{thesis:.2g}", f"{count:.3g}"]
-        for row, thesis, count in (
-            ("single shell", _TABLE["shell"], ours["shell"]),
-            ("irregular multi-level", _TABLE["irregular"], ours["irregular"]),
-            ("full volume", _TABLE["full_volume"], ours["body"]),
-            ("bounding box", result["thesis_box_cells"], ours["box"]),
-        )
+        ("single shell", _TABLE["shell"], ours["shell"]),
+        ("irregular multi-level", _TABLE["irregular"], ours["irregular"]),
+        ("full volume", _TABLE["full_volume"], ours["body"]),
+        ("bounding box", result["thesis_box_cells"], ours["box"]),
     ]
     columns = ("", "thesis, 225 x 550 x 225", "ours")
-    return Table(columns, rows, f"Table 6.1, voxels: {name} at {size}")
+    cells = [[row, f"{thesis:.2g}", f"{count:.3g}"] for row, thesis, count in rows]
+    return Table(columns, cells, f"Table 6.1, voxels: {name} at {size}")
 
 
 # Voxels along up, the thesis' 100 x 250 x 100 of the capacity, and its levels there.
@@ -198,11 +180,11 @@ _THESIS_LEVELS = 7
 _REGION = 16
 
 
-def _measure_capacity(mesh: Mesh, height: int = _CAPACITY_HEIGHT) -> dict[str, Any]:
+def _measure_capacity(mesh: jt.Mesh, height: int = _CAPACITY_HEIGHT) -> dict[str, Any]:
     """Capacity over volume, of the body and region by region."""
-    grid = voxelize(mesh, float(np.ptp(mesh.bounds[:, 2])) / height)
-    plain = IrregularMultiLevel(grid)
-    kept = IrregularMultiLevel(grid, keep_capacity=True)
+    grid = jt.voxelize(mesh, float(np.ptp(mesh.bounds[:, 2])) / height)
+    plain = jt.IrregularMultiLevel(grid)
+    kept = jt.IrregularMultiLevel(grid, keep_capacity=True)
     cells, body = capacity_by_region(grid, plain.cover_count(), _REGION)
     ratio = cells[body > 0] / body[body > 0]
     fraction = body[body > 0] / body.sum()

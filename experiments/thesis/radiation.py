@@ -7,32 +7,24 @@ from typing import Any
 import altair as alt
 import numpy as np
 
+import jaxthermo as jt
 from jaxthermo.constants import STEFAN_BOLTZMANN
-from jaxthermo.geometry.mesh import Mesh, Pose
 from jaxthermo.geometry.shapes import box, sphere
-from jaxthermo.physics.radiation.area_source import AreaSource
 from jaxthermo.physics.radiation.patches import group_patches
-from jaxthermo.physics.radiation.source import AbstractSource, PointSource, Sun
+from jaxthermo.physics.radiation.source import AbstractSource
 from jaxthermo.physics.radiation.view_factors import (
     DEFAULT_DIRECTIONS,
     PatchedBody,
     view_factors,
 )
-from jaxthermo.reference.view_factor import (
-    element_to_rectangle,
-    parallel_rectangles,
-)
+from jaxthermo.reference.view_factor import element_to_rectangle, parallel_rectangles
 from jaxthermo.report import page
 from jaxthermo.report.chart import Chart, LogAxis, write_chart
 from jaxthermo.report.table import Cell, Table
-from jaxthermo.voxels.grid import VoxelGrid
-from jaxthermo.voxels.voxelize import voxelize
 
-from ..harness.present import publish, table_of
+from ..harness.present import Rows, publish, table_of
 from .radiation_occlusion import show_occlusion
 
-
-_Rows = list[dict[str, Any]]
 
 # The thesis' 100 K of difference [K]; what it gets of it [W/m^2] at which distance [m].
 _HOT, _COLD = 400.0, 300.0
@@ -49,17 +41,18 @@ _EXCESS = STEFAN_BOLTZMANN * (_HOT**4 - _COLD**4)
 
 def _measure_thesis_flux() -> dict[str, Any]:
     """C02: 31.15 W/m^2 at 10 m, beside what a black square metre radiates there."""
-    square = _EXCESS * parallel_rectangles(1.0, 1.0, _THESIS_DISTANCE)
+    exchanged = lambda a: _EXCESS * parallel_rectangles(a, a, _THESIS_DISTANCE)
+    is_small = lambda edge: exchanged(edge) < _THESIS_FLUX
     small = _EXCESS / (np.pi * _THESIS_DISTANCE**2)
     slip = _EXCESS * np.pi / _THESIS_DISTANCE**2
     return {
         "thesis_W_m2": _THESIS_FLUX,
-        "two_squares_of_1_m_W_m2": square,
+        "two_squares_of_1_m_W_m2": exchanged(1.0),
         "small_emitter_E_over_pi_R2_W_m2": small,
         "E_pi_over_R2_W_m2": slip,
         "thesis_over_right": _THESIS_FLUX / small,
         "pi_squared": float(np.pi**2),
-        "edge_of_squares_that_give_it_m": _edge_for(_THESIS_FLUX),
+        "edge_of_squares_that_give_it_m": _bisected(is_small, 1e-3, 1e3),
     }
 
 
@@ -71,12 +64,6 @@ def _bisected(is_below: Callable[[float], bool], low: float, high: float) -> flo
     return low
 
 
-def _edge_for(flux: float) -> float:
-    """Edge of two squares 10 m apart that exchange a given flux [m]."""
-    exchanged = lambda a: _EXCESS * parallel_rectangles(a, a, _THESIS_DISTANCE)
-    return _bisected(lambda edge: exchanged(edge) < flux, 1e-3, 1e3)
-
-
 def _ten_percent_gap() -> float:
     """The gap, in sizes, up to which a tenth of the view is the other cube."""
     return _bisected(lambda gap: parallel_rectangles(1.0, 1.0, gap) > 0.1, 1e-2, 1e2)
@@ -84,17 +71,17 @@ def _ten_percent_gap() -> float:
 
 def _measure_neighbours(
     gaps: tuple[float, ...] = _GAPS, directions: int = DEFAULT_DIRECTIONS
-) -> _Rows:
+) -> Rows:
     """C03: two black cubes of 1 m, 100 K apart, face to face.
 
     The flux onto the side of the cold one that faces the hot one, by the closed form
     and by the view factors of the voxelized cubes.
     """
-    cube = voxelize(box((1.0, 1.0, 1.0)), 1.0 / _VOXELS)
+    cube = jt.voxelize(box((1.0, 1.0, 1.0)), 1.0 / _VOXELS)
     return [_neighbours(cube, gap, directions) for gap in gaps]
 
 
-def _neighbours(cube: VoxelGrid, gap: float, directions: int) -> dict[str, Any]:
+def _neighbours(cube: jt.VoxelGrid, gap: float, directions: int) -> dict[str, Any]:
     exact = parallel_rectangles(1.0, 1.0, gap)
     bodies = tuple(_body(cube, shift) for shift in (0.0, 1.0 + gap))
     count = bodies[0].patches.count
@@ -115,19 +102,14 @@ def _neighbours(cube: VoxelGrid, gap: float, directions: int) -> dict[str, Any]:
     }
 
 
-def _body(cube: VoxelGrid, shift: float) -> PatchedBody:
-    pose = Pose(translation=(shift, 0.0, 0.0))
-    patches = group_patches(
-        cube.fragment_position,
-        cube.fragment_normal,
-        cube.fragment_area,
-        cube.lattice,
-        _PATCHES,
-    )
+def _body(cube: jt.VoxelGrid, shift: float) -> PatchedBody:
+    pose = jt.Pose(translation=(shift, 0.0, 0.0))
+    surface = cube.fragment_position, cube.fragment_normal, cube.fragment_area
+    patches = group_patches(*surface, cube.lattice, _PATCHES)
     return PatchedBody(pose.to_world(cube.mesh.triangles), patches, pose)
 
 
-def _neighbour_chart(rows: _Rows) -> Chart:
+def _neighbour_chart(rows: Rows) -> Chart:
     gaps = np.geomspace(rows[0]["gap_sizes"], rows[-1]["gap_sizes"], 60)
     line = [
         {"gap": g, "flux": _EXCESS * parallel_rectangles(1.0, 1.0, g)}
@@ -164,7 +146,7 @@ def _neighbour_chart(rows: _Rows) -> Chart:
     return chart.properties(width=640, height=380, title=title)
 
 
-def _neighbour_table(found: _Rows) -> Table:
+def _neighbour_table(found: Rows) -> Table:
     columns = [
         ("gap / size", "{gap_sizes:g}"),
         ("F", "{view_factor:.5f}"),
@@ -183,7 +165,9 @@ _RADIUS, _PITCH = 0.2, 0.01
 _WITHIN = 0.01
 
 
-def _exposure(grid: VoxelGrid, source: AbstractSource, *others: Mesh) -> np.ndarray:
+def _exposure(
+    grid: jt.VoxelGrid, source: AbstractSource, *others: jt.Mesh
+) -> np.ndarray:
     triangles = np.concatenate([grid.mesh.triangles, *(m.triangles for m in others)])
     return source.exposure(
         triangles, grid.fragment_position, grid.fragment_normal, grid.pitch
@@ -203,10 +187,10 @@ def _check(what: str, found: float, exact: float) -> dict[str, Any]:
 
 def _measure_light() -> dict[str, Any]:
     """C04: what a ball, a plate and hollows catch, and where a ball's night begins."""
-    ball = voxelize(sphere(_RADIUS, subdivisions=4), _PITCH)
+    ball = jt.voxelize(sphere(_RADIUS, subdivisions=4), _PITCH)
     rays = (-1.0, 0.4, -0.7)
     away = -np.array(rays) / np.linalg.norm(rays)
-    sun, lamp = Sun(rays, 1.0), PointSource(tuple((0.5 * away).tolist()), 1.0)
+    sun, lamp = jt.Sun(rays, 1.0), jt.PointSource(tuple((0.5 * away).tolist()), 1.0)
     disc = np.pi * _RADIUS**2
     cone = 2 * np.pi * (1 - np.sqrt(1 - (_RADIUS / 0.5) ** 2))
     caught = lambda source: float(_exposure(ball, source) @ ball.fragment_area)
@@ -220,7 +204,7 @@ def _measure_light() -> dict[str, Any]:
     return {"checks": checks, "terminator": _terminator(ball, sun, away)}
 
 
-def _terminator(ball: VoxelGrid, sun: Sun, away: np.ndarray) -> dict[str, float]:
+def _terminator(ball: jt.VoxelGrid, sun: jt.Sun, away: np.ndarray) -> dict[str, float]:
     # Angles from the sun; a fragment that is partly lit lies between the two.
     exposure = _exposure(ball, sun)
     angle = np.rad2deg(np.arccos(np.clip(ball.fragment_normal @ away, -1, 1)))
@@ -233,14 +217,14 @@ def _terminator(ball: VoxelGrid, sun: Sun, away: np.ndarray) -> dict[str, float]
     }
 
 
-def _hollow() -> _Rows:
+def _hollow() -> Rows:
     """A lamp and a panel in a hollow ball: all they send out is caught."""
     hole, hull = sphere(_RADIUS, 3), sphere(1.2 * _RADIUS, 3)
     faces = [hull.faces, hole.faces[:, ::-1] + len(hull.vertices)]
     vertices = np.concatenate([hull.vertices, hole.vertices])
-    hollow = voxelize(Mesh(vertices, np.concatenate(faces), "hollow"), 2 * _PITCH)
-    lamp = PointSource((0.1, -0.05, 0.08), 1.0)
-    panel = AreaSource((0.02, 0.0, 0.05), (1.0, 0.5, 0.2), (0.1, 0.06), radiance=1.0)
+    hollow = jt.voxelize(jt.Mesh(vertices, np.concatenate(faces), "hollow"), 2 * _PITCH)
+    lamp = jt.PointSource((0.1, -0.05, 0.08), 1.0)
+    panel = jt.AreaSource((0.02, 0.0, 0.05), (1.0, 0.5, 0.2), (0.1, 0.06), radiance=1.0)
     sums = [float(_exposure(hollow, s) @ hollow.fragment_area) for s in (lamp, panel)]
     return [
         _check("lamp in a hollow ball: 4 pi [sr]", sums[0], 4 * np.pi),
@@ -250,7 +234,7 @@ def _hollow() -> _Rows:
 
 def _panel() -> dict[str, Any]:
     """A14: a black plate, 2 x 2 m at 1000 degC, 1 m above an element."""
-    plate = AreaSource((0, 0, 1.0), (0, 0, -1.0), (2.0, 2.0), temperature=1273.15)
+    plate = jt.AreaSource((0, 0, 1.0), (0, 0, -1.0), (2.0, 2.0), temperature=1273.15)
     here, up = np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]])
     exposure = plate.exposure(np.zeros((0, 3, 3)), here, up, _PITCH)
     exact = STEFAN_BOLTZMANN * 1273.15**4 * 4 * element_to_rectangle(1.0, 1.0, 1.0)
@@ -260,10 +244,10 @@ def _panel() -> dict[str, Any]:
 
 def _shadow(degrees: float) -> dict[str, Any]:
     """Light on a plate of 40 x 40 voxels, 3 cm below a box 2 cm thick."""
-    plate = voxelize(box((0.4, 0.4, 0.02)), _PITCH)
+    plate = jt.voxelize(box((0.4, 0.4, 0.02)), _PITCH)
     cover = box((0.12, 0.16, 0.02)).moved((0.03, 0.01, 0.05))
     slope = float(np.tan(np.deg2rad(degrees)))
-    sun = Sun((-slope, 0.0, -1.0), 1.0)
+    sun = jt.Sun((-slope, 0.0, -1.0), 1.0)
     top = plate.fragment_normal[:, 2] > 0.9
     cosine = 1 / np.hypot(1.0, slope)
     found = float(_exposure(plate, sun, cover)[top] @ plate.fragment_area[top])
@@ -284,12 +268,7 @@ def _light_table(result: dict[str, Any]) -> Table:
 
 
 def run(folder: Path, height: int = 110) -> dict[str, Any]:
-    """C02, C03, C04 and the pictures of occlusion, with `report.html`.
-
-    Args:
-        folder: for the chart, the pictures and the page.
-        height: of the figurine, in voxels.
-    """
+    """C02, C03, C04 and occlusion on a figurine of `height` voxels: `report.html`."""
     flux, rows, gap = _measure_thesis_flux(), _measure_neighbours(), _ten_percent_gap()
     lit, shown = _measure_light(), show_occlusion(folder, height)
     sections = [
@@ -332,7 +311,7 @@ def _thesis_flux(flux: dict[str, Any]) -> list[page.Section]:
     ]
 
 
-def _neighbour_sections(rows: _Rows, gap: float, folder: Path) -> list[page.Section]:
+def _neighbour_sections(rows: Rows, gap: float, folder: Path) -> list[page.Section]:
     return [
         page.heading("C03: other bodies do not matter"),
         "At 10 m, less so than the thesis says; near by they do. Two black cubes of 1 "

@@ -9,7 +9,7 @@ import numpy as np
 import jaxthermo as jt
 from jaxthermo.geometry.shapes import box, figurine, sphere
 from jaxthermo.image.annotate import write_png
-from jaxthermo.image.camera import OrthographicCamera, frame_all
+from jaxthermo.image.camera import frame_all
 from jaxthermo.image.render import draw
 from jaxthermo.image.ssao import screen_space_occlusion
 from jaxthermo.image.ticks import to_celsius
@@ -17,7 +17,6 @@ from jaxthermo.image.view import compute_view
 from jaxthermo.physics.radiation.visibility import DEFAULT_DIRECTIONS, sky_view
 from jaxthermo.raster.fragments import peel
 from jaxthermo.report.sheet import sheet
-from jaxthermo.voxels.voxelize import voxelize
 
 from ..harness.present import colour_bar, thermal_tile
 from ..harness.timing import timed_call
@@ -39,7 +38,7 @@ _SIZE = (420, 560)
 def show_occlusion(folder: Path, height: int) -> dict[str, Any]:
     """The figurine with and without occlusion: pictures and numbers."""
     mesh = figurine(_TALL)
-    grid = voxelize(mesh, _TALL / height)
+    grid = jt.voxelize(mesh, _TALL / height)
     place = grid.fragment_position, grid.fragment_normal
     view, time = timed_call(lambda: sky_view(mesh.triangles, *place, grid.pitch))
     visible = view.sky + view.ground
@@ -94,13 +93,10 @@ def _cooled(structure, occluded: bool):
 
 
 def _view_factors(rays: np.ndarray, screen: np.ndarray, body: np.ndarray):
-    both = {
-        "rays": (rays, f"{DEFAULT_DIRECTIONS} directions"),
-        "screen space": (screen, "8 slices"),
-    }
+    note, limits = f"{DEFAULT_DIRECTIONS} directions", (0.0, 1.0)
     tiles = [
-        thermal_tile(values, body, (0.0, 1.0), name, note, "white-hot")
-        for name, (values, note) in both.items()
+        thermal_tile(rays, body, limits, "rays", note, "white-hot"),
+        thermal_tile(screen, body, limits, "screen space", "8 slices", "white-hot"),
     ]
     bar = colour_bar(0.0, 1.0, "view factor to the surroundings", "white-hot")
     return sheet(tiles, bar, "Ambient occlusion of the figurine")
@@ -132,7 +128,7 @@ def _ball_on_plane() -> dict[str, float]:
     floor = box((8.0, 8.0, 0.2)).triangles - np.array([0.0, 0.0, 0.1])
     ball = sphere(1.0, 4).triangles + np.array([0.0, 0.0, 1.0])
     size, above, up = 256, (0.0, 0.0, 10.0), (0.0, 1.0, 0.0)
-    camera = OrthographicCamera(
+    camera = jt.OrthographicCamera(
         above, (0.0, 0.0, 0.0), 8.0, up=up, width=size, height=size
     )
     triangles = np.concatenate([ball, floor])

@@ -135,7 +135,6 @@ def test_the_same_command_measures_nothing_again(finished, monkeypatch):
     config, out, _ = finished
     before = (out / "rows.jsonl").read_text()
     monkeypatch.setattr(study_module.Study, "_row", fail)
-    monkeypatch.setattr(study_module.Study, "_full_row", fail)
     monkeypatch.setattr(study_module.Study, "baseline", fail)
     code, said, err = command("run", "structures", config, "--height=24", "--out", out)
     assert (code, err) == (0, "")
