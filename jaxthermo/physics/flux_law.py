@@ -84,10 +84,8 @@ class AbstractFluxLaw(eqx.Module):
     def coarsened(self, mean: Callable[[Any], Any]) -> "AbstractFluxLaw":
         """The law on other cells, which combine several fragments or select some.
 
-        A law with arrays of one value per fragment, on the last axis, overrides this.
-
-        Args:
-            mean: from values per fragment to values per cell.
+        A law with arrays of one value per fragment, on the last axis, overrides this;
+        `mean` makes values per cell of them.
         """
         return self
 
@@ -121,11 +119,8 @@ class AbstractFluxLaw(eqx.Module):
     def supersolution(self, time: Time, imposed: PerCell) -> PerCellOrOne:
         """A theta at which the surface loses at least the imposed heat.
 
-        Newton's method that starts there or above cannot overshoot.
-
-        Args:
-            time: [s].
-            imposed: heat rate of the other mechanisms per effective area [W/m^2].
+        Newton's method that starts there or above cannot overshoot. Imposed is the heat
+        rate of the other mechanisms per effective area [W/m^2].
         """
         return jnp.full_like(imposed, -jnp.inf)
 

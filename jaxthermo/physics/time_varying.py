@@ -139,9 +139,8 @@ def largest(value: Any, end: float | int) -> Float[Array, ""]:
         return jnp.maximum(largest(value.value, end), 0.0)
     if callable(value):
         # The sampling includes both ends; a narrow peak may be missed.
-        return jnp.max(
-            jax.vmap(lambda t: value_at(value, t))(jnp.linspace(0.0, end, 1025))
-        )
+        sampled = jax.vmap(lambda t: value_at(value, t))
+        return jnp.max(sampled(jnp.linspace(0.0, end, 1025)))
     return jnp.asarray(value, float)
 
 

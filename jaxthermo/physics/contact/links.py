@@ -89,10 +89,8 @@ class ContactLinks(eqx.Module):
     """h_c [W/(m^2 K)], a number or a function of time."""
 
     def _links(self, conductance) -> Float[Array, " p"]:
-        first, second = self.half_cell
-        return jnp.asarray(
-            contact_conductance_of(self.area, first, second, conductance)
-        )
+        found = contact_conductance_of(self.area, *self.half_cell, conductance)
+        return jnp.asarray(found)
 
     def heat_rate(
         self, time: Time, theta: _Both, references: _Both

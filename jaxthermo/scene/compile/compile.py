@@ -226,12 +226,12 @@ def _omissions(
 
 def _notes(snapshots: list[Snapshot], names: tuple[str, ...]) -> tuple[str, ...]:
     """Notes of all bindings, each once."""
-    found = {
-        f"{names[number]} on body {body}: {note}": None
+    found = (
+        f"{names[number]} on body {body}: {note}"
         for snapshot in snapshots
         for body in range(len(snapshot.surface.bodies))
         for number, binding in snapshot.bindings
         for on, note in binding.notes
         if on == body
-    }
-    return tuple(found)
+    )
+    return tuple(dict.fromkeys(found))

@@ -252,8 +252,7 @@ def _sums(
     cells: BodyCells, network: AbstractNetwork, traced: bool
 ) -> tuple[bool, Callable[[Any], Any]]:
     # True if sums are for all nodes; and a function from values of cells to nodes.
-    index, count = cells.node, cells.slots[0].shape[0]
-    everywhere = False
+    index, count, everywhere = cells.node, cells.slots[0].shape[0], False
     if isinstance(network, AbstractNodeNetwork):
         nodes = network.node_capacity.shape[0]
         everywhere = count >= _MIN_SURFACE_FRACTION * nodes

@@ -103,7 +103,9 @@ class ProgramBuilder:
         # Linear sums are made on the host, in double precision.
         if all(program.fragment_terms.is_linear for program in made):
             made = linear_programs(made) or made
-        return jax.tree.map(_on_device, made)
+        host = np.ndarray | np.generic
+        on_device = lambda x: jnp.asarray(x) if isinstance(x, host) else x
+        return jax.tree.map(on_device, made)
 
     def _program(self, snapshot: Snapshot) -> Program:
         fine = None
@@ -231,7 +233,3 @@ def _volume_load(
         volume=jnp.asarray(reached.sum(dtype=float), dtype),
         heat_rate_density=for_jit(found.heat_rate_density, dtype),
     )
-
-
-def _on_device(leaf: Any) -> Any:
-    return jnp.asarray(leaf) if isinstance(leaf, np.ndarray | np.generic) else leaf

@@ -178,12 +178,13 @@ class SurfaceLoad(AbstractSurfaceLoad):
         heat, rates = terms.rates(time, here)
         # The ledger: terms of one flux need no sum over cells, and the closing term is
         # the total minus the others.
+        sums = lambda values: jnp.stack([precise_sum(v) for v in self.apart(values)])
         closing = self._closing_term()
         each = [(n, flux) for n, flux in terms.imposed(time) if n != closing]
-        each += [(n, self._sums(rate)) for n, rate in rates.items() if n != closing]
+        each += [(n, sums(rate)) for n, rate in rates.items() if n != closing]
         if closing is not None:
             others = sum(own for _, own in each)
-            each.append((closing, self._sums(heat) - others))
+            each.append((closing, sums(heat) - others))
         return self.apart(heat), self._by_entry(each, heat.dtype)
 
     @override
@@ -222,9 +223,6 @@ class SurfaceLoad(AbstractSurfaceLoad):
                 size = sum(np.size(leaf) for leaf in jax.tree.leaves(term.law))
                 sizes[n] = sizes.get(n, 0) + size
         return max(sizes, key=lambda n: sizes[n], default=None)
-
-    def _sums(self, values: Float[Array, " p"]) -> Float[Array, " b"]:
-        return jnp.stack([precise_sum(own) for own in self.apart(values)])
 
     def _by_entry(self, each, dtype) -> Float[Array, " c"]:
         """Heat rates of terms on each body, by the entries of the ledger."""
