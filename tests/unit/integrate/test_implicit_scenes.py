@@ -60,7 +60,7 @@ def _scene(name):
 @pytest.mark.parametrize(
     "name",
     [
-        "varying properties",
+        pytest.param("varying properties", marks=LONG),
         pytest.param("contact", marks=LONG),
         pytest.param("exchange", marks=LONG),
         pytest.param("links", marks=pytest.mark.slow),

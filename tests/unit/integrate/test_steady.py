@@ -101,22 +101,16 @@ SCENES = {
 }
 
 
-# Two bodies that act on each other; the other scenes are within default tests.
-COUPLED = ("contact", "exchange")
+# Within these are the mechanisms of the other scenes.
+IN_SLICE = ("varying properties", "contact", "exchange")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     [
-        "varying properties",
-        *(
-            pytest.param(
-                name,
-                marks=[pytest.mark.slow] + [pytest.mark.slice] * (name in COUPLED),
-            )
-            for name in SCENES
-            if name != "varying properties"
-        ),
+        pytest.param(name, marks=[pytest.mark.slice] * (name in IN_SLICE))
+        for name in SCENES
     ],
 )
 def test_it_is_where_a_long_run_ends(name):
