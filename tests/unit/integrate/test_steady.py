@@ -101,7 +101,7 @@ SCENES = {
 }
 
 
-# Within these are the mechanisms of the other scenes.
+# Varying capacity, and bodies that act on each other: the others add only loads.
 IN_SLICE = ("varying properties", "contact", "exchange")
 
 
