@@ -1,1 +1,7 @@
 """Meshes: files, units, repair, verdict, and procedural shapes."""
+
+import lazy_loader as _lazy_loader
+
+
+# `jaxthermo.shapes` is an attribute of this package before anything imports it.
+__getattr__, __dir__, __all__ = _lazy_loader.attach(__name__, ["shapes"])

@@ -13,7 +13,7 @@ Section = Html | Table | str
 """Markup, a table, or plain text, which becomes a paragraph."""
 
 
-def document(title: str, sections: Sequence[Section]) -> Html:
+def _document(title: str, sections: Sequence[Section]) -> Html:
     """The whole page: a title and its sections."""
     return render(
         "document",
@@ -30,7 +30,7 @@ def write_page(path: Path, title: str, sections: Sequence[Section]) -> None:
         InputError: if the file cannot be written.
     """
     with replacing(path) as temporary:
-        temporary.write_text(document(title, sections), encoding="utf-8")
+        temporary.write_text(_document(title, sections), encoding="utf-8")
 
 
 def _html(section: Section) -> Html:

@@ -126,16 +126,13 @@ def imports(module: Module, names: set[str]) -> set[tuple[str, str]]:
 
 def exported(root: Path) -> set[tuple[str, str]]:
     """Names that `jaxthermo` resolves, and entry points, with their modules."""
-    tree = ast.parse((root / "jaxthermo" / "__init__.py").read_text(encoding="utf-8"))
+    tree = ast.parse((root / "jaxthermo" / "__init__.pyi").read_text(encoding="utf-8"))
     project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))
     scripts = project["project"]["scripts"].values()
-    pairs = {tuple(script.split(":")) for script in scripts}
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Dict):
-            for key, value in zip(node.keys, node.values, strict=True):
-                if isinstance(key, ast.Constant) and isinstance(value, ast.Constant):
-                    pairs.add((f"jaxthermo.{value.value}", str(key.value)))
-    return pairs
+    lines = [node for node in tree.body if isinstance(node, ast.ImportFrom)]
+    return {tuple(script.split(":")) for script in scripts} | {
+        (f"jaxthermo.{line.module}", name.name) for line in lines for name in line.names
+    }
 
 
 def public_names(module: Module) -> tuple[list[str], list[str]]:
