@@ -51,14 +51,15 @@ class _Layout:
             max(1, round(text / 14)),
         )
 
+    # Rounded up, so that no letter is cut.
     def width(self, text: str) -> int:
         return math.ceil(self.font.getlength(text))
 
 
+# Position along the bar (0 bottom, 1 top), text, and flag of an end, per label.
 def _bar_labels(
     low: float, high: float, height: int, room: int
 ) -> list[tuple[float, str, bool]]:
-    """Position along the bar (0 bottom, 1 top), text, and flag of an end, per label."""
     if high <= low:
         return [(0.5, label(low, end_decimals(low, high)), True)]
     ticks = nice_ticks(low, high, min(max(height // (2 * room), 2), 8))
@@ -88,18 +89,13 @@ def _draw_bar(
     canvas.paste(Image.fromarray(colours), (left, top))
     draw = ImageDraw.Draw(canvas)
     edge = layout.line
-    outline = (
-        left - edge,
-        top - edge,
-        left + width + edge - 1,
-        top + height + edge - 1,
-    )
-    draw.rectangle(outline, outline=_FRAME, width=edge)
+    ends = (left + width + edge - 1, top + height + edge - 1)
+    draw.rectangle((left - edge, top - edge, *ends), outline=_FRAME, width=edge)
     for position, text, is_end in labels:
         y = top + (1.0 - position) * (height - 1)
-        mark = left + width + edge
-        across = (mark, round(y - edge / 2), mark + layout.gap // 2, 0)
-        draw.rectangle((*across[:3], across[1] + edge - 1), fill=_FAINT)
+        mark, upper = left + width + edge, round(y - edge / 2)
+        lower = (mark + layout.gap // 2, upper + edge - 1)
+        draw.rectangle((mark, upper, *lower), fill=_FAINT)
         draw.text(
             (mark + layout.gap, y),
             text,
@@ -191,11 +187,8 @@ def contact_sheet(images: Sequence[Image.Image], columns: int) -> Image.Image:
     wide = max(image.width for image in images)
     tall = max(image.height for image in images)
     gap = max(2, round(0.02 * min(wide, tall)))
-    sheet = Image.new(
-        "RGB",
-        (columns * (wide + gap) + gap, rows * (tall + gap) + gap),
-        _PAPER,
-    )
+    size = (columns * (wide + gap) + gap, rows * (tall + gap) + gap)
+    sheet = Image.new("RGB", size, _PAPER)
     for k, image in enumerate(images):
         row, column = divmod(k, columns)
         x = gap + column * (wide + gap) + (wide - image.width) // 2

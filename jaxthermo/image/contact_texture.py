@@ -13,8 +13,8 @@ from ..voxels.textures import packed_images
 from .palette import apply_palette
 
 
+# sRGB of fragments without a value: dark, and in no palette.
 UNTOUCHED = (52, 55, 62)
-"""sRGB of fragments without a value."""
 
 
 def contact_images(

@@ -18,24 +18,12 @@ from .render import Image
 _Image = Float[np.ndarray, "h w"] | Float[Array, "h w"]
 
 # Names for which the format prescribes a meaning and a type.
-_RESERVED = frozenset(
-    {
-        "channels",
-        "chunkCount",
-        "compression",
-        "dataWindow",
-        "displayWindow",
-        "lineOrder",
-        "name",
-        "pixelAspectRatio",
-        "screenWindowCenter",
-        "screenWindowWidth",
-        "tiles",
-        "type",
-        "version",
-        "view",
-    }
+_RESERVED_NAMES = (
+    "channels chunkCount compression dataWindow displayWindow lineOrder name tiles type "
+    "pixelAspectRatio screenWindowCenter screenWindowWidth version view"
 )
+_RESERVED = frozenset(_RESERVED_NAMES.split())
+# The format's limit for long names.
 _MAX_NAME_BYTES = 255
 
 
@@ -59,16 +47,7 @@ def _write_exr_channels(
     channels: Mapping[str, _Image],
     header: Mapping[str, str] | None = None,
 ) -> None:
-    """Write images as lossless float32 channels, replacing `path` in one step.
-
-    Args:
-        path: of the file; its folder must exist.
-        channels: pixels by name, all of one shape; inf and NaN are preserved.
-        header: texts by name.
-
-    Raises:
-        InputError: for channels or names the format cannot hold, or an unwritable path.
-    """
+    # Lossless float32, in which inf and NaN are preserved.
     texts = dict(header or {})
     _check(channels, texts)
     # OpenEXR silently scrambles arrays in Fortran order and refuses other types.
@@ -113,19 +92,18 @@ def read_exr(
 
 
 def _exr_channels(image: Image) -> dict[str, np.ndarray]:
-    """Channels of a radiometric frame, by name."""
     normal = np.asarray(image.normal)
-    return {
-        "temperature_K": np.asarray(image.temperature),
-        "apparent_temperature_K": np.asarray(image.apparent_temperature),
-        "radiance": np.asarray(image.radiance),
-        "emissivity": np.asarray(image.emissivity),
-        "depth_m": np.asarray(image.depth),
-        "object_id": np.asarray(image.object_id, np.float32),
-        "normal_x": normal[..., 0],
-        "normal_y": normal[..., 1],
-        "normal_z": normal[..., 2],
+    channels = {
+        "temperature_K": image.temperature,
+        "apparent_temperature_K": image.apparent_temperature,
+        "radiance": image.radiance,
+        "emissivity": image.emissivity,
+        "depth_m": image.depth,
+        # EXR has no signed integers, and the background is -1.
+        "object_id": image.object_id.astype(np.float32),
     }
+    along = {f"normal_{axis}": normal[..., k] for k, axis in enumerate("xyz")}
+    return {name: np.asarray(pixels) for name, pixels in channels.items()} | along
 
 
 def write_exr(path: str | Path, image: Image, header: dict[str, str] | None = None):

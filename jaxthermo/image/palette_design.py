@@ -8,11 +8,11 @@ others read `palettes.json`; after a change here write it again by
 import json
 import sys
 import warnings
-from math import comb
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float, UInt8
+from scipy.special import comb
 
 from .palette import ENTRIES, palette_names, palette_table
 
@@ -75,7 +75,7 @@ _EMBER = (
 
 
 def _through_anchors(anchors) -> Float[np.ndarray, "256 3"]:
-    """Interpolate between anchors in sRGB, smoothed so that no kink is visible."""
+    # Smoothed, or the eye would see a band at every kink between two anchors.
     table = np.asarray(anchors, np.float64)
     width = 40
     offsets = np.arange(-width, width + 1)
@@ -92,37 +92,31 @@ def _through_anchors(anchors) -> Float[np.ndarray, "256 3"]:
 
 
 def _ember_ucs() -> Float[np.ndarray, "256 3"]:
-    """Ember palette in CAM16-UCS (J', a', b') with steps of equal length.
-
-    A Bezier curve B(s) = sum_i C(n,i) s^i (1-s)^(n-i) P_i, resampled by arc length, so
-    that equal temperature steps look equally large; the lightness J' rises throughout.
-
-    Source: CAM16-UCS, Li et al., Color Res. Appl. 42 (2017) 703.
-    """
+    # A Bezier curve B(s) = sum_i C(n,i) s^i (1-s)^(n-i) P_i, resampled by arc length:
+    # equal temperature steps look equally large; the lightness J' rises throughout.
+    # Source: CAM16-UCS (J', a', b'), Li et al., Color Res. Appl. 42 (2017) 703.
     points = np.asarray(_EMBER)
     order = len(points) - 1
     s = np.linspace(0.0, 1.0, 8 * ENTRIES)[:, None]
     i = np.arange(order + 1)[None, :]
-    choose = np.asarray([comb(order, k) for k in range(order + 1)], np.float64)
+    choose = comb(order, np.arange(order + 1))
     curve = (choose[None, :] * s**i * (1.0 - s) ** (order - i)) @ points
     length = np.linalg.norm(np.diff(curve, axis=0), axis=1)
-    along = np.concatenate([np.zeros(1), np.cumsum(length)])
+    along = np.insert(np.cumsum(length), 0, 0.0)
     even = np.linspace(0.0, along[-1], ENTRIES)
     return np.stack([np.interp(even, along, c) for c in curve.T], axis=-1)
 
 
 def _rgb_to_ucs(rgb: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-    """Convert sRGB in 0-1 to CAM16-UCS (J', a', b'), J' in 0-100."""
     return np.asarray(colour.XYZ_to_CAM16UCS(colour.sRGB_to_XYZ(rgb)))
 
 
 def _ucs_to_rgb(ucs: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-    """Convert CAM16-UCS to sRGB, not clipped: outside 0-1 it cannot be displayed."""
+    # Not clipped: a test finds colours outside 0-1, which cannot be displayed.
     return np.asarray(colour.XYZ_to_sRGB(colour.CAM16UCS_to_XYZ(ucs)))
 
 
 def _build_palettes() -> dict[str, UInt8[np.ndarray, "256 3"]]:
-    """Compute all palettes, from cold to hot, by name."""
     grey = np.repeat(np.linspace(0.0, 1.0, ENTRIES)[:, None], 3, axis=1)
     tables = {
         "iron": _through_anchors(_IRON),
@@ -135,7 +129,6 @@ def _build_palettes() -> dict[str, UInt8[np.ndarray, "256 3"]]:
 
 
 def _bake(path: Path = _BAKED) -> None:
-    """Write the palettes as rows of 16 hexadecimal colours."""
     rows = {
         name: [table[k : k + 16].tobytes().hex() for k in range(0, ENTRIES, 16)]
         for name, table in _build_palettes().items()
@@ -188,7 +181,6 @@ def _lab(rgb: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
 
 
 def _smallest_difference(lab: Float[np.ndarray, "n 3"]) -> float:
-    """Smallest difference of two entries at least 1/8 of the palette apart [-]."""
     first, second = np.triu_indices(len(lab), len(lab) // 8)
     return float(np.min(colour.delta_E(lab[first], lab[second], method="CIE 2000")))
 

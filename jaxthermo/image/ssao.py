@@ -21,9 +21,9 @@ from ..errors import InputError
 from .camera import AbstractCamera
 
 
-SLICES = 8
+_SLICES = 8
 # Steps on either side of a slice, denser near the pixel.
-STEPS = 12
+_STEPS = 12
 
 
 class _Sight(NamedTuple):
@@ -45,8 +45,8 @@ def screen_space_occlusion(
     camera: AbstractCamera,
     radius: float,
     *,
-    slices: int = SLICES,
-    steps: int = STEPS,
+    slices: int = _SLICES,
+    steps: int = _STEPS,
 ) -> Float[np.ndarray, "h w"]:
     """Visible fraction of the cosine-weighted hemisphere; 1 in the background.
 
@@ -110,8 +110,7 @@ def _sight(depth: np.ndarray, camera: AbstractCamera) -> _Sight:
 
 
 def _axes(camera: AbstractCamera):
-    """Unit vectors to the right and down, and the size of a pixel at a depth [m]."""
-    # Twice as many pixels, since an image may have only one.
+    # To the right and down. Twice as many pixels, since an image may have only one.
     fine = camera.finer(2)
     corner = np.array([0, 1, fine.size[0]])
     spans, depths = [], []
@@ -130,13 +129,13 @@ def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _across(along: np.ndarray, back: np.ndarray) -> np.ndarray:
-    """Unit vector in the slice perpendicular to the direction to the eye."""
     side = along - (back @ along)[..., None] * back
     return side / np.linalg.norm(side, axis=-1, keepdims=True)
 
 
 def _tilt(normal: np.ndarray, back: np.ndarray, side: np.ndarray):
-    """Length of the projected normal, and its angle to the direction to the eye."""
+    # The length of the projected normal and its angle to the direction to the eye; one
+    # that points away is taken for tangential.
     ahead, beside = _dot(normal, back), _dot(normal, side)
     return np.hypot(ahead, beside), np.arctan2(beside, np.maximum(ahead, 0.0))
 
@@ -148,7 +147,6 @@ def _horizon(
     flat: np.ndarray,
     radius: float,
 ) -> np.ndarray:
-    """Angle of the horizon above the surface's plane at these shifts [rad]."""
     # Measured along the slice: pixels beside it on the same plane have angle 0.
     height, width = point.shape[:2]
     # Horizons are compared by cosine: one arccos at the end.
@@ -166,7 +164,6 @@ def _horizon(
 
 
 def _overlap(size: int, shift: int) -> tuple[slice, slice]:
-    """Overlap of an axis with itself shifted, as slices of both."""
     low, high = max(0, -shift), max(0, min(size, size - shift))
     low = min(low, high)
     return slice(low, high), slice(low + shift, high + shift)

@@ -11,23 +11,9 @@ import jaxthermo
 
 from ...errors import InputError
 from ..messages import quoted
+from ..types import quantities as si
 from ..types.files import FoundPath
 from ..types.model import ByKind, Mistake, Model
-from ..types.quantities import (
-    LENGTH,
-    Angle,
-    Direction,
-    NotEmpty,
-    Position,
-    PositiveLength,
-    PositiveTime,
-    Size,
-    Temperature,
-    Time,
-    Whole,
-    refuse,
-    to_si,
-)
 from ..types.varying import not_increasing, unequal
 from .material import BodyMaterial, LabelledConfig, Material
 from .selection import empty_box
@@ -38,9 +24,9 @@ def _metres_per_unit(value: Any) -> float:
     """Metres, from a unit's name, a length such as "25.4 mm", or a number."""
     is_name = isinstance(value, str) and value[:1].isalpha()
     try:
-        return to_si(f"1 {value}" if is_name else value, LENGTH)
+        return si.to_si(f"1 {value}" if is_name else value, si.LENGTH)
     except InputError:
-        raise refuse(
+        raise si.refuse(
             f"expected a length unit such as 'mm', got {quoted(value)}"
         ) from None
 
@@ -59,7 +45,7 @@ class MeshConfig(Model, builds="load_mesh"):
     """OBJ, PLY, STL, GLB or OFF file, beside the config or in JAXTHERMO_MESHES."""
     unit: MetresPerUnit | None = None
     """Length of one file unit, such as mm."""
-    height: PositiveLength | None = None
+    height: si.PositiveLength | None = None
     """Extent along `up` instead of the unit [m]."""
     up: Literal["x", "y", "z", "-x", "-y", "-z"] = "z"
 
@@ -69,34 +55,34 @@ class MeshConfig(Model, builds="load_mesh"):
 class _Box(Model, builds="shapes.box", kind="box"):
     """A block with edges along the axes."""
 
-    size: Size
+    size: si.Size
 
 
 class _Sphere(Model, builds="shapes.sphere", kind="sphere"):
     """A ball."""
 
-    radius: PositiveLength
+    radius: si.PositiveLength
 
 
 class _Cylinder(Model, builds="shapes.cylinder", kind="cylinder"):
     """An upright cylinder."""
 
-    radius: PositiveLength
-    height: PositiveLength
+    radius: si.PositiveLength
+    height: si.PositiveLength
 
 
 class _Slab(Model, builds="shapes.slab", kind="slab"):
     """A plate, thin along x."""
 
-    thickness: PositiveLength
-    width: PositiveLength
-    length: PositiveLength
+    thickness: si.PositiveLength
+    width: si.PositiveLength
+    length: si.PositiveLength
 
 
 class _Figurine(Model, builds="shapes.figurine", kind="figurine"):
     """The demo body, with thick and thin parts, some in front of others."""
 
-    height: PositiveLength
+    height: si.PositiveLength
 
 
 ShapeConfig = Annotated[_Box | _Sphere | _Cylinder | _Slab | _Figurine, ByKind()]
@@ -105,8 +91,8 @@ ShapeConfig = Annotated[_Box | _Sphere | _Cylinder | _Slab | _Figurine, ByKind()
 class _PaintConfig(Model):
     """A box of the body [m] that is made of another material."""
 
-    lower: Position
-    upper: Position
+    lower: si.Position
+    upper: si.Position
     material: Material
 
     def build(self, *args: Any) -> Any:
@@ -120,8 +106,8 @@ class _PaintConfig(Model):
 class _RotationConfig(Model):
     """A rotation about an axis through the origin, right-handed."""
 
-    axis: Direction
-    angle: Angle
+    axis: si.Direction
+    angle: si.Angle
 
     def build(self, *args: Any) -> Any:
         # Rodrigues' formula, R = 1 + sin(a) K + (1 - cos(a)) K^2, with K v = axis x v.
@@ -135,16 +121,16 @@ class _RotationConfig(Model):
 class _PoseConfig(Model, builds="Pose"):
     """Position of the body in the scene: rotated first, then translated."""
 
-    translation: Position = (0.0, 0.0, 0.0)
+    translation: si.Position = (0.0, 0.0, 0.0)
     rotation: _RotationConfig | None = None
 
 
 class _MotionConfig(Model, builds="Motion"):
     """Poses at times, between which the body moves."""
 
-    times: Annotated[tuple[Time, ...], NotEmpty]
+    times: Annotated[tuple[si.Time, ...], si.NotEmpty]
     poses: tuple[_PoseConfig, ...]
-    every: PositiveTime | None = None
+    every: si.PositiveTime | None = None
     """Interval after which shadows, views and contacts are recomputed."""
 
     def build(self, *args: Any) -> Any:
@@ -175,9 +161,9 @@ class BodyConfig(Model, builds="Body"):
     """Mesh file of the body, a closed surface."""
     shape: ShapeConfig | None = None
     """Shape that needs no file, instead of a mesh."""
-    pitch: PositiveLength | None = None
+    pitch: si.PositiveLength | None = None
     """Edge of a voxel [m]."""
-    voxels_high: Annotated[Whole, Field(ge=1, le=4096)] | None = None
+    voxels_high: Annotated[si.Whole, Field(ge=1, le=4096)] | None = None
     """Number of voxels along z, instead of their pitch."""
     structure: StructureConfig = FullVolume()
     """Nodes and links that represent the body's heat."""
@@ -186,7 +172,7 @@ class BodyConfig(Model, builds="Body"):
     """Name, properties, both, or a file of labels with a material for each."""
     regions: tuple[_PaintConfig, ...] = ()
     """Boxes of other materials, later ones on top."""
-    temperature: Temperature
+    temperature: si.Temperature
     """Temperature at the start [K]."""
     pose: AnyPose = _PoseConfig()
     """Position in the scene, or a table of positions by time."""

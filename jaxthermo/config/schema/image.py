@@ -8,33 +8,20 @@ from typing_extensions import override
 
 from ...image.palette import palette_names
 from ..messages import close_match
+from ..types import quantities as si
 from ..types.model import ByKind, Mistake, Model, Short
-from ..types.quantities import (
-    Angle,
-    Auto,
-    Direction,
-    Flag,
-    NoneWord,
-    NotEmpty,
-    Position,
-    PositiveLength,
-    PositiveTime,
-    Temperature,
-    Whole,
-    refuse,
-)
 
 
-Pixels = Annotated[Whole, Field(ge=1, le=16384)]
-FieldOfView = Annotated[Angle, Field(gt=0, lt=math.pi)]
+Pixels = Annotated[si.Whole, Field(ge=1, le=16384)]
+FieldOfView = Annotated[si.Angle, Field(gt=0, lt=math.pi)]
 
 
 class _View(Model):
     """Position and direction of a camera; what is not given is chosen to fit."""
 
-    position: Annotated[Position | None, Auto] = None
-    look_at: Annotated[Position | None, Auto] = None
-    up: Direction = (0.0, 0.0, 1.0)
+    position: Annotated[si.Position | None, si.Auto] = None
+    look_at: Annotated[si.Position | None, si.Auto] = None
+    up: si.Direction = (0.0, 0.0, 1.0)
     width: Pixels = 640
     height: Pixels = 480
 
@@ -56,13 +43,13 @@ class _View(Model):
 class PinholeConfig(_View, builds="Camera", kind="pinhole"):
     """A perspective camera."""
 
-    field_of_view: Annotated[FieldOfView | None, Auto] = None
+    field_of_view: Annotated[FieldOfView | None, si.Auto] = None
 
 
 class OrthographicConfig(_View, builds="OrthographicCamera", kind="orthographic"):
     """A camera with parallel rays."""
 
-    view_height: Annotated[PositiveLength | None, Auto] = None
+    view_height: Annotated[si.PositiveLength | None, si.Auto] = None
 
 
 def _fitted(value: Any) -> Any:
@@ -78,14 +65,14 @@ CameraConfig = Annotated[
 
 
 Frames = Annotated[
-    Annotated[tuple[PositiveTime, ...], NotEmpty] | None, NoneWord("all")
+    Annotated[tuple[si.PositiveTime, ...], si.NotEmpty] | None, si.NoneWord("all")
 ]
 
 
 def _known_palette(name: str) -> str:
     names = palette_names()
     if name not in names:
-        raise refuse(f"unknown palette '{name}'{close_match(name, names)}")
+        raise si.refuse(f"unknown palette '{name}'{close_match(name, names)}")
     return name
 
 
@@ -99,13 +86,13 @@ class ImageConfig(Model):
     ] = "iron"
     quantity: Literal["apparent", "surface"] = "apparent"
     """Apparent temperature, as a camera measures it, or the surface's own."""
-    low: Annotated[Temperature | None, Auto] = None
+    low: Annotated[si.Temperature | None, si.Auto] = None
     """Temperature at the cold end of the colour scale [K]."""
-    high: Annotated[Temperature | None, Auto] = None
+    high: Annotated[si.Temperature | None, si.Auto] = None
     """Temperature at the hot end of the colour scale [K]."""
-    smooth: Flag = True
+    smooth: si.Flag = True
     """Interpolate temperatures over the surface instead of one for each voxel."""
-    samples: Annotated[Whole, Field(ge=1, le=8)] = 2
+    samples: Annotated[si.Whole, Field(ge=1, le=8)] = 2
     """Square root of the number of rays for each pixel, which smooth the edges."""
     frames: Frames = None
     """Saved times that become frames [s]."""

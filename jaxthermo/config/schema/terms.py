@@ -10,34 +10,14 @@ from pydantic import Field
 
 import jaxthermo
 
+from ..types import quantities as si
 from ..types.model import ByKind, KindModel, Mistake, Model, Short
-from ..types.quantities import (
-    Direction,
-    Extent,
-    Fraction,
-    HeatFlux,
-    HeatRateDensity,
-    HeatTransferCoefficient,
-    Index,
-    Indices,
-    Irradiance,
-    Number,
-    Position,
-    PositiveLength,
-    PositiveTime,
-    Radiance,
-    RadiantIntensity,
-    Speed,
-    Temperature,
-    Velocity,
-    Whole,
-)
 from ..types.varying import TimeConductance, TimeDirection, TimePosition, Varying
 from .selection import WhereConfig, WithinConfig
 
 
 # With fewer directions a view of the surroundings is too coarse to be of use.
-Directions = Annotated[Whole, Field(ge=8, le=100_000)]
+Directions = Annotated[si.Whole, Field(ge=8, le=100_000)]
 
 
 class _Switched(Model):
@@ -58,8 +38,8 @@ class _SunConfig(_Switched, builds="Sun", kind="sun"):
     """Parallel rays that travel along `direction`."""
 
     direction: TimeDirection
-    irradiance: Varying[Irradiance]
-    until: PositiveTime | None = None
+    irradiance: Varying[si.Irradiance]
+    until: si.PositiveTime | None = None
 
     switched: ClassVar = ("irradiance",)
 
@@ -68,9 +48,9 @@ class _PointSourceConfig(_Switched, builds="PointSource", kind="point_source"):
     """A small source near by."""
 
     position: TimePosition
-    radiant_intensity: Varying[RadiantIntensity]
-    min_distance: PositiveLength = 0.01
-    until: PositiveTime | None = None
+    radiant_intensity: Varying[si.RadiantIntensity]
+    min_distance: si.PositiveLength = 0.01
+    until: si.PositiveTime | None = None
 
     switched: ClassVar = ("radiant_intensity",)
 
@@ -79,14 +59,14 @@ class _AreaSourceConfig(_Switched, builds="AreaSource", kind="area_source"):
     """A rectangle that radiates from its front, by its radiance or its temperature."""
 
     centre: TimePosition
-    normal: Direction
-    size: Extent
-    up: Direction = (0.0, 0.0, 1.0)
-    radiance: Varying[Radiance] | None = None
-    temperature: Varying[Temperature] | None = None
-    emissivity: Fraction | None = None
-    patches: Annotated[Whole, Field(ge=1, le=64)] = 4
-    until: PositiveTime | None = None
+    normal: si.Direction
+    size: si.Extent
+    up: si.Direction = (0.0, 0.0, 1.0)
+    radiance: Varying[si.Radiance] | None = None
+    temperature: Varying[si.Temperature] | None = None
+    emissivity: si.Fraction | None = None
+    patches: Annotated[si.Whole, Field(ge=1, le=64)] = 4
+    until: si.PositiveTime | None = None
 
     exactly_one: ClassVar = (("radiance", "temperature"),)
     switched: ClassVar = ("radiance", "temperature")
@@ -101,10 +81,10 @@ class _AreaSourceConfig(_Switched, builds="AreaSource", kind="area_source"):
 class _SurroundingsConfig(Model, builds="Surroundings", kind="surroundings"):
     """Net thermal emission to surroundings, or to a sky and a ground."""
 
-    temperature: Varying[Temperature]
-    ground: Varying[Temperature] | None = None
+    temperature: Varying[si.Temperature]
+    ground: Varying[si.Temperature] | None = None
     occlusion: Directions | None = None
-    linear_within: Annotated[Number, Field(gt=0, lt=1)] | None = None
+    linear_within: Annotated[si.Number, Field(gt=0, lt=1)] | None = None
 
 
 class _RadiativeExchangeConfig(
@@ -112,43 +92,43 @@ class _RadiativeExchangeConfig(
 ):
     """Net thermal emission of bodies to each other and to the surroundings."""
 
-    temperature: Varying[Temperature]
-    max_patches: Annotated[Whole, Field(ge=6, le=4096)] = 128
+    temperature: Varying[si.Temperature]
+    max_patches: Annotated[si.Whole, Field(ge=6, le=4096)] = 128
     directions: Directions = 128
 
 
 class _ConvectionConfig(Model, builds="Convection", kind="convection"):
     """Convection with a given heat transfer coefficient."""
 
-    heat_transfer_coefficient: Varying[HeatTransferCoefficient]
-    temperature: Varying[Temperature]
+    heat_transfer_coefficient: Varying[si.HeatTransferCoefficient]
+    temperature: Varying[si.Temperature]
     on: WhereConfig | None = None
 
 
 class _CylinderConfig(Model, builds="Cylinder"):
     """A cylinder that stands for a part of a body, in the body's own frame."""
 
-    axis_point: Position
-    axis: Direction
-    diameter: PositiveLength
-    length: PositiveLength | None = None
-    body: Index = 0
+    axis_point: si.Position
+    axis: si.Direction
+    diameter: si.PositiveLength
+    length: si.PositiveLength | None = None
+    body: si.Index = 0
 
 
 class _WakeDeficitConfig(KindModel, builds="WakeDeficit", kind="deficit"):
     """Slower wind behind other objects."""
 
-    amplitude: Annotated[Number, Field(gt=0, lt=1.3)] = 1.027
-    length: Annotated[Number, Field(gt=0)] = 2.227
-    exponent: Annotated[Number, Field(ge=0.4, le=1.1)] = 0.497
+    amplitude: Annotated[si.Number, Field(gt=0, lt=1.3)] = 1.027
+    length: Annotated[si.Number, Field(gt=0)] = 2.227
+    exponent: Annotated[si.Number, Field(ge=0.4, le=1.1)] = 0.497
 
 
 class _WindConfig(Model, builds="Wind", kind="wind"):
     """Wind of one direction; the bodies are approximated by cylinders."""
 
-    velocity: Velocity
-    temperature: Varying[Temperature]
-    speed: Varying[Speed] | None = None
+    velocity: si.Velocity
+    temperature: Varying[si.Temperature]
+    speed: Varying[si.Speed] | None = None
     average: Literal["churchill_bernstein", "sanitjai_goldstein", "profile"] = (
         "churchill_bernstein"
     )
@@ -165,16 +145,16 @@ class _WindConfig(Model, builds="Wind", kind="wind"):
 class _FreeConvectionConfig(Model, builds="FreeConvection", kind="free_convection"):
     """Natural convection in still air."""
 
-    temperature: Varying[Temperature]
-    length: PositiveLength | None = None
+    temperature: Varying[si.Temperature]
+    length: si.PositiveLength | None = None
     cylinders: tuple[_CylinderConfig, ...] = ()
 
 
 class _HeatFluxConfig(_Switched, builds="HeatFlux", kind="heat_flux"):
     """A given heat flux into the surface."""
 
-    heat_flux: Varying[HeatFlux]
-    until: PositiveTime | None = None
+    heat_flux: Varying[si.HeatFlux]
+    until: si.PositiveTime | None = None
     on: WhereConfig | None = None
 
     switched: ClassVar = ("heat_flux",)
@@ -185,15 +165,15 @@ class _FixedTemperatureConfig(
 ):
     """A surface of prescribed temperature."""
 
-    temperature: Varying[Temperature]
+    temperature: Varying[si.Temperature]
     on: WhereConfig | None = None
 
 
 class _HeatSourceConfig(_Switched, builds="HeatSource", kind="heat_source"):
     """Heat released inside."""
 
-    heat_rate_density: Varying[HeatRateDensity]
-    until: PositiveTime | None = None
+    heat_rate_density: Varying[si.HeatRateDensity]
+    until: si.PositiveTime | None = None
     within: WithinConfig | None = None
 
     switched: ClassVar = ("heat_rate_density",)
@@ -203,10 +183,10 @@ class _ContactConfig(Model, builds="Contact", kind="contact"):
     """Heat conduction between touching surfaces, of all bodies or of two."""
 
     conductance: TimeConductance
-    bodies: Indices | None = None
-    threshold: PositiveLength | None = None
-    gap_length: PositiveLength | None = None
-    max_pairs: Annotated[Whole, Field(ge=1)] | None = None
+    bodies: si.Indices | None = None
+    threshold: si.PositiveLength | None = None
+    gap_length: si.PositiveLength | None = None
+    max_pairs: Annotated[si.Whole, Field(ge=1)] | None = None
 
     def arguments(self) -> dict[str, Any]:
         # A bond has no resistance; the half cells on both sides limit the heat.

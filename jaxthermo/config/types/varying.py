@@ -6,19 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Generic, Literal, Ty
 
 from pydantic import Discriminator, Tag
 
+from . import quantities as si
 from .model import Mistake, Model, parts
-from .quantities import (
-    Conductivity,
-    ContactConductance,
-    Direction,
-    NotEmpty,
-    Position,
-    SpecificHeat,
-    Temperature,
-    Three,
-    Time,
-    Unit,
-)
 
 
 Value = TypeVar("Value")
@@ -33,7 +22,7 @@ class _Tabulated(Model, Generic[Value]):
     @classmethod
     def model_parametrized_name(cls, params: tuple[Any, ...]) -> str:
         # In JSON Schemas; pydantic's own name spells out all of the type.
-        nouns = [part.noun for part in parts(params[0]) if isinstance(part, Unit)]
+        nouns = [part.noun for part in parts(params[0]) if isinstance(part, si.Unit)]
         words = nouns[0].partition(" (")[0].split()[1:] if nouns else []
         return f"{cls.__name__.lstrip('_')}Of{''.join(map(str.capitalize, words))}"
 
@@ -47,7 +36,7 @@ class _Tabulated(Model, Generic[Value]):
 class _Table(_Tabulated[Value], Generic[Value], builds="Table"):
     """A piecewise linear function of time [s]."""
 
-    times: Annotated[tuple[Time, ...], NotEmpty]
+    times: Annotated[tuple[si.Time, ...], si.NotEmpty]
     values: tuple[Value, ...]
 
     argument: ClassVar = ("times", "s")
@@ -57,11 +46,11 @@ class _Table(_Tabulated[Value], Generic[Value], builds="Table"):
         return self.target()(self.times, self.values)
 
 
-class _PositionTable(_Table[Position], builds="PointTable"):
+class _PositionTable(_Table[si.Position], builds="PointTable"):
     """A position that moves in time."""
 
 
-class _DirectionTable(_Table[Direction], builds="DirectionTable"):
+class _DirectionTable(_Table[si.Direction], builds="DirectionTable"):
     """A direction that turns in time."""
 
     def mistakes(self) -> list[Mistake]:
@@ -78,7 +67,7 @@ class _DirectionTable(_Table[Direction], builds="DirectionTable"):
 class PropertyTable(_Tabulated[Value], Generic[Value], builds="Property"):
     """A piecewise linear function of temperature [K]."""
 
-    temperatures: Annotated[tuple[Temperature, ...], NotEmpty]
+    temperatures: Annotated[tuple[si.Temperature, ...], si.NotEmpty]
     values: tuple[Value, ...]
 
     argument: ClassVar = ("temperatures", "K")
@@ -132,24 +121,29 @@ else:
 
 
 TimePosition = Annotated[
-    Annotated[Position, _FIXED] | Annotated[_PositionTable, _TABLE], _EITHER
+    Annotated[si.Position, _FIXED] | Annotated[_PositionTable, _TABLE], _EITHER
 ]
 TimeDirection = Annotated[
-    Annotated[Direction, _FIXED] | Annotated[_DirectionTable, _TABLE], _EITHER
+    Annotated[si.Direction, _FIXED] | Annotated[_DirectionTable, _TABLE], _EITHER
 ]
 TimeConductance = Annotated[
-    Annotated[ContactConductance, _FIXED]
+    Annotated[si.ContactConductance, _FIXED]
     | Annotated[Literal["bonded"], Tag("<bonded>")]
-    | Annotated[_Table[ContactConductance], _TABLE],
+    | Annotated[_Table[si.ContactConductance], _TABLE],
     Discriminator(_or_bonded),
 ]
 AnyConductivity = Annotated[
-    Annotated[Conductivity, _FIXED]
-    | Annotated[tuple[Conductivity, Conductivity, Conductivity], Three, Tag("<three>")]
-    | Annotated[PropertyTable[Conductivity], _TABLE],
+    Annotated[si.Conductivity, _FIXED]
+    | Annotated[
+        tuple[si.Conductivity, si.Conductivity, si.Conductivity],
+        si.Three,
+        Tag("<three>"),
+    ]
+    | Annotated[PropertyTable[si.Conductivity], _TABLE],
     Discriminator(_or_three),
 ]
 AnySpecificHeat = Annotated[
-    Annotated[SpecificHeat, _FIXED] | Annotated[PropertyTable[SpecificHeat], _TABLE],
+    Annotated[si.SpecificHeat, _FIXED]
+    | Annotated[PropertyTable[si.SpecificHeat], _TABLE],
     _EITHER,
 ]

@@ -79,7 +79,7 @@ def test_descriptions_become_tooltips():
 
 def test_what_users_write_is_text_in_the_page():
     table = Table(["<script>"], [["<script>", "x"], ["y", Cell("<script>", True)]])
-    text = page.document("<script>", ["<script>", table, page.pre("<script>")])
+    text = page._document("<script>", ["<script>", table, page.pre("<script>")])
     assert "<script>" not in text and text.count("&lt;script&gt;") == 7
     assert Table(["a"], [[Cell("yes", True)]]).html().count("<td") == 1
 
