@@ -83,6 +83,7 @@ def progress_bar(console: Console, end: float, steps: int) -> Iterator[Callable]
 @contextmanager
 def patient_interrupt() -> Iterator[Callable[[], bool]]:
     """Turn the first Ctrl-C into a flag that is polled; the second one interrupts."""
+    # The state of a run is saved between segments only.
     requested = False
 
     def request(number, frame):

@@ -51,6 +51,7 @@ def run_app(app: App, name: str, arguments: Sequence[str] | None = None) -> None
 def _refuse(name: str, error: Exception) -> int:
     text = str(error)
     if isinstance(error, CycloptsError):
+        # Cyclopts breaks its messages into lines, and here a line is a mistake.
         text = f"{' '.join(text.split())} Try `{name} --help`."
     # A config may hold several mistakes: a line for each.
     for line in text.splitlines():

@@ -2,6 +2,7 @@
 
 import re
 import sys
+from itertools import takewhile
 from pathlib import Path
 
 from ..atomic import replacing
@@ -42,7 +43,7 @@ def example(name: str | None, out: Path | None) -> None:
 
 
 def _examples() -> dict[str, str]:
-    """Scenes without a mesh file, by name."""
+    # Scenes of mesh files are left out: the files are not part of the package.
     folder = next((folder for folder in _FOLDERS if folder.is_dir()), None)
     if folder is None:
         raise InputError("no examples are installed: reinstall jaxthermo")
@@ -51,21 +52,13 @@ def _examples() -> dict[str, str]:
         text = path.read_text(encoding="utf-8")
         bodies = parse_yaml(text, str(path))["bodies"]
         if not any("mesh" in body for body in bodies):
-            found[path.stem] = _without_schema(text)
+            # Its first line names a schema by a path that holds in the repository only.
+            found[path.stem] = re.sub(r"\A# yaml-language-server.*\n", "", text)
     return found
 
 
-def _without_schema(text: str) -> str:
-    """The scene without its first line if that names a schema by a relative path."""
-    first, rest = text.split("\n", 1)
-    return rest if first.startswith("# yaml-language-server") else text
-
-
+# The first clause of the comment at the top.
 def _title(text: str) -> str:
-    """The first clause of the comment at the top."""
-    lines = []
-    for line in text.splitlines():
-        if not line.startswith("#"):
-            break
-        lines.append(line.strip("# "))
-    return re.split(r"[.:] ", " ".join(lines))[0].rstrip(".") + "."
+    lines = takewhile(lambda line: line.startswith("#"), text.splitlines())
+    words = " ".join(line.strip("# ") for line in lines)
+    return re.split(r"[.:] ", words)[0].rstrip(".") + "."

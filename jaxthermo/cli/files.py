@@ -10,8 +10,6 @@ from ..errors import InputError
 
 
 FRAMES = "frames"
-"""The folder of a run's frames."""
-
 _FRAME_FILE = re.compile(r"t\d{6,}\.\d{2,}s\.(exr|png)")
 _MAX_DECIMALS = 9
 
@@ -30,6 +28,7 @@ def prepare_folder(out: str | Path) -> Path:
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise InputError(f"--out {out}: cannot be created: {reason}") from error
+    # Now and not when the results are written, after an hour of simulation.
     if not os.access(folder, os.W_OK | os.X_OK):
         raise InputError(f"--out {out}: cannot be written; name another folder")
     return folder

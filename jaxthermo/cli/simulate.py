@@ -15,20 +15,11 @@ from ..config.schema.image import ImageConfig, PinholeConfig
 from ..config.schema.scene import SceneConfig
 from ..errors import InputError
 from ..image.ticks import time_label
+from ..integrate.run import segments
 from ..integrate.run.plan import Plan, plan_run
-from ..integrate.run.segments import (
-    RunProgress,
-    begin_run,
-    compile_segments,
-    finish_run,
-    load_checkpoint,
-    run_segments,
-    save_checkpoint,
-    steps_done,
-    time_reached,
-)
 from ..integrate.run.solution import RESULTS, Solution
 from ..integrate.run.solution_file import StoredSolution, save_solution
+from ..report.numbers import count
 from ..scene.compile.compile import mechanism_names
 from ..scene.dimensionless_groups import body_numbers
 from ..scene.scene import Scene
@@ -49,9 +40,8 @@ from .summary import summarize, write_energy, write_json
 
 CONFIG = "config.yaml"
 CHECKPOINT = "checkpoint.npz"
+# Wall time between checkpoints [s]: a run that is killed loses at most that much.
 CHECKPOINT_EVERY = 20.0
-"""Wall time between checkpoints [s]."""
-
 RESULTS_OF_A_RUN = ("summary.json", "solution.npz", "energy.csv")
 
 
@@ -80,7 +70,6 @@ class _Planned(NamedTuple):
 
 
 def _planned(console: Console, config: SceneConfig) -> _Planned:
-    """The scene and the plan of its run, both printed."""
     with status(console, "building the scene"):
         scene = config.build()
         end, saves = config.time.end, config.time.save_times
@@ -94,7 +83,7 @@ def _planned(console: Console, config: SceneConfig) -> _Planned:
 
 
 def _card_warnings(config: SceneConfig, scene: Scene) -> list[str]:
-    """A sentence for each dimensionless number of a body outside its card's range."""
+    # The weights of a card are fitted: outside of their range they may be far off.
     found = []
     for n, (given, body) in enumerate(zip(config.bodies, scene.bodies, strict=True)):
         path = given.structure.weights.card
@@ -107,7 +96,7 @@ def _card_warnings(config: SceneConfig, scene: Scene) -> list[str]:
 
 
 def _check_not_overwritten(config: Path, out: Path) -> None:
-    """Refuse to write the resolved config over one that was written by hand."""
+    # The resolved config would replace one that was written by hand, and its comments.
     if (out / CONFIG).exists() and (out / CONFIG).samefile(config):
         text = config.read_text(encoding="utf-8")
         if text != to_yaml(load_config(config)):
@@ -117,7 +106,6 @@ def _check_not_overwritten(config: Path, out: Path) -> None:
 
 
 def _run_simulation(config: SceneConfig, out: Path) -> None:
-    """Run the scene and write summary, solution, energies and frames into `out`."""
     console = open_console()
     with precision(config.dtype):
         clock = time.perf_counter()
@@ -147,58 +135,56 @@ def _run_simulation(config: SceneConfig, out: Path) -> None:
         write_json(out / "summary.json", summary)
     (out / CHECKPOINT).unlink(missing_ok=True)
     log_result(console, solution, times)
-    print_line(
-        console,
-        f"{frames} frame{'s' * (frames != 1)} in {out / FRAMES}, "
-        "summary.json beside them",
-    )
+    shown = f"{count(frames, 'frame')} in {out / FRAMES}, summary.json beside them"
+    print_line(console, shown)
 
 
 def _run(
     console: Console, config: SceneConfig, scene: Scene, todo: Plan, out: Path
 ) -> tuple[Solution, dict[str, float]]:
-    """Run all segments with checkpoints, from the last one of an interrupted run."""
+    # From the last checkpoint of an interrupted run, if there is one.
     key = _checkpoint_key(config)
-    fresh = begin_run(todo)
-    kept = load_checkpoint(out / CHECKPOINT, fresh, key)
+    reached = lambda progress: segments.time_reached(todo, progress)
+    fresh = segments.begin_run(todo)
+    kept = segments.load_checkpoint(out / CHECKPOINT, fresh, key)
     if kept is not None:
-        print_line(console, f"going on from {time_label(time_reached(todo, kept))}")
+        print_line(console, f"going on from {time_label(reached(kept))}")
     elif (out / CHECKPOINT).exists():
         print_line(
             console, f"starting again: {CHECKPOINT} is of another run, or damaged"
         )
     clock = time.perf_counter()
     with status(console, "compiling"):
-        ready = compile_segments(todo, kept or fresh)
+        ready = segments.compile_segments(todo, kept or fresh)
     compiled, clock = time.perf_counter() - clock, time.perf_counter()
     with (
         patient_interrupt() as interrupted,
         progress_bar(console, config.time.end, todo.steps) as update,
     ):
         progress, last = ready, clock
-        for progress in run_segments(todo, ready):
-            update(steps_done(todo, progress), time_reached(todo, progress))
+        for progress in segments.run_segments(todo, ready):
+            update(
+                segments.steps_done(todo, progress),
+                reached(progress),
+            )
             if interrupted():
                 _stop(todo, progress, out, key)
             if time.perf_counter() - last > CHECKPOINT_EVERY:
-                save_checkpoint(out / CHECKPOINT, progress, key)
+                segments.save_checkpoint(out / CHECKPOINT, progress, key)
                 last = time.perf_counter()
-    run = time.perf_counter() - clock
-    return finish_run(todo, progress), {
-        "compile_time_s": compiled,
-        "run_time_s": run,
-    }
+    times = {"compile_time_s": compiled, "run_time_s": time.perf_counter() - clock}
+    return segments.finish_run(todo, progress), times
 
 
 def _checkpoint_key(config: SceneConfig) -> str:
-    """Hash of all that the simulation depends on: the camera may change meanwhile."""
+    # All that the simulation depends on: the camera may change meanwhile.
     undrawn = {"camera": PinholeConfig(), "image": ImageConfig(), "name": None}
     return f"{config_hash(config.model_copy(update=undrawn))} {__version__}"
 
 
-def _stop(todo: Plan, progress: RunProgress, out: Path, key: str) -> None:
-    save_checkpoint(out / CHECKPOINT, progress, key)
+def _stop(todo: Plan, progress: segments.RunProgress, out: Path, key: str) -> None:
+    segments.save_checkpoint(out / CHECKPOINT, progress, key)
     raise KeyboardInterrupt(
-        f"stopped at {time_label(time_reached(todo, progress))}; "
+        f"stopped at {time_label(segments.time_reached(todo, progress))}; "
         "the same command goes on from there"
     )

@@ -23,13 +23,13 @@ from ..integrate.run.solution import RESULTS, Solution
 from ..scene.scene import Scene
 
 
-def _versions() -> dict[str, str]:
-    packages = ("jaxthermo", "jax", "jaxlib", "numpy", "equinox", "trimesh")
-    return {"python": platform.python_version()} | {p: version(p) for p in packages}
+# Those on which the numbers of a run may depend.
+_PACKAGES = ("jaxthermo", "jax", "jaxlib", "numpy", "equinox", "trimesh")
 
 
 def peak_memory() -> int:
     """Peak memory of this process so far [bytes]."""
+    # Linux counts in KiB, macOS in bytes.
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak if sys.platform == "darwin" else peak * 1024
 
@@ -57,7 +57,6 @@ def _body(scene: Scene, solution: Solution, index: int) -> dict[str, Any]:
 
 
 def _ledger(energy: Energy) -> dict[str, np.ndarray]:
-    """Columns by name: stored, by mechanism, through contacts, residual."""
     heats = {**energy.mechanisms, **energy.contacts}
     columns = {
         "stored_J": energy.stored_J,
@@ -106,14 +105,14 @@ def summarize(
         "bodies": [_body(scene, solution, b) for b in range(len(scene.bodies))],
         "config": resolved(config),
         "config_hash": config_hash(config),
-        "versions": _versions(),
+        "versions": {"python": platform.python_version()}
+        | {package: version(package) for package in _PACKAGES},
         "device": f"{device.platform}: {device.device_kind}",
         "seed": None,
     }
 
 
 def _effort(effort: SolverStatistics | None) -> dict[str, float] | None:
-    """Work of an implicit solver, by name."""
     if effort is None:
         return None
     return {
@@ -125,8 +124,8 @@ def _effort(effort: SolverStatistics | None) -> dict[str, float] | None:
     }
 
 
+# JSON has no infinity.
 def _finite(value: float | None) -> float | None:
-    """JSON has no infinity."""
     return value if value is not None and np.isfinite(value) else None
 
 
@@ -150,6 +149,7 @@ def write_energy(path: Path, solution: Solution) -> None:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)
+    # Nine digits tell all float32 numbers apart.
     rows = zip(*columns.values(), strict=True)
     writer.writerows([f"{value:.9g}" for value in row] for row in rows)
     with replacing(path) as temporary:

@@ -16,8 +16,9 @@ from .types.model import Model, field_parts
 from .types.quantities import Unit
 
 
+# An entry of a docstring's section Args or Attributes, with its continuation lines.
 _ARGUMENT = re.compile(r"^    (\w+): (.+(?:\n {8,}.+)*)", re.M)
-"""An entry of a docstring's section Args or Attributes, with its continuation lines."""
+_PACKAGES = ("jaxthermo", "calibrate", "experiments")
 
 
 def json_schema(model: type[Model]) -> str:
@@ -27,6 +28,7 @@ def json_schema(model: type[Model]) -> str:
         def model_schema(self, schema: Any) -> dict[str, Any]:
             return _described(schema["cls"], super().model_schema(schema))
 
+        # Members of a union are private classes, and a schema has no such thing.
         def normalize_name(self, name: str) -> str:
             return super().normalize_name(name).lstrip("_")
 
@@ -42,7 +44,7 @@ def json_schema(model: type[Model]) -> str:
 
 
 def _described(model: type[Model], schema: dict[str, Any]) -> dict[str, Any]:
-    """The schema of one model with descriptions, units and alternative keys."""
+    # A model's own words go before those of the class that it builds.
     texts = _descriptions(model.target()) if model.builds else {}
     texts |= _descriptions(model)
     for key, field in schema.get("properties", {}).items():
@@ -64,7 +66,7 @@ def _descriptions(thing: Any) -> dict[str, str]:
     """The docstrings of a class's attributes, or of a function's arguments, by name."""
     found: dict[str, str] = {}
     for owner in reversed(thing.__mro__) if inspect.isclass(thing) else (thing,):
-        if owner.__module__.partition(".")[0] not in ("jaxthermo", *_FRONT_ENDS):
+        if owner.__module__.partition(".")[0] not in _PACKAGES:
             continue
         for documented in (owner, vars(owner).get("__init__")):
             text = inspect.getdoc(documented) if documented else None
@@ -77,9 +79,7 @@ def _descriptions(thing: Any) -> dict[str, str]:
     return {key: " ".join(text.split()) for key, text in found.items()}
 
 
-_FRONT_ENDS = ("calibrate", "experiments")
-
-
+# Python keeps no docstring of an attribute: only the source has it.
 def _attribute_docstrings(owner: type) -> dict[str, str]:
     source = textwrap.dedent(inspect.getsource(owner))
     (definition,) = ast.parse(source).body

@@ -83,6 +83,7 @@ def config_hash(config: Model) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
+# A mesh that changed is another scene, whatever its name.
 def _content(path: Path) -> str:
     try:
         return hashlib.sha256(path.read_bytes()).hexdigest()
@@ -119,9 +120,14 @@ def _replaced(data: Any, rest: Location, value: Any, before: Location) -> Any:
         return value
     key, here = rest[0], (*before, rest[0])
     if isinstance(data, list):
-        index = _index(data, key, before)
-        item = _replaced(data[index], rest[1:], value, here)
-        return [*data[:index], item, *data[index + 1 :]]
+        if not isinstance(key, int):
+            entries = "is a list: give an index, such as 0"
+            raise InputError(f"{dotted(here)}: `{dotted(before)}` {entries}")
+        if key >= len(data):
+            entries = f"has {len(data)} entries, counted from 0"
+            raise InputError(f"{dotted(here)}: `{dotted(before)}` {entries}")
+        item = _replaced(data[key], rest[1:], value, here)
+        return [*data[:key], item, *data[key + 1 :]]
     if before and before[-1] in _PATH_KEYS:
         key = dotted(rest)
         rest = (key,)
@@ -161,19 +167,9 @@ def _word_key(location: Location) -> str | None:
     return next((part.key for part in parts if isinstance(part, Short)), None)
 
 
-def _index(data: list, key: str | int, before: Location) -> int:
-    if not isinstance(key, int):
-        entries = f"`{dotted(before)}` is a list: give an index, such as 0"
-        raise InputError(f"{dotted((*before, key))}: {entries}")
-    if key >= len(data):
-        entries = f"`{dotted(before)}` has {len(data)} entries, counted from 0"
-        raise InputError(f"{dotted((*before, key))}: {entries}")
-    return key
-
-
 def _override_at(where: Location, read: Any, changed: list[Change]) -> str:
-    """The last override that the value at the location came with; empty for none."""
-    # Above the target of an override: a mapping that only the override made.
+    # The last override that the value came with; one that is wrong may have replaced
+    # another. Above the target of an override: a mapping that only the override made.
     made = not _contains(read, where)
     found = [
         text

@@ -8,8 +8,8 @@ from typing import Any
 from pydantic import ValidationError
 
 
+# Type of an error whose message is already one of this package.
 MISTAKE = "mistake"
-"""Type of an error whose message is already one of this package."""
 
 _EXPECTED = {
     "bool_type": "true or false",
@@ -25,6 +25,7 @@ _LIMITS = {
     "less_than": ("less than", "lt"),
     "less_than_equal": ("at most", "le"),
 }
+# A value may be a whole list of numbers, and a message is one line.
 _SHORT = reprlib.Repr()
 _SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 60
 _SHORT.maxlevel = 3
@@ -78,7 +79,7 @@ def location_of(error: Mapping[str, Any]) -> tuple[str | int, ...]:
 
 
 def _untagged(location: Iterable[str | int]) -> tuple[str | int, ...]:
-    """The location without the <tags> that mark the member of a union."""
+    # Tags in brackets mark the member of a union; no config has a key like them.
     return tuple(part for part in location if not str(part).startswith("<"))
 
 

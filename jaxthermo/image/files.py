@@ -19,8 +19,8 @@ _Image = Float[np.ndarray, "h w"] | Float[Array, "h w"]
 
 # Names for which the format prescribes a meaning and a type.
 _RESERVED_NAMES = (
-    "channels chunkCount compression dataWindow displayWindow lineOrder name tiles type "
-    "pixelAspectRatio screenWindowCenter screenWindowWidth version view"
+    "channels chunkCount compression dataWindow displayWindow lineOrder name tiles "
+    "type pixelAspectRatio screenWindowCenter screenWindowWidth version view"
 )
 _RESERVED = frozenset(_RESERVED_NAMES.split())
 # The format's limit for long names.

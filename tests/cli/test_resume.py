@@ -147,13 +147,13 @@ def test_a_second_interrupt_does_not_wait(tmp_path, monkeypatch):
 def test_checkpoints_are_written_on_the_way(tmp_path, stop_at, monkeypatch):
     monkeypatch.setattr(command, "CHECKPOINT_EVERY", 0.0)
     kept = []
-    save = command.save_checkpoint
+    save = command.segments.save_checkpoint
 
     def noted(path, progress, key):
         save(path, progress, key)
         kept.append(progress.steps_taken)
 
-    monkeypatch.setattr(command, "save_checkpoint", noted)
+    monkeypatch.setattr(command.segments, "save_checkpoint", noted)
     segments = stop_at(None)
     scene, out = scene_file(tmp_path), tmp_path / "out"
     assert run("simulate", scene, "--out", out, *STEPS)[0] == 0

@@ -15,11 +15,12 @@ from ...errors import InputError
 from .quantities import Info, refuse
 
 
+# Key of the validation context with the folders to search.
 FOLDERS = "folders"
-"""Key of the validation context with the folders to search."""
 
 
 def _find(path: Path, info: Info) -> Path:
+    # Without folders a path stays as written: the files of a finished run may be gone.
     folders: tuple[Path, ...] = (info.context or {}).get(FOLDERS, ())
     for folder in folders:
         if (folder / path).is_file():

@@ -48,6 +48,7 @@ class Model(BaseModel):
     exactly_one: ClassVar[tuple[tuple[str, ...], ...]] = ()
     """Groups of keys of which one, and only one, must be given."""
 
+    # Declared to a type checker only: most models are no members of a union.
     if TYPE_CHECKING:
         kind: str = ""
 
@@ -101,6 +102,7 @@ class Model(BaseModel):
     @model_validator(mode="wrap")
     @classmethod
     def _collect(cls, data: Any, handler: Callable[[Any], "Model"]) -> "Model":
+        # A default, or what another model has validated.
         if isinstance(data, cls):
             return data
         if not isinstance(data, dict):
@@ -211,9 +213,8 @@ class KindModel(Model):
 
 
 def _tag(value: Any) -> str | None:
-    kind = (
-        value.get("kind") if isinstance(value, dict) else getattr(value, "kind", None)
-    )
+    given = value if isinstance(value, dict) else {"kind": getattr(value, "kind", None)}
+    kind = given.get("kind")
     # In brackets, so that `messages._untagged` can take it out of a location.
     return None if kind is None else f"<{kind}>"
 
@@ -234,6 +235,7 @@ class ByKind:
     def __get_pydantic_json_schema__(
         self, schema: Any, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
+        # The tags of the union have defaults, without which an editor would accept all.
         members = handler(schema)["oneOf"]
         return {"oneOf": [member | {"required": ["kind"]} for member in members]}
 
