@@ -163,10 +163,7 @@ def _run(
     ):
         progress, last = ready, clock
         for progress in segments.run_segments(todo, ready):
-            update(
-                segments.steps_done(todo, progress),
-                reached(progress),
-            )
+            update(segments.steps_done(todo, progress), reached(progress))
             if interrupted():
                 _stop(todo, progress, out, key)
             if time.perf_counter() - last > CHECKPOINT_EVERY:

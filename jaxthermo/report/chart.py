@@ -17,14 +17,15 @@ from .templates import Html
 
 Chart = alt.Chart | alt.LayerChart | alt.FacetChart
 
+# Area of a point [px^2].
 POINT_AREA = 90.0
-"""Area of a point [px^2]."""
 
+# Length of an axis beyond its values, over the length between them: no point of data
+# lies on the frame.
 _AXIS_MARGIN = 0.08
-"""Length of an axis beyond its values, over the length between them."""
 _MIN_TICKS = 3
+# Length of an axis up to which labels at 2 and 5 do not touch [decades].
 _MAX_DECADES_WITH_STEPS = 3.2
-"""Length of an axis up to which it has ticks at 2 and 5 too [decades]."""
 # The renderer measures labels by its own font; a browser whose letters are wider
 # would cut the last label off without the room on the right.
 _PADDING = {"left": 14, "top": 14, "bottom": 14, "right": 60}
@@ -89,6 +90,7 @@ def write_chart(chart: Chart, path: Path) -> Html:
 
 
 def _styled(chart: Chart) -> Chart:
+    # White also in a viewer with a dark page, where black labels would vanish.
     return (
         chart.configure(font="sans-serif", background="white", padding=_PADDING)
         .configure_title(fontSize=15, offset=12)
@@ -107,8 +109,7 @@ _MARK = re.compile(r'<path ([^>]*?aria-label="([^"]*)"[^>]*?)(?:/>|></path>)')
 
 
 def _with_tooltips(svg: str) -> Html:
-    """Turn descriptions of marks into titles, which browsers show on hovering."""
-
+    # Browsers show the title of a mark on hovering, and not its description.
     def titled(found: re.Match[str]) -> str:
         text = html.escape(html.unescape(found[2]))
         return f"<path {found[1]}><title>{text}</title></path>"

@@ -12,8 +12,8 @@ from jaxtyping import Bool, Float, UInt8
 from .sheet import ColourBar
 
 
+# Ticks closer to zero, along a scale from -1 to 1, would write over its label.
 _MIN_TICK_DISTANCE = 0.1
-"""Least distance of a tick from zero, along a scale from -1 to 1."""
 
 BACKGROUND = (58, 61, 68)
 
@@ -73,11 +73,10 @@ class DifferenceScale:
 
 def nice_limit(largest: float) -> float:
     """The smallest of 1, 2, 5 x 10^n that is not below the largest difference [K]."""
-    exponent = np.floor(np.log10(max(largest, 1e-6)))
-    for factor in (1.0, 2.0, 5.0, 10.0):
-        if largest <= factor * 10.0**exponent * (1 + 1e-9):
-            return float(factor * 10.0**exponent)
-    return float(10.0 ** (exponent + 1))
+    decade = 10.0 ** np.floor(np.log10(max(largest, 1e-6)))
+    # But for rounding: 0.3 / 0.1 is above 3.
+    reached = (f for f in (1.0, 2.0, 5.0) if largest <= f * decade * (1 + 1e-9))
+    return float(next(reached, 10.0) * decade)
 
 
 def difference_bar(scale: DifferenceScale, title: str) -> ColourBar:

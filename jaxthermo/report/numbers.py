@@ -3,6 +3,7 @@
 
 def significant(value: float | int) -> str:
     """Three significant digits, or all before the point: "0.405", "87,947"."""
+    # From 999.5 the format "g" would write 1e+03.
     return f"{value:,.0f}" if abs(value) >= 999.5 else f"{value:.3g}"
 
 

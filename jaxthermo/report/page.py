@@ -34,6 +34,7 @@ def write_page(path: Path, title: str, sections: Sequence[Section]) -> None:
 
 
 def _html(section: Section) -> Html:
+    # Markup is a string too, so it comes first.
     if isinstance(section, Html):
         return section
     return section.html() if isinstance(section, Table) else paragraph(section)
@@ -60,7 +61,7 @@ def picture(path: Path, alt: str) -> Html:
 
 
 def embedded(png: bytes, alt: str) -> Html:
-    """The bytes of a PNG, embedded."""
+    """The bytes of a PNG, embedded, so that the page is one file."""
     return render("image", alt=alt, data=base64.b64encode(png).decode("ascii"))
 
 

@@ -21,12 +21,12 @@ _FAINT = (158, 160, 168)
 _FRAME = (74, 76, 84)
 
 _MAX_COLUMNS = 6
+# Longer edge that a small layer is enlarged to, about [px]: one voxel is one pixel.
 _LAYER_EDGE = 300
-"""Longer edge that a small layer is enlarged to, about [px]."""
+# Width of a sheet of layers over its height, about that of a screen.
 _LAYER_SHEET_RATIO = 1.6
-"""Width of a sheet of layers over its height, about."""
+# Kinds of images whose layers are those of the peeling, not packed forwards.
 _PEELED_KINDS = ("depth", "normal", "dominant")
-"""Kinds of images whose layers are those of the peeling, not packed forwards."""
 
 
 @dataclass(frozen=True)
@@ -84,11 +84,7 @@ def write_layer_sheets(grid: VoxelGrid, folder: Path) -> list[Path]:
 
 
 def _write_sheets(named: dict[str, list[Pixels]], folder: Path) -> list[Path]:
-    """Write one sheet for each axis and kind, such as "x_depth"; return the paths.
-
-    Raises:
-        InputError: if the folder cannot be written.
-    """
+    # The names have an axis and a kind, such as "x_depth".
     paths = []
     for name, images in named.items():
         if not images:
@@ -119,13 +115,7 @@ def _layer_tile(pixels: Pixels, label: str) -> Image.Image:
 
 
 def _framed(tile: Tile, text: int, ink: tuple[int, int, int]) -> Image.Image:
-    """The picture in a thin frame, with its label and note below.
-
-    Args:
-        tile: the picture and its texts.
-        text: height of the label's letters [px].
-        ink: colour of the label.
-    """
+    # `text` is the height of the label's letters [px].
     height, width = tile.pixels.shape[:2]
     font = ImageFont.load_default(size=text)
     small = ImageFont.load_default(size=max(10, round(0.85 * text)))
@@ -146,7 +136,6 @@ def _framed(tile: Tile, text: int, ink: tuple[int, int, int]) -> Image.Image:
 
 
 def _draw_bar(whole: Image.Image, bar: ColourBar, top: int, text: int) -> None:
-    """Draw a horizontal colour bar in the strip below `top`."""
     font = ImageFont.load_default(size=text)
     width = min(round(0.7 * whole.width), 60 * text)
     left, high = (whole.width - width) // 2, round(1.1 * text)

@@ -11,8 +11,8 @@ from rich.text import Text
 from .templates import Html, render
 
 
+# Longest text of a first column that is never folded [characters]: half a terminal.
 _MAX_NAME_WIDTH = 40
-"""Longest text of a first column that is never folded [characters]."""
 
 
 class Cell(NamedTuple):
@@ -35,6 +35,7 @@ class Cell(NamedTuple):
     @property
     def rich_text(self) -> Text:
         """The text with its colour on a terminal."""
+        # Bold as well: red and green are one colour to some readers.
         style = {True: "green", False: "bold red", None: ""}[self.met]
         return Text(self.text, style)
 
