@@ -40,11 +40,8 @@ class FrameCamera:
         surfaces: tuple[SolvedSurface, ...],
         terms: tuple[AbstractTerm, ...],
     ):
-        """Compute the view at the start.
-
-        Raises:
-            InputError: if the camera is inside a body or sees none.
-        """
+        # The view at the start is computed now, which refuses a camera that is inside a
+        # body or sees none.
         triangles = np.concatenate([s.geometry.triangles for s in surfaces])
         self._camera = build_camera(config.camera, triangles)
         self._image = config.image

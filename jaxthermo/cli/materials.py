@@ -59,6 +59,7 @@ def materials(name: str | None, emissivity: bool) -> None:
         print_line(console, _MARKS)
 
 
+# Finishes have no names to be typed in full: a part of one is enough.
 def _matching(part: str | None) -> tuple[EmissivityRow, ...]:
     found = emissivity_rows()
     if part:

@@ -132,6 +132,7 @@ def _finite(value: float | None) -> float | None:
 def write_json(path: Path, content: dict[str, Any]) -> None:
     """Write plain types as indented JSON, in one step."""
     with replacing(path) as temporary:
+        # NaN would be written as a word that other readers of JSON refuse.
         text = json.dumps(content, indent=2, allow_nan=False)
         temporary.write_text(text + "\n", encoding="utf-8")
 

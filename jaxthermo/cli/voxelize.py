@@ -82,6 +82,7 @@ def _length(option: str, text: str) -> float:
         value = to_si(text, LENGTH)
     except InputError as error:
         raise InputError(f"{option}: {error}") from error
+    # A length has no sign for the parser of units.
     if value <= 0.0:
         raise InputError(f"{option}: must be more than 0, got '{text}'")
     return value

@@ -15,8 +15,8 @@ from jaxtyping import Float, UInt8
 from ..errors import InputError
 
 
+# Colours of a palette.
 ENTRIES = 256
-"""Colours of a palette."""
 
 
 @functools.cache

@@ -139,10 +139,7 @@ def _bake(path: Path = _BAKED) -> None:
 def _colour_difference(
     first: UInt8[np.ndarray, "*n 3"], second: UInt8[np.ndarray, "*n 3"]
 ) -> Float[np.ndarray, "*n"]:
-    """CIEDE2000 difference of sRGB colours, e.g. of two frames, pixel by pixel [-].
-
-    About 1 is just noticeable side by side. Source: CIE 142 (2001).
-    """
+    # About 1 is just noticeable side by side. Source: CIE 142 (2001).
     a, b = (_lab(colours / 255.0) for colours in (first, second))
     return np.asarray(colour.delta_E(a, b, method="CIE 2000"))
 

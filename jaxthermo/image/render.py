@@ -33,7 +33,6 @@ _DEFAULT_SURROUNDINGS = 293.15
 
 
 def _black_radiance(temperature: Float[Array, "*p"]) -> Float[Array, "*p"]:
-    """Radiance of a black surface, sigma T^4 / pi [W/(m^2 sr)]."""
     return STEFAN_BOLTZMANN / math.pi * temperature**4
 
 
@@ -48,14 +47,8 @@ def _leaving_radiance(
     surroundings: Float[Array, ""],
     reflected_irradiance: Float[Array, "*p"],
 ) -> Float[Array, "*p"]:
-    """Emission plus reflection of a Lambertian surface [W/(m^2 sr)].
-
-    Args:
-        temperature: of the surface [K].
-        emissivity: of the surface [-].
-        surroundings: temperature of the reflected surroundings [K].
-        reflected_irradiance: (1 - a) times the sources' irradiance [W/m^2].
-    """
+    # Of a Lambertian surface [W/(m^2 sr)]; `surroundings` is the reflected temperature
+    # [K], `reflected_irradiance` (1 - a) times the sources' irradiance [W/m^2].
     emitted = emissivity * _black_radiance(temperature)
     reflected = (1 - emissivity) * _black_radiance(surroundings)
     return emitted + reflected + reflected_irradiance / math.pi

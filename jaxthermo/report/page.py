@@ -9,8 +9,8 @@ from .table import Table
 from .templates import STYLE, Html, render
 
 
+# Markup, a table, or plain text, which becomes a paragraph.
 Section = Html | Table | str
-"""Markup, a table, or plain text, which becomes a paragraph."""
 
 
 def _document(title: str, sections: Sequence[Section]) -> Html:

@@ -67,7 +67,7 @@ class Html(str):
     """Markup that a template inserts without escaping."""
 
     def __html__(self) -> "Html":
-        """The name by which jinja2 recognizes markup."""
+        """Itself: by this name jinja2 recognizes markup."""
         return self
 
 

@@ -170,7 +170,7 @@ def _if_valid(model: type[AnyModel], data: Any) -> AnyModel | None:
 
 @cache
 def _units() -> dict[str, Unit]:
-    """The unit of each key; without keys that have several, such as `length`."""
+    # Keys that have several units, such as `length` of a wake, have none here.
     found: dict[str, set[Unit]] = {}
     for model in models_within(SceneConfig):
         for key in model.model_fields:

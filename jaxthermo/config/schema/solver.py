@@ -10,8 +10,8 @@ from ..types.quantities import Auto, Number, PositiveTime, Whole
 
 
 Step = Annotated[PositiveTime | None, Auto]
+# A temperature difference [K]: unlike a temperature it has no offset.
 Kelvin = Annotated[Number, Field(gt=0)]
-"""A temperature difference [K]: unlike a temperature it has no offset."""
 Tolerance = Annotated[Kelvin | None, Auto]
 Stages = Annotated[Annotated[Whole, Field(ge=3, le=1000)] | None, Auto]
 
@@ -62,6 +62,7 @@ class _CrankNicolson(KindModel, builds="CrankNicolson", kind="crank_nicolson"):
     tolerance: Tolerance = None
 
 
+# A word alone stands for `{kind: word}`; `dt` without a kind is explicit Euler's.
 SolverConfig = Annotated[
     AutoSolver
     | _ForwardEuler
@@ -72,4 +73,3 @@ SolverConfig = Annotated[
     ByKind(),
     Short("kind", "forward_euler"),
 ]
-"""A word alone stands for `{kind: word}`; `dt` without a kind is explicit Euler's."""

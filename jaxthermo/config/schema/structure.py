@@ -34,8 +34,8 @@ PositiveWeights = Annotated[
 ]
 # No body has more voxels, or layers of them, along an edge.
 Count = Annotated[Whole, Field(ge=1, le=4096)]
+# Number of levels; None for as many as the body has.
 Levels = Annotated[Count | None, Auto]
-"""Number of levels; None for as many as the body has."""
 
 
 class _WeightsConfig(Model, builds="ConductionWeights"):
@@ -68,8 +68,8 @@ class _WeightsConfig(Model, builds="ConductionWeights"):
         return [((name,), "is in the card: give one or the other") for name in given]
 
 
+# Factors, or the path of a fit card.
 CardOrWeights = Annotated[_WeightsConfig, Short("card")]
-"""Factors, or the path of a fit card."""
 
 
 class _Structure(KindModel):

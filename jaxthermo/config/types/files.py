@@ -35,8 +35,8 @@ def _find(path: Path, info: Info) -> Path:
     return path
 
 
+# Path of an existing file; as it is written where no folders are given.
 FoundPath = Annotated[Path, Field(strict=False), AfterValidator(_find)]
-"""Path of an existing file; as it is written where no folders are given."""
 
 
 def read_labels(path: Path) -> Int[np.ndarray, "x y z"]:

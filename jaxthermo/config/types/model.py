@@ -25,8 +25,8 @@ from ..messages import MISTAKE, close_match, explain, location_of, quoted
 
 
 Location: TypeAlias = tuple[str | int, ...]
+# Location within the model, and what is wrong there.
 Mistake: TypeAlias = tuple[Location, str]
-"""Location within the model, and what is wrong there."""
 
 
 class Model(BaseModel):

@@ -203,8 +203,8 @@ class NoneWord:
         return {"anyOf": [handler(schema), {"const": self.word}]}
 
 
+# Marks a value that is chosen from the scene where "auto" or nothing is given.
 Auto = NoneWord("auto")
-"""Marks a value that is chosen from the scene where "auto" or nothing is given."""
 
 
 def _not_empty(value: Any) -> Any:
@@ -214,8 +214,8 @@ def _not_empty(value: Any) -> Any:
 
 
 # Field(min_length=1) would also count entries out that are wrong by themselves.
+# Marks a list that needs an entry.
 NotEmpty = BeforeValidator(_not_empty)
-"""Marks a list that needs an entry."""
 
 
 def _of_length(length: int, expected: str) -> BeforeValidator:
@@ -265,8 +265,8 @@ SpecificHeat = Annotated[
 ]
 Flag = Annotated[bool, Strict()]
 Whole = Annotated[int, Strict()]
+# Number of a body, counted from 0.
 Index = Annotated[Whole, Field(ge=0)]
-"""Number of a body, counted from 0."""
 Position = Annotated[tuple[Length, Length, Length], Three]
 Size = Annotated[tuple[PositiveLength, PositiveLength, PositiveLength], Three]
 Direction = Annotated[tuple[Number, Number, Number], AfterValidator(_not_zero), Three]
