@@ -12,9 +12,13 @@ from jaxthermo.errors import InputError
 from tests.bodies import blocks
 
 
+def name_of(model: type[Model]) -> str:
+    return model.__name__.lstrip("_")
+
+
 MODELS = sorted(
     (m for m in models_within(SceneConfig) if m.builds and m is not SceneConfig),
-    key=lambda model: model.__name__,
+    key=lambda model: name_of(model),
 )
 # Keys from which `build` makes arguments of other names.
 CONVERTED = {
@@ -35,10 +39,10 @@ def parameters(model: type[Model]) -> dict[str, inspect.Parameter]:
     return dict(inspect.signature(model.target()).parameters)
 
 
-@pytest.mark.parametrize("model", MODELS, ids=lambda model: model.__name__)
+@pytest.mark.parametrize("model", MODELS, ids=lambda model: name_of(model))
 def test_keys_and_defaults_are_those_of_the_class(model):
     of_class = parameters(model)
-    converted = CONVERTED.get(model.__name__, set())
+    converted = CONVERTED.get(name_of(model), set())
     for key in set(model.model_fields) - {"kind", "until"} - converted:
         field, default = model.model_fields[key], of_class[key].default
         # None leaves the value to the class.
@@ -46,7 +50,7 @@ def test_keys_and_defaults_are_those_of_the_class(model):
             assert build(field.default) == default, key
 
 
-@pytest.mark.parametrize("model", MODELS, ids=lambda model: model.__name__)
+@pytest.mark.parametrize("model", MODELS, ids=lambda model: name_of(model))
 def test_what_the_class_needs_is_a_key(model):
     needed = {k for k, p in parameters(model).items() if p.default is p.empty}
     missing = needed - set(model.model_fields)
@@ -95,7 +99,7 @@ UPPER = (64, 4096, 1e9)
 def limits() -> list[tuple[str, str, float, float]]:
     """Model, key, the limit and the nearest number beyond it."""
     found = []
-    for model in (m for m in MODELS if m.__name__ in GIVEN):
+    for model in (m for m in MODELS if name_of(m) in GIVEN):
         for key in model.model_fields:
             whole = int in field_parts(model, key)
             for part in field_parts(model, key):
@@ -103,11 +107,11 @@ def limits() -> list[tuple[str, str, float, float]]:
                     if (limit := getattr(part, name, None)) is not None:
                         limit = limit if whole else float(limit)
                         step = 1 if whole else 1e-3 * max(abs(limit), 1.0)
-                        found.append((model.__name__, key, limit, limit + way * step))
+                        found.append((name_of(model), key, limit, limit + way * step))
     return sorted(set(found))
 
 
-BY_NAME = {model.__name__: model for model in MODELS}
+BY_NAME = {name_of(model): model for model in MODELS}
 
 
 def made(name: str, key: str, value: float) -> Any:
