@@ -222,10 +222,7 @@ def _severity(check: Check) -> float:
 
 
 def check(case: Case) -> Outcome:
-    """Run a case; an exception becomes a row that fails, after the rows before it.
-
-    A test can parametrize over cases and assert `check(case).verdict != FAIL`.
-    """
+    """Run a case; an exception becomes a row that fails, after the rows before it."""
     begin = time.perf_counter()
     rows: list[Row] = []
     checks: list[Check] = []
@@ -238,7 +235,7 @@ def check(case: Case) -> Outcome:
             else:
                 checks.append(item)
     except Exception as error:  # one broken case must not stop the others
-        rows.append(broken("the case itself", error))
+        rows.append(_broken("the case itself", error))
     shared = [Row(checks=tuple(checks))] if checks else []
     return Outcome(case, (*shared, *rows), time.perf_counter() - begin)
 
@@ -276,7 +273,7 @@ def converge(
     shown: int = -1,
     error: Callable[[Sequence[Value]], float] = largest_error,
 ) -> Row:
-    """The checks at one resolution, and the order of the error over all.
+    """The checks at one resolution, the finest or `shown`, and the order over all.
 
     Args:
         measure: gives the checks at a size of a voxel or a step, or at a cell count.
@@ -293,7 +290,7 @@ def converge(
     )
 
 
-def broken(what: str, error: Exception, solver: str = "", dtype: str = "") -> Row:
+def _broken(what: str, error: Exception, solver: str = "", dtype: str = "") -> Row:
     """A row that fails because of an exception."""
     text = f"{type(error).__name__}: {' '.join(str(error).split())}"
     return Row(what, solver, dtype, failure=text)
@@ -306,21 +303,13 @@ def attempt(
     try:
         return measure()
     except Exception as error:  # the rows after it must not be lost
-        return broken(what, error, solver, dtype)
+        return _broken(what, error, solver, dtype)
 
 
 def refusal(
     what: str, call: Callable[[], object], reason: str, solver: str = "", dtype=""
 ) -> Row:
-    """A row for a call that must be refused in one line that gives the reason.
-
-    Args:
-        what: subject of the row.
-        call: must raise an InputError.
-        reason: part of its message.
-        solver: name of the solver, if any.
-        dtype: dtype of the scene, if any.
-    """
+    """A row for a call that an InputError must refuse, with the reason in one line."""
     stated, seen = False, "not refused"
     try:
         call()
@@ -329,6 +318,6 @@ def refusal(
         stated = reason in seen and "\n" not in seen
     except Exception as error:
         # Any other exception is a stack trace to the user, not a refusal.
-        return broken(what, error, solver, dtype)
+        return _broken(what, error, solver, dtype)
     check = Bound(f"says {reason!r}", float(stated), 1, 1)
     return Row(what, solver, dtype, seen=seen, checks=(check,), if_met=REFUSED)

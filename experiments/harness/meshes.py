@@ -11,18 +11,16 @@ from jaxthermo.geometry.mesh import Mesh
 from jaxthermo.geometry.shapes import figurine
 
 
+# Of every body [m].
 HEIGHT = 0.5
-"""Height of every body [m]."""
 
 STEEL = jt.Material(16.0, density=8000.0, specific_heat=500.0, absorptivity=1.0)
 # 29 times as stiff as steel: k / (rho c_p).
 COPPER = jt.Material(401.0, density=8960.0, specific_heat=385.0, absorptivity=1.0)
 
+# Of body and air [K]; times of the standard scene [s].
 START = 293.15
-"""Temperature of body and air at the start [K]."""
-SAVE_AT = (30.0, 60.0, 90.0, 135.0, 180.0)
-END = 180.0
-"""Times of the standard scene [s]."""
+SAVE_AT, END = (30.0, 60.0, 90.0, 135.0, 180.0), 180.0
 
 _FILES = {"Happy Buddha": "happy-buddha.obj", "Max Planck": "max-planck.obj"}
 
@@ -31,6 +29,7 @@ def thesis_meshes() -> dict[str, Mesh]:
     """The meshes in JAXTHERMO_MESHES or ../shared/meshes; the figurine if none is."""
     named = os.environ.get("JAXTHERMO_MESHES", "../shared/meshes")
     folders = [Path(folder) for folder in named.split(os.pathsep) if folder]
+    # The first folder that has a file wins, as in a search path.
     found = {}
     for name, file in _FILES.items():
         for folder in folders:
@@ -45,14 +44,7 @@ def standard_scene(
     height: int,
     sun_until: float = 90.0,
 ) -> tuple[jt.Scene, str]:
-    """A statue in air, with the sun from +x for a time, and the name of its mesh.
-
-    Args:
-        material: of the body.
-        structure: builds the structure from the voxels.
-        height: of the statue [voxels].
-        sun_until: time of sunset [s].
-    """
+    """A statue in air, in the sun from +x until a time [s]; the name of its mesh."""
     name, mesh = next(iter(thesis_meshes().items()))
     grid = jt.voxelize(mesh, HEIGHT / height)
     body = jt.Body(structure(grid), material, temperature=START)

@@ -4,6 +4,7 @@ import hashlib
 import json
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -23,15 +24,7 @@ class Record:
     """Rows in `rows.jsonl` and `arrays/`, each under the fingerprint of its inputs."""
 
     def __init__(self, folder: Path, sources: tuple[Path, ...] = ()):
-        """Read the rows of earlier runs; those of other configs stay in the file.
-
-        Args:
-            folder: of the results.
-            sources: files of the experiment that its rows follow from.
-
-        Raises:
-            InputError: if the folder cannot be read or created.
-        """
+        # Of the experiment: its rows follow from these files, and from the library.
         self.sources = sources
         self.path = folder / "rows.jsonl"
         self.arrays = folder / "arrays"
@@ -43,9 +36,11 @@ class Record:
         except OSError as error:
             raise InputError(f"--out {folder}: {error.strerror}") from error
         for line in text.splitlines():
-            row = _parsed(line)
-            if row is not None:
-                self.rows[row["id"]] = row
+            # A line may be cut off: its row is measured again.
+            with suppress(json.JSONDecodeError):
+                row = json.loads(line)
+                if isinstance(row, dict) and {"id", "arrays"} <= set(row):
+                    self.rows[row["id"]] = row
         self.earlier = frozenset(self.rows)
         if text and not text.endswith("\n"):
             self._append("")  # the last one was cut off within a row
@@ -59,10 +54,6 @@ class Record:
             identity: plain values that the row follows from, without the programs.
             head: first fields of the row: its names.
             make: measures the rest; arrays go to a file of their own.
-
-        Returns:
-            The row, with the seconds that it took. A row that has only a reason under
-            `refused` is measured again next time, when there may be more memory.
         """
         key = self._key(identity)
         if self.known(identity):
@@ -73,6 +64,7 @@ class Record:
         try:
             row, arrays = make()
         except InputError as error:
+            # Measured again next time, when there may be more memory.
             row, arrays = {"refused": str(error)}, {}
         took = time.perf_counter() - clock
         row = {"id": key, **head, **row, "took_s": took, "arrays": sorted(arrays)}
@@ -90,11 +82,7 @@ class Record:
         return "refused" not in row and whole
 
     def arrays_of(self, row: Row) -> Arrays:
-        """The arrays of a row.
-
-        Raises:
-            InputError: if their file is damaged.
-        """
+        """The arrays of a row; an InputError if their file is damaged."""
         path = self._array_file(row["id"])
         try:
             with path.open("rb") as stream, np.load(stream) as kept:
@@ -119,21 +107,10 @@ class Record:
             raise InputError(f"cannot write {self.path}: {error.strerror}") from error
 
 
-def _parsed(line: str) -> Row | None:
-    """A row; None for a line that was cut off."""
-    try:
-        row = json.loads(line)
-    except json.JSONDecodeError:
-        return None
-    return row if isinstance(row, dict) and {"id", "arrays"} <= set(row) else None
-
-
 @cache
 def program_hash(sources: tuple[Path, ...] = ()) -> str:
-    """16 hex digits of the library and of `sources`, which rows follow from.
-
-    Rows that an edited program measured must not be mixed with older ones.
-    """
+    """16 hex digits of the library and of `sources`, which rows follow from."""
+    # Rows that an edited program measured must not be mixed with older ones.
     digest = hashlib.sha256()
     library = sorted(Path(jaxthermo.__file__).parent.rglob("*.py"))
     for path in (*library, *sources):

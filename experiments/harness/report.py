@@ -8,17 +8,7 @@ from jaxthermo.report import page
 from jaxthermo.report.numbers import seconds
 from jaxthermo.report.table import Cell, Table, prose
 
-from .case import (
-    FAIL,
-    PASS,
-    REPORTED,
-    Bound,
-    Check,
-    Group,
-    Order,
-    Outcome,
-    Row,
-)
+from .case import FAIL, PASS, REPORTED, Bound, Check, Group, Order, Outcome, Row
 
 
 _QUANTITY = ("quantity", "expected", "computed", "error", "tolerance", "verdict")
@@ -26,6 +16,7 @@ _RUN = (
     "solver", "dtype", "over [K]", "energy", "Newton", "linear", "run", "result",
     "verdict",
 )  # fmt: skip
+# Marks what a check has not; an empty cell would look forgotten.
 _NONE = "\N{EN DASH}"
 
 
@@ -55,7 +46,7 @@ def summary(outcomes: Sequence[Outcome]) -> str:
 def terminal_tables(title: str, outcomes: Sequence[Outcome]) -> list[Table]:
     """A line for each case; a table of its own for a case of many rows."""
     single = [outcome for outcome in outcomes if not _has_runs(outcome)]
-    tables = [_case_lines(title, single)] if single else []
+    tables = [_case_table(single, False, title)] if single else []
     return tables + [_run_table(o, False) for o in outcomes if _has_runs(o)]
 
 
@@ -65,14 +56,8 @@ def write_report(
     texts: PageTexts,
     took: float | None = None,
 ) -> None:
-    """Write the page: failures, all cases in a line each, then every detail.
-
-    Args:
-        found: outcomes by group.
-        path: of the file.
-        texts: title and introduction of the page.
-        took: duration of everything [s].
-    """
+    """Write the page of all outcomes by group, which took so long [s]."""
+    # Failures first, then all cases in a line each, then every detail.
     outcomes = [outcome for _, each in found for outcome in each]
     took_words = "" if took is None else f" Everything took {took:.0f} s."
     sections: list[page.Section] = [
@@ -81,16 +66,11 @@ def write_report(
     ]
     failed = [outcome for outcome in outcomes if outcome.verdict == FAIL]
     if failed:
-        reasons = (
-            "; ".join(_row_reason(row) for row in o.rows if row.verdict == FAIL)
-            for o in failed
-        )
         rows = [
-            [o.case.id, Cell(reason, False, wraps=True)]
-            for o, reason in zip(failed, reasons, strict=True)
+            [o.case.id, Cell("; ".join(_reasons(o)), False, wraps=True)] for o in failed
         ]
         sections.append(Table(["failed", "reason"], rows))
-    sections += [page.heading("All cases"), _overview(outcomes)]
+    sections += [page.heading("All cases"), _case_table(outcomes, True)]
     for group, each in found:
         sections.append(page.heading(group.title))
         for outcome in each:
@@ -102,10 +82,12 @@ def write_report(
 
 
 def _has_runs(outcome: Outcome) -> bool:
+    # Solvers are told apart by rows; one row is a list of quantities.
     return len(outcome.rows) > 1 or any(row.solver for row in outcome.rows)
 
 
 def _marked(verdict: str) -> Cell:
+    # A refusal that was due is as good as a pass.
     return Cell(verdict, {FAIL: False, REPORTED: None}.get(verdict, True))
 
 
@@ -138,21 +120,26 @@ def _order_text(order: Order) -> str:
     return f"{observed} (expected {order.expected:g})"
 
 
-def _case_lines(title: str, outcomes: Sequence[Outcome]) -> Table:
+def _case_table(outcomes: Sequence[Outcome], on_page: bool, title: str = "") -> Table:
     """A line for each case, with its worst quantity."""
-    columns = ("case", "worst quantity", *_QUANTITY[1:5], "order", "verdict", "s")
-    rows = [
-        [
-            o.case.id,
-            *_check_cells(o.worst, o.failure),
-            _orders(o),
-            _marked(o.verdict),
-            f"{o.seconds:.0f}",
-        ]
-        for o in outcomes
-    ]
-    # Orders and verdicts are words among numbers: they align left as names do.
-    return Table(columns, rows, title=title, left=(0, 1, 6, 7))
+    columns = ["worst quantity", *_QUANTITY[1:5], "order"]
+    if on_page:
+        columns = ["case", "verdict", "title and source", *columns]
+    else:
+        columns = ["case", *columns, "verdict", "s"]
+    rows = []
+    for o in outcomes:
+        # A terminal shows the exception here; the page has it below its case.
+        failure = "stopped by an exception" if on_page and o.failure else o.failure
+        worst = [*_check_cells(o.worst, failure), _orders(o)]
+        verdict = _marked(o.verdict)
+        if on_page:
+            about = prose(o.case.title, o.case.source)
+            rows.append([o.case.id, verdict, about, *worst])
+        else:
+            rows.append([o.case.id, *worst, verdict, f"{o.seconds:.0f}"])
+    left = range(len(columns)) if on_page else (0, 1, 6, 7)
+    return Table(columns, rows, title=title, left=left)
 
 
 def _run_table(outcome: Outcome, on_page: bool) -> Table:
@@ -179,6 +166,7 @@ def _run_table(outcome: Outcome, on_page: bool) -> Table:
 
 
 def _run_cells(row: Row) -> list[str | Cell]:
+    # An exact 0 is not a small number: it says that nothing was rounded.
     small = lambda v: "" if v is None else f"{v:.1e}" if v else "0"
     whole = lambda v: "" if v is None else f"{v:,}"
     return [
@@ -192,24 +180,6 @@ def _run_cells(row: Row) -> list[str | Cell]:
         row.result,
         _marked(row.verdict),
     ]
-
-
-def _overview(outcomes: Sequence[Outcome]) -> Table:
-    columns = [
-        "case", "verdict", "title and source", "worst quantity", *_QUANTITY[1:5],
-        "order",
-    ]  # fmt: skip
-    rows = [
-        [
-            o.case.id,
-            _marked(o.verdict),
-            prose(o.case.title, o.case.source),
-            *_check_cells(o.worst, "stopped by an exception" if o.failure else ""),
-            _orders(o),
-        ]
-        for o in outcomes
-    ]
-    return Table(columns, rows, left=range(len(columns)))
 
 
 def _details(outcome: Outcome) -> list[page.Section]:
@@ -254,6 +224,10 @@ def _order_table(order: Order) -> Table:
         text = f"{verdict}: {order.expected:g}, or up to {order.margin:g} less"
         rows.append(["expected", "", Cell(text, order.passes)])
     return Table(["size of a voxel or step", "largest error", "order"], rows)
+
+
+def _reasons(outcome: Outcome) -> list[str]:
+    return [_row_reason(row) for row in outcome.rows if row.verdict == FAIL]
 
 
 def _row_reason(row: Row) -> str:

@@ -21,17 +21,10 @@ def run_cases(
     texts: PageTexts,
     at_once: int = 1,
 ) -> dict[str, Any]:
-    """Run cases, print a table of each group and write `report.html`.
+    """Run cases, all or those whose ids begin with one of the names ("V21,A1").
 
-    Args:
-        groups: all cases.
-        names: beginnings of ids, separated by commas, such as "V21,A1"; None for all.
-        folder: for the page.
-        texts: of the page.
-        at_once: cases that run at the same time; 1 where run times are compared.
-
-    Raises:
-        InputError: for a name that no case has.
+    Prints a table of each group and writes `report.html`. `at_once` cases run at the
+    same time: 1 where run times are compared. An unknown name is an InputError.
     """
     groups = _select(groups, names)
     begin, console = time.perf_counter(), open_console()

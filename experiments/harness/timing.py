@@ -13,8 +13,8 @@ from jaxthermo.report.numbers import with_range
 from jaxthermo.timing import Timing
 
 
+# Wall time of every call of each alternative [s].
 Spans = dict[str, list[float]]
-"""Wall time of every call of each alternative [s]."""
 
 
 def timed_call(call: Callable[[], Any]) -> tuple[Any, float]:
@@ -31,13 +31,9 @@ def interleaved(
     *,
     there_and_back: bool = False,
 ) -> Spans:
-    """Time every call in turn, after one of each that compiles and warms up.
+    """Time every call `repeats` times in turn, after one that compiles and warms up.
 
-    Args:
-        calls: the alternatives by name.
-        repeats: of every call.
-        there_and_back: reverse the order every other time, so that a drift of the
-            machine's speed affects the first and the last alike.
+    With `there_and_back` the order is reversed every other time.
     """
     for call in calls.values():
         jax.block_until_ready(call())
@@ -46,6 +42,7 @@ def interleaved(
     for _ in range(repeats):
         for name, call in order:
             spans[name].append(timed_call(call)[1])
+        # A drift of the machine's speed then affects the first and the last alike.
         if there_and_back:
             order.reverse()
     return spans

@@ -25,9 +25,6 @@ CELLS, PITCH = (16, 6, 6), 1e-3
 # Length of a rod [m], and temperatures of its air and of its start [K].
 LENGTH, AIR, START = 0.1, 300.0, 400.0
 
-FLUX = 31.15
-"""Heat flux of the thesis' table 5.1 [W/m^2]."""
-
 
 @functools.cache
 def block(x: int, y: int, z: int, pitch: float) -> jt.VoxelGrid:
@@ -74,9 +71,3 @@ def rod(cells: int, material: jt.Material, h: float) -> jt.Scene:
     """A line of voxels that convects at one end, with h [W/(m^2 K)]."""
     air = jt.Convection(h, AIR, on=jt.Side((1.0, 0.0, 0.0)))
     return single(block(cells, 1, 1, LENGTH / cells), material, START, air)
-
-
-def heated(metal: jt.Material, pitch: float, dtype: str) -> jt.Scene:
-    """One voxel of an edge [m], heated from one side."""
-    side = jt.HeatFlux(FLUX, on=jt.Side((1.0, 0.0, 0.0)))
-    return single(block(1, 1, 1, pitch), metal, 300.0, side, dtype=dtype)

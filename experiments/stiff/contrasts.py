@@ -44,6 +44,7 @@ from .solved import (
 
 
 _DTYPES = ("float64", "float32")
+# Nothing is warmer or colder than a half of the body at the start [K].
 _BOUNDS = (COLD, HOT)
 _PATTERNS = ("laminate", "checkerboard")
 # Stable steps in the longest step.

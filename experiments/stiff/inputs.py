@@ -18,6 +18,7 @@ from ..harness.case import Bound, Row, attempt, case, refusal
 from .bodies import COLD, HOT, STEEL, block, single, two_halves
 
 
+# 20 voxels across the sphere [m].
 _RADIUS, _PITCH = 0.1, 0.01
 
 
@@ -39,6 +40,7 @@ def _with_faces(choose) -> Callable[[Mesh], Mesh]:
     return lambda mesh: replace(mesh, faces=choose(mesh.faces))
 
 
+# The vote of three axes must not depend on which way a triangle faces.
 def _partly_turned(faces: np.ndarray) -> np.ndarray:
     faces = faces.copy()
     faces[::2] = faces[::2, ::-1]

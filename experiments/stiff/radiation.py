@@ -32,6 +32,7 @@ _AROUND = 300.0
 _METAL = jt.Material(200.0, density=2700.0, specific_heat=900.0, emissivity=1.0)
 # Of a voxel [m]; the cube's time constant is far below 1 s.
 _EDGE = 1e-3
+# Undamped steps from the hot side take 14 to 16.
 _MAX_NEWTON = 20
 _LIMITS = Limits(
     # Two roundings of 5800 K in float32.

@@ -6,10 +6,10 @@ from typing import Any
 from ..harness.case import Group
 from ..harness.report import PageTexts
 from ..harness.run import run_cases
-from . import contrasts, digits, extremes, inputs, radiation
+from . import contrasts, extremes, inputs, radiation
 
 
-_MODULES = (contrasts, extremes, radiation, digits, inputs)
+_MODULES = (contrasts, extremes, radiation, inputs)
 _CASES = tuple(
     sorted((case for m in _MODULES for case in m.CASES), key=lambda case: case.id)
 )
@@ -29,14 +29,6 @@ _PAGE = PageTexts(
 
 
 def run(folder: Path, cases: str | None = None) -> dict[str, Any]:
-    """Run the cases and write `report.html`.
-
-    Args:
-        folder: for the page.
-        cases: beginnings of their names, such as "S01,S06"; all if not given.
-
-    Raises:
-        InputError: for a name that no case has.
-    """
+    """Run the cases whose ids begin so, such as "S01,V21", or all; write the page."""
     groups = (Group("Stiff and extreme cases", _CASES),)
     return run_cases(groups, cases, folder, _PAGE)

@@ -91,11 +91,7 @@ def adaptive(end: float, error: float = 0.01) -> Method:
 def every_solver(stable: float, ratio: float = 1e3) -> list[Method]:
     """All of them once; the implicit ones in steps of `ratio` stable steps [s]."""
     dt = ratio * stable
-    return [
-        *explicit(stable),
-        *implicit(dt, f"{ratio:g} limits"),
-        adaptive(STEPS * dt),
-    ]
+    return [*explicit(stable), *implicit(dt, f"{ratio:g} limits"), adaptive(STEPS * dt)]
 
 
 def damping(scene: jt.Scene, ratio: float = 1e3) -> list[Method]:
@@ -160,13 +156,7 @@ class Ran(NamedTuple):
 def run_nodes(
     scene: jt.Scene, method: Method, save_at: Sequence[float] | None = None
 ) -> Ran:
-    """The same as `simulate`, run twice to time it, with the temperatures of all nodes.
-
-    Args:
-        scene: in which nothing moves.
-        method: the solver, and the end of the run.
-        save_at: times to keep [s].
-    """
+    """The same as `simulate` without motion, run twice to time it."""
     with precision(scene.dtype):
         todo = plan_run(scene, method.end, save_at, method.solver)
         program = todo.compiled.program
@@ -204,18 +194,8 @@ def judged(
     max_newton: int | None = None,
     save_at: Sequence[float] | None = None,
 ) -> Row:
-    """One solver on one scene, by bounds, energy and what it says of itself.
-
-    Args:
-        what: the scene is.
-        scene: in which nothing moves.
-        method: the solver.
-        bounds: of the maximum principle [K].
-        more: gives what else was seen in a run, and further checks of it.
-        limits: of overshoot and energy.
-        max_newton: steps of Newton's method allowed in a stage.
-        save_at: times to keep [s].
-    """
+    """One solver on one scene, by bounds, energy and what it says of itself."""
+    # `more` gives what else was seen, and further checks; `max_newton` is per stage.
 
     def measure() -> Row:
         ran = run_nodes(scene, method, save_at)

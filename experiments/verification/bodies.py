@@ -59,18 +59,13 @@ def single(grid: jt.VoxelGrid, material, start, *terms) -> jt.Scene:
 
 
 def explicit(pitch: float, material: jt.Material) -> jt.ForwardEuler:
-    """Explicit Euler in steps that go with the square of the pitch [m].
-
-    The errors of space and time are then of one order together.
-    """
+    """Explicit Euler in steps that go with the square of the pitch [m]."""
+    # The errors of space and time are then of one order together.
     return jt.ForwardEuler(dt=_FOURIER * pitch**2 / float(material.diffusivity))
 
 
 def run(scene: jt.Scene, times: tuple[float, ...], solver=None) -> jt.Solution:
-    """Simulate to the last of the times, which are saved [s].
-
-    Explicit Euler in steps for the first body is the solver where none is given.
-    """
+    """Simulate to the last of the times [s], by explicit Euler if by no other."""
     if solver is None:
         first = scene.bodies[0]
         solver = explicit(first.structure.grid.pitch, first.material)
@@ -113,12 +108,8 @@ _CORNERS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
 def of_blocks(
     solid: Bool[np.ndarray, "a b c"], *planes: Float[np.ndarray, " i"]
 ) -> jt.Mesh:
-    """The surface of the blocks between planes that are solid.
-
-    Args:
-        solid: which are; no two may touch along an edge only.
-        planes: across x, y and z, one more than blocks of each [m].
-    """
+    """The surface of the solid blocks between planes across x, y and z [m]."""
+    # No two blocks may touch along an edge only: four faces would share it.
     padded, faces = np.pad(solid, 1), []
     for axis in range(3):
         for sign in (-1, 1):
@@ -138,15 +129,8 @@ def of_blocks(
 
 
 def hollow_hemisphere(inner: float, outer: float, steps: int = 32) -> jt.Mesh:
-    """The upper half of a spherical shell around the origin, closed by a flat ring.
-
-    Both spheres are widened such that each of them holds its true volume.
-
-    Args:
-        inner: radius of the hollow [m].
-        outer: radius [m].
-        steps: from the pole to the ring; four times as many around.
-    """
+    """The upper half of a spherical shell of two radii [m], closed by a flat ring."""
+    # Steps from the pole to the ring; four times as many around.
     rings = 4 * steps
     turn = 2 * np.pi * np.arange(rings) / rings
     angle = np.pi / 2 * np.arange(1, steps + 1) / steps
@@ -160,6 +144,7 @@ def hollow_hemisphere(inner: float, outer: float, steps: int = 32) -> jt.Mesh:
     cap = _cap(steps, rings)
     corners = unit[cap]
     volume = np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
+    # Both spheres are widened such that each of them holds its true volume.
     wide = float((2 * np.pi / 3 / (volume / 6)) ** (1 / 3))
     count, this = len(unit), np.arange(rings)
     after = np.roll(this, -1)

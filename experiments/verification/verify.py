@@ -24,10 +24,7 @@ _NOT_COVERED = (
         "Zukauskas, Fand, McAdams, Whitaker and Perkins-Leppert are not among the "
         "averages here",
     ),
-    (
-        "A15, spectral radiance",
-        "images are total radiance; there is no spectrum yet",
-    ),
+    ("A15, spectral radiance", "images are total radiance; there is no spectrum yet"),
     ("A16", "a camera's chain from raw counts (FLIR) is not here yet"),
     ("A17, angles", "emissivity does not depend on the viewing angle"),
     ("A18", "air flow is not computed (lattice Boltzmann); a wake is a formula"),
@@ -48,15 +45,7 @@ _AT_ONCE = 2
 
 
 def run(folder: Path, cases: str | None = None) -> dict[str, Any]:
-    """Run cases and write `report.html`, the cases that fail first.
-
-    Args:
-        folder: for the page.
-        cases: beginnings of their ids, separated by commas; all if not given.
-
-    Raises:
-        InputError: for a name that no case has.
-    """
+    """Run the cases whose ids begin so, such as "S01,V21", or all; write the page."""
     return run_cases(_GROUPS, cases, folder, _PAGE, _AT_ONCE)
 
 

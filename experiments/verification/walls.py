@@ -224,10 +224,8 @@ def _compliance(grid: jt.VoxelGrid, density: float, *sources) -> float:
 
 
 def _gaussian(grid: jt.VoxelGrid, amplitude: float) -> Iterator[jt.HeatSource]:
-    """Sources a exp(-r^2 / (2 0.2^2)) around the middle, one for each slice across x.
-
-    The compliance takes no notice of where in a slice the heat is made.
-    """
+    """Sources a exp(-r^2 / (2 0.2^2)) around the middle, one a slice across x."""
+    # The compliance takes no notice of where in a slice the heat is made.
     x, y = (_PITCH * (np.arange(n) + 0.5) for n in grid.lattice.shape[:2])
     square = (x[:, None] - 1.0) ** 2 + (y[None] - 0.5) ** 2
     mean = (amplitude * np.exp(-square / (2 * 0.2**2))).mean(axis=1)
