@@ -57,7 +57,7 @@ def test_colour_leaves_no_stand_in_modules_and_still_works():
         "import numpy as np\n"
         "from jaxthermo.image import palette_design as build\n"
         "assert not [k for k in sys.modules if k.startswith('matplotlib')]\n"
-        "ucs = build.rgb_to_ucs(np.ones((1, 3)))\n"
+        "ucs = build._rgb_to_ucs(np.ones((1, 3)))\n"
         "assert abs(ucs[0, 0] - 100.0) < 0.1\n"
         "assert not [k for k in sys.modules if k.startswith('matplotlib')]\n"
     )
