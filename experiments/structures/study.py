@@ -187,9 +187,10 @@ class Study:
             if "refused" in row:
                 raise jt.InputError(f"the reference: {row['refused']}")
             kept = self.record.arrays_of(row)
-            arrays = (jnp.asarray(kept[k]) for k in ("times", "surface_temperature"))
-            solution = StoredSolution(*arrays, (self.subject.surface,))
-            self._references[load] = solution
+            times, kelvin = (kept[key] for key in ("times", "surface_temperature"))
+            self._references[load] = StoredSolution(
+                jnp.asarray(times), jnp.asarray(kelvin), (self.subject.surface,)
+            )
         return self._references[load]
 
     def reference_row(self, load: str) -> Row:

@@ -121,7 +121,7 @@ def _mean_coefficient(case: _Cooling, wind: jt.Wind) -> float:
 def _frames(solution: jt.Solution) -> Image.Image:
     # From the front and a little above, with the wind from the left as in figure 5.8.
     camera = jt.OrthographicCamera(
-        (-0.06, -0.3, 0.16), (0.0, 0.0, 0.0), 0.105, width=340, height=250
+        (-0.06, -0.3, 0.16), (0.0, 0.0, 0.0), view_height=0.105, width=340, height=250
     )
     shots = []
     for index in range(1, len(_SAVED)):

@@ -129,7 +129,7 @@ def _ball_on_plane() -> dict[str, float]:
     ball = sphere(1.0, 4).triangles + np.array([0.0, 0.0, 1.0])
     size, above, up = 256, (0.0, 0.0, 10.0), (0.0, 1.0, 0.0)
     camera = jt.OrthographicCamera(
-        above, (0.0, 0.0, 0.0), 8.0, up=up, width=size, height=size
+        above, (0.0, 0.0, 0.0), view_height=8.0, up=up, width=size, height=size
     )
     triangles = np.concatenate([ball, floor])
     corners, parent = camera.to_raster(triangles)
