@@ -68,6 +68,7 @@ def run(scene: jt.Scene, times: tuple[float, ...], solver=None) -> jt.Solution:
     """Simulate to the last of the times [s], by explicit Euler if by no other."""
     if solver is None:
         first = scene.bodies[0]
+        assert isinstance(first.material, jt.Material)
         solver = explicit(first.structure.grid.pitch, first.material)
     return jt.simulate(scene, times[-1], times, solver=solver)
 

@@ -24,9 +24,22 @@ class AbstractCamera(eqx.Module):
 
     position: eqx.AbstractVar[tuple[float, float, float]]
     look_at: eqx.AbstractVar[tuple[float, float, float]]
-    up: eqx.AbstractVar[tuple[float, float, float]]
-    width: eqx.AbstractVar[int]
-    height: eqx.AbstractVar[int]
+
+    # Properties, since type checkers would take variables as the next arguments.
+    @property
+    @abc.abstractmethod
+    def up(self) -> tuple[float, float, float]:
+        """Direction that is up in the image [-]."""
+
+    @property
+    @abc.abstractmethod
+    def width(self) -> int:
+        """Number of columns [pixels]."""
+
+    @property
+    @abc.abstractmethod
+    def height(self) -> int:
+        """Number of rows [pixels]."""
 
     @property
     def size(self) -> tuple[int, int]:

@@ -99,7 +99,7 @@ def _ember_ucs() -> Float[np.ndarray, "256 3"]:
     order = len(points) - 1
     s = np.linspace(0.0, 1.0, 8 * ENTRIES)[:, None]
     i = np.arange(order + 1)[None, :]
-    choose = comb(order, np.arange(order + 1))
+    choose = np.asarray(comb(order, np.arange(order + 1)))
     curve = (choose[None, :] * s**i * (1.0 - s) ** (order - i)) @ points
     length = np.linalg.norm(np.diff(curve, axis=0), axis=1)
     along = np.insert(np.cumsum(length), 0, 0.0)

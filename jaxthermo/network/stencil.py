@@ -131,11 +131,11 @@ class _AbstractOneMaterial(AbstractNetwork):
 class UniformStencil(_AbstractOneMaterial):
     """One material: one conductance, one capacity, and a byte for each voxel."""
 
+    node_capacity: Float[Array, ""]
+    node_count: int
     degree: UInt8[Array, "x y z"]
     conductance: Float[Array, ""]
     """Conductance of each link, k * pitch [W/K]."""
-    node_capacity: Float[Array, ""]
-    node_count: int
 
     @override
     def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
@@ -169,11 +169,11 @@ class OrthotropicStencil(_AbstractOneMaterial):
     The byte holds the number of neighbours along each axis, 0 to 2, in two bits each.
     """
 
+    node_capacity: Float[Array, ""]
+    node_count: int
     degrees: UInt8[Array, "x y z"]
     conductance: Float[Array, "3"]
     """Conductance of links along x, y, z, k * pitch [W/K]."""
-    node_capacity: Float[Array, ""]
-    node_count: int
 
     def _change(self, state, factor):
         """Inner state, and sum over the axes of factor (neighbours - degree T)."""

@@ -134,10 +134,10 @@ def assemble_uniform(
     grid = structure.grid
     stencil, bits = (OrthotropicStencil, 2) if k.ndim else (UniformStencil, 0)
     return stencil(
+        heat * grid.voxel_volume,
+        structure.node_count,
         jnp.asarray(solid_degree(grid.solid, bits)),
-        conductance=k * grid.pitch,
-        node_capacity=heat * grid.voxel_volume,
-        node_count=structure.node_count,
+        k * grid.pitch,
     )
 
 

@@ -129,7 +129,8 @@ def peel_axes(mesh: Mesh, lattice: Lattice) -> Views:
         views.append((frame, lattice.shape[column_axis], lattice.shape[row_axis]))
     # One array size for the three views: one program is compiled, not three.
     rows, fragments = zip(*(capacities(*view) for view in views), strict=True)
-    x, y, z = (peel(*view, (max(rows), max(fragments))) for view in views)
+    sizes = max(rows), max(fragments)
+    x, y, z = (peel(frame, width, height, sizes) for frame, width, height in views)
     return x, y, z
 
 

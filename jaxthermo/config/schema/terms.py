@@ -29,8 +29,10 @@ class _Switched(Model):
     def arguments(self) -> dict[str, Any]:
         given = super().arguments()
         end = given.pop("until", None)
+        if end is None:
+            return given
         # The program has a save interval end there, so no step averages over the jump.
-        cut = [key for key in self.switched if key in given and end is not None]
+        cut = [key for key in self.switched if key in given]
         return given | {key: jaxthermo.Until(given[key], end) for key in cut}
 
 

@@ -200,7 +200,7 @@ class KindModel(Model):
     """A member of a union whose members take different keys."""
 
     # Declared first, so that it is the first key of what is written out.
-    kind: str
+    kind: str = ""
 
     @classmethod
     def unknown_key(cls, key: str) -> str:

@@ -28,7 +28,7 @@ class _Tabulated(Model, Generic[Value]):
 
     def mistakes(self) -> list[Mistake]:
         key, unit = self.argument
-        at, values = getattr(self, key), self.values
+        at, values = (getattr(self, name) for name in (key, "values"))
         found = not_increasing(at, key, unit)
         return [*found, *unequal(values, "values", at, key)]
 

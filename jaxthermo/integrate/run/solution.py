@@ -191,7 +191,9 @@ def observe(
     """
     # Excess of each body's fragments over their nodes by contacts [K].
     by_contacts: list = [None] * len(program.bodies)
-    for contact in program.contacts if time is not None else ():
+    for contact in program.contacts:
+        if time is None:
+            break
         theta = pair_temperatures(program, contact, state.theta)
         first, second = (program.bodies[b].reference for b in contact.bodies)
         rate = contact.heat_rate(time, theta, (first, second))

@@ -104,7 +104,7 @@ def _check_version(path: Path, stored: Any) -> None:
 
 def _load_surface(stored, b: int) -> SolvedSurface:
     get = lambda field: stored[f"body{b}_{field}"]
-    row = lambda values: tuple(float(v) for v in values)
+    row = lambda values: (float(values[0]), float(values[1]), float(values[2]))
     poses = tuple(
         Pose(row(shift), tuple(map(row, turn)))
         for shift, turn in zip(get("translation"), get("rotation"), strict=True)

@@ -61,7 +61,7 @@ def _inside(depth: Int[np.ndarray, "x y z"], size: int) -> Bool[np.ndarray, "a b
     """Cells with at least four of their eight central voxels as deep as `size`."""
     middle = (slice(size // 2 - 1, None, size), slice(size // 2, None, size))
     deep = [depth[around] >= size for around in product(middle, repeat=3)]
-    return np.sum(deep, axis=0, dtype=np.uint8) >= 4
+    return np.stack(deep).sum(axis=0, dtype=np.uint8) >= 4
 
 
 class Assignment(NamedTuple):
