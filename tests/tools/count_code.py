@@ -11,7 +11,7 @@ Rules, the same for every package:
   comment line, nor a docstring line. Lines are all physical lines.
 - A *public name* is a function or class (constants are counted apart) at the top level
   of a module, without a leading underscore. It has an importer if `jaxthermo` exports
-  it, if `[project.scripts]` of pyproject.toml calls it, if another module of the three
+  it or its whole module, if `[project.scripts]` of pyproject.toml calls it, if another module of the three
   packages imports it by name, or if one imports its module and reads it as an
   attribute. Names that only tests import are counted apart.
 - A docstring *opens* with the first word of its text; the words in OPENINGS say nothing
@@ -130,9 +130,22 @@ def exported(root: Path) -> set[tuple[str, str]]:
     project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))
     scripts = project["project"]["scripts"].values()
     lines = [node for node in tree.body if isinstance(node, ast.ImportFrom)]
-    return {tuple(script.split(":")) for script in scripts} | {
+    names = {
         (f"jaxthermo.{line.module}", name.name) for line in lines for name in line.names
     }
+    # A module that is exported, such as `shapes`, is so with all its names.
+    files = {
+        root.joinpath(*home.split("."), f"{name}.py"): f"{home}.{name}"
+        for home, name in names
+    }
+    for path in filter(Path.is_file, files):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        names |= {
+            (files[path], node.name)
+            for node in tree.body
+            if isinstance(node, _DEFINITIONS)
+        }
+    return names | {tuple(script.split(":")) for script in scripts}
 
 
 def public_names(module: Module) -> tuple[list[str], list[str]]:

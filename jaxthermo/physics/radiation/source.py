@@ -130,7 +130,7 @@ class AbstractSource(AbstractSurfaceTerm):
             field = self.location_field
             raise InputError(
                 f"{type(self).__name__}({field}={getattr(self, field)}): is inside "
-                f"body {body.body}; move all of it out of the body"
+                f"body {body.body} (or a part of it is); move it out of the body"
             )
         exposure = self.exposure(
             body.scene_triangles, body.position, body.normal, body.pitch
