@@ -11,9 +11,9 @@ Rules, the same for every package:
   comment line, nor a docstring line. Lines are all physical lines.
 - A *public name* is a function or class (constants are counted apart) at the top level
   of a module, without a leading underscore. It has an importer if `jaxthermo` exports
-  it or its whole module, if `[project.scripts]` of pyproject.toml calls it, if another module of the three
-  packages imports it by name, or if one imports its module and reads it as an
-  attribute. Names that only tests import are counted apart.
+  it or its whole module, if `[project.scripts]` of pyproject.toml calls it, if another
+  module of the three packages imports it by name, or if one imports its module and
+  reads it as an attribute. Names that only tests import are counted apart.
 - A docstring *opens* with the first word of its text; the words in OPENINGS say nothing
   of what the thing is.
 - An *own import in a function* imports from the three packages inside a function.
