@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from typing_extensions import override
 
-from ...arrays import TimeVarying, is_traced
+from ...arrays import Scalar, TimeVarying, is_traced
 from ...constants import STEFAN_BOLTZMANN
 from ...errors import InputError
 from ...raster.views import unit_vector, view_frame
@@ -127,8 +127,8 @@ class AreaSource(AbstractSource):
     """L [W/(m^2 sr)], a number or a function of time."""
     temperature: TimeVarying | None = None
     """T [K], a number or a function of time: L = eps sigma T^4 / pi."""
-    emissivity: TimeVarying = 1.0
-    """eps [-], used with `temperature`."""
+    emissivity: Scalar = 1.0
+    """eps [-], a number, used with `temperature`."""
     up: Triple = eqx.field(
         static=True, converter=fixed_or_moving, default=(0.0, 0.0, 1.0)
     )
