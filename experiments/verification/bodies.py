@@ -107,7 +107,7 @@ _CORNERS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
 
 
 def of_blocks(
-    solid: Bool[np.ndarray, "a b c"], *planes: Float[np.ndarray, " i"]
+    solid: Bool[np.ndarray, "a b c"], *planes: Float[np.ndarray, "_"]
 ) -> jt.Mesh:
     """The surface of the solid blocks between planes across x, y and z [m]."""
     # No two blocks may touch along an edge only: four faces would share it.

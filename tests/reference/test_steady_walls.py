@@ -25,4 +25,4 @@ def test_within_the_tolerance_that_is_stated(id_):
     for each in row.checks:
         print(id_, each)
         assert each.passes
-    assert row.verdict == PASS
+    assert row.verdict == PASS, row
