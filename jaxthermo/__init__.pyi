@@ -37,7 +37,7 @@ from .physics.contact.links import Contact as Contact, bonded as bonded
 from .physics.convection.free_convection import FreeConvection as FreeConvection
 from .physics.convection.wake import WakeDeficit as WakeDeficit
 from .physics.convection.wind import Wind as Wind
-from .physics.flux_law import AbstractFluxLaw as AbstractFluxLaw
+from .physics.flux_law import AbstractFluxLaw as AbstractFluxLaw, Forcing as Forcing
 from .physics.heat_source import HeatSource as HeatSource
 from .physics.radiation.area_source import AreaSource as AreaSource
 from .physics.radiation.emission import Surroundings as Surroundings
@@ -54,7 +54,6 @@ from .physics.term import (
     AbstractSurfaceTerm as AbstractSurfaceTerm,
     AbstractVolumeTerm as AbstractVolumeTerm,
     Binding as Binding,
-    Forcing as Forcing,
     Omitted as Omitted,
     Surface as Surface,
 )

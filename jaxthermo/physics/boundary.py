@@ -20,12 +20,12 @@ from ..arrays import Time, TimeVarying
 from ..voxels.selection import AbstractSelection
 from .flux_law import (
     AbstractFluxLaw,
+    Forcing,
     LinearLaw,
     PerCell,
     PerCellOrOne,
-    TemperatureRange,
 )
-from .term import AbstractSurfaceTerm, Binding, Forcing, Omitted, Scale, Surface
+from .term import AbstractSurfaceTerm, Binding, Omitted, Scale, Surface
 from .time_varying import (
     check_value,
     cooling_bound,
@@ -71,11 +71,11 @@ class ImposedFlux(AbstractFluxLaw):
         return jnp.zeros_like(highest)
 
     @override
-    def max_flux(self, within: TemperatureRange) -> float | Float[Array, ""]:
-        return largest_size(self.heat_flux, within.end)
+    def max_flux(self, within: Forcing, end: float) -> float | Float[Array, ""]:
+        return largest_size(self.heat_flux, end)
 
     @override
-    def curvature(self, within: TemperatureRange) -> float | Float[Array, ""]:
+    def curvature(self, within: Forcing, end: float) -> float | Float[Array, ""]:
         return 0.0
 
 
@@ -132,14 +132,14 @@ class Exchange(AbstractFluxLaw):
         return coefficient.astype(highest.dtype)
 
     @override
-    def max_flux(self, within: TemperatureRange) -> float | Float[Array, ""]:
-        warmest = largest(self.temperature, within.end)
-        coldest = smallest(self.temperature, within.end)
+    def max_flux(self, within: Forcing, end: float) -> float | Float[Array, ""]:
+        warmest = largest(self.temperature, end)
+        coldest = smallest(self.temperature, end)
         gap = jnp.maximum(warmest - within.lowest, within.highest - coldest)
-        return largest(self.coefficient, within.end) * gap
+        return largest(self.coefficient, end) * gap
 
     @override
-    def curvature(self, within: TemperatureRange) -> float | Float[Array, ""]:
+    def curvature(self, within: Forcing, end: float) -> float | Float[Array, ""]:
         return 0.0
 
 

@@ -26,12 +26,15 @@ PerCellOrOne = Float[Array, "*#m"]
 # One value per surface cell; or one number that all cells have.
 
 
-class TemperatureRange(NamedTuple):
-    """Bounds of the temperatures [K] of surfaces and surroundings up to `end` [s]."""
+class Forcing(NamedTuple):
+    """Bounds of what a term does to temperatures, or of those that all terms cause."""
 
-    lowest: float
-    highest: float
-    end: float | int
+    highest: Any = 0.0
+    """Highest temperature towards which it heats a body [K]; 0 for none."""
+    heat_flux: Any = 0.0
+    """Largest heat flux that it imposes at any temperature [W/m^2]."""
+    lowest: Any = math.inf
+    """Lowest temperature towards which it cools a body [K]; 0 without a bound."""
 
 
 class LinearLaw(NamedTuple):
@@ -104,16 +107,16 @@ class AbstractFluxLaw(eqx.Module):
         """
         return self
 
-    def max_flux(self, within: TemperatureRange) -> float | Float[Array, ""]:
-        """A bound of |flux| within a range of temperatures [W/m^2].
+    def max_flux(self, within: Forcing, end: float) -> float | Float[Array, ""]:
+        """A bound of |flux| within bounds of the temperatures up to `end` [W/m^2].
 
         With `curvature` it bounds the error of Newton's method at the surface; without
         a bound, infinity, every balance takes all iterations.
         """
         return math.inf
 
-    def curvature(self, within: TemperatureRange) -> float | Float[Array, ""]:
-        """A bound of |d2 flux / dT2| within a range [W/(m^2 K^2)]."""
+    def curvature(self, within: Forcing, end: float) -> float | Float[Array, ""]:
+        """A bound of |d2 flux / dT2| within these bounds [W/(m^2 K^2)]."""
         return math.inf
 
     def supersolution(self, time: Time, imposed: PerCell) -> PerCellOrOne:

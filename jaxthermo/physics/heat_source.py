@@ -11,7 +11,8 @@ from ..errors import InputError
 from ..structures.build.assignment import volume_within
 from ..structures.structure import AbstractStructure
 from ..voxels.selection import AbstractSpace
-from .term import AbstractVolumeTerm, Forcing, Omitted
+from .flux_law import Forcing
+from .term import AbstractVolumeTerm, Omitted
 from .time_varying import check_value, cooling_bound, is_zero
 
 

@@ -36,9 +36,9 @@ from ..arrays import Time, is_traced
 from ..network.network import inverse, precise_sum
 from .flux_law import (
     BoundTerm,
+    Forcing,
     PerCell,
     PerCellOrOne,
-    TemperatureRange,
     Values,
     bound,
     total,
@@ -74,10 +74,10 @@ class SurfaceTerms(eqx.Module):
         """True if one iteration of Newton's method is the solution."""
         return all(term.law.is_linear for _, term in self.natural)
 
-    def newton_iterations(self, within: TemperatureRange | None) -> int:
+    def newton_iterations(self, within: Forcing | None, end: float) -> int:
         """Iterations from the node's temperature that solve the balance.
 
-        All of them where no bound is known, as for an unknown range of temperatures.
+        All of them where no bound is known, as for unknown temperatures up to `end`.
         """
         traced = is_traced((self.half_cell, self.natural))
         if within is None or self.is_linear or traced:
@@ -85,7 +85,7 @@ class SurfaceTerms(eqx.Module):
         conducts = np.asarray(self.half_cell, float)
         flux, curvature = np.zeros_like(conducts), np.zeros_like(conducts)
         for _, term in self.natural:
-            bounds = term.law.max_flux(within), term.law.curvature(within)
+            bounds = term.law.max_flux(within, end), term.law.curvature(within, end)
             if not np.isfinite(np.asarray(bounds, float)).all():
                 return MAX_ITERATIONS
             area = np.asarray(term.effective_area, float)

@@ -15,7 +15,6 @@ of it. The four kinds of term, by what they exchange heat with:
 
 import abc
 import dataclasses
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -31,7 +30,7 @@ from ..errors import InputError
 from ..geometry.mesh import Pose
 from ..voxels.grid import VoxelGrid
 from ..voxels.selection import AbstractSelection, AbstractSpace
-from .flux_law import AbstractFluxLaw, TemperatureRange, Values
+from .flux_law import AbstractFluxLaw, Forcing, Values
 
 
 # Type checkers know a class variable by its name in the module alone.
@@ -49,17 +48,6 @@ class Omitted(NamedTuple):
 
     reason: str
     body: int | None = None
-
-
-class Forcing(NamedTuple):
-    """Bounds of what a term does to temperatures."""
-
-    highest: Any = 0.0
-    """Highest temperature towards which it heats a body [K]; 0 for none."""
-    heat_flux: Any = 0.0
-    """Largest heat flux that it imposes at any temperature [W/m^2]."""
-    lowest: Any = math.inf
-    """Lowest temperature towards which it cools a body [K]; 0 without a bound."""
 
 
 class Scale(NamedTuple):
@@ -173,8 +161,10 @@ class Surface:
     bodies: tuple[BodySurface, ...]
     references: tuple[Scalar, ...]
     """Temperature from which the state of each body counts [K]."""
-    temperature_range: TemperatureRange | None = None
-    """None if the range is not known."""
+    temperatures: Forcing | None = None
+    """Bounds of all temperatures up to `end`; None if they are not known."""
+    end: float | int = 0.0
+    """End of the run [s]."""
 
     @property
     def dtype(self) -> Any:

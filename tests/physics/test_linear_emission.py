@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.physics.flux_law import TemperatureRange
+from jaxthermo.physics.flux_law import Forcing
 from jaxthermo.physics.radiation.emission import _linear_error
 
 
@@ -39,9 +39,8 @@ def test_the_error_is_that_of_the_laws():
         t = np.array([low, high]) + 1e-9
         ratio = 4 * there**3 * (there - t) / (there**4 - t**4)
         exact = np.abs(ratio - 1).max()
-        assert _linear_error(there, TemperatureRange(low, high, 1.0)) == pytest.approx(
-            exact, rel=1e-5
-        )
+        reach = Forcing(highest=high, lowest=low)
+        assert _linear_error(there, reach, 1.0) == pytest.approx(exact, rel=1e-5)
 
 
 def test_a_fraction_is_asked_for():

@@ -227,11 +227,11 @@ def _correct_energy(
     # Sums of the slopes of each body's loads, and of each pair's contacts [W/K].
     bodies = len(total)
     loss, links = (jnp.zeros(s, loads.dtype) for s in (bodies, (bodies, bodies)))
-    for n, entry in enumerate(program.entries):
-        if entry.other is None:
-            loss = loss.at[entry.body].add(loads[n])
+    for n, (_, ends) in enumerate(program.entries):
+        if len(ends) == 1:
+            loss = loss.at[ends[0]].add(loads[n])
         else:
-            links = links.at[entry.body, entry.other].add(contacts[n])
+            links = links.at[ends].add(contacts[n])
     links = links + links.T
     warmer = _solve_dominant(holding + g * loss, g * links, missing(heat, after))
     heat = heat - g * _response(program, loads, contacts, warmer)
@@ -246,10 +246,10 @@ def _correct_energy(
 def _response(program, loads, contacts, warmer) -> Float[Array, " c"]:
     # Decrease of each entry's heat rate for warmer bodies [W].
     each = [
-        loads[n] * warmer[entry.body]
-        if entry.other is None
-        else contacts[n] * (warmer[entry.other] - warmer[entry.body])
-        for n, entry in enumerate(program.entries)
+        loads[n] * warmer[ends[0]]
+        if len(ends) == 1
+        else contacts[n] * (warmer[ends[1]] - warmer[ends[0]])
+        for n, (_, ends) in enumerate(program.entries)
     ]
     return jnp.stack(each) if each else jnp.zeros(0, warmer.dtype)
 

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...scene.compile.program import LedgerEntry
+from ...scene.compile.program import LedgerEntries
 
 
 class Ledger(eqx.Module):
@@ -76,7 +76,7 @@ class HeatRates(eqx.Module):
 
 
 def steady_heat_rates(
-    entries: tuple[LedgerEntry, ...], rates: Float[Array, " c"], bodies: int
+    entries: LedgerEntries, rates: Float[Array, " c"], bodies: int
 ) -> HeatRates:
     """Group heat rates by mechanism, by body and by pair."""
     zero = jnp.zeros((1, bodies), rates.dtype)
@@ -91,7 +91,7 @@ def steady_heat_rates(
 
 
 def energies(
-    entries: tuple[LedgerEntry, ...],
+    entries: LedgerEntries,
     stored: Float[Array, "t b"],
     heat: Float[Array, "t c"],
     moved: Float[Array, "t c"],
@@ -102,61 +102,61 @@ def energies(
         _body_energy(entries, body, stored[:, body], heat, moved, equalization[body])
         for body in range(stored.shape[1])
     )
-    outer = [c for c, entry in enumerate(entries) if entry.other is None]
-    pairs = [c for c, entry in enumerate(entries) if entry.other is not None]
+    outer = [c for c, (_, ends) in enumerate(entries) if len(ends) == 1]
+    pairs = [c for c, (_, ends) in enumerate(entries) if len(ends) == 2]
     # Contacts cancel in the sum over bodies and are listed apart.
     mechanisms: dict[str, Float[Array, " t"]] = {}
     for c in outer:
-        name = entries[c].mechanism
+        name = entries[c][0]
         mechanisms[name] = mechanisms.get(name, 0) + heat[:, c]
     total = stored.sum(axis=1)
     error = total - heat[:, np.array(outer, int)].sum(axis=1)
     return Energy(
         stored_J=total,
         mechanisms=mechanisms,
-        contacts={_pair_name(entries[c]): heat[:, c] for c in pairs},
+        contacts={_pair_name(*entries[c]): heat[:, c] for c in pairs},
         bodies=bodies,
         residual_relative=error / _nonzero(moved.sum(axis=1) + equalization.sum()),
     )
 
 
 def _body_energy(entries, body, stored, heat, moved, equalization) -> Energy:
-    loads = [c for c, e in enumerate(entries) if e.other is None and e.body == body]
-    pairs = [c for c, e in enumerate(entries) if e.other is not None and body in e[1:]]
+    own = [c for c, (_, ends) in enumerate(entries) if body in ends]
+    loads = [c for c in own if len(entries[c][1]) == 1]
+    pairs = [c for c in own if len(entries[c][1]) == 2]
     contacts = {
-        _pair_name(entries[c]): _sign(entries[c], body) * heat[:, c] for c in pairs
+        _pair_name(*entries[c]): _sign(entries[c][1], body) * heat[:, c] for c in pairs
     }
     total = heat[:, np.array(loads, int)].sum(axis=1)
     total = sum(contacts.values(), total)
     through = moved[:, np.array(loads + pairs, int)].sum(axis=1)
     return Energy(
         stored_J=stored,
-        mechanisms={entries[c].mechanism: heat[:, c] for c in loads},
+        mechanisms={entries[c][0]: heat[:, c] for c in loads},
         contacts=contacts,
         bodies=(),
         residual_relative=(stored - total) / _nonzero(through + equalization),
     )
 
 
-def _sign(entry: LedgerEntry, body: int) -> int:
-    # The heat of a pair flows from its `body` to its `other`.
-    if entry.other is None:
-        return int(entry.body == body)
-    return int(entry.other == body) - int(entry.body == body)
+def _sign(bodies: tuple[int, ...], body: int) -> int:
+    # The heat of a pair flows from its first body to its second.
+    into = int(bodies[-1] == body)
+    return into if len(bodies) == 1 else into - int(bodies[0] == body)
 
 
 def into_bodies(
-    heat: Float[Array, " c"], entries: tuple[LedgerEntry, ...], bodies: int
+    heat: Float[Array, " c"], entries: LedgerEntries, bodies: int
 ) -> Float[Array, " b"]:
     """Sum the heat of all entries into each body [J]."""
     # One product with a constant matrix instead of a sum per body.
-    signs = [[_sign(entry, body) for entry in entries] for body in range(bodies)]
+    signs = [[_sign(ends, body) for _, ends in entries] for body in range(bodies)]
     shape = (bodies, len(entries))
     return jnp.asarray(np.array(signs).reshape(shape), heat.dtype) @ heat
 
 
-def _pair_name(entry: LedgerEntry) -> str:
-    return f"{entry.mechanism} {entry.body}-{entry.other}"
+def _pair_name(mechanism: str, bodies: tuple[int, ...]) -> str:
+    return f"{mechanism} {bodies[0]}-{bodies[1]}"
 
 
 def _nonzero(heat: Float[Array, " t"]) -> Float[Array, " t"]:
@@ -164,10 +164,10 @@ def _nonzero(heat: Float[Array, " t"]) -> Float[Array, " t"]:
     return jnp.where(heat > 0, heat, 1)
 
 
-def in_order(energy: Energy, entries: tuple[LedgerEntry, ...]) -> Energy:
+def in_order(energy: Energy, entries: LedgerEntries) -> Energy:
     """Return energies with mechanisms in the order of the scene."""
     # A dictionary that leaves a jitted function is sorted by name.
-    names = dict.fromkeys(entry.mechanism for entry in entries)
+    names = dict.fromkeys(name for name, _ in entries)
     sort = lambda table: {name: table[name] for name in names if name in table}
     bodies = tuple(in_order(body, entries) for body in energy.bodies)
     return replace(energy, mechanisms=sort(energy.mechanisms), bodies=bodies)

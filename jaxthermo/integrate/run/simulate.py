@@ -10,7 +10,7 @@ from jaxtyping import Array, Float, Int
 
 from ...arrays import is_traced, precision
 from ...network.network import precise_sum
-from ...scene.compile.program import LedgerEntry, Program, State
+from ...scene.compile.program import LedgerEntries, Program, State
 from ...scene.scene import Scene
 from ..solvers import AbstractSolver
 from ..stepper import AbstractStepper, RunState, advance
@@ -226,7 +226,7 @@ def _equalization_heat(plan: Plan, states: State) -> Float[Array, " b"]:
 
 @eqx.filter_jit
 def _balance(
-    entries: tuple[LedgerEntry, ...], initial: Observation, rows, heat, from_start
+    entries: LedgerEntries, initial: Observation, rows, heat, from_start
 ) -> tuple[Observation, Energy]:
     if from_start:
         prepend = lambda first, a: jnp.concatenate([first[None], a])

@@ -19,7 +19,7 @@ from jaxtyping import Array, Float
 from typing_extensions import override
 
 from ...arrays import is_traced
-from ..flux_law import AbstractFluxLaw, TemperatureRange
+from ..flux_law import AbstractFluxLaw, Forcing
 from ..time_varying import largest, smallest, value_at
 from .air import (
     MAX_FILM_TEMPERATURE,
@@ -119,12 +119,9 @@ class _FilmRange(NamedTuple):
     """True if all film temperatures are inside the range of interpolation."""
 
 
-def film_range(temperature: Any, within: TemperatureRange) -> _FilmRange:
-    """Range for air of a temperature [K], which may change with time."""
-    air = (
-        float(smallest(temperature, within.end)),
-        float(largest(temperature, within.end)),
-    )
+def film_range(temperature: Any, within: Forcing, end: float) -> _FilmRange:
+    """Range up to `end` [s] for air of a temperature [K], which may change."""
+    air = float(smallest(temperature, end)), float(largest(temperature, end))
     low, high = (air[0] + within.lowest) / 2, (air[1] + within.highest) / 2
     samples = np.linspace(low, high, _FILM_SAMPLES)
     return _FilmRange(
@@ -183,23 +180,23 @@ class FilmExchange(AbstractFluxLaw):
         return bound * (1.05 if tabulated else 1.01)
 
     @override
-    def max_flux(self, within: TemperatureRange) -> float:
-        air = film_range(self.temperature, within)
+    def max_flux(self, within: Forcing, end: float) -> float:
+        air = film_range(self.temperature, within, end)
         h, _, _ = film_derivatives(np.asarray(self._rows, float), air.film)
         return SAMPLING_MARGIN * self._overshoot * float(h.max(initial=0.0)) * air.gap
 
     @override
-    def curvature(self, within: TemperatureRange) -> float:
+    def curvature(self, within: Forcing, end: float) -> float:
         # |h'' (T_inf - T_s) - 2 h'| with derivatives by T_s and T_inf - T_s =
         # 2 (T_inf - T_f): largest at an end of the air's range.
-        air = film_range(self.temperature, within)
+        air = film_range(self.temperature, within, end)
         if not air.smooth:
             # h has a kink at the ends of the interpolation: no finite bound there.
             return np.inf
         _, once, twice = film_derivatives(np.asarray(self._rows, float), air.film)
         largest_at_ends = [
-            np.abs(twice * 2 * (end - air.film) - 2 * once).max(initial=0.0)
-            for end in air.air
+            np.abs(twice * 2 * (ambient - air.film) - 2 * once).max(initial=0.0)
+            for ambient in air.air
         ]
         return SAMPLING_MARGIN * self._overshoot * float(max(largest_at_ends))
 

@@ -29,8 +29,8 @@ from ...arrays import TimeVarying
 from ...errors import InputError
 from ...voxels.cylinders import Cylinder, given_cylinders, parts_of
 from ..boundary import toward
-from ..flux_law import AbstractFluxLaw, TemperatureRange
-from ..term import AbstractSurfaceTerm, Binding, BodySurface, Forcing, Omitted, Surface
+from ..flux_law import AbstractFluxLaw, Forcing
+from ..term import AbstractSurfaceTerm, Binding, BodySurface, Omitted, Surface
 from ..time_varying import check_value, for_jit, largest, value_at
 from . import air
 from .air import (
@@ -186,26 +186,26 @@ class _FreeExchange(AbstractFluxLaw):
         return 7 / 3 * 1.01 * h.max()
 
     @override
-    def max_flux(self, within: TemperatureRange) -> float:
-        apart, whole, _, _ = self._sampled(within)
+    def max_flux(self, within: Forcing, end: float) -> float:
+        apart, whole, _, _ = self._sampled(within, end)
         return SAMPLING_MARGIN * float((apart * whole**2).max())
 
     @override
-    def curvature(self, within: TemperatureRange) -> float:
+    def curvature(self, within: Forcing, end: float) -> float:
         # |h'' (T_inf - T_s)| + 2 |h'| with h = w^2. The sixth root has no bounded
         # second derivative at 0 but for the regularization.
-        if not film_range(self.temperature, within).smooth:
+        if not film_range(self.temperature, within, end).smooth:
             return np.inf
-        apart, whole, once, twice = self._sampled(within)
+        apart, whole, once, twice = self._sampled(within, end)
         curvature = 2 * apart * (once**2 + whole * twice) + 4 * whole * once
         return SAMPLING_MARGIN * float(curvature.max())
 
     def _sampled(
-        self, within: TemperatureRange
+        self, within: Forcing, end: float
     ) -> tuple[Float[np.ndarray, "d #f"], ...]:
         """Differences [K], and bounds of w = sqrt(h) and its first two derivatives."""
         # Every part of a derivative counts with its absolute value.
-        air = film_range(self.temperature, within)
+        air = film_range(self.temperature, within, end)
         max_of = lambda values: float(np.max(values, initial=0.0))
         host = lambda values: np.asarray(values, float)
         root = [

@@ -26,12 +26,11 @@ from ...errors import InputError
 from ...raster.views import unit_vector
 from ...voxels.cylinders import Cylinder, given_cylinders, parts_of
 from ..boundary import toward
-from ..flux_law import Values
+from ..flux_law import Forcing, Values
 from ..term import (
     AbstractSurfaceTerm,
     Binding,
     BodySurface,
-    Forcing,
     Omitted,
     Surface,
     concatenated,

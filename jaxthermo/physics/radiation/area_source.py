@@ -21,7 +21,7 @@ from ...arrays import Scalar, TimeVarying, is_traced
 from ...constants import STEFAN_BOLTZMANN
 from ...errors import InputError
 from ...raster.views import unit_vector, view_frame
-from ..term import Forcing
+from ..flux_law import Forcing
 from ..time_varying import check_value, largest, value_at
 from .source import (
     AbstractSource,

@@ -22,13 +22,12 @@ from ...arrays import TimeVarying, is_traced
 from ...constants import STEFAN_BOLTZMANN
 from ...errors import InputError
 from ..boundary import Exchange
-from ..flux_law import AbstractFluxLaw, TemperatureRange
+from ..flux_law import AbstractFluxLaw, Forcing
 from ..term import (
     AbstractSurfaceTerm,
     Binding,
     BodySurface,
     Cover,
-    Forcing,
     Omitted,
     Scale,
     Surface,
@@ -58,7 +57,7 @@ class AbstractEmission(AbstractFluxLaw):
         return 4 * STEFAN_BOLTZMANN * highest**3
 
     @override
-    def curvature(self, within: TemperatureRange) -> float | Float[Array, ""]:
+    def curvature(self, within: Forcing, end: float) -> float | Float[Array, ""]:
         return 12 * STEFAN_BOLTZMANN * within.highest**2
 
 
@@ -89,8 +88,8 @@ class _Emission(AbstractEmission):
         return net_emission(ambient, self.reference + theta, difference)
 
     @override
-    def max_flux(self, within: TemperatureRange) -> float | Float[Array, ""]:
-        highest = jnp.maximum(largest(self.temperature, within.end), within.highest)
+    def max_flux(self, within: Forcing, end: float) -> float | Float[Array, ""]:
+        highest = jnp.maximum(largest(self.temperature, end), within.highest)
         return STEFAN_BOLTZMANN * highest**4
 
     @override
@@ -125,13 +124,13 @@ class _RadiativeCoefficient(eqx.Module):
         return _radiative_coefficient(value_at(self.temperature, time))
 
 
-def _linear_error(temperature: Any, within: TemperatureRange) -> float:
+def _linear_error(temperature: Any, within: Forcing, end: float) -> float:
     """Largest relative error of 4 T_s^3 (T_s - T) for T_s^4 - T^4 [-].
 
     It is |4 / ((1 + r)(1 + r^2)) - 1| with r = T / T_s, largest at an end of the range.
     """
-    low = float(smallest(temperature, within.end))
-    high = float(largest(temperature, within.end))
+    low = float(smallest(temperature, end))
+    high = float(largest(temperature, end))
     if not low > 0:
         return math.inf
     ratios = within.lowest / high, within.highest / low
@@ -223,9 +222,9 @@ class Surroundings(AbstractSurfaceTerm):
         law = _Emission(temperature=ambient)
         if self.linear_within is None:
             return law, ()
-        if surface.temperature_range is None or is_traced(temperature):
+        if surface.temperatures is None or is_traced(temperature):
             return law, ("not linear: the range of temperatures is not known",)
-        error = _linear_error(temperature, surface.temperature_range)
+        error = _linear_error(temperature, surface.temperatures, surface.end)
         note = f"the linear law is off by up to {100 * error:.2g} % of the net emission"
         if not error <= self.linear_within:
             return law, (f"{note}, more than allowed: not used",)

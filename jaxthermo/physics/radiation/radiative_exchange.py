@@ -26,11 +26,10 @@ from typing_extensions import override
 from ...arrays import TimeVarying, is_traced
 from ...constants import STEFAN_BOLTZMANN
 from ..boundary import ImposedFlux, toward
-from ..flux_law import AbstractFluxLaw, TemperatureRange, Values
+from ..flux_law import AbstractFluxLaw, Forcing, Values
 from ..term import (
     AbstractExchangeTerm,
     Binding,
-    Forcing,
     Omitted,
     Surface,
     spread,
@@ -61,7 +60,7 @@ class _Irradiated(AbstractEmission):
         return self.received - net_emission(self.reference + theta, self.base, above)
 
     @override
-    def max_flux(self, within: TemperatureRange) -> float | Float[Array, ""]:
+    def max_flux(self, within: Forcing, end: float) -> float | Float[Array, ""]:
         return STEFAN_BOLTZMANN * within.highest**4
 
     @override

@@ -26,12 +26,12 @@ from ...arrays import Numbers, Points, TimeVarying
 from ...errors import InputError
 from ...raster.views import unit_vector
 from ..boundary import ImposedFlux
+from ..flux_law import Forcing
 from ..term import (
     AbstractSurfaceTerm,
     Binding,
     BodySurface,
     Cover,
-    Forcing,
     Omitted,
     Scale,
     Surface,

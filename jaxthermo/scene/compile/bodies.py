@@ -21,7 +21,7 @@ from ...physics.conduction import (
     normal_conductivity,
     surface_conductivity,
 )
-from ...physics.flux_law import TemperatureRange, Values
+from ...physics.flux_law import Forcing, Values
 from ..scene import AbstractMaterials, Body, Scene
 
 
@@ -127,19 +127,24 @@ def _half_cells(body: Body, reference: Scalar, dtype: Any) -> Float[Values, " s"
     return k * per_length.astype(dtype)
 
 
-def max_temperature(
+def temperature_bounds(
     scene: Scene, prepared: tuple[PreparedBody, ...], end: float | int
-) -> Float[Array, ""]:
-    """An upper bound of temperatures up to `end` [K] where surfaces emit."""
+) -> tuple[Float[Array, ""], Forcing | None]:
+    """Upper bound of temperatures up to `end` [s] where surfaces emit [K].
+
+    With it come both bounds as numbers; None if values are traced.
+    """
     # Without imposed fluxes nothing gets hotter than the start or what terms heat
     # towards (the maximum principle). With them a surface that emits the flux does;
     # where nothing emits there is no bound, and none is needed.
     start = [
-        body.reference + jnp.max(body.network.temperature(body.state))
-        for body in prepared
+        (body.reference, body.network.temperature(body.state)) for body in prepared
     ]
     forcings = [term.forcing(end) for term in scene.terms]
-    highest = [*start, *(forcing.highest for forcing in forcings)]
+    highest = [reference + jnp.max(theta) for reference, theta in start]
+    highest += [forcing.highest for forcing in forcings]
+    lowest = [reference + jnp.min(theta) for reference, theta in start]
+    lowest += [forcing.lowest for forcing in forcings]
     imposed = sum(jnp.maximum(forcing.heat_flux, 0.0) for forcing in forcings)
     bound = jnp.stack([jnp.asarray(v, float) for v in highest]).max()
     least = []
@@ -150,22 +155,12 @@ def max_temperature(
     emissivity = jnp.stack(least).min()
     # Emissivities below 1e-3 would give no useful bound.
     emitted = imposed / (STEFAN_BOLTZMANN * jnp.maximum(emissivity, 1e-3))
-    return (bound**4 + emitted) ** 0.25
-
-
-def temperature_range(
-    scene: Scene, prepared: tuple[PreparedBody, ...], highest: Any, end: float | int
-) -> TemperatureRange | None:
-    """Range of temperatures up to `end` [s]; None if values are traced."""
-    lowest = [
-        body.reference + jnp.min(body.network.temperature(body.state))
-        for body in prepared
-    ]
-    lowest += [term.forcing(end).lowest for term in scene.terms]
-    # The range decides how many iterations are compiled: it must be known.
-    if is_traced((lowest, highest)):
-        return None
-    return TemperatureRange(min(float(v) for v in lowest), float(highest), end)
+    hottest = (bound**4 + emitted) ** 0.25
+    # Both bounds decide how many iterations are compiled: they must be known.
+    if is_traced((lowest, hottest)):
+        return hottest, None
+    coldest = min(float(value) for value in lowest)
+    return hottest, Forcing(highest=float(hottest), lowest=coldest)
 
 
 def check_memory(scene: Scene, saves: int, snapshots: int) -> int:

@@ -17,9 +17,9 @@ from ...physics.term import Omitted
 from ...voxels.grid import VoxelGrid
 from ..motion import Motion
 from ..scene import AbstractMaterials, BodyGeometry, Scene, SolvedSurface
-from .bodies import check_memory, max_temperature, prepare, temperature_range
-from .program import Compiled, LedgerEntry, Omission, Part, Program, Receipt
-from .program_builder import ProgramBuilder, bind_volumes, ledger_entries
+from .bodies import check_memory, prepare, temperature_bounds
+from .program import Compiled, Omission, Part, Program, Receipt
+from .program_builder import Ledger, bind_volumes, ledger_entries, make_programs
 from .snapshots import Snapshot, snapshot_times, take_snapshots
 
 
@@ -64,19 +64,18 @@ def compile_scene(
     prepared = tuple(
         prepare(number, body, dtype) for number, body in enumerate(scene.bodies)
     )
-    hottest = max_temperature(scene, prepared, end)
-    temperatures = temperature_range(scene, prepared, hottest, end)
+    hottest, temperatures = temperature_bounds(scene, prepared, end)
     snapshots = take_snapshots(scene, prepared, starts, end, temperatures, prune)
     volumes, unheated = bind_volumes(scene)
     ledger = ledger_entries(names, snapshots, volumes, prune)
-    programs = ProgramBuilder(
-        scene, prepared, snapshots, volumes, ledger, temperatures
-    ).programs()
+    programs = make_programs(
+        scene, prepared, snapshots, volumes, ledger, temperatures, float(end)
+    )
     # One step for all snapshots: the smallest.
     limit = jnp.stack([_stable_step(each, hottest, end) for each in programs]).min()
     first, structures = snapshots[0], [body.structure for body in scene.bodies]
     surfaces = first.surface.bodies
-    mechanisms = dict.fromkeys(entry.mechanism for entry in ledger.values())
+    mechanisms = dict.fromkeys(ledger.values())
     finite = not is_traced(limit) and np.isfinite(limit)
     return Compiled(
         programs=programs,
@@ -163,13 +162,11 @@ def body_geometry(grid: VoxelGrid, pose: Pose | Motion) -> BodyGeometry:
     )
 
 
-def _parts(
-    ledger: dict[tuple[int, ...], LedgerEntry], snapshot: Snapshot
-) -> tuple[Part, ...]:
+def _parts(ledger: Ledger, snapshot: Snapshot) -> tuple[Part, ...]:
     """The surface that each entry of the ledger acts on."""
     found = []
     surface = snapshot.surface
-    for (number, *bodies), entry in ledger.items():
+    for (number, *bodies), name in ledger.items():
         area = surface.bodies[bodies[0]].grid.fragment_area
         if len(bodies) == 2:
             pairs = snapshot.pairs.get((number, bodies[0], bodies[1]))
@@ -182,7 +179,7 @@ def _parts(
             ]
             reached = float(area[np.any(acts, axis=0)].sum()) if acts else 0.0
         fraction = reached / float(area.sum())
-        found.append(Part(entry.mechanism, tuple(bodies), reached, fraction))
+        found.append(Part(name, tuple(bodies), reached, fraction))
     return tuple(found)
 
 

@@ -3,7 +3,7 @@
 import bisect
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -26,13 +26,9 @@ State = tuple[Float[Array, "..."], ...]
 capacity depends on temperature, heat over the capacity at the reference."""
 
 
-class LedgerEntry(NamedTuple):
-    """One line of the energy ledger: heat from a mechanism to a body."""
-
-    mechanism: str
-    body: int
-    other: int | None = None
-    """For heat between two bodies, the one that receives it from `body`."""
+LedgerEntries = tuple[tuple[str, tuple[int, ...]], ...]
+"""Lines of the energy ledger: a mechanism and the body that it heats, or the two bodies
+that it carries heat between, from the first to the second."""
 
 
 class VolumeLoad(eqx.Module):
@@ -98,7 +94,7 @@ class Program(eqx.Module):
     """Radiation between surface cells."""
     fine_enclosure: Enclosure | None
     """Radiation between fragments, for reading temperatures."""
-    entries: tuple[LedgerEntry, ...] = eqx.field(static=True)
+    entries: LedgerEntries = eqx.field(static=True)
     breakpoints: tuple[float, ...] = eqx.field(static=True)
     """Times that steps end at, besides the save times [s]."""
     sampled: bool = eqx.field(static=True)
@@ -107,7 +103,7 @@ class Program(eqx.Module):
     @property
     def mechanisms(self) -> tuple[str, ...]:
         """Names, each once, without exchange between bodies."""
-        outer = (entry.mechanism for entry in self.entries if entry.other is None)
+        outer = (name for name, bodies in self.entries if len(bodies) == 1)
         return tuple(dict.fromkeys(outer))
 
     @property

@@ -6,10 +6,12 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Bool
 
 from ...network.nonlinear import NonlinearNetwork
+from ...physics.contact.links import ContactLinks
 from ...physics.contact.search import ContactPairs, no_pairs
-from ...physics.flux_law import TemperatureRange, bound
+from ...physics.flux_law import Forcing, bound
 from ...physics.heat_source import VolumeBinding
 from ...physics.radiation.radiative_exchange import Enclosure
 from ...physics.surface_energy_balance import MAX_ITERATIONS, SurfaceTerms
@@ -18,23 +20,27 @@ from ...physics.term import (
     AbstractPairTerm,
     AbstractVolumeTerm,
     Omitted,
+    Surface,
     concatenated,
 )
 from ...physics.time_varying import breakpoints, for_jit, is_unknown_function
 from ..scene import Scene
 from .bodies import PreparedBody, device_address
 from .linear_load import linear_programs
-from .program import BodyProgram, LedgerEntry, Program, VolumeLoad
+from .program import BodyProgram, Program, VolumeLoad
 from .snapshots import PairKey, Snapshot, acting, pair_counts
-from .surface_load import body_cells, surface_load
+from .surface_load import AbstractSurfaceLoad, body_cells, surface_load
 
 
 # Nodes that heat sources reach, by the numbers of the term and of the body.
 _Volumes = dict[tuple[int, int], VolumeBinding]
 
-# Entries of the energy ledger, the same at all snapshots, by the numbers of the term
+# Mechanisms in the energy ledger, the same at all snapshots, by the numbers of the term
 # and of its body, or both bodies; they are counted in this order.
-_Ledger = dict[tuple[int, ...], LedgerEntry]
+Ledger = dict[tuple[int, ...], str]
+
+# Entry of each term on each body in the ledger; -1 where it has none.
+_Rows = tuple[tuple[int, ...], ...]
 
 
 def bind_volumes(scene: Scene) -> tuple[_Volumes, list[tuple[int, Omitted]]]:
@@ -54,7 +60,7 @@ def bind_volumes(scene: Scene) -> tuple[_Volumes, list[tuple[int, Omitted]]]:
 
 def ledger_entries(
     names: tuple[str, ...], snapshots: list[Snapshot], volumes: _Volumes, prune: bool
-) -> _Ledger:
+) -> Ledger:
     """An entry for every body that a term acts on, in the order of the terms."""
     first = snapshots[0]
     omitted = {(number, body) for number, (_, body) in first.omitted}
@@ -66,158 +72,180 @@ def ledger_entries(
             if acts.any() or (idle and not prune):
                 keys.add((number, body))
     # Sorted by term, then by body, then by the other body of a pair.
-    return {key: LedgerEntry(names[key[0]], *key[1:]) for key in sorted(keys)}
+    return {key: names[key[0]] for key in sorted(keys)}
 
 
-class ProgramBuilder:
-    """Makes the program of each snapshot, in arrays of the same shapes."""
-
-    def __init__(
-        self,
-        scene: Scene,
-        prepared: tuple[PreparedBody, ...],
-        snapshots: list[Snapshot],
-        volumes: _Volumes,
-        ledger: _Ledger,
-        temperatures: TemperatureRange | None,
-    ):
-        self.scene, self.prepared, self.ledger = scene, prepared, ledger
-        self.volumes, self.snapshots = volumes, snapshots
-        self.entry = {key: n for n, key in enumerate(ledger)}
-        self.pair_counts = pair_counts(snapshots)
-        # Cells must be the same at all snapshots: they go by where a term ever acts.
-        self.acting = acting(snapshots)
-        self.numbers = list(dict.fromkeys(n for n, _ in snapshots[0].bindings))
-        self.iterations = max(self._iterations(s, temperatures) for s in snapshots)
-        # Only values of terms that act decide where steps end.
-        used = sorted({key[0] for key in ledger})
-        self.values = [value for n in used for value in scene.terms[n].values]
-        self.exchange = next(
-            (t for n in used if isinstance(t := scene.terms[n], AbstractExchangeTerm)),
-            None,
+def make_programs(
+    scene: Scene,
+    prepared: tuple[PreparedBody, ...],
+    snapshots: list[Snapshot],
+    volumes: _Volumes,
+    ledger: Ledger,
+    temperatures: Forcing | None,
+    end: float,
+) -> tuple[Program, ...]:
+    """The program of each snapshot, all in arrays of the same shapes."""
+    entry = {key: n for n, key in enumerate(ledger)}
+    every = {key[0]: name for key, name in ledger.items()}
+    names = {n: every[n] for n, _ in snapshots[0].bindings}
+    rows = tuple(
+        tuple(entry.get((n, body.number), -1) for body in prepared) for n in names
+    )
+    terms = [_fragment_terms(each, names) for each in snapshots]
+    iterations = max(
+        _iterations(own, each.surface, prepared, rows, temperatures, end)
+        for own, each in zip(terms, snapshots, strict=True)
+    )
+    # Only values of terms that act decide where steps end.
+    used = [scene.terms[n] for n in sorted({key[0] for key in ledger})]
+    values = [value for term in used for value in term.values]
+    exchange = next((t for t in used if isinstance(t, AbstractExchangeTerm)), None)
+    # Cells must be the same at all snapshots: they go by where a term ever acts.
+    acts, counts = acting(snapshots), pair_counts(snapshots)
+    touched = {number for key in counts for number in key[1:]}
+    dtype = snapshots[0].surface.dtype
+    bodies = [_body(body, entry, volumes, dtype) for body in prepared]
+    made = []
+    for snapshot, own in zip(snapshots, terms, strict=True):
+        surface = snapshot.surface
+        fine = None if exchange is None else exchange.enclosure(surface)
+        fragment_terms = replace(own, iterations=iterations)
+        load, enclosure = _surface_load(
+            fragment_terms, surface, prepared, acts, fine, rows, len(ledger)
         )
-
-    def programs(self) -> tuple[Program, ...]:
-        """One program per snapshot."""
-        made = tuple(self._program(snapshot) for snapshot in self.snapshots)
-        # Linear sums are made on the host, in double precision.
-        if all(program.fragment_terms.is_linear for program in made):
-            made = linear_programs(made) or made
-        host = np.ndarray | np.generic
-        on_device = lambda x: jnp.asarray(x) if isinstance(x, host) else x
-        return jax.tree.map(on_device, made)
-
-    def _program(self, snapshot: Snapshot) -> Program:
-        fine = None
-        if self.exchange is not None:
-            fine = self.exchange.enclosure(snapshot.surface)
-        terms = replace(self._fragment_terms(snapshot), iterations=self.iterations)
-        load, enclosure = self._surface_load(snapshot, terms, fine)
-        values = self.values
-        return Program(
-            bodies=tuple(self._body(n, snapshot) for n in range(len(self.prepared))),
+        exposed = [jnp.asarray(body.exposed_fraction) for body in surface.bodies]
+        program = Program(
+            bodies=tuple(
+                replace(body, exposed_fraction=exposed[n]) if n in touched else body
+                for n, body in enumerate(bodies)
+            ),
             surface=load,
-            fragment_terms=terms,
+            fragment_terms=fragment_terms,
             contacts=tuple(
-                self._contact(key, snapshot.pairs.get(key), size)
-                for key, size in self.pair_counts.items()
+                _contact(scene, prepared, key, snapshot.pairs.get(key), entry, size)
+                for key, size in counts.items()
             ),
             enclosure=enclosure,
             fine_enclosure=fine,
-            entries=tuple(self.ledger.values()),
+            entries=tuple((name, key[1:]) for key, name in ledger.items()),
             breakpoints=tuple(sorted({k for v in values for k in breakpoints(v)})),
             sampled=any(is_unknown_function(value) for value in values),
         )
+        made.append(program)
+    # Linear sums are made on the host, in double precision.
+    if all(program.fragment_terms.is_linear for program in made):
+        made = linear_programs(made) or made
+    host = np.ndarray | np.generic
+    on_device = lambda x: jnp.asarray(x) if isinstance(x, host) else x
+    return jax.tree.map(on_device, tuple(made))
 
-    def _fragment_terms(self, snapshot: Snapshot) -> SurfaceTerms:
-        order = {number: k for k, number in enumerate(self.numbers)}
-        each = lambda bindings: tuple(
-            (order[n], bound(b.effective_area, b.law)) for n, b in bindings
-        )
-        names = {key[0]: entry.mechanism for key, entry in self.ledger.items()}
-        # Where a temperature is prescribed, that term holds the half cell.
-        half_cells = [
-            body.half_cell * body.natural.astype(body.dtype)
-            for body in snapshot.surface.bodies
-        ]
-        return SurfaceTerms(
-            names=tuple(names[number] for number in self.numbers),
-            half_cell=concatenated(half_cells),
-            natural=each(snapshot.natural),
-            prescribed=each(snapshot.prescribed),
-        )
 
-    def _surface_load(
-        self, snapshot: Snapshot, terms: SurfaceTerms, fine: Enclosure | None
-    ):
-        """The load on surface cells, and the radiation between them."""
-        surface = snapshot.surface
-        acting = list(zip(*map(surface.apart, self.acting), strict=True))
-        # Fragments of one cell must be in one patch of the radiative exchange.
-        groups: list = [None] * len(surface.bodies)
-        if fine is not None:
-            groups = surface.apart(np.asarray(fine.patch))
-        found = [
-            body_cells(body, list(acting[n]) if acting else [], groups[n])
-            for n, body in enumerate(self.prepared)
-        ]
-        cells, cell = zip(*found, strict=True)
-        rows = tuple(
-            tuple(self.entry.get((number, n), -1) for n in range(len(surface.bodies)))
-            for number in self.numbers
-        )
-        load, joined = surface_load(
-            terms, cells, cell, surface.references, rows, len(self.entry)
-        )
-        if fine is None or load is None:
-            return load, None
-        return load, fine.coarsened(joined, load.counts)
+def _fragment_terms(snapshot: Snapshot, names: dict[int, str]) -> SurfaceTerms:
+    """The terms on the fragments of all bodies, named by their number in the scene."""
+    order = {number: k for k, number in enumerate(names)}
+    each = lambda bindings: tuple(
+        (order[n], bound(b.effective_area, b.law)) for n, b in bindings
+    )
+    # Where a temperature is prescribed, that term holds the half cell.
+    half_cells = [
+        body.half_cell * body.natural.astype(body.dtype)
+        for body in snapshot.surface.bodies
+    ]
+    return SurfaceTerms(
+        names=tuple(names.values()),
+        half_cell=concatenated(half_cells),
+        natural=each(snapshot.natural),
+        prescribed=each(snapshot.prescribed),
+    )
 
-    def _iterations(
-        self, snapshot: Snapshot, temperatures: TemperatureRange | None
-    ) -> int:
-        """Newton iterations: the most that any body needs; linear laws need none."""
-        surface, found, start = snapshot.surface, [], 0
-        terms = self._fragment_terms(snapshot)
-        for n, body in enumerate(surface.bodies):
-            cells = slice(start, start + len(body.area))
-            start = cells.stop
-            acting = {k for k, m in enumerate(self.numbers) if (m, n) in self.entry}
-            own = terms.selected(cells, acting, surface.references[n])
-            if own.is_linear:
-                continue
-            if isinstance(self.prepared[n].network, NonlinearNetwork):
-                return MAX_ITERATIONS
-            found.append(own.newton_iterations(temperatures))
-        return max(found, default=MAX_ITERATIONS)
 
-    def _contact(self, key: PairKey, pairs: ContactPairs | None, size: int):
-        term, *ends = self.scene.terms[key[0]], *(self.prepared[n] for n in key[1:])
-        assert isinstance(term, AbstractPairTerm)
-        if pairs is None:
-            pairs = no_pairs(*(len(body.fragment_node) for body in ends))
-        return term.bind(pairs, (ends[0], ends[1]), self.entry[key], size)
+def _surface_load(
+    terms: SurfaceTerms,
+    surface: Surface,
+    prepared: tuple[PreparedBody, ...],
+    acts: list[Bool[np.ndarray, " s"]],
+    fine: Enclosure | None,
+    rows: _Rows,
+    entry_count: int,
+) -> tuple[AbstractSurfaceLoad | None, Enclosure | None]:
+    """The load on surface cells, and the radiation between them."""
+    own_acts = list(zip(*map(surface.apart, acts), strict=True))
+    # Fragments of one cell must be in one patch of the radiative exchange.
+    groups: list = [None] * len(prepared)
+    if fine is not None:
+        groups = surface.apart(np.asarray(fine.patch))
+    found = [
+        body_cells(body, list(own_acts[n]) if own_acts else [], groups[n])
+        for n, body in enumerate(prepared)
+    ]
+    cells, cell = zip(*found, strict=True)
+    load, joined = surface_load(
+        terms, cells, cell, surface.references, rows, entry_count
+    )
+    if fine is None or load is None:
+        return load, None
+    return load, fine.coarsened(joined, load.counts)
 
-    def _body(self, index: int, snapshot: Snapshot) -> BodyProgram:
-        body = self.prepared[index]
-        surface = snapshot.surface.bodies[index]
-        touched = any(index in key[1:] for key in self.pair_counts)
+
+def _iterations(
+    terms: SurfaceTerms,
+    surface: Surface,
+    prepared: tuple[PreparedBody, ...],
+    rows: _Rows,
+    temperatures: Forcing | None,
+    end: float,
+) -> int:
+    """Newton iterations: the most that any body needs; linear laws need none."""
+    found, start = [], 0
+    for n, count in enumerate(surface.counts):
+        cells = slice(start, start + count)
+        start = cells.stop
+        acts = {k for k, row in enumerate(rows) if row[n] >= 0}
+        own = terms.selected(cells, acts, surface.references[n])
+        if own.is_linear:
+            continue
+        if isinstance(prepared[n].network, NonlinearNetwork):
+            return MAX_ITERATIONS
+        found.append(own.newton_iterations(temperatures, end))
+    return max(found, default=MAX_ITERATIONS)
+
+
+def _contact(
+    scene: Scene,
+    prepared: tuple[PreparedBody, ...],
+    key: PairKey,
+    pairs: ContactPairs | None,
+    entry: dict[tuple[int, ...], int],
+    size: int,
+) -> ContactLinks:
+    term, first, second = scene.terms[key[0]], prepared[key[1]], prepared[key[2]]
+    assert isinstance(term, AbstractPairTerm)
+    if pairs is None:
+        pairs = no_pairs(len(first.fragment_node), len(second.fragment_node))
+    return term.bind(pairs, (first, second), entry[key], size)
+
+
+def _body(
+    body: PreparedBody,
+    entry: dict[tuple[int, ...], int],
+    volumes: _Volumes,
+    dtype: Any,
+) -> BodyProgram:
+    nodes, node = np.unique(body.fragment_node, return_inverse=True)
+    return BodyProgram(
+        network=body.network,
+        reference=jnp.asarray(body.reference, dtype),
+        sources=tuple(
+            _volume_load(entry[key], found, body, dtype)
+            for key, found in volumes.items()
+            if key[1] == body.number
+        ),
+        address=device_address(body.address, nodes),
+        node=jnp.asarray(node.reshape(-1).astype(np.int32)),
         # Bodies that never touch anything need no array of ones.
-        exposed = surface.exposed_fraction if touched else np.ones((), surface.dtype)
-        nodes, node = np.unique(body.fragment_node, return_inverse=True)
-        return BodyProgram(
-            network=body.network,
-            reference=jnp.asarray(body.reference, surface.dtype),
-            sources=tuple(
-                _volume_load(self.entry[key], found, body, surface.dtype)
-                for key, found in self.volumes.items()
-                if key[1] == index
-            ),
-            address=device_address(body.address, nodes),
-            node=jnp.asarray(node.reshape(-1).astype(np.int32)),
-            exposed_fraction=jnp.asarray(exposed),
-            surface_map=body.surface_map,
-        )
+        exposed_fraction=jnp.ones((), dtype),
+        surface_map=body.surface_map,
+    )
 
 
 def _volume_load(

@@ -14,7 +14,7 @@ from ...errors import InputError
 from ...geometry.mesh import Pose
 from ...physics.contact.rays import PlacedGrid
 from ...physics.contact.search import ContactPairs, contacts_between
-from ...physics.flux_law import TemperatureRange
+from ...physics.flux_law import Forcing
 from ...physics.term import (
     AbstractPairTerm,
     AbstractSurfaceTerm,
@@ -72,7 +72,7 @@ def take_snapshots(
     prepared: tuple[PreparedBody, ...],
     starts: tuple[float, ...],
     end: float | int,
-    temperatures: TemperatureRange | None,
+    temperatures: Forcing | None,
     prune: bool,
 ) -> list[Snapshot]:
     """The scene at every snapshot, from its start, with the same bindings at each.
@@ -93,7 +93,8 @@ def take_snapshots(
         surface = Surface(
             bodies=_body_surfaces(scene, prepared, poses, covered, once),
             references=tuple(body.reference for body in prepared),
-            temperature_range=temperatures,
+            temperatures=temperatures,
+            end=end,
         )
         bound = _bind_terms([term.at(time) for term in scene.terms], surface)
         snapshots.append(Snapshot(*bound, pairs, unpaired))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jaxthermo.physics.boundary import Exchange, ImposedFlux
-from jaxthermo.physics.flux_law import TemperatureRange, bound
+from jaxthermo.physics.flux_law import Forcing, bound
 from jaxthermo.physics.radiation.emission import _Emission
 from jaxthermo.physics.surface_energy_balance import (
     MAX_ITERATIONS,
@@ -35,7 +35,7 @@ def _terms(conductivity, pitch, dtype, sun=1000.0):
 
 
 def _steps(terms, hottest=400.0):
-    return terms.newton_iterations(TemperatureRange(0.0, hottest, 1.0))
+    return terms.newton_iterations(Forcing(highest=hottest, lowest=0.0), 1.0)
 
 
 @eqx.filter_jit

@@ -9,7 +9,7 @@ from wind_bodies import law_of, surface, upright_cylinder
 
 from jaxthermo.physics.convection.free_convection import FreeConvection
 from jaxthermo.physics.convection.wind import Wind
-from jaxthermo.physics.flux_law import TemperatureRange, bound
+from jaxthermo.physics.flux_law import Forcing, bound
 from jaxthermo.physics.surface_energy_balance import (
     MAX_ITERATIONS,
     TOLERANCE,
@@ -18,7 +18,7 @@ from jaxthermo.physics.surface_energy_balance import (
 from jaxthermo.physics.time_varying import Table
 
 
-REACH = TemperatureRange(230.0, 450.0, 10.0)
+REACH, END = Forcing(highest=450.0, lowest=230.0), 10.0
 GUST = Table([0.0, 5.0, 10.0], [2.0, 9.0, 0.0])
 TERMS = {
     "wind": Wind((3.0, 0.0, 0.0), 290.0),
@@ -55,16 +55,16 @@ def test_no_flux_and_no_curvature_is_above_its_bound(side, name):
     times = map(jnp.asarray, (0.0, 3.0, 8.0))
     found = [_flux_and_curvature(law, time, kelvin) for time in times]
     flux, bend = (np.abs(np.stack(each)) for each in zip(*found, strict=True))
-    most, bent = float(law.max_flux(REACH)), float(law.curvature(REACH))
+    most, bent = float(law.max_flux(REACH, END)), float(law.curvature(REACH, END))
     print(name, "flux", flux.max() / most, "curvature", bend.max() / bent)
     assert 0.2 * most < flux.max() < most
     assert 0.02 * bent < bend.max() < bent
 
 
 def test_a_kink_of_the_film_has_no_bound(side):
-    far = TemperatureRange(230.0, 2000.0, 10.0)
+    far = Forcing(highest=2000.0, lowest=230.0)
     for name in ("wind", "still"):
-        assert law_of(TERMS[name], side).curvature(far) == np.inf
+        assert law_of(TERMS[name], side).curvature(far, END) == np.inf
 
 
 @eqx.filter_jit
@@ -80,7 +80,7 @@ def test_few_steps_are_as_good_as_all(side, name, conductivity):
     half_cell = area * conductivity / 5e-4
     free = ((0, bound(area, law)),)
     every = SurfaceTerms((name,), half_cell, free, ())
-    steps = every.newton_iterations(REACH)
+    steps = every.newton_iterations(REACH, END)
     theta = jnp.linspace(REACH.lowest, REACH.highest, len(area)) - law.reference
     few = SurfaceTerms((name,), half_cell, free, (), steps)
     off = np.abs(_excess(few, theta) - _excess(every, theta)).max()
