@@ -69,7 +69,7 @@ def structures_kept_for_the_session_only(tmp_path_factory):
     os.environ["JAXTHERMO_CACHE"] = str(tmp_path_factory.mktemp("cache"))
 
 
-MOST_MAPPED = 30_000
+MOST_MAPPED = 45_000
 """Pieces of memory; a process may have 65 530, and crashes without a word beyond."""
 
 

@@ -41,8 +41,9 @@ from .isolated_components import (
     find_isolated_components,
 )
 from .run.heat_rates import evaluate_rates
-from .run.ledger import empty_ledger, steady_heat_rates
+from .run.ledger import HeatRates, empty_ledger, in_order, steady_heat_rates
 from .run.solution import (
+    Observation,
     RunSummary,
     SteadySolution,
     finished,
@@ -143,14 +144,12 @@ def _solution(scene: Scene, at: float, tolerance: float | None) -> SteadySolutio
             scene, program, context, compiled.state, time
         )
     states, statistics = _solve(program, context, compiled.state, time, isolated)
-    entries = len(program.entries)
-    found = observe(program, RunState(states, empty_ledger(entries, dtype)), time)
-    _, rates = evaluate_rates(program, states, time)
+    found, rates = _observe(program, states, time)
     return SteadySolution(
         times=time[None],
         surface_temperature=found.surface_temperature[None],
         mean_temperature=found.mean_temperature[None],
-        heat_rates=steady_heat_rates(program.entries, rates, len(scene.bodies)),
+        heat_rates=in_order(rates, program.entries),
         isolated_components=0 if isolated is None else isolated.count,
         result=run_result(found.is_finite, found.is_physical, statistics),
         run=RunSummary(
@@ -164,6 +163,16 @@ def _solution(scene: Scene, at: float, tolerance: float | None) -> SteadySolutio
         terms=scene.terms,
         receipt=compiled.receipt,
     )
+
+
+@eqx.filter_jit
+def _observe(
+    program: Program, states: State, time: Float[Array, ""]
+) -> tuple[Observation, HeatRates]:
+    ledger = empty_ledger(len(program.entries), states[0].dtype)
+    found = observe(program, RunState(states, ledger), time)
+    _, rates = evaluate_rates(program, states, time)
+    return found, steady_heat_rates(program.entries, rates, len(states))
 
 
 @eqx.filter_jit

@@ -5,6 +5,7 @@ conductance each: the readable, tested reference. `RowNetwork` (ELLPACK format) 
 several times faster. A state is one value for each node.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -160,6 +161,7 @@ class RowNetwork(AbstractNodeNetwork):
         return total.at[self.list_node].add(self.list_conductance)
 
 
+@partial(jax.jit, inline=True)
 def row_network(
     layout: RowLayout,
     conductance: Float[Array, " e"],

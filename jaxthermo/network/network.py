@@ -8,9 +8,11 @@ stored heat is sum C state for every network.
 """
 
 import abc
+from functools import partial
 from typing import ClassVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 from typing_extensions import override
@@ -74,7 +76,7 @@ class AbstractNetwork(eqx.Module):
     def capacity_at(self, address: Address) -> Float[Array, "*m"]:
         """Heat capacity of some nodes [J/K]; one number if all have the same."""
         capacity = self.capacity()
-        return capacity[address] if capacity.ndim else capacity
+        return _gathered(capacity, address) if capacity.ndim else capacity
 
     def temperature(self, state: Float[Array, "*m"]) -> Float[Array, "*m"]:
         """Temperature above the reference [K], of a state or any part of one."""
@@ -100,6 +102,12 @@ class AbstractNetwork(eqx.Module):
         return jnp.ones((), self.total_capacity().dtype)
 
 
+@partial(jax.jit, inline=True)
+def _gathered(values: Float[Array, "..."], address: Address) -> Float[Array, "*m"]:
+    return values[address]
+
+
+@partial(jax.jit, inline=True)
 def precise_sum(values: Float[Array, "..."]) -> Float[Array, ""]:
     """Sum with about one rounding error, whatever the length."""
     # XLA adds in sequence on the CPU, which loses digits in float32 over millions of
@@ -121,6 +129,8 @@ def slot_sums(
     return sum((gather(slot) for slot in slots[1:]), gather(slots[0]))
 
 
+# One program instead of one per operation where a network is assembled.
+@partial(jax.jit, inline=True)
 def inverse(values: Float[Array, "..."]) -> Float[Array, "..."]:
     """1 / values, and 0 where a value is 0."""
     positive = values > 0

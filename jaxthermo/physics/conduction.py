@@ -20,8 +20,10 @@ face that depends on the temperatures of the two nodes at its sides alone.
 """
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
@@ -48,6 +50,7 @@ from ..structures.structure import AbstractStructure
 _Values = Array | np.ndarray
 
 
+@partial(jax.jit, inline=True)
 def series(
     area: Float[np.ndarray | Array, "*e"],
     length1: Float[np.ndarray | Array, "*e"],
@@ -297,9 +300,15 @@ def _by_level(value, levels: int, level, name: str, dtype) -> Float[Array, " m"]
 
 
 def _mixed_stencil(grid, material, conductivity, heat):
-    solid = grid.solid
-    number = np.zeros(solid.shape, np.int32)
-    number[solid] = material
+    number = np.zeros(grid.solid.shape, np.int32)
+    number[grid.solid] = material
+    sizes = grid.pitch / 2, grid.pitch**2, grid.voxel_volume
+    return _stencil_arrays(grid.solid, number, conductivity, heat, sizes)
+
+
+@jax.jit
+def _stencil_arrays(solid, number, conductivity, heat, sizes) -> HeterogeneousStencil:
+    (half, area, volume), dtype = sizes, conductivity.dtype
     by_axis = conductivity[number]
     faces = []
     for axis in range(3):
@@ -308,12 +317,11 @@ def _mixed_stencil(grid, material, conductivity, heat):
         before, after = [slice(None)] * 3, [slice(None)] * 3
         before[axis], after[axis] = slice(None, -1), slice(1, None)
         first, second = k[tuple(before)], k[tuple(after)]
-        half = np.full(first.shape, grid.pitch / 2)
-        area = np.full(first.shape, grid.pitch**2)
+        lengths, areas = (jnp.full(first.shape, v, dtype) for v in (half, area))
         outer = [(0, 0)] * 3
         outer[axis] = (1, 1)
-        faces.append(jnp.pad(series(area, half, first, half, second), outer))
+        faces.append(jnp.pad(series(areas, lengths, first, lengths, second), outer))
     return HeterogeneousStencil(
         face_conductance=(faces[0], faces[1], faces[2]),
-        cell_capacity=jnp.where(solid, heat[number] * grid.voxel_volume, 0),
+        cell_capacity=jnp.where(solid, heat[number] * volume, 0),
     )

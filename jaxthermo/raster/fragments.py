@@ -180,12 +180,10 @@ def shared_capacities(
     return max(rows, minimum[0]), max(fragments, minimum[1])
 
 
-def padded(
-    triangles: Float[np.ndarray, "f 3 3"], minimum: int = MIN_CAPACITY
-) -> Float[np.ndarray, "k 3 3"]:
-    """Append triangles without area up to `minimum`: views then share one program."""
-    spare = max(0, max(minimum, MIN_CAPACITY) - len(triangles))
-    return np.concatenate([triangles, np.zeros((spare, 3, 3))])
+def _padded(triangles: Float[np.ndarray, "f 3 3"]) -> Float[np.ndarray, "k 3 3"]:
+    # Triangles without area cover no pixel: views and meshes share one program.
+    size = rounded_up(max(len(triangles), MIN_CAPACITY))
+    return np.concatenate([triangles, np.zeros((size - len(triangles), 3, 3))])
 
 
 def _rasterize(
@@ -204,20 +202,17 @@ def _rasterize(
     Raises:
         InputError: if a corner is not finite or more than 2^20 pixels away.
     """
-    if not len(triangles):
-        # Arrays on the device have at least one row; this one covers no pixel.
-        triangles = np.zeros((1, 3, 3))
     if (
         not np.isfinite(triangles).all()
-        or np.abs(triangles[..., :2]).max() > _MAX_COORDINATE
+        or np.abs(triangles[..., :2]).max(initial=0) > _MAX_COORDINATE
     ):
         raise InputError(
             "raster: a triangle is not finite or over a million pixels away; "
             "use a coarser pitch or clip the mesh to the view"
         )
-    row_capacity, capacity = sizes or capacities(triangles, width, height)
+    row_capacity, capacity = sizes or shared_capacities(triangles, width, height)
     with jax.enable_x64(True):
-        corners = jnp.asarray(triangles, jnp.float64)
+        corners = jnp.asarray(_padded(triangles), jnp.float64)
         while True:
             fragments = _rasterize_fixed(
                 corners,
@@ -322,9 +317,8 @@ def depth_range(
     Empty pixels have the depths inf and -inf. Arguments as for `_rasterize`. May be
     called while something else is traced.
     """
-    sizes = sizes or shared_capacities(triangles, width, height)
     with jax.ensure_compile_time_eval():
-        fragments = _rasterize(padded(triangles), width, height, sizes)
+        fragments = _rasterize(triangles, width, height, sizes)
     count = int(fragments.count)
     pixel = np.asarray(fragments.pixel)[:count]
     depth = np.asarray(fragments.depth)[:count]

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..errors import InputError
-from .fragments import DepthLayers, depth_range, padded, peel, rounded_up
+from .fragments import DepthLayers, depth_range, peel
 
 
 def unit_vector(
@@ -169,8 +169,6 @@ class PerspectiveView:
         corners = self.project(self._within(triangles))
         # The inverse of the depth is linear over the image, the depth is not.
         corners[..., 2] = -1 / corners[..., 2]
-        # Clipping leaves each view with another count: rounded, they share a program.
-        corners = padded(corners, rounded_up(len(corners)))
         key, _ = depth_range(corners, self.width, self.height)
         hit = np.isfinite(key)
         return np.where(hit, -1 / np.where(hit, key, -1.0), np.inf)

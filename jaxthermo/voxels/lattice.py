@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float, Int, Int8
 from ..arrays import available_bytes, require_memory
 from ..errors import InputError
 from ..geometry.mesh import Mesh
-from ..raster.fragments import DepthLayers, capacities, peel
+from ..raster.fragments import DepthLayers, peel, shared_capacities
 
 
 # Peak of the fill: votes, one winding number, the solid, planes of temporaries.
@@ -128,7 +128,7 @@ def peel_axes(mesh: Mesh, lattice: Lattice) -> Views:
         frame = np.ascontiguousarray(corners[..., [column_axis, row_axis, axis]])
         views.append((frame, lattice.shape[column_axis], lattice.shape[row_axis]))
     # One array size for the three views: one program is compiled, not three.
-    rows, fragments = zip(*(capacities(*view) for view in views), strict=True)
+    rows, fragments = zip(*(shared_capacities(*view) for view in views), strict=True)
     sizes = max(rows), max(fragments)
     x, y, z = (peel(frame, width, height, sizes) for frame, width, height in views)
     return x, y, z

@@ -4,6 +4,7 @@ Relative residual = (stored heat - heat of all mechanisms) / heat moved.
 """
 
 from dataclasses import replace
+from typing import TypeVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -75,6 +76,9 @@ class HeatRates(eqx.Module):
     """Net heat rate over the sum of magnitudes, 0 in a steady state."""
 
 
+_Energies = TypeVar("_Energies", Energy, HeatRates)
+
+
 def steady_heat_rates(
     entries: LedgerEntries, rates: Float[Array, " c"], bodies: int
 ) -> HeatRates:
@@ -87,7 +91,7 @@ def steady_heat_rates(
         inner, residual = tuple(map(first, e.bodies)), -e.residual_relative[0]
         return HeatRates(only(e.mechanisms), only(e.contacts), inner, residual)
 
-    return first(in_order(found, entries))
+    return first(found)
 
 
 def energies(
@@ -164,8 +168,8 @@ def _nonzero(heat: Float[Array, " t"]) -> Float[Array, " t"]:
     return jnp.where(heat > 0, heat, 1)
 
 
-def in_order(energy: Energy, entries: LedgerEntries) -> Energy:
-    """Return energies with mechanisms in the order of the scene."""
+def in_order(energy: _Energies, entries: LedgerEntries) -> _Energies:
+    """Return energies, or heat rates, with mechanisms in the order of the scene."""
     # A dictionary that leaves a jitted function is sorted by name.
     names = dict.fromkeys(name for name, _ in entries)
     sort = lambda table: {name: table[name] for name in names if name in table}

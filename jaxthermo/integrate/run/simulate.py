@@ -9,8 +9,8 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ...arrays import is_traced, precision
-from ...network.network import precise_sum
-from ...scene.compile.program import LedgerEntries, Program, State
+from ...network.network import Address, precise_sum
+from ...scene.compile.program import Program, State
 from ...scene.scene import Scene
 from ..solvers import AbstractSolver
 from ..stepper import AbstractStepper, RunState, advance
@@ -179,21 +179,23 @@ def _saved_rows(
 
 def make_solution(plan: Plan, observations: Observation | None) -> Solution:
     """Assemble the solution of a finished run; None for a run of 0 s."""
-    state, entries = initial_state(plan), plan.compiled.program.entries
-    initial, rows = observe(plan.compiled.program, state, None), observations
-    if rows is None:
-        # The row of the start, cut to length 0, has the shapes.
-        rows = jax.tree.map(lambda a: a[None][:0], initial)
-    heat, from_start = _equalization_heat(plan, state.theta), plan.save_times[0] == 0.0
-    saved, energy = _balance(entries, initial, rows, heat, from_start)
+    program, state = plan.compiled.program, initial_state(plan)
+    uneven = tuple(
+        tuple(map(jnp.asarray, b.structure.node_address()))
+        if callable(b.temperature)
+        else None
+        for b in plan.scene.bodies
+    )
+    from_start = plan.save_times[0] == 0.0
+    saved, energy = _balance(program, state, observations, uneven, from_start)
     statistics = None
-    if len(rows.is_finite):
-        statistics = jax.tree.map(lambda a: a[-1], rows.statistics)
+    if observations is not None:
+        statistics = jax.tree.map(lambda a: a[-1], observations.statistics)
     return Solution(
         times=jnp.asarray(plan.save_times, energy.stored_J.dtype),
         surface_temperature=saved.surface_temperature,
         mean_temperature=saved.mean_temperature,
-        energy=in_order(energy, entries),
+        energy=in_order(energy, program.entries),
         result=run_result(saved.is_finite.all(), saved.is_physical.all(), statistics),
         run=RunSummary(
             steps=plan.steps,
@@ -208,30 +210,39 @@ def make_solution(plan: Plan, observations: Observation | None) -> Solution:
     )
 
 
-def _equalization_heat(plan: Plan, states: State) -> Float[Array, " b"]:
-    # The heat that conduction moves to make each body uniform [J]. It scales the
-    # ledger's error where a body starts unevenly and no mechanism acts.
-    heat = []
-    parts = zip(plan.scene.bodies, plan.compiled.program.bodies, states, strict=True)
-    for body, part, state in parts:
-        if not callable(body.temperature):
-            heat.append(jnp.asarray(np.zeros((), state.dtype)))
-            continue
-        address = tuple(jnp.asarray(index) for index in body.structure.node_address())
-        mean = part.network.stored(state) / part.network.total_capacity()
-        excess = jnp.abs(state[address] - mean) * part.network.capacity_at(address)
-        heat.append(precise_sum(excess) / 2)
-    return jnp.stack(heat)
-
-
 @eqx.filter_jit
 def _balance(
-    entries: LedgerEntries, initial: Observation, rows, heat, from_start
+    program: Program,
+    state: RunState,
+    rows: Observation | None,
+    uneven: tuple[Address | None, ...],
+    from_start: bool,
 ) -> tuple[Observation, Energy]:
+    """Saved rows and their energies; `uneven` are the nodes of bodies so initially."""
+    initial = observe(program, state, None)
+    if rows is None:
+        # The row of the start, cut to length 0, has the shapes.
+        rows = jax.tree.map(lambda a: a[None][:0], initial)
     if from_start:
         prepend = lambda first, a: jnp.concatenate([first[None], a])
         rows = jax.tree.map(prepend, initial, rows)
     # The ledger starts at 0, stored heat at that of the initial state.
     stored = rows.stored_heat - initial.stored_heat[None]
-    ledger = rows.ledger
-    return rows, energies(entries, stored, ledger.heat, ledger.moved, heat)
+    ledger, heat = rows.ledger, _equalization_heat(program, state.theta, uneven)
+    return rows, energies(program.entries, stored, ledger.heat, ledger.moved, heat)
+
+
+def _equalization_heat(
+    program: Program, states: State, uneven: tuple[Address | None, ...]
+) -> Float[Array, " b"]:
+    # The heat that conduction moves to make each body uniform [J]. It scales the
+    # ledger's error where a body starts unevenly and no mechanism acts.
+    heat = []
+    for body, state, address in zip(program.bodies, states, uneven, strict=True):
+        if address is None:
+            heat.append(jnp.zeros((), state.dtype))
+            continue
+        mean = body.network.stored(state) / body.network.total_capacity()
+        excess = jnp.abs(state[address] - mean) * body.network.capacity_at(address)
+        heat.append(precise_sum(excess) / 2)
+    return jnp.stack(heat)

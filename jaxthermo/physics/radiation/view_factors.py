@@ -24,7 +24,6 @@ from ...geometry.mesh import Pose
 from ...raster.fragments import (
     MIN_CAPACITY,
     DepthLayers,
-    padded,
     peel,
     shared_capacities,
 )
@@ -107,7 +106,7 @@ def _count_lines(
     corners = view.project(scene.triangles)
     room = shared_capacities(corners, view.width, view.height, room)
     with jax.ensure_compile_time_eval():
-        layers = peel(padded(corners), view.width, view.height, room)
+        layers = peel(corners, view.width, view.height, room)
     patch = _hits(bodies, scene, view, layers)
     same = layers.pixel[1:] == layers.pixel[:-1]
     enters = layers.entering

@@ -81,15 +81,16 @@ def _initial(
     # Reference temperature of a body, and its nodes' temperatures above it [K].
     # The reference is the initial mean. It is no variable: of a traced initial state
     # only the difference, 0 where it is uniform, carries a derivative.
-    theta = jnp.asarray(np.zeros(body.structure.state_shape, dtype))
+    theta = np.zeros(body.structure.state_shape, dtype)
     values: Any = body.temperature
     if callable(values):
         values = values(body.structure.nodes().location)
     elif not is_traced(values):
-        return float(values), theta
+        return float(values), jnp.asarray(theta)
     if is_traced(values):
         values = values.astype(dtype)
         reference = jax.lax.stop_gradient(values.mean())
+        return reference, jnp.asarray(theta).at[address].set(values - reference)
     else:
         values = np.asarray(values, float)
         if not np.isfinite(values).all() or (values < 0).any():
@@ -98,8 +99,8 @@ def _initial(
             )
         reference = float(values.mean())
     # The difference is taken in double precision: a float32 resolves 3e-5 K at 300 K.
-    above = jnp.asarray(values - reference, dtype)
-    return reference, theta.at[address].set(above)
+    theta[address] = values - reference
+    return reference, jnp.asarray(theta)
 
 
 def surface_property(body: Body, field: str, dtype: Any) -> Float[Values, "*s"]:
@@ -137,13 +138,16 @@ def temperature_bounds(
     # Without imposed fluxes nothing gets hotter than the start or what terms heat
     # towards (the maximum principle). With them a surface that emits the flux does;
     # where nothing emits there is no bound, and none is needed.
-    start = [
-        (body.reference, body.network.temperature(body.state)) for body in prepared
-    ]
+    start = []
+    for body in prepared:
+        theta = body.network.temperature(body.state)
+        # On the host nothing is compiled for each shape of a body.
+        theta = theta if is_traced(theta) else np.asarray(theta)
+        start.append((body.reference, theta))
     forcings = [term.forcing(end) for term in scene.terms]
-    highest = [reference + jnp.max(theta) for reference, theta in start]
+    highest = [reference + theta.max() for reference, theta in start]
     highest += [forcing.highest for forcing in forcings]
-    lowest = [reference + jnp.min(theta) for reference, theta in start]
+    lowest = [reference + theta.min() for reference, theta in start]
     lowest += [forcing.lowest for forcing in forcings]
     imposed = sum(jnp.maximum(forcing.heat_flux, 0.0) for forcing in forcings)
     bound = jnp.stack([jnp.asarray(v, float) for v in highest]).max()

@@ -37,6 +37,8 @@ def test_chart_and_tables(rows, tmp_path):
     assert len(radiation._neighbour_table(rows).rows) == 3
 
 
+@pytest.mark.slow
+@pytest.mark.slice
 def test_c04_within_a_hundredth():
     found = radiation._measure_light()
     assert all(check["passes"] for check in found["checks"]), found["checks"]

@@ -262,6 +262,7 @@ def test_derivatives_are_those_of_the_steady_state():
     np.testing.assert_allclose(forward, numeric, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_it_makes_a_picture():
     found = jt.steady(jt.Scene((_body(320.0),), (AIR,)))
     centre = (0.03, 0.015, 0.015)
