@@ -76,7 +76,7 @@ class HeatRates(eqx.Module):
     """Net heat rate over the sum of magnitudes, 0 in a steady state."""
 
 
-_Energies = TypeVar("_Energies", Energy, HeatRates)
+_Energies = TypeVar("_Energies", bound=Energy | HeatRates)
 
 
 def steady_heat_rates(

@@ -214,15 +214,15 @@ def make_solution(plan: Plan, observations: Observation | None) -> Solution:
 def _balance(
     program: Program,
     state: RunState,
-    rows: Observation | None,
+    saved: Observation | None,
     uneven: tuple[Address | None, ...],
     from_start: bool,
 ) -> tuple[Observation, Energy]:
     """Saved rows and their energies; `uneven` are the nodes of bodies so initially."""
     initial = observe(program, state, None)
-    if rows is None:
-        # The row of the start, cut to length 0, has the shapes.
-        rows = jax.tree.map(lambda a: a[None][:0], initial)
+    # The row of the start, cut to length 0, has the shapes.
+    none: Observation = jax.tree.map(lambda a: a[None][:0], initial)
+    rows = none if saved is None else saved
     if from_start:
         prepend = lambda first, a: jnp.concatenate([first[None], a])
         rows = jax.tree.map(prepend, initial, rows)

@@ -8,7 +8,7 @@ from jaxthermo.geometry.shapes import box, sphere
 from jaxthermo.image.camera import Camera, OrthographicCamera
 from jaxthermo.image.ssao import screen_space_occlusion
 from jaxthermo.physics.radiation.visibility import sky_view
-from jaxthermo.raster.fragments import padded, peel
+from jaxthermo.raster.fragments import peel
 
 
 FLOOR = box((8.0, 8.0, 0.2)).triangles - np.array([0.0, 0.0, 0.1])
@@ -28,7 +28,7 @@ def seen(camera, triangles):
     """Depth and normal images; and points and pixels that show something."""
     corners, parent = camera.to_raster(triangles)
     width, height = camera.size
-    layers = peel(padded(corners), width, height, (2**14, 2**15))
+    layers = peel(corners, width, height, (2**14, 2**15))
     front = layers.layer == 0
     pixel = layers.pixel[front]
     point, depth = camera.points(pixel, layers.depth[front])
