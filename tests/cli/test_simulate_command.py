@@ -181,7 +181,7 @@ def test_the_pictures_share_one_scale_of_body_pixels(finished):
     ("structure", "told"),
     [
         ("octree", []),
-        ("{kind: aggregate, factor: 3}", []),
+        pytest.param("{kind: aggregate, factor: 3}", [], marks=pytest.mark.slow),
         ("{kind: single_shell, capacity: own}", ["67 %"]),
     ],
 )

@@ -61,6 +61,7 @@ def result(finished):
     return json.loads((finished[1] / "result.json").read_text())
 
 
+@pytest.mark.slow
 def test_every_structure_has_a_row_that_says_what_it_costs(result):
     found = result["result"]
     assert found["config"]["voxels_high"] == 24
@@ -79,6 +80,7 @@ def test_every_structure_has_a_row_that_says_what_it_costs(result):
     assert {"versions", "host", "device"} <= set(result)
 
 
+@pytest.mark.slow
 def test_the_full_volume_is_off_by_its_step_only_and_the_source_is_the_same(result):
     full, row = result["result"]["rows"][: len(LABELS)]
     assert full["label"] == "full volume" and full["lattice_voxels_per_s"] > 0
@@ -88,6 +90,7 @@ def test_the_full_volume_is_off_by_its_step_only_and_the_source_is_the_same(resu
     assert row["sun_J"] == pytest.approx(full["sun_J"], rel=1e-5)
 
 
+@pytest.mark.slow
 def test_what_is_expected_and_not_met_is_told(finished, result):
     line = result["result"]["table"][-1]
     assert {c["what"]: c["met"] for c in line["expected"]} == {
@@ -98,6 +101,7 @@ def test_what_is_expected_and_not_met_is_told(finished, result):
     assert "not met" in finished[2]
 
 
+@pytest.mark.slow
 def test_the_page_needs_nothing_but_itself(finished, result):
     page = (finished[1] / "report.html").read_text()
     links = re.findall(r'(?:src|href)="([^"]*)"', page)
@@ -108,6 +112,7 @@ def test_the_page_needs_nothing_but_itself(finished, result):
         assert label in page
 
 
+@pytest.mark.slow
 def test_files_named_in_the_result_are_there_and_not_empty(finished, result):
     names = set(result["result"]["files"])
     assert {
@@ -128,6 +133,7 @@ def test_files_named_in_the_result_are_there_and_not_empty(finished, result):
                 assert len(np.unique(np.asarray(image.convert("L")))) > 5
 
 
+@pytest.mark.slow
 def test_the_same_command_measures_nothing_again(finished, monkeypatch):
     def fail(*arguments):
         raise AssertionError("measured again")
@@ -152,6 +158,7 @@ def cut_off(finished, tmp_path):
     return out
 
 
+@pytest.mark.slow
 def test_a_run_that_is_interrupted_keeps_its_rows(finished, cut_off, monkeypatch):
     def interrupt(*arguments):
         raise KeyboardInterrupt
@@ -195,6 +202,7 @@ def test_meshes_that_are_missing_say_where_to_put_them(tmp_path, monkeypatch):
     assert "happy-buddha.obj" in lines[0] and "max-planck.obj" in lines[1]
 
 
+@pytest.mark.slow
 def test_a_structure_that_is_refused_says_why_in_its_row(finished, cut_off):
     config = read_yaml(finished[0])
     folder = cut_off.parent

@@ -39,7 +39,13 @@ def _exact():
     return np.asarray(_run(jt.SuperTimeStepping(dt=0.5)).surface_temperature)
 
 
-@pytest.mark.parametrize("name", ORDERS)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.slow] * (name == "BackwardEuler"))
+        for name in ORDERS
+    ],
+)
 def test_the_error_falls_at_the_order(name):
     make, order = ORDERS[name]
     steps = np.array([20.0, 10.0, 5.0])
@@ -52,6 +58,7 @@ def test_the_error_falls_at_the_order(name):
         assert np.abs(solution.energy.residual_relative).max() < 1e-12
 
 
+@pytest.mark.slow
 def test_the_error_of_adaptive_steps_follows_what_is_asked():
     asked = (1e-2, 1e-3, 1e-4)
     runs = [_run(jt.TRBDF2(error=error)) for error in asked]

@@ -34,7 +34,7 @@ def _everything():
     ("dtype", "stencil", "painted"),
     [
         ("float32", True, True),
-        ("float64", False, False),
+        pytest.param("float64", False, False, marks=pytest.mark.slow),
         pytest.param("float32", False, True, marks=pytest.mark.slow),
         pytest.param("float64", True, True, marks=pytest.mark.slow),
     ],

@@ -53,6 +53,7 @@ def test_segments_follow_the_motion():
     np.testing.assert_array_equal(pieces.surface_temperature, whole.surface_temperature)
 
 
+@pytest.mark.slow
 def test_a_sun_that_travels_brings_what_the_angles_say():
     """From noon to the horizon at a constant rate, on a plate that faces up."""
     half_day = 60.0

@@ -28,6 +28,7 @@ def _facing(gap, hot=500.0, cold=300.0, surroundings=300.0, dtype="float64"):
     )
 
 
+@pytest.mark.slow
 def test_what_a_hot_plate_sends_a_cold_one_gets():
     near = jt.simulate(_facing(0.01), 20.0)
     far = jt.simulate(_facing(1.0), 20.0)
@@ -40,6 +41,7 @@ def test_what_a_hot_plate_sends_a_cold_one_gets():
             assert np.abs(body.residual_relative).max() < 1e-12
 
 
+@pytest.mark.slow
 def test_a_convex_body_sees_only_its_surroundings():
     body = jt.Body(jt.FullVolume(GRID), METAL, temperature=400.0)
     run = lambda term: jt.simulate(jt.Scene((body,), (term,), dtype="float64"), 20.0)

@@ -35,7 +35,7 @@ def check(found):
         0.1,
         pytest.param(0.5, marks=pytest.mark.slow),
         pytest.param(2.0, marks=pytest.mark.slow),
-        10.0,
+        pytest.param(10.0, marks=pytest.mark.slow),
     ],
 )
 def test_aligned_cubes_are_parallel_squares(cube, gap):

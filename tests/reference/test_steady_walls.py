@@ -13,7 +13,7 @@ LONG = [pytest.mark.slow, pytest.mark.slice]
     "id_",
     [
         "V18",
-        "A9 1fc",
+        pytest.param("A9 1fc", marks=LONG),
         pytest.param("V13", marks=LONG),
         pytest.param("V20a", marks=LONG),
         pytest.param("A9 1fa", marks=pytest.mark.slow),

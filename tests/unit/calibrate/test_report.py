@@ -316,6 +316,7 @@ def test_a_camera_that_sees_nothing_spoils_no_report(sphere, run_before, tmp_pat
     assert count_pictures(text) == 1 and "no picture: camera:" in text
 
 
+@pytest.mark.slow
 def test_frames_are_shown_beside_the_models(frames, tmp_path):
     case = frames.train.cases[0]
     found = run_both(frames.train, case, np.array([0.1]))

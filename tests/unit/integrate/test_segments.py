@@ -70,7 +70,11 @@ def run_on(todo, progress, seconds=1.0):
 @pytest.mark.parametrize(
     "dtype", ["float32", pytest.param("float64", marks=pytest.mark.slow)]
 )
-@pytest.mark.parametrize("seconds", [0.0, 1.0], ids=["two steps each", "long"])
+@pytest.mark.parametrize(
+    "seconds",
+    [0.0, pytest.param(1.0, marks=pytest.mark.slow)],
+    ids=["two steps each", "long"],
+)
 def test_segments_are_one_long_run(dtype, seconds):
     here = scene(dtype)
     whole = jt.simulate(here, END, SAVES, solver=jt.ForwardEuler(dt=0.07))

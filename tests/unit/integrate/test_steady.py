@@ -249,6 +249,8 @@ def _loss(values):
     return (found.surface_temperature**2).mean() / 1e4
 
 
+@pytest.mark.slow
+@pytest.mark.slice
 def test_derivatives_are_those_of_the_steady_state():
     step, loss = 1e-4, jax.jit(_loss)
     at = lambda i, sign: loss(START.at[i].multiply(1 + sign * step))

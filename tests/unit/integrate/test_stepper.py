@@ -56,7 +56,12 @@ VALUES = jnp.array([16.0, 0.7])
 
 
 @pytest.mark.parametrize(
-    "checkpoints", [None, 2, pytest.param(STEPS, marks=pytest.mark.slow)]
+    "checkpoints",
+    [
+        pytest.param(None, marks=pytest.mark.slow),
+        2,
+        pytest.param(STEPS, marks=pytest.mark.slow),
+    ],
 )
 def test_reverse_mode_is_that_of_the_plain_steps(value, checkpoints):
     found = jax.jit(jax.grad(lambda v: value(v, _kept(checkpoints))))(VALUES)

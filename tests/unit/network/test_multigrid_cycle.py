@@ -71,7 +71,15 @@ def _state(structure, values):
     return jnp.zeros(structure.state_shape).at[structure.node_address()].set(values)
 
 
-@pytest.fixture(params=["stencil", "axes", "mixed", "rows", "links"])
+@pytest.fixture(
+    params=[
+        "stencil",
+        pytest.param("axes", marks=pytest.mark.slow),
+        pytest.param("mixed", marks=pytest.mark.slow),
+        "rows",
+        "links",
+    ]
+)
 def body(request, monkeypatch):
     """With coarse levels although it is small."""
     monkeypatch.setattr(multigrid, "MAX_DENSE_SIZE", 60)

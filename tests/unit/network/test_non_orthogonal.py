@@ -131,6 +131,7 @@ def _scene(structure):
     return jt.Scene(bodies=(body,), terms=(sun,), dtype="float64")
 
 
+@pytest.mark.slow
 def test_it_is_nearer_to_the_full_volume(slanted):
     times = [60.0, 240.0]
     run = lambda structure: jt.simulate(_scene(structure), 240.0, times)

@@ -83,10 +83,7 @@ def _scene(grid, *terms, count=1, start: Any = 350.0):
     [
         *((1, name) for name in SOLVERS),
         # What differs between the solvers does not depend on the number of bodies.
-        *(
-            pytest.param(2, name, marks=() if name == "backward" else pytest.mark.slow)
-            for name in SOLVERS
-        ),
+        *(pytest.param(2, name, marks=pytest.mark.slow) for name in SOLVERS),
     ],
 )
 def test_every_solver_takes_it(grid, name, count):

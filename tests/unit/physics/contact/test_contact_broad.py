@@ -1,6 +1,7 @@
 """The broad phase drops no pair that touches, and drops those that views separate."""
 
 import numpy as np
+import pytest
 from hypothesis import given, settings, strategies as st
 from placed import ball_grid, box_grid, placed
 from scipy.spatial import KDTree
@@ -56,6 +57,7 @@ def test_no_pair_is_lost(seed, count, spread):
     assert set(found.bodies) == {body for pair in kept for body in pair}
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=5)
 @given(seed=st.integers(0, 10**6))
 def test_no_contact_is_lost(seed):
