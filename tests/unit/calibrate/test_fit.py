@@ -55,7 +55,7 @@ def test_a_fit_ends_by_trials_from_an_exact_jacobian(fit):
 @pytest.mark.parametrize(
     "method",
     [
-        pytest.param("gauss_newton", marks=pytest.mark.slice),
+        "gauss_newton",
         "bfgs",
         "lbfgs",
     ],
