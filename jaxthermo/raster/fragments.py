@@ -144,7 +144,7 @@ def _rasterize_fixed(
     )
 
 
-def rounded_up(number: float | int) -> int:
+def _rounded_up(number: float | int) -> int:
     """Round up to 2^n or 3/4 2^n, so that few array sizes and programs occur."""
     power = 2 ** int(np.ceil(np.log2(max(number, 1024.0))))
     return int(0.75 * power) if number <= 0.75 * power else power
@@ -166,7 +166,7 @@ def capacities(
     # A triangle has about as many fragments as pixels of area; the margin covers the
     # scatter of that count.
     covered = np.minimum(area, (right - left) * (top - bottom)).sum()
-    return rounded_up(rows), rounded_up(1.05 * covered + 8 * np.sqrt(covered) + 256)
+    return _rounded_up(rows), _rounded_up(1.05 * covered + 8 * np.sqrt(covered) + 256)
 
 
 def shared_capacities(
@@ -182,7 +182,7 @@ def shared_capacities(
 
 def _padded(triangles: Float[np.ndarray, "f 3 3"]) -> Float[np.ndarray, "k 3 3"]:
     # Triangles without area cover no pixel: views and meshes share one program.
-    size = rounded_up(max(len(triangles), MIN_CAPACITY))
+    size = _rounded_up(max(len(triangles), MIN_CAPACITY))
     return np.concatenate([triangles, np.zeros((size - len(triangles), 3, 3))])
 
 
@@ -224,8 +224,8 @@ def _rasterize(
             rows, count = int(fragments.rows_needed), int(fragments.count)
             if rows <= row_capacity and count <= capacity:
                 return fragments
-            row_capacity = max(row_capacity, rounded_up(rows))
-            capacity = max(capacity, rounded_up(count))
+            row_capacity = max(row_capacity, _rounded_up(rows))
+            capacity = max(capacity, _rounded_up(count))
 
 
 @dataclass(frozen=True)
