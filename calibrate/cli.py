@@ -1,6 +1,5 @@
 """Commands of calibrations as text on a terminal."""
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -9,9 +8,9 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from jaxthermo.cli.console import open_console, patient_interrupt, print_line
-from jaxthermo.errors import InputError
 
 from .analysis.fit_card import check_card
+from .config.fit_record import read_fit
 from .config.loader import load_calibration
 from .report.text_summary import (
     about_standard_errors,
@@ -129,11 +128,4 @@ def check(card: Path, scene: Path, overrides: tuple[str, ...]) -> None:
 
 def show(folder: Path) -> None:
     """Run `calibrate show`."""
-    path = folder / "fit.json"
-    try:
-        result = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file; `calibrate fit` makes it") from None
-    except json.JSONDecodeError as error:
-        raise InputError(f"{path}: is damaged: {error}") from error
-    _print_fit(open_console(), result)
+    _print_fit(open_console(), read_fit(folder / "fit.json"))

@@ -14,7 +14,6 @@ from jaxthermo import __version__
 from jaxthermo.arrays import precision
 from jaxthermo.atomic import replacing
 from jaxthermo.cli.files import results_folder
-from jaxthermo.cli.summary import write_json
 from jaxthermo.config.card_file import write_card
 from jaxthermo.config.strict_yaml import write_yaml
 
@@ -22,6 +21,7 @@ from .analysis.experiment_design import rank_experiments
 from .analysis.fit_card import make_card
 from .analysis.identifiability import Identified, identify, residual_sd
 from .analysis.speedup import measure_speed
+from .config.fit_record import write_fit
 from .config.loader import calibration_hash, load_calibration, plain
 from .config.schema import CalibrationConfig, unit_of
 from .problem.build import Calibration, build
@@ -36,7 +36,7 @@ from .solvers.progress import StepRecord
 from .solvers.search import start_points
 
 
-_CHECKPOINT, _CHECKPOINT_HASH = "state.eqx", "state.txt"
+_CHECKPOINT, _CHECKPOINT_HASH = "state.npz", "state.txt"
 _PACKAGES = ("jax", "optimistix", "equinox", "numpy")
 
 
@@ -96,7 +96,7 @@ def fit_config(
         # The results are complete only with the config that made them.
         with replacing(folder / "config.yaml") as target:
             target.write_text(write_yaml(plain(config)), encoding="utf-8")
-        write_json(folder / "fit.json", result)
+        write_fit(folder / "fit.json", result)
         card = make_card(config, calibration, fit, result)
         write_card(folder / "card.yaml", card)
         log.stage("drawing the report")

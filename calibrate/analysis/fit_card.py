@@ -108,13 +108,17 @@ def _with_structure(config: SceneConfig, card: FitCard) -> SceneConfig:
     if len(config.bodies) != 1:
         raise InputError("check: the scene has several bodies; a card is of one")
     (body,) = config.bodies
-    made = type(body).model_validate(
-        {**body.model_dump(mode="python"), "structure": dict(card.structure)}
+    unknown = InputError(
+        "check: this version does not know the card's structure "
+        f"{card.structure}: fit again"
     )
+    try:
+        made = type(body).model_validate(
+            {**body.model_dump(mode="python"), "structure": dict(card.structure)}
+        )
+    except ValueError as error:
+        raise unknown from error
     # A key that this version does not know would otherwise be lost in silence.
     if made.structure.options != dict(card.structure):
-        raise InputError(
-            "check: this version does not know the card's structure "
-            f"{card.structure}: fit again"
-        )
+        raise unknown
     return config.model_copy(update={"bodies": (made,)})

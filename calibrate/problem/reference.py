@@ -1,5 +1,6 @@
 """Full-volume runs that fits are compared with: computed once and cached."""
 
+import contextlib
 import functools
 import hashlib
 from collections.abc import Callable
@@ -63,8 +64,10 @@ def full_volume_run(config: SceneConfig, step: float, log: Log) -> StoredSolutio
         text = f"{config_hash(config)} {step!r} {program_hash()}"
         name = hashlib.sha256(text.encode()).hexdigest()[:32]
         path = folder.parent / "references" / f"{name}.npz"
+        # A file of the cache that cannot be read is written anew.
         if path.is_file():
-            return load_solution(path)
+            with contextlib.suppress(InputError):
+                return load_solution(path)
     log("running the full volume")
     scene = config.build()
     end, saves = config.time.end, config.time.save_times

@@ -5,6 +5,7 @@ see `levenberg_marquardt`. The fit then computes it at the best point and contin
 there, until a refresh is no longer worth its cost.
 """
 
+import io
 import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -12,12 +13,16 @@ from typing import Any, Literal, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
-from jaxthermo.atomic import replacing
+from jaxthermo.archive import read_archive, write_archive
 from jaxthermo.errors import InputError
 
 from ..problem.problem import StepTables
+
+
+_KIND, _VERSION, _REMEDY = "state of a fit", 1, "delete it to start again"
 
 
 @dataclass(frozen=True)
@@ -60,12 +65,16 @@ class Progress(NamedTuple):
     """Time of the steps, over all processes that took some [s]."""
 
     def save(self, path: Path) -> None:
-        """Write to a file, atomically: a line of JSON, then the arrays."""
+        """Write to a file, in one step, with a checksum."""
         steps = [asdict(step) for step in self.steps]
         header = {"steps": steps, "done": self.done, "seconds": self.seconds}
-        with replacing(path) as temporary, open(temporary, "wb") as file:
-            file.write(json.dumps(header).encode() + b"\n")
-            eqx.tree_serialise_leaves(file, _arrays(self))
+        leaves = io.BytesIO()
+        eqx.tree_serialise_leaves(leaves, _arrays(self))
+        parts = {
+            "header": np.array(json.dumps(header)),
+            "leaves": np.frombuffer(leaves.getvalue(), np.uint8),
+        }
+        write_archive(path, _KIND, _VERSION, parts, compress=False)
 
 
 def _arrays(progress: Progress) -> Any:
@@ -76,17 +85,17 @@ def load_progress(path: Path, start: Progress) -> Progress:
     """Read the state that an earlier process saved, or return the start."""
     if not path.exists():
         return start
+    parts = read_archive(path, _KIND, _VERSION, _REMEDY)
     try:
-        with path.open("rb") as file:
-            header = json.loads(file.readline())
-            # Leaves that are no arrays, such as programs, are those of the start.
-            z, state, tables = eqx.tree_deserialise_leaves(file, _arrays(start))
-            steps = [StepRecord(**step) for step in header["steps"]]
+        header = json.loads(str(parts["header"]))
+        leaves = io.BytesIO(parts["leaves"].tobytes())
+        # Leaves that are no arrays, such as programs, are those of the start.
+        z, state, tables = eqx.tree_deserialise_leaves(leaves, _arrays(start))
+        steps = [StepRecord(**step) for step in header["steps"]]
     # Whatever is wrong with a file that the user did not write, the remedy is the same.
     except Exception as error:
         raise InputError(
-            f"{path}: is damaged, or of another fit ({type(error).__name__}): delete "
-            "it to start again"
+            f"{path}: of another fit ({type(error).__name__}); {_REMEDY}"
         ) from error
     return Progress(z, state, tables, steps, header["done"], header["seconds"])
 

@@ -105,8 +105,10 @@ def parse_yaml(text: str, source: str) -> Any:
         raise InputError(f"{source}: not valid YAML: {problem}") from error
 
 
-def read_yaml(path: Path) -> dict[str, Any]:
-    """The mapping in a YAML file."""
+def read_yaml(
+    path: Path, needs: str = "a scene needs at least `bodies`"
+) -> dict[str, Any]:
+    """The mapping in a YAML file; the message of an empty one says what it `needs`."""
     try:
         # Some editors begin a file with a byte order mark.
         text = path.read_bytes().decode("utf-8-sig")
@@ -117,7 +119,7 @@ def read_yaml(path: Path) -> dict[str, Any]:
         raise InputError(f"{path}: cannot be read: {reason}") from error
     data = parse_yaml(text, str(path))
     if data is None:
-        raise InputError(f"{path}: is empty; a scene needs at least `bodies`")
+        raise InputError(f"{path}: is empty; {needs}")
     if not isinstance(data, dict):
         raise InputError(f"{path}: expected `key: value` lines at the top level")
     return data

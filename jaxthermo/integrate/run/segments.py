@@ -14,12 +14,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...atomic import replacing
+from ...archive import read_archive, write_archive
+from ...errors import InputError
 from ...scene.compile.program import Program, State
 from ..stepper import AbstractStepper, RunState, advance
 from .plan import Interval, Plan, initial_state, observation_time
 from .simulate import make_solution
 from .solution import Observation, Solution, observe
+
+
+_KIND, _VERSION = "checkpoint", 1
 
 
 class RunProgress(NamedTuple):
@@ -140,25 +144,26 @@ def save_checkpoint(path: Path, progress: RunProgress, key: str) -> None:
     leaves = jax.tree.leaves(parts)
     arrays: dict[str, Any] = {f"leaf{i}": np.asarray(x) for i, x in enumerate(leaves)}
     counts = (interval, taken, len(progress.observations))
+    arrays |= {"key": np.array(key), "position": np.array(counts)}
     # Replaced in one step: a Ctrl-C while writing leaves the old checkpoint.
-    with replacing(path) as temporary, open(temporary, "wb") as file:
-        np.savez(file, key=np.array(key), position=np.array(counts), **arrays)
+    write_archive(path, _KIND, _VERSION, arrays, compress=False)
 
 
 def load_checkpoint(path: Path, fresh: RunProgress, key: str) -> RunProgress | None:
     """Read a checkpoint file; None if it is missing, damaged or of another run."""
     try:
-        # Opened here, since np.load leaves a damaged file that it opened itself open.
-        with open(path, "rb") as file, np.load(file, allow_pickle=False) as kept:
-            if str(kept["key"]) != key:
-                return None
-            interval, taken, rows = (int(n) for n in kept["position"])
-            # A new run of the same plan has leaves of the same shapes.
-            whole = fresh._replace(observations=(fresh.initial,) * rows)
-            leaves, tree = jax.tree.flatten(whole[2:])
-            loaded = [jnp.asarray(kept[f"leaf{i}"]) for i in range(len(leaves))]
-    except Exception:  # numpy and zipfile raise many types for a damaged file
+        kept = read_archive(path, _KIND, _VERSION, "the run starts again")
+        if str(kept["key"]) != key:
+            return None
+        interval, taken, rows = (int(n) for n in kept["position"])
+        # A new run of the same plan has leaves of the same shapes.
+        whole = fresh._replace(observations=(fresh.initial,) * rows)
+        leaves, tree = jax.tree.flatten(whole[2:])
+        loaded = [jnp.asarray(kept[f"leaf{i}"]) for i in range(len(leaves))]
+    # Missing or damaged, or the user's own file of the same name.
+    except (InputError, KeyError, ValueError):
         return None
-    if any(a.shape != b.shape for a, b in zip(leaves, loaded, strict=True)):
+    alike = lambda a, b: (a.shape, a.dtype) == (b.shape, b.dtype)
+    if not all(map(alike, leaves, loaded)):
         return None
     return RunProgress(interval, taken, *jax.tree.unflatten(tree, loaded))

@@ -1,14 +1,13 @@
 """`solution.npz`: the part of a solution from which its images can be drawn again."""
 
-from dataclasses import fields
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
-from ...atomic import replacing
+from ...archive import read_archive, select_arrays, write_archive
 from ...errors import InputError
 from ...geometry.mesh import Pose
 from ...scene.motion import Motion, PoseTable
@@ -16,11 +15,10 @@ from ...scene.scene import BodyGeometry, SolvedSurface
 from .solution import Solution
 
 
-FORMAT_VERSION = 2
-"""Version of the file's layout; version 1 did not store its version."""
+FORMAT_VERSION = 3
+"""Version of the file's layout; version 3 added the checksum."""
 
-# All but the pitch and the pose, which are not stored as they are.
-_GEOMETRY_FIELDS = tuple(f.name for f in fields(BodyGeometry))[:5]
+_KIND, _REMEDY = "solution", "run the simulation again"
 
 
 class StoredSolution(NamedTuple):
@@ -33,87 +31,118 @@ class StoredSolution(NamedTuple):
     surfaces: tuple[SolvedSurface, ...]
 
 
+class _RunArrays(NamedTuple):
+    # The schema of what the file stores once; energies of mechanisms come beside it.
+    times: Float[np.ndarray, " t"]
+    surface_temperature: Float[np.ndarray, "t s"]
+    mean_temperature: Float[np.ndarray, "t b"]
+    stored_J: Float[np.ndarray, " t"]
+
+
+class _BodyArrays(NamedTuple):
+    # The schema of what the file stores for each body, with its number as a prefix.
+    vertices: Float[np.ndarray, "v 3"]
+    faces: Int[np.ndarray, "f 3"]
+    fragment_position: Float[np.ndarray, "s 3"]
+    fragment_normal: Float[np.ndarray, "s 3"]
+    fragment_area: Float[np.ndarray, " s"]
+    pitch: Float[np.ndarray, ""]
+    # One pose for each saved time, or one for all if the body does not move.
+    translation: Float[np.ndarray, "p 3"]
+    rotation: Float[np.ndarray, "p 3 3"]
+    # One number for one material.
+    emissivity: Float[np.ndarray, ""] | Float[np.ndarray, " s"]
+    absorptivity: Float[np.ndarray, ""] | Float[np.ndarray, " s"]
+
+
+_GEOMETRY_FIELDS = _BodyArrays._fields[:5]
+
+
 def save_solution(path: Path, solution: Solution) -> None:
-    """Write times, temperatures, energies and surfaces in one step."""
+    """Write times, temperatures, energies and surfaces in one step.
+
+    Raises:
+        InputError: if the file cannot be written.
+    """
     arrays: dict[str, Any] = {
-        "format_version": FORMAT_VERSION,
-        "times": solution.times,
-        "surface_temperature": solution.surface_temperature,
-        "mean_temperature": solution.mean_temperature,
-        "stored_J": solution.energy.stored_J,
+        name: getattr(solution, name) for name in _RunArrays._fields[:3]
     }
+    arrays["stored_J"] = solution.energy.stored_J
     for name, heat in solution.energy.mechanisms.items():
         arrays[f"energy_{name}_J"] = heat
     for b, surface in enumerate(solution.surfaces):
-        geometry = surface.geometry
-        for field in _GEOMETRY_FIELDS:
-            arrays[f"body{b}_{field}"] = getattr(geometry, field)
-        # One pose per saved time, or one for all if the body does not move.
-        times = np.asarray(solution.times, float) if surface.moves else [0.0]
-        poses = [geometry.pose.at(float(time)) for time in times]
-        arrays[f"body{b}_pitch"] = geometry.pitch
-        arrays[f"body{b}_translation"] = [pose.translation for pose in poses]
-        arrays[f"body{b}_rotation"] = [pose.rotation for pose in poses]
-        arrays[f"body{b}_emissivity"] = surface.emissivity
-        arrays[f"body{b}_absorptivity"] = surface.absorptivity
-    with replacing(path) as temporary, open(temporary, "wb") as file:
-        plain: dict[str, Any] = {k: np.asarray(v) for k, v in arrays.items()}
-        np.savez_compressed(file, **plain)
+        stored = _body_arrays(surface, np.asarray(solution.times, float))
+        for field, value in stored._asdict().items():
+            arrays[f"body{b}_{field}"] = value
+    write_archive(path, _KIND, FORMAT_VERSION, arrays)
+
+
+def _body_arrays(surface: SolvedSurface, saved: Float[np.ndarray, " t"]) -> _BodyArrays:
+    geometry = surface.geometry
+    times = saved if surface.moves else [0.0]
+    poses = [geometry.pose.at(float(time)) for time in times]
+    return _BodyArrays(
+        *(np.asarray(getattr(geometry, field)) for field in _GEOMETRY_FIELDS),
+        pitch=np.asarray(geometry.pitch, float),
+        translation=np.asarray([pose.translation for pose in poses], float),
+        rotation=np.asarray([pose.rotation for pose in poses], float),
+        emissivity=np.asarray(surface.emissivity),
+        absorptivity=np.asarray(surface.absorptivity),
+    )
 
 
 def load_solution(path: Path) -> StoredSolution:
-    """Read a file of `save_solution`; an `InputError` says why it cannot be read."""
-    try:
-        # Opened here, since np.load leaves a damaged file that it opened itself open.
-        with open(path, "rb") as file, np.load(file, allow_pickle=False) as stored:
-            _check_version(path, stored)
-            # Each body stores one pitch.
-            bodies = sum(name.endswith("_pitch") for name in stored.files)
-            return StoredSolution(
-                jnp.asarray(stored["times"]),
-                jnp.asarray(stored["surface_temperature"]),
-                tuple(_load_surface(stored, b) for b in range(bodies)),
-            )
-    except InputError:
-        raise
-    except FileNotFoundError:
+    """Read a file of `save_solution`.
+
+    Raises:
+        InputError: if it is missing, damaged, or of another version.
+    """
+    if not path.exists():
         raise InputError(
             f"{path}: no such file; `jaxthermo simulate` makes it when a run is done"
-        ) from None
-    except Exception as error:
-        # numpy and zipfile raise many types for a damaged file.
+        )
+    arrays = read_archive(path, _KIND, FORMAT_VERSION, _REMEDY)
+    try:
+        return _stored_solution(arrays)
+    except InputError as error:
+        raise InputError(f"{path}: {error}; {_REMEDY}") from error
+
+
+def _stored_solution(arrays: dict[str, np.ndarray]) -> StoredSolution:
+    run = select_arrays(_RunArrays, arrays)
+    # Each body stores one pitch.
+    count = sum(name.endswith("_pitch") for name in arrays)
+    bodies = [select_arrays(_BodyArrays, arrays, f"body{b}_") for b in range(count)]
+    fragments = sum(len(body.fragment_area) for body in bodies)
+    if run.surface_temperature.shape[1] != fragments:
         raise InputError(
-            f"{path}: not a solution of jaxthermo, or damaged "
-            f"({type(error).__name__}); run the simulation again"
-        ) from None
+            f"surface_temperature has {run.surface_temperature.shape[1]} columns, and "
+            f"its bodies have {fragments} fragments"
+        )
+    if not len(run.times) or (np.diff(run.times) <= 0).any():
+        raise InputError("times do not increase")
+    surfaces = tuple(_surface(body, run.times) for body in bodies)
+    temperature = jnp.asarray(run.surface_temperature)
+    return StoredSolution(jnp.asarray(run.times), temperature, surfaces)
 
 
-def _check_version(path: Path, stored: Any) -> None:
-    # Compared as text: a foreign file may store anything under this name.
-    has_version, found = "format_version" in stored.files, "not a solution of jaxthermo"
-    version = str(stored["format_version"]) if has_version else "1"
-    if version == str(FORMAT_VERSION):
-        return
-    if has_version or "surface_temperature" in stored.files:
-        found = f"a solution of format version {version}"
-    raise InputError(
-        f"{path}: {found}, and this version of jaxthermo reads format version "
-        f"{FORMAT_VERSION}; run the simulation again"
-    )
-
-
-def _load_surface(stored, b: int) -> SolvedSurface:
-    get = lambda field: stored[f"body{b}_{field}"]
+def _surface(body: _BodyArrays, times: Float[np.ndarray, " t"]) -> SolvedSurface:
+    first, last = body.faces.min(initial=0), body.faces.max(initial=0)
+    if not 0 <= first <= last < len(body.vertices):
+        raise InputError("a face has a vertex that is not there")
     row = lambda values: (float(values[0]), float(values[1]), float(values[2]))
     poses = tuple(
         Pose(row(shift), tuple(map(row, turn)))
-        for shift, turn in zip(get("translation"), get("rotation"), strict=True)
+        for shift, turn in zip(body.translation, body.rotation, strict=True)
     )
+    if len(poses) not in (1, len(times)):
+        raise InputError(f"{len(poses)} poses are stored at {len(times)} times")
     # One pose stands for all times.
-    times = tuple(stored["times"].tolist())
-    pose = poses[0] if len(poses) == 1 else Motion(PoseTable(times, poses))
-    shape = [get(field) for field in _GEOMETRY_FIELDS]
-    geometry = BodyGeometry(*shape, pitch=float(get("pitch")), pose=pose)
+    pose: Pose | Motion = poses[0]
+    if len(poses) > 1:
+        pose = Motion(PoseTable(tuple(times.tolist()), poses))
+    shape = (getattr(body, field) for field in _GEOMETRY_FIELDS)
+    geometry = BodyGeometry(*shape, pitch=float(body.pitch), pose=pose)
     return SolvedSurface(
-        geometry, jnp.asarray(get("emissivity")), jnp.asarray(get("absorptivity"))
+        geometry, jnp.asarray(body.emissivity), jnp.asarray(body.absorptivity)
     )

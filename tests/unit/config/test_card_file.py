@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
+from jaxthermo.archive import plain_checksum
 from jaxthermo.config.card_file import load_card, write_card
 from jaxthermo.config.loader import load_config, to_yaml
+from jaxthermo.config.strict_yaml import write_yaml
 from jaxthermo.structures.structure import FitCard, extrapolations
 from tests.bodies import blocks
 
@@ -89,13 +91,26 @@ def test_a_card_that_does_not_fit_is_refused(tmp_path, change, message):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("a: 1", "is no fit card: it has no card"),
-        ("{name: a, structure: {}, weights: {}}", "it has no card"),
-        ("{card: 9, name: a, structure: {}, weights: {}}", "format 9, .* reads format"),
-        ("{card: 1, name: a, structure: {}, weights: {share: 1}}", "of format 1"),
-        ("{card: two, name: a, structure: {}, weights: {}}", "of format 'two'"),
-        ("{card: 2, name: a, structure: {}, weights: {inside: 2}}", "is no fit card"),
-        ("{card: 2, name: a, structure: {}, weights: {within: -2}}", "at least 0"),
+        ("", "is empty; `calibrate fit` makes fit cards"),
+        ("a: 1", "is no fit card: it has no `card`"),
+        ("{name: a, structure: {}, weights: {}}", "it has no `card`"),
+        (
+            "{card: 9, name: a, structure: {}, weights: {}}",
+            "version 9, .* reads",
+        ),
+        (
+            "{card: 2, name: a, structure: {}, weights: {}}",
+            "version 2, .* reads",
+        ),
+        ("{card: two, name: a, structure: {}, weights: {}}", "version two, .* reads"),
+        ("{card: 3, name: a, structure: {}, weights: {}}", "is cut off"),
+        ("{card: 3, name: a, structure: 1, weights: {}, checksum: 1}", "structure: "),
+        ("{card: 3, name: a, structure: {}, weights: {}, checksum: 1}", "its checksum"),
+        ("{card: 3, name: a, weights: {within: x.npz}, checksum: 1}", "structure: mis"),
+        (
+            "{card: 3, name: a, structure: {}, weights: {links: a/b}, checksum: 1}",
+            "'a/b' is no name of a file",
+        ),
     ],
 )
 def test_what_is_no_card_is_told(tmp_path, text, message):
@@ -104,6 +119,52 @@ def test_what_is_no_card_is_told(tmp_path, text, message):
     with pytest.raises(jt.InputError, match=message) as caught:
         load_card(path)
     assert "\n" not in str(caught.value)
+
+
+def _lines(folder):
+    write_card(folder / "card.yaml", _card(within=[1.5, 0.7]))
+    return (folder / "card.yaml").read_text().splitlines(keepends=True)
+
+
+def test_a_card_that_is_cut_off_anywhere_is_refused(tmp_path):
+    lines = _lines(tmp_path)
+    for count in range(len(lines)):
+        (tmp_path / "cut.yaml").write_text("".join(lines[:count]))
+        with pytest.raises(jt.InputError) as caught:
+            load_card(tmp_path / "cut.yaml")
+        assert "\n" not in str(caught.value)
+
+
+def test_a_card_that_was_changed_is_refused_but_a_comment_is_not(tmp_path):
+    text = "".join(_lines(tmp_path))
+    path = tmp_path / "changed.yaml"
+    path.write_text("# of the figurine\n" + text)
+    np.testing.assert_array_equal(load_card(path).weights.within, [1.5, 0.7])
+    path.write_text(text.replace("1.5", "1.6"))
+    with pytest.raises(jt.InputError, match="its checksum does not match"):
+        load_card(path)
+
+
+def test_a_card_beside_the_lists_of_another_fit_is_refused(tmp_path):
+    (tmp_path / "other").mkdir()
+    for folder, last in ((tmp_path, 2.0), (tmp_path / "other", 3.0)):
+        write_card(folder / "card.yaml", _card(links=np.linspace(0.5, last, 100)))
+    (tmp_path / "other" / "card.npz").replace(tmp_path / "card.npz")
+    with pytest.raises(jt.InputError, match="its checksum does not match"):
+        load_card(tmp_path / "card.yaml")
+
+
+def test_a_card_with_weights_that_this_version_does_not_have(tmp_path):
+    """Written by another version, with a checksum that is right."""
+    plain = {"card": 3, "name": "one", "structure": KIND, "weights": {"inside": 2.0}}
+    path = tmp_path / "card.yaml"
+    path.write_text(write_yaml({**plain, "checksum": plain_checksum(plain)}))
+    with pytest.raises(jt.InputError, match="weights: .*inside"):
+        load_card(path)
+    plain["weights"] = {"within": -2.0}
+    path.write_text(write_yaml({**plain, "checksum": plain_checksum(plain)}))
+    with pytest.raises(jt.InputError, match="at least 0"):
+        load_card(path)
 
 
 def test_a_scene_outside_the_fitted_range_is_told():

@@ -9,7 +9,6 @@ from bodies import bar
 
 import jaxthermo as jt
 from jaxthermo.arrays import precision
-from jaxthermo.integrate.run import segments as module
 from jaxthermo.integrate.run.plan import plan_run
 from jaxthermo.integrate.run.segments import (
     begin_run,
@@ -199,7 +198,7 @@ def test_a_failed_write_keeps_the_old_checkpoint(kept, monkeypatch):
     def full(*arguments, **arrays):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(module.np, "savez", full)
+    monkeypatch.setattr(np, "savez", full)
     with pytest.raises(jt.InputError, match="No space left"):
         save_checkpoint(path, fresh, "key")
     assert path.read_bytes() == content

@@ -1,10 +1,13 @@
 """`solution.npz`: what is written is what is read, and damage is one line."""
 
+import os
+
 import numpy as np
 import pytest
 from bodies import bar
 
 import jaxthermo as jt
+from jaxthermo.archive import write_archive
 from jaxthermo.image.view import compute_view
 from jaxthermo.integrate.run.solution_file import (
     FORMAT_VERSION,
@@ -103,20 +106,67 @@ def test_a_file_cut_short(solution, tmp_path, share):
     assert str(path) in str(caught.value) and "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("version", [None, 1, 99])
-def test_a_file_of_another_version_is_refused_in_one_line(solution, tmp_path, version):
+@pytest.fixture
+def stored(solution, tmp_path):
+    """A path, and what is stored there, with its format and checksum."""
     path = tmp_path / "solution.npz"
     save_solution(path, solution)
-    with np.load(path) as stored:
-        arrays = {name: stored[name] for name in stored.files}
-    del arrays["format_version"]
-    if version is not None:
-        arrays["format_version"] = np.array(version)
-    np.savez(path, **arrays)
-    words = rf"version {version or 1}, .* reads .* {FORMAT_VERSION}; run the simulation"
+    with np.load(path) as file:
+        return path, dict(file)
+
+
+def refused(path, words):
     with pytest.raises(jt.InputError, match=words) as caught:
         load_solution(path)
     assert str(path) in str(caught.value) and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("version", [1, 2, 99])
+def test_a_file_of_another_version_is_refused_in_one_line(stored, version):
+    path, arrays = stored
+    np.savez(path, **arrays | {"format_version": np.array(version)})
+    refused(path, rf"version {version}, .* reads .* {FORMAT_VERSION}; run the simulat")
+
+
+def test_a_file_that_was_changed_does_not_match_its_checksum(stored):
+    path, arrays = stored
+    warmer = arrays["surface_temperature"] + 1
+    np.savez(path, **arrays | {"surface_temperature": warmer})
+    refused(path, "damaged or changed, its checksum")
+    del arrays["checksum"]
+    np.savez(path, **arrays)
+    refused(path, "damaged or changed, its checksum")
+
+
+BAD_ARRAYS = {
+    "surface_temperature": lambda a: a[:, 1:],
+    "mean_temperature": lambda a: a[1:],
+    "times": lambda a: a[::-1],
+    "body0_vertices": lambda a: a * np.nan,
+    "body0_faces": lambda a: a + len(a),
+    "body1_faces": lambda a: a.astype(float),
+    "body1_fragment_area": lambda a: a[1:],
+    "body0_emissivity": lambda a: np.array(["black"]),
+    "body1_translation": lambda a: a[:, :2],
+    "body1_rotation": lambda a: np.zeros((3, 3, 3)),
+    "body0_pitch": lambda a: None,
+}
+
+
+@pytest.mark.parametrize("name", BAD_ARRAYS)
+def test_arrays_that_do_not_fit_the_schema(stored, name):
+    """With a checksum that is right: another program wrote them."""
+    path, arrays = stored
+    kept = {k: v for k, v in arrays.items() if not k.startswith(("format", "check"))}
+    changed = BAD_ARRAYS[name](kept.pop(name))
+    kept |= {} if changed is None else {name: changed}
+    write_archive(path, "solution", FORMAT_VERSION, kept)
+    refused(path, "run the simulation again")
+
+
+def test_a_pipe_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "solution.npz")
+    refused(tmp_path / "solution.npz", "a pipe or a device")
 
 
 def test_a_file_of_something_else(tmp_path):

@@ -1,0 +1,107 @@
+"""`fit.json`: the schema of a fit's results, their file and its damage."""
+
+from pathlib import Path
+from typing import Any, NotRequired
+
+from pydantic import TypeAdapter, ValidationError
+from typing_extensions import TypedDict
+
+from jaxthermo.archive import read_record, signed
+from jaxthermo.cli.summary import write_json
+from jaxthermo.config.messages import dotted, explain
+from jaxthermo.errors import InputError
+
+
+_KIND, _VERSION = "calibration result", 1
+_REMEDY = "run `calibrate fit` again"
+
+
+class _BothErrors(TypedDict):
+    default: float
+    fitted: float
+
+
+class _BothCases(TypedDict):
+    default: dict[str, dict[str, Any]]
+    fitted: dict[str, dict[str, Any]]
+
+
+# No class: `with` is a word of Python.
+_Parameter = TypedDict(
+    "_Parameter",
+    {
+        "value": float | None,
+        "initial": float | None,
+        "standard_error": float | None,
+        "verdict": str,
+        "with": list[str],
+        "unit": str,
+        # Of a field with a row for all of its values.
+        "count": NotRequired[int],
+        "min": NotRequired[float],
+        "max": NotRequired[float],
+    },
+)
+
+
+class _Loss(TypedDict):
+    initial: float
+    final: float
+
+
+class _Times(TypedDict):
+    fit: float
+    one_run: float
+    compile: float
+
+
+class _Advice(TypedDict):
+    what: str
+    gain_nats: float
+
+
+class _Result(TypedDict):
+    """Keys that `calibrate show` reads; further ones are not checked."""
+
+    name: str | None
+    parameters: dict[str, _Parameter]
+    loss: _Loss
+    ended: str
+    error_percent: dict[str, _BothErrors]
+    errors: dict[str, _BothCases]
+    advice: list[_Advice]
+    speedup: dict[str, Any]
+    steps: list[dict[str, Any]]
+    run_time_s: _Times
+    reference: str
+
+
+_SCHEMA = TypeAdapter(_Result)
+
+
+def write_fit(path: Path, result: dict[str, Any]) -> None:
+    """Write the results of a fit with their format, version and checksum.
+
+    Raises:
+        InputError: if the file cannot be written.
+    """
+    write_json(path, signed(_KIND, _VERSION, result))
+
+
+def read_fit(path: Path) -> dict[str, Any]:
+    """Read the results of a fit.
+
+    Raises:
+        InputError: if the file is missing, damaged, or of another version.
+    """
+    if not path.exists():
+        raise InputError(f"{path}: no such file; `calibrate fit` makes it")
+    result = read_record(path, _KIND, _VERSION, _REMEDY)
+    try:
+        _SCHEMA.validate_python(result)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        where = dotted(first["loc"])
+        message = f"{path}: {where}: {explain(first)}; {_REMEDY}"
+        raise InputError(message) from error
+    return result

@@ -1,0 +1,211 @@
+"""Files that a later command reads: a format, its version, a schema and a checksum.
+
+A file that is cut off, changed, or of another version is refused in one line, before
+any of its values are used.
+"""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NoReturn, TypeVar
+
+import numpy as np
+from jaxtyping import jaxtyped
+
+from .atomic import replacing
+from .errors import InputError
+
+
+_FORMAT, _VERSION, _CHECKSUM = "format", "format_version", "checksum"
+_SchemaT = TypeVar("_SchemaT", bound=tuple)
+
+
+def write_archive(
+    path: Path,
+    kind: str,
+    version: int,
+    arrays: Mapping[str, Any],
+    compress: bool = True,
+) -> None:
+    """Write arrays as an `.npz` file that `read_archive` accepts, in one step.
+
+    Args:
+        path: of the file.
+        kind: what the file is, in a word or two, such as "solution".
+        version: of the format; it changes with names, shapes and meanings of arrays.
+        arrays: by name.
+        compress: False where speed counts more than size.
+    """
+    plain = {name: np.asarray(value) for name, value in arrays.items()}
+    plain |= {_FORMAT: np.array(f"jaxthermo {kind}"), _VERSION: np.array(version)}
+    plain[_CHECKSUM] = np.array(arrays_checksum(plain))
+    save = np.savez_compressed if compress else np.savez
+    with replacing(path) as temporary, open(temporary, "wb") as file:
+        save(file, allow_pickle=False, **plain)
+
+
+def read_archive(
+    path: Path, kind: str, version: int, remedy: str
+) -> dict[str, np.ndarray]:
+    """Read the arrays of a file of `write_archive`.
+
+    Args:
+        path: of the file, which exists.
+        kind: as it was written.
+        version: that the caller reads.
+        remedy: what to do with a file that cannot be read, for the message.
+
+    Raises:
+        InputError: if it is of another kind or version, or damaged.
+    """
+    check_regular(path, remedy)
+    try:
+        # Opened here, since np.load leaves a damaged file that it opened itself open.
+        with open(path, "rb") as file, np.load(file, allow_pickle=False) as stored:
+            arrays = {name: stored[name] for name in stored.files}
+    except Exception as error:
+        # numpy and zipfile raise many types for a damaged file.
+        raise InputError(
+            f"{path}: not a {kind} of jaxthermo, or damaged "
+            f"({type(error).__name__}); {remedy}"
+        ) from error
+    # Compared as text: a foreign file may store anything under these names.
+    words = {key: str(arrays.get(key)) for key in (_FORMAT, _VERSION, _CHECKSUM)}
+    if _VERSION not in arrays:
+        raise InputError(f"{path}: not a {kind} of jaxthermo; {remedy}")
+    if words[_VERSION] != str(version):
+        refuse_version(path, kind, words[_VERSION], version, remedy)
+    if words[_FORMAT] != f"jaxthermo {kind}":
+        raise InputError(f"{path}: not a {kind} of jaxthermo; {remedy}")
+    arrays.pop(_CHECKSUM, None)
+    if words[_CHECKSUM] != arrays_checksum(arrays):
+        raise InputError(
+            f"{path}: damaged or changed, its checksum does not match; {remedy}"
+        )
+    return {k: v for k, v in arrays.items() if k not in (_FORMAT, _VERSION)}
+
+
+def signed(kind: str, version: int, content: Mapping[str, Any]) -> dict[str, Any]:
+    """Plain values with format, version and checksum, as `read_record` expects them."""
+    whole = {_FORMAT: kind, _VERSION: version, **content}
+    return {**whole, _CHECKSUM: plain_checksum(whole)}
+
+
+def read_record(path: Path, kind: str, version: int, remedy: str) -> dict[str, Any]:
+    """Read the content of a JSON file that was written with `signed` values.
+
+    Args:
+        path: of the file.
+        kind: as it was written.
+        version: that the caller reads.
+        remedy: what to do with a file that cannot be read, for the message.
+
+    Raises:
+        InputError: if it is missing, of another kind or version, or damaged.
+    """
+    check_regular(path, remedy)
+    try:
+        content = json.loads(path.read_bytes().decode("utf-8"))
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise InputError(f"{path}: cannot be read: {reason}; {remedy}") from error
+    # Of bytes that are no text, text that is no JSON, and brackets without an end.
+    except (ValueError, RecursionError) as error:
+        reason = " ".join(str(error).split())
+        raise InputError(f"{path}: damaged ({reason}); {remedy}") from error
+    if not isinstance(content, dict) or _VERSION not in content:
+        raise InputError(f"{path}: not a {kind} of this version; {remedy}")
+    if content[_VERSION] != version:
+        refuse_version(path, kind, content[_VERSION], version, remedy)
+    given = content.pop(_CHECKSUM, None)
+    if content.pop(_FORMAT, None) != kind:
+        raise InputError(f"{path}: not a {kind}; {remedy}")
+    del content[_VERSION]
+    if given != signed(kind, version, content)[_CHECKSUM]:
+        raise InputError(
+            f"{path}: damaged or changed, its checksum does not match; {remedy}"
+        )
+    return content
+
+
+def check_regular(path: Path, remedy: str) -> None:
+    """Refuse a pipe, a socket or a device, which would be waited for.
+
+    Raises:
+        InputError: if it is anything but a file or a folder, or does not exist.
+    """
+    if not path.exists():
+        raise InputError(f"{path}: no such file; {remedy}")
+    if not (path.is_file() or path.is_dir()):
+        raise InputError(f"{path}: not a file but a pipe or a device; {remedy}")
+
+
+def refuse_version(
+    path: Path, kind: str, found: object, version: int, remedy: str
+) -> NoReturn:
+    """Raise the error of a file of another version."""
+    raise InputError(
+        f"{path}: a {kind} of format version {found}, and this version of jaxthermo "
+        f"reads format version {version}; {remedy}"
+    )
+
+
+def arrays_checksum(arrays: Mapping[str, np.ndarray]) -> str:
+    """SHA-256 of the names, types, shapes and values of arrays, in any order."""
+    digest = hashlib.sha256()
+    for name, array in sorted(arrays.items()):
+        digest.update(f"{name} {array.dtype.str} {array.shape};".encode())
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
+
+
+def plain_checksum(content: Any) -> str:
+    """SHA-256 of plain values; comments, line ends and the order of keys do not count.
+
+    Raises:
+        TypeError: for a value that JSON does not have.
+    """
+    text = json.dumps(content, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def select_arrays(
+    schema: type[_SchemaT], arrays: Mapping[str, np.ndarray], prefix: str = ""
+) -> _SchemaT:
+    """Pick and check the arrays of a schema.
+
+    Args:
+        schema: a NamedTuple whose annotations are jaxtyping's, such as
+            `Float[np.ndarray, "s 3"]`: an axis of one name has one size.
+        arrays: by name.
+        prefix: of the names in `arrays`.
+
+    Raises:
+        InputError: naming the array that is missing, of another type or shape, or not
+            finite; without a path and a remedy, which the caller knows.
+    """
+    found = {}
+    # Binds the names of axes for all checks in it.
+    with jaxtyped("context"):
+        for name, expected in schema.__annotations__.items():
+            array = arrays.get(prefix + name)
+            if array is None:
+                raise InputError(f"{prefix}{name} is missing")
+            if not isinstance(array, expected):
+                raise InputError(
+                    f"{prefix}{name} is {array.dtype} of shape {array.shape}, and "
+                    f"{_readable(expected)} is expected"
+                )
+            if array.dtype.kind == "f" and not np.isfinite(array).all():
+                raise InputError(f"{prefix}{name} has values that are not finite")
+            found[name] = array
+    return schema(**found)
+
+
+def _readable(expected: Any) -> str:
+    # Float[ndarray, "s 3"] reads as "Float [s 3]".
+    kinds = getattr(expected, "__args__", (expected,))
+    return " or ".join(
+        f"{kind.__name__.split('[')[0]} [{kind.dim_str}]" for kind in kinds
+    )
