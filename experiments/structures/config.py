@@ -9,7 +9,7 @@ from pydantic import Field, ValidationError
 
 from jaxthermo.config.loader import mesh_folders
 from jaxthermo.config.messages import close_match, described, in_file
-from jaxthermo.config.schema.body import MeshConfig, ShapeConfig
+from jaxthermo.config.schema.geometry import MeshConfig, ShapeConfig
 from jaxthermo.config.schema.image import PinholeConfig
 from jaxthermo.config.schema.material import Material
 from jaxthermo.config.schema.scene import TimeConfig

@@ -68,6 +68,10 @@ class Mesh:
         """Translate by `offset` [m]."""
         return replace(self, vertices=self.vertices + np.asarray(offset, float))
 
+    def placed(self, pose: "Pose") -> "Mesh":
+        """Rotate and translate by a pose."""
+        return replace(self, vertices=pose.to_world(self.vertices))
+
 
 def part_volumes(
     mesh: Mesh, labels: Int[np.ndarray, "f"], parts: int

@@ -6,13 +6,26 @@ is exact; their vertices lie just outside the given radius.
 
 import numpy as np
 from jaxtyping import Float, Int
-from skimage.measure import marching_cubes
 
 from ..errors import InputError, positive_length
+from .booleans import difference, union
+from .figurine import figurine
 from .mesh import Mesh
 
 
-__all__ = ["box", "cylinder", "figurine", "slab", "sphere"]
+__all__ = [
+    "box",
+    "capsule",
+    "cone",
+    "cylinder",
+    "difference",
+    "figurine",
+    "hemisphere",
+    "slab",
+    "sphere",
+    "tube",
+    "union",
+]
 
 _Size = float | int | tuple[float | int, float | int, float | int]
 
@@ -56,28 +69,134 @@ def sphere(radius: float | int, subdivisions: int = 4) -> Mesh:
 def cylinder(radius: float | int, height: float | int, sections: int = 64) -> Mesh:
     """Cylinder along z of `radius` and `height` [m] with `sections` sides [-]."""
     radius = positive_length("radius", radius)
-    height = positive_length("height", height)
+    half = 0.5 * positive_length("height", height)
+    return _revolved("cylinder", [(radius, -half), (radius, half)], sections)
+
+
+def tube(
+    radius: float | int,
+    inner_radius: float | int,
+    height: float | int,
+    sections: int = 64,
+) -> Mesh:
+    """Tube along z, open at both ends: a cylinder less one of `inner_radius` [m].
+
+    Raises:
+        InputError: unless the inner radius is less than the outer one.
+    """
+    outer = positive_length("radius", radius)
+    inner = positive_length("inner_radius", inner_radius)
+    half = 0.5 * positive_length("height", height)
+    if not inner < outer:
+        raise InputError(
+            f"inner_radius={inner:g} leaves no wall: give less than the outer radius, "
+            f"{outer:g} m"
+        )
+    corners = [(inner, -half), (outer, -half), (outer, half), (inner, half)]
+    return _revolved("tube", corners, sections, has_ends=False)
+
+
+def cone(
+    radius: float | int,
+    height: float | int,
+    top_radius: float | int = 0.0,
+    sections: int = 64,
+) -> Mesh:
+    """Cone along z with its tip up; cut off where it has `top_radius`, if given [m]."""
+    radius = positive_length("radius", radius)
+    half = 0.5 * positive_length("height", height)
+    rings = [(radius, -half)]
+    if top_radius != 0.0:
+        rings.append((positive_length("top_radius", top_radius), half))
+    return _revolved("cone", rings, sections, ends=(-half, half))
+
+
+def hemisphere(radius: float | int, sections: int = 64) -> Mesh:
+    """Half of a ball of `radius` [m], its flat side down at z = -radius / 2."""
+    radius = positive_length("radius", radius)
+    middle = 0.5 * radius
+    rings = [(r, z - middle) for r, z in _quarter(radius, sections)]
+    rings = _with_volume(rings, (-middle, middle), 2.0 / 3.0 * np.pi * radius**3)
+    return _revolved("hemisphere", rings, sections, ends=(-middle, middle))
+
+
+def capsule(radius: float | int, height: float | int, sections: int = 64) -> Mesh:
+    """Rod along z with round ends: `height` from tip to tip, diameter 2 `radius` [m].
+
+    Raises:
+        InputError: if the height is less than the diameter.
+    """
+    radius = positive_length("radius", radius)
+    straight = positive_length("height", height) - 2.0 * radius
+    if straight < 0.0:
+        raise InputError(
+            f"height={height:g} is less than the diameter of a capsule's ends: give at "
+            f"least {2.0 * radius:g} m, or a smaller radius"
+        )
+    half, upper = 0.5 * straight, _quarter(radius, sections)
+    # Without a straight part both ends share their widest ring.
+    lower = upper[::-1] if straight else upper[:0:-1]
+    rings = [(r, -z - half) for r, z in lower] + [(r, z + half) for r, z in upper]
+    ends = (-half - radius, half + radius)
+    volume = np.pi * radius**2 * (straight + 4.0 / 3.0 * radius)
+    return _revolved("capsule", _with_volume(rings, ends, volume), sections, ends=ends)
+
+
+_Rings = list[tuple[float, float]]
+"""Radii and heights of circles about z [m], upwards on the outside."""
+
+
+def _quarter(radius: float, sections: int) -> _Rings:
+    # The widest ring first; the pole is no ring.
+    angle = 0.5 * np.pi * np.arange(max(sections // 4, 1)) / max(sections // 4, 1)
+    return [(radius * float(np.cos(a)), radius * float(np.sin(a))) for a in angle]
+
+
+def _with_volume(rings: _Rings, ends: tuple[float, float], volume: float) -> _Rings:
+    """The rings widened so that the cones between them, to both ends, have a volume."""
+    r, z = np.array([(0.0, ends[0]), *rings, (0.0, ends[1])]).T
+    between = np.diff(z) * (r[1:] ** 2 + r[1:] * r[:-1] + r[:-1] ** 2)
+    factor = float(np.sqrt(volume / (np.pi / 3.0 * between.sum())))
+    return [(factor * radius, height) for radius, height in rings]
+
+
+def _revolved(
+    name: str,
+    rings: _Rings,
+    sections: int,
+    has_ends: bool = True,
+    ends: tuple[float, float] | None = None,
+) -> Mesh:
+    """Body of revolution about z, through the rings and to its axis at both ends.
+
+    The `ends` [m] are flat at the first and last ring if not given; without them the
+    rings close on themselves, around a hole.
+    """
     if sections < 3:
-        raise InputError(f"sections={sections} make no cylinder: give 3 or more")
+        raise InputError(f"sections={sections} make no {name}: give 3 or more")
     angle = 2.0 * np.pi * np.arange(sections) / sections
     # Widened so that the polygon has the area of the circle.
     widening = np.sqrt(2.0 * np.pi / sections / np.sin(2.0 * np.pi / sections))
-    rim = radius * widening * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    low = np.column_stack([rim, np.full(sections, -0.5 * height)])
-    high = np.column_stack([rim, np.full(sections, 0.5 * height)])
-    centres = np.array([[0.0, 0.0, -0.5 * height], [0.0, 0.0, 0.5 * height]])
+    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    points = [
+        np.column_stack([radius * widening * circle, np.full(sections, height)])
+        for radius, height in rings
+    ]
     index = np.arange(sections)
     after = np.roll(index, -1)
-    bottom, top = np.full(sections, 2 * sections), np.full(sections, 2 * sections + 1)
-    faces = np.concatenate(
-        [
-            np.stack([index, after, after + sections], axis=1),
-            np.stack([index, after + sections, index + sections], axis=1),
-            np.stack([bottom, after, index], axis=1),
-            np.stack([top, index + sections, after + sections], axis=1),
-        ]
-    )
-    return Mesh(np.concatenate([low, high, centres]), faces, "cylinder")
+    starts = sections * np.arange(len(rings))
+    faces = []
+    for low, high in zip(starts, np.roll(starts, -1), strict=True):
+        if high > low or not has_ends:
+            faces.append(np.stack([low + index, low + after, high + after], axis=1))
+            faces.append(np.stack([low + index, high + after, high + index], axis=1))
+    if has_ends:
+        bottom, top = ends or (rings[0][1], rings[-1][1])
+        points.append(np.array([[0.0, 0.0, bottom], [0.0, 0.0, top]]))
+        pole, last = np.full(sections, sections * len(rings)), starts[-1]
+        faces.append(np.stack([pole, after, index], axis=1))
+        faces.append(np.stack([pole + 1, last + index, last + after], axis=1))
+    return Mesh(np.concatenate(points), np.concatenate(faces), name)
 
 
 def _icosahedron() -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]:
@@ -114,195 +233,3 @@ def _cut_in_four(
     quarters = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
     cut = np.concatenate([np.stack(quarter, axis=1) for quarter in quarters])
     return np.concatenate([points, middles]), cut
-
-
-_Field = Float[np.ndarray, "x y z"]
-_Point = tuple[float, float, float]
-_Points = tuple[_Field, _Field, _Field]
-
-
-# The figurine is the zero level of a signed distance field, negative inside. The
-# distances of its primitives from points x, y, z are exact or slightly too small, which
-# is sufficient for surface extraction.
-def _ellipsoid(points: _Points, centre: _Point, radii: _Point) -> _Field:
-    """Distance to an ellipsoid with axes along x, y, z, to first order."""
-    scaled = [(p - c) / r for p, c, r in zip(points, centre, radii, strict=True)]
-    level = np.sqrt(sum(s**2 for s in scaled))
-    slope = np.sqrt(sum((s / r) ** 2 for s, r in zip(scaled, radii, strict=True)))
-    return level * (level - 1.0) / np.maximum(slope, 1e-9)
-
-
-def _capsule(
-    points: _Points, a: _Point, b: _Point, thick: tuple[float, float]
-) -> _Field:
-    """Distance to a rounded rod from `a` to `b` with linearly varying radius."""
-    along = np.subtract(b, a)
-    offset = [p - c for p, c in zip(points, a, strict=True)]
-    dot = sum(o * d for o, d in zip(offset, along, strict=True))
-    t = np.clip(dot / float(along @ along), 0.0, 1.0)
-    gap = sum((o - t * d) ** 2 for o, d in zip(offset, along, strict=True))
-    return np.sqrt(gap) - (thick[0] + t * (thick[1] - thick[0]))
-
-
-def _disc(
-    points: _Points, low: float, high: float, radius: float, edge: float
-) -> _Field:
-    """Distance to an upright cylinder whose rims are rounded by `edge`."""
-    x, y, z = points
-    beyond = np.sqrt(x**2 + y**2) - (radius - edge)
-    above = np.abs(z - 0.5 * (low + high)) - (0.5 * (high - low) - edge)
-    outside = np.sqrt(np.maximum(beyond, 0.0) ** 2 + np.maximum(above, 0.0) ** 2)
-    return outside + np.minimum(np.maximum(beyond, above), 0.0) - edge
-
-
-def _smooth_union(a: _Field, b: _Field, blend: float) -> _Field:
-    """Union with a fillet of about the width `blend`."""
-    overlap = np.maximum(blend - np.abs(a - b), 0.0) / blend
-    return np.minimum(a, b) - 0.25 * blend * overlap**2
-
-
-def _smooth_intersection(a: _Field, b: _Field, blend: float) -> _Field:
-    return -_smooth_union(-a, -b, blend)
-
-
-# Lengths in units of the height. The figure faces -y; its right hand is at -x.
-_LOWER: _Point = (-0.40, -0.30, -0.03)
-_UPPER: _Point = (0.34, 0.25, 1.03)
-_WALL = 0.034
-_MIN_RESOLUTION = 48
-# Robe: heights, half widths (x) and half depths (y), from hem to neck.
-_ROBE_Z = (0.05, 0.08, 0.20, 0.36, 0.50, 0.60, 0.69, 0.745, 0.78)
-_ROBE_X = (0.172, 0.168, 0.137, 0.107, 0.085, 0.098, 0.116, 0.092, 0.036)
-_ROBE_Y = (0.150, 0.147, 0.117, 0.090, 0.070, 0.076, 0.080, 0.064, 0.036)
-
-
-def figurine(height: float | int = 0.3, resolution: int = 118) -> Mesh:
-    """Robed figure on a plinth that stands on z = 0 and faces -y.
-
-    For thermal pictures: a thick plinth, a hollow robe (its cavity is a second closed
-    surface), thin sleeves that shade the robe, a stretched arm with a ball.
-
-    Args:
-        height: Total height [m].
-        resolution: Samples of the distance field along the height [-].
-    """
-    height = positive_length("height", height)
-    if resolution < _MIN_RESOLUTION:
-        raise InputError(
-            f"resolution={resolution} loses the thin parts: give at least "
-            f"{_MIN_RESOLUTION}"
-        )
-    step = 1.0 / resolution
-    axes = [np.arange(a, b, step) for a, b in zip(_LOWER, _UPPER, strict=True)]
-    x, y, z = np.meshgrid(*axes, indexing="ij")
-    vertices, faces, _, _ = marching_cubes(
-        _body((x, y, z)), 0.0, spacing=(step, step, step), gradient_direction="descent"
-    )
-    points = vertices.astype(np.float64) + np.array(_LOWER)
-    low, high = points[:, 2].min(), points[:, 2].max()
-    points[:, 2] -= low
-    return Mesh(points * height / (high - low), faces.astype(np.int64), "figurine")
-
-
-def _body(points: _Points) -> _Field:
-    robe = _robe(points)
-    body = _smooth_union(robe, _head(points), 0.02)
-    # To the side and forward, with a ball on the open hand.
-    elbow, wrist = (-0.200, -0.020, 0.625), (-0.290, -0.125, 0.690)
-    hand = _ellipsoid(points, (-0.302, -0.148, 0.705), (0.026, 0.032, 0.016))
-    right = _arm(points, (-0.088, 0.0, 0.712), elbow, wrist, hand)
-    ball = _ellipsoid(points, (-0.304, -0.152, 0.752), (0.036, 0.036, 0.036))
-    right = _smooth_union(right, ball, 0.008)
-    right_sleeve = _sleeve(points, elbow, wrist, (0.08, 0.24))
-    # In front of the robe without contact: its shadow falls on the pleats.
-    elbow, wrist = (0.176, -0.060, 0.590), (0.062, -0.195, 0.575)
-    hand = _ellipsoid(points, (0.040, -0.213, 0.582), (0.030, 0.022, 0.020))
-    left = _arm(points, (0.088, 0.0, 0.712), elbow, wrist, hand)
-    left_sleeve = _sleeve(points, elbow, wrist, (0.09, 0.25))
-    for arm, sleeve in ((right, right_sleeve), (left, left_sleeve)):
-        body = _smooth_union(body, arm, 0.03)
-        body = _smooth_union(body, sleeve, 0.012)
-    plinth = _smooth_union(
-        _disc(points, 0.0, 0.040, 0.215, 0.012),
-        _disc(points, 0.02, 0.074, 0.196, 0.012),
-        0.006,
-    )
-    body = _smooth_union(body, plinth, 0.008)
-    for side in (-1.0, 1.0):
-        foot = _ellipsoid(points, (0.052 * side, -0.148, 0.082), (0.032, 0.042, 0.026))
-        body = _smooth_union(body, foot, 0.01)
-    # Hollow of the casting: the robe without its wall, closed at both ends.
-    ends = np.abs(points[2] - 0.385) - 0.275
-    return np.maximum(body, -_smooth_intersection(robe + _WALL, ends, 0.04))
-
-
-def _robe(points: _Points) -> _Field:
-    x, y, z = points
-    wide, deep = _profile(z, _ROBE_X), _profile(z, _ROBE_Y)
-    angle = np.arctan2(y / deep, x / wide)
-    # Pleats fade out upward; their phase varies, or they would seem turned on a lathe.
-    pleat = np.clip((0.56 - z) / 0.5, 0.0, 1.0) ** 1.2
-    fold = 0.012 * pleat * np.cos(15.0 * angle + 5.0 * z * np.cos(angle))
-    level = np.sqrt((x / wide) ** 2 + (y / deep) ** 2)
-    around = (level - 1.0) * np.minimum(wide, deep) * 0.9 - fold
-    belt = 0.010 * np.exp(-(((z - 0.505) / 0.016) ** 2))
-    collar = 0.012 * np.exp(-(((z - 0.768) / 0.014) ** 2))
-    span = np.abs(z - 0.415) - 0.365
-    return _smooth_intersection(around - belt - collar, span, 0.02)
-
-
-def _profile(z: _Field, radii: tuple[float, ...]) -> _Field:
-    """Radii at heights z by cubic Hermite interpolation of the table."""
-    heights, values = np.array(_ROBE_Z), np.array(radii)
-    slopes = np.gradient(values, heights)
-    i = np.clip(np.searchsorted(heights, z) - 1, 0, len(heights) - 2)
-    gap = heights[i + 1] - heights[i]
-    t = np.clip((z - heights[i]) / gap, 0.0, 1.0)
-    ends = values[i] * (1 + 2 * t) * (1 - t) ** 2 + values[i + 1] * t**2 * (3 - 2 * t)
-    return ends + gap * t * (1 - t) * (slopes[i] * (1 - t) - slopes[i + 1] * t)
-
-
-def _head(points: _Points) -> _Field:
-    neck = _capsule(points, (0.0, 0.0, 0.74), (0.0, -0.006, 0.85), (0.034, 0.03))
-    head = _ellipsoid(points, (0.0, -0.012, 0.872), (0.056, 0.064, 0.076))
-    jaw = _ellipsoid(points, (0.0, -0.034, 0.836), (0.036, 0.036, 0.034))
-    nose = _capsule(points, (0.0, -0.072, 0.888), (0.0, -0.083, 0.862), (0.006, 0.010))
-    hair = _ellipsoid(points, (0.0, 0.004, 0.886), (0.074, 0.075, 0.080))
-    # The face is cut out of the hair.
-    face = _ellipsoid(points, (0.0, -0.088, 0.843), (0.058, 0.070, 0.084))
-    hair = _smooth_intersection(hair, -face, 0.008)
-    bun = _ellipsoid(points, (0.0, 0.022, 0.976), (0.032, 0.032, 0.026))
-    skull = _smooth_union(_smooth_union(head, jaw, 0.03), nose, 0.012)
-    crown = _smooth_union(hair, bun, 0.012)
-    return _smooth_union(_smooth_union(skull, crown, 0.004), neck, 0.02)
-
-
-def _arm(points: _Points, shoulder: _Point, elbow: _Point, wrist: _Point, hand: _Field):
-    upper = _capsule(points, shoulder, elbow, (0.042, 0.034))
-    lower = _capsule(points, elbow, wrist, (0.034, 0.024))
-    return _smooth_union(_smooth_union(upper, lower, 0.02), hand, 0.015)
-
-
-def _sleeve(
-    points: _Points, elbow: _Point, wrist: _Point, drop: tuple[float, float]
-) -> _Field:
-    """Thin wavy sheet below the forearm, longer towards the wrist."""
-    along = np.subtract(wrist, elbow)[:2]
-    length = float(np.hypot(*along))
-    across = (points[0] - elbow[0]) * along[0] + (points[1] - elbow[1]) * along[1]
-    u = across / length**2
-    aside = (points[0] - elbow[0]) * along[1] - (points[1] - elbow[1]) * along[0]
-    below = elbow[2] + u * (wrist[2] - elbow[2]) - points[2]
-    # Waves grow downward: cloth is gathered at the top.
-    hang = np.clip(below / drop[1], 0.0, 1.0)
-    wave = 0.012 * hang * np.sin(2.0 * np.pi * 1.3 * u + 0.6)
-    sheet = np.abs(aside / length - wave) - 0.0125
-    fall = drop[1] - drop[0]
-    ramp = np.clip(u, 0.0, 1.0)
-    hem = below - drop[0] - fall * ramp**2 * (3.0 - 2.0 * ramp)
-    # Divided by its slope, or the extracted hem would have steps.
-    slope = 6.0 * ramp * (1.0 - ramp) * fall / length
-    hem = hem / np.sqrt(1.0 + slope**2)
-    ends = (np.abs(u - 0.5) - 0.5) * length
-    outline = _smooth_intersection(_smooth_intersection(hem, ends, 0.07), -below, 0.02)
-    return _smooth_intersection(sheet, outline, 0.012)

@@ -1,91 +1,21 @@
-"""Bodies: a mesh or a shape, its voxels, structure, material, temperature and pose."""
+"""Bodies: geometry, its voxels, structure, material, temperature and pose."""
 
-import math
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import BeforeValidator, Discriminator, Field, Tag
+from pydantic import Discriminator, Field, Tag
 from typing_extensions import override
 
 import jaxthermo
 
 from ...errors import InputError
-from ..messages import quoted
 from ..types import quantities as si
-from ..types.files import FoundPath
-from ..types.model import ByKind, Mistake, Model
+from ..types.model import Mistake, Model
 from ..types.varying import not_increasing, unequal
+from .geometry import MeshConfig, PoseConfig, ShapeConfig
 from .material import BodyMaterial, LabelledConfig, Material
 from .selection import empty_box
 from .structure import FluxCorrectedMap, FullVolume, StructureConfig, SurfaceMapConfig
-
-
-def _metres_per_unit(value: Any) -> float:
-    """Metres, from a unit's name, a length such as "25.4 mm", or a number."""
-    is_name = isinstance(value, str) and value[:1].isalpha()
-    try:
-        return si.to_si(f"1 {value}" if is_name else value, si.LENGTH)
-    except InputError:
-        raise si.refuse(
-            f"expected a length unit such as 'mm', got {quoted(value)}"
-        ) from None
-
-
-MetresPerUnit = Annotated[
-    float,
-    BeforeValidator(_metres_per_unit, json_schema_input_type=float | str),
-    Field(gt=0),
-]
-
-
-class MeshConfig(Model, builds="load_mesh"):
-    """A mesh file and its scale: metres per file unit, or the height of the body."""
-
-    path: FoundPath
-    """OBJ, PLY, STL, GLB or OFF file, beside the config or in JAXTHERMO_MESHES."""
-    unit: MetresPerUnit | None = None
-    """Length of one file unit, such as mm."""
-    height: si.PositiveLength | None = None
-    """Extent along `up` instead of the unit [m]."""
-    up: Literal["x", "y", "z", "-x", "-y", "-z"] = "z"
-
-    exactly_one: ClassVar = (("unit", "height"),)
-
-
-class _Box(Model, builds="shapes.box", kind="box"):
-    """A block with edges along the axes."""
-
-    size: si.Size
-
-
-class _Sphere(Model, builds="shapes.sphere", kind="sphere"):
-    """A ball."""
-
-    radius: si.PositiveLength
-
-
-class _Cylinder(Model, builds="shapes.cylinder", kind="cylinder"):
-    """An upright cylinder."""
-
-    radius: si.PositiveLength
-    height: si.PositiveLength
-
-
-class _Slab(Model, builds="shapes.slab", kind="slab"):
-    """A plate, thin along x."""
-
-    thickness: si.PositiveLength
-    width: si.PositiveLength
-    length: si.PositiveLength
-
-
-class _Figurine(Model, builds="shapes.figurine", kind="figurine"):
-    """The demo body, with thick and thin parts, some in front of others."""
-
-    height: si.PositiveLength
-
-
-ShapeConfig = Annotated[_Box | _Sphere | _Cylinder | _Slab | _Figurine, ByKind()]
 
 
 class _PaintConfig(Model):
@@ -103,33 +33,11 @@ class _PaintConfig(Model):
         return empty_box(self.lower, self.upper)
 
 
-class _RotationConfig(Model):
-    """A rotation about an axis through the origin, right-handed."""
-
-    axis: si.Direction
-    angle: si.Angle
-
-    def build(self, *args: Any) -> Any:
-        # Rodrigues' formula, R = 1 + sin(a) K + (1 - cos(a)) K^2, with K v = axis x v.
-        x, y, z = np.asarray(self.axis) / math.hypot(*self.axis)
-        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        sine, cosine = math.sin(self.angle), math.cos(self.angle)
-        matrix = np.eye(3) + sine * cross + (1.0 - cosine) * (cross @ cross)
-        return tuple((float(a), float(b), float(c)) for a, b, c in matrix)
-
-
-class _PoseConfig(Model, builds="Pose"):
-    """Position of the body in the scene: rotated first, then translated."""
-
-    translation: si.Position = (0.0, 0.0, 0.0)
-    rotation: _RotationConfig | None = None
-
-
 class _MotionConfig(Model, builds="Motion"):
     """Poses at times, between which the body moves."""
 
     times: Annotated[tuple[si.Time, ...], si.NotEmpty]
-    poses: tuple[_PoseConfig, ...]
+    poses: tuple[PoseConfig, ...]
     every: si.PositiveTime | None = None
     """Interval after which shadows, views and contacts are recomputed."""
 
@@ -149,7 +57,7 @@ def _rests_or_moves(value: Any) -> str:
 
 
 AnyPose = Annotated[
-    Annotated[_PoseConfig, Tag("<rests>")] | Annotated[_MotionConfig, Tag("<moves>")],
+    Annotated[PoseConfig, Tag("<rests>")] | Annotated[_MotionConfig, Tag("<moves>")],
     Discriminator(_rests_or_moves),
 ]
 
@@ -174,7 +82,7 @@ class BodyConfig(Model, builds="Body"):
     """Boxes of other materials, later ones on top."""
     temperature: si.Temperature
     """Temperature at the start [K]."""
-    pose: AnyPose = _PoseConfig()
+    pose: AnyPose = PoseConfig()
     """Position in the scene, or a table of positions by time."""
 
     exactly_one: ClassVar = (("mesh", "shape"), ("pitch", "voxels_high"))

@@ -8,7 +8,8 @@ import pytest
 
 from jaxthermo.config.camera_framing import build_camera
 from jaxthermo.config.loader import load_config
-from jaxthermo.config.schema.body import BodyConfig, _PoseConfig
+from jaxthermo.config.schema.body import BodyConfig
+from jaxthermo.config.schema.geometry import PoseConfig
 from jaxthermo.config.schema.image import OrthographicConfig, PinholeConfig
 from jaxthermo.config.schema.material import _MaterialConfig
 from jaxthermo.geometry import shapes
@@ -90,7 +91,7 @@ def test_shapes_have_their_volume(shape, volume):
 
 
 def test_a_rotation_turns_anticlockwise_about_its_axis():
-    pose = _PoseConfig.model_validate(
+    pose = PoseConfig.model_validate(
         {"translation": [1, 0, 0], "rotation": {"axis": [0, 0, 2], "angle": "90 deg"}}
     )
     placed = pose.build().at(0.0).to_world(np.array([[1.0, 0.0, 0.0]]))

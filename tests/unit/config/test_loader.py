@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from jaxthermo.config.loader import config_hash, load_config, resolved, to_yaml
-from jaxthermo.config.schema.body import _Box, _PoseConfig
+from jaxthermo.config.schema.geometry import PoseConfig, _Box
 from jaxthermo.config.schema.image import OrthographicConfig
 from jaxthermo.config.schema.material import _MaterialConfig
 from jaxthermo.config.schema.scene import SceneConfig, TimeConfig
@@ -58,7 +58,7 @@ def test_values_are_si(full):
     assert config.name == "full"
     assert isinstance(body.shape, _Box) and body.shape.size == (0.1, 0.1, 0.1)
     assert body.material == _MaterialConfig(name="copper", emissivity=0.3)
-    assert isinstance(body.pose, _PoseConfig) and body.pose.rotation is not None
+    assert isinstance(body.pose, PoseConfig) and body.pose.rotation is not None
     assert body.pose.rotation.angle == pytest.approx(math.pi / 6)
     assert isinstance(sun, _SunConfig) and sun.irradiance == 1000.0
     assert isinstance(convection, _ConvectionConfig)

@@ -5,7 +5,7 @@ import pytest
 
 from jaxthermo.errors import InputError
 from jaxthermo.geometry import shapes
-from jaxthermo.geometry.mesh import describe_mesh
+from jaxthermo.geometry.mesh import Pose, describe_mesh
 from jaxthermo.geometry.repair import repair_mesh
 
 
@@ -15,6 +15,12 @@ ALL = [
     shapes.slab(0.01, 0.2, 0.3),
     shapes.sphere(0.5),
     shapes.cylinder(0.2, 0.7),
+    shapes.tube(0.2, 0.15, 0.7),
+    shapes.cone(0.2, 0.7),
+    shapes.cone(0.2, 0.7, top_radius=0.1),
+    shapes.hemisphere(0.2),
+    shapes.capsule(0.2, 0.7),
+    shapes.capsule(0.2, 0.4),
 ]
 
 
@@ -53,6 +59,73 @@ def test_cylinder():
     exact = 2.0 * np.pi * 0.2 * (0.2 + 0.7)
     assert mesh.area == pytest.approx(exact, rel=1e-3)
     assert np.ptp(mesh.bounds[:, 2]) == pytest.approx(0.7)
+
+
+SLANT = np.hypot(0.2, 0.7)
+CUT_SLANT = np.hypot(0.1, 0.7)
+ROUND = {
+    "tube": (
+        shapes.tube(0.2, 0.15, 0.7),
+        np.pi * (0.2**2 - 0.15**2) * 0.7,
+        2.0 * np.pi * ((0.2 + 0.15) * 0.7 + 0.2**2 - 0.15**2),
+    ),
+    "cone": (
+        shapes.cone(0.2, 0.7),
+        np.pi * 0.2**2 * 0.7 / 3.0,
+        np.pi * 0.2 * (0.2 + SLANT),
+    ),
+    "cut cone": (
+        shapes.cone(0.2, 0.7, top_radius=0.1),
+        np.pi * 0.7 / 3.0 * (0.2**2 + 0.2 * 0.1 + 0.1**2),
+        np.pi * (0.2**2 + 0.1**2 + 0.3 * CUT_SLANT),
+    ),
+    "hemisphere": (
+        shapes.hemisphere(0.2),
+        2.0 / 3.0 * np.pi * 0.2**3,
+        3.0 * np.pi * 0.2**2,
+    ),
+    "capsule": (
+        shapes.capsule(0.2, 0.7),
+        np.pi * 0.2**2 * 0.3 + 4.0 / 3.0 * np.pi * 0.2**3,
+        2.0 * np.pi * 0.2 * 0.3 + 4.0 * np.pi * 0.2**2,
+    ),
+    "ball": (
+        shapes.capsule(0.2, 0.4),
+        4.0 / 3.0 * np.pi * 0.2**3,
+        4.0 * np.pi * 0.2**2,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", ROUND)
+def test_bodies_of_revolution_have_their_closed_forms(name):
+    mesh, volume, area = ROUND[name]
+    assert mesh.volume == pytest.approx(volume, rel=1e-12)
+    assert mesh.area == pytest.approx(area, rel=2e-3)
+    assert mesh.area > area * (1.0 - 1e-12)
+    height = 0.2 if name == "hemisphere" else 0.4 if name == "ball" else 0.7
+    assert np.ptp(mesh.bounds[:, 2]) == pytest.approx(height, rel=1e-12)
+    # Vertices of a round side lie just outside the given radius.
+    radius = np.hypot(*mesh.vertices[:, :2].T).max()
+    assert 0.2 < radius < 0.2 * 1.003
+
+
+def test_bodies_of_revolution_that_cannot_be():
+    with pytest.raises(InputError, match="inner_radius=0.2 leaves no wall"):
+        shapes.tube(0.2, 0.2, 1.0)
+    with pytest.raises(InputError, match="height=0.3 is less than the diameter"):
+        shapes.capsule(0.2, 0.3)
+    with pytest.raises(InputError, match="top_radius=-1"):
+        shapes.cone(0.2, 0.3, top_radius=-1)
+    with pytest.raises(InputError, match="sections=2 make no cone"):
+        shapes.cone(0.2, 0.3, sections=2)
+
+
+def test_a_mesh_is_placed_by_a_pose():
+    turned = Pose((0.0, 0.0, 1.0), ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)))
+    placed = shapes.box((1.0, 2.0, 3.0)).placed(turned)
+    assert placed.bounds == pytest.approx(np.array([[-1, -0.5, -0.5], [1, 0.5, 2.5]]))
+    assert placed.volume == pytest.approx(6.0)
 
 
 @pytest.mark.parametrize("bad", [0.0, -1.0, float("nan")])

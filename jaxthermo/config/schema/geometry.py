@@ -1,0 +1,198 @@
+"""Geometry of a body: a mesh file, a shape, or several of them combined, and poses."""
+
+import math
+from typing import Annotated, Any, ClassVar, Literal
+
+import numpy as np
+from pydantic import BeforeValidator, Field
+from typing_extensions import override
+
+import jaxthermo
+
+from ...errors import InputError
+from ..messages import quoted
+from ..types import quantities as si
+from ..types.files import FoundPath
+from ..types.model import ByKind, Mistake, Model, build
+
+
+def _metres_per_unit(value: Any) -> float:
+    """Metres, from a unit's name, a length such as "25.4 mm", or a number."""
+    is_name = isinstance(value, str) and value[:1].isalpha()
+    try:
+        return si.to_si(f"1 {value}" if is_name else value, si.LENGTH)
+    except InputError:
+        raise si.refuse(
+            f"expected a length unit such as 'mm', got {quoted(value)}"
+        ) from None
+
+
+MetresPerUnit = Annotated[
+    float,
+    BeforeValidator(_metres_per_unit, json_schema_input_type=float | str),
+    Field(gt=0),
+]
+
+
+class MeshConfig(Model, builds="load_mesh"):
+    """A mesh file and its scale: metres per file unit, or the height of the body."""
+
+    path: FoundPath
+    """OBJ, PLY, STL, GLB or OFF file, beside the config or in JAXTHERMO_MESHES."""
+    unit: MetresPerUnit | None = None
+    """Length of one file unit, such as mm."""
+    height: si.PositiveLength | None = None
+    """Extent along `up` instead of the unit [m]."""
+    up: Literal["x", "y", "z", "-x", "-y", "-z"] = "z"
+
+    exactly_one: ClassVar = (("unit", "height"),)
+
+
+class _Box(Model, builds="shapes.box", kind="box"):
+    """A block with edges along the axes."""
+
+    size: si.Size
+
+
+class _Sphere(Model, builds="shapes.sphere", kind="sphere"):
+    """A ball."""
+
+    radius: si.PositiveLength
+
+
+class _Cylinder(Model, builds="shapes.cylinder", kind="cylinder"):
+    """An upright cylinder."""
+
+    radius: si.PositiveLength
+    height: si.PositiveLength
+
+
+class _Slab(Model, builds="shapes.slab", kind="slab"):
+    """A plate, thin along x."""
+
+    thickness: si.PositiveLength
+    width: si.PositiveLength
+    length: si.PositiveLength
+
+
+class _Figurine(Model, builds="shapes.figurine", kind="figurine"):
+    """The demo body, with thick and thin parts, some in front of others."""
+
+    height: si.PositiveLength
+
+
+class _RotationConfig(Model):
+    """A rotation about an axis through the origin, right-handed."""
+
+    axis: si.Direction
+    angle: si.Angle
+
+    def build(self, *args: Any) -> Any:
+        # Rodrigues' formula, R = 1 + sin(a) K + (1 - cos(a)) K^2, with K v = axis x v.
+        x, y, z = np.asarray(self.axis) / math.hypot(*self.axis)
+        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        sine, cosine = math.sin(self.angle), math.cos(self.angle)
+        matrix = np.eye(3) + sine * cross + (1.0 - cosine) * (cross @ cross)
+        return tuple((float(a), float(b), float(c)) for a, b, c in matrix)
+
+
+class PoseConfig(Model, builds="Pose"):
+    """Position of the body in the scene: rotated first, then translated."""
+
+    translation: si.Position = (0.0, 0.0, 0.0)
+    rotation: _RotationConfig | None = None
+
+
+class _Tube(Model, builds="shapes.tube", kind="tube"):
+    """An upright tube, open at both ends."""
+
+    radius: si.PositiveLength
+    """Outer radius [m]."""
+    inner_radius: si.PositiveLength
+    height: si.PositiveLength
+
+    @override
+    def mistakes(self) -> list[Mistake]:
+        message = f"must be less than the outer radius, {self.radius:g} m"
+        return [] if self.inner_radius < self.radius else [(("inner_radius",), message)]
+
+
+class _Cone(Model, builds="shapes.cone", kind="cone"):
+    """An upright cone with its tip up, or cut off at a smaller radius."""
+
+    radius: si.PositiveLength
+    height: si.PositiveLength
+    top_radius: si.PositiveLength | None = None
+    """Radius of the upper end [m]; pointed if not given."""
+
+
+class _Capsule(Model, builds="shapes.capsule", kind="capsule"):
+    """An upright rod with round ends."""
+
+    radius: si.PositiveLength
+    height: si.PositiveLength
+    """From tip to tip [m]."""
+
+    @override
+    def mistakes(self) -> list[Mistake]:
+        message = f"must be at least the diameter, {2 * self.radius:g} m"
+        return [] if self.height >= 2 * self.radius else [(("height",), message)]
+
+
+class _Hemisphere(Model, builds="shapes.hemisphere", kind="hemisphere"):
+    """Half of a ball, its flat side down."""
+
+    radius: si.PositiveLength
+
+
+class _PartConfig(Model):
+    """A closed mesh or shape that a body is combined from."""
+
+    mesh: MeshConfig | None = None
+    shape: "ShapeConfig | None" = None
+    pose: PoseConfig = PoseConfig()
+    """Position in the combined shape: rotated first, then translated."""
+
+    exactly_one: ClassVar = (("mesh", "shape"),)
+
+    def build(self, *args: Any) -> Any:
+        given = self.mesh or self.shape
+        assert given is not None
+        return given.build().placed(self.pose.build())
+
+
+_Parts = Annotated[tuple[_PartConfig, ...], Field(min_length=2)]
+
+
+class _Union(Model, kind="union"):
+    """All the space inside any of the parts; needs the package manifold3d."""
+
+    parts: _Parts
+
+    def build(self, *args: Any) -> Any:
+        return jaxthermo.shapes.union(*build(self.parts))
+
+
+class _Difference(Model, kind="difference"):
+    """The first part less all the others; needs the package manifold3d."""
+
+    parts: _Parts
+
+    def build(self, *args: Any) -> Any:
+        return jaxthermo.shapes.difference(*build(self.parts))
+
+
+ShapeConfig = Annotated[
+    _Box
+    | _Sphere
+    | _Cylinder
+    | _Slab
+    | _Figurine
+    | _Tube
+    | _Cone
+    | _Capsule
+    | _Hemisphere
+    | _Union
+    | _Difference,
+    ByKind(),
+]

@@ -1,0 +1,64 @@
+"""Union and difference of closed meshes, by the manifold library (an extra)."""
+
+import importlib.util
+from collections.abc import Callable
+from typing import Any
+
+import lazy_loader
+import numpy as np
+
+from ..errors import InputError
+from .mesh import Mesh
+
+
+# Importing it takes a second, and few scenes combine shapes.
+_trimesh = lazy_loader.load("trimesh")
+
+
+def union(*meshes: Mesh) -> Mesh:
+    """One body of all the space inside any of the meshes.
+
+    Faces inside of it are gone, which overlapping meshes in one file would keep.
+
+    Raises:
+        InputError: without the package manifold3d, or for a mesh that is not closed.
+
+    Example:
+        >>> import jaxthermo as jt
+        >>> post = jt.shapes.cylinder(0.01, 0.1).moved((0.0, 0.0, 0.05))
+        >>> lamp = jt.shapes.union(jt.shapes.box(0.06), post)  # doctest: +SKIP
+    """
+    return _combined("union", _trimesh.boolean.union, meshes)
+
+
+def difference(mesh: Mesh, *removed: Mesh) -> Mesh:
+    """The space inside a mesh and outside of all the removed ones.
+
+    Raises:
+        InputError: without the package manifold3d, for a mesh that is not closed, or
+            if nothing is left.
+    """
+    return _combined("difference", _trimesh.boolean.difference, (mesh, *removed))
+
+
+def _combined(name: str, combine: Callable[..., Any], meshes: tuple[Mesh, ...]) -> Mesh:
+    if importlib.util.find_spec("manifold3d") is None:
+        raise InputError(
+            f"shapes.{name} needs the package manifold3d: install it, as with "
+            "`pip install 'jaxthermo[boolean]'`"
+        )
+    if len(meshes) < 2:
+        raise InputError(f"shapes.{name}: give two meshes or more, not {len(meshes)}")
+    for number, mesh in enumerate(meshes):
+        # The library would return an empty mesh, or raise an error of its own.
+        if not (mesh.is_watertight and mesh.volume > 0):
+            raise InputError(
+                f"shapes.{name}: mesh {number} ({mesh.name}) is not closed, with its "
+                "faces outward: repair it first (see load_mesh)"
+            )
+    parts = [_trimesh.Trimesh(m.vertices, m.faces, process=False) for m in meshes]
+    found = combine(parts, engine="manifold", check_volume=False)
+    if not len(found.faces):
+        raise InputError(f"shapes.{name}: nothing is left of mesh 0 ({meshes[0].name})")
+    vertices = np.asarray(found.vertices, float)
+    return Mesh(vertices, np.asarray(found.faces, np.int64), name)
