@@ -119,9 +119,9 @@ def write_frames(
     before, written = earlier_frames(prepare_folder(folder)), set()
     names = frame_names(np.asarray(stored.times, float).tolist())
     for k, image in zip(chosen, images(), strict=True):
-        image = coarsen(image, config.image.samples)
         paths = [folder / f"{names[k]}.{kind}" for kind in ("exr", "png")]
-        write_exr(paths[0], image, {"config": to_yaml(config)})
+        radiometric = coarsen(image, config.image.samples)
+        write_exr(paths[0], radiometric, {"config": to_yaml(config)})
         write_png(
             paths[1],
             image,
@@ -130,6 +130,7 @@ def write_frames(
             palette=config.image.palette,
             quantity=config.image.quantity,
             title=config.name or "",
+            samples=config.image.samples,
         )
         written.update(paths)
     for path in before - written:

@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import UInt8
@@ -12,7 +13,7 @@ from PIL import Image, ImageDraw, ImageFont
 from ..arrays import Scalar
 from ..atomic import replacing
 from ..errors import InputError
-from .palette import apply_palette, check_limits
+from .palette import apply_palette, check_limits, palette_table
 from .ticks import (
     decimals_of,
     end_decimals,
@@ -28,6 +29,9 @@ _INK = (236, 236, 238)
 _FAINT = (158, 160, 168)
 _FRAME = (74, 76, 84)
 _UNIT = "\N{DEGREE SIGN}C"
+# Before the label of an end that the image goes below or above.
+_SIGNS = ("< ", "> ")
+_END_INK = (_FAINT, _INK)
 
 
 @dataclass(frozen=True)
@@ -38,6 +42,8 @@ class _Layout:
     text: int
     gap: int
     line: int
+    tip: int
+    """Height of the points at the ends of the bar."""
 
     @classmethod
     def of(cls, height: int, width: int) -> "_Layout":
@@ -49,6 +55,7 @@ class _Layout:
             text,
             max(4, round(0.7 * text)),
             max(1, round(text / 14)),
+            max(5, round(0.6 * text)),
         )
 
     # Rounded up, so that no letter is cut.
@@ -56,22 +63,29 @@ class _Layout:
         return math.ceil(self.font.getlength(text))
 
 
-# Position along the bar (0 bottom, 1 top), text, and flag of an end, per label.
+class _Label(NamedTuple):
+    position: float
+    """Along the bar, 0 at the bottom and 1 at the top."""
+    text: str
+    ink: tuple[int, int, int]
+
+
 def _bar_labels(
-    low: float, high: float, height: int, room: int
-) -> list[tuple[float, str, bool]]:
+    low: float, high: float, height: int, room: int, beyond: tuple[bool, bool]
+) -> list[_Label]:
+    digits = end_decimals(low, high)
     if high <= low:
-        return [(0.5, label(low, end_decimals(low, high)), True)]
+        return [_Label(0.5, label(low, digits), _FAINT)]
     ticks = nice_ticks(low, high, min(max(height // (2 * room), 2), 8))
     decimals = decimals_of(ticks[1] - ticks[0]) if len(ticks) > 1 else 0
     ends = [
-        (0.0, label(low, end_decimals(low, high)), True),
-        (1.0, label(high, end_decimals(low, high)), True),
+        _Label(0.0, _SIGNS[0] * beyond[0] + label(low, digits), _END_INK[beyond[0]]),
+        _Label(1.0, _SIGNS[1] * beyond[1] + label(high, digits), _END_INK[beyond[1]]),
     ]
     margin = room / height
-    inner = [((t - low) / (high - low), label(t, decimals), False) for t in ticks]
+    inner = [_Label((t - low) / (high - low), label(t, decimals), _INK) for t in ticks]
     # Ticks too close to an end are dropped: the ends show the range of the colours.
-    return ends + [tick for tick in inner if margin < tick[0] < 1.0 - margin]
+    return ends + [tick for tick in inner if margin < tick.position < 1.0 - margin]
 
 
 def _draw_bar(
@@ -79,7 +93,7 @@ def _draw_bar(
     box: tuple[int, int, int, int],
     limits: tuple[float, float],
     palette: str,
-    labels: list[tuple[float, str, bool]],
+    labels: list[_Label],
     layout: _Layout,
 ) -> None:
     left, top, width, height = box
@@ -91,18 +105,35 @@ def _draw_bar(
     edge = layout.line
     ends = (left + width + edge - 1, top + height + edge - 1)
     draw.rectangle((left - edge, top - edge, *ends), outline=_FRAME, width=edge)
-    for position, text, is_end in labels:
+    for position, text, ink in labels:
         y = top + (1.0 - position) * (height - 1)
         mark, upper = left + width + edge, round(y - edge / 2)
         lower = (mark + layout.gap // 2, upper + edge - 1)
         draw.rectangle((mark, upper, *lower), fill=_FAINT)
-        draw.text(
-            (mark + layout.gap, y),
-            text,
-            fill=_FAINT if is_end else _INK,
-            font=layout.font,
-            anchor="lm",
-        )
+        at = (mark + layout.gap, y)
+        draw.text(at, text, fill=ink, font=layout.font, anchor="lm")
+
+
+# Points at the ends of the bar, in their colours, where the image goes beyond them.
+def _draw_tips(
+    canvas: Image.Image,
+    box: tuple[int, int, int, int],
+    palette: str,
+    beyond: tuple[bool, bool],
+    layout: _Layout,
+) -> None:
+    left, top, width, height = box
+    draw, table = ImageDraw.Draw(canvas), palette_table(palette)
+    edge, tall = layout.line, layout.tip
+    for is_shown, end, base, apex in (
+        (beyond[0], 0, top + height + edge, top + height + edge + tall),
+        (beyond[1], -1, top - edge - 1, top - edge - 1 - tall),
+    ):
+        if is_shown:
+            corners = [(left, base), (left + width - 1, base)]
+            corners.append((left + (width - 1) / 2, apex))
+            colour = tuple(int(channel) for channel in table[end])
+            draw.polygon(corners, fill=colour, outline=_FAINT, width=edge)
 
 
 def _shorten(text: str, room: int, layout: _Layout) -> str:
@@ -121,6 +152,8 @@ def annotate(
     palette: str,
     time: Scalar,
     title: str = "",
+    quantity: str = "",
+    beyond: tuple[bool, bool] = (False, False),
 ) -> Image.Image:
     """Add a temperature scale, the time and a title to a coloured image.
 
@@ -131,9 +164,11 @@ def annotate(
         palette: name of the palette.
         time: of the frame [s].
         title: text at the bottom right, shortened if necessary.
+        quantity: name of what the colours show, above the scale.
+        beyond: flags of values below `low` and above `high`, marked at the scale.
 
     Returns:
-        A larger image.
+        A larger image, of a size that does not depend on `beyond`.
 
     Raises:
         InputError: for an unknown palette, or limits that are not finite and in order.
@@ -142,27 +177,36 @@ def annotate(
     height, width, _ = rgb.shape
     layout = _Layout.of(height, width)
     gap, text = layout.gap, layout.text
-    # The unit is above the bar, whose end labels extend it by half a line each.
-    top = gap + round(1.9 * text)
-    bar_height = max(height - top - gap - text // 2, 3 * text)
+    heads = [quantity, _UNIT] if quantity else [_UNIT]
+    # The lines above the bar, whose end labels extend it by half a line each, and tips.
+    spare = max(text // 2, layout.tip + layout.line)
+    top = gap + round((0.9 + 1.2 * len(heads)) * text) + layout.tip // 2
+    bar_height = max(height - top - gap - spare, 3 * text)
     bar_width = max(6, round(1.1 * text))
     limits = to_celsius(low), to_celsius(high)
-    labels = _bar_labels(*limits, bar_height, round(1.3 * text))
-    widest = max(layout.width(entry[1]) for entry in labels)
+    shared = (*limits, bar_height, round(1.3 * text))
+    labels = _bar_labels(*shared, beyond)
+    # Room for the signs in any case: all frames of a run have one size.
+    widest = max(
+        layout.width(entry.text) for entry in _bar_labels(*shared, (True,) * 2)
+    )
     panel = 2 * gap + bar_width + layout.line + gap + widest + gap
+    panel = max(panel, *(3 * gap + layout.width(line) for line in heads))
     strip = round(1.3 * text) + gap
     stamp = time_label(float(time))
     whole = max(width + panel, layout.width(stamp) + 2 * gap)
-    tall = max(height, top + bar_height + gap + text // 2)
+    tall = max(height, top + bar_height + gap + spare)
 
     canvas = Image.new("RGB", (whole, tall + strip), _PAPER)
     canvas.paste(Image.fromarray(np.ascontiguousarray(rgb)), (0, 0))
     left = width + 2 * gap
-    _draw_bar(
-        canvas, (left, top, bar_width, bar_height), (low, high), palette, labels, layout
-    )
+    box = (left, top, bar_width, bar_height)
+    _draw_bar(canvas, box, (low, high), palette, labels, layout)
+    _draw_tips(canvas, box, palette, beyond, layout)
     draw = ImageDraw.Draw(canvas)
-    draw.text((left, gap + text // 2), _UNIT, fill=_INK, font=layout.font, anchor="lm")
+    for k, line in enumerate(heads):
+        at = (left, gap + round((0.5 + 1.2 * k) * text))
+        draw.text(at, line, fill=_INK, font=layout.font, anchor="lm")
     base = tall + strip // 2
     draw.text((gap, base), stamp, fill=_INK, font=layout.font, anchor="lm")
     room = whole - layout.width(stamp) - 4 * gap

@@ -6,12 +6,13 @@ from typing import Any
 
 import numpy as np
 import OpenEXR
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, UInt8
+from scipy.ndimage import binary_erosion
 
 from ..atomic import replacing
 from ..errors import InputError
 from .annotate import annotate, write_png as write_picture
-from .palette import apply_palette
+from .palette import BACKGROUND, ENTRIES, apply_palette
 from .render import Image
 
 
@@ -128,8 +129,12 @@ def picture(
     palette: str = "iron",
     quantity: str = "apparent",
     title: str = "",
+    samples: int = 1,
 ):
-    """Draw a frame in false colours, with a temperature scale and the time.
+    """Draw a frame in false colours, with the time and a scale that names the quantity.
+
+    The background has a colour of its own, in no palette. The scale has a point at an
+    end beyond which something in the image is.
 
     Args:
         image: the frame.
@@ -138,19 +143,45 @@ def picture(
         palette: name of the palette.
         quantity: "apparent" (as of a camera) or "surface" (the true temperature).
         title: text beside the time.
+        samples: pixels of the image along each axis, not coarsened yet, whose colours
+            become one pixel.
+
+    Raises:
+        InputError: for an unknown quantity or palette, or limits not in order.
     """
     if quantity not in ("apparent", "surface"):
         raise InputError(f"quantity={quantity!r}: choose 'apparent' or 'surface'")
     shown = image.apparent_temperature if quantity == "apparent" else image.temperature
-    colours = apply_palette(np.asarray(shown), low, high, palette)
+    kelvin = np.asarray(shown, float)
+    drawn = np.isfinite(np.asarray(image.depth))
+    behind = np.where(drawn, kelvin, np.nan)
+    colours = apply_palette(behind, low, high, palette, invalid=BACKGROUND)
+    # A coarsened pixel on the silhouette mixes the body with the background.
+    counted = binary_erosion(drawn, iterations=1, border_value=1)
+    seen = kelvin[drawn if samples > 1 else counted]
     return annotate(
-        colours,
+        _averaged(colours, samples),
         low=low,
         high=high,
         palette=palette,
         time=float(image.time),
         title=title,
+        quantity=quantity,
+        beyond=_beyond(seen, float(low), float(high)),
     )
+
+
+def _averaged(colours: UInt8[np.ndarray, "h w 3"], samples: int) -> np.ndarray:
+    # Colours and not temperatures: at an edge their mean would be of neither side.
+    height, width, _ = colours.shape
+    blocks = colours.reshape(height // samples, samples, width // samples, samples, 3)
+    return np.rint(blocks.mean(axis=(1, 3))).astype(np.uint8)
+
+
+def _beyond(seen: Float[np.ndarray, " n"], low: float, high: float):
+    # By more than half a colour, up to which the end's own colour is right.
+    step = (high - low) / (2 * (ENTRIES - 1))
+    return bool((seen < low - step).any()), bool((seen > high + step).any())
 
 
 def write_png(path: str | Path, image: Image, low: float, high: float, **how: Any):

@@ -18,6 +18,9 @@ from ..errors import InputError
 # Colours of a palette.
 ENTRIES = 256
 
+BACKGROUND = (14, 54, 49)
+"""sRGB where an image shows nothing: dark, and far from the colours of all palettes."""
+
 
 @functools.cache
 def _tables() -> dict[str, np.ndarray]:

@@ -104,6 +104,33 @@ def test_odd_limits(limits):
     frame(100, 120, *limits)
 
 
+@pytest.mark.parametrize(("height", "width"), [(48, 64), (480, 640)])
+def test_an_end_that_is_exceeded_has_a_point_in_its_colour(height, width):
+    colours, plain = frame(height, width)
+    hottest, coldest = colours[0, -1], colours[0, 0]
+    pale = np.asarray(plain)[:, width:]
+    rows = lambda panel, colour: np.flatnonzero((panel == colour).all(-1).any(1))
+    for beyond in [(False, True), (True, False), (True, True)]:
+        _, marked = frame(height, width, beyond=beyond)
+        # Frames of one run have one size, whatever they exceed.
+        assert marked.size == plain.size
+        panel = np.asarray(marked)[:, width:]
+        higher = rows(panel, hottest).min() < rows(pale, hottest).min()
+        lower = rows(panel, coldest).max() > rows(pale, coldest).max()
+        assert (lower, higher) == beyond
+
+
+def test_the_scale_is_named_by_its_quantity():
+    _, plain = frame(480, 640)
+    _, named = frame(480, 640, quantity="apparent")
+    # The first line above the bar, next to the image.
+    widths = [
+        np.flatnonzero((np.asarray(image)[:35, 640:] > 150).any((0, 2))).max()
+        for image in (plain, named)
+    ]
+    assert widths[1] > 2 * widths[0]
+
+
 def test_every_palette():
     sheet = contact_sheet([frame(48, 64, palette=p)[1] for p in palette_names()], 3)
     assert sheet.width > sheet.height

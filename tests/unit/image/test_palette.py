@@ -6,10 +6,16 @@ import sys
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from skimage.color import deltaE_ciede2000, rgb2lab
 
 from jaxthermo.errors import InputError
 from jaxthermo.image import palette_design
-from jaxthermo.image.palette import apply_palette, palette_names, palette_table
+from jaxthermo.image.palette import (
+    BACKGROUND,
+    apply_palette,
+    palette_names,
+    palette_table,
+)
 
 
 def test_baked_tables_regenerate():
@@ -167,3 +173,11 @@ def test_colour_difference_of_middle_greys_is_that_of_lightness():
 
 def _linear(value):
     return ((value + 0.055) / 1.055) ** 2.4
+
+
+@pytest.mark.parametrize("name", palette_names())
+def test_the_background_is_told_from_every_colour(name):
+    colours = rgb2lab(palette_table(name)[None] / 255.0)[0]
+    behind = rgb2lab(np.array([[BACKGROUND]]) / 255.0)[0]
+    # A difference of 1 is just noticeable, one of 10 at a glance.
+    assert deltaE_ciede2000(colours, behind).min() > 12

@@ -9,7 +9,9 @@ import pytest
 
 import jaxthermo as jt
 from jaxthermo.geometry.mesh import winding_number
+from jaxthermo.image import files
 from jaxthermo.image.files import read_exr
+from jaxthermo.image.palette import BACKGROUND, apply_palette
 from jaxthermo.image.render import (
     _apparent_temperature,
     _leaving_radiance,
@@ -233,3 +235,31 @@ def test_exr_of_a_frame_reads_back(still, tmp_path):
     }
     jt.write_png(tmp_path / "frame.png", image, 280.0, 310.0, palette="ember")
     assert (tmp_path / "frame.png").stat().st_size > 1000
+
+
+def test_a_picture_marks_what_is_beyond_its_scale(still, monkeypatch):
+    image = jt.render(still, SIDE, samples=2)
+    marks = []
+    monkeypatch.setattr(
+        files, "annotate", lambda rgb, **given: marks.append(given["beyond"]) or rgb
+    )
+    kelvin = float(np.median(image.apparent_temperature[25:35, 25:35]))
+    for low, high in [
+        (280.0, 310.0),
+        (kelvin + 1, 310.0),
+        (280.0, kelvin - 1),
+        (kelvin, 310.0),
+    ]:
+        files.picture(image, low, high)
+    # The sky of 250 K is not on the scale, and neither is what mixes with it.
+    assert marks == [(False, False), (True, False), (False, True), (False, False)]
+
+
+def test_the_background_of_a_picture_is_no_colour_of_the_palette(still, monkeypatch):
+    monkeypatch.setattr(files, "annotate", lambda rgb, **given: rgb)
+    fine = jt.render(still, SIDE.finer(2))
+    colours = files.picture(fine, 280.0, 310.0, quantity="surface", samples=2)
+    assert colours.shape == (60, 60, 3)
+    body = np.asarray(jt.render(still, SIDE).object_id) == 0
+    inside = apply_palette(np.array([[300.0]]), 280.0, 310.0, "iron")[0, 0]
+    assert (colours[body] == inside).all() and (colours[~body] == BACKGROUND).all()
