@@ -6,9 +6,12 @@ the half cell's conductance G, each a sum over the terms at a cell, the node rec
 
     q = G / (G + s) (w d(t) - s T_node),
 
-and a term with weight w_e and slope s_e brings
+and a term with weight w_e and slope s_e brings, beside others j,
 
-    q_e = w_e d(t) - s_e (w d(t) + G T_node) / (G + s).
+    q_e = [G (w_e d(t) - s_e T_node) + sum_j (w_e s_j - s_e w_j) d(t)] / (G + s),
+
+the first part its own of q, the second what the others take from it: their sum is q
+however large the Biot number s / G is.
 
 Sums over the cells of a node leave one coefficient per forcing and one slope per node.
 The time loop then evaluates no cells at all: in a network of nodes the load is part of
@@ -201,9 +204,16 @@ def _linear_nodes(
         here = [part for part in parts if part.term == term]
         exposed = [part for part in natural if part.term == term]
         fixed = here[len(exposed) :]
-        # At the temperature that all terms cause together.
-        change = slope(exposed) * lost
-        brought = [weight(here, d) - change * weight(natural, d) for d in each]
+        # At the temperature that all terms cause together, without its difference to
+        # w_e d, which at large Biot numbers leaves rounding times s / G.
+        others = [part for part in natural if part.term != term]
+        lose_here, lose_there = slope(exposed) * lost, slope(others) * lost
+        brought = [
+            weight(exposed, d) * (through + lose_there)
+            - lose_here * weight(others, d)
+            + weight(fixed, d)
+            for d in each
+        ]
         entry_forced.append(jnp.stack([rounded(total.sum()) for total in brought]))
         acts = any(part.slope is not None for part in here)
         lose = slope(exposed) * through + slope(fixed) if acts else None

@@ -179,8 +179,9 @@ class SurfaceLoad(AbstractSurfaceLoad):
         # The ledger: terms of one flux need no sum over cells, and the closing term is
         # the total minus the others.
         sums = lambda values: jnp.stack([precise_sum(v) for v in self.apart(values)])
-        closing = self._closing_term()
-        each = [(n, flux) for n, flux in terms.imposed(time) if n != closing]
+        imposed = terms.imposed(time)
+        closing = self._closing_term({n for n, _ in imposed})
+        each = [(n, flux) for n, flux in imposed if n != closing]
         each += [(n, sums(rate)) for n, rate in rates.items() if n != closing]
         if closing is not None:
             others = sum(own for _, own in each)
@@ -211,17 +212,21 @@ class SurfaceLoad(AbstractSurfaceLoad):
         """Number of cells of each of those bodies."""
         return tuple(cells.node.shape[0] for cells in self.cells)
 
-    def _closing_term(self) -> int | None:
-        """Number of the most expensive nonlinear term, if there are several bodies."""
+    def _closing_term(self, imposed: set[int]) -> int | None:
+        """Number of the most expensive term, a nonlinear one if there is any.
+
+        None where all fluxes are `imposed`, or where no term gives a flux.
+        """
         # All terms together bring what goes through the surface. So one need not be
         # summed, nor kept in an array, nor computed twice; it is as exact as the total.
-        if len(self.cells) == 1:
-            return None
-        sizes: dict[int, int] = {}
+        # The ledger then closes at any Biot number: a flux h (T_air - T_s) by itself
+        # has a rounding that exceeds that of the half cell's by h A / G.
+        sizes: dict[int, tuple[bool, int]] = {}
         for n, term in self.terms.natural:
-            if not term.law.is_linear:
+            if n not in imposed:
                 size = sum(np.size(leaf) for leaf in jax.tree.leaves(term.law))
-                sizes[n] = sizes.get(n, 0) + size
+                nonlinear, before = sizes.get(n, (False, 0))
+                sizes[n] = (nonlinear or not term.law.is_linear, before + size)
         return max(sizes, key=lambda n: sizes[n], default=None)
 
     def _by_entry(self, each, dtype) -> Float[Array, " c"]:

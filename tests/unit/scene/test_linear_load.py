@@ -13,10 +13,12 @@ from jaxthermo.integrate.run.heat_rates import add_loads
 from jaxthermo.scene.compile.compile import compile_scene
 from jaxthermo.scene.compile.linear_load import _LinearSurfaceLoad
 from jaxthermo.scene.compile.surface_load import SurfaceLoad
+from tests.bodies import bar
 
 
 STEEL = jt.Material(16.0, density=8000.0, specific_heat=500.0, emissivity=0.9)
 WOOL = jt.Material(0.01, density=100.0, specific_heat=800.0, emissivity=0.9)
+GLASS = jt.Material(1.0, density=2500.0, specific_heat=800.0, emissivity=0.9)
 BELOW = jt.Side((0.0, 0.0, -1.0))
 TERMS = (
     jt.Sun((0.5, 0.3, -1.0), jt.Until(800.0, 4.0)),
@@ -68,6 +70,25 @@ def test_they_bring_what_the_cells_do(ball, kinds, material):
             assert np.abs(one - before).max() > 1e-4
             np.testing.assert_allclose(one, other, rtol=0, atol=1e-11)
         np.testing.assert_allclose(entries, told, rtol=1e-11, atol=1e-11)
+
+
+@pytest.mark.parametrize("others", [(), (jt.Surroundings(280.0),)])
+def test_terms_bring_what_the_half_cells_conduct_at_any_biot_number(others):
+    """What the nodes gain and what the ledger says differ by rounding of the gain."""
+    half = 2 / 0.01
+    terms = [jt.Convection(biot * half, 350.0) for biot in (1.0, 1e3, 1e6, 3.3e7)]
+    scenes = [_scene([jt.FullVolume(bar(3, 0.01))], (t, *others), GLASS) for t in terms]
+    programs = [compile_scene(scene).program for scene in scenes]
+    linear = isinstance(programs[0].surface, _LinearSurfaceLoad)
+    assert linear == (not others)
+    for scene, program in zip(scenes, programs, strict=True):
+        (start,) = compile_scene(scene).state
+        theta = (start + jnp.linspace(50.0, 60.0, start.size).reshape(start.shape),)
+        (after,), entries = _loaded(program, theta, jnp.zeros(()))
+        capacity = program.bodies[0].network.capacity()
+        gained = float(((after - theta[0]) * capacity).sum())
+        moved = half * 1e-4 * 14 * 60.0
+        assert abs(float(entries.sum()) - gained) < 1e-14 * moved
 
 
 def test_what_is_not_linear_goes_by_cells(ball):
