@@ -191,7 +191,7 @@ class _AbstractImplicit(AbstractSolver):
     _tableau: ClassVar[Tableau]
     tolerance: eqx.AbstractVar[float | None]
     """Largest residual of a linear solve over capacity [K]; None for 1e-4 K in float32
-    and 1e-9 K in float64."""
+    and 1e-9 K in float64, or what rounding leaves where that is more."""
 
     @override
     def arranged(self, scene: Scene) -> Scene:

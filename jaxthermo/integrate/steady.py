@@ -151,7 +151,7 @@ def _solution(scene: Scene, at: float, tolerance: float | None) -> SteadySolutio
         mean_temperature=found.mean_temperature[None],
         heat_rates=in_order(rates, program.entries),
         isolated_components=0 if isolated is None else isolated.count,
-        result=run_result(found.is_finite, found.is_physical, statistics),
+        result=run_result(found.is_finite, found.is_physical, statistics, steady=True),
         run=RunSummary(
             steps=0,
             dt=None,

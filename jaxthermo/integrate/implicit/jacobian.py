@@ -86,6 +86,8 @@ class ImplicitContext(eqx.Module):
     """Upper bound of each body's states [K]; infinite where nothing bounds them."""
     tolerance: Any
     """Tolerance of linear solves [K]."""
+    above_rounding: bool = eqx.field(static=True)
+    """True if linear solves may stop at their rounding: no tolerance was given."""
     linear: bool = eqx.field(static=True)
     """True if one Newton iteration is the solution."""
     differentiable: bool = eqx.field(static=True, default=False)
@@ -141,6 +143,7 @@ def implicit_context(
         nodes=tuple(_node_mask(body.structure) for body in scene.bodies),
         ceilings=ceilings,
         tolerance=jnp.asarray(kelvin, dtype),
+        above_rounding=tolerance is None,
         linear=linear,
         differentiable=traced,
     )
@@ -178,6 +181,22 @@ class _Jacobian(eqx.Module):
             for side, sign in ((0, 1), (1, -1)):
                 body, address = contact.bodies[side], contact.address[side]
                 image[body] = image[body].at[address].add(sign * flow)
+        return tuple(image)
+
+    def magnitude(self, u: State) -> State:
+        """Return |A| |u|, to which the rounding of A u is relative [W]."""
+        size = jax.tree.map(jnp.abs, u)
+        # sum_j G (|u_j| + |u_i|), from conduction between |u|.
+        image = [
+            (d + 2 * network.diagonal()) * v + network.face_heat_rate(v)
+            for d, network, v in zip(self.diagonal, self.networks, size, strict=True)
+        ]
+        for contact in self.contacts:
+            both = pair_conductance(contact, self.time) * sum(
+                pair_values(contact, size)
+            )
+            for body, address in zip(contact.bodies, contact.address, strict=True):
+                image[body] = image[body].at[address].add(both)
         return tuple(image)
 
 

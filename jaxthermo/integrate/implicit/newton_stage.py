@@ -41,7 +41,8 @@ class SolverStatistics(eqx.Module):
     rejected_steps: Int[Array, ""]
     """Steps under error control that were repeated shorter."""
     largest_linear_residual: Float[Array, ""]
-    """Largest final residual of a linear solve over capacity [K]."""
+    """Largest final residual of a linear solve over capacity, or its correction where
+    the residual is rounding [K]."""
     linear_failed: Bool[Array, ""]
     newton_failed: Bool[Array, ""]
     step_limit_reached: Bool[Array, ""]
@@ -141,7 +142,10 @@ def solve_linear(
     operator = lx.FunctionLinearOperator(
         at.operator.mv, shapes, lx.positive_semidefinite_tag
     )
-    options = {"preconditioner": at.preconditioner}
+    options = {
+        "preconditioner": at.preconditioner,
+        "magnitude": at.operator.magnitude,
+    }
     found = lx.linear_solve(operator, heat, solver, options=options, throw=False)
     potential = masked_to_nodes(found.value, at.nodes)
     change = tuple(
@@ -164,7 +168,9 @@ def _newton(program, context: ImplicitContext, base, g, time, guess) -> _Iterate
 
     def iterate(now: _Iterate) -> _Iterate:
         at = linearize(program, context, now.states, 1 / g, time)
-        solver = ConjugateGradient(kelvin_norm(at, g), context.tolerance)
+        solver = ConjugateGradient(
+            kelvin_norm(at, g), context.tolerance, rounding=context.above_rounding
+        )
         heat = missing_heat(now.residual, at, 1 / g)
         change, (converged, solve) = solve_linear(at, heat, solver)
         after = jax.tree.map(jnp.add, now.states, change)

@@ -33,7 +33,12 @@ class RESULTS(eqx.Enumeration):
     )
     newton_not_converged = (
         "Newton's method did not converge: give a shorter step, or a smaller error to "
-        "a solver that chooses its own; a steady state, a larger tolerance, or float64."
+        "a solver that chooses its own."
+    )
+    steady_not_converged = (
+        "The steady state was not found to its tolerance: give steady() a larger "
+        "tolerance, in kelvin, or initial temperatures closer to the steady ones; in "
+        "a float32 scene, dtype float64 reaches further."
     )
     step_limit = (
         "The error stayed above what was asked however short the step: ask for a "
@@ -51,6 +56,7 @@ _RESULT_NAMES = (
     "nonfinite",
     "linear_not_converged",
     "newton_not_converged",
+    "steady_not_converged",
     "step_limit",
     "below_zero",
 )
@@ -132,14 +138,19 @@ def run_result(
     is_finite: Bool[Array, ""],
     is_physical: Bool[Array, ""],
     statistics: SolverStatistics | None,
+    steady: bool = False,
 ) -> RESULTS:
-    """Return the outcome of a run: its gravest failure, if any."""
+    """Return the outcome of a run or steady state: its gravest failure, if any."""
     found = RESULTS.where(is_physical, RESULTS.successful, RESULTS.below_zero)
     # Later ones replace earlier ones, so the order is from mild to grave.
     if statistics is not None:
+        linear, newton = RESULTS.linear_not_converged, RESULTS.newton_not_converged
+        # A steady state has no step to shorten: the remedies of a run do not fit.
+        if steady:
+            linear = newton = RESULTS.steady_not_converged
         for failed, failure in (
-            (statistics.linear_failed, RESULTS.linear_not_converged),
-            (statistics.newton_failed, RESULTS.newton_not_converged),
+            (statistics.linear_failed, linear),
+            (statistics.newton_failed, newton),
             (statistics.step_limit_reached, RESULTS.step_limit),
         ):
             found = RESULTS.where(failed, failure, found)

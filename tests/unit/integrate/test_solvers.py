@@ -91,6 +91,28 @@ def test_what_cannot_be_stepped_is_refused(solver, message):
         jt.TRBDF2(error=0.0)
 
 
+@pytest.mark.parametrize("dt", [2.56, 25.6])
+def test_a_tolerance_knows_its_rounding_floor(dt):
+    """A step of many stable steps multiplies the rounding of the temperatures."""
+    structure = jt.FullVolume(blocks(np.ones((16, 16, 16), bool)))
+    body = jt.Body(
+        structure, jt.Material(1.0, density=1.0, specific_heat=1.0), temperature=300.0
+    )
+    held = jt.FixedTemperature(400.0, on=jt.Side((1.0, 0.0, 0.0)))
+    found = [
+        jt.simulate(
+            jt.Scene((body,), (held,), dtype=dtype),
+            5 * dt,
+            solver=jt.BackwardEuler(dt=dt),
+        )
+        for dtype in ("float32", "float64")
+    ]
+    one, other = (np.asarray(run.surface_temperature, float) for run in found)
+    np.testing.assert_allclose(one, other, rtol=0, atol=1e-3)
+    floor = float(found[0].run.statistics.largest_linear_residual)
+    assert floor <= 2e-4
+
+
 def test_a_tolerance_out_of_reach_is_said():
     scene = _scene(jt.Convection(1000.0, 290.0), dtype="float32")
     solver = jt.BackwardEuler(dt=100.0, tolerance=1e-12)
