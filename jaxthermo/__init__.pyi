@@ -58,6 +58,7 @@ from .physics.term import (
     Surface as Surface,
 )
 from .physics.time_varying import Table as Table, Until as Until
+from .scene.coating import Coating as Coating
 from .scene.compile.compile import compile_scene as compile_scene
 from .scene.motion import Motion as Motion, PoseTable as PoseTable
 from .scene.scene import (

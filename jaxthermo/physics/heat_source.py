@@ -53,20 +53,20 @@ class HeatSource(AbstractVolumeTerm):
     heat_rate_density: TimeVarying
     """q''' [W/m^3], positive into the body; a number or a function of time."""
     within: _Within = None
-    """A `Region` or `Everything`; None for all bodies."""
+    """A `Region`, `Everything` or a combination of them; None for all bodies."""
 
     def __check_init__(self):
         check_value(self.heat_rate_density, "HeatSource(heat_rate_density [W/m^3])")
         if self.within is not None and not isinstance(self.within, AbstractSpace):
             raise InputError(
                 f"HeatSource(within={self.within!r}): it heats the inside: give a "
-                "Region or Everything"
+                "Region or Everything, or a combination of them"
             )
 
     @property
     @override
     def named_bodies(self) -> tuple[int, ...]:
-        return () if self.within is None else (self.within.body,)
+        return () if self.within is None else self.within.bodies
 
     @override
     def forcing(self, end: float | int) -> Forcing:
@@ -84,10 +84,13 @@ class HeatSource(AbstractVolumeTerm):
         grid = structure.grid
         chosen = np.ones(grid.solid_count, bool)
         if self.within is not None:
-            if self.within.body != body:
+            own = self.within.on_body(body)
+            if own is None:
                 return Omitted("`within` is on another body")
+            # Part of a space is a space.
+            assert isinstance(own, AbstractSpace)
             centre = grid.lattice.centres(np.argwhere(grid.solid))
-            chosen = self.within.contains(centre)
+            chosen = own.contains(centre)
         if not chosen.any():
             raise InputError(
                 f"HeatSource(within={self.within!r}): no voxel of body {body} has its "

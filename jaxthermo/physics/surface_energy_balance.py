@@ -66,6 +66,8 @@ class SurfaceTerms(eqx.Module):
     """Terms that give a flux at the surface's temperature."""
     prescribed: NumberedTerms
     """Terms that prescribe the surface's temperature: heat straight to the node."""
+    radiating: NumberedTerms = ()
+    """Exchange with other surfaces where the temperature is prescribed."""
     iterations: int = eqx.field(static=True, default=MAX_ITERATIONS)
     """Newton iterations; with fewer than all they start at the node's temperature."""
 
@@ -91,6 +93,9 @@ class SurfaceTerms(eqx.Module):
             area = np.asarray(term.effective_area, float)
             flux += area * float(bounds[0])
             curvature += area * float(bounds[1])
+        # Terms that radiate from prescribed temperatures only have no flux here.
+        if not flux.any():
+            return 1
         # A half cell without conductance gives no bound; one without flux needs none.
         acts = (flux > 0) & (conducts > 0)
         unbounded = not np.isfinite(flux).all() or (flux[conducts <= 0] > 0).any()
@@ -122,16 +127,22 @@ class SurfaceTerms(eqx.Module):
     def irradiated(self, received: PerCell, emits: bool = True) -> "SurfaceTerms":
         """The terms with the irradiation of each cell from other surfaces [W/m^2]."""
         # Without `emits` the cell's own emission is in what is received.
-        natural = tuple(
+        each = lambda terms: tuple(
             (n, replace(term, law=term.law.irradiated(received, emits)))
-            for n, term in self.natural
+            for n, term in terms
         )
-        return replace(self, natural=natural)
+        return replace(self, natural=each(self.natural), radiating=each(self.radiating))
 
     def surface_excess(self, time: Time, theta: PerCell) -> PerCell:
         """Temperature of each cell's surface above its node's [K]."""
-        excess = self._solve(time, theta)[1]
+        return self.prescribed_excess(time, theta, self._solve(time, theta)[1])
+
+    def prescribed_excess(
+        self, time: Time, theta: PerCell, elsewhere: PerCellOrOne | float = 0.0
+    ) -> PerCellOrOne:
+        """The same where a temperature is prescribed, and `elsewhere` else [K]."""
         # A fragment has one prescribed temperature at most.
+        excess = jnp.asarray(elsewhere, theta.dtype)
         for _, term in self.prescribed:
             gap = term.law.flux(time, theta)
             excess = jnp.where(term.effective_area > 0, gap, excess)
@@ -170,6 +181,13 @@ class SurfaceTerms(eqx.Module):
             rate = self._rate(n, term, time, theta)
             rates[n] = rates.get(n, 0) + rate
             whole = whole + rate
+        for n, term in self.radiating:
+            # What keeps the temperature supplies what the surface radiates to others.
+            here = theta + self.prescribed_excess(time, theta)
+            rate = self._rate(n, term, time, here)
+            rates[n] = rates.get(n, 0) + rate
+            for fixed, own in self.prescribed:
+                rates[fixed] = rates[fixed] - jnp.where(own.effective_area > 0, rate, 0)
         return whole, rates
 
     def _rate(self, number: int, term: BoundTerm, time, theta):
@@ -305,6 +323,7 @@ class SurfaceTerms(eqx.Module):
             half_cell=add(self.half_cell),
             natural=each(self.natural),
             prescribed=each(self.prescribed),
+            radiating=each(self.radiating),
         )
 
     def selected(
@@ -322,6 +341,7 @@ class SurfaceTerms(eqx.Module):
             half_cell=self.half_cell[cells],
             natural=each(self.natural),
             prescribed=each(self.prescribed),
+            radiating=each(self.radiating),
         )
 
 

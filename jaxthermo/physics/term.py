@@ -29,7 +29,7 @@ from ..arrays import Scalar, is_traced
 from ..errors import InputError
 from ..geometry.mesh import Pose
 from ..voxels.grid import VoxelGrid
-from ..voxels.selection import AbstractSelection, AbstractSpace
+from ..voxels.selection import AbstractSelection
 from .flux_law import AbstractFluxLaw, Forcing, Values
 
 
@@ -92,8 +92,8 @@ class BodySurface:
     """Fragments with a natural boundary: exposed, no temperature prescribed."""
     half_cell: Float[Values, " s"]
     """Conductance from each fragment to its node, k A / distance [W/K]."""
-    emissivity: Float[Values, "*s"]
-    absorptivity: Float[Values, "*s"]
+    emissivity: Float[Values, "*#s"]
+    absorptivity: Float[Values, "*#s"]
     scene_triangles: Float[np.ndarray, "f 3 3"]
     """Triangles of every body, world [m]: what may cast a shadow."""
     dtype: Any
@@ -127,12 +127,13 @@ class BodySurface:
         """
         if on is None:
             return np.ones(len(self.own_position), bool)
-        if on.body != self.body:
+        own = on.on_body(self.body)
+        if own is None:
             return np.zeros(len(self.own_position), bool)
-        chosen = on.select(self.own_position, self.own_normal)
+        chosen = own.select(self.own_position, self.own_normal)
         if not chosen.any():
             raise InputError(
-                f"on={on!r} selects no surface of body {self.body}: check its corners "
+                f"on={own!r} selects no surface of body {self.body}: check its corners "
                 "or its normal, which are in the body's own frame, in metres"
             )
         return chosen
@@ -270,7 +271,7 @@ class AbstractTerm(eqx.Module):
             if not field.metadata.get("static")
         )
         # Selections of a surface or a volume never change with time.
-        where = AbstractSelection | AbstractSpace
+        where = AbstractSelection
         return tuple(v for v in given if v is not None and not isinstance(v, where))
 
     def forcing(self, end: float | int) -> Forcing:
@@ -294,7 +295,7 @@ class AbstractTerm(eqx.Module):
     def named_bodies(self) -> tuple[int, ...]:
         """Numbers of the bodies that it names; none if it acts on all."""
         chosen = getattr(self, "on", None)
-        return () if chosen is None else (chosen.body,)
+        return () if chosen is None else chosen.bodies
 
     @property
     def moves(self) -> bool:

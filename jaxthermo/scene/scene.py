@@ -13,12 +13,13 @@ from ..arrays import PositionVarying, is_traced
 from ..errors import InputError
 from ..geometry.mesh import Pose
 from ..material.material import Material
-from ..physics.term import AbstractTerm
+from ..physics.term import AbstractExchangeTerm, AbstractTerm
 from ..structures.build.assignment import voxel_owner
 from ..structures.structure import AbstractStructure
 from ..structures.surface_map import AbstractSurfaceMap, FluxCorrectedMap
 from ..voxels.grid import VoxelGrid
 from ..voxels.selection import Region
+from .coating import Coating
 from .motion import Motion
 
 
@@ -137,6 +138,8 @@ class Body(eqx.Module):
         kw_only=True, default=FluxCorrectedMap()
     )
     """Rule by which surface temperatures follow from the nodes."""
+    coatings: tuple[Coating, ...] = eqx.field(kw_only=True, default=())
+    """Radiative properties of parts of the surface, later ones on top."""
 
     def __check_init__(self):
         if not self.structure.grid.solid.any():
@@ -186,11 +189,18 @@ class Scene(eqx.Module):
             raise InputError(
                 f"Scene(dtype={self.dtype!r}): choose 'float32' or 'float64'"
             )
-        # Both kinds of surroundings have this name: they emit the same heat.
-        if sum(term.name == "emission" for term in self.terms) > 1:
+        # Both kinds of surroundings have this name: they emit the same heat. Those on
+        # parts of the surface must not overlap, which binding checks.
+        emits = [term for term in self.terms if term.name == "emission"]
+        if len(emits) > 1 and any(getattr(t, "on", None) is None for t in emits):
             raise InputError(
                 "Scene: two Surroundings would count the emission twice; give one, "
-                "whose temperature may be a function of time"
+                "whose temperature may be a function of time, or each its own `on`"
+            )
+        if sum(isinstance(t, AbstractExchangeTerm) for t in self.terms) > 1:
+            raise InputError(
+                "Scene: two RadiativeExchange would not see each other's surfaces; "
+                "give one, on both parts: on=a | b"
             )
         for i, term in enumerate(self.terms):
             for body in term.named_bodies:
@@ -229,9 +239,9 @@ class SolvedSurface(eqx.Module):
     """A body's geometry with the radiative properties of its surface."""
 
     geometry: BodyGeometry = eqx.field(static=True)
-    emissivity: Float[Array, "*s"]
+    emissivity: Float[Array, "*#s"]
     """One number for one material [-]."""
-    absorptivity: Float[Array, "*s"]
+    absorptivity: Float[Array, "*#s"]
 
     @property
     def moves(self) -> bool:

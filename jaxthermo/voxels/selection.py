@@ -1,10 +1,12 @@
 """Selections of a body's surface or space that a term or a material applies to."""
 
 import abc
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import equinox as eqx
 import numpy as np
+from equinox import AbstractVar
 from jaxtyping import Bool, Float
 from typing_extensions import override
 
@@ -13,23 +15,42 @@ from ..raster.views import unit_vector
 
 
 class AbstractSelection(eqx.Module):
-    """Part of the surface of one body, as an argument `on=`."""
+    """Part of the surface of one body or of several, as an argument `on=`.
 
-    # A property, not an `AbstractVar`, which editors take for the first argument.
+    Selections combine: `a & b` is what both select, `a | b` what either does, and `~a`
+    the rest of the bodies that `a` is on.
+    """
+
     @property
     @abc.abstractmethod
-    def body(self) -> int:
-        """Number of the body in the scene."""
+    def bodies(self) -> tuple[int, ...]:
+        """Numbers of the bodies that it is on, in increasing order."""
+
+    @abc.abstractmethod
+    def on_body(self, body: int) -> "AbstractSelection | None":
+        """Its part on one body, None if it is not on that body."""
 
     @abc.abstractmethod
     def select(
         self, position: Float[np.ndarray, "s 3"], normal: Float[np.ndarray, "s 3"]
     ) -> Bool[np.ndarray, " s"]:
-        """Flag the selected surface fragments (in the body's frame)."""
+        """Flag the selected surface fragments of one body (in the body's frame)."""
+
+    def __and__(self, other: "AbstractSelection") -> "AbstractSelection":
+        return _combined("&", (self, other))
+
+    def __or__(self, other: "AbstractSelection") -> "AbstractSelection":
+        return _combined("|", (self, other))
+
+    def __invert__(self) -> "AbstractSelection":
+        return _combined("~", (self,))
 
 
 class AbstractSpace(AbstractSelection):
-    """Part of space, which selects the surface and the interior in it."""
+    """Part of space, which selects the surface and the interior in it.
+
+    A combination of parts of space is one too.
+    """
 
     @abc.abstractmethod
     def contains(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
@@ -43,7 +64,26 @@ class AbstractSpace(AbstractSelection):
         return self.contains(position)
 
 
-class Side(AbstractSelection):
+class _AbstractOnOneBody(AbstractSelection):
+    """Selection on a single body."""
+
+    # A property, not an `AbstractVar`, which editors take for the first argument.
+    @property
+    @abc.abstractmethod
+    def body(self) -> int:
+        """Number of the body in the scene."""
+
+    @property
+    @override
+    def bodies(self) -> tuple[int, ...]:
+        return (self.body,)
+
+    @override
+    def on_body(self, body: int) -> AbstractSelection | None:
+        return self if body == self.body else None
+
+
+class Side(_AbstractOnOneBody):
     """Fragments of a body whose normal is within `half_angle` [rad] of `normal`."""
 
     normal: tuple[float, float, float] = eqx.field(static=True)
@@ -67,7 +107,7 @@ class Side(AbstractSelection):
         return np.greater(cosine, np.cos(self.half_angle) - 1e-9)
 
 
-class Region(AbstractSpace):
+class Region(_AbstractOnOneBody, AbstractSpace):
     """Part of a body inside a box with corners `lower` and `upper` [m]."""
 
     lower: tuple[float, float, float] = eqx.field(static=True)
@@ -87,7 +127,7 @@ class Region(AbstractSpace):
         return np.all(inside, axis=1)
 
 
-class Everything(AbstractSpace):
+class Everything(_AbstractOnOneBody, AbstractSpace):
     """Whole body."""
 
     body: int = eqx.field(static=True, default=0)
@@ -97,7 +137,7 @@ class Everything(AbstractSpace):
         return np.ones(len(points), bool)
 
 
-class FragmentMask(AbstractSelection):
+class FragmentMask(_AbstractOnOneBody):
     """Surface fragments given by a mask, in the order of the body's grid."""
 
     body: int = eqx.field(static=True, default=0)
@@ -148,3 +188,86 @@ class FragmentMask(AbstractSelection):
                 "that body"
             )
         return self.mask
+
+
+_RULES: dict[str, Callable[[Sequence[np.ndarray]], Any]] = {
+    "&": np.logical_and.reduce,
+    "|": np.logical_or.reduce,
+    "~": lambda flags: ~flags[0],
+}
+# Flags of a combination, from those of its parts.
+
+
+class _AbstractCombination(AbstractSelection):
+    """Combination of selections by one of the rules."""
+
+    rule: AbstractVar[str]
+    parts: AbstractVar[tuple[AbstractSelection, ...]]
+
+    @property
+    @override
+    def bodies(self) -> tuple[int, ...]:
+        each = [set(part.bodies) for part in self.parts]
+        together = set.intersection if self.rule == "&" else set.union
+        return tuple(sorted(together(*each)))
+
+    @override
+    def on_body(self, body: int) -> AbstractSelection | None:
+        if body not in self.bodies:
+            return None
+        own = [part.on_body(body) for part in self.parts]
+        return _combined(self.rule, tuple(part for part in own if part is not None))
+
+    def __repr__(self) -> str:
+        each = [repr(part) for part in self.parts]
+        if self.rule == "~":
+            return f"~{each[0]}"
+        return f"({f' {self.rule} '.join(each)})"
+
+
+class _CombinedSurface(_AbstractCombination):
+    """Combination of which a part depends on the normal or on single fragments."""
+
+    rule: str = eqx.field(static=True)
+    parts: tuple[AbstractSelection, ...]
+
+    @override
+    def select(
+        self, position: Float[np.ndarray, "s 3"], normal: Float[np.ndarray, "s 3"]
+    ) -> Bool[np.ndarray, " s"]:
+        return _RULES[self.rule]([p.select(position, normal) for p in self.parts])
+
+
+class _CombinedSpace(_AbstractCombination, AbstractSpace):
+    """Combination of parts of space."""
+
+    rule: str = eqx.field(static=True)
+    parts: tuple[AbstractSpace, ...]
+
+    @override
+    def contains(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
+        return _RULES[self.rule]([part.contains(points) for part in self.parts])
+
+
+def _combined(rule: str, parts: tuple[Any, ...]) -> AbstractSelection:
+    """A combination of selections.
+
+    Raises:
+        InputError: for anything else, or parts of different bodies in common.
+    """
+    for part in parts:
+        if not isinstance(part, AbstractSelection):
+            raise InputError(
+                f"a selection with {rule} {part!r}: combine selections only, such as "
+                "Side(normal) & Region(lower, upper)"
+            )
+    kind = _CombinedSurface
+    if all(isinstance(part, AbstractSpace) for part in parts):
+        kind = _CombinedSpace
+    found = kind(rule=rule, parts=parts)
+    if not found.bodies:
+        raise InputError(
+            f"{found!r}: its parts are on different bodies and have nothing in common: "
+            "give both the same `body`, or join them by |"
+        )
+    return found

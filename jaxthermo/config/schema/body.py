@@ -10,11 +10,11 @@ import jaxthermo
 
 from ...errors import InputError
 from ..types import quantities as si
-from ..types.model import Mistake, Model
-from ..types.varying import not_increasing, unequal
+from ..types.model import Mistake, Model, build
+from ..types.varying import AnyFraction, not_increasing, unequal
 from .geometry import MeshConfig, PoseConfig, ShapeConfig
 from .material import BodyMaterial, LabelledConfig, Material
-from .selection import empty_box
+from .selection import WhereConfig, empty_box
 from .structure import FluxCorrectedMap, FullVolume, StructureConfig, SurfaceMapConfig
 
 
@@ -31,6 +31,19 @@ class _PaintConfig(Model):
 
     def mistakes(self) -> list[Mistake]:
         return empty_box(self.lower, self.upper)
+
+
+class _CoatingConfig(Model, builds="Coating"):
+    """Radiative properties of a part of the surface."""
+
+    emissivity: AnyFraction | None = None
+    absorptivity: AnyFraction | None = None
+    on: WhereConfig | None = None
+
+    def mistakes(self) -> list[Mistake]:
+        if self.emissivity is not None or self.absorptivity is not None:
+            return []
+        return [((), "missing `emissivity` or `absorptivity`: give one of them")]
 
 
 class _MotionConfig(Model, builds="Motion"):
@@ -80,6 +93,8 @@ class BodyConfig(Model, builds="Body"):
     """Name, properties, both, or a file of labels with a material for each."""
     regions: tuple[_PaintConfig, ...] = ()
     """Boxes of other materials, later ones on top."""
+    coatings: tuple[_CoatingConfig, ...] = ()
+    """Emissivity and absorptivity of parts of the surface, later ones on top."""
     temperature: si.Temperature
     """Temperature at the start [K]."""
     pose: AnyPose = PoseConfig()
@@ -104,6 +119,7 @@ class BodyConfig(Model, builds="Body"):
             temperature=self.temperature,
             pose=self.pose.build(),
             surface_map=self.surface_map.build(),
+            coatings=build(self.coatings),
         )
 
     def build_mesh(self) -> Any:

@@ -113,13 +113,18 @@ def _missing_bodies(data: dict[str, Any]) -> list[Mistake]:
 # The locations and numbers of bodies in a term as it is written.
 def _named_bodies(term: dict[str, Any]) -> Iterator[tuple[Location, Any]]:
     for key in ("on", "within", "cylinders"):
-        for part, value in _items(term.get(key)):
-            if part == "body":
-                yield (key, part), value
-            elif isinstance(value, dict):
-                yield (key, part, "body"), value.get("body")
+        yield from _bodies_within((key,), term.get(key))
     for i, body in _items(term.get("bodies")):
         yield ("bodies", i), body
+
+
+# Selections may be combinations of others, at any depth.
+def _bodies_within(where: Location, given: Any) -> Iterator[tuple[Location, Any]]:
+    for key, value in _items(given):
+        if key == "body":
+            yield (*where, key), value
+        else:
+            yield from _bodies_within((*where, key), value)
 
 
 def _items(value: Any) -> Iterable[tuple[str | int, Any]]:
@@ -129,13 +134,17 @@ def _items(value: Any) -> Iterable[tuple[str | int, Any]]:
 
 
 def _second_emission(data: dict[str, Any]) -> list[Mistake]:
-    kinds = [t.get("kind") if isinstance(t, dict) else None for t in _terms(data)]
-    found = [i for i, kind in enumerate(kinds) if kind in _EMISSION]
+    terms = [term if isinstance(term, dict) else {} for term in _terms(data)]
+    found = [i for i, term in enumerate(terms) if term.get("kind") in _EMISSION]
+    # Parts of the surface may have surroundings of their own.
+    if all(terms[i].get("on") is not None for i in found):
+        return []
     return [
         (
             ("terms", i),
-            f"{kinds[i]} would count the emission twice, after {kinds[found[0]]} in "
-            f"terms.{found[0]}: give one of them",
+            f"{terms[i]['kind']} would count the emission twice, after "
+            f"{terms[found[0]]['kind']} in terms.{found[0]}: give one of them, or each "
+            "its own `on`",
         )
         for i in found[1:]
     ]

@@ -1,6 +1,8 @@
-"""Selections: a side, a box, a whole body, or fragments that a file marks."""
+"""Selections: a side, a box, a whole body, fragments of a file, combinations."""
 
 import math
+import operator
+from functools import reduce
 from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
@@ -8,8 +10,8 @@ from pydantic import Field
 import jaxthermo
 
 from ..types.files import FoundPath, read_mask
-from ..types.model import Mistake, Model
-from ..types.quantities import Angle, Direction, Index, Position
+from ..types.model import Mistake, Model, build
+from ..types.quantities import Angle, Direction, Index, NotEmpty, Position
 
 
 class _SideConfig(Model, builds="Side"):
@@ -42,16 +44,59 @@ class _FragmentsConfig(Model, builds="FragmentMask"):
 
 
 class _Selection(Model):
-    """One of several ways to select a part of a body."""
+    """One of several ways to select a part of a body, or a combination of them."""
 
     region: _RegionConfig | None = None
     body: Index | None = None
 
+    # A key with the name of an operator of the language cannot be declared by a field.
+    def __init_subclass__(cls, **options: Any) -> None:
+        several = Annotated[tuple[cls, ...], NotEmpty] | None
+        combined = {"all": several, "any": several, "not": cls | None}
+        cls.__annotations__ = {**cls.__annotations__, **combined}
+        for key in combined:
+            setattr(cls, key, None)
+        super().__init_subclass__(**options)
+
+    @property
+    def _given(self) -> tuple[str, Any]:
+        # The first key with a value: mistakes are looked for even where there is none.
+        return next(((k, v) for k, v in self if v is not None), ("body", 0))
+
     def build(self, *args: Any) -> Any:
-        # Only `body` can be 0, and only alone: everything of that body.
-        given = (value for name, value in self if name != "body" and value is not None)
-        part = next(given, None)
-        return part.build() if part else jaxthermo.Everything(body=self.body or 0)
+        key, given = self._given
+        match key:
+            case "all":
+                return reduce(operator.and_, build(given))
+            case "any":
+                return reduce(operator.or_, build(given))
+            case "not":
+                return ~given.build()
+            case "body":
+                return jaxthermo.Everything(body=given)
+            case _:
+                return given.build()
+
+    @property
+    def bodies(self) -> set[int]:
+        """Numbers of the bodies that it is on."""
+        key, given = self._given
+        match key:
+            case "all":
+                return set.intersection(*(part.bodies for part in given))
+            case "any":
+                return set.union(*(part.bodies for part in given))
+            case "not":
+                return given.bodies
+            case "body":
+                return {given}
+            case _:
+                return {given.body}
+
+    def mistakes(self) -> list[Mistake]:
+        if self.bodies:
+            return []
+        return [(("all",), "its parts are on different bodies: no surface is on all")]
 
 
 class WhereConfig(_Selection):
@@ -60,13 +105,15 @@ class WhereConfig(_Selection):
     side: _SideConfig | None = None
     fragments: _FragmentsConfig | None = None
 
-    exactly_one: ClassVar = (("side", "region", "fragments", "body"),)
+    exactly_one: ClassVar = (
+        ("side", "region", "fragments", "body", "all", "any", "not"),
+    )
 
 
 class WithinConfig(_Selection):
     """The part of the inside on which a term acts."""
 
-    exactly_one: ClassVar = (("region", "body"),)
+    exactly_one: ClassVar = (("region", "body", "all", "any", "not"),)
 
 
 def empty_box(

@@ -42,6 +42,7 @@ class _SunConfig(_Switched, builds="Sun", kind="sun"):
     direction: TimeDirection
     irradiance: Varying[si.Irradiance]
     until: si.PositiveTime | None = None
+    on: WhereConfig | None = None
 
     switched: ClassVar = ("irradiance",)
 
@@ -53,6 +54,7 @@ class _PointSourceConfig(_Switched, builds="PointSource", kind="point_source"):
     radiant_intensity: Varying[si.RadiantIntensity]
     min_distance: si.PositiveLength = 0.01
     until: si.PositiveTime | None = None
+    on: WhereConfig | None = None
 
     switched: ClassVar = ("radiant_intensity",)
 
@@ -69,6 +71,7 @@ class _AreaSourceConfig(_Switched, builds="AreaSource", kind="area_source"):
     emissivity: si.Fraction | None = None
     patches: Annotated[si.Whole, Field(ge=1, le=64)] = 4
     until: si.PositiveTime | None = None
+    on: WhereConfig | None = None
 
     exactly_one: ClassVar = (("radiance", "temperature"),)
     switched: ClassVar = ("radiance", "temperature")
@@ -87,6 +90,7 @@ class _SurroundingsConfig(Model, builds="Surroundings", kind="surroundings"):
     ground: Varying[si.Temperature] | None = None
     occlusion: Directions | None = None
     linear_within: Annotated[si.Number, Field(gt=0, lt=1)] | None = None
+    on: WhereConfig | None = None
 
 
 class _RadiativeExchangeConfig(
@@ -97,6 +101,7 @@ class _RadiativeExchangeConfig(
     temperature: Varying[si.Temperature]
     max_patches: Annotated[si.Whole, Field(ge=6, le=4096)] = 128
     directions: Directions = 128
+    on: WhereConfig | None = None
 
 
 class _ConvectionConfig(Model, builds="Convection", kind="convection"):
@@ -136,6 +141,7 @@ class _WindConfig(Model, builds="Wind", kind="wind"):
     )
     cylinders: tuple[_CylinderConfig, ...] = ()
     wake: Annotated[_WakeDeficitConfig, Short("kind", "deficit")] | None = None
+    on: WhereConfig | None = None
 
     def mistakes(self) -> list[Mistake]:
         # The velocity of a wind of varying speed gives its direction.
@@ -150,6 +156,7 @@ class _FreeConvectionConfig(Model, builds="FreeConvection", kind="free_convectio
     temperature: Varying[si.Temperature]
     length: si.PositiveLength | None = None
     cylinders: tuple[_CylinderConfig, ...] = ()
+    on: WhereConfig | None = None
 
 
 class _HeatFluxConfig(_Switched, builds="HeatFlux", kind="heat_flux"):

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from jaxtyping import Bool, Int
+from jaxtyping import Bool, Float, Int
 from pydantic import AfterValidator, Field
 
 from ...errors import InputError
@@ -61,6 +61,20 @@ def read_mask(path: Path) -> Bool[np.ndarray, " s"]:
     if mask.ndim != 1 or mask.dtype != bool:
         raise _unlike(path, mask, "one true or false for each fragment")
     return mask
+
+
+def read_fractions(path: Path) -> Float[np.ndarray, " s"]:
+    """A number from 0 to 1 for each surface fragment.
+
+    Raises:
+        InputError: if the file contains anything but a list of them.
+    """
+    values = _read(path)
+    if values.ndim != 1 or values.dtype.kind not in "fiu":
+        raise _unlike(path, values, "one number for each fragment")
+    if not ((values >= 0) & (values <= 1)).all():
+        raise InputError(f"{path}: expected numbers from 0 to 1, there are others")
+    return values.astype(float)
 
 
 def _read(path: Path) -> np.ndarray:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Generic, Literal, Ty
 from pydantic import Discriminator, Tag
 
 from . import quantities as si
+from .files import FoundPath, read_fractions
 from .model import Mistake, Model, parts
 
 
@@ -89,6 +90,15 @@ def unequal(values: tuple, key: str, others: tuple, other_key: str) -> list[Mist
     return [((key,), f"there are {len(values)} {key} for {len(others)} {other_key}")]
 
 
+class _PerFragment(Model):
+    """A fraction for each surface fragment, from a file."""
+
+    fragments: FoundPath
+
+    def build(self, *args: Any) -> Any:
+        return read_fractions(self.fragments)
+
+
 # Pydantic tries all members of a plain union and reports the mistakes of each: these
 # functions select the one that is meant, by its form.
 def _form(value: Any) -> str:
@@ -131,6 +141,9 @@ TimeConductance = Annotated[
     | Annotated[Literal["bonded"], Tag("<bonded>")]
     | Annotated[_Table[si.ContactConductance], _TABLE],
     Discriminator(_or_bonded),
+]
+AnyFraction = Annotated[
+    Annotated[si.Fraction, _FIXED] | Annotated[_PerFragment, _TABLE], _EITHER
 ]
 AnyConductivity = Annotated[
     Annotated[si.Conductivity, _FIXED]

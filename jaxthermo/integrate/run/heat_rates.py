@@ -116,13 +116,17 @@ def _net_irradiation(
 def _irradiation(
     program: Program, nodes: Sequence[Float[Array, " _"]], time: Float[Array, ""]
 ) -> Float[Array, " p"] | None:
-    """Irradiation of the surface cells by surfaces as warm as their nodes [W/m^2]."""
+    """Irradiation of the surface cells by surfaces as warm as their nodes [W/m^2].
+
+    Surfaces of prescribed temperature radiate at that.
+    """
     if program.enclosure is None or program.surface is None:
         return None
     load = program.surface.by_cell
     with jax.named_scope("emission"):
-        _, here = load.conducting(nodes, _networks(program, load))
-        return program.enclosure.irradiation(time, here)
+        terms, here = load.conducting(nodes, _networks(program, load))
+        radiating = here + terms.prescribed_excess(time, here)
+        return program.enclosure.irradiation(time, radiating)
 
 
 def pair_conductance(contact: ContactLinks, time: Float[Array, ""]):

@@ -28,6 +28,7 @@ from typing_extensions import override
 from ...arrays import TimeVarying
 from ...errors import InputError
 from ...voxels.cylinders import Cylinder, given_cylinders, parts_of
+from ...voxels.selection import AbstractSelection
 from ..boundary import toward
 from ..flux_law import AbstractFluxLaw, Forcing
 from ..term import AbstractSurfaceTerm, Binding, BodySurface, Omitted, Surface
@@ -258,6 +259,8 @@ class FreeConvection(AbstractSurfaceTerm):
         static=True, default=None, converter=given_cylinders
     )
     """Cylinders of the bodies that they name; those of other bodies are detected."""
+    on: AbstractSelection | None = None
+    """Part of the surface that it cools."""
 
     def __check_init__(self):
         check_value(self.temperature, "FreeConvection(temperature [K])", 0.0)
@@ -277,7 +280,7 @@ class FreeConvection(AbstractSurfaceTerm):
     def bind(self, surface: Surface) -> tuple[Binding | Omitted, ...]:
         dtype, covers, still, rising = surface.dtype, [], [], []
         for body in surface.bodies:
-            exposed = body.exposed()
+            exposed = body.exposed(self.on)
             skipped = isinstance(exposed, Omitted)
             covers.append(exposed if skipped else (body.area, exposed))
             factors = np.zeros((2, len(body.area))) if skipped else self._factors(body)

@@ -25,6 +25,7 @@ from ...arrays import TimeVarying, is_traced
 from ...errors import InputError
 from ...raster.views import unit_vector
 from ...voxels.cylinders import Cylinder, given_cylinders, parts_of
+from ...voxels.selection import AbstractSelection
 from ..boundary import toward
 from ..flux_law import Forcing, Values
 from ..term import (
@@ -110,6 +111,8 @@ class Wind(AbstractSurfaceTerm):
     """Cylinders of the bodies that they name; those of other bodies are detected."""
     wake: TimeVarying | None = None
     """Speed ratio u / U by x / D behind another object, such as `WakeDeficit()`."""
+    on: AbstractSelection | None = None
+    """Part of the surface that it cools; the cylinders are those of whole bodies."""
 
     def __check_init__(self):
         check_value(self.temperature, "Wind(temperature [K])", 0.0)
@@ -143,7 +146,7 @@ class Wind(AbstractSurfaceTerm):
     def bind(self, surface: Surface) -> tuple[Binding | Omitted, ...]:
         if is_zero(self.strength):
             return (Omitted("the air stands still"),)
-        exposed = [body.exposed() for body in surface.bodies]
+        exposed = [body.exposed(self.on) for body in surface.bodies]
         omitted = tuple(each for each in exposed if isinstance(each, Omitted))
         if len(omitted) == len(exposed):
             return omitted

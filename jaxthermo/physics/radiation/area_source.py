@@ -21,6 +21,7 @@ from ...arrays import Scalar, TimeVarying, is_traced
 from ...constants import STEFAN_BOLTZMANN
 from ...errors import InputError
 from ...raster.views import unit_vector, view_frame
+from ...voxels.selection import AbstractSelection
 from ..flux_law import Forcing
 from ..time_varying import check_value, largest, value_at
 from .source import (
@@ -135,6 +136,8 @@ class AreaSource(AbstractSource):
     """Direction of the height, projected onto the rectangle."""
     patches: int = eqx.field(static=True, default=4)
     """Number of patches along each edge, each with its own shadow map."""
+    on: AbstractSelection | None = None
+    """Part of the surface that it heats; the rest casts shadows still."""
 
     def __check_init__(self):
         unit_vector(self.normal, "AreaSource(normal=)")

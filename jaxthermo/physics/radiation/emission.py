@@ -21,6 +21,7 @@ from typing_extensions import override
 from ...arrays import TimeVarying, is_traced
 from ...constants import STEFAN_BOLTZMANN
 from ...errors import InputError
+from ...voxels.selection import AbstractSelection
 from ..boundary import Exchange
 from ..flux_law import AbstractFluxLaw, Forcing
 from ..term import (
@@ -137,11 +138,13 @@ def _linear_error(temperature: Any, within: Forcing, end: float) -> float:
     return max(abs(4 / ((1 + r) * (1 + r * r)) - 1) for r in ratios)
 
 
-def emitting(body: BodySurface) -> Bool[np.ndarray, " s"] | Omitted:
-    """Exposed fragments of a body that emits."""
+def emitting(
+    body: BodySurface, on: AbstractSelection | None
+) -> Bool[np.ndarray, " s"] | Omitted:
+    """Selected fragments that emit, of the exposed ones."""
     if body.prune and is_zero(body.emissivity):
         return body.omitted("the surface has emissivity 0")
-    return body.exposed()
+    return body.exposed(on)
 
 
 class Surroundings(AbstractSurfaceTerm):
@@ -168,6 +171,8 @@ class Surroundings(AbstractSurfaceTerm):
     linear_within: float | None = eqx.field(static=True, default=None)
     """Largest relative error of the net emission [-] for which the linear law
     4 eps sigma T_s^3 (T_s - T) replaces it; None for never."""
+    on: AbstractSelection | None = None
+    """Part of the surface; several `Surroundings` may be on parts without overlap."""
 
     def __check_init__(self):
         within = self.linear_within
@@ -202,7 +207,7 @@ class Surroundings(AbstractSurfaceTerm):
 
     def _covers(self, body: BodySurface) -> list[Cover] | Omitted:
         """Emitting area of a body, for each of the temperatures."""
-        exposed = emitting(body)
+        exposed = emitting(body, self.on)
         if isinstance(exposed, Omitted):
             return exposed
         area = body.emissivity * body.area

@@ -25,6 +25,7 @@ from typing_extensions import override
 
 from ...arrays import TimeVarying, is_traced
 from ...constants import STEFAN_BOLTZMANN
+from ...voxels.selection import AbstractSelection
 from ..boundary import ImposedFlux, toward
 from ..flux_law import AbstractFluxLaw, Forcing, Values
 from ..term import (
@@ -97,6 +98,8 @@ class RadiativeExchange(AbstractExchangeTerm):
     """Largest number of patches of a body."""
     directions: int = eqx.field(static=True, default=DEFAULT_DIRECTIONS)
     """Number of directions in which view factors are sampled."""
+    on: AbstractSelection | None = None
+    """Part of the surface; what remains reflects, without taking or giving heat."""
 
     def __check_init__(self):
         check_value(self.temperature, "RadiativeExchange(temperature [K])", 0.0)
@@ -110,7 +113,7 @@ class RadiativeExchange(AbstractExchangeTerm):
         zero = jnp.zeros((), surface.dtype)
         # What the surface receives is found at every step.
         law = _Irradiated(zero, jnp.asarray(_base(surface), surface.dtype))
-        found = [(body, emitting(body)) for body in surface.bodies]
+        found = [(body, emitting(body, self.on)) for body in surface.bodies]
         return surface.bind(
             law,
             [
@@ -135,7 +138,10 @@ class RadiativeExchange(AbstractExchangeTerm):
             for b, own in zip(bodies, patches, strict=True)
         )
         first = np.cumsum([0, *(own.count for own in patches)])
-        grey = [b.emissivity * np.ones(len(b.position), b.dtype) for b in bodies]
+        # What exchanges no heat reflects all that it receives.
+        takes_part = [b.selected(self.on).astype(b.dtype) for b in bodies]
+        pairs = zip(bodies, takes_part, strict=True)
+        grey = [body.emissivity * part for body, part in pairs]
         return _enclosure(
             view_factors(patched, self.directions),
             np.concatenate([p.patch + n for p, n in zip(patches, first, strict=False)]),

@@ -25,6 +25,7 @@ from typing_extensions import override
 from ...arrays import Numbers, Points, TimeVarying
 from ...errors import InputError
 from ...raster.views import unit_vector
+from ...voxels.selection import AbstractSelection
 from ..boundary import ImposedFlux
 from ..flux_law import Forcing
 from ..term import (
@@ -62,6 +63,11 @@ class AbstractSource(AbstractSurfaceTerm):
     @abc.abstractmethod
     def strength(self) -> Any:
         """Irradiance for a unit of exposure: a number or a function of time."""
+
+    @property
+    @abc.abstractmethod
+    def on(self) -> AbstractSelection | None:
+        """Part of the surface that it heats; None for all that it shines on."""
 
     def __check_init__(self):
         field = self.location_field
@@ -123,7 +129,7 @@ class AbstractSource(AbstractSurfaceTerm):
         """Absorbing area of a body that the source sees, times the exposure."""
         if body.prune and is_zero(body.absorptivity):
             return body.omitted("the surface has absorptivity 0")
-        exposed = body.exposed()
+        exposed = body.exposed(self.on)
         if isinstance(exposed, Omitted):
             return exposed
         if _inside(body, self.points()).any():
@@ -166,6 +172,8 @@ class Sun(AbstractSource):
     """Direction of the rays, of any length, or a function of time [s] for it."""
     irradiance: TimeVarying
     """Irradiance normal to the rays [W/m^2]: a number or a function of time."""
+    on: AbstractSelection | None = None
+    """Part of the surface that it heats; the rest casts shadows still."""
 
     def __check_init__(self):
         check_value(self.irradiance, "Sun(irradiance [W/m^2])", 0.0)
@@ -239,6 +247,8 @@ class PointSource(AbstractSource):
     """I [W/sr], power over 4 pi: a number or a function of time."""
     min_distance: float = eqx.field(static=True, default=0.01)
     """R_0 [m]: closer surfaces receive the irradiance at this distance."""
+    on: AbstractSelection | None = None
+    """Part of the surface that it heats; the rest casts shadows still."""
 
     def __check_init__(self):
         what = "PointSource(radiant_intensity [W/sr])"

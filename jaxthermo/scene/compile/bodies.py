@@ -108,9 +108,14 @@ def surface_property(body: Body, field: str, dtype: Any) -> Float[Values, "*s"]:
     material, grid = body.material, body.structure.grid
     # One material needs no array of its property.
     if isinstance(material, AbstractMaterials):
-        return material.table(field, dtype)[material.of_fragments(grid)]
-    value = getattr(material, field)
-    return jnp.asarray(value, dtype) if is_traced(value) else np.asarray(value, dtype)
+        found = material.table(field, dtype)[material.of_fragments(grid)]
+    else:
+        value = getattr(material, field)
+        xp: Any = jnp if is_traced(value) else np
+        found = xp.asarray(value, dtype)
+    for coating in body.coatings:
+        found = coating.over(found, field, grid)
+    return found
 
 
 def _half_cells(body: Body, reference: Scalar, dtype: Any) -> Float[Values, " s"]:
@@ -152,7 +157,9 @@ def temperature_bounds(
     imposed = sum(jnp.maximum(forcing.heat_flux, 0.0) for forcing in forcings)
     bound = jnp.stack([jnp.asarray(v, float) for v in highest]).max()
     least = []
-    for material in (body.material for body in scene.bodies):
+    for body in scene.bodies:
+        material, coats = body.material, [c.emissivity for c in body.coatings]
+        least += [jnp.min(jnp.asarray(c, float)) for c in coats if c is not None]
         several = isinstance(material, AbstractMaterials)
         given = material.table("emissivity", float) if several else material.emissivity
         least.append(jnp.min(jnp.asarray(given, float)))

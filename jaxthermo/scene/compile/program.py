@@ -153,7 +153,8 @@ class Program(eqx.Module):
         terms = self.fragment_terms.conducting(together(relative, below))
         joined = jnp.concatenate(below) if below[1:] else below[0]
         if self.fine_enclosure is not None:
-            received = self.fine_enclosure.irradiation(time, joined)
+            radiating = joined + terms.prescribed_excess(time, joined)
+            received = self.fine_enclosure.irradiation(time, radiating)
             terms = terms.irradiated(received)
         ends = np.cumsum([len(each) for each in below])[:-1].tolist()
         excess = terms.surface_excess(time, joined)

@@ -156,6 +156,7 @@ def _fragment_terms(snapshot: Snapshot, names: dict[int, str]) -> SurfaceTerms:
         half_cell=concatenated(half_cells),
         natural=each(snapshot.natural),
         prescribed=each(snapshot.prescribed),
+        radiating=each(snapshot.radiating),
     )
 
 

@@ -1,6 +1,7 @@
 """Snapshots: the geometry of a scene, its contacts and bound terms at one moment.
 
-Terms that prescribe a temperature are bound first: no other term acts there.
+Terms that prescribe a temperature are bound first: no other term acts there. What a
+surface of prescribed temperature radiates to others is bound separately.
 """
 
 from collections.abc import Sequence
@@ -8,7 +9,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from ...errors import InputError
 from ...geometry.mesh import Pose
@@ -16,6 +17,7 @@ from ...physics.contact.rays import PlacedGrid
 from ...physics.contact.search import ContactPairs, contacts_between
 from ...physics.flux_law import Forcing
 from ...physics.term import (
+    AbstractExchangeTerm,
     AbstractPairTerm,
     AbstractSurfaceTerm,
     AbstractTerm,
@@ -45,6 +47,8 @@ class Snapshot(NamedTuple):
     natural: _NumberedBindings
     """Terms that give a flux, where no temperature is prescribed."""
     prescribed: _NumberedBindings
+    radiating: _NumberedBindings
+    """Exchange of surfaces whose temperature is prescribed with others."""
     omitted: tuple[tuple[int, Omitted], ...]
     """Surface terms that do not act on a body, by their number."""
     pairs: dict[PairKey, ContactPairs]
@@ -54,7 +58,7 @@ class Snapshot(NamedTuple):
     @property
     def bindings(self) -> _NumberedBindings:
         """All bindings, natural ones first."""
-        return (*self.natural, *self.prescribed)
+        return (*self.natural, *self.prescribed, *self.radiating)
 
 
 def snapshot_times(scene: Scene, end: float) -> tuple[float, ...]:
@@ -102,11 +106,13 @@ def take_snapshots(
         return snapshots
     keep = [bool(where.any()) for where in acting(snapshots)]
     pick = lambda row, flags: tuple(x for x, k in zip(row, flags, strict=True) if k)
-    count = len(snapshots[0].natural)
+    one = len(snapshots[0].natural)
+    two = one + len(snapshots[0].prescribed)
     return [
         snapshot._replace(
-            natural=pick(snapshot.natural, keep[:count]),
-            prescribed=pick(snapshot.prescribed, keep[count:]),
+            natural=pick(snapshot.natural, keep[:one]),
+            prescribed=pick(snapshot.prescribed, keep[one:two]),
+            radiating=pick(snapshot.radiating, keep[two:]),
         )
         for snapshot in snapshots
     ]
@@ -218,36 +224,72 @@ def _find_contacts(
 def _bind_terms(
     terms: Sequence[AbstractTerm], surface: Surface
 ) -> tuple[
-    Surface, _NumberedBindings, _NumberedBindings, tuple[tuple[int, Omitted], ...]
+    Surface,
+    _NumberedBindings,
+    _NumberedBindings,
+    _NumberedBindings,
+    tuple[tuple[int, Omitted], ...],
 ]:
-    """The first fields of a snapshot: natural and prescribed bindings, and omissions.
+    """The first fields of a snapshot, up to the omissions.
 
     Raises:
-        InputError: if two terms prescribe the temperature of one piece of surface.
+        InputError: if two terms prescribe the temperature of one piece of surface, or
+            both compute its emission.
     """
     acts = [(n, t) for n, t in enumerate(terms) if isinstance(t, AbstractSurfaceTerm)]
     omitted: list[tuple[int, Omitted]] = []
 
-    def bind(is_dirichlet: bool, where: Surface) -> _NumberedBindings:
-        chosen = [(n, term) for n, term in acts if term.is_dirichlet == is_dirichlet]
+    def bind(chosen, where: Surface) -> _NumberedBindings:
         found = [(n, each) for n, term in chosen for each in term.bind(where)]
         omitted.extend((n, each) for n, each in found if isinstance(each, Omitted))
         return tuple((n, each) for n, each in found if not isinstance(each, Omitted))
 
-    prescribed = bind(True, surface)
-    # Number of the term that prescribes the temperature of each fragment.
+    prescribed = bind([(n, t) for n, t in acts if t.is_dirichlet], surface)
+    taken = _claimed(prescribed, surface, "hold", "at a temperature")
+    # What other terms bring there has no effect: they are not bound.
+    rest, held = _within(surface, taken < 0), _within(surface, taken >= 0)
+    natural = bind([(n, t) for n, t in acts if not t.is_dirichlet], rest)
+    # But what others receive from there has one, and is part of the balance.
+    exchanging = [(n, t) for n, t in acts if isinstance(t, AbstractExchangeTerm)]
+    unseen = len(omitted)
+    radiating = bind(exchanging, held) if (taken >= 0).any() else ()
+    del omitted[unseen:]
+    reached = {
+        (n, body)
+        for n, binding in radiating
+        for body, own in enumerate(surface.apart(binding.acts))
+        if own.any()
+    }
+    omitted = [(n, each) for n, each in omitted if (n, each.body) not in reached]
+    emits = {n for n, term in acts if term.name == "emission"}
+    emission = [(n, each) for n, each in (*natural, *radiating) if n in emits]
+    _claimed(emission, surface, "count the emission of", "")
+    return rest, natural, prescribed, radiating, tuple(omitted)
+
+
+def _claimed(
+    bindings: Sequence[tuple[int, Binding]], surface: Surface, verb: str, what: str
+) -> Int[np.ndarray, " s"]:
+    """Number of the term that each fragment belongs to, or -1.
+
+    Raises:
+        InputError: with these words, if two terms claim one fragment.
+    """
     taken = np.full(len(surface.body), -1)
-    for number, binding in prescribed:
-        before, body = taken[binding.acts], surface.body[binding.acts]
-        if (before >= 0).any():
+    for number, binding in bindings:
+        other = binding.acts & (taken >= 0) & (taken != number)
+        if other.any():
             raise InputError(
-                f"terms[{before.max()}] and terms[{number}] both hold a piece of body "
-                f"{body[before >= 0][0]}'s surface at a temperature: keep their `on` "
-                "apart"
+                f"terms[{taken[other].max()}] and terms[{number}] both {verb} a piece "
+                f"of body {surface.body[other][0]}'s surface {what}".rstrip()
+                + ": keep their `on` apart"
             )
         taken[binding.acts] = number
-    # What other terms bring there has no effect: they are not bound.
-    pairs = zip(surface.bodies, surface.apart(taken < 0), strict=True)
-    bodies = tuple(replace(body, natural=body.natural & free) for body, free in pairs)
-    rest = replace(surface, bodies=bodies)
-    return rest, bind(False, rest), prescribed, tuple(omitted)
+    return taken
+
+
+def _within(surface: Surface, part: Bool[np.ndarray, " s"]) -> Surface:
+    """The surface with natural boundaries on a part of it alone."""
+    pairs = zip(surface.bodies, surface.apart(part), strict=True)
+    bodies = tuple(replace(body, natural=body.natural & own) for body, own in pairs)
+    return replace(surface, bodies=bodies)

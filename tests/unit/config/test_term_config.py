@@ -84,7 +84,20 @@ TERMS = {
         average="profile", wake=jt.WakeDeficit(amplitude=0.9),
         cylinders=[jt.Cylinder((0.0, 0.0, 0.01), (0.0, 0.0, 1.0), 0.03, body=1)],
     ),
+    "{kind: sun, direction: [0, 0, -1], irradiance: 9, on: {not: {any: [{body: 1}, "
+    "{side: {normal: [1, 0, 0]}}]}}}": jt.Sun(
+        (0.0, 0.0, -1.0), 9.0, on=~(jt.Everything(1) | jt.Side((1.0, 0.0, 0.0)))
+    ),
     "{kind: free_convection, temperature: 290}": jt.FreeConvection(290.0),
+    "{kind: free_convection, temperature: 290, on: {all: [{side: {normal: [1, 0, 0]}}, "
+    "{region: {lower: [0, 0, 0], upper: [1, 1, 1]}}]}}": jt.FreeConvection(
+        290.0, on=jt.Side((1.0, 0.0, 0.0))
+        & jt.Region((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+    ),
+    "{kind: heat_source, heat_rate_density: 5, within: {not: {region: {lower: [0, 0, "
+    "0], upper: [1, 1, 1]}}}}": jt.HeatSource(
+        5.0, within=~jt.Region((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+    ),
     "{kind: free_convection, temperature: 290, length: 4 cm}": (
         jt.FreeConvection(290.0, length=0.04)
     ),
@@ -272,7 +285,15 @@ def test_fragments_by_a_file(scene, tmp_path, marks):
         ("{kind: heat_source, heat_rate_density: 5, within: {body: 2}}",
          "terms.0.within.body: there is no body 2"),
         ("{kind: heat_flux, heat_flux: 5, on: {body: 0, side: {normal: [1, 0, 0]}}}",
-         "terms.0.on.body: give `side` or `region` or `fragments` or `body`, not sev"),
+         "terms.0.on.body: give `side` or `region` or `fragments` or `body` or `all` "),
+        ("{kind: wind, velocity: [1, 0, 0], temperature: 290, on: {any: [{body: 0}, "
+         "{not: {body: 2}}]}}", "terms.0.on.any.1.not.body: there is no body 2"),
+        ("{kind: heat_flux, heat_flux: 5, on: {all: [{body: 0}, {body: 1}]}}",
+         "terms.0.on.all: its parts are on different bodies"),
+        ("{kind: heat_flux, heat_flux: 5, on: {any: []}}",
+         "terms.0.on.any: must not be empty"),
+        ("{kind: heat_flux, heat_flux: 5, on: {not: {sid: 1}}}",
+         "terms.0.on.not.sid: unknown key"),
         ("{kind: contact, conductance: bondet}",
          "expected a contact conductance ('bonded' for no resistance) such as"),
         ("{kind: contact, conductance: -1}", "terms.0.conductance: must be at least 0"),

@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 
 from jaxthermo.errors import InputError
-from jaxthermo.voxels.selection import Everything, FragmentMask, Region
+from jaxthermo.voxels.selection import (
+    AbstractSpace,
+    Everything,
+    FragmentMask,
+    Region,
+    Side,
+)
 
 
 POSITION = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]])
@@ -49,3 +55,50 @@ def test_everything_is_all_of_a_body():
 def test_a_region_chooses_the_surface_in_it():
     region = Region(lower=(0.5, -1.0, -1.0), upper=(5.0, 1.0, 1.0))
     np.testing.assert_array_equal(region.select(POSITION, NORMAL), [False, True, True])
+
+
+FACES = np.concatenate([np.eye(3), -np.eye(3)])
+UPPER = Region(lower=(-9.0, -9.0, 0.5), upper=(9.0, 9.0, 9.0))
+ODD = FragmentMask(np.arange(6) % 2 == 1)
+TOP = Side((0.0, 0.0, 1.0))
+
+
+def flags(on) -> list[bool]:
+    return on.select(FACES, FACES).tolist()
+
+
+def test_selections_combine_like_sets():
+    top, odd, upper = (np.array(flags(on)) for on in (TOP, ODD, UPPER))
+    assert flags(TOP | ODD) == (top | odd).tolist()
+    assert flags(ODD & UPPER) == (odd & upper).tolist() != odd.tolist()
+    assert flags(~ODD) == (~odd).tolist()
+    # De Morgan's laws, and a combination of combinations.
+    assert flags(~(ODD | UPPER)) == flags(~ODD & ~UPPER)
+    assert flags(~(TOP & ODD)) == flags(~TOP | ~ODD)
+    assert flags((TOP | ODD) & ~UPPER) == ((top | odd) & ~upper).tolist()
+    assert hash(TOP | ~ODD) == hash(TOP | ~ODD)
+    assert repr(~UPPER & ODD).startswith("(~Region(lower=")
+
+
+def test_combined_parts_of_space_are_one():
+    inner = Region(lower=(-1.0, -1.0, -1.0), upper=(1.0, 1.0, 0.75))
+    both = UPPER & ~inner
+    assert isinstance(both, AbstractSpace)
+    points = np.array([[0, 0, 0.6], [0, 0, 0.8], [0, 0, 0.4]])
+    np.testing.assert_array_equal(both.contains(points), [False, True, False])
+    assert not isinstance(UPPER & TOP, AbstractSpace)
+
+
+def test_a_combination_is_on_the_bodies_of_its_parts():
+    either = Everything(0) | ~Side((0.0, 0.0, 1.0), body=2)
+    assert either.bodies == (0, 2)
+    assert either.on_body(1) is None
+    assert flags(either.on_body(0)) == [True] * 6
+    assert flags(either.on_body(2)) == flags(~TOP)
+    one = either & Side((1.0, 0.0, 0.0), body=2)
+    assert one.bodies == (2,)
+    assert flags(one.on_body(2)) == flags(Side((1.0, 0.0, 0.0)))
+    with pytest.raises(InputError, match="on different bodies and have nothing in co"):
+        TOP & Everything(1)
+    with pytest.raises(InputError, match="combine selections only"):
+        TOP | 3  # pyright: ignore[reportOperatorIssue]

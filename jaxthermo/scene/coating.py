@@ -1,0 +1,108 @@
+"""Coatings: radiative properties of a part of a body's surface."""
+
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from ..arrays import Numbers, is_traced
+from ..errors import InputError
+from ..physics.flux_law import Values
+from ..voxels.grid import VoxelGrid
+from ..voxels.selection import AbstractSelection
+
+
+class Coating(eqx.Module):
+    """Emissivity and absorptivity of a part of a body, instead of its material's.
+
+    A coating changes the radiative properties alone: it has no thickness. Later ones of
+    a body are on top.
+
+    Example:
+        >>> import jaxthermo as jt
+        >>> tape = jt.Coating(0.95, on=jt.Side((0.0, 0.0, 1.0)))
+        >>> white = jt.Coating(0.9, absorptivity=0.2)
+    """
+
+    emissivity: Numbers | None
+    """eps [-]; None for the material's."""
+    given_absorptivity: Numbers | None
+    on: AbstractSelection | None
+
+    def __init__(
+        self,
+        emissivity: Numbers | None = None,
+        absorptivity: Numbers | None = None,
+        on: AbstractSelection | None = None,
+    ):
+        """Define a coating by numbers from 0 to 1, or by one for each fragment.
+
+        Args:
+            emissivity: eps in the long-wave infrared [-], one number or one for each
+                fragment of the body; the material's if not given.
+            absorptivity: for radiation sources such as the sun [-], likewise; by
+                default the emissivity of the coating.
+            on: part of the surface; all of it if not given. The number of the body in
+                it is not used.
+
+        Raises:
+            InputError: for a value out of range, or without any value.
+        """
+        if emissivity is None and absorptivity is None:
+            raise InputError("Coating(): give an emissivity, an absorptivity, or both")
+        self.emissivity = _fractions("emissivity", emissivity)
+        self.given_absorptivity = _fractions("absorptivity", absorptivity)
+        self.on = on
+
+    @property
+    def absorptivity(self) -> Numbers | None:
+        """Fraction of a source's radiation that is absorbed [-]."""
+        if self.given_absorptivity is None:
+            return self.emissivity
+        return self.given_absorptivity
+
+    def over(
+        self, below: Float[Values, "*_"], field: str, grid: VoxelGrid
+    ) -> Float[Values, "*s"]:
+        """One of its properties where it is, and that of the surface below elsewhere.
+
+        Raises:
+            InputError: if it selects no surface, or has values for another number of
+                fragments.
+        """
+        own: Any = getattr(self, field)
+        if own is None:
+            return below
+        count = len(grid.fragment_area)
+        if np.ndim(own) and np.shape(own) != (count,):
+            raise InputError(
+                f"Coating({field}=): {np.shape(own)[0]} values for a body of {count} "
+                "fragments: give one number, or one for each fragment"
+            )
+        where = np.ones(count, bool)
+        if self.on is not None:
+            where = self.on.select(grid.fragment_position, grid.fragment_normal)
+        if not where.any():
+            raise InputError(
+                f"Coating(on={self.on!r}) selects no surface of its body: check its "
+                "corners or its normal, which are in the body's own frame, in metres"
+            )
+        xp: Any = jnp if is_traced((own, below)) else np
+        return xp.where(where, xp.asarray(own, below.dtype), below)
+
+
+def _fractions(name: str, given: Any) -> Any:
+    if given is None or is_traced(given):
+        return given
+    try:
+        values = np.asarray(given, float)
+    except (TypeError, ValueError):
+        values = np.full(1, np.nan)
+    if values.ndim > 1 or not ((values >= 0) & (values <= 1)).all():
+        raise InputError(
+            f"Coating({name}=): give a number from 0 to 1, or a list with one for each "
+            "fragment"
+        )
+    return values if values.ndim else float(values)

@@ -1,0 +1,93 @@
+"""Emissivity and absorptivity of parts of a surface."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from jaxthermo.integrate.run.heat_rates import evaluate_rates
+from jaxthermo.scene.compile.compile import compile_scene
+
+
+RATES = eqx.filter_jit(evaluate_rates)
+GRID = jt.voxelize(jt.shapes.box((0.03, 0.04, 0.05)), 0.01)
+METAL = jt.Material(1e9, 2000.0, 500.0, emissivity=0.3, absorptivity=0.5)
+TOP = jt.Side((0.0, 0.0, 1.0))
+TERMS = (jt.Surroundings(300.0), jt.Sun((0.0, 0.0, -1.0), 1000.0))
+NET = 5.670374419e-8 * (300.0**4 - 400.0**4)
+
+
+def rates(*coatings, material=METAL):
+    """Heat rates of emission and of the sun at the start [W]."""
+    body = jt.Body(jt.FullVolume(GRID), material, temperature=400.0, coatings=coatings)
+    compiled = compile_scene(jt.Scene((body,), TERMS, dtype="float64"))
+    zero = jnp.zeros((), float)
+    return RATES(compiled.program, compiled.state, zero)[1]
+
+
+def test_a_coating_replaces_what_is_below():
+    area, lit = GRID.fragment_area.sum(), 0.03 * 0.04
+    painted = rates(jt.Coating(0.95, on=TOP))
+    emitting = 0.3 * (area - lit) + 0.95 * lit
+    assert painted == pytest.approx([emitting * NET, 0.95 * lit * 1000.0], rel=1e-6)
+    # White paint, over all of it; then a mirror on top of the paint.
+    mirror = jt.Coating(0.0, absorptivity=0.1, on=TOP | jt.Side((1.0, 0.0, 0.0)))
+    white = rates(jt.Coating(0.9, absorptivity=0.2), mirror)
+    emitting = 0.9 * (area - lit - 0.04 * 0.05)
+    assert white == pytest.approx([emitting * NET, 0.1 * lit * 1000.0], rel=1e-6)
+    # An absorptivity alone leaves the emissivity of the material.
+    dark = rates(jt.Coating(absorptivity=1.0))
+    assert dark == pytest.approx([0.3 * area * NET, lit * 1000.0], rel=1e-6)
+
+
+def test_each_fragment_may_have_its_own_and_so_may_materials():
+    emissivity = np.linspace(0.0, 1.0, len(GRID.fragment_area))
+    found = rates(jt.Coating(emissivity, absorptivity=0.0))
+    assert found[0] == pytest.approx(
+        (emissivity * GRID.fragment_area).sum() * NET, 1e-6
+    )
+    half = jt.Region((-1.0, -1.0, 0.0), (1.0, 1.0, 1.0))
+    two = jt.MaterialMap(METAL, ((half, jt.Material(1e9, 2000.0, 500.0, 0.7)),))
+    assert rates(jt.Coating(0.5), material=two) == pytest.approx(
+        np.asarray(rates(jt.Coating(0.5)))
+    )
+
+
+def test_the_surface_of_a_solution_has_it():
+    body = jt.Body(
+        jt.FullVolume(GRID),
+        METAL,
+        temperature=400.0,
+        coatings=(jt.Coating(0.9, on=TOP),),
+    )
+    (surface,) = compile_scene(jt.Scene((body,), TERMS)).surfaces
+    top = TOP.select(GRID.fragment_position, GRID.fragment_normal)
+    np.testing.assert_allclose(surface.emissivity, np.where(top, 0.9, 0.3), rtol=1e-7)
+    np.testing.assert_allclose(surface.absorptivity, np.where(top, 0.9, 0.5), rtol=1e-7)
+
+
+def test_its_gradient_is_that_of_a_finite_difference():
+    heat = lambda value: rates(jt.Coating(value, on=TOP))[0]
+    slope = float(jax.grad(heat)(0.8))
+    assert slope == pytest.approx(float(heat(0.85) - heat(0.75)) / 0.1, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: jt.Coating(), "give an emissivity, an absorptivity, or both"),
+        (lambda: jt.Coating(1.5), r"Coating\(emissivity=\): give a number from 0 to 1"),
+        (lambda: jt.Coating("white"), "give a number from 0 to 1"),
+        (lambda: jt.Coating(0.5, [0.2, -0.1]), r"Coating\(absorptivity=\): give"),
+        (lambda: rates(jt.Coating([0.5, 0.6])), "2 values for a body of 94 fragments"),
+        (
+            lambda: rates(jt.Coating(0.5, on=TOP & ~TOP)),
+            r"Coating\(on=.* selects no surface of its body",
+        ),
+    ],
+)
+def test_a_mistake_is_one_line(make, message):
+    with pytest.raises(jt.InputError, match=message):
+        make()

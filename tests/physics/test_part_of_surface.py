@@ -1,0 +1,183 @@
+"""Terms on a part of the surface: both parts together are the whole."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from jaxthermo.integrate.run.heat_rates import evaluate_rates
+from jaxthermo.scene.compile.compile import compile_scene
+from tests.radiating import surface_of, whole
+
+
+RATES = eqx.filter_jit(evaluate_rates)
+GRID = jt.voxelize(jt.shapes.box((0.03, 0.04, 0.05)), 0.01)
+UPPER = jt.Region((-1.0, -1.0, 0.0), (1.0, 1.0, 1.0)) & ~jt.Side((1.0, 0.0, 0.0))
+METAL = jt.Material(50.0, density=2000.0, specific_heat=500.0, emissivity=0.8)
+
+TERMS = {
+    "sun": lambda on: jt.Sun((-1.0, -0.5, -1.0), 800.0, on=on),
+    "point source": lambda on: jt.PointSource((0.1, 0.1, 0.1), 5.0, on=on),
+    "area source": lambda on: jt.AreaSource(
+        (0.0, 0.2, 0.2), (0.0, -1.0, -1.0), (0.1, 0.1), 50.0, patches=1, on=on
+    ),
+    "surroundings": lambda on: jt.Surroundings(250.0, ground=290.0, on=on),
+    "exchange": lambda on: jt.RadiativeExchange(250.0, on=on),
+    "wind": lambda on: jt.Wind((0.0, 2.0, 0.0), 290.0, on=on),
+    "free convection": lambda on: jt.FreeConvection(290.0, on=on),
+}
+
+
+@pytest.mark.parametrize("make", TERMS.values(), ids=TERMS)
+def test_two_parts_are_the_whole(make):
+    surface = whole(surface_of(GRID), surface_of(GRID, body=1))
+    chosen = UPPER.select(GRID.fragment_position, GRID.fragment_normal)
+    one, rest, both = (make(on).bind(surface) for on in (UPPER, ~UPPER, None))
+    acting = lambda found: [each for each in found if isinstance(each, jt.Binding)]
+    for part, other, every in zip(*map(acting, (one, rest, both)), strict=True):
+        first, second = np.split(np.asarray(part.effective_area), 2)
+        assert first.any() and not first[~chosen].any() and not second.any()
+        assert not part.acts[len(chosen) :].any()
+        half, nothing = np.split(np.asarray(every.effective_area), 2)
+        np.testing.assert_array_equal(
+            first + np.split(other.effective_area, 2)[0], half
+        )
+        assert nothing.any()
+    assert [each for each in one if isinstance(each, jt.Omitted)] == [
+        jt.Omitted("`on` is on another body", 1)
+    ]
+
+
+def entries(scene: jt.Scene) -> dict[tuple[str, int], float]:
+    """Heat rate of each mechanism on each body at the start [W]."""
+    compiled = compile_scene(scene)
+    zero = jnp.zeros((), scene.dtype)
+    _, rates = RATES(compiled.program, compiled.state, zero)
+    found = zip(compiled.program.entries, np.asarray(rates).tolist(), strict=True)
+    return {(name, *bodies): rate for (name, bodies), rate in found}
+
+
+def body(x=0.0, kelvin=400.0, material=METAL, grid=GRID) -> jt.Body:
+    pose = jt.Pose((x, 0.0, 0.0))
+    return jt.Body(jt.FullVolume(grid), material, temperature=kelvin, pose=pose)
+
+
+def test_parts_have_surroundings_of_their_own():
+    """Black at 400 K: each part emits sigma A (T^4 - T_s^4)."""
+    black = jt.Material(1e6, density=2000.0, specific_heat=500.0, emissivity=1.0)
+    terms = (jt.Surroundings(200.0, on=UPPER), jt.Surroundings(300.0, on=~UPPER))
+    found = entries(jt.Scene((body(material=black),), terms, dtype="float64"))
+    chosen = UPPER.select(GRID.fragment_position, GRID.fragment_normal)
+    area = GRID.fragment_area
+    sigma = 5.670374419e-8
+    exact = {
+        ("emission", 0): sigma * area[chosen].sum() * (200.0**4 - 400.0**4),
+        ("emission#2", 0): sigma * area[~chosen].sum() * (300.0**4 - 400.0**4),
+    }
+    assert found == pytest.approx(exact, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("terms", "message"),
+    [
+        (
+            (
+                jt.Surroundings(280.0, on=UPPER),
+                jt.Surroundings(290.0, on=jt.Everything()),
+            ),
+            "both count the emission of a piece of body 0's surface: keep their `on`",
+        ),
+        (
+            (jt.Surroundings(280.0, on=UPPER), jt.RadiativeExchange(290.0)),
+            "would count the emission twice",
+        ),
+        (
+            (
+                jt.RadiativeExchange(280.0, on=UPPER),
+                jt.RadiativeExchange(1.0, on=~UPPER),
+            ),
+            "two RadiativeExchange would not see",
+        ),
+    ],
+)
+def test_no_surface_emits_twice(terms, message):
+    with pytest.raises(jt.InputError, match=message):
+        compile_scene(jt.Scene((body(),), terms))
+
+
+def test_what_takes_no_part_in_the_exchange_reflects():
+    """In a reflecting room a body receives what it emits, whatever is outside."""
+    room = jt.voxelize(_room(0.06, 0.08), 0.01)
+    ball = jt.voxelize(jt.shapes.box((0.02, 0.02, 0.02)), 0.01)
+    bodies = (body(grid=ball), body(kelvin=250.0, grid=room))
+    exchange = jt.RadiativeExchange(200.0, max_patches=24, directions=64)
+    whole = entries(jt.Scene(bodies, (exchange,), dtype="float64"))
+    alone = jt.RadiativeExchange(
+        200.0, max_patches=24, directions=64, on=jt.Everything(0)
+    )
+    only = entries(jt.Scene(bodies, (alone,), dtype="float64"))
+    assert set(only) == {("emission", 0)}
+    print("without and with the room", only, whole)
+    assert whole["emission", 0] < -1.0
+    # A perfect mirror is replaced by an absorptivity of 1e-6.
+    assert abs(only["emission", 0]) < 1e-4 * abs(whole["emission", 0])
+
+
+def _room(inner: float, outer: float) -> jt.Mesh:
+    hole, block = jt.shapes.box((inner,) * 3), jt.shapes.box((outer,) * 3)
+    return jt.Mesh(
+        np.concatenate([block.vertices, hole.vertices]),
+        np.concatenate([block.faces, hole.faces[:, ::-1] + len(block.vertices)]),
+        "room",
+    )
+
+
+PLATE = jt.voxelize(jt.shapes.box((0.02, 0.06, 0.06)), 0.01)
+EXCHANGE = jt.RadiativeExchange(300.0, max_patches=24, directions=48)
+
+
+def _facing(term, material=METAL, start=300.0, exchange=EXCHANGE):
+    bodies = (
+        body(kelvin=start, material=material, grid=PLATE),
+        body(x=0.03, kelvin=300.0, grid=PLATE),
+    )
+    terms = (exchange,) if term is None else (exchange, term)
+    return jt.Scene(bodies, terms, dtype="float64")
+
+
+HOT = jt.FixedTemperature(600.0, on=jt.Everything(0))
+
+
+def test_a_surface_of_fixed_temperature_radiates_like_any_other():
+    """Beside a body that conducts so well that its surface is at its temperature."""
+    copper = jt.Material(1e9, density=2000.0, specific_heat=500.0, emissivity=0.8)
+    # An insulator, whose nodes are 300 K colder than its surface.
+    wool = jt.Material(0.05, density=100.0, specific_heat=800.0, emissivity=0.8)
+    held = entries(_facing(HOT, wool))
+    hot = entries(_facing(None, copper, start=600.0))
+    print("held", held, "hot", hot)
+    for number in (0, 1):
+        key = ("emission", number)
+        assert held[key] == pytest.approx(hot[key], rel=1e-6)
+    assert held["emission", 1] > 0
+    # What keeps the temperature supplies the radiation and heats the inside.
+    inward = entries(_facing(HOT, wool, exchange=jt.Surroundings(300.0)))
+    supplied = held["fixed_temperature", 0] + held["emission", 0]
+    assert supplied == pytest.approx(inward["fixed_temperature", 0], rel=1e-12)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "solver", [None, jt.BackwardEuler(dt=1.0)], ids=["", "implicit"]
+)
+@pytest.mark.parametrize("dtype", ["float32", "float64"])
+def test_the_heat_of_a_fixed_temperature_closes(solver, dtype):
+    side = jt.FixedTemperature(600.0, on=jt.Side((1.0, 0.0, 0.0)))
+    scene = _facing(side, exchange=EXCHANGE)
+    scene = jt.Scene(scene.bodies, scene.terms, dtype=dtype)
+    run = jt.simulate(scene, 20.0, solver=solver)
+    for own in run.energy.bodies:
+        assert np.abs(own.residual_relative).max() < (1e-5, 1e-12)[dtype == "float64"]
+    held = run.energy.bodies[0].mechanisms
+    assert held["fixed_temperature"][0] > -held["emission"][0] > 0
