@@ -1,7 +1,11 @@
-"""Physical constants, CODATA 2018 (exact since the 2019 SI), in SI units."""
+"""Physical constants, CODATA 2018 (exact since the 2019 SI), and limits, in SI."""
 
 STEFAN_BOLTZMANN = 5.670374419e-8
 """Stefan-Boltzmann constant [W/(m^2 K^4)]."""
 
 ZERO_CELSIUS = 273.15
 """0 degC [K]."""
+
+MIN_TEMPERATURE, MAX_TEMPERATURE = 150.0, 6000.0
+"""Bounds of what a user means by a temperature [K]: a lower number is most likely in
+degrees Celsius, and the surface of the sun is at 5772 K."""

@@ -103,7 +103,7 @@ def _build_scenes(configs: Mapping[str, SceneConfig]) -> dict[str, Scene]:
             scenes[name] = config.build()
         else:
             terms = tuple(term.build() for term in config.terms)
-            scenes[name] = Scene(scenes[first].bodies, terms, config.dtype)
+            scenes[name] = config.scene(scenes[first].bodies, terms)
     return scenes
 
 

@@ -45,7 +45,8 @@ def single(
 ) -> jt.Scene:
     """One body in its full volume; arguments as of `Body`, and terms."""
     body = jt.Body(jt.FullVolume(grid), material, temperature=temperature)
-    return jt.Scene((body,), terms, dtype=dtype)
+    # Some cases start at 0 K.
+    return jt.Scene((body,), terms, dtype=dtype, allow_extreme_temperatures=True)
 
 
 def insulated(name: str, pair, dtype: str, temperature=two_halves) -> jt.Scene:

@@ -55,7 +55,9 @@ def full(grid: jt.VoxelGrid, material, start, x: float = 0.0) -> jt.Body:
 
 def single(grid: jt.VoxelGrid, material, start, *terms) -> jt.Scene:
     """A scene of one such body, in double precision."""
-    return jt.Scene((full(grid, material, start),), terms, dtype="float64")
+    # Some cases have surroundings at 0 K.
+    bodies = (full(grid, material, start),)
+    return jt.Scene(bodies, terms, dtype="float64", allow_extreme_temperatures=True)
 
 
 def explicit(pitch: float, material: jt.Material) -> jt.ForwardEuler:

@@ -274,6 +274,13 @@ class AbstractTerm(eqx.Module):
         where = AbstractSelection
         return tuple(v for v in given if v is not None and not isinstance(v, where))
 
+    @property
+    def temperatures(self) -> dict[str, Any]:
+        """Its temperatures by the names of their fields [K], which scenes check."""
+        names = ("temperature", "ground")
+        given = {name: getattr(self, name, None) for name in names}
+        return {name: value for name, value in given.items() if value is not None}
+
     def forcing(self, end: float | int) -> Forcing:
         """Bounds of its effect on temperatures up to `end` [s].
 

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..arrays import Samples, Time, TimeVarying, is_traced
+from ..constants import MAX_TEMPERATURE, MIN_TEMPERATURE, ZERO_CELSIUS
 from ..errors import InputError
 
 
@@ -128,6 +129,36 @@ def check_value(value: Any, what: str, minimum: float = -np.inf) -> None:
     if not np.isfinite(numbers).all() or (numbers < minimum).any():
         need = "finite" if minimum == -np.inf else f"at least {minimum:g}"
         raise InputError(f"{what}: got {numbers.tolist()}, which must be {need}")
+
+
+def check_temperature(value: Any, what: str, end: float | int | None = None) -> None:
+    """Refuse temperatures outside of the bounds that all scenes share [K].
+
+    Traced values are not checked, and functions only up to `end` [s], if it is given.
+
+    Raises:
+        InputError: naming `what`.
+    """
+    stated = _stated(value)
+    if callable(stated):
+        if end is None:
+            return
+        stated = jnp.stack([smallest(stated, end), largest(stated, end)])
+    if is_traced(stated):
+        return
+    kelvin = np.asarray(stated, float).reshape(-1)
+    outside = kelvin[(kelvin < MIN_TEMPERATURE) | (kelvin > MAX_TEMPERATURE)]
+    if not len(outside):
+        return
+    found = float(outside[0])
+    limit, side, hint = MAX_TEMPERATURE, "above", ""
+    if found < MIN_TEMPERATURE:
+        limit, side = MIN_TEMPERATURE, "below"
+        hint = f" ({found:g} degC are {found + ZERO_CELSIUS:g} K)"
+    raise InputError(
+        f"{what}: {found:g} K is {side} {limit:g} K: give kelvin{hint}; if it is "
+        "meant, Scene(..., allow_extreme_temperatures=True)"
+    )
 
 
 def largest(value: Any, end: float | int) -> Float[Array, ""]:

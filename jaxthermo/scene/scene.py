@@ -14,6 +14,7 @@ from ..errors import InputError
 from ..geometry.mesh import Pose
 from ..material.material import Material
 from ..physics.term import AbstractExchangeTerm, AbstractTerm
+from ..physics.time_varying import check_temperature
 from ..structures.build.assignment import voxel_owner
 from ..structures.structure import AbstractStructure
 from ..structures.surface_map import AbstractSurfaceMap, FluxCorrectedMap
@@ -181,6 +182,8 @@ class Scene(eqx.Module):
     terms: tuple[AbstractTerm, ...] = ()
     dtype: str = eqx.field(static=True, default="float32")
     """Type of the state: "float32", or "float64" for twice the memory and digits."""
+    allow_extreme_temperatures: bool = eqx.field(static=True, default=False)
+    """Accept temperatures below 150 K, mostly mistaken Celsius, and above 6000 K."""
 
     def __check_init__(self):
         if not self.bodies:
@@ -202,6 +205,8 @@ class Scene(eqx.Module):
                 "Scene: two RadiativeExchange would not see each other's surfaces; "
                 "give one, on both parts: on=a | b"
             )
+        if not self.allow_extreme_temperatures:
+            self._check_temperatures()
         for i, term in enumerate(self.terms):
             for body in term.named_bodies:
                 if not 0 <= body < len(self.bodies):
@@ -209,6 +214,14 @@ class Scene(eqx.Module):
                         f"terms[{i}] is on body {body}, and there are "
                         f"{len(self.bodies)}: count from 0"
                     )
+
+    def _check_temperatures(self) -> None:
+        for i, body in enumerate(self.bodies):
+            check_temperature(body.temperature, f"bodies[{i}]: Body(temperature=)")
+        for i, term in enumerate(self.terms):
+            for name, value in term.temperatures.items():
+                what = f"terms[{i}]: {type(term).__name__}({name}=)"
+                check_temperature(value, what)
 
 
 @dataclass(frozen=True, eq=False)

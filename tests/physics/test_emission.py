@@ -30,7 +30,8 @@ def voxel():
 
 def _scene(voxel, start, surroundings, dtype="float64", material=ALUMINIUM):
     body = jt.Body(voxel, material, temperature=start)
-    return jt.Scene((body,), (jt.Surroundings(surroundings),), dtype=dtype)
+    terms = (jt.Surroundings(surroundings),)
+    return jt.Scene((body,), terms, dtype=dtype, allow_extreme_temperatures=True)
 
 
 @pytest.mark.parametrize("dtype", ["float64", "float32"])

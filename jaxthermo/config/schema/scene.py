@@ -70,7 +70,7 @@ class SceneConfig(Model, builds="Scene"):
     name: Annotated[str, Field(min_length=1)] | None = None
     """Title of the frames; the file's name if not given."""
     allow_extreme_temperatures: Flag = False
-    """Accept temperatures below 150 K, which are refused as mistaken Celsius."""
+    """Accept temperatures below 150 K, mostly mistaken Celsius, and above 6000 K."""
     dtype: Literal["float32", "float64"] = "float32"
     """Precision of the state."""
     bodies: Annotated[tuple[BodyConfig, ...], NotEmpty]
@@ -89,8 +89,17 @@ class SceneConfig(Model, builds="Scene"):
         Raises:
             InputError: for a mesh, labels, mask or fit card that cannot be used.
         """
-        bodies, terms = build(self.bodies), build(self.terms)
-        return self.target()(bodies=bodies, terms=terms, dtype=self.dtype)
+        bodies = build(self.bodies)
+        return self.scene(bodies, build(self.terms))
+
+    def scene(self, bodies: tuple[Any, ...], terms: tuple[Any, ...]) -> "Scene":
+        """A scene of these bodies and terms, with the options of this config."""
+        return self.target()(
+            bodies=bodies,
+            terms=terms,
+            dtype=self.dtype,
+            allow_extreme_temperatures=self.allow_extreme_temperatures,
+        )
 
     @classmethod
     @override

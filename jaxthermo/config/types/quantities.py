@@ -22,13 +22,12 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
+from ...constants import MAX_TEMPERATURE, MIN_TEMPERATURE
 from ...errors import InputError
 from ..messages import MISTAKE, quoted
 
 
 ALLOW_EXTREME = "allow_extreme_temperatures"
-# Temperature below which a bare number is taken for degrees Celsius [K].
-_COLDEST = 150.0
 _NUMBER = re.compile(r"\s*([-+]?(?:\d[\d_]*\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(.*)", re.S)
 # A power on a power ("m^9^9^9") would be evaluated, and may never end.
 _TOWER = re.compile(r"[\d)]\s*(?:\*\*|\^)")
@@ -176,10 +175,17 @@ def refuse(message: str) -> PydanticCustomError:
 def _plausible(value: float, info: Info) -> float:
     if value < 0.0:
         raise refuse(f"{value:g} K is below absolute zero (a bare number is in kelvin)")
-    if value < _COLDEST and not (info.context or {}).get(ALLOW_EXTREME, False):
+    if (info.context or {}).get(ALLOW_EXTREME, False):
+        return value
+    if value < MIN_TEMPERATURE:
         raise refuse(
-            f"{value:g} K is below {_COLDEST:g} K (a bare number is in kelvin: for "
-            f"degrees Celsius write '{value:g} degC'); if it is meant, set "
+            f"{value:g} K is below {MIN_TEMPERATURE:g} K (a bare number is in kelvin: "
+            f"for degrees Celsius write '{value:g} degC'); if it is meant, set "
+            f"`{ALLOW_EXTREME}: true`"
+        )
+    if value > MAX_TEMPERATURE:
+        raise refuse(
+            f"{value:g} K is above {MAX_TEMPERATURE:g} K; if it is meant, set "
             f"`{ALLOW_EXTREME}: true`"
         )
     return value

@@ -22,6 +22,7 @@ from ...physics.conduction import (
     surface_conductivity,
 )
 from ...physics.flux_law import Forcing, Values
+from ...physics.time_varying import check_temperature, is_unknown_function
 from ..scene import AbstractMaterials, Body, Scene
 
 
@@ -172,6 +173,28 @@ def temperature_bounds(
         return hottest, None
     coldest = min(float(value) for value in lowest)
     return hottest, Forcing(highest=float(hottest), lowest=coldest)
+
+
+def check_functions(
+    scene: Scene, prepared: tuple[PreparedBody, ...], end: float | int
+) -> None:
+    """Check the temperatures that functions give, as a scene checks numbers.
+
+    Raises:
+        InputError: for one outside of the bounds up to `end` [s].
+    """
+    if scene.allow_extreme_temperatures:
+        return
+    for n, body in enumerate(prepared):
+        if callable(body.body.temperature):
+            theta = body.network.temperature(body.state)
+            ends = jnp.stack([theta.min(), theta.max()]) + body.reference
+            check_temperature(ends, f"bodies[{n}]: Body(temperature=) gives")
+    for n, term in enumerate(scene.terms):
+        for name, value in term.temperatures.items():
+            if is_unknown_function(value):
+                what = f"terms[{n}]: {type(term).__name__}({name}=) gives"
+                check_temperature(value, what, end)
 
 
 def check_memory(scene: Scene, saves: int, snapshots: int) -> int:

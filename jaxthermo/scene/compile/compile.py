@@ -17,7 +17,7 @@ from ...physics.term import Omitted
 from ...voxels.grid import VoxelGrid
 from ..motion import Motion
 from ..scene import AbstractMaterials, BodyGeometry, Scene, SolvedSurface
-from .bodies import check_memory, prepare, temperature_bounds
+from .bodies import check_functions, check_memory, prepare, temperature_bounds
 from .program import Compiled, Omission, Part, Program, Receipt
 from .program_builder import Ledger, bind_volumes, ledger_entries, make_programs
 from .snapshots import Snapshot, snapshot_times, take_snapshots
@@ -64,6 +64,7 @@ def compile_scene(
     prepared = tuple(
         prepare(number, body, dtype) for number, body in enumerate(scene.bodies)
     )
+    check_functions(scene, prepared, end)
     hottest, temperatures = temperature_bounds(scene, prepared, end)
     snapshots = take_snapshots(scene, prepared, starts, end, temperatures, prune)
     volumes, unheated = bind_volumes(scene)

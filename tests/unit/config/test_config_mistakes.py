@@ -48,6 +48,7 @@ def lines(tmp_path):
         ("bodies.0.pitch=.nan", "bodies.0.pitch: must be finite"),
         ("bodies.0.voxels_high=2.5", "voxels_high: expected a whole number, got 2.5"),
         ("bodies.0.temperature=20", "20 K is below 150 K .*write '20 degC'"),
+        ("bodies.0.temperature=1e7", "1e\\+07 K is above 6000 K; if it is meant, set"),
         ("bodies.0.temperature=", "bodies.0.temperature: expected a temperature"),
         ("bodies.0.material=coper", "material.name: unknown material 'coper'; did .*"),
         (

@@ -25,7 +25,8 @@ def _structure():
 def _cube(start, emissivity=1.0):
     metal = jt.Material(200.0, 2700.0, 900.0, emissivity=emissivity)
     body = jt.Body(_structure(), metal, temperature=start)
-    return jt.Scene((body,), (jt.Surroundings(AROUND),), dtype="float64")
+    around = (jt.Surroundings(AROUND),)
+    return jt.Scene((body,), around, dtype="float64", allow_extreme_temperatures=True)
 
 
 def _run(start, solver, end):
