@@ -75,7 +75,7 @@ def _planned(console: Console, config: SceneConfig) -> _Planned:
         end, saves = config.time.end, config.time.save_times
         todo = plan_run(scene, end, saves, config.solver.build())
         structures = [structure_report(body.structure) for body in scene.bodies]
-        warnings = _card_warnings(config, scene)
+        warnings = [*todo.compiled.receipt.warnings, *_card_warnings(config, scene)]
     log_scene(console, scene, todo, structures)
     for warning in warnings:
         print_line(console, f"warning: {warning}")

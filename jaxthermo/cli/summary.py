@@ -82,7 +82,7 @@ def summarize(
         solution: of the scene.
         times: wall times by name.
         structures: `structure_report` of each body.
-        warnings: dimensionless numbers outside the range of the fit cards.
+        warnings: likely mistakes, and numbers outside the range of the fit cards.
     """
     receipt = solution.receipt.as_dict()
     device = jax.devices()[0]

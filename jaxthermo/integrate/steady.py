@@ -6,6 +6,7 @@ by Newton's method; every iteration is a linear solve preconditioned by multigri
 """
 
 import math
+import warnings
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -133,6 +134,8 @@ def _static_scene(scene: Scene, at: float | None) -> Scene:
 def _solution(scene: Scene, at: float, tolerance: float | None) -> SteadySolution:
     scene = arranged_for_solves(scene)
     compiled, traced = compile_scene(scene, 1, at), is_traced(scene)
+    for warning in compiled.receipt.warnings:
+        warnings.warn(warning, stacklevel=3)
     program, dtype = compiled.program, jnp.dtype(scene.dtype)
     kelvin = _STEADY_TOLERANCE[scene.dtype] if tolerance is None else tolerance
     context = implicit_context(scene, compiled, math.inf, kelvin, traced)

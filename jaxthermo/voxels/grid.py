@@ -86,6 +86,13 @@ class VoxelGrid:
         """Volume of a voxel, including `volume_ratio` [m^3]."""
         return float(self.pitch**3 * self.volume_ratio)
 
+    def contains(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
+        """Flag the points (in the body's frame) that lie in a solid voxel."""
+        cells = self.lattice.to_cells(points)
+        found = ((cells >= 0) & (cells < self.solid.shape)).all(1)
+        found[found] = self.solid[tuple(np.floor(cells[found]).astype(int).T)]
+        return found
+
 
 def voxel_report(grid: VoxelGrid) -> dict[str, Any]:
     """Counts, layers, true areas and volumes, and thin parts; units in the keys.

@@ -1,5 +1,6 @@
 """`simulate`: from a scene to its solution, as one compiled program."""
 
+import warnings
 from collections.abc import Sequence
 
 import equinox as eqx
@@ -86,6 +87,8 @@ def simulate(
     """
     with precision(scene.dtype):
         plan = plan_run(scene, t1, save_at, solver, reverse_memory=reverse_memory)
+        for warning in plan.compiled.receipt.warnings:
+            warnings.warn(warning, stacklevel=2)
         solution = run_plan(plan)
     return finished(solution, throw)
 

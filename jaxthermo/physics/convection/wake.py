@@ -8,7 +8,7 @@ exponential: 0.07 to 0.08); far away p tends to 1/2 (Schlichting). The thesis (6
 draws such a "convergent function" without a formula.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -25,6 +25,10 @@ from ...raster.views import orthographic_view
 
 # Where the formula is negative, u / U decays to 0 over about this much.
 _TRANSITION = 0.05
+
+
+FITTED_REYNOLDS = 10.0, 40.0
+"""Reynolds numbers of the objects to whose wakes the family was fitted."""
 
 
 class WakeDeficit(eqx.Module):
@@ -70,6 +74,22 @@ def _check(name: str, value: Any, low: float, high: float) -> None:
         )
 
 
+def wake_notes(wake: Any, reynolds: Float[np.ndarray, " n"]) -> tuple[str, ...]:
+    """Note on a wake of objects at other Reynolds numbers V D / nu than its fit."""
+    low, high = FITTED_REYNOLDS
+    beyond = reynolds[(reynolds < low) | (reynolds > high)]
+    # What another function was fitted to is not known.
+    if not isinstance(wake, WakeDeficit) or not len(beyond):
+        return ()
+    ends = f"{beyond.min():.3g}"
+    if beyond.max() > beyond.min() * 1.01:
+        ends += f" to {beyond.max():.3g}"
+    return (
+        f"the wake is of an object at Re {ends}, and the deficit was fitted at Re "
+        f"{low:g} to {high:g} (its defaults at 20): a turbulent wake recovers sooner",
+    )
+
+
 def wake_speed_ratio(wake: Any, x: Float[np.ndarray, " g"]) -> Float[Any, " g"]:
     """Speed ratio u / U [-] at x / D, which is infinite with nothing upstream.
 
@@ -100,13 +120,22 @@ _NEIGHBOURS = sorted(
 )
 
 
-def diameters_behind(
+class Wakes(NamedTuple):
+    """Objects upstream of surface points."""
+
+    behind: Float[np.ndarray, " s"]
+    """Distance x / D behind the object [-]; infinite without one."""
+    diameter: Float[np.ndarray, " s"]
+    """D of the object [m]; 0 without one."""
+
+
+def upstream_wakes(
     triangles: Float[np.ndarray, "f 3 3"],
     position: Float[np.ndarray, "s 3"],
     direction: Float[np.ndarray, "3"],
     pitch: float,
-) -> Float[np.ndarray, " s"]:
-    """Distance x / D [-] of surface points behind an object; infinite without one.
+) -> Wakes:
+    """Objects upstream of surface points, and the distances to them.
 
     Triangles are the closed surfaces of all objects and contain the points, in the
     world [m]. The wind blows along the unit vector `direction`; rays are `pitch` [m]
@@ -128,7 +157,7 @@ def diameters_behind(
     column = np.clip(seen[:, 0].astype(np.int64), 0, view.width - 1)
     pixel, depth = row * view.width + column, seen[:, 2]
     point_object = _point_objects(layers, layer_object, pixel, depth)
-    behind = np.full(len(position), np.inf)
+    behind, width = np.full(len(position), np.inf), np.zeros(len(position))
     for number in np.unique(point_object):
         points = np.flatnonzero(point_object == number)
         rear = np.flatnonzero(~layers.entering & (layer_object != number))
@@ -141,7 +170,8 @@ def diameters_behind(
             found = rear[last[hit]]
             gap = depth[points[hit]] - layers.depth[found]
             behind[points[hit]] = gap / diameter[layer_object[found]]
-    return behind
+            width[points[hit]] = diameter[layer_object[found]] * view.pitch
+    return Wakes(behind, width)
 
 
 def _objects(triangles: Float[np.ndarray, "f 3 3"]) -> Int[np.ndarray, " f"]:

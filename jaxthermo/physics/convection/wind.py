@@ -18,7 +18,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 from typing_extensions import override
 
 from ...arrays import TimeVarying, is_traced
@@ -56,7 +56,7 @@ from .cross_flow import (
 )
 from .film import FilmExchange, speed_nodes, speed_table
 from .nusselt import named_average
-from .wake import diameters_behind, wake_speed_ratio
+from .wake import Wakes, upstream_wakes, wake_notes, wake_speed_ratio
 
 
 # Nodes of the table for a speed that changes with time.
@@ -157,9 +157,14 @@ class Wind(AbstractSurfaceTerm):
                 tables.append(None)
                 covers.append(where)
                 continue
-            groups = self._groups(body)
+            wakes = self._wakes(body)
+            groups = group_fragments(
+                parts_of(body.grid, self.cylinders, body.body), wakes.behind
+            )
             tables.append(self._coefficients(body, groups))
-            notes += [(body.body, note) for note in self._notes(groups)]
+            # Of the part that the wind cools.
+            found = self._notes(groups, wakes, where)
+            notes += [(body.body, note) for note in found]
             covers.append((body.area, where))
         law = FilmExchange(
             coefficients=self._joined(tables, surface),
@@ -182,21 +187,23 @@ class Wind(AbstractSurfaceTerm):
         highest = for_jit(_table_limit(speed), surface.dtype)
         return speed_table(every, highest, for_jit(speed, surface.dtype))
 
-    def _notes(self, groups: FlowGroups) -> tuple[str, ...]:
+    def _notes(
+        self, groups: FlowGroups, wakes: Wakes, where: Bool[np.ndarray, " s"]
+    ) -> tuple[str, ...]:
         """Validity notes for the receipt, as far as the Reynolds numbers are known."""
         air = _initial_value(self.temperature, float)
         ratio, speed = self._speed_ratio(groups), _known_maximum(self.strength)
-        if speed is None or is_traced((air, ratio)):
+        if speed is None or is_traced((air, ratio)) or not where.any():
             return ()
         with jax.ensure_compile_time_eval():
             nu = float(kinematic_viscosity(jnp.asarray(air)))
-        reynolds = np.asarray(ratio) * speed * groups.diameter / nu
+        reynolds = (np.asarray(ratio) * speed * groups.diameter / nu)[
+            np.unique(groups.member[where])
+        ]
         ends, average = (reynolds.min(), reynolds.max()), named_average(self.average)
-        return tuple(
-            dict.fromkeys(
-                note for re in ends for note in validity_notes(float(re), average)
-            )
-        )
+        found = [note for re in ends for note in validity_notes(float(re), average)]
+        upstream = wakes.diameter[where & (wakes.diameter > 0)] * speed / nu
+        return tuple(dict.fromkeys([*found, *wake_notes(self.wake, upstream)]))
 
     def _speed_ratio(self, groups: FlowGroups) -> Float[Values, " g"]:
         """Local speed over wind speed of each group [-]."""
@@ -204,18 +211,16 @@ class Wind(AbstractSurfaceTerm):
             return np.ones(len(groups.diameter))
         return wake_speed_ratio(self.wake, groups.behind)
 
-    def _groups(self, surface: BodySurface) -> FlowGroups:
-        parts = parts_of(surface.grid, self.cylinders, surface.body)
+    def _wakes(self, surface: BodySurface) -> Wakes:
+        count = len(surface.position)
         if self.wake is None:
-            behind = np.full(len(parts.fragment), np.inf)
-        else:
-            behind = diameters_behind(
-                surface.scene_triangles,
-                surface.position,
-                unit_vector(self.velocity),
-                surface.pitch,
-            )
-        return group_fragments(parts, behind)
+            return Wakes(np.full(count, np.inf), np.zeros(count))
+        return upstream_wakes(
+            surface.scene_triangles,
+            surface.position,
+            unit_vector(self.velocity),
+            surface.pitch,
+        )
 
     def _coefficients(self, surface: BodySurface, groups: FlowGroups) -> Any:
         """Film polynomial of h for each fragment, at each node of a changing speed."""

@@ -19,7 +19,7 @@ from typing import Any, ClassVar, TypeVar
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from typing_extensions import override
 
 from ...arrays import Numbers, Points, TimeVarying
@@ -132,7 +132,7 @@ class AbstractSource(AbstractSurfaceTerm):
         exposed = body.exposed(self.on)
         if isinstance(exposed, Omitted):
             return exposed
-        if _inside(body, self.points()).any():
+        if body.grid.contains(body.pose.to_body(self.points())).any():
             field = self.location_field
             raise InputError(
                 f"{type(self).__name__}({field}={getattr(self, field)}): is inside "
@@ -210,18 +210,6 @@ def _value_at(value: Any, time: float) -> Any:
 def _triple(value: Any) -> Triple:
     x, y, z = (float(number) for number in np.asarray(value, float))
     return x, y, z
-
-
-def _inside(
-    surface: BodySurface, points: Float[np.ndarray, "p 3"]
-) -> Bool[np.ndarray, " p"]:
-    """True for each world point [m] inside a solid voxel of a body."""
-    grid = surface.grid
-    cells = np.floor(grid.lattice.to_cells(surface.pose.to_body(points))).astype(int)
-    within = ((cells >= 0) & (cells < grid.lattice.shape)).all(1)
-    found = np.zeros(len(points), bool)
-    found[within] = grid.solid[tuple(cells[within].T)]
-    return found
 
 
 class PointSource(AbstractSource):

@@ -97,6 +97,7 @@ def compile_scene(
             parts=_parts(ledger, first),
             left_out=_omissions(scene, names, first, unheated, len(starts) > 1),
             notes=_notes(snapshots, names),
+            warnings=_overlap_warnings(snapshots, starts),
             nodes=sum(s.node_count for s in structures),
             links=sum(s.link_count for s in structures),
             fragments=sum(len(surface.area) for surface in surfaces),
@@ -233,3 +234,19 @@ def _notes(snapshots: list[Snapshot], names: tuple[str, ...]) -> tuple[str, ...]
         if on == body
     )
     return tuple(dict.fromkeys(found))
+
+
+def _overlap_warnings(
+    snapshots: list[Snapshot], starts: tuple[float, ...]
+) -> tuple[str, ...]:
+    """A line about each pair of bodies that overlap, where they do so most deeply."""
+    found = {}
+    for snapshot, start in zip(snapshots, starts, strict=True):
+        for pair, overlap in snapshot.overlaps.items():
+            if pair not in found or overlap.depth > found[pair][0].depth:
+                found[pair] = overlap, start
+    moves = len(starts) > 1
+    return tuple(
+        (f"at {start:g} s " if moves else "") + overlap.described(pair)
+        for pair, (overlap, start) in sorted(found.items())
+    )

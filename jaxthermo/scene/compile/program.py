@@ -190,6 +190,8 @@ class Receipt:
     left_out: tuple[Omission, ...]
     notes: tuple[str, ...]
     """Remarks on the validity of laws: ranges that were left, data that is not sure."""
+    warnings: tuple[str, ...]
+    """Likely mistakes: bodies that overlap."""
     nodes: int
     links: int
     fragments: int

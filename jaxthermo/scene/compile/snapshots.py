@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float, Int
 
 from ...errors import InputError
 from ...geometry.mesh import Pose
+from ...physics.contact.overlap import Overlap, find_overlaps
 from ...physics.contact.rays import PlacedGrid
 from ...physics.contact.search import ContactPairs, contacts_between
 from ...physics.flux_law import Forcing
@@ -54,6 +55,8 @@ class Snapshot(NamedTuple):
     pairs: dict[PairKey, ContactPairs]
     unpaired: tuple[tuple[int, str], ...]
     """Pair terms that do not act, by their number, and why."""
+    overlaps: dict[tuple[int, int], Overlap]
+    """Bodies that overlap by more than a contact, by their numbers."""
 
     @property
     def bindings(self) -> _NumberedBindings:
@@ -87,13 +90,18 @@ def take_snapshots(
     # only where there is one snapshot.
     once = prune and len(starts) == 1
     stops = (*starts[1:], max(end, starts[-1]))
-    snapshots = []
+    snapshots, known = [], {}
     for start, stop in zip(starts, stops, strict=True):
         # The geometry halfway between two snapshots is exact to second order in their
         # distance for whatever moves smoothly.
         time = (start + stop) / 2
         poses = tuple(body.pose.at(time) for body in scene.bodies)
-        pairs, covered, unpaired = _find_contacts(scene, poses)
+        placed = tuple(
+            PlacedGrid(body.structure.grid, pose, f"body {index}")
+            for index, (body, pose) in enumerate(zip(scene.bodies, poses, strict=True))
+        )
+        overlaps = find_overlaps(placed, known)
+        pairs, covered, unpaired = _find_contacts(scene, placed)
         surface = Surface(
             bodies=_body_surfaces(scene, prepared, poses, covered, once),
             references=tuple(body.reference for body in prepared),
@@ -101,7 +109,7 @@ def take_snapshots(
             end=end,
         )
         bound = _bind_terms([term.at(time) for term in scene.terms], surface)
-        snapshots.append(Snapshot(*bound, pairs, unpaired))
+        snapshots.append(Snapshot(*bound, pairs, unpaired, overlaps))
     if not prune:
         return snapshots
     keep = [bool(where.any()) for where in acting(snapshots)]
@@ -172,7 +180,7 @@ def _body_surfaces(
 
 
 def _find_contacts(
-    scene: Scene, poses: tuple[Pose, ...]
+    scene: Scene, placed: tuple[PlacedGrid, ...]
 ) -> tuple[
     dict[PairKey, ContactPairs],
     list[Float[np.ndarray, " _"]],
@@ -192,10 +200,6 @@ def _find_contacts(
     covered = [np.zeros(len(b.structure.grid.fragment_area)) for b in scene.bodies]
     if not terms or len(scene.bodies) == 1:
         return {}, covered, tuple((n, "there is one body") for n, _ in terms)
-    placed = tuple(
-        PlacedGrid(body.structure.grid, pose, f"body {index}")
-        for index, (body, pose) in enumerate(zip(scene.bodies, poses, strict=True))
-    )
     pairs: dict[PairKey, ContactPairs] = {}
     taken: dict[tuple[int, int], int] = {}
     omitted = []

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jaxthermo.geometry import shapes
-from jaxthermo.physics.convection.wake import diameters_behind
+from jaxthermo.physics.convection.wake import upstream_wakes
 
 
 PITCH = 0.0125
@@ -34,7 +34,7 @@ def scene(*places, size=1.0):
 
 def test_a_body_is_not_in_its_own_wake_nor_in_that_of_what_stands_beside():
     triangles = scene((-0.3, 0.2, 0.0), FAR)
-    found = diameters_behind(triangles, SIDE, ALONG_X, PITCH)
+    found = upstream_wakes(triangles, SIDE, ALONG_X, PITCH).behind
     assert np.isinf(found).all()
 
 
@@ -42,21 +42,21 @@ def test_a_body_is_not_in_its_own_wake_nor_in_that_of_what_stands_beside():
 def test_the_distance_is_from_the_rear_of_what_is_upstream(gap):
     upstream = np.array([-0.1 - gap, 0.0, 0.0])
     triangles = scene(upstream, FAR)
-    found = diameters_behind(triangles, SIDE, ALONG_X, PITCH)
+    found = upstream_wakes(triangles, SIDE, ALONG_X, PITCH).behind
     # Off the middle the rear lies farther upstream, and the front farther down.
     expected = gap + SIDE[:, 0] + 0.1 - np.sqrt(0.05**2 - SIDE[:, 1] ** 2)
     np.testing.assert_allclose(found[MIDDLE], expected[MIDDLE] / 0.1, atol=0.1)
     np.testing.assert_allclose(found[FRONT], gap / 0.1, atol=0.05)
     assert np.isfinite(found).all()
     # The one upstream is in no wake, nor is anything in a wind the other way.
-    first = diameters_behind(triangles, SIDE + upstream, ALONG_X, PITCH)
+    first = upstream_wakes(triangles, SIDE + upstream, ALONG_X, PITCH).behind
     assert np.isinf(first).all()
-    assert np.isinf(diameters_behind(triangles, SIDE, -ALONG_X, PITCH)).all()
+    assert np.isinf(upstream_wakes(triangles, SIDE, -ALONG_X, PITCH).behind).all()
 
 
 def test_the_last_of_several_objects_counts_by_its_own_size():
     triangles = scene((-0.3, 0.0, 0.0), (-0.8, 0.0, 0.0), size=2.0)
-    found = diameters_behind(triangles, SIDE, ALONG_X, PITCH)
+    found = upstream_wakes(triangles, SIDE, ALONG_X, PITCH).behind
     np.testing.assert_allclose(found[FRONT], 0.15 / 0.2, atol=0.05)
 
 
@@ -64,7 +64,7 @@ def test_objects_are_told_apart_within_one_set_of_points():
     """As of two cylinders in one mesh, one behind the other."""
     upstream = np.array([-0.4, 0.0, 0.0])
     both = np.concatenate([SIDE + upstream, SIDE])
-    found = diameters_behind(scene(upstream, FAR), both, ALONG_X, PITCH)
+    found = upstream_wakes(scene(upstream, FAR), both, ALONG_X, PITCH).behind
     assert np.isinf(found[: len(SIDE)]).all()
     assert np.isfinite(found[len(SIDE) :][MIDDLE]).all()
 
@@ -74,5 +74,5 @@ def test_the_wind_may_blow_any_way():
     c, s = np.cos(0.7), np.sin(0.7)
     turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     triangles = scene((-0.35, 0.0, 0.0), FAR) @ turn.T
-    found = diameters_behind(triangles, SIDE @ turn.T, turn @ ALONG_X, PITCH)
+    found = upstream_wakes(triangles, SIDE @ turn.T, turn @ ALONG_X, PITCH).behind
     np.testing.assert_allclose(found[FRONT], 2.5, atol=0.06)

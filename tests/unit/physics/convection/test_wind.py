@@ -232,6 +232,37 @@ def test_notes_name_recalled_shapes_and_constant_numbers(seen):
     assert "outside sanitjai_goldstein's range" in notes(narrow, seen)[0]
 
 
+def test_a_note_names_the_reynolds_number_of_a_wake_beyond_its_fit(seen, shaded):
+    """Fitted at Re 20; the object upstream is 0.1 m wide."""
+    at = lambda reynolds, **given: notes(
+        Wind(ALONG_X, AIR, speed=reynolds * nu / DIAMETER, **given), shaded
+    )
+    nu = float(kinematic_viscosity(jnp.asarray(AIR)))
+    of_wake = lambda found: [note for note in found if "the deficit was" in note]
+    assert of_wake(at(20.0, wake=WakeDeficit())) == []
+    (note,) = of_wake(at(2e4, wake=WakeDeficit()))
+    print(note)
+    assert "of an object at Re 2e+04, and" in note
+    # What another function was fitted to is not known, and nothing is without wakes.
+    assert of_wake(at(2e4, wake=lambda x: 0.5 + 0 * x)) == of_wake(at(2e4)) == []
+    before = Wind((-1.0, 0, 0), AIR, speed=9.0, wake=WakeDeficit())
+    assert of_wake(notes(before, shaded)) == []
+
+
+def test_notes_are_of_the_part_that_the_wind_cools(seen):
+    """Of two halves given as cylinders the thick one alone is at a high Re."""
+    halves = (
+        Cylinder((0.0, 0.0, -0.025), (0, 0, 1), 0.05, 0.05),
+        Cylinder((0.0, 0.0, 0.025), (0, 0, 1), 9.0, 0.05),
+    )
+    lower = jt.Region((-1.0, -1.0, -1.0), (1.0, 1.0, -1e-6))
+    found = [
+        notes(Wind((2.0, 0, 0), AIR, cylinders=halves, on=on), seen)
+        for on in (None, ~lower, lower)
+    ]
+    assert found[0] == found[1] != () and found[2] == ()
+
+
 def test_notes_are_known_while_something_else_is_traced(seen):
     storm = Wind((15.0, 0, 0), AIR)
     found = []

@@ -1,0 +1,100 @@
+"""Bodies that overlap: how deeply and where, and a body inside another one."""
+
+import numpy as np
+import pytest
+
+from jaxthermo.errors import InputError
+from jaxthermo.geometry.mesh import Pose
+from jaxthermo.physics.contact.overlap import find_overlaps
+from jaxthermo.physics.contact.rays import PlacedGrid
+from tests.bodies import blocks
+
+
+CUBE = blocks(np.ones((10, 10, 10), bool), 0.01)
+FINE = blocks(np.ones((20, 20, 20), bool), 0.002)
+_HOLLOW = np.ones((10, 10, 10), bool)
+_HOLLOW[2:8, 2:8, 2:8] = False
+HOLLOW = blocks(_HOLLOW, 0.01)
+C, S = np.cos(0.6), np.sin(0.6)
+TURN = ((C, -S, 0.0), (S, C, 0.0), (0.0, 0.0, 1.0))
+STRAIGHT = Pose().rotation
+
+
+def overlaps(a, b, translation, rotation=STRAIGHT):
+    moved = Pose(tuple(float(x) for x in translation), rotation)
+    return find_overlaps((PlacedGrid(a, Pose()), PlacedGrid(b, moved)))
+
+
+@pytest.mark.parametrize("depth", [0.02, 0.035])
+@pytest.mark.parametrize("turned", [False, True])
+def test_two_boxes_overlap_by_a_slab(depth, turned):
+    """10 cm cubes, side by side along x but for the depth, together at any angle."""
+    frame = Pose(rotation=TURN) if turned else Pose()
+    beside = Pose(
+        tuple(frame.rotate(np.array([0.1 - depth, 0, 0])).tolist()), frame.rotation
+    )
+    placed = PlacedGrid(CUBE, frame), PlacedGrid(CUBE, beside)
+    (found,) = find_overlaps(placed).values()
+    assert found.depth == pytest.approx(depth, rel=1e-9)
+    # Counted by the centres of voxels.
+    assert found.volume == pytest.approx(0.01 * depth, abs=0.51 * 0.01 * 0.01)
+    assert found.fraction == pytest.approx(found.volume / 1e-3)
+    inside = frame.to_body(found.position)
+    assert 0.1 - depth <= inside[0] <= 0.1
+    line = found.described((0, 1))
+    print(line)
+    assert line.startswith(f"bodies 0 and 1 overlap by {1e3 * depth:.3g} mm around (")
+
+
+@pytest.mark.parametrize("share", [-0.5, 0.0, 0.5, 1.0])
+@pytest.mark.parametrize("other", [CUBE, FINE], ids=["equal", "finer"])
+def test_up_to_a_voxel_is_contact(share, other):
+    for offset in (0.0, 0.0033):
+        where = (0.1 - share * 0.01, offset, -offset)
+        assert overlaps(CUBE, other, where) == {}
+        assert overlaps(other, CUBE, [-x for x in where]) == {} or other is FINE
+
+
+def test_a_turned_box_that_touches_does_not_overlap():
+    """Its edge along z touches the face at x = 0.1; 2 mm deeper is contact still."""
+    # Rotated about its corner, all of it is at x >= 0 and y may be anything.
+    corner = np.array([[x, y, 0.0] for x in (0, 0.04) for y in (0, 0.04)])
+    lowest = Pose(rotation=TURN).rotate(corner)[:, 0].min()
+    for deeper in (0.0, 0.002):
+        assert overlaps(CUBE, FINE, (0.1 - lowest - deeper, 0.03, 0.03), TURN) == {}
+    (found,) = overlaps(CUBE, FINE, (0.1 - lowest - 0.03, 0.03, 0.03), TURN).values()
+    assert 0.01 < found.depth <= 0.03 + 1e-9
+
+
+def test_a_body_inside_the_solid_of_another_is_refused():
+    inside = (0.03, 0.03, 0.03)
+    with pytest.raises(
+        InputError, match="body 1 lies wholly in the solid of body 0: m"
+    ):
+        overlaps(CUBE, FINE, inside)
+    with pytest.raises(
+        InputError, match="body 0 lies wholly in the solid of body 1: m"
+    ):
+        overlaps(FINE, CUBE, [-x for x in inside])
+    with pytest.raises(InputError, match="lies wholly in the solid"):
+        overlaps(CUBE, CUBE, (0.0, 0.0, 0.0))
+
+
+def test_a_body_in_a_cavity_is_not():
+    """6 cm wide: the cube of 4 cm is free, touches a wall, or is partly in it."""
+    assert overlaps(HOLLOW, FINE, (0.03, 0.03, 0.03)) == {}
+    assert overlaps(HOLLOW, FINE, (0.02, 0.02, 0.03)) == {}
+    (found,) = overlaps(HOLLOW, FINE, (0.005, 0.03, 0.03)).values()
+    assert found.depth == pytest.approx(0.015, rel=1e-9)
+    assert found.smaller == 1 and found.fraction == pytest.approx(0.4, abs=0.06)
+
+
+def test_what_is_known_is_not_found_again():
+    placed = PlacedGrid(CUBE, Pose()), PlacedGrid(CUBE, Pose((0.05, 0.0, 0.0)))
+    known: dict = {}
+    first = find_overlaps(placed, known)
+    assert find_overlaps(placed, known)[0, 1] is first[0, 1]
+    assert (
+        find_overlaps((placed[0], PlacedGrid(CUBE, Pose((1.0, 0.0, 0.0)))), known) == {}
+    )
+    assert len(known) == 2
