@@ -146,7 +146,8 @@ class Exchange(AbstractFluxLaw):
 class FixedTemperature(AbstractSurfaceTerm):
     """A prescribed surface temperature T_s; on the whole surface without `on`.
 
-    Other terms have no effect where a temperature is prescribed. Two of these on one
+    Other terms have no effect where a temperature is prescribed, but that surface
+    radiates to others through `RadiativeExchange`, and T_s is kept. Two of these on one
     piece of surface are an error.
     """
 

@@ -153,3 +153,26 @@ LABELS = "{labels: parts.npy, materials: [copper, gold]}"
 def test_each_mistake_is_one_line_with_its_path(refused, material, more, message):
     (line,) = refused(material, more)
     assert f"bodies.0.{message}" in line
+
+
+def test_coatings(scene, refused, tmp_path):
+    values = np.linspace(0.0, 1.0, 96)
+    np.save(tmp_path / "eps.npy", values)
+    body = scene(
+        "copper",
+        "coatings: [{emissivity: 95 %, on: {side: {normal: [0, 0, 1]}}}, {absorptivity: "
+        "{fragments: eps.npy}, on: {not: {region: {lower: [0, 0, 0], upper: [1, 1, "
+        "1]}}}}]",
+    ).bodies[0]
+    top, other = body.build().coatings
+    assert top == jt.Coating(0.95, on=jt.Side((0.0, 0.0, 1.0)))
+    assert other.on == ~jt.Region((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+    assert other.emissivity is None
+    np.testing.assert_array_equal(other.absorptivity, values)
+    assert refused("copper", "coatings: [{emissivity: 2}, {on: {body: 0}}]") == [
+        "bodies.0.coatings.0.emissivity: must be at most 1, got 2",
+        "bodies.0.coatings.1: missing `emissivity` or `absorptivity`: give one of them",
+    ]
+    np.save(tmp_path / "eps.npy", 2 * values)
+    with pytest.raises(InputError, match="eps.npy: expected numbers from 0 to 1"):
+        body.coatings[1].build()

@@ -15,7 +15,7 @@ FINE = blocks(np.ones((20, 20, 20), bool), 0.002)
 _HOLLOW = np.ones((10, 10, 10), bool)
 _HOLLOW[2:8, 2:8, 2:8] = False
 HOLLOW = blocks(_HOLLOW, 0.01)
-C, S = np.cos(0.6), np.sin(0.6)
+C, S = float(np.cos(0.6)), float(np.sin(0.6))
 TURN = ((C, -S, 0.0), (S, C, 0.0), (0.0, 0.0, 1.0))
 STRAIGHT = Pose().rotation
 
@@ -30,9 +30,8 @@ def overlaps(a, b, translation, rotation=STRAIGHT):
 def test_two_boxes_overlap_by_a_slab(depth, turned):
     """10 cm cubes, side by side along x but for the depth, together at any angle."""
     frame = Pose(rotation=TURN) if turned else Pose()
-    beside = Pose(
-        tuple(frame.rotate(np.array([0.1 - depth, 0, 0])).tolist()), frame.rotation
-    )
+    x, y, z = frame.rotate(np.array([0.1 - depth, 0.0, 0.0])).tolist()
+    beside = Pose((x, y, z), frame.rotation)
     placed = PlacedGrid(CUBE, frame), PlacedGrid(CUBE, beside)
     (found,) = find_overlaps(placed).values()
     assert found.depth == pytest.approx(depth, rel=1e-9)
@@ -68,13 +67,9 @@ def test_a_turned_box_that_touches_does_not_overlap():
 
 def test_a_body_inside_the_solid_of_another_is_refused():
     inside = (0.03, 0.03, 0.03)
-    with pytest.raises(
-        InputError, match="body 1 lies wholly in the solid of body 0: m"
-    ):
+    with pytest.raises(InputError, match="body 1 lies wholly in the solid of body 0"):
         overlaps(CUBE, FINE, inside)
-    with pytest.raises(
-        InputError, match="body 0 lies wholly in the solid of body 1: m"
-    ):
+    with pytest.raises(InputError, match="body 0 lies wholly in the solid of body 1"):
         overlaps(FINE, CUBE, [-x for x in inside])
     with pytest.raises(InputError, match="lies wholly in the solid"):
         overlaps(CUBE, CUBE, (0.0, 0.0, 0.0))
@@ -94,7 +89,6 @@ def test_what_is_known_is_not_found_again():
     known: dict = {}
     first = find_overlaps(placed, known)
     assert find_overlaps(placed, known)[0, 1] is first[0, 1]
-    assert (
-        find_overlaps((placed[0], PlacedGrid(CUBE, Pose((1.0, 0.0, 0.0)))), known) == {}
-    )
+    apart = placed[0], PlacedGrid(CUBE, Pose((1.0, 0.0, 0.0)))
+    assert find_overlaps(apart, known) == {}
     assert len(known) == 2
