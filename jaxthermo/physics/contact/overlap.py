@@ -35,7 +35,7 @@ class Overlap(NamedTuple):
     volume: float
     """[m^3]"""
     fraction: float
-    """Of the volume of the smaller body [-]."""
+    """Volume over that of the smaller body [-]."""
     smaller: int
     """Number of the smaller body."""
     depth: float

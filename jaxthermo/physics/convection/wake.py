@@ -26,9 +26,8 @@ from ...raster.views import orthographic_view
 # Where the formula is negative, u / U decays to 0 over about this much.
 _TRANSITION = 0.05
 
-
-FITTED_REYNOLDS = 10.0, 40.0
-"""Reynolds numbers of the objects to whose wakes the family was fitted."""
+# Reynolds numbers of the objects to whose wakes the family was fitted.
+_FITTED_REYNOLDS = 10.0, 40.0
 
 
 class WakeDeficit(eqx.Module):
@@ -76,7 +75,7 @@ def _check(name: str, value: Any, low: float, high: float) -> None:
 
 def wake_notes(wake: Any, reynolds: Float[np.ndarray, " n"]) -> tuple[str, ...]:
     """Note on a wake of objects at other Reynolds numbers V D / nu than its fit."""
-    low, high = FITTED_REYNOLDS
+    low, high = _FITTED_REYNOLDS
     beyond = reynolds[(reynolds < low) | (reynolds > high)]
     # What another function was fitted to is not known.
     if not isinstance(wake, WakeDeficit) or not len(beyond):

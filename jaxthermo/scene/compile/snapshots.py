@@ -256,7 +256,7 @@ def _bind_terms(
     # But what others receive from there has one, and is part of the balance.
     exchanging = [(n, t) for n, t in acts if isinstance(t, AbstractExchangeTerm)]
     unseen = len(omitted)
-    radiating = bind(exchanging, held) if (taken >= 0).any() else ()
+    radiating = bind(exchanging, held) if prescribed else ()
     del omitted[unseen:]
     reached = {
         (n, body)
