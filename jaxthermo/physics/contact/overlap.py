@@ -91,19 +91,19 @@ def _overlap(bodies: tuple[PlacedGrid, ...], i: int, j: int) -> Overlap | None:
     some = points[:: -(-len(points) // _MAX_POINTS)]
     depths = _depth_below(a, some) + _depth_below(b, some)
     deepest = int(depths.argmax())
-    if depths[deepest] <= b.pitch * (1 + _ROUNDING):
-        return None
-    # A body in a cavity is in no solid voxel.
-    sizes = [body.grid.solid_count * body.pitch**3 for body in (a, b)]
-    whole = i if len(points) == a.grid.solid_count else None
-    if whole is None and all(_inside(a, own).all() for own in _centres_near(b, b)):
-        whole = j
-    if whole is not None:
-        raise InputError(
-            f"body {whole} lies wholly in the solid of body {i + j - whole}: move it "
-            "out, give the other a cavity for it, or a region of another material"
-        )
+    is_deep = bool(depths[deepest] > b.pitch * (1 + _ROUNDING))
     volume = len(points) * a.pitch**3
+    sizes = [body.grid.solid_count * body.pitch**3 for body in (a, b)]
+    pairs = zip((i, j), (j, i), sizes, strict=True)
+    for own, other, size in pairs:
+        # Half of the volume, since voxels of two sizes count it differently.
+        if volume > size / 2 and _is_within(bodies[own], bodies[other], is_deep):
+            raise InputError(
+                f"body {own} lies wholly in the solid of body {other}: move it out, "
+                "give the other a cavity for it, or a region of another material"
+            )
+    if not is_deep:
+        return None
     return Overlap(
         volume=volume,
         fraction=volume / min(sizes),
@@ -111,6 +111,20 @@ def _overlap(bodies: tuple[PlacedGrid, ...], i: int, j: int) -> Overlap | None:
         depth=float(depths[deepest]),
         position=some[deepest],
     )
+
+
+def _is_within(body: PlacedGrid, other: PlacedGrid, is_deep: bool) -> bool:
+    """True if all solid voxels of a body are in solid ones of another."""
+    # A body in a cavity is in no solid voxel. Centres of a thin plate that touches may
+    # be by rounding: unless the overlap is deep, whole voxels must be below the surface.
+    for centres in _centres_near(body, body):
+        if not _inside(other, centres).all():
+            return False
+        if not is_deep:
+            least = 0.5 * body.pitch * (1 - _ROUNDING)
+            if (_depth_below(other, centres) < least).any():
+                return False
+    return True
 
 
 def _below(corner: Float[np.ndarray, "3"], body: PlacedGrid) -> bool:

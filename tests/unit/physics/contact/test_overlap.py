@@ -75,6 +75,18 @@ def test_a_body_inside_the_solid_of_another_is_refused():
         overlaps(CUBE, CUBE, (0.0, 0.0, 0.0))
 
 
+def test_thin_plates_too():
+    """One voxel thick: flush with a face, and one upon the other, are inside."""
+    plate = blocks(np.ones((1, 5, 5), bool), 0.01)
+    for x, y in ((0.09, 0.02), (0.0, 0.02), (0.04, 0.05)):
+        with pytest.raises(InputError, match="body 1 lies wholly"):
+            overlaps(CUBE, plate, (x, y, 0.02))
+    with pytest.raises(InputError, match="body 0 lies wholly"):
+        overlaps(plate, plate, (0.0, 0.0, 0.0))
+    # Sunk by 6 mm, less than a voxel, its centres are inside; by contact.
+    assert overlaps(CUBE, plate, (0.094, 0.02, 0.02)) == {}
+
+
 def test_a_body_in_a_cavity_is_not():
     """6 cm wide: the cube of 4 cm is free, touches a wall, or is partly in it."""
     assert overlaps(HOLLOW, FINE, (0.03, 0.03, 0.03)) == {}
