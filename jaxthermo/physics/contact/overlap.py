@@ -115,8 +115,9 @@ def _overlap(bodies: tuple[PlacedGrid, ...], i: int, j: int) -> Overlap | None:
 
 def _is_within(body: PlacedGrid, other: PlacedGrid, is_deep: bool) -> bool:
     """True if all solid voxels of a body are in solid ones of another."""
-    # A body in a cavity is in no solid voxel. Centres of a thin plate that touches may be
-    # by rounding: unless the overlap is deep, whole voxels must be below the surface.
+    # A body in a cavity is in no solid voxel. Centres of a thin plate that touches may
+    # be, by rounding: unless the overlap is deep, whole voxels must be below the
+    # surface.
     for centres in _centres_near(body, body):
         if not _inside(other, centres).all():
             return False
