@@ -111,10 +111,10 @@ def test_what_takes_no_part_in_the_exchange_reflects():
     room = jt.voxelize(_room(0.06, 0.08), 0.01)
     ball = jt.voxelize(jt.shapes.box((0.02, 0.02, 0.02)), 0.01)
     bodies = (body(grid=ball), body(kelvin=250.0, grid=room))
-    exchange = jt.RadiativeExchange(200.0, max_patches=24, directions=64)
+    exchange = jt.RadiativeExchange(200.0, max_patches=12, directions=16)
     whole = entries(jt.Scene(bodies, (exchange,), dtype="float64"))
     alone = jt.RadiativeExchange(
-        200.0, max_patches=24, directions=64, on=jt.Everything(0)
+        200.0, max_patches=12, directions=16, on=jt.Everything(0)
     )
     only = entries(jt.Scene(bodies, (alone,), dtype="float64"))
     assert set(only) == {("emission", 0)}
@@ -133,8 +133,8 @@ def _room(inner: float, outer: float) -> jt.Mesh:
     )
 
 
-PLATE = jt.voxelize(jt.shapes.box((0.02, 0.06, 0.06)), 0.01)
-EXCHANGE = jt.RadiativeExchange(300.0, max_patches=24, directions=48)
+PLATE = jt.voxelize(jt.shapes.box((0.02, 0.06, 0.06)), 0.02)
+EXCHANGE = jt.RadiativeExchange(300.0, max_patches=6, directions=16)
 
 
 def _facing(term, material=METAL, start=300.0, exchange=EXCHANGE):

@@ -120,7 +120,8 @@ class Model(BaseModel):
         if model is not None:
             found += model.mistakes()
         if model is None or found:
-            raise _error(cls, found)
+            # A model that contains itself is validated twice where others contain it.
+            raise _error(cls, [*dict.fromkeys(found)])
         return model
 
 

@@ -292,7 +292,7 @@ def test_fragments_by_a_file(scene, tmp_path, marks):
          "terms.0.on.all: its parts are on different bodies"),
         ("{kind: heat_flux, heat_flux: 5, on: {any: []}}",
          "terms.0.on.any: must not be empty"),
-        ("{kind: heat_flux, heat_flux: 5, on: {not: {sid: 1}}}",
+        ("{kind: heat_flux, heat_flux: 5, on: {not: {body: 0, sid: 1}}}",
          "terms.0.on.not.sid: unknown key"),
         ("{kind: contact, conductance: bondet}",
          "expected a contact conductance ('bonded' for no resistance) such as"),
