@@ -160,12 +160,12 @@ def test_coatings(scene, refused, tmp_path):
     np.save(tmp_path / "eps.npy", values)
     body = scene(
         "copper",
-        "coatings: [{emissivity: 95 %, on: {side: {normal: [0, 0, 1]}}}, "
+        "coatings: [{emissivity: 50 %, on: {side: {normal: [0, 0, 1]}}}, "
         "{absorptivity: {fragments: eps.npy}, on: {not: {region: {lower: [0, 0, 0], "
         "upper: [1, 1, 1]}}}}]",
     ).bodies[0]
     top, other = body.build().coatings
-    assert top == jt.Coating(0.95, on=jt.Side((0.0, 0.0, 1.0)))
+    assert top == jt.Coating(0.5, on=jt.Side((0.0, 0.0, 1.0)))
     assert other.on == ~jt.Region((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
     assert other.emissivity is None
     np.testing.assert_array_equal(other.absorptivity, values)
