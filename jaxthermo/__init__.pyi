@@ -41,12 +41,15 @@ from .physics.flux_law import AbstractFluxLaw as AbstractFluxLaw, Forcing as For
 from .physics.heat_source import HeatSource as HeatSource
 from .physics.radiation.area_source import AreaSource as AreaSource
 from .physics.radiation.emission import Surroundings as Surroundings
+from .physics.radiation.irradiation import (
+    AbstractRadiativeTerm as AbstractRadiativeTerm,
+    Irradiation as Irradiation,
+)
 from .physics.radiation.radiative_exchange import RadiativeExchange as RadiativeExchange
-from .physics.radiation.source import (
+from .physics.radiation.source import PointSource as PointSource, Sun as Sun
+from .physics.radiation.source_motion import (
     DirectionTable as DirectionTable,
-    PointSource as PointSource,
     PointTable as PointTable,
-    Sun as Sun,
 )
 from .physics.term import (
     AbstractExchangeTerm as AbstractExchangeTerm,

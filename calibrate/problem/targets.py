@@ -20,6 +20,7 @@ from jaxthermo.image.camera import AbstractCamera
 from jaxthermo.image.render import draw
 from jaxthermo.image.view import View, compute_view
 from jaxthermo.integrate.run.parametric_run import ParametricSolution
+from jaxthermo.integrate.run.solution import reflected
 from jaxthermo.integrate.surface_error import AnySolution, error_span
 from jaxthermo.scene.scene import Scene, SolvedSurface
 
@@ -208,7 +209,9 @@ def render_frames(
     """Whole frames of a run, as "temperature" [K] or "radiance" [W/(m^2 sr)]."""
 
     def frame(surface: Float[Array, " s"], time: Float[Array, ""]) -> Any:
-        image = draw(view, solution.surfaces, scene.terms, surface, time)
+        radiation = solution.radiation.at(time)
+        back = reflected(radiation, solution.surfaces, time, surface)
+        image = draw(view, solution.surfaces, scene.terms, surface, back, time)
         is_temperature = quantity == "temperature"
         return image.apparent_temperature if is_temperature else image.radiance
 
@@ -226,8 +229,11 @@ def view_of(
 
 
 def body_mask(view: View) -> Bool[np.ndarray, "h w"]:
-    """Pixels that show a body."""
-    return _mask(view, view.pixel)
+    """Pixels that show a body, and no source of radiation before it."""
+    found = _mask(view, view.pixel)
+    for source in view.background.sources:
+        found.reshape(-1)[source.pixel] = False
+    return found
 
 
 def _mask(view: View, pixels: Any) -> Bool[np.ndarray, "h w"]:

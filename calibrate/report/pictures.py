@@ -70,7 +70,9 @@ def difference_picture(
     def frame(surface: Any, time: int) -> _Frame:
         with precision(case.scene.dtype):
             at = jnp.asarray(target.times[time], surface.dtype)
-            drawn = draw(view, surfaces, case.scene.terms, surface[time], at)
+            # True temperatures do not depend on what the surface reflects.
+            none = jnp.zeros_like(surface[time])
+            drawn = draw(view, surfaces, case.scene.terms, surface[time], none, at)
             return np.asarray(drawn.temperature, float)
 
     differences = {}

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -14,7 +15,7 @@ from ..config.types.model import build
 from ..errors import InputError
 from ..image.files import write_exr, write_png
 from ..image.render import Image, coarsen, draw
-from ..image.view import View, at_time, compute_view
+from ..image.view import View, at_time, kept_view
 from ..integrate.run.solution_file import StoredSolution, load_solution
 from ..physics.term import AbstractTerm
 from ..report.numbers import count
@@ -46,18 +47,21 @@ class FrameCamera:
         self._camera = build_camera(config.camera, triangles)
         self._image = config.image
         self._surfaces, self._terms = surfaces, terms
-        self._start = self._view(0.0)
+        self._view(*at_time(surfaces, terms, 0.0))
 
-    def _view(self, time: float) -> View:
-        surfaces, terms = at_time(self._surfaces, self._terms, time)
+    def _view(
+        self, surfaces: tuple[SolvedSurface, ...], terms: tuple[AbstractTerm, ...]
+    ) -> View:
         finer = self._camera.finer(self._image.samples)
-        return compute_view(surfaces, terms, finer, self._image.smooth)
+        return kept_view(surfaces, terms, finer, self._image.smooth)
 
-    def at(self, time: float) -> View:
-        """The view at a time [s]; the same for all times where nothing moves."""
-        if any(each.moves for each in (*self._surfaces, *self._terms)):
-            return self._view(time)
-        return self._start
+    def draw(self, stored: StoredSolution, index: int) -> Image:
+        """Draw the frame of a saved time, with the samples of each pixel."""
+        assert stored.reflected is not None
+        time = stored.times[index]
+        here = at_time(self._surfaces, self._terms, float(time))
+        saved = stored.surface_temperature[index], stored.reflected[index]
+        return draw(self._view(*here), *here, *map(jnp.asarray, (*saved, time)))
 
 
 def _chosen_frames(config: SceneConfig, times: Float[Array, " t"]) -> list[int]:
@@ -105,15 +109,12 @@ def write_frames(
     Earlier frames are removed: those of another camera or scale must not be mistaken
     for these. Files with other names are kept.
     """
-    terms = build(config.terms)
     chosen = _chosen_frames(config, stored.times)
 
     def images() -> Iterator[Image]:
         # Drawn twice, for the scale and for the file: a long run would fill the memory.
         for k in chosen:
-            temperature, time = stored.surface_temperature[k], stored.times[k]
-            here = at_time(stored.surfaces, terms, float(time))
-            yield draw(camera.at(float(time)), *here, temperature, time)
+            yield camera.draw(stored, k)
 
     low, high = _scale(config, images())
     before, written = earlier_frames(prepare_folder(folder)), set()

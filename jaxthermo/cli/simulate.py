@@ -18,7 +18,7 @@ from ..image.ticks import time_label
 from ..integrate.run import segments
 from ..integrate.run.plan import Plan, plan_run
 from ..integrate.run.solution import RESULTS, Solution
-from ..integrate.run.solution_file import StoredSolution, save_solution
+from ..integrate.run.solution_file import save_solution
 from ..report.numbers import count
 from ..scene.compile.compile import mechanism_names
 from ..scene.dimensionless_groups import body_numbers
@@ -122,11 +122,8 @@ def _run_simulation(config: SceneConfig, out: Path) -> None:
         solution, times = _run(console, config, scene, todo, out)
         if solution.result != RESULTS.successful:
             raise InputError(RESULTS[solution.result])
-        save_solution(out / "solution.npz", solution)
+        stored = save_solution(out / "solution.npz", solution)
         write_energy(out / "energy.csv", solution)
-        stored = StoredSolution(
-            solution.times, solution.surface_temperature, solution.surfaces
-        )
         clock = time.perf_counter()
         with status(console, "drawing frames"):
             frames = write_frames(config, camera, stored, out / FRAMES)

@@ -69,6 +69,15 @@ class AbstractCamera(eqx.Module):
     ) -> tuple[Float[np.ndarray, "p 3"], Float[np.ndarray, " p"]]:
         """World points at pixel centres [m], and their depths along the axis [m]."""
 
+    def rays(self) -> tuple[Float[np.ndarray, "p 3"], Float[np.ndarray, "p 3"]]:
+        """Rays of all pixels: points at depth 0 [m], and steps per metre of depth."""
+        # Two points define each ray, whatever the key means for this camera.
+        number = np.arange(self.width * self.height)
+        a, at_a = self.points(number, np.full(number.size, -1.0))
+        b, at_b = self.points(number, np.full(number.size, -0.5))
+        step = (b - a) / (at_b - at_a)[:, None]
+        return a - step * at_a[:, None], step
+
     def finer(self, samples: int) -> "AbstractCamera":
         """Same view with `samples` times as many pixels along both axes."""
         size = {"width": self.width * samples, "height": self.height * samples}

@@ -1,13 +1,12 @@
 """Thermal images of a solution, differentiable in its temperatures.
 
 Radiance that leaves a Lambertian surface, total over the spectrum [W/(m^2 sr)]:
-L = [eps sigma T^4 + (1 - eps) sigma T_s^4 + (1 - a) E] / pi, the emission and the
-reflected surroundings (T_s) and sources (E). A camera set to emissivity 1 shows
-T_apparent = (pi L / sigma)^(1/4).
+L = [eps sigma T^4 + (1 - eps) H + (1 - a) E] / pi, the emission and the reflected
+irradiation: H thermal, E of sources, which are those of the heat balance. A camera set
+to emissivity 1 shows T_apparent = (pi L / sigma)^(1/4).
 """
 
 import math
-from itertools import chain
 from typing import Any
 
 import equinox as eqx
@@ -19,17 +18,12 @@ from jaxtyping import Array, Float, Int
 from ..arrays import precision
 from ..constants import STEFAN_BOLTZMANN
 from ..integrate.run.solution import AbstractSolution
-from ..physics.boundary import Convection
-from ..physics.radiation.emission import Surroundings
 from ..physics.term import AbstractTerm
 from ..physics.time_varying import value_at
-from ..scene.scene import SolvedSurface
+from ..scene.scene import SolvedSurface, per_fragment
+from .background import VisibleSource, background_temperature
 from .camera import AbstractCamera
-from .view import View, at_time, compute_view
-
-
-# Reflected temperature [K] of a scene with neither surroundings nor air.
-_DEFAULT_SURROUNDINGS = 293.15
+from .view import View, at_time, kept_view
 
 
 def _black_radiance(temperature: Float[Array, "*p"]) -> Float[Array, "*p"]:
@@ -44,55 +38,37 @@ def _apparent_temperature(radiance: Float[Array, "*p"]) -> Float[Array, "*p"]:
 def _leaving_radiance(
     temperature: Float[Array, "*p"],
     emissivity: Float[Array, "*p"],
-    surroundings: Float[Array, ""],
-    reflected_irradiance: Float[Array, "*p"],
+    reflected: Float[Array, "*p"],
 ) -> Float[Array, "*p"]:
-    # Of a Lambertian surface [W/(m^2 sr)]; `surroundings` is the reflected temperature
-    # [K], `reflected_irradiance` (1 - a) times the sources' irradiance [W/m^2].
-    emitted = emissivity * _black_radiance(temperature)
-    reflected = (1 - emissivity) * _black_radiance(surroundings)
-    return emitted + reflected + reflected_irradiance / math.pi
-
-
-def _surroundings_at(
-    terms: tuple[AbstractTerm, ...], time: Float[Array, ""]
-) -> Float[Array, ""]:
-    # Where no surroundings are given, objects around have the temperature of the air.
-    radiating = (t.temperature for t in terms if isinstance(t, Surroundings))
-    air = (t.temperature for t in terms if isinstance(t, Convection) and t.on is None)
-    return value_at(next(chain(radiating, air), _DEFAULT_SURROUNDINGS), time)
+    # Of a Lambertian surface [W/(m^2 sr)] that reflects radiation [W/m^2].
+    return emissivity * _black_radiance(temperature) + reflected / math.pi
 
 
 class Image(eqx.Module):
-    """Thermal frame; its background is black surroundings at infinite depth."""
+    """Thermal frame; its background is the sky and the ground at infinite depth.
+
+    A source is drawn as a black surface of its radiance.
+    """
 
     time: Float[Array, ""]
     """Time [s]."""
     temperature: Float[Array, "h w"]
-    """True surface temperature; that of the surroundings in the background [K]."""
+    """True surface temperature; that of sky or ground in the background [K]."""
     radiance: Float[Array, "h w"]
     """Total radiance towards the camera, averaged over the pixel [W/(m^2 sr)]."""
     emissivity: Float[Array, "h w"]
-    """Emissivity [-]; 1 in the background."""
+    """Emissivity [-]; 1 in the background and of a source."""
     depth: Float[Array, "h w"]
     """Depth along the optical axis [m]; inf in the background."""
     object_id: Int[Array, "h w"]
-    """Number of the body; -1 in the background."""
+    """Number of the body; -1 in the background and of a source."""
     normal: Float[Array, "h w 3"]
-    """Outward normal in the world; 0 in the background."""
+    """Outward normal in the world; 0 in the background and of a source."""
 
     @property
     def apparent_temperature(self) -> Float[Array, "h w"]:
         """Temperature that a camera set to emissivity 1 shows [K]."""
         return _apparent_temperature(self.radiance)
-
-
-def _per_fragment(
-    surfaces: tuple[SolvedSurface, ...], field: str
-) -> Float[Array, " s"]:
-    # A body of one material has one number for all fragments.
-    shaped = ((getattr(s, field), s.geometry.fragment_area.shape) for s in surfaces)
-    return jnp.concatenate([jnp.broadcast_to(*each) for each in shaped])
 
 
 def _to_pixels(view: View, values: Float[Array, " s"]) -> Float[Array, " p"]:
@@ -109,38 +85,67 @@ def _to_pixels(view: View, values: Float[Array, " s"]) -> Float[Array, " p"]:
 def _to_image(view: View, values: Array, background: Any) -> Array:
     width, height = view.camera.size
     shape = (height, width, *values.shape[1:])
-    blank = jnp.full((shape[0] * shape[1], *values.shape[1:]), background, values.dtype)
+    blank = jnp.asarray(background, values.dtype)
+    blank = jnp.broadcast_to(blank, (shape[0] * shape[1], *values.shape[1:]))
     return blank.at[view.pixel].set(values).reshape(shape)
 
 
 def draw(
     view: View,
     surfaces: tuple[SolvedSurface, ...],
-    terms: tuple,
+    terms: tuple[AbstractTerm, ...],
     temperature: Float[Array, " s"],
+    reflected: Float[Array, " s"],
     time: Float[Array, ""],
 ) -> Image:
-    """Draw the frame of surface temperatures [K] at a time [s] in a view."""
+    """Draw the frame of surfaces in a view.
+
+    Args:
+        view: of a camera on the scene.
+        surfaces: of the bodies.
+        terms: of the scene, for sky, ground and sources.
+        temperature: of the surfaces [K].
+        reflected: radiation that they reflect [W/m^2], see `Solution.reflected`.
+        time: of the frame [s].
+    """
     surface = _to_pixels(view, temperature)
-    emissivity = _to_pixels(view, _per_fragment(surfaces, "emissivity"))
-    absorptivity = _to_pixels(view, _per_fragment(surfaces, "absorptivity"))
-    irradiance = jnp.zeros_like(surface)
-    for number, exposure in view.exposure:
-        strength = value_at(terms[number].strength, time)
-        irradiance = irradiance + strength * jnp.asarray(exposure, surface.dtype)
-    ambient = _surroundings_at(terms, time)
-    radiance = _leaving_radiance(
-        surface, emissivity, ambient, (1 - absorptivity) * irradiance
-    )
+    emissivity = _to_pixels(view, per_fragment(surfaces, "emissivity"))
+    radiance = _leaving_radiance(surface, emissivity, _to_pixels(view, reflected))
+    behind = background_temperature(view.background, terms, time)
     dtype = surface.dtype
-    return Image(
+    image = Image(
         time=time,
-        temperature=_to_image(view, surface, ambient),
-        radiance=_to_image(view, radiance, _black_radiance(ambient)),
+        temperature=_to_image(view, surface, behind),
+        radiance=_to_image(view, radiance, _black_radiance(behind)),
         emissivity=_to_image(view, emissivity, 1),
         depth=_to_image(view, jnp.asarray(view.depth, dtype), np.inf),
         object_id=_to_image(view, jnp.asarray(view.body, jnp.int32), -1),
         normal=_to_image(view, jnp.asarray(view.normal, dtype), 0),
+    )
+    for source in view.background.sources:
+        strength = value_at(terms[source.number].strength, time)
+        image = _with_source(image, source, strength)
+    return image
+
+
+def _with_source(image: Image, source: VisibleSource, strength: Array) -> Image:
+    """The frame with a source in front; without it where it is switched off."""
+    radiance = strength * jnp.asarray(source.radiance, image.radiance.dtype)
+    where = np.divmod(source.pixel, image.radiance.shape[1])
+
+    def over(below: Array, value: Any) -> Array:
+        old = below[where]
+        on = (radiance > 0).reshape(-1, *(1,) * (old.ndim - 1))
+        return below.at[where].set(jnp.where(on, jnp.asarray(value, old.dtype), old))
+
+    return Image(
+        time=image.time,
+        temperature=over(image.temperature, _apparent_temperature(radiance)),
+        radiance=over(image.radiance, radiance),
+        emissivity=over(image.emissivity, 1),
+        depth=over(image.depth, source.depth),
+        object_id=over(image.object_id, -1),
+        normal=over(image.normal, 0),
     )
 
 
@@ -195,12 +200,13 @@ def render(
     with precision(solution.receipt.dtype):
         time = float(solution.times[index])
         surfaces, terms = at_time(solution.surfaces, solution.terms, time)
-        view = compute_view(surfaces, terms, camera.finer(samples), smooth)
+        view = kept_view(surfaces, terms, camera.finer(samples), smooth)
         image = draw(
             view,
             surfaces,
             terms,
             jnp.asarray(solution.surface_temperature[index]),
+            solution.reflected(index),
             jnp.asarray(solution.times[index]),
         )
         return coarsen(image, samples)

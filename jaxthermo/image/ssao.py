@@ -93,16 +93,12 @@ def screen_space_occlusion(
 
 def _sight(depth: np.ndarray, camera: AbstractCamera) -> _Sight:
     height, width = depth.shape
-    number = np.arange(height * width)
-    # Two points define each ray, whatever the key means for this camera.
-    a, at_a = camera.points(number, np.full(number.size, -1.0))
-    b, at_b = camera.points(number, np.full(number.size, -0.5))
-    direction = (b - a) / (at_b - at_a)[:, None]
-    ahead = np.where(np.isfinite(depth), depth, np.nan).reshape(-1, 1) - at_a[:, None]
+    origin, direction = camera.rays()
+    ahead = np.where(np.isfinite(depth), depth, np.nan).reshape(-1, 1)
     back = -direction / np.linalg.norm(direction, axis=1, keepdims=True)
     axes, size = _axes(camera)
     return _Sight(
-        point=(a + direction * ahead).reshape(height, width, 3),
+        point=(origin + direction * ahead).reshape(height, width, 3),
         back=back.reshape(height, width, 3),
         axes=axes,
         pixel=size(depth),

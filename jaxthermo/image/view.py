@@ -6,18 +6,19 @@ normals, so that nothing leaks through a thin sheet or around an edge. The weigh
 depend on the view only: a frame costs one sparse product.
 """
 
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, fields
+from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from ..errors import InputError
 from ..geometry.mesh import winding_number
-from ..physics.radiation.source import AbstractSource
 from ..physics.term import AbstractTerm
 from ..raster.fragments import peel
 from ..scene.scene import BodyGeometry, SolvedSurface
+from .background import Background, compute_background
 from .camera import AbstractCamera
 
 
@@ -156,8 +157,7 @@ class View:
     """Outward normal in the world."""
     weights: _PixelWeights
     """Weights of the concatenated fragments of all bodies."""
-    exposure: tuple[tuple[int, Float[np.ndarray, " p"]], ...]
-    """Cosine times visible fraction for each source, with its index among the terms."""
+    background: Background
 
 
 def _check_outside(surfaces: tuple[SolvedSurface, ...], camera: AbstractCamera):
@@ -205,14 +205,9 @@ def compute_view(
     point, depth = camera.points(pixel, key)
     normal = _normals(triangles[hit])
     body = np.repeat(np.arange(len(world)), [len(w) for w in world])[hit]
-    pitch = min(s.geometry.pitch for s in surfaces)
-    exposure = tuple(
-        (number, term.exposure(triangles, point, normal, pitch))
-        for number, term in enumerate(terms)
-        if isinstance(term, AbstractSource)
-    )
     weights = _all_weights(surfaces, body, point, normal, smooth)
-    return View(camera, pixel, body, depth, normal, weights, exposure)
+    background = compute_background(terms, camera, pixel, depth)
+    return View(camera, pixel, body, depth, normal, weights, background)
 
 
 # Triangles whose bounding box overlaps the image: the others would cost rays.
@@ -247,4 +242,61 @@ def _all_weights(surfaces, body, point, normal, smooth) -> _PixelWeights:
         first += len(geometry.fragment_area)
     pixel, fragment, weight = (np.concatenate(c) for c in zip(*parts, strict=True))
     order = np.argsort(pixel, kind="stable")
-    return _PixelWeights(pixel[order], fragment[order], weight[order])
+    # Half the memory of a view that is kept, and no conversion for each frame.
+    narrow = (index[order].astype(np.int32) for index in (pixel, fragment))
+    return _PixelWeights(*narrow, weight[order])
+
+
+_MAX_VIEWS = 4
+"""Views of one scene that are kept: each needs about 1 kB a pixel that shows a body."""
+
+
+class _KeptView(NamedTuple):
+    """A view with all that it was computed from but the first body."""
+
+    given: tuple[Any, ...]
+    view: View
+
+
+# By the geometry of the first body, with which they are released.
+_kept_views: WeakKeyDictionary[BodyGeometry, list[_KeptView]] = WeakKeyDictionary()
+
+
+def kept_view(
+    surfaces: tuple[SolvedSurface, ...],
+    terms: tuple[AbstractTerm, ...],
+    camera: AbstractCamera,
+    smooth: bool = True,
+) -> View:
+    """Compute a view as `compute_view`, or return the one that was kept.
+
+    The last four views of a scene are kept as long as a solution of it exists. A body
+    or a source that moves is another one at every time.
+    """
+    first, *others = (surface.geometry for surface in surfaces)
+    given = (*others, *terms, *_identity(camera), smooth)
+    kept = _kept_views.setdefault(first, [])
+    for number, each in enumerate(kept):
+        if _same(each.given, given):
+            # The one that was used last is dropped last.
+            kept.append(kept.pop(number))
+            return each.view
+    view = compute_view(surfaces, terms, camera, smooth)
+    kept.append(_KeptView(given, view))
+    del kept[:-_MAX_VIEWS]
+    return view
+
+
+def _identity(camera: AbstractCamera) -> tuple[Any, ...]:
+    # Users make equal cameras again; their fields are numbers.
+    each = (getattr(camera, field.name) for field in fields(camera))
+    return type(camera), *(np.asarray(value, float).tobytes() for value in each)
+
+
+def _same(one: tuple[Any, ...], other: tuple[Any, ...]) -> bool:
+    # Bodies and terms are compared by identity: terms may hold arrays.
+    plain = bytes | bool
+    return len(one) == len(other) and all(
+        a == b if isinstance(a, plain) else a is b
+        for a, b in zip(one, other, strict=True)
+    )

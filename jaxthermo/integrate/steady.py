@@ -164,6 +164,7 @@ def _solution(scene: Scene, at: float, tolerance: float | None) -> SteadySolutio
         ),
         surfaces=compiled.surfaces,
         terms=scene.terms,
+        radiation=compiled.radiation,
         receipt=compiled.receipt,
     )
 

@@ -263,6 +263,15 @@ class SolvedSurface(eqx.Module):
         return isinstance(pose, Motion) and not pose.is_still
 
     def at(self, time: float) -> "SolvedSurface":
-        """The surface at the pose of a moment [s]."""
+        """The surface at the pose of a moment [s]; itself if it does not move."""
+        if not self.moves:
+            return self
         here = replace(self.geometry, pose=self.geometry.pose.at(time))
         return SolvedSurface(here, self.emissivity, self.absorptivity)
+
+
+def per_fragment(surfaces: tuple[SolvedSurface, ...], field: str) -> Float[Array, " s"]:
+    """A property of surfaces, "emissivity" or "absorptivity", at each fragment."""
+    # A body of one material has one number for all fragments.
+    shaped = ((getattr(s, field), s.geometry.fragment_area.shape) for s in surfaces)
+    return jnp.concatenate([jnp.broadcast_to(*each) for each in shaped])

@@ -16,6 +16,7 @@ from jaxtyping import Array, Bool, Float
 
 from ...arrays import precision
 from ...errors import InputError
+from ...physics.radiation.irradiation import SceneRadiation
 from ...scene.compile.compile import compile_scene
 from ...scene.scene import Scene, SolvedSurface
 from ..explicit import EulerStepper
@@ -42,6 +43,8 @@ class ParametricSolution(NamedTuple):
     """True if all temperatures are finite."""
     surfaces: tuple[SolvedSurface, ...]
     """Surface of each body, with its emissivity and absorptivity."""
+    radiation: SceneRadiation
+    """Irradiation of the surfaces, absorbed or not."""
 
 
 @dataclass(frozen=True)
@@ -111,6 +114,7 @@ class ParametricRun:
                 jnp.asarray(compiled.stable_step),
                 rows.is_finite.all(),
                 compiled.surfaces,
+                compiled.radiation,
             )
 
 

@@ -209,6 +209,7 @@ def make_solution(plan: Plan, observations: Observation | None) -> Solution:
         ),
         surfaces=plan.compiled.surfaces,
         terms=plan.scene.terms,
+        radiation=plan.compiled.radiation,
         receipt=plan.compiled.receipt,
     )
 

@@ -8,10 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ...arrays import is_traced
+from ...arrays import is_traced, precision
+from ...physics.radiation.irradiation import SceneRadiation, SurfaceRadiation
 from ...physics.term import AbstractTerm
 from ...scene.compile.program import Program, Receipt
-from ...scene.scene import SolvedSurface
+from ...scene.scene import SolvedSurface, per_fragment
 from ..implicit.newton_stage import SolverStatistics
 from ..stepper import RunState
 from .heat_rates import pair_temperatures
@@ -90,6 +91,7 @@ class AbstractSolution(eqx.Module):
     surface_temperature: eqx.AbstractVar[Float[Array, "t s"]]
     surfaces: eqx.AbstractVar[tuple[SolvedSurface, ...]]
     terms: eqx.AbstractVar[tuple[AbstractTerm, ...]]
+    radiation: eqx.AbstractVar[SceneRadiation]
     receipt: eqx.AbstractVar[Receipt]
 
     def of_body(self, index: int) -> Float[Array | np.ndarray, "t _"]:
@@ -97,6 +99,35 @@ class AbstractSolution(eqx.Module):
         counts = [len(s.geometry.fragment_area) for s in self.surfaces]
         start = sum(counts[:index])
         return self.surface_temperature[:, start : start + counts[index]]
+
+    def reflected(self, index: int) -> Float[Array, " s"]:
+        """Return the radiation that every fragment reflects at a saved time [W/m^2].
+
+        (1 - eps) H + (1 - a) E, with the irradiation of the heat balance: H thermal, E
+        of sources.
+        """
+        with precision(self.receipt.dtype):
+            time = jnp.asarray(self.times[index])
+            temperature = jnp.asarray(self.surface_temperature[index])
+            return reflected(
+                self.radiation.at(self.times[index]), self.surfaces, time, temperature
+            )
+
+
+def reflected(
+    radiation: SurfaceRadiation,
+    surfaces: tuple[SolvedSurface, ...],
+    time: Float[Array, ""],
+    temperature: Float[Array, " s"],
+) -> Float[Array, " s"]:
+    """Return the radiation that surfaces of given temperatures [K] reflect [W/m^2]."""
+    properties = (per_fragment(surfaces, f) for f in ("emissivity", "absorptivity"))
+    return _reflected(radiation, time, temperature, *properties)
+
+
+@eqx.filter_jit
+def _reflected(radiation: SurfaceRadiation, *given: Array) -> Float[Array, " s"]:
+    return radiation.reflected(*given)
 
 
 class Solution(AbstractSolution):
@@ -112,6 +143,8 @@ class Solution(AbstractSolution):
     run: RunSummary
     surfaces: tuple[SolvedSurface, ...]
     terms: tuple[AbstractTerm, ...]
+    radiation: SceneRadiation
+    """Irradiation of the surfaces, absorbed or not."""
     receipt: Receipt = eqx.field(static=True)
 
 
@@ -131,6 +164,8 @@ class SteadySolution(AbstractSolution):
     run: RunSummary
     surfaces: tuple[SolvedSurface, ...]
     terms: tuple[AbstractTerm, ...]
+    radiation: SceneRadiation
+    """Irradiation of the surfaces, absorbed or not."""
     receipt: Receipt = eqx.field(static=True)
 
 

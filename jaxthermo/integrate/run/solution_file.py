@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ...archive import read_archive, select_arrays, write_archive
+from ...arrays import precision
 from ...errors import InputError
 from ...geometry.mesh import Pose
 from ...scene.motion import Motion, PoseTable
@@ -15,8 +16,9 @@ from ...scene.scene import BodyGeometry, SolvedSurface
 from .solution import Solution
 
 
-FORMAT_VERSION = 3
-"""Version of the file's layout; version 3 added the checksum."""
+FORMAT_VERSION = 4
+"""Version of the file's layout; version 3 added the checksum, version 4 what surfaces
+reflect."""
 
 _KIND, _REMEDY = "solution", "run the simulation again"
 
@@ -29,6 +31,8 @@ class StoredSolution(NamedTuple):
     surface_temperature: Float[Array, "t s"]
     """Temperature of every fragment, bodies one after the other [K]."""
     surfaces: tuple[SolvedSurface, ...]
+    reflected: Float[Array, "t s"] | None = None
+    """Radiation that every fragment reflects [W/m^2]; None where no image is drawn."""
 
 
 class _RunArrays(NamedTuple):
@@ -37,6 +41,7 @@ class _RunArrays(NamedTuple):
     surface_temperature: Float[np.ndarray, "t s"]
     mean_temperature: Float[np.ndarray, "t b"]
     stored_J: Float[np.ndarray, " t"]
+    reflected: Float[np.ndarray, "t s"]
 
 
 class _BodyArrays(NamedTuple):
@@ -58,16 +63,19 @@ class _BodyArrays(NamedTuple):
 _GEOMETRY_FIELDS = _BodyArrays._fields[:5]
 
 
-def save_solution(path: Path, solution: Solution) -> None:
-    """Write times, temperatures, energies and surfaces in one step.
+def save_solution(path: Path, solution: Solution) -> StoredSolution:
+    """Write a solution with its energies in one step; return what is read again.
 
     Raises:
         InputError: if the file cannot be written.
     """
+    rows = [solution.reflected(k) for k in range(len(solution.times))]
+    with precision(solution.receipt.dtype):
+        reflected = jnp.stack(rows)
     arrays: dict[str, Any] = {
         name: getattr(solution, name) for name in _RunArrays._fields[:3]
     }
-    arrays["stored_J"] = solution.energy.stored_J
+    arrays |= {"stored_J": solution.energy.stored_J, "reflected": reflected}
     for name, heat in solution.energy.mechanisms.items():
         arrays[f"energy_{name}_J"] = heat
     for b, surface in enumerate(solution.surfaces):
@@ -75,6 +83,9 @@ def save_solution(path: Path, solution: Solution) -> None:
         for field, value in stored._asdict().items():
             arrays[f"body{b}_{field}"] = value
     write_archive(path, _KIND, FORMAT_VERSION, arrays)
+    return StoredSolution(
+        solution.times, solution.surface_temperature, solution.surfaces, reflected
+    )
 
 
 def _body_arrays(surface: SolvedSurface, saved: Float[np.ndarray, " t"]) -> _BodyArrays:
@@ -122,8 +133,8 @@ def _stored_solution(arrays: dict[str, np.ndarray]) -> StoredSolution:
     if not len(run.times) or (np.diff(run.times) <= 0).any():
         raise InputError("times do not increase")
     surfaces = tuple(_surface(body, run.times) for body in bodies)
-    temperature = jnp.asarray(run.surface_temperature)
-    return StoredSolution(jnp.asarray(run.times), temperature, surfaces)
+    rows = (jnp.asarray(each) for each in (run.times, run.surface_temperature))
+    return StoredSolution(*rows, surfaces, jnp.asarray(run.reflected))
 
 
 def _surface(body: _BodyArrays, times: Float[np.ndarray, " t"]) -> SolvedSurface:

@@ -24,11 +24,9 @@ from ...raster.views import unit_vector, view_frame
 from ...voxels.selection import AbstractSelection
 from ..flux_law import Forcing
 from ..time_varying import check_value, largest, value_at
-from .source import (
-    AbstractSource,
-    Triple,
-    fixed_or_moving,
-)
+from .appearance import Appearance, rectangle
+from .source import AbstractSource, fixed_or_moving
+from .source_motion import Triple
 from .visibility import lit_fraction_from_point
 
 
@@ -207,6 +205,10 @@ class AreaSource(AbstractSource):
                 )
                 found[seen] += np.pi * factor[seen] * lit
         return found
+
+    @override
+    def appearance(self, origin, step) -> Appearance:
+        return rectangle(origin, step, np.asarray(self.centre, float), self._edges)
 
     @override
     def forcing(self, end: float | int) -> Forcing:

@@ -15,7 +15,7 @@ from typing import Any
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 from typing_extensions import override
 
 from ...arrays import TimeVarying, is_traced
@@ -24,16 +24,9 @@ from ...errors import InputError
 from ...voxels.selection import AbstractSelection
 from ..boundary import Exchange
 from ..flux_law import AbstractFluxLaw, Forcing
-from ..term import (
-    AbstractSurfaceTerm,
-    Binding,
-    BodySurface,
-    Cover,
-    Omitted,
-    Scale,
-    Surface,
-)
-from ..time_varying import check_value, for_jit, is_zero, largest, smallest, value_at
+from ..term import BodySurface, Scale, Surface
+from ..time_varying import check_value, for_jit, largest, smallest, value_at
+from .irradiation import AbstractRadiativeTerm, Irradiation
 from .visibility import check_directions, sky_view, unobstructed_view
 
 
@@ -138,16 +131,7 @@ def _linear_error(temperature: Any, within: Forcing, end: float) -> float:
     return max(abs(4 / ((1 + r) * (1 + r * r)) - 1) for r in ratios)
 
 
-def emitting(
-    body: BodySurface, on: AbstractSelection | None
-) -> Bool[np.ndarray, " s"] | Omitted:
-    """Selected fragments that emit, of the exposed ones."""
-    if body.prune and is_zero(body.emissivity):
-        return body.omitted("the surface has emissivity 0")
-    return body.exposed(on)
-
-
-class Surroundings(AbstractSurfaceTerm):
+class Surroundings(AbstractRadiativeTerm):
     """Net emission to the surroundings.
 
     q = F eps sigma (T_s^4 - T^4) [W/m^2]
@@ -161,6 +145,7 @@ class Surroundings(AbstractSurfaceTerm):
     """
 
     name = "emission"
+    unseen = "none of the surface sees the surroundings"
 
     temperature: TimeVarying
     """T_s [K], a number or a function of time; with `ground`, that of the sky."""
@@ -187,37 +172,21 @@ class Surroundings(AbstractSurfaceTerm):
         if self.occlusion is not None:
             check_directions(self.occlusion)
 
+    @property
     @override
-    def bind(self, surface: Surface) -> tuple[Binding | Omitted, ...]:
-        found = [self._covers(body) for body in surface.bodies]
-        omitted = [cover for cover in found if isinstance(cover, Omitted)]
-        if len(omitted) == len(found):
-            return tuple(omitted)
-        bindings: list[Binding] = []
-        for n, temperature in enumerate(self.values):
-            covers = [c if isinstance(c, Omitted) else c[n] for c in found]
-            law, notes = self._law(temperature, surface)
-            (binding, *_) = surface.bind(law, covers)
-            assert isinstance(binding, Binding)
-            acts = [bool(own.any()) for own in surface.apart(binding.acts)]
-            notes = tuple((b, note) for note in notes for b, a in enumerate(acts) if a)
-            if any(acts) or not surface.prune:
-                bindings.append(binding._replace(notes=notes))
-        return (*bindings, *omitted)
+    def horizon(self) -> tuple[Any, Any]:
+        ground = self.temperature if self.ground is None else self.ground
+        return self.temperature, ground
 
-    def _covers(self, body: BodySurface) -> list[Cover] | Omitted:
-        """Emitting area of a body, for each of the temperatures."""
-        exposed = emitting(body, self.on)
-        if isinstance(exposed, Omitted):
-            return exposed
-        area = body.emissivity * body.area
-        covers = [
-            (area * factor.astype(body.dtype), exposed & (factor > 0))
-            for factor in self._view_factors(body)
-        ]
-        if body.prune and not any(acts.any() for _, acts in covers):
-            return body.omitted("none of the surface sees the surroundings")
-        return covers
+    @override
+    def irradiation(self, surface: Surface) -> tuple[Irradiation, ...]:
+        factors = [self._view_factors(body) for body in surface.bodies]
+        return tuple(
+            self._on_all(
+                surface, [own[n] for own in factors], *self._law(temperature, surface)
+            )
+            for n, temperature in enumerate(self.values)
+        )
 
     def _law(
         self, temperature: Any, surface: Surface

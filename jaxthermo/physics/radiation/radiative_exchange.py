@@ -28,15 +28,10 @@ from ...constants import STEFAN_BOLTZMANN
 from ...voxels.selection import AbstractSelection
 from ..boundary import ImposedFlux, toward
 from ..flux_law import AbstractFluxLaw, Forcing, Values
-from ..term import (
-    AbstractExchangeTerm,
-    Binding,
-    Omitted,
-    Surface,
-    spread,
-)
+from ..term import AbstractExchangeTerm, Surface, spread
 from ..time_varying import check_value, for_jit, value_at
-from .emission import AbstractEmission, emitting, equilibrium_temperature, net_emission
+from .emission import AbstractEmission, equilibrium_temperature, net_emission
+from .irradiation import AbstractRadiativeTerm, Irradiation
 from .patches import group_patches
 from .view_factors import DEFAULT_DIRECTIONS, PatchedBody, ViewFactors, view_factors
 
@@ -76,7 +71,7 @@ class _Irradiated(AbstractEmission):
         return replace(self, received=received) if emits else ImposedFlux(received)
 
 
-class RadiativeExchange(AbstractExchangeTerm):
+class RadiativeExchange(AbstractExchangeTerm, AbstractRadiativeTerm):
     """Radiation between grey diffuse bodies and with black surroundings.
 
     q = eps (H - sigma T^4) [W/m^2],    H = F J + F_s sigma T_s^4,
@@ -108,19 +103,17 @@ class RadiativeExchange(AbstractExchangeTerm):
     def forcing(self, end: float | int) -> Forcing:
         return toward(self.temperature, end)
 
+    @property
     @override
-    def bind(self, surface: Surface) -> tuple[Binding | Omitted, ...]:
+    def horizon(self) -> tuple[Any, Any]:
+        return self.temperature, self.temperature
+
+    @override
+    def irradiation(self, surface: Surface) -> tuple[Irradiation, ...]:
         zero = jnp.zeros((), surface.dtype)
         # What the surface receives is found at every step.
         law = _Irradiated(zero, jnp.asarray(_base(surface), surface.dtype))
-        found = [(body, emitting(body, self.on)) for body in surface.bodies]
-        return surface.bind(
-            law,
-            [
-                e if isinstance(e, Omitted) else (b.emissivity * b.area, e)
-                for b, e in found
-            ],
-        )
+        return (self._on_all(surface, [np.ones(n) for n in surface.counts], law),)
 
     @override
     def enclosure(self, surface: Surface) -> "Enclosure":

@@ -7,14 +7,12 @@ A surface absorbs
 with the absorptivity a, the irradiance E and the true area A (thesis eq. 3). The
 exposure X is geometry: cosine, distance and shadows. A moving source is evaluated at
 fixed positions, one for each snapshot. Its position or direction is any function of
-time; the tables are constant before the first and after the last time.
+time, such as a table of `source_motion`.
 """
 
 import abc
-import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from itertools import pairwise
+from dataclasses import replace
 from typing import Any, ClassVar, TypeVar
 
 import equinox as eqx
@@ -22,26 +20,20 @@ import numpy as np
 from jaxtyping import Float
 from typing_extensions import override
 
-from ...arrays import Numbers, Points, TimeVarying
+from ...arrays import TimeVarying
 from ...errors import InputError
 from ...raster.views import unit_vector
 from ...voxels.selection import AbstractSelection
 from ..boundary import ImposedFlux
 from ..flux_law import Forcing
-from ..term import (
-    AbstractSurfaceTerm,
-    Binding,
-    BodySurface,
-    Cover,
-    Omitted,
-    Scale,
-    Surface,
-)
+from ..term import Binding, BodySurface, Omitted, Scale, Surface
 from ..time_varying import check_value, for_jit, is_zero, largest
+from .appearance import Appearance, distant_disc, sphere
+from .irradiation import AbstractRadiativeTerm, Irradiation
+from .source_motion import Triple, triple
 from .visibility import lit_fraction, lit_fraction_from_point
 
 
-Triple = tuple[float, float, float]
 _Source = TypeVar("_Source", bound="AbstractSource")
 
 
@@ -53,9 +45,10 @@ def fixed_or_moving(value: Any) -> Any:
         return value
 
 
-class AbstractSource(AbstractSurfaceTerm):
+class AbstractSource(AbstractRadiativeTerm):
     """Source that irradiates surfaces and is not heated by them."""
 
+    absorbed_by = "absorptivity"
     location_field: ClassVar[str]
     """Name of the field with its position or direction, perhaps a function."""
 
@@ -63,11 +56,6 @@ class AbstractSource(AbstractSurfaceTerm):
     @abc.abstractmethod
     def strength(self) -> Any:
         """Irradiance for a unit of exposure: a number or a function of time."""
-
-    @property
-    @abc.abstractmethod
-    def on(self) -> AbstractSelection | None:
-        """Part of the surface that it heats; None for all that it shines on."""
 
     def __check_init__(self):
         field = self.location_field
@@ -95,7 +83,7 @@ class AbstractSource(AbstractSurfaceTerm):
         field = self.location_field
         value = _value_at(getattr(self, field), time)
         self._check_location(value, f"{type(self).__name__}({field}=) at {time:g} s:")
-        return replace(self, **{field: _triple(value)})
+        return replace(self, **{field: triple(value)})
 
     @abc.abstractmethod
     def exposure(
@@ -118,35 +106,43 @@ class AbstractSource(AbstractSurfaceTerm):
         """Points of the source [m], none of which may be inside a body."""
         return np.zeros((0, 3))
 
-    @override
-    def bind(self, surface: Surface) -> tuple[Binding | Omitted, ...]:
-        if surface.prune and is_zero(self.strength):
-            return (Omitted("it is switched off at all times"),)
-        law = ImposedFlux(for_jit(self.strength, surface.dtype))
-        return surface.bind(law, [self._lit(body) for body in surface.bodies])
+    def appearance(
+        self, origin: Float[np.ndarray, "p 3"], step: Float[np.ndarray, "p 3"]
+    ) -> Appearance:
+        """Radiance towards a camera for a unit of strength, and its depth.
 
-    def _lit(self, body: BodySurface) -> Cover | Omitted:
-        """Absorbing area of a body that the source sees, times the exposure."""
-        if body.prune and is_zero(body.absorptivity):
-            return body.omitted("the surface has absorptivity 0")
-        exposed = body.exposed(self.on)
-        if isinstance(exposed, Omitted):
-            return exposed
+        Of rays from `origin` [m] with `step` [m] per metre of depth: 0 for those that
+        miss it. A source without an extent of its own, as here, is never seen.
+        """
+        del step
+        return np.zeros(len(origin)), np.full(len(origin), np.inf)
+
+    @override
+    def irradiation(self, surface: Surface) -> tuple[Irradiation, ...]:
+        if surface.prune and is_zero(self.strength):
+            return ()
+        law = ImposedFlux(for_jit(self.strength, surface.dtype))
+        exposures = [self._exposure_of(body) for body in surface.bodies]
+        return (self._on_all(surface, exposures, law),)
+
+    @override
+    def absorbed(
+        self, surface: Surface, irradiation: tuple[Irradiation, ...]
+    ) -> tuple[Binding | Omitted, ...]:
+        if not irradiation:
+            return (Omitted("it is switched off at all times"),)
+        return super().absorbed(surface, irradiation)
+
+    def _exposure_of(self, body: BodySurface) -> Float[np.ndarray, " s"]:
         if body.grid.contains(body.pose.to_body(self.points())).any():
             field = self.location_field
             raise InputError(
                 f"{type(self).__name__}({field}={getattr(self, field)}): is inside "
                 f"body {body.body} (or a part of it is); move it out of the body"
             )
-        exposure = self.exposure(
+        return self.exposure(
             body.scene_triangles, body.position, body.normal, body.pitch
         )
-        # Fragments in shadow are left out of the binding, so that they cost nothing.
-        lit = exposed & (exposure > 0)
-        if body.prune and not lit.any():
-            return body.omitted("no surface of this body sees it")
-        absorbed = body.absorptivity * exposure.astype(body.dtype)
-        return absorbed * body.area, lit
 
 
 class Sun(AbstractSource):
@@ -194,6 +190,10 @@ class Sun(AbstractSource):
         return cosine * lit_fraction(triangles, position, normal, self.direction, pitch)
 
     @override
+    def appearance(self, origin, step) -> Appearance:
+        return distant_disc(step, -unit_vector(self.direction))
+
+    @override
     def forcing(self, end: float | int) -> Forcing:
         return Forcing(heat_flux=largest(self.irradiance, end))
 
@@ -205,11 +205,6 @@ class Sun(AbstractSource):
 
 def _value_at(value: Any, time: float) -> Any:
     return value(time) if callable(value) else value
-
-
-def _triple(value: Any) -> Triple:
-    x, y, z = (float(number) for number in np.asarray(value, float))
-    return x, y, z
 
 
 class PointSource(AbstractSource):
@@ -274,98 +269,12 @@ class PointSource(AbstractSource):
         return found
 
     @override
+    def appearance(self, origin, step) -> Appearance:
+        # A diffuse sphere of this radius irradiates as the law says, beside shadows.
+        centre = np.asarray(self.position, float)
+        return sphere(origin, step, centre, self.min_distance)
+
+    @override
     def forcing(self, end: float | int) -> Forcing:
         highest = largest(self.radiant_intensity, end)
         return Forcing(heat_flux=highest / (self.min_distance * self.min_distance))
-
-
-# Unit vectors with a shorter sum count as opposite: no unique arc connects them.
-_OPPOSITE_TOLERANCE = 1e-6
-
-
-@dataclass(frozen=True)
-class PointTable:
-    """Points at given times, joined by straight lines at constant speeds.
-
-    Raises:
-        InputError: unless the times increase and each has a finite point.
-    """
-
-    times: Numbers
-    """Times [s], increasing."""
-    points: Points
-    """World positions [m], one for each time."""
-
-    def __post_init__(self):
-        _make_plain(self, "points")
-
-    def __call__(self, time: float) -> Triple:
-        """Point at `time` [s]."""
-        first, second, t = _between(self.times, self.points, time)
-        return _triple((1 - t) * first + t * second)
-
-
-@dataclass(frozen=True)
-class DirectionTable:
-    """Directions at given times, joined by the shorter arcs at constant rates.
-
-    Raises:
-        InputError: unless the times increase and each has a direction that is not
-            opposite to the previous one.
-    """
-
-    times: Numbers
-    """Times [s], increasing."""
-    directions: Points
-    """Directions of any length, one for each time."""
-
-    def __post_init__(self):
-        _make_plain(self, "directions")
-        units = [unit_vector(d, "DirectionTable(directions=)") for d in self.directions]
-        for i, (a, b) in enumerate(pairwise(units), 1):
-            if np.linalg.norm(a + b) < _OPPOSITE_TOLERANCE:
-                raise InputError(
-                    f"DirectionTable: direction {i} is opposite to the one before; "
-                    "give one between them"
-                )
-
-    def __call__(self, time: float) -> Triple:
-        """Unit vector at `time` [s]."""
-        *ends, t = _between(self.times, self.directions, time)
-        first, second = (unit_vector(end) for end in ends)
-        across = float(np.linalg.norm(np.cross(first, second)))
-        angle = math.atan2(across, float(first @ second))
-        if angle == 0:
-            return _triple(first)
-        # Spherical interpolation: the angular velocity is constant.
-        turned = math.sin((1 - t) * angle) * first
-        return _triple(unit_vector(turned + math.sin(t * angle) * second))
-
-
-def _between(
-    times: Any, rows: Any, time: float
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """Rows before and after `time` [s], and the fraction of the interval passed [-]."""
-    last = len(times) - 1
-    position = float(np.interp(time, times, np.arange(last + 1.0)))
-    before = int(position)
-    first, second = rows[before], rows[min(before + 1, last)]
-    return np.asarray(first), np.asarray(second), position - before
-
-
-def _make_plain(table: Any, field: str) -> None:
-    """Convert the fields to tuples, which can be compared and hashed."""
-    name = type(table).__name__
-    try:
-        times = np.asarray(table.times, float)
-        rows = np.asarray(getattr(table, field), float)
-    except (TypeError, ValueError):
-        times = rows = np.zeros(0)
-    if times.ndim != 1 or not len(times) or rows.shape != (len(times), 3):
-        raise InputError(f"{name}: give times, and three numbers for each of them")
-    if not (np.isfinite(times).all() and np.isfinite(rows).all()):
-        raise InputError(f"{name}: give finite numbers")
-    if (np.diff(times) <= 0).any():
-        raise InputError(f"{name}: the times must increase")
-    object.__setattr__(table, "times", tuple(times.tolist()))
-    object.__setattr__(table, field, tuple(_triple(row) for row in rows))

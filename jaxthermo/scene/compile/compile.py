@@ -13,7 +13,12 @@ from jaxtyping import Array, Float
 
 from ...arrays import is_traced
 from ...geometry.mesh import Pose
-from ...physics.term import Omitted
+from ...physics.radiation.irradiation import (
+    SceneRadiation,
+    SurfaceRadiation,
+    surface_radiation,
+)
+from ...physics.term import AbstractExchangeTerm, Omitted
 from ...voxels.grid import VoxelGrid
 from ..motion import Motion
 from ..scene import AbstractMaterials, BodyGeometry, Scene, SolvedSurface
@@ -90,6 +95,7 @@ def compile_scene(
             )
             for body, surface in zip(scene.bodies, surfaces, strict=True)
         ),
+        radiation=SceneRadiation(starts, _radiation(scene, snapshots, programs)),
         stable_step=limit,
         hottest=hottest,
         receipt=Receipt(
@@ -149,6 +155,22 @@ def _stiffness(program: Program, number: int, highest, end):
             if contact.bodies[side] == number:
                 found.append((contact.address[side], contact.stiffness(end)))
     return found
+
+
+def _radiation(
+    scene: Scene, snapshots: list[Snapshot], programs: tuple[Program, ...]
+) -> tuple[SurfaceRadiation, ...]:
+    """What reaches the surface at each snapshot, in arrays of the programs if any."""
+    exchange = [t for t in scene.terms if isinstance(t, AbstractExchangeTerm)]
+    found = []
+    for snapshot, program in zip(snapshots, programs, strict=True):
+        enclosure = program.fine_enclosure
+        # Surfaces that only reflect, or are held at a temperature, take no heat.
+        if enclosure is None and exchange:
+            enclosure = exchange[0].enclosure(snapshot.surface)
+        radiation = snapshot.surface, snapshot.irradiation, enclosure
+        found.append(surface_radiation(*radiation))
+    return tuple(found)
 
 
 def body_geometry(grid: VoxelGrid, pose: Pose | Motion) -> BodyGeometry:

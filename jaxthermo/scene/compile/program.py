@@ -13,6 +13,7 @@ from jaxtyping import Array, Float, Int
 from ...arrays import Time
 from ...network.network import AbstractNetwork, Address
 from ...physics.contact.links import ContactLinks
+from ...physics.radiation.irradiation import SceneRadiation
 from ...physics.radiation.radiative_exchange import Enclosure
 from ...physics.surface_energy_balance import SurfaceTerms
 from ...physics.time_varying import value_at
@@ -219,6 +220,8 @@ class Compiled(eqx.Module):
     """Start of each program [s]; the first at 0."""
     state: State
     surfaces: tuple[SolvedSurface, ...]
+    radiation: SceneRadiation
+    """What reaches the surfaces, absorbed or not."""
     stable_step: Float[Array, ""]
     """Largest explicit step [s]."""
     hottest: Float[Array, ""]

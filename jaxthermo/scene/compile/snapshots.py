@@ -17,6 +17,7 @@ from ...physics.contact.overlap import Overlap, find_overlaps
 from ...physics.contact.rays import PlacedGrid
 from ...physics.contact.search import ContactPairs, contacts_between
 from ...physics.flux_law import Forcing
+from ...physics.radiation.irradiation import AbstractRadiativeTerm, Irradiation
 from ...physics.term import (
     AbstractExchangeTerm,
     AbstractPairTerm,
@@ -52,6 +53,8 @@ class Snapshot(NamedTuple):
     """Exchange of surfaces whose temperature is prescribed with others."""
     omitted: tuple[tuple[int, Omitted], ...]
     """Surface terms that do not act on a body, by their number."""
+    irradiation: tuple[tuple[str, Irradiation], ...]
+    """Radiation that reaches the surface, with the property that absorbs it."""
     pairs: dict[PairKey, ContactPairs]
     unpaired: tuple[tuple[int, str], ...]
     """Pair terms that do not act, by their number, and why."""
@@ -233,8 +236,9 @@ def _bind_terms(
     _NumberedBindings,
     _NumberedBindings,
     tuple[tuple[int, Omitted], ...],
+    tuple[tuple[str, Irradiation], ...],
 ]:
-    """The first fields of a snapshot, up to the omissions.
+    """The first fields of a snapshot, up to the irradiation.
 
     Raises:
         InputError: if two terms prescribe the temperature of one piece of surface, or
@@ -242,9 +246,18 @@ def _bind_terms(
     """
     acts = [(n, t) for n, t in enumerate(terms) if isinstance(t, AbstractSurfaceTerm)]
     omitted: list[tuple[int, Omitted]] = []
+    # A camera sees what reaches the surface even where none of it is absorbed.
+    radiative = [(n, t) for n, t in acts if isinstance(t, AbstractRadiativeTerm)]
+    brought = {n: term.irradiation(surface) for n, term in radiative}
+    irradiation = [(t.absorbed_by, each) for n, t in radiative for each in brought[n]]
+
+    def bound(number: int, term: AbstractSurfaceTerm, where: Surface):
+        if isinstance(term, AbstractRadiativeTerm):
+            return term.absorbed(where, brought[number])
+        return term.bind(where)
 
     def bind(chosen, where: Surface) -> _NumberedBindings:
-        found = [(n, each) for n, term in chosen for each in term.bind(where)]
+        found = [(n, each) for n, term in chosen for each in bound(n, term, where)]
         omitted.extend((n, each) for n, each in found if isinstance(each, Omitted))
         return tuple((n, each) for n, each in found if not isinstance(each, Omitted))
 
@@ -268,7 +281,8 @@ def _bind_terms(
     emits = {n for n, term in acts if term.name == "emission"}
     emission = [(n, each) for n, each in (*natural, *radiating) if n in emits]
     _claimed(emission, surface, "count the emission of", "")
-    return rest, natural, prescribed, radiating, tuple(omitted)
+    bindings = natural, prescribed, radiating
+    return rest, *bindings, tuple(omitted), tuple(irradiation)
 
 
 def _claimed(

@@ -58,6 +58,9 @@ def test_what_is_written_is_read(solution, tmp_path):
     kept = stored.surface_temperature
     assert kept.dtype == solution.surface_temperature.dtype
     np.testing.assert_array_equal(kept, solution.surface_temperature)
+    assert stored.reflected is not None
+    reflected = [solution.reflected(k) for k in range(2)]
+    np.testing.assert_array_equal(stored.reflected, reflected)
     assert len(stored.surfaces) == 2
     for one, other in zip(stored.surfaces, solution.surfaces, strict=True):
         np.testing.assert_array_equal(one.emissivity, other.emissivity)
@@ -121,7 +124,7 @@ def refused(path, words):
     assert str(path) in str(caught.value) and "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("version", [1, 2, 99])
+@pytest.mark.parametrize("version", [1, 3, 99])
 def test_a_file_of_another_version_is_refused_in_one_line(stored, version):
     path, arrays = stored
     np.savez(path, **arrays | {"format_version": np.array(version)})
@@ -141,6 +144,7 @@ def test_a_file_that_was_changed_does_not_match_its_checksum(stored):
 BAD_ARRAYS = {
     "surface_temperature": lambda a: a[:, 1:],
     "mean_temperature": lambda a: a[1:],
+    "reflected": lambda a: a[:, 1:],
     "times": lambda a: a[::-1],
     "body0_vertices": lambda a: a * np.nan,
     "body0_faces": lambda a: a + len(a),

@@ -1,0 +1,97 @@
+"""What a camera sees beside the bodies: sky, ground, and sources of radiation."""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from ..arrays import Time
+from ..physics.boundary import Convection
+from ..physics.convection.free_convection import FreeConvection
+from ..physics.convection.wind import Wind
+from ..physics.radiation.irradiation import AbstractRadiativeTerm
+from ..physics.radiation.source import AbstractSource
+from ..physics.term import AbstractTerm
+from ..physics.time_varying import value_at
+from .camera import AbstractCamera
+
+
+# Temperature behind the bodies [K] of a scene with neither radiation nor air.
+_DEFAULT_BACKGROUND = 293.15
+
+# Rays this close to level look at the sky; rounding must not make them see the ground.
+_LEVEL = 1e-9
+
+
+class VisibleSource(NamedTuple):
+    """The pixels in which a source is the nearest thing."""
+
+    number: int
+    """Of the source among the terms."""
+    pixel: Int[np.ndarray, " p"]
+    """Index of each pixel, rows first."""
+    depth: Float[np.ndarray, " p"]
+    """Depth along the optical axis [m]; inf for the sun."""
+    radiance: Float[np.ndarray, " p"]
+    """Radiance towards the camera for a unit of the source's strength."""
+
+
+class Background(NamedTuple):
+    """What is behind or before the bodies, the same at all times if nothing moves."""
+
+    below: Bool[np.ndarray, " n"] | None
+    """Pixels whose ray goes down, to the ground; None where it looks like the sky."""
+    sources: tuple[VisibleSource, ...]
+
+
+def _horizon(terms: tuple[AbstractTerm, ...]):
+    """Temperatures of sky and ground [K], each a number or a function of time."""
+    for term in terms:
+        if isinstance(term, AbstractRadiativeTerm) and term.horizon is not None:
+            return term.horizon
+    # Without radiation in the balance nothing is reflected from there.
+    for term in terms:
+        is_air = isinstance(term, Convection | Wind | FreeConvection)
+        if is_air and getattr(term, "on", None) is None:
+            return term.temperature, term.temperature
+    return _DEFAULT_BACKGROUND, _DEFAULT_BACKGROUND
+
+
+def compute_background(
+    terms: tuple[AbstractTerm, ...],
+    camera: AbstractCamera,
+    pixel: Int[np.ndarray, " p"],
+    depth: Float[np.ndarray, " p"],
+) -> Background:
+    """Find what is seen beside the bodies, which pixels show at depths [m]."""
+    sky, ground = _horizon(terms)
+    sources = [(n, t) for n, t in enumerate(terms) if isinstance(t, AbstractSource)]
+    if ground is sky and not sources:
+        return Background(None, ())
+    origin, step = camera.rays()
+    width, height = camera.size
+    nearest = np.full(width * height, np.inf)
+    nearest[pixel] = depth
+    found = []
+    for number, source in sources:
+        radiance, away = source.appearance(origin, step)
+        # The sun, at infinite depth, is behind all that has one.
+        free = (away < nearest) | (np.isinf(away) & np.isinf(nearest))
+        seen = np.flatnonzero((radiance > 0) & free)
+        if len(seen):
+            found.append(VisibleSource(number, seen, away[seen], radiance[seen]))
+    # The nearest of several sources is drawn last.
+    found.sort(key=lambda each: -float(each.depth.min()))
+    below = None if ground is sky else step[:, 2] < -_LEVEL
+    return Background(below, tuple(found))
+
+
+def background_temperature(
+    background: Background, terms: tuple[AbstractTerm, ...], time: Time
+) -> Float[Array, "*n"]:
+    """Temperature of sky and ground [K]; one number where they are the same."""
+    sky, ground = (value_at(each, time) for each in _horizon(terms))
+    if background.below is None:
+        return sky
+    return jnp.where(jnp.asarray(background.below), ground, sky)

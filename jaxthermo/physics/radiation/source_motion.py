@@ -1,0 +1,116 @@
+"""Motion of sources: positions and directions at given times.
+
+The tables are constant before the first and after the last time.
+"""
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from ...arrays import Numbers, Points
+from ...errors import InputError
+from ...raster.views import unit_vector
+
+
+Triple = tuple[float, float, float]
+
+
+def triple(value: Any) -> Triple:
+    """Three plain numbers, which can be compared and hashed."""
+    x, y, z = (float(number) for number in np.asarray(value, float))
+    return x, y, z
+
+
+# Unit vectors with a shorter sum count as opposite: no unique arc connects them.
+_OPPOSITE_TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True)
+class PointTable:
+    """Points at given times, joined by straight lines at constant speeds.
+
+    Raises:
+        InputError: unless the times increase and each has a finite point.
+    """
+
+    times: Numbers
+    """Times [s], increasing."""
+    points: Points
+    """World positions [m], one for each time."""
+
+    def __post_init__(self):
+        _make_plain(self, "points")
+
+    def __call__(self, time: float) -> Triple:
+        """Point at `time` [s]."""
+        first, second, t = _between(self.times, self.points, time)
+        return triple((1 - t) * first + t * second)
+
+
+@dataclass(frozen=True)
+class DirectionTable:
+    """Directions at given times, joined by the shorter arcs at constant rates.
+
+    Raises:
+        InputError: unless the times increase and each has a direction that is not
+            opposite to the previous one.
+    """
+
+    times: Numbers
+    """Times [s], increasing."""
+    directions: Points
+    """Directions of any length, one for each time."""
+
+    def __post_init__(self):
+        _make_plain(self, "directions")
+        units = [unit_vector(d, "DirectionTable(directions=)") for d in self.directions]
+        for i, (a, b) in enumerate(pairwise(units), 1):
+            if np.linalg.norm(a + b) < _OPPOSITE_TOLERANCE:
+                raise InputError(
+                    f"DirectionTable: direction {i} is opposite to the one before; "
+                    "give one between them"
+                )
+
+    def __call__(self, time: float) -> Triple:
+        """Unit vector at `time` [s]."""
+        *ends, t = _between(self.times, self.directions, time)
+        first, second = (unit_vector(end) for end in ends)
+        across = float(np.linalg.norm(np.cross(first, second)))
+        angle = math.atan2(across, float(first @ second))
+        if angle == 0:
+            return triple(first)
+        # Spherical interpolation: the angular velocity is constant.
+        turned = math.sin((1 - t) * angle) * first
+        return triple(unit_vector(turned + math.sin(t * angle) * second))
+
+
+def _between(
+    times: Any, rows: Any, time: float
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Rows before and after `time` [s], and the fraction of the interval passed [-]."""
+    last = len(times) - 1
+    position = float(np.interp(time, times, np.arange(last + 1.0)))
+    before = int(position)
+    first, second = rows[before], rows[min(before + 1, last)]
+    return np.asarray(first), np.asarray(second), position - before
+
+
+def _make_plain(table: Any, field: str) -> None:
+    """Convert the fields to tuples, which can be compared and hashed."""
+    name = type(table).__name__
+    try:
+        times = np.asarray(table.times, float)
+        rows = np.asarray(getattr(table, field), float)
+    except (TypeError, ValueError):
+        times = rows = np.zeros(0)
+    if times.ndim != 1 or not len(times) or rows.shape != (len(times), 3):
+        raise InputError(f"{name}: give times, and three numbers for each of them")
+    if not (np.isfinite(times).all() and np.isfinite(rows).all()):
+        raise InputError(f"{name}: give finite numbers")
+    if (np.diff(times) <= 0).any():
+        raise InputError(f"{name}: the times must increase")
+    object.__setattr__(table, "times", tuple(times.tolist()))
+    object.__setattr__(table, field, tuple(triple(row) for row in rows))

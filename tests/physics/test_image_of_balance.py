@@ -1,0 +1,349 @@
+"""A camera sees the radiation of the heat balance: its irradiation, and no other."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from jaxthermo.constants import STEFAN_BOLTZMANN as SIGMA
+from jaxthermo.physics.boundary import ImposedFlux
+from jaxthermo.scene.scene import per_fragment
+
+
+def metal(emissivity, absorptivity=None):
+    return jt.Material(
+        conductivity=400.0,
+        density=8000.0,
+        specific_heat=400.0,
+        emissivity=emissivity,
+        absorptivity=absorptivity,
+    )
+
+
+def block(size, kelvin, material, at=(0.0, 0.0, 0.0), pitch=0.01):
+    grid = jt.voxelize(jt.shapes.box(size), pitch)
+    pose = jt.Pose(translation=at)
+    return jt.Body(jt.FullVolume(grid), material, temperature=kelvin, pose=pose)
+
+
+def at_start(bodies, *terms):
+    return jt.simulate(jt.Scene(tuple(bodies), terms, dtype="float64"), 0.0)
+
+
+def radiosity(solution, index=-1):
+    """Radiation that leaves each fragment, as the renderer draws it [W/m^2]."""
+    kelvin = np.asarray(solution.surface_temperature)[index]
+    emissivity = np.asarray(per_fragment(solution.surfaces, "emissivity"))
+    reflected = np.asarray(solution.reflected(index))
+    return emissivity * SIGMA * kelvin**4 + reflected
+
+
+def irradiation(solution, index=-1):
+    """Thermal radiation and that of sources that reaches each fragment [W/m^2]."""
+    time = solution.times[index]
+    with jax.enable_x64(True):
+        kelvin = jnp.asarray(solution.surface_temperature[index])
+        found = solution.radiation.at(time).irradiation(jnp.asarray(time), kelvin)
+    return [np.asarray(each) for each in found]
+
+
+def apparent(image):
+    return np.asarray(image.apparent_temperature)
+
+
+def on_body(image):
+    return np.asarray(image.object_id) >= 0
+
+
+def ball(kelvin, emissivity, pitch=0.0125):
+    grid = jt.voxelize(jt.shapes.sphere(0.05), pitch)
+    return jt.Body(jt.FullVolume(grid), metal(emissivity), temperature=kelvin)
+
+
+BALL = ball(320.0, 0.5)
+FRONT = jt.Camera((0.5, 0.0, 0.0), (0.0, 0.0, 0.0), width=40, height=40)
+EXCHANGES = {
+    "exchange": jt.RadiativeExchange(250.0, max_patches=60, directions=16),
+    "surroundings": jt.Surroundings(250.0, ground=310.0, occlusion=32),
+}
+LIGHTS = (
+    jt.Sun((-1.0, 0.3, -1.0), 800.0),
+    jt.PointSource((0.2, 0.0, 0.1), 30.0),
+    jt.AreaSource((0.0, 0.0, 0.3), (0.0, 0.0, -1.0), (0.1, 0.2), temperature=700.0),
+)
+
+
+@pytest.mark.parametrize(
+    "name", ["exchange", pytest.param("surroundings", marks=pytest.mark.slow)]
+)
+def test_power_that_leaves_the_surface_is_that_of_the_ledger(name):
+    """Leaving minus arriving radiation of each body is minus the heat of its terms."""
+    bodies = (
+        block((0.04, 0.04, 0.04), 320.0, metal(0.3, 0.6)),
+        block((0.02, 0.04, 0.06), 400.0, metal(0.8, 0.2), at=(0.05, 0.0, 0.0)),
+    )
+    terms = (EXCHANGES[name], *LIGHTS)
+    dt = 1e-4
+    solution = jt.simulate(
+        jt.Scene(bodies, terms, dtype="float64"), dt, solver=jt.ForwardEuler(dt=dt)
+    )
+    net = radiosity(solution) - sum(irradiation(solution))
+    first = 0
+    for number, surface in enumerate(solution.surfaces):
+        area = surface.geometry.fragment_area
+        leaves = float(area @ net[first : first + len(area)])
+        first += len(area)
+        heat = solution.energy.bodies[number].mechanisms
+        rates = [float(brought[-1]) / dt for brought in heat.values()]
+        size = sum(map(abs, rates))
+        assert size > 0.1
+        assert leaves == pytest.approx(-sum(rates), abs=1e-5 * size)
+
+
+def test_a_grey_sphere_reflects_the_surroundings_of_the_exchange():
+    solution = at_start((BALL,), EXCHANGES["exchange"])
+    image = jt.render(solution, FRONT)
+    expected = (0.5 * (320.0**4 + 250.0**4)) ** 0.25
+    assert expected == pytest.approx(291.2546, abs=1e-4)
+    np.testing.assert_allclose(apparent(image)[on_body(image)], expected, atol=1e-3)
+    np.testing.assert_allclose(apparent(image)[~on_body(image)], 250.0, atol=1e-3)
+
+
+def test_a_sphere_between_sky_and_ground():
+    """View factors of an unobstructed surface, (1 + n_z) / 2 and (1 - n_z) / 2."""
+    sky, ground, kelvin = 250.0, 350.0, 290.0
+    body = ball(kelvin, 0.5, pitch=0.05 / 16)
+    solution = at_start((body,), jt.Surroundings(sky, ground=ground))
+
+    def closed_form(up):
+        back = (1 + up) / 2 * sky**4 + (1 - up) / 2 * ground**4
+        return 0.5 * kelvin**4 + 0.5 * back
+
+    normal = body.structure.grid.fragment_normal
+    exact = SIGMA * closed_form(normal[:, 2])
+    np.testing.assert_allclose(radiosity(solution), exact, rtol=1e-12)
+    # On the image, the normal of the sphere itself at the point that a pixel shows.
+    image = jt.render(solution, FRONT)
+    shown = on_body(image)
+    origin, step = FRONT.rays()
+    depth = np.asarray(image.depth).reshape(-1, 1)
+    height = (origin + np.where(np.isinf(depth), 0, depth) * step)[:, 2]
+    up = np.clip(height.reshape(shown.shape)[shown] / 0.05, -1, 1)
+    error = apparent(image)[shown] - closed_form(up) ** 0.25
+    assert np.sqrt((error**2).mean()) < 0.5 and np.abs(error).max() < 2.0
+    # The background is the scene's: the camera looks along the horizon.
+    behind = apparent(image)
+    np.testing.assert_allclose(behind[0, 0], sky, atol=1e-3)
+    np.testing.assert_allclose(behind[-1, 0], ground, atol=1e-3)
+
+
+def hollow_box(outer, inner):
+    shells = [jt.shapes.box((size,) * 3) for size in (outer, inner)]
+    vertices = np.concatenate([shell.vertices for shell in shells])
+    inside = shells[1].faces[:, ::-1] + len(shells[0].vertices)
+    return jt.Mesh(vertices, np.concatenate([shells[0].faces, inside]))
+
+
+@pytest.mark.parametrize("emissivity", [pytest.param(1.0, marks=pytest.mark.slow), 0.3])
+def test_an_isothermal_enclosure_shows_its_temperature(emissivity):
+    """Seen from inside, through its own exchange, with other surroundings outside."""
+    grid = jt.voxelize(hollow_box(0.12, 0.08), 0.01)
+    body = jt.Body(jt.FullVolume(grid), metal(emissivity), temperature=350.0)
+    solution = at_start((body,), EXCHANGES["exchange"])
+    inside = jt.Camera(
+        (-0.03, -0.02, 0.01), (0.03, 0.01, 0.0), width=20, height=20, field_of_view=1.5
+    )
+    image = jt.render(solution, inside)
+    assert on_body(image).all()
+    np.testing.assert_allclose(apparent(image), 350.0, atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param("exchange", marks=pytest.mark.slow), "surroundings"]
+)
+def test_isothermal_surroundings_hide_a_body(name):
+    term = {
+        "exchange": jt.RadiativeExchange(300.0, max_patches=60, directions=32),
+        "surroundings": jt.Surroundings(300.0, ground=300.0, occlusion=32),
+    }[name]
+    other = block((0.02, 0.02, 0.02), 300.0, metal(0.1), at=(0.1, 0.0, 0.0))
+    bodies = ball(300.0, 0.5), other
+    image = jt.render(at_start(bodies, term), FRONT)
+    np.testing.assert_allclose(apparent(image), 300.0, atol=1e-3)
+
+
+def _facing_plates(n, side, gap, emissivities, kelvins, around):
+    """Irradiation of the second plate's centre by quadrature over n^2 patches each."""
+    line = (np.arange(n) + 0.5) / n * side - side / 2
+    x, y = (axis.reshape(-1) for axis in np.meshgrid(line, line, indexing="ij"))
+    square = (x[:, None] - x) ** 2 + (y[:, None] - y) ** 2 + gap**2
+    factor = gap**2 / (np.pi * square**2) * (side / n) ** 2
+    black = [SIGMA * kelvin**4 for kelvin in (*kelvins, around)]
+    radiosities = [np.full(n * n, black[0]), np.full(n * n, black[1])]
+    for _ in range(200):
+        received = [
+            factor @ radiosities[1 - k] + (1 - factor.sum(1)) * black[2] for k in (0, 1)
+        ]
+        radiosities = [
+            e * b + (1 - e) * h
+            for e, b, h in zip(emissivities, black[:2], received, strict=True)
+        ]
+    return received[1].reshape(n, n)[n // 2, n // 2]
+
+
+@pytest.mark.slow
+@pytest.mark.slice
+def test_a_mirror_shows_the_hot_plate_before_it():
+    """0.2 m squares 40 mm apart, against a quadrature of their radiosity."""
+    side, gap = 0.2, 0.04
+    size = (side, side, 0.01)
+    hot = block(size, 600.0, metal(0.9), at=(0.0, 0.0, gap + 0.01))
+    mirror = block(size, 293.0, metal(0.1))
+    solution = at_start((mirror, hot), jt.RadiativeExchange(293.0, max_patches=256))
+    # Between the plates, towards the middle of the mirror.
+    camera = jt.OrthographicCamera(
+        (0.0, 0.0, 0.03), (0.0, 0.0, 0.0), 0.02, up=(0.0, 1.0, 0.0), width=8, height=8
+    )
+    seen = apparent(jt.render(solution, camera))[3:5, 3:5].mean()
+    arrives = _facing_plates(41, side, gap, (0.9, 0.1), (600.0, 293.0), 293.0)
+    expected = (0.1 * 293.0**4 + 0.9 * arrives / SIGMA) ** 0.25
+    assert expected > 450.0
+    assert seen == pytest.approx(expected, rel=0.005)
+
+
+def test_without_radiation_a_surface_shows_its_own_temperature():
+    """What is not in the heat balance is not in the image; the air is behind it."""
+    image = jt.render(at_start((BALL,), jt.Convection(10.0, 280.0)), FRONT)
+    shown = on_body(image)
+    np.testing.assert_allclose(apparent(image)[shown], 320.0, atol=1e-9)
+    np.testing.assert_allclose(apparent(image)[~shown], 280.0, atol=1e-9)
+
+
+def test_a_surface_without_absorption_reflects_all():
+    """A perfect mirror and white paint take no heat, and show what reaches them."""
+    body = block((0.04, 0.04, 0.04), 300.0, metal(0.0, 0.0))
+    solution = at_start(
+        (body,), jt.Surroundings(250.0), jt.Sun((-1.0, 0.0, 0.0), 500.0)
+    )
+    normal = body.structure.grid.fragment_normal
+    expected = SIGMA * 250.0**4 + 500.0 * np.maximum(normal[:, 0], 0)
+    np.testing.assert_allclose(radiosity(solution), expected, rtol=1e-12)
+
+
+def test_what_a_surface_held_at_a_temperature_reflects():
+    held = jt.FixedTemperature(320.0)
+    body = block((0.04, 0.04, 0.04), 300.0, metal(0.4))
+    found = radiosity(at_start((body,), held, jt.Surroundings(250.0)))
+    expected = 0.4 * SIGMA * 300.0**4 + 0.6 * SIGMA * 250.0**4
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
+
+
+def test_occlusion_reaches_the_image():
+    """A wall before half of a mirror hides the cold sky, as the view factor says."""
+    bodies = [
+        block((0.08, 0.08, 0.02), 300.0, metal(0.2)),
+        block((0.02, 0.08, 0.08), 300.0, metal(0.2), at=(0.05, 0.0, 0.03)),
+    ]
+    cold = jt.Surroundings(200.0, occlusion=64)
+    solution = at_start(bodies, cold)
+    found = radiosity(solution)[: len(solution.surfaces[0].geometry.fragment_area)]
+    reflected = (found / SIGMA - 0.2 * 300.0**4) / 0.8
+    factor = (300.0**4 - reflected) / (300.0**4 - 200.0**4)
+    grid = bodies[0].structure.grid
+    up = grid.fragment_normal[:, 2] > 0.5
+    away = 0.04 - grid.fragment_position[:, 0]
+    inner = up & (np.abs(grid.fragment_position[:, 1]) < 0.01)
+    # A wall as long as it is wide: nearly the half strip (1 + cos) / 2 of 2D.
+    near, far = (factor[inner & (away < 0.01)], factor[inner & (away > 0.07)])
+    assert near.mean() < 0.7 < 0.85 < far.mean() <= 1.0
+
+
+def test_sources_are_seen_where_nothing_hides_them():
+    """A panel, a lamp and the sun beside a block, each with its own radiance."""
+    body = block((0.04, 0.04, 0.04), 300.0, metal(0.9))
+    panel = jt.AreaSource(
+        (0.0, 0.0, 0.1), (0.0, -1.0, 0.0), (0.08, 0.04), radiance=90.0
+    )
+    lamp = jt.PointSource((0.1, 0.0, 0.0), 0.02, min_distance=0.02)
+    behind = jt.PointSource((0.0, 0.2, 0.0), 0.02, min_distance=0.02)
+    sun = jt.Sun((0.3, -1.0, 0.0), jt.Until(800.0, 5.0))
+    scene = jt.Scene((body,), (jt.Surroundings(250.0), panel, lamp, behind, sun))
+    solution = jt.simulate(scene, 10.0, save_at=[0.0, 10.0])
+    front = jt.OrthographicCamera(
+        (0.0, -0.5, 0.0), (0.0, 0.0, 0.0), 0.3, width=60, height=60
+    )
+    image = jt.render(solution, front, 0)
+    radiance, depth = np.asarray(image.radiance), np.asarray(image.depth)
+    sky = SIGMA * 250.0**4 / np.pi
+    lit = np.abs(radiance / 90.0 - 1) < 1e-6
+    # Pixels of 5 mm: the panel has 16 x 8 of them, the lamp's disc pi 4^2.
+    assert lit.sum() == 16 * 8 and lit[6:14, 22:38].all()
+    np.testing.assert_allclose(depth[lit], 0.5, rtol=1e-6)
+    disc = np.abs(radiance / (0.02 / (np.pi * 0.02**2)) - 1) < 1e-5
+    assert disc.sum() == pytest.approx(np.pi * 16, abs=4) and disc[30, 50]
+    # The second lamp is behind the block, and the sun outside of parallel rays.
+    assert np.asarray(image.object_id)[30, 30] == 0
+    rest = ~lit & ~disc & (np.asarray(image.object_id) < 0)
+    np.testing.assert_allclose(radiance[rest], sky, rtol=1e-5)
+    at_sun = jt.Camera(
+        (0.1, -0.5, 0.0), (-0.2, 0.5, 0.0), field_of_view=0.6, width=200, height=200
+    )
+    seen = np.asarray(jt.render(solution, at_sun, 0).radiance)
+    # 32 minutes of arc; the irradiance is what its disc sends.
+    pixel = (np.tan(0.3) / 100) ** 2
+    sends = (seen[seen > 1e5] * pixel).sum()
+    assert sends == pytest.approx(800.0, rel=0.15)
+    assert np.asarray(jt.render(solution, at_sun, 1).radiance).max() < 1e3
+
+
+def test_pixels_have_gradients_through_the_exchange():
+    """With respect to an emissivity and the surroundings, by central differences."""
+    grid = jt.voxelize(jt.shapes.box((0.04, 0.04, 0.04)), 0.01)
+    aside = jt.Pose(translation=(0.0, 0.07, 0.0))
+
+    def pixel(values):
+        emissivity, around = values
+        bodies = tuple(
+            jt.Body(jt.FullVolume(grid), metal(eps), temperature=kelvin, pose=pose)
+            for eps, kelvin, pose in (
+                (emissivity, 300.0, jt.Pose()),
+                (0.9, 500.0, aside),
+            )
+        )
+        term = jt.RadiativeExchange(around, max_patches=30, directions=8)
+        solution = jt.simulate(jt.Scene(bodies, (term,), dtype="float64"), 0.0)
+        return solution.reflected(-1)[:96].mean()
+
+    start, step = jnp.asarray([0.4, 280.0]), jnp.asarray([1e-4, 1e-2])
+    found = jax.jit(jax.jacfwd(pixel))(start)
+    run = jax.jit(pixel)
+    for k in range(2):
+        move = step * (jnp.arange(2) == k)
+        slope = (run(start + move) - run(start - move)) / (2 * step[k])
+        assert abs(float(slope)) > 1e-3
+        assert float(found[k]) == pytest.approx(float(slope), rel=1e-5)
+
+
+class Glow(jt.AbstractRadiativeTerm):
+    """A user's own radiation: of the upper half of a room, evenly."""
+
+    name = "glow"
+    absorbed_by = "absorptivity"
+    irradiance: float
+
+    def irradiation(self, surface):
+        normal = np.concatenate([body.normal for body in surface.bodies])
+        law = ImposedFlux(jnp.asarray(self.irradiance, surface.dtype))
+        return (jt.Irradiation((1 + normal[:, 2]) / 2, law),)
+
+
+def test_a_radiation_of_the_user_heats_and_is_seen():
+    body = block((0.04, 0.04, 0.04), 300.0, metal(1.0, 0.3))
+    scene = jt.Scene((body,), (Glow(600.0),), dtype="float64")
+    solution = jt.simulate(scene, 1.0, solver=jt.ForwardEuler(dt=1.0))
+    grid = body.structure.grid
+    lit = 600.0 * (1 + grid.fragment_normal[:, 2]) / 2
+    np.testing.assert_allclose(solution.reflected(-1), 0.7 * lit, rtol=1e-12)
+    heat = solution.energy.mechanisms["glow"][-1]
+    assert float(heat) == pytest.approx(0.3 * grid.fragment_area @ lit, rel=1e-12)
