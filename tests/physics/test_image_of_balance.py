@@ -245,7 +245,7 @@ def test_occlusion_reaches_the_image():
         block((0.08, 0.08, 0.02), 300.0, metal(0.2)),
         block((0.02, 0.08, 0.08), 300.0, metal(0.2), at=(0.05, 0.0, 0.03)),
     ]
-    cold = jt.Surroundings(200.0, occlusion=64)
+    cold = jt.Surroundings(200.0, occlusion=32)
     solution = at_start(bodies, cold)
     found = radiosity(solution)[: len(solution.surfaces[0].geometry.fragment_area)]
     reflected = (found / SIGMA - 0.2 * 300.0**4) / 0.8
@@ -297,6 +297,8 @@ def test_sources_are_seen_where_nothing_hides_them():
     assert np.asarray(jt.render(solution, at_sun, 1).radiance).max() < 1e3
 
 
+@pytest.mark.slow
+@pytest.mark.slice
 def test_pixels_have_gradients_through_the_exchange():
     """With respect to an emissivity and the surroundings, by central differences."""
     grid = jt.voxelize(jt.shapes.box((0.04, 0.04, 0.04)), 0.01)
