@@ -4,8 +4,7 @@ import numpy as np
 
 from jaxthermo.geometry.mesh import Mesh, Pose
 from jaxthermo.geometry.shapes import sphere
-from jaxthermo.physics.radiation.patches import group_patches
-from jaxthermo.physics.radiation.view_factors import PatchedBody
+from jaxthermo.physics.radiation.patches import PatchedBody, group_patches
 from jaxthermo.physics.term import BodySurface, Surface
 from jaxthermo.voxels.grid import VoxelGrid
 
@@ -63,5 +62,6 @@ def in_patches(grid: VoxelGrid, most: int, pose=STANDING) -> PatchedBody:
         grid.fragment_area,
         grid.lattice,
         most,
+        grid.cavities,
     )
     return PatchedBody(pose.to_world(grid.mesh.triangles), patches, pose)

@@ -10,11 +10,10 @@ import numpy as np
 import jaxthermo as jt
 from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.geometry.shapes import box, sphere
-from jaxthermo.physics.radiation.patches import group_patches
+from jaxthermo.physics.radiation.patches import PatchedBody, group_patches
 from jaxthermo.physics.radiation.source import AbstractSource
 from jaxthermo.physics.radiation.view_factors import (
     DEFAULT_DIRECTIONS,
-    PatchedBody,
     view_factors,
 )
 from jaxthermo.reference.view_factor import element_to_rectangle, parallel_rectangles

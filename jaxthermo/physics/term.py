@@ -97,6 +97,8 @@ class BodySurface:
     scene_triangles: Float[np.ndarray, "f 3 3"]
     """Triangles of every body, world [m]: what may cast a shadow."""
     dtype: Any
+    enclosed: Bool[np.ndarray, " s"] | None = None
+    """Fragments in a closed cavity, which nothing from outside reaches, if any."""
     prune: bool = True
     """False to keep terms that have no effect, for tests."""
 
@@ -147,7 +149,8 @@ class BodySurface:
         if self.prune and not chosen.any():
             return self.omitted("`on` is on another body")
         if self.prune and not (chosen & self.natural).any():
-            return self.omitted("all of its surface is held at a temperature")
+            closed = "" if self.enclosed is None else " or lies in a closed cavity"
+            return self.omitted(f"all of its surface is held at a temperature{closed}")
         return chosen & self.natural
 
 
@@ -186,6 +189,19 @@ class Surface:
     def body(self) -> Int[np.ndarray, " s"]:
         """Number of the body of each fragment."""
         return np.repeat(np.arange(len(self.bodies)), self.counts)
+
+    @cached_property
+    def outside(self) -> "Surface":
+        """The surface without closed cavities, for terms from outside."""
+        if all(body.enclosed is None for body in self.bodies):
+            return self
+        bodies = tuple(
+            body
+            if body.enclosed is None
+            else dataclasses.replace(body, natural=body.natural & ~body.enclosed)
+            for body in self.bodies
+        )
+        return dataclasses.replace(self, bodies=bodies)
 
     @property
     def reference(self) -> Float[Values, "*#s"]:
@@ -323,6 +339,8 @@ class AbstractSurfaceTerm(AbstractTerm):
 
     is_dirichlet: ClassVar[bool] = False
     """True if it prescribes the temperature of the surface, as no other term."""
+    from_outside: ClassVar[bool] = False
+    """True if it comes from outside all bodies: it does not act in closed cavities."""
 
     @abc.abstractmethod
     def bind(self, surface: Surface) -> tuple[Binding | Omitted, ...]:
@@ -333,8 +351,12 @@ class AbstractExchangeTerm(AbstractSurfaceTerm):
     """Exchange between pieces of surface; its law receives an irradiation."""
 
     @abc.abstractmethod
-    def enclosure(self, surface: Surface) -> Any:
-        """The exchange between all fragments of the scene."""
+    def enclosure(self, surface: Surface) -> tuple[Any, Any]:
+        """The exchange between all fragments of the scene.
+
+        With it comes what the receipt says of its accuracy: the `note` of an object
+        with an `error`.
+        """
 
 
 class AbstractVolumeTerm(AbstractTerm):

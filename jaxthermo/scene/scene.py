@@ -141,8 +141,12 @@ class Body(eqx.Module):
     """Rule by which surface temperatures follow from the nodes."""
     coatings: tuple[Coating, ...] = eqx.field(kw_only=True, default=())
     """Radiative properties of parts of the surface, later ones on top."""
+    inside: str = eqx.field(static=True, kw_only=True, default="closed")
+    """With "open", air, sun and surroundings act in its closed cavities as well."""
 
     def __check_init__(self):
+        if self.inside not in ("closed", "open"):
+            raise InputError(f"Body(inside={self.inside!r}): give 'closed' or 'open'")
         if not self.structure.grid.solid.any():
             raise InputError(
                 f"Body({type(self.structure).__name__}): its grid of "

@@ -1,12 +1,14 @@
 """Voxel grid: the solid voxels of a body and its surface fragments, and a report."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ..geometry.mesh import Mesh
+from .cavities import Cavities, find_cavities
 from .lattice import Lattice
 from .surface import surface_links, surface_voxels
 
@@ -80,6 +82,22 @@ class VoxelGrid:
     def solid_count(self) -> int:
         """Number of solid voxels."""
         return int(np.count_nonzero(self.solid))
+
+    @cached_property
+    def cavities(self) -> Cavities | None:
+        """Closed cavities of the body; None if there are none."""
+        # A ray through a cavity crosses the surface four times, and two of the three
+        # axes must have found the cavity empty: most bodies need no search.
+        if sorted(self.layers.peeled)[1] < 4:
+            return None
+        return find_cavities(self.solid, self.lattice)
+
+    @cached_property
+    def fragment_cavity(self) -> Int[np.ndarray, " s"]:
+        """Number of the closed cavity that each fragment faces; 0 for none."""
+        if self.cavities is None:
+            return np.zeros(len(self.fragment_area), int)
+        return self.cavities.faced(self.fragment_position, self.fragment_normal)
 
     @property
     def voxel_volume(self) -> float:

@@ -72,7 +72,7 @@ def test_v24_concentric_spheres_of_voxels():
         surface_of(outer, emissivity=0.5, body=1),
     )
     term = RadiativeExchange(300.0, max_patches=60, directions=32)
-    exchange = term.enclosure(whole(*surfaces))
+    exchange, _ = term.enclosure(whole(*surfaces))
     n, other = len(inner.fragment_area), len(outer.fragment_area)
     theta, grey = (np.repeat(v, (n, other)) for v in ([100.0, 0.0], [0.8, 0.5]))
     flux = np.asarray(flux_of(exchange, grey, jnp.asarray(theta)))
@@ -159,7 +159,7 @@ def test_equal_temperatures_exchange_nothing(scene):
 def test_a_convex_body_alone_emits_to_the_surroundings():
     ball = voxelize(sphere(0.1, 2), 0.02)
     surface = whole(surface_of(ball, emissivity=0.7))
-    exchange = RadiativeExchange(280.0, directions=16).enclosure(surface)
+    exchange, _ = RadiativeExchange(280.0).enclosure(surface)
     theta = np.random.default_rng(0).uniform(0.0, 50.0, len(ball.fragment_area))
     flux = flux_of(exchange, 0.7, jnp.asarray(theta))
     exact = 0.7 * STEFAN_BOLTZMANN * (280.0**4 - (300.0 + theta) ** 4)

@@ -99,6 +99,8 @@ class BodyConfig(Model, builds="Body"):
     """Temperature at the start [K]."""
     pose: AnyPose = PoseConfig()
     """Position in the scene, or a table of positions by time."""
+    inside: Literal["closed", "open"] = "closed"
+    """If open, air, sun and surroundings act in its closed cavities as well."""
 
     exactly_one: ClassVar = (("mesh", "shape"), ("pitch", "voxels_high"))
 
@@ -120,6 +122,7 @@ class BodyConfig(Model, builds="Body"):
             pose=self.pose.build(),
             surface_map=self.surface_map.build(),
             coatings=build(self.coatings),
+            inside=self.inside,
         )
 
     def build_mesh(self) -> Any:

@@ -250,6 +250,7 @@ class FreeConvection(AbstractSurfaceTerm):
     """
 
     name = "free_convection"
+    from_outside = True
 
     temperature: TimeVarying
     """T_inf of the air [K], a number or a function of time."""

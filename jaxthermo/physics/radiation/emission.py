@@ -146,6 +146,7 @@ class Surroundings(AbstractRadiativeTerm):
 
     name = "emission"
     unseen = "none of the surface sees the surroundings"
+    from_outside = True
 
     temperature: TimeVarying
     """T_s [K], a number or a function of time; with `ground`, that of the sky."""

@@ -1,11 +1,17 @@
-"""Patches of a body's surface: fragments of one grid cell that face one side."""
+"""Patches of a body's surface: fragments of one grid cell that face one side.
+
+What faces a closed cavity is never in one patch with what faces the outside.
+"""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from ...errors import InputError
+from ...geometry.mesh import Pose
+from ...voxels.cavities import Cavities
 from ...voxels.lattice import Lattice
 
 
@@ -24,10 +30,18 @@ class _Cells:
     voxels: int
     """Number of voxels along an edge of a cell."""
 
+    @property
+    def period(self) -> int:
+        """Difference between the codes of one cavity and those of the next."""
+        return _SIDES * int(np.prod([n // self.voxels + 1 for n in self.lattice.shape]))
+
     def codes(
-        self, points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]
+        self,
+        points: Float[np.ndarray, "n 3"],
+        normals: Float[np.ndarray, "n 3"],
+        rooms: Int[np.ndarray, " n"],
     ) -> Int[np.ndarray, " n"]:
-        """Number that identifies the cell and side of each surface point."""
+        """Number that identifies the room, cell and side of each surface point."""
         axis = np.abs(normals).argmax(1)
         rows = np.arange(len(points))
         ahead = normals[rows, axis] > 0
@@ -37,7 +51,8 @@ class _Cells:
         top = np.array(self.lattice.shape) - 1
         x, y, z = (np.clip(np.floor(at).astype(int), 0, top) // self.voxels).T
         _, ny, nz = (n // self.voxels + 1 for n in self.lattice.shape)
-        return ((x * ny + y) * nz + z) * _SIDES + 2 * axis + ahead
+        code = ((x * ny + y) * nz + z) * _SIDES + 2 * axis + ahead
+        return code + self.period * rooms
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,19 +65,34 @@ class Patches:
     centre: Float[np.ndarray, "p 3"]
     """[m]"""
     code: Int[np.ndarray, " p"]
-    """Cell and side of each patch, increasing."""
+    """Room, cell and side of each patch, increasing."""
     cells: _Cells
+    cavities: Cavities | None
+    room: Int[np.ndarray, " r"]
+    """Room of the outside, 0, and of each cavity: the small ones count as outside."""
 
     @property
     def count(self) -> int:
         """Number of patches."""
         return len(self.area)
 
+    @property
+    def enclosed(self) -> Bool[np.ndarray, " p"]:
+        """True for patches in a closed cavity."""
+        return self.code >= self.cells.period
+
     def patch_of(
-        self, points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]
+        self,
+        points: Float[np.ndarray, "n 3"],
+        normals: Float[np.ndarray, "n 3"],
+        cavity: Int[np.ndarray, " n"] | None = None,
     ) -> Int[np.ndarray, " n"]:
-        """Patch of any points on the surface; the nearest one in a cell without any."""
-        code = self.cells.codes(points, normals)
+        """Patch of any points on the surface; the nearest one in a cell without any.
+
+        `cavity` is the number of the one that each point faces; None for all outside.
+        """
+        rooms = np.zeros(len(points), int) if cavity is None else self.room[cavity]
+        code = self.cells.codes(points, normals, rooms)
         slot = np.minimum(np.searchsorted(self.code, code), self.count - 1)
         missing = np.flatnonzero(self.code[slot] != code)
         if len(missing):
@@ -71,10 +101,22 @@ class Patches:
             )
             gap = points[missing[first], None] - self.centre
             far = np.einsum("upi,upi->up", gap, gap)
-            # Patches of the same side take precedence over those of other sides.
-            far += (unknown[:, None] % _SIDES != self.code % _SIDES) * (1 + far.max())
+            # Patches of the same room take precedence over those of other rooms, and
+            # in a room those of the same side.
+            apart, period = 1 + far.max(), self.cells.period
+            far += (unknown[:, None] % _SIDES != self.code % _SIDES) * apart
+            far += (unknown[:, None] // period != self.code // period) * (2 * apart)
             slot[missing] = far.argmin(1)[inverse.reshape(-1)]
         return slot
+
+
+class PatchedBody(NamedTuple):
+    """Body with the patches of its surface."""
+
+    triangles: Float[np.ndarray, "f 3 3"]
+    """World [m], counter-clockwise seen from outside."""
+    patches: Patches
+    pose: Pose = Pose()
 
 
 def group_patches(
@@ -83,26 +125,45 @@ def group_patches(
     area: Float[np.ndarray, " s"],
     lattice: Lattice,
     max_patches: int,
+    cavities: Cavities | None = None,
 ) -> Patches:
     """Finest patches of a body whose number does not exceed `max_patches`.
 
     Positions [m], unit normals and areas above 0 [m^2] are those of its fragments, in
-    the body's frame.
+    the body's frame. Each closed cavity may have six more.
 
     Raises:
         InputError: for fewer than six: a closed surface faces all six sides.
     """
     if max_patches < 6:
         raise InputError(f"{max_patches} patches a body: give 6 or more, such as 128")
+    room, rooms = np.zeros(1, int), np.zeros(len(area), int)
+    if cavities is not None:
+        cavity = cavities.faced(position, normal)
+        room = _rooms(np.bincount(cavity, area, cavities.count + 1), max_patches)
+        rooms = room[cavity]
+    max_patches += _SIDES * int(room.max())
     longest = max(lattice.shape)
     cells = _Cells(lattice, longest)
     for voxels in np.unique(np.ceil(longest / np.geomspace(1.0, 64.0, 49)))[::-1]:
         finer = _Cells(lattice, int(voxels))
-        if len(np.unique(finer.codes(position, normal))) > max_patches:
+        if len(np.unique(finer.codes(position, normal, rooms))) > max_patches:
             break
         cells = finer
-    code, patch = np.unique(cells.codes(position, normal), return_inverse=True)
+    codes = cells.codes(position, normal, rooms)
+    code, patch = np.unique(codes, return_inverse=True)
     patch = patch.reshape(-1)
     total = np.bincount(patch, area, len(code))
     mean = [np.bincount(patch, area * position[:, i], len(code)) for i in range(3)]
-    return Patches(patch, total, np.stack(mean, axis=1) / total[:, None], code, cells)
+    centre = np.stack(mean, axis=1) / total[:, None]
+    return Patches(patch, total, centre, code, cells, cavities, room)
+
+
+def _rooms(area: Float[np.ndarray, " c"], max_patches: int) -> Int[np.ndarray, " c"]:
+    """Number of the room of the outside, 0, and of each cavity, by area [m^2]."""
+    # Voxels of a folded surface may enclose very many tiny cavities: the largest have
+    # patches of their own, no more than the outside has.
+    largest = np.argsort(-area[1:], kind="stable")[: max_patches // _SIDES] + 1
+    room = np.zeros(len(area), int)
+    room[largest] = np.arange(1, len(largest) + 1)
+    return room

@@ -6,11 +6,11 @@ It replaces `Surroundings` where bodies, or parts of one, see each other:
 
 with the emissive power E = sigma T^4, the radiosity J and the irradiation H of each
 patch. H = K E + k_s E_s is solved once, before the run; the rows of K and k_s add up to
-1. Every fragment receives the irradiation of its patch and emits at its own
-temperature. Each step first finds the surface temperatures for the irradiation of
-surfaces at node temperature, then exchanges the radiation of surfaces at these
-temperatures, which conserves heat. Source: Hottel and Sarofim, Radiative Transfer
-(1967); Gebhart, Heat Transfer (1961).
+1, as they do with a third factor for a ground. Every fragment receives the irradiation
+of its patch and emits at its own temperature. Each step first finds the surface
+temperatures for the irradiation of surfaces at node temperature, then exchanges the
+radiation of surfaces at these temperatures, which conserves heat. Source: Hottel and
+Sarofim, Radiative Transfer (1967); Gebhart, Heat Transfer (1961).
 """
 
 from dataclasses import replace
@@ -25,6 +25,7 @@ from typing_extensions import override
 
 from ...arrays import TimeVarying, is_traced
 from ...constants import STEFAN_BOLTZMANN
+from ...errors import InputError
 from ...voxels.selection import AbstractSelection
 from ..boundary import ImposedFlux, toward
 from ..flux_law import AbstractFluxLaw, Forcing, Values
@@ -32,8 +33,14 @@ from ..term import AbstractExchangeTerm, Surface, spread
 from ..time_varying import check_value, for_jit, value_at
 from .emission import AbstractEmission, equilibrium_temperature, net_emission
 from .irradiation import AbstractRadiativeTerm, Irradiation
-from .patches import group_patches
-from .view_factors import DEFAULT_DIRECTIONS, PatchedBody, ViewFactors, view_factors
+from .patches import PatchedBody, group_patches
+from .refinement import (
+    DEFAULT_MAX_DIRECTIONS,
+    MIN_DIRECTIONS,
+    Sampling,
+    refined_view_factors,
+)
+from .view_factors import ViewFactors, view_factors
 
 
 # Smallest emissivity of a patch: radiosity is undetermined between perfect mirrors.
@@ -78,35 +85,61 @@ class RadiativeExchange(AbstractExchangeTerm, AbstractRadiativeTerm):
     J = eps sigma T^4 + (1 - eps) H
 
     The surface of each body is divided into patches, each with one irradiation H; the
-    view factors F account for all obstacles. Source: Hottel and Sarofim, Radiative
-    Transfer (1967).
+    view factors F account for all obstacles. They are sampled in more and more
+    directions until an estimate of their error holds; it is in the receipt. Source:
+    Hottel and Sarofim, Radiative Transfer (1967).
 
     Raises:
-        InputError: for a negative temperature.
+        InputError: for a negative temperature, or options out of range.
     """
 
     name = "emission"
 
     temperature: TimeVarying
-    """T_s of the black surroundings [K], a number or a function of time."""
+    """T_s of the black surroundings [K], a number or a function of time; with `ground`,
+    that of the sky."""
+    ground: TimeVarying | None = None
+    """Temperature below the horizon [K], a number or a function of time."""
     max_patches: int = eqx.field(static=True, default=128)
     """Largest number of patches of a body."""
-    directions: int = eqx.field(static=True, default=DEFAULT_DIRECTIONS)
-    """Number of directions in which view factors are sampled."""
+    directions: int | None = eqx.field(static=True, default=None)
+    """Number of directions in which view factors are sampled; None for as many as
+    `error` needs."""
+    error: float = eqx.field(static=True, default=0.01)
+    """Largest estimated relative error of the exchange of a body [-]."""
+    max_directions: int = eqx.field(static=True, default=DEFAULT_MAX_DIRECTIONS)
+    """Number of directions at which sampling ends, whatever the estimate."""
     on: AbstractSelection | None = None
     """Part of the surface; what remains reflects, without taking or giving heat."""
 
     def __check_init__(self):
         check_value(self.temperature, "RadiativeExchange(temperature [K])", 0.0)
+        if self.ground is not None:
+            check_value(self.ground, "RadiativeExchange(ground [K])", 0.0)
+        if not 0 < self.error < 1:
+            raise InputError(
+                f"RadiativeExchange(error={self.error!r}): give a fraction above 0 and "
+                "below 1, such as 0.01"
+            )
+        if self.max_directions < MIN_DIRECTIONS:
+            raise InputError(
+                f"RadiativeExchange(max_directions={self.max_directions!r}): give "
+                f"{MIN_DIRECTIONS} or more, such as {DEFAULT_MAX_DIRECTIONS}"
+            )
 
     @override
     def forcing(self, end: float | int) -> Forcing:
-        return toward(self.temperature, end)
+        found = [toward(value, end) for value in self.values]
+        return Forcing(
+            highest=jnp.max(jnp.stack([each.highest for each in found])),
+            lowest=jnp.min(jnp.stack([each.lowest for each in found])),
+        )
 
     @property
     @override
     def horizon(self) -> tuple[Any, Any]:
-        return self.temperature, self.temperature
+        ground = self.temperature if self.ground is None else self.ground
+        return self.temperature, ground
 
     @override
     def irradiation(self, surface: Surface) -> tuple[Irradiation, ...]:
@@ -116,13 +149,14 @@ class RadiativeExchange(AbstractExchangeTerm, AbstractRadiativeTerm):
         return (self._on_all(surface, [np.ones(n) for n in surface.counts], law),)
 
     @override
-    def enclosure(self, surface: Surface) -> "Enclosure":
+    def enclosure(self, surface: Surface) -> tuple["Enclosure", Sampling]:
         bodies, base = surface.bodies, _base(surface)
         # Fragments in contact keep a trace of their area, so that no patch has area 0.
         areas = [np.maximum(b.area, 1e-6 * b.grid.fragment_area) for b in bodies]
         patches = [
             group_patches(
-                b.own_position, b.own_normal, area, b.grid.lattice, self.max_patches
+                *(b.own_position, b.own_normal, area, b.grid.lattice),
+                *(self.max_patches, b.grid.cavities),
             )
             for b, area in zip(bodies, areas, strict=True)
         ]
@@ -135,19 +169,30 @@ class RadiativeExchange(AbstractExchangeTerm, AbstractRadiativeTerm):
         takes_part = [b.selected(self.on).astype(b.dtype) for b in bodies]
         pairs = zip(bodies, takes_part, strict=True)
         grey = [body.emissivity * part for body, part in pairs]
-        return _enclosure(
-            view_factors(patched, self.directions),
+        if self.directions is None:
+            asked = self.error, self.max_directions
+            views, sampling = refined_view_factors(patched, *asked)
+        else:
+            views = view_factors(patched, self.directions)
+            sampling = Sampling(self.directions, np.nan, self.error)
+        ground = self.ground
+        upward = np.concatenate([b.normal[:, 2] for b in bodies])
+        enclosure = _enclosure(
+            views,
             np.concatenate([p.patch + n for p, n in zip(patches, first, strict=False)]),
             np.concatenate(areas),
             (jnp if is_traced(grey) else np).concatenate(grey),
+            upward=None if ground is None else upward,
             base=jnp.asarray(base, surface.dtype),
             temperature=for_jit(self.temperature, surface.dtype),
+            ground=None if ground is None else for_jit(ground, surface.dtype),
             above=spread(
                 [reference - base for reference in surface.references],
                 surface.counts,
                 surface.dtype,
             ),
         )
+        return enclosure, sampling
 
 
 def _base(surface: Surface) -> Any:
@@ -165,11 +210,15 @@ class Enclosure(eqx.Module):
     transfer: Float[Array, "p p"]
     """K [-]: irradiation of each patch for a unit of emissive power of another."""
     from_surroundings: Float[Array, " p"]
-    """k_s [-]; with the row of K it adds up to 1."""
+    """k_s [-], of the sky alone if there is a ground."""
+    from_ground: Float[Array, " p"] | None
+    """k of a ground [-]; with k_s and the row of K it adds up to 1."""
     base: Float[Array, ""]
     """T_0 [K]."""
     temperature: Any
-    """T_s of the surroundings [K]."""
+    """T_s of the surroundings, or of the sky [K]."""
+    ground: Any
+    """Temperature below the horizon [K]; None if it is T_s."""
     above: Float[Array, "*#s"]
     """Reference of each cell minus T_0 [K]."""
 
@@ -185,6 +234,9 @@ class Enclosure(eqx.Module):
         count = len(self.from_surroundings)
         by_patch = jax.ops.segment_sum(self.weight * emitted, self.patch, count)
         heat = self.transfer @ by_patch + self.from_surroundings * around
+        if self.from_ground is not None:
+            below = self._emitted(value_at(self.ground, time) - self.base)
+            heat = heat + self.from_ground * below
         return heat.at[self.patch].get(mode="promise_in_bounds")
 
     def irradiation(
@@ -221,9 +273,14 @@ def _enclosure(
     patch: Int[np.ndarray, " s"],
     area: Float[np.ndarray, " s"],
     emissivity: Float[Values, " s"],
+    upward: Float[np.ndarray, " s"] | None = None,
+    ground: Any = None,
     **temperatures: Any,
 ) -> Enclosure:
-    """Exchange of fragments, by their area [m^2], and the view factors of patches."""
+    """Exchange of fragments, by their area [m^2], and the view factors of patches.
+
+    With a ground, `upward` is the vertical component of the fragments' normals.
+    """
     # Gradients pass through the emissivities; what is not traced is solved on the host,
     # in double precision.
     xp: Any = jnp if is_traced(emissivity) else np
@@ -238,13 +295,35 @@ def _enclosure(
         cast, (grey / cast(views.area), views.factor, views.to_surroundings)
     )
     reflection = xp.eye(len(mean), dtype=factor.dtype) - factor * (1 - mean)[None]
-    sources = xp.concatenate([factor * mean[None], outside[:, None]], axis=1)
+    around = outside[:, None]
+    if upward is not None:
+        around = around * cast(_halves(views, patch, area, upward)).T
+    sources = xp.concatenate([factor * mean[None], around], axis=1)
     solved = xp.linalg.solve(reflection, sources)
+    count = len(mean)
     output = lambda values: jnp.asarray(values, emissivity.dtype)
     return Enclosure(
         patch=jnp.asarray(patch, jnp.int32),
         weight=output(emitting / grey[patch]),
-        transfer=output(solved[:, :-1]),
-        from_surroundings=output(solved[:, -1]),
+        transfer=output(solved[:, :count]),
+        from_surroundings=output(solved[:, count]),
+        from_ground=None if upward is None else output(solved[:, count + 1]),
+        ground=ground,
         **temperatures,
     )
+
+
+def _halves(
+    views: ViewFactors,
+    patch: Int[np.ndarray, " s"],
+    area: Float[np.ndarray, " s"],
+    upward: Float[np.ndarray, " s"],
+) -> Float[np.ndarray, "2 p"]:
+    """Fractions of each patch's surroundings that are sky and ground [-]."""
+    # Without obstacles the view factors are exactly (1 + n_z) / 2 and (1 - n_z) / 2;
+    # only the visible fraction of each is sampled.
+    up = np.bincount(patch, area * (1 + upward) / 2, len(views.area))
+    down = np.bincount(patch, area * (1 - upward) / 2, len(views.area))
+    seen = np.stack([up, down]) * (1.0 if views.visible is None else views.visible)
+    every = seen.sum(0)
+    return np.where(every > 0, seen / np.where(every > 0, every, 1.0), 0.5)

@@ -160,6 +160,7 @@ class Sun(AbstractSource):
     """
 
     name = "sun"
+    from_outside = True
     location_field = "direction"
 
     direction: Triple | Callable[[float], Any] = eqx.field(

@@ -18,7 +18,7 @@ from ...physics.radiation.irradiation import (
     SurfaceRadiation,
     surface_radiation,
 )
-from ...physics.term import AbstractExchangeTerm, Omitted
+from ...physics.term import AbstractExchangeTerm, AbstractSurfaceTerm, Omitted
 from ...voxels.grid import VoxelGrid
 from ..motion import Motion
 from ..scene import AbstractMaterials, BodyGeometry, Scene, SolvedSurface
@@ -74,7 +74,7 @@ def compile_scene(
     snapshots = take_snapshots(scene, prepared, starts, end, temperatures, prune)
     volumes, unheated = bind_volumes(scene)
     ledger = ledger_entries(names, snapshots, volumes, prune)
-    programs = make_programs(
+    programs, accuracy = make_programs(
         scene, prepared, snapshots, volumes, ledger, temperatures, float(end)
     )
     # One step for all snapshots: the smallest.
@@ -102,7 +102,11 @@ def compile_scene(
             included=("conduction", *mechanisms),
             parts=_parts(ledger, first),
             left_out=_omissions(scene, names, first, unheated, len(starts) > 1),
-            notes=_notes(snapshots, names),
+            notes=(
+                *_cavity_notes(scene, first),
+                *_notes(snapshots, names),
+                *accuracy,
+            ),
             warnings=_overlap_warnings(snapshots, starts),
             nodes=sum(s.node_count for s in structures),
             links=sum(s.link_count for s in structures),
@@ -167,7 +171,7 @@ def _radiation(
         enclosure = program.fine_enclosure
         # Surfaces that only reflect, or are held at a temperature, take no heat.
         if enclosure is None and exchange:
-            enclosure = exchange[0].enclosure(snapshot.surface)
+            enclosure = exchange[0].enclosure(snapshot.surface)[0]
         radiation = snapshot.surface, snapshot.irradiation, enclosure
         found.append(surface_radiation(*radiation))
     return tuple(found)
@@ -242,6 +246,25 @@ def _omissions(
         found.append(Omission("contact", why))
     if not moves:
         found.append(Omission("motion", "nothing moves: one snapshot"))
+    return tuple(found)
+
+
+def _cavity_notes(scene: Scene, snapshot: Snapshot) -> tuple[str, ...]:
+    """Closed cavities of each body, if a term does not act in them."""
+    acts = [t for t in scene.terms if isinstance(t, AbstractSurfaceTerm)]
+    if not any(term.from_outside for term in acts):
+        return ()
+    found = []
+    for body, surface in zip(scene.bodies, snapshot.surface.bodies, strict=True):
+        grid = surface.grid
+        shut = grid.fragment_area[grid.fragment_cavity > 0].sum()
+        if body.inside == "open" or not shut:
+            continue
+        fraction = 100 * shut / grid.fragment_area.sum()
+        found.append(
+            f"{fraction:.2g} % of the surface of body {surface.body} faces closed "
+            "cavities: air, sun and surroundings act there only with `inside: open`"
+        )
     return tuple(found)
 
 

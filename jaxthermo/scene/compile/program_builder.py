@@ -83,8 +83,11 @@ def make_programs(
     ledger: Ledger,
     temperatures: Forcing | None,
     end: float,
-) -> tuple[Program, ...]:
-    """The program of each snapshot, all in arrays of the same shapes."""
+) -> tuple[tuple[Program, ...], tuple[str, ...]]:
+    """The program of each snapshot, all in arrays of the same shapes, and notes.
+
+    The notes, for the receipt, are on the accuracy of an exchange.
+    """
     entry = {key: n for n, key in enumerate(ledger)}
     every = {key[0]: name for key, name in ledger.items()}
     names = {n: every[n] for n, _ in snapshots[0].bindings}
@@ -105,10 +108,13 @@ def make_programs(
     touched = {number for key in counts for number in key[1:]}
     dtype = snapshots[0].surface.dtype
     bodies = [_body(body, entry, volumes, dtype) for body in prepared]
-    made = []
+    made, accuracies = [], []
     for snapshot, own in zip(snapshots, terms, strict=True):
         surface = snapshot.surface
-        fine = None if exchange is None else exchange.enclosure(surface)
+        fine = None
+        if exchange is not None:
+            fine, accuracy = exchange.enclosure(surface)
+            accuracies.append(accuracy)
         fragment_terms = replace(own, iterations=iterations)
         load, enclosure = _surface_load(
             fragment_terms, surface, prepared, acts, fine, rows, len(ledger)
@@ -137,7 +143,17 @@ def make_programs(
         made = linear_programs(made) or made
     host = np.ndarray | np.generic
     on_device = lambda x: jnp.asarray(x) if isinstance(x, host) else x
-    return jax.tree.map(on_device, tuple(made))
+    return jax.tree.map(on_device, tuple(made)), _accuracy_notes(exchange, accuracies)
+
+
+def _accuracy_notes(
+    exchange: AbstractExchangeTerm | None, accuracies: list[Any]
+) -> tuple[str, ...]:
+    """The note on the least accurate snapshot."""
+    known = [each for each in accuracies if each is not None]
+    if exchange is None or not known:
+        return ()
+    return (f"{exchange.name}: {max(known, key=lambda each: each.error).note}",)
 
 
 def _fragment_terms(snapshot: Snapshot, names: dict[int, str]) -> SurfaceTerms:

@@ -28,6 +28,7 @@ from ...physics.term import (
     Omitted,
     Surface,
 )
+from ...voxels.selection import FragmentMask
 from ..scene import Scene
 from .bodies import PreparedBody, surface_property
 
@@ -158,6 +159,7 @@ def _body_surfaces(
     placed = zip(meshes, poses, strict=True)
     triangles = [pose.to_world(mesh.vertices[mesh.faces]) for mesh, pose in placed]
     shadow = np.concatenate(triangles)
+    enclosed = _enclosed(scene, poses)
     surfaces = []
     for index, (body, pose) in enumerate(zip(scene.bodies, poses, strict=True)):
         grid, exposed = body.structure.grid, 1 - covered[index]
@@ -176,10 +178,56 @@ def _body_surfaces(
                 absorptivity=surface_property(body, "absorptivity", dtype),
                 scene_triangles=shadow,
                 dtype=dtype,
+                enclosed=enclosed[index],
                 prune=prune,
             )
         )
     return tuple(surfaces)
+
+
+def _enclosed(
+    scene: Scene, poses: tuple[Pose, ...]
+) -> list[Bool[np.ndarray, " _"] | None]:
+    """Fragments of each body in a closed cavity, of its own or another body."""
+    grids = [body.structure.grid for body in scene.bodies]
+    enclosed: list[Bool[np.ndarray, " _"] | None] = [None] * len(grids)
+    for number, (around, body) in enumerate(zip(grids, scene.bodies, strict=True)):
+        if body.inside == "open" or around.cavities is None:
+            continue
+        for other, grid in enumerate(grids):
+            faced = grid.fragment_cavity
+            if other != number:
+                front = grid.fragment_position + grid.pitch / 2 * grid.fragment_normal
+                place = poses[number].to_body(poses[other].to_world(front))
+                faced = around.cavities.at(place)
+            found, before = faced > 0, enclosed[other]
+            if found.any():
+                enclosed[other] = found if before is None else before | found
+    return enclosed
+
+
+def _reached(term: AbstractSurfaceTerm, surface: Surface) -> Surface:
+    """The surface that a term reaches: from outside none in closed cavities."""
+    # A mask names every single fragment, so it is taken as given.
+    named = isinstance(getattr(term, "on", None), FragmentMask)
+    return surface.outside if term.from_outside and not named else surface
+
+
+def _irradiation(
+    term: AbstractRadiativeTerm, surface: Surface
+) -> tuple[Irradiation, ...]:
+    """Irradiation by a term, without the closed cavities that it does not reach."""
+    found = term.irradiation(surface)
+    where = _reached(term, surface)
+    if where is surface:
+        return found
+    enclosed = np.concatenate(
+        [
+            np.zeros(n, bool) if body.enclosed is None else body.enclosed
+            for n, body in zip(surface.counts, surface.bodies, strict=True)
+        ]
+    )
+    return tuple(each._replace(factor=each.factor * ~enclosed) for each in found)
 
 
 def _find_contacts(
@@ -248,13 +296,13 @@ def _bind_terms(
     omitted: list[tuple[int, Omitted]] = []
     # A camera sees what reaches the surface even where none of it is absorbed.
     radiative = [(n, t) for n, t in acts if isinstance(t, AbstractRadiativeTerm)]
-    brought = {n: term.irradiation(surface) for n, term in radiative}
+    brought = {n: _irradiation(term, surface) for n, term in radiative}
     irradiation = [(t.absorbed_by, each) for n, t in radiative for each in brought[n]]
 
     def bound(number: int, term: AbstractSurfaceTerm, where: Surface):
         if isinstance(term, AbstractRadiativeTerm):
-            return term.absorbed(where, brought[number])
-        return term.bind(where)
+            return term.absorbed(_reached(term, where), brought[number])
+        return term.bind(_reached(term, where))
 
     def bind(chosen, where: Surface) -> _NumberedBindings:
         found = [(n, each) for n, term in chosen for each in bound(n, term, where)]

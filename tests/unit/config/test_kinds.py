@@ -89,6 +89,7 @@ GIVEN: dict[str, dict[str, Any]] = {
 CONFIG_ONLY = {
     ("CylinderConfig", "body"),
     ("RadiativeExchangeConfig", "directions"),
+    ("RadiativeExchangeConfig", "max_directions"),
     ("RadiativeExchangeConfig", "most_patches"),
     ("RadiativeExchangeConfig", "max_patches"),
     ("SideConfig", "body"),

@@ -71,6 +71,10 @@ TERMS = {
     "{kind: radiative_exchange, temperature: 280, max_patches: 32, directions: 16}": (
         jt.RadiativeExchange(280.0, max_patches=32, directions=16)
     ),
+    "{kind: radiative_exchange, temperature: 250, ground: 290, error: 2 %, "
+    "max_directions: 1000}": (
+        jt.RadiativeExchange(250.0, ground=290.0, error=0.02, max_directions=1000)
+    ),
     "{kind: convection, heat_transfer_coefficient: 10, temperature: 290}": (
         jt.Convection(10.0, 290.0)
     ),

@@ -1,0 +1,307 @@
+"""Global lines through a scene, which count the patches that see each other.
+
+Along every line of a view, surfaces follow each other in the order of their depth
+layers. Where the line leaves one surface and enters the next, the two see each other
+along it, in both directions, and its first and last surface see the surroundings. So
+
+    A_i F_ij = integral over directions of dw/pi, over the lines of dA, of [i sees j],
+
+with as many views as directions, no lines of its own for any patch, symmetric by
+construction, and obstacles are found by the same sort that orders the layers. Source:
+the global lines of Sbert, Comput. Graph. Forum 12(3) (1993).
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import combinations, islice
+from typing import NamedTuple
+
+import jax
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from ...geometry.mesh import Pose
+from ...raster.fragments import (
+    MIN_CAPACITY,
+    DepthLayers,
+    peel,
+    shared_capacities,
+)
+from ...raster.views import (
+    OrthographicView,
+    cap_directions,
+    half_sphere_directions,
+    orthographic_view,
+)
+from ...voxels.cavities import Cavities
+from .patches import PatchedBody
+
+
+class _Scene(NamedTuple):
+    triangles: Float[np.ndarray, "f 3 3"]
+    normal: Float[np.ndarray, "f 3"]
+    body: Int[np.ndarray, " f"]
+    first: Int[np.ndarray, " b"]
+    """Index of each body's first patch among all patches."""
+    count: int
+
+
+def _concatenated(bodies: tuple[PatchedBody, ...]) -> _Scene:
+    triangles = np.concatenate([body.triangles for body in bodies])
+    a, b, c = np.moveaxis(triangles, 1, 0)
+    counts = [body.patches.count for body in bodies]
+    return _Scene(
+        triangles,
+        np.cross(b - a, c - a),
+        np.repeat(np.arange(len(bodies)), [len(body.triangles) for body in bodies]),
+        np.cumsum([0, *counts[:-1]]),
+        sum(counts),
+    )
+
+
+# Views that are drawn at once, at most.
+_MAX_VIEWS = 16
+
+# Steps of a low-discrepancy sequence in the unit square: 1/g, 1/g^2 with g^3 = g + 1.
+_SEQUENCE_STEP = np.array([0.7548776662466927, 0.5698402909980532])
+
+
+def _views(
+    points: Float[np.ndarray, "*n 3"],
+    directions: Float[np.ndarray, "d 3"],
+    pixel: float,
+) -> Iterator[OrthographicView]:
+    """View along each direction, displaced by a fraction of a pixel."""
+    # A view centred on the scene would count half a pixel too much on average.
+    for index, direction in enumerate(directions):
+        view = orthographic_view(points, direction, pixel)
+        shift = np.append((index * _SEQUENCE_STEP) % 1.0 - 0.5, 0.0) * pixel
+        yield replace(view, corner=view.corner + shift)
+
+
+class _Strip(NamedTuple):
+    """Views side by side in one image, which are drawn at once."""
+
+    views: Sequence[OrthographicView]
+    """All with the same pitch."""
+    start: Int[np.ndarray, " w"]
+    """First column of each."""
+    width: int
+    height: int
+
+    def project(
+        self, triangles: Float[np.ndarray, "f 3 3"]
+    ) -> Float[np.ndarray, "k 3 3"]:
+        """Triangles in the image [pixels], of one view after the other."""
+        right = np.array([1.0, 0.0, 0.0])
+        pairs = zip(self.views, self.start, strict=True)
+        return np.concatenate([v.project(triangles) + s * right for v, s in pairs])
+
+    def points(
+        self, layers: DepthLayers, view: Int[np.ndarray, " k"]
+    ) -> Float[np.ndarray, "k 3"]:
+        """Positions of fragments in the world [m], by the number of their view."""
+        row, column = np.divmod(layers.pixel, self.width)
+        column = column - self.start[view]
+        seen = np.stack([column + 0.5, row + 0.5, layers.depth], axis=1)
+        corner = np.stack([own.corner for own in self.views])
+        frame = np.stack([own.frame for own in self.views])
+        local = seen * self.views[0].pitch + corner[view]
+        return np.einsum("ki,kij->kj", local, frame[view])
+
+
+def _strip(views: Sequence[OrthographicView]) -> _Strip:
+    widths = [view.width for view in views]
+    start = np.cumsum([0, *widths[:-1]])
+    return _Strip(views, start, sum(widths), max(view.height for view in views))
+
+
+def _hits(
+    bodies: tuple[PatchedBody, ...],
+    scene: _Scene,
+    point: Float[np.ndarray, "k 3"],
+    triangle: Int[np.ndarray, " k"],
+    open_gap: Bool[np.ndarray, " g"],
+) -> Int[np.ndarray, " k"]:
+    """Patch of each fragment, from its position in the world [m]."""
+    body = scene.body[triangle]
+    patch = np.zeros(len(point), int)
+    for number, patched in enumerate(bodies):
+        hits = np.flatnonzero(body == number)
+        normal = scene.normal[triangle[hits]]
+        local = patched.pose.to_body(point[hits]), patched.pose.rotate_back(normal)
+        cavity = None
+        if patched.patches.cavities is not None:
+            every = scene.normal[triangle]
+            own = patched.pose.to_body(point), patched.pose.rotate_back(every)
+            cavity = _cavity_ahead(patched.patches.cavities, *own, open_gap)[hits]
+        patch[hits] = scene.first[number] + patched.patches.patch_of(*local, cavity)
+    return patch
+
+
+def _cavity_ahead(
+    cavities: Cavities,
+    point: Float[np.ndarray, "k 3"],
+    normal: Float[np.ndarray, "k 3"],
+    open_gap: Bool[np.ndarray, " g"],
+) -> Int[np.ndarray, " k"]:
+    """Cavity of a body in front of each fragment, 0 for none; all in its frame."""
+    # Both ends of a gap see one cavity, that in their middle: no line leads out of a
+    # closed one, however coarse the voxels. First and last surfaces are outside.
+    before = np.flatnonzero(open_gap)
+    middle = cavities.at((point[before] + point[before + 1]) / 2)
+    # A short gap in a corner may have a solid voxel there: its ends decide.
+    short = np.flatnonzero(middle < 0)
+    ends = before[short], before[short] + 1
+    middle[short] = np.maximum(*(cavities.faced(point[e], normal[e]) for e in ends))
+    found = np.zeros(len(point), int)
+    found[before] = found[before + 1] = middle
+    return found
+
+
+class LineSums(NamedTuple):
+    """Sums over lines that all lead upward [m^2]."""
+
+    pairs: Float[np.ndarray, "p p"]
+    """Lines from each patch up to each other one."""
+    sky: Float[np.ndarray, " p"]
+    """Lines from each patch up to the surroundings."""
+    ground: Float[np.ndarray, " p"]
+    """Lines from the surroundings up to each patch."""
+
+    @property
+    def visible(self) -> Float[np.ndarray, "2 p"]:
+        """Fraction of the sky and of the ground that each patch sees [-]."""
+        free = np.stack([self.sky, self.ground])
+        every = free + np.stack([self.pairs.sum(1), self.pairs.sum(0)])
+        return np.where(every > 0, free / np.where(every > 0, every, 1.0), 1.0)
+
+
+def _count_lines(
+    bodies: tuple[PatchedBody, ...],
+    scene: _Scene,
+    views: Sequence[OrthographicView],
+    room: tuple[int, int],
+) -> tuple[LineSums, tuple[int, int]]:
+    """Lines between each pair of patches and to the surroundings; array capacities.
+
+    Several views must each show the whole scene.
+    """
+    strip = _strip(views)
+    corners = strip.project(scene.triangles)
+    room = shared_capacities(corners, strip.width, strip.height, room)
+    with jax.ensure_compile_time_eval():
+        layers = peel(corners, strip.width, strip.height, room)
+    same = layers.pixel[1:] == layers.pixel[:-1]
+    enters = layers.entering
+    # Consecutive fragments of a line face each other across empty space where the first
+    # is left and the second entered.
+    open_gap: Bool[np.ndarray, " g"] = same & ~enters[:-1] & enters[1:]
+    view, triangle = np.divmod(layers.triangle, len(scene.triangles))
+    patch = _hits(bodies, scene, strip.points(layers, view), triangle, open_gap)
+    first, last = np.append(True, ~same), np.append(~same, True)
+    numbers = patch[:-1][open_gap] * scene.count + patch[1:][open_gap]
+    pairs = np.bincount(numbers, minlength=scene.count**2)
+    lines = LineSums(
+        pairs.reshape(scene.count, scene.count),
+        np.bincount(patch[last & ~enters], minlength=scene.count),
+        np.bincount(patch[first & enters], minlength=scene.count),
+    )
+    return lines, room
+
+
+def sample_all_directions(
+    bodies: tuple[PatchedBody, ...], directions: int, lines: int
+) -> LineSums:
+    """Areas A_i F_ij of patches that see each other, and the surroundings [m^2].
+
+    A view has `lines` lines across the largest body.
+    """
+    # A line counts both ways: half of the directions, of an odd number one more.
+    scene = _concatenated(bodies)
+    extent = max(float(np.ptp(b.triangles.reshape(-1, 3), 0).max()) for b in bodies)
+    pixel = extent / lines
+    found = LineSums(*(np.zeros((scene.count,) * n) for n in (2, 1, 1)))
+    room, half = (MIN_CAPACITY, MIN_CAPACITY), (directions + 1) // 2
+    weight = 2 / half * pixel * pixel
+    views = _views(scene.triangles, half_sphere_directions(half), pixel)
+    # A small scene leaves room for more views in arrays of the smallest size.
+    at_once = max(1, min(_MAX_VIEWS, MIN_CAPACITY // (8 * len(scene.triangles))))
+    while chosen := tuple(islice(views, at_once)):
+        counted, room = _count_lines(bodies, scene, chosen, room)
+        for total, number in zip(found, counted, strict=True):
+            total += weight * number
+    return found
+
+
+def _cone(
+    first: Float[np.ndarray, "n 3"], second: Float[np.ndarray, "m 3"], pose: Pose
+) -> tuple[np.ndarray, float]:
+    """Axis and smallest cosine of the cone of directions from one box to another."""
+    # The boxes are aligned with the axes of `pose`.
+    ends = [pose.rotate_back(points) for points in (first, second)]
+    low, high = ends[1].min(0) - ends[0].max(0), ends[1].max(0) - ends[0].min(0)
+    corners = np.where(np.indices((2, 2, 2)).reshape(3, -1).T == 1, high, low)
+    axis = (low + high) / 2
+    length = np.linalg.norm(corners, axis=1) * np.linalg.norm(axis)
+    cosines = corners @ axis / np.where(length > 0, length, 1.0)
+    return pose.rotate(axis), float(cosines.min())
+
+
+class PairCone(NamedTuple):
+    """Cone of all directions from one body to another."""
+
+    pair: tuple[int, int]
+    axis: Float[np.ndarray, "3"]
+    min_cosine: float
+    small: Float[np.ndarray, "n 3"]
+    """Points of the smaller body, world [m]."""
+
+    @property
+    def extent(self) -> float:
+        """Largest extent of the smaller body [m]."""
+        return float(np.ptp(self.small, axis=0).max())
+
+
+def pair_cones(bodies: tuple[PatchedBody, ...]) -> list[PairCone]:
+    """Cones of the pairs of bodies that are apart.
+
+    Those are pairs with separate boxes around them, along the world's axes or those of
+    either body.
+    """
+    found = []
+    for pair in combinations(range(len(bodies)), 2):
+        first, second = (bodies[number].triangles.reshape(-1, 3) for number in pair)
+        poses = [Pose(), *(bodies[number].pose for number in pair)]
+        cones = [_cone(first, second, pose) for pose in poses]
+        axis, min_cosine = max(cones, key=lambda cone: cone[1])
+        if min_cosine > 0:
+            small = min(first, second, key=lambda points: np.ptp(points, axis=0).max())
+            found.append(PairCone(pair, axis, min_cosine, small))
+    return found
+
+
+def sample_pair(
+    bodies: tuple[PatchedBody, ...], cone: PairCone, directions: int, lines: int
+) -> Float[np.ndarray, "p p"]:
+    """Areas A_i F_ij of two bodies, from the cone of directions between them [m^2].
+
+    All lines go from one body to the other, however far apart they are; `lines` of them
+    across the smaller one.
+    """
+    scene = _concatenated(bodies)
+    pixel = cone.extent / lines
+    between = np.zeros((scene.count, scene.count))
+    room = (MIN_CAPACITY, MIN_CAPACITY)
+    weight = 2 * (1 - cone.min_cosine) / directions * pixel * pixel
+    ahead = cap_directions(cone.axis, cone.min_cosine, directions)
+    for view in _views(cone.small, ahead, pixel):
+        counted, room = _count_lines(bodies, scene, [view], room)
+        between += weight * counted.pairs
+    one, other = (
+        slice(scene.first[n], scene.first[n] + bodies[n].patches.count)
+        for n in cone.pair
+    )
+    only = np.zeros_like(between)
+    only[one, other] = between[one, other]
+    return only + only.T

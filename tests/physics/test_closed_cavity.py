@@ -1,0 +1,149 @@
+"""Closed cavities: nothing from outside acts in them, unless it is asked for."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from jaxthermo.constants import STEFAN_BOLTZMANN
+from jaxthermo.scene.compile.compile import compile_scene
+from tests.radiating import shell, surface_of, whole
+
+
+METAL = jt.Material(20.0, density=2000.0, specific_heat=500.0, emissivity=0.8)
+GRID = jt.voxelize(shell(0.06, 0.1, 2), 0.02)
+INNER = GRID.fragment_cavity > 0
+FROM_OUTSIDE = {
+    "convection": jt.Convection(10.0, 290.0),
+    "wind": jt.Wind((2.0, 0.0, 0.0), 290.0),
+    "free_convection": jt.FreeConvection(290.0),
+    "surroundings": jt.Surroundings(290.0),
+    "sky and ground": jt.Surroundings(250.0, ground=290.0),
+    "sun": jt.Sun((-1.0, 0.2, -0.3), 800.0),
+}
+EVERYWHERE = {
+    "flux": jt.HeatFlux(100.0),
+    "temperature": jt.FixedTemperature(300.0),
+    "exchange": jt.RadiativeExchange(290.0, max_patches=24, directions=16),
+    "named": jt.Convection(10.0, 290.0, on=jt.FragmentMask(INNER)),
+}
+
+
+def compiled(term, inside="closed", **options):
+    body = jt.Body(jt.FullVolume(GRID), METAL, temperature=320.0, inside=inside)
+    return compile_scene(jt.Scene((body,), (term,), dtype="float64"), **options)
+
+
+def acts_on(term, inside="closed"):
+    """Fragments with an effective area other than 0."""
+    terms = compiled(term, inside).programs[0].fragment_terms
+    bound = [each for _, each in (*terms.natural, *terms.prescribed)]
+    return np.any([np.asarray(each.effective_area) > 0 for each in bound], axis=0)
+
+
+@pytest.mark.parametrize("name", FROM_OUTSIDE)
+def test_from_outside_nothing_acts_inside(name):
+    where = acts_on(FROM_OUTSIDE[name])
+    assert not where[INNER].any()
+    lit = where[~INNER]
+    assert lit.any() if name == "sun" else lit.all()
+
+
+@pytest.mark.parametrize("name", set(FROM_OUTSIDE) - {"sun"})
+def test_an_open_inside_is_like_the_outside(name):
+    assert acts_on(FROM_OUTSIDE[name], "open").all()
+
+
+def test_shadows_keep_the_sun_out_in_any_case():
+    np.testing.assert_array_equal(
+        acts_on(FROM_OUTSIDE["sun"], "open"), acts_on(FROM_OUTSIDE["sun"])
+    )
+
+
+@pytest.mark.parametrize("name", EVERYWHERE)
+def test_what_is_on_the_surface_itself_acts_inside_too(name):
+    where = acts_on(EVERYWHERE[name])
+    np.testing.assert_array_equal(where, INNER if name == "named" else True)
+
+
+def test_a_lamp_inside_lights_it():
+    lamp = jt.PointSource((0.01, 0.0, 0.02), 5.0)
+    np.testing.assert_array_equal(acts_on(lamp), INNER)
+
+
+def test_the_receipt_says_so():
+    receipt = compiled(FROM_OUTSIDE["convection"]).receipt
+    area = GRID.fragment_area
+    (part,) = receipt.parts
+    assert part.area == pytest.approx(area[~INNER].sum())
+    (note,) = receipt.notes
+    assert note == (
+        f"{100 * area[INNER].sum() / area.sum():.2g} % of the surface of body 0 faces "
+        "closed cavities: air, sun and surroundings act there only with `inside: open`"
+    )
+    assert compiled(FROM_OUTSIDE["convection"], "open").receipt.notes == ()
+    assert compiled(EVERYWHERE["flux"]).receipt.notes == ()
+
+
+def test_heat_leaves_through_the_outside_only():
+    """Newton's law on the area of the outer sphere."""
+    terms = compiled(FROM_OUTSIDE["convection"]).programs[0].fragment_terms
+    ((_, bound),) = terms.natural
+    flux = np.asarray(bound.law.flux(jnp.asarray(0.0), jnp.zeros(len(INNER))))
+    heat = (np.asarray(bound.effective_area) * flux).sum()
+    assert heat == pytest.approx(-10.0 * 30.0 * 4 * np.pi * 0.1**2, rel=0.02)
+
+
+def test_a_body_in_the_cavity_of_another_is_enclosed():
+    ball = jt.voxelize(jt.shapes.sphere(0.03, 2), 0.01)
+    around = jt.Body(
+        jt.FullVolume(GRID), METAL, temperature=320.0, pose=jt.Pose((1.0, 0.0, 0.0))
+    )
+    for inside, place in (("closed", 1.01), ("open", 1.01), ("closed", 1.5)):
+        bodies = (
+            jt.Body(
+                jt.FullVolume(ball),
+                METAL,
+                temperature=300.0,
+                pose=jt.Pose((place, 0.0, 0.0)),
+            ),
+            jt.Body(
+                around.structure,
+                METAL,
+                temperature=320.0,
+                pose=around.pose,
+                inside=inside,
+            ),
+        )
+        terms = (FROM_OUTSIDE["convection"],)
+        receipt = compile_scene(jt.Scene(bodies, terms)).receipt
+        reached = {part.bodies[0] for part in receipt.parts}
+        shut = inside == "closed" and place == 1.01
+        assert reached == ({1} if shut else {0, 1})
+        if shut:
+            assert "convection on body 0" in [o.what for o in receipt.left_out]
+            assert any("closed cavity" in o.why for o in receipt.left_out)
+
+
+@pytest.mark.parametrize("most", [6, 60, 200])
+def test_radiation_crosses_a_cavity(most):
+    """Black halves of a hollow ball: each sees the other with a factor of 1/2."""
+    black = surface_of(GRID, emissivity=1.0)
+    exchange = jt.RadiativeExchange(0.0, max_patches=most, directions=32)
+    enclosure, _ = exchange.enclosure(whole(black))
+    # Hot above and cold below, inside and, the other way round, outside.
+    hot = (GRID.fragment_position[:, 2] > 0) == INNER
+    net = np.asarray(enclosure.net(jnp.asarray(0.0), jnp.where(hot, 100.0, 0.0)))
+    heat = net * GRID.fragment_area
+    assert heat[INNER].sum() == pytest.approx(0.0, abs=1e-12 * np.abs(heat).sum())
+    half = GRID.fragment_area[INNER & hot].sum()
+    exact = STEFAN_BOLTZMANN * (400.0**4 - 300.0**4) * half / 2
+    if most > 6:
+        assert heat[INNER & ~hot].sum() == pytest.approx(exact, rel=0.02)
+    emitted = STEFAN_BOLTZMANN * np.where(hot, 400.0, 300.0) ** 4
+    np.testing.assert_allclose(net[~INNER], -emitted[~INNER], rtol=1e-9)
+
+
+def test_anything_else_is_refused():
+    with pytest.raises(jt.InputError, match="inside='ajar'"):
+        jt.Body(jt.FullVolume(GRID), METAL, temperature=300.0, inside="ajar")

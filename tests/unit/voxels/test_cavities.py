@@ -1,0 +1,81 @@
+"""Closed cavities: found in the voxels, told from openings, faced by fragments."""
+
+import numpy as np
+import pytest
+
+from jaxthermo.geometry.mesh import Mesh
+from jaxthermo.geometry.shapes import box, sphere
+from jaxthermo.voxels.cavities import find_cavities
+from jaxthermo.voxels.lattice import Lattice
+from jaxthermo.voxels.voxelize import voxelize
+from tests.radiating import shell
+
+
+def lattice(solid, pitch=0.5):
+    return Lattice(solid.shape, np.array([1.0, -2.0, 0.0]), pitch)
+
+
+def hollow():
+    """A block with two cavities: one voxel, and a room of 2 x 3 x 1."""
+    solid = np.ones((8, 7, 5), bool)
+    solid[1, 1, 1] = False
+    solid[4:6, 2:5, 2] = False
+    return solid
+
+
+def test_each_cavity_has_a_number():
+    solid = hollow()
+    found = find_cavities(solid, lattice(solid))
+    assert found is not None and found.count == 2
+    np.testing.assert_array_equal(found.number < 0, solid)
+    one, two = found.number[1, 1, 1], found.number[4, 2, 2]
+    assert {int(one), int(two)} == {1, 2}
+    assert (found.number[4:6, 2:5, 2] == two).all()
+    middle = found.lattice.centres(np.array([[1, 1, 1], [5, 3, 2], [0, 0, 0]]))
+    far = np.array([[99.0, 0.0, 0.0]])
+    at = found.at(np.concatenate([middle, far]))
+    np.testing.assert_array_equal(at, [one, two, -1, 0])
+
+
+@pytest.mark.parametrize(
+    ("opened", "left"),
+    [
+        ((slice(4, 5), slice(2, 3), slice(0, 2)), 1),
+        # Across an edge or a corner only, no air passes.
+        ((slice(3, 4), slice(1, 2), slice(0, 2)), 2),
+    ],
+)
+def test_a_path_to_the_outside_goes_through_faces(opened, left):
+    solid = hollow()
+    solid[opened] = False
+    found = find_cavities(solid, lattice(solid))
+    assert found is not None and found.count == left
+
+
+def test_without_a_cavity_there_is_nothing():
+    solid = np.ones((4, 4, 4), bool)
+    assert find_cavities(solid, lattice(solid)) is None
+    solid[1:3, 1:3, 2:] = False
+    assert find_cavities(solid, lattice(solid)) is None
+
+
+@pytest.mark.parametrize("pitch", [0.02, 0.0131])
+def test_fragments_of_a_hollow_ball_face_it_inside_only(pitch):
+    grid = voxelize(shell(0.1, 0.14), pitch)
+    inside = np.linalg.norm(grid.fragment_position, axis=1) < 0.12
+    np.testing.assert_array_equal(grid.fragment_cavity > 0, inside)
+
+
+def test_walls_of_one_voxel():
+    inner, outer = box((0.6, 0.6, 0.6)), box((0.8, 0.8, 0.8))
+    faces = np.concatenate([outer.faces, inner.faces[:, ::-1] + len(outer.vertices)])
+    mesh = Mesh(np.concatenate([outer.vertices, inner.vertices]), faces, "case")
+    grid = voxelize(mesh, 0.1)
+    inside = np.abs(grid.fragment_position).max(1) < 0.35
+    np.testing.assert_array_equal(grid.fragment_cavity > 0, inside)
+
+
+def test_a_convex_body_needs_no_search(monkeypatch):
+    grid = voxelize(sphere(0.1, 2), 0.02)
+    monkeypatch.setattr("jaxthermo.voxels.grid.find_cavities", None)
+    assert grid.cavities is None and not grid.fragment_cavity.any()
