@@ -24,6 +24,7 @@ def _simulate(
     out: Path | None = None,
     overrides: Overrides = (),
     explain: Annotated[bool, Parameter(negative="")] = False,
+    preview: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
     """Run a scene and write its results and frames.
 
@@ -32,7 +33,14 @@ def _simulate(
         out: Folder for the results; results/NAME if not given.
         overrides: Value to change, such as bodies.0.pitch=3mm; may be repeated.
         explain: Print the included and pruned terms and exit.
+        preview: Draw the bodies as the camera sees them, with the axes, and exit.
     """
+    # Without the time loop, which takes longer to import than a preview to draw.
+    if preview:
+        from .cli.preview import preview as run_preview
+
+        run_preview(config, out, overrides)
+        return
     from .cli.simulate import explain as run_explain, simulate as run
 
     if explain:
@@ -43,7 +51,12 @@ def _simulate(
 
 @app.command
 def _render(
-    run: Path, /, *, out: Path | None = None, overrides: Overrides = ()
+    run: Path,
+    /,
+    *,
+    out: Path | None = None,
+    overrides: Overrides = (),
+    contacts: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
     """Draw new frames of a finished run, without simulating it again.
 
@@ -52,7 +65,14 @@ def _render(
         out: Folder for the frames; that of the run if not given.
         overrides: Value of camera or image to change, such as camera.width=320; may
             be repeated.
+        contacts: Draw the surface temperatures where bodies touch instead, as contact
+            textures, for which the bodies are voxelized again.
     """
+    if contacts:
+        from .cli.contacts import render_contacts
+
+        render_contacts(run, out, overrides)
+        return
     from .cli.frames import render as draw
 
     draw(run, out, overrides)

@@ -25,6 +25,7 @@ from jaxthermo.physics.contact.search import (
     find_contacts,
 )
 from jaxthermo.report.chart import LogAxis, write_chart
+from jaxthermo.report.layer_sheets import contact_tiles
 from jaxthermo.report.numbers import seconds
 from jaxthermo.report.sheet import ColourBar, Tile, enlarged, sheet
 from jaxthermo.report.table import Table
@@ -305,17 +306,11 @@ def _texture_sheet(
 ) -> Image.Image:
     # Only layers that hold any contact; both bodies on one scale [kW/m^2].
     max_flux = max(float(np.abs(each).max()) for each in flux) / 1e3
-    tiles = []
+    tiles: list[Tile] = []
     coverages = pairs.coverage_a, pairs.coverage_b
     for body, each, coverage in zip((head, ball), flux, coverages, strict=True):
         values = where_covered(np.abs(each) / 1e3, coverage)
-        grid, layer = body.grid, body.grid.fragment_layer[:, 1]
-        for key, images in contact_images(grid, values, 0.0, max_flux).items():
-            mine = (grid.fragment_axis == "xyz".index(key[0])) & ~np.isnan(values)
-            for number in np.unique(layer[mine]).tolist():
-                label = f"{body.name}, {key[0]} layer {number}"
-                note = f"{np.count_nonzero(layer[mine] == number)} in contact"
-                tiles.append(Tile(enlarged(images[number], _TILE), label, note))
+        tiles += contact_tiles(body.name, body.grid, values, 0.0, max_flux)
     words = f"heat flux through the contact at first [kW/m^2], ball {_DIFFERENCE:g} K "
     bar = colour_bar(0.0, max_flux, words + "hotter; grey: no contact")
     title = f"{name} and a ball: {pairs.count} pairs, {pairs.area.sum() * 1e4:.2f} cm^2"

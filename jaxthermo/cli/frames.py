@@ -64,7 +64,12 @@ class FrameCamera:
         return draw(self._view(*here), *here, *map(jnp.asarray, (*saved, time)))
 
 
-def _chosen_frames(config: SceneConfig, times: Float[Array, " t"]) -> list[int]:
+def chosen_frames(config: SceneConfig, times: Float[Array, " t"]) -> list[int]:
+    """Indices of the saved times [s] that become frames.
+
+    Raises:
+        InputError: for a time that was not saved.
+    """
     if config.image.frames is None:
         return list(range(len(times)))
     saved = np.asarray(times, float)
@@ -109,7 +114,7 @@ def write_frames(
     Earlier frames are removed: those of another camera or scale must not be mistaken
     for these. Files with other names are kept.
     """
-    chosen = _chosen_frames(config, stored.times)
+    chosen = chosen_frames(config, stored.times)
 
     def images() -> Iterator[Image]:
         # Drawn twice, for the scale and for the file: a long run would fill the memory.
@@ -141,6 +146,26 @@ def write_frames(
 
 def render(run: Path, out: Path | None, overrides: tuple[str, ...]) -> None:
     """`jaxthermo render`: draw a run again, with changes of camera or image."""
+    # The solution contains the surface: the mesh file may be gone since.
+    config = finished_config(run, overrides, find_meshes=False)
+    console, target = open_console(), out or run
+    with precision(config.dtype), status(console, "drawing frames"):
+        stored = load_solution(run / "solution.npz")
+        terms = build(config.terms)
+        camera = FrameCamera(config, stored.surfaces, terms)
+        with results_folder(target) as folder:
+            frames = write_frames(config, camera, stored, folder / FRAMES)
+    print_line(console, f"{count(frames, 'frame')} in {target / FRAMES}")
+
+
+def finished_config(
+    run: Path, overrides: tuple[str, ...], find_meshes: bool
+) -> SceneConfig:
+    """The config of a finished run, with changes of camera or image.
+
+    Raises:
+        InputError: for a folder without a run, or a change of anything else.
+    """
     for name in ("config.yaml", "solution.npz"):
         if not (run / name).is_file():
             raise InputError(
@@ -152,13 +177,4 @@ def render(run: Path, out: Path | None, overrides: tuple[str, ...]) -> None:
                 f"--set {text}: only camera and image can change after the run; "
                 "use `jaxthermo simulate` for the rest"
             )
-    # The solution contains the surface: the mesh file may be gone since.
-    config = load_config(run / "config.yaml", overrides, find_meshes=False)
-    console, target = open_console(), out or run
-    with precision(config.dtype), status(console, "drawing frames"):
-        stored = load_solution(run / "solution.npz")
-        terms = build(config.terms)
-        camera = FrameCamera(config, stored.surfaces, terms)
-        with results_folder(target) as folder:
-            frames = write_frames(config, camera, stored, folder / FRAMES)
-    print_line(console, f"{count(frames, 'frame')} in {target / FRAMES}")
+    return load_config(run / "config.yaml", overrides, find_meshes=find_meshes)

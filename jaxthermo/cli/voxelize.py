@@ -9,8 +9,10 @@ from ..config.types.quantities import LENGTH, to_si
 from ..errors import InputError
 from ..geometry.load import load_mesh
 from ..geometry.mesh import describe_mesh, mesh_summary
-from ..report.sheet import write_layer_sheets
+from ..image.annotate import write_png
+from ..report.layer_sheets import write_layer_sheets
 from ..report.table import Table
+from ..report.voxel_sheet import voxel_sheet
 from ..voxels.grid import voxel_report
 from ..voxels.voxelize import voxelize as make_voxels
 from .console import open_console, print_line, status
@@ -20,7 +22,7 @@ from .files import results_folder
 def voxelize(
     mesh: Path, pitch: str, unit: str | None, height: str | None, up: str, out: Path
 ) -> None:
-    """Write `voxels.json` and sheets of the depth layers, and print a summary."""
+    """Write `voxels.json`, `voxels.png` and sheets of the layers; print a summary."""
     # Checked before the mesh is read, which takes a while.
     edge = _length("--pitch", pitch)
     target = None if height is None else _length("--height", height)
@@ -33,6 +35,7 @@ def voxelize(
             facts = {"mesh": describe_mesh(loaded), **voxel_report(grid)}
             with replacing(folder / "voxels.json") as path:
                 path.write_text(json.dumps(facts, indent=2) + "\n", encoding="utf-8")
+            write_png(folder / "voxels.png", voxel_sheet(grid))
             sheets = write_layer_sheets(grid, folder)
         for line in _lines(facts):
             print_line(console, line)
@@ -43,7 +46,9 @@ def voxelize(
         ]
         console.print(Table(columns, rows, left=(), framed=False).rich())
         print_line(
-            console, f"voxels.json and {len(sheets)} sheets of layers in {folder}"
+            console,
+            f"voxels.json, voxels.png with thin parts marked, and {len(sheets)} sheets "
+            f"of layers in {folder}",
         )
 
 

@@ -1,18 +1,17 @@
 """Annotated frames: image, temperature scale, time and title; contact sheets."""
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import UInt8
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageDraw
 
 from ..arrays import Scalar
 from ..atomic import replacing
 from ..errors import InputError
+from .canvas import FAINT, FRAME, INK, PAPER, Layout
 from .palette import apply_palette, check_limits, palette_table
 from .ticks import (
     decimals_of,
@@ -24,43 +23,10 @@ from .ticks import (
 )
 
 
-_PAPER = (16, 17, 20)
-_INK = (236, 236, 238)
-_FAINT = (158, 160, 168)
-_FRAME = (74, 76, 84)
 _UNIT = "\N{DEGREE SIGN}C"
 # Before the label of an end that the image goes below or above.
 _SIGNS = ("< ", "> ")
-_END_INK = (_FAINT, _INK)
-
-
-@dataclass(frozen=True)
-class _Layout:
-    """Sizes that follow from those of the image [pixels]."""
-
-    font: ImageFont.FreeTypeFont | ImageFont.ImageFont
-    text: int
-    gap: int
-    line: int
-    tip: int
-    """Height of the points at the ends of the bar."""
-
-    @classmethod
-    def of(cls, height: int, width: int) -> "_Layout":
-        # By the height, but with smaller labels beside a narrow image.
-        side = math.sqrt(height * min(width, 2 * height))
-        text = min(max(round(side / 28), 10), 96)
-        return cls(
-            ImageFont.load_default(size=text),
-            text,
-            max(4, round(0.7 * text)),
-            max(1, round(text / 14)),
-            max(5, round(0.6 * text)),
-        )
-
-    # Rounded up, so that no letter is cut.
-    def width(self, text: str) -> int:
-        return math.ceil(self.font.getlength(text))
+_END_INK = (FAINT, INK)
 
 
 class _Label(NamedTuple):
@@ -75,7 +41,7 @@ def _bar_labels(
 ) -> list[_Label]:
     digits = end_decimals(low, high)
     if high <= low:
-        return [_Label(0.5, label(low, digits), _FAINT)]
+        return [_Label(0.5, label(low, digits), FAINT)]
     ticks = nice_ticks(low, high, min(max(height // (2 * room), 2), 8))
     decimals = decimals_of(ticks[1] - ticks[0]) if len(ticks) > 1 else 0
     ends = [
@@ -83,7 +49,7 @@ def _bar_labels(
         _Label(1.0, _SIGNS[1] * beyond[1] + label(high, digits), _END_INK[beyond[1]]),
     ]
     margin = room / height
-    inner = [_Label((t - low) / (high - low), label(t, decimals), _INK) for t in ticks]
+    inner = [_Label((t - low) / (high - low), label(t, decimals), INK) for t in ticks]
     # Ticks too close to an end are dropped: the ends show the range of the colours.
     return ends + [tick for tick in inner if margin < tick.position < 1.0 - margin]
 
@@ -94,7 +60,7 @@ def _draw_bar(
     limits: tuple[float, float],
     palette: str,
     labels: list[_Label],
-    layout: _Layout,
+    layout: Layout,
 ) -> None:
     left, top, width, height = box
     low, high = limits
@@ -104,12 +70,12 @@ def _draw_bar(
     draw = ImageDraw.Draw(canvas)
     edge = layout.line
     ends = (left + width + edge - 1, top + height + edge - 1)
-    draw.rectangle((left - edge, top - edge, *ends), outline=_FRAME, width=edge)
+    draw.rectangle((left - edge, top - edge, *ends), outline=FRAME, width=edge)
     for position, text, ink in labels:
         y = top + (1.0 - position) * (height - 1)
         mark, upper = left + width + edge, round(y - edge / 2)
         lower = (mark + layout.gap // 2, upper + edge - 1)
-        draw.rectangle((mark, upper, *lower), fill=_FAINT)
+        draw.rectangle((mark, upper, *lower), fill=FAINT)
         at = (mark + layout.gap, y)
         draw.text(at, text, fill=ink, font=layout.font, anchor="lm")
 
@@ -120,7 +86,7 @@ def _draw_tips(
     box: tuple[int, int, int, int],
     palette: str,
     beyond: tuple[bool, bool],
-    layout: _Layout,
+    layout: Layout,
 ) -> None:
     left, top, width, height = box
     draw, table = ImageDraw.Draw(canvas), palette_table(palette)
@@ -133,15 +99,7 @@ def _draw_tips(
             corners = [(left, base), (left + width - 1, base)]
             corners.append((left + (width - 1) / 2, apex))
             colour = tuple(int(channel) for channel in table[end])
-            draw.polygon(corners, fill=colour, outline=_FAINT, width=edge)
-
-
-def _shorten(text: str, room: int, layout: _Layout) -> str:
-    if layout.width(text) <= room:
-        return text
-    while text and layout.width(text + "\N{HORIZONTAL ELLIPSIS}") > room:
-        text = text[:-1]
-    return text.rstrip() + "\N{HORIZONTAL ELLIPSIS}" if text else ""
+            draw.polygon(corners, fill=colour, outline=FAINT, width=edge)
 
 
 def annotate(
@@ -175,7 +133,7 @@ def annotate(
     """
     low, high = check_limits(low, high)
     height, width, _ = rgb.shape
-    layout = _Layout.of(height, width)
+    layout = Layout.of(height, width)
     gap, text = layout.gap, layout.text
     heads = [quantity, _UNIT] if quantity else [_UNIT]
     # The lines above the bar, whose end labels extend it by half a line each, and tips.
@@ -197,7 +155,7 @@ def annotate(
     whole = max(width + panel, layout.width(stamp) + 2 * gap)
     tall = max(height, top + bar_height + gap + spare)
 
-    canvas = Image.new("RGB", (whole, tall + strip), _PAPER)
+    canvas = Image.new("RGB", (whole, tall + strip), PAPER)
     canvas.paste(Image.fromarray(np.ascontiguousarray(rgb)), (0, 0))
     left = width + 2 * gap
     box = (left, top, bar_width, bar_height)
@@ -206,12 +164,12 @@ def annotate(
     draw = ImageDraw.Draw(canvas)
     for k, line in enumerate(heads):
         at = (left, gap + round((0.5 + 1.2 * k) * text))
-        draw.text(at, line, fill=_INK, font=layout.font, anchor="lm")
+        draw.text(at, line, fill=INK, font=layout.font, anchor="lm")
     base = tall + strip // 2
-    draw.text((gap, base), stamp, fill=_INK, font=layout.font, anchor="lm")
+    draw.text((gap, base), stamp, fill=INK, font=layout.font, anchor="lm")
     room = whole - layout.width(stamp) - 4 * gap
-    caption = _shorten(title, room, layout)
-    draw.text((whole - gap, base), caption, fill=_FAINT, font=layout.font, anchor="rm")
+    caption = layout.shorten(title, room)
+    draw.text((whole - gap, base), caption, fill=FAINT, font=layout.font, anchor="rm")
     return canvas
 
 
@@ -232,7 +190,7 @@ def contact_sheet(images: Sequence[Image.Image], columns: int) -> Image.Image:
     tall = max(image.height for image in images)
     gap = max(2, round(0.02 * min(wide, tall)))
     size = (columns * (wide + gap) + gap, rows * (tall + gap) + gap)
-    sheet = Image.new("RGB", size, _PAPER)
+    sheet = Image.new("RGB", size, PAPER)
     for k, image in enumerate(images):
         row, column = divmod(k, columns)
         x = gap + column * (wide + gap) + (wide - image.width) // 2

@@ -47,7 +47,8 @@ class AbstractCamera(eqx.Module):
         return self.width, self.height
 
     @property
-    def _frame(self) -> Float[np.ndarray, "3 3"]:
+    def frame(self) -> Float[np.ndarray, "3 3"]:
+        """Unit vectors to the right, down and forward in the world, as rows."""
         return _view_frame(self.position, self.look_at, self.up)
 
     @abc.abstractmethod
@@ -90,16 +91,16 @@ class AbstractCamera(eqx.Module):
                 f"Camera(width={width}, height={height}): give 1 to 134 million pixels"
             )
         # Raises where the direction or the up vector makes no frame.
-        _ = self._frame
+        _ = self.frame
 
     # Pieces of the triangles in camera axes beyond the depth `near`: what is behind the
     # pinhole would be projected upside down.
     def _clipped(self, triangles: np.ndarray, near: float):
-        local = (triangles - np.asarray(self.position)) @ self._frame.T
+        local = (triangles - np.asarray(self.position)) @ self.frame.T
         return clip_half_space(local, _FORWARD, near)
 
     def _to_world(self, local: np.ndarray) -> np.ndarray:
-        return local @ self._frame + self.position
+        return local @ self.frame + self.position
 
     # Of a pixel's centre, to the right of and below that of the image [pixels].
     def _offsets(self, pixel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -13,13 +13,11 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from jaxtyping import Float, Int
 
-from ..errors import InputError
-from ..geometry.mesh import winding_number
 from ..physics.term import AbstractTerm
-from ..raster.fragments import peel
 from ..scene.scene import BodyGeometry, SolvedSurface
 from .background import Background, compute_background
 from .camera import AbstractCamera
+from .visible import VisiblePoints, smooth_normals, visible_points
 
 
 # Radius of the weights [voxels]; from 1.4 it includes a fragment of any surface.
@@ -154,20 +152,10 @@ class View:
     depth: Float[np.ndarray, " p"]
     """Depth along the optical axis [m]."""
     normal: Float[np.ndarray, "p 3"]
-    """Outward normal in the world."""
+    """Outward normal in the world, of the smooth surface that the mesh approximates."""
     weights: _PixelWeights
     """Weights of the concatenated fragments of all bodies."""
     background: Background
-
-
-def _check_outside(surfaces: tuple[SolvedSurface, ...], camera: AbstractCamera):
-    for index, surface in enumerate(surfaces):
-        triangles = surface.geometry.triangles
-        if abs(winding_number(triangles, np.asarray(camera.position, float))) > 0.5:
-            raise InputError(
-                f"camera: position {camera.position} is inside body {index}; "
-                "move it out, or omit the camera for an automatic view"
-            )
 
 
 def at_time(
@@ -188,55 +176,40 @@ def compute_view(
     Raises:
         InputError: if the camera is inside a body or sees none.
     """
-    _check_outside(surfaces, camera)
-    world = [s.geometry.triangles for s in surfaces]
-    triangles = np.concatenate(world)
-    corners, parent = camera.to_raster(triangles)
-    visible = _on_image(corners, camera)
-    layers = peel(corners[visible], *camera.size)
-    front = layers.layer == 0
-    pixel, key = layers.pixel[front], layers.depth[front]
-    if not len(pixel):
-        raise InputError(
-            f"camera: at {camera.position} it sees no body; "
-            "turn it, or omit the camera for an automatic view"
-        )
-    hit = parent[visible][layers.triangle[front]]
-    point, depth = camera.points(pixel, key)
-    normal = _normals(triangles[hit])
-    body = np.repeat(np.arange(len(world)), [len(w) for w in world])[hit]
-    weights = _all_weights(surfaces, body, point, normal, smooth)
+    world = tuple(s.geometry.triangles for s in surfaces)
+    found = visible_points(world, camera)
+    local, normal = _in_bodies(surfaces, found)
+    pixel, body, depth = found.pixel, found.body, found.depth
+    weights = _all_weights(surfaces, body, local, normal, smooth)
     background = compute_background(terms, camera, pixel, depth)
     return View(camera, pixel, body, depth, normal, weights, background)
 
 
-# Triangles whose bounding box overlaps the image: the others would cost rays.
-def _on_image(corners: np.ndarray, camera: AbstractCamera) -> np.ndarray:
-    low, high = corners[..., :2].min(1), corners[..., :2].max(1)
-    size = np.array(camera.size)
-    return np.flatnonzero(((high > 0) & (low < size)).all(1))
+def _in_bodies(
+    surfaces: tuple[SolvedSurface, ...], found: VisiblePoints
+) -> tuple[Float[np.ndarray, "p 3"], Float[np.ndarray, "p 3"]]:
+    """Points in the frames of their bodies [m], and smooth normals in the world."""
+    local, normal = np.empty((2, *found.position.shape))
+    for index, surface in enumerate(surfaces):
+        shown = np.flatnonzero(found.body == index)
+        geometry, placed = surface.geometry, surface.geometry.placed
+        local[shown] = placed.to_body(found.position[shown])
+        given = geometry.vertices, geometry.faces, found.face[shown], local[shown]
+        normal[shown] = placed.rotate(smooth_normals(*given))
+    return local, normal
 
 
-def _normals(triangles: Float[np.ndarray, "p 3 3"]) -> Float[np.ndarray, "p 3"]:
-    a, b, c = np.moveaxis(triangles, 1, 0)
-    vector = np.cross(b - a, c - a)
-    length = np.linalg.norm(vector, axis=1, keepdims=True)
-    # A degenerate triangle has no normal, and no pixel that could show it.
-    return vector / np.where(length > 0, length, 1)
-
-
-def _all_weights(surfaces, body, point, normal, smooth) -> _PixelWeights:
+def _all_weights(surfaces, body, local, normal, smooth) -> _PixelWeights:
     parts, first = [], 0
     for index, surface in enumerate(surfaces):
         shown = np.flatnonzero(body == index)
         geometry = surface.geometry
         if len(shown):
-            local = geometry.placed.to_body(point[shown])
             rotated = geometry.placed.rotate_back(normal[shown])
             found = (
-                _smooth_weights(local, rotated, geometry)
+                _smooth_weights(local[shown], rotated, geometry)
                 if smooth
-                else _block_weights(local, geometry)
+                else _block_weights(local[shown], geometry)
             )
             parts.append((shown[found.pixel], found.fragment + first, found.weight))
         first += len(geometry.fragment_area)

@@ -1,6 +1,6 @@
 """Voxel grid: the solid voxels of a body and its surface fragments, and a report."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -21,7 +21,7 @@ class LayerCounts:
     packed: tuple[int, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ThinParts:
     """Parts thinner than a voxel along a ray, and those lost without any voxel."""
 
@@ -33,6 +33,14 @@ class ThinParts:
     """Area of the fragments without a solid voxel nearby [m^2]."""
     regions: tuple[dict, ...]
     """Largest thin regions: centre [m], thickness [m], area [m^2], lost fraction."""
+    thin_voxel: Int[np.ndarray, "t 3"] = field(
+        default_factory=lambda: np.zeros((0, 3), np.int64)
+    )
+    """Cells of the solid voxels that the thin fragments belong to."""
+    lost_position: Float[np.ndarray, "l 3"] = field(
+        default_factory=lambda: np.zeros((0, 3))
+    )
+    """Positions of the lost fragments in the body's frame [m]."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from .surface import face_axes
 
 _BACKGROUND = np.array([16, 17, 20], np.uint8)
 
-_AXIS_COLOURS = np.array(
+AXIS_COLOURS = np.array(
     [[222, 72, 62], [84, 180, 84], [72, 112, 226], [128, 128, 128]], np.uint8
 )
 """sRGB of normals along x, y, z and of faces without area."""
@@ -28,15 +28,14 @@ def layer_images(grid: VoxelGrid) -> dict[str, list[UInt8[np.ndarray, "h w 3"]]]
     moved to the first free layer.
     """
     normals, dominant = face_axes(grid.mesh)
-    kept = _normal_colours(grid.fragment_normal)
+    kept = normal_colours(grid.fragment_normal)
     images = {}
     for axis, layers in enumerate(peel_axes(grid.mesh, grid.lattice)):
         depth = np.clip(layers.depth / grid.lattice.shape[axis], 0, 1)
-        level = np.round(255 - 190 * depth)
         paints = {
-            "depth": np.repeat(level.astype(np.uint8)[:, None], 3, axis=1),
-            "normal": _normal_colours(normals[layers.triangle]),
-            "dominant": _AXIS_COLOURS[dominant[layers.triangle]],
+            "depth": depth_colours(depth),
+            "normal": normal_colours(normals[layers.triangle]),
+            "dominant": AXIS_COLOURS[dominant[layers.triangle]],
         }
         for kind, colours in paints.items():
             images[f"{'xyz'[axis]}_{kind}"] = [
@@ -69,5 +68,12 @@ def _upright(image: UInt8[np.ndarray, "h w 3"], axis: int) -> np.ndarray:
     return image.transpose(1, 0, 2)[::-1] if axis == 1 else image[::-1, ::-1]
 
 
-def _normal_colours(normal: Float[np.ndarray, "k 3"]) -> UInt8[np.ndarray, "k 3"]:
+def normal_colours(normal: Float[np.ndarray, "k 3"]) -> UInt8[np.ndarray, "k 3"]:
+    """Red, green and blue as (n + 1) / 2 of the components of unit normals."""
     return np.round(127.5 * (normal + 1)).astype(np.uint8)
+
+
+def depth_colours(depth: Float[np.ndarray, " k"]) -> UInt8[np.ndarray, "k 3"]:
+    """Greys of depths from the front of the lattice, 0, to its back, 1."""
+    level = np.round(255 - 190 * depth)
+    return np.repeat(level.astype(np.uint8)[:, None], 3, axis=1)

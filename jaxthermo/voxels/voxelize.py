@@ -162,4 +162,6 @@ def _thin_parts(
         lost_fragments=int(lost.sum()),
         lost_area=float(area[lost].sum()),
         regions=tuple(regions),
+        thin_voxel=np.unique(cell[thin & ~lost], axis=0),
+        lost_position=position[lost],
     )

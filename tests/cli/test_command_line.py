@@ -102,6 +102,7 @@ def test_voxelize_leaves_its_facts(command, tmp_path):
     assert facts["solid_voxels"] * 5e-4**3 == pytest.approx(9e-3**3 / 6, rel=0.05)
     assert f"{facts['solid_voxels']} solid voxels" in text
     assert facts["ratios_applied"] is True
+    assert (out / "voxels.png").stat().st_size > 0
     kinds = ("depth", "normal", "dominant", "packed")
     for sheet in (f"layers_{axis}_{kind}.png" for axis in "xyz" for kind in kinds):
         assert (out / sheet).stat().st_size > 0

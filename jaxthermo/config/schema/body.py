@@ -110,13 +110,8 @@ class BodyConfig(Model, builds="Body"):
         Raises:
             InputError: for a mesh, labels or a fit card that cannot be used.
         """
-        mesh = self.build_mesh()
-        pitch = self.pitch
-        if pitch is None:
-            height = float(np.ptp(mesh.bounds[:, 2]))
-            pitch = height / float(self.voxels_high or 1)
         return self.target()(
-            self.structure.build(jaxthermo.voxelize(mesh, pitch=pitch)),
+            self.structure.build(self.build_grid()),
             self.build_materials(),
             temperature=self.temperature,
             pose=self.pose.build(),
@@ -131,6 +126,15 @@ class BodyConfig(Model, builds="Body"):
         if given is None:
             raise InputError("bodies: a body needs a `mesh` or a `shape`")
         return given.build()
+
+    def build_grid(self) -> Any:
+        """The voxels of the mesh, at the pitch of the config."""
+        mesh = self.build_mesh()
+        pitch = self.pitch
+        if pitch is None:
+            height = float(np.ptp(mesh.bounds[:, 2]))
+            pitch = height / float(self.voxels_high or 1)
+        return jaxthermo.voxelize(mesh, pitch=pitch)
 
     def build_materials(self) -> Any:
         """One material, one with others painted over it, or one for each label."""

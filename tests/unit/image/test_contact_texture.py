@@ -8,7 +8,6 @@ from jaxthermo.geometry.shapes import box
 from jaxthermo.image.contact_texture import UNTOUCHED, contact_images, where_covered
 from jaxthermo.image.palette import palette_table
 from jaxthermo.physics.contact.search import contact_flux
-from jaxthermo.report.sheet import _write_sheets
 from jaxthermo.voxels.textures import _BACKGROUND
 from jaxthermo.voxels.voxelize import voxelize
 
@@ -58,10 +57,3 @@ def test_flux_and_coverage_of_fragments():
     assert flux.tolist() == [3.0, 0.0, 1.0]
     shown = where_covered(flux, np.array([1.0, 0.0, 0.2]))
     assert shown[[0, 2]].tolist() == [3.0, 1.0] and np.isnan(shown[1])
-
-
-def test_sheets_are_written(tmp_path):
-    images = contact_images(GRID, np.where(CORNER, 1.0, np.nan))
-    paths = _write_sheets(images, tmp_path)
-    assert [path.name for path in paths] == ["layers_z_contact.png"]
-    assert paths[0].stat().st_size > 0

@@ -9,7 +9,7 @@ from voxel_bodies import BALL, joined, without
 from jaxthermo.geometry import shapes
 from jaxthermo.voxels.grid import voxel_report
 from jaxthermo.voxels.surface import surface_voxels
-from jaxthermo.voxels.textures import _AXIS_COLOURS, _BACKGROUND, layer_images
+from jaxthermo.voxels.textures import _BACKGROUND, AXIS_COLOURS, layer_images
 from jaxthermo.voxels.voxelize import voxelize
 
 
@@ -44,12 +44,12 @@ def test_a_balls_layers(ball_images, axis):
     assert outward == pytest.approx(-1.0, abs=0.05)
     assert (back[middle, middle] / 127.5 - 1)[axis] == pytest.approx(1.0, abs=0.05)
     colours = ball_images[f"{name}_dominant"][0]
-    assert (colours[middle, middle] == _AXIS_COLOURS[axis]).all()
+    assert (colours[middle, middle] == AXIS_COLOURS[axis]).all()
 
 
 def test_each_piece_of_surface_is_packed_once(ball_images):
     for name in "xyz":
-        mine = _AXIS_COLOURS["xyz".index(name)]
+        mine = AXIS_COLOURS["xyz".index(name)]
         kept = [(i == mine).all(-1) for i in ball_images[f"{name}_dominant"]]
         packed = [shown(i) for i in ball_images[f"{name}_packed"]]
         # Each ray keeps as many, and they stand in front.

@@ -1,0 +1,150 @@
+"""Contact textures of a finished run: temperatures where bodies touch, over time."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from ..arrays import precision
+from ..config.schema.scene import SceneConfig
+from ..config.types.model import build
+from ..constants import ZERO_CELSIUS
+from ..errors import InputError
+from ..image.annotate import write_png
+from ..image.ticks import time_label
+from ..integrate.run.solution_file import StoredSolution, load_solution
+from ..physics.contact.links import Contact
+from ..physics.contact.rays import PlacedGrid
+from ..physics.contact.search import contacts_between
+from ..report.layer_sheets import contact_texture_sheet
+from ..report.numbers import count
+from ..voxels.grid import VoxelGrid
+from .console import open_console, print_line, status
+from .files import (
+    CONTACTS,
+    earlier_frames,
+    frame_names,
+    prepare_folder,
+    results_folder,
+)
+from .frames import chosen_frames, finished_config
+
+
+# Minimum range of the colour scale [K]: that of one temperature has no colours.
+_MIN_RANGE = 0.1
+_QUANTITY = "surface temperature where bodies touch [\N{DEGREE SIGN}C]"
+
+
+class _Texture(NamedTuple):
+    """Contacts at one saved time, and their values."""
+
+    area: float
+    """Contact area of all pairs of bodies [m^2]."""
+    values: list[Float[np.ndarray, " s"]]
+    """Surface temperature of each body's fragments [deg C], NaN without contact."""
+
+
+def render_contacts(run: Path, out: Path | None, overrides: tuple[str, ...]) -> None:
+    """`jaxthermo render --contacts`: a sheet of contact textures for each frame.
+
+    Raises:
+        InputError: without a finished run, its meshes, a contact term or a contact.
+    """
+    config = finished_config(run, overrides, find_meshes=True)
+    contacts = [term for term in build(config.terms) if isinstance(term, Contact)]
+    if not contacts:
+        raise InputError(
+            f"{run}: the scene has no contact term, and so no contact textures"
+        )
+    console, target = open_console(), out or run
+    with precision(config.dtype):
+        stored = load_solution(run / "solution.npz")
+        chosen = chosen_frames(config, stored.times)
+        with status(console, "voxelizing"):
+            grids = [body.build_grid() for body in config.bodies]
+            _check_unchanged(run, grids, stored)
+        with status(console, "finding contacts"):
+            textures = [_texture(contacts, grids, stored, k) for k in chosen]
+        if not any(texture.area for texture in textures):
+            raise InputError(f"{run}: no bodies touch at the times of the frames")
+        with results_folder(target) as folder:
+            _write(config, grids, stored, chosen, textures, folder / CONTACTS)
+    sheets = count(len(chosen), "sheet")
+    print_line(console, f"{sheets} of contact textures in {target / CONTACTS}")
+
+
+def _check_unchanged(run: Path, grids: list[VoxelGrid], stored: StoredSolution) -> None:
+    # The same mesh at the same pitch has the same fragments in the same order.
+    for body, (grid, surface) in enumerate(zip(grids, stored.surfaces, strict=True)):
+        before = surface.geometry.fragment_position
+        now = grid.fragment_position
+        if before.shape != now.shape or not np.allclose(before, now):
+            raise InputError(
+                f"{run}: the mesh of body {body} has changed since the run; "
+                "run the simulation again"
+            )
+
+
+def _texture(
+    contacts: list[Contact],
+    grids: list[VoxelGrid],
+    stored: StoredSolution,
+    k: int,
+) -> _Texture:
+    time = float(stored.times[k])
+    placed = tuple(
+        PlacedGrid(grid, surface.geometry.pose.at(time), f"body {n}")
+        for n, (grid, surface) in enumerate(zip(grids, stored.surfaces, strict=True))
+    )
+    covered = [np.zeros(len(grid.fragment_area), bool) for grid in grids]
+    area = 0.0
+    for term in contacts:
+        for (a, b), pairs in contacts_between(placed, term.max_gap).items():
+            if term.connects(a, b):
+                area += float(pairs.area.sum())
+                covered[a] |= pairs.coverage_a > 0
+                covered[b] |= pairs.coverage_b > 0
+    ends = np.cumsum([len(each) for each in covered])[:-1]
+    kelvin = np.split(np.asarray(stored.surface_temperature[k], float), ends)
+    values = [
+        np.where(touched, each - ZERO_CELSIUS, np.nan)
+        for touched, each in zip(covered, kelvin, strict=True)
+    ]
+    return _Texture(area, values)
+
+
+def _write(
+    config: SceneConfig,
+    grids: list[VoxelGrid],
+    stored: StoredSolution,
+    chosen: list[int],
+    textures: list[_Texture],
+    folder: Path,
+) -> None:
+    # One scale for all times, as for the frames.
+    shown = np.concatenate([each for texture in textures for each in texture.values])
+    low, high = float(np.nanmin(shown)), float(np.nanmax(shown))
+    spare = max(0.0, _MIN_RANGE - (high - low)) / 2
+    names = frame_names(np.asarray(stored.times, float).tolist())
+    before, written = earlier_frames(prepare_folder(folder)), set()
+    for k, texture in zip(chosen, textures, strict=True):
+        if not texture.area:
+            continue
+        title = (
+            f"{config.name or 'contact'}, {time_label(float(stored.times[k]))}: "
+            f"{texture.area * 1e4:.4g} cm^2 in contact"
+        )
+        bodies = [
+            (f"body {n}", grid, values)
+            for n, (grid, values) in enumerate(zip(grids, texture.values, strict=True))
+        ]
+        limits = low - spare, high + spare
+        image = contact_texture_sheet(
+            bodies, limits, _QUANTITY, title, config.image.palette
+        )
+        path = folder / f"{names[k]}.png"
+        write_png(path, image)
+        written.add(path)
+    for path in before - written:
+        path.unlink(missing_ok=True)

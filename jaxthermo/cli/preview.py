@@ -1,0 +1,62 @@
+"""`jaxthermo simulate --preview`: what the camera frames, without a run."""
+
+from pathlib import Path
+
+import numpy as np
+
+from ..config.camera_framing import build_camera
+from ..config.loader import load_config
+from ..geometry.mesh import mesh_summary
+from ..image.annotate import write_png
+from ..image.camera import AbstractCamera, Camera
+from ..image.preview import draw_preview
+from .console import open_console, print_line, status
+from .files import results_folder
+
+
+_FILE = "preview.png"
+
+
+def preview(config: Path, out: Path | None, overrides: tuple[str, ...]) -> None:
+    """Write `preview.png` of the scene at its start; print its bodies and camera."""
+    scene = load_config(config, overrides)
+    console = open_console()
+    with status(console, "reading the bodies"):
+        meshes = [body.build_mesh() for body in scene.bodies]
+        poses = [body.pose.build().at(0.0) for body in scene.bodies]
+    world = [
+        pose.to_world(mesh.triangles) for mesh, pose in zip(meshes, poses, strict=True)
+    ]
+    for number, (mesh, triangles) in enumerate(zip(meshes, world, strict=True)):
+        print_line(console, f"body {number}: {mesh_summary(mesh)}")
+        corners = triangles.reshape(-1, 3)
+        low, high = _point(corners.min(0)), _point(corners.max(0))
+        print_line(console, f"  in the world from {low} to {high} m; z is up")
+    camera = build_camera(scene.camera, np.concatenate(world))
+    print_line(console, _camera_line(camera))
+    with results_folder(out or Path("results") / config.stem) as folder:
+        with status(console, "drawing"):
+            bodies = list(zip(meshes, poses, strict=True))
+            image, shown = draw_preview(bodies, camera, scene.name or "")
+            write_png(folder / _FILE, image)
+        for number in sorted(set(range(len(meshes))) - set(shown)):
+            print_line(console, f"note: body {number} is not in the picture")
+        print_line(console, f"{folder / _FILE}: nothing was simulated")
+
+
+def _point(values) -> str:
+    return f"({', '.join(f'{value:.4g}' for value in values)})"
+
+
+def _camera_line(camera: AbstractCamera) -> str:
+    position, ahead = _point(camera.position), _point(camera.look_at)
+    if isinstance(camera, Camera):
+        kind = "pinhole"
+        extent = f"{np.rad2deg(camera.field_of_view):.3g} deg from top to bottom"
+    else:
+        kind = "orthographic"
+        extent = f"{getattr(camera, 'view_height', np.nan):.4g} m from top to bottom"
+    return (
+        f"camera: {kind} at {position} m, looks at {ahead} m, up {_point(camera.up)}, "
+        f"{extent}, {camera.width} x {camera.height} pixels"
+    )

@@ -1,0 +1,149 @@
+"""Preview of a scene: its bodies as the camera frames them, shaded, without heat."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import UInt8
+from PIL import Image, ImageDraw
+
+from ..geometry.mesh import Mesh, Pose
+from .camera import AbstractCamera
+from .canvas import FAINT, INK, PAPER, Layout
+from .visible import VisiblePoints, smooth_normals, visible_points
+
+
+# Samples of a pixel along each axis.
+_SAMPLES = 2
+_BACKGROUND = (32, 34, 40)
+# sRGB of the bodies, used again after the last one.
+_BODIES = ((206, 200, 188), (150, 184, 208), (208, 168, 136), (164, 196, 152))
+# sRGB of the axes x, y, z, and the shortest arrow that still has a direction [-].
+_AXES = (("x", (236, 96, 84)), ("y", (112, 204, 112)), ("z", (112, 160, 255)))
+_MIN_ARROW = 0.08
+
+
+def draw_preview(
+    bodies: Sequence[tuple[Mesh, Pose]], camera: AbstractCamera, title: str = ""
+) -> tuple[Image.Image, list[int]]:
+    """Draw bodies with a light at the camera, their numbers, and the world's axes.
+
+    Args:
+        bodies: mesh and pose of each.
+        camera: of the frames.
+        title: text below the image.
+
+    Returns:
+        The picture, and the numbers of the bodies in it.
+
+    Raises:
+        InputError: if the camera is inside a body or sees none.
+    """
+    fine = camera.finer(_SAMPLES)
+    world = tuple(pose.to_world(mesh.vertices)[mesh.faces] for mesh, pose in bodies)
+    found = visible_points(world, fine)
+    colours = _shaded(bodies, found, fine)
+    width, height = camera.size
+    blocks = colours.reshape(height, _SAMPLES, width, _SAMPLES, 3)
+    pixels = np.rint(blocks.mean(axis=(1, 3))).astype(np.uint8)
+    layout = Layout.of(height, width)
+    strip = round(1.3 * layout.text) + layout.gap
+    canvas = Image.new("RGB", (width, height + strip), PAPER)
+    canvas.paste(Image.fromarray(pixels), (0, 0))
+    shown = np.unique(found.body).tolist()
+    if len(bodies) > 1:
+        _draw_numbers(canvas, found, fine, shown, layout)
+    _draw_axes(canvas, camera, layout)
+    caption = layout.shorten(title, width - 2 * layout.gap)
+    at = (width - layout.gap, height + strip // 2)
+    ImageDraw.Draw(canvas).text(at, caption, FAINT, layout.font, anchor="rm")
+    return canvas, shown
+
+
+def _shaded(
+    bodies: Sequence[tuple[Mesh, Pose]], found: VisiblePoints, camera: AbstractCamera
+) -> UInt8[np.ndarray, "h w 3"]:
+    width, height = camera.size
+    colours = np.empty((height * width, 3), np.uint8)
+    colours[:] = _BACKGROUND
+    to_eye = np.asarray(camera.position) - found.position
+    to_eye /= np.linalg.norm(to_eye, axis=1, keepdims=True)
+    for number, (mesh, pose) in enumerate(bodies):
+        here = np.flatnonzero(found.body == number)
+        point = pose.to_body(found.position[here])
+        normal = smooth_normals(mesh.vertices, mesh.faces, found.face[here], point)
+        facing = np.einsum("pi,pi->p", pose.rotate(normal), to_eye[here])
+        # A face that is wound the wrong way round is lit from both sides.
+        light = 0.2 + 0.8 * np.abs(facing)[:, None]
+        base = np.array(_BODIES[number % len(_BODIES)])
+        colours[found.pixel[here]] = np.rint(light * base)
+    return colours.reshape(height, width, 3)
+
+
+def _draw_numbers(
+    canvas: Image.Image,
+    found: VisiblePoints,
+    fine: AbstractCamera,
+    shown: list[int],
+    layout: Layout,
+) -> None:
+    draw = ImageDraw.Draw(canvas)
+    for number in shown:
+        pixel = found.pixel[found.body == number]
+        row, column = np.divmod(pixel, fine.width)
+        # On a pixel of the body: the middle of a ring is none.
+        middle = np.array([np.median(row), np.median(column)])
+        away = np.hypot(row - middle[0], column - middle[1])
+        nearest = int(away.argmin())
+        at = (column[nearest] / _SAMPLES, row[nearest] / _SAMPLES)
+        draw.text(
+            at,
+            f"body {number}",
+            fill=INK,
+            font=layout.font,
+            anchor="mm",
+            stroke_width=layout.line + 1,
+            stroke_fill=PAPER,
+        )
+
+
+def _draw_axes(canvas: Image.Image, camera: AbstractCamera, layout: Layout) -> None:
+    # In the lower left corner, seen along the middle ray of the camera.
+    draw, length = ImageDraw.Draw(canvas), 2.6 * layout.text
+    room = length + 0.8 * layout.text + layout.width("z up") + layout.gap
+    origin = np.array([room, camera.height - room])
+    # World axes x, y, z as rows, in steps to the right, down and away.
+    axes = camera.frame.T
+    # The farthest first, so that the nearer ones are in front.
+    for k in np.argsort(-axes[:, 2]).tolist():
+        name, colour = _AXES[k]
+        way = axes[k, :2]
+        tip = origin + length * way
+        if np.hypot(*way) < _MIN_ARROW:
+            spot = layout.text / 5
+            box = (*(origin - spot), *(origin + spot))
+            draw.ellipse(box, fill=colour)
+            tip, way = origin, np.array([0.7, 0.7])
+        else:
+            _draw_arrow(draw, origin, tip, colour, layout)
+        unit = way / np.hypot(*way)
+        label = f"{name} up" if name == "z" else name
+        at = tip + 0.8 * layout.text * unit
+        # Beside its arrow's head, not across it.
+        anchor = "lm" if unit[0] > 0.5 else "rm" if unit[0] < -0.5 else "mm"
+        draw.text(tuple(at), label, colour, layout.font, anchor=anchor)
+
+
+def _draw_arrow(
+    draw: ImageDraw.ImageDraw,
+    start: np.ndarray,
+    tip: np.ndarray,
+    colour: tuple[int, int, int],
+    layout: Layout,
+) -> None:
+    along = (tip - start) / np.hypot(*(tip - start))
+    across = np.array([-along[1], along[0]])
+    head = min(0.45 * layout.text, float(np.hypot(*(tip - start))))
+    neck = tip - head * along
+    draw.line((*start, *neck), fill=colour, width=layout.line + 1)
+    corners = [tip, neck + 0.5 * head * across, neck - 0.5 * head * across]
+    draw.polygon([tuple(corner) for corner in corners], fill=colour)

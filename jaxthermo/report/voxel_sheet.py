@@ -1,0 +1,134 @@
+"""Picture of a voxelized body, with its parts under one voxel thick marked."""
+
+import numpy as np
+from jaxtyping import Bool, Float, Int, UInt8
+from PIL import Image
+
+from ..image.camera import AbstractCamera, frame_all
+from ..image.visible import visible_points
+from ..voxels.grid import VoxelGrid
+from ..voxels.surface import surface_voxels
+from .sheet import Legend, Tile, sheet
+
+
+# Edge of each view, and samples of a pixel along each axis.
+_EDGE, _SAMPLES = 560, 2
+_BACKGROUND = (32, 34, 40)
+# sRGB of solid voxels, of those under one voxel thick, and of lost parts of the mesh.
+_COLOURS = ((196, 198, 200), (244, 152, 32), (236, 40, 120))
+_MEANINGS = ("solid", "under one voxel thick", "lost: no voxel here at this pitch")
+_VIEWS = {
+    "from the front": (-0.35, 1.0, -0.3),
+    "from behind": (0.35, -1.0, -0.3),
+    "from below": (-0.35, 0.6, 0.8),
+}
+# Brightness of faces across x, y, z, so that edges between them are seen.
+_SHADES = np.array([0.72, 0.86, 1.0])
+# Edges between voxels of at least this many samples are drawn darker.
+_MIN_OUTLINED = 12.0
+# Edge of the cube that stands for a lost fragment [voxels].
+_LOST_EDGE = 0.5
+
+
+class _Faces:
+    """Outer faces of cubes as pairs of triangles, with a colour for each face."""
+
+    def __init__(self, grid: VoxelGrid):
+        voxels = surface_voxels(grid.solid)
+        centre = grid.lattice.centres(voxels)
+        thin = np.zeros(grid.lattice.shape, bool)
+        thin[tuple(grid.thin.thin_voxel.T)] = True
+        kind = thin[tuple(voxels.T)].astype(np.int64)
+        lost = grid.thin.lost_position
+        everywhere = np.ones((len(lost), 6), bool)
+        half = np.repeat(
+            [grid.pitch / 2, _LOST_EDGE * grid.pitch / 2], [len(centre), len(lost)]
+        )
+        is_open = np.concatenate([_open_faces(grid.solid, voxels), everywhere])
+        cube, side = np.nonzero(is_open)
+        corner = np.concatenate([centre, lost])[cube, None, None]
+        self.triangles = (corner + half[cube, None, None, None] * _CUBE[side]).reshape(
+            -1, 3, 3
+        )
+        self.axis, self.sign = side // 2, 2 * (side % 2) - 1
+        self.kind = np.concatenate([kind, np.full(len(lost), 2)])[cube]
+
+
+def _cube() -> Float[np.ndarray, "6 2 3 3"]:
+    """Two triangles for each side -x, +x, -y ... of a cube of edge 2."""
+    sides = []
+    for axis in range(3):
+        for sign in (-1.0, 1.0):
+            square = np.zeros((4, 3))
+            square[:, axis] = sign
+            square[:, axis - 2] = [-1, 1, 1, -1]
+            square[:, axis - 1] = np.array([-1, -1, 1, 1]) * sign
+            sides.append(square[[[0, 1, 2], [0, 2, 3]]])
+    return np.array(sides)
+
+
+_CUBE = _cube()
+
+
+def _open_faces(
+    solid: Bool[np.ndarray, "x y z"], voxels: Int[np.ndarray, "m 3"]
+) -> Bool[np.ndarray, "m 6"]:
+    """Flags of the sides -x, +x, -y ... of voxels that have no solid neighbour."""
+    padded = np.pad(solid, 1)
+    steps = (
+        np.repeat(np.eye(3, dtype=np.int64), 2, axis=0) * np.tile([-1, 1], 3)[:, None]
+    )
+    beside = [padded[tuple((voxels + 1 + step).T)] for step in steps]
+    return ~np.stack(beside, axis=1)
+
+
+def voxel_sheet(grid: VoxelGrid) -> Image.Image:
+    """Draw the voxels of a body from three sides, with thin and lost parts marked.
+
+    Voxels are marked where the body is less than one voxel thick behind the surface;
+    small cubes show where the surface is so far from any solid voxel that it is lost.
+    """
+    faces = _Faces(grid)
+    tiles = []
+    for name, direction in _VIEWS.items():
+        camera = frame_all(faces.triangles, _EDGE, _EDGE, direction)
+        tiles.append(Tile(_view(grid, faces, camera.finer(_SAMPLES)), name))
+    thin = grid.thin
+    marked = zip(_MEANINGS, _COLOURS, strict=True)
+    areas = f"{thin.thin_area * 1e4:.4g} cm^2, of which lost {thin.lost_area * 1e4:.4g}"
+    legend = Legend(tuple(marked), f"surface under one voxel thick: {areas} cm^2")
+    title = f"{grid.mesh.name}: {grid.solid_count} voxels of {grid.pitch * 1e3:.4g} mm"
+    return sheet(tiles, legend, title)
+
+
+def _view(
+    grid: VoxelGrid, faces: _Faces, camera: AbstractCamera
+) -> UInt8[np.ndarray, "h w 3"]:
+    # Half of the faces look away from the camera, and need not be sorted by depth.
+    corner = faces.triangles[::2, 0]
+    to_camera = np.asarray(camera.position) - corner
+    ahead = np.flatnonzero(
+        to_camera[np.arange(len(corner)), faces.axis] * faces.sign > 0
+    )
+    facing = faces.triangles.reshape(-1, 2, 3, 3)[ahead].reshape(-1, 3, 3)
+    found = visible_points((facing,), camera)
+    face = ahead[found.face // 2]
+    light = _SHADES[faces.axis[face]] * _outlines(grid, faces, face, found, camera)
+    width, height = camera.size
+    colours = np.empty((height * width, 3))
+    colours[:] = _BACKGROUND
+    colours[found.pixel] = np.array(_COLOURS)[faces.kind[face]] * light[:, None]
+    blocks = colours.reshape(height // _SAMPLES, _SAMPLES, width // _SAMPLES, -1, 3)
+    return np.rint(blocks.mean(axis=(1, 3))).astype(np.uint8)
+
+
+def _outlines(grid, faces, face, found, camera) -> Float[np.ndarray, " p"]:
+    """Brightness of points: lower near an edge of a voxel that is seen large enough."""
+    per_sample = camera.field_of_view / camera.height * found.depth
+    large = grid.pitch / per_sample >= _MIN_OUTLINED
+    cell = grid.lattice.to_cells(found.position)
+    away = np.abs(cell - np.rint(cell))
+    # Across its own axis every point of a face is on an edge of the lattice.
+    away[np.arange(len(face)), faces.axis[face]] = np.inf
+    near = away.min(axis=1) * grid.pitch < per_sample
+    return np.where(large & near & (faces.kind[face] < 2), 0.6, 1.0)

@@ -1,0 +1,86 @@
+"""`simulate --preview` and `render --contacts`: pictures beside the frames."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from cli_runs import files, run, scene_file
+from PIL import Image
+
+import jaxthermo as jt
+from jaxthermo.cli.contacts import _texture
+from jaxthermo.integrate.run.solution_file import StoredSolution
+from jaxthermo.scene.compile.compile import body_geometry
+from jaxthermo.scene.scene import SolvedSurface
+
+
+PAIR = """
+bodies:
+  - &block
+    shape: {kind: box, size: [4 cm, 4 cm, 2 cm]}
+    pitch: 5 mm
+    material: copper
+    temperature: 350
+  - {<<: *block, temperature: 300, pose: {translation: [0, 0, 2 cm]}}
+terms:
+  - {kind: contact, conductance: 1000}
+time: {end: 2, save_at: [1, 2]}
+camera: {width: 64, height: 48}
+"""
+
+
+def test_a_preview_neither_voxelizes_nor_runs(tmp_path, monkeypatch):
+    def refuse(*arguments, **options):
+        raise AssertionError("a preview needs no voxels")
+
+    monkeypatch.setattr("jaxthermo.voxels.voxelize.voxelize", refuse)
+    monkeypatch.setattr(jt, "voxelize", refuse)
+    out = tmp_path / "out"
+    code, text, err = run("simulate", scene_file(tmp_path), "--preview", "--out", out)
+    assert (code, err) == (0, "")
+    assert files(out) == {"preview.png"}
+    assert Image.open(out / "preview.png").size[0] == 64
+    assert "in the world from (-0.025, -0.02, -0.05) to (0.025, 0.02, 0.05) m" in text
+    assert f"{out / 'preview.png'}: nothing was simulated" in text
+
+
+def test_a_preview_of_a_wrong_camera_leaves_nothing(tmp_path):
+    out = tmp_path / "out"
+    code, _, err = run(
+        "simulate", scene_file(tmp_path), "--preview", "--out", out,
+        "--set", "camera.position=[0, 0, 0]",
+    )  # fmt: skip
+    assert code == 2 and "inside body 0" in err and not out.exists()
+
+
+def test_without_a_contact_term_there_are_no_contact_textures(finished, tmp_path):
+    code, _, err = run("render", finished, "--contacts", "--out", tmp_path / "new")
+    assert code == 2 and "no contact term" in err and err.count("\n") == 1
+    assert not (tmp_path / "new").exists()
+
+
+def test_contact_textures_hold_the_temperatures_where_bodies_touch():
+    grid = jt.voxelize(jt.shapes.box((0.04, 0.04, 0.02)), 0.005)
+    poses = jt.Pose(), jt.Pose(translation=(0.0, 0.0, 0.02))
+    grey = jnp.asarray(0.8)
+    surfaces = tuple(SolvedSurface(body_geometry(grid, p), grey, grey) for p in poses)
+    count = len(grid.fragment_area)
+    kelvin = 300.0 + np.arange(2.0 * count)[None]
+    stored = StoredSolution(jnp.zeros(1), jnp.asarray(kelvin), surfaces)
+    texture = _texture([jt.Contact(1e3)], [grid, grid], stored, 0)
+    assert texture.area == pytest.approx(0.04 * 0.04)
+    top, bottom = grid.fragment_normal[:, 2] > 0.9, grid.fragment_normal[:, 2] < -0.9
+    for body, side in enumerate((top, bottom)):
+        expected = np.where(side, kelvin[0, body * count :][:count] - 273.15, np.nan)
+        np.testing.assert_allclose(texture.values[body], expected)
+
+
+@pytest.mark.slow
+def test_contact_textures_of_a_run(tmp_path):
+    out = tmp_path / "out"
+    code, _, err = run("simulate", scene_file(tmp_path, PAIR), "--out", out)
+    assert (code, err) == (0, "")
+    before = files(out)
+    code, text, err = run("render", out, "--contacts", "--set", "image.frames=[2]")
+    assert (code, err) == (0, "")
+    assert text == f"1 sheet of contact textures in {out / 'contacts'}\n"
+    assert files(out) - before == {"contacts/t000002.00s.png"}
