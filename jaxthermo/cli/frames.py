@@ -53,15 +53,17 @@ class FrameCamera:
         self, surfaces: tuple[SolvedSurface, ...], terms: tuple[AbstractTerm, ...]
     ) -> View:
         finer = self._camera.finer(self._image.samples)
-        return kept_view(surfaces, terms, finer, self._image.smooth)
+        how = self._image.smooth, self._image.occlusion
+        return kept_view(surfaces, terms, finer, *how)
 
     def draw(self, stored: StoredSolution, index: int) -> Image:
         """Draw the frame of a saved time, with the samples of each pixel."""
-        assert stored.reflected is not None
+        assert stored.reflected is not None and stored.reflected_sources is not None
         time = stored.times[index]
         here = at_time(self._surfaces, self._terms, float(time))
         saved = stored.surface_temperature[index], stored.reflected[index]
-        return draw(self._view(*here), *here, *map(jnp.asarray, (*saved, time)))
+        given = (*saved, time, stored.reflected_sources[index])
+        return draw(self._view(*here), *here, *map(jnp.asarray, given))
 
 
 def chosen_frames(config: SceneConfig, times: Float[Array, " t"]) -> list[int]:

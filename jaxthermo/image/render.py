@@ -97,6 +97,7 @@ def draw(
     temperature: Float[Array, " s"],
     reflected: Float[Array, " s"],
     time: Float[Array, ""],
+    lit: Float[Array, " s"] | None = None,
 ) -> Image:
     """Draw the frame of surfaces in a view.
 
@@ -107,10 +108,19 @@ def draw(
         temperature: of the surfaces [K].
         reflected: radiation that they reflect [W/m^2], see `Solution.reflected`.
         time: of the frame [s].
+        lit: part of `reflected` from sources [W/m^2], for a view with occlusion.
     """
     surface = _to_pixels(view, temperature)
     emissivity = _to_pixels(view, per_fragment(surfaces, "emissivity"))
-    radiance = _leaving_radiance(surface, emissivity, _to_pixels(view, reflected))
+    back = _to_pixels(view, reflected)
+    if view.open_fraction is not None:
+        # Sources have their own shadows: what is hidden is thermal radiation, and what
+        # hides it is taken to be as warm as the surface, as in `Surroundings`.
+        direct = 0.0 if lit is None else _to_pixels(view, lit)
+        seen = jnp.asarray(view.open_fraction, surface.dtype)
+        own = (1 - emissivity) * STEFAN_BOLTZMANN * surface**4
+        back = direct + seen * (back - direct) + (1 - seen) * own
+    radiance = _leaving_radiance(surface, emissivity, back)
     behind = background_temperature(view.background, terms, time)
     dtype = surface.dtype
     image = Image(
@@ -174,6 +184,7 @@ def render(
     *,
     smooth: bool = True,
     samples: int = 1,
+    occlusion: float | None = None,
 ) -> Image:
     """Draw the thermal image of one saved time.
 
@@ -183,6 +194,8 @@ def render(
         index: index of the saved time.
         smooth: interpolate temperatures smoothly over the voxels.
         samples: radiance samples per pixel along each axis.
+        occlusion: distance within which surfaces in the image hide the surroundings
+            from what others reflect [m], for scenes whose terms do not detect it.
 
     Raises:
         InputError: if the camera is inside a body or sees none.
@@ -200,7 +213,7 @@ def render(
     with precision(solution.receipt.dtype):
         time = float(solution.times[index])
         surfaces, terms = at_time(solution.surfaces, solution.terms, time)
-        view = kept_view(surfaces, terms, camera.finer(samples), smooth)
+        view = kept_view(surfaces, terms, camera.finer(samples), smooth, occlusion)
         image = draw(
             view,
             surfaces,
@@ -208,5 +221,6 @@ def render(
             jnp.asarray(solution.surface_temperature[index]),
             solution.reflected(index),
             jnp.asarray(solution.times[index]),
+            None if occlusion is None else solution.reflected_sources(index),
         )
         return coarsen(image, samples)

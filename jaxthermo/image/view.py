@@ -6,7 +6,7 @@ normals, so that nothing leaks through a thin sheet or around an edge. The weigh
 depend on the view only: a frame costs one sparse product.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -17,6 +17,7 @@ from ..physics.term import AbstractTerm
 from ..scene.scene import BodyGeometry, SolvedSurface
 from .background import Background, compute_background
 from .camera import AbstractCamera
+from .ssao import screen_space_occlusion
 from .visible import VisiblePoints, smooth_normals, visible_points
 
 
@@ -156,6 +157,8 @@ class View:
     weights: _PixelWeights
     """Weights of the concatenated fragments of all bodies."""
     background: Background
+    open_fraction: Float[np.ndarray, " p"] | None = None
+    """Fraction of the surroundings that nothing in the image hides; None for all."""
 
 
 def at_time(
@@ -170,8 +173,12 @@ def compute_view(
     terms: tuple[AbstractTerm, ...],
     camera: AbstractCamera,
     smooth: bool = True,
+    occlusion: float | None = None,
 ) -> View:
     """Compute the surface point and the interpolation weights of each pixel.
+
+    With `occlusion` [m], surfaces in the image hide the surroundings from others that
+    are not farther away.
 
     Raises:
         InputError: if the camera is inside a body or sees none.
@@ -182,7 +189,21 @@ def compute_view(
     pixel, body, depth = found.pixel, found.body, found.depth
     weights = _all_weights(surfaces, body, local, normal, smooth)
     background = compute_background(terms, camera, pixel, depth)
-    return View(camera, pixel, body, depth, normal, weights, background)
+    view = View(camera, pixel, body, depth, normal, weights, background)
+    if occlusion is None:
+        return view
+    return replace(view, open_fraction=_open_fraction(view, occlusion))
+
+
+def _open_fraction(view: View, radius: float) -> Float[np.ndarray, " p"]:
+    width, height = view.camera.size
+    depth, normal = np.full(height * width, np.inf), np.zeros((height * width, 3))
+    depth[view.pixel], normal[view.pixel] = view.depth, view.normal
+    shape = (height, width)
+    found = screen_space_occlusion(
+        depth.reshape(shape), normal.reshape(*shape, 3), view.camera, radius
+    )
+    return found.reshape(-1)[view.pixel]
 
 
 def _in_bodies(
@@ -240,6 +261,7 @@ def kept_view(
     terms: tuple[AbstractTerm, ...],
     camera: AbstractCamera,
     smooth: bool = True,
+    occlusion: float | None = None,
 ) -> View:
     """Compute a view as `compute_view`, or return the one that was kept.
 
@@ -247,14 +269,15 @@ def kept_view(
     or a source that moves is another one at every time.
     """
     first, *others = (surface.geometry for surface in surfaces)
-    given = (*others, *terms, *_identity(camera), smooth)
+    radius = np.asarray(-1.0 if occlusion is None else occlusion, float).tobytes()
+    given = (*others, *terms, *_identity(camera), smooth, radius)
     kept = _kept_views.setdefault(first, [])
     for number, each in enumerate(kept):
         if _same(each.given, given):
             # The one that was used last is dropped last.
             kept.append(kept.pop(number))
             return each.view
-    view = compute_view(surfaces, terms, camera, smooth)
+    view = compute_view(surfaces, terms, camera, smooth, occlusion)
     kept.append(_KeptView(given, view))
     del kept[:-_MAX_VIEWS]
     return view

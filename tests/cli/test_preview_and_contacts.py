@@ -15,14 +15,18 @@ from jaxthermo.scene.scene import SolvedSurface
 
 PAIR = """
 bodies:
-  - &block
-    shape: {kind: box, size: [4 cm, 4 cm, 2 cm]}
+  - shape: {kind: box, size: [4 cm, 4 cm, 2 cm]}
     pitch: 5 mm
     material: copper
     temperature: 350
-  - {<<: *block, temperature: 300, pose: {translation: [0, 0, 2 cm]}}
+  - shape: {kind: box, size: [8 cm, 8 cm, 2 cm]}
+    pitch: 5 mm
+    material: copper
+    temperature: 300
+    pose: {translation: [0, 0, -2 cm]}
 terms:
   - {kind: contact, conductance: 1000}
+  - {kind: surroundings, temperature: 250}
 time: {end: 2, save_at: [1, 2]}
 camera: {width: 64, height: 48}
 """
@@ -75,7 +79,7 @@ def test_contact_textures_hold_the_temperatures_where_bodies_touch():
 
 
 @pytest.mark.slow
-def test_contact_textures_of_a_run(tmp_path):
+def test_contact_textures_and_occlusion_of_a_run(tmp_path):
     out = tmp_path / "out"
     code, _, err = run("simulate", scene_file(tmp_path, PAIR), "--out", out)
     assert (code, err) == (0, "")
@@ -84,3 +88,21 @@ def test_contact_textures_of_a_run(tmp_path):
     assert (code, err) == (0, "")
     assert text == f"1 sheet of contact textures in {out / 'contacts'}\n"
     assert files(out) - before == {"contacts/t000002.00s.png"}
+    code, _, err = run(
+        "render", out, "--set", "image.occlusion=2 cm", "--out", tmp_path
+    )
+    assert (code, err) == (0, "")
+    before, after = (
+        np.asarray(Image.open(folder / "frames/t000002.00s.png"), int)
+        for folder in (out, tmp_path)
+    )
+    assert before.shape == after.shape and np.abs(after - before).max() > 3
+
+
+def test_occlusion_is_not_counted_twice(tmp_path):
+    text = "image.occlusion=2 cm"
+    twice = "terms.2.occlusion=64"
+    code, _, err = run(
+        "simulate", scene_file(tmp_path), "--preview", "--set", text, "--set", twice
+    )
+    assert code == 2 and "would hide the surroundings twice, after terms.2" in err

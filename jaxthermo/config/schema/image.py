@@ -94,6 +94,9 @@ class ImageConfig(Model):
     """Interpolate temperatures over the surface instead of one for each voxel."""
     samples: Annotated[si.Whole, Field(ge=1, le=8)] = 2
     """Square root of the number of rays for each pixel, which smooth the edges."""
+    occlusion: Annotated[si.PositiveLength | None, si.NoneWord("none")] = None
+    """Distance within which surfaces in the image hide the surroundings from what
+    others reflect [m]; for scenes whose terms do not detect it."""
     frames: Frames = None
     """Saved times that become frames [s]."""
 

@@ -105,7 +105,12 @@ class SceneConfig(Model, builds="Scene"):
     @override
     def raw_mistakes(cls, data: dict[str, Any]) -> list[Mistake]:
         # Parts that do not fit together are reported even while others are wrong.
-        return [*_missing_bodies(data), *_unsaved_frames(data), *_second_emission(data)]
+        return [
+            *_missing_bodies(data),
+            *_unsaved_frames(data),
+            *_second_emission(data),
+            *_second_occlusion(data),
+        ]
 
 
 def _missing_bodies(data: dict[str, Any]) -> list[Mistake]:
@@ -156,6 +161,22 @@ def _second_emission(data: dict[str, Any]) -> list[Mistake]:
             "its own `on`",
         )
         for i in found[1:]
+    ]
+
+
+def _second_occlusion(data: dict[str, Any]) -> list[Mistake]:
+    image = data.get("image")
+    if not isinstance(image, dict) or image.get("occlusion") in (None, "none"):
+        return []
+    return [
+        (
+            ("image", "occlusion"),
+            f"would hide the surroundings twice, after terms.{i}, which detects "
+            "occlusion in the heat balance: leave out one of them",
+        )
+        for i, term in enumerate(_terms(data))
+        if isinstance(term, dict)
+        and (term.get("kind") == "radiative_exchange" or term.get("occlusion"))
     ]
 
 

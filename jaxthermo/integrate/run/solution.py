@@ -113,6 +113,16 @@ class AbstractSolution(eqx.Module):
                 self.radiation.at(self.times[index]), self.surfaces, time, temperature
             )
 
+    def reflected_sources(self, index: int) -> Float[Array, " s"]:
+        """Return the part (1 - a) E of `reflected` that comes from sources [W/m^2]."""
+        with precision(self.receipt.dtype):
+            time = jnp.asarray(self.times[index])
+            temperature = jnp.asarray(self.surface_temperature[index])
+            radiation = self.radiation.at(self.times[index])
+            absorptivity = per_fragment(self.surfaces, "absorptivity")
+            _, lit = radiation.irradiation(time, temperature)
+            return (1 - absorptivity) * lit
+
 
 def reflected(
     radiation: SurfaceRadiation,

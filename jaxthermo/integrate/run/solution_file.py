@@ -33,6 +33,8 @@ class StoredSolution(NamedTuple):
     surfaces: tuple[SolvedSurface, ...]
     reflected: Float[Array, "t s"] | None = None
     """Radiation that every fragment reflects [W/m^2]; None where no image is drawn."""
+    reflected_sources: Float[Array, "t s"] | None = None
+    """The part of it that comes from sources [W/m^2]."""
 
 
 class _RunArrays(NamedTuple):
@@ -42,6 +44,7 @@ class _RunArrays(NamedTuple):
     mean_temperature: Float[np.ndarray, "t b"]
     stored_J: Float[np.ndarray, " t"]
     reflected: Float[np.ndarray, "t s"]
+    reflected_sources: Float[np.ndarray, "t s"]
 
 
 class _BodyArrays(NamedTuple):
@@ -69,13 +72,15 @@ def save_solution(path: Path, solution: Solution) -> StoredSolution:
     Raises:
         InputError: if the file cannot be written.
     """
-    rows = [solution.reflected(k) for k in range(len(solution.times))]
+    saved = range(len(solution.times))
     with precision(solution.receipt.dtype):
-        reflected = jnp.stack(rows)
+        reflected = jnp.stack([solution.reflected(k) for k in saved])
+        lit = jnp.stack([solution.reflected_sources(k) for k in saved])
     arrays: dict[str, Any] = {
         name: getattr(solution, name) for name in _RunArrays._fields[:3]
     }
     arrays |= {"stored_J": solution.energy.stored_J, "reflected": reflected}
+    arrays["reflected_sources"] = lit
     for name, heat in solution.energy.mechanisms.items():
         arrays[f"energy_{name}_J"] = heat
     for b, surface in enumerate(solution.surfaces):
@@ -84,7 +89,11 @@ def save_solution(path: Path, solution: Solution) -> StoredSolution:
             arrays[f"body{b}_{field}"] = value
     write_archive(path, _KIND, FORMAT_VERSION, arrays)
     return StoredSolution(
-        solution.times, solution.surface_temperature, solution.surfaces, reflected
+        solution.times,
+        solution.surface_temperature,
+        solution.surfaces,
+        reflected,
+        lit,
     )
 
 
@@ -134,7 +143,8 @@ def _stored_solution(arrays: dict[str, np.ndarray]) -> StoredSolution:
         raise InputError("times do not increase")
     surfaces = tuple(_surface(body, run.times) for body in bodies)
     rows = (jnp.asarray(each) for each in (run.times, run.surface_temperature))
-    return StoredSolution(*rows, surfaces, jnp.asarray(run.reflected))
+    reflected = map(jnp.asarray, (run.reflected, run.reflected_sources))
+    return StoredSolution(*rows, surfaces, *reflected)
 
 
 def _surface(body: _BodyArrays, times: Float[np.ndarray, " t"]) -> SolvedSurface:

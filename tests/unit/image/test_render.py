@@ -261,3 +261,22 @@ def test_the_background_of_a_picture_is_no_colour_of_the_palette(still, monkeypa
     body = np.asarray(jt.render(still, SIDE).object_id) == 0
     inside = apply_palette(np.array([[300.0]]), 280.0, 310.0, "iron")[0, 0]
     assert (colours[body] == inside).all() and (colours[~body] == BACKGROUND).all()
+
+
+def test_what_hides_the_surroundings_is_as_warm_as_the_surface():
+    """A cube on a plate hides the sky, not the sun, from what the plate reflects."""
+    plate = jt.voxelize(jt.shapes.box((0.3, 0.3, 0.02)), 0.01)
+    lower = jt.Pose(translation=(0.0, 0.0, -0.06))
+    floor = jt.Body(jt.FullVolume(plate), METAL, temperature=300.0, pose=lower)
+    terms = (jt.Sun((-0.5, 0.3, -1.0), 1000.0), jt.Surroundings(250.0))
+    scene = jt.Scene((cube(), floor), terms, dtype="float64")
+    solution = jt.simulate(scene, 0.0)
+    camera = jt.Camera((0.3, -0.6, 0.5), (0.0, 0.0, 0.0), width=48, height=36)
+    plain, shaded = (jt.render(solution, camera, occlusion=r) for r in (None, 0.05))
+    view = compute_view(solution.surfaces, solution.terms, camera, occlusion=0.05)
+    hidden = 1 - np.asarray(view.open_fraction)
+    assert hidden.max() > 0.2 and np.median(hidden) < 0.02
+    more = 0.2 * 5.670374419e-8 / np.pi * (300.0**4 - 250.0**4) * hidden
+    expected = np.asarray(plain.radiance).reshape(-1).copy()
+    expected[view.pixel] += more
+    np.testing.assert_allclose(shaded.radiance.reshape(-1), expected, rtol=1e-9)
