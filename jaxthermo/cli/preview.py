@@ -8,7 +8,7 @@ from ..config.camera_framing import build_camera
 from ..config.loader import load_config
 from ..geometry.mesh import mesh_summary
 from ..image.annotate import write_png
-from ..image.camera import AbstractCamera, Camera
+from ..image.camera import AbstractCamera, Camera, OrthographicCamera
 from ..image.preview import draw_preview
 from .console import open_console, print_line, status
 from .files import results_folder
@@ -50,13 +50,13 @@ def _point(values) -> str:
 
 def _camera_line(camera: AbstractCamera) -> str:
     position, ahead = _point(camera.position), _point(camera.look_at)
+    kind, extent = "orthographic", ""
     if isinstance(camera, Camera):
         kind = "pinhole"
-        extent = f"{np.rad2deg(camera.field_of_view):.3g} deg from top to bottom"
-    else:
-        kind = "orthographic"
-        extent = f"{getattr(camera, 'view_height', np.nan):.4g} m from top to bottom"
+        extent = f"{np.rad2deg(camera.field_of_view):.3g} deg"
+    elif isinstance(camera, OrthographicCamera):
+        extent = f"{camera.view_height:.4g} m"
     return (
         f"camera: {kind} at {position} m, looks at {ahead} m, up {_point(camera.up)}, "
-        f"{extent}, {camera.width} x {camera.height} pixels"
+        f"{extent} from top to bottom, {camera.width} x {camera.height} pixels"
     )

@@ -4,8 +4,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 from PIL import Image
 
-from ..image.camera import AbstractCamera, frame_all
-from ..image.visible import visible_points
+from ..image.camera import Camera, frame_all
+from ..image.visible import VisiblePoints, visible_points
 from ..voxels.grid import VoxelGrid
 from ..voxels.surface import surface_voxels
 from .sheet import Legend, Tile, sheet
@@ -92,7 +92,7 @@ def voxel_sheet(grid: VoxelGrid) -> Image.Image:
     tiles = []
     for name, direction in _VIEWS.items():
         camera = frame_all(faces.triangles, _EDGE, _EDGE, direction)
-        tiles.append(Tile(_view(grid, faces, camera.finer(_SAMPLES)), name))
+        tiles.append(Tile(_view(grid, faces, camera), name))
     thin = grid.thin
     marked = zip(_MEANINGS, _COLOURS, strict=True)
     areas = f"{thin.thin_area * 1e4:.4g} cm^2, of which lost {thin.lost_area * 1e4:.4g}"
@@ -101,9 +101,7 @@ def voxel_sheet(grid: VoxelGrid) -> Image.Image:
     return sheet(tiles, legend, title)
 
 
-def _view(
-    grid: VoxelGrid, faces: _Faces, camera: AbstractCamera
-) -> UInt8[np.ndarray, "h w 3"]:
+def _view(grid: VoxelGrid, faces: _Faces, camera: Camera) -> UInt8[np.ndarray, "h w 3"]:
     # Half of the faces look away from the camera, and need not be sorted by depth.
     corner = faces.triangles[::2, 0]
     to_camera = np.asarray(camera.position) - corner
@@ -111,10 +109,12 @@ def _view(
         to_camera[np.arange(len(corner)), faces.axis] * faces.sign > 0
     )
     facing = faces.triangles.reshape(-1, 2, 3, 3)[ahead].reshape(-1, 3, 3)
-    found = visible_points((facing,), camera)
+    found = visible_points((facing,), camera.finer(_SAMPLES))
     face = ahead[found.face // 2]
-    light = _SHADES[faces.axis[face]] * _outlines(grid, faces, face, found, camera)
-    width, height = camera.size
+    # Size of a sample at the depth of what it shows.
+    sample = camera.field_of_view / (_SAMPLES * camera.height) * found.depth
+    light = _SHADES[faces.axis[face]] * _outlines(grid, faces, face, found, sample)
+    width, height = (_SAMPLES * edge for edge in camera.size)
     colours = np.empty((height * width, 3))
     colours[:] = _BACKGROUND
     colours[found.pixel] = np.array(_COLOURS)[faces.kind[face]] * light[:, None]
@@ -122,13 +122,18 @@ def _view(
     return np.rint(blocks.mean(axis=(1, 3))).astype(np.uint8)
 
 
-def _outlines(grid, faces, face, found, camera) -> Float[np.ndarray, " p"]:
+def _outlines(
+    grid: VoxelGrid,
+    faces: _Faces,
+    face: Int[np.ndarray, " p"],
+    found: VisiblePoints,
+    sample: Float[np.ndarray, " p"],
+) -> Float[np.ndarray, " p"]:
     """Brightness of points: lower near an edge of a voxel that is seen large enough."""
-    per_sample = camera.field_of_view / camera.height * found.depth
-    large = grid.pitch / per_sample >= _MIN_OUTLINED
+    large = grid.pitch / sample >= _MIN_OUTLINED
     cell = grid.lattice.to_cells(found.position)
     away = np.abs(cell - np.rint(cell))
     # Across its own axis every point of a face is on an edge of the lattice.
     away[np.arange(len(face)), faces.axis[face]] = np.inf
-    near = away.min(axis=1) * grid.pitch < per_sample
+    near = away.min(axis=1) * grid.pitch < sample
     return np.where(large & near & (faces.kind[face] < 2), 0.6, 1.0)
