@@ -8,6 +8,7 @@ from .geometry.mesh import Mesh as Mesh, Pose as Pose
 from .image.camera import Camera as Camera, OrthographicCamera as OrthographicCamera
 from .image.files import write_exr as write_exr, write_png as write_png
 from .image.render import render as render
+from .integrate.run.probe import probe as probe
 from .integrate.run.simulate import simulate as simulate
 from .integrate.run.solution import (
     RESULTS as RESULTS,

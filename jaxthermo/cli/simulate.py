@@ -35,14 +35,15 @@ from .console import (
 from .files import FRAMES, prepare_folder, remove_results, results_folder
 from .frames import FrameCamera, write_frames
 from .report import log_receipt, log_result, log_scene
-from .summary import summarize, write_energy, write_json
+from .summary import summarize, write_energy, write_json, write_probes
 
 
 CONFIG = "config.yaml"
 CHECKPOINT = "checkpoint.npz"
 # Wall time between checkpoints [s]: a run that is killed loses at most that much.
 CHECKPOINT_EVERY = 20.0
-RESULTS_OF_A_RUN = ("summary.json", "solution.npz", "energy.csv")
+PROBES = "probes.csv"
+RESULTS_OF_A_RUN = ("summary.json", "solution.npz", "energy.csv", PROBES)
 
 
 def simulate(config: Path, out: Path | None, overrides: tuple[str, ...]) -> None:
@@ -124,6 +125,8 @@ def _run_simulation(config: SceneConfig, out: Path) -> None:
             raise InputError(RESULTS[solution.result])
         stored = save_solution(out / "solution.npz", solution)
         write_energy(out / "energy.csv", solution)
+        if solution.probes:
+            write_probes(out / PROBES, solution)
         clock = time.perf_counter()
         with status(console, "drawing frames"):
             frames = write_frames(config, camera, stored, out / FRAMES)

@@ -1,4 +1,4 @@
-"""`summary.json` and `energy.csv`: a run and its results for other programs."""
+"""Results of a run for other programs: `summary.json` and CSV files."""
 
 import csv
 import io
@@ -103,6 +103,7 @@ def summarize(
         "times_s": np.asarray(solution.times, float).tolist(),
         "energy": _as_lists(solution.energy),
         "bodies": [_body(scene, solution, b) for b in range(len(scene.bodies))],
+        "probes": _probes(solution),
         "config": resolved(config),
         "config_hash": config_hash(config),
         "versions": {"python": platform.python_version()}
@@ -110,6 +111,22 @@ def summarize(
         "device": f"{device.platform}: {device.device_kind}",
         "seed": None,
     }
+
+
+def _probes(solution: Solution) -> dict[str, Any]:
+    return {
+        probe.name: {
+            "position_m": list(probe.position),
+            "temperature_K": column.tolist(),
+        }
+        for probe, column in zip(solution.probes, _probe_columns(solution), strict=True)
+    }
+
+
+def _probe_columns(solution: Solution) -> list[np.ndarray]:
+    if solution.probe_temperature is None:
+        return []
+    return list(np.asarray(solution.probe_temperature, float).T)
 
 
 def _effort(effort: SolverStatistics | None) -> dict[str, float] | None:
@@ -142,16 +159,29 @@ def write_energy(path: Path, solution: Solution) -> None:
 
     Columns of all bodies together, then of each body if there are several.
     """
-    columns = {"time_s": np.asarray(solution.times, float), **_ledger(solution.energy)}
+    columns = _ledger(solution.energy)
     if len(solution.energy.bodies) > 1:
         for index, body in enumerate(solution.energy.bodies):
             named = _ledger(body).items()
             columns |= {f"body {index}: {name}": column for name, column in named}
+    _write_columns(path, solution, columns)
+
+
+def write_probes(path: Path, solution: Solution) -> None:
+    """Write the temperature of each probe [K] at each saved time, in one step."""
+    names = [probe.name for probe in solution.probes]
+    columns = dict(zip(names, _probe_columns(solution), strict=True))
+    _write_columns(path, solution, columns)
+
+
+def _write_columns(
+    path: Path, solution: Solution, columns: dict[str, np.ndarray]
+) -> None:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(columns)
+    writer.writerow(["time_s", *columns])
     # Nine digits tell all float32 numbers apart.
-    rows = zip(*columns.values(), strict=True)
+    rows = zip(np.asarray(solution.times, float), *columns.values(), strict=True)
     writer.writerows([f"{value:.9g}" for value in row] for row in rows)
     with replacing(path) as temporary:
         temporary.write_text(text.getvalue(), encoding="utf-8")

@@ -148,6 +148,7 @@ def _solution(scene: Scene, at: float, tolerance: float | None) -> SteadySolutio
         )
     states, statistics = _solve(program, context, compiled.state, time, isolated)
     found, rates = _observe(program, states, time)
+    one_time = lambda values: jax.tree.map(lambda each: each[None], values)
     return SteadySolution(
         times=time[None],
         surface_temperature=found.surface_temperature[None],
@@ -166,6 +167,9 @@ def _solution(scene: Scene, at: float, tolerance: float | None) -> SteadySolutio
         terms=scene.terms,
         radiation=compiled.radiation,
         receipt=compiled.receipt,
+        probes=scene.probes,
+        probe_temperature=one_time(found.probe_temperature),
+        **one_time(found.fragment_outputs),
     )
 
 

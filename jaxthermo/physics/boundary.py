@@ -221,6 +221,7 @@ class Convection(AbstractSurfaceTerm):
 
     name = "convection"
     from_outside = True
+    is_convective = True
 
     heat_transfer_coefficient: TimeVarying
     """h [W/(m^2 K)], a number or a function of time."""

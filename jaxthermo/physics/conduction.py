@@ -194,8 +194,14 @@ def _runs_as_stencil(structure: AbstractStructure) -> bool:
     return isinstance(structure, FullVolume) and structure.runs_as_stencil
 
 
-def _at_ends(structure, k):
-    """Conductivity along each link at both ends; the same number if k is one."""
+def conductivity_at_ends(
+    structure: AbstractStructure, k: Float[Array, "*k"]
+) -> Sequence[Float[Array, "*#e"]]:
+    """Conductivity along each link at both ends [W/(m K)]; one number if k is one.
+
+    k is that of each node, along x, y, z if it has three columns; of all nodes if it
+    has one row.
+    """
     if not k.ndim:
         return k, k
     links = structure.links()
@@ -210,7 +216,7 @@ def _assemble_links(
     structure: AbstractStructure, k: Float[Array, "*k"], heat: Float[Array, "*n"]
 ) -> AbstractNetwork:
     links, nodes = structure.links(), structure.nodes()
-    first, second = _at_ends(structure, k)
+    first, second = conductivity_at_ends(structure, k)
     conductance = series(
         links.area, links.distance_src, first, links.distance_dst, second
     )

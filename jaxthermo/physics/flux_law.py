@@ -76,6 +76,11 @@ class AbstractFluxLaw(eqx.Module):
         It limits the explicit step.
         """
 
+    def heat_transfer_coefficient(self, time: Time, theta: PerCell) -> PerCellOrOne:
+        """Coefficient h = q / (T_inf - T_s) of a law of convection [W/(m^2 K)]."""
+        # The same as the slope where h does not depend on the temperature.
+        return self.slope(time, theta)
+
     def linear(self) -> LinearLaw | None:
         """The parts of a law that is linear with a constant slope, else None."""
         return None

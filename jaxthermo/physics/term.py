@@ -341,6 +341,8 @@ class AbstractSurfaceTerm(AbstractTerm):
     """True if it prescribes the temperature of the surface, as no other term."""
     from_outside: ClassVar[bool] = False
     """True if it comes from outside all bodies: it does not act in closed cavities."""
+    is_convective: ClassVar[bool] = False
+    """True for convection, whose h adds to a surface's heat transfer coefficient."""
 
     @abc.abstractmethod
     def bind(self, surface: Surface) -> tuple[Binding | Omitted, ...]:

@@ -1,8 +1,9 @@
 """A scene: bodies in space, the terms that act on them, and surfaces for a camera."""
 
 import abc
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -166,6 +167,40 @@ class Body(eqx.Module):
             )
 
 
+class Probe(NamedTuple):
+    """A virtual thermocouple, fixed to the body that it is in or on."""
+
+    name: str
+    position: tuple[float, float, float]
+    """In the world, at the start of the run [m]."""
+
+
+def _as_probes(given: Any) -> tuple[Probe, ...]:
+    # By name, or numbered in the order of the points.
+    named = isinstance(given, Mapping)
+    pairs = given.items() if named else zip(range(len(given)), given, strict=True)
+    return tuple(
+        each if isinstance(each, Probe) else Probe(str(name), _point(name, each))
+        for name, each in pairs
+    )
+
+
+def _point(name: object, given: Any) -> tuple[float, float, float]:
+    try:
+        x, y, z = (float(value) for value in given)
+    except (TypeError, ValueError):
+        raise InputError(
+            f"Scene(probes=): probe {name} is {given!r}: give three numbers [m]"
+        ) from None
+    if not np.isfinite([x, y, z]).all():
+        raise InputError(f"Scene(probes=): probe {name} is at no finite position")
+    return x, y, z
+
+
+SURFACE_OUTPUTS = ("heat_flux", "heat_transfer_coefficient")
+"""Outputs that a solution can have for every fragment, besides its temperature."""
+
+
 class Scene(eqx.Module):
     """Bodies and the mechanisms that act on them.
 
@@ -188,8 +223,23 @@ class Scene(eqx.Module):
     """Type of the state: "float32", or "float64" for twice the memory and digits."""
     allow_extreme_temperatures: bool = eqx.field(static=True, default=False)
     """Accept temperatures below 150 K, mostly mistaken Celsius, and above 6000 K."""
+    probes: tuple[Probe, ...] = eqx.field(
+        static=True, default=(), converter=_as_probes, kw_only=True
+    )
+    """Points in the world at the start [m], a list or by name: thermocouples on or in
+    the bodies, which move with them; read by `probe`."""
+    surface_outputs: tuple[str, ...] = eqx.field(
+        static=True, default=(), converter=tuple, kw_only=True
+    )
+    """Outputs to save for every fragment besides its temperature: `SURFACE_OUTPUTS`."""
 
     def __check_init__(self):
+        for name in self.surface_outputs:
+            if name not in SURFACE_OUTPUTS:
+                raise InputError(
+                    f"Scene(surface_outputs=): {name!r} is none; name some of "
+                    f"{', '.join(SURFACE_OUTPUTS)}"
+                )
         if not self.bodies:
             raise InputError("Scene(bodies=()): give at least one body")
         if self.dtype not in ("float32", "float64"):

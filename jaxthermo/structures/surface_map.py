@@ -12,13 +12,13 @@ measured. A full volume needs no gradient there.
 """
 
 import abc
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 from typing_extensions import override
 
 from ..arrays import gathered_columns, rank_in_group
@@ -83,7 +83,7 @@ def gradient_at(
     Weighted by area / distance^2; zero in directions without neighbours (by the
     pseudo-inverse).
     """
-    node, other, row = _rows(structure, chosen)
+    node, other, row, _, _ = gradient_rows(structure, chosen)
     rank = rank_in_group(node)
     columns = gathered_columns(np.bincount(node, minlength=len(chosen)))
     # Most nodes have few neighbours: dense columns for those, a list for the rest.
@@ -104,8 +104,25 @@ def gradient_at(
     )
 
 
-def _rows(structure, chosen):
-    """Sorted entries of the gradient: index among the chosen, neighbour, weights."""
+class GradientRows(NamedTuple):
+    """Entries of the gradients at some nodes, sorted by node."""
+
+    node: Int[np.ndarray, " r"]
+    """Index among those nodes."""
+    other: Int[np.ndarray, " r"]
+    """Neighbour."""
+    weight: Float[np.ndarray, "r 3"]
+    """Weight of its temperature difference, along x, y, z [1/m]."""
+    link: Int[np.ndarray, " r"]
+    """Link to it."""
+    is_src: Bool[np.ndarray, " r"]
+    """True where the node is the first of the link."""
+
+
+def gradient_rows(
+    structure: AbstractStructure, chosen: Int[np.ndarray, " m"]
+) -> GradientRows:
+    """Gradients at sorted nodes by least squares over links, see `gradient_at`."""
     links, nodes = structure.links(), structure.nodes()
     slot = np.full(len(nodes.volume), -1)
     slot[chosen] = np.arange(len(chosen))
@@ -125,7 +142,8 @@ def _rows(structure, chosen):
             moment[:, i, j] = np.bincount(node, product, len(chosen))
     solved = np.linalg.pinv(moment, rcond=_MIN_MOMENT, hermitian=True)
     row = np.einsum("eij,ej->ei", solved[node], step) * weight[:, None]
-    return node, other, row
+    count = len(links.src)
+    return GradientRows(node, other, row, used % count, used < count)
 
 
 class BoundMap(eqx.Module):

@@ -9,7 +9,7 @@ from pydantic import Field, ValidationError
 from typing_extensions import override
 
 from ..types.model import Location, Mistake, Model, build, field_parts, models_within
-from ..types.quantities import Flag, NotEmpty, PositiveTime, Unit
+from ..types.quantities import Flag, NotEmpty, Position, PositiveTime, Unit
 from ..types.varying import not_increasing
 from .body import BodyConfig
 from .image import CameraConfig, ImageConfig, PinholeConfig
@@ -73,6 +73,11 @@ class SceneConfig(Model, builds="Scene"):
     """Accept temperatures below 150 K, mostly mistaken Celsius, and above 6000 K."""
     dtype: Literal["float32", "float64"] = "float32"
     """Precision of the state."""
+    probes: dict[Annotated[str, Field(min_length=1)], Position] = {}
+    """Thermocouples by name: points in the world at the start [m], on or in a body,
+    with which they move."""
+    surface_outputs: tuple[Literal["heat_flux", "heat_transfer_coefficient"], ...] = ()
+    """Saved for every fragment besides its temperature."""
     bodies: Annotated[tuple[BodyConfig, ...], NotEmpty]
     terms: tuple[TermConfig, ...] = ()
     """All that heats and cools the bodies; mechanisms not listed are not computed."""
@@ -99,6 +104,8 @@ class SceneConfig(Model, builds="Scene"):
             terms=terms,
             dtype=self.dtype,
             allow_extreme_temperatures=self.allow_extreme_temperatures,
+            probes=self.probes,
+            surface_outputs=self.surface_outputs,
         )
 
     @classmethod

@@ -211,6 +211,9 @@ def make_solution(plan: Plan, observations: Observation | None) -> Solution:
         terms=plan.scene.terms,
         radiation=plan.compiled.radiation,
         receipt=plan.compiled.receipt,
+        probes=plan.scene.probes,
+        probe_temperature=saved.probe_temperature,
+        **saved.fragment_outputs,
     )
 
 

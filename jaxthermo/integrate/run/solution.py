@@ -12,7 +12,7 @@ from ...arrays import is_traced, precision
 from ...physics.radiation.irradiation import SceneRadiation, SurfaceRadiation
 from ...physics.term import AbstractTerm
 from ...scene.compile.program import Program, Receipt
-from ...scene.scene import SolvedSurface, per_fragment
+from ...scene.scene import Probe, SolvedSurface, per_fragment
 from ..implicit.newton_stage import SolverStatistics
 from ..stepper import RunState
 from .heat_rates import pair_temperatures
@@ -93,6 +93,10 @@ class AbstractSolution(eqx.Module):
     terms: eqx.AbstractVar[tuple[AbstractTerm, ...]]
     radiation: eqx.AbstractVar[SceneRadiation]
     receipt: eqx.AbstractVar[Receipt]
+    probes: eqx.AbstractVar[tuple[Probe, ...]]
+    probe_temperature: eqx.AbstractVar[Float[Array, "t p"] | None]
+    heat_flux: eqx.AbstractVar[Float[Array, "t s"] | None]
+    heat_transfer_coefficient: eqx.AbstractVar[Float[Array, "t s"] | None]
 
     def of_body(self, index: int) -> Float[Array | np.ndarray, "t _"]:
         """Return the surface temperatures of one body [K]."""
@@ -156,6 +160,15 @@ class Solution(AbstractSolution):
     radiation: SceneRadiation
     """Irradiation of the surfaces, absorbed or not."""
     receipt: Receipt = eqx.field(static=True)
+    probes: tuple[Probe, ...] = eqx.field(static=True, default=())
+    probe_temperature: Float[Array, "t p"] | None = None
+    """At the scene's probes [K]; None without any. See `probe`."""
+    heat_flux: Float[Array, "t s"] | None = None
+    """Into every fragment, by all mechanisms and contacts [W/m^2]; 0 at time 0, where
+    none has acted. None unless in the scene's `surface_outputs`."""
+    heat_transfer_coefficient: Float[Array, "t s"] | None = None
+    """h of every fragment, summed over all convection [W/(m^2 K)]; 0 at time 0. None
+    unless in the scene's `surface_outputs`."""
 
 
 class SteadySolution(AbstractSolution):
@@ -177,6 +190,15 @@ class SteadySolution(AbstractSolution):
     radiation: SceneRadiation
     """Irradiation of the surfaces, absorbed or not."""
     receipt: Receipt = eqx.field(static=True)
+    probes: tuple[Probe, ...] = eqx.field(static=True, default=())
+    probe_temperature: Float[Array, "1 p"] | None = None
+    """At the scene's probes [K]; None without any. See `probe`."""
+    heat_flux: Float[Array, "1 s"] | None = None
+    """Into every fragment, by all mechanisms and contacts [W/m^2]; 0 at time 0, where
+    none has acted. None unless in the scene's `surface_outputs`."""
+    heat_transfer_coefficient: Float[Array, "1 s"] | None = None
+    """h of every fragment, summed over all convection [W/(m^2 K)]; 0 at time 0. None
+    unless in the scene's `surface_outputs`."""
 
 
 def run_result(
@@ -233,6 +255,10 @@ class Observation(NamedTuple):
     ledger: Ledger
     statistics: SolverStatistics | None
     """Totals of an implicit solver; None for explicit ones."""
+    probe_temperature: Float[Array, " p"] | None
+    """At the scene's probes [K]; None without any."""
+    fragment_outputs: dict[str, Float[Array, " s"]]
+    """Those of the scene's `surface_outputs`."""
 
 
 @eqx.filter_jit
@@ -245,8 +271,9 @@ def observe(
     that a load that is switched now still counts as it was; None at the start, where
     none has acted yet.
     """
-    # Excess of each body's fragments over their nodes by contacts [K].
+    # Excess of each body's fragments over their nodes by contacts [K], and heat [W].
     by_contacts: list = [None] * len(program.bodies)
+    contact_heat: list = [None] * len(program.bodies)
     for contact in program.contacts:
         if time is None:
             break
@@ -255,8 +282,13 @@ def observe(
         rate = contact.heat_rate(time, theta, (first, second))
         for side, body in enumerate(contact.bodies):
             fragments = program.bodies[body].node.shape[0]
-            excess, before = contact.excess(rate, side, fragments), by_contacts[body]
-            by_contacts[body] = excess if before is None else before + excess
+            parts = [(by_contacts, contact.excess(rate, side, fragments))]
+            if program.surface_heat is not None:
+                heat = contact.fragment_heat(rate, side, fragments)
+                parts.append((contact_heat, heat))
+            for values, own in parts:
+                before = values[body]
+                values[body] = own if before is None else before + own
     above = program.surface_temperatures(state.theta, time, by_contacts)
     surface, mean, stored = [], [], []
     for body, theta, here in zip(program.bodies, state.theta, above, strict=True):
@@ -280,4 +312,6 @@ def observe(
         is_physical=temperature.min() > -1e-3,
         ledger=state.ledger,
         statistics=solver_state,
+        probe_temperature=program.probe_temperatures(state.theta, above),
+        fragment_outputs=program.fragment_outputs(state.theta, time, contact_heat),
     )

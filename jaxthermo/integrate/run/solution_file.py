@@ -12,7 +12,7 @@ from ...arrays import precision
 from ...errors import InputError
 from ...geometry.mesh import Pose
 from ...scene.motion import Motion, PoseTable
-from ...scene.scene import BodyGeometry, SolvedSurface
+from ...scene.scene import SURFACE_OUTPUTS, BodyGeometry, SolvedSurface
 from .solution import Solution
 
 
@@ -81,6 +81,13 @@ def save_solution(path: Path, solution: Solution) -> StoredSolution:
     }
     arrays |= {"stored_J": solution.energy.stored_J, "reflected": reflected}
     arrays["reflected_sources"] = lit
+    arrays["stored_J"] = solution.energy.stored_J
+    # What the scene asked for besides.
+    for name in (*SURFACE_OUTPUTS, "probe_temperature"):
+        if getattr(solution, name) is not None:
+            arrays[name] = getattr(solution, name)
+    if solution.probes:
+        arrays["probe_position"] = [probe.position for probe in solution.probes]
     for name, heat in solution.energy.mechanisms.items():
         arrays[f"energy_{name}_J"] = heat
     for b, surface in enumerate(solution.surfaces):

@@ -133,6 +133,13 @@ class ContactLinks(eqx.Module):
         zero = jnp.zeros(fragments, rate.dtype)
         return zero.at[self.fragment[side]].add(difference * self.area_fraction[side])
 
+    def fragment_heat(
+        self, rate: Float[Array, " p"], side: int, fragments: int
+    ) -> Float[Array, " s"]:
+        """Heat rate into the fragments of body `side`, as `rate` in `excess` [W]."""
+        zero = jnp.zeros(fragments, rate.dtype)
+        return zero.at[self.fragment[side]].add(-rate if side == 0 else rate)
+
 
 class Contact(AbstractPairTerm):
     """Heat conduction through touching surfaces of two bodies, or of all.

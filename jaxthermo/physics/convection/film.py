@@ -154,6 +154,10 @@ class FilmExchange(AbstractFluxLaw):
         return h * difference
 
     @override
+    def heat_transfer_coefficient(self, time, theta) -> Float[Array, "*#m"]:
+        return self._at(time, theta)[1]
+
+    @override
     def slope(self, time, theta) -> Float[Array, "*#m"]:
         difference, h, dh = self._at(time, theta)
         return jnp.maximum(h - difference * dh, 0)

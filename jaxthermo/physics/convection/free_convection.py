@@ -166,6 +166,10 @@ class _FreeExchange(AbstractFluxLaw):
         return h * difference
 
     @override
+    def heat_transfer_coefficient(self, time, theta) -> Float[Array, "*#m"]:
+        return self._at(time, theta)[1]
+
+    @override
     def slope(self, time, theta) -> Float[Array, "*#m"]:
         difference, h, dh = self._at(time, theta)
         return h - difference * dh
@@ -251,6 +255,7 @@ class FreeConvection(AbstractSurfaceTerm):
 
     name = "free_convection"
     from_outside = True
+    is_convective = True
 
     temperature: TimeVarying
     """T_inf of the air [K], a number or a function of time."""

@@ -97,6 +97,7 @@ class Wind(AbstractSurfaceTerm):
 
     name = "wind"
     from_outside = True
+    is_convective = True
 
     velocity: tuple[float, float, float] = eqx.field(static=True, converter=_velocity)
     """Direction of the wind; its length is the speed [m/s] unless `speed` is given."""

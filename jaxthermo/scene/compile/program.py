@@ -19,6 +19,8 @@ from ...physics.surface_energy_balance import SurfaceTerms
 from ...physics.time_varying import value_at
 from ...structures.surface_map import BoundMap
 from ..scene import SolvedSurface
+from .probes import BodyProbes
+from .surface_heat import SurfaceHeat
 from .surface_load import AbstractSurfaceLoad, together
 
 
@@ -95,6 +97,9 @@ class Program(eqx.Module):
     """Radiation between surface cells."""
     fine_enclosure: Enclosure | None
     """Radiation between fragments, for reading temperatures."""
+    probes: tuple[BodyProbes, ...]
+    surface_heat: SurfaceHeat | None
+    """Outputs for every fragment; None for none."""
     entries: LedgerEntries = eqx.field(static=True)
     breakpoints: tuple[float, ...] = eqx.field(static=True)
     """Times that steps end at, besides the save times [s]."""
@@ -145,8 +150,53 @@ class Program(eqx.Module):
             )
         return surface
 
-    def _excess(self, time, below: list) -> list[Float[Array, " _"]]:
-        """Temperature of the fragments over their nodes, from the balance [K]."""
+    def probe_temperatures(
+        self, states: State, surface: Sequence[Float[Array, " _"]]
+    ) -> Float[Array, " p"] | None:
+        """Temperatures at the probes of the scene [K]; None without any.
+
+        From the states, and the temperatures of every body's fragments above its
+        reference [K].
+        """
+        if not self.probes:
+            return None
+        found = []
+        for each in self.probes:
+            body, state = self.bodies[each.body], states[each.body]
+            above = each.read(body.network.temperature(state), surface[each.body])
+            found.append(body.reference + above)
+        order = np.argsort(np.concatenate([each.number for each in self.probes]))
+        return jnp.concatenate(found)[order]
+
+    def fragment_outputs(
+        self,
+        states: State,
+        time: Time | None,
+        contact_heat: Sequence[Float[Array, " _"] | None],
+    ) -> dict[str, Float[Array, " s"]]:
+        """The outputs that the scene asks for at every fragment, by name.
+
+        `contact_heat` are the heat rates into each body's fragments by contacts [W].
+        Zeros where no load has acted yet and `time` is None.
+        """
+        if self.surface_heat is None:
+            return {}
+        pairs = zip(self.bodies, states, strict=True)
+        theta = [body.network.temperature(state) for body, state in pairs]
+        pairs = zip(self.bodies, theta, strict=True)
+        below = [body.below(own)[1] for body, own in pairs]
+        if time is None:
+            none = jnp.concatenate([jnp.zeros_like(own) for own in below])
+            return dict.fromkeys(self.surface_heat.outputs, none)
+        given = [
+            jnp.zeros_like(own) if heat is None else heat
+            for own, heat in zip(below, contact_heat, strict=True)
+        ]
+        terms, joined = self._terms_above(time, below)
+        return self.surface_heat.evaluate(terms, time, joined, jnp.concatenate(given))
+
+    def _terms_above(self, time, below: list) -> tuple[SurfaceTerms, Array]:
+        """The terms on fragments as they act above nodes of these temperatures [K]."""
         relative = [
             body.network.relative_conductivity(own)
             for body, own in zip(self.bodies, below, strict=True)
@@ -157,6 +207,11 @@ class Program(eqx.Module):
             radiating = joined + terms.prescribed_excess(time, joined)
             received = self.fine_enclosure.irradiation(time, radiating)
             terms = terms.irradiated(received)
+        return terms, joined
+
+    def _excess(self, time, below: list) -> list[Float[Array, " _"]]:
+        """Temperature of the fragments over their nodes, from the balance [K]."""
+        terms, joined = self._terms_above(time, below)
         ends = np.cumsum([len(each) for each in below])[:-1].tolist()
         excess = terms.surface_excess(time, joined)
         return jnp.split(excess, ends) if ends else [excess]

@@ -27,8 +27,10 @@ from ...physics.time_varying import breakpoints, for_jit, is_unknown_function
 from ..scene import Scene
 from .bodies import PreparedBody, device_address
 from .linear_load import linear_programs
+from .probes import bind_probes
 from .program import BodyProgram, Program, VolumeLoad
 from .snapshots import PairKey, Snapshot, acting, pair_counts
+from .surface_heat import surface_heat
 from .surface_load import AbstractSurfaceLoad, body_cells, surface_load
 
 
@@ -108,6 +110,11 @@ def make_programs(
     touched = {number for key in counts for number in key[1:]}
     dtype = snapshots[0].surface.dtype
     bodies = [_body(body, entry, volumes, dtype) for body in prepared]
+    # Areas of fragments and nodes of probes do not change as bodies move.
+    probes = bind_probes(scene, prepared, dtype)
+    areas = [body.grid.fragment_area for body in snapshots[0].surface.bodies]
+    outputs = surface_heat(scene, areas, tuple(names))
+    made = []
     made, accuracies = [], []
     for snapshot, own in zip(snapshots, terms, strict=True):
         surface = snapshot.surface
@@ -133,6 +140,8 @@ def make_programs(
             ),
             enclosure=enclosure,
             fine_enclosure=fine,
+            probes=probes,
+            surface_heat=outputs,
             entries=tuple((name, key[1:]) for key, name in ledger.items()),
             breakpoints=tuple(sorted({k for v in values for k in breakpoints(v)})),
             sampled=any(is_unknown_function(value) for value in values),

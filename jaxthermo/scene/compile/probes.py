@@ -1,0 +1,214 @@
+"""Probes: temperatures at points in and on bodies, as weights on nodes and fragments.
+
+A point x in the volume of node i, with the nearest fragment s, has
+
+    T(x) = (1 - w) T_i + w T_s + g_i . (x - (1 - w) x_i - w x_s),
+
+g the gradient at the node by least squares over its links, and w from 0 at the depth of
+the fragment's node to 1 at the surface, where the temperature of the surface counts and
+not that of its node. Exact where the temperature is linear, of second order in the
+pitch where it is smooth. Beside another material a difference of two nodes is scaled to
+the node's own gradient, by the conductivities at both ends of the link.
+"""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+from scipy.spatial import cKDTree
+
+from ...errors import InputError
+from ...physics.conduction import conductivity_at_ends, conductivity_table
+from ...structures.build.assignment import voxel_owner
+from ...structures.surface_map import gradient_rows
+from ...voxels.grid import VoxelGrid
+from ..scene import AbstractMaterials, Probe, Scene
+from .bodies import PreparedBody, device_address
+
+
+class BodyProbes(eqx.Module):
+    """The probes of one body."""
+
+    body: int = eqx.field(static=True)
+    number: tuple[int, ...] = eqx.field(static=True)
+    """Numbers of the probes in the scene."""
+    address: tuple[Int[Array, " q"], ...]
+    """Position of each probe's node in the state."""
+    neighbour: tuple[Int[Array, " r"], ...]
+    """Position of the neighbours that the gradients use."""
+    row: Int[Array, " r"]
+    """Probe of each neighbour."""
+    weight: Float[Array, " r"]
+    """Weight of its temperature above that of the node [-]."""
+    fragment: Int[Array, " q"]
+    """Nearest fragment of the body."""
+    at_surface: Float[Array, " q"]
+    """w [-]: 1 at the surface, 0 at the depth of a node."""
+
+    def read(
+        self, theta: Float[Array, "..."], surface: Float[Array, " s"]
+    ) -> Float[Array, " q"]:
+        """Temperatures of the probes, from those of the nodes and the fragments [K].
+
+        All are above the reference of the body.
+        """
+        node = theta.at[self.address].get(mode="promise_in_bounds")
+        other = theta.at[self.neighbour].get(mode="promise_in_bounds")
+        steps = self.weight * (other - node[self.row])
+        along = jnp.zeros_like(node).at[self.row].add(steps)
+        return node + self.at_surface * (surface[self.fragment] - node) + along
+
+
+class _Located(NamedTuple):
+    """Points relative to one body."""
+
+    inside: Bool[np.ndarray, " p"]
+    """True where the point is in a solid voxel."""
+    voxel: Int[np.ndarray, "p 3"]
+    """That voxel, or the nearest of the surface."""
+    gap: Float[np.ndarray, " p"]
+    """Distance to that voxel [m]."""
+
+
+def bind_probes(
+    scene: Scene, prepared: tuple[PreparedBody, ...], dtype: Any
+) -> tuple[BodyProbes, ...]:
+    """Bind the probes of a scene to the bodies that they are in or on.
+
+    Of several bodies that contain a point the first counts.
+
+    Raises:
+        InputError: for a point farther than a voxel from every body, or inside a body
+            whose structure has no nodes there.
+    """
+    if not scene.probes:
+        return ()
+    given = np.array([probe.position for probe in scene.probes])
+    points = [body.body.pose.at(0.0).to_body(given) for body in prepared]
+    pairs = zip(prepared, points, strict=True)
+    located = [_locate(body.body.structure.grid, own) for body, own in pairs]
+    gap = np.stack([each.gap for each in located])
+    nearest = gap.argmin(axis=0)
+    found = []
+    for n, probe in enumerate(scene.probes):
+        pitch = prepared[nearest[n]].body.structure.grid.pitch
+        if gap[nearest[n], n] > pitch:
+            raise InputError(
+                f"probe {_at(probe)} is in no body: the nearest, body {nearest[n]}, "
+                f"is {gap[nearest[n], n]:.3g} m away; give points in the world, where "
+                "the bodies are at the start"
+            )
+    for body, own, place in zip(prepared, points, located, strict=True):
+        number = np.flatnonzero(nearest == body.number)
+        if len(number):
+            place = _Located(*(column[number] for column in place))
+            probes = [scene.probes[n] for n in number]
+            found.append(_bind(body, probes, number, own[number], place, dtype))
+    return tuple(found)
+
+
+def _at(probe: Probe) -> str:
+    x, y, z = probe.position
+    return f"{probe.name} at ({x:g}, {y:g}, {z:g}) m"
+
+
+def _locate(grid: VoxelGrid, points: Float[np.ndarray, "p 3"]) -> _Located:
+    cell = np.floor(grid.lattice.to_cells(points)).astype(int)
+    within = ((cell >= 0) & (cell < grid.lattice.shape)).all(axis=1)
+    inside = within.copy()
+    inside[within] = grid.solid[tuple(cell[within].T)]
+    # By the largest component, the nearest centre is that of the nearest cube.
+    centres = grid.lattice.centres(grid.fragment_voxel)
+    _, fragment = cKDTree(centres).query(points, p=np.inf)
+    beyond = np.abs(points - centres[fragment]) - grid.pitch / 2
+    gap = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
+    voxel = np.where(inside[:, None], cell, grid.fragment_voxel[fragment])
+    return _Located(inside, voxel, np.where(inside, 0.0, gap))
+
+
+def _bind(
+    body: PreparedBody,
+    probes: list[Probe],
+    number: Int[np.ndarray, " q"],
+    points: Float[np.ndarray, "q 3"],
+    located: _Located,
+    dtype: Any,
+) -> BodyProbes:
+    structure = body.body.structure
+    grid, location = structure.grid, structure.nodes().location
+    _, fragment = cKDTree(grid.fragment_position).query(points)
+    surface = grid.fragment_position[fragment]
+    depth = ((surface - points) * grid.fragment_normal[fragment]).sum(axis=1)
+    at_surface = np.clip(1 - depth / structure.fragment_distance()[fragment], 0, 1)
+    # A fragment around a corner or across a gap says nothing about this point.
+    far = np.linalg.norm(surface - points, axis=1) > 2 * grid.pitch + np.abs(depth)
+    at_surface[far] = 0.0
+    node = _nodes(body, probes, located, at_surface)
+    # The point at which node and fragment together give the temperature.
+    part = at_surface[:, None]
+    offset = points - (1 - part) * location[node] - part * surface
+    chosen, index = np.unique(node, return_inverse=True)
+    rows = gradient_rows(structure, chosen)
+    start = np.searchsorted(rows.node, index)
+    count = np.searchsorted(rows.node, index, side="right") - start
+    row = np.repeat(np.arange(len(node)), count)
+    within = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
+    entry = start[row] + within
+    weight = (rows.weight[entry] * offset[row]).sum(axis=1)
+    ratio = _own_part(body, rows.link[entry], rows.is_src[entry], dtype)
+    return BodyProbes(
+        body=body.number,
+        number=tuple(number.tolist()),
+        address=device_address(body.address, node),
+        neighbour=device_address(body.address, rows.other[entry]),
+        row=jnp.asarray(row.astype(np.int32)),
+        weight=jnp.asarray(weight, dtype) * ratio,
+        fragment=jnp.asarray(fragment.astype(np.int32)),
+        at_surface=jnp.asarray(at_surface, dtype),
+    )
+
+
+def _nodes(
+    body: PreparedBody,
+    probes: list[Probe],
+    located: _Located,
+    at_surface: Float[np.ndarray, " q"],
+) -> Int[np.ndarray, " q"]:
+    """Node of the voxel of each probe."""
+    structure = body.body.structure
+    solid = structure.grid.solid
+    order = np.full(solid.shape, -1)
+    order[solid] = np.arange(structure.grid.solid_count)
+    voxel = order[tuple(located.voxel.T)]
+    own, nearest = structure.voxel_node()[voxel], voxel_owner(structure)[voxel]
+    # Beside the surface the nearest node stands for a voxel that has none.
+    for n in np.flatnonzero((own < 0) & ((at_surface <= 0) | (nearest < 0))):
+        raise InputError(
+            f"probe {_at(probes[n])} is inside body {body.number}, where a "
+            f"{type(structure).__name__} has no nodes: give the body a structure that "
+            "fills it, or a point on its surface"
+        )
+    return np.where(own < 0, nearest, own)
+
+
+def _own_part(
+    body: PreparedBody,
+    link: Int[np.ndarray, " r"],
+    is_src: Bool[np.ndarray, " r"],
+    dtype: Any,
+) -> Float[Array, "*r"]:
+    """Slope at the node itself over the mean slope of each of these links [-]."""
+    # The flux is the same in both halves: k_1 s_1 = k_2 s_2, and the mean slope is that
+    # of both lengths. One for a single material.
+    structure, material = body.body.structure, body.body.material
+    if not isinstance(material, AbstractMaterials):
+        return jnp.ones((), dtype)
+    k = conductivity_table(material.materials, dtype)[material.of_nodes(structure)]
+    links = structure.links()
+    first, second = (each[link] for each in conductivity_at_ends(structure, k))
+    lengths = links.distance_src[link], links.distance_dst[link]
+    d1, d2 = (jnp.asarray(length, dtype) for length in lengths)
+    other = jnp.where(is_src, second, first)
+    return (d1 + d2) * other / (d1 * second + d2 * first)

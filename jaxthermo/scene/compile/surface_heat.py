@@ -1,0 +1,68 @@
+"""Heat flux and heat transfer coefficient of every fragment, where a scene asks."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ...arrays import Time
+from ...physics.surface_energy_balance import SurfaceTerms
+from ..scene import Scene
+
+
+class SurfaceHeat(eqx.Module):
+    """Outputs of a scene for the fragments of all bodies."""
+
+    outputs: tuple[str, ...] = eqx.field(static=True)
+    """Those that the scene asks for, see `SURFACE_OUTPUTS`."""
+    area: Float[Array, " s"]
+    """[m^2]"""
+    convective: tuple[int, ...] = eqx.field(static=True)
+    """Numbers of the terms of convection among the surface terms."""
+
+    def evaluate(
+        self,
+        terms: SurfaceTerms,
+        time: Time,
+        theta: Float[Array, " s"],
+        by_contacts: Float[Array, " s"],
+    ) -> dict[str, Float[Array, " s"]]:
+        """Values of every fragment, by the name of the output.
+
+        Args:
+            terms: on the fragments, as they act above nodes of temperatures `theta`.
+            time: of the loads [s].
+            theta: temperatures of the nodes above the reference [K].
+            by_contacts: heat rates into the fragments from other bodies [W].
+        """
+        found, whole = {}, jnp.zeros_like(theta)
+        if "heat_flux" in self.outputs:
+            heat, _ = terms.rates(time, theta)
+            found["heat_flux"] = (heat + by_contacts) / self.area
+        if "heat_transfer_coefficient" in self.outputs:
+            above = theta + terms.surface_excess(time, theta)
+            for number, term in terms.natural:
+                if number in self.convective:
+                    h = term.law.heat_transfer_coefficient(time, above)
+                    whole = whole + jnp.asarray(term.effective_area) * h
+            found["heat_transfer_coefficient"] = whole / self.area
+        return found
+
+
+def surface_heat(
+    scene: Scene, areas: list[Float[np.ndarray, " _"]], numbers: tuple[int, ...]
+) -> SurfaceHeat | None:
+    """The outputs of a scene; None if it asks for none.
+
+    With the areas of each body's fragments [m^2], and the number in the scene of each
+    of the terms that act on surfaces.
+    """
+    if not scene.surface_outputs:
+        return None
+    return SurfaceHeat(
+        outputs=scene.surface_outputs,
+        area=jnp.asarray(np.concatenate(areas), jnp.dtype(scene.dtype)),
+        convective=tuple(
+            k for k, n in enumerate(numbers) if scene.terms[n].is_convective
+        ),
+    )
