@@ -5,6 +5,7 @@ from .errors import InputError as InputError
 from .geometry import shapes as shapes
 from .geometry.load import load_mesh as load_mesh
 from .geometry.mesh import Mesh as Mesh, Pose as Pose
+from .geometry.parts import load_parts as load_parts
 from .image.camera import Camera as Camera, OrthographicCamera as OrthographicCamera
 from .image.files import write_exr as write_exr, write_png as write_png
 from .image.render import render as render
@@ -65,6 +66,7 @@ from .physics.time_varying import Table as Table, Until as Until
 from .scene.coating import Coating as Coating
 from .scene.compile.compile import compile_scene as compile_scene
 from .scene.motion import Motion as Motion, PoseTable as PoseTable
+from .scene.part_materials import materials_by_part as materials_by_part
 from .scene.scene import (
     Body as Body,
     MaterialLabels as MaterialLabels,
@@ -93,6 +95,7 @@ from .structures.surface_map import (
     LinearMap as LinearMap,
 )
 from .voxels.cylinders import Cylinder as Cylinder
+from .voxels.from_array import grid_from_voxels as grid_from_voxels
 from .voxels.grid import VoxelGrid as VoxelGrid
 from .voxels.selection import (
     Everything as Everything,

@@ -10,10 +10,11 @@ import jaxthermo
 
 from ...errors import InputError
 from ..types import quantities as si
+from ..types.files import FoundPath, read_solid
 from ..types.model import Mistake, Model, build
 from ..types.varying import AnyFraction, not_increasing, unequal
 from .geometry import MeshConfig, PoseConfig, ShapeConfig
-from .material import BodyMaterial, LabelledConfig, Material
+from .material import BodyMaterial, LabelledConfig, Material, PartsConfig
 from .selection import WhereConfig, empty_box
 from .structure import FluxCorrectedMap, FullVolume, StructureConfig, SurfaceMapConfig
 
@@ -82,6 +83,9 @@ class BodyConfig(Model, builds="Body"):
     """Mesh file of the body, a closed surface."""
     shape: ShapeConfig | None = None
     """Shape that needs no file, instead of a mesh."""
+    solid: FoundPath | None = None
+    """File of a boolean array [x, y, z], the voxels of the body, instead of a mesh;
+    its lowest corner is the body's origin."""
     pitch: si.PositiveLength | None = None
     """Edge of a voxel [m]."""
     voxels_high: Annotated[si.Whole, Field(ge=1, le=4096)] | None = None
@@ -90,7 +94,7 @@ class BodyConfig(Model, builds="Body"):
     """Nodes and links that represent the body's heat."""
     surface_map: SurfaceMapConfig = FluxCorrectedMap()
     material: BodyMaterial
-    """Name, properties, both, or a file of labels with a material for each."""
+    """Name, properties, both, or several materials by labels or parts of the mesh."""
     regions: tuple[_PaintConfig, ...] = ()
     """Boxes of other materials, later ones on top."""
     coatings: tuple[_CoatingConfig, ...] = ()
@@ -102,7 +106,7 @@ class BodyConfig(Model, builds="Body"):
     inside: Literal["closed", "open"] = "closed"
     """If open, air, sun and surroundings act in its closed cavities as well."""
 
-    exactly_one: ClassVar = (("mesh", "shape"), ("pitch", "voxels_high"))
+    exactly_one: ClassVar = (("mesh", "shape", "solid"), ("pitch", "voxels_high"))
 
     def build(self, *args: Any) -> Any:
         """The body, voxelized.
@@ -110,15 +114,28 @@ class BodyConfig(Model, builds="Body"):
         Raises:
             InputError: for a mesh, labels or a fit card that cannot be used.
         """
+        grid = self.build_grid()
         return self.target()(
-            self.structure.build(self.build_grid()),
-            self.build_materials(),
+            self.structure.build(grid),
+            self.build_materials(grid),
             temperature=self.temperature,
             pose=self.pose.build(),
             surface_map=self.surface_map.build(),
             coatings=build(self.coatings),
             inside=self.inside,
         )
+
+    def build_grid(self) -> Any:
+        """The voxels of the body, at the pitch of the config."""
+        pitch = self.pitch
+        if self.solid is not None:
+            assert pitch is not None
+            return jaxthermo.grid_from_voxels(read_solid(self.solid), pitch)
+        mesh = self.build_mesh()
+        if pitch is None:
+            height = float(np.ptp(mesh.bounds[:, 2]))
+            pitch = height / float(self.voxels_high or 1)
+        return jaxthermo.voxelize(mesh, pitch=pitch)
 
     def build_mesh(self) -> Any:
         """The mesh, from its file or as a shape, in metres and z up."""
@@ -127,25 +144,32 @@ class BodyConfig(Model, builds="Body"):
             raise InputError("bodies: a body needs a `mesh` or a `shape`")
         return given.build()
 
-    def build_grid(self) -> Any:
-        """The voxels of the mesh, at the pitch of the config."""
-        mesh = self.build_mesh()
-        pitch = self.pitch
-        if pitch is None:
-            height = float(np.ptp(mesh.bounds[:, 2]))
-            pitch = height / float(self.voxels_high or 1)
-        return jaxthermo.voxelize(mesh, pitch=pitch)
+    def build_materials(self, grid: Any = None) -> Any:
+        """One material, one with others painted over it, or one for each label or part.
 
-    def build_materials(self) -> Any:
-        """One material, one with others painted over it, or one for each label."""
+        Parts need the voxel grid of the body.
+        """
+        if isinstance(self.material, PartsConfig):
+            assert self.mesh is not None
+            return self.material.build(grid, self.mesh.build_parts())
         base = self.material.build()
         painted = tuple(region.build() for region in self.regions)
         return jaxthermo.MaterialMap(base, painted) if painted else base
 
     @override
     def mistakes(self) -> list[Mistake]:
+        found: list[Mistake] = []
+        if self.solid is not None and self.pitch is None:
+            found.append((("voxels_high",), "the array has them: give the `pitch`"))
+        if isinstance(self.material, PartsConfig) and self.mesh is None:
+            found.append((("material",), "only a `mesh` file has parts"))
+        return [*found, *self._regions_mistakes()]
+
+    def _regions_mistakes(self) -> list[Mistake]:
         if not self.regions:
             return []
+        if isinstance(self.material, PartsConfig):
+            return [(("regions",), "the parts of `material` say what is where")]
         if isinstance(self.material, LabelledConfig):
             return [(("regions",), "the labels of `material` say what is where")]
         found = self.material.varying(("material",))

@@ -47,6 +47,10 @@ class MeshConfig(Model, builds="load_mesh"):
 
     exactly_one: ClassVar = (("unit", "height"),)
 
+    def build_parts(self) -> dict[str, Any]:
+        """The named parts of the file, placed as the mesh."""
+        return jaxthermo.load_parts(**self.arguments())
+
 
 class _Box(Model, builds="shapes.box", kind="box"):
     """A block with edges along the axes."""

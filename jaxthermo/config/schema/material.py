@@ -1,4 +1,4 @@
-"""Materials: by name, by their properties, both, or several by a file of labels."""
+"""Materials: by name, by their properties, both, or several by labels or parts."""
 
 import csv
 from functools import cache
@@ -99,14 +99,34 @@ class LabelledConfig(Model, builds="MaterialLabels"):
         return [m for i, one in listed for m in one.varying(("materials", i))]
 
 
+class PartsConfig(Model):
+    """A material for each named part of a mesh file."""
+
+    parts: Annotated[dict[str, Material], NotEmpty]
+    """By the node of a GLB or the group of an OBJ; `"*"` for all others."""
+
+    def build(self, *args: Any) -> Any:
+        """The material of each voxel, for a voxel grid and the parts of its mesh."""
+        given = {name: material.build() for name, material in self.parts.items()}
+        return jaxthermo.materials_by_part(*args, given)
+
+    @override
+    def mistakes(self) -> list[Mistake]:
+        listed = self.parts.items()
+        return [m for name, one in listed for m in one.varying(("parts", name))]
+
+
 def _one_or_several(value: Any) -> str:
-    several = isinstance(value, LabelledConfig)
-    if isinstance(value, dict):
-        several = "labels" in value or "materials" in value
+    keys = set(value) if isinstance(value, dict) else set()
+    if isinstance(value, PartsConfig) or "parts" in keys:
+        return "<parts>"
+    several = isinstance(value, LabelledConfig) or keys & {"labels", "materials"}
     return "<several>" if several else "<one>"
 
 
 BodyMaterial = Annotated[
-    Annotated[Material, Tag("<one>")] | Annotated[LabelledConfig, Tag("<several>")],
+    Annotated[Material, Tag("<one>")]
+    | Annotated[LabelledConfig, Tag("<several>")]
+    | Annotated[PartsConfig, Tag("<parts>")],
     Discriminator(_one_or_several),
 ]

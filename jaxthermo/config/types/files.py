@@ -51,6 +51,18 @@ def read_labels(path: Path) -> Int[np.ndarray, "x y z"]:
     return labels
 
 
+def read_solid(path: Path) -> Bool[np.ndarray, "x y z"]:
+    """A truth value for each voxel.
+
+    Raises:
+        InputError: if the file contains anything but truth values on three axes.
+    """
+    solid = _read(path)
+    if solid.ndim != 3 or solid.dtype != bool:
+        raise _unlike(path, solid, "true or false [x y z]")
+    return solid
+
+
 def read_mask(path: Path) -> Bool[np.ndarray, " s"]:
     """A truth value for each surface fragment.
 

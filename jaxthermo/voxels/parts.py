@@ -1,0 +1,58 @@
+"""Voxels of the parts of a body: which part of a mesh each solid voxel belongs to."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.spatial import cKDTree
+
+from ..errors import InputError
+from ..geometry.mesh import Mesh
+from .grid import VoxelGrid
+from .lattice import Lattice, Views, fill_by_vote, peel_axes
+from .surface import axis_fragments, face_axes
+
+
+def part_labels(grid: VoxelGrid, parts: Sequence[Mesh]) -> Int[np.ndarray, "x y z"]:
+    """Number of the part of every solid voxel; -1 outside the body.
+
+    A closed part has the voxels inside of it, a later one before an earlier one. The
+    others, of a body whose parts are patches of one surface, go to the part with the
+    nearest surface.
+
+    Raises:
+        InputError: if no part has a surface within the body's lattice.
+    """
+    shape = grid.lattice.shape
+    label = np.full(shape, -1, np.int32)
+    points, owner = [], []
+    for number, part in enumerate(parts):
+        views = peel_axes(part, grid.lattice)
+        if part.is_watertight:
+            label[fill_by_vote(views, shape) & grid.solid] = number
+        found = _surface_points(part, grid.lattice, views)
+        points.append(found)
+        owner.append(np.full(len(found), number, np.int32))
+    surface, of = np.concatenate(points), np.concatenate(owner)
+    if not len(surface):
+        raise InputError(
+            "part_labels: no part has any surface where the body is: load both from "
+            "the same file, with the same unit and axes"
+        )
+    rest = np.argwhere(grid.solid & (label < 0))
+    if len(rest):
+        _, nearest = cKDTree(surface).query(grid.lattice.centres(rest))
+        label[tuple(rest.T)] = of[nearest]
+    return label
+
+
+def _surface_points(
+    part: Mesh, lattice: Lattice, views: Views
+) -> Float[np.ndarray, "k 3"]:
+    # One point for each piece of surface, from the view in which it is largest [m].
+    _, dominant = face_axes(part)
+    found = [
+        axis_fragments(layers, dominant, axis, 0)[0].position
+        for axis, layers in enumerate(views)
+    ]
+    return lattice.origin + np.concatenate(found) * lattice.pitch
