@@ -274,14 +274,19 @@ class TRBDF2(_AbstractImplicit):
 
 
 def select_solver(
-    stable_step: float | None, t1: float | int
+    stable_step: float | None, t1: float | int, symmetric: bool = True
 ) -> tuple[AbstractSolver, str]:
-    """Select a solver by the number of stable explicit steps, with the reason."""
+    """Select a solver by the number of stable explicit steps, with the reason.
+
+    Where conduction is not `symmetric` only explicit solvers can be chosen.
+    """
     if stable_step is None:
         return ForwardEuler(), "the stable step is traced"
     if t1 <= MAX_EULER_STEPS * stable_step:
         return ForwardEuler(), f"at most {MAX_EULER_STEPS} stable steps"
     steps = f"{t1 / stable_step:.2g} stable steps of {stable_step:.3g} s"
+    if not symmetric:
+        return SuperTimeStepping(), f"{steps}, and conduction is not symmetric"
     if t1 <= MAX_RKL2_STEPS * stable_step:
         return SuperTimeStepping(), steps
     return TRBDF2(), steps

@@ -72,8 +72,9 @@ class Property(eqx.Module):
 DEFAULT_EMISSIVITY = 0.9
 """Long-wave emissivity of most painted, oxidized and non-metallic surfaces [-]."""
 
-_Conductivity = Scalar | tuple[Scalar, Scalar, Scalar] | Property
-"""Isotropic, one per axis of the body, or dependent on temperature."""
+_AlongAxis = Scalar | Property
+_Conductivity = Scalar | tuple[_AlongAxis, _AlongAxis, _AlongAxis] | Property
+"""Isotropic, or one per axis of the body; each may depend on temperature."""
 
 
 def _check(name: str, value: object, maximum: float, unit: str) -> None:
@@ -105,7 +106,8 @@ def _conductivity(given) -> _Conductivity:
         )
     x, y, z = given
     for axis, value in zip("xyz", (x, y, z), strict=True):
-        _check(f"conductivity along {axis}", value, math.inf, "W/(m K)")
+        if not isinstance(value, Property):
+            _check(f"conductivity along {axis}", value, math.inf, "W/(m K)")
     return x, y, z
 
 
@@ -127,7 +129,7 @@ class Material(eqx.Module):
 
     def __init__(
         self,
-        conductivity: _Conductivity | Sequence[Scalar] | Float[Array, "3"],
+        conductivity: _Conductivity | Sequence[_AlongAxis] | Float[Array, "3"],
         density: Scalar,
         specific_heat: Scalar | Property,
         emissivity: Scalar = DEFAULT_EMISSIVITY,
@@ -136,8 +138,8 @@ class Material(eqx.Module):
         """Define a material by numbers or traced values; only numbers are checked.
 
         Args:
-            conductivity: k [W/(m K)]: one; three, along the body's x, y, z; or a
-                `Property`.
+            conductivity: k [W/(m K)]: one, or three, along the body's x, y, z; each a
+                number or a `Property`.
             density: rho [kg/m^3].
             specific_heat: c_p [J/(kg K)]; may be a `Property`.
             emissivity: eps of the surface in the long-wave infrared [-], 0 to 1.
@@ -170,17 +172,18 @@ class Material(eqx.Module):
     @property
     def varies(self) -> bool:
         """True if a property depends on temperature."""
-        return isinstance(self.conductivity, Property) or isinstance(
-            self.specific_heat, Property
-        )
+        k = self.conductivity
+        given = (*(k if isinstance(k, tuple) else (k,)), self.specific_heat)
+        return any(isinstance(each, Property) for each in given)
 
     def at(self, temperature: Scalar) -> "Material":
         """Material with constant properties, evaluated at `temperature` [K]."""
         if not self.varies:
             return self
         number = lambda p: p(temperature) if isinstance(p, Property) else p
+        k = self.conductivity
         return Material(
-            number(self.conductivity),
+            tuple(map(number, k)) if isinstance(k, tuple) else number(k),
             self.density,
             number(self.specific_heat),
             self.emissivity,

@@ -31,6 +31,12 @@ class AbstractNetwork(eqx.Module):
 
     is_symmetric: ClassVar[bool] = True
     """True if G is symmetric, which linear solvers need."""
+    asymmetry: ClassVar[str] = ""
+    """Words for what makes G not symmetric, for a message."""
+    remedy: ClassVar[str] = ""
+    """Words for what makes it symmetric."""
+    is_linear: ClassVar[bool] = True
+    """True if no property depends on the temperature."""
 
     @property
     def linear(self) -> "AbstractNetwork":
@@ -78,16 +84,27 @@ class AbstractNetwork(eqx.Module):
         capacity = self.capacity()
         return _gathered(capacity, address) if capacity.ndim else capacity
 
-    def temperature(self, state: Float[Array, "*m"]) -> Float[Array, "*m"]:
-        """Temperature above the reference [K], of a state or any part of one."""
+    def temperature(
+        self, state: Float[Array, "*m"], address: Address | None = None
+    ) -> Float[Array, "*m"]:
+        """Temperature above the reference [K] of a state, or of some of its nodes.
+
+        Of a part of a state `address` says which nodes it has.
+        """
         return state
 
     def state_of(self, theta: Float[Array, "*m"]) -> Float[Array, "*m"]:
         """State of nodes at temperatures above the reference [K]."""
         return theta
 
-    def relative_conductivity(self, theta: Float[Array, "*m"]) -> Float[Array, "*#m"]:
-        """k(T) / k(reference) at temperatures above the reference [-]."""
+    def relative_conductivity(
+        self, theta: Float[Array, "*m"], parts: Float[Array, "q m"] | None = None
+    ) -> Float[Array, "*#m"]:
+        """k(T) / k(reference) at temperatures above the reference [-].
+
+        Of several materials or axes, `parts` are their fractions of the conductivity
+        at the reference.
+        """
         return jnp.ones((), theta.dtype)
 
     def max_relative_conductivity(self) -> Float[Array, ""]:

@@ -25,10 +25,10 @@ from typing_extensions import override
 
 from ..arrays import Scalar, is_traced
 from ..material.material import Property
-from .network import AbstractNetwork
+from .network import AbstractNetwork, Address
 
 
-class _KirchhoffTransform(eqx.Module):
+class KirchhoffTransform(eqx.Module):
     """P(theta) = integral from 0 to theta of p / p(0) [K]; increasing, P(0) = 0.
 
     theta is the temperature above the reference, and the property p is piecewise
@@ -94,7 +94,7 @@ class _KirchhoffTransform(eqx.Module):
 
 def kirchhoff_transform(
     prop: Property, reference: Scalar, dtype: Any
-) -> _KirchhoffTransform:
+) -> KirchhoffTransform:
     """Transform of a property from a reference temperature [K]."""
     # In double precision where nothing is traced, for differences of temperatures.
     xp, width = (jnp, dtype) if is_traced((prop, reference)) else (np, float)
@@ -116,7 +116,7 @@ def kirchhoff_transform(
         return (gap * (value[None] + slope[None] / 2 * gap)).sum(axis=1)
 
     columns = (knot, integral(knot), base, integral(base), value, slope / 2)
-    return _KirchhoffTransform(*(jnp.asarray(column, dtype) for column in columns))
+    return KirchhoffTransform(*(jnp.asarray(column, dtype) for column in columns))
 
 
 # Rows into which a one-dimensional state is reshaped for the loop below.
@@ -138,11 +138,13 @@ def _materialized(
 class NonlinearNetwork(AbstractNetwork):
     """Linear network at the reference, with the transforms of k and c_p."""
 
+    is_linear = False
+
     base: AbstractNetwork
     """Network with k and c_p at the reference."""
-    heat: _KirchhoffTransform | None
+    heat: KirchhoffTransform | None
     """Transform of c_p; None if c_p is constant and the state is the temperature."""
-    conduction: _KirchhoffTransform | None
+    conduction: KirchhoffTransform | None
     """Transform of k; None if k is constant."""
 
     @property
@@ -156,7 +158,9 @@ class NonlinearNetwork(AbstractNetwork):
         return self.base.is_symmetric
 
     @override
-    def temperature(self, state: Float[Array, "*m"]) -> Float[Array, "*m"]:
+    def temperature(
+        self, state: Float[Array, "*m"], address: Address | None = None
+    ) -> Float[Array, "*m"]:
         return state if self.heat is None else self.heat.inverse(state)
 
     @override
@@ -173,7 +177,9 @@ class NonlinearNetwork(AbstractNetwork):
         return theta if self.conduction is None else self.conduction(theta)
 
     @override
-    def relative_conductivity(self, theta: Float[Array, "*m"]) -> Float[Array, "*#m"]:
+    def relative_conductivity(
+        self, theta: Float[Array, "*m"], parts: Float[Array, "q m"] | None = None
+    ) -> Float[Array, "*#m"]:
         if self.conduction is None:
             return super().relative_conductivity(theta)
         return self.conduction.slope(theta)

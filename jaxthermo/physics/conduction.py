@@ -5,6 +5,7 @@
 | one, constant | stencil or rows, as its structure requires |
 | one, with a `Property` | the same at the reference, with Kirchhoff's transform |
 | several, constant | a conductance for every link |
+| several, or one by axis, with a `Property` | links with k(T), see `varying_links` |
 
 Conductances are a pure function of a structure's geometry, its materials and weights.
 The two halves of a link are in series, each with its length and conductivity,
@@ -45,6 +46,7 @@ from ..structures.build.assignment import nearest_volume
 from ..structures.build.links import link_axes, non_orthogonal_links
 from ..structures.kinds.full import FullVolume
 from ..structures.structure import AbstractStructure
+from .varying_conduction import varying_links
 
 
 _Values = Array | np.ndarray
@@ -75,6 +77,12 @@ def material_network(
     network = assemble_uniform(structure, k, heat, dtype)
     if not material.varies:
         return network
+    by_axis = material.conductivity
+    if isinstance(by_axis, tuple) and any(isinstance(k, Property) for k in by_axis):
+        number = np.zeros(structure.node_count, np.int32)
+        weights = _link_weights_or_none(structure, dtype)
+        given = (material,)
+        return varying_links(structure, network, number, given, reference, weights)
     varying = (material.specific_heat, material.conductivity)
     heat, conduction = (
         kirchhoff_transform(p, reference, dtype) if isinstance(p, Property) else None
@@ -87,35 +95,61 @@ def materials_network(
     structure: AbstractStructure,
     number: Int[np.ndarray, " n"],
     materials: Sequence[Material],
+    reference: Scalar,
     dtype: Any,
 ) -> AbstractNetwork:
-    """Network of a body of several materials; `number` is that of each node.
+    """Network of a body of several materials, with states relative to `reference` [K].
 
-    Raises:
-        InputError: if one of them varies with temperature.
+    `number` is that of the material of each node.
     """
-    k = conductivity_table(materials, dtype)
-    heat = [jnp.asarray(m.volumetric_heat_capacity, dtype) for m in materials]
-    return _assemble_mixed(structure, number, k, jnp.stack(heat))
+    k = conductivity_table(materials, reference, dtype)
+    constant = [material.at(reference) for material in materials]
+    heat = [jnp.asarray(m.volumetric_heat_capacity, dtype) for m in constant]
+    network = _assemble_mixed(structure, number, k, jnp.stack(heat))
+    if not any(material.varies for material in materials):
+        return network
+    weights = _link_weights_or_none(structure, dtype)
+    return varying_links(structure, network, number, materials, reference, weights)
 
 
 def conductivity_table(
-    materials: Sequence[Material], dtype: Any
+    materials: Sequence[Material], reference: Scalar, dtype: Any
 ) -> Float[Array, " c"] | Float[Array, "c 3"]:
     """Conductivities of several materials [W/(m K)], by axis if any is orthotropic.
 
-    Raises:
-        InputError: if one of them varies with temperature.
+    Those that vary are at the reference temperature [K].
     """
-    for index, material in enumerate(materials):
-        if material.varies:
-            raise InputError(
-                f"material {index} of a body of several depends on temperature, which "
-                "only bodies of one material can: give it numbers, as .at(kelvin) does"
-            )
-    given = [jnp.asarray(material.conductivity, dtype) for material in materials]
+    constant = [material.at(reference) for material in materials]
+    given = [jnp.asarray(material.conductivity, dtype) for material in constant]
     shape = max((k.shape for k in given), key=len)
     return jnp.stack([jnp.broadcast_to(k, shape) for k in given])
+
+
+def conductivity_parts(
+    materials: Sequence[Material],
+    number: Int[np.ndarray, " s"],
+    normal: Float[np.ndarray, "s 3"],
+    reference: Scalar,
+    dtype: Any,
+) -> Float[Array, "q s"] | None:
+    """Fractions of the conductivity normal to a surface, by material and axis [-].
+
+    For `relative_conductivity`, with the number of the material of every fragment;
+    None where no material varies, or one alone in all directions.
+    """
+    varies = any(material.varies for material in materials)
+    by_axis = any(isinstance(material.conductivity, tuple) for material in materials)
+    if not varies or (len(materials) == 1 and not by_axis):
+        return None
+    table = conductivity_table(materials, reference, dtype)
+    squared = np.square(normal) if table.ndim == 2 else np.ones((len(normal), 1))
+    columns = table if table.ndim == 2 else table[:, None]
+    of_surface = normal_conductivity(table[number], normal)
+    rows = []
+    for c in range(len(materials)):
+        own = jnp.asarray((number == c)[:, None] * squared, dtype)
+        rows += list((own * columns[c] / of_surface[:, None]).T)
+    return jnp.stack(rows)
 
 
 def assemble_uniform(
@@ -241,6 +275,10 @@ def _corrected_network(structure, layout, conductance, capacity) -> AbstractNetw
     straight = row_network(layout, conductance, capacity)
     corrected = weight * conductance[found.link]
     return non_orthogonal(straight, structure, found, corrected)
+
+
+def _link_weights_or_none(structure: AbstractStructure, dtype: Any):
+    return None if structure.weights.are_one else _link_weights(structure, dtype)
 
 
 def _link_weights(structure: AbstractStructure, dtype: Any) -> Float[Array, " e"]:

@@ -174,7 +174,7 @@ def test_a_surface_conducts_by_its_normal():
 def test_two_layers_across_an_axis_are_in_series():
     """Half of the one, half of the other: 1 / k = (1 / k_1 + 1 / k_2) / 2, by axis."""
     first, second = Material((8.0, 2.0, 1.0), 1e3, 1e3), Material(4.0, 2e3, 1e3)
-    table = conductivity_table((first, second), jnp.float64)
+    table = conductivity_table((first, second), 300.0, jnp.float64)
     np.testing.assert_array_equal(table, [[8, 2, 1], [4, 4, 4]])
     for axis, one in enumerate((8.0, 2.0, 1.0)):
         shape = [1, 1, 1]

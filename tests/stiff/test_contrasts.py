@@ -43,7 +43,7 @@ def _run(network, state):
 def test_bounds_hold_and_heat_is_kept(pair, pattern, dtype):
     structure = jt.FullVolume(blocks(np.ones(SHAPE, bool), 1e-3))
     number = _number(pattern).reshape(-1).astype(np.int32)
-    network = materials_network(structure, number, PAIRS[pair], dtype)
+    network = materials_network(structure, number, PAIRS[pair], 300.0, dtype)
     # The half of the body from 0 to 4 along y is 100 K warmer.
     theta = np.zeros(structure.state_shape, dtype)
     theta[1:-1, 1:5, 1:-1] = 100.0

@@ -12,9 +12,9 @@ import jaxthermo
 
 from ..messages import close_match
 from ..types.files import FoundPath, read_labels
-from ..types.model import Location, Mistake, Model, Short, build
+from ..types.model import Mistake, Model, Short, build
 from ..types.quantities import Density, Fraction, NotEmpty, refuse
-from ..types.varying import AnyConductivity, AnySpecificHeat, PropertyTable
+from ..types.varying import AnyConductivity, AnySpecificHeat
 
 
 _TABLE = Path(__file__).parents[2] / "data" / "names.csv"
@@ -70,15 +70,6 @@ class _MaterialConfig(Model, builds="Material"):
         message = "missing: without a `name` a material has to state it"
         return [((key,), message) for key in needed if data.get(key) is None]
 
-    def varying(self, where: Location) -> list[Mistake]:
-        """Tables of temperature, which are mistakes beside other materials."""
-        message = "depends on temperature, which only bodies of one material can"
-        return [
-            ((*where, key), message)
-            for key in ("conductivity", "specific_heat")
-            if isinstance(getattr(self, key), PropertyTable)
-        ]
-
 
 Material = Annotated[_MaterialConfig, Short("name", words=_material_names())]
 
@@ -93,11 +84,6 @@ class LabelledConfig(Model, builds="MaterialLabels"):
     def build(self, *args: Any) -> Any:
         return self.target()(read_labels(self.labels), build(self.materials))
 
-    @override
-    def mistakes(self) -> list[Mistake]:
-        listed = enumerate(self.materials)
-        return [m for i, one in listed for m in one.varying(("materials", i))]
-
 
 class PartsConfig(Model):
     """A material for each named part of a mesh file."""
@@ -109,11 +95,6 @@ class PartsConfig(Model):
         """The material of each voxel, for a voxel grid and the parts of its mesh."""
         given = {name: material.build() for name, material in self.parts.items()}
         return jaxthermo.materials_by_part(*args, given)
-
-    @override
-    def mistakes(self) -> list[Mistake]:
-        listed = self.parts.items()
-        return [m for name, one in listed for m in one.varying(("parts", name))]
 
 
 def _one_or_several(value: Any) -> str:

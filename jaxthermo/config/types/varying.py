@@ -145,13 +145,14 @@ TimeConductance = Annotated[
 AnyFraction = Annotated[
     Annotated[si.Fraction, _FIXED] | Annotated[_PerFragment, _TABLE], _EITHER
 ]
+_AlongAxis = Annotated[
+    Annotated[si.Conductivity, _FIXED]
+    | Annotated[PropertyTable[si.Conductivity], _TABLE],
+    _EITHER,
+]
 AnyConductivity = Annotated[
     Annotated[si.Conductivity, _FIXED]
-    | Annotated[
-        tuple[si.Conductivity, si.Conductivity, si.Conductivity],
-        si.Three,
-        Tag("<three>"),
-    ]
+    | Annotated[tuple[_AlongAxis, _AlongAxis, _AlongAxis], si.Three, Tag("<three>")]
     | Annotated[PropertyTable[si.Conductivity], _TABLE],
     Discriminator(_or_three),
 ]

@@ -111,12 +111,13 @@ def implicit_context(
 ) -> ImplicitContext:
     """Prepare the implicit stages of a compiled scene."""
     dtype, program = compiled.receipt.dtype, compiled.program
-    if not all(body.network.is_symmetric for body in program.bodies):
-        raise InputError(
-            "a body has weights with `non_orthogonal`, whose conduction is not "
-            "symmetric and cannot be solved for: step with ForwardEuler() or "
-            "SuperTimeStepping(), or set non_orthogonal to 0"
-        )
+    for number, body in enumerate(program.bodies):
+        if not body.network.is_symmetric:
+            raise InputError(
+                f"body {number} has {body.network.asymmetry}, whose conduction is not "
+                "symmetric and cannot be solved for: simulate() it, with ForwardEuler()"
+                f" or SuperTimeStepping(), or {body.network.remedy}"
+            )
     stable_step = compiled.receipt.stable_step_s
     multigrid = stable_step is None or max_dt > MULTIGRID_STEP_RATIO * stable_step
     hierarchies: tuple[Hierarchy | None, ...] = tuple(

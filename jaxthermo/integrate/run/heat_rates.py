@@ -91,7 +91,8 @@ def _surface_nodes(program: Program, states: State) -> _Nodes:
     found = []
     for index, cells in enumerate(load.by_cell.cells):
         nodes = load.nodes_of(index, states[cells.body])
-        found.append(program.bodies[cells.body].network.temperature(nodes))
+        network = program.bodies[cells.body].network
+        found.append(network.temperature(nodes, cells.address))
     return found
 
 
@@ -141,7 +142,8 @@ def pair_temperatures(
     """Temperatures of the nodes of every touching pair above the references [K]."""
     one, other = (program.bodies[body].network for body in contact.bodies)
     first, second = pair_values(contact, states)
-    return one.temperature(first), other.temperature(second)
+    here, there = contact.address
+    return one.temperature(first, here), other.temperature(second, there)
 
 
 def pair_values(contact: ContactLinks, states: State) -> list[Float[Array, " p"]]:

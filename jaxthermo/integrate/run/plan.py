@@ -153,7 +153,9 @@ def plan_run(
     if solver is None:
         # The selection needs the stable step, and so a compiled scene; an implicit
         # solver arranges the bodies differently, which takes a second compilation.
-        solver, reason = select_solver(stable_step, t1)
+        networks = [body.network for body in compiled.program.bodies]
+        symmetric = all(network.is_symmetric for network in networks)
+        solver, reason = select_solver(stable_step, t1, symmetric)
         arranged = solver.arranged(scene)
         if arranged is not scene:
             compiled = compile_scene(arranged, len(saves), t1, prune)

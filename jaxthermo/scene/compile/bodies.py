@@ -15,6 +15,7 @@ from ...constants import STEFAN_BOLTZMANN
 from ...errors import InputError
 from ...network.network import AbstractNetwork, Address
 from ...physics.conduction import (
+    conductivity_parts,
     conductivity_table,
     material_network,
     materials_network,
@@ -51,6 +52,8 @@ class PreparedBody(NamedTuple):
     address: _HostAddress
     surface_map: Any
     """As bound to the body."""
+    conductivity_parts: Float[Array, "q s"] | None
+    """Fractions of each fragment, see `conductivity_parts`; None for one material."""
 
 
 def prepare(number: int, body: Body, dtype: Any) -> PreparedBody:
@@ -60,7 +63,8 @@ def prepare(number: int, body: Body, dtype: Any) -> PreparedBody:
     reference, theta = _initial(body, address, dtype)
     if isinstance(material, AbstractMaterials):
         of_nodes = material.of_nodes(structure)
-        network = materials_network(structure, of_nodes, material.materials, dtype)
+        given = material.materials
+        network = materials_network(structure, of_nodes, given, reference, dtype)
     else:
         network = material_network(structure, material, reference, dtype)
     return PreparedBody(
@@ -73,7 +77,18 @@ def prepare(number: int, body: Body, dtype: Any) -> PreparedBody:
         fragment_node=structure.fragment_node(),
         address=address,
         surface_map=body.surface_map.bind(structure, dtype),
+        conductivity_parts=_parts(body, reference, dtype),
     )
+
+
+def _parts(body: Body, reference: Scalar, dtype: Any) -> Float[Array, "q s"] | None:
+    grid, material = body.structure.grid, body.material
+    number = np.zeros(len(grid.fragment_area), np.int32)
+    materials: tuple = (material,)
+    if isinstance(material, AbstractMaterials):
+        number, materials = material.of_fragments(grid), material.materials
+    normal = grid.fragment_normal
+    return conductivity_parts(materials, number, normal, reference, dtype)
 
 
 def _initial(
@@ -124,7 +139,7 @@ def _half_cells(body: Body, reference: Scalar, dtype: Any) -> Float[Values, " s"
     structure, material = body.structure, body.material
     grid = structure.grid
     if isinstance(material, AbstractMaterials):
-        table = conductivity_table(material.materials, dtype)
+        table = conductivity_table(material.materials, reference, dtype)
         k = normal_conductivity(
             table[material.of_fragments(grid)], grid.fragment_normal
         )
@@ -197,6 +212,13 @@ def check_functions(
                 check_temperature(value, what, end)
 
 
+def _has_varying_links(body: Body) -> bool:
+    several = isinstance(body.material, AbstractMaterials)
+    materials: Any = body.material.materials if several else (body.material,)
+    by_axis = any(isinstance(each.conductivity, tuple) for each in materials)
+    return any(each.varies for each in materials) and (several or by_axis)
+
+
 def check_memory(scene: Scene, saves: int, snapshots: int) -> int:
     """Estimate of the solver's peak memory [bytes].
 
@@ -216,6 +238,8 @@ def check_memory(scene: Scene, saves: int, snapshots: int) -> int:
         if len(structure.state_shape) == 1:
             # A link is in two rows, with the neighbour's number and conductance.
             total += structure.link_count * (5 * width + 24)
+        if _has_varying_links(body):
+            total += structure.link_count * (8 * width + 8)
     remedy = "use a coarser pitch, or save fewer times"
     require_memory(total, "simulating this scene", remedy)
     return total

@@ -36,7 +36,6 @@ from ...network.network import (
     inverse,
     precise_sum,
 )
-from ...network.nonlinear import NonlinearNetwork
 from ...physics.flux_law import LinearLaw
 from ...physics.surface_energy_balance import SurfaceTerms
 from ...physics.time_varying import value_at
@@ -151,7 +150,7 @@ def _linear_load(program: Program, load: SurfaceLoad) -> _LinearSurfaceLoad | No
         numbered = (*terms.natural, *terms.prescribed)
         laws = [law for _, t in numbered if (law := t.law.linear()) is not None]
         # Where conductivity varies, so does the half cell.
-        if isinstance(network, NonlinearNetwork) or len(laws) < len(numbered):
+        if not network.is_linear or len(laws) < len(numbered):
             return None
         entries = [row[index] for row in load.entries]
         bodies.append(_linear_nodes(cells, network, terms, laws, entries))

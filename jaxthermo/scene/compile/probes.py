@@ -205,7 +205,8 @@ def _own_part(
     structure, material = body.body.structure, body.body.material
     if not isinstance(material, AbstractMaterials):
         return jnp.ones((), dtype)
-    k = conductivity_table(material.materials, dtype)[material.of_nodes(structure)]
+    table = conductivity_table(material.materials, body.reference, dtype)
+    k = table[material.of_nodes(structure)]
     links = structure.links()
     first, second = (each[link] for each in conductivity_at_ends(structure, k))
     lengths = links.distance_src[link], links.distance_dst[link]

@@ -75,6 +75,9 @@ class BodyProgram(eqx.Module):
     exposed_fraction: Float[Array, "*s"]
     """Fraction of each fragment that nothing touches."""
     surface_map: BoundMap
+    conductivity_parts: Float[Array, "q s"] | None
+    """Fractions of each fragment's conductivity by material and axis, where one of
+    several varies with temperature."""
 
     def below(
         self, theta: Float[Array, "..."]
@@ -198,7 +201,7 @@ class Program(eqx.Module):
     def _terms_above(self, time, below: list) -> tuple[SurfaceTerms, Array]:
         """The terms on fragments as they act above nodes of these temperatures [K]."""
         relative = [
-            body.network.relative_conductivity(own)
+            body.network.relative_conductivity(own, body.conductivity_parts)
             for body, own in zip(self.bodies, below, strict=True)
         ]
         terms = self.fragment_terms.conducting(together(relative, below))

@@ -8,7 +8,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool
 
-from ...network.nonlinear import NonlinearNetwork
 from ...physics.contact.links import ContactLinks
 from ...physics.contact.search import ContactPairs, no_pairs
 from ...physics.flux_law import Forcing, bound
@@ -230,7 +229,7 @@ def _iterations(
         own = terms.selected(cells, acts, surface.references[n])
         if own.is_linear:
             continue
-        if isinstance(prepared[n].network, NonlinearNetwork):
+        if not prepared[n].network.is_linear:
             return MAX_ITERATIONS
         found.append(own.newton_iterations(temperatures, end))
     return max(found, default=MAX_ITERATIONS)
@@ -271,6 +270,7 @@ def _body(
         # Bodies that never touch anything need no array of ones.
         exposed_fraction=jnp.ones((), dtype),
         surface_map=body.surface_map,
+        conductivity_parts=body.conductivity_parts,
     )
 
 

@@ -12,7 +12,13 @@ from jaxtyping import Array, Bool, Float, Int
 from typing_extensions import override
 
 from ...arrays import Time, members
-from ...network.network import AbstractNetwork, Address, precise_sum, slot_sums
+from ...network.network import (
+    AbstractNetwork,
+    Address,
+    inverse,
+    precise_sum,
+    slot_sums,
+)
 from ...physics.surface_energy_balance import SurfaceTerms
 from ...physics.term import spread
 from .bodies import PreparedBody, device_address
@@ -46,6 +52,9 @@ class BodyCells(eqx.Module):
     """Index of each cell's node among them."""
     slots: tuple[Int[Array, " m"], ...]
     """Index of each node's k-th cell; where it has fewer, one without area or none."""
+    conductivity_parts: Float[Array, "q p"] | None = None
+    """Fractions of each cell's conductivity by material and axis, where one of several
+    varies with temperature."""
 
     def cells_of(self, nodes: Float[Array, " m"]) -> Float[Array, " p"]:
         """Values of the nodes at the cells."""
@@ -162,8 +171,8 @@ class SurfaceLoad(AbstractSurfaceLoad):
         pairs = zip(self.cells, nodes, strict=True)
         here = [cells.cells_of(each) for cells, each in pairs]
         relative = [
-            network.relative_conductivity(each)
-            for network, each in zip(networks, here, strict=True)
+            network.relative_conductivity(each, cells.conductivity_parts)
+            for network, each, cells in zip(networks, here, self.cells, strict=True)
         ]
         return self.terms.conducting(together(relative, here)), _join(here)
 
@@ -299,8 +308,23 @@ def body_cells(
         capacity=body.network.capacity_at(address),
         node=jnp.asarray(np.pad(node, (0, count - len(node)))),
         slots=tuple(jnp.asarray(slot) for slot in members(node, len(nodes))),
+        conductivity_parts=_parts_of_cells(body, cell, count),
     )
     return found, cell
+
+
+def _parts_of_cells(
+    body: PreparedBody, cell: Int[np.ndarray, " s"], count: int
+) -> Float[Array, "q p"] | None:
+    """Means over the fragments of each cell, weighted by their half cells."""
+    if body.conductivity_parts is None:
+        return None
+    kept = np.flatnonzero(cell >= 0)
+    half = jnp.asarray(body.half_cell)[kept]
+    sums = lambda values: jax.ops.segment_sum(values, cell[kept], count)
+    whole = inverse(sums(half))
+    rows = body.conductivity_parts[:, kept] * half
+    return jnp.stack([sums(row) * whole for row in rows])
 
 
 def surface_load(

@@ -65,6 +65,16 @@ def test_a_property_by_temperature(scene):
         assert float(table(273.15 + 25)) == pytest.approx(12.5)
 
 
+def test_tables_of_temperature_beside_other_materials_and_by_axis(scene):
+    painted = scene(VARYING, PAINT.replace("gold", VARYING)).bodies[0]
+    given = painted.build_materials().materials
+    assert [type(m.conductivity) for m in given] == [Property, Property]
+    by_axis = f"{{name: copper, conductivity: [1, {WARM}, 3]}}"
+    along = scene(by_axis).bodies[0].build_materials().conductivity
+    assert along[0] == 1.0 and isinstance(along[1], Property)
+    assert float(along[1](273.15 + 50)) == pytest.approx(15.0)
+
+
 def test_a_conductivity_for_each_axis(scene):
     config = scene("{name: copper, conductivity: [1, 2, 3 kW/(m K)]}")
     assert config.bodies[0].build_materials() == Material(
@@ -126,11 +136,6 @@ LABELS = "{labels: parts.npy, materials: [copper, gold]}"
         ("{name: copper, specific_heat: [1, 2, 3]}", "",
          "material.specific_heat: expected a specific heat such as"),
         ("{name: copper, emissivity: 1.2}", "", "material.emissivity: must be at most"),
-        (VARYING, PAINT, "material.conductivity: depends on temperature, which only"),
-        ("copper", PAINT.replace("gold", VARYING),
-         "regions.0.material.conductivity: depends on temperature"),
-        (LABELS.replace("gold", VARYING), "",
-         "material.materials.1.conductivity: depends on temperature"),
         (LABELS, PAINT, "regions: the labels of `material` say what is where"),
         ("{labels: none.npy, materials: [gold]}", "",
          "material.labels: there is no file 'none.npy'"),

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.errors import InputError
 from jaxthermo.material.material import Property
 from jaxthermo.network.nonlinear import NonlinearNetwork
 from jaxthermo.physics.conduction import (
@@ -190,13 +189,12 @@ def test_gradients_of_a_run_are_finite_differences():
     assert (np.abs(slopes) > 1e-4).all()
 
 
-def test_several_materials_take_numbers_alone(grid):
+def test_several_materials_of_numbers_are_linear(grid):
     structure = jt.FullVolume(grid)
     number = np.zeros(structure.node_count, np.int32)
     plain = jt.Material(16.0, 8e3, 500.0)
-    with pytest.raises(InputError, match="material 1 of a body of several depends on"):
-        materials_network(structure, number, (plain, STEEL), jnp.float64)
-    network = materials_network(structure, number, (plain, STEEL.at(300)), jnp.float64)
+    given = (plain, STEEL.at(300))
+    network = materials_network(structure, number, given, 300.0, jnp.float64)
     assert float(network.total_capacity()) == pytest.approx(
         4e6 * structure.node_count * PITCH**3
     )
