@@ -55,6 +55,20 @@ def is_traced(tree: Any) -> bool:
     return any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(tree))
 
 
+def plain_numbers(value: Any) -> Any:
+    """Numbers of numpy and JAX as Python's own, arrays as tuples, within tuples too.
+
+    As a converter of static fields, which must be hashable; any other value is kept.
+    """
+    if isinstance(value, jax.Array) and not is_traced(value):
+        value = np.asarray(value)
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if isinstance(value, list | tuple) and not hasattr(value, "_fields"):
+        return tuple(plain_numbers(item) for item in value)
+    return value
+
+
 def members(group: Int[np.ndarray, " k"], groups: int) -> Int[np.ndarray, "m g"]:
     """Indices of the first entry of every group, the second, ..., padded with k."""
     order = np.argsort(group, kind="stable").astype(np.int32)

@@ -1,12 +1,51 @@
 """Atomic files: a reader sees the old or the new one, never a part."""
 
+import errno
 import os
+import re
 import uuid
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from .errors import InputError
+
+
+# A full disk, a quota, a limit of the file size, and a disk that fails or is read-only.
+_DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS)
+# Name, process and a random part of a temporary file.
+_TEMPORARY = re.compile(r"\..+\.(\d+)-[0-9a-f]{8}(\.\w+)?")
+
+
+def disk_error(error: BaseException | None) -> OSError | None:
+    """The error of a disk that an exception is, or was raised after; None without."""
+    # A file that cannot be written cannot be closed either: zipfile then raises a
+    # ValueError of its own.
+    while error is not None:
+        if isinstance(error, OSError) and error.errno in _DISK_ERRORS:
+            return error
+        error = error.__cause__ or error.__context__
+    return None
+
+
+def remove_leftovers(folder: Path) -> None:
+    """Remove the temporary files in a folder of processes that were killed."""
+    # A folder that cannot be listed may still be written to.
+    with suppress(OSError):
+        for path in folder.iterdir():
+            found = _TEMPORARY.fullmatch(path.name)
+            if found and not _is_running(int(found[1])):
+                path.unlink(missing_ok=True)
+
+
+def _is_running(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:  # of another user
+        return True
+    return True
 
 
 @contextmanager
@@ -19,14 +58,18 @@ def replacing(path: str | Path) -> Iterator[Path]:
     target = Path(path)
     # The suffix stays last: image libraries choose the format by it. Not mkstemp,
     # whose files only the owner can read.
-    temporary = target.parent / f".{target.stem}.{uuid.uuid4().hex[:8]}{target.suffix}"
+    mark = f"{os.getpid()}-{uuid.uuid4().hex[:8]}"
+    temporary = target.parent / f".{target.stem}.{mark}{target.suffix}"
     try:
         # Detects an unwritable folder before any work, with the system's message.
         temporary.open("xb").close()
         yield temporary
         os.replace(temporary, target)
-    except OSError as error:
-        reason = error.strerror or str(error)
+    except Exception as error:
+        cause = error if isinstance(error, OSError) else disk_error(error)
+        if cause is None:
+            raise
+        reason = cause.strerror or str(cause)
         raise InputError(
             f"cannot write {target}: {reason}; give a folder that exists, can be "
             "written and has space"

@@ -13,6 +13,37 @@ class InputError(ValueError):
     """
 
 
+def require(
+    value: Any, kinds: type | tuple[type, ...], argument: str, give: str
+) -> None:
+    """Refuse a value that is not of a class.
+
+    Args:
+        value: the argument.
+        kinds: class of it, or several.
+        argument: as it is written, e.g. "Body(material=)".
+        give: what to give instead.
+
+    Raises:
+        InputError: naming the argument and its value.
+    """
+    if isinstance(value, kinds):
+        return
+    # A class is a frequent slip: `Sun` where `Sun(...)` is meant.
+    if isinstance(value, type):
+        name = value.__name__
+        raise InputError(
+            f"{argument[:-1]}{name}): is the class {name} itself: give {give}"
+        )
+    raise InputError(f"{argument[:-1]}{shortened(value)}): give {give}")
+
+
+def shortened(value: Any) -> str:
+    """The representation of a value on one line, of at most 60 characters."""
+    text = " ".join(repr(value).split())
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
 def positive_length(argument: str, value: float | int) -> float:
     """Convert a length [m] to a float.
 

@@ -31,6 +31,27 @@ camera: {width: 40, height: 30}
 """
 """A config of a scene that is built and run in no time."""
 TRUTH = {"weights.within": 1.7, "weights.between": 0.6}
+ERRORS = {"default": 2.0, "fitted": 1.0}
+RESULT = {
+    "name": "one",
+    "parameters": {
+        "weights.within": {
+            "value": 1.2, "initial": 1.0, "standard_error": None, "verdict": "fine",
+            "with": [], "unit": "",
+        }
+    },
+    "loss": {"initial": 2.0, "final": 1.0},
+    "ended": "converged",
+    "error_percent": {"train": ERRORS},
+    "errors": {"train": {"default": {"a": {}}, "fitted": {"a": {}}}},
+    "advice": [],
+    "speedup": {},
+    "steps": [],
+    "run_time_s": {"fit": 1.0, "one_run": 0.1, "compile": 1},
+    "reference": "full_volume",
+    "versions": {"jaxthermo": "0.1"},
+}  # fmt: skip
+"""Results of a fit, as `fit.json` has them."""
 
 
 def scene(side, dtype="float64", weights=None):

@@ -48,7 +48,7 @@ def make_card(
         for name, value in values.items()
         if "weights" not in name.split(".") and np.ndim(value) == 0
     }
-    ends = {name: config.time.end for name, config in calibration.configs.items()}
+    ends = {name: config.time.last for name, config in calibration.configs.items()}
     numbers = [scene_numbers(case.scene, ends[case.name]) for case in problem.cases]
     # Each mechanism once, in the order of the cases.
     mechanisms = [name for c in problem.cases for name in mechanism_names(c.scene)]
@@ -80,7 +80,7 @@ def check_card(
     config = _with_structure(load_config(scene_path, overrides), card)
     log("building the scene")
     scene = config.build()
-    numbers = scene_numbers(scene, config.time.end)
+    numbers = scene_numbers(scene, config.time.last)
     warnings = extrapolations(card, numbers, mechanism_names(scene))
     reference = full_volume_run(config, 0.25, log)
     given = {find_path(scene, n): jnp.asarray(v) for n, v in card.parameters.items()}

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any, NotRequired
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import ConfigDict, TypeAdapter, ValidationError
 from typing_extensions import TypedDict
 
 from jaxthermo.archive import read_record, signed
@@ -14,6 +14,8 @@ from jaxthermo.errors import InputError
 
 _KIND, _VERSION = "calibration result", 1
 _REMEDY = "run `calibrate fit` again"
+# Keys that a text has no words for.
+_FORBID = ConfigDict(extra="forbid")
 
 
 class _BothErrors(TypedDict):
@@ -26,12 +28,24 @@ class _BothCases(TypedDict):
     fitted: dict[str, dict[str, Any]]
 
 
+class _ErrorGroups(TypedDict):
+    __pydantic_config__ = _FORBID  # type: ignore[misc]
+    train: _BothErrors
+    held_out: NotRequired[_BothErrors]
+
+
+class _CaseGroups(TypedDict):
+    __pydantic_config__ = _FORBID  # type: ignore[misc]
+    train: _BothCases
+    held_out: NotRequired[_BothCases]
+
+
 # No class: `with` is a word of Python.
 _Parameter = TypedDict(
     "_Parameter",
     {
-        "value": float | None,
-        "initial": float | None,
+        "value": float,
+        "initial": float,
         "standard_error": float | None,
         "verdict": str,
         "with": list[str],
@@ -67,8 +81,8 @@ class _Result(TypedDict):
     parameters: dict[str, _Parameter]
     loss: _Loss
     ended: str
-    error_percent: dict[str, _BothErrors]
-    errors: dict[str, _BothCases]
+    error_percent: _ErrorGroups
+    errors: _CaseGroups
     advice: list[_Advice]
     speedup: dict[str, Any]
     steps: list[dict[str, Any]]
@@ -98,7 +112,7 @@ def read_fit(path: Path) -> dict[str, Any]:
         raise InputError(f"{path}: no such file; `calibrate fit` makes it")
     result = read_record(path, _KIND, _VERSION, _REMEDY)
     try:
-        _SCHEMA.validate_python(result)
+        _SCHEMA.validate_python(result, strict=True)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         where = dotted(first["loc"])

@@ -12,6 +12,7 @@ import numpy as np
 
 import jaxthermo
 from jaxthermo.arrays import precision
+from jaxthermo.atomic import remove_leftovers
 from jaxthermo.config.loader import config_hash
 from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.errors import InputError
@@ -80,6 +81,7 @@ def full_volume_run(config: SceneConfig, step: float, log: Log) -> StoredSolutio
         raise InputError(f"the reference: {RESULTS[found.result]}")
     if path is not None:
         path.parent.mkdir(parents=True, exist_ok=True)
+        remove_leftovers(path.parent)
         save_solution(path, found)
     return StoredSolution(found.times, found.surface_temperature, found.surfaces)
 

@@ -192,7 +192,7 @@ def _experiments(result: Result) -> _Sections:
 def _ranges(calibration: Calibration) -> _Sections:
     # Weights are valid for scenes with similar dimensionless numbers.
     groups = {"train": calibration.train, "held_out": calibration.held_out}
-    ends = {name: config.time.end for name, config in calibration.configs.items()}
+    ends = {name: config.time.last for name, config in calibration.configs.items()}
     found = {
         GROUPS[group]: [scene_numbers(c.scene, ends[c.name]) for c in problem.cases]
         for group, problem in groups.items()

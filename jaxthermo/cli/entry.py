@@ -7,6 +7,7 @@ from typing import Annotated
 
 from cyclopts import App, CycloptsError, Parameter
 
+from ..atomic import disk_error
 from ..errors import InputError
 
 
@@ -42,10 +43,21 @@ def run_app(app: App, name: str, arguments: Sequence[str] | None = None) -> None
         sys.stderr.write(f"{name}: {str(stop) or 'interrupted'}\n")
         sys.exit(130)
     except BrokenPipeError:
-        # The reader is gone; what is still buffered must not raise again at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _discard_output()
         sys.exit(141)
+    except OSError as error:
+        # Files raise an `InputError`, so that this is standard output, on a full disk.
+        if disk_error(error) is None:
+            raise
+        _discard_output()
+        sys.stderr.write(f"{name}: cannot write the output: {error.strerror}\n")
+        sys.exit(2)
     sys.exit(0)
+
+
+def _discard_output() -> None:
+    # What is still buffered must not raise again at exit.
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _refuse(name: str, error: Exception) -> int:

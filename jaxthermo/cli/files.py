@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from ..atomic import remove_leftovers
 from ..errors import InputError
 
 
@@ -32,6 +33,7 @@ def prepare_folder(out: str | Path) -> Path:
     # Now and not when the results are written, after an hour of simulation.
     if not os.access(folder, os.W_OK | os.X_OK):
         raise InputError(f"--out {out}: cannot be written; name another folder")
+    remove_leftovers(folder)
     return folder
 
 

@@ -35,7 +35,13 @@ from .console import (
 from .files import FRAMES, prepare_folder, remove_results, results_folder
 from .frames import FrameCamera, write_frames
 from .report import log_receipt, log_result, log_scene
-from .summary import summarize, write_energy, write_json, write_probes
+from .summary import (
+    peak_memory,
+    summarize,
+    write_energy,
+    write_json,
+    write_probes,
+)
 
 
 CONFIG = "config.yaml"
@@ -90,7 +96,7 @@ def _card_warnings(config: SceneConfig, scene: Scene) -> list[str]:
         path = given.structure.weights.card
         if path is None:
             continue
-        numbers = body_numbers(scene, body, config.time.end)
+        numbers = body_numbers(scene, body, config.time.last)
         for words in extrapolations(load_card(path), numbers, mechanism_names(scene)):
             found.append(f"bodies.{n}: beyond the range of {path.name}: {words}")
     return found
@@ -127,11 +133,16 @@ def _run_simulation(config: SceneConfig, out: Path) -> None:
         write_energy(out / "energy.csv", solution)
         if solution.probes:
             write_probes(out / PROBES, solution)
+        times |= {"setup_time_s": setup, "frames_time_s": 0.0}
+        summary = summarize(config, scene, solution, times, structures, warnings)
+        # Also before the frames, which need most of the space: a full disk takes only
+        # these, and `jaxthermo render` draws them later.
+        write_json(out / "summary.json", summary)
         clock = time.perf_counter()
         with status(console, "drawing frames"):
             frames = write_frames(config, camera, stored, out / FRAMES)
-        times |= {"setup_time_s": setup, "frames_time_s": time.perf_counter() - clock}
-        summary = summarize(config, scene, solution, times, structures, warnings)
+        times["frames_time_s"] = time.perf_counter() - clock
+        summary |= {**times, "peak_memory_bytes": peak_memory()}
         write_json(out / "summary.json", summary)
     (out / CHECKPOINT).unlink(missing_ok=True)
     log_result(console, solution, times)
@@ -159,7 +170,7 @@ def _run(
     compiled, clock = time.perf_counter() - clock, time.perf_counter()
     with (
         patient_interrupt() as interrupted,
-        progress_bar(console, config.time.end, todo.steps) as update,
+        progress_bar(console, config.time.last, todo.steps) as update,
     ):
         progress, last = ready, clock
         for progress in segments.run_segments(todo, ready):

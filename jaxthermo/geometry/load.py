@@ -80,6 +80,11 @@ def _read(path: Path) -> bytes:
         raise InputError(f"{path}: this is a folder: name a mesh file in it")
     if not path.exists():
         raise InputError(f"{path}: there is no such file: check the path")
+    if not path.is_file():
+        raise InputError(
+            f"{path}: this is a pipe or a device, which would be waited for: name a "
+            "file"
+        )
     if path.suffix.lower() not in _FORMATS:
         raise InputError(
             f"{path}: files ending in {path.suffix or 'nothing'!r} are not read: "
@@ -101,6 +106,7 @@ def _parse(path: Path, data: bytes) -> _FileMesh:
     fault = _file_fault(suffix, data)
     if fault:
         raise _damaged(path, fault)
+    data = _plain_text(suffix, data)
     try:
         with _silence():
             scene = trimesh.load_scene(
@@ -217,6 +223,7 @@ def _axes_rotation(axes: tuple[str, str, str]) -> Float[np.ndarray, "3 3"]:
 _PLY_HEADER = re.compile(rb"\Aply\s.*?^end_header[^\n]*\n", re.DOTALL | re.MULTILINE)
 _OBJ_ZERO = re.compile(rb"^f[^\n]*? 0+(?=[ \n])", re.MULTILINE)
 _OBJ_RELATIVE = re.compile(rb"^f[^\n]*? -\d", re.MULTILINE)
+_ASCII = bytes(range(128)) + b"?" * 128
 _OBJ_SHORT_VERTEX = re.compile(rb"^v +\S+(?: +\S+)? *$", re.MULTILINE)
 
 
@@ -253,6 +260,20 @@ def _plain_obj(data: bytes) -> bytes:
     text = text.replace(b"\\\n", b" ")
     lines = re.findall(rb"^ *([vf] [^#\n]*)", text, re.MULTILINE)
     return re.sub(rb"/[^ \n]*", b"", b"\n".join(lines)) + b"\n"
+
+
+def _plain_text(suffix: str, data: bytes) -> bytes:
+    """Replace letters beyond ASCII, in names and comments, in a text format."""
+    # In Latin-1, as older programs write "solid Gehäuse", they are no UTF-8, and the
+    # parser would ask for a library that guesses the encoding.
+    begin = 0
+    if suffix == ".ply" and (header := _PLY_HEADER.match(data)):
+        # Numbers follow, in bytes unless the header says that they are text.
+        begin = len(header[0]) if b"format ascii" not in header[0] else len(data)
+    elif suffix == ".off" or (suffix == ".stl" and not _is_binary_stl(data)):
+        begin = len(data)
+    text = data[:begin].translate(_ASCII)
+    return text + data[begin:]
 
 
 def _lines(data: bytes, pattern: bytes) -> int:

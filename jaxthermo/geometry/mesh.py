@@ -1,6 +1,7 @@
 """Triangle mesh: geometry, connectivity, a report of its quality, and placement."""
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import equinox as eqx
 import numpy as np
@@ -8,7 +9,8 @@ from jaxtyping import Bool, Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from ..errors import InputError
+from ..arrays import plain_numbers
+from ..errors import InputError, require, shortened
 
 
 @dataclass(frozen=True)
@@ -23,6 +25,35 @@ class Mesh:
     """Names of our axes in the file, e.g. ("x", "-z", "y") for a file with y up."""
     repairs: dict[str, int] = field(default_factory=dict)
     """Number of repaired defects by kind."""
+
+    def __post_init__(self):
+        try:
+            vertices, faces = np.asarray(self.vertices), np.asarray(self.faces)
+        except ValueError as error:  # rows of different lengths
+            raise InputError(
+                f"Mesh: vertices and faces need 3 columns: {error}"
+            ) from error
+        if vertices.dtype.kind not in "fiu" or vertices.shape[1:] != (3,):
+            raise InputError(
+                f"Mesh(vertices=): got {vertices.dtype} of shape {vertices.shape}: "
+                "give three numbers for each vertex, in metres"
+            )
+        if not np.isfinite(vertices).all():
+            raise InputError("Mesh(vertices=): some are NaN or infinite: remove them")
+        if faces.dtype.kind not in "iu" or faces.shape[1:] != (3,):
+            raise InputError(
+                f"Mesh(faces=): got {faces.dtype} of shape {faces.shape}: give three "
+                "whole numbers for each face, the numbers of its vertices from 0"
+            )
+        if len(faces) and not 0 <= faces.min() <= faces.max() < len(vertices):
+            raise InputError(
+                f"Mesh(faces=): its numbers are {faces.min()} to {faces.max()}, and "
+                f"there are {len(vertices)} vertices: count from 0"
+            )
+        # Lists, and whole numbers as positions, are taken as arrays.
+        positions = vertices.astype(np.result_type(vertices, np.float32), copy=False)
+        object.__setattr__(self, "vertices", positions)
+        object.__setattr__(self, "faces", faces)
 
     @property
     def triangles(self) -> Float[np.ndarray, "f 3 3"]:
@@ -219,26 +250,61 @@ def is_closed(
     return touched == 0
 
 
+def as_mesh(given: Any) -> Mesh:
+    """Convert anything with vertices [m] and triangular faces, such as trimesh's own.
+
+    Raises:
+        InputError: for anything else, or faces that are not of its vertices.
+    """
+    if isinstance(given, Mesh):
+        return given
+    # Not by its class: trimesh is slow to import, and only files need it.
+    parts = [getattr(given, name, None) for name in ("vertices", "faces")]
+    if isinstance(given, type) or any(part is None for part in parts):
+        require(
+            given, Mesh, "voxelize(mesh=)", "a mesh: load_mesh(...), or one of trimesh"
+        )
+    # Copies, of a class of numpy's own: trimesh's arrays notice changes.
+    vertices, faces = (np.array(part) for part in parts)
+    return Mesh(vertices, faces)
+
+
+def _are_finite(numbers: Any, shape: tuple[int, ...]) -> bool:
+    try:
+        array = np.asarray(numbers, float)
+    except (TypeError, ValueError):
+        return False
+    return array.shape == shape and bool(np.isfinite(array).all())
+
+
 class Pose(eqx.Module):
     """Rigid placement of a body in the world: x -> rotation x + translation."""
 
     translation: tuple[float, float, float] = eqx.field(
-        static=True, default=(0.0, 0.0, 0.0)
+        static=True, converter=plain_numbers, default=(0.0, 0.0, 0.0)
     )
     """Position of the body's origin in the world [m]."""
     rotation: tuple[tuple[float, float, float], ...] = eqx.field(
-        static=True, default=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+        static=True,
+        converter=plain_numbers,
+        default=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
     )
     """Rows of a rotation matrix [-]."""
 
     def __check_init__(self):
-        matrix = np.asarray(self.rotation, float)
+        if not _are_finite(self.translation, (3,)):
+            raise InputError(
+                f"Pose(translation={shortened(self.translation)}): give three finite "
+                "numbers, in metres"
+            )
+        rotation = self.rotation
+        matrix = np.asarray(rotation if _are_finite(rotation, (3, 3)) else 0.0, float)
         if matrix.shape != (3, 3) or not (
             np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-6)
             and np.linalg.det(matrix) > 0
         ):
             raise InputError(
-                f"Pose(rotation={self.rotation!r}): give a 3 x 3 rotation matrix"
+                f"Pose(rotation={shortened(rotation)}): give a 3 x 3 rotation matrix"
             )
 
     def to_world(self, points: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:

@@ -1,5 +1,6 @@
 """Image files: radiometric OpenEXR, and PNG in false colours."""
 
+import errno
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -61,8 +62,14 @@ def _write_exr_channels(
         "type": OpenEXR.scanlineimage,
         **texts,
     }
-    with replacing(path) as temporary, OpenEXR.File(fields, pixels) as file:
-        file.write(str(temporary))
+    with replacing(path) as temporary:
+        try:
+            with OpenEXR.File(fields, pixels) as file:
+                file.write(str(temporary))
+            # OpenEXR ignores errors at the end of a file, on a full disk for one.
+            read_exr(temporary)
+        except (InputError, RuntimeError) as error:
+            raise OSError(errno.EIO, "the file was not written whole") from error
 
 
 def read_exr(

@@ -17,6 +17,7 @@ from jaxtyping import Array, Float, Int
 
 from ..arrays import precision
 from ..constants import STEFAN_BOLTZMANN
+from ..errors import require
 from ..integrate.run.solution import AbstractSolution
 from ..physics.term import AbstractTerm
 from ..physics.time_varying import value_at
@@ -210,6 +211,10 @@ def render(
         >>> jt.render(warm, camera).temperature.shape  # rows, columns
         (24, 32)
     """
+    solutions = "a solution of simulate or steady"
+    require(solution, AbstractSolution, "render(solution=)", solutions)
+    cameras = "a Camera or an OrthographicCamera"
+    require(camera, AbstractCamera, "render(camera=)", cameras)
     with precision(solution.receipt.dtype):
         time = float(solution.times[index])
         surfaces, terms = at_time(solution.surfaces, solution.terms, time)

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from ..arrays import is_traced, precision
-from ..errors import InputError
+from ..errors import InputError, require
 from ..scene.compile.compile import compile_scene
 from ..scene.compile.program import Program, State
 from ..scene.motion import Motion
@@ -107,6 +107,7 @@ def steady(
         >>> f"{warm.mean_temperature.item():.3f}"
         '300.000'
     """
+    require(scene, Scene, "steady(scene=)", "a Scene")
     if tolerance is not None and not tolerance > 0:
         raise InputError(f"steady(tolerance={tolerance!r}): give a positive one [K]")
     with precision(scene.dtype):

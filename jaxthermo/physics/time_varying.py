@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from ..arrays import Samples, Time, TimeVarying, is_traced
 from ..constants import MAX_TEMPERATURE, MIN_TEMPERATURE, ZERO_CELSIUS
-from ..errors import InputError
+from ..errors import InputError, shortened
 
 
 def _as_array(numbers: Any) -> Any:
@@ -125,7 +125,13 @@ def check_value(value: Any, what: str, minimum: float = -np.inf) -> None:
     stated = _stated(value)
     if callable(stated) or is_traced(stated):
         return
-    numbers = np.asarray(stated, float)
+    try:
+        # A text of digits would be taken for its number here, and fail later.
+        numbers = np.asarray(None if isinstance(stated, str) else stated, float)
+    except (TypeError, ValueError):
+        numbers = np.full((), np.nan)
+    if not numbers.ndim and np.isnan(numbers):
+        raise InputError(f"{what}: got {shortened(stated)}: give a finite number")
     if not np.isfinite(numbers).all() or (numbers < minimum).any():
         need = "finite" if minimum == -np.inf else f"at least {minimum:g}"
         raise InputError(f"{what}: got {numbers.tolist()}, which must be {need}")

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..arrays import PositionVarying, is_traced
-from ..errors import InputError
+from ..errors import InputError, require
 from ..geometry.mesh import Pose
 from ..material.material import Material
 from ..physics.term import AbstractExchangeTerm, AbstractTerm
@@ -20,7 +20,7 @@ from ..structures.build.assignment import voxel_owner
 from ..structures.structure import AbstractStructure
 from ..structures.surface_map import AbstractSurfaceMap, FluxCorrectedMap
 from ..voxels.grid import VoxelGrid
-from ..voxels.selection import Region
+from ..voxels.selection import AbstractSelection, Region
 from .coating import Coating
 from .motion import Motion
 
@@ -146,6 +146,14 @@ class Body(eqx.Module):
     """With "open", air, sun and surroundings act in its closed cavities as well."""
 
     def __check_init__(self):
+        structures = "a structure, such as FullVolume(grid)"
+        require(self.structure, AbstractStructure, "Body(structure=)", structures)
+        materials = 'a material: Material(...), or materials["copper"]'
+        kinds = (Material, AbstractMaterials)
+        require(self.material, kinds, "Body(material=)", materials)
+        require(self.pose, (Pose, Motion), "Body(pose=)", "a Pose or a Motion")
+        maps = "a surface map, such as FluxCorrectedMap()"
+        require(self.surface_map, AbstractSurfaceMap, "Body(surface_map=)", maps)
         if self.inside not in ("closed", "open"):
             raise InputError(f"Body(inside={self.inside!r}): give 'closed' or 'open'")
         if not self.structure.grid.solid.any():
@@ -234,6 +242,17 @@ class Scene(eqx.Module):
     """Outputs to save for every fragment besides its temperature: `SURFACE_OUTPUTS`."""
 
     def __check_init__(self):
+        _require_all(self.bodies, Body, "bodies", "a Body, as in (body,)")
+        terms = "a term, as in (Convection(10.0, 290.0),)"
+        _require_all(self.terms, AbstractTerm, "terms", terms)
+        for i, term in enumerate(self.terms):
+            for name in ("on", "within"):
+                given, kinds = (
+                    getattr(term, name, None),
+                    (AbstractSelection, type(None)),
+                )
+                give = "a selection, such as Side((0.0, 0.0, 1.0)) or Everything()"
+                require(given, kinds, f"terms[{i}]({name}=)", give)
         for name in self.surface_outputs:
             if name not in SURFACE_OUTPUTS:
                 raise InputError(
@@ -276,6 +295,12 @@ class Scene(eqx.Module):
             for name, value in term.temperatures.items():
                 what = f"terms[{i}]: {type(term).__name__}({name}=)"
                 check_temperature(value, what)
+
+
+def _require_all(given: Any, kind: type, field: str, give: str) -> None:
+    require(given, (tuple, list), f"Scene({field}=)", f"a tuple, each {give}")
+    for i, each in enumerate(given):
+        require(each, kind, f"Scene({field}[{i}]=)", give)
 
 
 @dataclass(frozen=True, eq=False)

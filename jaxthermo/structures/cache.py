@@ -19,7 +19,7 @@ import numpy as np
 from ..atomic import replacing
 from ..errors import InputError
 from ..voxels.grid import VoxelGrid
-from .structure import Built, Links, Nodes
+from .structure import Built, Links, Nodes, check_grid
 
 
 # Incremented when the meaning of the arrays in a file changes.
@@ -32,7 +32,7 @@ _MAX_BYTES = 2 * 1024**3
 """Size of all files together; the least recently used are removed first."""
 
 # Files of this cache, complete or left behind by a killed process.
-_OWN_FILES = re.compile(r"\.?[a-z_]+-[0-9a-f]{40}(\.[0-9a-f]{8})?\.npz")
+_OWN_FILES = re.compile(r"\.?[a-z_]+-[0-9a-f]{40}(\.(\d+-)?[0-9a-f]{8})?\.npz")
 
 
 def cached(
@@ -43,6 +43,7 @@ def cached(
     Options are all other inputs: numbers, texts, arrays, or tuples and dicts of these;
     `build` takes the grid, and the options by name.
     """
+    check_grid(grid, kind)
     folder = cache_folder()
     if folder is None or grid.solid_count < _MIN_VOXELS:
         return build(grid, **options)

@@ -16,7 +16,7 @@ from jaxtyping import Float, Int
 from typing_extensions import override
 
 from ..arrays import Numbers, is_traced
-from ..errors import InputError
+from ..errors import InputError, require
 from ..voxels.grid import VoxelGrid
 
 
@@ -161,6 +161,16 @@ class Built:
     """Node of each solid voxel in lattice order, int32; -1 for none."""
 
 
+def check_grid(grid: Any, structure: str) -> None:
+    """Refuse anything but a voxel grid, as the argument of a structure.
+
+    Raises:
+        InputError: with what to give instead.
+    """
+    give = "a voxel grid: voxelize(mesh, pitch)"
+    require(grid, VoxelGrid, f"{structure}(grid=)", give)
+
+
 class AbstractStructure(eqx.Module):
     """Nodes, links and surface of one body."""
 
@@ -168,6 +178,9 @@ class AbstractStructure(eqx.Module):
     """Voxels of the body."""
     weights: eqx.AbstractVar[ConductionWeights]
     """Factors of conductances and capacities; the default is the two-point flux."""
+
+    def __check_init__(self):
+        check_grid(self.grid, type(self).__name__)
 
     @property
     @abc.abstractmethod

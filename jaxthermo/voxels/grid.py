@@ -76,6 +76,13 @@ class VoxelGrid:
     unscaled_because: str = ""
     """Reason why the two ratios are unreliable; empty if they apply."""
 
+    def __repr__(self) -> str:
+        shape = " x ".join(map(str, self.lattice.shape))
+        return (
+            f"VoxelGrid({self.mesh.name!r}, {shape} voxels of {self.pitch:g} m, "
+            f"{self.solid_count} solid, {len(self.fragment_area)} fragments)"
+        )
+
     @property
     def pitch(self) -> float:
         """Edge of a voxel [m]."""

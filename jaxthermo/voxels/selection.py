@@ -10,6 +10,7 @@ from equinox import AbstractVar
 from jaxtyping import Bool, Float
 from typing_extensions import override
 
+from ..arrays import plain_numbers
 from ..errors import InputError
 from ..raster.views import unit_vector
 
@@ -86,13 +87,16 @@ class _AbstractOnOneBody(AbstractSelection):
 class Side(_AbstractOnOneBody):
     """Fragments of a body whose normal is within `half_angle` [rad] of `normal`."""
 
-    normal: tuple[float, float, float] = eqx.field(static=True)
-    body: int = eqx.field(static=True, default=0)
-    half_angle: float = eqx.field(static=True, default=float(np.pi / 4))
+    normal: tuple[float, float, float] = eqx.field(static=True, converter=plain_numbers)
+    body: int = eqx.field(static=True, default=0, converter=plain_numbers)
+    half_angle: float = eqx.field(
+        static=True, default=float(np.pi / 4), converter=plain_numbers
+    )
 
     def __check_init__(self):
         unit_vector(self.normal, "Side(normal=)")
-        if not 0 < self.half_angle <= np.pi:
+        number = isinstance(self.half_angle, float | int)
+        if not number or not 0 < self.half_angle <= np.pi:
             raise InputError(
                 f"Side(half_angle={self.half_angle!r}): give radians in (0, pi]"
             )
@@ -110,15 +114,20 @@ class Side(_AbstractOnOneBody):
 class Region(_AbstractOnOneBody, AbstractSpace):
     """Part of a body inside a box with corners `lower` and `upper` [m]."""
 
-    lower: tuple[float, float, float] = eqx.field(static=True)
-    upper: tuple[float, float, float] = eqx.field(static=True)
-    body: int = eqx.field(static=True, default=0)
+    lower: tuple[float, float, float] = eqx.field(static=True, converter=plain_numbers)
+    upper: tuple[float, float, float] = eqx.field(static=True, converter=plain_numbers)
+    body: int = eqx.field(static=True, default=0, converter=plain_numbers)
 
     def __check_init__(self):
-        if not np.all(np.asarray(self.lower) < np.asarray(self.upper)):
+        try:
+            corners = np.asarray((self.lower, self.upper), float)
+        except (TypeError, ValueError):
+            corners = np.zeros(0)
+        # Negated, so that NaN is refused too.
+        if corners.shape != (2, 3) or not (corners[0] < corners[1]).all():
             raise InputError(
-                f"Region(lower={self.lower!r}, upper={self.upper!r}): "
-                "each lower coordinate must be below its upper one"
+                f"Region(lower={self.lower!r}, upper={self.upper!r}): give two corners "
+                "of three numbers; each lower one must be below its upper one"
             )
 
     @override
@@ -130,7 +139,7 @@ class Region(_AbstractOnOneBody, AbstractSpace):
 class Everything(_AbstractOnOneBody, AbstractSpace):
     """Whole body."""
 
-    body: int = eqx.field(static=True, default=0)
+    body: int = eqx.field(static=True, default=0, converter=plain_numbers)
 
     @override
     def contains(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
@@ -163,7 +172,7 @@ class FragmentMask(_AbstractOnOneBody):
                 f"FragmentMask(mask=): got {values.dtype} values of shape "
                 f"{values.shape}: give one True or False for each fragment"
             )
-        self.body, self.count = body, len(values)
+        self.body, self.count = int(body), len(values)
         self.packed = np.packbits(values).tobytes()
 
     @property

@@ -1,11 +1,14 @@
 """Voxelization: mesh to solid voxels and surface fragments, by depth layers."""
 
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ..arrays import Scalar, rank_in_group
-from ..errors import InputError
-from ..geometry.mesh import Mesh
+from ..errors import InputError, shortened
+from ..geometry.mesh import Mesh, as_mesh
+from ..geometry.repair import repair_mesh
 from .grid import LayerCounts, ThinParts, VoxelGrid
 from .lattice import (
     Lattice,
@@ -18,11 +21,21 @@ from .lattice import (
 from .surface import AxisFragments, attach_to_solid, axis_fragments, face_axes
 
 
-def voxelize(mesh: Mesh, pitch: Scalar) -> VoxelGrid:
+if TYPE_CHECKING:
+    from trimesh import Trimesh
+
+    _AnyMesh = Mesh | Trimesh
+else:
+    # Checked by `as_mesh`, which says what to give instead.
+    _AnyMesh = Any
+
+
+def voxelize(mesh: _AnyMesh, pitch: Scalar) -> VoxelGrid:
     """Compute the solid voxels and surface fragments of a mesh.
 
     Args:
-        mesh: the body; holes are bridged by a vote of the three axes.
+        mesh: the body; holes are bridged by a vote of the three axes. A
+            `trimesh.Trimesh`, in metres and z up, is repaired as `load_mesh` does.
         pitch: edge of a voxel [m].
 
     Raises:
@@ -35,7 +48,9 @@ def voxelize(mesh: Mesh, pitch: Scalar) -> VoxelGrid:
         >>> int(grid.solid_count)
         64
     """
-    pitch = float(pitch)
+    pitch = _metres(pitch)
+    if not isinstance(mesh, Mesh):
+        mesh = repair_mesh(as_mesh(mesh))
     check_pitch(mesh, pitch)
     lattice = lattice_around(mesh, pitch)
     views = peel_axes(mesh, lattice)
@@ -47,6 +62,20 @@ def voxelize(mesh: Mesh, pitch: Scalar) -> VoxelGrid:
             "use a finer pitch, or repair the mesh if it is open"
         )
     return _with_surface(mesh, lattice, solid, views)
+
+
+def _metres(pitch: Any) -> float:
+    # A text may have a unit, and only files and command lines take units.
+    try:
+        metres = None if isinstance(pitch, str) else float(pitch)
+    except (TypeError, ValueError):
+        metres = None
+    if metres is None:
+        raise InputError(
+            f"voxelize(pitch={shortened(pitch)}): give a number of metres, such as "
+            "0.002"
+        )
+    return metres
 
 
 def _with_surface(

@@ -31,7 +31,7 @@ class TimeConfig(Model):
     """The end of the run, and the times at which its state is saved."""
 
     end: PositiveTime
-    """End of the run [s]."""
+    """End of the run [s]; it stops earlier if the last saved time is before."""
     save_at: Annotated[tuple[PositiveTime, ...], NotEmpty] | None = None
     """Times at which the state is saved [s]."""
     save_every: PositiveTime | None = None
@@ -53,6 +53,11 @@ class TimeConfig(Model):
         if every is not None and self.end / every > _MAX_SAVES:
             found.append((("save_every",), f"would save more than {_MAX_SAVES} times"))
         return found
+
+    @property
+    def last(self) -> float:
+        """Time at which the run stops [s]: later results would not be saved."""
+        return self.save_times[-1]
 
     @property
     def save_times(self) -> tuple[float, ...]:

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ...arrays import is_traced
-from ...errors import InputError
+from ...errors import InputError, require, shortened
 from ...scene.compile.compile import compile_scene
 from ...scene.compile.program import Compiled
 from ...scene.scene import Scene
@@ -43,9 +43,17 @@ class Interval:
 
 def _save_times(t1: float | int, save_at) -> tuple[float, ...]:
     """Return the checked save times [s]; the end time alone if none are given."""
-    if not math.isfinite(t1) or t1 < 0:
+    number = not isinstance(t1, str | type(None)) and np.ndim(t1) == 0
+    if not number or not math.isfinite(t1) or t1 < 0:
         raise InputError(f"t1={t1!r}: give an end time of at least 0 s")
-    times = (t1,) if save_at is None else tuple(float(t) for t in save_at)
+    try:
+        listed = (t1,) if save_at is None else tuple(save_at)
+        times = () if isinstance(save_at, str) else tuple(float(t) for t in listed)
+    except (TypeError, ValueError):
+        raise InputError(
+            f"save_at={shortened(save_at)}: give a list of times in seconds, such as "
+            "[30.0, 60.0]"
+        ) from None
     if not times:
         raise InputError("save_at is empty: give at least one time, or leave it out")
     # Negated, so that NaN is refused too.
@@ -144,7 +152,12 @@ def plan_run(
     Arguments and errors are those of `simulate`; `prune` omits terms that have no
     effect, see `compile_scene`.
     """
+    solvers = "a solver, such as ForwardEuler(), or None"
+    require(solver, (AbstractSolver, type(None)), "simulate(solver=)", solvers)
     saves = _save_times(t1, save_at)
+    # Steps after the last saved time would be in no result: the run ends there, and
+    # its solver and its bounds of temperatures are those of that time.
+    given, t1 = t1, saves[-1]
     arranged = scene if solver is None else solver.arranged(scene)
     compiled = compile_scene(arranged, len(saves), t1, prune)
     traced = is_traced(compiled.stable_step)
@@ -159,6 +172,12 @@ def plan_run(
         arranged = solver.arranged(scene)
         if arranged is not scene:
             compiled = compile_scene(arranged, len(saves), t1, prune)
+    if t1 < given:
+        compiled = _with_note(
+            compiled,
+            f"the run stops at the last saved time, {t1:g} s: nothing up to its end, "
+            f"{given:g} s, would be saved",
+        )
     # Poses and source positions are recomputed at `starts`, so steps end there too.
     max_dt = solver.max_dt(stable_step, t1, compiled.program.sampled)
     event_times = (*compiled.program.breakpoints, *compiled.starts)
@@ -182,6 +201,11 @@ def plan_run(
         stepper = replace(stepper, checkpoints=checkpoints)
     parts = (arranged, compiled, intervals, saves, stable_step, solver, stepper)
     return Plan(*parts, reason, checkpoints)
+
+
+def _with_note(compiled: Compiled, note: str) -> Compiled:
+    receipt = compiled.receipt
+    return replace(compiled, receipt=replace(receipt, notes=(*receipt.notes, note)))
 
 
 def initial_state(plan: Plan) -> RunState:

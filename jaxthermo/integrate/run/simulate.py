@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ...arrays import is_traced, precision
+from ...errors import require
 from ...network.network import Address, precise_sum
 from ...scene.compile.program import Program, State
 from ...scene.scene import Scene
@@ -59,7 +60,8 @@ def simulate(
 
     Args:
         scene: bodies and terms.
-        t1: end of the run [s].
+        t1: end of the run [s]; it stops at the last of `save_at`, since nothing that
+            happens later would be in the solution.
         save_at: increasing times to save [s]; None for the end.
         solver: one of `jaxthermo.integrate.solvers`; None to select one from the
             number of stable steps.
@@ -85,6 +87,7 @@ def simulate(
         >>> solution.surface_temperature.shape  # times, fragments
         (2, 96)
     """
+    require(scene, Scene, "simulate(scene=)", "a Scene")
     with precision(scene.dtype):
         plan = plan_run(scene, t1, save_at, solver, reverse_memory=reverse_memory)
         for warning in plan.compiled.receipt.warnings:
@@ -146,7 +149,7 @@ def integrate(plan: Plan, state: RunState, traced: bool = False) -> Observation:
             table = step_table(plan, each, rows, columns)
             state, observations = take_steps_jit(plan.stepper, program, state, table)
         found.append(observations)
-        # The last interval before a motion snapshot or the end may not be saved.
+        # The last interval before a motion snapshot may not be saved.
         saved.append(jnp.asarray(np.flatnonzero([g[-1].saved for g in each])))
     if len(found) == 1 and len(saved[0]) == len(found[0].is_finite):
         return found[0]

@@ -154,7 +154,21 @@ def _stored_solution(arrays: dict[str, np.ndarray]) -> StoredSolution:
     return StoredSolution(*rows, surfaces, *reflected)
 
 
+def _check_ranges(body: _BodyArrays) -> None:
+    fraction = lambda values: (values >= 0) & (values <= 1)
+    valid = {
+        "pitch": body.pitch > 0,
+        "fragment_area": body.fragment_area > 0,
+        "emissivity": fraction(body.emissivity),
+        "absorptivity": fraction(body.absorptivity),
+    }
+    for name, found in valid.items():
+        if not found.all():
+            raise InputError(f"{name} of a body is out of its range")
+
+
 def _surface(body: _BodyArrays, times: Float[np.ndarray, " t"]) -> SolvedSurface:
+    _check_ranges(body)
     first, last = body.faces.min(initial=0), body.faces.max(initial=0)
     if not 0 <= first <= last < len(body.vertices):
         raise InputError("a face has a vertex that is not there")

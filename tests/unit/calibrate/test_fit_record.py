@@ -7,28 +7,7 @@ import pytest
 
 import jaxthermo as jt
 from calibrate.config.fit_record import read_fit, write_fit
-
-
-ERRORS = {"default": 2.0, "fitted": 1.0}
-RESULT = {
-    "name": "one",
-    "parameters": {
-        "weights.within": {
-            "value": 1.2, "initial": 1.0, "standard_error": None, "verdict": "fine",
-            "with": [], "unit": "",
-        }
-    },
-    "loss": {"initial": 2.0, "final": 1.0},
-    "ended": "converged",
-    "error_percent": {"train": ERRORS},
-    "errors": {"train": {"default": {"a": {}}, "fitted": {"a": {}}}},
-    "advice": [],
-    "speedup": {},
-    "steps": [],
-    "run_time_s": {"fit": 1.0, "one_run": 0.1, "compile": 1},
-    "reference": "full_volume",
-    "versions": {"jaxthermo": "0.1"},
-}  # fmt: skip
+from tests.calibrating import RESULT
 
 
 def refused(path, words):

@@ -1,5 +1,6 @@
 """Every mistake in a file is one line: what, where, what to do; never a traceback."""
 
+import os
 import struct
 
 import numpy as np
@@ -43,6 +44,12 @@ def test_missing_file(tmp_path, capfd):
 
 def test_folder(tmp_path, capfd):
     assert "folder" in refusal(tmp_path, capfd)
+
+
+@pytest.mark.parametrize("kind", SUFFIXES)
+def test_a_pipe_is_not_waited_for(tmp_path, capfd, kind):
+    os.mkfifo(tmp_path / f"pipe.{kind}")
+    assert "a pipe or a device" in refusal(tmp_path / f"pipe.{kind}", capfd)
 
 
 def test_unreadable(tmp_path, capfd, monkeypatch):

@@ -39,6 +39,28 @@ def test_round_trip_with_height(tmp_path, kind):
     assert mesh.volume > 0.0
 
 
+@pytest.mark.parametrize("kind", ["ply", "ply_ascii", "stl_ascii", "off", "obj"])
+@pytest.mark.parametrize("encoding", ["latin-1", "utf-8"])
+def test_names_and_comments_beyond_ascii(tmp_path, kind, encoding):
+    """As older programs of many countries write them."""
+    path, name = save(tmp_path, shapes.box(SIDES), kind), "Gehäuse Größe 5 µm"
+    sign, first, rest = {
+        "ply": (b"comment ", b"ply\n", b""),
+        "ply_ascii": (b"comment ", b"ply\n", b""),
+        "stl_ascii": (b"", b"solid ", b"\n"),
+        "off": (b"# ", b"OFF\n", b""),
+        "obj": (b"o ", b"", b""),
+    }[kind]
+    content = path.read_bytes()
+    if kind == "stl_ascii":
+        content = content.split(b"\n", 1)[1]
+    named = first + sign + name.encode(encoding) + (rest or b"\n")
+    path.write_bytes(named + content.removeprefix(first))
+    mesh = load_mesh(path, unit="mm")
+    assert mesh.is_watertight
+    assert mesh.volume == pytest.approx(30.0e-9, rel=1e-6)
+
+
 @pytest.mark.parametrize(
     ("unit", "metres"),
     [("m", 1.0), ("cm", 1e-2), ("MM", 1e-3), ("um", 1e-6), ("in", 0.0254)]

@@ -3,9 +3,12 @@
 import math
 
 import hypothesis.strategies as st
+import numpy as np
 import pytest
+from bodies import bar
 from hypothesis import given
 
+import jaxthermo as jt
 from jaxthermo.errors import InputError
 from jaxthermo.integrate.run.plan import _save_times, _schedule, save_intervals
 
@@ -83,6 +86,21 @@ def test_bad_times_are_refused(t1, save_at, words):
 def test_the_end_is_saved_if_nothing_else_is():
     assert _save_times(3.0, None) == (3.0,)
     assert _save_times(3, [0, 1, 3]) == (0.0, 1.0, 3.0)
+
+
+def test_a_run_stops_at_its_last_saved_time():
+    """With the solver and the bounds of that time, and with a note."""
+    steel = jt.Material(16.0, 8000.0, 500.0)
+    body = jt.Body(jt.FullVolume(bar(4, 0.01)), steel, temperature=350.0)
+    scene = jt.Scene((body,), (jt.Convection(10.0, 290.0),))
+    short, long = (jt.simulate(scene, end, save_at=[3.0, 5.0]) for end in (5.0, 1e12))
+    assert short.receipt.notes == ()
+    (note,) = long.receipt.notes
+    assert "stops at the last saved time, 5 s" in note and "1e+12 s" in note
+    assert (short.run.steps, short.run.solver) == (long.run.steps, long.run.solver)
+    for name in ("times", "surface_temperature", "mean_temperature"):
+        np.testing.assert_array_equal(getattr(short, name), getattr(long, name))
+    np.testing.assert_array_equal(short.energy.stored_J, long.energy.stored_J)
 
 
 def test_save_intervals_end_at_saves_and_keep_every_interval():

@@ -154,6 +154,9 @@ BAD_ARRAYS = {
     "body1_translation": lambda a: a[:, :2],
     "body1_rotation": lambda a: np.zeros((3, 3, 3)),
     "body0_pitch": lambda a: None,
+    "body1_pitch": lambda a: -a,
+    "body0_absorptivity": lambda a: a + 2,
+    "body1_fragment_normal": lambda a: a[None],
 }
 
 
