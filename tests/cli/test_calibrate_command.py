@@ -1,14 +1,16 @@
 """`calibrate`: fit, show, identify and check, in this process, of a small sphere."""
 
 import json
+import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 from cli_runs import run
+from killing import kill, start
 
 from calibrate.__main__ import main
 from calibrate.report import pictures
-from calibrate.solvers.progress import Progress
 from jaxthermo.__main__ import main as simulate
 from tests.calibrating import SPHERE
 
@@ -157,30 +159,60 @@ def test_the_same_config_makes_the_same_card(fitted, tmp_path):
     assert (tmp_path / "card.yaml").read_text() == first
 
 
-@pytest.mark.slow
-@pytest.mark.slice
-@pytest.mark.parametrize("at", [2])
-def test_a_fit_that_is_killed_goes_on_to_the_same_card(fitted, tmp_path, at):
-    """Killed while it writes its state, which is whole or not there."""
-    folder, _ = fitted
-    killed = []
+KILLED = """
+import sys
+from calibrate.__main__ import main
+from calibrate.report import pictures
 
-    def save(progress, path):
-        if len(progress.steps) > at and not killed:
-            killed.append(True)
-            raise SystemExit(137)
-        return written(progress, path)
+pictures.SIDE = 60
+main(sys.argv[1:])
+"""
 
-    written = Progress.save
-    arguments = ("fit", folder / "fit.yaml", "--out", tmp_path)
+
+def _numbers(out: Path) -> dict:
+    """Results of a fit, without what it took to get them."""
+    timed = ("run_time_s", "speedup", "checksum")
+    result = json.loads((out / "fit.json").read_text())
+    return {key: value for key, value in result.items() if key not in timed}
+
+
+def _goes_on_to_the_same(arguments, out: Path, uninterrupted: Path) -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(pictures, "SIDE", 60)
-        patch.setattr(Progress, "save", save)
-        assert _calibrate(*arguments)[0] == 137
-        assert not (tmp_path / "card.yaml").exists()
-        assert _calibrate(*arguments)[0] == 0
-    first = (folder / "out" / "card.yaml").read_text()
-    assert (tmp_path / "card.yaml").read_text() == first
+        code, _, err = _calibrate(*arguments)
+    assert code == 0, err
+    assert {path.name for path in out.iterdir()} == FILES
+    assert (out / "card.yaml").read_bytes() == (
+        uninterrupted / "card.yaml"
+    ).read_bytes()
+    assert _numbers(out) == _numbers(uninterrupted)
+
+
+def test_a_fit_that_is_killed_goes_on_to_the_same_card(fitted, tmp_path):
+    folder, _ = fitted
+    arguments = ("fit", folder / "fit.yaml", "--out", tmp_path)
+    delay = np.random.default_rng(3).uniform(0, 0.2)
+    assert kill(start(KILLED, *arguments), delay, (tmp_path / "state.npz").exists)
+    assert not (tmp_path / "card.yaml").exists()
+    _goes_on_to_the_same(arguments, tmp_path, folder / "out")
+
+
+@pytest.fixture(scope="module")
+def seconds(fitted, tmp_path_factory):
+    """Time that the fit takes in a process of its own."""
+    out, clock = tmp_path_factory.mktemp("timed"), time.monotonic()
+    assert start(KILLED, "fit", fitted[0] / "fit.yaml", "--out", out).wait() == 0
+    return time.monotonic() - clock
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("moment", range(20))
+def test_a_fit_that_is_killed_at_any_moment(fitted, seconds, tmp_path, moment):
+    folder, _ = fitted
+    arguments = ("fit", folder / "fit.yaml", "--out", tmp_path)
+    delay = np.random.default_rng(moment).uniform(0, seconds)
+    kill(start(KILLED, *arguments), delay, lambda: True)
+    _goes_on_to_the_same(arguments, tmp_path, folder / "out")
 
 
 @pytest.mark.parametrize(

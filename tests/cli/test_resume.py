@@ -1,13 +1,17 @@
 """A run that is cut off: what it leaves, and that it ends as if it had not been."""
 
+import os
 import signal
+import time
 from contextlib import contextmanager
 
 import numpy as np
 import pytest
 from cli_runs import RESULTS, files, frame_files, run, scene_file
+from killing import kill, start
 
 import jaxthermo.cli.simulate as command
+from jaxthermo.cli.files import prepare_folder
 
 
 STEPS = ("--set", "solver.dt=0.02")
@@ -126,6 +130,74 @@ def test_a_checkpoint_that_does_not_fit_is_ignored(
     assert segments[0] == 2
     assert files(out) == RESULTS | frame_files()
     same_arrays(out / "solution.npz", uninterrupted / "solution.npz")
+
+
+# Checkpoints after every segment or second, and time to be killed between them.
+KILLED = """
+import sys, time
+import jaxthermo.cli.simulate as command
+from jaxthermo.__main__ import main
+
+def save(path, progress, key):
+    written(path, progress, key)
+    time.sleep(float(sys.argv[2]))
+
+command.CHECKPOINT_EVERY = float(sys.argv[1])
+written, command.segments.save_checkpoint = command.segments.save_checkpoint, save
+main(sys.argv[3:])
+"""
+
+
+def goes_on_to_the_same(arguments, out, uninterrupted):
+    """The same command again ends with the results of the run that was not killed."""
+    code, _, err = run(*arguments)
+    assert (code, err) == (0, "")
+    assert files(out) == RESULTS | frame_files()
+    same_arrays(out / "solution.npz", uninterrupted / "solution.npz")
+    for name in ("energy.csv", "config.yaml"):
+        assert (out / name).read_bytes() == (uninterrupted / name).read_bytes()
+
+
+def test_a_run_that_is_killed_goes_on_and_ends_the_same(tmp_path, uninterrupted):
+    out = tmp_path / "out"
+    arguments = ("simulate", scene_file(tmp_path), "--out", out, *STEPS)
+    delay = np.random.default_rng(7).uniform(0, 1)
+    begun = (out / "checkpoint.npz").exists
+    assert kill(start(KILLED, 0.0, 0.3, *arguments), delay, begun)
+    assert "checkpoint.npz" in files(out) and "summary.json" not in files(out)
+    goes_on_to_the_same(arguments, out, uninterrupted)
+
+
+@pytest.fixture(scope="module")
+def long(tmp_path_factory):
+    """A run with a checkpoint every second, not killed, and how long it took [s]."""
+    folder = tmp_path_factory.mktemp("long")
+    many = ("--set", "solver.dt=1e-4")
+    clock = time.monotonic()
+    arguments = ("simulate", scene_file(folder), "--out", folder / "out", *many)
+    assert start(KILLED, 1.0, 0.0, *arguments).wait() == 0
+    return folder / "out", time.monotonic() - clock, many
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("moment", range(20))
+def test_killed_at_any_moment_it_ends_the_same(tmp_path, long, moment):
+    uninterrupted, seconds, many = long
+    out = tmp_path / "out"
+    arguments = ("simulate", scene_file(tmp_path), "--out", out, *many)
+    delay = np.random.default_rng(moment).uniform(0, seconds)
+    kill(start(KILLED, 1.0, 0.0, *arguments), delay, lambda: True)
+    goes_on_to_the_same(arguments, out, uninterrupted)
+
+
+def test_what_a_killed_process_left_behind_is_removed(tmp_path):
+    gone = tmp_path / ".solution.4194399-0123abcd.npz"
+    own = tmp_path / f".energy.{os.getpid()}-0123abcd.csv"
+    users = tmp_path / ".notes.2026-08-01.txt"
+    for path in (gone, own, users):
+        path.write_text("half")
+    prepare_folder(tmp_path)
+    assert files(tmp_path) == {own.name, users.name}
 
 
 def test_a_second_interrupt_does_not_wait(tmp_path, monkeypatch):
