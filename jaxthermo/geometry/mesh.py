@@ -30,9 +30,7 @@ class Mesh:
         try:
             vertices, faces = np.asarray(self.vertices), np.asarray(self.faces)
         except ValueError as error:  # rows of different lengths
-            raise InputError(
-                f"Mesh: vertices and faces need 3 columns: {error}"
-            ) from error
+            raise InputError(f"Mesh: give rows of three numbers: {error}") from error
         if vertices.dtype.kind not in "fiu" or vertices.shape[1:] != (3,):
             raise InputError(
                 f"Mesh(vertices=): got {vertices.dtype} of shape {vertices.shape}: "

@@ -43,7 +43,8 @@ class ThinParts:
     """Positions of the lost fragments in the body's frame [m]."""
 
 
-@dataclass(frozen=True, eq=False)
+# Without the representation of dataclasses, which that of a body would use too.
+@dataclass(frozen=True, eq=False, repr=False)
 class VoxelGrid:
     """Solid voxels of a body, with surface fragments that have true areas.
 

@@ -45,8 +45,8 @@ def test_names_and_comments_beyond_ascii(tmp_path, kind, encoding):
     """As older programs of many countries write them."""
     path, name = save(tmp_path, shapes.box(SIDES), kind), "Gehäuse Größe 5 µm"
     sign, first, rest = {
-        "ply": (b"comment ", b"ply\n", b""),
-        "ply_ascii": (b"comment ", b"ply\n", b""),
+        "ply": (b"comment ", b"ply\nformat binary_little_endian 1.0\n", b""),
+        "ply_ascii": (b"comment ", b"ply\nformat ascii 1.0\n", b""),
         "stl_ascii": (b"", b"solid ", b"\n"),
         "off": (b"# ", b"OFF\n", b""),
         "obj": (b"o ", b"", b""),
