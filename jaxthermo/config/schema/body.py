@@ -1,6 +1,6 @@
 """Bodies: geometry, its voxels, structure, material, temperature and pose."""
 
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag
