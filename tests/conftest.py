@@ -9,6 +9,7 @@ from pathlib import Path
 
 import jax
 import pytest
+from hypothesis import settings
 
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -46,6 +47,10 @@ jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_rank_promotion", "raise")
 jax.config.update("jax_numpy_dtype_promotion", "strict")
+# The same examples in every run, so that a change fails on what it changed. A search
+# for new ones: pytest --hypothesis-profile=default.
+settings.register_profile("same_examples", derandomize=True)
+settings.load_profile("same_examples")
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -3,7 +3,7 @@
 import jax
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import example, given, settings, strategies as st
 from placed import ball_grid, box_grid, moved, placed, pose
 
 from jaxthermo.errors import InputError
@@ -76,18 +76,19 @@ def test_swapping_the_bodies_swaps_the_pairs():
     pitch=st.sampled_from([0.2, 0.19, 0.17, 0.25]),
     swap=st.booleans(),
 )
+@example(shift=(0.1953125, 0.1953125), turn=0.0, pitch=0.17, swap=False)
 def test_the_area_of_a_box_is_exact_to_a_ray(shift, turn, pitch, swap):
     table = placed(box_grid((2.2, 2.2, 0.6), pitch), (*shift, -0.3), (0, 0, turn))
     one, other = (table, ON_TOP) if swap else (ON_TOP, table)
     # An edge of the finer lattice is known to a quarter of a voxel, four of them.
-    pairs = find_contacts(one, other)
-    assert pairs.area.sum() == pytest.approx(1.0, abs=4 * min(PITCH, pitch) / 8)
+    pairs, edges = find_contacts(one, other), 4 * min(PITCH, pitch) / 8
+    assert pairs.area.sum() == pytest.approx(1.0, abs=edges)
     check_sums(pairs, one, other)
     lid = pairs.coverage_b if swap else pairs.coverage_a
     bottom = ON_TOP.grid.fragment_normal[:, 2] < -0.9
     assert not lid[~bottom].any()
-    # Where rays of one lattice fall most unevenly on the cells of the other.
-    assert lid[bottom].mean() == pytest.approx(1.0, abs=0.06)
+    # The lid lies on the table as a whole: its mean coverage is that area.
+    assert lid[bottom].mean() == pytest.approx(1.0, abs=edges)
     assert lid[bottom].min() > 0.7
 
 
