@@ -60,7 +60,7 @@ def prepare(number: int, body: Body, dtype: Any) -> PreparedBody:
     """Network, initial state and addresses of a body."""
     structure, material = body.structure, body.material
     address = structure.node_address()
-    reference, theta = _initial(body, address, dtype)
+    reference, theta = _initial(number, body, address, dtype)
     if isinstance(material, AbstractMaterials):
         of_nodes = material.of_nodes(structure)
         given = material.materials
@@ -92,7 +92,7 @@ def _parts(body: Body, reference: Scalar, dtype: Any) -> Float[Array, "q s"] | N
 
 
 def _initial(
-    body: Body, address: _HostAddress, dtype: Any
+    number: int, body: Body, address: _HostAddress, dtype: Any
 ) -> tuple[Scalar, Float[Array, "..."]]:
     # Reference temperature of a body, and its nodes' temperatures above it [K].
     # The reference is the initial mean. It is no variable: of a traced initial state
@@ -109,9 +109,11 @@ def _initial(
         return reference, jnp.asarray(theta).at[address].set(values - reference)
     else:
         values = np.asarray(values, float)
-        if not np.isfinite(values).all() or (values < 0).any():
+        wrong = values[~(np.isfinite(values) & (values >= 0))]
+        if wrong.size:
             raise InputError(
-                "Body(temperature=) gives values that are not temperatures in kelvin"
+                f"bodies[{number}]: Body(temperature=) gives {wrong.flat[0]:g} K: the "
+                "function must give kelvin, 0 or more, at every position"
             )
         reference = float(values.mean())
     # The difference is taken in double precision: a float32 resolves 3e-5 K at 300 K.

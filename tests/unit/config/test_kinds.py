@@ -22,7 +22,9 @@ MODELS = sorted(
 )
 # Keys from which `build` makes arguments of other names.
 CONVERTED = {
-    "BodyConfig": {"mesh", "shape", "pitch", "voxels_high", "structure", "regions"},
+    "BodyConfig": {
+        *("mesh", "shape", "solid", "pitch", "voxels_high", "structure", "regions")
+    },
     "DirectionTable": {"values"},
     "LabelledConfig": {"materials"},
     "MaterialConfig": {"name"},
@@ -89,12 +91,10 @@ GIVEN: dict[str, dict[str, Any]] = {
 CONFIG_ONLY = {
     ("CylinderConfig", "body"),
     ("RadiativeExchangeConfig", "directions"),
-    ("RadiativeExchangeConfig", "max_directions"),
-    ("RadiativeExchangeConfig", "most_patches"),
     ("RadiativeExchangeConfig", "max_patches"),
     ("SideConfig", "body"),
 }
-UPPER = (64, 4096, 1e9)
+UPPER = (64, 4096, 100_000, 1e9)
 
 
 def limits() -> list[tuple[str, str, float, float]]:

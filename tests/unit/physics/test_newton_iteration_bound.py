@@ -53,7 +53,8 @@ def test_fewer_steps_leave_what_they_promise(conductivity, pitch, dtype):
     terms = _terms(conductivity, pitch, dtype)
     steps = _steps(terms)
     theta = jnp.asarray([-20.0, 0.0, 90.0], dtype)
-    few = SurfaceTerms(terms.names, terms.half_cell, terms.natural, (), steps)
+    parts = (terms.names, terms.half_cell, terms.natural, ())
+    few = SurfaceTerms(*parts, iterations=steps)
     (excess, heat), (exact, all_heat) = _solved(few, theta), _solved(terms, theta)
     print(conductivity, pitch, dtype, "steps", steps, "off", excess - exact)
     rounding = 40 * np.finfo(dtype).eps * 400.0

@@ -82,7 +82,7 @@ def test_few_steps_are_as_good_as_all(side, name, conductivity):
     every = SurfaceTerms((name,), half_cell, free, ())
     steps = every.newton_iterations(REACH, END)
     theta = jnp.linspace(REACH.lowest, REACH.highest, len(area)) - law.reference
-    few = SurfaceTerms((name,), half_cell, free, (), steps)
+    few = SurfaceTerms((name,), half_cell, free, (), iterations=steps)
     off = np.abs(_excess(few, theta) - _excess(every, theta)).max()
     print(name, conductivity, "steps", steps, "off", off)
     assert steps < MAX_ITERATIONS
