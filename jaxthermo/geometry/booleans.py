@@ -12,7 +12,7 @@ from .mesh import Mesh
 
 
 # Importing it takes a second, and few scenes combine shapes.
-_trimesh = lazy_loader.load("trimesh")
+_trimesh: Any = lazy_loader.load("trimesh")
 
 
 def union(*meshes: Mesh) -> Mesh:

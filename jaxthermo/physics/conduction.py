@@ -148,7 +148,7 @@ def conductivity_parts(
     rows = []
     for c in range(len(materials)):
         own = jnp.asarray((number == c)[:, None] * squared, dtype)
-        rows += list((own * columns[c] / of_surface[:, None]).T)
+        rows += list((own * columns[c][None] / of_surface[:, None]).T)
     return jnp.stack(rows)
 
 

@@ -277,6 +277,8 @@ class AbstractTerm(eqx.Module):
 
     name: AbstractClassVar[str]
     """Name of the mechanism in the energy ledger and in the receipt."""
+    is_convective: ClassVar[bool] = False
+    """True for convection, whose h adds to a surface's heat transfer coefficient."""
 
     @property
     def values(self) -> tuple[Any, ...]:
@@ -341,8 +343,6 @@ class AbstractSurfaceTerm(AbstractTerm):
     """True if it prescribes the temperature of the surface, as no other term."""
     from_outside: ClassVar[bool] = False
     """True if it comes from outside all bodies: it does not act in closed cavities."""
-    is_convective: ClassVar[bool] = False
-    """True for convection, whose h adds to a surface's heat transfer coefficient."""
 
     @abc.abstractmethod
     def bind(self, surface: Surface) -> tuple[Binding | Omitted, ...]:

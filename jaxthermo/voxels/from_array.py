@@ -59,7 +59,7 @@ def grid_from_voxels(
         lattice=lattice,
         solid=given,
         mesh=_cube_mesh(voxel, outward, lattice),
-        fragment_position=lattice.centres(voxel + 0.5 * outward),
+        fragment_position=lattice.centres(voxel) + 0.5 * edge * outward,
         fragment_normal=outward.astype(float),
         fragment_area=np.full(len(voxel), edge**2),
         fragment_voxel=voxel,

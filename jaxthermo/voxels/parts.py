@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from ..errors import InputError
 from ..geometry.mesh import Mesh
@@ -41,7 +41,7 @@ def part_labels(grid: VoxelGrid, parts: Sequence[Mesh]) -> Int[np.ndarray, "x y 
         )
     rest = np.argwhere(grid.solid & (label < 0))
     if len(rest):
-        _, nearest = cKDTree(surface).query(grid.lattice.centres(rest))
+        _, nearest = KDTree(surface).query(grid.lattice.centres(rest))
         label[tuple(rest.T)] = of[nearest]
     return label
 
@@ -55,4 +55,7 @@ def _surface_points(
         axis_fragments(layers, dominant, axis, 0)[0].position
         for axis, layers in enumerate(views)
     ]
-    return lattice.origin + np.concatenate(found) * lattice.pitch
+    points = np.concatenate(found)
+    # Along its rays a view also sees what is beyond the lattice.
+    within = ((points > -1) & (points < np.add(lattice.shape, 1))).all(axis=1)
+    return lattice.origin + points[within] * lattice.pitch

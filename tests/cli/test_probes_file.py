@@ -2,14 +2,13 @@
 
 import csv
 import json
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
 from cli_runs import SCENE, files, run, scene_file
 
 from jaxthermo.cli.summary import write_probes
+from jaxthermo.integrate.run.solution import Solution
 from jaxthermo.integrate.run.solution_file import load_solution
 from jaxthermo.scene.scene import Probe
 
@@ -18,11 +17,15 @@ WIRED = SCENE + "probes: {core: [0, 0, 0], skin: [2.5 cm, 1 mm, 0]}\n"
 
 
 def test_a_column_for_every_probe(tmp_path):
-    solution: Any = SimpleNamespace(
-        times=np.array([1.0, 2.5]),
-        probes=(Probe("core", (0.0, 0.0, 0.0)), Probe("the, skin", (0.0, 0.0, 1.0))),
-        probe_temperature=np.array([[300.125, 301.0], [302.0, 303.0]]),
-    )
+    # Nothing else of a solution is read.
+    solution = object.__new__(Solution)
+    given = {
+        "times": np.array([1.0, 2.5]),
+        "probes": (Probe("core", (0.0, 0.0, 0.0)), Probe("the, skin", (0.0, 0.0, 1.0))),
+        "probe_temperature": np.array([[300.125, 301.0], [302.0, 303.0]]),
+    }
+    for name, value in given.items():
+        object.__setattr__(solution, name, value)
     write_probes(tmp_path / "probes.csv", solution)
     with (tmp_path / "probes.csv").open(newline="") as lines:
         rows = list(csv.DictReader(lines))

@@ -181,7 +181,7 @@ def test_two_layers_across_an_axis_are_in_series():
         shape[axis] = 2
         structure = jt.FullVolume(blocks(np.ones(shape, bool), 0.1))
         network = materials_network(
-            structure, np.array([0, 1], np.int32), (first, second), jnp.float64
+            structure, np.array([0, 1], np.int32), (first, second), 300.0, jnp.float64
         )
         rate = _heat_rate(network, _state(structure, [0.0, 1.0]))
         conductance = 0.1 * 2 / (1 / one + 1 / 4.0)

@@ -93,8 +93,9 @@ class PartsConfig(Model):
 
     def build(self, *args: Any) -> Any:
         """The material of each voxel, for a voxel grid and the parts of its mesh."""
+        grid, parts = args
         given = {name: material.build() for name, material in self.parts.items()}
-        return jaxthermo.materials_by_part(*args, given)
+        return jaxthermo.materials_by_part(grid, parts, given)
 
 
 def _one_or_several(value: Any) -> str:

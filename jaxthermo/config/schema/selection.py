@@ -51,8 +51,8 @@ class _Selection(Model):
 
     # A key with the name of an operator of the language cannot be declared by a field.
     def __init_subclass__(cls, **options: Any) -> None:
-        several = Annotated[tuple[cls, ...], NotEmpty] | None
-        combined = {"all": several, "any": several, "not": cls | None}
+        several: Any = Annotated[tuple[cls, ...], NotEmpty]
+        combined = {"all": several | None, "any": several | None, "not": cls | None}
         cls.__annotations__ = {**cls.__annotations__, **combined}
         for key in combined:
             setattr(cls, key, None)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from ...arrays import Points
 from ...errors import InputError
@@ -16,6 +16,9 @@ from .solution import AbstractSolution
 
 _NEIGHBOURS = 9
 """Fragments through whose temperatures a plane is laid."""
+
+_MAX_HEIGHT = 0.25
+"""Largest distance of a point from the plane of its fragment [pitches]."""
 
 _SAME_SIDE = 0.5
 """Smallest cosine between normals of fragments of one side [-]."""
@@ -81,7 +84,7 @@ def _column(
     # Differences to the nearest: weights of a sum would lose digits in float32.
     first = temperature[:, chosen[0]]
     excess = temperature[:, chosen] - first[:, None]
-    return first + (excess * weight.astype(temperature.dtype)).sum(axis=1)
+    return first + (excess * weight.astype(temperature.dtype)[None]).sum(axis=1)
 
 
 class _Place(NamedTuple):
@@ -100,7 +103,7 @@ class _Place(NamedTuple):
 def _place(geometry: BodyGeometry, point: Float[np.ndarray, "3"]) -> _Place:
     own = geometry.placed.to_body(point)
     count = min(_NEIGHBOURS, len(geometry.fragment_area))
-    found, nearest = cKDTree(geometry.fragment_position).query(own, k=count)
+    found, nearest = KDTree(geometry.fragment_position).query(own, k=count)
     distance, nearest = np.atleast_1d(found), np.atleast_1d(nearest)
     normal = geometry.fragment_normal[nearest[0]]
     height = (own - geometry.fragment_position[nearest[0]]) @ normal
@@ -116,7 +119,7 @@ def _on_surface(
     body = min(range(len(places)), key=lambda n: places[n].distance)
     geometry, place = geometries[body], places[body]
     pitch = geometry.pitch
-    if abs(place.height) > pitch / 2 or place.distance > 1.5 * pitch:
+    if abs(place.height) > _MAX_HEIGHT * pitch or place.distance > 1.5 * pitch:
         where = f"({', '.join(f'{x:g}' for x in point)}) m"
         if place.height < 0:
             raise InputError(

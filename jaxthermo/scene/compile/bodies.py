@@ -215,8 +215,9 @@ def check_functions(
 
 
 def _has_varying_links(body: Body) -> bool:
-    several = isinstance(body.material, AbstractMaterials)
-    materials: Any = body.material.materials if several else (body.material,)
+    own = body.material
+    several = isinstance(own, AbstractMaterials)
+    materials = own.materials if isinstance(own, AbstractMaterials) else (own,)
     by_axis = any(isinstance(each.conductivity, tuple) for each in materials)
     return any(each.varies for each in materials) and (several or by_axis)
 

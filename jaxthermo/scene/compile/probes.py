@@ -17,7 +17,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from ...errors import InputError
 from ...physics.conduction import conductivity_at_ends, conductivity_table
@@ -116,12 +116,11 @@ def _at(probe: Probe) -> str:
 
 def _locate(grid: VoxelGrid, points: Float[np.ndarray, "p 3"]) -> _Located:
     cell = np.floor(grid.lattice.to_cells(points)).astype(int)
-    within = ((cell >= 0) & (cell < grid.lattice.shape)).all(axis=1)
+    within = np.all((cell >= 0) & (cell < grid.lattice.shape), axis=1)
     inside = within.copy()
     inside[within] = grid.solid[tuple(cell[within].T)]
-    # By the largest component, the nearest centre is that of the nearest cube.
     centres = grid.lattice.centres(grid.fragment_voxel)
-    _, fragment = cKDTree(centres).query(points, p=np.inf)
+    _, fragment = KDTree(centres).query(points)
     beyond = np.abs(points - centres[fragment]) - grid.pitch / 2
     gap = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
     voxel = np.where(inside[:, None], cell, grid.fragment_voxel[fragment])
@@ -138,7 +137,7 @@ def _bind(
 ) -> BodyProbes:
     structure = body.body.structure
     grid, location = structure.grid, structure.nodes().location
-    _, fragment = cKDTree(grid.fragment_position).query(points)
+    _, fragment = KDTree(grid.fragment_position).query(points)
     surface = grid.fragment_position[fragment]
     depth = ((surface - points) * grid.fragment_normal[fragment]).sum(axis=1)
     at_surface = np.clip(1 - depth / structure.fragment_distance()[fragment], 0, 1)
