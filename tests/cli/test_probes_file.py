@@ -46,8 +46,9 @@ def test_a_run_with_probes_leaves_their_file(tmp_path):
     summary = json.loads((out / "summary.json").read_text())
     core, skin = (summary["probes"][name] for name in ("core", "skin"))
     assert skin["position_m"] == [0.025, 0.001, 0.0]
-    # The sun shines on the side at +x: it is warmer than the middle.
-    assert 300.0 < core["temperature_K"][0] < skin["temperature_K"][0]
+    # The sun shines on the side at +x; 5 s are too short for the middle.
+    assert core["temperature_K"][0] == pytest.approx(300.0, abs=0.01)
+    assert skin["temperature_K"][0] > 305.0
     with (out / "probes.csv").open(newline="") as lines:
         rows = list(csv.DictReader(lines))
     read = [float(row["skin"]) for row in rows]
