@@ -177,7 +177,8 @@ def select_arrays(
 
     Args:
         schema: a NamedTuple whose annotations are jaxtyping's, such as
-            `Float[np.ndarray, "s 3"]`: an axis of one name has one size.
+            `Float[np.ndarray, "s 3"]`: an axis of one name has one size. An array
+            that may be missing has `| None`, and None as default.
         arrays: by name.
         prefix: of the names in `arrays`.
 
@@ -191,6 +192,9 @@ def select_arrays(
         for name, expected in schema.__annotations__.items():
             array = arrays.get(prefix + name)
             if array is None:
+                # Of an array that may be missing.
+                if isinstance(None, expected):
+                    continue
                 raise InputError(f"{prefix}{name} is missing")
             if not isinstance(array, expected):
                 raise InputError(
@@ -207,5 +211,7 @@ def _readable(expected: Any) -> str:
     # Float[ndarray, "s 3"] reads as "Float [s 3]".
     kinds = getattr(expected, "__args__", (expected,))
     return " or ".join(
-        f"{kind.__name__.split('[')[0]} [{kind.dim_str}]" for kind in kinds
+        f"{kind.__name__.split('[')[0]} [{kind.dim_str}]"
+        for kind in kinds
+        if kind is not type(None)
     )

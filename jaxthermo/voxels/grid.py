@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from wadler_lindig import TextDoc
 
 from ..geometry.mesh import Mesh
 from .cavities import Cavities, find_cavities
@@ -43,7 +44,7 @@ class ThinParts:
     """Positions of the lost fragments in the body's frame [m]."""
 
 
-# Without the representation of dataclasses, which that of a body would use too.
+# Without the representation of dataclasses, which prints the first voxels.
 @dataclass(frozen=True, eq=False, repr=False)
 class VoxelGrid:
     """Solid voxels of a body, with surface fragments that have true areas.
@@ -83,6 +84,11 @@ class VoxelGrid:
             f"VoxelGrid({self.mesh.name!r}, {shape} voxels of {self.pitch:g} m, "
             f"{self.solid_count} solid, {len(self.fragment_area)} fragments)"
         )
+
+    # Equinox prints what a module holds by this.
+    def __pdoc__(self, **kwargs: object) -> TextDoc:
+        del kwargs
+        return TextDoc(repr(self))
 
     @property
     def pitch(self) -> float:

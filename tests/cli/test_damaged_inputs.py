@@ -23,6 +23,7 @@ from calibrate.config.fit_record import write_fit
 from jaxthermo.archive import write_archive
 from jaxthermo.config.card_file import write_card
 from jaxthermo.image.files import _write_exr_channels, read_exr
+from jaxthermo.integrate.run.solution_file import FORMAT_VERSION as SOLUTION_VERSION
 from tests.calibrating import RESULT
 from tests.damaged import damage, damage_archive, damage_record
 
@@ -72,10 +73,14 @@ def _solution(folder: Path) -> Path:
     run_arrays = {
         "times": saved, "surface_temperature": np.full((2, count), 300.0),
         "mean_temperature": np.full((2, 1), 300.0), "stored_J": np.zeros(2),
+        "reflected": np.full((2, count), 40.0), "energy_sun_J": np.ones(2),
+        "reflected_sources": np.zeros((2, count)), "heat_flux": np.ones((2, count)),
+        "heat_transfer_coefficient": np.full((2, count), 10.0),
+        "probe_temperature": np.full((2, 1), 300.0), "probe_position": np.zeros((1, 3)),
     }  # fmt: skip
     arrays = run_arrays | {f"body0_{name}": value for name, value in body.items()}
     (folder / "config.yaml").write_text(SCENE)
-    write_archive(folder / "solution.npz", "solution", 3, arrays)
+    write_archive(folder / "solution.npz", "solution", SOLUTION_VERSION, arrays)
     return folder / "solution.npz"
 
 
@@ -145,7 +150,7 @@ def _one(kind: str, folder: Path, random: np.random.Generator):
     if kind in ("solution", "config of a run"):
         path = _solution(folder)
         if kind == "solution":
-            damage_archive(path, random, "solution", 3)
+            damage_archive(path, random, "solution", SOLUTION_VERSION)
         else:
             _damage_file(folder / "config.yaml", random, is_text=True)
         return _render(folder)

@@ -38,13 +38,18 @@ class StoredSolution(NamedTuple):
 
 
 class _RunArrays(NamedTuple):
-    # The schema of what the file stores once; energies of mechanisms come beside it.
+    # The schema of what the file stores once; the energies of mechanisms are beside it.
     times: Float[np.ndarray, " t"]
     surface_temperature: Float[np.ndarray, "t s"]
     mean_temperature: Float[np.ndarray, "t b"]
     stored_J: Float[np.ndarray, " t"]
     reflected: Float[np.ndarray, "t s"]
     reflected_sources: Float[np.ndarray, "t s"]
+    # Only what the scene asks for.
+    heat_flux: Float[np.ndarray, "t s"] | None = None
+    heat_transfer_coefficient: Float[np.ndarray, "t s"] | None = None
+    probe_temperature: Float[np.ndarray, "t p"] | None = None
+    probe_position: Float[np.ndarray, "p 3"] | None = None
 
 
 class _BodyArrays(NamedTuple):
@@ -79,8 +84,7 @@ def save_solution(path: Path, solution: Solution) -> StoredSolution:
     arrays: dict[str, Any] = {
         name: getattr(solution, name) for name in _RunArrays._fields[:3]
     }
-    arrays |= {"stored_J": solution.energy.stored_J, "reflected": reflected}
-    arrays["reflected_sources"] = lit
+    arrays |= {"reflected": reflected, "reflected_sources": lit}
     arrays["stored_J"] = solution.energy.stored_J
     # What the scene asked for besides.
     for name in (*SURFACE_OUTPUTS, "probe_temperature"):
@@ -140,6 +144,7 @@ def _stored_solution(arrays: dict[str, np.ndarray]) -> StoredSolution:
     # Each body stores one pitch.
     count = sum(name.endswith("_pitch") for name in arrays)
     bodies = [select_arrays(_BodyArrays, arrays, f"body{b}_") for b in range(count)]
+    _check_energies(arrays, run, count)
     fragments = sum(len(body.fragment_area) for body in bodies)
     if run.surface_temperature.shape[1] != fragments:
         raise InputError(
@@ -152,6 +157,22 @@ def _stored_solution(arrays: dict[str, np.ndarray]) -> StoredSolution:
     rows = (jnp.asarray(each) for each in (run.times, run.surface_temperature))
     reflected = map(jnp.asarray, (run.reflected, run.reflected_sources))
     return StoredSolution(*rows, surfaces, *reflected)
+
+
+def _check_energies(
+    arrays: dict[str, np.ndarray], run: _RunArrays, bodies: int
+) -> None:
+    # The energies have the names of the scene's mechanisms; nothing else is left.
+    known = set(_RunArrays._fields)
+    known |= {f"body{b}_{name}" for b in range(bodies) for name in _BodyArrays._fields}
+    for name in arrays.keys() - known:
+        if not (name.startswith("energy_") and name.endswith("_J")):
+            raise InputError(f"{name} is no part of a solution")
+        heat = arrays[name]
+        if heat.shape != run.times.shape or heat.dtype.kind != "f":
+            raise InputError(f"{name} is not one number for each of the times")
+        if not np.isfinite(heat).all():
+            raise InputError(f"{name} has values that are not finite")
 
 
 def _check_ranges(body: _BodyArrays) -> None:

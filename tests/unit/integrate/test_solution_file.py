@@ -14,6 +14,7 @@ from jaxthermo.integrate.run.solution_file import (
     load_solution,
     save_solution,
 )
+from jaxthermo.scene.scene import SURFACE_OUTPUTS
 
 
 COPPER = jt.Material(
@@ -45,7 +46,8 @@ def solution(request):
         ),
     )
     terms = (jt.Convection(20.0, 290.0), jt.Surroundings(temperature=280.0))
-    scene = jt.Scene(bodies, terms, dtype=request.param)
+    asked = {"probes": {"core": (0.0, 0.0, 0.0)}, "surface_outputs": SURFACE_OUTPUTS}
+    scene = jt.Scene(bodies, terms, dtype=request.param, **asked)
     return jt.simulate(scene, 3.0, [1.0, 3.0])
 
 
@@ -145,6 +147,13 @@ BAD_ARRAYS = {
     "surface_temperature": lambda a: a[:, 1:],
     "mean_temperature": lambda a: a[1:],
     "reflected": lambda a: a[:, 1:],
+    "reflected_sources": lambda a: a[0],
+    "stored_J": lambda a: a[:-1],
+    "energy_convection_J": lambda a: a * np.inf,
+    "heat_flux": lambda a: a[:, 1:],
+    "heat_transfer_coefficient": lambda a: a * np.nan,
+    "probe_temperature": lambda a: a[:, :0],
+    "probe_position": lambda a: a[:, :2],
     "times": lambda a: a[::-1],
     "body0_vertices": lambda a: a * np.nan,
     "body0_faces": lambda a: a + len(a),
