@@ -129,7 +129,8 @@ class VoxelGrid:
     def contains(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
         """Flag the points (in the body's frame) that lie in a solid voxel."""
         cells = self.lattice.to_cells(points)
-        found = ((cells >= 0) & (cells < self.solid.shape)).all(1)
+        inside = (cells >= 0) & (cells < self.solid.shape)
+        found: Bool[np.ndarray, " n"] = inside.all(1)
         found[found] = self.solid[tuple(np.floor(cells[found]).astype(int).T)]
         return found
 

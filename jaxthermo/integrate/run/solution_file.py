@@ -154,9 +154,13 @@ def _stored_solution(arrays: dict[str, np.ndarray]) -> StoredSolution:
     if not len(run.times) or (np.diff(run.times) <= 0).any():
         raise InputError("times do not increase")
     surfaces = tuple(_surface(body, run.times) for body in bodies)
-    rows = (jnp.asarray(each) for each in (run.times, run.surface_temperature))
-    reflected = map(jnp.asarray, (run.reflected, run.reflected_sources))
-    return StoredSolution(*rows, surfaces, *reflected)
+    return StoredSolution(
+        jnp.asarray(run.times),
+        jnp.asarray(run.surface_temperature),
+        surfaces,
+        jnp.asarray(run.reflected),
+        jnp.asarray(run.reflected_sources),
+    )
 
 
 def _check_energies(
