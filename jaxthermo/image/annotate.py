@@ -96,8 +96,8 @@ def _draw_tips(
         (beyond[1], -1, top - edge - 1, top - edge - 1 - tall),
     ):
         if is_shown:
-            corners = [(left, base), (left + width - 1, base)]
-            corners.append((left + (width - 1) / 2, apex))
+            middle = left + (width - 1) / 2
+            corners = [(left, base), (left + width - 1, base), (middle, apex)]
             colour = tuple(int(channel) for channel in table[end])
             draw.polygon(corners, fill=colour, outline=FAINT, width=edge)
 
@@ -145,9 +145,8 @@ def annotate(
     shared = (*limits, bar_height, round(1.3 * text))
     labels = _bar_labels(*shared, beyond)
     # Room for the signs in any case: all frames of a run have one size.
-    widest = max(
-        layout.width(entry.text) for entry in _bar_labels(*shared, (True,) * 2)
-    )
+    longest = _bar_labels(*shared, (True, True))
+    widest = max(layout.width(entry.text) for entry in longest)
     panel = 2 * gap + bar_width + layout.line + gap + widest + gap
     panel = max(panel, *(3 * gap + layout.width(line) for line in heads))
     strip = round(1.3 * text) + gap

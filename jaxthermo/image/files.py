@@ -164,7 +164,7 @@ def picture(
     behind = np.where(drawn, kelvin, np.nan)
     colours = apply_palette(behind, low, high, palette, invalid=BACKGROUND)
     # A coarsened pixel on the silhouette mixes the body with the background.
-    counted = binary_erosion(drawn, iterations=1, border_value=1)
+    counted = np.asarray(binary_erosion(drawn, iterations=1, border_value=1), bool)
     seen = kelvin[drawn if samples > 1 else counted]
     return annotate(
         _averaged(colours, samples),

@@ -95,42 +95,45 @@ def _draw_numbers(
         away = np.hypot(row - middle[0], column - middle[1])
         nearest = int(away.argmin())
         at = (column[nearest] / _SAMPLES, row[nearest] / _SAMPLES)
-        draw.text(
-            at,
-            f"body {number}",
-            fill=INK,
-            font=layout.font,
-            anchor="mm",
-            stroke_width=layout.line + 1,
-            stroke_fill=PAPER,
-        )
+        _draw_text(draw, at, f"body {number}", INK, layout)
 
 
 def _draw_axes(canvas: Image.Image, camera: AbstractCamera, layout: Layout) -> None:
     # In the lower left corner, seen along the middle ray of the camera.
     draw, length = ImageDraw.Draw(canvas), 2.6 * layout.text
-    room = length + 0.8 * layout.text + layout.width("z up") + layout.gap
-    origin = np.array([room, camera.height - room])
     # World axes x, y, z as rows, in steps to the right, down and away.
     axes = camera.frame.T
+    flat = np.hypot(axes[:, 0], axes[:, 1])
+    # One along the view is a spot: its name goes where no arrow is.
+    spare = -axes[flat >= _MIN_ARROW, :2].sum(axis=0)
+    way = np.where(flat[:, None] < _MIN_ARROW, spare, axes[:, :2])
+    way /= np.maximum(np.hypot(*way.T), 1e-9)[:, None]
+    tip = length * np.where(flat < _MIN_ARROW, 0.0, 1.0)[:, None] * axes[:, :2]
+    at = tip + 0.9 * layout.text * way
+    names = [f"{name} up" if name == "z" else name for name, _ in _AXES]
+    wide = np.array([layout.width(name) for name in names])
+    # Labels beside the heads of their arrows, not across them.
+    at[:, 0] += np.where(np.abs(way[:, 0]) > 0.5, np.sign(way[:, 0]) * wide / 2, 0.0)
+    half = np.stack([wide / 2, np.full(3, layout.text / 2)], axis=1)
+    corner = np.array([layout.gap, camera.height - layout.gap])
+    low = np.minimum((at - half).min(axis=0), 0.0)
+    high = np.maximum((at + half).max(axis=0), 0.0)
+    origin = corner - [low[0], high[1]]
     # The farthest first, so that the nearer ones are in front.
     for k in np.argsort(-axes[:, 2]).tolist():
-        name, colour = _AXES[k]
-        way = axes[k, :2]
-        tip = origin + length * way
-        if np.hypot(*way) < _MIN_ARROW:
+        _, colour = _AXES[k]
+        if flat[k] < _MIN_ARROW:
             spot = layout.text / 5
-            box = (*(origin - spot), *(origin + spot))
-            draw.ellipse(box, fill=colour)
-            tip, way = origin, np.array([0.7, 0.7])
+            draw.ellipse((*(origin - spot), *(origin + spot)), fill=colour)
         else:
-            _draw_arrow(draw, origin, tip, colour, layout)
-        unit = way / np.hypot(*way)
-        label = f"{name} up" if name == "z" else name
-        at = tip + 0.8 * layout.text * unit
-        # Beside its arrow's head, not across it.
-        anchor = "lm" if unit[0] > 0.5 else "rm" if unit[0] < -0.5 else "mm"
-        draw.text(tuple(at), label, colour, layout.font, anchor=anchor)
+            _draw_arrow(draw, origin, origin + tip[k], colour, layout)
+        _draw_text(draw, origin + at[k], names[k], colour, layout)
+
+
+def _draw_text(draw, at, text: str, ink: tuple[int, int, int], layout: Layout) -> None:
+    # With a dark rim, or bodies behind it would hide it.
+    rim = {"stroke_width": layout.line + 1, "stroke_fill": PAPER}
+    draw.text(tuple(at), text, ink, layout.font, anchor="mm", **rim)
 
 
 def _draw_arrow(

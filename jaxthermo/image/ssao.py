@@ -24,6 +24,8 @@ from .camera import AbstractCamera
 _SLICES = 8
 # Steps on either side of a slice, denser near the pixel.
 _STEPS = 12
+# Rows that are worked on at a time: what they need stays in the cache.
+_ROWS = 16
 
 
 class _Sight(NamedTuple):
@@ -69,12 +71,16 @@ def screen_space_occlusion(
     if not (np.isfinite(radius) and radius > 0):
         raise InputError(f"screen_space_occlusion(radius={radius!r}): give metres")
     hit = np.isfinite(depth)
-    sight = _sight(depth, camera)
-    middle = float(np.median(sight.pixel[hit])) if hit.any() else 1.0
+    if not hit.any():
+        return np.ones(depth.shape)
+    box = _bounds(hit)
+    whole_image, hit, normal = np.ones(depth.shape), hit[box], normal[box]
+    sight = _sight(depth, camera, box)
+    middle = float(np.median(sight.pixel[hit]))
     # The same shifts [pixels] for all pixels, which makes them array operations; points
     # beyond the radius are excluded one by one in `_horizon`.
     shift = radius / middle * (np.arange(1, steps + 1) / steps) ** 1.5
-    open_part, whole = np.zeros(depth.shape), np.zeros(depth.shape)
+    open_part, whole = np.zeros(hit.shape), np.zeros(hit.shape)
     for turn in np.pi * (np.arange(slices) + 0.5) / slices:
         direction = np.array([np.cos(turn), np.sin(turn)])
         side = _across(direction @ sight.axes, sight.back)
@@ -88,20 +94,29 @@ def screen_space_occlusion(
             open_part += length * _arc(angle + sign * (np.pi / 2 - rise), angle)
         whole += length * (np.cos(angle) + angle * np.sin(angle))
     fraction = open_part / np.where(whole > 0, whole, 1.0)
-    return np.where(hit, np.clip(fraction, 0.0, 1.0), 1.0)
+    whole_image[box] = np.where(hit, np.clip(fraction, 0.0, 1.0), 1.0)
+    return whole_image
 
 
-def _sight(depth: np.ndarray, camera: AbstractCamera) -> _Sight:
+def _bounds(hit: np.ndarray) -> tuple[slice, slice]:
+    """Rows and columns outside of which nothing is hit."""
+    rows, columns = (np.flatnonzero(hit.any(axis=axis)) for axis in (1, 0))
+    return slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+
+
+def _sight(
+    depth: np.ndarray, camera: AbstractCamera, box: tuple[slice, slice]
+) -> _Sight:
     height, width = depth.shape
     origin, direction = camera.rays()
     ahead = np.where(np.isfinite(depth), depth, np.nan).reshape(-1, 1)
     back = -direction / np.linalg.norm(direction, axis=1, keepdims=True)
     axes, size = _axes(camera)
     return _Sight(
-        point=(origin + direction * ahead).reshape(height, width, 3),
-        back=back.reshape(height, width, 3),
+        point=(origin + direction * ahead).reshape(height, width, 3)[box],
+        back=back.reshape(height, width, 3)[box],
         axes=axes,
-        pixel=size(depth),
+        pixel=size(depth[box]),
     )
 
 
@@ -145,23 +160,30 @@ def _horizon(
 ) -> np.ndarray:
     # Measured along the slice: pixels beside it on the same plane have angle 0.
     height, width = point.shape[:2]
+    # Planes x, y, z, along which memory is contiguous.
+    planes = (np.moveaxis(each, -1, 0) for each in (point, upright, flat))
+    point, upright, flat = map(np.ascontiguousarray, planes)
     # Horizons are compared by cosine: one arccos at the end.
     smallest = np.ones((height, width))
-    for right, down in shifts[shifts.any(1)].tolist():
-        rows, columns = _overlap(height, down), _overlap(width, right)
-        own, other = (rows[0], columns[0]), (rows[1], columns[1])
-        gap = point[other] - point[own]
-        squared = _dot(gap, gap)
-        rise, run = _dot(gap, upright[own]), _dot(gap, flat[own])
-        stands = (squared <= radius * radius) & (rise > 0)
-        cosine = run / np.sqrt(np.where(stands, run * run + rise * rise, 1.0))
-        smallest[own] = np.minimum(smallest[own], np.where(stands, cosine, 1.0))
+    for top in range(0, height, _ROWS):
+        for right, down in shifts[shifts.any(1)].tolist():
+            rows = _overlap(height, down, top, top + _ROWS)
+            columns = _overlap(width, right, 0, width)
+            own, other = (rows[0], columns[0]), (rows[1], columns[1])
+            x, y, z = (plane[other] - plane[own] for plane in point)
+            rise, run = (
+                a[own] * x + b[own] * y + c[own] * z for a, b, c in (upright, flat)
+            )
+            stands = (x * x + y * y + z * z <= radius * radius) & (rise > 0)
+            cosine = run / np.sqrt(np.where(stands, run * run + rise * rise, 1.0))
+            np.minimum(smallest[own], cosine, out=smallest[own], where=stands)
     return np.arccos(np.clip(smallest, -1.0, 1.0))
 
 
-def _overlap(size: int, shift: int) -> tuple[slice, slice]:
-    low, high = max(0, -shift), max(0, min(size, size - shift))
-    low = min(low, high)
+def _overlap(size: int, shift: int, start: int, stop: int) -> tuple[slice, slice]:
+    """Rows or columns from `start` to `stop`, and those that are `shift` farther on."""
+    low, high = max(start, -shift), min(stop, size, size - shift)
+    high = max(low, high)
     return slice(low, high), slice(low + shift, high + shift)
 
 

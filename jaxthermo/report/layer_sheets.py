@@ -19,6 +19,7 @@ from ..voxels.textures import (
     layer_images,
     normal_colours,
 )
+from .numbers import count
 from .sheet import ColourBar, Legend, Pixels, Tile, enlarged, sheet
 
 
@@ -122,7 +123,8 @@ def contact_tiles(
         mine = (grid.fragment_axis == "xyz".index(key[0])) & touched
         for number in np.unique(layer[mine]).tolist():
             heading = f"{name}, {key[0]} layer {number}"
-            note = f"{np.count_nonzero(layer[mine] == number)} in contact"
+            touching = int(np.count_nonzero(layer[mine] == number))
+            note = count(touching, "fragment") + " in contact"
             pixels: Pixels = enlarged(images[number], _LAYER_EDGE)
             tiles.append(Tile(pixels, heading, note))
     return tiles

@@ -66,8 +66,10 @@ def sheet(
     whole.paste(grid, ((width - grid.width) // 2, head))
     draw = ImageDraw.Draw(whole)
     draw.text((width / 2, head / 2), title, fill=INK, font=font, anchor="mm")
-    draw_key = _draw_legend if isinstance(bar, Legend) else _draw_bar
-    draw_key(whole, bar, grid.height + head, text)
+    if isinstance(bar, Legend):
+        _draw_legend(whole, bar, grid.height + head, text)
+    else:
+        _draw_bar(whole, bar, grid.height + head, text)
     return whole
 
 

@@ -42,7 +42,8 @@ def test_a_preview_neither_voxelizes_nor_runs(tmp_path, monkeypatch):
     code, text, err = run("simulate", scene_file(tmp_path), "--preview", "--out", out)
     assert (code, err) == (0, "")
     assert files(out) == {"preview.png"}
-    assert Image.open(out / "preview.png").size[0] == 64
+    with Image.open(out / "preview.png") as image:
+        assert image.size[0] == 64
     assert "in the world from (-0.025, -0.02, -0.05) to (0.025, 0.02, 0.05) m" in text
     assert f"{out / 'preview.png'}: nothing was simulated" in text
 
@@ -51,7 +52,7 @@ def test_a_preview_of_a_wrong_camera_leaves_nothing(tmp_path):
     out = tmp_path / "out"
     code, _, err = run(
         "simulate", scene_file(tmp_path), "--preview", "--out", out,
-        "--set", "camera.position=[0, 0, 0]",
+        "--set", "camera.position=[0.01, 0, 0]",
     )  # fmt: skip
     assert code == 2 and "inside body 0" in err and not out.exists()
 

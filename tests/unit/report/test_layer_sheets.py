@@ -5,7 +5,7 @@ import pytest
 
 from jaxthermo.geometry import shapes
 from jaxthermo.geometry.mesh import Mesh
-from jaxthermo.report import layer_sheets
+from jaxthermo.report import layer_sheets, voxel_sheet as voxel_sheet_module
 from jaxthermo.report.layer_sheets import _depth_bar, _legend, contact_tiles
 from jaxthermo.report.sheet import Legend, Tile, sheet
 from jaxthermo.report.voxel_sheet import _COLOURS, _Faces, voxel_sheet
@@ -36,7 +36,8 @@ def test_the_faces_of_a_block_of_voxels():
 
 
 @pytest.mark.parametrize(("height", "kind"), [(0.5, 1), (0.0, 2)])
-def test_thin_and_lost_parts_have_their_colours(height, kind):
+def test_thin_and_lost_parts_have_their_colours(height, kind, monkeypatch):
+    monkeypatch.setattr(voxel_sheet_module, "_EDGE", 240)
     grid = voxelize(block_and_plate(height), 1.0)
     faces = _Faces(grid)
     place = faces.triangles.reshape(-1, 6, 3).mean(1)
@@ -45,7 +46,7 @@ def test_thin_and_lost_parts_have_their_colours(height, kind):
     assert (faces.kind[place[:, 0] < 4.0] == 0).all()
     marked = (np.asarray(voxel_sheet(grid)) == _COLOURS[kind]).all(-1)
     # Seen from above in more pixels than the square of the legend has.
-    assert marked.sum() > 4000
+    assert marked.sum() > 400
 
 
 def test_depths_are_labelled_in_millimetres():
@@ -73,7 +74,9 @@ def test_a_legend_shows_all_its_colours():
 def test_contact_tiles_are_the_layers_that_touch():
     values = np.where(GRID.fragment_normal[:, 2] > 0.9, 0.5, np.nan)
     tiles = contact_tiles("block", GRID, values, 0.0, 1.0)
-    assert [(t.label, t.note) for t in tiles] == [("block, z layer 1", "24 in contact")]
+    assert [(t.label, t.note) for t in tiles] == [
+        ("block, z layer 1", "24 fragments in contact")
+    ]
 
 
 def test_every_kind_of_layer_has_a_sheet(tmp_path):
