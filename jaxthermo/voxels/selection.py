@@ -2,7 +2,7 @@
 
 import abc
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, overload
 
 import equinox as eqx
 import numpy as np
@@ -63,6 +63,27 @@ class AbstractSpace(AbstractSelection):
     ) -> Bool[np.ndarray, " s"]:
         del normal
         return self.contains(position)
+
+    # Editors then know that `within` takes a combination of parts of space.
+    @overload
+    def __and__(self, other: "AbstractSpace") -> "AbstractSpace": ...
+    @overload
+    def __and__(self, other: AbstractSelection) -> AbstractSelection: ...
+    @override
+    def __and__(self, other: AbstractSelection) -> AbstractSelection:
+        return super().__and__(other)
+
+    @overload
+    def __or__(self, other: "AbstractSpace") -> "AbstractSpace": ...
+    @overload
+    def __or__(self, other: AbstractSelection) -> AbstractSelection: ...
+    @override
+    def __or__(self, other: AbstractSelection) -> AbstractSelection:
+        return super().__or__(other)
+
+    @override
+    def __invert__(self) -> "AbstractSpace":
+        return _CombinedSpace(rule="~", parts=(self,))
 
 
 class _AbstractOnOneBody(AbstractSelection):

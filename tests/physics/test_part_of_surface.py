@@ -1,5 +1,7 @@
 """Terms on a part of the surface: both parts together are the whole."""
 
+from dataclasses import replace
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -8,6 +10,7 @@ import pytest
 import jaxthermo as jt
 from jaxthermo.integrate.run.heat_rates import evaluate_rates
 from jaxthermo.scene.compile.compile import compile_scene
+from jaxthermo.scene.compile.program import Compiled
 from tests.radiating import surface_of, whole
 
 
@@ -49,10 +52,9 @@ def test_two_parts_are_the_whole(make):
     ]
 
 
-def entries(scene: jt.Scene) -> dict[tuple[str, int], float]:
+def entries(compiled: Compiled) -> dict[tuple[str | int, ...], float]:
     """Heat rate of each mechanism on each body at the start [W]."""
-    compiled = compile_scene(scene)
-    zero = jnp.zeros((), scene.dtype)
+    zero = jnp.zeros((), compiled.receipt.dtype)
     _, rates = RATES(compiled.program, compiled.state, zero)
     found = zip(compiled.program.entries, np.asarray(rates).tolist(), strict=True)
     return {(name, *bodies): rate for (name, bodies), rate in found}
@@ -67,7 +69,8 @@ def test_parts_have_surroundings_of_their_own():
     """Black at 400 K: each part emits sigma A (T^4 - T_s^4)."""
     black = jt.Material(1e6, density=2000.0, specific_heat=500.0, emissivity=1.0)
     terms = (jt.Surroundings(200.0, on=UPPER), jt.Surroundings(300.0, on=~UPPER))
-    found = entries(jt.Scene((body(material=black),), terms, dtype="float64"))
+    scene = jt.Scene((body(material=black),), terms, dtype="float64")
+    found = entries(compile_scene(scene))
     chosen = UPPER.select(GRID.fragment_position, GRID.fragment_normal)
     area = GRID.fragment_area
     sigma = 5.670374419e-8
@@ -110,22 +113,28 @@ def test_what_takes_no_part_in_the_exchange_reflects():
     """In a reflecting room a body receives what it emits, whatever is outside."""
     room = jt.voxelize(_room(0.06, 0.08), 0.01)
     ball = jt.voxelize(jt.shapes.box((0.02, 0.02, 0.02)), 0.01)
-    bodies = (body(grid=ball), body(kelvin=250.0, grid=room))
-    exchange = jt.RadiativeExchange(200.0, max_patches=12, directions=16)
-    whole = entries(jt.Scene(bodies, (exchange,), dtype="float64"))
-    alone = jt.RadiativeExchange(
-        200.0, max_patches=12, directions=16, on=jt.Everything(0)
-    )
-    only = entries(jt.Scene(bodies, (alone,), dtype="float64"))
-    assert set(only) == {("emission", 0)}
-    print("without and with the room", only, whole)
-    assert whole["emission", 0] < -1.0
+    surface = whole(surface_of(ball), surface_of(room, body=1))
+    # The ball at 400 K in a room of 250 K.
+    kelvin = np.repeat([400.0, 250.0], surface.counts)
+    alone = replace(EXCHANGE, on=jt.Everything(0))
+    both, only = (_received(term, surface, kelvin) for term in (EXCHANGE, alone))
+    print("without and with the room", only, both)
+    assert both[0] < -1.0 and both[1] > 0.0
+    assert only[1] == 0.0
     # A perfect mirror is replaced by an absorptivity of 1e-6.
-    assert abs(only["emission", 0]) < 1e-4 * abs(whole["emission", 0])
+    assert abs(only[0]) < 1e-4 * abs(both[0])
+
+
+def _received(term, surface, kelvin) -> list[float]:
+    """Heat that each body receives by the exchange [W]."""
+    (binding, *_) = term.bind(surface)
+    net = term.enclosure(surface)[0].net(jnp.zeros(()), jnp.asarray(kelvin - 300.0))
+    heat = surface.apart(binding.effective_area * np.asarray(net))
+    return [float(own.sum()) for own in heat]
 
 
 def _room(inner: float, outer: float) -> jt.Mesh:
-    hole, block = jt.shapes.box((inner,) * 3), jt.shapes.box((outer,) * 3)
+    hole, block = (jt.shapes.box((edge, edge, edge)) for edge in (inner, outer))
     return jt.Mesh(
         np.concatenate([block.vertices, hole.vertices]),
         np.concatenate([block.faces, hole.faces[:, ::-1] + len(block.vertices)]),
@@ -137,34 +146,37 @@ PLATE = jt.voxelize(jt.shapes.box((0.02, 0.06, 0.06)), 0.02)
 EXCHANGE = jt.RadiativeExchange(300.0, max_patches=6, directions=16)
 
 
-def _facing(term, material=METAL, start=300.0):
+def _facing(term, material=METAL, dtype="float64"):
     bodies = (
-        body(kelvin=start, material=material, grid=PLATE),
+        body(kelvin=300.0, material=material, grid=PLATE),
         body(x=0.06, kelvin=300.0, grid=PLATE),
     )
-    terms = (EXCHANGE,) if term is None else (EXCHANGE, term)
-    return jt.Scene(bodies, terms, dtype="float64")
+    return jt.Scene(bodies, (EXCHANGE, term), dtype=dtype)
 
 
 HOT = jt.FixedTemperature(600.0, on=jt.Everything(0))
 
 
 def test_a_surface_of_fixed_temperature_radiates_like_any_other():
-    """Beside a body that conducts so well that its surface is at its temperature."""
-    copper = jt.Material(1e9, density=2000.0, specific_heat=500.0, emissivity=0.8)
+    """As the enclosure says between surfaces of 600 K and 300 K."""
     # An insulator, whose nodes are 300 K colder than its surface.
     wool = jt.Material(0.05, density=100.0, specific_heat=800.0, emissivity=0.8)
-    held = entries(_facing(HOT, wool))
-    hot = entries(_facing(None, copper, start=600.0))
-    print("held", held, "hot", hot)
-    for number in (0, 1):
-        key = ("emission", number)
-        assert held[key] == pytest.approx(hot[key], rel=1e-6)
-    assert held["emission", 1] > 0
+    compiled = compile_scene(_facing(HOT, wool))
+    found, enclosure = entries(compiled), compiled.program.fine_enclosure
+    assert enclosure is not None
+    area = PLATE.fragment_area
+    above = jnp.asarray(np.repeat([300.0, 0.0], len(area)))
+    net = np.asarray(enclosure.net(jnp.zeros(()), above)).reshape(2, -1)
+    exact = 0.8 * net @ area
+    print("found", found, "exact", exact)
+    emitted = [found["emission", number] for number in (0, 1)]
+    # Body 1 is a metal, whose surface is at the temperature of its nodes to 1e-4.
+    assert emitted == pytest.approx(exact, rel=1e-3)
+    assert emitted[1] > 0
     # What keeps the temperature supplies the radiation and heats the inside, through
     # half a voxel of wool.
-    supplied = held["fixed_temperature", 0] + held["emission", 0]
-    inward = 0.05 * PLATE.fragment_area.sum() / 0.01 * 300.0
+    supplied = found["fixed_temperature", 0] + found["emission", 0]
+    inward = 0.05 * area.sum() / 0.01 * 300.0
     assert supplied == pytest.approx(inward, rel=1e-6)
 
 
@@ -175,9 +187,7 @@ def test_a_surface_of_fixed_temperature_radiates_like_any_other():
 @pytest.mark.parametrize("dtype", ["float32", "float64"])
 def test_the_heat_of_a_fixed_temperature_closes(solver, dtype):
     side = jt.FixedTemperature(600.0, on=jt.Side((1.0, 0.0, 0.0)))
-    scene = _facing(side)
-    scene = jt.Scene(scene.bodies, scene.terms, dtype=dtype)
-    run = jt.simulate(scene, 20.0, solver=solver)
+    run = jt.simulate(_facing(side, dtype=dtype), 20.0, solver=solver)
     for own in run.energy.bodies:
         assert np.abs(own.residual_relative).max() < (1e-5, 1e-12)[dtype == "float64"]
     held = run.energy.bodies[0].mechanisms

@@ -162,9 +162,17 @@ def _items(value: Any) -> Iterable[tuple[str | int, Any]]:
 def _second_emission(data: dict[str, Any]) -> list[Mistake]:
     terms = [term if isinstance(term, dict) else {} for term in _terms(data)]
     found = [i for i, term in enumerate(terms) if term.get("kind") in _EMISSION]
-    # Parts of the surface may have surroundings of their own.
+    # Parts of the surface may have surroundings of their own, but one exchange.
     if all(terms[i].get("on") is not None for i in found):
-        return []
+        exchange = [i for i in found if terms[i]["kind"] == "radiative_exchange"]
+        return [
+            (
+                ("terms", i),
+                "a second radiative_exchange would not see the surfaces of the one in "
+                f"terms.{exchange[0]}: give one, with `on: {{any: [.., ..]}}`",
+            )
+            for i in exchange[1:]
+        ]
     return [
         (
             ("terms", i),

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from ...errors import InputError
 from .rays import PlacedGrid
@@ -160,6 +160,6 @@ def _depth_below(
     body: PlacedGrid, points: Float[np.ndarray, "n 3"]
 ) -> Float[np.ndarray, " n"]:
     """Distance of points to the tangent plane of a body's nearest fragment [m]."""
-    nearest = cKDTree(body.world_fragments).query(points)[1]
+    nearest = KDTree(body.world_fragments).query(points)[1]
     normal = body.pose.rotate(body.grid.fragment_normal[nearest])
     return np.einsum("ij,ij->i", body.world_fragments[nearest] - points, normal)

@@ -83,9 +83,10 @@ def wake_notes(wake: Any, reynolds: Float[np.ndarray, " n"]) -> tuple[str, ...]:
     ends = f"{beyond.min():.3g}"
     if beyond.max() > beyond.min() * 1.01:
         ends += f" to {beyond.max():.3g}"
+    sooner = ": a turbulent wake recovers sooner" if beyond.max() > high else ""
     return (
         f"the wake is of an object at Re {ends}, and the deficit was fitted at Re "
-        f"{low:g} to {high:g} (its defaults at 20): a turbulent wake recovers sooner",
+        f"{low:g} to {high:g} (its defaults at 20){sooner}",
     )
 
 

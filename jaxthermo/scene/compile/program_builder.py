@@ -113,7 +113,6 @@ def make_programs(
     probes = bind_probes(scene, prepared, dtype)
     areas = [body.grid.fragment_area for body in snapshots[0].surface.bodies]
     outputs = surface_heat(scene, areas, tuple(names))
-    made = []
     made, accuracies = [], []
     for snapshot, own in zip(snapshots, terms, strict=True):
         surface = snapshot.surface

@@ -264,6 +264,9 @@ def test_fragments_by_a_file(scene, tmp_path, marks):
          "{kind: radiative_exchange, temperature: 280}",
          "terms.1: radiative_exchange would count the emission twice, after "
          "surroundings in terms.0"),
+        ("{kind: radiative_exchange, temperature: 280, on: {body: 0}}, "
+         "{kind: radiative_exchange, temperature: 280, on: {body: 1}}",
+         "terms.1: a second radiative_exchange would not see the surfaces of the one"),
         ("{kind: wind, velocity: 3, temperature: 290}",
          "terms.0.velocity: expected three numbers [x, y, z], got 3"),
         ("{kind: wind, velocity: [0, 0, 0], temperature: 290, speed: 3}",
