@@ -247,7 +247,7 @@ FAR = "{region: {lower: [1, 1, 1], upper: [2, 2, 2]}}"
          "size: [1 cm, 1 cm], radiance: 9}",
          ("AreaSource", "inside body 0", "move it out")),
         ("bodies.1.pose.translation=[0, 0, 0]",
-         ("body 0 and body 1 overlap", "move them apart")),
+         ("body 0 lies wholly in the solid of body 1", "move it out")),
         ("bodies.1.pose.translation=[0, 0, 1 cm]",
          ("body 0 and body 1 overlap", "move them apart")),
         ("bodies.1.material={name: copper, emissivity: 1.2}",

@@ -156,5 +156,5 @@ def test_mistakes_are_one_line(grid):
     for within in surfaces:
         with pytest.raises(InputError, match="it heats the inside: give a Region"):
             HeatSource(1.0, within)
-    with pytest.raises(InputError, match="must be finite"):
+    with pytest.raises(InputError, match="give a finite number"):
         HeatSource(np.nan)

@@ -52,7 +52,8 @@ def _cube(start, dtype="float64"):
     grid = blocks(np.ones((2, 2, 2), bool), 0.01)
     metal = jt.Material(200.0, density=2700.0, specific_heat=900.0, emissivity=1.0)
     body = jt.Body(jt.FullVolume(grid), metal, temperature=start)
-    return jt.Scene((body,), (jt.Surroundings(300.0),), dtype=dtype)
+    sky = jt.Surroundings(300.0)
+    return jt.Scene((body,), (sky,), dtype=dtype, allow_extreme_temperatures=True)
 
 
 @pytest.mark.parametrize("start", [1e-3, 5800.0])

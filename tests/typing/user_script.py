@@ -23,6 +23,9 @@ by_part = jt.materials_by_part(grid, parts, {"blade": steel, "*": clay})
 labelled = jt.MaterialLabels(labels, (clay, jt.materials["copper"]))
 path = jt.PoseTable([0, 9], [jt.Pose(), jt.Pose((1.0, 0.0, 0.0))])
 body = jt.Body(jt.FullVolume(grid), clay, temperature=293.0, surface_map=maps[2])
+top, middle = jt.Side((0.0, 0.0, 1.0)), jt.Region((0, 0, 0), (0.1, 0.1, 0.1))
+matt = jt.Coating(0.9, absorptivity=0.3, on=top & ~middle | jt.Side((1.0, 0.0, 0.0)))
+coated = jt.Body(coarse[1], clay, temperature=293.0, coatings=(matt,))
 moving = jt.Body(coarse[2], painted, temperature=300.0, pose=jt.Motion(path, every=1.0))
 power = jt.Until(jt.Table([0, 60], [0, 1e3]), 90.0)
 sun = jt.Sun(jt.DirectionTable([0, 9], [(0, 0, -1), (1, 0, -1)]), power)
@@ -38,7 +41,7 @@ air = (
     jt.FreeConvection(290.0),
     jt.RadiativeExchange(280.0),
 )
-heat = jt.HeatSource(5e3, within=jt.Everything())
+heat = jt.HeatSource(5e3, within=jt.Everything() & ~middle)
 terms = (sun, lamp, panel, sky, wall, flux, wind, *air, heat, jt.bonded)
 scene = jt.Scene((body, moving), (*terms, jt.Contact(1e3, bodies=(0, 1))))
 receipt = jt.compile_scene(scene).receipt
