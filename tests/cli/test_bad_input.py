@@ -283,6 +283,18 @@ def test_a_scene_beyond_physics(tmp_path, change, messages):
     assert not out.exists()
 
 
+def test_bodies_that_overlap_are_told(tmp_path):
+    deeper = ("bodies.1.pose.translation=[0, 0, 2 cm]", "terms=[]")
+    scene = scene_file(tmp_path, STACKED)
+    changes = [word for change in deeper for word in ("--set", change)]
+    code, out, err = run("simulate", scene, "--explain", *changes)
+    assert (code, err) == (0, "")
+    (line,) = [line for line in out.splitlines() if line.startswith("warning: ")]
+    # Half of a cube of 4 cm.
+    words = ("bodies 0 and 1 overlap by 20 mm around (", "3.2e-05 m3, 50 % of body")
+    assert all(each in line for each in words), line
+
+
 def test_a_wind_beyond_what_was_measured_is_a_note(tmp_path):
     wind = "terms.1={kind: wind, velocity: [300, 0, 0], temperature: 290}"
     scene = scene_file(tmp_path, STACKED)
