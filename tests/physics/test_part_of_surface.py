@@ -109,6 +109,7 @@ def test_no_surface_emits_twice(terms, message):
         compile_scene(jt.Scene((body(),), terms))
 
 
+@pytest.mark.slow
 def test_what_takes_no_part_in_the_exchange_reflects():
     """In a reflecting room a body receives what it emits, whatever is outside."""
     room = jt.voxelize(_room(0.06, 0.08), 0.01)
