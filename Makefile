@@ -5,13 +5,14 @@ UV := $(shell command -v uv 2>/dev/null || echo .uv/bin/uv)
 SYNC = UV_PROJECT_ENVIRONMENT=.venv UV_COMPILE_BYTECODE=1 $(UV) sync --locked --inexact --quiet
 RUN = .venv/bin
 
-.PHONY: help env demo test slow check bench schemas clean
+.PHONY: help env demo test slow check bench schemas cards clean
 
 help:
 	@echo "make env    the environment, in .venv"
 	@echo "make demo   thermal frames of the built-in figurine, in results/demo"
 	@echo "make test   the test suite        make slow   the long tests"
 	@echo "make check  lint and types        make bench  the benchmarks"
+	@echo "make cards  the fit cards of the package, after a change of configs/cards"
 	@echo "make schemas  the JSON Schemas in configs, after a change of a model"
 
 .uv/bin/uv:
@@ -52,6 +53,10 @@ schemas: .venv/.core
 	$(RUN)/python -m jaxthermo schema > configs/scene.schema.json
 	$(RUN)/python -m calibrate schema > configs/calibration.schema.json
 	$(RUN)/python -m experiments schema > configs/comparison.schema.json
+
+# Those that are up to date stay; a fit that was interrupted continues. Needs the meshes.
+cards: .venv/.core
+	$(RUN)/python -m calibrate cards configs/cards --out jaxthermo/data/cards
 
 clean:
 	rm -rf .venv .uv results .jax_cache

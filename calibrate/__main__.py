@@ -45,11 +45,11 @@ def _identify(config: Path, /, *, overrides: Overrides = ()) -> None:
 
 
 @app.command
-def _check(card: Path, /, *, scene: Path, overrides: Overrides = ()) -> None:
+def _check(card: str, /, *, scene: Path, overrides: Overrides = ()) -> None:
     """Check if a fit card is valid for a scene: its ranges, and the error there.
 
     Args:
-        card: The card.yaml of a fit.
+        card: The card.yaml of a fit, or card://NAME of a shipped card.
         scene: The config of a scene; its body gets the card's structure.
         overrides: A value of the scene to change; may be repeated.
     """
@@ -59,15 +59,40 @@ def _check(card: Path, /, *, scene: Path, overrides: Overrides = ()) -> None:
 
 
 @app.command
-def _show(folder: Path, /) -> None:
-    """Print the results of a fit.
+def _show(folder: Path | None = None, /, *, shipped: bool = False) -> None:
+    """Print the results of a fit, or the fit cards that are part of the package.
 
     Args:
         folder: The results folder of `calibrate fit`.
+        shipped: List the shipped cards, used as `weights: card://NAME`.
     """
     from .cli import show as run
 
-    run(folder)
+    run(folder, shipped)
+
+
+@app.command
+def _cards(
+    folder: Path,
+    /,
+    *names: str,
+    out: Path = Path("cards"),
+    again: bool = False,
+    results: Path = Path("results/cards"),
+) -> None:
+    """Fit a card of every structure on every body; continues where it was interrupted.
+
+    Args:
+        folder: A folder with `bodies`, calibrations without parameters, and
+            `structures`, the parameters, both as YAML files.
+        names: The cards to make, such as buddha/octree; all by default.
+        out: The folder for the cards, as BODY/STRUCTURE.yaml.
+        again: Fit cards that are up to date as well.
+        results: The folder for the results of the fits, one folder each.
+    """
+    from .cli import cards as run
+
+    run(folder, names, out, results, again)
 
 
 @app.command

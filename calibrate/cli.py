@@ -1,5 +1,6 @@
 """Commands of calibrations as text on a terminal."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -8,15 +9,22 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from jaxthermo.cli.console import open_console, patient_interrupt, print_line
+from jaxthermo.config.card_file import load_card
+from jaxthermo.config.shipped_cards import shipped_cards
+from jaxthermo.errors import InputError
+from jaxthermo.report.numbers import count
 
 from .analysis.fit_card import check_card
 from .config.fit_record import read_fit
 from .config.loader import load_calibration
+from .make_cards import make_cards, read_recipes
+from .report.card_list import about_cards, card_table, card_words, range_table
 from .report.text_summary import (
     about_standard_errors,
     experiment_table,
     parameter_table,
     summary,
+    time_table,
 )
 from .run import ProgressLog, fit_config, identify_start, parameter_rows
 from .solvers.progress import StepRecord
@@ -80,6 +88,7 @@ def fit(config: Path, out: Path, overrides: tuple[str, ...]) -> None:
 def _print_fit(console: Console, result: dict[str, Any]) -> None:
     title = f"{result['name']}: {result['ended']}"
     console.print(parameter_table(result["parameters"], title).rich())
+    console.print(time_table(result, "error at every saved time").rich())
     for text in (about_standard_errors(result), *summary(result)):
         print_line(console, text)
     if result["advice"]:
@@ -106,16 +115,15 @@ def identify(config: Path, overrides: tuple[str, ...]) -> None:
         print_line(console, note)
 
 
-def check(card: Path, scene: Path, overrides: tuple[str, ...]) -> None:
+def check(card: str, scene: Path, overrides: tuple[str, ...]) -> None:
     """Run `calibrate check`."""
     console = open_console()
     with _progress(console) as bar:
         found = check_card(card, scene, overrides, _ProgressBar(console, bar).stage)
-    # A number without a range in the card is shown with nan.
     for name, value in found["numbers"].items():
-        low, high = found["ranges"].get(name, (np.nan, np.nan))
+        span = found["ranges"].get(name, "values that the card does not have")
         words = name.replace("_", " ")
-        print_line(console, f"{words} {value:.3g}; fitted at {low:.3g} to {high:.3g}")
+        print_line(console, f"{words} {value:.3g}; fitted at {span}")
     for line in found["outside"]:
         print_line(console, f"warning: {line}")
     both, valid = found["error_percent"], "valid" if found["valid"] else "NOT valid"
@@ -126,6 +134,32 @@ def check(card: Path, scene: Path, overrides: tuple[str, ...]) -> None:
     print_line(console, f"the card is {valid} here")
 
 
-def show(folder: Path) -> None:
+def show(folder: Path | None, shipped: bool) -> None:
     """Run `calibrate show`."""
-    _print_fit(open_console(), read_fit(folder / "fit.json"))
+    console = open_console()
+    if shipped == (folder is not None):
+        raise InputError("show: give the results folder of a fit, or --shipped")
+    if folder is not None:
+        _print_fit(console, read_fit(folder / "fit.json"))
+        return
+    found = {name: load_card(path) for name, path in shipped_cards().items()}
+    if found:
+        console.print(card_table(found).rich())
+        console.print(range_table(found).rich())
+    for text in about_cards(found):
+        print_line(console, text)
+
+
+def cards(
+    folder: Path, names: Sequence[str], out: Path, results: Path, again: bool
+) -> None:
+    """Run `calibrate cards`."""
+    console, recipes = open_console(), read_recipes(folder, names)
+    with patient_interrupt() as asked, _progress(console) as bar:
+        log = _ProgressBar(console, bar)
+        made = make_cards(recipes, out, results, again, log, asked)
+        for name, card, result in made:
+            words = card_words(card)
+            state = "up to date" if result is None else result["verdict"]["words"]
+            print_line(console, f"{name}: {words}; {state}")
+    print_line(console, f"{count(len(recipes), 'card')} in {out}")

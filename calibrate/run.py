@@ -21,6 +21,7 @@ from .analysis.experiment_design import rank_experiments
 from .analysis.fit_card import make_card
 from .analysis.identifiability import Identified, identify, residual_sd
 from .analysis.speedup import measure_speed
+from .analysis.verdict import judge
 from .config.fit_record import write_fit
 from .config.loader import calibration_hash, load_calibration, plain
 from .config.schema import CalibrationConfig, unit_of
@@ -56,6 +57,7 @@ def fit_config(
     overrides: tuple[str, ...] = (),
     log: ProgressLog | None = None,
     stop: Callable[[], bool] = lambda: False,
+    report: bool = True,
 ) -> dict[str, Any]:
     """Run the fit of a config, write its results, and return those of `fit.json`.
 
@@ -65,6 +67,8 @@ def fit_config(
         overrides: "a.b=c" each.
         log: receives the progress.
         stop: asked before every step if the fit should end with the best so far.
+        report: False to leave out the page and the advice on further cases, which take
+            about as long as a small fit.
 
     Raises:
         InputError: for a mistake in the config or its data.
@@ -92,15 +96,16 @@ def fit_config(
             log=lambda step, seconds: log.step(step, seconds, config.fit.max_steps),
             stop=stop,
         )
-        result = _conclude(config, calibration, fit, log)
+        result = _conclude(config, calibration, fit, log, report)
         # The results are complete only with the config that made them.
         with replacing(folder / "config.yaml") as target:
             target.write_text(write_yaml(plain(config)), encoding="utf-8")
         write_fit(folder / "fit.json", result)
         card = make_card(config, calibration, fit, result)
         write_card(folder / "card.yaml", card)
-        log.stage("drawing the report")
-        write_report(folder, calibration, fit, result)
+        if report:
+            log.stage("drawing the report")
+            write_report(folder, calibration, fit, result)
         # An interrupted fit continues from its checkpoint.
         if fit.ended != "interrupted":
             for name in (_CHECKPOINT, _CHECKPOINT_HASH):
@@ -119,7 +124,11 @@ def _discard_old_checkpoint(folder: Path, config: CalibrationConfig) -> None:
 
 
 def _conclude(
-    config: CalibrationConfig, calibration: Calibration, fit: Fit, log: ProgressLog
+    config: CalibrationConfig,
+    calibration: Calibration,
+    fit: Fit,
+    log: ProgressLog,
+    advise: bool,
 ) -> dict[str, Any]:
     train = calibration.train
     errors: _Errors = {
@@ -134,7 +143,9 @@ def _conclude(
         errors["held_out"] = dict(zip(("default", "fitted"), both, strict=True))
     sd = residual_sd(fit.residual, len(fit.z), train.known_sd)
     identified = identify(train.parameters, fit.z, fit.jacobian, sd)
-    advice = rank_experiments(config, calibration, fit, sd, log.stage)
+    advice: list[dict[str, Any]] = []
+    if advise:
+        advice = rank_experiments(config, calibration, fit, sd, log.stage)
     log.stage("timing")
     case = train.cases[0]
     with precision(train.dtype.name):
@@ -212,8 +223,18 @@ def _fit_json(
     start = np.asarray(parameters.flat_values(np.zeros_like(fit.z)), float)
     judged = fit.jacobian is not None
     rows = parameter_rows(identified, start)
+    by_case = {
+        group: {
+            kind: {case: error.as_json() for case, error in found.items()}
+            for kind, found in both.items()
+        }
+        for group, both in errors.items()
+    }
+    names = (parameter.name.split(".") for parameter in parameters.parameters)
+    verdict = judge(by_case, speed, any("weights" in words for words in names))
     return {
         "name": config.name,
+        "verdict": verdict,
         "parameters": rows if judged else _field_rows(parameters, identified, start),
         "loss": {"initial": fit.initial_loss, "final": fit.loss},
         "ended": fit.ended,
@@ -223,13 +244,7 @@ def _fit_json(
             }
             for group, both in errors.items()
         },
-        "errors": {
-            group: {
-                kind: {case: error.as_json() for case, error in found.items()}
-                for kind, found in both.items()
-            }
-            for group, both in errors.items()
-        },
+        "errors": by_case,
         # Digits beyond these would only make the file longer.
         "correlation": np.round(identified.correlation, 6).tolist(),
         "singular_values": identified.singular_values.tolist(),

@@ -34,6 +34,7 @@ TRUTH = {"weights.within": 1.7, "weights.between": 0.6}
 ERRORS = {"default": 2.0, "fitted": 1.0}
 RESULT = {
     "name": "one",
+    "verdict": {"pays": True, "words": "the fit pays", "times": 0, "worse": 0},
     "parameters": {
         "weights.within": {
             "value": 1.2, "initial": 1.0, "standard_error": None, "verdict": "fine",
@@ -43,7 +44,7 @@ RESULT = {
     "loss": {"initial": 2.0, "final": 1.0},
     "ended": "converged",
     "error_percent": {"train": ERRORS},
-    "errors": {"train": {"default": {"a": {}}, "fitted": {"a": {}}}},
+    "errors": {"train": {"default": {}, "fitted": {}}},
     "advice": [],
     "speedup": {},
     "steps": [],

@@ -16,7 +16,12 @@ from jaxthermo.integrate.run.simulate import simulate
 from jaxthermo.integrate.surface_error import surface_error
 from jaxthermo.scene.compile.compile import mechanism_names
 from jaxthermo.scene.dimensionless_groups import scene_numbers
-from jaxthermo.structures.structure import ConductionWeights, FitCard, extrapolations
+from jaxthermo.structures.structure import (
+    ConductionWeights,
+    FitCard,
+    extrapolations,
+    range_words,
+)
 
 from ..config.schema import CalibrationConfig
 from ..problem.build import Calibration
@@ -52,11 +57,10 @@ def make_card(
     numbers = [scene_numbers(case.scene, ends[case.name]) for case in problem.cases]
     # Each mechanism once, in the order of the cases.
     mechanisms = [name for c in problem.cases for name in mechanism_names(c.scene)]
-    body = calibration.configs[first.name].bodies[0]
-    origin = {name: result[f"{name}_hash"] for name in ("config", "program")}
+    bodies = [calibration.configs[case.name].bodies[0] for case in problem.cases]
     return FitCard(
         name=config.name or "",
-        structure=body.structure.options,
+        structure=bodies[0].structure.options,
         weights=ConductionWeights(**arrays),
         parameters=others,
         ranges={
@@ -64,13 +68,32 @@ def make_card(
             for name in numbers[0]
         },
         mechanisms=tuple(dict.fromkeys(mechanisms)),
+        geometry=dict(body.geometry for body in bodies),
         error_percent=result["error_percent"],
-        origin=origin | result["versions"],
+        origin=_origin(config, result),
     )
 
 
+def _origin(config: CalibrationConfig, result: dict[str, Any]) -> dict[str, str]:
+    names = lambda entries: "; ".join(entry.name for entry in entries)
+    speed = result["speedup"]
+    # Times are left out: the same config makes the same card.
+    pair = lambda key: f"{speed[key]['fitted']} for {speed[key]['full_volume']}"
+    return {
+        "scene": config.scene.name,
+        "train": names(config.train),
+        "held_out": names(config.held_out),
+        "reference": result["reference"],
+        "fitted": names(config.parameters),
+        "nodes": pair("nodes"),
+        "steps": pair("steps"),
+        **{name: result[f"{name}_hash"] for name in ("config", "program")},
+        **result["versions"],
+    }
+
+
 def check_card(
-    card_path: Path,
+    card_path: str | Path,
     scene_path: Path,
     overrides: tuple[str, ...],
     log: Callable[[str], None],
@@ -81,7 +104,8 @@ def check_card(
     log("building the scene")
     scene = config.build()
     numbers = scene_numbers(scene, config.time.last)
-    warnings = extrapolations(card, numbers, mechanism_names(scene))
+    geometry = config.bodies[0].geometry
+    warnings = extrapolations(card, numbers, mechanism_names(scene), geometry)
     reference = full_volume_run(config, 0.25, log)
     given = {find_path(scene, n): jnp.asarray(v) for n, v in card.parameters.items()}
     changes = {("bodies", 0, "structure", "weights"): card.weights, **given}
@@ -97,7 +121,7 @@ def check_card(
         "card": card.name,
         "scene": config.name,
         "numbers": numbers,
-        "ranges": {name: list(ends) for name, ends in card.ranges.items()},
+        "ranges": {name: range_words(card, name) for name in card.ranges},
         "outside": warnings,
         "error_percent": errors,
         "valid": errors["fitted"] <= _MAX_ERROR_RATIO * errors["default"],

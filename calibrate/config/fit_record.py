@@ -74,10 +74,18 @@ class _Advice(TypedDict):
     gain_nats: float
 
 
+class _Verdict(TypedDict):
+    pays: bool
+    words: str
+    times: int
+    worse: int
+
+
 class _Result(TypedDict):
     """Keys that `calibrate show` reads; further ones are not checked."""
 
     name: str | None
+    verdict: _Verdict
     parameters: dict[str, _Parameter]
     loss: _Loss
     ended: str

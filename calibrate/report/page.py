@@ -36,6 +36,7 @@ from .text_summary import (
     marked,
     parameter_table,
     summary,
+    time_table,
 )
 
 
@@ -90,7 +91,8 @@ def _errors(result: Result) -> _Sections:
         title = f"Error over time of the cases {GROUPS[group]}"
         chart = error_chart(both, error_title(result))
         charts += [page.heading(title), _drawn(chart, "All errors are 0.")]
-    return [page.heading("Errors"), Table(columns, rows), *charts]
+    every = page.details("Errors at every saved time", time_table(result))
+    return [page.heading("Errors"), Table(columns, rows), every, *charts]
 
 
 def _pictures(calibration: Calibration, fit: Fit, result: Result) -> _Sections:

@@ -6,6 +6,7 @@ from typing import Any
 from jaxthermo.report.numbers import count, significant
 from jaxthermo.report.table import Cell, Table
 
+from ..analysis.verdict import time_errors
 from .charts import Result, is_finite
 
 
@@ -95,7 +96,23 @@ def summary(result: Result) -> list[str]:
         f"{_error_words(both['fitted'], result)} after ({_change(**both)})."
         for group, both in result["error_percent"].items()
     ]
-    return [_data(result), *errors, _course(result), *_speed(result)]
+    verdict = f"Verdict: {result['verdict']['words']}."
+    return [_data(result), *errors, _course(result), *_speed(result), verdict]
+
+
+def time_table(result: Result, title: str = "") -> Table:
+    """Errors at every saved time of every case, before and after."""
+    unit = "% of the noise" if is_frames(result) else "%"
+    columns = ["case", "role", "time [s]", f"before [{unit}]", f"after [{unit}]"]
+    rows, last = [], None
+    for row in time_errors(result["errors"]):
+        # A case is named once.
+        case = (row.case, GROUPS[row.group])
+        named, last = ("", "") if case == last else case, case
+        before, after = significant(row.before), significant(row.after)
+        cell = Cell(f"{after}, more" if row.is_worse else after, not row.is_worse)
+        rows.append([*named, f"{row.time:g}", before, cell])
+    return Table(columns, rows, title=title, left=(0, 1))
 
 
 def _data(result: Result) -> str:

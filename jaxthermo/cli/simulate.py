@@ -13,6 +13,7 @@ from ..config.card_file import load_card
 from ..config.loader import config_hash, load_config, to_yaml
 from ..config.schema.image import ImageConfig, PinholeConfig
 from ..config.schema.scene import SceneConfig
+from ..config.shipped_cards import card_name
 from ..errors import InputError
 from ..image.ticks import time_label
 from ..integrate.run import segments
@@ -97,8 +98,10 @@ def _card_warnings(config: SceneConfig, scene: Scene) -> list[str]:
         if path is None:
             continue
         numbers = body_numbers(scene, body, config.time.last)
-        for words in extrapolations(load_card(path), numbers, mechanism_names(scene)):
-            found.append(f"bodies.{n}: beyond the range of {path.name}: {words}")
+        card, mechanisms = load_card(path), mechanism_names(scene)
+        for words in extrapolations(card, numbers, mechanisms, given.geometry):
+            where = f"bodies.{n}: beyond the range of {card_name(path)}"
+            found.append(f"{where}: {words}")
     return found
 
 

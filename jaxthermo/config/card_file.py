@@ -6,10 +6,10 @@ a card that is cut off, changed by hand, or beside another fit's lists is refuse
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NotRequired
+from typing import Annotated, Any, NotRequired
 
 import numpy as np
-from pydantic import TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 from typing_extensions import TypedDict
 
 from ..archive import (
@@ -24,6 +24,7 @@ from ..atomic import replacing
 from ..errors import InputError
 from ..structures.structure import ConductionWeights, FitCard
 from .messages import dotted, explain
+from .shipped_cards import card_path
 from .strict_yaml import read_yaml, write_yaml
 
 
@@ -42,7 +43,9 @@ class _Card(TypedDict):
     weights: dict[str, float | list[float] | str]
     parameters: NotRequired[dict[str, float]]
     ranges: NotRequired[dict[str, tuple[float, float]]]
+    tolerance: NotRequired[Annotated[float, Field(ge=1)]]
     mechanisms: NotRequired[tuple[str, ...]]
+    geometry: NotRequired[dict[str, str]]
     error_percent: NotRequired[dict[str, dict[str, float]]]
     origin: NotRequired[dict[str, str]]
 
@@ -90,12 +93,12 @@ def load_card(path: str | Path) -> FitCard:
     """The fit card in a YAML file, with the arrays beside it.
 
     Args:
-        path: of the YAML file.
+        path: of the YAML file, or the name of a shipped card, "card://buddha/octree".
 
     Raises:
         InputError: if it is missing, no card, damaged, changed or of another format.
     """
-    path = Path(path)
+    path = card_path(path)
     check_regular(path, "`calibrate fit` makes fit cards")
     data = read_yaml(path, needs="`calibrate fit` makes fit cards")
     if "card" not in data:

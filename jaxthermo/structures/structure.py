@@ -299,38 +299,61 @@ class FitCard:
     """Other fitted values of the scene, by name."""
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Range of each number of `scene_numbers` over all fitted cases."""
+    tolerance: float = 1.2
+    """Factor by which a number may lie beyond its range, or beyond the one value of a
+    range without width, before `extrapolations` lists it."""
     mechanisms: tuple[str, ...] = ()
     """Mechanisms of heat transfer in these cases."""
+    geometry: Mapping[str, str] = field(default_factory=dict)
+    """Hash of each fitted body's geometry, by the name of its file or shape."""
     error_percent: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     """Errors of "train" and "held_out", each "default" and "fitted" [%]."""
     origin: Mapping[str, str] = field(default_factory=dict)
-    """Hashes and versions."""
-
-
-# Factor by which a scene may leave a fitted range without a warning.
-_TOLERANCE = 1.2
+    """Cases and settings of the fit, hashes and versions."""
 
 
 def extrapolations(
-    card: FitCard, numbers: Mapping[str, float], mechanisms: tuple[str, ...]
+    card: FitCard,
+    numbers: Mapping[str, float],
+    mechanisms: tuple[str, ...],
+    geometry: tuple[str, str] | None = None,
 ) -> list[str]:
     """List where a scene is outside of the cases of a fit, one sentence each.
 
-    Numbers are those of `scene_numbers`.
+    Args:
+        card: of the weights that the scene uses.
+        numbers: those of `scene_numbers`.
+        mechanisms: of heat transfer in the scene.
+        geometry: name and hash of the body's geometry, where they are known.
     """
-    found = []
+    found = _other_geometry(card, geometry)
     for name, (low, high) in card.ranges.items():
         value = numbers.get(name)
         if value is None:
             continue
-        if not low / _TOLERANCE <= value <= high * _TOLERANCE:
-            between = f"{low:.3g} to {high:.3g}" if low < high else f"{low:.3g}"
-            words = name.replace("_", " ")
-            found.append(f"{words} {value:.3g}: the card was fitted at {between}")
+        if not low / card.tolerance <= value <= high * card.tolerance:
+            words, span = name.replace("_", " "), range_words(card, name)
+            found.append(f"{words} {value:.3g}: the card was fitted at {span}")
     new = [name for name in mechanisms if name not in card.mechanisms]
     if card.mechanisms and new:
         found.append(f"{', '.join(new)}: in no case that the card was fitted on")
     return found
+
+
+def _other_geometry(card: FitCard, geometry: tuple[str, str] | None) -> list[str]:
+    # A file may be renamed: its content counts.
+    if geometry is None or not card.geometry or geometry[1] in card.geometry.values():
+        return []
+    name, known = geometry[0], ", ".join(card.geometry)
+    content = ", with another content" if name in card.geometry else ""
+    return [f"geometry {name}{content}: the card was fitted on {known}"]
+
+
+def range_words(card: FitCard, name: str) -> str:
+    """Range of one number of a card with its tolerance: "0.1 to 0.2 (a factor ..."."""
+    low, high = card.ranges[name]
+    span = f"{low:.3g} to {high:.3g}" if low < high else f"{low:.3g} only"
+    return f"{span} (a factor of {card.tolerance:g} beyond counts as inside)"
 
 
 def as_weights(given: ConductionWeights | FitCard) -> ConductionWeights:

@@ -1,5 +1,8 @@
 """Bodies: geometry, its voxels, structure, material, temperature and pose."""
 
+import hashlib
+import json
+import re
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -17,6 +20,9 @@ from .geometry import MeshConfig, PoseConfig, ShapeConfig
 from .material import BodyMaterial, LabelledConfig, Material, PartsConfig
 from .selection import WhereConfig, empty_box
 from .structure import FluxCorrectedMap, FullVolume, StructureConfig, SurfaceMapConfig
+
+
+_NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
 class _PaintConfig(Model):
@@ -125,6 +131,20 @@ class BodyConfig(Model, builds="Body"):
             inside=self.inside,
         )
 
+    @property
+    def geometry(self) -> tuple[str, str]:
+        """Name of the file or shape, and a hash of its content [16 hex digits].
+
+        The scale of a body does not count: that of a shape is taken out.
+        """
+        path = self.mesh.path if self.mesh is not None else self.solid
+        if path is not None:
+            return path.name, hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+        assert self.shape is not None
+        plain = self.shape.model_dump(mode="json", exclude_none=True)
+        text = _without_scale(json.dumps(plain, sort_keys=True))
+        return self.shape.kind, hashlib.sha256(text.encode()).hexdigest()[:16]
+
     def build_grid(self) -> Any:
         """The voxels of the body, at the pitch of the config."""
         pitch = self.pitch
@@ -173,3 +193,9 @@ class BodyConfig(Model, builds="Body"):
         if isinstance(self.material, LabelledConfig):
             return [(("regions",), "the labels of `material` say what is where")]
         return []
+
+
+def _without_scale(text: str) -> str:
+    # Six digits: the same shape in another unit differs by rounding.
+    scale = max((abs(float(n)) for n in _NUMBER.findall(text)), default=0.0) or 1.0
+    return _NUMBER.sub(lambda number: f"{float(number[0]) / scale:.6g}", text)

@@ -9,7 +9,8 @@ from typing_extensions import override
 import jaxthermo
 
 from ...errors import InputError
-from ..types.files import FoundPath, read_labels
+from ..shipped_cards import card_name
+from ..types.files import CardPath, FoundPath, read_labels
 from ..types.model import ByKind, KindModel, Mistake, Model, Short
 from ..types.quantities import Auto, Flag, NotEmpty, Number, Whole
 
@@ -48,8 +49,8 @@ class _WeightsConfig(Model, builds="ConductionWeights"):
     surface_distance: Weight = 1.0
     nearest_capacity: Annotated[Number, Field(ge=-10, le=10)] = 0.0
     non_orthogonal: Annotated[Number, Field(ge=-1, le=2)] = 0.0
-    card: FoundPath | None = None
-    """Fit card from which all weights are taken instead."""
+    card: CardPath | None = None
+    """Fit card from which all weights are taken instead: a file, or card://NAME."""
 
     def build(self, *args: Any) -> Any:
         if self.card is not None:
@@ -89,9 +90,9 @@ class _Structure(KindModel):
             fitted = dict(jaxthermo.load_card(path).structure)
             if fitted != self.options:
                 raise InputError(
-                    f"weights: {path.name} is of {_listed(fitted)}, and the structure "
-                    f"is {_listed(self.options)}: fit one for it, or use the card's "
-                    "structure"
+                    f"weights: {card_name(path)} is of {_listed(fitted)}, and the "
+                    f"structure is {_listed(self.options)}: fit one for it, or use "
+                    "the card's structure"
                 )
         return super().build(*args)
 

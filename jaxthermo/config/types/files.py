@@ -9,9 +9,10 @@ from typing import Annotated
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, PlainSerializer
 
 from ...errors import InputError
+from ..shipped_cards import card_name, card_path, is_shipped
 from .quantities import Info, refuse
 
 
@@ -37,6 +38,27 @@ def _find(path: Path, info: Info) -> Path:
 
 # Path of an existing file; as it is written where no folders are given.
 FoundPath = Annotated[Path, Field(strict=False), AfterValidator(_find)]
+
+
+def _find_card(path: Path, info: Info) -> Path:
+    if not is_shipped(path):
+        return _find(path, info)
+    try:
+        return card_path(path)
+    except InputError as error:
+        # A finished run may name a card that was shipped with another version.
+        if not (info.context or {}).get(FOLDERS):
+            return path
+        raise refuse(str(error)) from error
+
+
+# The same, or `card://NAME` of a card of the package, which is written out as that.
+CardPath = Annotated[
+    Path,
+    Field(strict=False),
+    AfterValidator(_find_card),
+    PlainSerializer(card_name, return_type=str, when_used="json"),
+]
 
 
 def read_labels(path: Path) -> Int[np.ndarray, "x y z"]:

@@ -121,6 +121,7 @@ def result_of(
     errors = {"train": both("+x")} | ({"held_out": both("+z")} if held_out else {})
     return {
         "name": "a < b",
+        "verdict": {"pays": True, "words": "it pays < c", "times": 2, "worse": 0},
         "parameters": parameters,
         "loss": {"initial": 2.0, "final": 1.0},
         "ended": "converged",
@@ -280,6 +281,8 @@ def test_the_page_needs_nothing_but_itself(sphere, run_before, tmp_path):
     links = [u for u in re.findall(r'https?://[^"\s)]+', text) if "w3.org" not in u]
     assert not links and "<script" not in text
     assert "a &lt; b" in text and "a < b" not in text
+    assert "Verdict: it pays &lt; c." in text
+    assert "Errors at every saved time" in text
     assert count_pictures(text) == 2 and text.count("<svg") == 4
     assert "Which case to add" not in text and "Correlations" not in text
     assert "Biot number" in text and "0123" in text

@@ -1,5 +1,6 @@
 """Fit cards: written and read back, used by name, and refused where they do not fit."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import jaxthermo as jt
 from jaxthermo.archive import plain_checksum
 from jaxthermo.config.card_file import load_card, write_card
 from jaxthermo.config.loader import load_config, to_yaml
-from jaxthermo.config.strict_yaml import write_yaml
+from jaxthermo.config.strict_yaml import read_yaml, write_yaml
 from jaxthermo.structures.structure import FitCard, extrapolations
 from tests.bodies import blocks
 
@@ -173,3 +174,46 @@ def test_a_scene_outside_the_fitted_range_is_told():
     assert extrapolations(card, inside, ("sun",)) == []
     found = extrapolations(card, {"biot": 0.5, "voxels_across": 2.0}, ("sun", "wind"))
     assert [line.split()[0] for line in found] == ["biot", "voxels", "wind:"]
+
+
+def test_a_range_without_width_says_its_tolerance():
+    (line,) = extrapolations(_card(), {"voxels_across": 2.0}, ())
+    assert "fitted at 5 only (a factor of 1.2 beyond counts as inside)" in line
+    card = replace(_card(), tolerance=3.0)
+    assert extrapolations(card, {"voxels_across": 2.0}, ()) == []
+
+
+def test_another_geometry_is_told_and_a_renamed_file_is_not():
+    card = replace(_card(), geometry={"buddha.obj": "0123"})
+    assert extrapolations(card, {}, (), ("statue.obj", "0123")) == []
+    (line,) = extrapolations(card, {}, (), ("bunny.obj", "4567"))
+    assert line == "geometry bunny.obj: the card was fitted on buddha.obj"
+    (line,) = extrapolations(card, {}, (), ("buddha.obj", "4567"))
+    assert "with another content" in line
+    # Cards of a version that did not store it.
+    assert extrapolations(_card(), {}, (), ("bunny.obj", "4567")) == []
+
+
+def _geometry(*changes):
+    return load_config(SCENE, changes).bodies[0].geometry
+
+
+def test_the_geometry_of_a_body_is_its_content_without_the_scale(tmp_path):
+    shape = _geometry()
+    assert shape[0] == "figurine"
+    assert _geometry("bodies.0.shape.height=3 m", "bodies.0.voxels_high=9") == shape
+    box = "bodies.0.shape={{kind: box, size: [{}]}}".format
+    assert _geometry(box("1, 2, 3")) == _geometry(box("0.2, 0.4, 0.6"))
+    assert _geometry(box("1, 2, 3")) != _geometry(box("1, 2, 4"))
+    files = [tmp_path / name for name in ("a.npy", "b.npy", "c.npy")]
+    for path, filled in zip(files, (True, True, False), strict=True):
+        np.save(path, np.full((2, 2, 2), filled))
+    data = read_yaml(SCENE)
+    del data["bodies"][0]["shape"], data["bodies"][0]["voxels_high"]
+    found = []
+    for path in files:
+        data["bodies"][0] |= {"solid": str(path), "pitch": 1.0}
+        (tmp_path / "scene.yaml").write_text(write_yaml(data))
+        found.append(load_config(tmp_path / "scene.yaml").bodies[0].geometry)
+    assert [name for name, _ in found] == ["a.npy", "b.npy", "c.npy"]
+    assert found[0][1] == found[1][1] != found[2][1]

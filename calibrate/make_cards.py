@@ -1,0 +1,131 @@
+"""Fit cards of several structures on several bodies, made again by one command.
+
+A card's calibration is the YAML file of a body, with its scene and cases, and that of a
+structure, with its parameters. A card is up to date while both, and the geometry of the
+body, are those that it was made of.
+"""
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from jaxthermo.cli.files import results_folder
+from jaxthermo.config.card_file import load_card, write_card
+from jaxthermo.config.messages import close_match
+from jaxthermo.config.strict_yaml import read_yaml
+from jaxthermo.errors import InputError
+from jaxthermo.structures.structure import FitCard
+
+from .config.loader import calibration_hash, load_calibration, scene_config
+from .config.schema import CalibrationConfig
+from .run import ProgressLog, fit_config
+
+
+class Recipe(NamedTuple):
+    """The calibration of one card."""
+
+    name: str
+    """BODY/STRUCTURE"""
+    body: Path
+    overrides: tuple[str, ...]
+
+    def load(self) -> CalibrationConfig:
+        """Config of the calibration."""
+        return load_calibration(self.body, self.overrides)
+
+
+def read_recipes(folder: Path, names: Sequence[str] = ()) -> list[Recipe]:
+    """Recipes of the cards in a folder with `bodies` and `structures`.
+
+    Args:
+        folder: that has both.
+        names: of the cards, such as "buddha/octree"; all by default.
+
+    Raises:
+        InputError: if the folder has no such files, or there is no card of a name.
+    """
+    bodies, structures = (
+        sorted((folder / kind).glob("*.yaml")) for kind in ("bodies", "structures")
+    )
+    if not bodies or not structures:
+        raise InputError(
+            f"{folder}: has no YAML files in `bodies` and in `structures`, which cards "
+            "are made of"
+        )
+    found = {
+        recipe.name: recipe
+        for body in bodies
+        for recipe in (_recipe(body, structure) for structure in structures)
+    }
+    for name in names:
+        if name not in found:
+            raise InputError(f"there is no card '{name}'{close_match(name, found)}")
+    return [found[name] for name in names or found]
+
+
+def _recipe(body: Path, structure: Path) -> Recipe:
+    name = f"{body.stem}/{structure.stem}"
+    values = {"name": name, **read_yaml(structure, "it needs `parameters`")}
+    # One by one, or they would replace those of the body.
+    changes = {f"set.{key}": v for key, v in values.pop("set", {}).items()}
+    texts = (f"{k}={json.dumps(v)}" for k, v in (changes | values).items())
+    return Recipe(name, body, tuple(texts))
+
+
+def make_cards(
+    recipes: Sequence[Recipe],
+    out: Path,
+    results: Path,
+    again: bool = False,
+    log: ProgressLog | None = None,
+    stop: Callable[[], bool] = lambda: False,
+) -> Iterator[tuple[str, FitCard, dict[str, Any] | None]]:
+    """Fit the cards one by one, each written to `out` when it is finished.
+
+    A fit that was interrupted continues in its folder in `results`.
+
+    Args:
+        recipes: of the cards.
+        out: folder for the cards.
+        results: folder for the fits' results.
+        again: True to fit those that are up to date as well.
+        log: receives the progress.
+        stop: asked before every step if all should end; the same call continues.
+
+    Yields:
+        Name and card, and the results of its fit, None if it was up to date.
+
+    Raises:
+        InputError: for a mistake in a recipe, before anything is fitted.
+        KeyboardInterrupt: if `stop` ended a fit.
+    """
+    todo = [(recipe, recipe.load()) for recipe in recipes]
+    for recipe, config in todo:
+        path = out / f"{recipe.name}.yaml"
+        known = None if again else _up_to_date(path, config)
+        if known is not None:
+            yield recipe.name, known, None
+            continue
+        folder = results / recipe.name
+        given = recipe.body, folder, recipe.overrides
+        result = fit_config(*given, log, stop, report=False)
+        if result["ended"] == "interrupted":
+            raise KeyboardInterrupt(
+                f"stopped in {recipe.name}; the same command continues from there"
+            )
+        card = load_card(folder / "card.yaml")
+        with results_folder(path.parent):
+            write_card(path, card)
+        yield recipe.name, card, result
+
+
+def _up_to_date(path: Path, config: CalibrationConfig) -> FitCard | None:
+    try:
+        card = load_card(path)
+    except InputError:  # missing, or damaged
+        return None
+    bodies = (scene_config(config, case.set).bodies[0] for case in config.train)
+    made_of = card.origin.get("config"), dict(card.geometry)
+    current = calibration_hash(config), dict(body.geometry for body in bodies)
+    return card if made_of == current else None

@@ -1,0 +1,85 @@
+"""Fit cards as a table and in words."""
+
+from collections.abc import Mapping
+
+from jaxthermo.config.shipped_cards import SCHEME
+from jaxthermo.report.numbers import significant
+from jaxthermo.report.table import Table
+from jaxthermo.structures.structure import FitCard
+
+
+_NUMBERS = {
+    "biot": "Biot",
+    "fourier": "Fourier",
+    "voxels_across": "V / A over pitch",
+    "heating": "heating [K]",
+}
+_DASH = "\N{EN DASH}"
+
+
+def card_table(cards: Mapping[str, FitCard]) -> Table:
+    """A row for each card by its name: structure and errors."""
+    columns = ["weights:", "structure", "error [%]", "held out [%]"]
+    rows = [
+        [
+            f"{SCHEME}{name}",
+            _structure_words(card),
+            *(_error_words(card, group) for group in ("train", "held_out")),
+        ]
+        for name, card in cards.items()
+    ]
+    return Table(columns, rows, left=(0, 1))
+
+
+def range_table(cards: Mapping[str, FitCard]) -> Table:
+    """A row for each geometry and its ranges, which the cards of a body share."""
+    rows = (
+        (", ".join(card.geometry), *(_range(card, number) for number in _NUMBERS))
+        for card in cards.values()
+    )
+    return Table(["fitted on", *_NUMBERS.values()], list(dict.fromkeys(rows)))
+
+
+def about_cards(cards: Mapping[str, FitCard]) -> list[str]:
+    """Sentences on what the table of cards has, and how they were made."""
+    if not cards:
+        return ["No cards are part of this package."]
+    first = next(iter(cards.values()))
+    return [
+        "Errors are the largest over the saved times, in percent of the surface range "
+        "of the full volume: with weights of 1 to with the card's.",
+        "A card holds in the ranges and on the geometry that it was fitted on, under "
+        f"{', '.join(first.mechanisms)}. A factor of "
+        f"{first.tolerance:g} beyond counts as inside; `jaxthermo simulate` and "
+        "`calibrate check` warn elsewhere.",
+        "Made by `make cards` from configs/cards.",
+    ]
+
+
+def card_words(card: FitCard) -> str:
+    """Errors of a card in words."""
+    groups = (("train", "fitted to"), ("held_out", "held out"))
+    return ", ".join(
+        f"{words} {_error_words(card, group)} %"
+        for group, words in groups
+        if group in card.error_percent
+    )
+
+
+def _structure_words(card: FitCard) -> str:
+    kind, *options = card.structure.items()
+    return " ".join([str(kind[1]), *(f"{key} {value}" for key, value in options)])
+
+
+def _error_words(card: FitCard, group: str) -> str:
+    both = card.error_percent.get(group)
+    if both is None:
+        return _DASH
+    return " to ".join(significant(both[kind]) for kind in ("default", "fitted"))
+
+
+def _range(card: FitCard, name: str) -> str:
+    if name not in card.ranges:
+        return _DASH
+    low, high = card.ranges[name]
+    return " to ".join(dict.fromkeys((significant(low), significant(high))))

@@ -1,0 +1,112 @@
+"""Cards of several bodies and structures: what is fitted, skipped and made again."""
+
+from pathlib import Path
+
+import pytest
+
+import jaxthermo as jt
+from calibrate import make_cards as module
+from calibrate.config.loader import calibration_hash, load_calibration
+from calibrate.make_cards import make_cards, read_recipes
+from jaxthermo.config.card_file import load_card, write_card
+from tests.calibrating import SPHERE
+
+
+BODY = """
+scene: ../scene.yaml
+set: {bodies.0.voxels_high: 6}
+train: [{name: "+x"}]
+"""
+STRUCTURE = """
+set: {bodies.0.structure: {kind: aggregate, factor: 3}}
+parameters: [{name: weights.within}]
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "scene.yaml").write_text(SPHERE)
+    for kind in ("bodies", "structures"):
+        (tmp_path / kind).mkdir()
+    for body in ("ball", "globe"):
+        (tmp_path / "bodies" / f"{body}.yaml").write_text(BODY)
+    (tmp_path / "structures" / "blocks.yaml").write_text(STRUCTURE)
+    return tmp_path
+
+
+@pytest.fixture
+def fitted(monkeypatch):
+    """Names of the cards that were fitted, by a fit that takes no time."""
+    names, state = [], {"ended": "converged"}
+
+    def fit(path, out, overrides, log, stop, report):
+        config = load_calibration(path, overrides)
+        names.append(config.name)
+        out.mkdir(parents=True, exist_ok=True)
+        body = module.scene_config(config, config.train[0].set).bodies[0]
+        origin = {"config": calibration_hash(config)}
+        weights = jt.ConductionWeights(within=1.5)
+        card = jt.FitCard(
+            config.name,
+            body.structure.options,
+            weights,
+            geometry=dict([body.geometry]),
+            origin=origin,
+        )
+        write_card(out / "card.yaml", card)
+        return dict(state)
+
+    monkeypatch.setattr(module, "fit_config", fit)
+    return names, state
+
+
+def made(folder: Path, *names: str, again: bool = False) -> list[str]:
+    recipes = read_recipes(folder, names)
+    found = make_cards(recipes, folder / "out", folder / "results", again)
+    return [name for name, _, result in found if result is not None]
+
+
+def test_a_recipe_is_the_body_with_the_structure(folder):
+    first, _ = read_recipes(folder)
+    config = first.load()
+    assert config.name == first.name == "ball/blocks"
+    assert config.set["bodies.0.voxels_high"] == 6
+    assert config.set["bodies.0.structure"] == {"kind": "aggregate", "factor": 3}
+    assert [p.name for p in config.parameters] == ["weights.within"]
+
+
+def test_every_card_is_fitted_once(folder, fitted):
+    assert made(folder) == ["ball/blocks", "globe/blocks"]
+    assert load_card(folder / "out/ball/blocks.yaml").name == "ball/blocks"
+    assert made(folder) == []
+    assert made(folder, "ball/blocks", again=True) == ["ball/blocks"]
+
+
+def test_what_changed_or_is_damaged_is_fitted_again(folder, fitted):
+    made(folder)
+    (folder / "bodies/ball.yaml").write_text(BODY.replace("high: 6", "high: 9"))
+    (folder / "out/globe/blocks.yaml").write_text("card: 3\n")
+    assert made(folder) == ["ball/blocks", "globe/blocks"]
+    # Another geometry of the same name, such as a mesh file with new content.
+    scene = SPHERE.replace("kind: sphere, radius", "kind: hemisphere, radius")
+    (folder / "scene.yaml").write_text(scene)
+    assert made(folder, "ball/blocks") == ["ball/blocks"]
+
+
+def test_an_interrupted_fit_leaves_no_card(folder, fitted):
+    names, state = fitted
+    state["ended"] = "interrupted"
+    with pytest.raises(KeyboardInterrupt, match="ball/blocks; the same command"):
+        made(folder)
+    assert not (folder / "out").exists() and names == ["ball/blocks"]
+
+
+def test_mistakes_are_told_before_anything_is_fitted(folder, fitted):
+    with pytest.raises(jt.InputError, match="did you mean 'ball/blocks'"):
+        made(folder, "bal/blocks")
+    (folder / "bodies/globe.yaml").write_text(BODY.replace("train", "trian"))
+    with pytest.raises(jt.InputError, match="globe.yaml: train: missing"):
+        made(folder)
+    with pytest.raises(jt.InputError, match="has no YAML files"):
+        read_recipes(folder / "bodies")
+    assert fitted[0] == []

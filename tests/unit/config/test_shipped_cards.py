@@ -1,0 +1,89 @@
+"""Cards that are part of the package: named in a scene, listed, and made as said."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from calibrate.config.loader import calibration_hash
+from calibrate.make_cards import read_recipes
+from calibrate.report.card_list import card_table
+from jaxthermo.config.card_file import load_card
+from jaxthermo.config.loader import config_hash, load_config, to_yaml
+from jaxthermo.config.shipped_cards import FOLDER, card_name, card_path, shipped_cards
+
+
+ROOT = Path(__file__).resolve().parents[3]
+SCENE = ROOT / "configs/scenes/figurine-steel.yaml"
+RECIPES = ROOT / "configs/cards"
+KIND = "kind: aggregate, factor: 3"
+NAMES = list(shipped_cards())
+
+
+def scene(card, **context):
+    structure = f"bodies.0.structure={{{KIND}, weights: {card}}}"
+    return load_config(SCENE, ("bodies.0.voxels_high=12", structure), **context)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_card_is_a_fit_with_ranges_errors_and_its_origin(name):
+    card = load_card(f"card://{name}")
+    assert card.name == name and card.tolerance > 1 and len(card.geometry) == 1
+    # Cases differ in all numbers, so that no range has zero width.
+    assert set(card.ranges) == {"biot", "fourier", "voxels_across", "heating"}
+    assert all(0 < low < high for low, high in card.ranges.values())
+    train, held_out = card.error_percent["train"], card.error_percent["held_out"]
+    assert train["fitted"] < train["default"] and held_out["fitted"] > 0
+    assert {"train", "held_out", "fitted", "nodes", "steps"} <= set(card.origin)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_card_is_what_its_recipe_makes(name, monkeypatch):
+    """Or it would have to be made again: `make cards`."""
+    monkeypatch.setenv("JAXTHERMO_MESHES", "")
+    (recipe,) = read_recipes(RECIPES, [name])
+    config = recipe.load()
+    assert load_card(f"card://{name}").origin["config"] == calibration_hash(config)
+
+
+def test_the_list_has_every_card():
+    cards = {name: load_card(path) for name, path in shipped_cards().items()}
+    rows = card_table(cards).rows
+    assert [row[0] for row in rows] == [f"card://{name}" for name in NAMES]
+
+
+def test_a_scene_names_a_shipped_card_and_keeps_the_name():
+    config = scene("card://figurine/aggregate-3")
+    fitted = load_card("card://figurine/aggregate-3").weights
+    weights = config.build().bodies[0].structure.weights
+    np.testing.assert_array_equal(weights.surface_distance, fitted.surface_distance)
+    assert "card: card://figurine/aggregate-3\n" in to_yaml(config)
+
+
+def test_the_name_is_read_again_and_the_content_counts(tmp_path, monkeypatch):
+    (tmp_path / "kept.yaml").write_text(to_yaml(scene("card://figurine/aggregate-3")))
+    config = load_config(tmp_path / "kept.yaml")
+    path = config.bodies[0].structure.weights.card
+    assert path == FOLDER / "figurine/aggregate-3.yaml"
+    assert card_name(path) == "card://figurine/aggregate-3"
+    copied = tmp_path / "aggregate-3.yaml"
+    copied.write_bytes(path.read_bytes())
+    assert config_hash(scene(str(copied))) == config_hash(config)
+    copied.write_text("another")
+    assert config_hash(scene(str(copied))) != config_hash(config)
+
+
+def test_a_card_that_is_not_there_is_told_with_those_that_are():
+    with pytest.raises(jt.InputError, match="card://figurin/aggregate-3'; did you"):
+        scene("card://figurin/aggregate-3")
+    # As a path, which has lost a slash.
+    with pytest.raises(jt.InputError, match="calibrate show --shipped"):
+        load_card(Path("card://nothing/known"))
+    # The config of a run that was made with another version is still read.
+    assert scene("card://gone/octree", find_meshes=False)
+
+
+def test_a_path_stays_a_path():
+    assert card_path("cards/one.yaml") == Path("cards/one.yaml")
+    assert card_name(Path("cards/one.yaml")) == "cards/one.yaml"
