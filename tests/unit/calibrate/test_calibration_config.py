@@ -63,7 +63,12 @@ def test_a_change_of_all_cases_is_set_from_the_command_line():
 
 
 def test_levels_and_starts_come_from_the_scene():
-    config = load_calibration(QUICK)
+    names = "{name: weights.within, per: level}, {name: weights.between}"
+    changes = (
+        "set.bodies.0.structure={kind: shell_over_core, layers: 1, factor: 4}",
+        f"parameters=[{names}, {{name: weights.capacity, per: level}}]",
+    )
+    config = load_calibration(QUICK, changes)
     made = _build_parameters(config, _scene(config, 48))
     assert made.labels == (
         "weights.within.0",
