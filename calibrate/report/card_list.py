@@ -4,14 +4,14 @@ from collections.abc import Mapping
 
 from jaxthermo.config.shipped_cards import SCHEME
 from jaxthermo.report.numbers import significant
-from jaxthermo.report.table import Table
+from jaxthermo.report.table import Cell, Table
 from jaxthermo.structures.structure import FitCard
 
 
 _NUMBERS = {
     "biot": "Biot",
     "fourier": "Fourier",
-    "voxels_across": "V / A over pitch",
+    "voxels_across": "V/A/pitch",
     "heating": "heating [K]",
 }
 _DASH = "\N{EN DASH}"
@@ -24,7 +24,7 @@ def card_table(cards: Mapping[str, FitCard]) -> Table:
         [
             f"{SCHEME}{name}",
             _structure_words(card),
-            *(_error_words(card, group) for group in ("train", "held_out")),
+            *(_error_cell(card, group) for group in ("train", "held_out")),
         ]
         for name, card in cards.items()
     ]
@@ -47,11 +47,12 @@ def about_cards(cards: Mapping[str, FitCard]) -> list[str]:
     first = next(iter(cards.values()))
     return [
         "Errors are the largest over the saved times, in percent of the surface range "
-        "of the full volume: with weights of 1 to with the card's.",
+        "of the full volume: those with weights of 1, to those with the card's.",
         "A card holds in the ranges and on the geometry that it was fitted on, under "
         f"{', '.join(first.mechanisms)}. A factor of "
         f"{first.tolerance:g} beyond counts as inside; `jaxthermo simulate` and "
-        "`calibrate check` warn elsewhere.",
+        "`calibrate check` warn elsewhere. V/A/pitch is the body's volume over its "
+        "surface, in voxels.",
         "Made by `make cards` from configs/cards.",
     ]
 
@@ -67,8 +68,17 @@ def card_words(card: FitCard) -> str:
 
 
 def _structure_words(card: FitCard) -> str:
-    kind, *options = card.structure.items()
-    return " ".join([str(kind[1]), *(f"{key} {value}" for key, value in options)])
+    # Counts tell structures of one kind apart; the card has the other options.
+    counts = (f"{k} {v}" for k, v in card.structure.items() if isinstance(v, int))
+    return ", ".join([str(card.structure["kind"]), *counts])
+
+
+def _error_cell(card: FitCard, group: str) -> str | Cell:
+    both = card.error_percent.get(group)
+    if both is None:
+        return _DASH
+    worse = both["fitted"] > both["default"]
+    return Cell(_error_words(card, group) + (", more" if worse else ""), not worse)
 
 
 def _error_words(card: FitCard, group: str) -> str:
@@ -81,5 +91,6 @@ def _error_words(card: FitCard, group: str) -> str:
 def _range(card: FitCard, name: str) -> str:
     if name not in card.ranges:
         return _DASH
-    low, high = card.ranges[name]
-    return " to ".join(dict.fromkeys((significant(low), significant(high))))
+    # Two digits, so that the table fits a terminal; those beyond are in the card.
+    ends = (f"{float(f'{value:.2g}'):g}" for value in card.ranges[name])
+    return " to ".join(dict.fromkeys(ends))
