@@ -210,7 +210,7 @@ def render_frames(
 
     def frame(surface: Float[Array, " s"], time: Float[Array, ""]) -> Any:
         radiation = solution.radiation.at(time)
-        back = reflected(radiation, solution.surfaces, time, surface)
+        back, _ = reflected(radiation, solution.surfaces, time, surface)
         image = draw(view, solution.surfaces, scene.terms, surface, back, time)
         is_temperature = quantity == "temperature"
         return image.apparent_temperature if is_temperature else image.radiance

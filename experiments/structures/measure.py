@@ -200,12 +200,12 @@ class Scenery(NamedTuple):
     """Pixels that show the body."""
 
     def frame(self, temperature: Float[np.ndarray, " s"]) -> Float[np.ndarray, "h w"]:
-        """The surface's temperature in every pixel [K]; the air's in the background."""
+        """The surface's temperature in every pixel [K]."""
         values = jnp.asarray(temperature)
-        zero = jnp.zeros((), values.dtype)
-        return np.asarray(
-            draw(self.view, (self.surface,), (), values, zero).temperature
-        )
+        # What it reflects, and when, does not change its temperature.
+        nothing, time = jnp.zeros_like(values), jnp.zeros((), values.dtype)
+        image = draw(self.view, (self.surface,), (), values, nothing, time)
+        return np.asarray(image.temperature)
 
 
 def scenery(camera: PinholeConfig, surface: SolvedSurface) -> Scenery:

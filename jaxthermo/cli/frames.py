@@ -59,14 +59,16 @@ class FrameCamera:
     def draw(self, stored: StoredSolution, index: int) -> Image:
         """Draw the frame of a saved time, with the samples of each pixel."""
         assert stored.reflected is not None and stored.reflected_sources is not None
-        time = stored.times[index]
+        time = jnp.asarray(stored.times[index])
         here = at_time(self._surfaces, self._terms, float(time))
-        saved = stored.surface_temperature[index], stored.reflected[index]
-        given = (*saved, time, stored.reflected_sources[index])
-        return draw(self._view(*here), *here, *map(jnp.asarray, given))
+        saved = np.asarray(stored.surface_temperature)[index], stored.reflected[index]
+        lit = stored.reflected_sources[index]
+        return draw(self._view(*here), *here, *saved, time, lit)
 
 
-def chosen_frames(config: SceneConfig, times: Float[Array, " t"]) -> list[int]:
+def chosen_frames(
+    config: SceneConfig, times: Float[Array | np.ndarray, " t"]
+) -> list[int]:
     """Indices of the saved times [s] that become frames.
 
     Raises:

@@ -1,4 +1,4 @@
-"""What a camera sees beside the bodies: sky, ground, and sources of radiation."""
+"""Surroundings that a camera sees beside the bodies: sky, ground, and sources."""
 
 from typing import NamedTuple
 
@@ -28,7 +28,7 @@ class VisibleSource(NamedTuple):
     """The pixels in which a source is the nearest thing."""
 
     number: int
-    """Of the source among the terms."""
+    """Number of the source among the terms."""
     pixel: Int[np.ndarray, " p"]
     """Index of each pixel, rows first."""
     depth: Float[np.ndarray, " p"]
@@ -38,7 +38,7 @@ class VisibleSource(NamedTuple):
 
 
 class Background(NamedTuple):
-    """What is behind or before the bodies, the same at all times if nothing moves."""
+    """Surroundings behind or before the bodies, at all times if nothing moves."""
 
     below: Bool[np.ndarray, " n"] | None
     """Pixels whose ray goes down, to the ground; None where it looks like the sky."""
@@ -52,8 +52,7 @@ def _horizon(terms: tuple[AbstractTerm, ...]):
             return term.horizon
     # Without radiation in the balance nothing is reflected from there.
     for term in terms:
-        is_air = isinstance(term, Convection | Wind | FreeConvection)
-        if is_air and getattr(term, "on", None) is None:
+        if isinstance(term, Convection | Wind | FreeConvection) and term.on is None:
             return term.temperature, term.temperature
     return _DEFAULT_BACKGROUND, _DEFAULT_BACKGROUND
 

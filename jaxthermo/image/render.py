@@ -15,10 +15,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..arrays import precision
+from ..arrays import is_traced, precision
 from ..constants import STEFAN_BOLTZMANN
 from ..errors import require
 from ..integrate.run.solution import AbstractSolution
+from ..physics.radiation.source import AbstractSource
 from ..physics.term import AbstractTerm
 from ..physics.time_varying import value_at
 from ..scene.scene import SolvedSurface, per_fragment
@@ -27,20 +28,24 @@ from .camera import AbstractCamera
 from .view import View, at_time, kept_view
 
 
-def _black_radiance(temperature: Float[Array, "*p"]) -> Float[Array, "*p"]:
+_Values = Array | np.ndarray
+"""Arrays of JAX where derivatives are taken, else of numpy."""
+
+
+def _black_radiance(temperature: Float[_Values, "*p"]) -> Float[_Values, "*p"]:
     return STEFAN_BOLTZMANN / math.pi * temperature**4
 
 
-def _apparent_temperature(radiance: Float[Array, "*p"]) -> Float[Array, "*p"]:
+def _apparent_temperature(radiance: Float[_Values, "*p"]) -> Float[_Values, "*p"]:
     """Temperature of a black surface of the same radiance [K]."""
     return (radiance * (math.pi / STEFAN_BOLTZMANN)) ** 0.25
 
 
 def _leaving_radiance(
-    temperature: Float[Array, "*p"],
-    emissivity: Float[Array, "*p"],
-    reflected: Float[Array, "*p"],
-) -> Float[Array, "*p"]:
+    temperature: Float[_Values, "*p"],
+    emissivity: Float[_Values, "*p"],
+    reflected: Float[_Values, "*p"],
+) -> Float[_Values, "*p"]:
     # Of a Lambertian surface [W/(m^2 sr)] that reflects radiation [W/m^2].
     return emissivity * _black_radiance(temperature) + reflected / math.pi
 
@@ -53,52 +58,53 @@ class Image(eqx.Module):
 
     time: Float[Array, ""]
     """Time [s]."""
-    temperature: Float[Array, "h w"]
+    temperature: Float[_Values, "h w"]
     """True surface temperature; that of sky or ground in the background [K]."""
-    radiance: Float[Array, "h w"]
+    radiance: Float[_Values, "h w"]
     """Total radiance towards the camera, averaged over the pixel [W/(m^2 sr)]."""
-    emissivity: Float[Array, "h w"]
+    emissivity: Float[_Values, "h w"]
     """Emissivity [-]; 1 in the background and of a source."""
-    depth: Float[Array, "h w"]
+    depth: Float[_Values, "h w"]
     """Depth along the optical axis [m]; inf in the background."""
-    object_id: Int[Array, "h w"]
+    object_id: Int[_Values, "h w"]
     """Number of the body; -1 in the background and of a source."""
-    normal: Float[Array, "h w 3"]
+    normal: Float[_Values, "h w 3"]
     """Outward normal in the world; 0 in the background and of a source."""
 
     @property
-    def apparent_temperature(self) -> Float[Array, "h w"]:
+    def apparent_temperature(self) -> Float[_Values, "h w"]:
         """Temperature that a camera set to emissivity 1 shows [K]."""
         return _apparent_temperature(self.radiance)
 
 
-def _to_pixels(view: View, values: Float[Array, " s"]) -> Float[Array, " p"]:
+def _to_pixels(view: View, values: _Values) -> _Values:
+    """Weighted means of the fragments that each pixel shows, [s, k] to [p, k]."""
+    weights, count = view.weights, len(view.pixel)
+    if isinstance(values, np.ndarray):
+        return (weights @ values).astype(values.dtype)
+    pixel = np.repeat(np.arange(count), np.diff(weights.indptr))
+    each = jnp.asarray(weights.data, values.dtype)[:, None] * values[weights.indices]
     # The pixels of the weights are sorted, which lets XLA sum without scattering.
-    weight = jnp.asarray(view.weights.weight, values.dtype)
-    return jax.ops.segment_sum(
-        weight * values[view.weights.fragment],
-        view.weights.pixel,
-        num_segments=len(view.pixel),
-        indices_are_sorted=True,
-    )
+    return jax.ops.segment_sum(each, pixel, count, indices_are_sorted=True)
 
 
-def _to_image(view: View, values: Array, background: Any) -> Array:
-    width, height = view.camera.size
-    shape = (height, width, *values.shape[1:])
-    blank = jnp.asarray(background, values.dtype)
-    blank = jnp.broadcast_to(blank, (shape[0] * shape[1], *values.shape[1:]))
-    return blank.at[view.pixel].set(values).reshape(shape)
+def _replaced(values: _Values, where: Any, new: Any) -> _Values:
+    """An array with new values at some places."""
+    if not isinstance(values, np.ndarray):
+        return values.at[where].set(new)
+    values = values.copy()
+    values[where] = new
+    return values
 
 
 def draw(
     view: View,
     surfaces: tuple[SolvedSurface, ...],
     terms: tuple[AbstractTerm, ...],
-    temperature: Float[Array, " s"],
-    reflected: Float[Array, " s"],
+    temperature: _Values,
+    reflected: _Values,
     time: Float[Array, ""],
-    lit: Float[Array, " s"] | None = None,
+    lit: _Values | None = None,
 ) -> Image:
     """Draw the frame of surfaces in a view.
 
@@ -111,43 +117,60 @@ def draw(
         time: of the frame [s].
         lit: part of `reflected` from sources [W/m^2], for a view with occlusion.
     """
-    surface = _to_pixels(view, temperature)
-    emissivity = _to_pixels(view, per_fragment(surfaces, "emissivity"))
-    back = _to_pixels(view, reflected)
+    values = [temperature, per_fragment(surfaces, "emissivity"), reflected]
+    if lit is not None:
+        values.append(lit)
+    # Derivatives need JAX, which otherwise would compile a program for every view.
+    xp: Any = jnp if is_traced((values, time, terms)) else np
+    columns = xp.stack([xp.asarray(each) for each in values], axis=1)
+    surface, emissivity, back, *lit_pixels = _to_pixels(view, columns).T
     if view.open_fraction is not None:
         # Sources have their own shadows: what is hidden is thermal radiation, and what
         # hides it is taken to be as warm as the surface, as in `Surroundings`.
-        direct = 0.0 if lit is None else _to_pixels(view, lit)
-        seen = jnp.asarray(view.open_fraction, surface.dtype)
+        direct = sum(lit_pixels)
+        seen = xp.asarray(view.open_fraction, surface.dtype)
         own = (1 - emissivity) * STEFAN_BOLTZMANN * surface**4
         back = direct + seen * (back - direct) + (1 - seen) * own
     radiance = _leaving_radiance(surface, emissivity, back)
     behind = background_temperature(view.background, terms, time)
-    dtype = surface.dtype
+    behind = xp.asarray(behind).reshape(-1)
+    width, height = view.camera.size
+
+    def frame(values: Any, background: Any, dtype: Any = surface.dtype) -> _Values:
+        """Image of pixel values, with a background behind the bodies."""
+        blank = xp.asarray(background, dtype)
+        blank = xp.broadcast_to(blank, (height * width, *values.shape[1:]))
+        filled = _replaced(blank, view.pixel, xp.asarray(values, dtype))
+        return filled.reshape(height, width, *values.shape[1:])
+
     image = Image(
         time=time,
-        temperature=_to_image(view, surface, behind),
-        radiance=_to_image(view, radiance, _black_radiance(behind)),
-        emissivity=_to_image(view, emissivity, 1),
-        depth=_to_image(view, jnp.asarray(view.depth, dtype), np.inf),
-        object_id=_to_image(view, jnp.asarray(view.body, jnp.int32), -1),
-        normal=_to_image(view, jnp.asarray(view.normal, dtype), 0),
+        temperature=frame(surface, behind),
+        radiance=frame(radiance, _black_radiance(behind)),
+        emissivity=frame(emissivity, 1),
+        depth=frame(view.depth, np.inf),
+        object_id=frame(view.body, -1, np.int32),
+        normal=frame(view.normal, 0),
     )
-    for source in view.background.sources:
-        strength = value_at(terms[source.number].strength, time)
-        image = _with_source(image, source, strength)
+    for visible in view.background.sources:
+        source = terms[visible.number]
+        assert isinstance(source, AbstractSource)
+        strength = xp.asarray(value_at(source.strength, time))
+        image = _with_source(image, visible, strength)
     return image
 
 
-def _with_source(image: Image, source: VisibleSource, strength: Array) -> Image:
+def _with_source(image: Image, source: VisibleSource, strength: _Values) -> Image:
     """The frame with a source in front; without it where it is switched off."""
-    radiance = strength * jnp.asarray(source.radiance, image.radiance.dtype)
+    xp: Any = np if isinstance(strength, np.ndarray) else jnp
+    radiance = strength * xp.asarray(source.radiance, image.radiance.dtype)
     where = np.divmod(source.pixel, image.radiance.shape[1])
 
-    def over(below: Array, value: Any) -> Array:
+    def over(below: _Values, value: Any) -> _Values:
         old = below[where]
         on = (radiance > 0).reshape(-1, *(1,) * (old.ndim - 1))
-        return below.at[where].set(jnp.where(on, jnp.asarray(value, old.dtype), old))
+        new = xp.where(on, xp.asarray(value, old.dtype), old)
+        return _replaced(below, where, new)
 
     return Image(
         time=image.time,

@@ -12,6 +12,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 from jaxtyping import Float, Int
+from scipy.sparse import csr_array
 
 from ..physics.term import AbstractTerm
 from ..scene.scene import BodyGeometry, SolvedSurface
@@ -154,8 +155,8 @@ class View:
     """Depth along the optical axis [m]."""
     normal: Float[np.ndarray, "p 3"]
     """Outward normal in the world, of the smooth surface that the mesh approximates."""
-    weights: _PixelWeights
-    """Weights of the concatenated fragments of all bodies."""
+    weights: csr_array
+    """Weights [p, s] of the concatenated fragments of all bodies."""
     background: Background
     open_fraction: Float[np.ndarray, " p"] | None = None
     """Fraction of the surroundings that nothing in the image hides; None for all."""
@@ -210,7 +211,7 @@ def _in_bodies(
     surfaces: tuple[SolvedSurface, ...], found: VisiblePoints
 ) -> tuple[Float[np.ndarray, "p 3"], Float[np.ndarray, "p 3"]]:
     """Points in the frames of their bodies [m], and smooth normals in the world."""
-    local, normal = np.empty((2, *found.position.shape))
+    local, normal = np.empty_like(found.position), np.empty_like(found.position)
     for index, surface in enumerate(surfaces):
         shown = np.flatnonzero(found.body == index)
         geometry, placed = surface.geometry, surface.geometry.placed
@@ -220,7 +221,7 @@ def _in_bodies(
     return local, normal
 
 
-def _all_weights(surfaces, body, local, normal, smooth) -> _PixelWeights:
+def _all_weights(surfaces, body, local, normal, smooth) -> csr_array:
     parts, first = [], 0
     for index, surface in enumerate(surfaces):
         shown = np.flatnonzero(body == index)
@@ -235,14 +236,11 @@ def _all_weights(surfaces, body, local, normal, smooth) -> _PixelWeights:
             parts.append((shown[found.pixel], found.fragment + first, found.weight))
         first += len(geometry.fragment_area)
     pixel, fragment, weight = (np.concatenate(c) for c in zip(*parts, strict=True))
-    order = np.argsort(pixel, kind="stable")
-    # Half the memory of a view that is kept, and no conversion for each frame.
-    narrow = (index[order].astype(np.int32) for index in (pixel, fragment))
-    return _PixelWeights(*narrow, weight[order])
+    return csr_array((weight, (pixel, fragment)), (len(body), first))
 
 
 _MAX_VIEWS = 4
-"""Views of one scene that are kept: each needs about 1 kB a pixel that shows a body."""
+"""Views of one scene that are kept: about 0.25 kB for a pixel that shows a body."""
 
 
 class _KeptView(NamedTuple):

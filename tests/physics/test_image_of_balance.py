@@ -7,6 +7,8 @@ import pytest
 
 import jaxthermo as jt
 from jaxthermo.constants import STEFAN_BOLTZMANN as SIGMA
+from jaxthermo.image.render import draw
+from jaxthermo.image.view import compute_view
 from jaxthermo.physics.boundary import ImposedFlux
 from jaxthermo.scene.scene import per_fragment
 
@@ -37,6 +39,14 @@ def radiosity(solution, index=-1):
     emissivity = np.asarray(per_fragment(solution.surfaces, "emissivity"))
     reflected = np.asarray(solution.reflected(index))
     return emissivity * SIGMA * kelvin**4 + reflected
+
+
+def seen_radiosity(solution):
+    """The same in pixels, by the radiance that `draw` gives the nearest fragment."""
+    camera = jt.Camera((0.3, -0.2, 0.2), (0.02, 0.0, 0.0), width=48, height=36)
+    view = compute_view(solution.surfaces, solution.terms, camera, smooth=False)
+    radiance = jt.render(solution, camera, smooth=False).radiance
+    return np.pi * radiance.reshape(-1)[view.pixel], view.weights.indices
 
 
 def irradiation(solution, index=-1):
@@ -88,7 +98,11 @@ def test_power_that_leaves_the_surface_is_that_of_the_ledger(name):
     solution = jt.simulate(
         jt.Scene(bodies, terms, dtype="float64"), dt, solver=jt.ForwardEuler(dt=dt)
     )
-    net = radiosity(solution) - sum(irradiation(solution))
+    leaving = radiosity(solution)
+    seen, fragment = seen_radiosity(solution)
+    assert len(set(fragment)) > 20
+    np.testing.assert_allclose(seen, leaving[fragment], rtol=1e-12)
+    net = leaving - sum(irradiation(solution))
     first = 0
     for number, surface in enumerate(solution.surfaces):
         area = surface.geometry.fragment_area
@@ -138,6 +152,23 @@ def test_a_sphere_between_sky_and_ground():
     np.testing.assert_allclose(behind[-1, 0], ground, atol=1e-3)
 
 
+def test_a_block_in_exchange_with_sky_and_ground():
+    """Sides between both, top under the sky, bottom over the ground: (1 + n_z) / 2."""
+    sky, ground, kelvin = 250.0, 350.0, 290.0
+    body = block((0.04, 0.04, 0.04), kelvin, metal(0.5))
+    exchange = jt.RadiativeExchange(sky, ground=ground, max_patches=60, directions=16)
+    solution = at_start((body,), exchange)
+    up = body.structure.grid.fragment_normal[:, 2]
+    back = (1 + up) / 2 * sky**4 + (1 - up) / 2 * ground**4
+    exact = SIGMA * 0.5 * (kelvin**4 + back)
+    np.testing.assert_allclose(radiosity(solution), exact, rtol=1e-9)
+    image = jt.render(solution, FRONT)
+    side = (0.5 * kelvin**4 + 0.25 * (sky**4 + ground**4)) ** 0.25
+    np.testing.assert_allclose(apparent(image)[20, 20], side, atol=1e-6)
+    np.testing.assert_allclose(apparent(image)[0, 0], sky, atol=1e-6)
+    np.testing.assert_allclose(apparent(image)[-1, 0], ground, atol=1e-6)
+
+
 def hollow_box(outer, inner):
     shells = [jt.shapes.box((size,) * 3) for size in (outer, inner)]
     vertices = np.concatenate([shell.vertices for shell in shells])
@@ -145,12 +176,24 @@ def hollow_box(outer, inner):
     return jt.Mesh(vertices, np.concatenate([shells[0].faces, inside]))
 
 
-@pytest.mark.parametrize("emissivity", [pytest.param(1.0, marks=pytest.mark.slow), 0.3])
-def test_an_isothermal_enclosure_shows_its_temperature(emissivity):
+@pytest.mark.parametrize(
+    ("name", "emissivity"),
+    [
+        ("exchange", 0.3),
+        pytest.param("exchange", 1.0, marks=pytest.mark.slow),
+        # They do not act in the cavity, which sees itself.
+        ("open", 0.3),
+    ],
+)
+def test_an_isothermal_enclosure_shows_its_temperature(name, emissivity):
     """Seen from inside, through its own exchange, with other surroundings outside."""
     grid = jt.voxelize(hollow_box(0.12, 0.08), 0.01)
     body = jt.Body(jt.FullVolume(grid), metal(emissivity), temperature=350.0)
-    solution = at_start((body,), EXCHANGES["exchange"])
+    outside = {
+        "exchange": (EXCHANGES["exchange"], LIGHTS[0]),
+        "open": (jt.Surroundings(250.0), LIGHTS[0], jt.Convection(10.0, 280.0)),
+    }
+    solution = at_start((body,), *outside[name])
     inside = jt.Camera(
         (-0.03, -0.02, 0.01), (0.03, 0.01, 0.0), width=20, height=20, field_of_view=1.5
     )
@@ -159,9 +202,8 @@ def test_an_isothermal_enclosure_shows_its_temperature(emissivity):
     np.testing.assert_allclose(apparent(image), 350.0, atol=1e-3)
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param("exchange", marks=pytest.mark.slow), "surroundings"]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["exchange", "surroundings"])
 def test_isothermal_surroundings_hide_a_body(name):
     term = {
         "exchange": jt.RadiativeExchange(300.0, max_patches=60, directions=32),
@@ -239,6 +281,7 @@ def test_what_a_surface_held_at_a_temperature_reflects():
     np.testing.assert_allclose(found, expected, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_occlusion_reaches_the_image():
     """A wall before half of a mirror hides the cold sky, as the view factor says."""
     bodies = [
@@ -268,8 +311,8 @@ def test_sources_are_seen_where_nothing_hides_them():
     lamp = jt.PointSource((0.1, 0.0, 0.0), 0.02, min_distance=0.02)
     behind = jt.PointSource((0.0, 0.2, 0.0), 0.02, min_distance=0.02)
     sun = jt.Sun((0.3, -1.0, 0.0), jt.Until(800.0, 5.0))
-    scene = jt.Scene((body,), (jt.Surroundings(250.0), panel, lamp, behind, sun))
-    solution = jt.simulate(scene, 10.0, save_at=[0.0, 10.0])
+    terms = jt.Surroundings(250.0), panel, lamp, behind, sun
+    solution = at_start((body,), *terms)
     front = jt.OrthographicCamera(
         (0.0, -0.5, 0.0), (0.0, 0.0, 0.0), 0.3, width=60, height=60
     )
@@ -286,15 +329,23 @@ def test_sources_are_seen_where_nothing_hides_them():
     assert np.asarray(image.object_id)[30, 30] == 0
     rest = ~lit & ~disc & (np.asarray(image.object_id) < 0)
     np.testing.assert_allclose(radiance[rest], sky, rtol=1e-5)
+    # Past the block to the sun, 32 minutes of arc wide: its disc sends the irradiance.
     at_sun = jt.Camera(
-        (0.1, -0.5, 0.0), (-0.2, 0.5, 0.0), field_of_view=0.6, width=200, height=200
+        (0.074, -0.39, 0.0),
+        (-0.226, 0.61, 0.0),
+        field_of_view=0.2,
+        width=200,
+        height=200,
     )
-    seen = np.asarray(jt.render(solution, at_sun, 0).radiance)
-    # 32 minutes of arc; the irradiance is what its disc sends.
-    pixel = (np.tan(0.3) / 100) ** 2
+    view = compute_view(solution.surfaces, terms, at_sun)
+    state = solution.surface_temperature[0], solution.reflected(0)
+    given = view, solution.surfaces, terms, *state
+    seen = np.asarray(draw(*given, jnp.zeros(())).radiance)
+    pixel = (np.tan(0.1) / 100) ** 2
     sends = (seen[seen > 1e5] * pixel).sum()
-    assert sends == pytest.approx(800.0, rel=0.15)
-    assert np.asarray(jt.render(solution, at_sun, 1).radiance).max() < 1e3
+    assert sends == pytest.approx(800.0, rel=0.05)
+    # It sets at 5 s.
+    assert np.asarray(draw(*given, jnp.asarray(6.0)).radiance).max() < 1e3
 
 
 @pytest.mark.slow
@@ -314,7 +365,8 @@ def test_pixels_have_gradients_through_the_exchange():
             )
         )
         term = jt.RadiativeExchange(around, max_patches=30, directions=8)
-        solution = jt.simulate(jt.Scene(bodies, (term,), dtype="float64"), 0.0)
+        scene = jt.Scene(bodies, (term,), dtype="float64")
+        solution = jt.simulate(scene, 0.0, solver=jt.ForwardEuler(dt=0.01))
         return solution.reflected(-1)[:96].mean()
 
     start, step = jnp.asarray([0.4, 280.0]), jnp.asarray([1e-4, 1e-2])
@@ -343,9 +395,10 @@ class Glow(jt.AbstractRadiativeTerm):
 def test_a_radiation_of_the_user_heats_and_is_seen():
     body = block((0.04, 0.04, 0.04), 300.0, metal(1.0, 0.3))
     scene = jt.Scene((body,), (Glow(600.0),), dtype="float64")
-    solution = jt.simulate(scene, 1.0, solver=jt.ForwardEuler(dt=1.0))
+    dt = 0.1
+    solution = jt.simulate(scene, dt, solver=jt.ForwardEuler(dt=dt))
     grid = body.structure.grid
     lit = 600.0 * (1 + grid.fragment_normal[:, 2]) / 2
     np.testing.assert_allclose(solution.reflected(-1), 0.7 * lit, rtol=1e-12)
     heat = solution.energy.mechanisms["glow"][-1]
-    assert float(heat) == pytest.approx(0.3 * grid.fragment_area @ lit, rel=1e-12)
+    assert float(heat) == pytest.approx(dt * 0.3 * grid.fragment_area @ lit, rel=1e-12)

@@ -110,22 +110,18 @@ class AbstractSolution(eqx.Module):
         (1 - eps) H + (1 - a) E, with the irradiation of the heat balance: H thermal, E
         of sources.
         """
-        with precision(self.receipt.dtype):
-            time = jnp.asarray(self.times[index])
-            temperature = jnp.asarray(self.surface_temperature[index])
-            return reflected(
-                self.radiation.at(self.times[index]), self.surfaces, time, temperature
-            )
+        return self._reflected(index)[0]
 
     def reflected_sources(self, index: int) -> Float[Array, " s"]:
         """Return the part (1 - a) E of `reflected` that comes from sources [W/m^2]."""
+        return self._reflected(index)[1]
+
+    def _reflected(self, index: int) -> tuple[Float[Array, " s"], Float[Array, " s"]]:
         with precision(self.receipt.dtype):
             time = jnp.asarray(self.times[index])
             temperature = jnp.asarray(self.surface_temperature[index])
             radiation = self.radiation.at(self.times[index])
-            absorptivity = per_fragment(self.surfaces, "absorptivity")
-            _, lit = radiation.irradiation(time, temperature)
-            return (1 - absorptivity) * lit
+            return reflected(radiation, self.surfaces, time, temperature)
 
 
 def reflected(
@@ -133,14 +129,17 @@ def reflected(
     surfaces: tuple[SolvedSurface, ...],
     time: Float[Array, ""],
     temperature: Float[Array, " s"],
-) -> Float[Array, " s"]:
-    """Return the radiation that surfaces of given temperatures [K] reflect [W/m^2]."""
+) -> tuple[Float[Array, " s"], Float[Array, " s"]]:
+    """Return what surfaces at temperatures [K] reflect, and its part from sources.
+
+    Both in W/m^2, for each fragment.
+    """
     properties = (per_fragment(surfaces, f) for f in ("emissivity", "absorptivity"))
     return _reflected(radiation, time, temperature, *properties)
 
 
 @eqx.filter_jit
-def _reflected(radiation: SurfaceRadiation, *given: Array) -> Float[Array, " s"]:
+def _reflected(radiation: SurfaceRadiation, *given: Array) -> tuple[Array, Array]:
     return radiation.reflected(*given)
 
 

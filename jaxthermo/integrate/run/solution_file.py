@@ -8,7 +8,6 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ...archive import read_archive, select_arrays, write_archive
-from ...arrays import precision
 from ...errors import InputError
 from ...geometry.mesh import Pose
 from ...scene.motion import Motion, PoseTable
@@ -26,14 +25,14 @@ _KIND, _REMEDY = "solution", "run the simulation again"
 class StoredSolution(NamedTuple):
     """The part of a solution that a file stores."""
 
-    times: Float[Array, " t"]
+    times: Float[Array | np.ndarray, " t"]
     """[s]"""
-    surface_temperature: Float[Array, "t s"]
+    surface_temperature: Float[Array | np.ndarray, "t s"]
     """Temperature of every fragment, bodies one after the other [K]."""
     surfaces: tuple[SolvedSurface, ...]
-    reflected: Float[Array, "t s"] | None = None
+    reflected: Float[np.ndarray, "t s"] | None = None
     """Radiation that every fragment reflects [W/m^2]; None where no image is drawn."""
-    reflected_sources: Float[Array, "t s"] | None = None
+    reflected_sources: Float[np.ndarray, "t s"] | None = None
     """The part of it that comes from sources [W/m^2]."""
 
 
@@ -78,9 +77,8 @@ def save_solution(path: Path, solution: Solution) -> StoredSolution:
         InputError: if the file cannot be written.
     """
     saved = range(len(solution.times))
-    with precision(solution.receipt.dtype):
-        reflected = jnp.stack([solution.reflected(k) for k in saved])
-        lit = jnp.stack([solution.reflected_sources(k) for k in saved])
+    reflected = np.stack([np.asarray(solution.reflected(k)) for k in saved])
+    lit = np.stack([np.asarray(solution.reflected_sources(k)) for k in saved])
     arrays: dict[str, Any] = {
         name: getattr(solution, name) for name in _RunArrays._fields[:3]
     }
@@ -154,13 +152,8 @@ def _stored_solution(arrays: dict[str, np.ndarray]) -> StoredSolution:
     if not len(run.times) or (np.diff(run.times) <= 0).any():
         raise InputError("times do not increase")
     surfaces = tuple(_surface(body, run.times) for body in bodies)
-    return StoredSolution(
-        jnp.asarray(run.times),
-        jnp.asarray(run.surface_temperature),
-        surfaces,
-        jnp.asarray(run.reflected),
-        jnp.asarray(run.reflected_sources),
-    )
+    temperatures = run.times, run.surface_temperature
+    return StoredSolution(*temperatures, surfaces, run.reflected, run.reflected_sources)
 
 
 def _check_energies(

@@ -18,8 +18,8 @@ _SUN_HALF_ANGLE = 0.0046505
 """Apparent radius of the sun, 695 700 km at 149 597 871 km [rad] (IAU 2015 B3)."""
 
 
-def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return np.einsum("...i,...i->...", a, b)
+def _dot(a: _Rays, b: _Rays) -> Float[np.ndarray, " p"]:
+    return np.einsum("ij,ij->i", a, b)
 
 
 def _seen(hit: np.ndarray, radiance: float, depth: np.ndarray) -> Appearance:
@@ -59,5 +59,5 @@ def rectangle(
     facing = towards < 0
     depth = (centre - origin) @ front / np.where(facing, towards, -1.0)
     offset = origin + depth[:, None] * step - centre
-    within = [np.abs(offset @ edge) <= _dot(edge, edge) / 2 for edge in edges]
+    within = [np.abs(offset @ edge) <= edge @ edge / 2 for edge in edges]
     return _seen(facing & (depth > 0) & within[0] & within[1], 1.0, depth)

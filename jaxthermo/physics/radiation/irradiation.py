@@ -174,10 +174,11 @@ class SurfaceRadiation(eqx.Module):
         temperature: PerCell,
         emissivity: PerCellOrOne,
         absorptivity: PerCellOrOne,
-    ) -> PerCell:
-        """Reflected part (1 - eps) H + (1 - a) E of the radiosity [W/m^2]."""
+    ) -> tuple[PerCell, PerCell]:
+        """Reflected (1 - eps) H + (1 - a) E of the radiosity, and (1 - a) E [W/m^2]."""
         thermal, lit = self.irradiation(time, temperature)
-        return (1 - emissivity) * thermal + (1 - absorptivity) * lit
+        from_sources = (1 - absorptivity) * lit + jnp.zeros_like(temperature)
+        return (1 - emissivity) * thermal + from_sources, from_sources
 
 
 class SceneRadiation(eqx.Module):

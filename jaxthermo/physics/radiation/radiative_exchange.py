@@ -302,8 +302,11 @@ def _enclosure(
     solved = xp.linalg.solve(reflection, sources)
     count = len(mean)
     output = lambda values: jnp.asarray(values, emissivity.dtype)
+    # Cells are found from it while a function of the emissivity is compiled.
+    with jax.ensure_compile_time_eval():
+        known = jnp.asarray(patch, jnp.int32)
     return Enclosure(
-        patch=jnp.asarray(patch, jnp.int32),
+        patch=known,
         weight=output(emitting / grey[patch]),
         transfer=output(solved[:, :count]),
         from_surroundings=output(solved[:, count]),

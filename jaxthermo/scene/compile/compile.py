@@ -164,7 +164,7 @@ def _stiffness(program: Program, number: int, highest, end):
 def _radiation(
     scene: Scene, snapshots: list[Snapshot], programs: tuple[Program, ...]
 ) -> tuple[SurfaceRadiation, ...]:
-    """What reaches the surface at each snapshot, in arrays of the programs if any."""
+    """Irradiation of the surface at each snapshot, in arrays of the programs if any."""
     exchange = [t for t in scene.terms if isinstance(t, AbstractExchangeTerm)]
     found = []
     for snapshot, program in zip(snapshots, programs, strict=True):

@@ -279,7 +279,7 @@ class Compiled(eqx.Module):
     state: State
     surfaces: tuple[SolvedSurface, ...]
     radiation: SceneRadiation
-    """What reaches the surfaces, absorbed or not."""
+    """Radiation that reaches the surfaces, absorbed or not."""
     stable_step: Float[Array, ""]
     """Largest explicit step [s]."""
     hottest: Float[Array, ""]

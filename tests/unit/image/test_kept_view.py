@@ -24,7 +24,7 @@ def camera(width=24):
 HERE = jt.Pose()
 
 
-def solve(pose=HERE, source=None):
+def solve(pose: jt.Pose | jt.Motion = HERE, source=None):
     grid = jt.voxelize(jt.shapes.box((0.04, 0.04, 0.04)), 0.01)
     body = jt.Body(jt.FullVolume(grid), STEEL, temperature=300.0, pose=pose)
     terms = (jt.Surroundings(250.0),) if source is None else (source,)
@@ -36,9 +36,9 @@ def computed(monkeypatch):
     """The cameras whose views were computed."""
     found, compute = [], view_module.compute_view
 
-    def count(surfaces, terms, camera, smooth=True):
+    def count(surfaces, terms, camera, *how):
         found.append(camera)
-        return compute(surfaces, terms, camera, smooth)
+        return compute(surfaces, terms, camera, *how)
 
     monkeypatch.setattr(view_module, "compute_view", count)
     return found
@@ -49,7 +49,10 @@ def test_equal_cameras_share_a_view(computed):
     first, second = jt.render(solution, camera()), jt.render(solution, camera())
     assert len(computed) == 1
     np.testing.assert_array_equal(first.radiance, second.radiance)
-    for other in (camera(width=30), jt.OrthographicCamera((1, 0, 0), (0, 0, 0), 0.1)):
+    for other in (
+        camera(width=30),
+        jt.OrthographicCamera((1.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.1),
+    ):
         jt.render(solution, other)
     assert len(computed) == 3
     jt.render(solution, camera())

@@ -81,7 +81,7 @@ def test_a_camera_sees_the_same(solution, tmp_path):
     other = compute_view(solution.surfaces, solution.terms, camera)
     assert set(one.body) == {0, 1}
     np.testing.assert_array_equal(one.pixel, other.pixel)
-    np.testing.assert_array_equal(one.weights.weight, other.weights.weight)
+    np.testing.assert_array_equal(one.weights.data, other.weights.data)
 
 
 def test_the_energies_are_kept_by_name(solution, tmp_path):
