@@ -47,7 +47,7 @@ def fitted(monkeypatch):
         origin = {"config": calibration_hash(config)}
         weights = jt.ConductionWeights(within=1.5)
         card = jt.FitCard(
-            config.name,
+            config.name or "",
             body.structure.options,
             weights,
             geometry=dict([body.geometry]),

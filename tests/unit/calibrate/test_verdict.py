@@ -40,7 +40,8 @@ def test_an_error_that_is_larger_at_one_time_is_told_with_its_time():
     [((0.8, 0.7, 0.95), "SLOWER"), ((1.1, 0.9, 1.3), "NOT clearly faster")],
 )
 def test_weights_that_run_no_faster_than_the_full_volume_do_not_pay(speed, words):
-    slow = dict(zip(("times_faster", "min", "max"), speed, strict=True))
+    slow: dict[str, float] = {}
+    slow |= zip(("times_faster", "min", "max"), speed, strict=True)
     verdict = judge(BETTER, slow, is_of_weights=True)
     assert not verdict["pays"] and words in verdict["words"]
     # A material is fitted to know it, not to be fast.

@@ -56,7 +56,7 @@ def test_the_list_has_every_card():
 def test_a_scene_names_a_shipped_card_and_keeps_the_name():
     config = scene("card://figurine/aggregate-3")
     fitted = load_card("card://figurine/aggregate-3").weights
-    weights = config.build().bodies[0].structure.weights
+    weights = config.bodies[0].structure.weights.build()
     np.testing.assert_array_equal(weights.surface_distance, fitted.surface_distance)
     assert "card: card://figurine/aggregate-3\n" in to_yaml(config)
 
@@ -65,7 +65,7 @@ def test_the_name_is_read_again_and_the_content_counts(tmp_path, monkeypatch):
     (tmp_path / "kept.yaml").write_text(to_yaml(scene("card://figurine/aggregate-3")))
     config = load_config(tmp_path / "kept.yaml")
     path = config.bodies[0].structure.weights.card
-    assert path == FOLDER / "figurine/aggregate-3.yaml"
+    assert path is not None and path == FOLDER / "figurine/aggregate-3.yaml"
     assert card_name(path) == "card://figurine/aggregate-3"
     copied = tmp_path / "aggregate-3.yaml"
     copied.write_bytes(path.read_bytes())
