@@ -34,7 +34,10 @@ def test_a_card_is_a_fit_with_ranges_errors_and_its_origin(name):
     assert set(card.ranges) == {"biot", "fourier", "voxels_across", "heating"}
     assert all(0 < low < high for low, high in card.ranges.values())
     train, held_out = card.error_percent["train"], card.error_percent["held_out"]
-    assert train["fitted"] < train["default"] and held_out["fitted"] > 0
+    assert train["fitted"] < train["default"]
+    # Over all cases, those held out too: weights that only fit are not shipped.
+    largest = lambda kind: max(train[kind], held_out[kind])
+    assert 0 < largest("fitted") < largest("default")
     assert {"train", "held_out", "fitted", "nodes", "steps"} <= set(card.origin)
 
 
