@@ -1,5 +1,7 @@
 """Emissivity and absorptivity of parts of a surface."""
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -20,7 +22,7 @@ TERMS = (jt.Surroundings(300.0), jt.Sun((0.0, 0.0, -1.0), 1000.0))
 NET = 5.670374419e-8 * (300.0**4 - 400.0**4)
 
 
-def body_of(*coatings, material=METAL):
+def body_of(*coatings, material: Any = METAL):
     structure = jt.FullVolume(GRID)
     return jt.Body(structure, material, temperature=400.0, coatings=coatings)
 
