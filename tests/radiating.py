@@ -64,4 +64,4 @@ def in_patches(grid: VoxelGrid, most: int, pose=STANDING) -> PatchedBody:
         most,
         grid.cavities,
     )
-    return PatchedBody(pose.to_world(grid.mesh.triangles), patches, pose)
+    return PatchedBody.of_mesh(grid.mesh, patches, pose)

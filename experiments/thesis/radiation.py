@@ -105,7 +105,7 @@ def _body(cube: jt.VoxelGrid, shift: float) -> PatchedBody:
     pose = jt.Pose(translation=(shift, 0.0, 0.0))
     surface = cube.fragment_position, cube.fragment_normal, cube.fragment_area
     patches = group_patches(*surface, cube.lattice, _PATCHES)
-    return PatchedBody(pose.to_world(cube.mesh.triangles), patches, pose)
+    return PatchedBody.of_mesh(cube.mesh, patches, pose)
 
 
 def _neighbour_chart(rows: Rows) -> Chart:

@@ -117,6 +117,19 @@ def part_volumes(
     return np.bincount(labels, cone, parts)
 
 
+def cavity_area(mesh: Mesh) -> float:
+    """Area of the parts that point inward [m^2]; 0 for an open mesh."""
+    # Over vertices, which is much faster than over edges: most meshes are one part.
+    links = np.concatenate([mesh.faces[:, :2], mesh.faces[:, 1:]])
+    roots = connected_labels(len(mesh.vertices), links)[mesh.faces[:, 0]]
+    parts, labels = np.unique(roots, return_inverse=True)
+    if len(parts) < 2 or not mesh.is_watertight:
+        return 0.0
+    inward = part_volumes(mesh, labels.reshape(-1), len(parts)) < 0.0
+    area = np.linalg.norm(mesh.area_vectors, axis=1)
+    return float(area[inward[labels.reshape(-1)]].sum())
+
+
 def winding_number(
     triangles: Float[np.ndarray, "f 3 3"], point: Float[np.ndarray, "3"]
 ) -> float:

@@ -154,15 +154,17 @@ def capacities(
     triangles: Float[np.ndarray, "f 3 3"], width: int, height: int
 ) -> tuple[int, int]:
     """Array sizes sufficient for all rows and very likely for all fragments."""
-    x, y = triangles[..., 0], triangles[..., 1]
-    bottom, top = np.clip(y.min(1), 0, height), np.clip(y.max(1), 0, height)
+    # Corner by corner: numpy is slow at the minimum along an axis of length three.
+    x, y = (tuple(triangles[:, corner, i] for corner in range(3)) for i in range(2))
+    least = lambda c: np.minimum(np.minimum(c[0], c[1]), c[2])
+    most = lambda c: np.maximum(np.maximum(c[0], c[1]), c[2])
+    bottom, top = np.clip(least(y), 0, height), np.clip(most(y), 0, height)
     # Snapping can move an end beyond one more centre.
     slack = 1 / SNAP
     rows = (np.ceil(top - 0.5 + slack) - np.ceil(bottom - 0.5 - slack)).sum()
-    left, right = np.clip(x.min(1), 0, width), np.clip(x.max(1), 0, width)
-    a, b, c = (triangles[:, i, :2] for i in range(3))
-    u, v = b - a, c - a
-    area = 0.5 * np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])
+    left, right = np.clip(least(x), 0, width), np.clip(most(x), 0, width)
+    area = (x[1] - x[0]) * (y[2] - y[0]) - (y[1] - y[0]) * (x[2] - x[0])
+    area = 0.5 * np.abs(area)
     # A triangle has about as many fragments as pixels of area; the margin covers the
     # scatter of that count.
     covered = np.minimum(area, (right - left) * (top - bottom)).sum()
@@ -202,8 +204,10 @@ def _rasterize(
     Raises:
         InputError: if a corner is not finite or more than 2^20 pixels away.
     """
-    if (
-        not np.isfinite(triangles).all()
+    ends = triangles.min(initial=0), triangles.max(initial=0)
+    # Most often the bounds of all numbers suffice, which are quick to find.
+    if not np.abs(ends).max() <= _MAX_COORDINATE and (
+        not np.isfinite(ends).all()
         or np.abs(triangles[..., :2]).max(initial=0) > _MAX_COORDINATE
     ):
         raise InputError(

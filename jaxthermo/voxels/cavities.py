@@ -68,11 +68,12 @@ def find_cavities(
 ) -> Cavities | None:
     """The closed cavities between solid voxels; None if there are none."""
     # A rim of empty voxels joins all that is outside.
-    label, count = ndimage.label(np.pad(~solid, 1, constant_values=True))
-    if count < 2:
+    label = np.zeros([n + 2 for n in solid.shape], np.int32)
+    ndimage.label(np.pad(~solid, 1, constant_values=True), output=label)
+    if label.max() < 2:
         return None
     outside = label[0, 0, 0]
-    number = label[1:-1, 1:-1, 1:-1].astype(np.int32)
+    number = label[1:-1, 1:-1, 1:-1].copy()
     number -= number > outside
     number[label[1:-1, 1:-1, 1:-1] == outside] = _OUTSIDE
     number[solid] = _SOLID

@@ -8,10 +8,14 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from wadler_lindig import TextDoc
 
-from ..geometry.mesh import Mesh
+from ..geometry.mesh import Mesh, cavity_area
 from .cavities import Cavities, find_cavities
 from .lattice import Lattice
 from .surface import surface_links, surface_voxels
+
+
+# Smaller fractions of a body's surface are not told to face a cavity that is open.
+_OPENED = 0.02
 
 
 @dataclass(frozen=True)
@@ -120,6 +124,18 @@ class VoxelGrid:
         if self.cavities is None:
             return np.zeros(len(self.fragment_area), int)
         return self.cavities.faced(self.fragment_position, self.fragment_normal)
+
+    @cached_property
+    def opened_area(self) -> float:
+        """Area of the mesh's closed cavities that are open in the voxels [m^2]."""
+        # Only walls thinner than a voxel have holes, and few bodies have such walls.
+        thin = self.thin.thin_fragments + self.thin.lost_fragments
+        if sorted(self.layers.peeled)[1] < 4 or not thin:
+            return 0.0
+        closed = self.fragment_area[self.fragment_cavity > 0].sum()
+        opened = cavity_area(self.mesh) - float(closed)
+        # The areas of fragments are not exact.
+        return opened if opened > _OPENED * self.mesh.area else 0.0
 
     @property
     def voxel_volume(self) -> float:

@@ -125,9 +125,52 @@ def test_a_body_in_the_cavity_of_another_is_enclosed():
             assert any("closed cavity" in o.why for o in receipt.left_out)
 
 
+def room(inner, outer, pitch=0.01):
+    """A closed cubic room."""
+    hole, block = jt.shapes.box((inner,) * 3), jt.shapes.box((outer,) * 3)
+    faces = np.concatenate([block.faces, hole.faces[:, ::-1] + len(block.vertices)])
+    vertices = np.concatenate([block.vertices, hole.vertices])
+    return jt.voxelize(jt.Mesh(vertices, faces, "room"), pitch)
+
+
+def in_a_room(around, place, *terms):
+    """Receipt of a cube of 3 cm in a room, and the fragments of each in a cavity."""
+    box = jt.voxelize(jt.shapes.box((0.03, 0.03, 0.03)), 0.01)
+    bodies = tuple(
+        jt.Body(jt.FullVolume(g), METAL, temperature=300.0, pose=jt.Pose(p))
+        for g, p in ((box, place), (around, (0.0, 0.0, 0.0)))
+    )
+    found = compile_scene(jt.Scene(bodies, terms))
+    return found.receipt
+
+
+@pytest.mark.parametrize("gap", [0.005, 0.0099])
+def test_a_body_close_to_the_walls_is_enclosed(gap):
+    """Half a voxel or less from the wall, on which its next voxel then lies."""
+    place = (0.005 - gap, 0.0, 0.0)
+    receipt = in_a_room(room(0.04, 0.06), place, FROM_OUTSIDE["convection"])
+    assert {part.bodies[0] for part in receipt.parts} == {1}
+    assert receipt.warnings == ()
+
+
+def test_cavities_that_are_open_in_the_voxels_are_told():
+    """Walls of half a voxel."""
+    around = room(0.04, 0.05)
+    assert around.opened_area == pytest.approx(6 * 0.04**2)
+    for term in (FROM_OUTSIDE["convection"], EVERYWHERE["exchange"]):
+        (line,) = in_a_room(around, (0.0, 0.0, 0.0), term).warnings
+        assert line == (
+            "39 % of the surface of body 1 faces cavities that are closed in its mesh "
+            "and open in its voxels: walls thinner than a voxel let air and radiation "
+            "through; use a finer pitch"
+        )
+    assert in_a_room(around, (0.0, 0.0, 0.0), EVERYWHERE["flux"]).warnings == ()
+    assert room(0.04, 0.06).opened_area == 0.0
+
+
 @pytest.mark.parametrize("most", [6, 60, 200])
 def test_radiation_crosses_a_cavity(most):
-    """Black halves of a hollow ball: each sees the other with a factor of 1/2."""
+    """Black parts of a hollow ball, above and below: A_1 A_2 / (A_1 + A_2)."""
     black = surface_of(GRID, emissivity=1.0)
     exchange = jt.RadiativeExchange(0.0, max_patches=most, directions=32)
     enclosure, _ = exchange.enclosure(whole(black))
@@ -136,8 +179,10 @@ def test_radiation_crosses_a_cavity(most):
     net = np.asarray(enclosure.net(jnp.asarray(0.0), jnp.where(hot, 100.0, 0.0)))
     heat = net * GRID.fragment_area
     assert heat[INNER].sum() == pytest.approx(0.0, abs=1e-12 * np.abs(heat).sum())
-    half = GRID.fragment_area[INNER & hot].sum()
-    exact = STEFAN_BOLTZMANN * (400.0**4 - 300.0**4) * half / 2
+    # In a sphere each piece sees another with its fraction of the whole area.
+    above, below = (GRID.fragment_area[INNER & s].sum() for s in (hot, ~hot))
+    mutual = above * below / (above + below)
+    exact = STEFAN_BOLTZMANN * (400.0**4 - 300.0**4) * mutual
     if most > 6:
         assert heat[INNER & ~hot].sum() == pytest.approx(exact, rel=0.02)
     emitted = STEFAN_BOLTZMANN * np.where(hot, 400.0, 300.0) ** 4

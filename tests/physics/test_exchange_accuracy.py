@@ -1,5 +1,7 @@
 """View factors as accurate as they are asked for, and a sky and a ground."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -32,13 +34,13 @@ def side(patched, axis, sign, first=0):
 THICK = 0.125
 
 
-def corner(turn=UPRIGHT):
+def corner(turn: Any = UPRIGHT):
     """A floor of 1 x 1 m and a wall of 2 m on one of its edges."""
     floor = voxelize(jt.shapes.box((1.0, 1.0, THICK)), THICK)
     wall = voxelize(jt.shapes.box((THICK, 1.0, 2.0)), THICK)
     places = np.array([[0.5, 0.0, -THICK / 2], [-THICK / 2, 0.0, 1.0]]) @ turn.T
     pairs = zip((floor, wall), places, strict=True)
-    return tuple(in_patches(g, 96, moved(*p, turn)) for g, p in pairs)
+    return tuple(in_patches(g, 96, moved(x, y, z, turn)) for g, (x, y, z) in pairs)
 
 
 def from_floor_to_wall(views, bodies):
@@ -67,9 +69,9 @@ def test_the_estimate_holds_however_plates_are_turned(seed):
     exact = perpendicular_rectangles(1.0, 2.0, 1.0)
     error = from_floor_to_wall(views, bodies) / exact - 1
     print("error", error, sampling)
-    assert abs(error) < 0.01
-    if sampling.directions < 4096:
-        assert sampling.error <= 0.01
+    # The estimate bounds the error itself: no factor of safety is missing.
+    assert abs(error) <= sampling.error <= 0.01
+    assert sampling.directions < 4096
 
 
 @pytest.fixture(scope="module")
@@ -81,6 +83,7 @@ def room():
     return voxelize(mesh, 0.1)
 
 
+@pytest.mark.slow
 def test_the_walls_of_a_closed_room(room):
     """One concave body alone: parallel and perpendicular squares, and nothing else."""
     body = in_patches(room, 200)
@@ -141,7 +144,7 @@ CUBE = jt.voxelize(jt.shapes.box((0.2, 0.2, 0.2)), 0.1)
 METAL = jt.Material(20.0, density=2000.0, specific_heat=500.0, emissivity=0.8)
 
 
-def notes_of(**options):
+def test_the_receipt_has_the_estimate():
     bodies = tuple(
         jt.Body(
             jt.FullVolume(CUBE),
@@ -151,17 +154,19 @@ def notes_of(**options):
         )
         for place in (0.0, 0.25)
     )
-    term = jt.RadiativeExchange(290.0, max_patches=6, **options)
-    return compile_scene(jt.Scene(bodies, (term,))).receipt.notes
-
-
-def test_the_receipt_has_the_estimate():
-    (note,) = notes_of()
+    term = jt.RadiativeExchange(290.0, max_patches=6, error=0.05)
+    (note,) = compile_scene(jt.Scene(bodies, (term,))).receipt.notes
     assert note.startswith("emission: view factors from ")
-    assert "with an estimated error of 0." in note
-    (given,) = notes_of(directions=16)
-    assert "from 16 directions, as given" in given
-    (short,) = notes_of(error=1e-5, max_directions=128)
+    assert "with an estimated error of" in note
+
+
+def test_directions_are_given_or_limited():
+    surface = whole(surface_of(CUBE), surface_of(CUBE, moved(0.25, 0.0, 0.0), body=1))
+    sampled = lambda **options: (
+        jt.RadiativeExchange(290.0, max_patches=6, **options).enclosure(surface)[1].note
+    )
+    assert "from 16 directions, as given" in sampled(directions=16)
+    short = sampled(error=1e-5, max_directions=128)
     assert "from 128 directions" in short and "give more `max_directions`" in short
 
 
@@ -183,18 +188,18 @@ def test_a_convex_body_between_sky_and_ground():
     up = np.bincount(patch, area * (1 + ball.fragment_normal[:, 2]) / 2)
     up /= np.bincount(patch, area)
     np.testing.assert_allclose(enclosure.from_surroundings, up, rtol=1e-9)
-    np.testing.assert_allclose(enclosure.from_ground, 1 - up, rtol=1e-9, atol=1e-12)
+    ground = np.asarray(enclosure.from_ground)
+    np.testing.assert_allclose(ground, 1 - up, rtol=1e-9, atol=1e-12)
     exact = STEFAN_BOLTZMANN * (up * 250.0**4 + (1 - up) * 350.0**4 - 300.0**4)
     np.testing.assert_allclose(net_flux(term, surface), exact[patch], rtol=1e-7)
 
 
-@pytest.mark.parametrize("dtype", ["float64"])
-def test_one_temperature_everywhere_is_at_rest(dtype):
+def test_one_temperature_everywhere_is_at_rest():
     pair = surface_of(CUBE), surface_of(CUBE, moved(0.0, 0.0, 0.25), body=1)
-    same = jt.RadiativeExchange(300.0, ground=300.0, max_patches=24, directions=32)
+    same = jt.RadiativeExchange(300.0, ground=300.0, max_patches=24, directions=8)
     assert np.abs(net_flux(same, *pair)).max() < 1e-9
-    plain = jt.RadiativeExchange(280.0, max_patches=24, directions=32)
-    split = jt.RadiativeExchange(280.0, ground=280.0, max_patches=24, directions=32)
+    plain = jt.RadiativeExchange(280.0, max_patches=24, directions=8)
+    split = jt.RadiativeExchange(280.0, ground=280.0, max_patches=24, directions=8)
     np.testing.assert_allclose(
         net_flux(split, *pair), net_flux(plain, *pair), rtol=1e-10
     )
@@ -203,7 +208,7 @@ def test_one_temperature_everywhere_is_at_rest(dtype):
 def test_a_roof_hides_the_sky_and_a_floor_the_ground():
     """Of two cubes above each other the facing sides see half of what is left."""
     low, high = surface_of(CUBE), surface_of(CUBE, moved(0.0, 0.0, 0.3), body=1)
-    term = jt.RadiativeExchange(0.0, ground=300.0, max_patches=24, directions=64)
+    term = jt.RadiativeExchange(0.0, ground=300.0, max_patches=24, directions=32)
     enclosure, _ = term.enclosure(whole(low, high))
     sky = np.asarray(enclosure.from_surroundings)[np.asarray(enclosure.patch)]
     ground = np.asarray(enclosure.from_ground)[np.asarray(enclosure.patch)]

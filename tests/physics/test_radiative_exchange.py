@@ -13,7 +13,9 @@ METAL = jt.Material(50.0, density=2000.0, specific_heat=500.0, emissivity=0.8)
 GRID = jt.voxelize(jt.shapes.box((0.02, 0.06, 0.06)), 0.01)
 
 
-def _facing(gap, hot=500.0, cold=300.0, surroundings=300.0, dtype="float64"):
+def _facing(
+    gap, hot=500.0, cold=300.0, surroundings=300.0, dtype="float64", directions=48
+):
     bodies = tuple(
         jt.Body(
             jt.FullVolume(GRID),
@@ -25,7 +27,7 @@ def _facing(gap, hot=500.0, cold=300.0, surroundings=300.0, dtype="float64"):
     )
     return jt.Scene(
         bodies,
-        (jt.RadiativeExchange(surroundings, max_patches=48, directions=48),),
+        (jt.RadiativeExchange(surroundings, max_patches=48, directions=directions),),
         dtype=dtype,
         allow_extreme_temperatures=True,
     )
@@ -56,7 +58,8 @@ def test_a_convex_body_sees_only_its_surroundings():
 
 
 def test_where_all_is_at_one_temperature_nothing_flows():
-    run = jt.simulate(_facing(0.01, hot=350.0, cold=350.0, surroundings=350.0), 20.0)
+    still = _facing(0.01, 350.0, 350.0, 350.0, directions=8)
+    run = jt.simulate(still, 20.0)
     np.testing.assert_allclose(run.surface_temperature, 350.0, atol=1e-9)
 
 

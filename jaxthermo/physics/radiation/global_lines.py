@@ -19,6 +19,7 @@ from typing import NamedTuple
 import jax
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy.spatial import ConvexHull, QhullError
 
 from ...geometry.mesh import Pose
 from ...raster.fragments import (
@@ -38,7 +39,8 @@ from .patches import PatchedBody
 
 
 class _Scene(NamedTuple):
-    triangles: Float[np.ndarray, "f 3 3"]
+    vertices: Float[np.ndarray, "v 3"]
+    faces: Int[np.ndarray, "f 3"]
     normal: Float[np.ndarray, "f 3"]
     body: Int[np.ndarray, " f"]
     first: Int[np.ndarray, " b"]
@@ -47,13 +49,17 @@ class _Scene(NamedTuple):
 
 
 def _concatenated(bodies: tuple[PatchedBody, ...]) -> _Scene:
-    triangles = np.concatenate([body.triangles for body in bodies])
-    a, b, c = np.moveaxis(triangles, 1, 0)
+    vertices = np.concatenate([body.vertices for body in bodies])
+    ends = np.cumsum([0, *(len(body.vertices) for body in bodies)])
+    pairs = zip(bodies, ends, strict=False)
+    faces = np.concatenate([body.faces + first for body, first in pairs])
+    a, b, c = (vertices[corner] for corner in faces.T)
     counts = [body.patches.count for body in bodies]
     return _Scene(
-        triangles,
+        vertices,
+        faces,
         np.cross(b - a, c - a),
-        np.repeat(np.arange(len(bodies)), [len(body.triangles) for body in bodies]),
+        np.repeat(np.arange(len(bodies)), [len(body.faces) for body in bodies]),
         np.cumsum([0, *counts[:-1]]),
         sum(counts),
     )
@@ -66,8 +72,23 @@ _MAX_VIEWS = 16
 _SEQUENCE_STEP = np.array([0.7548776662466927, 0.5698402909980532])
 
 
+# Fewer points need no outline.
+_FEW_POINTS = 1000
+
+
+def _outline(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "m 3"]:
+    """The corners of the convex hull of points: views of both have one extent."""
+    if len(points) < _FEW_POINTS:
+        return points
+    try:
+        return points[ConvexHull(points).vertices]
+    except QhullError:
+        # Points in one plane have none.
+        return points
+
+
 def _views(
-    points: Float[np.ndarray, "*n 3"],
+    points: Float[np.ndarray, "n 3"],
     directions: Float[np.ndarray, "d 3"],
     pixel: float,
 ) -> Iterator[OrthographicView]:
@@ -89,13 +110,13 @@ class _Strip(NamedTuple):
     width: int
     height: int
 
-    def project(
-        self, triangles: Float[np.ndarray, "f 3 3"]
-    ) -> Float[np.ndarray, "k 3 3"]:
+    def project(self, scene: _Scene) -> Float[np.ndarray, "k 3 3"]:
         """Triangles in the image [pixels], of one view after the other."""
         right = np.array([1.0, 0.0, 0.0])
         pairs = zip(self.views, self.start, strict=True)
-        return np.concatenate([v.project(triangles) + s * right for v, s in pairs])
+        # Vertices are fewer than corners.
+        points = (v.project(scene.vertices) + s * right for v, s in pairs)
+        return np.concatenate([each[scene.faces] for each in points])
 
     def points(
         self, layers: DepthLayers, view: Int[np.ndarray, " k"]
@@ -188,7 +209,7 @@ def _count_lines(
     Several views must each show the whole scene.
     """
     strip = _strip(views)
-    corners = strip.project(scene.triangles)
+    corners = strip.project(scene)
     room = shared_capacities(corners, strip.width, strip.height, room)
     with jax.ensure_compile_time_eval():
         layers = peel(corners, strip.width, strip.height, room)
@@ -197,7 +218,7 @@ def _count_lines(
     # Consecutive fragments of a line face each other across empty space where the first
     # is left and the second entered.
     open_gap: Bool[np.ndarray, " g"] = same & ~enters[:-1] & enters[1:]
-    view, triangle = np.divmod(layers.triangle, len(scene.triangles))
+    view, triangle = np.divmod(layers.triangle, len(scene.faces))
     patch = _hits(bodies, scene, strip.points(layers, view), triangle, open_gap)
     first, last = np.append(True, ~same), np.append(~same, True)
     numbers = patch[:-1][open_gap] * scene.count + patch[1:][open_gap]
@@ -219,14 +240,14 @@ def sample_all_directions(
     """
     # A line counts both ways: half of the directions, of an odd number one more.
     scene = _concatenated(bodies)
-    extent = max(float(np.ptp(b.triangles.reshape(-1, 3), 0).max()) for b in bodies)
+    extent = max(float(np.ptp(b.vertices, 0).max()) for b in bodies)
     pixel = extent / lines
     found = LineSums(*(np.zeros((scene.count,) * n) for n in (2, 1, 1)))
     room, half = (MIN_CAPACITY, MIN_CAPACITY), (directions + 1) // 2
     weight = 2 / half * pixel * pixel
-    views = _views(scene.triangles, half_sphere_directions(half), pixel)
+    views = _views(_outline(scene.vertices), half_sphere_directions(half), pixel)
     # A small scene leaves room for more views in arrays of the smallest size.
-    at_once = max(1, min(_MAX_VIEWS, MIN_CAPACITY // (8 * len(scene.triangles))))
+    at_once = max(1, min(_MAX_VIEWS, MIN_CAPACITY // (8 * len(scene.faces))))
     while chosen := tuple(islice(views, at_once)):
         counted, room = _count_lines(bodies, scene, chosen, room)
         for total, number in zip(found, counted, strict=True):
@@ -271,7 +292,7 @@ def pair_cones(bodies: tuple[PatchedBody, ...]) -> list[PairCone]:
     """
     found = []
     for pair in combinations(range(len(bodies)), 2):
-        first, second = (bodies[number].triangles.reshape(-1, 3) for number in pair)
+        first, second = (bodies[number].vertices for number in pair)
         poses = [Pose(), *(bodies[number].pose for number in pair)]
         cones = [_cone(first, second, pose) for pose in poses]
         axis, min_cosine = max(cones, key=lambda cone: cone[1])
@@ -295,7 +316,7 @@ def sample_pair(
     room = (MIN_CAPACITY, MIN_CAPACITY)
     weight = 2 * (1 - cone.min_cosine) / directions * pixel * pixel
     ahead = cap_directions(cone.axis, cone.min_cosine, directions)
-    for view in _views(cone.small, ahead, pixel):
+    for view in _views(_outline(cone.small), ahead, pixel):
         counted, room = _count_lines(bodies, scene, [view], room)
         between += weight * counted.pairs
     one, other = (

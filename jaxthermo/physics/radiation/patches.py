@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ...errors import InputError
-from ...geometry.mesh import Pose
+from ...geometry.mesh import Mesh, Pose
 from ...voxels.cavities import Cavities
 from ...voxels.lattice import Lattice
 
@@ -113,10 +113,22 @@ class Patches:
 class PatchedBody(NamedTuple):
     """Body with the patches of its surface."""
 
-    triangles: Float[np.ndarray, "f 3 3"]
-    """World [m], counter-clockwise seen from outside."""
+    vertices: Float[np.ndarray, "v 3"]
+    """World [m]."""
+    faces: Int[np.ndarray, "f 3"]
+    """Counter-clockwise seen from outside."""
     patches: Patches
     pose: Pose = Pose()
+
+    @classmethod
+    def of_mesh(cls, mesh: Mesh, patches: Patches, pose: Pose) -> "PatchedBody":
+        """A mesh in the body's frame at a place in the world."""
+        # Scanners leave strays far away, which are no part of what a view shows.
+        used = np.zeros(len(mesh.vertices), bool)
+        used[mesh.faces.reshape(-1)] = True
+        number = np.cumsum(used) - 1
+        vertices = pose.to_world(mesh.vertices[used])
+        return cls(vertices, number[mesh.faces], patches, pose)
 
 
 def group_patches(

@@ -161,7 +161,7 @@ class RadiativeExchange(AbstractExchangeTerm, AbstractRadiativeTerm):
             for b, area in zip(bodies, areas, strict=True)
         ]
         patched = tuple(
-            PatchedBody(b.pose.to_world(b.grid.mesh.triangles), own, b.pose)
+            PatchedBody.of_mesh(b.grid.mesh, own, b.pose)
             for b, own in zip(bodies, patches, strict=True)
         )
         first = np.cumsum([0, *(own.count for own in patches)])

@@ -107,7 +107,10 @@ def compile_scene(
                 *_notes(snapshots, names),
                 *accuracy,
             ),
-            warnings=_overlap_warnings(snapshots, starts),
+            warnings=(
+                *_overlap_warnings(snapshots, starts),
+                *_cavity_warnings(scene, first),
+            ),
             nodes=sum(s.node_count for s in structures),
             links=sum(s.link_count for s in structures),
             fragments=sum(len(surface.area) for surface in surfaces),
@@ -264,6 +267,26 @@ def _cavity_notes(scene: Scene, snapshot: Snapshot) -> tuple[str, ...]:
         found.append(
             f"{fraction:.2g} % of the surface of body {surface.body} faces closed "
             "cavities: air, sun and surroundings act there only with `inside: open`"
+        )
+    return tuple(found)
+
+
+def _cavity_warnings(scene: Scene, snapshot: Snapshot) -> tuple[str, ...]:
+    """A line about each body whose voxels leave open what its mesh encloses."""
+    acts = [t for t in scene.terms if isinstance(t, AbstractSurfaceTerm)]
+    exchange = any(isinstance(term, AbstractExchangeTerm) for term in acts)
+    if not exchange and not any(term.from_outside for term in acts):
+        return ()
+    found = []
+    for body, surface in zip(scene.bodies, snapshot.surface.bodies, strict=True):
+        opened = surface.grid.opened_area
+        if body.inside == "open" or not opened:
+            continue
+        fraction = 100 * opened / surface.grid.fragment_area.sum()
+        found.append(
+            f"{fraction:.2g} % of the surface of body {surface.body} faces cavities "
+            "that are closed in its mesh and open in its voxels: walls thinner than a "
+            "voxel let air and radiation through; use a finer pitch"
         )
     return tuple(found)
 

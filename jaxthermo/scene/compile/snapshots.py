@@ -28,6 +28,8 @@ from ...physics.term import (
     Omitted,
     Surface,
 )
+from ...voxels.cavities import Cavities
+from ...voxels.grid import VoxelGrid
 from ...voxels.selection import FragmentMask
 from ..scene import Scene
 from .bodies import PreparedBody, surface_property
@@ -197,13 +199,26 @@ def _enclosed(
         for other, grid in enumerate(grids):
             faced = grid.fragment_cavity
             if other != number:
-                front = grid.fragment_position + grid.pitch / 2 * grid.fragment_normal
-                place = poses[number].to_body(poses[other].to_world(front))
-                faced = around.cavities.at(place)
+                faced = _surrounding(around.cavities, poses[number], grid, poses[other])
             found, before = faced > 0, enclosed[other]
             if found.any():
                 enclosed[other] = found if before is None else before | found
     return enclosed
+
+
+def _surrounding(
+    cavities: Cavities, around: Pose, grid: VoxelGrid, pose: Pose
+) -> Int[np.ndarray, " s"]:
+    """Cavity of another body in which each fragment is, 0 or -1 for none."""
+    # The voxels of a wall may reach over a fragment that lies closer to it than a
+    # voxel: half a voxel further from the wall, in its own body, it is out of them.
+    faced = np.full(len(grid.fragment_area), -1)
+    for depth in (0.5, 0.0, -0.5):
+        solid = np.flatnonzero(faced < 0)
+        inward = depth * grid.pitch * grid.fragment_normal[solid]
+        place = pose.to_world(grid.fragment_position[solid] - inward)
+        faced[solid] = cavities.at(around.to_body(place))
+    return faced
 
 
 def _reached(term: AbstractSurfaceTerm, surface: Surface) -> Surface:
