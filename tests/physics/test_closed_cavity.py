@@ -134,14 +134,13 @@ def room(inner, outer, pitch=0.01):
 
 
 def in_a_room(around, place, *terms):
-    """Receipt of a cube of 3 cm in a room, and the fragments of each in a cavity."""
+    """Receipt of a cube of 3 cm in a room."""
     box = jt.voxelize(jt.shapes.box((0.03, 0.03, 0.03)), 0.01)
     bodies = tuple(
         jt.Body(jt.FullVolume(g), METAL, temperature=300.0, pose=jt.Pose(p))
         for g, p in ((box, place), (around, (0.0, 0.0, 0.0)))
     )
-    found = compile_scene(jt.Scene(bodies, terms))
-    return found.receipt
+    return compile_scene(jt.Scene(bodies, terms)).receipt
 
 
 @pytest.mark.parametrize("gap", [0.005, 0.0099])

@@ -145,29 +145,31 @@ METAL = jt.Material(20.0, density=2000.0, specific_heat=500.0, emissivity=0.8)
 
 
 def test_the_receipt_has_the_estimate():
-    bodies = tuple(
-        jt.Body(
-            jt.FullVolume(CUBE),
-            METAL,
-            temperature=300.0,
-            pose=jt.Pose((place, 0.0, 0.0)),
-        )
-        for place in (0.0, 0.25)
-    )
-    term = jt.RadiativeExchange(290.0, max_patches=6, error=0.05)
-    (note,) = compile_scene(jt.Scene(bodies, (term,))).receipt.notes
-    assert note.startswith("emission: view factors from ")
-    assert "with an estimated error of" in note
+    """A convex body alone needs no more than the first directions."""
+    body = jt.Body(jt.FullVolume(CUBE), METAL, temperature=300.0)
+    scene = jt.Scene((body,), (jt.RadiativeExchange(290.0, max_patches=6),))
+    (note,) = compile_scene(scene).receipt.notes
+    assert note.startswith("emission: view factors from 32 directions, with an ")
+    assert "estimated error of" in note
 
 
-def test_directions_are_given_or_limited():
+def two_cubes(**options):
     surface = whole(surface_of(CUBE), surface_of(CUBE, moved(0.25, 0.0, 0.0), body=1))
-    sampled = lambda **options: (
-        jt.RadiativeExchange(290.0, max_patches=6, **options).enclosure(surface)[1].note
-    )
-    assert "from 16 directions, as given" in sampled(directions=16)
-    short = sampled(error=1e-5, max_directions=128)
-    assert "from 128 directions" in short and "give more `max_directions`" in short
+    return jt.RadiativeExchange(290.0, max_patches=6, **options).enclosure(surface)[1]
+
+
+def test_directions_may_be_given():
+    assert "from 8 directions, as given" in two_cubes(directions=8).note
+
+
+@pytest.mark.slow
+def test_directions_are_limited():
+    short = two_cubes(error=1e-5, max_directions=128)
+    assert short.directions == 128 and short.error > 1e-5
+    assert "from 128 directions" in short.note
+    assert "give more `max_directions`" in short.note
+    enough = two_cubes()
+    assert 0 < enough.error <= 0.01
 
 
 def net_flux(term, *surfaces, theta=0.0):
