@@ -146,7 +146,7 @@ class VoxelGrid:
         """Flag the points (in the body's frame) that lie in a solid voxel."""
         cells = self.lattice.to_cells(points)
         inside = (cells >= 0) & (cells < self.solid.shape)
-        found: Bool[np.ndarray, " n"] = inside.all(1)
+        found: Any = inside.all(1)
         found[found] = self.solid[tuple(np.floor(cells[found]).astype(int).T)]
         return found
 
