@@ -14,6 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
+from scipy.sparse import csr_array
 
 from ..arrays import is_traced, precision
 from ..constants import STEFAN_BOLTZMANN
@@ -77,15 +78,15 @@ class Image(eqx.Module):
         return _apparent_temperature(self.radiance)
 
 
-def _to_pixels(view: View, values: _Values) -> _Values:
-    """Weighted means of the fragments that each pixel shows, [s, k] to [p, k]."""
-    weights, count = view.weights, len(view.pixel)
+def _means(weights: csr_array, values: _Values) -> _Values:
+    """Weighted means of the fragments of each row, [s, k] to [p, k]."""
+    count = len(weights.indptr) - 1
     if isinstance(values, np.ndarray):
         return (weights @ values).astype(values.dtype)
-    pixel = np.repeat(np.arange(count), np.diff(weights.indptr))
+    row = np.repeat(np.arange(count), np.diff(weights.indptr))
     each = jnp.asarray(weights.data, values.dtype)[:, None] * values[weights.indices]
-    # The pixels of the weights are sorted, which lets XLA sum without scattering.
-    return jax.ops.segment_sum(each, pixel, count, indices_are_sorted=True)
+    # The rows of the weights are sorted, which lets XLA sum without scattering.
+    return jax.ops.segment_sum(each, row, count, indices_are_sorted=True)
 
 
 def _replaced(values: _Values, where: Any, new: Any) -> _Values:
@@ -95,6 +96,23 @@ def _replaced(values: _Values, where: Any, new: Any) -> _Values:
     values = values.copy()
     values[where] = new
     return values
+
+
+def _irradiation_to_pixels(view: View, values: _Values) -> _Values:
+    """Radiation on fragments [s, k] to pixels [p, k] in W/m^2, see `facets`."""
+    plain, facets = _means(view.weights, values), view.facets
+    if facets is None:
+        return plain
+    xp: Any = np if isinstance(values, np.ndarray) else jnp
+    own = _means(facets.own, values)
+    share = xp.asarray(facets.share, values.dtype)[:, :, None]
+    joined, alone = (
+        (share * _means(each, values)[facets.corner]).sum(axis=1)
+        for each in (facets.joined, facets.alone)
+    )
+    scale = xp.minimum(own / xp.where(alone > 0, alone, 1), 1)
+    smooth = own + xp.where(alone > 0, scale, 1) * (joined - alone)
+    return _replaced(plain, facets.point, smooth)
 
 
 def draw(
@@ -117,13 +135,16 @@ def draw(
         time: of the frame [s].
         lit: part of `reflected` from sources [W/m^2], for a view with occlusion.
     """
-    values = [temperature, per_fragment(surfaces, "emissivity"), reflected]
-    if lit is not None:
-        values.append(lit)
+    values = temperature, per_fragment(surfaces, "emissivity")
+    received = (reflected,) if lit is None else (reflected, lit)
     # Derivatives need JAX, which otherwise would compile a program for every view.
-    xp: Any = jnp if is_traced((values, time, terms)) else np
-    columns = xp.stack([xp.asarray(each) for each in values], axis=1)
-    surface, emissivity, back, *lit_pixels = _to_pixels(view, columns).T
+    xp: Any = jnp if is_traced((values, received, time, terms)) else np
+    columns, radiation = (
+        xp.stack([xp.asarray(each) for each in given], axis=1)
+        for given in (values, received)
+    )
+    surface, emissivity = _means(view.weights, columns).T
+    back, *lit_pixels = _irradiation_to_pixels(view, radiation).T
     if view.open_fraction is not None:
         # Sources have their own shadows: what is hidden is thermal radiation, and what
         # hides it is taken to be as warm as the surface, as in `Surroundings`.

@@ -1,9 +1,7 @@
 """View of a solved scene: the geometry of an image, computed once for all frames.
 
-The temperature of a pixel is a weighted mean of the fragments within two voxels, with
-weights (1 - r^2/R^2)^2 times the fragment's area and the squared cosine between the
-normals, so that nothing leaks through a thin sheet or around an edge. The weights
-depend on the view only: a frame costs one sparse product.
+The temperature of a pixel is a weighted mean of the fragments within two voxels. The
+weights depend on the view only: a frame costs one sparse product.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -18,14 +16,14 @@ from ..physics.term import AbstractTerm
 from ..scene.scene import BodyGeometry, SolvedSurface
 from .background import Background, compute_background
 from .camera import AbstractCamera
+from .facets import FacetShading, facet_shading, joined_shadings
+from .fragment_cells import CHUNK, FragmentCells, kernel
 from .ssao import screen_space_occlusion
 from .visible import VisiblePoints, smooth_normals, visible_points
 
 
 # Radius of the weights [voxels]; from 1.4 it includes a fragment of any surface.
 _RADIUS = 2.0
-# Points per chunk, which bounds the size of temporaries.
-_CHUNK = 65536
 
 
 class _PixelWeights(NamedTuple):
@@ -37,48 +35,6 @@ class _PixelWeights(NamedTuple):
     weight: Float[np.ndarray, " w"]
 
 
-class _Cells:
-    """Fragments sorted into cubic cells of the weights' radius."""
-
-    def __init__(self, position: np.ndarray, radius: float):
-        self.radius = radius
-        self.low = position.min(0) - 1.5 * radius
-        cell = self._cell(position)
-        self.size = cell.max(0) + 3
-        key = self._key(cell)
-        self.order = np.argsort(key, kind="stable")
-        self.keys, self.start, self.count = np.unique(
-            key[self.order], return_index=True, return_counts=True
-        )
-
-    def _cell(self, points: np.ndarray) -> np.ndarray:
-        return np.floor((points - self.low) / self.radius).astype(np.int64)
-
-    def _key(self, cell: np.ndarray) -> np.ndarray:
-        x, y, z = np.moveaxis(cell, -1, 0)
-        return (x * self.size[1] + y) * self.size[2] + z
-
-    def pairs(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """All (point, fragment) in the same or neighbouring cells."""
-        offsets = np.indices((3, 3, 3)).reshape(3, -1).T - 1
-        cell = self._cell(points)[:, None] + offsets
-        within = ((cell >= 0) & (cell < self.size)).all(-1)
-        key = np.where(within, self._key(cell), -1).ravel()
-        slot = np.minimum(np.searchsorted(self.keys, key), len(self.keys) - 1)
-        count = np.where(self.keys[slot] == key, self.count[slot], 0)
-        owner = np.repeat(np.arange(len(points)).repeat(27), count)
-        first = np.repeat(self.start[slot] - np.cumsum(count) + count, count)
-        return owner, self.order[first + np.arange(len(first))]
-
-
-def _kernel(points, normals, geometry, owner, fragment, radius):
-    offset = points[owner] - geometry.fragment_position[fragment]
-    squared = np.einsum("ij,ij->i", offset, offset) / radius**2
-    cosine = np.einsum("ij,ij->i", normals[owner], geometry.fragment_normal[fragment])
-    near = np.maximum(1 - squared, 0) ** 2
-    return near * np.maximum(cosine, 0) ** 2 * geometry.fragment_area[fragment]
-
-
 def _nearest_fragments(
     points: Float[np.ndarray, "p 3"], geometry: BodyGeometry
 ) -> Int[np.ndarray, " p"]:
@@ -87,8 +43,8 @@ def _nearest_fragments(
     radius = geometry.pitch
     while (missing := np.flatnonzero(found < 0)).size:
         radius *= 2
-        cells = _Cells(geometry.fragment_position, radius)
-        for part in np.array_split(missing, len(missing) // _CHUNK + 1):
+        cells = FragmentCells(geometry.fragment_position, radius)
+        for part in np.array_split(missing, len(missing) // CHUNK + 1):
             owner, fragment = cells.pairs(points[part])
             offset = points[part][owner] - geometry.fragment_position[fragment]
             distance = np.einsum("ij,ij->i", offset, offset)
@@ -104,13 +60,13 @@ def _smooth_weights(
     geometry: BodyGeometry,
 ) -> _PixelWeights:
     radius = _RADIUS * geometry.pitch
-    cells = _Cells(geometry.fragment_position, radius)
+    cells = FragmentCells(geometry.fragment_position, radius)
     parts = []
-    for first in range(0, len(points), _CHUNK):
-        chunk = slice(first, first + _CHUNK)
+    for first in range(0, len(points), CHUNK):
+        chunk = slice(first, first + CHUNK)
         point, normal = points[chunk], normals[chunk]
         owner, fragment = cells.pairs(point)
-        weight = _kernel(point, normal, geometry, owner, fragment, radius)
+        weight = kernel(point, normal, geometry, owner, fragment, radius)
         kept = weight > 0
         parts.append((owner[kept] + first, fragment[kept], weight[kept]))
     pixel, fragment, weight = (
@@ -160,6 +116,8 @@ class View:
     background: Background
     open_fraction: Float[np.ndarray, " p"] | None = None
     """Fraction of the surroundings that nothing in the image hides; None for all."""
+    facets: FacetShading | None = None
+    """Reflection on large facets of curved surfaces; None without any."""
 
 
 def at_time(
@@ -190,7 +148,8 @@ def compute_view(
     pixel, body, depth = found.pixel, found.body, found.depth
     weights = _all_weights(surfaces, body, local, normal, smooth)
     background = compute_background(terms, camera, pixel, depth)
-    view = View(camera, pixel, body, depth, normal, weights, background)
+    facets = _all_facets(surfaces, found, local) if smooth else None
+    view = View(camera, pixel, body, depth, normal, weights, background, facets=facets)
     if occlusion is None:
         return view
     return replace(view, open_fraction=_open_fraction(view, occlusion))
@@ -237,6 +196,19 @@ def _all_weights(surfaces, body, local, normal, smooth) -> csr_array:
         first += len(geometry.fragment_area)
     pixel, fragment, weight = (np.concatenate(c) for c in zip(*parts, strict=True))
     return csr_array((weight, (pixel, fragment)), (len(body), first))
+
+
+def _all_facets(
+    surfaces: tuple[SolvedSurface, ...],
+    found: VisiblePoints,
+    local: Float[np.ndarray, "p 3"],
+) -> FacetShading | None:
+    shown = [np.flatnonzero(found.body == index) for index in range(len(surfaces))]
+    parts = [
+        facet_shading(local[here], found.face[here], surface.geometry)
+        for here, surface in zip(shown, surfaces, strict=True)
+    ]
+    return joined_shadings(shown, parts)
 
 
 _MAX_VIEWS = 4

@@ -104,6 +104,8 @@ def corner_normals(
     vertices: np.ndarray, faces: np.ndarray, shown: np.ndarray
 ) -> Float[np.ndarray, "k 3 3"]:
     """Normal at each corner of some faces [k, corner, 3]."""
+    if not len(shown):
+        return np.empty((0, 3, 3))
     touched = np.zeros(len(vertices), bool)
     touched[faces[shown]] = True
     near = np.flatnonzero(touched[faces].any(axis=1))
