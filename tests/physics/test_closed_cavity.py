@@ -152,19 +152,30 @@ def test_a_body_close_to_the_walls_is_enclosed(gap):
     assert receipt.warnings == ()
 
 
-def test_cavities_that_are_open_in_the_voxels_are_told():
+@pytest.mark.parametrize(
+    "term",
+    [
+        FROM_OUTSIDE["convection"],
+        pytest.param(EVERYWHERE["exchange"], marks=pytest.mark.slow),
+    ],
+)
+def test_cavities_that_are_open_in_the_voxels_are_told(term):
     """Walls of half a voxel."""
     around = room(0.04, 0.05)
     assert around.opened_area == pytest.approx(6 * 0.04**2)
-    for term in (FROM_OUTSIDE["convection"], EVERYWHERE["exchange"]):
-        (line,) = in_a_room(around, (0.0, 0.0, 0.0), term).warnings
-        assert line == (
-            "39 % of the surface of body 1 faces cavities that are closed in its mesh "
-            "and open in its voxels: walls thinner than a voxel let air and radiation "
-            "through; use a finer pitch"
-        )
-    assert in_a_room(around, (0.0, 0.0, 0.0), EVERYWHERE["flux"]).warnings == ()
+    (line,) = in_a_room(around, (0.0, 0.0, 0.0), term).warnings
+    assert line == (
+        "39 % of the surface of body 1 faces cavities that are closed in its mesh "
+        "and open in its voxels: walls thinner than a voxel let air and radiation "
+        "through; use a finer pitch"
+    )
     assert room(0.04, 0.06).opened_area == 0.0
+
+
+@pytest.mark.slow
+def test_what_does_not_come_from_outside_needs_no_warning():
+    where = room(0.04, 0.05), (0.0, 0.0, 0.0)
+    assert in_a_room(*where, EVERYWHERE["flux"]).warnings == ()
 
 
 @pytest.mark.parametrize("most", [6, 60, 200])

@@ -207,6 +207,7 @@ def test_one_temperature_everywhere_is_at_rest():
     )
 
 
+@pytest.mark.slow
 def test_a_roof_hides_the_sky_and_a_floor_the_ground():
     """Of two cubes above each other the facing sides see half of what is left."""
     low, high = surface_of(CUBE), surface_of(CUBE, moved(0.0, 0.0, 0.3), body=1)
