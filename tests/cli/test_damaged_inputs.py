@@ -24,6 +24,7 @@ from jaxthermo.archive import write_archive
 from jaxthermo.config.card_file import write_card
 from jaxthermo.image.files import _write_exr_channels, read_exr
 from jaxthermo.integrate.run.solution_file import FORMAT_VERSION as SOLUTION_VERSION
+from jaxthermo.report import voxel_sheet
 from tests.calibrating import RESULT
 from tests.damaged import damage, damage_archive, damage_record
 
@@ -174,6 +175,12 @@ def _one(kind: str, folder: Path, random: np.random.Generator):
 
 KINDS = (*MESHES, "scene", "config of a run", "solution", "fit", "card")
 KINDS += ("lists of a card", "exr", "scene")
+
+
+@pytest.fixture(autouse=True)
+def small_pictures(monkeypatch):
+    """What is drawn of a mesh that was read needs no more pixels."""
+    monkeypatch.setattr(voxel_sheet, "_EDGE", 40)
 
 
 @contextmanager

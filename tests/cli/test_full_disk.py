@@ -48,7 +48,7 @@ def test_no_space_for_the_solution(finished, tmp_path):
 
 def test_no_space_for_the_frames_leaves_all_the_rest(finished, tmp_path):
     scene, out = scene_file(tmp_path), tmp_path / "out"
-    large = ("--set", "camera={width: 400, height: 300}")
+    large = ("--set", "camera={width: 128, height: 96}")
     size = 2 * (finished / "solution.npz").stat().st_size
     assert ".exr" in refused(size, "simulate", scene, "--out", out, *large)
     assert files(out) == RESULTS
