@@ -44,7 +44,9 @@ def _solve(weight, vector, kelvin, tolerance, start=None, most=2000):
     if start is not None:
         options["start"] = (start,)
     measure = ResidualNorm(1.0 if kelvin is None else kelvin)
-    solver = ConjugateGradient(measure, tolerance, kelvin is None, most)
+    solver = ConjugateGradient(
+        measure, tolerance, relative=kelvin is None, max_iterations=most
+    )
     return lx.linear_solve(operator, (vector,), solver, options=options, throw=False)
 
 
