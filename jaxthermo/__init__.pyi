@@ -20,6 +20,7 @@ from .integrate.solvers import (
     TRBDF2 as TRBDF2,
     BackwardEuler as BackwardEuler,
     CrankNicolson as CrankNicolson,
+    ErrorControl as ErrorControl,
     ForwardEuler as ForwardEuler,
     SuperTimeStepping as SuperTimeStepping,
 )

@@ -58,11 +58,11 @@ def status(console: Console, activity: str) -> Iterator[None]:
 
 @contextmanager
 def progress_bar(console: Console, end: float, steps: int) -> Iterator[Callable]:
-    """A bar over all steps; yields a function of (steps done, simulated time)."""
+    """A bar over all steps; yields a function of (steps done, simulated time, pass)."""
     # "90 s" or "12 min 30 s", as within a sentence.
     duration = lambda time: time_label(time).removeprefix("t = ")
     columns = (
-        TextColumn("simulating"),
+        TextColumn("{task.description}"),
         BarColumn(bar_width=None),
         TaskProgressColumn(),
         TextColumn("{task.fields[reached]} of " + duration(end) + ","),
@@ -72,10 +72,12 @@ def progress_bar(console: Console, end: float, steps: int) -> Iterator[Callable]
     with Progress(
         *columns, console=console, transient=True, disable=not console.is_terminal
     ) as bar:
-        task = bar.add_task("", total=max(steps, 1), reached=duration(0.0))
+        task = bar.add_task("simulating", total=max(steps, 1), reached=duration(0.0))
 
-        def update(done: int, time: float) -> None:
-            bar.update(task, completed=done, reached=duration(time))
+        def update(done: int, time: float, number: int = 0) -> None:
+            # The bar begins again with every pass of a run that controls its error.
+            name = f"simulating, pass {number + 1}" if number else "simulating"
+            bar.update(task, completed=done, reached=duration(time), description=name)
 
         yield update
 

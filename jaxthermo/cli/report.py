@@ -48,6 +48,8 @@ def log_scene(
     steps = f"{todo.steps} steps"
     if isinstance(todo.stepper, AdaptiveStepper):
         steps = f"steps that follow the error, to {todo.steps} event times"
+    elif todo.control is not None:
+        steps += " or more, until the error in time holds"
     print_line(
         console,
         f"{type(todo.solver).__name__} ({todo.solver_reason}): {steps}, stable step "
@@ -108,3 +110,7 @@ def log_result(console: Console, solution: Solution, times: dict[str, float]) ->
         f"{float(surface.min()):.1f} to "
         f"{float(surface.max()):.1f} degC; energy residual {residual:.1e}",
     )
+    if solution.run.time_error is not None:
+        # The last remark of the receipt, which was not known before the run.
+        steps = f"{solution.run.steps} steps"
+        print_line(console, f"{steps}, {solution.receipt.notes[-1]}")

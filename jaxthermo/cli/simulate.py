@@ -81,7 +81,7 @@ def _planned(console: Console, config: SceneConfig) -> _Planned:
     with status(console, "building the scene"):
         scene = config.build()
         end, saves = config.time.end, config.time.save_times
-        todo = plan_run(scene, end, saves, config.solver.build())
+        todo = plan_run(scene, end, saves, config.solver.build(), control_error=True)
         structures = [structure_report(body.structure) for body in scene.bodies]
         warnings = [*todo.compiled.receipt.warnings, *_card_warnings(config, scene)]
     log_scene(console, scene, todo, structures)
@@ -177,7 +177,8 @@ def _run(
     ):
         progress, last = ready, clock
         for progress in segments.run_segments(todo, ready):
-            update(segments.steps_done(todo, progress), reached(progress))
+            done, number = segments.steps_done(todo, progress), progress.passes.number
+            update(done, reached(progress), number)
             if interrupted():
                 _stop(todo, progress, out, key)
             if time.perf_counter() - last > CHECKPOINT_EVERY:

@@ -97,6 +97,8 @@ def summarize(
         "steps": solution.run.steps,
         "dt_s": solution.run.dt,
         "stable_step_s": _finite(solution.run.stable_step),
+        "time_error_K": solution.run.time_error,
+        "time_error_limit_K": solution.run.time_error_limit,
         "effort": _effort(solution.run.statistics),
         **times,
         "peak_memory_bytes": peak_memory(),

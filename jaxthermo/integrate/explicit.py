@@ -18,6 +18,7 @@ Source: Meyer, Balsara, Aslam, Journal of Computational Physics 257 (2014) 594-6
 """
 
 import math
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -81,17 +82,41 @@ _Stage = tuple[State, Float[Array, " c"]]
 
 
 class RKL2Stepper(AbstractStepper):
-    """RKL2 with a fixed number of stages: second order."""
+    """RKL2 with the same number of stages in every step: second order."""
 
     stages: int = eqx.field(static=True)
+    """Number of stages of every step, or the most of any step."""
+    stable_step: Float[Array, ""] | None = None
+    """Largest stable explicit step [s], if the number of stages follows from the length
+    of each step: one compiled program then serves steps of any length."""
+
+    def for_any_step(self, stable_step: float, dtype: Any) -> "RKL2Stepper":
+        """Return the stepper of steps of any length, up to the longest of this one."""
+        # A power of 2: runs that differ little share the program.
+        most = max(64, 2 ** math.ceil(math.log2(self.stages + 3)))
+        return RKL2Stepper(most, jnp.asarray(stable_step, dtype))
+
+    def _stages(self, dt: Float[Array, ""]) -> tuple[Any, Any]:
+        """Return the pairs of stages after the first, and the weight w."""
+        if self.stable_step is None:
+            return (self.stages - 1) // 2, 4 / (self.stages**2 + self.stages - 2)
+        # As in `stage_count`, but that a rounding may cost two stages more.
+        root = jnp.sqrt(9 + 16 * dt / self.stable_step)
+        pairs = jnp.ceil(((root - 1) / 2 * (1 + 1e-5) - 1) / 2)
+        pairs = jnp.clip(pairs, 1, (self.stages - 1) // 2)
+        stages = 2 * pairs + 1
+        return pairs.astype(jnp.int32), 4 / (stages**2 + stages - 2)
 
     @override
     def step(self, program: Program, state: RunState, start, dt) -> RunState:
-        weight = 4 / (self.stages**2 + self.stages - 2)
+        pairs, weight = self._stages(dt)
         table = {
             name: jnp.asarray(values, dt.dtype)
             for name, values in rkl2_coefficients(self.stages).items()
         }
+        if self.stable_step is not None:
+            # Only the times depend on the number of stages, as the weight does.
+            table["time"] *= weight / (4 / (self.stages**2 + self.stages - 2))
         no_heat = jnp.zeros_like(state.ledger.heat)
         theta, bodies, euler_dt = state.theta, program.bodies, dt * weight
 
@@ -129,8 +154,8 @@ class RKL2Stepper(AbstractStepper):
 
         # Two stages per iteration exchange their buffers; one would copy them.
         two_stages = lambda i, pair: stage(2 * i + 3, stage(2 * i + 2, pair))
-        pair = jax.lax.fori_loop(0, (self.stages - 1) // 2, two_stages, first)
-        if self.stages % 2 == 0:
+        pair = jax.lax.fori_loop(0, pairs, two_stages, first)
+        if self.stable_step is None and self.stages % 2 == 0:
             pair = stage(self.stages, pair)
         end, total = pair[1]
         return RunState(end, state.ledger.add(total), state.solver_state)

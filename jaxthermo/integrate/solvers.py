@@ -7,6 +7,7 @@
 | `BackwardEuler` | 1 | L-stable, no overshoot | very stiff scenes, huge steps |
 | `TRBDF2` | 2 | L-stable, step by error control | stiff scenes, to a stated error |
 | `CrankNicolson` | 2 | A-stable, oscillates above the stable step | comparison |
+| `ErrorControl` | 2 | that of the solver it selects | to an error of the whole run |
 """
 
 import abc
@@ -40,10 +41,13 @@ _DEFAULT_STEPS = 128
 
 # What is switched at an event changes fast at first, so that each interval between
 # events gets several steps by default, unless there are very many intervals.
-_MIN_STEPS_AFTER_EVENT, _MAX_REFINED_EVENTS = 16, 64
+_MIN_STEPS_AFTER_EVENT, MAX_REFINED_EVENTS = 16, 64
 
 MAX_EULER_STEPS = 2_000
 """Number of stable steps up to which explicit Euler is selected by default."""
+
+_FIRST_STEPS, _FIRST_ERROR = 8, 0.08
+"""Number of steps, and error of an adaptive one [K], of the first pass of several."""
 
 MAX_RKL2_STEPS = 5_000_000
 """Number of stable steps above which even their square root is too many."""
@@ -59,7 +63,7 @@ class AbstractSolver(eqx.Module):
 
     def min_steps(self, events: int) -> int:
         """Return the smallest number of steps between two of the run's events."""
-        refined = self.dt is None and events <= _MAX_REFINED_EVENTS
+        refined = self.dt is None and events <= MAX_REFINED_EVENTS
         return _MIN_STEPS_AFTER_EVENT if refined else 1
 
     def max_dt(
@@ -271,6 +275,44 @@ class TRBDF2(_AbstractImplicit):
             return super().stepper(scene, compiled, max_dt, traced)
         context = implicit_context(scene, compiled, max_dt, self.tolerance, traced)
         return AdaptiveStepper(context, jnp.asarray(self.error, compiled.receipt.dtype))
+
+
+class ErrorControl(AbstractSolver):
+    """Second order, with as many steps as an error in time asks for.
+
+    The run is repeated with steps half as long until the estimate of its error, at any
+    fragment and saved time, is within `relative_error` of the largest range of the
+    surface temperatures, or `error`. The receipt gives the estimate, see
+    `Solution.run.time_error`. Steps are those of `SuperTimeStepping`, or above 5
+    million stable steps of `TRBDF2`. Where values are traced nothing can be repeated:
+    a solver is selected as if none were given.
+    """
+
+    relative_error: float = eqx.field(static=True, default=1e-3)
+    """Error over the largest range of the surface temperatures at a saved time [-]."""
+    error: float = eqx.field(static=True, default=1e-3)
+    """Error that is small enough at any range [K]."""
+    dt: None = eqx.field(init=False, static=True, default=None)
+
+    def __check_init__(self):
+        for name in ("relative_error", "error"):
+            value = getattr(self, name)
+            if not (value > 0 and math.isfinite(value)):
+                raise InputError(f"ErrorControl({name}={value!r}): give a positive one")
+
+    def first(
+        self, stable_step: float, t1: float | int, symmetric: bool
+    ) -> tuple[AbstractSolver, str]:
+        """Return the solver and the steps of the first pass, with the reason."""
+        steps = f"{t1 / stable_step:.2g} stable steps of {stable_step:.3g} s"
+        if symmetric and t1 > MAX_RKL2_STEPS * stable_step:
+            return TRBDF2(error=_FIRST_ERROR), steps
+        return SuperTimeStepping(dt=t1 / _FIRST_STEPS), steps
+
+    @override
+    def stepper(self, scene, compiled, max_dt, traced) -> AbstractStepper:
+        # Of one pass: what is selected for a run goes by `first`.
+        return SuperTimeStepping().stepper(scene, compiled, max_dt, traced)
 
 
 def select_solver(

@@ -62,6 +62,13 @@ class _CrankNicolson(KindModel, builds="CrankNicolson", kind="crank_nicolson"):
     tolerance: Tolerance = None
 
 
+class _ErrorControl(KindModel, builds="ErrorControl", kind="error_control"):
+    """Second order, in steps as short as an error [K] of the whole run asks for."""
+
+    relative_error: Annotated[Number, Field(gt=0)] = 1e-3
+    error: Kelvin = 1e-3
+
+
 # A word alone stands for `{kind: word}`; `dt` without a kind is explicit Euler's.
 SolverConfig = Annotated[
     AutoSolver
@@ -69,7 +76,8 @@ SolverConfig = Annotated[
     | _SuperTimeStepping
     | _BackwardEuler
     | _TRBDF2
-    | _CrankNicolson,
+    | _CrankNicolson
+    | _ErrorControl,
     ByKind(),
     Short("kind", "forward_euler"),
 ]

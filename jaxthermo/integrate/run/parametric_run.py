@@ -20,7 +20,7 @@ from ...physics.radiation.irradiation import SceneRadiation
 from ...scene.compile.compile import compile_scene
 from ...scene.scene import Scene, SolvedSurface
 from ..explicit import EulerStepper
-from ..solvers import AbstractSolver, ForwardEuler
+from ..solvers import AbstractSolver, ErrorControl, ForwardEuler
 from .plan import (
     Plan,
     StepTable,
@@ -69,7 +69,8 @@ class ParametricRun:
     @property
     def uses_stable_step(self) -> bool:
         """True if the steps are as long as is stable."""
-        return self.solver is None or (
+        # A run with traced values cannot be repeated until its error holds.
+        return isinstance(self.solver, ErrorControl | None) or (
             isinstance(self.solver, ForwardEuler) and self.solver.dt is None
         )
 

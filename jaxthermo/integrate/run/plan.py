@@ -15,14 +15,23 @@ from ...errors import InputError, require, shortened
 from ...scene.compile.compile import compile_scene
 from ...scene.compile.program import Compiled
 from ...scene.scene import Scene
+from ..explicit import RKL2Stepper
 from ..implicit.adaptive import AdaptiveStepper
-from ..solvers import AbstractSolver, select_solver
+from ..solvers import (
+    MAX_REFINED_EVENTS,
+    AbstractSolver,
+    ErrorControl,
+    select_solver,
+)
 from ..stepper import END_ROUNDINGS, AbstractStepper, RunState
 from .ledger import empty_ledger
 
 
 _MAX_INTERVAL_STEPS = 2**31 - 1
 """Steps of one interval: the loop counts them in 32 bits."""
+
+_FIRST_STEPS_AFTER_EVENT = 4
+"""Smallest number of steps after an event in the first pass of several."""
 
 
 @dataclass(frozen=True)
@@ -96,6 +105,17 @@ def _schedule(
     return tuple(intervals)
 
 
+def _more_after_events(
+    intervals: tuple[Interval, ...], event_times: tuple[float, ...]
+) -> tuple[Interval, ...]:
+    # What is switched changes fast at first, and may be saved soon.
+    if len(event_times) > MAX_REFINED_EVENTS:
+        return intervals
+    switched = {0.0, *event_times}
+    least = lambda i: _FIRST_STEPS_AFTER_EVENT if i.start in switched else 1
+    return tuple(replace(i, steps=max(i.steps, least(i))) for i in intervals)
+
+
 def save_intervals(
     intervals: tuple[Interval, ...],
 ) -> tuple[tuple[Interval, ...], ...]:
@@ -127,6 +147,9 @@ class Plan(NamedTuple):
     """Why this solver was selected, for the terminal."""
     checkpoints: int | None = None
     """Number of states that reverse mode stores; None for all."""
+    control: ErrorControl | None = None
+    """Error that the run is repeated for: these are the steps of its first pass, see
+    `time_error`. None for a run of one pass."""
 
     @property
     def steps(self) -> int:
@@ -146,11 +169,13 @@ def plan_run(
     solver: AbstractSolver | None = None,
     prune: bool = True,
     reverse_memory: int | None = None,
+    control_error: bool = False,
 ) -> Plan:
     """Compile a scene and schedule its steps.
 
     Arguments and errors are those of `simulate`; `prune` omits terms that have no
-    effect, see `compile_scene`.
+    effect, see `compile_scene`. With `control_error` the plan of an `ErrorControl` is
+    that of its first pass, where numbers are known; else a solver is selected.
     """
     solvers = "a solver, such as ForwardEuler(), or None"
     require(solver, (AbstractSolver, type(None)), "simulate(solver=)", solvers)
@@ -158,17 +183,27 @@ def plan_run(
     # Steps after the last saved time would be in no result: the run ends there, and
     # its solver and its bounds of temperatures are those of that time.
     given, t1 = t1, saves[-1]
-    arranged = scene if solver is None else solver.arranged(scene)
+    control = solver if isinstance(solver, ErrorControl) else None
+    selected = solver is None or control is not None
+    arranged = scene if selected else solver.arranged(scene)
     compiled = compile_scene(arranged, len(saves), t1, prune)
     traced = is_traced(compiled.stable_step)
     stable_step = None if traced else float(compiled.stable_step)
-    reason = "as given"
-    if solver is None:
+    reason, note = "as given", None
+    if control is not None and not (control_error and t1 > 0):
+        control = None
+    elif control is not None and is_traced((scene, compiled)):
+        # To repeat a run until a condition holds takes known numbers.
+        control, note = None, "error in time not estimated: values are traced"
+    if selected:
         # The selection needs the stable step, and so a compiled scene; an implicit
         # solver arranges the bodies differently, which takes a second compilation.
         networks = [body.network for body in compiled.program.bodies]
         symmetric = all(network.is_symmetric for network in networks)
-        solver, reason = select_solver(stable_step, t1, symmetric)
+        if control is not None and stable_step is not None:
+            solver, reason = control.first(stable_step, t1, symmetric)
+        else:
+            solver, reason = select_solver(stable_step, t1, symmetric)
         arranged = solver.arranged(scene)
         if arranged is not scene:
             compiled = compile_scene(arranged, len(saves), t1, prune)
@@ -178,11 +213,15 @@ def plan_run(
             f"the run stops at the last saved time, {t1:g} s: nothing up to its end, "
             f"{given:g} s, would be saved",
         )
+    if note is not None:
+        compiled = _with_note(compiled, note)
     # Poses and source positions are recomputed at `starts`, so steps end there too.
     max_dt = solver.max_dt(stable_step, t1, compiled.program.sampled)
     event_times = (*compiled.program.breakpoints, *compiled.starts)
     min_steps = solver.min_steps(len({*saves, *event_times}))
     intervals = _schedule(t1, saves, event_times, max_dt, min_steps)
+    if control is not None and solver.dt is not None:
+        intervals = _more_after_events(intervals, event_times)
     # Stages and multigrid follow the longest step taken, which may be far shorter
     # than the longest allowed.
     longest = max((i.dt for i in intervals), default=max_dt)
@@ -197,10 +236,13 @@ def plan_run(
                 f"state of {size} bytes; give more memory, or leave it out to store "
                 "every state"
             )
+    if control is not None and isinstance(stepper, RKL2Stepper):
+        assert stable_step is not None
+        stepper = stepper.for_any_step(stable_step, compiled.receipt.dtype)
     if isinstance(stepper, AdaptiveStepper):
         stepper = replace(stepper, checkpoints=checkpoints)
     parts = (arranged, compiled, intervals, saves, stable_step, solver, stepper)
-    return Plan(*parts, reason, checkpoints)
+    return Plan(*parts, reason, checkpoints, control)
 
 
 def _with_note(compiled: Compiled, note: str) -> Compiled:

@@ -1,7 +1,7 @@
 """A run in segments of about a second: progress, checkpoint files and a clean Ctrl-C.
 
 A segment ends after about a second of wall time or at the next save time. All segments
-together take exactly the steps that `simulate` takes.
+together take exactly the steps that `simulate` takes, in as many passes.
 """
 
 import time
@@ -21,9 +21,10 @@ from ..stepper import AbstractStepper, RunState, advance
 from .plan import Interval, Plan, initial_state, observation_time
 from .simulate import make_solution
 from .solution import Observation, Solution, observe
+from .time_error import Passes, TimeError, of_pass
 
 
-_KIND, _VERSION = "checkpoint", 1
+_KIND, _VERSION = "checkpoint", 2
 
 
 class RunProgress(NamedTuple):
@@ -37,7 +38,9 @@ class RunProgress(NamedTuple):
     initial: Observation
     """Observation at the start."""
     observations: tuple[Observation, ...]
-    """Observations at the save times so far."""
+    """Observations at the save times so far, of this pass."""
+    passes: Passes = Passes()
+    """Passes before this one, where the run controls its error in time."""
 
 
 @eqx.filter_jit(donate="all-except-first")
@@ -50,26 +53,34 @@ def _advance_in_place(
     return advance(stepper, program, state, start, dt, steps, before)
 
 
-def begin_run(plan: Plan) -> RunProgress:
-    """Return the progress of a run that has not taken a step."""
-    state = initial_state(plan)
+def begin_run(plan: Plan, passes: Passes | None = None) -> RunProgress:
+    """Return the progress of a pass, the first if None, that has not taken a step."""
+    passes = Passes() if passes is None else passes
+    state = initial_state(of_pass(plan, passes.number))
     # A copy, since segments overwrite their state and the plan must stay whole.
     theta = jax.tree.map(jnp.array, state.theta)
     state = RunState(theta, state.ledger, state.solver_state)
-    return RunProgress(0, 0, state, observe(plan.compiled.program, state, None), ())
+    initial = observe(plan.compiled.program, state, None)
+    return RunProgress(0, 0, state, initial, (), passes)
+
+
+def _running(plan: Plan, progress: RunProgress) -> Plan:
+    """Return the plan of the pass that is running."""
+    return of_pass(plan, progress.passes.number)
 
 
 def steps_done(plan: Plan, progress: RunProgress) -> int:
-    """Return the number of steps taken since the start of the run."""
-    finished = plan.intervals[: progress.interval]
-    return sum(i.steps for i in finished) + progress.steps_taken
+    """Return the number of steps since the start of the pass, in steps of the plan."""
+    running = _running(plan, progress)
+    finished = sum(i.steps for i in running.intervals[: progress.interval])
+    return (finished + progress.steps_taken) * plan.steps // max(running.steps, 1)
 
 
 def time_reached(plan: Plan, progress: RunProgress) -> float:
     """Return the simulated time [s]."""
     if progress.interval == len(plan.intervals):
         return plan.intervals[-1].end if plan.intervals else 0.0
-    interval = plan.intervals[progress.interval]
+    interval = _running(plan, progress).intervals[progress.interval]
     return interval.start + progress.steps_taken * interval.dt
 
 
@@ -98,7 +109,8 @@ def compile_segments(plan: Plan, progress: RunProgress) -> RunProgress:
     """
     if progress.interval == len(plan.intervals):
         return progress
-    return progress._replace(state=_take_segment(plan, progress, 0))
+    state = _take_segment(_running(plan, progress), progress, 0)
+    return progress._replace(state=state)
 
 
 def run_segments(
@@ -108,12 +120,12 @@ def run_segments(
 
     The state of a progress is used up when the next one is asked for.
     """
-    length = 2
+    length, running = 2, _running(plan, progress)
     while progress.interval < len(plan.intervals):
-        interval = plan.intervals[progress.interval]
+        interval = running.intervals[progress.interval]
         steps = min(length, interval.steps - progress.steps_taken)
         clock = time.perf_counter()
-        state = _take_segment(plan, progress, steps)
+        state = _take_segment(running, progress, steps)
         # A clock of coarse resolution may show no time at all.
         spent = max(time.perf_counter() - clock, 1e-6)
         # Even lengths keep the loop of two steps; growth is limited to 8 times, since
@@ -122,29 +134,52 @@ def run_segments(
         taken, observations = progress.steps_taken + steps, progress.observations
         ended = taken >= interval.steps
         if ended and interval.saved:
-            at = jnp.asarray(observation_time(plan, interval), plan.dtype)
+            at = jnp.asarray(observation_time(running, interval), plan.dtype)
             row = observe(_program_of(plan, interval), state, at)
             observations = (*observations, row)
         at = (progress.interval + 1, 0) if ended else (progress.interval, taken)
-        progress = RunProgress(*at, state, progress.initial, observations)
+        made = state, progress.initial, observations, progress.passes
+        progress = RunProgress(*at, *made)
+        if plan.control is not None and progress.interval == len(plan.intervals):
+            progress = _next_pass(plan, progress)
+            running = _running(plan, progress)
         yield progress
+
+
+def _next_pass(plan: Plan, progress: RunProgress) -> RunProgress:
+    """Return the start of the next pass, or the end of the run if there is none."""
+    assert plan.control is not None
+    passes = progress.passes.after(_stacked(progress.observations), plan.control)
+    if passes.finished:
+        return progress._replace(passes=passes, observations=())
+    return begin_run(plan, passes)
+
+
+def _stacked(observations: tuple[Observation, ...]) -> Observation:
+    return jax.tree.map(lambda *each: jnp.stack(each), *observations)
 
 
 def finish_run(plan: Plan, progress: RunProgress) -> Solution:
     """Assemble the solution of a run that has reached its end."""
-    rows = None
-    if progress.observations:
-        rows = jax.tree.map(lambda *each: jnp.stack(each), *progress.observations)
+    passes = progress.passes
+    if passes.finished:
+        return make_solution(_running(plan, progress), passes.rows, passes.error)
+    rows = _stacked(progress.observations) if progress.observations else None
     return make_solution(plan, rows)
 
 
 def save_checkpoint(path: Path, progress: RunProgress, key: str) -> None:
     """Write a checkpoint file in one step."""
-    interval, taken, *parts = progress
-    leaves = jax.tree.leaves(parts)
+    interval, taken, *parts, passes = progress
+    leaves = jax.tree.leaves((parts, passes.rows))
     arrays: dict[str, Any] = {f"leaf{i}": np.asarray(x) for i, x in enumerate(leaves)}
-    counts = (interval, taken, len(progress.observations))
+    saved = 0 if passes.rows is None else len(passes.rows.is_finite)
+    counts = (interval, taken, len(progress.observations), saved, passes.number)
     arrays |= {"key": np.array(key), "position": np.array(counts)}
+    # A pass without a difference has none, and no error either.
+    numbers = (passes.difference, *(passes.error or ()))
+    arrays["error"] = np.array([n for n in numbers if n is not None], float)
+    arrays["finished"] = np.array(passes.finished)
     # Replaced in one step: a Ctrl-C while writing leaves the old checkpoint.
     write_archive(path, _KIND, _VERSION, arrays, compress=False)
 
@@ -155,15 +190,25 @@ def load_checkpoint(path: Path, fresh: RunProgress, key: str) -> RunProgress | N
         kept = read_archive(path, _KIND, _VERSION, "the run starts again")
         if str(kept["key"]) != key:
             return None
-        interval, taken, rows = (int(n) for n in kept["position"])
+        interval, taken, rows, saved, number = (int(n) for n in kept["position"])
         # A new run of the same plan has leaves of the same shapes.
-        whole = fresh._replace(observations=(fresh.initial,) * rows)
-        leaves, tree = jax.tree.flatten(whole[2:])
+        first, before = fresh.initial, None
+        if saved:
+            before = jax.tree.map(lambda a: jnp.stack([a] * saved), first)
+        whole = (fresh.state, first, (first,) * rows), before
+        leaves, tree = jax.tree.flatten(whole)
         loaded = [jnp.asarray(kept[f"leaf{i}"]) for i in range(len(leaves))]
+        difference, error = None, None
+        if len(kept["error"]):
+            difference, *estimate = kept["error"].tolist()
+            error = TimeError(*estimate)
+        finished = bool(kept["finished"])
     # Missing or damaged, or the user's own file of the same name.
     except (InputError, KeyError, ValueError):
         return None
     alike = lambda a, b: (a.shape, a.dtype) == (b.shape, b.dtype)
     if not all(map(alike, leaves, loaded)):
         return None
-    return RunProgress(interval, taken, *jax.tree.unflatten(tree, loaded))
+    parts, before = jax.tree.unflatten(tree, loaded)
+    passes = Passes(number, before, difference, error, finished)
+    return RunProgress(interval, taken, *parts, passes)

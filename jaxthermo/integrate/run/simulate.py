@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 
 import equinox as eqx
 import jax
@@ -34,6 +35,7 @@ from .solution import (
     observe,
     run_result,
 )
+from .time_error import Passes, TimeError, of_pass
 
 
 def simulate(
@@ -64,7 +66,7 @@ def simulate(
             happens later would be in the solution.
         save_at: increasing times to save [s]; None for the end.
         solver: one of `jaxthermo.integrate.solvers`; None to select one from the
-            number of stable steps.
+            number of stable steps; `ErrorControl()` for an error of the whole run.
         throw: raise if the run failed; otherwise `Solution.result` says so.
         reverse_memory: memory for the states that reverse mode stores [bytes]; steps
             are recomputed from the nearest stored state. None stores all.
@@ -89,7 +91,14 @@ def simulate(
     """
     require(scene, Scene, "simulate(scene=)", "a Scene")
     with precision(scene.dtype):
-        plan = plan_run(scene, t1, save_at, solver, reverse_memory=reverse_memory)
+        plan = plan_run(
+            scene,
+            t1,
+            save_at,
+            solver,
+            reverse_memory=reverse_memory,
+            control_error=True,
+        )
         for warning in plan.compiled.receipt.warnings:
             warnings.warn(warning, stacklevel=2)
         solution = run_plan(plan)
@@ -100,6 +109,13 @@ def run_plan(plan: Plan) -> Solution:
     """Run a plan from its start to its solution."""
     if not plan.intervals:
         return make_solution(plan, None)
+    if plan.control is not None:
+        passes = Passes()
+        while not passes.finished:
+            now = of_pass(plan, passes.number)
+            rows = integrate(now, initial_state(now))
+            passes = passes.after(rows, plan.control)
+        return make_solution(of_pass(plan, passes.number), passes.rows, passes.error)
     rows = integrate(plan, initial_state(plan), is_traced(plan.scene))
     return make_solution(plan, rows)
 
@@ -183,8 +199,13 @@ def _saved_rows(
     return jax.tree.map(lambda *each: jnp.concatenate(each), *picked)
 
 
-def make_solution(plan: Plan, observations: Observation | None) -> Solution:
-    """Assemble the solution of a finished run; None for a run of 0 s."""
+def make_solution(
+    plan: Plan, observations: Observation | None, error: TimeError | None = None
+) -> Solution:
+    """Assemble the solution of a finished run; None for a run of 0 s.
+
+    `error` is the estimate of its error in time, if there is one.
+    """
     program, state = plan.compiled.program, initial_state(plan)
     uneven = tuple(
         tuple(map(jnp.asarray, b.structure.node_address()))
@@ -197,6 +218,9 @@ def make_solution(plan: Plan, observations: Observation | None) -> Solution:
     statistics = None
     if observations is not None:
         statistics = jax.tree.map(lambda a: a[-1], observations.statistics)
+    receipt = plan.compiled.receipt
+    if error is not None:
+        receipt = replace(receipt, notes=(*receipt.notes, error.text()))
     return Solution(
         times=jnp.asarray(plan.save_times, energy.stored_J.dtype),
         surface_temperature=saved.surface_temperature,
@@ -209,11 +233,13 @@ def make_solution(plan: Plan, observations: Observation | None) -> Solution:
             stable_step=plan.stable_step,
             solver=type(plan.solver).__name__,
             statistics=statistics,
+            time_error=None if error is None else error.kelvin,
+            time_error_limit=None if error is None else error.limit,
         ),
         surfaces=plan.compiled.surfaces,
         terms=plan.scene.terms,
         radiation=plan.compiled.radiation,
-        receipt=plan.compiled.receipt,
+        receipt=receipt,
         probes=plan.scene.probes,
         probe_temperature=saved.probe_temperature,
         **saved.fragment_outputs,

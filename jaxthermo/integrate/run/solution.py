@@ -79,6 +79,11 @@ class RunSummary(eqx.Module):
     solver: str = eqx.field(static=True, default="ForwardEuler")
     statistics: SolverStatistics | None = None
     """Totals at the end of the run; None for explicit solvers."""
+    time_error: float | None = eqx.field(static=True, default=None)
+    """Estimate of the largest error in time of any fragment at any saved time [K];
+    None without `ErrorControl`, or in a traced scene."""
+    time_error_limit: float | None = eqx.field(static=True, default=None)
+    """Limit up to which steps were divided [K]."""
 
 
 class AbstractSolution(eqx.Module):

@@ -84,6 +84,7 @@ GIVEN: dict[str, dict[str, Any]] = {
     "SuperTimeStepping": {},
     "BackwardEuler": {},
     "TRBDF2": {},
+    "ErrorControl": {},
     "Sphere": {"radius": 1},
     "Slab": {"thickness": 1, "width": 1, "length": 1},
 }

@@ -37,6 +37,7 @@ def scene(tmp_path):
             "{kind: crank_nicolson, dt: 1, tolerance: 1e-6}",
             jt.CrankNicolson(1.0, 1e-6),
         ),
+        ("{kind: error_control, error: 0.01}", jt.ErrorControl(error=0.01)),
     ],
 )
 def test_each_kind_makes_its_solver(scene, given, made):

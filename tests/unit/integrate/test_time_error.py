@@ -1,0 +1,164 @@
+"""The steps of a selected solver follow the error in time of the run."""
+
+from itertools import islice
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from jaxthermo.arrays import precision
+from jaxthermo.integrate.run.plan import initial_state, plan_run
+from jaxthermo.integrate.run.segments import (
+    begin_run,
+    compile_segments,
+    finish_run,
+    load_checkpoint,
+    run_segments,
+    save_checkpoint,
+)
+from jaxthermo.integrate.run.simulate import integrate, take_steps_jit
+from jaxthermo.integrate.run.time_error import Passes, TimeError, of_pass
+from tests.bodies import bar
+
+
+FRONT, BACK = jt.Side((1.0, 0.0, 0.0)), jt.Side((-1.0, 0.0, 0.0))
+METAL = jt.Material(16.0, density=8000.0, specific_heat=500.0)
+END, SAVES = 400.0, (100.0, 250.0, 400.0)
+
+
+def _plate():
+    """One voxel thick, of Biot numbers 1/8 and 1/40 by half of its thickness."""
+    grid = jt.voxelize(jt.shapes.box((0.001, 0.004, 0.004)), 0.001)
+    plastic = jt.Material(0.2, density=1000.0, specific_heat=1000.0)
+    terms = (jt.Convection(50.0, 300.0, on=FRONT), jt.Convection(10.0, 300.0, on=BACK))
+    body = jt.Body(jt.FullVolume(grid), plastic, temperature=400.0)
+    return jt.Scene((body,), terms, dtype="float64")
+
+
+def _heated(heat_flux=2e4, dtype="float64"):
+    """A bar with a heat flux that is switched off within the run."""
+    body = jt.Body(jt.FullVolume(bar(9, 0.01)), METAL, temperature=300.0)
+    until = jt.Until(heat_flux, 180.0)
+    terms = (jt.HeatFlux(until, on=FRONT), jt.Convection(50.0, 290.0))
+    return jt.Scene((body,), terms, dtype=dtype)
+
+
+def _plate_mean(time):
+    # Each side through half of a cell: 1 / (1 / h + d / 2 k).
+    sides = sum(1 / (1 / h + 0.0005 / 0.2) for h in (50.0, 10.0))
+    return 300.0 + 100.0 * np.exp(-sides * time / (1e6 * 0.001))
+
+
+def test_a_plate_of_one_voxel_cools_as_the_closed_form():
+    control = jt.ErrorControl()
+    run = jt.simulate(_plate(), 30.0, solver=control)
+    found, limit = float(run.mean_temperature[0, 0]), run.run.time_error_limit
+    surface = np.asarray(run.surface_temperature)
+    assert limit == pytest.approx(max(1e-3, 1e-3 * np.ptp(surface)))
+    assert abs(found - _plate_mean(30.0)) <= run.run.time_error <= limit
+    assert run.receipt.notes[-1].startswith("error in time about")
+
+
+@pytest.fixture(scope="module")
+def controlled():
+    return jt.simulate(_heated(), END, SAVES, solver=jt.ErrorControl())
+
+
+def test_the_error_is_below_its_estimate(controlled):
+    with precision("float64"):
+        todo = plan_run(_heated(), END, SAVES, jt.ErrorControl(), control_error=True)
+        # Steps so short that they are exact by comparison, in the program at hand.
+        short = of_pass(todo, 9)
+        exact = np.asarray(integrate(short, initial_state(short)).surface_temperature)
+    found = np.asarray(controlled.surface_temperature)
+    assert short.steps > 50 * controlled.run.steps
+    off, ranges = np.abs(found - exact).max(), np.ptp(exact, axis=1)
+    assert off <= controlled.run.time_error <= controlled.run.time_error_limit
+    assert controlled.run.time_error_limit == pytest.approx(1e-3 * ranges.max(), 1e-3)
+
+
+def test_a_smaller_error_takes_more_steps_in_the_same_program(controlled):
+    before = take_steps_jit._cached._cache_size()
+    control = jt.ErrorControl(relative_error=1e-5)
+    # Of other numbers too: another heat flux, and so other passes.
+    finer = jt.simulate(_heated(3e4), END, SAVES, solver=control)
+    assert finer.run.time_error <= finer.run.time_error_limit
+    assert finer.run.steps > controlled.run.steps
+    assert take_steps_jit._cached._cache_size() == before
+
+
+def test_segments_and_checkpoints_take_the_same_passes(tmp_path, controlled):
+    path = tmp_path / "checkpoint.npz"
+    with precision("float64"):
+        todo = plan_run(_heated(), END, SAVES, jt.ErrorControl(), control_error=True)
+        progress, count = compile_segments(todo, begin_run(todo)), 0
+        while not progress.passes.finished:
+            for reached in islice(run_segments(todo, progress, seconds=0.0), 7):
+                count, progress = count + 1, reached
+            # From a file, as after a break.
+            save_checkpoint(path, progress, "key")
+            progress = load_checkpoint(path, begin_run(todo), "key")
+            assert progress is not None
+        parts = finish_run(todo, progress)
+    assert count > controlled.run.steps / 2
+    assert parts.run.time_error == controlled.run.time_error
+    assert parts.run.steps == controlled.run.steps
+    for name in ("surface_temperature", "mean_temperature", "energy"):
+        pairs = (jax.tree.leaves(getattr(run, name)) for run in (parts, controlled))
+        for one, other in zip(*pairs, strict=True):
+            np.testing.assert_array_equal(one, other)
+
+
+def test_a_traced_scene_takes_the_stable_steps_and_says_so():
+    seen, structure = [], jt.FullVolume(bar(9, 0.01))
+
+    def planned(temperature):
+        body = jt.Body(structure, METAL, temperature=temperature)
+        scene, control = jt.Scene((body,), (), dtype="float64"), jt.ErrorControl()
+        seen.append(plan_run(scene, 10.0, None, control, control_error=True))
+        return temperature
+
+    jax.jvp(planned, (300.0,), (1.0,))
+    assert seen[0].control is None and type(seen[0].solver) is jt.ForwardEuler
+    notes = seen[0].compiled.receipt.notes
+    assert notes[-1] == "error in time not estimated: values are traced"
+
+
+def test_passes_end_at_the_limit_or_at_rounding(controlled):
+    with precision("float64"):
+        todo = plan_run(_heated(), END, SAVES)
+        first = begin_run(todo).initial
+    rows = jax.tree.map(lambda a: jnp.stack([a] * 2), first)
+
+    def seen(off, finite=True):
+        surface = np.asarray([[300.0, 310.0], [300.0, 320.0 + off]])
+        return rows._replace(surface_temperature=surface, is_finite=jnp.full(2, finite))
+
+    control = jt.ErrorControl()
+    after = lambda passes, *given, **how: passes.after(seen(*given, **how), control)
+    # Second order: a quarter each, of which the last three quarters are the error.
+    passes = after(after(after(Passes(), 16.0), 4.0), 1.0)
+    assert (passes.number, passes.finished) == (3, False)
+    assert passes.error == TimeError(1.0, pytest.approx(0.021))
+    held = after(passes, 0.96)
+    assert (held.number, held.finished) == (3, True)
+    assert held.error == TimeError(pytest.approx(0.04 / 3), pytest.approx(0.02096))
+    unclear = after(passes, 5.0)
+    assert (unclear.number, unclear.finished) == (4, False)
+    stalled = after(unclear, 1.0)
+    assert (stalled.number, stalled.finished) == (4, True)
+    assert "above the limit" in stalled.error.text()
+    # Shorter steps that fail give way to longer ones that did not.
+    failed = after(passes, 0.0, finite=False)
+    assert (failed.number, failed.finished, failed.error.kelvin) == (2, True, 1.0)
+    assert float(failed.rows.surface_temperature[1, 1]) == 321.0
+    never = after(after(Passes(), 0.0, finite=False), 0.0, finite=False)
+    assert (never.number, never.finished, never.error) == (1, True, None)
+
+
+@pytest.mark.parametrize("given", [{"error": 0.0}, {"relative_error": float("nan")}])
+def test_errors_that_are_none_are_refused(given):
+    with pytest.raises(jt.InputError, match="give a positive one"):
+        jt.ErrorControl(**given)
