@@ -38,7 +38,7 @@ def stop_at(monkeypatch):
 
         @contextmanager
         def bar(console, end, steps):
-            def update(done, time):
+            def update(done, time, number):
                 if step is not None and done >= step > max(reached, default=0):
                     signal.raise_signal(signal.SIGINT)
                 reached.append(done)
@@ -203,7 +203,7 @@ def test_what_a_killed_process_left_behind_is_removed(tmp_path):
 def test_a_second_interrupt_does_not_wait(tmp_path, monkeypatch):
     @contextmanager
     def bar(console, end, steps):
-        def update(done, time):
+        def update(done, time, number):
             signal.raise_signal(signal.SIGINT)
             signal.raise_signal(signal.SIGINT)
 
