@@ -50,11 +50,15 @@ def positive_length(argument: str, value: float | int) -> float:
     Raises:
         InputError: unless it is positive and finite.
     """
-    if not (math.isfinite(value) and value > 0.0):
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if not (math.isfinite(number) and number > 0.0):
         raise InputError(
             f"{argument}={value} is no length: give a positive number of metres"
         )
-    return float(value)
+    return number
 
 
 def whole_number(value: Any, option: str, minimum: int = 1) -> int:

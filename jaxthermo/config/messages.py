@@ -15,6 +15,7 @@ _EXPECTED = {
     "bool_type": "true or false",
     "string_type": "a word or a text",
     "tuple_type": "a list",
+    "dict_type": "names with values, as in `{name: ..}`",
     "int_type": "a whole number",
     "float_type": "a number",
     "path_type": "a file name",

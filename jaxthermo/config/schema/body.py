@@ -179,7 +179,7 @@ class BodyConfig(Model, builds="Body"):
     @override
     def mistakes(self) -> list[Mistake]:
         found: list[Mistake] = []
-        if self.solid is not None and self.pitch is None:
+        if self.solid is not None and self.voxels_high is not None:
             found.append((("voxels_high",), "the array has them: give the `pitch`"))
         if isinstance(self.material, PartsConfig) and self.mesh is None:
             found.append((("material",), "only a `mesh` file has parts"))
