@@ -31,10 +31,6 @@ class AbstractNetwork(eqx.Module):
 
     is_symmetric: ClassVar[bool] = True
     """True if G is symmetric, which linear solvers need."""
-    asymmetry: ClassVar[str] = ""
-    """Words for what makes G not symmetric, for a message."""
-    remedy: ClassVar[str] = ""
-    """Words for what makes it symmetric."""
     is_linear: ClassVar[bool] = True
     """True if no property depends on the temperature."""
 
@@ -42,6 +38,15 @@ class AbstractNetwork(eqx.Module):
     def linear(self) -> "AbstractNetwork":
         """Linear network of the conducted potential: itself, or at the reference."""
         return self
+
+    def linearized(
+        self, state: Float[Array, "..."]
+    ) -> "tuple[AbstractNetwork, Float[Array, '...'] | None]":
+        """Jacobian of `heat_rate` at a state, for changes u of a potential [W/K].
+
+        With the slope d = du / d(state) [-], None for 1; near G at the reference.
+        """
+        return self.linear, None
 
     @abc.abstractmethod
     def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:

@@ -34,8 +34,6 @@ class _NonOrthogonalNetwork(AbstractNodeNetwork):
 
     # The gradient at a node depends on nodes that its link does not connect.
     is_symmetric = False
-    asymmetry = "weights with `non_orthogonal`"
-    remedy = "set non_orthogonal to 0"
 
     straight: AbstractNodeNetwork
     """Two-point flux, with conductances for the distances normal to the faces."""

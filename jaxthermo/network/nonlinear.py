@@ -158,6 +158,13 @@ class NonlinearNetwork(AbstractNetwork):
         return self.base.is_symmetric
 
     @override
+    def linearized(
+        self, state: Float[Array, "..."]
+    ) -> tuple[AbstractNetwork, Float[Array, "..."]]:
+        # For the potential conduction is linear, and symmetric.
+        return self.base, jax.jvp(self.potential, (state,), (jnp.ones_like(state),))[1]
+
+    @override
     def temperature(
         self, state: Float[Array, "*m"], address: Address | None = None
     ) -> Float[Array, "*m"]:

@@ -11,7 +11,8 @@ loses the other gains. Along an axis of its own conductivity each link has the F
 axis.
 
 The heat rates of two neighbours answer differently to each other's temperature, so that
-no change of variables makes this operator symmetric: it is for explicit steps.
+no change of variables makes the Jacobian symmetric. With u = k / k(reference) T at each
+node it is near the linear network, with which it is preconditioned.
 """
 
 from typing import Any
@@ -106,10 +107,6 @@ class VaryingLinks(AbstractNetwork):
     """Links of several materials, or of an orthotropic one, with k(T)."""
 
     is_symmetric = False
-    asymmetry = (
-        "several materials or axes with a conductivity that depends on temperature"
-    )
-    remedy = "give it numbers, as Material.at(kelvin) does"
     is_linear = False
 
     base: AbstractNetwork
@@ -126,14 +123,54 @@ class VaryingLinks(AbstractNetwork):
     across: LinkHalves
     """Links between two materials."""
 
+    @property
+    @override
+    def linear(self) -> AbstractNetwork:
+        return self.base
+
+    @override
+    def linearized(
+        self, state: Float[Array, "..."]
+    ) -> tuple[AbstractNetwork, Float[Array, "..."]]:
+        theta, per_state = jax.jvp(self.temperature, (state,), (jnp.ones_like(state),))
+        theta, number = self._at_nodes(theta), self._at_nodes(self.number)
+        by_axis = self.integrals.of(number, theta)
+        k = self.integrals.conductivity(number, theta)
+        at_zero = self.integrals.conductivity(number, jnp.zeros_like(theta))
+        # Any positive d would do: with this one the links are near those at the
+        # reference.
+        relative = sum(k[1:], k[0]) / sum(at_zero[1:], at_zero[0])
+        slope = [each / relative for each in k]
+        found = []
+        for links in (self.within, self.across):
+            # Of the flux, by the integrals F at both ends [1/m].
+            first = second = 1 / (links.to_src + links.to_dst)
+            if links is self.across and links.src.shape[0]:
+                face = self._face(links, number, theta, by_axis)
+                k_one, k_other = self._conductivities(links, number, face)
+                series = 1 / (links.to_src * k_other + links.to_dst * k_one)
+                first, second = k_other * series, k_one * series
+            found.append(
+                (
+                    links.src,
+                    links.dst,
+                    links.area * first * links.project([v[links.src] for v in slope]),
+                    links.area * second * links.project([v[links.dst] for v in slope]),
+                )
+            )
+        ends = (jnp.concatenate(column) for column in zip(*found, strict=True))
+        spread = jnp.ones_like(state).at[self.address].set(relative)
+        return _LinkJacobian(self.base, self.address, *ends), spread * per_state
+
     @override
     def temperature(
-        self, state: Float[Array, "*m"], address: Address | None = None
-    ) -> Float[Array, "*m"]:
+        self, state: Float[Array, "..."], address: Address | None = None
+    ) -> Float[Array, "..."]:
+        # One number for all nodes has a temperature for each material.
         return self._by_material(state, address, lambda own: own.inverse(state))
 
     @override
-    def state_of(self, theta: Float[Array, "*m"]) -> Float[Array, "*m"]:
+    def state_of(self, theta: Float[Array, "..."]) -> Float[Array, "..."]:
         return self._by_material(theta, None, lambda own: own(theta))
 
     def _by_material(self, values, address, convert):
@@ -147,8 +184,8 @@ class VaryingLinks(AbstractNetwork):
 
     @override
     def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
-        at_nodes = lambda values: values.at[self.address].get(mode="promise_in_bounds")
-        theta, number = at_nodes(self.temperature(state)), at_nodes(self.number)
+        theta = self._at_nodes(self.temperature(state))
+        number = self._at_nodes(self.number)
         total = jnp.zeros_like(theta)
         by_axis = self.integrals.of(number, theta)
         for links, flow in (
@@ -167,27 +204,36 @@ class VaryingLinks(AbstractNetwork):
         return links.area * rise / (links.to_src + links.to_dst)
 
     def _between(self, links: LinkHalves, number, theta, by_axis) -> Float[Array, " e"]:
-        first, second = number[links.src], number[links.dst]
+        face = self._face(links, number, theta, by_axis)
+        # The sum of both halves: neither length is divided by, which may be 0.
+        one, other = self._rises(links, number, by_axis, face)
+        return links.area * (one + other) / (links.to_src + links.to_dst)
+
+    def _rises(self, links: LinkHalves, number, by_axis, face):
+        # F at the face above that of the first node, and below that of the second.
         here = links.project([own[links.src] for own in by_axis])
         there = links.project([own[links.dst] for own in by_axis])
+        one = links.project(self.integrals.of(number[links.src], face)) - here
+        return one, there - links.project(self.integrals.of(number[links.dst], face))
 
-        def rises(face):
-            # F at the face above that of the first node, and below the second's.
-            one = links.project(self.integrals.of(first, face)) - here
-            return one, there - links.project(self.integrals.of(second, face))
+    def _conductivities(self, links: LinkHalves, number, face):
+        # Of both materials at the face.
+        k_one = self.integrals.conductivity(number[links.src], face)
+        k_other = self.integrals.conductivity(number[links.dst], face)
+        return links.project(k_one), links.project(k_other)
 
+    def _face(self, links: LinkHalves, number, theta, by_axis) -> Float[Array, " e"]:
         def imbalance(face):
             # Both fluxes are equal at the face; its slope is positive.
-            one, other = rises(face)
-            k_one = links.project(self.integrals.conductivity(first, face))
-            k_other = links.project(self.integrals.conductivity(second, face))
+            one, other = self._rises(links, number, by_axis, face)
+            k_one, k_other = self._conductivities(links, number, face)
             slope = links.to_dst * k_one + links.to_src * k_other
             return links.to_dst * one - links.to_src * other, slope
 
-        face = _face_temperature(imbalance, theta[links.src], theta[links.dst])
-        # The sum of both halves: neither length is divided by, which may be 0.
-        one, other = rises(face)
-        return links.area * (one + other) / (links.to_src + links.to_dst)
+        return _face_temperature(imbalance, theta[links.src], theta[links.dst])
+
+    def _at_nodes(self, values: Array) -> Array:
+        return values.at[self.address].get(mode="promise_in_bounds")
 
     @override
     def relative_conductivity(
@@ -240,6 +286,48 @@ class VaryingLinks(AbstractNetwork):
     @override
     def diagonal(self) -> Float[Array, "..."]:
         return self.base.diagonal()
+
+    @override
+    def capacity(self) -> Float[Array, "..."]:
+        return self.base.capacity()
+
+    @override
+    def total_capacity(self) -> Float[Array, ""]:
+        return self.base.total_capacity()
+
+    @override
+    def stored(self, state: Float[Array, "..."]) -> Float[Array, ""]:
+        return self.base.stored(state)
+
+
+class _LinkJacobian(AbstractNetwork):
+    """Links that answer differently to the temperatures of their two ends."""
+
+    is_symmetric = False
+
+    base: AbstractNetwork
+    address: Address
+    src: Int[Array, " e"]
+    dst: Int[Array, " e"]
+    by_src: Float[Array, " e"]
+    """Decrease of the heat rate into the first node by its own potential [W/K]."""
+    by_dst: Float[Array, " e"]
+    """Its increase by that of the second [W/K]."""
+
+    @override
+    def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
+        u = state.at[self.address].get(mode="promise_in_bounds")
+        rate = self.by_dst * u[self.dst] - self.by_src * u[self.src]
+        total = jnp.zeros_like(u).at[self.src].add(rate).at[self.dst].add(-rate)
+        # Added, not set: the transposed solves of derivatives need its transpose.
+        return jnp.zeros_like(state).at[self.address].add(total)
+
+    @override
+    def diagonal(self) -> Float[Array, "..."]:
+        like = self.base.diagonal()
+        nodes = jnp.zeros(self.address[0].shape, like.dtype)
+        nodes = nodes.at[self.src].add(self.by_src).at[self.dst].add(self.by_dst)
+        return jnp.zeros_like(like).at[self.address].set(nodes)
 
     @override
     def capacity(self) -> Float[Array, "..."]:

@@ -1,4 +1,6 @@
-"""Preconditioned conjugate gradients with a stopping criterion in kelvin.
+"""Preconditioned Krylov solvers with a stopping criterion in kelvin.
+
+Conjugate gradients where the operator is symmetric, BiCGStab where it is not.
 
 `lineax.CG` compares its residual with the right-hand side, in watts or joules, in which
 a voxel of 10 um weighs 1e-15 of one of 1 m, and it also looks at the size of a step.
@@ -39,6 +41,9 @@ _ROUNDINGS = 4.0
 
 _MIN_ITERATIONS, _EARLY_REDUCTION = 3, 1e-3
 """Iterations made even within the tolerance, unless the norm fell by this factor."""
+
+
+_Map = Callable[[Any], Any]
 
 
 def _dot(a: Any, b: Any) -> Float[Array, ""]:
@@ -99,9 +104,10 @@ class CorrectionNorm(AbstractStoppingNorm):
 class _Iteration(NamedTuple):
     y: Any
     residual: Any
-    direction: Any
-    gamma: Float[Array, ""]
-    """Residual times preconditioned residual, before the last iteration."""
+    work: Any
+    """Data that the method keeps from one iteration to the next."""
+    goes_on: Bool[Array, ""]
+    """False after an iteration in which rounding exceeds what the method divides by."""
     norm: Float[Array, ""]
     first_norm: Float[Array, ""]
     min_norm: Float[Array, ""]
@@ -110,15 +116,22 @@ class _Iteration(NamedTuple):
     count: Int[Array, ""]
 
 
-class ConjugateGradient(lx.AbstractLinearSolver):
-    """Conjugate gradients for positive definite operators and preconditioners.
+class _Step(NamedTuple):
+    """One iteration of a method."""
+
+    change: Any
+    residual: Any
+    work: Any
+    goes_on: Bool[Array, ""]
+
+
+class AbstractKrylov(lx.AbstractLinearSolver):
+    """Iterative solver with a preconditioner close to the inverse.
 
     Options of `lineax.linear_solve`: `preconditioner`, a module from a residual to a
     correction, `start`, an initial guess, and `magnitude`, a function from y to
     |A| |y|, for the `rounding` of the residual. Its statistics are `iterations` and
     `residual`, the final norm.
-
-    Source: Hestenes, Stiefel, J. Research Nat. Bureau of Standards 49 (1952) 409-436.
     """
 
     norm: AbstractStoppingNorm
@@ -130,6 +143,14 @@ class ConjugateGradient(lx.AbstractLinearSolver):
     rounding: bool = eqx.field(static=True, default=False)
     """Accept a residual that is rounding, if its correction is within the tolerance."""
     max_iterations: int = eqx.field(static=True, default=2000)
+
+    @abc.abstractmethod
+    def first_work(self, residual: Any) -> Any:
+        """Data with which the first iteration starts."""
+
+    @abc.abstractmethod
+    def step(self, apply: _Map, precondition: _Map, residual: Any, work: Any) -> _Step:
+        """Make one iteration; `apply` is the operator."""
 
     @override
     def init(self, operator: lx.AbstractLinearOperator, options: dict[str, Any]):
@@ -160,26 +181,17 @@ class ConjugateGradient(lx.AbstractLinearSolver):
             early = (i.count < _MIN_ITERATIONS) & (
                 i.norm > _EARLY_REDUCTION * i.first_norm
             )
-            return ((i.norm > goal(i)) | early) & (i.gamma > 0) & allowed
+            return ((i.norm > goal(i)) | early) & i.goes_on & allowed
 
         def iterate(i: _Iteration) -> _Iteration:
-            z = precondition(i.residual)
-            gamma = _dot(i.residual, z)
-            p = _add_scaled(z, gamma / i.gamma, i.direction)
-            image = operator.mv(p)
-            curvature = _dot(p, image)
-            # Where rounding exceeds the curvature the step is 0, and the last one.
-            positive = curvature > 0
-            step = jnp.where(positive, gamma / jnp.where(positive, curvature, 1), 0)
-            change = jax.tree.map(lambda each: step * each, p)
-            r = _add_scaled(i.residual, -step, image)
-            norm = self.norm.after_step(r, lambda: change)
+            step = self.step(operator.mv, precondition, i.residual, i.work)
+            norm = self.norm.after_step(step.residual, lambda: step.change)
             first_known = jnp.isfinite(i.first_norm)
             return _Iteration(
-                y=jax.tree.map(jnp.add, i.y, change),
-                residual=r,
-                direction=p,
-                gamma=jnp.where(positive, gamma, 0),
+                y=jax.tree.map(jnp.add, i.y, step.change),
+                residual=step.residual,
+                work=step.work,
+                goes_on=step.goes_on,
                 norm=norm,
                 first_norm=jnp.where(first_known, i.first_norm, norm),
                 min_norm=jnp.minimum(i.min_norm, norm),
@@ -191,8 +203,8 @@ class ConjugateGradient(lx.AbstractLinearSolver):
         first = _Iteration(
             y=y,
             residual=r,
-            direction=jax.tree.map(jnp.zeros_like, r),
-            gamma=jnp.asarray(jnp.inf, dtype),
+            work=self.first_work(r),
+            goes_on=jnp.asarray(True),
             norm=norm,
             first_norm=self.norm.initial(vector),
             min_norm=norm,
@@ -235,6 +247,39 @@ class ConjugateGradient(lx.AbstractLinearSolver):
         return y, result, {"iterations": last.count, "residual": residual}
 
     @override
+    def assume_full_rank(self):
+        return True
+
+
+class ConjugateGradient(AbstractKrylov):
+    """Conjugate gradients for positive definite operators and preconditioners.
+
+    Source: Hestenes, Stiefel, J. Research Nat. Bureau of Standards 49 (1952) 409-436.
+    """
+
+    @override
+    def first_work(self, residual: Any) -> Any:
+        # The direction, and residual times preconditioned residual of the iteration
+        # before.
+        endless = jnp.asarray(jnp.inf, jax.tree.leaves(residual)[0].dtype)
+        return jax.tree.map(jnp.zeros_like, residual), endless
+
+    @override
+    def step(self, apply: _Map, precondition: _Map, residual: Any, work: Any) -> _Step:
+        direction, gamma_before = work
+        z = precondition(residual)
+        gamma = _dot(residual, z)
+        p = _add_scaled(z, gamma / gamma_before, direction)
+        image = apply(p)
+        curvature = _dot(p, image)
+        # Where rounding exceeds the curvature the step is 0, and the last one.
+        positive = curvature > 0
+        length = jnp.where(positive, gamma / jnp.where(positive, curvature, 1), 0)
+        change = jax.tree.map(lambda each: length * each, p)
+        r = _add_scaled(residual, -length, image)
+        return _Step(change, r, (p, gamma), positive & (gamma > 0))
+
+    @override
     def transpose(self, state, options: dict[str, Any]):
         # The operator is symmetric and real: its own transpose and conjugate.
         return state, options
@@ -243,6 +288,57 @@ class ConjugateGradient(lx.AbstractLinearSolver):
     def conj(self, state, options: dict[str, Any]):
         return state, options
 
+
+class BiCGStab(AbstractKrylov):
+    """Stabilized biconjugate gradients, for operators near a symmetric one.
+
+    Each iteration applies the operator and the symmetric preconditioner twice.
+
+    Source: van der Vorst, SIAM J. Sci. Stat. Comput. 13 (1992) 631-644.
+    """
+
     @override
-    def assume_full_rank(self):
-        return True
+    def first_work(self, residual: Any) -> Any:
+        # The shadow residual, p, A M p, and the numbers rho, alpha and omega.
+        zero = jax.tree.map(jnp.zeros_like, residual)
+        one = jnp.ones((), jax.tree.leaves(residual)[0].dtype)
+        return residual, zero, zero, one, one, one
+
+    @override
+    def step(self, apply: _Map, precondition: _Map, residual: Any, work: Any) -> _Step:
+        shadow, p, v, rho_before, alpha, omega = work
+        rho, size = _dot(shadow, residual), _dot(residual, residual)
+        # The residual has become orthogonal to its shadow: start again from here.
+        eps = float(jnp.finfo(rho.dtype).eps)
+        lost = jnp.abs(rho) <= 10 * eps * jnp.sqrt(size * _dot(shadow, shadow))
+        pick = lambda new, old: jnp.where(lost, new, old)
+        shadow = jax.tree.map(pick, residual, shadow)
+        rho = jnp.where(lost, size, rho)
+        beta = jnp.where(lost, 0, rho * _inverse(rho_before) * alpha * _inverse(omega))
+        p = _add_scaled(residual, beta, _add_scaled(p, -omega, v))
+        x = precondition(p)
+        v = apply(x)
+        alpha = rho * _inverse(_dot(shadow, v))
+        s = _add_scaled(residual, -alpha, v)
+        z = precondition(s)
+        t = apply(z)
+        omega = _dot(t, s) * _inverse(_dot(t, t))
+        change = jax.tree.map(lambda a, b: alpha * a + omega * b, x, z)
+        r = _add_scaled(s, -omega, t)
+        moved = jnp.isfinite(alpha) & (alpha != 0)
+        return _Step(change, r, (shadow, p, v, rho, alpha, omega), moved)
+
+    @override
+    def transpose(self, state, options: dict[str, Any]):
+        # The preconditioner is its own transpose.
+        return state.transpose(), options
+
+    @override
+    def conj(self, state, options: dict[str, Any]):
+        return state, options
+
+
+def _inverse(value: Float[Array, ""]) -> Float[Array, ""]:
+    # 0 for 0: the step is then 0.
+    zero = value == 0
+    return jnp.where(zero, 0, 1 / jnp.where(zero, 1, value))

@@ -1,4 +1,4 @@
-"""The Jacobian of an implicit stage as a symmetric operator, with its preconditioner.
+"""The Jacobian of an implicit stage as an operator, with its preconditioner.
 
 A stage solves eta = base + g f(eta), f from `evaluate_rates`. Its Jacobian, as heat
 rates for a change u of the conduction potential (of temperature, where k is constant),
@@ -6,9 +6,10 @@ rates for a change u of the conduction potential (of temperature, where k is con
     A u = (C / g + s) / d u - K u + contacts,
 
 is symmetric and positive definite: K is the linear network, s the slope of each node's
-load [W/K], d = d(phi)/d(eta) of `NonlinearNetwork`, 1 elsewhere. With 1 / g = 0 it is
-that of a steady state, which is singular for a part that loses no heat. What else its
-solves need is made once per run, see `ImplicitContext`.
+load [W/K], d = d(phi)/d(eta) of `NonlinearNetwork`, 1 elsewhere. Only the K of
+`VaryingLinks` is not quite symmetric. With 1 / g = 0 it is the Jacobian of a steady
+state, which is singular for a part that loses no heat. What else its solves need is
+made once per run, see `ImplicitContext`.
 """
 
 from collections.abc import Callable
@@ -26,7 +27,6 @@ from ...geometry.mesh import connected_labels
 from ...network.multigrid import Hierarchy, hierarchy, jacobi
 from ...network.multigrid_cycle import AbstractCycle
 from ...network.network import AbstractNetwork, inverse
-from ...network.nonlinear import NonlinearNetwork
 from ...physics.contact.links import ContactLinks
 from ...scene.compile.program import Compiled, Program, State
 from ...scene.scene import Scene
@@ -112,11 +112,11 @@ def implicit_context(
     """Prepare the implicit stages of a compiled scene."""
     dtype, program = compiled.receipt.dtype, compiled.program
     for number, body in enumerate(program.bodies):
-        if not body.network.is_symmetric:
+        if not body.network.linear.is_symmetric:
             raise InputError(
-                f"body {number} has {body.network.asymmetry}, whose conduction is not "
-                "symmetric and cannot be solved for: simulate() it, with ForwardEuler()"
-                f" or SuperTimeStepping(), or {body.network.remedy}"
+                f"body {number} has weights with `non_orthogonal`, whose conduction is "
+                "not symmetric and cannot be solved for: simulate() it, with "
+                "ForwardEuler() or SuperTimeStepping(), or set non_orthogonal to 0"
             )
     stable_step = compiled.receipt.stable_step_s
     multigrid = stable_step is None or max_dt > MULTIGRID_STEP_RATIO * stable_step
@@ -124,7 +124,7 @@ def implicit_context(
         hierarchy(body.structure, part.network) if multigrid else None
         for body, part in zip(scene.bodies, program.bodies, strict=True)
     )
-    varies = any(isinstance(body.network, NonlinearNetwork) for body in program.bodies)
+    varies = not all(body.network.is_linear for body in program.bodies)
     load = program.surface
     linear = program.enclosure is None and not varies
     linear = linear and (load is None or load.by_cell.terms.is_linear)
@@ -167,6 +167,11 @@ class _Jacobian(eqx.Module):
     """(C / g + s) / d [W/K]."""
     contacts: tuple[ContactLinks, ...]
     time: Float[Array, ""]
+
+    @property
+    def is_symmetric(self) -> bool:
+        """True for conjugate gradients."""
+        return all(network.is_symmetric for network in self.networks)
 
     def mv(self, u: State) -> State:
         """Return A u [W]."""
@@ -263,13 +268,11 @@ def linearize(
     singular [W/K].
     """
     slopes, _ = load_slopes(program, states, time)
-    networks = tuple(body.network.linear for body in program.bodies)
-    # The slope d of every body whose conductivity depends on temperature.
-    potential = tuple(
-        jax.jvp(body.network.potential, (state,), (jnp.ones_like(state),))[1]
-        if isinstance(body.network, NonlinearNetwork)
-        else None
-        for body, state in zip(program.bodies, states, strict=True)
+    networks = tuple(body.network for body in program.bodies)
+    # Jacobians of conduction, and the slope d where a conductivity varies.
+    conduction, potential = zip(
+        *(n.linearized(state) for n, state in zip(networks, states, strict=True)),
+        strict=True,
     )
     diagonal = masked_to_nodes(
         tuple(
@@ -279,8 +282,8 @@ def linearize(
         context.nodes,
     )
     # Divided by d, the unknown is the potential, whose conduction is linear and
-    # symmetric also where the conductivity depends on temperature.
-    operator = _Jacobian(networks, diagonal, program.contacts, time)
+    # symmetric also where the conductivity of one material depends on temperature.
+    operator = _Jacobian(conduction, diagonal, program.contacts, time)
     # Cycles know no links between bodies: contacts enter by their diagonal only [W/K].
     found = list(diagonal)
     for contact in program.contacts:
@@ -292,7 +295,7 @@ def linearize(
         whole = jax.tree.map(jnp.add, whole, regularization(whole))
     parts = zip(networks, context.hierarchies, whole, strict=True)
     cycles = tuple(
-        jacobi(network, m) if levels is None else levels.cycle(m)
+        jacobi(network.linear, m) if levels is None else levels.cycle(m)
         for network, levels, m in parts
     )
     blocks = tuple(map(_DeflatedPreconditioner, cycles, context.components, row_sums))

@@ -21,7 +21,7 @@ from jaxtyping import Array, Bool, Float, Int
 from ...network.network import inverse
 from ...scene.compile.program import Program, State
 from ..run.heat_rates import evaluate_rates
-from .conjugate_gradient import ConjugateGradient, ResidualNorm, max_abs
+from .conjugate_gradient import BiCGStab, ConjugateGradient, ResidualNorm, max_abs
 from .jacobian import ImplicitContext, Linearization, linearize, masked_to_nodes
 
 
@@ -139,14 +139,16 @@ def solve_linear(
     # The transposed solve of reverse mode may have values where there is no node.
     heat = masked_to_nodes(heat, at.nodes)
     shapes = jax.eval_shape(lambda: heat)
-    operator = lx.FunctionLinearOperator(
-        at.operator.mv, shapes, lx.positive_semidefinite_tag
-    )
+    if at.operator.is_symmetric:
+        method, tags = solver, lx.positive_semidefinite_tag
+    else:
+        method, tags = BiCGStab(**vars(solver)), ()
+    operator = lx.FunctionLinearOperator(at.operator.mv, shapes, tags)
     options = {
         "preconditioner": at.preconditioner,
         "magnitude": at.operator.magnitude,
     }
-    found = lx.linear_solve(operator, heat, solver, options=options, throw=False)
+    found = lx.linear_solve(operator, heat, method, options=options, throw=False)
     potential = masked_to_nodes(found.value, at.nodes)
     change = tuple(
         u if d is None else u * inverse(d)

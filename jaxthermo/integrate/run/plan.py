@@ -199,7 +199,7 @@ def plan_run(
         # The selection needs the stable step, and so a compiled scene; an implicit
         # solver arranges the bodies differently, which takes a second compilation.
         networks = [body.network for body in compiled.program.bodies]
-        symmetric = all(network.is_symmetric for network in networks)
+        symmetric = all(network.linear.is_symmetric for network in networks)
         if control is not None and stable_step is not None:
             solver, reason = control.first(stable_step, t1, symmetric)
         else:

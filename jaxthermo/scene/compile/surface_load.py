@@ -323,7 +323,7 @@ def _parts_of_cells(
     half = jnp.asarray(body.half_cell)[kept]
     sums = lambda values: jax.ops.segment_sum(values, cell[kept], count)
     whole = inverse(sums(half))
-    rows = body.conductivity_parts[:, kept] * half
+    rows = body.conductivity_parts[:, kept] * half[None]
     return jnp.stack([sums(row) * whole for row in rows])
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from jaxthermo.integrate.implicit.conjugate_gradient import (
+    BiCGStab,
     ConjugateGradient,
     CorrectionNorm,
     ResidualNorm,
@@ -59,7 +60,6 @@ def test_every_node_is_within_the_tolerance(tolerance):
     vector = _heat()
     found = _solve(1.0, vector, (jnp.asarray(KELVIN),), tolerance)
     left = np.abs(KELVIN * (vector - _matrix() @ found.value[0])).max()
-    print(tolerance, int(found.stats["iterations"]), left)
     assert found.result == lx.RESULTS.successful
     assert left <= 2 * tolerance
     np.testing.assert_allclose(left, found.stats["residual"], rtol=1e-3, atol=1e-12)
@@ -115,3 +115,32 @@ def test_derivatives_are_those_of_the_solution():
     exact = 2 * inverse @ (inverse @ np.asarray(vector))
     found = jax.grad(loss, argnums=1)(1.0, vector)
     np.testing.assert_allclose(found, exact, rtol=1e-6, atol=1e-9 * abs(exact).max())
+
+
+@eqx.filter_jit
+def _solve_skewed(matrix, vector):
+    operator = lx.FunctionLinearOperator(
+        lambda u: (matrix @ u[0],), jax.eval_shape(lambda: (vector,))
+    )
+    scale = jax.tree_util.Partial(lambda d, r: (r[0] / d,), jnp.diagonal(matrix))
+    solver = BiCGStab(ResidualNorm(1.0), 1e-11)
+    options = {"preconditioner": scale}
+    return lx.linear_solve(operator, (vector,), solver, options=options, throw=False)
+
+
+def test_links_that_are_not_symmetric_are_solved_for_and_transposed():
+    """Stabilized biconjugate gradients: columns add up, rows do not."""
+    links = np.geomspace(0.3, 3.0, SIZE - 1)
+    first = np.diag(np.append(links, 0)) - np.diag(links, -1)
+    second = np.diag(np.append(0, links)) - np.diag(links, 1)
+    matrix = 1.4 * first + 0.6 * second + np.diag(np.linspace(0.2, 2.0, SIZE))
+    vector = jnp.asarray(np.random.default_rng(5).normal(size=SIZE))
+    found = _solve_skewed(jnp.asarray(matrix), vector)
+    assert found.result == lx.RESULTS.successful
+    exact = np.linalg.solve(matrix, np.asarray(vector))
+    np.testing.assert_allclose(found.value[0], exact, atol=1e-9)
+    loss = lambda b: (_solve_skewed(jnp.asarray(matrix), b).value[0] ** 2).sum()
+    slope = 2 * np.linalg.solve(matrix.T, exact)
+    np.testing.assert_allclose(jax.grad(loss)(vector), slope, atol=1e-8)
+    nothing = _solve_skewed(jnp.asarray(matrix), jnp.zeros(SIZE))
+    np.testing.assert_array_equal(nothing.value[0], np.zeros(SIZE))
