@@ -184,8 +184,8 @@ def plan_run(
     # its solver and its bounds of temperatures are those of that time.
     given, t1 = t1, saves[-1]
     control = solver if isinstance(solver, ErrorControl) else None
-    selected = solver is None or control is not None
-    arranged = scene if selected else solver.arranged(scene)
+    chosen = None if isinstance(solver, ErrorControl) else solver
+    arranged = scene if chosen is None else chosen.arranged(scene)
     compiled = compile_scene(arranged, len(saves), t1, prune)
     traced = is_traced(compiled.stable_step)
     stable_step = None if traced else float(compiled.stable_step)
@@ -195,16 +195,16 @@ def plan_run(
     elif control is not None and is_traced((scene, compiled)):
         # To repeat a run until a condition holds takes known numbers.
         control, note = None, "error in time not estimated: values are traced"
-    if selected:
+    if chosen is None:
         # The selection needs the stable step, and so a compiled scene; an implicit
         # solver arranges the bodies differently, which takes a second compilation.
         networks = [body.network for body in compiled.program.bodies]
         symmetric = all(network.linear.is_symmetric for network in networks)
         if control is not None and stable_step is not None:
-            solver, reason = control.first(stable_step, t1, symmetric)
+            chosen, reason = control.first(stable_step, t1, symmetric)
         else:
-            solver, reason = select_solver(stable_step, t1, symmetric)
-        arranged = solver.arranged(scene)
+            chosen, reason = select_solver(stable_step, t1, symmetric)
+        arranged = chosen.arranged(scene)
         if arranged is not scene:
             compiled = compile_scene(arranged, len(saves), t1, prune)
     if t1 < given:
@@ -216,16 +216,16 @@ def plan_run(
     if note is not None:
         compiled = _with_note(compiled, note)
     # Poses and source positions are recomputed at `starts`, so steps end there too.
-    max_dt = solver.max_dt(stable_step, t1, compiled.program.sampled)
+    max_dt = chosen.max_dt(stable_step, t1, compiled.program.sampled)
     event_times = (*compiled.program.breakpoints, *compiled.starts)
-    min_steps = solver.min_steps(len({*saves, *event_times}))
+    min_steps = chosen.min_steps(len({*saves, *event_times}))
     intervals = _schedule(t1, saves, event_times, max_dt, min_steps)
-    if control is not None and solver.dt is not None:
+    if control is not None and chosen.dt is not None:
         intervals = _more_after_events(intervals, event_times)
     # Stages and multigrid follow the longest step taken, which may be far shorter
     # than the longest allowed.
     longest = max((i.dt for i in intervals), default=max_dt)
-    stepper = solver.stepper(arranged, compiled, longest, is_traced(scene))
+    stepper = chosen.stepper(arranged, compiled, longest, is_traced(scene))
     checkpoints = None
     if reverse_memory is not None:
         size = sum(x.size * x.dtype.itemsize for x in jax.tree.leaves(compiled.state))
@@ -241,7 +241,7 @@ def plan_run(
         stepper = stepper.for_any_step(stable_step, compiled.receipt.dtype)
     if isinstance(stepper, AdaptiveStepper):
         stepper = replace(stepper, checkpoints=checkpoints)
-    parts = (arranged, compiled, intervals, saves, stable_step, solver, stepper)
+    parts = (arranged, compiled, intervals, saves, stable_step, chosen, stepper)
     return Plan(*parts, reason, checkpoints, control)
 
 

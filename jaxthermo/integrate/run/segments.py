@@ -209,6 +209,6 @@ def load_checkpoint(path: Path, fresh: RunProgress, key: str) -> RunProgress | N
     alike = lambda a, b: (a.shape, a.dtype) == (b.shape, b.dtype)
     if not all(map(alike, leaves, loaded)):
         return None
-    parts, before = jax.tree.unflatten(tree, loaded)
+    (state, first, found), before = jax.tree.unflatten(tree, loaded)
     passes = Passes(number, before, difference, error, finished)
-    return RunProgress(interval, taken, *parts, passes)
+    return RunProgress(interval, taken, state, first, found, passes)
