@@ -54,14 +54,12 @@ from .physics.radiation.source_motion import (
     DirectionTable as DirectionTable,
     PointTable as PointTable,
 )
+from .physics.surface import Binding as Binding, Omitted as Omitted, Surface as Surface
 from .physics.term import (
     AbstractExchangeTerm as AbstractExchangeTerm,
     AbstractPairTerm as AbstractPairTerm,
     AbstractSurfaceTerm as AbstractSurfaceTerm,
     AbstractVolumeTerm as AbstractVolumeTerm,
-    Binding as Binding,
-    Omitted as Omitted,
-    Surface as Surface,
 )
 from .physics.time_varying import Table as Table, Until as Until
 from .scene.coating import Coating as Coating

@@ -5,7 +5,7 @@ import numpy as np
 from jaxthermo.geometry.mesh import Mesh, Pose
 from jaxthermo.geometry.shapes import sphere
 from jaxthermo.physics.radiation.patches import PatchedBody, group_patches
-from jaxthermo.physics.term import BodySurface, Surface
+from jaxthermo.physics.surface import BodySurface, Surface
 from jaxthermo.voxels.grid import VoxelGrid
 
 

@@ -25,7 +25,8 @@ from .flux_law import (
     PerCell,
     PerCellOrOne,
 )
-from .term import AbstractSurfaceTerm, Binding, Omitted, Scale, Surface
+from .surface import Binding, Omitted, Surface
+from .term import AbstractSurfaceTerm, Scale
 from .time_varying import (
     check_value,
     cooling_bound,

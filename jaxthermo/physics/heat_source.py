@@ -12,7 +12,8 @@ from ..structures.build.assignment import volume_within
 from ..structures.structure import AbstractStructure
 from ..voxels.selection import AbstractSpace
 from .flux_law import Forcing
-from .term import AbstractVolumeTerm, Omitted
+from .surface import Omitted
+from .term import AbstractVolumeTerm
 from .time_varying import check_value, cooling_bound, is_zero
 
 

@@ -104,7 +104,7 @@ def gradient_at(
     )
 
 
-class GradientRows(NamedTuple):
+class _GradientRows(NamedTuple):
     """Entries of the gradients at some nodes, sorted by node."""
 
     node: Int[np.ndarray, " r"]
@@ -121,7 +121,7 @@ class GradientRows(NamedTuple):
 
 def gradient_rows(
     structure: AbstractStructure, chosen: Int[np.ndarray, " m"]
-) -> GradientRows:
+) -> _GradientRows:
     """Gradients at sorted nodes by least squares over links, see `gradient_at`."""
     links, nodes = structure.links(), structure.nodes()
     slot = np.full(len(nodes.volume), -1)
@@ -143,7 +143,7 @@ def gradient_rows(
     solved = np.linalg.pinv(moment, rcond=_MIN_MOMENT, hermitian=True)
     row = np.einsum("eij,ej->ei", solved[node], step) * weight[:, None]
     count = len(links.src)
-    return GradientRows(node, other, row, used % count, used < count)
+    return _GradientRows(node, other, row, used % count, used < count)
 
 
 class BoundMap(eqx.Module):

@@ -10,7 +10,7 @@ from jaxthermo.geometry.shapes import box, sphere
 from jaxthermo.physics.radiation.emission import Surroundings
 from jaxthermo.physics.radiation.view_factors import view_factors
 from jaxthermo.physics.radiation.visibility import sky_view, unobstructed_view
-from jaxthermo.physics.term import Omitted
+from jaxthermo.physics.surface import Omitted
 from jaxthermo.reference.view_factor import element_to_disc, parallel_rectangles
 from jaxthermo.voxels.voxelize import voxelize
 from tests.radiating import in_patches, moved, shell, surface_of, whole

@@ -9,7 +9,7 @@ from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.geometry.shapes import box
 from jaxthermo.physics.radiation.area_source import AreaSource
 from jaxthermo.physics.radiation.source import PointSource
-from jaxthermo.physics.term import Binding
+from jaxthermo.physics.surface import Binding
 from jaxthermo.voxels.voxelize import voxelize
 from tests.radiating import shell, surface_of, whole
 

@@ -8,7 +8,7 @@ import pytest
 import jaxthermo as jt
 from jaxthermo.errors import InputError
 from jaxthermo.physics.heat_source import HeatSource, VolumeBinding
-from jaxthermo.physics.term import Omitted
+from jaxthermo.physics.surface import Omitted
 from jaxthermo.voxels.selection import Everything, FragmentMask, Region, Side
 from tests.bodies import bar, blocks, depth, on_top
 

@@ -7,7 +7,7 @@ import pytest
 import jaxthermo as jt
 from jaxthermo.geometry.shapes import box, sphere
 from jaxthermo.physics.radiation.source import PointSource, Sun
-from jaxthermo.physics.term import Binding, Omitted
+from jaxthermo.physics.surface import Binding, Omitted
 from jaxthermo.voxels.voxelize import voxelize
 from tests.radiating import moved, shell, surface_of, whole
 

@@ -65,7 +65,7 @@ class _DirectionTable(_Table[si.Direction], builds="DirectionTable"):
         return [*super().mistakes(), *opposite]
 
 
-class PropertyTable(_Tabulated[Value], Generic[Value], builds="Property"):
+class _PropertyTable(_Tabulated[Value], Generic[Value], builds="Property"):
     """A piecewise linear function of temperature [K]."""
 
     temperatures: Annotated[tuple[si.Temperature, ...], si.NotEmpty]
@@ -147,17 +147,17 @@ AnyFraction = Annotated[
 ]
 _AlongAxis = Annotated[
     Annotated[si.Conductivity, _FIXED]
-    | Annotated[PropertyTable[si.Conductivity], _TABLE],
+    | Annotated[_PropertyTable[si.Conductivity], _TABLE],
     _EITHER,
 ]
 AnyConductivity = Annotated[
     Annotated[si.Conductivity, _FIXED]
     | Annotated[tuple[_AlongAxis, _AlongAxis, _AlongAxis], si.Three, Tag("<three>")]
-    | Annotated[PropertyTable[si.Conductivity], _TABLE],
+    | Annotated[_PropertyTable[si.Conductivity], _TABLE],
     Discriminator(_or_three),
 ]
 AnySpecificHeat = Annotated[
     Annotated[si.SpecificHeat, _FIXED]
-    | Annotated[PropertyTable[si.SpecificHeat], _TABLE],
+    | Annotated[_PropertyTable[si.SpecificHeat], _TABLE],
     _EITHER,
 ]

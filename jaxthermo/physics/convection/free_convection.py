@@ -31,7 +31,8 @@ from ...voxels.cylinders import Cylinder, given_cylinders, parts_of
 from ...voxels.selection import AbstractSelection
 from ..boundary import toward
 from ..flux_law import AbstractFluxLaw, Forcing
-from ..term import AbstractSurfaceTerm, Binding, BodySurface, Omitted, Surface
+from ..surface import Binding, BodySurface, Omitted, Surface
+from ..term import AbstractSurfaceTerm
 from ..time_varying import check_value, for_jit, largest, value_at
 from . import air
 from .air import (

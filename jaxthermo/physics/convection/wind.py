@@ -28,14 +28,8 @@ from ...voxels.cylinders import Cylinder, given_cylinders, parts_of
 from ...voxels.selection import AbstractSelection
 from ..boundary import toward
 from ..flux_law import Forcing, Values
-from ..term import (
-    AbstractSurfaceTerm,
-    Binding,
-    BodySurface,
-    Omitted,
-    Surface,
-    concatenated,
-)
+from ..surface import Binding, BodySurface, Omitted, Surface, concatenated
+from ..term import AbstractSurfaceTerm
 from ..time_varying import (
     Table,
     Until,

@@ -24,7 +24,8 @@ from ...errors import InputError
 from ...voxels.selection import AbstractSelection
 from ..boundary import Exchange
 from ..flux_law import AbstractFluxLaw, Forcing
-from ..term import BodySurface, Scale, Surface
+from ..surface import BodySurface, Surface
+from ..term import Scale
 from ..time_varying import check_value, for_jit, largest, smallest, value_at
 from .irradiation import AbstractRadiativeTerm, Irradiation
 from .visibility import check_directions, sky_view, unobstructed_view

@@ -23,15 +23,8 @@ from ...arrays import Time
 from ...constants import STEFAN_BOLTZMANN
 from ...voxels.selection import AbstractSelection
 from ..flux_law import AbstractFluxLaw, PerCell, PerCellOrOne
-from ..term import (
-    AbstractSurfaceTerm,
-    Binding,
-    BodySurface,
-    Cover,
-    Omitted,
-    Surface,
-    concatenated,
-)
+from ..surface import Binding, BodySurface, Cover, Omitted, Surface, concatenated
+from ..term import AbstractSurfaceTerm
 from ..time_varying import is_zero
 
 

@@ -56,7 +56,7 @@ class _Cells:
 
 
 @dataclass(frozen=True, eq=False)
-class Patches:
+class _Patches:
     """Patch of each fragment of a body, in the body's frame."""
 
     patch: Int[np.ndarray, " s"]
@@ -117,11 +117,11 @@ class PatchedBody(NamedTuple):
     """World [m]."""
     faces: Int[np.ndarray, "f 3"]
     """Counter-clockwise seen from outside."""
-    patches: Patches
+    patches: _Patches
     pose: Pose = Pose()
 
     @classmethod
-    def of_mesh(cls, mesh: Mesh, patches: Patches, pose: Pose) -> "PatchedBody":
+    def of_mesh(cls, mesh: Mesh, patches: _Patches, pose: Pose) -> "PatchedBody":
         """A mesh in the body's frame at a place in the world."""
         # Scanners leave strays far away, which are no part of what a view shows.
         used = np.zeros(len(mesh.vertices), bool)
@@ -138,7 +138,7 @@ def group_patches(
     lattice: Lattice,
     max_patches: int,
     cavities: Cavities | None = None,
-) -> Patches:
+) -> _Patches:
     """Finest patches of a body whose number does not exceed `max_patches`.
 
     Positions [m], unit normals and areas above 0 [m^2] are those of its fragments, in
@@ -168,7 +168,7 @@ def group_patches(
     total = np.bincount(patch, area, len(code))
     mean = [np.bincount(patch, area * position[:, i], len(code)) for i in range(3)]
     centre = np.stack(mean, axis=1) / total[:, None]
-    return Patches(patch, total, centre, code, cells, cavities, room)
+    return _Patches(patch, total, centre, code, cells, cavities, room)
 
 
 def _rooms(area: Float[np.ndarray, " c"], max_patches: int) -> Int[np.ndarray, " c"]:

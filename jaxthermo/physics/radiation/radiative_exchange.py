@@ -29,7 +29,8 @@ from ...errors import InputError
 from ...voxels.selection import AbstractSelection
 from ..boundary import ImposedFlux, toward
 from ..flux_law import AbstractFluxLaw, Forcing, Values
-from ..term import AbstractExchangeTerm, Surface, spread
+from ..surface import Surface, spread
+from ..term import AbstractExchangeTerm
 from ..time_varying import check_value, for_jit, value_at
 from .emission import AbstractEmission, equilibrium_temperature, net_emission
 from .irradiation import AbstractRadiativeTerm, Irradiation

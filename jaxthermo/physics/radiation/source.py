@@ -26,7 +26,8 @@ from ...raster.views import unit_vector
 from ...voxels.selection import AbstractSelection
 from ..boundary import ImposedFlux
 from ..flux_law import Forcing
-from ..term import Binding, BodySurface, Omitted, Scale, Surface
+from ..surface import Binding, BodySurface, Omitted, Surface
+from ..term import Scale
 from ..time_varying import check_value, for_jit, is_zero, largest
 from .appearance import Appearance, distant_disc, sphere
 from .irradiation import AbstractRadiativeTerm, Irradiation

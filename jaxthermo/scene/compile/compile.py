@@ -18,7 +18,8 @@ from ...physics.radiation.irradiation import (
     SurfaceRadiation,
     surface_radiation,
 )
-from ...physics.term import AbstractExchangeTerm, AbstractSurfaceTerm, Omitted
+from ...physics.surface import Omitted
+from ...physics.term import AbstractExchangeTerm, AbstractSurfaceTerm
 from ...voxels.grid import VoxelGrid
 from ..motion import Motion
 from ..scene import AbstractMaterials, BodyGeometry, Scene, SolvedSurface

@@ -13,15 +13,9 @@ from ...physics.contact.search import ContactPairs, no_pairs
 from ...physics.flux_law import Forcing, bound
 from ...physics.heat_source import VolumeBinding
 from ...physics.radiation.radiative_exchange import Enclosure
+from ...physics.surface import Omitted, Surface, concatenated
 from ...physics.surface_energy_balance import MAX_ITERATIONS, SurfaceTerms
-from ...physics.term import (
-    AbstractExchangeTerm,
-    AbstractPairTerm,
-    AbstractVolumeTerm,
-    Omitted,
-    Surface,
-    concatenated,
-)
+from ...physics.term import AbstractExchangeTerm, AbstractPairTerm, AbstractVolumeTerm
 from ...physics.time_varying import breakpoints, for_jit, is_unknown_function
 from ..scene import Scene
 from .bodies import PreparedBody, device_address

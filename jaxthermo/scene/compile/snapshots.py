@@ -18,15 +18,12 @@ from ...physics.contact.rays import PlacedGrid
 from ...physics.contact.search import ContactPairs, contacts_between
 from ...physics.flux_law import Forcing
 from ...physics.radiation.irradiation import AbstractRadiativeTerm, Irradiation
+from ...physics.surface import Binding, BodySurface, Omitted, Surface
 from ...physics.term import (
     AbstractExchangeTerm,
     AbstractPairTerm,
     AbstractSurfaceTerm,
     AbstractTerm,
-    Binding,
-    BodySurface,
-    Omitted,
-    Surface,
 )
 from ...voxels.cavities import Cavities
 from ...voxels.grid import VoxelGrid

@@ -19,8 +19,8 @@ from ...network.network import (
     precise_sum,
     slot_sums,
 )
+from ...physics.surface import spread
 from ...physics.surface_energy_balance import SurfaceTerms
-from ...physics.term import spread
 from .bodies import PreparedBody, device_address
 
 

@@ -22,7 +22,7 @@ from jaxthermo.physics.convection.film import FilmExchange, _SpeedTable
 from jaxthermo.physics.convection.nusselt import churchill_bernstein
 from jaxthermo.physics.convection.wake import WakeDeficit
 from jaxthermo.physics.convection.wind import Wind
-from jaxthermo.physics.term import Omitted
+from jaxthermo.physics.surface import Omitted
 from jaxthermo.voxels.cylinders import Cylinder, parts_of
 
 

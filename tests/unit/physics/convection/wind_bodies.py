@@ -8,7 +8,7 @@ import numpy as np
 
 from jaxthermo.geometry import shapes
 from jaxthermo.geometry.mesh import Pose
-from jaxthermo.physics.term import BodySurface, Surface
+from jaxthermo.physics.surface import BodySurface, Surface
 from jaxthermo.voxels.voxelize import voxelize
 
 
