@@ -125,7 +125,7 @@ class _Step(NamedTuple):
     goes_on: Bool[Array, ""]
 
 
-class AbstractKrylov(lx.AbstractLinearSolver):
+class _AbstractKrylov(lx.AbstractLinearSolver):
     """Iterative solver with a preconditioner close to the inverse.
 
     Options of `lineax.linear_solve`: `preconditioner`, a module from a residual to a
@@ -251,7 +251,7 @@ class AbstractKrylov(lx.AbstractLinearSolver):
         return True
 
 
-class ConjugateGradient(AbstractKrylov):
+class ConjugateGradient(_AbstractKrylov):
     """Conjugate gradients for positive definite operators and preconditioners.
 
     Source: Hestenes, Stiefel, J. Research Nat. Bureau of Standards 49 (1952) 409-436.
@@ -289,7 +289,7 @@ class ConjugateGradient(AbstractKrylov):
         return state, options
 
 
-class BiCGStab(AbstractKrylov):
+class BiCGStab(_AbstractKrylov):
     """Stabilized biconjugate gradients, for operators near a symmetric one.
 
     Each iteration applies the operator and the symmetric preconditioner twice.
