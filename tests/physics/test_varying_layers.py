@@ -17,8 +17,9 @@ from tests.bodies import bar, blocks
 
 
 LOW, HIGH, PITCH, CELLS = 300.0, 500.0, 0.01, 12
-RISING = jt.Material(Property([LOW, HIGH], [4.0, 20.0]), 1000.0, 500.0)
-FALLING = jt.Material(Property([LOW, HIGH], [30.0, 10.0]), 2000.0, 400.0)
+RISES, FALLS = (Property([LOW, HIGH], k) for k in ([4.0, 20.0], [30.0, 10.0]))
+RISING = jt.Material(RISES, 1000.0, 500.0)
+FALLING = jt.Material(FALLS, 2000.0, 400.0)
 LATENT = jt.Material(
     Property([LOW, HIGH], [30.0, 10.0]),
     2000.0,
@@ -141,7 +142,7 @@ def test_the_jacobian_is_the_derivative_of_the_rates(structure, by_axis):
     """A u d = -d(rates)/d(state) for all nodes, with c(T), materials and axes."""
     materials = (RISING, LATENT)
     if by_axis:
-        tilted = (RISING.conductivity, 7.0, FALLING.conductivity)
+        tilted = (RISES, 7.0, FALLS)
         materials = (jt.Material(tilted, 1e3, 500.0), LATENT)
         structure = jt.FullVolume(blocks(np.ones((3, 2, 2), bool), PITCH))
     network = layered(structure, materials)
@@ -153,6 +154,7 @@ def test_the_jacobian_is_the_derivative_of_the_rates(structure, by_axis):
     @jax.jit
     def both(state):
         jacobian, slope = network.linearized(state)
+        assert slope is not None
         flat = lambda own: jax.vmap(own)(jnp.eye(state.size).reshape(-1, *state.shape))
         by_hand = flat(lambda change: jacobian.heat_rate(slope * change))
         exact = jax.jacfwd(network.heat_rate)(state)
@@ -198,7 +200,7 @@ def test_derivatives_by_all_conductivities(structure):
 @pytest.mark.parametrize("axis", range(3))
 def test_along_every_axis_its_own_law_holds(axis):
     """q = A / L (F_i(T_2) - F_i(T_1)) between two voxels along the axis i."""
-    k = (RISING.conductivity, 7.0, FALLING.conductivity)
+    k = (RISES, 7.0, FALLS)
     wood = jt.Material(k, 500.0, 1600.0)
     shape = [1, 1, 1]
     shape[axis] = 2
@@ -217,7 +219,7 @@ def test_along_every_axis_its_own_law_holds(axis):
 
 def test_a_slanted_surface_has_the_conductivity_of_its_normal():
     """k(T) / k(300 K) of n . K n, for two materials of which one differs by axis."""
-    wood = jt.Material((RISING.conductivity, 7.0, 2.0), 500.0, 1600.0)
+    wood = jt.Material((RISES, 7.0, 2.0), 500.0, 1600.0)
     normal = np.array([[0.6, 0.0, 0.8], [0.0, 1.0, 0.0], [0.6, 0.8, 0.0]])
     number = np.array([0, 0, 1], np.int32)
     given = (wood, FALLING)
