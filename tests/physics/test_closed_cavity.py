@@ -94,6 +94,7 @@ def test_heat_leaves_through_the_outside_only():
     assert heat == pytest.approx(-10.0 * 30.0 * 4 * np.pi * 0.1**2, rel=0.02)
 
 
+@pytest.mark.slow
 def test_a_body_in_the_cavity_of_another_is_enclosed():
     ball = jt.voxelize(jt.shapes.sphere(0.03, 2), 0.01)
     around = jt.Body(

@@ -104,6 +104,7 @@ def test_the_facets_of_several_bodies_are_their_own(ball):
         np.testing.assert_allclose(both[here], received(alone, own), atol=1e-12)
 
 
+@pytest.mark.slow
 def test_under_derivatives_they_are_the_same(ball):
     view, beam = ball
     traced = _irradiation_to_pixels(view, jnp.asarray(beam)[:, None])

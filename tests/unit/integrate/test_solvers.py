@@ -91,9 +91,9 @@ def test_what_cannot_be_stepped_is_refused(solver, message):
         jt.TRBDF2(error=0.0)
 
 
-@pytest.mark.parametrize(
-    "dt", [pytest.param(2.56, marks=[pytest.mark.slow, pytest.mark.slice]), 25.6]
-)
+@pytest.mark.slow
+@pytest.mark.slice
+@pytest.mark.parametrize("dt", [2.56, 25.6])
 def test_a_tolerance_knows_its_rounding_floor(dt):
     """A step of many stable steps multiplies the rounding of the temperatures."""
     structure = jt.FullVolume(blocks(np.ones((16, 16, 16), bool)))

@@ -99,6 +99,6 @@ def test_a_combination_is_on_the_bodies_of_its_parts():
     assert one.bodies == (2,)
     assert flags(one.on_body(2)) == flags(Side((1.0, 0.0, 0.0)))
     with pytest.raises(InputError, match="on different bodies and have nothing in co"):
-        TOP & Everything(1)
+        _ = TOP & Everything(1)
     with pytest.raises(InputError, match="combine selections only"):
-        TOP | 3  # pyright: ignore[reportOperatorIssue]
+        _ = TOP | 3  # pyright: ignore[reportOperatorIssue]
