@@ -46,6 +46,7 @@ def test_no_space_for_the_solution(finished, tmp_path):
         assert files(out) == {"config.yaml"}
 
 
+@pytest.mark.slow
 def test_no_space_for_the_frames_leaves_all_the_rest(finished, tmp_path):
     scene, out = scene_file(tmp_path), tmp_path / "out"
     large = ("--set", "camera={width: 128, height: 96}")

@@ -160,6 +160,8 @@ def _facing(term, material=METAL, dtype="float64"):
 HOT = jt.FixedTemperature(600.0, on=jt.Everything(0))
 
 
+@pytest.mark.slow
+@pytest.mark.slice
 def test_a_surface_of_fixed_temperature_radiates_like_any_other():
     """As the enclosure says between surfaces of 600 K and 300 K."""
     # An insulator, whose nodes are 300 K colder than its surface.

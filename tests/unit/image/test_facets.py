@@ -91,6 +91,7 @@ def test_flat_faces_and_fine_meshes_are_as_they_were():
 FINE = jt.shapes.sphere(0.1, 4)
 
 
+@pytest.mark.slow
 def test_the_facets_of_several_bodies_are_their_own(ball):
     left, right = (
         jt.shapes.sphere(0.04, 1).moved((x, 0.0, 0.0)) for x in (-0.05, 0.05)

@@ -80,6 +80,7 @@ def test_what_moves_has_a_view_at_each_time(computed):
     assert len(computed) == 4
 
 
+@pytest.mark.slow
 def test_views_are_released_with_the_scene(computed):
     gc.collect()
     before = len(view_module._kept_views)

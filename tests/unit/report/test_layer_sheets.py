@@ -35,7 +35,9 @@ def test_the_faces_of_a_block_of_voxels():
     assert (faces.kind == 0).all()
 
 
-@pytest.mark.parametrize(("height", "kind"), [(0.5, 1), (0.0, 2)])
+@pytest.mark.parametrize(
+    ("height", "kind"), [(0.5, 1), pytest.param(0.0, 2, marks=pytest.mark.slow)]
+)
 def test_thin_and_lost_parts_have_their_colours(height, kind, monkeypatch):
     monkeypatch.setattr(voxel_sheet_module, "_EDGE", 240)
     grid = voxelize(block_and_plate(height), 1.0)

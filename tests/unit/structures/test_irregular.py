@@ -57,7 +57,7 @@ def test_coupling_of_a_fine_face_to_the_next_level_is_two_thirds_of_its_size():
     ]
 
 
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=10)
 @given(seeds)
 def test_cells_are_those_found_one_by_one(seed):
     solid = solid_of(seed)
@@ -108,7 +108,7 @@ def test_coverage_is_that_counted_one_by_one(seed):
     assert cells[0, 0, 0] == pytest.approx(count[:3, :3, :3].sum() * 0.5**3)
 
 
-@settings(deadline=None, max_examples=150)
+@settings(deadline=None, max_examples=50)
 @given(seeds, st.sampled_from([None, None, 1, 2, 3]))
 def test_nodes_hang_together_as_the_body_does(seed, levels):
     """No part is cut off, none is joined to another, and only lone voxels are alone."""
@@ -163,7 +163,7 @@ def test_links_are_sound(seed):
     np.testing.assert_allclose(body.fragment_offset(), 0, atol=1e-12)
 
 
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=10)
 @given(seeds)
 def test_a_body_is_divided_among_its_cells(seed):
     """Whoever owns a voxel covers it, or bridges a gap to it; all voxels are owned."""

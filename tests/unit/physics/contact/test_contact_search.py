@@ -69,7 +69,7 @@ def test_swapping_the_bodies_swaps_the_pairs():
         assert (mine == theirs).all()
 
 
-@settings(deadline=None, max_examples=12)
+@settings(deadline=None, max_examples=6)
 @given(
     shift=st.tuples(st.floats(-0.2, 0.2), st.floats(-0.2, 0.2)),
     turn=st.floats(0, 90),
@@ -104,7 +104,7 @@ def test_no_fragment_of_another_lattice_is_covered_twice():
     assert pairs.coverage_b[inner].min() > 0.95
 
 
-@settings(deadline=None, max_examples=6)
+@settings(deadline=None, max_examples=4)
 @given(
     turn=st.tuples(*[st.floats(-180, 180)] * 3),
     shift=st.tuples(*[st.floats(-5, 5)] * 3),
