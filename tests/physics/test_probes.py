@@ -149,7 +149,6 @@ def test_a_smooth_field_is_read_to_second_order(name):
 
 
 @pytest.mark.slow
-@pytest.mark.slice
 def test_gradients_reach_a_probe():
     """d T(probe) / dk in reverse mode against a finite difference."""
     grid = bar(CELLS, PITCH)

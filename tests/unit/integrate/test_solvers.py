@@ -92,8 +92,7 @@ def test_what_cannot_be_stepped_is_refused(solver, message):
 
 
 @pytest.mark.slow
-@pytest.mark.slice
-@pytest.mark.parametrize("dt", [2.56, 25.6])
+@pytest.mark.parametrize("dt", [2.56, pytest.param(25.6, marks=pytest.mark.slice)])
 def test_a_tolerance_knows_its_rounding_floor(dt):
     """A step of many stable steps multiplies the rounding of the temperatures."""
     structure = jt.FullVolume(blocks(np.ones((16, 16, 16), bool)))
