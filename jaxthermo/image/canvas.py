@@ -3,6 +3,8 @@
 import math
 from dataclasses import dataclass
 
+import numpy as np
+from jaxtyping import Float, UInt8
 from PIL import ImageFont
 
 
@@ -49,3 +51,12 @@ class Layout:
         while text and self.width(text + "\N{HORIZONTAL ELLIPSIS}") > room:
             text = text[:-1]
         return text.rstrip() + "\N{HORIZONTAL ELLIPSIS}" if text else ""
+
+
+def averaged(
+    colours: UInt8[np.ndarray, "H W 3"] | Float[np.ndarray, "H W 3"], samples: int
+) -> UInt8[np.ndarray, "h w 3"]:
+    """Pixels as means of their samples, `samples` along each axis."""
+    height, width, _ = colours.shape
+    shape = height // samples, samples, width // samples, samples, 3
+    return np.rint(colours.reshape(shape).mean(axis=(1, 3))).astype(np.uint8)

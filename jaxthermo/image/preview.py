@@ -8,7 +8,7 @@ from PIL import Image, ImageDraw
 
 from ..geometry.mesh import Mesh, Pose
 from .camera import AbstractCamera
-from .canvas import FAINT, INK, PAPER, Layout
+from .canvas import FAINT, INK, PAPER, Layout, averaged
 from .visible import VisiblePoints, smooth_normals, visible_points
 
 
@@ -43,8 +43,7 @@ def draw_preview(
     found = visible_points(world, fine)
     colours = _shaded(bodies, found, fine)
     width, height = camera.size
-    blocks = colours.reshape(height, _SAMPLES, width, _SAMPLES, 3)
-    pixels = np.rint(blocks.mean(axis=(1, 3))).astype(np.uint8)
+    pixels = averaged(colours, _SAMPLES)
     layout = Layout.of(height, width)
     strip = round(1.3 * layout.text) + layout.gap
     canvas = Image.new("RGB", (width, height + strip), PAPER)

@@ -263,13 +263,14 @@ def render(
         time = float(solution.times[index])
         surfaces, terms = at_time(solution.surfaces, solution.terms, time)
         view = kept_view(surfaces, terms, camera.finer(samples), smooth, occlusion)
+        reflected, lit = solution.reflected_parts(index)
         image = draw(
             view,
             surfaces,
             terms,
             jnp.asarray(solution.surface_temperature[index]),
-            solution.reflected(index),
+            reflected,
             jnp.asarray(solution.times[index]),
-            None if occlusion is None else solution.reflected_sources(index),
+            None if occlusion is None else lit,
         )
         return coarsen(image, samples)

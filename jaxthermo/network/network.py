@@ -177,3 +177,26 @@ class AbstractNodeNetwork(AbstractNetwork):
     @override
     def stored(self, state: Float[Array, "..."]) -> Float[Array, ""]:
         return precise_sum(self.node_capacity * state)
+
+
+class AbstractDerivedNetwork(AbstractNetwork):
+    """Conduction beside that of a linear network with the same capacities."""
+
+    base: eqx.AbstractVar[AbstractNetwork]
+    """The linear network, whose diagonal bounds or preconditions this one."""
+
+    @override
+    def diagonal(self) -> Float[Array, "..."]:
+        return self.base.diagonal()
+
+    @override
+    def capacity(self) -> Float[Array, "..."]:
+        return self.base.capacity()
+
+    @override
+    def total_capacity(self) -> Float[Array, ""]:
+        return self.base.total_capacity()
+
+    @override
+    def stored(self, state: Float[Array, "..."]) -> Float[Array, ""]:
+        return self.base.stored(state)

@@ -25,7 +25,7 @@ from typing_extensions import override
 
 from ..arrays import Scalar, is_traced
 from ..material.material import Property
-from .network import AbstractNetwork, Address
+from .network import AbstractDerivedNetwork, AbstractNetwork, Address
 
 
 class KirchhoffTransform(eqx.Module):
@@ -135,7 +135,7 @@ def _materialized(
     return jax.lax.map(function, padded.reshape(_ROWS, -1)).reshape(-1)[: len(state)]
 
 
-class NonlinearNetwork(AbstractNetwork):
+class NonlinearNetwork(AbstractDerivedNetwork):
     """Linear network at the reference, with the transforms of k and c_p."""
 
     is_linear = False
@@ -217,22 +217,6 @@ class NonlinearNetwork(AbstractNetwork):
         return ratio.max()
 
     @override
-    def diagonal(self) -> Float[Array, "..."]:
-        return self.base.diagonal()
-
-    @override
-    def capacity(self) -> Float[Array, "..."]:
-        return self.base.capacity()
-
-    @override
     def max_rate(self) -> Float[Array, ""]:
         # At the temperature of the largest k / c_p.
         return self.base.max_rate() * self.max_relative_diffusivity()
-
-    @override
-    def total_capacity(self) -> Float[Array, ""]:
-        return self.base.total_capacity()
-
-    @override
-    def stored(self, state: Float[Array, "..."]) -> Float[Array, ""]:
-        return self.base.stored(state)

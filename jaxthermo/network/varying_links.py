@@ -23,7 +23,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
-from .network import AbstractNetwork, Address, inverse
+from .network import AbstractDerivedNetwork, AbstractNetwork, Address, inverse
 from .nonlinear import KirchhoffTransform
 
 
@@ -103,7 +103,7 @@ class LinkHalves(eqx.Module):
         return sum((part * own for part, own in pairs), 0 * self.area)
 
 
-class VaryingLinks(AbstractNetwork):
+class VaryingLinks(AbstractDerivedNetwork):
     """Links of several materials, or of an orthotropic one, with k(T)."""
 
     is_symmetric = False
@@ -283,24 +283,8 @@ class VaryingLinks(AbstractNetwork):
         capacity = self.base.capacity() * self.min_relative_capacity()
         return (self._bound() * inverse(capacity)).max()
 
-    @override
-    def diagonal(self) -> Float[Array, "..."]:
-        return self.base.diagonal()
 
-    @override
-    def capacity(self) -> Float[Array, "..."]:
-        return self.base.capacity()
-
-    @override
-    def total_capacity(self) -> Float[Array, ""]:
-        return self.base.total_capacity()
-
-    @override
-    def stored(self, state: Float[Array, "..."]) -> Float[Array, ""]:
-        return self.base.stored(state)
-
-
-class _LinkJacobian(AbstractNetwork):
+class _LinkJacobian(AbstractDerivedNetwork):
     """Links that answer differently to the temperatures of their two ends."""
 
     is_symmetric = False
@@ -328,18 +312,6 @@ class _LinkJacobian(AbstractNetwork):
         nodes = jnp.zeros(self.address[0].shape, like.dtype)
         nodes = nodes.at[self.src].add(self.by_src).at[self.dst].add(self.by_dst)
         return jnp.zeros_like(like).at[self.address].set(nodes)
-
-    @override
-    def capacity(self) -> Float[Array, "..."]:
-        return self.base.capacity()
-
-    @override
-    def total_capacity(self) -> Float[Array, ""]:
-        return self.base.total_capacity()
-
-    @override
-    def stored(self, state: Float[Array, "..."]) -> Float[Array, ""]:
-        return self.base.stored(state)
 
 
 def _face_temperature(imbalance: Any, one: Array, other: Array) -> Array:

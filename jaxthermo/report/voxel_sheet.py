@@ -5,6 +5,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 from PIL import Image
 
 from ..image.camera import Camera, frame_all
+from ..image.canvas import averaged
 from ..image.visible import VisiblePoints, visible_points
 from ..voxels.grid import VoxelGrid
 from ..voxels.surface import surface_voxels
@@ -118,8 +119,7 @@ def _view(grid: VoxelGrid, faces: _Faces, camera: Camera) -> UInt8[np.ndarray, "
     colours = np.empty((height * width, 3))
     colours[:] = _BACKGROUND
     colours[found.pixel] = np.array(_COLOURS)[faces.kind[face]] * light[:, None]
-    blocks = colours.reshape(height // _SAMPLES, _SAMPLES, width // _SAMPLES, -1, 3)
-    return np.rint(blocks.mean(axis=(1, 3))).astype(np.uint8)
+    return averaged(colours.reshape(height, width, 3), _SAMPLES)
 
 
 def _outlines(

@@ -115,13 +115,16 @@ class AbstractSolution(eqx.Module):
         (1 - eps) H + (1 - a) E, with the irradiation of the heat balance: H thermal, E
         of sources.
         """
-        return self._reflected(index)[0]
+        return self.reflected_parts(index)[0]
 
     def reflected_sources(self, index: int) -> Float[Array, " s"]:
         """Return the part (1 - a) E of `reflected` that comes from sources [W/m^2]."""
-        return self._reflected(index)[1]
+        return self.reflected_parts(index)[1]
 
-    def _reflected(self, index: int) -> tuple[Float[Array, " s"], Float[Array, " s"]]:
+    def reflected_parts(
+        self, index: int
+    ) -> tuple[Float[Array, " s"], Float[Array, " s"]]:
+        """Return `reflected` and `reflected_sources`, from one irradiation."""
         with precision(self.receipt.dtype):
             time = jnp.asarray(self.times[index])
             temperature = jnp.asarray(self.surface_temperature[index])

@@ -76,9 +76,11 @@ def save_solution(path: Path, solution: Solution) -> StoredSolution:
     Raises:
         InputError: if the file cannot be written.
     """
-    saved = range(len(solution.times))
-    reflected = np.stack([np.asarray(solution.reflected(k)) for k in saved])
-    lit = np.stack([np.asarray(solution.reflected_sources(k)) for k in saved])
+    parts = [solution.reflected_parts(k) for k in range(len(solution.times))]
+    reflected, lit = (
+        np.stack([np.asarray(each) for each in column])
+        for column in zip(*parts, strict=True)
+    )
     arrays: dict[str, Any] = {
         name: getattr(solution, name) for name in _RunArrays._fields[:3]
     }

@@ -115,15 +115,12 @@ def _at(probe: Probe) -> str:
 
 
 def _locate(grid: VoxelGrid, points: Float[np.ndarray, "p 3"]) -> _Located:
-    cell = np.floor(grid.lattice.to_cells(points)).astype(int)
-    within = np.all((cell >= 0) & (cell < grid.lattice.shape), axis=1)
-    inside = within.copy()
-    inside[within] = grid.solid[tuple(cell[within].T)]
+    cell, inside = np.floor(grid.lattice.to_cells(points)), grid.contains(points)
     centres = grid.lattice.centres(grid.fragment_voxel)
     _, fragment = KDTree(centres).query(points)
     beyond = np.abs(points - centres[fragment]) - grid.pitch / 2
     gap = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
-    voxel = np.where(inside[:, None], cell, grid.fragment_voxel[fragment])
+    voxel = np.where(inside[:, None], cell.astype(int), grid.fragment_voxel[fragment])
     return _Located(inside, voxel, np.where(inside, 0.0, gap))
 
 
