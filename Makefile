@@ -36,7 +36,7 @@ demo: .venv/.core
 	$(RUN)/jaxthermo simulate configs/scenes/figurine.yaml --out results/demo
 
 test: .venv/.test
-	$(RUN)/python -m pytest -n auto --dist loadfile
+	$(RUN)/python -m pytest -n auto --dist worksteal
 
 slow: .venv/.test
 	XLA_FLAGS= $(RUN)/python -m pytest -m slow
