@@ -126,6 +126,8 @@ def _up_to_date(path: Path, config: CalibrationConfig) -> FitCard | None:
     except InputError:  # missing, or damaged
         return None
     bodies = (scene_config(config, case.set).bodies[0] for case in config.train)
-    made_of = card.origin.get("config"), dict(card.geometry)
-    current = calibration_hash(config), dict(body.geometry for body in bodies)
+    # The name too, so that no card passes for one that it was copied from.
+    made_of = card.name, card.origin.get("config"), dict(card.geometry)
+    geometry = dict(body.geometry for body in bodies)
+    current = config.name, calibration_hash(config), geometry
     return card if made_of == current else None

@@ -1,5 +1,6 @@
 """Cards of several bodies and structures: what is fitted, skipped and made again."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -91,6 +92,17 @@ def test_what_changed_or_is_damaged_is_fitted_again(folder, fitted):
     scene = SPHERE.replace("kind: sphere, radius", "kind: hemisphere, radius")
     (folder / "scene.yaml").write_text(scene)
     assert made(folder, "ball/blocks") == ["ball/blocks"]
+
+
+def test_a_card_of_another_name_is_fitted_again(folder, fitted):
+    """Even if it says that it was made of this recipe."""
+    made(folder)
+    path = folder / "out/ball/blocks.yaml"
+    write_card(path, replace(load_card(path), name="globe/blocks"))
+    assert made(folder) == ["ball/blocks"]
+    # And one of another recipe, which has the same geometry.
+    path.write_bytes((folder / "out/globe/blocks.yaml").read_bytes())
+    assert made(folder) == ["ball/blocks"]
 
 
 def test_an_interrupted_fit_leaves_no_card(folder, fitted):
