@@ -6,7 +6,7 @@ any of its values are used.
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
@@ -70,20 +70,7 @@ def read_archive(
             f"{path}: not a {kind} of jaxthermo, or damaged "
             f"({type(error).__name__}); {remedy}"
         ) from error
-    # Compared as text: a foreign file may store anything under these names.
-    words = {key: str(arrays.get(key)) for key in (_FORMAT, _VERSION, _CHECKSUM)}
-    if _VERSION not in arrays:
-        raise InputError(f"{path}: not a {kind} of jaxthermo; {remedy}")
-    if words[_VERSION] != str(version):
-        refuse_version(path, kind, words[_VERSION], version, remedy)
-    if words[_FORMAT] != f"jaxthermo {kind}":
-        raise InputError(f"{path}: not a {kind} of jaxthermo; {remedy}")
-    arrays.pop(_CHECKSUM, None)
-    if words[_CHECKSUM] != arrays_checksum(arrays):
-        raise InputError(
-            f"{path}: damaged or changed, its checksum does not match; {remedy}"
-        )
-    return {k: v for k, v in arrays.items() if k not in (_FORMAT, _VERSION)}
+    return _checked(path, kind, version, remedy, arrays, arrays_checksum)
 
 
 def signed(kind: str, version: int, content: Mapping[str, Any]) -> dict[str, Any]:
@@ -114,19 +101,31 @@ def read_record(path: Path, kind: str, version: int, remedy: str) -> dict[str, A
     except (ValueError, RecursionError) as error:
         reason = " ".join(str(error).split())
         raise InputError(f"{path}: damaged ({reason}); {remedy}") from error
-    if not isinstance(content, dict) or _VERSION not in content:
-        raise InputError(f"{path}: not a {kind} of this version; {remedy}")
-    if content[_VERSION] != version:
-        refuse_version(path, kind, content[_VERSION], version, remedy)
-    given = content.pop(_CHECKSUM, None)
-    if content.pop(_FORMAT, None) != kind:
-        raise InputError(f"{path}: not a {kind}; {remedy}")
-    del content[_VERSION]
-    if given != signed(kind, version, content)[_CHECKSUM]:
+    if not isinstance(content, dict):
+        raise InputError(f"{path}: not a {kind} of jaxthermo; {remedy}")
+    return _checked(path, kind, version, remedy, content, plain_checksum)
+
+
+def _checked(
+    path: Path,
+    kind: str,
+    version: int,
+    remedy: str,
+    stored: dict[str, Any],
+    checksum: Callable[[dict[str, Any]], str],
+) -> dict[str, Any]:
+    """Content of a file whose format, version and checksum are as they should be."""
+    # Compared as text: a foreign file may store anything under these names.
+    found = {key: str(stored.get(key)) for key in (_FORMAT, _VERSION, _CHECKSUM)}
+    if _VERSION in stored and found[_VERSION] != str(version):
+        refuse_version(path, kind, found[_VERSION], version, remedy)
+    if _VERSION not in stored or found[_FORMAT] not in (kind, f"jaxthermo {kind}"):
+        raise InputError(f"{path}: not a {kind} of jaxthermo; {remedy}")
+    if found[_CHECKSUM] != checksum({k: stored[k] for k in stored if k != _CHECKSUM}):
         raise InputError(
             f"{path}: damaged or changed, its checksum does not match; {remedy}"
         )
-    return content
+    return {key: value for key, value in stored.items() if key not in found}
 
 
 def check_regular(path: Path, remedy: str) -> None:
