@@ -22,7 +22,7 @@ from .config.schema import CalibrationConfig
 from .run import ProgressLog, fit_config
 
 
-class Recipe(NamedTuple):
+class _Recipe(NamedTuple):
     """The calibration of one card."""
 
     name: str
@@ -35,7 +35,7 @@ class Recipe(NamedTuple):
         return load_calibration(self.body, self.overrides)
 
 
-def read_recipes(folder: Path, names: Sequence[str] = ()) -> list[Recipe]:
+def read_recipes(folder: Path, names: Sequence[str] = ()) -> list[_Recipe]:
     """Recipes of the cards in a folder with `bodies` and `structures`.
 
     Args:
@@ -64,17 +64,17 @@ def read_recipes(folder: Path, names: Sequence[str] = ()) -> list[Recipe]:
     return [found[name] for name in names or found]
 
 
-def _recipe(body: Path, structure: Path) -> Recipe:
+def _recipe(body: Path, structure: Path) -> _Recipe:
     name = f"{body.stem}/{structure.stem}"
     values = {"name": name, **read_yaml(structure, "it needs `parameters`")}
     # One by one, or they would replace those of the body.
     changes = {f"set.{key}": v for key, v in values.pop("set", {}).items()}
     texts = (f"{k}={json.dumps(v)}" for k, v in (changes | values).items())
-    return Recipe(name, body, tuple(texts))
+    return _Recipe(name, body, tuple(texts))
 
 
 def make_cards(
-    recipes: Sequence[Recipe],
+    recipes: Sequence[_Recipe],
     out: Path,
     results: Path,
     again: bool = False,

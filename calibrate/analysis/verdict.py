@@ -20,7 +20,7 @@ _MAX_NAMED = 4
 """Times named in the sentence; all of them are in the table of errors."""
 
 
-class TimeErrors(NamedTuple):
+class _TimeErrors(NamedTuple):
     """Errors of one case at one saved time, with the start values and the fitted."""
 
     group: str
@@ -38,14 +38,14 @@ class TimeErrors(NamedTuple):
         return self.after > _SAME * self.before
 
 
-def time_errors(errors: _Errors) -> Iterator[TimeErrors]:
+def time_errors(errors: _Errors) -> Iterator[_TimeErrors]:
     """Every saved time of every case, in the order of `fit.json`."""
     for group, both in errors.items():
         for case, fitted in both["fitted"].items():
             before = both["default"][case]["rms_percent"]
             rows = zip(fitted["times_s"], before, fitted["rms_percent"], strict=True)
             for row in rows:
-                yield TimeErrors(group, case, *row)
+                yield _TimeErrors(group, case, *row)
 
 
 def judge(errors: _Errors, speedup: Mapping[str, Any], is_of_weights: bool) -> Verdict:
@@ -73,7 +73,7 @@ def judge(errors: _Errors, speedup: Mapping[str, Any], is_of_weights: bool) -> V
     return {"pays": pays, "words": text, "times": len(rows), "worse": len(worse)}
 
 
-def _error_words(rows: list[TimeErrors], worse: list[TimeErrors]) -> str:
+def _error_words(rows: list[_TimeErrors], worse: list[_TimeErrors]) -> str:
     if not worse:
         return f"no error is larger than before, at {len(rows)} of {len(rows)} times"
     # The largest increases first.

@@ -70,7 +70,7 @@ class ComparedBody(Model):
         return "" if self.shape is None else self.shape.kind
 
 
-class SunConfig(Model):
+class _SunConfig(Model):
     """Parallel rays from the side that a load names."""
 
     irradiance: Irradiance
@@ -119,7 +119,7 @@ class LevelsConfig(Model):
     hollow: Annotated[tuple[Literal["empty", "innermost"], ...], NotEmpty] = ("empty",)
 
 
-class EquilibriumConfig(Model):
+class _EquilibriumConfig(Model):
     """A body heated on one side and then left alone until it is even."""
 
     body: str | None = None
@@ -144,7 +144,7 @@ class _ClaimsConfig(Model):
     """Claims of the thesis that are measured; an omitted one is not run."""
 
     levels: LevelsConfig | None = None
-    equilibrium: EquilibriumConfig | None = None
+    equilibrium: _EquilibriumConfig | None = None
     limb: LimbConfig | None = None
 
 
@@ -155,7 +155,7 @@ class ComparisonConfig(Model):
     voxels_high: _Height
     material: Material
     temperature: Temperature
-    sun: SunConfig
+    sun: _SunConfig
     loads: Annotated[tuple[_Load, ...], NotEmpty]
     terms: tuple[TermConfig, ...] = ()
     time: TimeConfig

@@ -72,11 +72,3 @@ def earlier_frames(folder: Path) -> set[Path]:
     if not folder.is_dir():
         return set()
     return {p for p in folder.iterdir() if _FRAME_FILE.fullmatch(p.name)}
-
-
-def remove_results(out: Path, names: tuple[str, ...]) -> None:
-    """Remove the files of an earlier run, and its frames, but nothing else."""
-    for path in (*(out / name for name in names), *earlier_frames(out / FRAMES)):
-        if path.is_dir():
-            raise InputError(f"--out {out}: {path} is a folder; name another --out")
-        path.unlink(missing_ok=True)

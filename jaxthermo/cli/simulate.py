@@ -33,7 +33,7 @@ from .console import (
     progress_bar,
     status,
 )
-from .files import FRAMES, prepare_folder, remove_results, results_folder
+from .files import FRAMES, earlier_frames, prepare_folder, results_folder
 from .frames import FrameCamera, write_frames
 from .report import log_receipt, log_result, log_scene
 from .summary import (
@@ -125,7 +125,7 @@ def _run_simulation(config: SceneConfig, out: Path) -> None:
         setup = time.perf_counter() - clock
         # The camera and the scene are valid: from here on the folder is this run's, and
         # results of an earlier run must not be mistaken for its own.
-        remove_results(out, RESULTS_OF_A_RUN)
+        _remove_results(out, RESULTS_OF_A_RUN)
         prepare_folder(out / FRAMES)
         with replacing(out / CONFIG) as path:
             path.write_text(to_yaml(config), encoding="utf-8")
@@ -153,16 +153,23 @@ def _run_simulation(config: SceneConfig, out: Path) -> None:
     print_line(console, shown)
 
 
+def _remove_results(out: Path, names: tuple[str, ...]) -> None:
+    """Remove the files of an earlier run, and its frames, but nothing else."""
+    for path in (*(out / name for name in names), *earlier_frames(out / FRAMES)):
+        if path.is_dir():
+            raise InputError(f"--out {out}: {path} is a folder; name another --out")
+        path.unlink(missing_ok=True)
+
+
 def _run(
     console: Console, config: SceneConfig, scene: Scene, todo: Plan, out: Path
 ) -> tuple[Solution, dict[str, float]]:
     # From the last checkpoint of an interrupted run, if there is one.
     key = _checkpoint_key(config)
-    reached = lambda progress: segments.time_reached(todo, progress)
     fresh = segments.begin_run(todo)
     kept = segments.load_checkpoint(out / CHECKPOINT, fresh, key)
     if kept is not None:
-        print_line(console, f"going on from {time_label(reached(kept))}")
+        print_line(console, f"going on from {time_label(kept.time_reached(todo))}")
     elif (out / CHECKPOINT).exists():
         print_line(
             console, f"starting again: {CHECKPOINT} is of another run, or damaged"
@@ -177,8 +184,8 @@ def _run(
     ):
         progress, last = ready, clock
         for progress in segments.run_segments(todo, ready):
-            done, number = segments.steps_done(todo, progress), progress.passes.number
-            update(done, reached(progress), number)
+            done, number = progress.steps_done(todo), progress.passes.number
+            update(done, progress.time_reached(todo), number)
             if interrupted():
                 _stop(todo, progress, out, key)
             if time.perf_counter() - last > CHECKPOINT_EVERY:
@@ -197,6 +204,6 @@ def _checkpoint_key(config: SceneConfig) -> str:
 def _stop(todo: Plan, progress: segments.RunProgress, out: Path, key: str) -> None:
     segments.save_checkpoint(out / CHECKPOINT, progress, key)
     raise KeyboardInterrupt(
-        f"stopped at {time_label(segments.time_reached(todo, progress))}; "
+        f"stopped at {time_label(progress.time_reached(todo))}; "
         "the same command goes on from there"
     )

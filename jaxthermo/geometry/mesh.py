@@ -10,7 +10,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from ..arrays import plain_numbers
-from ..errors import InputError, require, shortened
+from ..errors import InputError, shortened
 
 
 @dataclass(frozen=True)
@@ -115,19 +115,6 @@ def part_volumes(
     )
     cone = ((centre - origin[labels]) * mesh.area_vectors).sum(1) / 3.0
     return np.bincount(labels, cone, parts)
-
-
-def cavity_area(mesh: Mesh) -> float:
-    """Area of the parts that point inward [m^2]; 0 for an open mesh."""
-    # Over vertices, which is much faster than over edges: most meshes are one part.
-    links = np.concatenate([mesh.faces[:, :2], mesh.faces[:, 1:]])
-    roots = connected_labels(len(mesh.vertices), links)[mesh.faces[:, 0]]
-    parts, labels = np.unique(roots, return_inverse=True)
-    if len(parts) < 2 or not mesh.is_watertight:
-        return 0.0
-    inward = part_volumes(mesh, labels.reshape(-1), len(parts)) < 0.0
-    area = np.linalg.norm(mesh.area_vectors, axis=1)
-    return float(area[inward[labels.reshape(-1)]].sum())
 
 
 def winding_number(
@@ -259,25 +246,6 @@ def is_closed(
     open_edge = edges.balance[edges.edge] != 0
     touched = np.bincount(np.repeat(labels, 3)[open_edge], minlength=parts)
     return touched == 0
-
-
-def as_mesh(given: Any) -> Mesh:
-    """Convert anything with vertices [m] and triangular faces, such as trimesh's own.
-
-    Raises:
-        InputError: for anything else, or faces that are not of its vertices.
-    """
-    if isinstance(given, Mesh):
-        return given
-    # Not by its class: trimesh is slow to import, and only files need it.
-    parts = [getattr(given, name, None) for name in ("vertices", "faces")]
-    if isinstance(given, type) or any(part is None for part in parts):
-        require(
-            given, Mesh, "voxelize(mesh=)", "a mesh: load_mesh(...), or one of trimesh"
-        )
-    # Copies, of a class of numpy's own: trimesh's arrays notice changes.
-    vertices, faces = (np.array(part) for part in parts)
-    return Mesh(vertices, faces)
 
 
 def _are_finite(numbers: Any, shape: tuple[int, ...]) -> bool:

@@ -44,6 +44,15 @@ class Background(NamedTuple):
     """Pixels whose ray goes down, to the ground; None where it looks like the sky."""
     sources: tuple[VisibleSource, ...]
 
+    def temperature(
+        self, terms: tuple[AbstractTerm, ...], time: Time
+    ) -> Float[Array, "*n"]:
+        """Temperature of sky and ground [K]; one number where they are the same."""
+        sky, ground = (value_at(each, time) for each in _horizon(terms))
+        if self.below is None:
+            return sky
+        return jnp.where(jnp.asarray(self.below), ground, sky)
+
 
 def _horizon(terms: tuple[AbstractTerm, ...]):
     """Temperatures of sky and ground [K], each a number or a function of time."""
@@ -84,13 +93,3 @@ def compute_background(
     found.sort(key=lambda each: -float(each.depth.min()))
     below = None if ground is sky else step[:, 2] < -_LEVEL
     return Background(below, tuple(found))
-
-
-def background_temperature(
-    background: Background, terms: tuple[AbstractTerm, ...], time: Time
-) -> Float[Array, "*n"]:
-    """Temperature of sky and ground [K]; one number where they are the same."""
-    sky, ground = (value_at(each, time) for each in _horizon(terms))
-    if background.below is None:
-        return sky
-    return jnp.where(jnp.asarray(background.below), ground, sky)

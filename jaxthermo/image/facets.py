@@ -1,4 +1,4 @@
-"""Reflection on large facets, shaded like the smooth surface that they approximate.
+"""Normals and reflection of the smooth surface that facets approximate.
 
 All fragments of a facet have its normal, and what they receive jumps at its edges:
 close up, a ball of a few hundred triangles would look like a cut stone. On facets of
@@ -18,11 +18,11 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.sparse import block_diag, csr_array
+from scipy.sparse import block_diag, coo_array, csr_array
+from scipy.sparse.csgraph import connected_components
 
 from ..scene.scene import BodyGeometry
 from .fragment_cells import CHUNK, FragmentCells, kernel
-from .visible import CREASE_COSINE, area_vectors, barycentric, corner_normals, unit
 
 
 # Facets of at least this area [voxel faces] have fragments of their own at every corner
@@ -33,6 +33,9 @@ _CORNER_RADIUS, _RADIUS = 3.0, 2.0
 # Normals are the same within a degree, and points on one plane within a quarter voxel.
 _COPLANAR = float(np.cos(np.deg2rad(1.0)))
 _MAX_OFFSET = 0.25
+# Faces that meet at a larger angle form an edge, which shading must not round off. A
+# cylinder of 12 sides, 30 degrees apart, still counts as round.
+_CREASE_COSINE = float(np.cos(np.deg2rad(40.0)))
 
 
 class FacetShading(NamedTuple):
@@ -65,7 +68,7 @@ class _Near(NamedTuple):
 
 _OWN = _Near(_RADIUS, _COPLANAR, _MAX_OFFSET)
 _ALONE = _Near(_CORNER_RADIUS, _COPLANAR, _MAX_OFFSET)
-_JOINED = _Near(_CORNER_RADIUS, CREASE_COSINE, np.inf)
+_JOINED = _Near(_CORNER_RADIUS, _CREASE_COSINE, np.inf)
 
 
 def facet_shading(
@@ -82,10 +85,10 @@ def facet_shading(
     """
     vertices, faces = geometry.vertices, geometry.faces
     shown = np.unique(face)
-    area = np.linalg.norm(area_vectors(vertices[faces[shown]]), axis=1)
+    area = np.linalg.norm(_area_vectors(vertices[faces[shown]]), axis=1)
     shown = shown[area >= _MIN_AREA * geometry.pitch**2]
-    normal = corner_normals(vertices, faces, shown)
-    flat = unit(area_vectors(vertices[faces[shown]]))
+    normal = _corner_normals(vertices, faces, shown)
+    flat = _unit(_area_vectors(vertices[faces[shown]]))
     curved = np.einsum("ki,kci->kc", flat, normal).min(axis=1) < _COPLANAR
     shown, normal, flat = shown[curved], normal[curved], flat[curved]
     place = vertices[faces[shown]].reshape(-1, 3)
@@ -103,7 +106,7 @@ def facet_shading(
         point=point,
         own=own[np.flatnonzero(found)],
         corner=3 * slot[face[point]][:, None] + np.arange(3),
-        share=barycentric(vertices[faces[face[point]]], points[point]),
+        share=_barycentric(vertices[faces[face[point]]], points[point]),
         joined=joined,
         alone=alone,
     )
@@ -163,3 +166,108 @@ def joined_shadings(
 
 def _blocks(parts: list[csr_array]) -> csr_array:
     return csr_array(block_diag(parts, format="csr"))
+
+
+def smooth_normals(
+    vertices: Float[np.ndarray, "v 3"],
+    faces: Int[np.ndarray, "f 3"],
+    face: Int[np.ndarray, " p"],
+    points: Float[np.ndarray, "p 3"],
+) -> Float[np.ndarray, "p 3"]:
+    """Outward normals of the smooth surface that the triangles approximate.
+
+    Interpolated in each triangle between its corners. The normal at a corner is the
+    mean over the faces around it that edges of less than 40 degrees connect, weighted
+    by their angles there, which makes it independent of how quads are cut in two
+    (Thuermer and Wuethrich, J. Graphics Tools 3 (1998) 43).
+
+    Args:
+        vertices: of the mesh [m].
+        faces: of the mesh.
+        face: number of the triangle of each point.
+        points: on the triangles [m].
+    """
+    shown, row = np.unique(face, return_inverse=True)
+    corner = _corner_normals(vertices, faces, shown)[row]
+    triangle = vertices[faces[face]]
+    weight = _barycentric(triangle, points)
+    normal = _unit(np.einsum("pi,pij->pj", weight, corner))
+    flat = _unit(_area_vectors(triangle))
+    # A degenerate triangle has no normal, and no pixel that could show it.
+    ahead = np.einsum("pi,pi->p", normal, flat) > 0
+    return np.where(ahead[:, None], normal, flat)
+
+
+def _corner_normals(
+    vertices: np.ndarray, faces: np.ndarray, shown: np.ndarray
+) -> Float[np.ndarray, "k 3 3"]:
+    """Normal at each corner of some faces [k, corner, 3]."""
+    if not len(shown):
+        return np.empty((0, 3, 3))
+    touched = np.zeros(len(vertices), bool)
+    touched[faces[shown]] = True
+    near = np.flatnonzero(touched[faces].any(axis=1))
+    normal = _unit(_area_vectors(vertices[faces[near]]))
+    # Corner 3 f + i of face f; those of one group have one normal.
+    group = _joined_corners(faces[near], normal)
+    angle = _corner_angles(vertices[faces[near]]).ravel()
+    weighted = normal.repeat(3, axis=0) * angle[:, None]
+    total = [np.bincount(group, column) for column in weighted.T]
+    smooth = _unit(np.stack(total, axis=1))[group].reshape(-1, 3, 3)
+    return smooth[np.searchsorted(near, shown)]
+
+
+def _joined_corners(
+    faces: Int[np.ndarray, "f 3"], normal: Float[np.ndarray, "f 3"]
+) -> Int[np.ndarray, " c"]:
+    """Number of the group of each corner: those that edges without crease connect."""
+    # The edge of corner 3 f + i runs from it to the next corner of its face.
+    here = np.arange(faces.size)
+    ahead = here - here % 3 + (here + 1) % 3
+    ends = np.stack([faces.ravel()[here], faces.ravel()[ahead]])
+    low, high = ends.min(axis=0), ends.max(axis=0)
+    order = np.lexsort([high, low])
+    one, other = order[:-1], order[1:]
+    cosine = np.einsum("ij,ij->i", normal[one // 3], normal[other // 3])
+    joined = (low[one] == low[other]) & (high[one] == high[other])
+    joined &= cosine > _CREASE_COSINE
+    one, other = one[joined], other[joined]
+    # The same corners of both faces: neighbours run along their edge in opposite ways.
+    flip = ends[0, one] != ends[0, other]
+    there = np.where(flip, ahead[other], other), np.where(flip, other, ahead[other])
+    pairs = np.concatenate([one, ahead[one]]), np.concatenate(there)
+    size = faces.size
+    graph = coo_array((np.ones(len(pairs[0]), bool), pairs), shape=(size, size))
+    return connected_components(graph, directed=False)[1]
+
+
+def _corner_angles(triangles: np.ndarray) -> Float[np.ndarray, "f 3"]:
+    ahead = _unit(np.roll(triangles, -1, axis=1) - triangles)
+    behind = _unit(np.roll(triangles, 1, axis=1) - triangles)
+    return np.arccos(np.clip(np.einsum("fij,fij->fi", ahead, behind), -1.0, 1.0))
+
+
+def _area_vectors(triangles: np.ndarray) -> Float[np.ndarray, "f 3"]:
+    """Normals of triangles, of the length of their areas [m^2]."""
+    a, b, c = np.moveaxis(triangles, 1, 0)
+    return 0.5 * np.cross(b - a, c - a)
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    """Vectors of length 1; 0 of those without a length."""
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return vectors / np.where(length > 0, length, 1)
+
+
+def _barycentric(
+    triangles: Float[np.ndarray, "p 3 3"], points: Float[np.ndarray, "p 3"]
+) -> Float[np.ndarray, "p 3"]:
+    """Barycentric coordinates of points on triangles."""
+    # Areas of the triangles that the point forms with each edge, along the normal.
+    whole = _area_vectors(triangles)
+    away = triangles - points[:, None]
+    edges = np.cross(np.roll(away, -1, axis=1), np.roll(away, -2, axis=1)) / 2
+    area = np.einsum("pij,pj->pi", edges, whole)
+    total = np.einsum("pj,pj->p", whole, whole)[:, None]
+    # Clipped: on an edge rounding may place the point just outside.
+    return np.clip(area / np.where(total > 0, total, 1), 0.0, 1.0)

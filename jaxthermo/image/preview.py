@@ -9,7 +9,8 @@ from PIL import Image, ImageDraw
 from ..geometry.mesh import Mesh, Pose
 from .camera import AbstractCamera
 from .canvas import FAINT, INK, PAPER, Layout, averaged
-from .visible import VisiblePoints, smooth_normals, visible_points
+from .facets import smooth_normals
+from .visible import VisiblePoints, visible_points
 
 
 # Samples of a pixel along each axis.

@@ -24,7 +24,7 @@ from ..physics.radiation.source import AbstractSource
 from ..physics.term import AbstractTerm
 from ..physics.time_varying import value_at
 from ..scene.scene import SolvedSurface, per_fragment
-from .background import VisibleSource, background_temperature
+from .background import VisibleSource
 from .camera import AbstractCamera
 from .view import View, at_time, kept_view
 
@@ -153,7 +153,7 @@ def draw(
         own = (1 - emissivity) * STEFAN_BOLTZMANN * surface**4
         back = direct + seen * (back - direct) + (1 - seen) * own
     radiance = _leaving_radiance(surface, emissivity, back)
-    behind = background_temperature(view.background, terms, time)
+    behind = view.background.temperature(terms, time)
     behind = xp.asarray(behind).reshape(-1)
     width, height = view.camera.size
 

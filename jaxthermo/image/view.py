@@ -16,10 +16,10 @@ from ..physics.term import AbstractTerm
 from ..scene.scene import BodyGeometry, SolvedSurface
 from .background import Background, compute_background
 from .camera import AbstractCamera
-from .facets import FacetShading, facet_shading, joined_shadings
+from .facets import FacetShading, facet_shading, joined_shadings, smooth_normals
 from .fragment_cells import CHUNK, FragmentCells, kernel
 from .ssao import screen_space_occlusion
-from .visible import VisiblePoints, smooth_normals, visible_points
+from .visible import VisiblePoints, visible_points
 
 
 # Radius of the weights [voxels]; from 1.4 it includes a fragment of any surface.

@@ -18,7 +18,7 @@ from jaxtyping import Array, Bool, Float
 from ..arrays import is_traced, precision
 from ..errors import InputError, require
 from ..scene.compile.compile import compile_scene
-from ..scene.compile.program import Program, State
+from ..scene.compile.program import LedgerEntries, Program, State
 from ..scene.motion import Motion
 from ..scene.scene import Scene
 from .implicit.conjugate_gradient import ConjugateGradient, CorrectionNorm, max_abs
@@ -42,7 +42,7 @@ from .isolated_components import (
     find_isolated_components,
 )
 from .run.heat_rates import evaluate_rates
-from .run.ledger import HeatRates, empty_ledger, in_order, steady_heat_rates
+from .run.ledger import Energy, HeatRates, empty_ledger, energies, in_order
 from .run.solution import (
     Observation,
     RunSummary,
@@ -181,7 +181,22 @@ def _observe(
     ledger = empty_ledger(len(program.entries), states[0].dtype)
     found = observe(program, RunState(states, ledger), time)
     _, rates = evaluate_rates(program, states, time)
-    return found, steady_heat_rates(program.entries, rates, len(states))
+    return found, _heat_rates(program.entries, rates, len(states))
+
+
+def _heat_rates(
+    entries: LedgerEntries, rates: Float[Array, " c"], bodies: int
+) -> HeatRates:
+    """Group heat rates by mechanism, by body and by pair."""
+    zero = jnp.zeros((1, bodies), rates.dtype)
+    found = energies(entries, zero, rates[None], jnp.abs(rates)[None], zero[0])
+    only = lambda table: {name: each[0] for name, each in table.items()}
+
+    def first(e: Energy) -> HeatRates:
+        inner, residual = tuple(map(first, e.bodies)), -e.residual_relative[0]
+        return HeatRates(only(e.mechanisms), only(e.contacts), inner, residual)
+
+    return first(found)
 
 
 @eqx.filter_jit

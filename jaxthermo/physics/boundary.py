@@ -12,6 +12,7 @@ The temperature of the surface is not its node's: see `surface_energy_balance`.
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 from typing_extensions import override
@@ -31,13 +32,25 @@ from .time_varying import (
     check_value,
     cooling_bound,
     for_jit,
-    is_number,
     is_zero,
     largest,
-    largest_size,
     smallest,
     value_at,
 )
+
+
+def _is_number(value: Any) -> bool:
+    """True if the value is one number at any time, not one per surface cell."""
+    time = jax.ShapeDtypeStruct((), jnp.result_type(float))
+    found = eqx.filter_eval_shape(lambda t: value_at(value, t), time)
+    return not found.shape
+
+
+def _largest_size(value: Any, end: float | int) -> Float[Array, ""]:
+    """The largest |value| in [0, end] [s]."""
+    if not callable(value):
+        return jnp.abs(jnp.asarray(value, float)).max()
+    return largest(lambda time: jnp.abs(value_at(value, time)), end)
 
 
 class ImposedFlux(AbstractFluxLaw):
@@ -65,7 +78,7 @@ class ImposedFlux(AbstractFluxLaw):
     def linear(self) -> LinearLaw | None:
         if not callable(self.heat_flux):
             return LinearLaw(self.heat_flux, 1.0)
-        return LinearLaw(1.0, self.heat_flux) if is_number(self.heat_flux) else None
+        return LinearLaw(1.0, self.heat_flux) if _is_number(self.heat_flux) else None
 
     @override
     def max_slope(self, highest: Float[Array, ""], end: float) -> Float[Array, ""]:
@@ -73,7 +86,7 @@ class ImposedFlux(AbstractFluxLaw):
 
     @override
     def max_flux(self, within: Forcing, end: float) -> float | Float[Array, ""]:
-        return largest_size(self.heat_flux, end)
+        return _largest_size(self.heat_flux, end)
 
     @override
     def curvature(self, within: Forcing, end: float) -> float | Float[Array, ""]:
@@ -120,7 +133,7 @@ class Exchange(AbstractFluxLaw):
         if not callable(ambient):
             return LinearLaw(h * (ambient - self.reference), 1.0, h)
         # Of a function of time only one number is known to be the same for all cells.
-        if not is_number(ambient) or jnp.ndim(self.reference):
+        if not _is_number(ambient) or jnp.ndim(self.reference):
             return None
         return LinearLaw(h, _Above(ambient, self.reference), h)
 

@@ -71,13 +71,6 @@ def for_jit(value: Any, dtype: Any) -> Any:
     return jax.tree.map(as_array, value)
 
 
-def is_number(value: Any) -> bool:
-    """True if the value is one number at any time, not one per surface cell."""
-    time = jax.ShapeDtypeStruct((), jnp.result_type(float))
-    found = eqx.filter_eval_shape(lambda t: value_at(value, t), time)
-    return not found.shape
-
-
 def _stated(value: Any) -> Any:
     # The numbers of a value as it was given.
     value = value.value if isinstance(value, Until) else value
@@ -179,13 +172,6 @@ def largest(value: Any, end: float | int) -> Float[Array, ""]:
         sampled = jax.vmap(lambda t: value_at(value, t))
         return jnp.max(sampled(jnp.linspace(0.0, end, 1025)))
     return jnp.asarray(value, float)
-
-
-def largest_size(value: Any, end: float | int) -> Float[Array, ""]:
-    """The largest |value| in [0, end] [s]."""
-    if not callable(value):
-        return jnp.abs(jnp.asarray(value, float)).max()
-    return largest(lambda time: jnp.abs(value_at(value, time)), end)
 
 
 def cooling_bound(value: Any, end: float | int) -> Float[Array, ""]:

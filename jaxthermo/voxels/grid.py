@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from wadler_lindig import TextDoc
 
-from ..geometry.mesh import Mesh, cavity_area
+from ..geometry.mesh import Mesh, connected_labels, part_volumes
 from .cavities import Cavities, find_cavities
 from .lattice import Lattice
 from .surface import surface_links, surface_voxels
@@ -133,7 +133,7 @@ class VoxelGrid:
         if sorted(self.layers.peeled)[1] < 4 or not thin:
             return 0.0
         closed = self.fragment_area[self.fragment_cavity > 0].sum()
-        opened = cavity_area(self.mesh) - float(closed)
+        opened = _cavity_area(self.mesh) - float(closed)
         # The areas of fragments are not exact.
         return opened if opened > _OPENED * self.mesh.area else 0.0
 
@@ -149,6 +149,19 @@ class VoxelGrid:
         found: Any = inside.all(1)
         found[found] = self.solid[tuple(np.floor(cells[found]).astype(int).T)]
         return found
+
+
+def _cavity_area(mesh: Mesh) -> float:
+    """Area of the parts that point inward [m^2]; 0 for an open mesh."""
+    # Over vertices, which is much faster than over edges: most meshes are one part.
+    links = np.concatenate([mesh.faces[:, :2], mesh.faces[:, 1:]])
+    roots = connected_labels(len(mesh.vertices), links)[mesh.faces[:, 0]]
+    parts, labels = np.unique(roots, return_inverse=True)
+    if len(parts) < 2 or not mesh.is_watertight:
+        return 0.0
+    inward = part_volumes(mesh, labels.reshape(-1), len(parts)) < 0.0
+    area = np.linalg.norm(mesh.area_vectors, axis=1)
+    return float(area[inward[labels.reshape(-1)]].sum())
 
 
 def voxel_report(grid: VoxelGrid) -> dict[str, Any]:

@@ -9,8 +9,8 @@ from scipy.spatial import KDTree
 from ..errors import InputError
 from ..geometry.mesh import Mesh
 from .grid import VoxelGrid
-from .lattice import Lattice, Views, fill_by_vote, peel_axes
-from .surface import axis_fragments, face_axes
+from .lattice import Lattice, Views, peel_axes
+from .surface import axis_fragments, face_axes, fill_by_vote
 
 
 def part_labels(grid: VoxelGrid, parts: Sequence[Mesh]) -> Int[np.ndarray, "x y z"]:

@@ -79,21 +79,6 @@ class HeatRates(eqx.Module):
 _Energies = TypeVar("_Energies", bound=Energy | HeatRates)
 
 
-def steady_heat_rates(
-    entries: LedgerEntries, rates: Float[Array, " c"], bodies: int
-) -> HeatRates:
-    """Group heat rates by mechanism, by body and by pair."""
-    zero = jnp.zeros((1, bodies), rates.dtype)
-    found = energies(entries, zero, rates[None], jnp.abs(rates)[None], zero[0])
-    only = lambda table: {name: each[0] for name, each in table.items()}
-
-    def first(e: Energy) -> HeatRates:
-        inner, residual = tuple(map(first, e.bodies)), -e.residual_relative[0]
-        return HeatRates(only(e.mechanisms), only(e.contacts), inner, residual)
-
-    return first(found)
-
-
 def energies(
     entries: LedgerEntries,
     stored: Float[Array, "t b"],

@@ -42,6 +42,19 @@ class RunProgress(NamedTuple):
     passes: Passes = Passes()
     """Passes before this one, where the run controls its error in time."""
 
+    def steps_done(self, plan: Plan) -> int:
+        """Return the steps since the start of the pass, in steps of the plan."""
+        running = _running(plan, self)
+        finished = sum(i.steps for i in running.intervals[: self.interval])
+        return (finished + self.steps_taken) * plan.steps // max(running.steps, 1)
+
+    def time_reached(self, plan: Plan) -> float:
+        """Return the simulated time [s]."""
+        if self.interval == len(plan.intervals):
+            return plan.intervals[-1].end if plan.intervals else 0.0
+        interval = _running(plan, self).intervals[self.interval]
+        return interval.start + self.steps_taken * interval.dt
+
 
 @eqx.filter_jit(donate="all-except-first")
 def _advance_in_place(
@@ -67,21 +80,6 @@ def begin_run(plan: Plan, passes: Passes | None = None) -> RunProgress:
 def _running(plan: Plan, progress: RunProgress) -> Plan:
     """Return the plan of the pass that is running."""
     return of_pass(plan, progress.passes.number)
-
-
-def steps_done(plan: Plan, progress: RunProgress) -> int:
-    """Return the number of steps since the start of the pass, in steps of the plan."""
-    running = _running(plan, progress)
-    finished = sum(i.steps for i in running.intervals[: progress.interval])
-    return (finished + progress.steps_taken) * plan.steps // max(running.steps, 1)
-
-
-def time_reached(plan: Plan, progress: RunProgress) -> float:
-    """Return the simulated time [s]."""
-    if progress.interval == len(plan.intervals):
-        return plan.intervals[-1].end if plan.intervals else 0.0
-    interval = _running(plan, progress).intervals[progress.interval]
-    return interval.start + progress.steps_taken * interval.dt
 
 
 def _take_segment(plan: Plan, progress: RunProgress, steps: int) -> RunState:

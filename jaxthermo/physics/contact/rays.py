@@ -80,6 +80,12 @@ class ContactRange(NamedTuple):
     max_overlap: float
     """[m]"""
 
+    @classmethod
+    def between(cls, a: PlacedGrid, b: PlacedGrid, max_gap: float) -> "ContactRange":
+        """Distances for two bodies, with the largest gap [m]."""
+        voxel = max(a.pitch, b.pitch)
+        return cls(max_gap, max(max_gap, _MAX_OVERLAP_VOXELS * voxel))
+
     @property
     def max_distance(self) -> float:
         """Largest distance along an axis [m]."""
@@ -305,18 +311,15 @@ def _on_ray(rays: _Rays, cells, normal, offset):
     return found, distance
 
 
-def max_overlap(a: PlacedGrid, b: PlacedGrid, threshold: float) -> float:
-    """Largest overlap of two bodies that counts as contact [m]."""
-    return max(threshold, _MAX_OVERLAP_VOXELS * max(a.pitch, b.pitch))
-
-
 def _depth_in(body: PlacedGrid, other: PlacedGrid) -> float:
     """Depth of a body's fragments in another one [m]; 0 if all are outside."""
     # The shortest way out of its voxels along the axes of its lattice, to half a voxel.
     solid = np.pad(other.grid.solid, 1)
-    cells = _solid_cells(other.pose.to_body(body.world_fragments), other)
-    if not len(cells):
+    points = other.pose.to_body(body.world_fragments)
+    points = points[other.grid.contains(points)]
+    if not len(points):
         return 0.0
+    cells = np.floor(other.grid.lattice.to_cells(points)).astype(np.int64)
     # Padded on all sides, so that every way out ends.
     cells = np.unique(cells + 1, axis=0)
     steps = 0
@@ -329,21 +332,11 @@ def _depth_in(body: PlacedGrid, other: PlacedGrid) -> float:
     return (steps - 0.5) * other.pitch
 
 
-def _solid_cells(
-    points: Float[np.ndarray, "n 3"], body: PlacedGrid
-) -> Int[np.ndarray, "m 3"]:
-    """Solid cells that contain the points; points outside are dropped."""
-    cells, solid = body.grid.lattice.to_cells(points), body.grid.solid
-    within = ((cells >= 0) & (cells < solid.shape)).all(1)
-    numbers = np.floor(cells[within]).astype(np.int64)
-    return numbers[solid[tuple(numbers.T)]]
-
-
 def _fraction_inside(body: PlacedGrid, other: PlacedGrid) -> float:
     """Fraction of a body's fragments with a voxel centre inside another body."""
     voxels = body.grid.lattice.centres(body.grid.fragment_voxel)
-    inside = _solid_cells(other.pose.to_body(body.pose.to_world(voxels)), other)
-    return len(inside) / len(voxels)
+    points = other.pose.to_body(body.pose.to_world(voxels))
+    return float(other.grid.contains(points).mean())
 
 
 def require_shallow(a: PlacedGrid, b: PlacedGrid, threshold: float) -> None:
@@ -356,7 +349,8 @@ def require_shallow(a: PlacedGrid, b: PlacedGrid, threshold: float) -> None:
     """
     depth = max(_depth_in(a, b), _depth_in(b, a))
     # The depth is known to half a voxel.
-    limit = max_overlap(a, b, threshold) + 0.5 * max(a.pitch, b.pitch)
+    limit = ContactRange.between(a, b, threshold).max_overlap
+    limit += 0.5 * max(a.pitch, b.pitch)
     # Thin bodies can be inside each other entirely at a small depth.
     if depth > limit or max(_fraction_inside(a, b), _fraction_inside(b, a)) > 0.5:
         raise InputError(

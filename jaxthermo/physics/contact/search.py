@@ -18,7 +18,6 @@ from .rays import (
     MAX_SLANT,
     ContactRange,
     PlacedGrid,
-    max_overlap,
     nearest_fragments,
     ray_hits,
     require_shallow,
@@ -56,6 +55,13 @@ class ContactPairs(NamedTuple):
     """Fraction of each fragment of A that touches B [-]."""
     coverage_b: Float[np.ndarray, " r"]
     """Fraction of each fragment of B that touches A [-]."""
+
+    @classmethod
+    def none(cls, fragments_a: int, fragments_b: int) -> "ContactPairs":
+        """Empty pairs, for bodies that do not touch."""
+        none, nothing = np.zeros(0, np.int64), np.zeros(0)
+        covered = np.zeros(fragments_a), np.zeros(fragments_b)
+        return cls(none, none, nothing, nothing, *covered)
 
     @property
     def count(self) -> int:
@@ -234,8 +240,8 @@ def contacts_between(
 
 
 def _contact_pairs(a: PlacedGrid, b: PlacedGrid, threshold: float) -> ContactPairs:
-    nothing = no_pairs(len(a.grid.fragment_area), len(b.grid.fragment_area))
-    limits = ContactRange(threshold, max_overlap(a, b, threshold))
+    nothing = ContactPairs.none(len(a.grid.fragment_area), len(b.grid.fragment_area))
+    limits = ContactRange.between(a, b, threshold)
     near = _near_fragments(
         a, b, limits.max_distance + FRAGMENT_SPACING * (a.pitch + b.pitch)
     )
@@ -273,14 +279,6 @@ def _near_fragments(
         around[1:] |= before[:-1]
         around[:-1] |= before[1:]
     return candidates[occupied[tuple(block(points_a[candidates]).T)]]
-
-
-def no_pairs(fragments_a: int, fragments_b: int) -> ContactPairs:
-    """Empty pairs, for bodies that do not touch."""
-    none, nothing = np.zeros(0, np.int64), np.zeros(0)
-    return ContactPairs(
-        none, none, nothing, nothing, np.zeros(fragments_a), np.zeros(fragments_b)
-    )
 
 
 def contact_flux(

@@ -26,8 +26,11 @@ from ..scene import AbstractMaterials, BodyGeometry, Scene, SolvedSurface
 from .bodies import check_functions, check_memory, prepare, temperature_bounds
 from .program import Compiled, Omission, Part, Program, Receipt
 from .program_builder import Ledger, bind_volumes, ledger_entries, make_programs
-from .snapshots import Snapshot, snapshot_times, take_snapshots
+from .snapshots import Snapshot, take_snapshots
 
+
+# Snapshots of a run in which a source moves by a function of time.
+_SOURCE_SNAPSHOTS = 64
 
 # Why a mechanism of most scenes is not in this one, and the terms that stand for it.
 _ABSENT = {
@@ -65,7 +68,7 @@ def compile_scene(
             other.
     """
     # Memory is checked before anything large is made.
-    starts, names = snapshot_times(scene, end), mechanism_names(scene)
+    starts, names = _snapshot_times(scene, end), mechanism_names(scene)
     memory, dtype = check_memory(scene, saves, len(starts)), jnp.dtype(scene.dtype)
     prepared = tuple(
         prepare(number, body, dtype) for number, body in enumerate(scene.bodies)
@@ -123,6 +126,16 @@ def compile_scene(
             stable_step_s=float(limit) if finite else None,
         ),
     )
+
+
+def _snapshot_times(scene: Scene, end: float) -> tuple[float, ...]:
+    """Increasing times from 0, each the start of a time in which nothing moves [s]."""
+    times = {0.0}
+    for body in scene.bodies:
+        times |= {t for t in body.pose.snapshot_times(end) if 0 < t < end}
+    if any(term.moves for term in scene.terms):
+        times |= {end * k / _SOURCE_SNAPSHOTS for k in range(_SOURCE_SNAPSHOTS)}
+    return tuple(sorted(times))
 
 
 @eqx.filter_jit

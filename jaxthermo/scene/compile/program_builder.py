@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool
 
 from ...physics.contact.links import ContactLinks
-from ...physics.contact.search import ContactPairs, no_pairs
+from ...physics.contact.search import ContactPairs
 from ...physics.flux_law import Forcing, bound
 from ...physics.heat_source import VolumeBinding
 from ...physics.radiation.radiative_exchange import Enclosure
@@ -22,7 +22,7 @@ from .bodies import PreparedBody, device_address
 from .linear_load import linear_programs
 from .probes import bind_probes
 from .program import BodyProgram, Program, VolumeLoad
-from .snapshots import PairKey, Snapshot, acting, pair_counts
+from .snapshots import PairKey, Snapshot, acting
 from .surface_heat import surface_heat
 from .surface_load import AbstractSurfaceLoad, body_cells, surface_load
 
@@ -59,7 +59,7 @@ def ledger_entries(
     """An entry for every body that a term acts on, in the order of the terms."""
     first = snapshots[0]
     omitted = {(number, body) for number, (_, body) in first.omitted}
-    keys: set[tuple[int, ...]] = {*volumes, *pair_counts(snapshots)}
+    keys: set[tuple[int, ...]] = {*volumes, *_pair_counts(snapshots)}
     for (number, _), where in zip(first.bindings, acting(snapshots), strict=True):
         for body, acts in enumerate(first.surface.apart(where)):
             # Without pruning an idle term has entries too: they stay 0.
@@ -99,7 +99,7 @@ def make_programs(
     values = [value for term in used for value in term.values]
     exchange = next((t for t in used if isinstance(t, AbstractExchangeTerm)), None)
     # Cells must be the same at all snapshots: they go by where a term ever acts.
-    acts, counts = acting(snapshots), pair_counts(snapshots)
+    acts, counts = acting(snapshots), _pair_counts(snapshots)
     touched = {number for key in counts for number in key[1:]}
     dtype = snapshots[0].surface.dtype
     bodies = [_body(body, entry, volumes, dtype) for body in prepared]
@@ -239,7 +239,7 @@ def _contact(
     term, first, second = scene.terms[key[0]], prepared[key[1]], prepared[key[2]]
     assert isinstance(term, AbstractPairTerm)
     if pairs is None:
-        pairs = no_pairs(len(first.fragment_node), len(second.fragment_node))
+        pairs = ContactPairs.none(len(first.fragment_node), len(second.fragment_node))
     return term.bind(pairs, (first, second), entry[key], size)
 
 
@@ -280,3 +280,12 @@ def _volume_load(
         volume=jnp.asarray(reached.sum(dtype=float), dtype),
         heat_rate_density=for_jit(found.heat_rate_density, dtype),
     )
+
+
+def _pair_counts(snapshots: list[Snapshot]) -> dict[PairKey, int]:
+    """The most touching pairs at any snapshot, of all bodies that ever touch."""
+    counts: dict[PairKey, int] = {}
+    for snapshot in snapshots:
+        for key, pairs in snapshot.pairs.items():
+            counts[key] = max(counts.get(key, 0), len(pairs.area))
+    return {key: counts[key] for key in sorted(counts)}

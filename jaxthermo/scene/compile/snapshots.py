@@ -32,9 +32,6 @@ from ..scene import Scene
 from .bodies import PreparedBody, surface_property
 
 
-# Number of a run in which a source moves by a function of time.
-_SOURCE_SNAPSHOTS = 64
-
 # Bindings with the number of their term in the scene.
 _NumberedBindings = tuple[tuple[int, Binding], ...]
 
@@ -65,16 +62,6 @@ class Snapshot(NamedTuple):
     def bindings(self) -> _NumberedBindings:
         """All bindings, natural ones first."""
         return (*self.natural, *self.prescribed, *self.radiating)
-
-
-def snapshot_times(scene: Scene, end: float) -> tuple[float, ...]:
-    """Increasing times from 0, each the start of a time in which nothing moves [s]."""
-    times = {0.0}
-    for body in scene.bodies:
-        times |= {t for t in body.pose.snapshot_times(end) if 0 < t < end}
-    if any(term.moves for term in scene.terms):
-        times |= {end * k / _SOURCE_SNAPSHOTS for k in range(_SOURCE_SNAPSHOTS)}
-    return tuple(sorted(times))
 
 
 def take_snapshots(
@@ -134,15 +121,6 @@ def acting(snapshots: list[Snapshot]) -> list[Bool[np.ndarray, " s"]]:
     # A light that moves reaches a fragment at some snapshots only.
     rows = zip(*(each.bindings for each in snapshots), strict=True)
     return [np.any([binding.acts for _, binding in row], axis=0) for row in rows]
-
-
-def pair_counts(snapshots: list[Snapshot]) -> dict[PairKey, int]:
-    """The most touching pairs at any snapshot, of all bodies that ever touch."""
-    counts: dict[PairKey, int] = {}
-    for snapshot in snapshots:
-        for key, pairs in snapshot.pairs.items():
-            counts[key] = max(counts.get(key, 0), len(pairs.area))
-    return {key: counts[key] for key in sorted(counts)}
 
 
 def _body_surfaces(

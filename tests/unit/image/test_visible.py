@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jaxthermo.geometry import shapes
-from jaxthermo.image.visible import smooth_normals
+from jaxthermo.image.facets import smooth_normals
 
 
 def sampled(mesh, count=2000):

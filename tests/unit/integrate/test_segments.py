@@ -17,8 +17,6 @@ from jaxthermo.integrate.run.segments import (
     load_checkpoint,
     run_segments,
     save_checkpoint,
-    steps_done,
-    time_reached,
 )
 
 
@@ -81,7 +79,7 @@ def test_segments_are_one_long_run(dtype, seconds):
         todo = planned(here)
         progress = run_on(todo, compile_segments(todo, begin_run(todo)), seconds)
         parts = finish_run(todo, progress)
-    assert steps_done(todo, progress) == todo.steps == whole.run.steps
+    assert progress.steps_done(todo) == todo.steps == whole.run.steps
     same(values(parts), values(whole))
 
 
@@ -90,7 +88,7 @@ def test_position_within_the_run():
     todo = planned(here)
     fresh = begin_run(todo)
     at = [
-        (steps_done(todo, progress), time_reached(todo, progress))
+        (progress.steps_done(todo), progress.time_reached(todo))
         for progress in (fresh, *run_segments(todo, fresh))
     ]
     assert at[0] == (0, 0.0)
@@ -107,7 +105,7 @@ def test_compiling_takes_no_step():
     fresh = begin_run(todo)
     before = [np.array(theta) for theta in fresh.state.theta]
     compiled = compile_segments(todo, fresh)
-    assert steps_done(todo, compiled) == 0
+    assert compiled.steps_done(todo) == 0
     same(list(compiled.state.theta), before)
     done = run_on(todo, compiled)
     assert compile_segments(todo, done) is done
