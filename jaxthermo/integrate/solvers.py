@@ -2,12 +2,12 @@
 
 | solver | order | stability | use |
 |---|---|---|---|
-| `ForwardEuler` | 1 | up to the stable step | short runs |
+| `ForwardEuler` | 1 | up to the stable step | comparison, overshoots nowhere |
 | `SuperTimeStepping` | 2 | by stages, n stable steps cost 2 sqrt(n) | long runs |
 | `BackwardEuler` | 1 | L-stable, no overshoot | very stiff scenes, huge steps |
 | `TRBDF2` | 2 | L-stable, step by error control | stiff scenes, to a stated error |
 | `CrankNicolson` | 2 | A-stable, oscillates above the stable step | comparison |
-| `ErrorControl` | 2 | that of the solver it selects | to an error of the whole run |
+| `ErrorControl` | 2 | that of the solver it selects | the default: to a stated error |
 """
 
 import abc
@@ -301,13 +301,15 @@ class ErrorControl(AbstractSolver):
                 raise InputError(f"ErrorControl({name}={value!r}): give a positive one")
 
     def first(
-        self, stable_step: float, t1: float | int, symmetric: bool
+        self, stable_step: float, t1: float | int, symmetric: bool, sampled: bool
     ) -> tuple[AbstractSolver, str]:
         """Return the solver and the steps of the first pass, with the reason."""
         steps = f"{t1 / stable_step:.2g} stable steps of {stable_step:.3g} s"
         if symmetric and t1 > MAX_RKL2_STEPS * stable_step:
             return TRBDF2(error=_FIRST_ERROR), steps
-        return SuperTimeStepping(dt=t1 / _FIRST_STEPS), steps
+        # Two passes that both miss a pulse would agree.
+        count = SAMPLES if sampled else _FIRST_STEPS
+        return SuperTimeStepping(dt=t1 / count), steps
 
     @override
     def stepper(self, scene, compiled, max_dt, traced) -> AbstractStepper:
@@ -320,7 +322,8 @@ def select_solver(
 ) -> tuple[AbstractSolver, str]:
     """Select a solver by the number of stable explicit steps, with the reason.
 
-    Where conduction is not `symmetric` only explicit solvers can be chosen.
+    It serves runs that cannot be repeated, since values are traced. Where conduction is
+    not `symmetric` only explicit solvers can be chosen.
     """
     if stable_step is None:
         return ForwardEuler(), "the stable step is traced"

@@ -66,7 +66,7 @@ def test_the_terminal_tells_what_ran(tmp_path):
     assert lines[4].startswith("left out: per-node conductivity (")
     assert lines[5] == "left out: contact (there is one body)"
     assert lines[6] == "left out: motion (nothing moves: one snapshot)"
-    assert "steps, stable step" in lines[7]
+    assert "until the error in time holds, stable step" in lines[7]
     assert lines[-1].startswith("3 frames in ") and "[red] :smile:" in lines[-1]
     assert all(lines)
 

@@ -24,7 +24,8 @@ def _approaching(arrival):
 
 def test_heat_flows_from_when_they_meet():
     scene = _approaching(10.0)
-    solution = jt.simulate(scene, 20.0, [5.0, 10.0, 20.0])
+    solver = jt.ForwardEuler()
+    solution = jt.simulate(scene, 20.0, [5.0, 10.0, 20.0], solver=solver)
     swapped = np.asarray(solution.energy.contacts["contact 0-1"])
     np.testing.assert_array_equal(swapped[:2], 0.0)
     assert swapped[2] < -1.0
@@ -37,7 +38,7 @@ def test_heat_flows_from_when_they_meet():
         )),
         scene.terms, dtype="float64",
     )  # fmt: skip
-    alone = jt.simulate(touching, 10.0)
+    alone = jt.simulate(touching, 10.0, solver=solver)
     np.testing.assert_allclose(
         solution.mean_temperature[2], alone.mean_temperature[0], rtol=1e-9
     )
@@ -48,7 +49,7 @@ def test_segments_follow_the_motion():
     scene = _approaching(10.0)
     todo = plan_run(scene, 20.0, [5.0, 20.0], jt.ForwardEuler())
     *_, progress = run_segments(todo, begin_run(todo))
-    whole = jt.simulate(scene, 20.0, [5.0, 20.0])
+    whole = jt.simulate(scene, 20.0, [5.0, 20.0], solver=jt.ForwardEuler())
     pieces = finish_run(todo, progress)
     np.testing.assert_array_equal(pieces.surface_temperature, whole.surface_temperature)
 

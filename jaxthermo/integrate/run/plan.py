@@ -13,7 +13,7 @@ from jaxtyping import Array, Float, Int
 from ...arrays import is_traced
 from ...errors import InputError, require, shortened
 from ...scene.compile.compile import compile_scene
-from ...scene.compile.program import Compiled
+from ...scene.compile.program import Compiled, Program
 from ...scene.scene import Scene
 from ..explicit import RKL2Stepper
 from ..implicit.adaptive import AdaptiveStepper
@@ -174,8 +174,9 @@ def plan_run(
     """Compile a scene and schedule its steps.
 
     Arguments and errors are those of `simulate`; `prune` omits terms that have no
-    effect, see `compile_scene`. With `control_error` the plan of an `ErrorControl` is
-    that of its first pass, where numbers are known; else a solver is selected.
+    effect, see `compile_scene`. With `control_error` the plan of an `ErrorControl`,
+    which is used where no solver is given, is that of its first pass, if numbers are
+    known; else a solver is selected.
     """
     solvers = "a solver, such as ForwardEuler(), or None"
     require(solver, (AbstractSolver, type(None)), "simulate(solver=)", solvers)
@@ -183,8 +184,9 @@ def plan_run(
     # Steps after the last saved time would be in no result: the run ends there, and
     # its solver and its bounds of temperatures are those of that time.
     given, t1 = t1, saves[-1]
-    control = solver if isinstance(solver, ErrorControl) else None
-    chosen = None if isinstance(solver, ErrorControl) else solver
+    wanted = ErrorControl() if solver is None else solver
+    control = wanted if isinstance(wanted, ErrorControl) else None
+    chosen = None if isinstance(wanted, ErrorControl) else wanted
     arranged = scene if chosen is None else chosen.arranged(scene)
     compiled = compile_scene(arranged, len(saves), t1, prune)
     traced = is_traced(compiled.stable_step)
@@ -198,12 +200,7 @@ def plan_run(
     if chosen is None:
         # The selection needs the stable step, and so a compiled scene; an implicit
         # solver arranges the bodies differently, which takes a second compilation.
-        networks = [body.network for body in compiled.program.bodies]
-        symmetric = all(network.linear.is_symmetric for network in networks)
-        if control is not None and stable_step is not None:
-            chosen, reason = control.first(stable_step, t1, symmetric)
-        else:
-            chosen, reason = select_solver(stable_step, t1, symmetric)
+        chosen, reason = _selected(control, compiled.program, stable_step, t1)
         arranged = chosen.arranged(scene)
         if arranged is not scene:
             compiled = compile_scene(arranged, len(saves), t1, prune)
@@ -243,6 +240,18 @@ def plan_run(
         stepper = replace(stepper, checkpoints=checkpoints)
     parts = (arranged, compiled, intervals, saves, stable_step, chosen, stepper)
     return Plan(*parts, reason, checkpoints, control)
+
+
+def _selected(
+    control: ErrorControl | None,
+    program: Program,
+    stable_step: float | None,
+    t1: float | int,
+) -> tuple[AbstractSolver, str]:
+    symmetric = all(body.network.linear.is_symmetric for body in program.bodies)
+    if control is None or stable_step is None:
+        return select_solver(stable_step, t1, symmetric)
+    return control.first(stable_step, t1, symmetric, program.sampled)
 
 
 def _with_note(compiled: Compiled, note: str) -> Compiled:

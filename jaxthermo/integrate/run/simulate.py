@@ -65,8 +65,10 @@ def simulate(
         t1: end of the run [s]; it stops at the last of `save_at`, since nothing that
             happens later would be in the solution.
         save_at: increasing times to save [s]; None for the end.
-        solver: one of `jaxthermo.integrate.solvers`; None to select one from the
-            number of stable steps; `ErrorControl()` for an error of the whole run.
+        solver: one of `jaxthermo.integrate.solvers`; None for `ErrorControl()`, as
+            many steps as an error in time of 0.1 % of the surface's range asks for.
+            Where values are traced the run cannot be repeated: None then selects a
+            solver from the number of stable steps.
         throw: raise if the run failed; otherwise `Solution.result` says so.
         reverse_memory: memory for the states that reverse mode stores [bytes]; steps
             are recomputed from the nearest stored state. None stores all.

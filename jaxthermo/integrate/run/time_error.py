@@ -123,10 +123,12 @@ def of_pass(plan: Plan, number: int) -> Plan:
     """Return the plan of a pass; the plan itself where the error is not controlled."""
     if plan.control is None:
         return plan
-    factor, intervals = 2**number, plan.intervals
-    if isinstance(plan.stepper, AdaptiveStepper):
+    factor, stepper = 2**number, plan.stepper
+    if isinstance(stepper, AdaptiveStepper):
         # The error of a step is of third order in its length.
-        tolerance = plan.stepper.tolerance * float(factor) ** -3
-        return plan._replace(stepper=replace(plan.stepper, tolerance=tolerance))
-    intervals = tuple(replace(i, steps=i.steps * factor) for i in intervals)
-    return plan._replace(intervals=intervals)
+        tolerance = stepper.tolerance * float(factor) ** -3
+        stepper = replace(stepper, tolerance=tolerance)
+    # Also under error control, where these are the longest steps: two passes that both
+    # take steps as long as they may would not differ.
+    intervals = tuple(replace(i, steps=i.steps * factor) for i in plan.intervals)
+    return plan._replace(intervals=intervals, stepper=stepper)

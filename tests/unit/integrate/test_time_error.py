@@ -62,6 +62,27 @@ def test_a_plate_of_one_voxel_cools_as_the_closed_form():
     assert run.receipt.notes[-1].startswith("error in time about")
 
 
+def test_many_stable_steps_are_taken_by_steps_of_tr_bdf2():
+    """A lump cools by exp(-t h A / C): 10 um voxels, 6 million stable steps."""
+    pitch, h, times = 1e-5, 0.1, np.array([20.0, 80.0])
+    body = jt.Body(jt.FullVolume(bar(3, pitch)), METAL, temperature=400.0)
+    scene = jt.Scene((body,), (jt.Convection(h, 300.0),), dtype="float64")
+    run = jt.simulate(scene, 80.0, list(times))
+    rate = h * 14 * pitch**2 / (8000.0 * 500.0 * 3 * pitch**3)
+    exact = 300.0 + 100.0 * np.exp(-rate * times)
+    off = np.abs(np.asarray(run.mean_temperature)[:, 0] - exact).max()
+    assert run.run.solver == "TRBDF2" and run.run.stable_step < 80.0 / 5e6
+    assert off <= run.run.time_error <= run.run.time_error_limit == 1e-3
+
+
+def test_it_is_the_default(controlled):
+    run = jt.simulate(_heated(), END, SAVES)
+    assert run.run.time_error == controlled.run.time_error
+    np.testing.assert_array_equal(
+        run.surface_temperature, controlled.surface_temperature
+    )
+
+
 @pytest.fixture(scope="module")
 def controlled():
     return jt.simulate(_heated(), END, SAVES, solver=jt.ErrorControl())
