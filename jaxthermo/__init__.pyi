@@ -6,6 +6,7 @@ from .geometry import shapes as shapes
 from .geometry.load import load_mesh as load_mesh
 from .geometry.mesh import Mesh as Mesh, Pose as Pose
 from .geometry.parts import load_parts as load_parts
+from .geometry.sample import MeshSample as MeshSample, mesh_sample as mesh_sample
 from .image.camera import Camera as Camera, OrthographicCamera as OrthographicCamera
 from .image.files import write_exr as write_exr, write_png as write_png
 from .image.render import render as render
@@ -29,6 +30,7 @@ from .integrate.surface_error import (
     SurfaceError as SurfaceError,
     surface_error as surface_error,
 )
+from .integrate.truth_error import TruthError as TruthError, truth_error as truth_error
 from .material.material import Material as Material, Property as Property
 from .material.table import materials as materials
 from .physics.boundary import (

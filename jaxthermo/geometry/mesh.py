@@ -10,7 +10,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from ..arrays import plain_numbers
-from ..errors import InputError, shortened
+from ..errors import InputError, require, shortened
 
 
 @dataclass(frozen=True)
@@ -246,6 +246,23 @@ def is_closed(
     open_edge = edges.balance[edges.edge] != 0
     touched = np.bincount(np.repeat(labels, 3)[open_edge], minlength=parts)
     return touched == 0
+
+
+def as_mesh(given: Any, argument: str = "voxelize(mesh=)") -> Mesh:
+    """Convert anything with vertices [m] and triangular faces, such as trimesh's own.
+
+    Raises:
+        InputError: for anything else, or faces that are not of its vertices.
+    """
+    if isinstance(given, Mesh):
+        return given
+    # Not by its class: trimesh is slow to import, and only files need it.
+    parts = [getattr(given, name, None) for name in ("vertices", "faces")]
+    if isinstance(given, type) or any(part is None for part in parts):
+        require(given, Mesh, argument, "a mesh: load_mesh(...), or one of trimesh")
+    # Copies, of a class of numpy's own: trimesh's arrays notice changes.
+    vertices, faces = (np.array(part) for part in parts)
+    return Mesh(vertices, faces)
 
 
 def _are_finite(numbers: Any, shape: tuple[int, ...]) -> bool:

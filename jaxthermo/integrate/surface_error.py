@@ -1,5 +1,7 @@
 """The error of a structure's surface temperatures against the full volume's."""
 
+import contextlib
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -9,7 +11,7 @@ from jaxtyping import Array, Bool, Float
 from ..arrays import is_traced, precision
 from ..errors import InputError
 from ..scene.scene import SolvedSurface
-from .run.solution import Solution
+from .run.solution import Solution, SteadySolution
 from .run.solution_file import StoredSolution
 
 
@@ -17,7 +19,8 @@ from .run.solution_file import StoredSolution
 _MIN_SPAN_FRACTION = 0.05
 """Smallest span of a time over the largest span of the run."""
 
-AnySolution = Solution | StoredSolution
+_PerTime = Float[Array | np.ndarray, " t"]
+AnySolution = Solution | SteadySolution | StoredSolution
 
 
 class SurfaceError(eqx.Module):
@@ -77,12 +80,9 @@ def surface_error(solution: AnySolution, reference: AnySolution) -> SurfaceError
             the reference's surface has one temperature at every time.
     """
     check_surfaces(solution.surfaces, reference.surfaces)
-    # In the wider of both precisions.
-    wide = {str(s.surface_temperature.dtype) for s in (solution, reference)}
-    with precision("float64" if "float64" in wide else "float32"):
-        later = _later(solution, reference)
-        expected = jnp.asarray(reference.surface_temperature)[later]
-        found = jnp.asarray(solution.surface_temperature)[later]
+    with wider_precision(solution, reference):
+        later = later_temperatures(solution, reference, "surface_error")
+        times, found, expected = (jnp.asarray(each) for each in later)
         if not is_traced(expected) and not jnp.ptp(expected, axis=1).max() > 0:
             raise InputError(
                 "surface_error: the reference's surface has one temperature at every "
@@ -91,8 +91,7 @@ def surface_error(solution: AnySolution, reference: AnySolution) -> SurfaceError
             )
         areas = [np.asarray(s.geometry.fragment_area) for s in reference.surfaces]
         area = jnp.asarray(np.concatenate(areas), expected.dtype)
-        times = jnp.asarray(reference.times)[later]
-        return _error(times, found.astype(expected.dtype), expected, area)
+        return _error(times, found, expected, area)
 
 
 @eqx.filter_jit
@@ -105,10 +104,7 @@ def _error(
     span = error_span(expected)
     percent = lambda kelvin: 100 * kelvin / span
     difference, weight = found - expected, area / area.sum()
-    square = (weight[None, :] * difference**2).sum(axis=1)
-    # The slope of the root at 0 is 0, not infinite.
-    positive = square > 0
-    rms = jnp.where(positive, jnp.sqrt(jnp.where(positive, square, 1)), 0)
+    rms = jnp.asarray(root((weight[None, :] * difference**2).sum(axis=1)))
 
     def percentile_99(row: Float[Array, " s"]) -> Float[Array, ""]:
         order = jnp.argsort(row)
@@ -128,26 +124,69 @@ def _error(
 
 def error_span(reference: Float[Array, "t s"]) -> Float[Array, " t"]:
     """Return the span that differences are divided by at each time [K]."""
-    ranges = reference.max(axis=1) - reference.min(axis=1)
-    spans = jnp.maximum(ranges, _MIN_SPAN_FRACTION * ranges.max())
+    spans = at_least_of_largest(reference.max(axis=1) - reference.min(axis=1))
     # A reference that is uniform at every time must not lead to NaN in a traced run.
     return jnp.maximum(spans, jnp.finfo(spans.dtype).tiny)
 
 
-def _later(solution: AnySolution, reference: AnySolution) -> Bool[np.ndarray, " t"]:
-    # The saved times after 0, the same in both runs.
+def root(square: _PerTime) -> _PerTime:
+    """Return square roots, with the slope 0 at 0 instead of an infinite one."""
+    own = np if isinstance(square, np.ndarray) else jnp
+    positive = square > 0
+    return own.where(positive, own.sqrt(own.where(positive, square, 1)), 0)
+
+
+def at_least_of_largest(ranges: _PerTime) -> _PerTime:
+    """Return the range of each time, or 5 % of the run's largest if that is more."""
+    own = np if isinstance(ranges, np.ndarray) else jnp
+    return own.maximum(ranges, _MIN_SPAN_FRACTION * ranges.max())
+
+
+def wider_precision(
+    solution: AnySolution, reference: AnySolution
+) -> contextlib.AbstractContextManager:
+    """Context in which both solutions keep all their digits."""
+    wide = {str(s.surface_temperature.dtype) for s in (solution, reference)}
+    return precision("float64" if "float64" in wide else "float32")
+
+
+def later_temperatures(
+    solution: AnySolution, reference: AnySolution, caller: str
+) -> tuple[
+    _PerTime, Float[Array | np.ndarray, "t s"], Float[Array | np.ndarray, "t r"]
+]:
+    """Return the saved times after 0 and the surface temperatures of both runs [K].
+
+    The one time of a steady state is that of its loads, and may be 0.
+
+    Raises:
+        InputError: in the name of `caller`, for other times or none after 0.
+    """
+    later = _later(solution, reference, caller)
+    expected = reference.surface_temperature[later]
+    found = solution.surface_temperature[later]
+    dtype = np.promote_types(expected.dtype, found.dtype)
+    times = reference.times[later]
+    return times, found.astype(dtype), expected.astype(dtype)
+
+
+def _later(
+    solution: AnySolution, reference: AnySolution, caller: str
+) -> Bool[np.ndarray, " t"]:
     times = np.asarray(reference.times, float)
     traced = is_traced(solution.times)
     others = times if traced else np.asarray(solution.times, float)
     shown = lambda ts: [f"{t:g}" for t in ts[:6]] + ["..."] * (len(ts) > 6)
     if len(times) != len(others) or not np.allclose(times, others, rtol=1e-5):
         raise InputError(
-            f"surface_error: saved at [{', '.join(shown(others))}] s and the reference "
+            f"{caller}: saved at [{', '.join(shown(others))}] s and the reference "
             f"at [{', '.join(shown(times))}] s: give both the same save_at"
         )
+    if isinstance(reference, SteadySolution):
+        return np.ones(1, bool)
     if not (times > 0).any():
         raise InputError(
-            "surface_error: nothing is saved after time 0: give save_at later times"
+            f"{caller}: nothing is saved after time 0: give save_at later times"
         )
     return times > 0
 

@@ -6,8 +6,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ..arrays import Scalar, rank_in_group
-from ..errors import InputError, require, shortened
-from ..geometry.mesh import Mesh
+from ..errors import InputError, shortened
+from ..geometry.mesh import Mesh, as_mesh
 from ..geometry.repair import repair_mesh
 from .grid import LayerCounts, ThinParts, VoxelGrid
 from .lattice import (
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     _AnyMesh = Mesh | Trimesh
 else:
-    # Checked by `_as_mesh`, which says what to give instead.
+    # Checked by `as_mesh`, which says what to give instead.
     _AnyMesh = Any
 
 
@@ -54,7 +54,7 @@ def voxelize(mesh: _AnyMesh, pitch: Scalar) -> VoxelGrid:
     """
     pitch = _metres(pitch)
     if not isinstance(mesh, Mesh):
-        mesh = repair_mesh(_as_mesh(mesh))
+        mesh = repair_mesh(as_mesh(mesh))
     check_pitch(mesh, pitch)
     lattice = Lattice.around(mesh, pitch)
     views = peel_axes(mesh, lattice)
@@ -66,25 +66,6 @@ def voxelize(mesh: _AnyMesh, pitch: Scalar) -> VoxelGrid:
             "use a finer pitch, or repair the mesh if it is open"
         )
     return _with_surface(mesh, lattice, solid, views)
-
-
-def _as_mesh(given: Any) -> Mesh:
-    """Convert anything with vertices [m] and triangular faces, such as trimesh's own.
-
-    Raises:
-        InputError: for anything else, or faces that are not of its vertices.
-    """
-    if isinstance(given, Mesh):
-        return given
-    # Not by its class: trimesh is slow to import, and only files need it.
-    parts = [getattr(given, name, None) for name in ("vertices", "faces")]
-    if isinstance(given, type) or any(part is None for part in parts):
-        require(
-            given, Mesh, "voxelize(mesh=)", "a mesh: load_mesh(...), or one of trimesh"
-        )
-    # Copies, of a class of numpy's own: trimesh's arrays notice changes.
-    vertices, faces = (np.array(part) for part in parts)
-    return Mesh(vertices, faces)
 
 
 def _metres(pitch: Any) -> float:

@@ -18,6 +18,8 @@ NAMES = (
     "simulate",
     "steady",
     "render",
+    "mesh_sample",
+    pytest.param("truth_error", marks=pytest.mark.slow),
 )
 
 

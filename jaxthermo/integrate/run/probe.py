@@ -1,43 +1,34 @@
 """`probe`: temperatures of a solution at points, as a thermocouple reads them."""
 
-from collections.abc import Sequence
-from typing import NamedTuple
-
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
-from scipy.spatial import KDTree
 
 from ...arrays import Points
-from ...errors import InputError
-from ...scene.scene import BodyGeometry
+from ...errors import InputError, shortened
 from .solution import AbstractSolution
-
-
-_NEIGHBOURS = 9
-"""Fragments through whose temperatures a plane is laid."""
-
-_MAX_HEIGHT = 0.25
-"""Largest distance of a point from the plane of its fragment [pitches]."""
-
-_SAME_SIDE = 0.5
-"""Smallest cosine between normals of fragments of one side [-]."""
+from .surface_reading import SurfaceReading, surface_reading
 
 
 def probe(
-    solution: AbstractSolution, points: Points | None = None
+    solution: AbstractSolution,
+    points: Points | None = None,
+    normals: Points | None = None,
 ) -> Float[Array | np.ndarray, "t p"]:
     """Temperatures at points over time [K], one column for each point.
 
     On a surface any point can be read after a run, by a plane through the temperatures
-    of the nearest fragments: of second order in the pitch. Inside a body those points
-    can be read that the scene names before the run, in `Scene(probes=)`: a solution
-    does not store what is inside.
+    of the nearest fragments that face the same way: of second order in the pitch.
+    Inside a body those points can be read that the scene names before the run, in
+    `Scene(probes=)`: a solution does not store what is inside.
 
     Args:
         solution: from `simulate` or `steady`.
         points: positions in the world at the start [m], three numbers each; a point
             stays where it is on its body as that moves. None for those of the scene.
+        normals: outward normals of the surface at the points, such as those of
+            `mesh_sample`: on parts of a voxel's thickness they tell the sides apart.
+            None: a point is on the side of the nearest fragment.
 
     Raises:
         InputError: for a point in or on no body, naming the nearest and its distance,
@@ -54,106 +45,114 @@ def probe(
         >>> jt.probe(solution, [(0.0, 0.0, 0.0), (0.0, 0.0, 0.02)]).shape
         (2, 2)
     """
+    stored = solution.probe_temperature
     if points is None:
-        if solution.probe_temperature is None:
+        if stored is None:
             raise InputError(
                 "probe(points=None): the scene has no probes: give points, or "
                 "Scene(probes=) before the run"
             )
-        return solution.probe_temperature
-    columns = [
-        _column(solution, number, np.asarray(point, float))
-        for number, point in enumerate(points)
-    ]
+        return stored
+    given = _vectors(points, "points")
+    facing = None if normals is None else _vectors(normals, "normals")
+    if facing is not None:
+        if facing.shape != given.shape:
+            raise InputError(
+                f"probe: {len(given)} points and {len(facing)} normals: give as many"
+            )
+        facing = facing / np.linalg.norm(facing, axis=1, keepdims=True)
+    number = _scene_probe(solution, given)
     own = np if isinstance(solution.surface_temperature, np.ndarray) else jnp
-    return own.stack(columns, axis=1)
+    columns, rest = [], np.flatnonzero(number < 0)
+    if stored is not None:
+        columns.append(stored[:, number[number >= 0]])
+    if len(rest):
+        side = None if facing is None else facing[rest]
+        columns.append(_on_surface(solution, rest, given[rest], side))
+    # Back into the order of the points.
+    place = np.argsort(np.argsort(number < 0, kind="stable"), kind="stable")
+    return own.concatenate(columns, axis=1)[:, place]
 
 
-def _column(
-    solution: AbstractSolution, number: int, point: Float[np.ndarray, "3"]
-) -> Float[Array | np.ndarray, " t"]:
-    if solution.probe_temperature is not None:
-        given = np.array([each.position for each in solution.probes])
-        # The same numbers, but for the rounding of whoever computed them twice.
-        size = 1e-9 * (1 + np.abs(point).max())
-        same = np.flatnonzero(np.abs(given - point).max(axis=1) <= size)
-        if len(same):
-            return solution.probe_temperature[:, same[0]]
-    chosen, weight = _on_surface(solution, number, point)
-    temperature = solution.surface_temperature
-    # Differences to the nearest: weights of a sum would lose digits in float32.
-    first = temperature[:, chosen[0]]
-    excess = temperature[:, chosen] - first[:, None]
-    return first + (excess * weight.astype(temperature.dtype)[None]).sum(axis=1)
+def _vectors(given: Points, name: str) -> Float[np.ndarray, "p 3"]:
+    try:
+        found = np.asarray(given, float)
+    except (TypeError, ValueError):
+        found = np.zeros(0)
+    lengths = np.linalg.norm(found, axis=1) if found.shape[1:] == (3,) else np.zeros(0)
+    if not len(lengths) or not np.isfinite(found).all():
+        raise InputError(
+            f"probe({name}={shortened(given)}): give three finite numbers for each "
+            "point, [n 3]"
+        )
+    if name == "normals" and not lengths.all():
+        raise InputError("probe(normals=): some have no length: give unit vectors")
+    return found
 
 
-class _Place(NamedTuple):
-    """A point relative to the fragments of one body."""
-
-    height: float
-    """Above the plane of the nearest fragment [m]; negative inside."""
-    distance: float
-    """To the nearest fragment [m]."""
-    nearest: Int[np.ndarray, " k"]
-    """Fragments of the body, the nearest first."""
-    point: Float[np.ndarray, "3"]
-    """In the body's frame [m]."""
-
-
-def _place(geometry: BodyGeometry, point: Float[np.ndarray, "3"]) -> _Place:
-    own = geometry.placed.to_body(point)
-    count = min(_NEIGHBOURS, len(geometry.fragment_area))
-    found, nearest = KDTree(geometry.fragment_position).query(own, k=count)
-    distance, nearest = np.atleast_1d(found), np.atleast_1d(nearest)
-    normal = geometry.fragment_normal[nearest[0]]
-    height = (own - geometry.fragment_position[nearest[0]]) @ normal
-    return _Place(float(height), float(distance[0]), nearest, own)
+def _scene_probe(
+    solution: AbstractSolution, points: Float[np.ndarray, "p 3"]
+) -> Int[np.ndarray, " p"]:
+    """Number of the scene's probe at each point; -1 where there is none."""
+    if solution.probe_temperature is None:
+        return np.full(len(points), -1)
+    given = np.array([each.position for each in solution.probes])
+    # The same numbers, but for the rounding of whoever computed them twice.
+    size = 1e-9 * (1 + np.abs(points).max(axis=1))
+    apart = np.abs(given[None] - points[:, None]).max(axis=2)
+    nearest = apart.argmin(axis=1)
+    return np.where(apart.min(axis=1) <= size, nearest, -1)
 
 
 def _on_surface(
-    solution: AbstractSolution, number: int, point: Float[np.ndarray, "3"]
-) -> tuple[Int[np.ndarray, " k"], Float[np.ndarray, " k"]]:
-    """Fragments of a point on a surface, and the weights of their temperatures."""
+    solution: AbstractSolution,
+    number: Int[np.ndarray, " p"],
+    points: Float[np.ndarray, "p 3"],
+    normals: Float[np.ndarray, "p 3"] | None,
+) -> Float[Array | np.ndarray, "t p"]:
+    """Temperatures of points on the nearest surface that there is [K]."""
     geometries = [surface.geometry for surface in solution.surfaces]
-    places = [_place(geometry, point) for geometry in geometries]
-    body = min(range(len(places)), key=lambda n: places[n].distance)
-    geometry, place = geometries[body], places[body]
-    pitch = geometry.pitch
-    if abs(place.height) > _MAX_HEIGHT * pitch or place.distance > 1.5 * pitch:
-        where = f"({', '.join(f'{x:g}' for x in point)}) m"
-        if place.height < 0:
-            raise InputError(
-                f"probe: point {number}, {where}, is {-place.height:.3g} m below the "
-                f"surface of body {body}, and a solution stores its surfaces alone: "
-                "give the point to Scene(probes=) before the run"
-            )
-        raise InputError(
-            f"probe: point {number}, {where}, is on no body: the nearest, body {body}, "
-            f"is {place.distance:.3g} m away; give points in the world, where the "
-            "bodies are at the start"
+    readings = [
+        surface_reading(
+            geometry,
+            geometry.placed.to_body(points),
+            None if normals is None else geometry.placed.rotate_back(normals),
         )
-    chosen, weight = _plane_weights(geometry, place)
-    return chosen + _first_fragment(geometries, body), weight
+        for geometry in geometries
+    ]
+    gaps = [np.where(each.is_lost, np.inf, each.distance) for each in readings]
+    body, found = np.argmin(gaps, axis=0), np.isfinite(gaps).any(axis=0)
+    if not found.all():
+        first = int(np.argmin(found))
+        x, y, z = points[first]
+        where = f"probe: point {number[first]}, ({x:g}, {y:g}, {z:g}) m, is"
+        at_first = [each.at(np.arange(len(points)) == first) for each in readings]
+        raise _lost(where, at_first, is_facing=normals is not None)
+    own = np if isinstance(solution.surface_temperature, np.ndarray) else jnp
+    read, order = [], []
+    for index, reading in enumerate(readings):
+        here = np.flatnonzero(body == index)
+        order.append(here)
+        read.append(reading.at(body == index).read(solution.of_body(index)))
+    return own.concatenate(read, axis=1)[:, np.argsort(np.concatenate(order))]
 
 
-def _first_fragment(geometries: Sequence[BodyGeometry], body: int) -> int:
-    return sum(len(each.fragment_area) for each in geometries[:body])
-
-
-def _plane_weights(
-    geometry: BodyGeometry, place: _Place
-) -> tuple[Int[np.ndarray, " k"], Float[np.ndarray, " k"]]:
-    """Weights of the value at a point of the plane nearest to the values around it."""
-    nearest, normals = place.nearest, geometry.fragment_normal
-    normal = normals[nearest[0]]
-    chosen = nearest[normals[nearest] @ normal > _SAME_SIDE]
-    offset = (geometry.fragment_position[chosen] - place.point) / geometry.pitch
-    # Two directions along the surface; the singular vectors after the normal.
-    along = offset @ np.linalg.svd(normal[None])[2][1:].T
-    # Nearer fragments count more, so that a distant one is no lever.
-    part = np.exp(-(along**2).sum(axis=1) / 2)
-    mean = part**2 / (part**2).sum()
-    centre = mean @ along
-    # By the pseudo-inverse: no slope across fragments that lie in a row.
-    slope = np.linalg.pinv(part[:, None] * (along - centre), rcond=1e-3) * part
-    return chosen, mean - centre @ slope
+def _lost(where: str, readings: list[SurfaceReading], is_facing: bool) -> InputError:
+    """Say why a point cannot be read, from its reading on each body."""
+    body = int(np.argmin([each.distance[0] for each in readings]))
+    distance, height = readings[body].distance[0], readings[body].height[0]
+    if is_facing:
+        return InputError(
+            f"{where} {distance:.3g} m from the surface of body {body}, which has none "
+            "nearby that faces as its normal does: give a point of the surface, or a "
+            "finer pitch if the part is lost in the voxels"
+        )
+    if height < 0:
+        return InputError(
+            f"{where} {-height:.3g} m below the surface of body {body}, and a solution "
+            "stores its surfaces alone: give the point to Scene(probes=) before the run"
+        )
+    return InputError(
+        f"{where} on no body: the nearest, body {body}, is {distance:.3g} m away; "
+        "give points in the world, where the bodies are at the start"
+    )

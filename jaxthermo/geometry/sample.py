@@ -1,0 +1,71 @@
+"""`mesh_sample`: points spread evenly over the area of a mesh, with their normals."""
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import trimesh
+from jaxtyping import Float, Int
+from trimesh.sample import sample_surface
+
+from ..errors import InputError, whole_number
+from .mesh import Mesh, Pose, as_mesh
+
+
+if TYPE_CHECKING:
+    _AnyMesh = Mesh | trimesh.Trimesh
+else:
+    # Checked by `as_mesh`, which says what to give instead.
+    _AnyMesh = Any
+
+
+class MeshSample(NamedTuple):
+    """Points on a mesh, each of which stands for the same area."""
+
+    position: Float[np.ndarray, "p 3"]
+    """[m]"""
+    normal: Float[np.ndarray, "p 3"]
+    """Outward unit normal of the triangle that each point is on."""
+    face: Int[np.ndarray, " p"]
+    """Number of that triangle in the mesh."""
+
+    def placed(self, pose: Pose) -> "MeshSample":
+        """Rotate and translate by a pose: from the frame of a body to the world."""
+        position, normal = pose.to_world(self.position), pose.rotate(self.normal)
+        return MeshSample(position, normal, self.face)
+
+
+def mesh_sample(mesh: _AnyMesh, count: int = 10_000, seed: int = 0) -> MeshSample:
+    """Random points on a mesh, with equal probability per area.
+
+    A mean over the points is a mean over the area, with the relative uncertainty
+    1 / sqrt(count) times the relative spread. Equal arguments give equal points.
+
+    Args:
+        mesh: in metres; also one of trimesh.
+        count: number of points.
+        seed: of the random numbers.
+
+    Raises:
+        InputError: for no mesh, one without area, or a count that is not a whole
+            number of at least 1.
+
+    Example:
+        >>> import jaxthermo as jt
+        >>> sample = jt.mesh_sample(jt.shapes.box((0.02, 0.02, 0.04)), count=1000)
+        >>> sample.position.shape, float(abs(sample.normal).max())
+        ((1000, 3), 1.0)
+    """
+    found = as_mesh(mesh, "mesh_sample(mesh=)")
+    count = whole_number(count, "mesh_sample(count=)")
+    seed = whole_number(seed, "mesh_sample(seed=)", minimum=0)
+    vectors = found.area_vectors
+    area = np.linalg.norm(vectors, axis=1)
+    if not area.sum() > 0:
+        raise InputError(
+            f"mesh_sample: {found.name} has {len(found.faces)} faces and no area: "
+            "give a mesh with triangles"
+        )
+    given = trimesh.Trimesh(found.vertices, found.faces, process=False)
+    points, face = sample_surface(given, count, face_weight=area, seed=seed)[:2]
+    normal = vectors[face] / area[face, None]
+    return MeshSample(np.asarray(points, float), normal.astype(float), np.asarray(face))

@@ -1,0 +1,143 @@
+"""Surface temperatures between fragments, to second order in the pitch.
+
+Through the fragments near a point that face the same way, a plane over the tangent
+plane of the surface is laid by weighted least squares, and read at the point. Facing
+decides: a thin sheet has another temperature a voxel behind, a fold one beside.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+from scipy.spatial import KDTree
+
+from ...scene.scene import BodyGeometry
+
+
+_NEIGHBOURS = 9
+"""Fragments through whose temperatures a plane is laid."""
+
+_CANDIDATES = 4 * _NEIGHBOURS
+"""Fragments among which they are selected: on thin parts half face the other way."""
+
+_SAME_SIDE = 0.5
+"""Smallest cosine between normals of one side [-]."""
+
+# On a sphere the chord to a point whose normal is 60 degrees off rises by half of that.
+_MAX_RISE = np.tan(np.arccos(_SAME_SIDE) / 2)
+"""Largest height of a fragment above the tangent plane over its distance along it."""
+
+_MAX_HEIGHT = 0.25
+"""Height up to which points and fragments are of one surface anyway [pitches]."""
+
+# Fragments of a plane are up to 0.9 pitches from its points, those of a face of a
+# polyhedron, near its edges and corners, up to 1.4; of a rounded one more.
+_REACH = 1.75
+"""Distance to the nearest fragment beyond which a point is lost [pitches]."""
+
+_CLOSE = 0.05
+"""Square of the distance below which fragments count the same [pitches^2]."""
+
+_RADIUS = 2.5
+"""Distance along the surface from which fragments have no weight [pitches]."""
+
+# In a corner between two rows of fragments, a plane has weights of 2.5 in sum.
+_MAX_WEIGHTS = 4.0
+"""Largest sum of magnitudes of weights: how much a plane may amplify errors."""
+
+
+class SurfaceReading(NamedTuple):
+    """Temperatures at points as weighted means of those of fragments."""
+
+    fragment: Int[np.ndarray, "p k"]
+    """The nearest first."""
+    weight: Float[np.ndarray, "p k"]
+    """Weight of each [-]; the sum is 1."""
+    is_lost: Bool[np.ndarray, " p"]
+    """True where no fragment nearby faces as the point does."""
+    distance: Float[np.ndarray, " p"]
+    """To the nearest fragment, whichever way it faces [m]."""
+    height: Float[np.ndarray, " p"]
+    """Above the plane of that fragment [m]; negative inside."""
+
+    def at(
+        self, points: Bool[np.ndarray, " p"] | Int[np.ndarray, " q"]
+    ) -> "SurfaceReading":
+        """Return the reading of some of the points."""
+        return SurfaceReading(*(column[points] for column in self))
+
+    def read(
+        self, temperature: Float[Array | np.ndarray, "t s"]
+    ) -> Float[Array | np.ndarray, "t p"]:
+        """Return the temperatures at the points [K]; at lost ones of no meaning."""
+        # Differences to the nearest: weights of a sum would lose digits in float32.
+        first = temperature[:, self.fragment[:, 0]]
+        excess = temperature[:, self.fragment] - first[:, :, None]
+        weight = self.weight.astype(temperature.dtype)
+        return first + (excess * weight[None]).sum(axis=2)
+
+
+def surface_reading(
+    geometry: BodyGeometry,
+    points: Float[np.ndarray, "p 3"],
+    normals: Float[np.ndarray, "p 3"] | None = None,
+) -> SurfaceReading:
+    """Find fragments and weights for points on a body's surface, in its own frame [m].
+
+    Without `normals`, a point faces as the nearest fragment does, and is lost if it is
+    not in the plane of that fragment.
+    """
+    position, pitch = geometry.fragment_position, geometry.pitch
+    distance, near = KDTree(position).query(points, k=_CANDIDATES)
+    # Where there are fewer fragments, the others are at infinity.
+    near = np.minimum(near, len(position) - 1)
+    directions = geometry.fragment_normal
+    above = ((points - position[near[:, 0]]) * directions[near[:, 0]]).sum(axis=1)
+    normal = directions[near[:, 0]] if normals is None else normals
+    offset = (position[near] - points[:, None]) / pitch
+    height = np.einsum("pki,pi->pk", offset, normal)
+    across = np.sqrt(np.maximum((distance / pitch) ** 2 - height**2, 0))
+    used = np.einsum("pki,pi->pk", directions[near], normal) > _SAME_SIDE
+    used &= np.isfinite(distance)
+    used &= np.abs(height) <= _MAX_HEIGHT + _MAX_RISE * across
+    # The nearest of those first, then the others, without weight.
+    order = np.argsort(~used, axis=1, kind="stable")[:, :_NEIGHBOURS]
+    own = np.take_along_axis(used, order, axis=1)
+    first = np.take_along_axis(distance, order, axis=1)[:, 0]
+    is_lost = ~own[:, 0] | (first > _REACH * pitch)
+    if normals is None:
+        is_lost |= np.abs(above) > _MAX_HEIGHT * pitch
+    offset = np.take_along_axis(offset, order[..., None], axis=1)
+    weight = _plane_weights(offset @ _tangents(normal), own)
+    fragment = np.take_along_axis(near, order, axis=1)
+    return SurfaceReading(fragment, weight, is_lost, distance[:, 0], above)
+
+
+def _tangents(normal: Float[np.ndarray, "p 3"]) -> Float[np.ndarray, "p 3 2"]:
+    """Two directions along the surface, in columns."""
+    # From the axis that is farthest from the normal: never parallel to it.
+    axis = np.eye(3)[np.abs(normal).argmin(axis=1)]
+    first = np.cross(normal, axis)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    return np.stack([first, np.cross(normal, first)], axis=2)
+
+
+def _plane_weights(
+    along: Float[np.ndarray, "p k 2"], used: Bool[np.ndarray, "p k"]
+) -> Float[np.ndarray, "p k"]:
+    """Weights of the value at 0 of the plane nearest to the values at `along`."""
+    # Nearly an interpolation: an average over neighbours would hide their scatter.
+    square = (along**2).sum(axis=2)
+    part = np.maximum(1 - square / _RADIUS**2, 0) / (square + _CLOSE)
+    part = np.where(used, part, 0)
+    # Of a lost point nothing is read, but its weights must be finite.
+    part[:, 0] = np.maximum(part[:, 0], 1e-9)
+    mean = part**2 / (part**2).sum(axis=1, keepdims=True)
+    centre = np.einsum("pk,pkj->pj", mean, along)
+    lever = part[:, :, None] * (along - centre[:, None])
+    # By the pseudo-inverse: no slope across fragments that lie in a row.
+    slope = np.linalg.pinv(lever, rcond=1e-3) * part[:, None]
+    weight = mean - np.einsum("pj,pjk->pk", centre, slope)
+    # Nearly in a row they would be a lever: their mean instead.
+    is_lever = np.abs(weight).sum(axis=1) > _MAX_WEIGHTS
+    return np.where(is_lever[:, None], mean, weight)

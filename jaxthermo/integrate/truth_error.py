@@ -1,0 +1,199 @@
+"""The error of a run against a finer one, at points of the mesh that both stand for."""
+
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from ..arrays import is_traced
+from ..errors import InputError
+from ..geometry.mesh import Mesh
+from ..geometry.sample import MeshSample, mesh_sample
+from ..scene.scene import SolvedSurface
+from .run.surface_reading import SurfaceReading, surface_reading
+from .surface_error import (
+    AnySolution,
+    at_least_of_largest,
+    later_temperatures,
+    root,
+    wider_precision,
+)
+
+
+# Ends of the range that a difference is compared with: a few points on thin parts,
+# which are much warmer or colder than all others, would make every error look small.
+_RANGE_QUANTILES = (0.005, 0.995)
+
+
+_PerTime = Float[Array | np.ndarray, " t"]
+_Number = Float[Array | np.ndarray, ""] | np.floating
+
+
+class TruthError(eqx.Module):
+    """Difference of a run from a reference on the mesh, at each saved time after 0."""
+
+    times: _PerTime
+    """[s]"""
+    rms_kelvin: _PerTime
+    """Root mean square over the points [K]."""
+    rms_percent: _PerTime
+    """The same over the reference's range [%]."""
+    p99_kelvin: _PerTime
+    """Difference that 99 % of the points do not exceed [K]."""
+    bias_kelvin: _PerTime
+    """Mean difference [K]; positive if the run is too warm."""
+    lost_fraction: _PerTime
+    """Fraction of the reference's surface that the run's voxels do not have [-]: left
+    out of the differences."""
+    reference_lost_fraction: _Number
+    """Fraction of the mesh that the reference's own voxels do not have [-]."""
+
+    @property
+    def worst_rms_kelvin(self) -> _Number:
+        """Largest `rms_kelvin` of the saved times [K]."""
+        return self.rms_kelvin.max()
+
+    @property
+    def worst_rms_percent(self) -> _Number:
+        """Largest `rms_percent` of the saved times: the error of the run [%]."""
+        return self.rms_percent.max()
+
+    @property
+    def worst_p99_kelvin(self) -> _Number:
+        """Largest `p99_kelvin` of the saved times [K]."""
+        return self.p99_kelvin.max()
+
+    @property
+    def worst_bias_kelvin(self) -> _Number:
+        """The `bias_kelvin` farthest from 0, with its sign [K]."""
+        return self.bias_kelvin[abs(self.bias_kelvin).argmax()]
+
+    @property
+    def worst_lost_fraction(self) -> _Number:
+        """Largest `lost_fraction` of the saved times [-]."""
+        return self.lost_fraction.max()
+
+
+def truth_error(
+    solution: AnySolution, reference: AnySolution, count: int = 10_000, seed: int = 0
+) -> TruthError:
+    """Compare a run's surface temperatures with those of a finer one of any voxels.
+
+    With T and T_ref read to second order at points spread evenly over the area of the
+    reference's meshes, at a saved time t > 0
+
+        rms(t) = sqrt(mean (T - T_ref)^2) [K],    percent = 100 rms(t) / range(t),
+
+    where range(t) is from the 0.5 to the 99.5 % quantile of T_ref over the points, or
+    5 % of the largest such range of the run where that is more. Bodies are compared in
+    their own frames, so that they may move. Differentiable in both temperatures.
+
+    Args:
+        solution: from `simulate` or `steady`, or read from a file. For the error of its
+            surface, with a surface map `at="surface"`, as is the default.
+        reference: of the same bodies, at least twice as fine: its own error is part of
+            every difference. The same save times.
+        count: number of points, on all bodies together.
+        seed: of the points.
+
+    Raises:
+        InputError: if they differ in the number of bodies or in times, no time is after
+            0, or they have no surface in common.
+
+    Example:
+        >>> import jaxthermo as jt
+        >>> steel = jt.Material(16.0, density=8000.0, specific_heat=500.0)
+        >>> sun = jt.Sun(direction=(-1.0, 0.0, -1.0), irradiance=1000.0)
+        >>> def solve(pitch):
+        ...     grid = jt.voxelize(jt.shapes.sphere(0.04), pitch)
+        ...     body = jt.Body(jt.FullVolume(grid), steel, temperature=300.0)
+        ...     return jt.simulate(jt.Scene((body,), (sun,)), 60.0, save_at=[60.0])
+        >>> error = jt.truth_error(solve(0.01), solve(0.005))
+        >>> bool(error.worst_rms_kelvin < 0.5), float(error.worst_lost_fraction)
+        (True, 0.0)
+    """
+    if len(solution.surfaces) != len(reference.surfaces):
+        raise InputError(
+            f"truth_error: {len(solution.surfaces)} bodies and the reference has "
+            f"{len(reference.surfaces)}: compare runs of the same scene"
+        )
+    samples = _samples(reference.surfaces, count, seed)
+    there = _reading(reference.surfaces, samples)
+    known = np.flatnonzero(~there.is_lost)
+    here = _reading(solution.surfaces, samples).at(known)
+    common = np.flatnonzero(~here.is_lost)
+    if not len(common):
+        raise InputError(
+            "truth_error: the solution and the reference have no surface in common: "
+            "compare runs of the same meshes, each in the frame of its body"
+        )
+    with wider_precision(solution, reference):
+        times, found, expected = later_temperatures(solution, reference, "truth_error")
+        # Without derivatives by numpy: nothing to compile for each number of points.
+        own = jnp if is_traced((found, expected)) else np
+        found, expected = own.asarray(found), own.asarray(expected)
+        at_points = here.at(common).read(found), there.at(known).read(expected)
+        fractions = here.is_lost.mean(), there.is_lost.mean()
+        return _error(own, own.asarray(times), *at_points, common, fractions)
+
+
+def _samples(
+    surfaces: tuple[SolvedSurface, ...], count: int, seed: int
+) -> list[MeshSample]:
+    """Points of each body in its own frame, evenly over the area of all."""
+    meshes = [surface.geometry for surface in surfaces]
+    first = np.cumsum([0, *(len(each.vertices) for each in meshes[:-1])])
+    last = np.cumsum([len(each.faces) for each in meshes])
+    faces = [each.faces + start for each, start in zip(meshes, first, strict=True)]
+    vertices = np.concatenate([each.vertices for each in meshes])
+    together = Mesh(vertices, np.concatenate(faces), name="the reference")
+    sample = mesh_sample(together, count, seed)
+    body = np.searchsorted(last, sample.face, side="right")
+    return [
+        MeshSample(*(column[body == index] for column in sample))
+        for index in range(len(meshes))
+    ]
+
+
+def _reading(
+    surfaces: tuple[SolvedSurface, ...], samples: list[MeshSample]
+) -> SurfaceReading:
+    """Reading of the points of all bodies from the fragments of all bodies."""
+    found, first = [], 0
+    for surface, sample in zip(surfaces, samples, strict=True):
+        own = surface_reading(surface.geometry, sample.position, sample.normal)
+        found.append(own._replace(fragment=own.fragment + first))
+        first += len(surface.geometry.fragment_area)
+    return SurfaceReading(
+        *(np.concatenate(column) for column in zip(*found, strict=True))
+    )
+
+
+def _error(
+    own: Any,
+    times: _PerTime,
+    found: Float[Array | np.ndarray, "t q"],
+    expected: Float[Array | np.ndarray, "t p"],
+    common: Int[np.ndarray, " q"],
+    lost: tuple[float, float],
+) -> TruthError:
+    low, high = own.quantile(
+        expected, own.asarray(_RANGE_QUANTILES, expected.dtype), axis=1
+    )
+    span = at_least_of_largest(high - low)
+    difference = found - expected[:, common]
+    rms = root((difference**2).mean(axis=1))
+    # A reference of one temperature has no range: any error is infinitely large then.
+    uniform = own.where(rms > 0, own.inf, own.zeros_like(rms))
+    percent = own.where(span > 0, 100 * rms / own.where(span > 0, span, 1), uniform)
+    return TruthError(
+        times=times,
+        rms_kelvin=rms,
+        rms_percent=percent,
+        p99_kelvin=own.quantile(abs(difference), 0.99, axis=1),
+        bias_kelvin=difference.mean(axis=1),
+        lost_fraction=own.full_like(rms, lost[0]),
+        reference_lost_fraction=own.asarray(lost[1], rms.dtype),
+    )
