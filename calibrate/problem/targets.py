@@ -21,6 +21,7 @@ from jaxthermo.image.render import draw
 from jaxthermo.image.view import View, compute_view
 from jaxthermo.integrate.run.parametric_run import ParametricSolution
 from jaxthermo.integrate.run.solution import reflected
+from jaxthermo.integrate.stepper import just_before
 from jaxthermo.integrate.surface_error import AnySolution, error_span
 from jaxthermo.scene.scene import Scene, SolvedSurface
 
@@ -210,8 +211,10 @@ def render_frames(
 
     def frame(surface: Float[Array, " s"], time: Float[Array, ""]) -> Any:
         radiation = solution.radiation.at(time)
-        back, _ = reflected(radiation, solution.surfaces, time, surface)
-        image = draw(view, solution.surfaces, scene.terms, surface, back, time)
+        # As in the picture of a solution, an event at a saved time comes after it.
+        before = just_before(time)
+        back, _ = reflected(radiation, solution.surfaces, before, surface)
+        image = draw(view, solution.surfaces, scene.terms, surface, back, before)
         is_temperature = quantity == "temperature"
         return image.apparent_temperature if is_temperature else image.radiance
 

@@ -17,6 +17,7 @@ from ..image.files import write_exr, write_png
 from ..image.render import Image, coarsen, draw
 from ..image.view import View, at_time, kept_view
 from ..integrate.run.solution_file import StoredSolution, load_solution
+from ..integrate.stepper import just_before
 from ..physics.term import AbstractTerm
 from ..report.numbers import count
 from ..scene.scene import SolvedSurface
@@ -63,7 +64,7 @@ class FrameCamera:
         here = at_time(self._surfaces, self._terms, float(time))
         saved = np.asarray(stored.surface_temperature)[index], stored.reflected[index]
         lit = stored.reflected_sources[index]
-        return draw(self._view(*here), *here, *saved, time, lit)
+        return draw(self._view(*here), *here, *saved, time, lit, just_before(time))
 
 
 def chosen_frames(

@@ -123,6 +123,7 @@ def draw(
     reflected: _Values,
     time: Float[Array, ""],
     lit: _Values | None = None,
+    load_time: Float[Array, ""] | None = None,
 ) -> Image:
     """Draw the frame of surfaces in a view.
 
@@ -134,11 +135,13 @@ def draw(
         reflected: radiation that they reflect [W/m^2], see `Solution.reflected`.
         time: of the frame [s].
         lit: part of `reflected` from sources [W/m^2], for a view with occlusion.
+        load_time: time of the values of sky, ground and sources [s]; `time` if None.
     """
+    load_time = time if load_time is None else load_time
     values = temperature, per_fragment(surfaces, "emissivity")
     received = (reflected,) if lit is None else (reflected, lit)
     # Derivatives need JAX, which otherwise would compile a program for every view.
-    xp: Any = jnp if is_traced((values, received, time, terms)) else np
+    xp: Any = jnp if is_traced((values, received, load_time, terms)) else np
     columns, radiation = (
         xp.stack([xp.asarray(each) for each in given], axis=1)
         for given in (values, received)
@@ -153,7 +156,7 @@ def draw(
         own = (1 - emissivity) * STEFAN_BOLTZMANN * surface**4
         back = direct + seen * (back - direct) + (1 - seen) * own
     radiance = _leaving_radiance(surface, emissivity, back)
-    behind = view.background.temperature(terms, time)
+    behind = view.background.temperature(terms, load_time)
     behind = xp.asarray(behind).reshape(-1)
     width, height = view.camera.size
 
@@ -176,7 +179,7 @@ def draw(
     for visible in view.background.sources:
         source = terms[visible.number]
         assert isinstance(source, AbstractSource)
-        strength = xp.asarray(value_at(source.strength, time))
+        strength = xp.asarray(value_at(source.strength, load_time))
         image = _with_source(image, visible, strength)
     return image
 
@@ -272,5 +275,6 @@ def render(
             reflected,
             jnp.asarray(solution.times[index]),
             None if occlusion is None else lit,
+            solution.load_time(index),
         )
         return coarsen(image, samples)

@@ -19,6 +19,11 @@ from .run.ledger import Ledger
 END_FRACTION, END_ROUNDINGS = 1e-6, 8
 
 
+def just_before(time: Float[Array, "*n"]) -> Float[Array, "*n"]:
+    """Times [s] at which loads are still those from before an event at `time`."""
+    return time - END_ROUNDINGS * jnp.finfo(time.dtype).eps * jnp.abs(time)
+
+
 class RunState(eqx.Module):
     """Everything that one step passes to the next."""
 

@@ -7,38 +7,8 @@ import pytest
 
 import jaxthermo as jt
 from jaxthermo.constants import STEFAN_BOLTZMANN as SIGMA
-from jaxthermo.image.render import draw
 from jaxthermo.image.view import compute_view
-from jaxthermo.physics.boundary import ImposedFlux
-from jaxthermo.scene.scene import per_fragment
-
-
-def metal(emissivity, absorptivity=None):
-    return jt.Material(
-        conductivity=400.0,
-        density=8000.0,
-        specific_heat=400.0,
-        emissivity=emissivity,
-        absorptivity=absorptivity,
-    )
-
-
-def block(size, kelvin, material, at=(0.0, 0.0, 0.0), pitch=0.01):
-    grid = jt.voxelize(jt.shapes.box(size), pitch)
-    pose = jt.Pose(translation=at)
-    return jt.Body(jt.FullVolume(grid), material, temperature=kelvin, pose=pose)
-
-
-def at_start(bodies, *terms):
-    return jt.simulate(jt.Scene(tuple(bodies), terms, dtype="float64"), 0.0)
-
-
-def radiosity(solution, index=-1):
-    """Radiation that leaves each fragment, as the renderer draws it [W/m^2]."""
-    kelvin = np.asarray(solution.surface_temperature)[index]
-    emissivity = np.asarray(per_fragment(solution.surfaces, "emissivity"))
-    reflected = np.asarray(solution.reflected(index))
-    return emissivity * SIGMA * kelvin**4 + reflected
+from tests.imaging import apparent, at_start, block, metal, on_body, radiosity
 
 
 def seen_radiosity(solution):
@@ -56,14 +26,6 @@ def irradiation(solution, index=-1):
         kelvin = jnp.asarray(solution.surface_temperature[index])
         found = solution.radiation.at(time).irradiation(jnp.asarray(time), kelvin)
     return [np.asarray(each) for each in found]
-
-
-def apparent(image):
-    return np.asarray(image.apparent_temperature)
-
-
-def on_body(image):
-    return np.asarray(image.object_id) >= 0
 
 
 def ball(kelvin, emissivity, pitch=0.0125):
@@ -262,17 +224,6 @@ def test_without_radiation_a_surface_shows_its_own_temperature():
     np.testing.assert_allclose(apparent(image)[~shown], 280.0, atol=1e-9)
 
 
-def test_a_surface_without_absorption_reflects_all():
-    """A perfect mirror and white paint take no heat, and show what reaches them."""
-    body = block((0.04, 0.04, 0.04), 300.0, metal(0.0, 0.0))
-    solution = at_start(
-        (body,), jt.Surroundings(250.0), jt.Sun((-1.0, 0.0, 0.0), 500.0)
-    )
-    normal = body.structure.grid.fragment_normal
-    expected = SIGMA * 250.0**4 + 500.0 * np.maximum(normal[:, 0], 0)
-    np.testing.assert_allclose(radiosity(solution), expected, rtol=1e-12)
-
-
 def test_what_a_surface_held_at_a_temperature_reflects():
     held = jt.FixedTemperature(320.0)
     body = block((0.04, 0.04, 0.04), 300.0, metal(0.4))
@@ -300,52 +251,6 @@ def test_occlusion_reaches_the_image():
     # A wall as long as it is wide: nearly the half strip (1 + cos) / 2 of 2D.
     near, far = (factor[inner & (away < 0.01)], factor[inner & (away > 0.07)])
     assert near.mean() < 0.7 < 0.85 < far.mean() <= 1.0
-
-
-def test_sources_are_seen_where_nothing_hides_them():
-    """A panel, a lamp and the sun beside a block, each with its own radiance."""
-    body = block((0.04, 0.04, 0.04), 300.0, metal(0.9))
-    panel = jt.AreaSource(
-        (0.0, 0.0, 0.1), (0.0, -1.0, 0.0), (0.08, 0.04), radiance=90.0
-    )
-    lamp = jt.PointSource((0.1, 0.0, 0.0), 0.02, min_distance=0.02)
-    behind = jt.PointSource((0.0, 0.2, 0.0), 0.02, min_distance=0.02)
-    sun = jt.Sun((0.3, -1.0, 0.0), jt.Until(800.0, 5.0))
-    terms = jt.Surroundings(250.0), panel, lamp, behind, sun
-    solution = at_start((body,), *terms)
-    front = jt.OrthographicCamera(
-        (0.0, -0.5, 0.0), (0.0, 0.0, 0.0), 0.3, width=60, height=60
-    )
-    image = jt.render(solution, front, 0)
-    radiance, depth = np.asarray(image.radiance), np.asarray(image.depth)
-    sky = SIGMA * 250.0**4 / np.pi
-    lit = np.abs(radiance / 90.0 - 1) < 1e-6
-    # Pixels of 5 mm: the panel has 16 x 8 of them, the lamp's disc pi 4^2.
-    assert lit.sum() == 16 * 8 and lit[6:14, 22:38].all()
-    np.testing.assert_allclose(depth[lit], 0.5, rtol=1e-6)
-    disc = np.abs(radiance / (0.02 / (np.pi * 0.02**2)) - 1) < 1e-5
-    assert disc.sum() == pytest.approx(np.pi * 16, abs=4) and disc[30, 50]
-    # The second lamp is behind the block, and the sun outside of parallel rays.
-    assert np.asarray(image.object_id)[30, 30] == 0
-    rest = ~lit & ~disc & (np.asarray(image.object_id) < 0)
-    np.testing.assert_allclose(radiance[rest], sky, rtol=1e-5)
-    # Past the block to the sun, 32 minutes of arc wide: its disc sends the irradiance.
-    at_sun = jt.Camera(
-        (0.074, -0.39, 0.0),
-        (-0.226, 0.61, 0.0),
-        field_of_view=0.2,
-        width=200,
-        height=200,
-    )
-    view = compute_view(solution.surfaces, terms, at_sun)
-    state = solution.surface_temperature[0], solution.reflected(0)
-    given = view, solution.surfaces, terms, *state
-    seen = np.asarray(draw(*given, jnp.zeros(())).radiance)
-    pixel = (np.tan(0.1) / 100) ** 2
-    sends = (seen[seen > 1e5] * pixel).sum()
-    assert sends == pytest.approx(800.0, rel=0.05)
-    # It sets at 5 s.
-    assert np.asarray(draw(*given, jnp.asarray(6.0)).radiance).max() < 1e3
 
 
 @pytest.mark.slow
@@ -376,28 +281,3 @@ def test_pixels_have_gradients_through_the_exchange():
         slope = (run(start + move) - run(start - move)) / (2 * step[k])
         assert abs(float(slope)) > 1e-3
         assert float(found[k]) == pytest.approx(float(slope), rel=1e-5)
-
-
-class Glow(jt.AbstractRadiativeTerm):
-    """A user's own radiation: of the upper half of a room, evenly."""
-
-    name = "glow"
-    absorbed_by = "absorptivity"
-    irradiance: float
-
-    def irradiation(self, surface):
-        normal = np.concatenate([body.normal for body in surface.bodies])
-        law = ImposedFlux(jnp.asarray(self.irradiance, surface.dtype))
-        return (jt.Irradiation((1 + normal[:, 2]) / 2, law),)
-
-
-def test_a_radiation_of_the_user_heats_and_is_seen():
-    body = block((0.04, 0.04, 0.04), 300.0, metal(1.0, 0.3))
-    scene = jt.Scene((body,), (Glow(600.0),), dtype="float64")
-    dt = 0.1
-    solution = jt.simulate(scene, dt, solver=jt.ForwardEuler(dt=dt))
-    grid = body.structure.grid
-    lit = 600.0 * (1 + grid.fragment_normal[:, 2]) / 2
-    np.testing.assert_allclose(solution.reflected(-1), 0.7 * lit, rtol=1e-12)
-    heat = solution.energy.mechanisms["glow"][-1]
-    assert float(heat) == pytest.approx(dt * 0.3 * grid.fragment_area @ lit, rel=1e-12)

@@ -21,7 +21,7 @@ from ...network.network import inverse, precise_sum
 from ...scene.compile.program import Program, State
 from ..run.heat_rates import evaluate_rates, load_slopes, pair_conductance
 from ..run.ledger import into_bodies
-from ..stepper import END_FRACTION, END_ROUNDINGS, AbstractStepper, RunState
+from ..stepper import END_FRACTION, AbstractStepper, RunState, just_before
 from .jacobian import ImplicitContext
 from .newton_stage import SolverStatistics, solve_stage, zero_statistics
 
@@ -152,8 +152,7 @@ def _add_slopes(states: State, dt, weights, slopes) -> State:
 def _stage_time(start, dt, fraction) -> Float[Array, ""]:
     # The end of a step is just before whatever is switched there.
     end = start + dt
-    rounding = END_ROUNDINGS * jnp.finfo(end.dtype).eps * jnp.abs(end)
-    last = end - jnp.maximum(rounding, END_FRACTION * dt)
+    last = jnp.minimum(just_before(end), end - END_FRACTION * dt)
     return jnp.where(fraction < 1, start + dt * fraction, last)
 
 

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
+from typing_extensions import override
 
 from ...arrays import is_traced, precision
 from ...physics.radiation.irradiation import SceneRadiation, SurfaceRadiation
@@ -14,7 +15,7 @@ from ...physics.term import AbstractTerm
 from ...scene.compile.program import Program, Receipt
 from ...scene.scene import Probe, SolvedSurface, per_fragment
 from ..implicit.newton_stage import SolverStatistics
-from ..stepper import RunState
+from ..stepper import RunState, just_before
 from .heat_rates import pair_temperatures
 from .ledger import Energy, HeatRates, Ledger
 
@@ -109,6 +110,11 @@ class AbstractSolution(eqx.Module):
         start = sum(counts[:index])
         return self.surface_temperature[:, start : start + counts[index]]
 
+    def load_time(self, index: int) -> Float[Array, ""]:
+        """Return the time whose loads the surface shows at a saved time [s]."""
+        # What is switched at the saved time has not acted on the surface yet.
+        return just_before(jnp.asarray(self.times[index]))
+
     def reflected(self, index: int) -> Float[Array, " s"]:
         """Return the radiation that every fragment reflects at a saved time [W/m^2].
 
@@ -126,9 +132,9 @@ class AbstractSolution(eqx.Module):
     ) -> tuple[Float[Array, " s"], Float[Array, " s"]]:
         """Return `reflected` and `reflected_sources`, from one irradiation."""
         with precision(self.receipt.dtype):
-            time = jnp.asarray(self.times[index])
             temperature = jnp.asarray(self.surface_temperature[index])
             radiation = self.radiation.at(self.times[index])
+            time = self.load_time(index)
             return reflected(radiation, self.surfaces, time, temperature)
 
 
@@ -206,6 +212,10 @@ class SteadySolution(AbstractSolution):
     heat_transfer_coefficient: Float[Array, "1 s"] | None = None
     """h of every fragment, summed over all convection [W/(m^2 K)]; 0 at time 0. None
     unless in the scene's `surface_outputs`."""
+
+    @override
+    def load_time(self, index: int) -> Float[Array, ""]:
+        return jnp.asarray(self.times[index])
 
 
 def run_result(
