@@ -2,6 +2,8 @@
 
 import math
 import operator
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 
@@ -11,6 +13,15 @@ class InputError(ValueError):
     The command line prints the message and exits with status 2; any other exception is
     a defect of this package and keeps its traceback.
     """
+
+
+@contextmanager
+def located(where: str) -> Iterator[None]:
+    """Put a place in the scene, such as "terms[1]", before messages from within."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from error
 
 
 def require(

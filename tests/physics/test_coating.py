@@ -91,7 +91,7 @@ def test_its_gradient_is_that_of_a_finite_difference():
         (lambda: rates(jt.Coating([0.5, 0.6])), "2 values for a body of 94 fragments"),
         (
             lambda: rates(jt.Coating(0.5, on=TOP & ~TOP)),
-            r"Coating\(on=.* selects no surface of its body",
+            r"^bodies\[0\]: coatings\[0\]: Coating\(on=.* selects no surface",
         ),
     ],
 )

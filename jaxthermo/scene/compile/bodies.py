@@ -12,7 +12,7 @@ from jaxtyping import Array, Float, Int
 
 from ...arrays import Scalar, is_traced, require_memory
 from ...constants import STEFAN_BOLTZMANN
-from ...errors import InputError
+from ...errors import InputError, located
 from ...network.network import AbstractNetwork, Address
 from ...physics.conduction import (
     conductivity_parts,
@@ -131,8 +131,9 @@ def surface_property(body: Body, field: str, dtype: Any) -> Float[Values, "*s"]:
         value = getattr(material, field)
         xp: Any = jnp if is_traced(value) else np
         found = xp.asarray(value, dtype)
-    for coating in body.coatings:
-        found = coating.over(found, field, grid)
+    for number, coating in enumerate(body.coatings):
+        with located(f"coatings[{number}]"):
+            found = coating.over(found, field, grid)
     return found
 
 

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ...errors import InputError
+from ...errors import InputError, located
 from ...geometry.mesh import Pose
 from ...physics.contact.overlap import Overlap, find_overlaps
 from ...physics.contact.rays import PlacedGrid
@@ -140,6 +140,9 @@ def _body_surfaces(
     surfaces = []
     for index, (body, pose) in enumerate(zip(scene.bodies, poses, strict=True)):
         grid, exposed = body.structure.grid, 1 - covered[index]
+        with located(f"bodies[{index}]"):
+            emissivity = surface_property(body, "emissivity", dtype)
+            absorptivity = surface_property(body, "absorptivity", dtype)
         surfaces.append(
             BodySurface(
                 body=index,
@@ -151,8 +154,8 @@ def _body_surfaces(
                 exposed_fraction=exposed.astype(dtype),
                 natural=exposed > 0,
                 half_cell=prepared[index].half_cell * exposed.astype(dtype),
-                emissivity=surface_property(body, "emissivity", dtype),
-                absorptivity=surface_property(body, "absorptivity", dtype),
+                emissivity=emissivity,
+                absorptivity=absorptivity,
                 scene_triangles=shadow,
                 dtype=dtype,
                 enclosed=enclosed[index],
@@ -286,13 +289,18 @@ def _bind_terms(
     omitted: list[tuple[int, Omitted]] = []
     # A camera sees what reaches the surface even where none of it is absorbed.
     radiative = [(n, t) for n, t in acts if isinstance(t, AbstractRadiativeTerm)]
-    brought = {n: _irradiation(term, surface) for n, term in radiative}
+    named = lambda n: located(f"terms[{n}], {terms[n].name}")
+    brought: dict[int, tuple[Irradiation, ...]] = {}
+    for n, term in radiative:
+        with named(n):
+            brought[n] = _irradiation(term, surface)
     irradiation = [(t.absorbed_by, each) for n, t in radiative for each in brought[n]]
 
     def bound(number: int, term: AbstractSurfaceTerm, where: Surface):
-        if isinstance(term, AbstractRadiativeTerm):
-            return term.absorbed(_reached(term, where), brought[number])
-        return term.bind(_reached(term, where))
+        with named(number):
+            if isinstance(term, AbstractRadiativeTerm):
+                return term.absorbed(_reached(term, where), brought[number])
+            return term.bind(_reached(term, where))
 
     def bind(chosen, where: Surface) -> _NumberedBindings:
         found = [(n, each) for n, term in chosen for each in bound(n, term, where)]

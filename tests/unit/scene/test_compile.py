@@ -161,8 +161,13 @@ def test_no_surface_is_held_twice(structure):
 
 def test_a_selection_of_nothing_is_refused(structure):
     nowhere = jt.Region((5.0, 5.0, 5.0), (6.0, 6.0, 6.0))
-    with pytest.raises(jt.InputError, match="selects no surface of body 0"):
-        jt.compile_scene(_scene(structure, jt.HeatFlux(1.0, on=nowhere)))
+    terms = jt.HeatFlux(1.0), jt.HeatFlux(1.0, on=nowhere)
+    words = r"^terms\[1\], heat_flux: on=.* selects no surface of body 0"
+    with pytest.raises(jt.InputError, match=words):
+        jt.compile_scene(_scene(structure, *terms))
+    sun = jt.Sun((0.0, 0.0, -1.0), 500.0, on=nowhere)
+    with pytest.raises(jt.InputError, match=r"^terms\[0\], sun: on=.* selects no"):
+        jt.compile_scene(_scene(structure, sun))
 
 
 def test_the_receipt_counts(structure):
