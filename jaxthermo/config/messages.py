@@ -73,12 +73,6 @@ def explain(error: Mapping[str, Any]) -> str:
     return error["msg"]
 
 
-def location_of(error: Mapping[str, Any]) -> tuple[str | int, ...]:
-    """Location of an entry's mistake; an unknown member of a union is at its `kind`."""
-    beyond = ("kind",) if error["type"] == "union_tag_invalid" else ()
-    return (*error["loc"], *beyond)
-
-
 def _untagged(location: Iterable[str | int]) -> tuple[str | int, ...]:
     # Tags in brackets mark the member of a union; no config has a key like them.
     return tuple(part for part in location if not str(part).startswith("<"))

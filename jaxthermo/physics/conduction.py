@@ -42,7 +42,7 @@ from ..network.stencil import (
     UniformStencil,
     solid_degree,
 )
-from ..structures.build.assignment import nearest_volume
+from ..structures.build.assignment import volume_within
 from ..structures.build.links import link_axes, non_orthogonal_links
 from ..structures.kinds.full import FullVolume
 from ..structures.structure import AbstractStructure
@@ -322,7 +322,7 @@ def _weighted_capacity(
     factor = _by_level(weights.capacity, levels, nodes.level, "capacity", dtype)
     shifted, total = capacity * factor, precise_sum(capacity)
     if weights.uses_nearest_capacity:
-        nearest = nearest_volume(structure) / nodes.volume
+        nearest = _nearest_volume(structure) / nodes.volume
         exponent = jnp.asarray(weights.nearest_capacity, dtype)
         shifted = shifted * jnp.exp(exponent * jnp.asarray(np.log(nearest), dtype))
         # The nodes may have less capacity than the body; with weight 1 they have all.
@@ -369,3 +369,15 @@ def _stencil_arrays(solid, number, conductivity, heat, sizes) -> HeterogeneousSt
         face_conductance=(faces[0], faces[1], faces[2]),
         cell_capacity=jnp.where(solid, heat[number] * volume, 0),
     )
+
+
+# Smallest nearest volume relative to the node's own: an edge node with a tenth would
+# make the explicit step ten times as short.
+_MIN_NEAREST_FRACTION = 0.5
+
+
+def _nearest_volume(structure: AbstractStructure) -> Float[np.ndarray, " n"]:
+    """Volume of all solid voxels nearest to each node [m^3], for `nearest_capacity`."""
+    everything = np.ones(structure.grid.solid_count, bool)
+    minimum = _MIN_NEAREST_FRACTION * structure.nodes().volume
+    return np.maximum(volume_within(structure, everything), minimum)

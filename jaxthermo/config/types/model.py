@@ -5,7 +5,7 @@ is simulated, so that a new kind needs its class and one model that names it.
 """
 
 import operator
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias, get_args
 
@@ -21,7 +21,7 @@ from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError, cor
 
 import jaxthermo
 
-from ..messages import MISTAKE, close_match, explain, location_of, quoted
+from ..messages import MISTAKE, close_match, explain, quoted
 
 
 Location: TypeAlias = tuple[str | int, ...]
@@ -116,7 +116,7 @@ class Model(BaseModel):
             model = handler(known)
         except ValidationError as error:
             entries = error.errors(include_url=False)
-            found += [(location_of(entry), explain(entry)) for entry in entries]
+            found += [(_location_of(entry), explain(entry)) for entry in entries]
         if model is not None:
             found += model.mistakes()
         if model is None or found:
@@ -277,3 +277,9 @@ class Short:
         if self.default is not None and isinstance(value, dict):
             return {self.key: self.default, **value}
         return value
+
+
+def _location_of(error: Mapping[str, Any]) -> tuple[str | int, ...]:
+    """Location of an entry's mistake; an unknown member of a union is at its `kind`."""
+    beyond = ("kind",) if error["type"] == "union_tag_invalid" else ()
+    return (*error["loc"], *beyond)

@@ -178,15 +178,3 @@ def volume_within(
     owner = voxel_owner(structure)[chosen]
     count = np.bincount(owner[owner >= 0], minlength=structure.node_count)
     return count * structure.grid.voxel_volume
-
-
-# Smallest nearest volume relative to the node's own: an edge node with a tenth would
-# make the explicit step ten times as short.
-_MIN_NEAREST_FRACTION = 0.5
-
-
-def nearest_volume(structure: AbstractStructure) -> Float[np.ndarray, " n"]:
-    """Volume of all solid voxels nearest to each node [m^3], for `nearest_capacity`."""
-    everything = np.ones(structure.grid.solid_count, bool)
-    minimum = _MIN_NEAREST_FRACTION * structure.nodes().volume
-    return np.maximum(volume_within(structure, everything), minimum)
