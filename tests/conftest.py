@@ -29,11 +29,13 @@ def _compilation_cache() -> Path:
 
 
 # Small programs that run once: most of the time goes into compiling them. Without
-# LLVM's optimization and MLIR's fusion emitters, that takes less than a third. The
+# LLVM's optimization and MLIR's fusion emitters, that takes less than a third; in one
+# piece rather than 32, a twentieth less again. The
 # long tests run as users do: `make slow` and .ci/run set XLA_FLAGS to nothing.
 os.environ.setdefault(
     "XLA_FLAGS",
-    "--xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false",
+    "--xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false "
+    "--xla_cpu_parallel_codegen_split_count=1",
 )
 # In the environment, so that the commands that tests start share it too.
 os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(_compilation_cache()))

@@ -140,7 +140,6 @@ def test_show_lists_the_shipped_cards_and_needs_a_folder_otherwise():
 
 
 @pytest.mark.slow
-@pytest.mark.slice
 def test_values_too_many_to_judge_are_told_as_one(fitted, tmp_path):
     folder, _ = fitted
     with pytest.MonkeyPatch.context() as patch:
@@ -158,7 +157,6 @@ def test_values_too_many_to_judge_are_told_as_one(fitted, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.slice
 def test_the_quick_one_of_the_readme(tmp_path):
     """In double precision, as all tests are."""
     config = ROOT / "configs" / "calibration" / "figurine-quick.yaml"

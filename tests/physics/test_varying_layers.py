@@ -137,7 +137,8 @@ def test_one_stable_step_keeps_all_temperatures_between_the_extremes(structure):
     assert (beyond > high + 1.0).any() or (beyond < low - 1.0).any()
 
 
-@pytest.mark.parametrize("by_axis", [pytest.param(False, marks=pytest.mark.slow), True])
+@pytest.mark.slow
+@pytest.mark.parametrize("by_axis", [False, True])
 def test_the_jacobian_is_the_derivative_of_the_rates(structure, by_axis):
     """A u d = -d(rates)/d(state) for all nodes, with c(T), materials and axes."""
     materials = (RISING, LATENT)
