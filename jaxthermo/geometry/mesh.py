@@ -1,7 +1,7 @@
 """Triangle mesh: geometry, connectivity, a report of its quality, and placement."""
 
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 import numpy as np
@@ -246,6 +246,26 @@ def is_closed(
     open_edge = edges.balance[edges.edge] != 0
     touched = np.bincount(np.repeat(labels, 3)[open_edge], minlength=parts)
     return touched == 0
+
+
+def tangents(
+    normal: Float[np.ndarray, "n 3"],
+) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
+    """Two unit vectors that are at right angles to each normal and to each other."""
+    # From the axis that is farthest from the normal: never parallel to it.
+    axis = np.eye(3)[np.abs(normal).argmin(axis=1)]
+    first = np.cross(normal, axis)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    return first, np.cross(normal, first)
+
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
+
+    AnyMesh = Mesh | Trimesh
+else:
+    # Checked by `as_mesh`, which says what to give instead.
+    AnyMesh = Any
 
 
 def as_mesh(given: Any, argument: str = "voxelize(mesh=)") -> Mesh:

@@ -1,6 +1,6 @@
 """`mesh_sample`: points spread evenly over the area of a mesh, with their normals."""
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import trimesh
@@ -8,14 +8,7 @@ from jaxtyping import Float, Int
 from trimesh.sample import sample_surface
 
 from ..errors import InputError, whole_number
-from .mesh import Mesh, Pose, as_mesh
-
-
-if TYPE_CHECKING:
-    _AnyMesh = Mesh | trimesh.Trimesh
-else:
-    # Checked by `as_mesh`, which says what to give instead.
-    _AnyMesh = Any
+from .mesh import AnyMesh, Pose, as_mesh
 
 
 class MeshSample(NamedTuple):
@@ -34,7 +27,7 @@ class MeshSample(NamedTuple):
         return MeshSample(position, normal, self.face)
 
 
-def mesh_sample(mesh: _AnyMesh, count: int = 10_000, seed: int = 0) -> MeshSample:
+def mesh_sample(mesh: AnyMesh, count: int = 10_000, seed: int = 0) -> MeshSample:
     """Random points on a mesh, with equal probability per area.
 
     A mean over the points is a mean over the area, with the relative uncertainty

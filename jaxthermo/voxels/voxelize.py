@@ -1,13 +1,13 @@
 """Voxelization: mesh to solid voxels and surface fragments, by depth layers."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ..arrays import Scalar, rank_in_group
 from ..errors import InputError, shortened
-from ..geometry.mesh import Mesh, as_mesh
+from ..geometry.mesh import AnyMesh, Mesh, as_mesh
 from ..geometry.repair import repair_mesh
 from .grid import LayerCounts, ThinParts, VoxelGrid
 from .lattice import (
@@ -25,16 +25,7 @@ from .surface import (
 )
 
 
-if TYPE_CHECKING:
-    from trimesh import Trimesh
-
-    _AnyMesh = Mesh | Trimesh
-else:
-    # Checked by `as_mesh`, which says what to give instead.
-    _AnyMesh = Any
-
-
-def voxelize(mesh: _AnyMesh, pitch: Scalar) -> VoxelGrid:
+def voxelize(mesh: AnyMesh, pitch: Scalar) -> VoxelGrid:
     """Compute the solid voxels and surface fragments of a mesh.
 
     Args:

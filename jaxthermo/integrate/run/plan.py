@@ -23,7 +23,7 @@ from ..solvers import (
     ErrorControl,
     select_solver,
 )
-from ..stepper import END_ROUNDINGS, AbstractStepper, RunState
+from ..stepper import AbstractStepper, RunState, just_before
 from .ledger import empty_ledger
 
 
@@ -273,9 +273,7 @@ def observation_time(plan: Plan, interval: Interval) -> float:
     interval still counts as it was.
     """
     before_end = (1 - plan.solver.load_fraction) * interval.dt
-    # In the run's own precision the time must differ from the end.
-    rounding = END_ROUNDINGS * float(jnp.finfo(plan.dtype).eps) * abs(interval.end)
-    return interval.end - max(before_end, rounding)
+    return min(interval.end - before_end, just_before(interval.end, plan.dtype))
 
 
 class StepTable(NamedTuple):

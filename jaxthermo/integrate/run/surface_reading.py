@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 from scipy.spatial import KDTree
 
+from ...geometry.mesh import tangents
 from ...scene.scene import BodyGeometry
 
 
@@ -108,18 +109,10 @@ def surface_reading(
     if normals is None:
         is_lost |= np.abs(above) > _MAX_HEIGHT * pitch
     offset = np.take_along_axis(offset, order[..., None], axis=1)
-    weight = _plane_weights(offset @ _tangents(normal), own)
+    along = offset @ np.stack(tangents(normal), axis=2)
+    weight = _plane_weights(along, own)
     fragment = np.take_along_axis(near, order, axis=1)
     return SurfaceReading(fragment, weight, is_lost, distance[:, 0], above)
-
-
-def _tangents(normal: Float[np.ndarray, "p 3"]) -> Float[np.ndarray, "p 3 2"]:
-    """Two directions along the surface, in columns."""
-    # From the axis that is farthest from the normal: never parallel to it.
-    axis = np.eye(3)[np.abs(normal).argmin(axis=1)]
-    first = np.cross(normal, axis)
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    return np.stack([first, np.cross(normal, first)], axis=2)
 
 
 def _plane_weights(

@@ -20,6 +20,7 @@ from jaxtyping import Float
 
 from ...arrays import require_memory
 from ...errors import InputError
+from ...geometry.mesh import tangents
 from ...raster.fragments import MIN_CAPACITY, depth_range, shared_capacities
 from ...raster.views import (
     OrthographicView,
@@ -41,13 +42,6 @@ _SAMPLE_RADIUS = 0.3
 _LIFT = 0.75
 
 
-def _tangents(normal: Float[np.ndarray, "s 3"]) -> tuple[np.ndarray, np.ndarray]:
-    helper = np.eye(3)[np.abs(normal).argmin(1)]
-    first = np.cross(normal, helper)
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    return first, np.cross(normal, first)
-
-
 def _check_map(view: OrthographicView | PerspectiveView) -> None:
     require_memory(view.width * view.height * 16, "a shadow map", "use a coarser pitch")
 
@@ -61,7 +55,7 @@ def _lit_samples(
 ) -> Float[np.ndarray, " s"]:
     """Fraction of the samples around lifted points with nothing in front of them."""
     lit = np.zeros(len(raised))
-    first, second = (t * _SAMPLE_RADIUS * pitch for t in _tangents(normal))
+    first, second = (t * _SAMPLE_RADIUS * pitch for t in tangents(normal))
     for offset in (first, -first, second, -second):
         sample = view.project(raised + offset)
         column = np.clip(sample[:, 0].astype(int), 0, view.width - 1)
