@@ -39,7 +39,7 @@ from .parameters import (
     value_at,
 )
 from .problem import Case, Problem
-from .reference import Log, full_volume_run, select_times
+from .reference import Log, full_volume_run
 from .targets import (
     AbstractTarget,
     FrameTarget,
@@ -219,7 +219,8 @@ class _TargetBuilder:
                     if name not in files:
                         text = "reference: files: there is none for the case"
                         raise InputError(f"{text} {name}")
-                    found = select_times(load_solution(files[name]), times, files[name])
+                    path = files[name]
+                    found = load_solution(path).at_times(times, path)
                     return self._surface(found)
                 case schema.SimulatedFrames() as reference:
                     return self._frames(reference, self._simulated(reference), None)

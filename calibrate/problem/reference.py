@@ -7,7 +7,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 
 import jaxthermo
@@ -51,9 +50,9 @@ def on_every_voxel(config: SceneConfig) -> SceneConfig:
     default = lambda model, key: {key: type(model).model_fields[key].default}
     bodies = (b.model_copy(update=default(b, "structure")) for b in config.bodies)
     changes: dict[str, Any] = {"bodies": tuple(bodies), "name": None}
-    # Name, camera, image and solver do not affect the reference and would only spoil
-    # its place in the cache.
-    for key in ("camera", "image", "solver"):
+    # Name, camera, image, solver and truth do not affect the reference and would only
+    # spoil its place in the cache.
+    for key in ("camera", "image", "solver", "truth"):
         changes |= default(config, key)
     return config.model_copy(update=changes)
 
@@ -84,23 +83,3 @@ def full_volume_run(config: SceneConfig, step: float, log: Log) -> StoredSolutio
         remove_leftovers(path.parent)
         save_solution(path, found)
     return StoredSolution(found.times, found.surface_temperature, found.surfaces)
-
-
-def select_times(
-    found: StoredSolution, times: tuple[float, ...], path: Path
-) -> StoredSolution:
-    """Reduce a user's reference from a file to the times that a case saves [s]."""
-    saved = np.asarray(found.times, float)
-    # Files may hold float32 times.
-    rows = [np.flatnonzero(np.isclose(saved, t, rtol=1e-5)) for t in times]
-    missing = [t for t, row in zip(times, rows, strict=True) if not len(row)]
-    if missing:
-        listed = ", ".join(f"{t:g}" for t in missing[:5])
-        raise InputError(
-            f"{path}: nothing is saved at {listed} s there: the case and its reference "
-            "need the same save times"
-        )
-    chosen = jnp.asarray([int(row[0]) for row in rows])
-    return StoredSolution(
-        jnp.asarray(times), found.surface_temperature[chosen], found.surfaces
-    )

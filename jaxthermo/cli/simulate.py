@@ -43,6 +43,7 @@ from .summary import (
     write_json,
     write_probes,
 )
+from .truth import Truth
 
 
 CONFIG = "config.yaml"
@@ -122,6 +123,7 @@ def _run_simulation(config: SceneConfig, out: Path) -> None:
         scene, todo, structures, warnings = _planned(console, config)
         with status(console, "finding what the camera sees"):
             camera = FrameCamera(config, todo.compiled.surfaces, scene.terms)
+            truth = Truth.read(config, out, todo.compiled.surfaces)
         setup = time.perf_counter() - clock
         # The camera and the scene are valid: from here on the folder is this run's, and
         # results of an earlier run must not be mistaken for its own.
@@ -138,6 +140,8 @@ def _run_simulation(config: SceneConfig, out: Path) -> None:
             write_probes(out / PROBES, solution)
         times |= {"setup_time_s": setup, "frames_time_s": 0.0}
         summary = summarize(config, scene, solution, times, structures, warnings)
+        error = None if truth is None else truth.summary(solution)
+        summary["truth_error"] = error
         # Also before the frames, which need most of the space: a full disk takes only
         # these, and `jaxthermo render` draws them later.
         write_json(out / "summary.json", summary)
@@ -149,6 +153,8 @@ def _run_simulation(config: SceneConfig, out: Path) -> None:
         write_json(out / "summary.json", summary)
     (out / CHECKPOINT).unlink(missing_ok=True)
     log_result(console, solution, times)
+    for line in [] if error is None else Truth.in_words(error):
+        print_line(console, line)
     shown = f"{count(frames, 'frame')} in {out / FRAMES}, summary.json beside them"
     print_line(console, shown)
 
@@ -196,8 +202,9 @@ def _run(
 
 
 def _checkpoint_key(config: SceneConfig) -> str:
-    # All that the simulation depends on: the camera may change meanwhile.
-    undrawn = {"camera": PinholeConfig(), "image": ImageConfig(), "name": None}
+    # All that the simulation depends on: camera and truth may change meanwhile.
+    undrawn: dict[str, Any] = {"camera": PinholeConfig(), "image": ImageConfig()}
+    undrawn |= {"name": None, "truth": None}
     return f"{config_hash(config.model_copy(update=undrawn))} {__version__}"
 
 

@@ -1,6 +1,7 @@
 """The error of a structure's surface temperatures against the full volume's."""
 
 import contextlib
+from collections.abc import Iterator
 
 import equinox as eqx
 import jax
@@ -19,7 +20,7 @@ from .run.solution_file import StoredSolution
 _MIN_SPAN_FRACTION = 0.05
 """Smallest span of a time over the largest span of the run."""
 
-_PerTime = Float[Array | np.ndarray, " t"]
+PerTime = Float[Array | np.ndarray, " t"]
 AnySolution = Solution | SteadySolution | StoredSolution
 
 
@@ -80,8 +81,7 @@ def surface_error(solution: AnySolution, reference: AnySolution) -> SurfaceError
             the reference's surface has one temperature at every time.
     """
     check_surfaces(solution.surfaces, reference.surfaces)
-    with wider_precision(solution, reference):
-        later = later_temperatures(solution, reference, "surface_error")
+    with later_temperatures(solution, reference, "surface_error") as later:
         times, found, expected = (jnp.asarray(each) for each in later)
         if not is_traced(expected) and not jnp.ptp(expected, axis=1).max() > 0:
             raise InputError(
@@ -122,52 +122,55 @@ def _error(
     )
 
 
-def error_span(reference: Float[Array, "t s"]) -> Float[Array, " t"]:
-    """Return the span that differences are divided by at each time [K]."""
-    spans = at_least_of_largest(reference.max(axis=1) - reference.min(axis=1))
+def error_span(
+    reference: Float[Array | np.ndarray, "t s"],
+    quantiles: tuple[float, float] = (0.0, 1.0),
+) -> PerTime:
+    """Return the span that differences are divided by at each time [K].
+
+    The range between two quantiles of the reference, by default of all of it, or 5 % of
+    the largest such range of the run if that is more; never 0.
+    """
+    own = np if isinstance(reference, np.ndarray) else jnp
+    if quantiles == (0.0, 1.0):
+        low, high = reference.min(axis=1), reference.max(axis=1)
+    else:
+        ends = own.asarray(quantiles, reference.dtype)
+        low, high = own.quantile(reference, ends, axis=1)
+    spans = own.maximum(high - low, _MIN_SPAN_FRACTION * (high - low).max())
     # A reference that is uniform at every time must not lead to NaN in a traced run.
-    return jnp.maximum(spans, jnp.finfo(spans.dtype).tiny)
+    return own.maximum(spans, own.finfo(spans.dtype).tiny)
 
 
-def root(square: _PerTime) -> _PerTime:
+def root(square: PerTime) -> PerTime:
     """Return square roots, with the slope 0 at 0 instead of an infinite one."""
     own = np if isinstance(square, np.ndarray) else jnp
     positive = square > 0
     return own.where(positive, own.sqrt(own.where(positive, square, 1)), 0)
 
 
-def at_least_of_largest(ranges: _PerTime) -> _PerTime:
-    """Return the range of each time, or 5 % of the run's largest if that is more."""
-    own = np if isinstance(ranges, np.ndarray) else jnp
-    return own.maximum(ranges, _MIN_SPAN_FRACTION * ranges.max())
-
-
-def wider_precision(
-    solution: AnySolution, reference: AnySolution
-) -> contextlib.AbstractContextManager:
-    """Context in which both solutions keep all their digits."""
-    wide = {str(s.surface_temperature.dtype) for s in (solution, reference)}
-    return precision("float64" if "float64" in wide else "float32")
-
-
+@contextlib.contextmanager
 def later_temperatures(
     solution: AnySolution, reference: AnySolution, caller: str
-) -> tuple[
-    _PerTime, Float[Array | np.ndarray, "t s"], Float[Array | np.ndarray, "t r"]
+) -> Iterator[
+    tuple[PerTime, Float[Array | np.ndarray, "t s"], Float[Array | np.ndarray, "t r"]]
 ]:
-    """Return the saved times after 0 and the surface temperatures of both runs [K].
+    """Give the saved times after 0 and the surface temperatures of both runs [K].
 
-    The one time of a steady state is that of its loads, and may be 0.
+    Within the context both keep all their digits. The one time of a steady state is
+    that of its loads, and may be 0.
 
     Raises:
         InputError: in the name of `caller`, for other times or none after 0.
     """
-    later = _later(solution, reference, caller)
-    expected = reference.surface_temperature[later]
-    found = solution.surface_temperature[later]
-    dtype = np.promote_types(expected.dtype, found.dtype)
-    times = reference.times[later]
-    return times, found.astype(dtype), expected.astype(dtype)
+    wide = {str(s.surface_temperature.dtype) for s in (solution, reference)}
+    with precision("float64" if "float64" in wide else "float32"):
+        later = _later(solution, reference, caller)
+        expected = reference.surface_temperature[later]
+        found = solution.surface_temperature[later]
+        dtype = np.promote_types(expected.dtype, found.dtype)
+        times = reference.times[later]
+        yield times, found.astype(dtype), expected.astype(dtype)
 
 
 def _later(

@@ -15,10 +15,10 @@ from ..scene.scene import SolvedSurface
 from .run.surface_reading import SurfaceReading, surface_reading
 from .surface_error import (
     AnySolution,
-    at_least_of_largest,
+    PerTime,
+    error_span,
     later_temperatures,
     root,
-    wider_precision,
 )
 
 
@@ -27,28 +27,36 @@ from .surface_error import (
 _RANGE_QUANTILES = (0.005, 0.995)
 
 
-_PerTime = Float[Array | np.ndarray, " t"]
+# Half, with room for rounding; with errors of second order its own is a quarter.
+_MAX_PITCH_RATIO = 0.501
+"""Largest pitch of a reference over that of what it judges [-]."""
+
+_COLUMNS = ("rms_kelvin", "rms_percent", "p99_kelvin", "bias_kelvin", "lost_fraction")
+
 _Number = Float[Array | np.ndarray, ""] | np.floating
 
 
 class TruthError(eqx.Module):
     """Difference of a run from a reference on the mesh, at each saved time after 0."""
 
-    times: _PerTime
+    times: PerTime
     """[s]"""
-    rms_kelvin: _PerTime
+    rms_kelvin: PerTime
     """Root mean square over the points [K]."""
-    rms_percent: _PerTime
+    rms_percent: PerTime
     """The same over the reference's range [%]."""
-    p99_kelvin: _PerTime
+    p99_kelvin: PerTime
     """Difference that 99 % of the points do not exceed [K]."""
-    bias_kelvin: _PerTime
+    bias_kelvin: PerTime
     """Mean difference [K]; positive if the run is too warm."""
-    lost_fraction: _PerTime
+    lost_fraction: PerTime
     """Fraction of the reference's surface that the run's voxels do not have [-]: left
     out of the differences."""
     reference_lost_fraction: _Number
     """Fraction of the mesh that the reference's own voxels do not have [-]."""
+    remarks: tuple[str, ...] = eqx.field(static=True, default=())
+    """Sentences on bodies whose reference is not independent of the run, or not twice
+    as fine."""
 
     @property
     def worst_rms_kelvin(self) -> _Number:
@@ -74,6 +82,17 @@ class TruthError(eqx.Module):
     def worst_lost_fraction(self) -> _Number:
         """Largest `lost_fraction` of the saved times [-]."""
         return self.lost_fraction.max()
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return all numbers as plain types for JSON; None for an infinite one."""
+        found: dict[str, Any] = {"times_s": np.asarray(self.times, float).tolist()}
+        for name in _COLUMNS:
+            values = np.asarray(getattr(self, name), float).tolist()
+            found[name] = [v if np.isfinite(v) else None for v in values]
+            worst = float(getattr(self, f"worst_{name}"))
+            found[f"worst_{name}"] = worst if np.isfinite(worst) else None
+        found["reference_lost_fraction"] = float(self.reference_lost_fraction)
+        return {**found, "remarks": list(self.remarks)}
 
 
 def truth_error(
@@ -119,6 +138,7 @@ def truth_error(
             f"truth_error: {len(solution.surfaces)} bodies and the reference has "
             f"{len(reference.surfaces)}: compare runs of the same scene"
         )
+    _check_meshes(solution.surfaces, reference.surfaces)
     samples = _samples(reference.surfaces, count, seed)
     there = _reading(reference.surfaces, samples)
     known = np.flatnonzero(~there.is_lost)
@@ -129,14 +149,59 @@ def truth_error(
             "truth_error: the solution and the reference have no surface in common: "
             "compare runs of the same meshes, each in the frame of its body"
         )
-    with wider_precision(solution, reference):
-        times, found, expected = later_temperatures(solution, reference, "truth_error")
+    with later_temperatures(solution, reference, "truth_error") as later:
+        times, found, expected = later
         # Without derivatives by numpy: nothing to compile for each number of points.
         own = jnp if is_traced((found, expected)) else np
         found, expected = own.asarray(found), own.asarray(expected)
         at_points = here.at(common).read(found), there.at(known).read(expected)
-        fractions = here.is_lost.mean(), there.is_lost.mean()
-        return _error(own, own.asarray(times), *at_points, common, fractions)
+        lost = here.is_lost.mean(), there.is_lost.mean()
+        remarks = _remarks(solution.surfaces, reference.surfaces)
+        given = own.asarray(times), *at_points, common
+        return _error(own, *given, lost, remarks)
+
+
+def _check_meshes(
+    judged: tuple[SolvedSurface, ...], reference: tuple[SolvedSurface, ...]
+) -> None:
+    """Refuse bodies of other sizes: part of their surfaces could agree by chance."""
+    for index, (a, b) in enumerate(zip(judged, reference, strict=True)):
+        ends = [
+            np.stack([each.vertices.min(axis=0), each.vertices.max(axis=0)])
+            for each in (a.geometry, b.geometry)
+        ]
+        off = float(abs(ends[0] - ends[1]).max())
+        # Meshes made of voxels end on their faces.
+        if off > max(a.geometry.pitch, b.geometry.pitch):
+            raise InputError(
+                f"truth_error: the mesh of body {index} ends up to {off:.3g} m away "
+                "from that of the reference: compare runs of the same meshes, each in "
+                "the frame of its body"
+            )
+
+
+def _remarks(
+    judged: tuple[SolvedSurface, ...], reference: tuple[SolvedSurface, ...]
+) -> tuple[str, ...]:
+    """Name the bodies whose reference is not as independent as an error needs it."""
+    found = []
+    pairs = zip(judged, reference, strict=True)
+    for index, (own, finer) in enumerate((a.geometry, b.geometry) for a, b in pairs):
+        positions = own.fragment_position, finer.fragment_position
+        if positions[0].shape == positions[1].shape and np.allclose(
+            *positions, rtol=0, atol=1e-3 * own.pitch
+        ):
+            found.append(
+                f"body {index} has the voxels of the reference: the error is that of "
+                "its structure alone"
+            )
+        elif finer.pitch > _MAX_PITCH_RATIO * own.pitch:
+            found.append(
+                f"the reference's voxels of body {index}, {finer.pitch * 1e3:.4g} mm, "
+                f"are not twice as fine as the run's, {own.pitch * 1e3:.4g} mm: a part "
+                "of the difference is the reference's own error"
+            )
+    return tuple(found)
 
 
 def _samples(
@@ -173,21 +238,20 @@ def _reading(
 
 def _error(
     own: Any,
-    times: _PerTime,
+    times: PerTime,
     found: Float[Array | np.ndarray, "t q"],
     expected: Float[Array | np.ndarray, "t p"],
     common: Int[np.ndarray, " q"],
     lost: tuple[float, float],
+    remarks: tuple[str, ...],
 ) -> TruthError:
-    low, high = own.quantile(
-        expected, own.asarray(_RANGE_QUANTILES, expected.dtype), axis=1
-    )
-    span = at_least_of_largest(high - low)
+    span = error_span(expected, _RANGE_QUANTILES)
     difference = found - expected[:, common]
     rms = root((difference**2).mean(axis=1))
     # A reference of one temperature has no range: any error is infinitely large then.
+    has_range = span > own.finfo(span.dtype).tiny
     uniform = own.where(rms > 0, own.inf, own.zeros_like(rms))
-    percent = own.where(span > 0, 100 * rms / own.where(span > 0, span, 1), uniform)
+    percent = own.where(has_range, 100 * rms / own.where(has_range, span, 1), uniform)
     return TruthError(
         times=times,
         rms_kelvin=rms,
@@ -196,4 +260,5 @@ def _error(
         bias_kelvin=difference.mean(axis=1),
         lost_fraction=own.full_like(rms, lost[0]),
         reference_lost_fraction=own.asarray(lost[1], rms.dtype),
+        remarks=remarks,
     )

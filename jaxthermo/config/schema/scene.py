@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar
 from pydantic import Field, ValidationError
 from typing_extensions import override
 
+from ..types.files import FoundPath
 from ..types.model import Location, Mistake, Model, build, field_parts, models_within
-from ..types.quantities import Flag, NotEmpty, Position, PositiveTime, Unit
+from ..types.quantities import Flag, NotEmpty, Position, PositiveTime, Unit, Whole
 from ..types.varying import not_increasing
 from .body import BodyConfig
 from .image import CameraConfig, ImageConfig, PinholeConfig
@@ -69,6 +70,18 @@ class TimeConfig(Model):
         return (*(self.save_every * (i + 1) for i in range(whole)), self.end)
 
 
+class TruthConfig(Model):
+    """Comparison of the run with a finer one of the same bodies."""
+
+    reference: FoundPath
+    """`solution.npz` of that run, with voxels at least twice as fine; it has to save
+    all times that this one saves."""
+    points: Annotated[Whole, Field(ge=100, le=10_000_000)] = 10_000
+    """Number of points on the meshes at which the temperatures are compared."""
+    seed: Annotated[Whole, Field(ge=0)] = 0
+    """Seed of the random points."""
+
+
 class SceneConfig(Model, builds="Scene"):
     """A scene, its run and its images, in SI units."""
 
@@ -89,6 +102,8 @@ class SceneConfig(Model, builds="Scene"):
     time: TimeConfig
     solver: SolverConfig = AutoSolver()
     """Time integration; chosen from the scene if not given."""
+    truth: TruthConfig | None = None
+    """Finer run to compare with; the error is in `summary.json`."""
     camera: CameraConfig = PinholeConfig()
     """Camera; what is not given is chosen to show all bodies."""
     image: ImageConfig = ImageConfig()

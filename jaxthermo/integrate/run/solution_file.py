@@ -35,6 +35,26 @@ class StoredSolution(NamedTuple):
     reflected_sources: Float[np.ndarray, "t s"] | None = None
     """The part of it that comes from sources [W/m^2]."""
 
+    def at_times(self, times: tuple[float, ...], path: Path) -> "StoredSolution":
+        """Reduce a user's reference, read from `path`, to the times of a run [s].
+
+        Raises:
+            InputError: if one of them is not saved there.
+        """
+        saved = np.asarray(self.times, float)
+        # Files may hold float32 times.
+        rows = [np.flatnonzero(np.isclose(saved, t, rtol=1e-5)) for t in times]
+        missing = [t for t, row in zip(times, rows, strict=True) if not len(row)]
+        if missing:
+            listed = ", ".join(f"{t:g}" for t in missing[:5])
+            raise InputError(
+                f"{path}: nothing is saved at {listed} s there: the run and its "
+                "reference need the same save times"
+            )
+        chosen = jnp.asarray([int(row[0]) for row in rows])
+        surface = self.surface_temperature[chosen]
+        return StoredSolution(jnp.asarray(times), surface, self.surfaces)
+
 
 class _RunArrays(NamedTuple):
     # The schema of what the file stores once; the energies of mechanisms are beside it.

@@ -1,5 +1,6 @@
 """Reading between fragments and the error against a finer run, by closed forms."""
 
+import json
 from dataclasses import replace
 
 import jax
@@ -208,6 +209,28 @@ def test_several_bodies_count_by_area(box):
     assert float(error.worst_rms_kelvin) == pytest.approx(3 * share**0.5, rel=0.03)
 
 
+def test_remarks_name_a_reference_that_is_not_independent(spheres):
+    coarse, fine = (run(wavy, each) for each in spheres)
+    assert jt.truth_error(coarse, fine, 200).remarks == ()
+    (same,) = jt.truth_error(fine, fine, 200).remarks
+    assert "body 0 has the voxels of the reference" in same
+    (not_finer,) = jt.truth_error(fine, coarse, 200).remarks
+    assert "250 mm, are not twice as fine as the run's, 125 mm" in not_finer
+
+
+def test_plain_numbers_for_json(spheres, box):
+    error = jt.truth_error(run(wavy, spheres[0]), run(wavy, spheres[1]), 200)
+    plain = json.loads(json.dumps(error.as_dict(), allow_nan=False))
+    assert plain["times_s"] == [10.0]
+    for name in ("rms_kelvin", "rms_percent", "p99_kelvin", "bias_kelvin"):
+        assert (
+            plain[name] == [float(getattr(error, name)[0])] == [plain[f"worst_{name}"]]
+        )
+    even = lambda x, t=0.0: np.full(len(x), 300.0 + t)
+    off = jt.truth_error(run(lambda x, t: even(x) - t, box), run(even, box), 100)
+    assert off.as_dict()["worst_rms_percent"] is None
+
+
 @pytest.mark.slow
 def test_derivatives_reach_both_temperatures(spheres):
     reference, found = run(wavy, spheres[1]), run(linear, spheres[0])
@@ -243,6 +266,14 @@ def test_runs_that_cannot_be_compared(spheres, box):
     far = replace(spheres[0], fragment_position=spheres[0].fragment_position + 9.0)
     with pytest.raises(InputError, match="no surface in common"):
         jt.truth_error(run(wavy, far), one)
+    # Within a voxel the meshes may differ, where they are made of voxels.
+    for factor in (1.1, 1.5):
+        other = replace(spheres[0], vertices=factor * spheres[0].vertices)
+        if factor == 1.1:
+            assert jt.truth_error(run(wavy, other), one, 50).worst_rms_kelvin < 0.1
+        else:
+            with pytest.raises(InputError, match=r"body 0 ends up to 0\.5 m away"):
+                jt.truth_error(run(wavy, other), one, 50)
 
 
 @pytest.mark.slow
