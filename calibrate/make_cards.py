@@ -1,8 +1,8 @@
 """Fit cards of several structures on several bodies, made again by one command.
 
 A card's calibration is the YAML file of a body, with its scene and cases, and that of a
-structure, with its parameters. A card is up to date while both, and the geometry of the
-body, are those that it was made of.
+structure, with its parameters, or those in its `exceptions` for that body. A card is up
+to date while these, and the geometry of the body, are those that it was made of.
 """
 
 import json
@@ -55,22 +55,46 @@ def read_recipes(folder: Path, names: Sequence[str] = ()) -> list[_Recipe]:
         )
     found = {
         recipe.name: recipe
-        for body in bodies
-        for recipe in (_recipe(body, structure) for structure in structures)
+        for structure in structures
+        for recipe in _recipes_of(structure, bodies)
     }
     for name in names:
         if name not in found:
             raise InputError(f"there is no card '{name}'{close_match(name, found)}")
-    return [found[name] for name in names or found]
+    return [found[name] for name in names or sorted(found)]
 
 
-def _recipe(body: Path, structure: Path) -> _Recipe:
-    name = f"{body.stem}/{structure.stem}"
-    values = {"name": name, **read_yaml(structure, "it needs `parameters`")}
+def _recipes_of(structure: Path, bodies: Sequence[Path]) -> Iterator[_Recipe]:
+    values = read_yaml(structure, "it needs `parameters`")
+    where = f"{structure}: exceptions"
+    exceptions = _mapping(values.pop("exceptions", {}), where)
+    known = [body.stem for body in bodies]
+    for name in exceptions:
+        if name not in known:
+            missing = f"{where}: there is no body '{name}'"
+            raise InputError(missing + close_match(name, known))
+    for body in bodies:
+        name, own = f"{body.stem}/{structure.stem}", f"{where}: {body.stem}"
+        exception = _mapping(exceptions.get(body.stem, {}), own)
+        texts = (
+            *_overrides({"name": name} | values, str(structure)),
+            # Later ones win.
+            *_overrides(exception, own),
+        )
+        yield _Recipe(name, body, texts)
+
+
+def _overrides(values: dict[str, Any], where: str) -> Iterator[str]:
+    changes = _mapping(values.get("set", {}), f"{where}: set")
     # One by one, or they would replace those of the body.
-    changes = {f"set.{key}": v for key, v in values.pop("set", {}).items()}
-    texts = (f"{k}={json.dumps(v)}" for k, v in (changes | values).items())
-    return _Recipe(name, body, tuple(texts))
+    given = {f"set.{key}": value for key, value in changes.items()} | values
+    return (f"{k}={json.dumps(v)}" for k, v in given.items() if k != "set")
+
+
+def _mapping(value: Any, where: str) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise InputError(f"{where}: expected `key: value` lines")
+    return value
 
 
 def make_cards(

@@ -22,6 +22,12 @@ STRUCTURE = """
 set: {bodies.0.structure: {kind: aggregate, factor: 3}}
 parameters: [{name: weights.within}]
 """
+EXCEPTION = """
+exceptions:
+  globe:
+    set: {bodies.0.voxels_high: 7}
+    parameters: [{name: weights.surface, prior: {mean: 1, sd: 0.1}}]
+"""
 
 
 @pytest.fixture
@@ -74,6 +80,39 @@ def test_a_recipe_is_the_body_with_the_structure(folder):
     assert config.set["bodies.0.voxels_high"] == 6
     assert config.set["bodies.0.structure"] == {"kind": "aggregate", "factor": 3}
     assert [p.name for p in config.parameters] == ["weights.within"]
+
+
+def test_an_exception_is_for_one_body(folder, fitted):
+    """It replaces the parameters, and single values of `set`."""
+    path = folder / "structures/blocks.yaml"
+    made(folder)
+    path.write_text(STRUCTURE + EXCEPTION)
+    ball, globe = (recipe.load() for recipe in read_recipes(folder))
+    assert [p.name for p in ball.parameters] == ["weights.within"]
+    assert [p.name for p in globe.parameters] == ["weights.surface"]
+    prior = globe.parameters[0].prior
+    assert prior is not None and (prior.mean, prior.sd) == (1, 0.1)
+    same = {"bodies.0.structure": {"kind": "aggregate", "factor": 3}}
+    assert ball.set == {"bodies.0.voxels_high": 6} | same
+    assert globe.set == {"bodies.0.voxels_high": 7} | same
+    assert globe.name == "globe/blocks"
+    # The cards of the other bodies stay.
+    assert made(folder) == ["globe/blocks"]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("exceptions: {glob: {}}", "exceptions: there is no body 'glob'; did you mean"),
+        ("exceptions: [globe]", "blocks.yaml: exceptions: expected `key: value`"),
+        ("exceptions: {globe: 3}", "exceptions: globe: expected `key: value`"),
+        ("exceptions: {globe: {set: 3}}", "exceptions: globe: set: expected `key:"),
+    ],
+)
+def test_a_mistake_in_an_exception_is_told(folder, text, message):
+    (folder / "structures/blocks.yaml").write_text(STRUCTURE + text)
+    with pytest.raises(jt.InputError, match=message):
+        read_recipes(folder)
 
 
 def test_every_card_is_fitted_once(folder, fitted):

@@ -1,11 +1,13 @@
 """Cards that are part of the package: named in a scene, listed, and made as said."""
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import jaxthermo as jt
+from calibrate.analysis.fit_card import check_card
 from calibrate.config.loader import calibration_hash
 from calibrate.make_cards import read_recipes
 from calibrate.report.card_list import card_table
@@ -39,6 +41,10 @@ def test_a_card_is_a_fit_with_ranges_errors_and_its_origin(name):
     largest = lambda kind: max(train[kind], held_out[kind])
     assert 0 < largest("fitted") < largest("default")
     assert {"train", "held_out", "fitted", "nodes", "steps"} <= set(card.origin)
+    # The weights that were not fitted are those of the formula.
+    fitted, formula = card.origin["fitted"].split("; "), vars(jt.ConductionWeights())
+    changed = {k for k, v in vars(card.weights).items() if np.any(v != formula[k])}
+    assert changed and changed <= {name.removeprefix("weights.") for name in fitted}
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -48,6 +54,28 @@ def test_a_card_is_what_its_recipe_makes(name, monkeypatch):
     (recipe,) = read_recipes(RECIPES, [name])
     config = recipe.load()
     assert load_card(f"card://{name}").origin["config"] == calibration_hash(config)
+
+
+def test_every_recipe_has_a_card():
+    assert [recipe.name for recipe in read_recipes(RECIPES)] == NAMES
+    assert len(NAMES) == 16
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [n for n in NAMES if n.startswith("figurine/")])
+def test_a_run_of_the_case_held_out_has_the_error_that_the_card_says(name):
+    """The other bodies need files."""
+    (recipe,) = read_recipes(RECIPES, [name])
+    config = recipe.load()
+    changes = {**config.set, **config.held_out[0].set}
+    overrides = tuple(f"{key}={json.dumps(v)}" for key, v in changes.items())
+    found = check_card(f"card://{name}", config.scene, overrides, lambda stage: None)
+    assert not found["outside"]
+    expected = load_card(f"card://{name}").error_percent["held_out"]
+    for kind, percent in found["error_percent"].items():
+        # A fit's steps are a little shorter than those of `simulate`: 0.004 % of the
+        # range here, a tenth of the whole error of the octree.
+        assert percent == pytest.approx(expected[kind], rel=0.05, abs=0.01)
 
 
 def test_the_list_has_every_card():
