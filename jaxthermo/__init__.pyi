@@ -10,6 +10,10 @@ from .geometry.sample import MeshSample as MeshSample, mesh_sample as mesh_sampl
 from .image.camera import Camera as Camera, OrthographicCamera as OrthographicCamera
 from .image.files import write_exr as write_exr, write_png as write_png
 from .image.render import render as render
+from .integrate.discretization_error import (
+    DiscretizationError as DiscretizationError,
+    discretization_error as discretization_error,
+)
 from .integrate.run.probe import probe as probe
 from .integrate.run.simulate import simulate as simulate
 from .integrate.run.solution import (

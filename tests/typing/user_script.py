@@ -55,6 +55,8 @@ reference = jt.simulate(scene, 90.0, solver=jt.CrankNicolson())
 controlled = jt.simulate(scene, 90.0, solver=jt.ErrorControl(error=0.01))
 error: jt.SurfaceError = jt.surface_error(solution, reference)
 true: jt.TruthError = jt.truth_error(solution, reference, count=1000)
+estimated = jt.discretization_error(reference, solution, solution)
+bounded: jt.DiscretizationError = estimated
 sample: jt.MeshSample = jt.mesh_sample(mesh, count=100, seed=1)
 on_mesh = jt.probe(even, sample.position, normals=sample.normal)
 camera = jt.Camera((1.0, 0.2, 0.3), (0.0, 0.0, 0.1))
