@@ -7,7 +7,7 @@ determined weights may still run slower than the full volume, or be worse at lat
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
-from jaxthermo.report.numbers import significant
+from jaxthermo.report.numbers import padded
 
 
 Verdict = dict[str, Any]
@@ -79,8 +79,7 @@ def _error_words(rows: list[_TimeErrors], worse: list[_TimeErrors]) -> str:
     # The largest increases first.
     worst = sorted(worse, key=lambda row: row.before - row.after)[:_MAX_NAMED]
     named = ", ".join(
-        f"{row.case} at {row.time:g} s {significant(row.before)} to "
-        f"{significant(row.after)} %"
+        f"{row.case} at {row.time:g} s {padded(row.before)} to {padded(row.after)} %"
         for row in worst
     )
     more = ", ..." if len(worse) > len(worst) else ""

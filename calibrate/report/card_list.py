@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from jaxthermo.config.shipped_cards import SCHEME
-from jaxthermo.report.numbers import significant
+from jaxthermo.report.numbers import padded
 from jaxthermo.report.table import Cell, Table
 from jaxthermo.structures.structure import FitCard
 
@@ -85,7 +85,7 @@ def _error_words(card: FitCard, group: str) -> str:
     both = card.error_percent.get(group)
     if both is None:
         return _DASH
-    return " to ".join(significant(both[kind]) for kind in ("default", "fitted"))
+    return " to ".join(padded(both[kind]) for kind in ("default", "fitted"))
 
 
 def _range(card: FitCard, name: str) -> str:

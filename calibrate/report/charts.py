@@ -22,6 +22,8 @@ _MAX_BAR = 10.0
 """Length of an error bar at which it is cut off, over the range of the values."""
 _MAX_NUMBERED = 14
 """Parameters up to which correlations are written into their cells."""
+_UPRIGHT = "M0,-1L0,1"
+"""Path of a mark, which its legend shows as it is; a turned one it would not."""
 _COLOURS = {"default": "#868d99", "fitted": "#17358c"}
 _VERDICT_COLOURS = {
     "fine": "#1b7a4a",
@@ -107,13 +109,16 @@ def _value_chart(
         y=alt.Y("name:N", title=None, sort=None, axis=labels)
     )
     every = [r[k] for r in rows for k in ("low", "high", "start", "value")]
-    across = _value_axis(every, f"value [{unit}]" if unit else "value", logarithmic)
+    title = f"value [{unit}]" if unit else "value"
+    # A short logarithmic axis has the ticks of a linear one.
+    title += " (logarithmic)" * logarithmic
+    across = _value_axis(every, title, logarithmic)
     verdicts = {r["verdict"] for r in rows}
     shown = [name for name in _VERDICT_COLOURS if name in verdicts]
     paint = alt.Scale(domain=shown, range=[_VERDICT_COLOURS[name] for name in shown])
     colour = alt.Color("verdict:N", scale=paint, legend=legend("verdict"))
     # Marks of start and fitted value have a legend of their own, apart from colours.
-    marks = alt.Scale(domain=["start", "fitted"], range=["stroke", "circle"])
+    marks = alt.Scale(domain=["start", "fitted"], range=[_UPRIGHT, "circle"])
     shape = lambda field: alt.Shape(field, scale=marks, legend=legend(" "))
     bars = base.mark_rule(strokeWidth=2).encode(
         x=alt.X(**across("low")), x2="high:Q", color=colour
@@ -123,7 +128,7 @@ def _value_chart(
         description="text:N",
     )  # fmt: skip
     starts = base.mark_point(
-        size=2 * POINT_AREA, angle=90, stroke="#868d99", strokeWidth=2.5, opacity=1
+        size=2 * POINT_AREA, stroke="#868d99", strokeWidth=2.5, opacity=1
     ).encode(x=alt.X(**across("start")), shape=shape("as_start:N"))
     height = _ROW_HEIGHT * len(rows) + 10
     return alt.layer(bars, starts, dots).properties(width=_WIDTH, height=height)

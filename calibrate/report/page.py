@@ -8,7 +8,7 @@ import numpy as np
 from jaxthermo.errors import InputError
 from jaxthermo.report import page
 from jaxthermo.report.chart import Chart, chart_svg
-from jaxthermo.report.numbers import significant
+from jaxthermo.report.numbers import padded
 from jaxthermo.report.table import Table, prose
 from jaxthermo.scene.dimensionless_groups import scene_numbers
 
@@ -31,6 +31,7 @@ from .text_summary import (
     about_standard_errors,
     definition,
     error_title,
+    error_unit,
     experiment_table,
     is_frames,
     marked,
@@ -77,22 +78,23 @@ def _drawn(chart: Chart | None, otherwise: str) -> page.Section:
 
 
 def _errors(result: Result) -> _Sections:
+    unit = error_unit(result)
     # Frames may show radiances, whose errors are not in kelvin.
-    columns = ["case", "role", "default %", "fitted %"]
-    columns += [] if is_frames(result) else ["default K", "fitted K"]
+    columns = ["case", "role", f"default [{unit}]", f"fitted [{unit}]"]
+    columns += [] if is_frames(result) else ["default [K]", "fitted [K]"]
     rows: list[list[str]] = []
     charts: _Sections = []
     for group, both in result["errors"].items():
         for case in both["fitted"]:
             pair = [both[kind][case] for kind in ("default", "fitted")]
-            percent = [significant(e["worst_percent"]) for e in pair]
-            kelvin = [f"{max(e['rms_kelvin']):.3g}" for e in pair]
+            percent = [padded(e["worst_percent"]) for e in pair]
+            kelvin = [padded(max(e["rms_kelvin"])) for e in pair]
             rows.append([case, GROUPS[group], *percent, *kelvin][: len(columns)])
         title = f"Error over time of the cases {GROUPS[group]}"
         chart = error_chart(both, error_title(result))
         charts += [page.heading(title), _drawn(chart, "All errors are 0.")]
     every = page.details("Errors at every saved time", time_table(result))
-    return [page.heading("Errors"), Table(columns, rows), every, *charts]
+    return [page.heading("Errors"), Table(columns, rows, left=(0, 1)), every, *charts]
 
 
 def _pictures(calibration: Calibration, fit: Fit, result: Result) -> _Sections:
@@ -118,16 +120,19 @@ def _worst_case(
             views = range(min(len(case.target.views), _MAX_VIEWS))
             time = worst["fitted"]
             images = [frame_picture(case, solutions, time, n) for n in views]
-            moment = "when the fitted values are worst"
+            moment = "after the fit"
         else:
             camera = calibration.configs[name].camera
             times = sorted(set(worst.values()))
             images = [difference_picture(case, camera, solutions, times)]
-            moment = "when default and when fitted are worst"
+            moment = "before and after the fit"
     except InputError as error:
         # A camera that sees nothing must not cost the results of a long fit.
         return [page.paragraph(f"{label}: no picture: {error}", note=True)]
-    text = f"{label}, the case with the largest fitted error, {moment}."
+    text = (
+        f"{name}, the worst of the cases {GROUPS[group]}, at the saved time of its "
+        f"largest error {moment}."
+    )
     return [text, *(page.embedded(png, label) for png in images)]
 
 
@@ -188,7 +193,7 @@ def _experiments(result: Result) -> _Sections:
         "gain of the logarithm of the information's determinant. One nat shrinks the "
         "volume of the confidence region by e."
     )
-    return [page.heading("Which case to add"), text, experiment_table(result)]
+    return [page.heading("Which experiment to add"), text, experiment_table(result)]
 
 
 def _ranges(calibration: Calibration) -> _Sections:

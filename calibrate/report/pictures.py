@@ -81,7 +81,7 @@ def difference_picture(
             difference = frame(solution.surface_temperature, time)
             difference = difference - frame(target.reference, time)
             differences[f"{name}, {time_label(target.times[time])}"] = difference
-    words = "surface minus reference"
+    words = "surface temperature minus reference"
     return _png(_difference_sheet(differences, body_mask(view), words, "K", case.name))
 
 
@@ -146,7 +146,7 @@ def _difference_sheet(
     for name, difference in differences.items():
         picture = _close_up(scale.picture(difference, mask), mask)
         rms = float(np.sqrt((difference[mask] ** 2).mean()))
-        tiles.append(Tile(picture, name, f"RMS {rms:.2g} {unit}"))
+        tiles.append(Tile(picture, name, f"RMS of its pixels {rms:.2g} {unit}"))
     text = f"{words} [{unit}]; largest difference {sizes.max():.2g} {unit}"
     return sheet(tiles, difference_bar(scale, text), title)
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from jaxthermo.report.numbers import count, significant
+from jaxthermo.report.numbers import count, padded
 from jaxthermo.report.table import Cell, Table
 
 from ..analysis.verdict import time_errors
@@ -29,6 +29,10 @@ MEANING = {
 _IS_GOOD = {"fine": True, "dead": False, "flat": False, "not pinned": False}
 _MAX_NOISE_RATIO = 2.0
 """Error over the noise, beyond which standard errors from noise are too small."""
+_BEFORE_AND_AFTER = (
+    "Default, or before: with the values at the start; fitted, or after: with those "
+    "of the fit."
+)
 _DASH = "\N{EN DASH}"
 _ENDED = {
     "converged": "converged",
@@ -42,15 +46,20 @@ def is_frames(result: Result) -> bool:
     return "frames" in result["reference"]
 
 
+def error_unit(result: Result) -> str:
+    """Unit of an error."""
+    return "% of the noise" if is_frames(result) else "%"
+
+
 def error_title(result: Result) -> str:
     """Title of an error's axis."""
-    return "RMS error [% of the noise]" if is_frames(result) else "RMS error [%]"
+    return f"RMS error [{error_unit(result)}]"
 
 
 def _error_words(percent: float, result: Result) -> str:
     if is_frames(result):
-        return f"{significant(percent / 100)} times the noise"
-    return f"{significant(percent)} %"
+        return f"{padded(percent / 100)} times the noise"
+    return f"{padded(percent)} %"
 
 
 def definition(result: Result) -> str:
@@ -59,15 +68,13 @@ def definition(result: Result) -> str:
         return (
             "The error is the root mean square over all compared pixels of model minus "
             "data, over the noise of a pixel: 100 % is as good as the noise allows. A "
-            "case's error is its largest over the saved times. Default: with the "
-            "values at the start."
+            "case's error is its largest over the saved times. " + _BEFORE_AND_AFTER
         )
     return (
         "The error is the area-weighted root mean square over the surface of the "
         "difference from the reference, over the reference's range (max - min) at that "
         "time, or over 5 % of the run's largest range where that is more. A case's "
-        "error is its largest over the saved times. Default: with the values at the "
-        "start."
+        "error is its largest over the saved times. " + _BEFORE_AND_AFTER
     )
 
 
@@ -92,7 +99,8 @@ def about_standard_errors(result: Result) -> str:
 def summary(result: Result) -> list[str]:
     """Sentences on data, errors, course of the fit and speed."""
     errors = [
-        f"Error, {GROUPS[group]}: {_error_words(both['default'], result)} before, "
+        f"Largest error of the cases {GROUPS[group]}: "
+        f"{_error_words(both['default'], result)} before, "
         f"{_error_words(both['fitted'], result)} after ({_change(**both)})."
         for group, both in result["error_percent"].items()
     ]
@@ -101,16 +109,17 @@ def summary(result: Result) -> list[str]:
 
 
 def time_table(result: Result, title: str = "") -> Table:
-    """Errors at every saved time of every case, before and after."""
-    unit = "% of the noise" if is_frames(result) else "%"
-    columns = ["case", "role", "time [s]", f"before [{unit}]", f"after [{unit}]"]
+    """Errors at every saved time of every case, default and fitted."""
+    unit = error_unit(result)
+    columns = ["case", "role", "time [s]", f"default [{unit}]", f"fitted [{unit}]"]
     rows, last = [], None
     for row in time_errors(result["errors"]):
         # A case is named once.
         case = (row.case, GROUPS[row.group])
         named, last = ("", "") if case == last else case, case
-        before, after = significant(row.before), significant(row.after)
-        cell = Cell(f"{after}, more" if row.is_worse else after, not row.is_worse)
+        before, after = padded(row.before), padded(row.after)
+        words = f"{after}, more" if row.is_worse else after
+        cell = Cell(words, not row.is_worse, is_number=True)
         rows.append([*named, f"{row.time:g}", before, cell])
     return Table(columns, rows, title=title, left=(0, 1))
 
@@ -157,7 +166,7 @@ def _speed(result: Result) -> list[str]:
     runs = count(len(speed["run_time_s"]["fitted"]), "warm run")
     nodes, steps = speed["nodes"], speed["steps"]
     return [
-        f"It runs {speed['times_faster']:.3g} times as fast as the full volume "
+        f"A run is {speed['times_faster']:.3g} times as fast as the full volume's "
         f"({speed['min']:.3g} to {speed['max']:.3g} in {runs}; "
         f"{speed['default']['times_faster']:.3g} before the fit), "
         f"with {nodes['fitted']:,} nodes for {nodes['full_volume']:,} "
@@ -175,17 +184,22 @@ def parameter_table(
     rows = []
     for name, row in parameters.items():
         error, start, unit = row["standard_error"], row["initial"], row["unit"]
-        with_unit = lambda number, unit=unit: f"{number:.4g} {unit}".strip()
-        cells: list[str | Cell] = [_parameter_name(name, row), with_unit(start)]
+        name, start_words = _parameter_name(name, row), f"{start:.4g} {unit}".strip()
+        cells: list[str | Cell] = [name, start_words]
         if is_fitted:
-            ratio = f"{row['value'] / start:.3g}" if start else _DASH
-            cells += [with_unit(row["value"]), ratio]
+            ratio = padded(row["value"] / start) if start else _DASH
+            cells += [f"{_digits(row['value'], 4)} {unit}".strip(), ratio]
         # More digits of an error say nothing.
-        two_digits = f"{error:.2g}" if is_finite(error) else _DASH
+        two_digits = _digits(error, 2) if is_finite(error) else _DASH
         others = f" with {', '.join(row['with'])}" if row["with"] else ""
         cells += [two_digits, marked(row["verdict"], others)]
         rows.append(cells)
     return Table(columns, rows, title=title, left=(0, len(columns) - 1))
+
+
+def _digits(value: float, number: int) -> str:
+    # With zeros at the end, which say how well a fitted value is known.
+    return f"{value:#.{number}g}".removesuffix(".")
 
 
 def _parameter_name(name: str, row: Mapping[str, Any]) -> str:

@@ -7,6 +7,13 @@ def significant(value: float | int) -> str:
     return f"{value:,.0f}" if abs(value) >= 999.5 else f"{value:.3g}"
 
 
+def padded(value: float | int) -> str:
+    """The same with zeros at the end, for columns and pairs: "2.80" above "2.75"."""
+    if abs(value) >= 999.5:
+        return significant(value)
+    return f"{value:#.3g}".removesuffix(".")
+
+
 def seconds(value: float) -> str:
     """A duration [s] with its unit: "13 ms", "1.92 s", "1,085 s"."""
     if value >= 1:

@@ -16,7 +16,7 @@ _MAX_NAME_WIDTH = 40
 
 
 class Cell(NamedTuple):
-    """Text of a table cell that is more than a number."""
+    """Text of a table cell that is more than plain."""
 
     text: str
     met: bool | None = None
@@ -25,12 +25,15 @@ class Cell(NamedTuple):
     """Break long lines, as in prose; otherwise the cell stays on one line."""
     columns: int = 1
     """Columns that the cell spans."""
+    is_number: bool = False
+    """Align right on a page, below other numbers."""
 
     @property
     def html_class(self) -> str:
         """Classes of the page's style sheet."""
         mark = {True: " met", False: " missed", None: ""}[self.met]
-        return ("words" if self.wraps else "left") + mark
+        side = "" if self.is_number else "words" if self.wraps else "left"
+        return (side + mark).strip()
 
     @property
     def rich_text(self) -> Text:

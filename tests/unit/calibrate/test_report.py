@@ -284,7 +284,7 @@ def test_the_page_needs_nothing_but_itself(sphere, run_before, tmp_path):
     assert "Verdict: it pays &lt; c." in text
     assert "Errors at every saved time" in text
     assert count_pictures(text) == 2 and text.count("<svg") == 4
-    assert "Which case to add" not in text and "Correlations" not in text
+    assert "Which experiment to add" not in text and "Correlations" not in text
     assert "Biot number" in text and "0123" in text
 
 
@@ -303,7 +303,7 @@ def test_a_page_without_held_out_cases(sphere, run_before, tmp_path):
     text = (tmp_path / "report.html").read_text()
     assert count_pictures(text) == 1 and "held out" in text
     assert MEANING["dead"] in text and "determine 0 of 2 values" in text
-    assert "Which case to add" in text and "1.50" in text
+    assert "Which experiment to add" in text and "1.50" in text
     assert "Correlations" in text
 
 

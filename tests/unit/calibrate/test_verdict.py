@@ -31,7 +31,7 @@ def test_an_error_that_is_larger_at_one_time_is_told_with_its_time():
     for found in (LATE, BETTER | held_out):
         verdict = judge(found, FAST, is_of_weights=True)
         assert not verdict["pays"] and verdict["worse"] == 1
-        assert "+x at 60 s 1 to 1.5 %" in verdict["words"]
+        assert "+x at 60 s 1.00 to 1.50 %" in verdict["words"]
         assert "NOT pay" in verdict["words"] and "30 s" not in verdict["words"]
 
 
@@ -57,7 +57,7 @@ def test_the_table_has_every_time_and_marks_the_worse():
     result = {"errors": LATE | errors([3.0, 1.0], [1.0, 1.0], "held_out")}
     rows = time_table(result | {"reference": "full_volume"}).rows
     assert len(rows) == len(list(time_errors(result["errors"]))) == 4
-    assert list(rows[0][:4]) == ["+x", "fitted to", "30", "4"]
+    assert list(rows[0][:4]) == ["+x", "fitted to", "30", "4.00"]
     assert [row[0] for row in rows] == ["+x", "", "+x", ""]
     marks = [cell.met for row in rows if isinstance(cell := row[4], Cell)]
     assert marks == [True, False, True, True]

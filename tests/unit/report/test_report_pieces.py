@@ -13,7 +13,13 @@ from jaxthermo.report.difference_scale import (
     difference_bar,
     nice_limit,
 )
-from jaxthermo.report.numbers import count, seconds, seconds_with_range, with_range
+from jaxthermo.report.numbers import (
+    count,
+    padded,
+    seconds,
+    seconds_with_range,
+    with_range,
+)
 from jaxthermo.report.table import Cell, Table
 
 
@@ -95,8 +101,18 @@ def test_a_table_says_the_same_on_a_terminal_and_on_a_page():
     assert '<td class="left missed">missed [by 2]</td>' in html
 
 
+def test_a_coloured_number_stays_below_the_others():
+    rows = [["a", "1.50"], ["b", Cell("2.80", True, is_number=True)]]
+    html = Table(["name", "value"], rows).html()
+    assert "<td>1.50</td>" in html and '<td class="met">2.80</td>' in html
+    assert "<td>3</td>" in Table(["n"], [[Cell("3", is_number=True)]]).html()
+
+
 def test_numbers_have_three_digits_and_a_unit():
     assert seconds(0.0134) == "13.4 ms" and seconds(1084.6) == "1,085 s"
     assert seconds_with_range(0.013, 0.012, 0.015) == "13 (12-15) ms"
     assert with_range(8.1, 7.5, 9.0) == "8.1 (7.5-9)"
+    texts = [padded(v) for v in (2.8, 0.5, 12.0, 123.4)]
+    assert texts == ["2.80", "0.500", "12.0", "123"]
+    assert padded(0.0) == "0.00" and padded(999.6) == "1,000"
     assert count(1, "node") == "1 node" and count(12000, "node") == "12,000 nodes"
