@@ -18,6 +18,8 @@ from .errors import InputError
 
 
 _FORMAT, _VERSION, _CHECKSUM = "format", "format_version", "checksum"
+# In an `.npz` file; a record says its kind alone.
+_ARCHIVE = "jaxthermo {}"
 _SchemaT = TypeVar("_SchemaT", bound=tuple)
 
 
@@ -38,7 +40,7 @@ def write_archive(
         compress: False where speed counts more than size.
     """
     plain = {name: np.asarray(value) for name, value in arrays.items()}
-    plain |= {_FORMAT: np.array(f"jaxthermo {kind}"), _VERSION: np.array(version)}
+    plain |= {_FORMAT: np.array(_ARCHIVE.format(kind)), _VERSION: np.array(version)}
     plain[_CHECKSUM] = np.array(arrays_checksum(plain))
     save = np.savez_compressed if compress else np.savez
     with replacing(path) as temporary, open(temporary, "wb") as file:
@@ -70,7 +72,8 @@ def read_archive(
             f"{path}: not a {kind} of jaxthermo, or damaged "
             f"({type(error).__name__}); {remedy}"
         ) from error
-    return _checked(path, kind, version, remedy, arrays, arrays_checksum)
+    written = _ARCHIVE.format(kind)
+    return _checked(path, kind, version, remedy, arrays, arrays_checksum, written)
 
 
 def signed(kind: str, version: int, content: Mapping[str, Any]) -> dict[str, Any]:
@@ -103,7 +106,7 @@ def read_record(path: Path, kind: str, version: int, remedy: str) -> dict[str, A
         raise InputError(f"{path}: damaged ({reason}); {remedy}") from error
     if not isinstance(content, dict):
         raise InputError(f"{path}: not a {kind} of jaxthermo; {remedy}")
-    return _checked(path, kind, version, remedy, content, plain_checksum)
+    return _checked(path, kind, version, remedy, content, plain_checksum, kind)
 
 
 def _checked(
@@ -113,13 +116,14 @@ def _checked(
     remedy: str,
     stored: dict[str, Any],
     checksum: Callable[[dict[str, Any]], str],
+    written: str,
 ) -> dict[str, Any]:
     """Content of a file whose format, version and checksum are as they should be."""
     # Compared as text: a foreign file may store anything under these names.
     found = {key: str(stored.get(key)) for key in (_FORMAT, _VERSION, _CHECKSUM)}
     if _VERSION in stored and found[_VERSION] != str(version):
         refuse_version(path, kind, found[_VERSION], version, remedy)
-    if _VERSION not in stored or found[_FORMAT] not in (kind, f"jaxthermo {kind}"):
+    if _VERSION not in stored or found[_FORMAT] != written:
         raise InputError(f"{path}: not a {kind} of jaxthermo; {remedy}")
     if found[_CHECKSUM] != checksum({k: stored[k] for k in stored if k != _CHECKSUM}):
         raise InputError(
