@@ -60,7 +60,7 @@ def make_card(
     bodies = [calibration.configs[case.name].bodies[0] for case in problem.cases]
     return FitCard(
         name=config.name or "",
-        structure=bodies[0].structure.options,
+        structure=bodies[0].structure.options_of(first.scene.bodies[0].structure),
         weights=ConductionWeights(**arrays),
         parameters=others,
         ranges={

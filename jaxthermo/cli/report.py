@@ -57,12 +57,12 @@ def log_scene(
     )
 
 
-def log_receipt(console: Console, scene: Scene, todo: Plan) -> None:
+def log_receipt(console: Console, todo: Plan) -> None:
     """Print the whole receipt: mechanisms, the bodies and areas that they act on."""
     receipt = todo.compiled.receipt
     rows = [
-        ("conduction", f"body {index} ({type(body.structure).__name__})", "", "")
-        for index, body in enumerate(scene.bodies)
+        ("conduction", f"body {index} ({structure})", "", "")
+        for index, structure in enumerate(receipt.structures)
     ]
     for part in receipt.parts:
         where = " and ".join(f"body {index}" for index in part.bodies)
@@ -78,6 +78,10 @@ def log_receipt(console: Console, scene: Scene, todo: Plan) -> None:
 
 def _structure_lines(report: dict[str, Any]) -> list[str]:
     kind = re.sub(r"(?<!^)(?=[A-Z])", " ", report["kind"]).lower()
+    factor = report["options"].get("factor")
+    if factor is not None:
+        edge = factor * report["pitch_m"] * 1e3
+        kind += f" x{factor} (blocks of {edge:.4g} mm)"
     nodes, links = _count(report["nodes"], "node"), _count(report["links"], "link")
     size = readable_bytes(report["bytes_float32"]["total"])
     lines = [f"{kind}: {nodes}, {links}, {size}"]

@@ -68,7 +68,7 @@ def explain(config: Path, overrides: tuple[str, ...]) -> None:
     console = open_console()
     with precision(scene_config.dtype):
         planned = _planned(console, scene_config)
-        log_receipt(console, planned.scene, planned.todo)
+        log_receipt(console, planned.todo)
 
 
 class _Planned(NamedTuple):

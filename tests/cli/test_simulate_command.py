@@ -218,8 +218,9 @@ def test_the_terminal_and_the_summary_tell_the_structure(tmp_path, structure, to
 )
 def test_capacity_that_is_missing_or_too_much_is_told(ratio, share):
     report = {"kind": "ShellOverCore", "nodes": 2, "links": 1, "capacity_ratio": ratio}
+    report |= {"options": {"layers": 1, "factor": 4}, "pitch_m": 0.005}
     first, *rest = _structure_lines({**report, "bytes_float32": {"total": 2048}})
-    assert first == "shell over core: 2 nodes, 1 link, 2.0 KiB"
+    assert first == "shell over core x4 (blocks of 20 mm): 2 nodes, 1 link, 2.0 KiB"
     told = [f"the structure holds {share} of the body's heat capacity"]
     assert rest == (told if share else [])
 

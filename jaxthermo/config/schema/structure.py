@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import Discriminator, Field, Tag, model_validator
 from typing_extensions import override
 
 import jaxthermo
@@ -12,7 +12,7 @@ from ...errors import InputError
 from ..shipped_cards import card_name
 from ..types.files import CardPath, FoundPath, read_labels
 from ..types.model import ByKind, KindModel, Mistake, Model, Short
-from ..types.quantities import Auto, Flag, NotEmpty, Number, Whole
+from ..types.quantities import Auto, Flag, NotEmpty, Number, PositiveLength, Whole
 
 
 def _number_or_list(value: Any) -> str:
@@ -83,6 +83,11 @@ class _Structure(KindModel):
         """The kind and its options as plain values, without the weights."""
         return self.model_dump(mode="json", exclude={"weights"}, exclude_none=True)
 
+    def options_of(self, built: Any) -> dict[str, Any]:
+        """The options as they were chosen for the structure that was built."""
+        del built
+        return self.options
+
     def build(self, *args: Any) -> Any:
         # The weights of a card compensate the errors of one structure only.
         path = self.weights.card
@@ -133,12 +138,54 @@ class _Octree(_Structure, builds="Octree", kind="octree"):
     levels: Levels = None
 
 
-class _Aggregate(_Structure, builds="Aggregate", kind="aggregate"):
-    """Blocks of factor^3 voxels."""
+def _block_keys(data: Mapping[str, Any]) -> list[str]:
+    """Keys of an aggregate that are given of those that choose its factor."""
+    return [k for k in ("factor", "nodes", "size") if data.get(k) is not None]
 
-    factor: Count = 4
+
+class _Aggregate(_Structure, builds="Aggregate", kind="aggregate"):
+    """Blocks of factor^3 voxels; `nodes` or `size` may choose the factor."""
+
+    factor: Count | None = None
+    """Voxels along an edge of a block; 4 unless the nodes or the size are given."""
+    nodes: Annotated[Whole, Field(ge=1)] | None = None
+    """Largest number of nodes, instead of the factor: the smallest that keeps to it."""
+    size: PositiveLength | None = None
+    """Edge of a block [m], instead of the factor, rounded to whole voxels."""
     min_time_constant: Annotated[float, Field(ge=0, le=1)] = 0.45
     alignment: Annotated[float, Field(ge=0, le=1)] = 0.7
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_default(cls, data: Any) -> Any:
+        # The default is written out, as in fit cards.
+        if isinstance(data, dict) and not _block_keys(data):
+            return {**data, "factor": 4}
+        return data
+
+    @classmethod
+    @override
+    def raw_mistakes(cls, data: dict[str, Any]) -> list[Mistake]:
+        given = _block_keys(data)
+        if len(given) < 2:
+            return []
+        return [((given[-1],), "give `factor`, `nodes` or `size`, one of them")]
+
+    @override
+    def build(self, *args: Any) -> Any:
+        if self.nodes is None and self.size is None:
+            return super().build(*args)
+        # Weights of a card are compared with the factor.
+        chosen = self.target().factor_for(*args, nodes=self.nodes, size=self.size)
+        return self._with(chosen).build(*args)
+
+    @override
+    def options_of(self, built: Any) -> dict[str, Any]:
+        return self._with(built.factor).options
+
+    def _with(self, factor: int) -> Any:
+        # Instead of what chooses it.
+        return self.model_copy(update={"factor": factor, "nodes": None, "size": None})
 
 
 class _ShellOverCore(_Structure, builds="ShellOverCore", kind="shell_over_core"):

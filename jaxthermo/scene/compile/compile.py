@@ -20,6 +20,7 @@ from ...physics.radiation.irradiation import (
 )
 from ...physics.surface import Omitted
 from ...physics.term import AbstractExchangeTerm, AbstractSurfaceTerm
+from ...structures.structure import AbstractStructure
 from ...voxels.grid import VoxelGrid
 from ..motion import Motion
 from ..scene import AbstractMaterials, BodyGeometry, Scene, SolvedSurface
@@ -115,6 +116,7 @@ def compile_scene(
                 *_overlap_warnings(snapshots, starts),
                 *_cavity_warnings(scene, first),
             ),
+            structures=tuple(_described(s) for s in structures),
             nodes=sum(s.node_count for s in structures),
             links=sum(s.link_count for s in structures),
             fragments=sum(len(surface.area) for surface in surfaces),
@@ -126,6 +128,13 @@ def compile_scene(
             stable_step_s=float(limit) if finite else None,
         ),
     )
+
+
+def _described(structure: AbstractStructure) -> str:
+    # Blocks have a factor, which the number of nodes or a size may have chosen.
+    factor, count = getattr(structure, "factor", None), structure.node_count
+    kind = type(structure).__name__ + ("" if factor is None else f" x{factor}")
+    return f"{kind}, {count} node{'s' * (count != 1)}"
 
 
 def _snapshot_times(scene: Scene, end: float) -> tuple[float, ...]:

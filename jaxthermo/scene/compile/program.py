@@ -251,6 +251,8 @@ class Receipt:
     """Remarks on the validity of laws: ranges that were left, data that is not sure."""
     warnings: tuple[str, ...]
     """Likely mistakes: bodies that overlap."""
+    structures: tuple[str, ...]
+    """Kind and number of nodes of each body, such as "Aggregate x4, 512 nodes"."""
     nodes: int
     links: int
     fragments: int

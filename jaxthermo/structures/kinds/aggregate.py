@@ -1,21 +1,38 @@
 """Aggregates: blocks of voxels with their true volume and open faces."""
 
 from dataclasses import replace
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
-from ...errors import InputError, whole_number
+from ...errors import InputError, positive_length, whole_number
 from ...voxels.grid import VoxelGrid
-from ..build.blocks import block_parts, build_blocks, number_by_first_voxel
+from ..build.blocks import (
+    block_parts,
+    build_blocks,
+    count_blocks,
+    count_parts,
+    number_by_first_voxel,
+)
 from ..build.links import link_distance
 from ..cache import cached
-from ..structure import AbstractBuiltStructure, Built, ConductionWeights, as_weights
+from ..structure import (
+    AbstractBuiltStructure,
+    Built,
+    ConductionWeights,
+    as_weights,
+    check_grid,
+)
 
 
 # More than halves the number of steps at factor 4 and adds 0.05 % of error.
 _MIN_TIME_CONSTANT = 0.45
+
+# Thickness over the edge of a block below which a part is thin: parts of one voxel in
+# blocks of more than 8. At 32 such an end took a third of a bar's heat.
+_THIN = 1 / 8
 
 # Halved the error of a heated bust and reduced that of a statue and a bunny by a fifth,
 # at factors 2 to 4; between 0.5 and 0.8 it hardly matters.
@@ -46,6 +63,32 @@ class Aggregate(AbstractBuiltStructure):
     )
     built: Built = eqx.field(static=True, init=False)
 
+    @staticmethod
+    def factor_for(
+        grid: VoxelGrid, *, nodes: int | None = None, size: float | None = None
+    ) -> int:
+        """Factor by the number of nodes, or by the size of a block.
+
+        Args:
+            grid: of the body.
+            nodes: largest number of nodes; the smallest factor that keeps to it.
+            size: edge of a block [m], rounded to whole voxels.
+
+        Raises:
+            InputError: unless one of the two is given, or for a number of nodes below
+                that of the body's parts, or a size below the pitch.
+
+        Example:
+            >>> import jaxthermo as jt
+            >>> grid = jt.voxelize(jt.shapes.box((0.04, 0.04, 0.04)), pitch=0.005)
+            >>> jt.Aggregate.factor_for(grid, nodes=30)
+            3
+        """
+        check_grid(grid, "Aggregate.factor_for")
+        if (nodes is None) == (size is None):
+            raise InputError("Aggregate.factor_for: give nodes= or size=, one of them")
+        return _factor_of_size(grid, size) if nodes is None else _finest(grid, nodes)
+
     def __post_init__(self):
         self.factor = whole_number(self.factor, "Aggregate(factor=)")
         fractions = {
@@ -59,6 +102,33 @@ class Aggregate(AbstractBuiltStructure):
                 )
         options = {"factor": self.factor, **fractions}
         self.built = cached("aggregate", self.grid, options, _build)
+
+
+def _factor_of_size(grid: VoxelGrid, size: Any) -> int:
+    size = positive_length("Aggregate.factor_for(size=)", size)
+    # A block of a voxel may be a rounding error below the pitch.
+    if size < grid.pitch * (1 - 1e-6):
+        raise InputError(
+            f"Aggregate.factor_for(size={size:g}): a block has the edge of a voxel, "
+            f"{grid.pitch:g} m, at least: give more, or a finer pitch"
+        )
+    return round(size / grid.pitch)
+
+
+def _finest(grid: VoxelGrid, nodes: Any) -> int:
+    """Smallest factor with at most so many nodes."""
+    nodes, solid = whole_number(nodes, "Aggregate.factor_for(nodes=)"), grid.solid
+    # Whole blocks in a body without a surface would be the fewest.
+    first = int(np.cbrt(max(grid.solid_count - 1, 0) / nodes)) or 1
+    for factor in range(first, max(solid.shape) + 1):
+        # Blocks are counted much faster than their parts.
+        if count_blocks(solid, factor) <= nodes and count_parts(solid, factor) <= nodes:
+            return factor
+    least = count_parts(solid, max(solid.shape))
+    raise InputError(
+        f"Aggregate.factor_for(nodes={nodes}): the body has {least} parts that do not "
+        "touch, and each needs a node: give more"
+    )
 
 
 def _build(
@@ -75,11 +145,39 @@ def _build(
     number[order] = np.arange(len(order))
     built = build_blocks(grid, number[labels], np.zeros(len(order), np.int32))
     edge, corner = factor * grid.pitch, grid.lattice.origin
-    built = _align_nodes(built, block.T[order], corner, edge, alignment)
+    thin = _thin_parts(built, edge * grid.volume_ratio)
+    aligned = np.where(thin.is_thin, 0.0, alignment)
+    built = _align_nodes(built, block.T[order], corner, edge, aligned)
     # A whole block with six neighbours has V / sum A / L = (factor pitch)^2 / 6.
-    whole = (factor * grid.pitch) ** 2 / 6 * grid.volume_ratio
-    limit = min_time_constant * whole
-    return _limit_small_nodes(built, limit) if limit else built
+    minimum = min_time_constant * (edge**2 / 6 * grid.volume_ratio)
+    return _limit_small_nodes(_refill(built, thin, minimum), minimum)
+
+
+class _ThinParts(NamedTuple):
+    """Parts of blocks that are slices of a voxel or a few on one face of the block."""
+
+    is_thin: Bool[np.ndarray, " n"]
+    donor: Int[np.ndarray, " n"]
+    """Node of a whole block next to each of them, over its largest face."""
+
+
+def _thin_parts(built: Built, edge: float) -> _ThinParts:
+    """Find the parts whose volume over their largest face is far below an edge [m]."""
+    links, volume = built.links, built.nodes.volume
+    node = np.concatenate([links.src, links.dst])
+    other = np.concatenate([links.dst, links.src])
+    area = np.concatenate([links.area, links.area])
+    # Written in rising order, the largest area remains.
+    order = np.argsort(area, kind="stable")
+    neighbour, largest = np.arange(len(volume)), np.zeros(len(volume))
+    neighbour[node[order]] = other[order]
+    largest[node[order]] = area[order]
+    # A part is at least a voxel thick: up to a factor of 8 none is thin.
+    is_thin = volume < _THIN * (1 - 1e-9) * edge * largest
+    # Beyond an edge or a corner of a block the first neighbours are thin, too.
+    for _ in range(2):
+        neighbour = np.where(is_thin[neighbour], neighbour[neighbour], neighbour)
+    return _ThinParts(is_thin, neighbour)
 
 
 def _align_nodes(
@@ -87,7 +185,7 @@ def _align_nodes(
     block: Int[np.ndarray, "n 3"],
     corner: Float[np.ndarray, "3"],
     edge: float,
-    alignment: float,
+    alignment: Float[np.ndarray, " n"],
 ) -> Built:
     """Move nodes towards the middle of their block and adapt the links."""
     # The difference of two nodes gives the flux where the line between them is normal
@@ -101,7 +199,8 @@ def _align_nodes(
     linked[src, axis] = linked[dst, axis] = True
     # Without a neighbour along an axis, as across a thin sheet, a node stays.
     middle = corner + (block + 0.5) * edge
-    location = centre + alignment * np.where(linked, middle - centre, 0)
+    shift = np.where(linked, middle - centre, 0)
+    location = centre + alignment[:, None] * shift
     row = np.arange(len(src))
     face = corner[axis] + np.maximum(block[src], block[dst])[row, axis] * edge
     to_src, to_dst = (np.abs(face - location[end, axis]) for end in (src, dst))
@@ -112,6 +211,34 @@ def _align_nodes(
     return replace(built, nodes=built.nodes._replace(location=location), links=links)
 
 
+def _conductance(built: Built) -> Float[np.ndarray, " n"]:
+    """Sum of A / L over the links of each node [m]."""
+    links, count = built.links, len(built.nodes.volume)
+    conductance = links.area / (links.distance_src + links.distance_dst)
+    of_src = np.bincount(links.src, conductance, count)
+    # Without links both are whole numbers.
+    return 0.0 + of_src + np.bincount(links.dst, conductance, count)
+
+
+def _refill(built: Built, thin: _ThinParts, minimum: float) -> Built:
+    """Give thin parts with V / sum_j(A_j / L_j) below `minimum` volume of a neighbour.
+
+    The total stays, and no neighbour falls below the minimum itself.
+    """
+    # Longer links would shut the end of a bar that reaches a voxel into a block of 32.
+    # A thin part has nearly its neighbour's temperature: which has the heat is no
+    # matter.
+    volume = built.nodes.volume
+    spare = volume - minimum * _conductance(built)
+    wanted = np.where(thin.is_thin, np.maximum(-spare, 0), 0)
+    available = np.where(thin.is_thin, 0, np.maximum(spare, 0))
+    asked = np.bincount(thin.donor, wanted, len(volume))
+    met = np.minimum(1, available / np.where(asked > 0, asked, 1))
+    given = wanted * met[thin.donor]
+    volume = volume + given - np.bincount(thin.donor, given, len(volume))
+    return replace(built, nodes=built.nodes._replace(volume=volume))
+
+
 def _limit_small_nodes(built: Built, minimum: float) -> Built:
     """Lengthen the links of nodes with V / sum_j(A_j / L_j) below `minimum` [m^2]."""
     # The explicit step is limited by the smallest time constant C / sum_j G_j, for one
@@ -119,9 +246,7 @@ def _limit_small_nodes(built: Built, minimum: float) -> Built:
     # below a whole block's. They follow their neighbours anyway; with longer links they
     # follow a little later. Capacities and areas stay, so no heat is lost.
     links, volume = built.links, built.nodes.volume
-    conductance = links.area / (links.distance_src + links.distance_dst)
-    total = np.bincount(links.src, conductance, len(volume))
-    total += np.bincount(links.dst, conductance, len(volume))
+    total = _conductance(built)
     # Fraction of its conductance that a node keeps: 1 where it is large enough.
     kept = np.minimum(1.0, volume / np.maximum(total * minimum, volume))
     stretch = 1 / np.minimum(kept[links.src], kept[links.dst])

@@ -22,6 +22,7 @@ MODELS = sorted(
 )
 # Keys from which `build` makes arguments of other names.
 CONVERTED = {
+    "Aggregate": {"nodes", "size"},
     "BodyConfig": {
         *("mesh", "shape", "solid", "pitch", "voxels_high", "structure", "regions")
     },

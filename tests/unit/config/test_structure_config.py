@@ -35,7 +35,7 @@ TAKES = {
     "multi_level": {"levels", "hollow"},
     "irregular_multi_level": {"levels", "keep_capacity"},
     "octree": {"levels"},
-    "aggregate": {"factor", "min_time_constant", "alignment"},
+    "aggregate": {"factor", "nodes", "size", "min_time_constant", "alignment"},
     "shell_over_core": {"layers", "factor"},
     "partition": {"labels"},
 }
@@ -148,6 +148,13 @@ def test_the_key_of_another_kind_is_one_line_with_what_this_kind_takes(
         ("structure: {kind: octree, levels: 2.5}", "levels: expected a whole number"),
         ("structure: {kind: aggregate, factor: 0}", "factor: must be at least 1"),
         ("structure: {kind: aggregate, factor: 5000}", "factor: must be at most 4096"),
+        (
+            "structure: {kind: aggregate, factor: 4, size: 8 mm}",
+            "structure.size: give `factor`, `nodes` or `size`, one of them",
+        ),
+        ("structure: {kind: aggregate, nodes: 0}", "nodes: must be at least 1, got 0"),
+        ("structure: {kind: aggregate, size: 3 s}", "structure.size: .* a length"),
+        ("structure: {kind: aggregate, size: 0}", "size: must be more than 0"),
         ("structure: {weights: {within: 1e300}}", "within: must be at most 1e.09"),
         ("structure: {kind: shell_over_core, layers: 0}", "layers: must be at least 1"),
         ("structure: {kind: multi_level, hollow: full}", "hollow: 'full' is not known"),
@@ -294,6 +301,28 @@ def test_each_kind_is_built_as_the_config_says(body, more, make, default):
         surface=0.5, surface_distance=2.0, non_orthogonal=0.5
     )
     assert isinstance(built.surface_map, jt.ConstantMap)
+
+
+@pytest.mark.parametrize(
+    ("given", "factor"),
+    [("nodes: 64", 3), ("nodes: 63", 4), ("size: 3 cm", 3), ("size: 2.4 cm", 2)],
+)
+def test_nodes_or_a_size_choose_the_factor(body, given, factor):
+    config = body(f"structure: {{kind: aggregate, {given}}}")
+    assert config.structure.factor is None
+    structure = config.build().structure
+    assert structure.factor == factor
+    assert structure.node_count == (12 // factor) ** 3
+    # A card names the factor, and fits whatever chose it.
+    fixed = body(f"structure: {{kind: aggregate, factor: {factor}}}").structure
+    assert config.structure.options_of(structure) == fixed.options
+
+
+def test_a_block_of_less_than_a_voxel_is_refused(body):
+    config = body("structure: {kind: aggregate, size: 9 mm}")
+    with pytest.raises(InputError, match=r"size=0.009.*a voxel, 0.01 m") as caught:
+        config.build()
+    assert "\n" not in str(caught.value)
 
 
 def test_a_partition_has_a_node_for_each_label(tmp_path, body):

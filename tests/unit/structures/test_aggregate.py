@@ -6,7 +6,11 @@ from hypothesis import given, settings, strategies as st
 from voxel_volumes import ball, parts_of, solids
 
 from jaxthermo.errors import InputError
-from jaxthermo.structures.build.blocks import block_parts
+from jaxthermo.structures.build.blocks import (
+    block_parts,
+    count_blocks,
+    count_parts,
+)
 from jaxthermo.structures.kinds.aggregate import Aggregate
 from jaxthermo.structures.kinds.full import FullVolume
 from tests.bodies import blocks
@@ -106,6 +110,48 @@ def test_factor_one_is_the_full_volume():
 def test_a_block_larger_than_the_body_is_the_lumped_body():
     structure = Aggregate(blocks(ball(4.6)), 10**9)
     assert structure.node_count == 1 and structure.link_count == 0
+
+
+@settings(deadline=None, max_examples=15)
+@given(solids(7), st.integers(1, 60))
+def test_the_factor_for_a_number_of_nodes_is_the_smallest(solid, nodes):
+    grid = blocks(solid)
+    counts = {f: Aggregate(grid, f).node_count for f in range(1, 8)}
+    fitting = [f for f, count in counts.items() if count <= nodes]
+    if fitting:
+        assert Aggregate.factor_for(grid, nodes=nodes) == fitting[0]
+    else:
+        with pytest.raises(InputError, match=f"has {counts[7]} parts"):
+            Aggregate.factor_for(grid, nodes=nodes)
+
+
+@pytest.mark.parametrize(("size", "factor"), [(0.5, 1), (1.2, 2), (1.3, 3), (1e3, 2e3)])
+def test_the_factor_for_a_size_is_the_nearest(size, factor):
+    assert Aggregate.factor_for(blocks(ball(4.6), 0.5), size=size) == factor
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({}, "give nodes= or size="),
+        ({"nodes": 3, "size": 1.0}, "give nodes= or size="),
+        ({"nodes": 0}, r"nodes=0\): give a whole number of at least 1"),
+        ({"size": 0.4}, "size=0.4.*a voxel, 0.5 m"),
+        ({"size": np.inf}, r"factor_for\(size="),
+    ],
+)
+def test_what_gives_no_factor_is_refused(given, message):
+    with pytest.raises(InputError, match=message) as caught:
+        Aggregate.factor_for(blocks(ball(2.6), 0.5), **given)
+    assert "\n" not in str(caught.value)
+
+
+@settings(deadline=None, max_examples=15)
+@given(solids(7), st.integers(1, 9))
+def test_blocks_and_parts_are_counted(solid, factor):
+    cells = np.argwhere(solid)
+    assert count_blocks(solid, factor) == len(np.unique(cells // factor, axis=0))
+    assert count_parts(solid, factor) == Aggregate(blocks(solid), factor).node_count
 
 
 @pytest.mark.parametrize("factor", [0, -2])
