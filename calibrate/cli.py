@@ -21,6 +21,7 @@ from .make_cards import make_cards, read_recipes
 from .report.card_list import about_cards, card_table, card_words, range_table
 from .report.text_summary import (
     about_standard_errors,
+    definition,
     experiment_table,
     parameter_table,
     summary,
@@ -89,7 +90,8 @@ def _print_fit(console: Console, result: dict[str, Any]) -> None:
     title = f"{result['name']}: {result['ended']}"
     console.print(parameter_table(result["parameters"], title).rich())
     console.print(time_table(result, "error at every saved time").rich())
-    for text in (about_standard_errors(result), *summary(result)):
+    about = about_standard_errors(result)
+    for text in (about, *summary(result), definition(result)):
         print_line(console, text)
     if result["advice"]:
         console.print(experiment_table(result, _MAX_EXPERIMENTS).rich())

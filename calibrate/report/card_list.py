@@ -59,7 +59,7 @@ def about_cards(cards: Mapping[str, FitCard]) -> list[str]:
 
 def card_words(card: FitCard) -> str:
     """Errors of a card in words."""
-    groups = (("train", "fitted to"), ("held_out", "held out"))
+    groups = (("train", "error fitted to:"), ("held_out", "held out:"))
     return ", ".join(
         f"{words} {_error_words(card, group)} %"
         for group, words in groups

@@ -304,7 +304,7 @@ class ErrorControl(AbstractSolver):
         self, stable_step: float, t1: float | int, symmetric: bool, sampled: bool
     ) -> tuple[AbstractSolver, str]:
         """Return the solver and the steps of the first pass, with the reason."""
-        steps = f"{t1 / stable_step:.2g} stable steps of {stable_step:.3g} s"
+        steps = _stable_steps(stable_step, t1)
         if symmetric and t1 > MAX_RKL2_STEPS * stable_step:
             return TRBDF2(error=_FIRST_ERROR), steps
         # Two passes that both miss a pulse would agree.
@@ -315,6 +315,12 @@ class ErrorControl(AbstractSolver):
     def stepper(self, scene, compiled, max_dt, traced) -> AbstractStepper:
         # Of one pass: what is selected for a run goes by `first`.
         return SuperTimeStepping().stepper(scene, compiled, max_dt, traced)
+
+
+def _stable_steps(stable_step: float, t1: float | int) -> str:
+    # Two digits, but not as 1.5e+03.
+    number = float(f"{t1 / stable_step:.2g}")
+    return f"{number:,g} stable steps of {stable_step:.3g} s"
 
 
 def select_solver(
@@ -329,7 +335,7 @@ def select_solver(
         return ForwardEuler(), "the stable step is traced"
     if t1 <= MAX_EULER_STEPS * stable_step:
         return ForwardEuler(), f"at most {MAX_EULER_STEPS} stable steps"
-    steps = f"{t1 / stable_step:.2g} stable steps of {stable_step:.3g} s"
+    steps = _stable_steps(stable_step, t1)
     if not symmetric:
         return SuperTimeStepping(), f"{steps}, and conduction is not symmetric"
     if t1 <= MAX_RKL2_STEPS * stable_step:
