@@ -13,6 +13,7 @@ from ..image.ticks import time_label
 from ..integrate.implicit.adaptive import AdaptiveStepper
 from ..integrate.run.plan import Plan
 from ..integrate.run.solution import Solution
+from ..report.numbers import count
 from ..report.table import Table
 from ..scene.scene import Scene
 from .console import print_line
@@ -33,8 +34,8 @@ def log_scene(
         print_line(console, mesh_summary(grid.mesh))
         print_line(
             console,
-            f"  {grid.solid_count} solid voxels of {grid.pitch * 1e3:.4g} mm in "
-            f"{shape}, {len(grid.fragment_area)} surface fragments",
+            f"  {grid.solid_count:,} solid voxels of {grid.pitch * 1e3:.4g} mm in "
+            f"{shape}, {len(grid.fragment_area):,} surface fragments",
         )
         for line in _structure_lines(report):
             print_line(console, f"  {line}")
@@ -45,9 +46,9 @@ def log_scene(
     for note in receipt.notes:
         print_line(console, f"note: {note}")
     limit = "none" if todo.stable_step is None else f"{todo.stable_step:.4g} s"
-    steps = f"{todo.steps} steps"
+    steps = f"{todo.steps:,} steps"
     if isinstance(todo.stepper, AdaptiveStepper):
-        steps = f"steps that follow the error, to {todo.steps} event times"
+        steps = f"steps that follow the error, to {todo.steps:,} event times"
     elif todo.control is not None:
         steps += " or more, until the error in time holds"
     print_line(
@@ -71,8 +72,7 @@ def log_receipt(console: Console, todo: Plan) -> None:
         rows.append((part.mechanism, where, area, fraction))
     columns = ("mechanism", "on", "area", "of the surface")
     console.print(Table(columns, rows, left=(0, 1), framed=False).rich())
-    count = receipt.snapshots
-    snapshots = "one snapshot" if count == 1 else f"{count} snapshots"
+    snapshots = count(receipt.snapshots, "snapshot")
     print_line(console, f"geometry: {snapshots}; state in {receipt.dtype}")
 
 
@@ -82,7 +82,7 @@ def _structure_lines(report: dict[str, Any]) -> list[str]:
     if factor is not None:
         edge = factor * report["pitch_m"] * 1e3
         kind += f" x{factor} (blocks of {edge:.4g} mm)"
-    nodes, links = _count(report["nodes"], "node"), _count(report["links"], "link")
+    nodes, links = count(report["nodes"], "node"), count(report["links"], "link")
     size = readable_bytes(report["bytes_float32"]["total"])
     lines = [f"{kind}: {nodes}, {links}, {size}"]
     ratio = report["capacity_ratio"]
@@ -92,10 +92,6 @@ def _structure_lines(report: dict[str, Any]) -> list[str]:
         percent = f"{100 * ratio:.{decimals}f}"
         lines.append(f"the structure holds {percent} % of the body's heat capacity")
     return lines
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}{'s' * (number != 1)}"
 
 
 def log_result(console: Console, solution: Solution, times: dict[str, float]) -> None:
@@ -116,5 +112,5 @@ def log_result(console: Console, solution: Solution, times: dict[str, float]) ->
     )
     if solution.run.time_error is not None:
         # The last remark of the receipt, which was not known before the run.
-        steps = f"{solution.run.steps} steps"
+        steps = f"{solution.run.steps:,} steps"
         print_line(console, f"{steps}, {solution.receipt.notes[-1]}")

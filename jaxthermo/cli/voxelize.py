@@ -64,10 +64,10 @@ def _lines(facts: dict[str, Any]) -> list[str]:
     thin = facts["thin_parts"]["thinner_than_a_voxel"]
     lost = facts["thin_parts"]["lost_for_want_of_a_voxel"]
     lines = [
-        f"{facts['solid_voxels']} solid voxels of {facts['pitch_m'] * 1e3:.4g} mm in "
+        f"{facts['solid_voxels']:,} solid voxels of {facts['pitch_m'] * 1e3:.4g} mm in "
         f"{shape} ({100 * facts['solid_share_of_lattice']:.0f} %)",
-        f"{facts['surface_voxels']} surface voxels, {facts['surface_links']} links, "
-        f"{facts['fragments']} surface fragments",
+        f"{facts['surface_voxels']:,} surface voxels, "
+        f"{facts['surface_links']:,} links, {facts['fragments']:,} surface fragments",
         scaling,
         f"under one voxel thick: {thin['area_m2'] * 1e4:.4g} cm^2 of surface; "
         f"lost: {lost['area_m2'] * 1e4:.4g} cm^2",

@@ -179,14 +179,14 @@ def mesh_summary(mesh: Mesh) -> str:
         for kind, number in facts["repairs"].items()
     )
     return (
-        f"{facts['name']}: {facts['faces']} faces, {state}, area {facts['area']:.4g} "
+        f"{facts['name']}: {facts['faces']:,} faces, {state}, area {facts['area']:.4g} "
         f"m^2, {width:.4g} x {depth:.4g} x {height:.4g} m, {parts}; "
         f"repaired: {repairs or 'nothing'}"
     )
 
 
 def _count(number: int, singular: str, plural: str | None = None) -> str:
-    return f"{number} {singular if number == 1 else plural or singular + 's'}"
+    return f"{number:,} {singular if number == 1 else plural or singular + 's'}"
 
 
 @dataclass(frozen=True)

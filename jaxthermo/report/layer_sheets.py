@@ -30,10 +30,10 @@ _SHEET_RATIO = 1.6
 _WAYS = ("+x", "-x", "+y", "-y", "+z", "-z")
 # The packed layers hold surface fragments alone, and not where they were peeled.
 _TITLES = {
-    "depth": "Depth layers along {axis}, the first in front",
-    "normal": "Normals of the depth layers along {axis}",
-    "dominant": "Dominant axes of the depth layers along {axis}",
-    "packed": "Surface fragments along {axis}, each moved to the first free layer",
+    "depth": "depth layers along {axis}, the first in front",
+    "normal": "normals of the depth layers along {axis}",
+    "dominant": "dominant axes of the depth layers along {axis}",
+    "packed": "surface fragments along {axis}, each moved to the first free layer",
 }
 
 

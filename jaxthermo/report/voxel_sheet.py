@@ -96,9 +96,12 @@ def voxel_sheet(grid: VoxelGrid) -> Image.Image:
         tiles.append(Tile(_view(grid, faces, camera), name))
     thin = grid.thin
     marked = zip(_MEANINGS, _COLOURS, strict=True)
-    areas = f"{thin.thin_area * 1e4:.4g} cm^2, of which lost {thin.lost_area * 1e4:.4g}"
-    legend = Legend(tuple(marked), f"surface under one voxel thick: {areas} cm^2")
-    title = f"{grid.mesh.name}: {grid.solid_count} voxels of {grid.pitch * 1e3:.4g} mm"
+    unit = "cm\N{SUPERSCRIPT TWO}"
+    lost = f"of which lost {thin.lost_area * 1e4:.4g} {unit}"
+    areas = f"surface under one voxel thick: {thin.thin_area * 1e4:.4g} {unit}, {lost}"
+    legend = Legend(tuple(marked), areas)
+    voxels = f"{grid.solid_count:,} voxels of {grid.pitch * 1e3:.4g} mm"
+    title = f"{grid.mesh.name}: {voxels}"
     return sheet(tiles, legend, title)
 
 

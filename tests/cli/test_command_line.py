@@ -101,7 +101,7 @@ def test_voxelize_leaves_its_facts(command, tmp_path, monkeypatch):
     assert facts["pitch_m"] == pytest.approx(5e-4)
     assert facts["lattice_shape"] == [18, 18, 18]
     assert facts["solid_voxels"] * 5e-4**3 == pytest.approx(9e-3**3 / 6, rel=0.05)
-    assert f"{facts['solid_voxels']} solid voxels" in text
+    assert f"{facts['solid_voxels']:,} solid voxels" in text
     assert facts["ratios_applied"] is True
     assert (out / "voxels.png").stat().st_size > 0
     kinds = ("depth", "normal", "dominant", "packed")

@@ -198,7 +198,7 @@ def test_the_terminal_and_the_summary_tell_the_structure(tmp_path, structure, to
     assert report["links"] == found["links"] == expected.structure.link_count
     assert found["receipt"]["capacity_ratios"] == [report["capacity_ratio"]]
     lines = text.splitlines()
-    counts = f"{report['nodes']} nodes, {report['links']} links, "
+    counts = f"{report['nodes']:,} nodes, {report['links']:,} links, "
     assert counts in lines[2]
     assert lines[3 : 3 + len(told)] == [
         f"  the structure holds {share} of the body's heat capacity" for share in told
