@@ -26,6 +26,7 @@ from .report.text_summary import (
     parameter_table,
     summary,
     time_table,
+    truth_table,
 )
 from .run import ProgressLog, fit_config, identify_start, parameter_rows
 from .solvers.progress import StepRecord
@@ -90,6 +91,9 @@ def _print_fit(console: Console, result: dict[str, Any]) -> None:
     title = f"{result['name']}: {result['ended']}"
     console.print(parameter_table(result["parameters"], title).rich())
     console.print(time_table(result, "error at every saved time").rich())
+    title = "error against finer voxels at every saved time"
+    if (against := truth_table(result, title)) is not None:
+        console.print(against.rich())
     about = about_standard_errors(result)
     for text in (about, *summary(result), definition(result)):
         print_line(console, text)

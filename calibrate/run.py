@@ -21,6 +21,7 @@ from .analysis.experiment_design import rank_experiments
 from .analysis.fit_card import make_card
 from .analysis.identifiability import Identified, identify, residual_sd
 from .analysis.speedup import measure_speed
+from .analysis.truth import Truth
 from .analysis.verdict import judge
 from .config.fit_record import write_fit
 from .config.loader import calibration_hash, load_calibration, plain
@@ -77,6 +78,8 @@ def fit_config(
     config = load_calibration(path, overrides)
     with results_folder(out) as folder:
         calibration = build(config, log.stage)
+        # Before the fit: what cannot be run is said at once.
+        truth = Truth.prepare(config, log.stage)
         _discard_old_checkpoint(folder, config)
         log.stage("compiling")
         fitting, settings, start = (
@@ -96,7 +99,7 @@ def fit_config(
             log=lambda step, seconds: log.step(step, seconds, config.fit.max_steps),
             stop=stop,
         )
-        result = _conclude(config, calibration, fit, log, report)
+        result = _conclude(config, calibration, truth, fit, log, report)
         # The results are complete only with the config that made them.
         with replacing(folder / "config.yaml") as target:
             target.write_text(write_yaml(plain(config)), encoding="utf-8")
@@ -126,6 +129,7 @@ def _discard_old_checkpoint(folder: Path, config: CalibrationConfig) -> None:
 def _conclude(
     config: CalibrationConfig,
     calibration: Calibration,
+    truth: Truth | None,
     fit: Fit,
     log: ProgressLog,
     advise: bool,
@@ -153,7 +157,8 @@ def _conclude(
         scene = train.parameters.insert(case.scene, z)
     # The first case stands for all of them.
     speed = measure_speed(calibration.configs[case.name], case.scene, scene)
-    findings = identified, errors, advice, speed
+    against = None if truth is None else truth.judge(calibration, fit.z, log.stage)
+    findings = identified, errors, advice, speed, against
     return _fit_json(config, train.parameters, fit, *findings)
 
 
@@ -218,6 +223,7 @@ def _fit_json(
     errors: _Errors,
     advice: list[dict[str, Any]],
     speed: dict[str, Any],
+    truth: dict[str, Any] | None,
 ) -> dict[str, Any]:
     # Without a Jacobian there are too many values for a row each.
     start = np.asarray(parameters.flat_values(np.zeros_like(fit.z)), float)
@@ -231,7 +237,8 @@ def _fit_json(
         for group, both in errors.items()
     }
     names = (parameter.name.split(".") for parameter in parameters.parameters)
-    verdict = judge(by_case, speed, any("weights" in words for words in names))
+    is_of_weights = any("weights" in words for words in names)
+    verdict = judge(by_case, speed, is_of_weights, truth)
     return {
         "name": config.name,
         "verdict": verdict,
@@ -245,6 +252,7 @@ def _fit_json(
             for group, both in errors.items()
         },
         "errors": by_case,
+        "truth": truth,
         # Digits beyond these would only make the file longer.
         "correlation": np.round(identified.correlation, 6).tolist(),
         "singular_values": identified.singular_values.tolist(),

@@ -79,6 +79,39 @@ class _Verdict(TypedDict):
     words: str
     times: int
     worse: int
+    truth: NotRequired[dict[str, Any] | None]
+
+
+class _TruthCase(TypedDict):
+    default: dict[str, Any]
+    fitted: dict[str, Any]
+    reference: dict[str, Any]
+
+
+class _TruthGroups(TypedDict):
+    __pydantic_config__ = _FORBID  # type: ignore[misc]
+    train: dict[str, _TruthCase]
+    held_out: NotRequired[dict[str, _TruthCase]]
+
+
+class _Cost(TypedDict):
+    case: str
+    pitch_m: list[float]
+    nodes: int
+    steps: int
+    memory_bytes: int
+    run_time_s: float
+    cached: bool
+
+
+class _Truth(TypedDict):
+    """Errors against finer voxels."""
+
+    refinement: float
+    structure: str
+    points: int
+    cases: _TruthGroups
+    cost: list[_Cost]
 
 
 class _Result(TypedDict):
@@ -91,6 +124,7 @@ class _Result(TypedDict):
     ended: str
     error_percent: _ErrorGroups
     errors: _CaseGroups
+    truth: NotRequired[_Truth | None]
     advice: list[_Advice]
     speedup: dict[str, Any]
     steps: list[dict[str, Any]]

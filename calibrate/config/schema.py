@@ -7,6 +7,7 @@ from pydantic import BeforeValidator, Field
 
 from jaxthermo.config.schema.image import CameraConfig
 from jaxthermo.config.schema.scene import unit_of as unit_in_scene
+from jaxthermo.config.schema.structure import FullVolume, StructureConfig
 from jaxthermo.config.types.files import FoundPath
 from jaxthermo.config.types.model import ByKind, KindModel, Mistake, Model, Short
 from jaxthermo.config.types.quantities import (
@@ -88,6 +89,23 @@ class FullVolumeReference(KindModel):
     """Time step as a fraction of the stable one."""
     set: Changes = {}
     """Changes in all of them, such as the true values of what is fitted."""
+
+
+class RefinedReference(Model):
+    """Runs of the same scenes in finer voxels, which truth errors are measured from.
+
+    They are run once and cached, with two coarser runs each, from which their own error
+    is estimated.
+    """
+
+    refinement: Annotated[Number, Field(ge=1, le=64)] = 2.0
+    """Pitch of what is judged over that of the reference."""
+    structure: StructureConfig = FullVolume()
+    """Structure of the reference."""
+    points: Annotated[Whole, Field(ge=100, le=10_000_000)] = 10_000
+    """Number of points on the meshes at which temperatures are compared."""
+    seed: Annotated[Whole, Field(ge=0)] = 0
+    """Seed of the random points."""
 
 
 class SolutionReference(KindModel):
@@ -239,11 +257,13 @@ class CalibrationConfig(Model):
     candidates: tuple[CandidateConfig, ...] = ()
     """Cases that might be measured too, ranked by the information they would add."""
     reference: ReferenceConfig = FullVolumeReference()
+    truth: RefinedReference | None = None
+    """Finer runs: the verdict has the errors against them before and after the fit."""
     parameters: Annotated[tuple[ParameterConfig, ...], NotEmpty]
     fit: FitConfig = FitConfig()
 
     def mistakes(self) -> list[Mistake]:
-        """Names given twice."""
+        """Names given twice, and a truth of what was measured."""
         # Results, references and frames are found by the names of their cases.
         found: list[Mistake] = []
         seen: list[str] = []
@@ -252,4 +272,8 @@ class CalibrationConfig(Model):
                 if case.name in seen:
                     found.append(((group, n, "name"), f"'{case.name}' is there twice"))
                 seen.append(case.name)
+        is_run = isinstance(self.reference, FullVolumeReference | SolutionReference)
+        if self.truth is not None and not is_run:
+            message = "needs a `reference` that is a run: full_volume or solution"
+            found.append((("truth",), message))
         return found

@@ -1,22 +1,37 @@
-"""Full-volume runs that fits are compared with: computed once and cached."""
+"""Runs that others are compared with: computed once and cached.
+
+The full volume of the same voxels, and for truth errors runs of finer voxels with an
+estimate of their own error from two coarser ones.
+"""
 
 import contextlib
 import functools
 import hashlib
+import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 import jaxthermo
+from jaxthermo.archive import read_record, signed
 from jaxthermo.arrays import precision
 from jaxthermo.atomic import remove_leftovers
+from jaxthermo.cli.summary import write_json
 from jaxthermo.config.loader import config_hash
+from jaxthermo.config.schema.body import BodyConfig
+from jaxthermo.config.schema.material import LabelledConfig
 from jaxthermo.config.schema.scene import SceneConfig
+from jaxthermo.config.schema.structure import StructureConfig
 from jaxthermo.errors import InputError
+from jaxthermo.integrate.discretization_error import (
+    DiscretizationError,
+    discretization_error,
+)
 from jaxthermo.integrate.run.simulate import simulate
-from jaxthermo.integrate.run.solution import RESULTS
+from jaxthermo.integrate.run.solution import RESULTS, Solution
 from jaxthermo.integrate.run.solution_file import (
     StoredSolution,
     load_solution,
@@ -24,11 +39,30 @@ from jaxthermo.integrate.run.solution_file import (
 )
 from jaxthermo.integrate.solvers import ForwardEuler
 from jaxthermo.scene.compile.compile import compile_scene
+from jaxthermo.scene.scene import Scene
 from jaxthermo.structures.cache import cache_folder
+
+from ..config.schema import RefinedReference
 
 
 Log = Callable[[str], None]
 """Called with a line before each slow stage."""
+
+_COARSENING = 2.0
+"""Pitch of each coarser run, from which a reference's error follows, over the next."""
+
+_COST, _COST_VERSION = "cost of a reference run", 1
+_REMEDY = "it is run again"
+
+
+class TruthReference(NamedTuple):
+    """A run of finer voxels, its own error, and what it took."""
+
+    solution: StoredSolution
+    own_error: DiscretizationError
+    costs: tuple[dict[str, Any], ...]
+    """Costs of the run and of the two coarser ones as plain values: `pitch_m`, `nodes`,
+    `steps`, `memory_bytes`, `run_time_s` when it was run, and `cached`."""
 
 
 @functools.cache
@@ -47,39 +81,141 @@ def program_hash(with_calibrate: bool = False) -> str:
 
 def on_every_voxel(config: SceneConfig) -> SceneConfig:
     """Config with the full volume for all bodies, and defaults for what it ignores."""
-    default = lambda model, key: {key: type(model).model_fields[key].default}
-    bodies = (b.model_copy(update=default(b, "structure")) for b in config.bodies)
-    changes: dict[str, Any] = {"bodies": tuple(bodies), "name": None}
+    default = lambda body: type(body).model_fields["structure"].default
+    bodies = (b.model_copy(update={"structure": default(b)}) for b in config.bodies)
+    return _with_bodies(config, tuple(bodies))
+
+
+def _with_bodies(config: SceneConfig, bodies: tuple[BodyConfig, ...]) -> SceneConfig:
     # Name, camera, image, solver and truth do not affect the reference and would only
     # spoil its place in the cache.
+    changes: dict[str, Any] = {"bodies": bodies, "name": None}
     for key in ("camera", "image", "solver", "truth"):
-        changes |= default(config, key)
+        changes[key] = type(config).model_fields[key].default
     return config.model_copy(update=changes)
 
 
 def full_volume_run(config: SceneConfig, step: float, log: Log) -> StoredSolution:
-    """Run a scene on every voxel, or load the run from the cache."""
-    config, folder, path = on_every_voxel(config), cache_folder(), None
+    """Run a scene on every voxel, or load the run from the cache.
+
+    Args:
+        config: of the scene.
+        step: over the largest stable one [-].
+        log: told before the run.
+    """
+    message = "running the full volume"
+    return _stored_run(on_every_voxel(config), step, lambda: log(message))[0]
+
+
+def refined_reference(
+    config: SceneConfig, given: RefinedReference, log: Log
+) -> TruthReference:
+    """Run a scene in finer voxels and in two coarser ones, or load the runs.
+
+    Temperatures are those of the surface itself, and the error in time is controlled.
+
+    Raises:
+        InputError: if the scene has no finer voxels, or a run fails.
+    """
+    runs = []
+    for factor in (1.0, _COARSENING, _COARSENING**2):
+        refinement = given.refinement / factor
+        try:
+            finer = _with_refinement(config, refinement, given.structure)
+            what = f"{finer.bodies[0].structure.kind.replace('_', ' ')} of {{:.3g}} mm"
+            name = what.format(1e3 * float(finer.bodies[0].pitch or 0))
+            runs.append(_stored_run(finer, None, lambda n=name: log(f"running {n}")))
+        except InputError as error:
+            words = f"in voxels {refinement:.3g} times as fine"
+            raise InputError(f"truth: {words}: {error}") from error
+    solutions, costs = zip(*runs, strict=True)
+    own = discretization_error(*solutions, count=given.points, seed=given.seed)
+    return TruthReference(solutions[0], own, costs)
+
+
+def read_at_surface(scene: Scene) -> Scene:
+    """Scene whose temperatures are those of the surface, not half a voxel below."""
+    bodies = []
+    for body in scene.bodies:
+        read = body.surface_map
+        if getattr(read, "at", "surface") != "surface":
+            body = replace(body, surface_map=replace(read, at="surface"))
+        bodies.append(body)
+    return replace(scene, bodies=tuple(bodies))
+
+
+def _with_refinement(
+    config: SceneConfig, refinement: float, structure: StructureConfig
+) -> SceneConfig:
+    """Config with so many times finer voxels, in a structure, read at the surface."""
+    bodies = []
+    for n, body in enumerate(config.bodies):
+        if body.solid is not None or isinstance(body.material, LabelledConfig):
+            raise InputError(
+                f"body {n} is given by its voxels, which cannot be refined: give a "
+                "mesh or a shape, and materials by `parts` or `regions`"
+            )
+        pitch = body.pitch
+        if pitch is None:
+            height = float(np.ptp(body.build_mesh().bounds[:, 2]))
+            pitch = height / float(body.voxels_high or 1)
+        surface_map = type(body).model_fields["surface_map"].default
+        changes = {"structure": structure, "surface_map": surface_map}
+        changes |= {"pitch": pitch / refinement, "voxels_high": None}
+        bodies.append(body.model_copy(update=changes))
+    return _with_bodies(config, tuple(bodies))
+
+
+def _stored_run(
+    config: SceneConfig, step: float | None, log: Callable[[], None]
+) -> tuple[StoredSolution, dict[str, Any]]:
+    """A run and its cost, from the cache if it is there.
+
+    Explicit steps of `step` times the stable one, or with a controlled error in time.
+    """
+    folder, path = cache_folder(), None
     if folder is not None:
         text = f"{config_hash(config)} {step!r} {program_hash()}"
         name = hashlib.sha256(text.encode()).hexdigest()[:32]
         path = folder.parent / "references" / f"{name}.npz"
-        # A file of the cache that cannot be read is written anew.
+        # Files of the cache that cannot be read are written anew.
         if path.is_file():
             with contextlib.suppress(InputError):
-                return load_solution(path)
-    log("running the full volume")
-    scene = config.build()
-    end, saves = config.time.end, config.time.save_times
-    with precision(config.dtype):
-        stable = float(compile_scene(scene, len(saves), end).stable_step)
-    # A scene without any stability limit takes the solver's default.
-    dt = step * stable if np.isfinite(stable) else None
-    found = simulate(scene, end, saves, solver=ForwardEuler(dt=dt), throw=False)
-    if found.result != RESULTS.successful:
-        raise InputError(f"the reference: {RESULTS[found.result]}")
+                cost = read_record(
+                    path.with_suffix(".json"), _COST, _COST_VERSION, _REMEDY
+                )
+                return load_solution(path), {**cost, "cached": True}
+    log()
+    clock = time.perf_counter()
+    found = _run(config, step)
+    cost = {
+        "structure": config.bodies[0].structure.kind,
+        "pitch_m": [surface.geometry.pitch for surface in found.surfaces],
+        "nodes": found.receipt.nodes,
+        "steps": found.run.steps,
+        "time_error_kelvin": found.run.time_error,
+        "memory_bytes": found.receipt.memory_bytes,
+        "run_time_s": time.perf_counter() - clock,
+    }
     if path is not None:
         path.parent.mkdir(parents=True, exist_ok=True)
         remove_leftovers(path.parent)
         save_solution(path, found)
-    return StoredSolution(found.times, found.surface_temperature, found.surfaces)
+        write_json(path.with_suffix(".json"), signed(_COST, _COST_VERSION, cost))
+    stored = StoredSolution(found.times, found.surface_temperature, found.surfaces)
+    return stored, {**cost, "cached": False}
+
+
+def _run(config: SceneConfig, step: float | None) -> Solution:
+    scene = config.build()
+    end, saves = config.time.end, config.time.save_times
+    solver = config.solver.build()
+    if step is not None:
+        with precision(config.dtype):
+            stable = float(compile_scene(scene, len(saves), end).stable_step)
+        # A scene without any stability limit takes the solver's default.
+        solver = ForwardEuler(dt=step * stable if np.isfinite(stable) else None)
+    found = simulate(scene, end, saves, solver=solver, throw=False)
+    if found.result != RESULTS.successful:
+        raise InputError(f"the reference: {RESULTS[found.result]}")
+    return found

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from jaxthermo.arrays import readable_bytes
 from jaxthermo.errors import InputError
 from jaxthermo.report import page
 from jaxthermo.report.chart import Chart, chart_svg
@@ -38,6 +39,8 @@ from .text_summary import (
     parameter_table,
     summary,
     time_table,
+    truth_definition,
+    truth_table,
 )
 
 
@@ -60,6 +63,7 @@ def write_report(
         *summary(result),
         page.paragraph(definition(result), note=True),
         *_errors(result),
+        *_truth(result),
         *_pictures(calibration, fit, result),
         *_parameters(result),
         *_identifiability(result),
@@ -95,6 +99,28 @@ def _errors(result: Result) -> _Sections:
         charts += [page.heading(title), _drawn(chart, "All errors are 0.")]
     every = page.details("Errors at every saved time", time_table(result))
     return [page.heading("Errors"), Table(columns, rows, left=(0, 1)), every, *charts]
+
+
+def _truth(result: Result) -> _Sections:
+    table = truth_table(result)
+    if table is None:
+        return []
+    note = page.paragraph(truth_definition(result), note=True)
+    runs = [
+        [
+            run["case"],
+            ", ".join(f"{1e3 * pitch:.3g}" for pitch in run["pitch_m"]),
+            f"{run['nodes']:,}",
+            f"{run['steps']:,}",
+            readable_bytes(run["memory_bytes"]),
+            f"{run['run_time_s']:.3g}",
+            "yes" if run["cached"] else "no",
+        ]
+        for run in result["truth"]["cost"]
+    ]
+    columns = ["case", "pitch [mm]", "nodes", "steps", "memory", "run [s]", "cached"]
+    cost = page.details("Reference runs of finer voxels", Table(columns, runs))
+    return [page.heading("Errors against finer voxels"), table, note, cost]
 
 
 def _pictures(calibration: Calibration, fit: Fit, result: Result) -> _Sections:

@@ -3,10 +3,11 @@
 from collections.abc import Mapping
 from typing import Any
 
+from jaxthermo.arrays import readable_bytes
 from jaxthermo.report.numbers import count, padded
 from jaxthermo.report.table import Cell, Table
 
-from ..analysis.verdict import time_errors
+from ..analysis.verdict import time_errors, truth_times
 from .charts import Result, is_finite
 
 
@@ -105,7 +106,8 @@ def summary(result: Result) -> list[str]:
         for group, both in result["error_percent"].items()
     ]
     verdict = f"Verdict: {result['verdict']['words']}."
-    return [_data(result), *errors, _course(result), *_speed(result), verdict]
+    cost = _truth_cost(result)
+    return [_data(result), *errors, _course(result), *_speed(result), *cost, verdict]
 
 
 def time_table(result: Result, title: str = "") -> Table:
@@ -122,6 +124,64 @@ def time_table(result: Result, title: str = "") -> Table:
         cell = Cell(words, not row.is_worse, is_number=True)
         rows.append([*named, f"{row.time:g}", before, cell])
     return Table(columns, rows, title=title, left=(0, 1))
+
+
+def truth_table(result: Result, title: str = "") -> Table | None:
+    """Errors against finer voxels at every saved time; None if there are none."""
+    truth = result.get("truth")
+    if truth is None:
+        return None
+    columns = ["case", "role", "time [s]", "default [K]", "fitted [K]"]
+    columns += ["default [%]", "fitted [%]", "own error [K]"]
+    percent = lambda value: _DASH if value is None else padded(value)
+    rows, last = [], None
+    for row in truth_times(truth):
+        case = row.case, GROUPS[row.group]
+        named, last = ("", "") if case == last else case, case
+        after, own = padded(row.after), padded(row.own)
+        words = f"{after}, more" if row.is_worse else after
+        cell = Cell(words, not row.is_worse, is_number=True)
+        numbers = [f"{row.time:g}", padded(row.before), cell]
+        numbers += [percent(row.before_percent), percent(row.after_percent)]
+        mark = f"bound {own}" if row.is_bound else own
+        rows.append([*named, *numbers, Cell(mark, is_number=True)])
+    return Table(columns, rows, title=title, left=(0, 1))
+
+
+def truth_definition(result: Result) -> str:
+    """Definition of the errors against finer voxels."""
+    truth = result["truth"]
+    structure = truth["structure"].replace("_", " ")
+    return (
+        "Root mean square over points spread evenly over the mesh of the difference in "
+        f"surface temperature from a run ({structure}) in voxels "
+        f"{truth['refinement']:.3g} times as fine, in K and in percent of that run's "
+        "range (0.5 to 99.5 %) at that time. Own error: of that run, from two coarser "
+        "ones by Richardson extrapolation; a bound is the larger difference between "
+        "these runs, where the observed order is not within 0.5 to 3. Red: larger by "
+        "more than twice the own error."
+    )
+
+
+def _truth_cost(result: Result) -> list[str]:
+    """Cost of the reference runs of finer voxels, and remarks on them."""
+    truth = result.get("truth")
+    if truth is None:
+        return []
+    runs = truth["cost"]
+    cached = sum(run["cached"] for run in runs)
+    took = lambda chosen: sum(run["run_time_s"] for run in chosen)
+    largest = max(runs, key=lambda run: run["memory_bytes"])
+    new = [run for run in runs if not run["cached"]]
+    cases = [case for group in truth["cases"].values() for case in group.values()]
+    remarks = dict.fromkeys(r for case in cases for r in case["fitted"]["remarks"])
+    return [
+        f"The references of finer voxels took {count(len(runs), 'run')}, "
+        f"{took(new):.3g} s now and {took(runs) - took(new):.3g} s before this fit "
+        f"({cached} from the cache); the largest has {largest['nodes']:,} nodes and "
+        f"takes about {readable_bytes(largest['memory_bytes'])}.",
+        *(f"Note: {remark}." for remark in remarks),
+    ]
 
 
 def _data(result: Result) -> str:

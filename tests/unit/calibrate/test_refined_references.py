@@ -1,0 +1,208 @@
+"""Runs of finer voxels: refused, judged by, and computed once."""
+
+import json
+
+import numpy as np
+import pytest
+
+from calibrate.analysis.verdict import judge, truth_times
+from calibrate.config.fit_record import read_fit, write_fit
+from calibrate.config.loader import load_calibration
+from calibrate.config.schema import RefinedReference
+from calibrate.problem.reference import refined_reference
+from calibrate.report.text_summary import _truth_cost, summary, truth_table
+from calibrate.run import fit_config
+from jaxthermo.config.loader import load_config
+from jaxthermo.errors import InputError
+from jaxthermo.report.table import Cell
+from tests.calibrating import RESULT, SPHERE
+
+
+FAST = {"times_faster": 5.0, "min": 4.0, "max": 6.0}
+ERRORS = {
+    "train": {
+        kind: {"+x": {"times_s": [30.0, 60.0], "rms_percent": percent}}
+        for kind, percent in (("default", [4.0, 3.0]), ("fitted", [2.0, 1.0]))
+    }
+}
+FIT = """
+scene: scene.yaml
+train: [{name: "+x"}]
+held_out: [{name: "+y", set: {terms.0.direction: [0, -1, 0]}}]
+parameters: [{name: weights.within}]
+truth: {points: 500}
+"""
+
+
+def truth(before, after, own, is_bound=(False, False)):
+    times = {"times_s": [30.0, 60.0]}
+    error = lambda kelvin: {
+        **times,
+        "rms_kelvin": kelvin,
+        "rms_percent": [10 * kelvin[0], None],
+        "remarks": ["body 0 has the voxels of the reference"],
+    }
+    reference = {**times, "rms_kelvin": own, "is_bound": list(is_bound)}
+    case = {"default": error(before), "fitted": error(after), "reference": reference}
+    run = {
+        "case": "+x",
+        "pitch_m": [0.002],
+        "nodes": 1000,
+        "steps": 20,
+        "memory_bytes": 2**20,
+    }
+    cost = [
+        {**run, "run_time_s": 3.0, "cached": True},
+        {**run, "run_time_s": 0.5, "cached": False},
+    ]
+    return {
+        "refinement": 2.0,
+        "structure": "full_volume",
+        "points": 500,
+        "cases": {"train": {"+x": case}},
+        "cost": cost,
+    }
+
+
+def test_kelvin_and_the_references_own_error_are_in_the_verdict():
+    found = truth([0.4, 0.3], [0.2, 0.25], [0.02, 0.05])
+    verdict = judge(ERRORS, FAST, is_of_weights=True, truth=found)
+    assert verdict["pays"] and verdict["truth"]["worse"] == 0
+    assert (
+        "against voxels 2 times as fine the error goes from 0.400 K (4.00 %) to 0.250 "
+        "K (2.00 %), where these are off by about 0.0500 K" in verdict["words"]
+    )
+    assert "too much to tell" not in verdict["words"]
+    # Without finer voxels nothing is said of them.
+    plain = judge(ERRORS, FAST, is_of_weights=True)
+    assert plain["truth"] is None and "finer" not in plain["words"]
+
+
+def test_a_difference_that_the_reference_can_hide_is_not_judged():
+    """Larger by 0.1 K: with an own error of 0.04 K it is so, with 0.06 K it may not."""
+    for own, is_worse in ((0.04, True), (0.06, False)):
+        found = truth([0.3, 0.3], [0.2, 0.4], [own, own])
+        verdict = judge(ERRORS, FAST, is_of_weights=True, truth=found)
+        assert verdict["pays"] is not is_worse
+        assert ("LARGER at 1 of 2 times" in verdict["words"]) is is_worse
+        assert ("too much to tell" in verdict["words"]) is not is_worse
+    assert [row.is_worse for row in truth_times(found)] == [False, False]
+
+
+def test_bounds_are_marked_in_the_table_and_the_verdict():
+    found = truth([0.4, 0.3], [0.2, 0.35], [0.02, 0.01], (True, False))
+    table = truth_table({"truth": found})
+    assert table is not None
+    first, second = table.rows
+    assert list(first[:4]) == ["+x", "fitted to", "30", "0.400"]
+    own = [row[-1].text for row in table.rows if isinstance(row[-1], Cell)]
+    assert own == ["bound 0.0200", "0.0100"]
+    assert second[5] == "\N{EN DASH}"
+    marks = [row[4].met for row in table.rows if isinstance(row[4], Cell)]
+    assert marks == [True, False]
+    words = judge(ERRORS, FAST, is_of_weights=True, truth=found)["words"]
+    assert "off by at most about 0.0200 K" in words
+    assert truth_table({"truth": None}) is None
+
+
+def test_the_cost_is_told_and_shared_voxels_are_noted(tmp_path):
+    found = truth([0.4, 0.3], [0.2, 0.25], [0.02, 0.05])
+    cost, remark = _truth_cost({"truth": found})
+    assert "2 runs, 0.5 s now and 3 s before this fit (1 from the cache)" in cost
+    assert "1,000 nodes and takes about 1.0 MiB" in cost
+    assert remark == "Note: body 0 has the voxels of the reference."
+    # It is read again from the file.
+    write_fit(tmp_path / "fit.json", RESULT | {"truth": found})
+    assert _truth_cost(read_fit(tmp_path / "fit.json")) == [cost, remark]
+    del found["cost"][0]["nodes"]
+    write_fit(tmp_path / "fit.json", RESULT | {"truth": found})
+    with pytest.raises(InputError, match=r"truth.cost.0.nodes"):
+        read_fit(tmp_path / "fit.json")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ("truth.refinement=0.5", "truth.refinement"),
+        ("truth.structure=octre", "did you mean"),
+        ("truth={pitch: 2 mm}", "unknown key"),
+        ("reference=simulated_frames", "`reference` that is a run"),
+    ],
+)
+def test_mistakes_in_the_block(tmp_path, change, message):
+    (tmp_path / "scene.yaml").write_text(SPHERE)
+    (tmp_path / "fit.yaml").write_text(FIT)
+    with pytest.raises(InputError, match=message):
+        load_calibration(tmp_path / "fit.yaml", (change,))
+
+
+def test_a_body_of_voxels_has_no_finer_ones(tmp_path):
+    np.save(tmp_path / "solid.npy", np.ones((4, 4, 4), bool))
+    path = tmp_path / "scene.yaml"
+    path.write_text(SPHERE)
+    body = (
+        "bodies.0={solid: solid.npy, pitch: 0.01, material: copper, temperature: 300}"
+    )
+    config = load_config(path, (body,))
+    with pytest.raises(InputError, match=r"^truth: in voxels 2 times .* body 0 is "):
+        refined_reference(config, RefinedReference(), lambda _: None)
+
+
+@pytest.mark.slow
+def test_a_run_is_made_once_and_is_as_fine_as_asked(tmp_path, monkeypatch):
+    monkeypatch.setenv("JAXTHERMO_CACHE", str(tmp_path / "structures"))
+    path, said = tmp_path / "scene.yaml", []
+    path.write_text(SPHERE)
+    given = RefinedReference(points=500)
+    config = load_config(path, ("bodies.0.surface_map={kind: linear, at: voxel}",))
+    first = refined_reference(config, given, said.append)
+    assert said == [f"running full volume of {h} mm" for h in ("12.5", "25", "50")]
+    pitches = [cost["pitch_m"] for cost in first.costs]
+    np.testing.assert_allclose(pitches, [[0.0125], [0.025], [0.05]], rtol=1e-3)
+    assert not any(cost["cached"] for cost in first.costs)
+    assert [first.solution.surfaces[0].geometry.pitch] == pitches[0]
+    # A camera, a solver or the structure that is judged is no reason to run it again.
+    same = ("camera.width=90", "solver=forward_euler", "bodies.0.structure=octree")
+    second = refined_reference(load_config(path, same), given, said.append)
+    assert len(said) == 3 and all(cost["cached"] for cost in second.costs)
+    for one, other in zip(first.costs, second.costs, strict=True):
+        assert one | {"cached": True} == other
+    np.testing.assert_array_equal(
+        first.own_error.rms_kelvin, second.own_error.rms_kelvin
+    )
+    # Finer voxels share runs: those of the coarser ones are there.
+    finer = RefinedReference(refinement=4, points=500)
+    third = refined_reference(config, finer, said.append)
+    assert [cost["cached"] for cost in third.costs] == [False, True, True]
+    # A file without its cost is written anew.
+    for each in tmp_path.rglob("*.json"):
+        each.write_text("{")
+    refined_reference(config, given, said.append)
+    assert len(said) == 7
+    # Loads are.
+    load = load_config(path, ("terms.0.irradiance=4000",))
+    refined_reference(load, given, said.append)
+    assert len(said) == 10
+
+
+@pytest.mark.slow
+@pytest.mark.slice
+def test_a_fit_reports_the_errors_against_finer_voxels(tmp_path, monkeypatch):
+    monkeypatch.setenv("JAXTHERMO_CACHE", str(tmp_path / "structures"))
+    (tmp_path / "scene.yaml").write_text(SPHERE)
+    (tmp_path / "fit.yaml").write_text(FIT)
+    out = tmp_path / "out"
+    result = fit_config(tmp_path / "fit.yaml", out, report=False)
+    found = result["truth"]
+    assert set(found["cases"]) == {"train", "held_out"}
+    for group in found["cases"].values():
+        for case in group.values():
+            assert case["default"]["times_s"] == [30, 60]
+            assert 0 < case["fitted"]["worst_rms_kelvin"] < 5
+            assert case["fitted"]["remarks"] == []
+            assert all(0 < own < 5 for own in case["reference"]["rms_kelvin"])
+    assert len(found["cost"]) == 6
+    assert "against voxels 2 times as fine" in result["verdict"]["words"]
+    stored = read_fit(out / "fit.json")
+    assert json.loads(json.dumps(result["truth"])) == stored["truth"]
+    assert any("references of finer voxels took 6 runs" in s for s in summary(stored))
