@@ -90,7 +90,8 @@ def frame_picture(case: Case, solutions: Solutions, time: int, view: int) -> byt
     target = case.target
     assert isinstance(target, FrameTarget)
     mask = target.mask(view)
-    unit = "K" if target.quantity == "temperature" else "W/(m\N{SUPERSCRIPT TWO} sr)"
+    # The font of pictures has no superscripts.
+    unit = "K" if target.quantity == "temperature" else "W/(m^2 sr)"
     data = _scatter(np.asarray(target.data[view][time], float), mask)
     frames = {}
     with precision(case.scene.dtype):

@@ -1,6 +1,7 @@
 """Colours, font and sizes that all annotated pictures have in common."""
 
 import math
+import unicodedata
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,30 @@ INK = (236, 236, 238)
 FAINT = (158, 160, 168)
 FRAME = (74, 76, 84)
 """sRGB of what is not the picture itself: paper, text, lesser text, and frames."""
+
+_MORE_LETTERS = "".join(
+    ("\N{DEGREE SIGN}", "\N{PLUS-MINUS SIGN}", "\N{HORIZONTAL ELLIPSIS}")
+)
+"""Letters that Pillow's font has beside ASCII."""
+_IN_ASCII = {
+    "\N{LATIN SMALL LETTER SHARP S}": "ss",
+    "\N{EN DASH}": "-",
+    "\N{MICRO SIGN}": "u",
+    "\N{MULTIPLICATION SIGN}": "x",
+}
+
+
+def drawable(text: str) -> str:
+    """Replace letters that would be drawn as a box: by their base letter, or "?"."""
+    return "".join(map(_drawable, text))
+
+
+def _drawable(letter: str) -> str:
+    if letter.isascii() or letter in _MORE_LETTERS:
+        return letter
+    # An accent follows its letter as a mark of its own.
+    parts = _IN_ASCII.get(letter) or unicodedata.normalize("NFKD", letter)
+    return "".join(part for part in parts if part.isascii()) or "?"
 
 
 @dataclass(frozen=True)
@@ -45,7 +70,11 @@ class Layout:
         return math.ceil(self.font.getlength(text))
 
     def shorten(self, text: str, room: int) -> str:
-        """The text, or as much of its start as fits into `room`, with an ellipsis."""
+        """The text, or as much of its start as fits into `room`, with an ellipsis.
+
+        Letters that the font lacks are replaced.
+        """
+        text = drawable(text)
         if self.width(text) <= room:
             return text
         while text and self.width(text + "\N{HORIZONTAL ELLIPSIS}") > room:

@@ -8,7 +8,7 @@ from jaxtyping import UInt8
 from PIL import Image, ImageDraw, ImageFont
 
 from ..image.annotate import contact_sheet
-from ..image.canvas import FAINT, FRAME, INK, PAPER
+from ..image.canvas import FAINT, FRAME, INK, PAPER, drawable
 
 
 Pixels = UInt8[np.ndarray, "h w 3"]
@@ -55,6 +55,7 @@ def sheet(
     text = max(11, min(28, tiles[0].pixels.shape[0] // 22))
     grid = contact_sheet([_framed(tile, text, INK) for tile in tiles], columns)
     font = ImageFont.load_default(size=round(1.25 * text))
+    title = drawable(title)
     head, foot = 3 * text, 6 * text
     small = ImageFont.load_default(size=text)
     below = small.getlength(bar.title)
@@ -84,7 +85,8 @@ def _framed(tile: Tile, text: int, ink: tuple[int, int, int]) -> Image.Image:
     height, width = tile.pixels.shape[:2]
     font = ImageFont.load_default(size=text)
     small = ImageFont.load_default(size=max(10, round(0.85 * text)))
-    widths = font.getlength(tile.label), small.getlength(tile.note)
+    label, note = drawable(tile.label), drawable(tile.note)
+    widths = font.getlength(label), small.getlength(note)
     # The canvas grows with its texts, or long labels would run into the next tile.
     across = max(width + 2, math.ceil(max(widths)) + text)
     below = round(3.2 * text) if tile.note else 2 * text
@@ -94,9 +96,9 @@ def _framed(tile: Tile, text: int, ink: tuple[int, int, int]) -> Image.Image:
     draw.rectangle((left, 0, left + width + 1, height + 1), outline=FRAME)
     image.paste(Image.fromarray(np.ascontiguousarray(tile.pixels)), (left + 1, 1))
     middle, base = across / 2, height + 2
-    draw.text((middle, base + text), tile.label, fill=ink, font=font, anchor="mm")
+    draw.text((middle, base + text), label, fill=ink, font=font, anchor="mm")
     note_at = (middle, base + round(2.3 * text))
-    draw.text(note_at, tile.note, fill=FAINT, font=small, anchor="mm")
+    draw.text(note_at, note, fill=FAINT, font=small, anchor="mm")
     return image
 
 

@@ -96,7 +96,8 @@ def voxel_sheet(grid: VoxelGrid) -> Image.Image:
         tiles.append(Tile(_view(grid, faces, camera), name))
     thin = grid.thin
     marked = zip(_MEANINGS, _COLOURS, strict=True)
-    unit = "cm\N{SUPERSCRIPT TWO}"
+    # The font of pictures has no superscripts.
+    unit = "cm^2"
     lost = f"of which lost {thin.lost_area * 1e4:.4g} {unit}"
     areas = f"surface under one voxel thick: {thin.thin_area * 1e4:.4g} {unit}, {lost}"
     legend = Legend(tuple(marked), areas)

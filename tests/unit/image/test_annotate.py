@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, ImageDraw, ImageFont
 
 from jaxthermo.errors import InputError
 from jaxthermo.image.annotate import annotate, contact_sheet, write_png
+from jaxthermo.image.canvas import drawable
 from jaxthermo.image.palette import apply_palette, palette_names
 from jaxthermo.image.ticks import (
     decimals_of,
@@ -129,6 +130,27 @@ def test_the_scale_is_named_by_its_quantity():
         for image in (plain, named)
     ]
     assert widths[1] > 2 * widths[0]
+
+
+def test_a_title_has_only_letters_that_the_font_has():
+    """Pillow's draws others as a box."""
+    letters = ImageFont.load_default(size=20)
+
+    def mask(letter):
+        image = Image.new("L", (40, 40))
+        ImageDraw.Draw(image).text((0, 0), letter, 255, font=letters)
+        return image.tobytes()
+
+    box = mask("\uffff")
+    given = "Geh\u00e4use, Stra\u00dfe, 3 m\u00b2 at 5 \u00b0C \u00b1 1\u2026"
+    given += " \u2013 \u96ea"
+    assert mask("\u00e4") == box
+    drawn = drawable(given)
+    assert drawn == "Gehause, Strasse, 3 m2 at 5 \u00b0C \u00b1 1\u2026 - ?"
+    assert all(mask(letter) != box for letter in drawn)
+    _, image = frame(120, 400, title=given)
+    _, same = frame(120, 400, title=drawn)
+    assert np.array_equal(image, same)
 
 
 def test_every_palette():
