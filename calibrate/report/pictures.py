@@ -35,6 +35,12 @@ _SCALE_QUANTILE = 0.995
 _PALETTE = "iron"
 _DECADES = 1.0
 """Decades of the scale of differences, so that a fit that halves them is seen."""
+_QUANTITIES = {
+    "temperature": ("K", "apparent temperature"),
+    # The font of pictures has no superscripts.
+    "radiance": ("W/(m^2 sr)", "radiance"),
+}
+"""Unit and name of what frames show."""
 Solutions = dict[str, ParametricSolution]
 """Runs with the "default" and the "fitted" values."""
 _Frame = Float[np.ndarray, "h w"]
@@ -90,8 +96,7 @@ def frame_picture(case: Case, solutions: Solutions, time: int, view: int) -> byt
     target = case.target
     assert isinstance(target, FrameTarget)
     mask = target.mask(view)
-    # The font of pictures has no superscripts.
-    unit = "K" if target.quantity == "temperature" else "W/(m^2 sr)"
+    unit, words = _QUANTITIES[target.quantity]
     data = _scatter(np.asarray(target.data[view][time], float), mask)
     frames = {}
     with precision(case.scene.dtype):
@@ -104,7 +109,7 @@ def frame_picture(case: Case, solutions: Solutions, time: int, view: int) -> byt
     title = f"{case.name}{number}, {time_label(target.times[time])}"
     below = _difference_sheet(differences, mask, "model minus data", unit, title)
     shown = {"data": data, "fitted model": frames["fitted"]}
-    return _png(_stacked(below, _frame_sheet(shown, mask, unit)))
+    return _png(_stacked(below, _frame_sheet(shown, mask, unit, f"{words} [{unit}]")))
 
 
 def _scatter(pixels: Float[np.ndarray, " p"], mask: _Mask) -> _Frame:
@@ -152,7 +157,9 @@ def _difference_sheet(
     return sheet(tiles, difference_bar(scale, text), title)
 
 
-def _frame_sheet(frames: dict[str, _Frame], mask: _Mask, unit: str) -> Image.Image:
+def _frame_sheet(
+    frames: dict[str, _Frame], mask: _Mask, unit: str, words: str
+) -> Image.Image:
     # Side by side, on the scale of the first.
     first = next(iter(frames.values()))[mask]
     ends = np.quantile(first, [1 - _SCALE_QUANTILE, _SCALE_QUANTILE])
@@ -171,7 +178,7 @@ def _frame_sheet(frames: dict[str, _Frame], mask: _Mask, unit: str) -> Image.Ima
     bar = ColourBar(
         colours=apply_palette(ramp, low, high, _PALETTE)[0],
         ticks=tuple(((t - low) / (high - low), label(t, decimals)) for t in ticks),
-        title=f"frames [{unit}]",
+        title=words,
     )
     return sheet(tiles, bar, "data and fitted model")
 

@@ -92,7 +92,7 @@ def about_standard_errors(result: Result) -> str:
     if ratio > _MAX_NOISE_RATIO:
         text += (
             f" But model and data differ by {ratio:.3g} times the noise: the model is "
-            "wrong by more than its values can correct, and they are too small."
+            "wrong by more than its values can correct, and these errors are too small."
         )
     return text
 

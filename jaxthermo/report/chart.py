@@ -98,6 +98,8 @@ def _styled(chart: Chart) -> Chart:
             labelFontSize=12,
             titleFontSize=13,
             titleFontWeight="normal",
+            # Or wider digits of another font would run into it.
+            titlePadding=12,
             gridColor="#e6e8ec",
         )
         .configure_legend(labelFontSize=12)
