@@ -10,8 +10,12 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, Int32
 from scipy import ndimage
 
+from ..arrays import require_memory
 from .lattice import Lattice
 
+
+# Labels, and empty cells with and without a rim.
+_BYTES_PER_CELL = 6
 
 _SOLID, _OUTSIDE = -1, 0
 
@@ -67,14 +71,20 @@ def find_cavities(
     solid: Bool[np.ndarray, "x y z"], lattice: Lattice
 ) -> Cavities | None:
     """The closed cavities between solid voxels; None if there are none."""
+    cells = int(np.prod([n + 2 for n in solid.shape]))
+    remedy = "use a coarser pitch, or `inside: open` if all terms act in cavities, too"
+    require_memory(_BYTES_PER_CELL * cells, "finding closed cavities", remedy)
     # A rim of empty voxels joins all that is outside.
     label = np.zeros([n + 2 for n in solid.shape], np.int32)
     ndimage.label(np.pad(~solid, 1, constant_values=True), output=label)
     if label.max() < 2:
         return None
     outside = label[0, 0, 0]
-    number = label[1:-1, 1:-1, 1:-1].copy()
-    number -= number > outside
-    number[label[1:-1, 1:-1, 1:-1] == outside] = _OUTSIDE
-    number[solid] = _SOLID
+    # In place and plane by plane: copies would be the largest arrays of a run.
+    number = label[1:-1, 1:-1, 1:-1]
+    for plane, body in zip(number, solid, strict=True):
+        outer = plane == outside
+        plane -= plane > outside
+        plane[outer] = _OUTSIDE
+        plane[body] = _SOLID
     return Cavities(lattice, number)

@@ -4,20 +4,19 @@ A label volume has the node of every voxel, -1 for none. Nodes are numbered in t
 lattice order of their first voxels, so that neighbours are close in memory.
 """
 
-from collections.abc import Iterator
-
 import numpy as np
 from jaxtyping import Bool, Int
 from skimage import measure
 
+from ...arrays import require_memory
 from ...voxels.grid import VoxelGrid
 from ...voxels.surface import surface_voxels
 from ..structure import Built, Nodes
 from .links import block_links, voxel_links
 
 
-# Cells of a slab: larger ones are no faster, and 20 bytes a cell are needed.
-_SLAB_CELLS = 2**24
+# Peak of `voxel_layers`: numbers, and the voxels that are not reached yet.
+_BYTES_PER_LAYER_CELL = 7
 
 
 def index_type(shape: tuple[int, ...]) -> np.dtype:
@@ -111,24 +110,6 @@ def block_parts(
     return np.ascontiguousarray(first[:x, :y, :z])
 
 
-def _block_slabs(
-    shape: tuple[int, ...], factor: int, max_cells: int = _SLAB_CELLS
-) -> Iterator[slice]:
-    """Ranges of planes along x, of whole layers of blocks, as thick as cells allow."""
-    layers = max(max_cells // (factor * shape[1] * shape[2]), 1)
-    for start in range(0, shape[0], layers * factor):
-        yield slice(start, min(start + layers * factor, shape[0]))
-
-
-def count_parts(solid: Bool[np.ndarray, "x y z"], factor: int) -> int:
-    """Number of the parts of `block_parts`."""
-    count = 0
-    for planes in _block_slabs(solid.shape, factor):
-        first = block_parts(solid[planes], factor).reshape(-1)
-        count += int(np.count_nonzero(first == np.arange(len(first))))
-    return count
-
-
 def count_blocks(solid: Bool[np.ndarray, "x y z"], factor: int) -> int:
     """Number of blocks with solid voxels: at most that of their parts."""
     for axis, length in enumerate(solid.shape):
@@ -166,6 +147,8 @@ def voxel_layers(grid: VoxelGrid, max_layers: int) -> Int[np.ndarray, "x y z"]:
 
     Layer 0 is `shell_voxels`, layer i + 1 the remaining face neighbours of layer i.
     """
+    needed = _BYTES_PER_LAYER_CELL * grid.solid.size
+    require_memory(needed, "numbering layers of voxels", "use a coarser pitch")
     # A rim of empty voxels, so that no jump to a neighbour wraps around.
     padded = np.pad(grid.solid, 1)
     _, y, z = padded.shape

@@ -9,14 +9,9 @@ from jaxtyping import Bool, Float, Int
 
 from ...errors import InputError, positive_length, whole_number
 from ...voxels.grid import VoxelGrid
-from ..build.blocks import (
-    block_parts,
-    build_blocks,
-    count_blocks,
-    count_parts,
-    number_by_first_voxel,
-)
+from ..build.blocks import block_parts, count_blocks, number_by_first_voxel
 from ..build.links import link_distance
+from ..build.slabs import Slab, build_slabs, count_parts
 from ..cache import cached
 from ..structure import (
     AbstractBuiltStructure,
@@ -135,22 +130,29 @@ def _build(
     grid: VoxelGrid, factor: int, min_time_constant: float, alignment: float
 ) -> Built:
     factor = min(factor, max(grid.solid.shape))
-    labels, first = number_by_first_voxel(block_parts(grid.solid, factor))
+    built = build_slabs(grid, factor, 0, lambda x: _numbered(grid.solid[x], factor))
+    edge, corner = factor * grid.pitch, grid.lattice.origin
+    # Half a voxel inside at least, whatever is solid.
+    block = ((built.nodes.centre - corner) / edge).astype(np.int64)
+    thin = _thin_parts(built, edge * grid.volume_ratio)
+    aligned = np.where(thin.is_thin, 0.0, alignment)
+    built = _align_nodes(built, block, corner, edge, aligned)
+    # A whole block with six neighbours has V / sum A / L = (factor pitch)^2 / 6.
+    minimum = min_time_constant * (edge**2 / 6 * grid.volume_ratio)
+    return _limit_small_nodes(_refill(built, thin, minimum), minimum)
+
+
+def _numbered(solid: Bool[np.ndarray, "x y z"], factor: int) -> Slab:
+    """Number the parts of blocks in the order of the blocks."""
+    labels, first = number_by_first_voxel(block_parts(solid, factor))
     # Lattice order of the blocks: neighbours along z are adjacent in memory.
     block = np.stack(np.unravel_index(first, labels.shape)) // factor
-    shape = block.max(axis=1) + 1
+    shape = block.max(axis=1, initial=0) + 1
     order = np.argsort(np.ravel_multi_index(tuple(block), shape), kind="stable")
     # The last entry maps the label -1 to itself.
     number = np.full(len(order) + 1, -1, np.int32)
     number[order] = np.arange(len(order))
-    built = build_blocks(grid, number[labels], np.zeros(len(order), np.int32))
-    edge, corner = factor * grid.pitch, grid.lattice.origin
-    thin = _thin_parts(built, edge * grid.volume_ratio)
-    aligned = np.where(thin.is_thin, 0.0, alignment)
-    built = _align_nodes(built, block.T[order], corner, edge, aligned)
-    # A whole block with six neighbours has V / sum A / L = (factor pitch)^2 / 6.
-    minimum = min_time_constant * (edge**2 / 6 * grid.volume_ratio)
-    return _limit_small_nodes(_refill(built, thin, minimum), minimum)
+    return Slab(number[labels], np.zeros(len(order), np.int32))
 
 
 class _ThinParts(NamedTuple):

@@ -16,6 +16,7 @@ from ..build.blocks import (
     number_by_first_voxel,
     voxel_layers,
 )
+from ..build.slabs import Slab, build_slabs
 from ..cache import cached
 from ..structure import AbstractBuiltStructure, Built, ConductionWeights, as_weights
 
@@ -83,11 +84,20 @@ class ShellOverCore(AbstractBuiltStructure):
 
 def _build_shell_over_core(grid: VoxelGrid, layers: int, factor: int) -> Built:
     fine = voxel_layers(grid, layers) >= 0
-    voxel = block_parts(grid.solid & ~fine, factor)
+    factor = min(factor, max(grid.solid.shape))
+    surface = len(grid.fragment_area) * layers
+    own = lambda x: _shell_and_core(grid.solid[x], fine[x], factor)
+    return build_slabs(grid, factor, surface, own)
+
+
+def _shell_and_core(
+    solid: Bool[np.ndarray, "x y z"], fine: Bool[np.ndarray, "x y z"], factor: int
+) -> Slab:
+    voxel = block_parts(solid & ~fine, factor)
     # Single voxels are their own first voxel.
     voxel[fine] = np.flatnonzero(fine)
     labels, first = number_by_first_voxel(voxel)
-    return build_blocks(grid, labels, ~fine.reshape(-1)[first] * 1)
+    return Slab(labels, ~fine.reshape(-1)[first] * 1)
 
 
 class Octree(AbstractBuiltStructure):
