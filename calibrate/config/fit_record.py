@@ -96,12 +96,14 @@ class _TruthGroups(TypedDict):
 
 class _Cost(TypedDict):
     case: str
+    refinement: float
     pitch_m: list[float]
     nodes: int
     steps: int
     memory_bytes: int
     run_time_s: float
     cached: bool
+    warnings: list[str]
 
 
 class _Truth(TypedDict):

@@ -8,6 +8,7 @@ import contextlib
 import functools
 import hashlib
 import time
+import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -61,8 +62,9 @@ class TruthReference(NamedTuple):
     solution: StoredSolution
     own_error: DiscretizationError
     costs: tuple[dict[str, Any], ...]
-    """Costs of the run and of the two coarser ones as plain values: `pitch_m`, `nodes`,
-    `steps`, `memory_bytes`, `run_time_s` when it was run, and `cached`."""
+    """Costs of the run and of the two coarser ones as plain values: `refinement`,
+    `pitch_m`, `nodes`, `steps`, `memory_bytes`, `run_time_s` when it was run, `cached`,
+    and the `warnings` that it gave."""
 
 
 @functools.cache
@@ -104,7 +106,10 @@ def full_volume_run(config: SceneConfig, step: float, log: Log) -> StoredSolutio
         log: told before the run.
     """
     message = "running the full volume"
-    return _stored_run(on_every_voxel(config), step, lambda: log(message))[0]
+    found, cost = _stored_run(on_every_voxel(config), step, lambda: log(message))
+    for text in cost["warnings"]:
+        warnings.warn(text, stacklevel=2)
+    return found
 
 
 def refined_reference(
@@ -124,7 +129,9 @@ def refined_reference(
             finer = _with_refinement(config, refinement, given.structure)
             what = f"{finer.bodies[0].structure.kind.replace('_', ' ')} of {{:.3g}} mm"
             name = what.format(1e3 * float(finer.bodies[0].pitch or 0))
-            runs.append(_stored_run(finer, None, lambda n=name: log(f"running {n}")))
+            said = lambda name=name: log(f"running {name}")
+            solution, cost = _stored_run(finer, None, said)
+            runs.append((solution, {"refinement": refinement, **cost}))
         except InputError as error:
             words = f"in voxels {refinement:.3g} times as fine"
             raise InputError(f"truth: {words}: {error}") from error
@@ -187,8 +194,10 @@ def _stored_run(
                 return load_solution(path), {**cost, "cached": True}
     log()
     clock = time.perf_counter()
-    found = _run(config, step)
-    cost = {
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        found = _run(config, step)
+    cost: dict[str, Any] = {
         "structure": config.bodies[0].structure.kind,
         "pitch_m": [surface.geometry.pitch for surface in found.surfaces],
         "nodes": found.receipt.nodes,
@@ -196,6 +205,8 @@ def _stored_run(
         "time_error_kelvin": found.run.time_error,
         "memory_bytes": found.receipt.memory_bytes,
         "run_time_s": time.perf_counter() - clock,
+        # What the voxels of a coarser run lack is no news of the run that is judged.
+        "warnings": list(dict.fromkeys(str(each.message) for each in caught)),
     }
     if path is not None:
         path.parent.mkdir(parents=True, exist_ok=True)

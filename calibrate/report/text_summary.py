@@ -174,13 +174,17 @@ def _truth_cost(result: Result) -> list[str]:
     largest = max(runs, key=lambda run: run["memory_bytes"])
     new = [run for run in runs if not run["cached"]]
     cases = [case for group in truth["cases"].values() for case in group.values()]
-    remarks = dict.fromkeys(r for case in cases for r in case["fitted"]["remarks"])
+    remarks = [r for case in cases for r in case["fitted"]["remarks"]]
+    for run in runs:
+        # The two coarser runs only tell how far this one is off.
+        if run["refinement"] == truth["refinement"]:
+            remarks += [f"the reference of {run['case']}: {w}" for w in run["warnings"]]
     return [
         f"The references of finer voxels took {count(len(runs), 'run')}, "
         f"{took(new):.3g} s now and {took(runs) - took(new):.3g} s before this fit "
         f"({cached} from the cache); the largest has {largest['nodes']:,} nodes and "
         f"takes about {readable_bytes(largest['memory_bytes'])}.",
-        *(f"Note: {remark}." for remark in remarks),
+        *(f"Note: {remark}." for remark in dict.fromkeys(remarks)),
     ]
 
 

@@ -4,13 +4,14 @@ import statistics
 from itertools import pairwise
 from typing import Any
 
-from jaxthermo.cli.console import open_console
+from jaxthermo.cli.console import open_console, print_line
 from jaxthermo.report.numbers import seconds, significant, with_range
 
 from ..harness.present import Column, table_of
 from ..harness.record import Row
 from .config import FULL, LINKS, ComparisonConfig, ExpectConfig, LimbConfig
 from .sweeps import ALL
+from .truth_lines import TRUTH_COLUMNS, truth_notes, worst_truth
 
 
 Line = dict[str, Any]
@@ -64,6 +65,7 @@ def _line(body: str, label: str, rows: list[Row]) -> Line:
         "frame_rms_kelvin": max(frame["worst_rms_kelvin"] for frame in part("frame")),
         "frame_ssim": min(frame["worst_ssim"] for frame in part("frame")),
         "energy_residual": max(part("energy_residual")),
+        "truth": worst_truth(rows),
     }
 
 
@@ -103,8 +105,8 @@ _COLUMNS: list[Column] = [
     ("nodes", "{nodes:,}"),
     ("run", lambda line: seconds(line["run_time_s"]["median"])),
     ("times faster", lambda line: times(line)),
-    ("error %", "{worst_rms_percent:.3g}"),
 ]
+_ERROR_COLUMNS: list[Column] = [("error %", "{worst_rms_percent:.3g}")]
 _MORE_COLUMNS: list[Column] = [
     ("steps", "{steps}"),
     ("p99 %", "{worst_p99_percent:.3g}"),
@@ -126,13 +128,18 @@ _NAMES = {
 def show_table(lines: list[Line]) -> None:
     """Print a table for each body, and what was expected and not met."""
     console = open_console()
-    columns = _COLUMNS + (_MORE_COLUMNS if console.width >= _WIDTH_OF_ALL else [])
+    has_truth = any(line.get("truth") for line in lines)
+    # The error against finer voxels comes first, in kelvin.
+    columns = _COLUMNS + (TRUTH_COLUMNS if has_truth else []) + _ERROR_COLUMNS
+    columns += _MORE_COLUMNS if console.width >= _WIDTH_OF_ALL else []
     for body in dict.fromkeys(line["body"] for line in lines):
         here = [line for line in lines if line["body"] == body]
         # The reason was printed with the row.
         short = [{**n, "refused": "refused"} if "refused" in n else n for n in here]
         title = f"{body}: worst of all loads and saved times; median times"
         console.print(table_of(short, columns, title, framed=False).rich())
+        for text in truth_notes(here):
+            print_line(console, text)
         for line in here:
             for check in line.get("expected", ()):
                 if not check["met"]:

@@ -25,6 +25,7 @@ from .config import (
 from .report import Findings, write_report
 from .study import Study, all_cases, case_loads
 from .sweeps import equilibrium_rows, level_rows, local_rows
+from .truth import Truth, with_truth
 
 
 class _Steps:
@@ -61,6 +62,9 @@ def _row_in_words(row: Row) -> str:
         "{surface_range_K:.1g} K after {steps} steps",
         "levels": "levels, {where}: {nodes} nodes, "
         "error {error[worst_rms_percent]:.3g} %",
+        "truth reference": "truth reference, {where}: "
+        "{costs[0][nodes]} nodes, own error about {own_error[worst_rms_kelvin]:.3g} K",
+        "truth": "truth, {where}: {error[worst_rms_kelvin]:.3g} K",
         "structure": "{where}: {nodes} nodes, {steps} steps in "
         "{run_time_s[median]:.3g} s, {times_faster[median]:.3g} times faster "
         "({times_faster[least]:.3g} to {times_faster[most]:.3g}), "
@@ -72,7 +76,7 @@ def _row_in_words(row: Row) -> str:
 # The modules that rows follow from; the others only draw and print them.
 _MEASURING = tuple(
     Path(__file__).with_name(f"{name}.py")
-    for name in ("config", "measure", "study", "sweeps")
+    for name in ("config", "measure", "study", "sweeps", "truth")
 )
 
 _DEFAULT = Path(__file__).parents[2] / "configs" / "experiments" / "structures.yaml"
@@ -123,6 +127,7 @@ def run(
         "rows": [*findings.rows, *findings.limb_rows],
         "level_rows": findings.level_rows,
         "equilibrium_rows": findings.equilibrium_rows,
+        "truth_references": findings.truth_references,
         "files": files,
     }
 
@@ -145,11 +150,30 @@ def _measure(
             made = equilibrium_rows(chosen, claims.equilibrium.voxels_high)
             even = [*steps.each(made, "equilibrium")]
         on_limb = [] if limb is None else [*_rows(limb, steps)]
+        references, found = _truths(config, studies, steps)
+    rows = with_truth(rows, found)
     lines = summarize(rows, config)
     if limb is not None:
         local = local_rows(limb, on_limb)
     judged = thesis_claims(rows, lines, swept, even, local, claims.limb)
-    return Findings(studies, limb, rows, on_limb, swept, even, local, lines, judged)
+    made = rows, on_limb, swept, even, local, references
+    return Findings(studies, limb, *made, lines, judged)
+
+
+def _truths(
+    config: ComparisonConfig, studies: list[Study], steps: _Steps
+) -> tuple[list[Row], list[Row]]:
+    """Rows of the runs of finer voxels, and of the structures beside them."""
+    references, found = [], []
+    if config.truth is None:
+        return references, found
+    for study in studies:
+        truth, name = Truth(study, config.truth), study.body.name
+        made = truth.reference_rows()
+        references += steps.each(made, f"{name}, finer voxels")
+        for case in truth.cases:
+            found += steps.each(truth.rows(case), f"{name}, {case.label}: truth")
+    return references, found
 
 
 def _rows(study: Study, steps: _Steps) -> Iterator[Row]:
@@ -170,6 +194,7 @@ def _limb_study(config: ComparisonConfig, record: Record) -> Study | None:
         "loads": (config.picture.load,),
         "structures": tuple(EntryConfig(**dict(named)) for named in limb.structures),
         "full_volume_as_links": False,
+        "truth": None,
     }
     body = ComparedBody(shape=limb.shape)
     return Study(body, config.model_copy(update=update), record)
@@ -182,6 +207,10 @@ def _count_rows(config: ComparisonConfig, limb: Study | None) -> int:
     if limb is not None:
         parts.append(limb.config)
     total = sum(len(part.loads) + loads(part) for part in parts)
+    if config.truth is not None:
+        # References, the full volume and the structures, under every load.
+        here = (2 + len(config.structures)) * len(config.loads)
+        total += here * len(config.bodies)
     if claims.levels is not None:
         total += (len(claims.levels.counts) + 1) * len(claims.levels.hollow)
     if claims.equilibrium is not None:

@@ -7,6 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
 from pydantic import Field, ValidationError
 
+from calibrate.config.schema import RefinedReference
 from jaxthermo.config.loader import mesh_folders
 from jaxthermo.config.messages import close_match, described, in_file
 from jaxthermo.config.schema.geometry import MeshConfig, ShapeConfig
@@ -163,6 +164,8 @@ class ComparisonConfig(Model):
     surface_map: SurfaceMapConfig = FluxCorrectedMap(at="voxel")
     full_volume_as_links: bool = True
     reference_step: Annotated[Fraction, Field(gt=0)] = 0.25
+    truth: RefinedReference | None = None
+    """Runs of finer voxels, which truth errors are measured from."""
     repeats: _Repeats = 5
     camera: PinholeConfig = PinholeConfig()
     picture: _PictureConfig
@@ -254,10 +257,11 @@ def structure_identity(structure: StructureConfig) -> dict[str, Any]:
 
 
 def common_identity(config: ComparisonConfig) -> dict[str, Any]:
-    """Inputs that all rows have in common, without the lists that make rows."""
+    """Inputs that all rows have in common, without what makes rows of its own."""
     plain = resolved(config)
-    for listed in ("bodies", "loads", "structures", "claims", "full_volume_as_links"):
-        plain.pop(listed, None)
+    apart = ("bodies", "loads", "structures", "claims", "full_volume_as_links", "truth")
+    for key in apart:
+        plain.pop(key, None)
     return plain
 
 

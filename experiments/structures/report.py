@@ -36,12 +36,18 @@ from .claims import Claim, Line, in_words, times
 from .config import FULL, resolved
 from .measure import MAX_REPEATED_SECONDS, Scenery
 from .study import Study, all_cases
+from .truth_lines import (
+    ALL_TRUTH_COLUMNS,
+    REFERENCE_COLUMNS,
+    TRUTH_BY_TIME,
+    truth_notes,
+)
 
 
 _run_time = lambda line: seconds_with_range(*line["run_time_s"].values())
 _by_load = lambda errors: ", ".join(f"{k}: {v:.3g}" for k, v in errors.items())
 
-# Cost and accuracy stand in two tables: in one they would not fit on a page.
+# Cost and accuracy stand in tables of their own: in one they would not fit on a page.
 _COST: list[Column] = [
     ("structure", "{label}"),
     ("nodes", "{nodes:,}"),
@@ -55,6 +61,7 @@ _COST: list[Column] = [
     ("times faster (least-most)", times),
 ]
 
+_TRUTH_ERROR: list[Column] = [("structure", "{label}"), *ALL_TRUTH_COLUMNS]
 _ERROR: list[Column] = [
     ("structure", "{label}"),
     ("RMS % by load", lambda line: _by_load(line["error_percent"])),
@@ -79,6 +86,7 @@ _ALL_ROWS: list[Column] = [
     ("steps", "{steps}"),
     ("run", lambda row: seconds(row["run_time_s"]["median"])),
     ("times faster", times),
+    *TRUTH_BY_TIME,
     ("RMS %", "{error[worst_rms_percent]:.4g}"),
     ("RMS % at each time", _several("error", "rms_percent")),
     ("RMS K at each time", _several("error", "rms_kelvin")),
@@ -107,6 +115,19 @@ _DEFINITIONS = {
 }
 
 
+_TRUTH = {
+    "truth": "root mean square, over points spread evenly over the mesh, of the "
+    "difference in surface temperature from a run ({structure}) in voxels {finer} "
+    "times as fine, in K and in percent of that run's range (0.5 to 99.5 %) at that "
+    "time; the largest of the saved times and loads. Read at the surface itself, each "
+    "structure at its own stable step. Lost: fraction of the surface that the voxels "
+    "of a row do not have",
+    "truth's own": "estimated error of the finer run, from two coarser ones by "
+    "Richardson extrapolation with the observed order; a bound is the larger "
+    "difference between these runs, where the order is not within 0.5 to 3",
+}
+
+
 @dataclass(frozen=True, eq=False)
 class Findings:
     """All that was measured."""
@@ -118,6 +139,7 @@ class Findings:
     level_rows: list[Row]
     equilibrium_rows: list[Row]
     local: list[Row]
+    truth_references: list[Row]
     lines: list[Line]
     claims: list[Claim]
 
@@ -151,7 +173,11 @@ def write_report(findings: Findings, folder: Path, host: str) -> list[str]:
     config = findings.studies[0].config
     words = {"share": config.reference_step, "repeats": config.repeats}
     words["long"] = MAX_REPEATED_SECONDS
-    about = [(name, text.format(**words)) for name, text in _DEFINITIONS.items()]
+    chosen = _DEFINITIONS | (_TRUTH if config.truth is not None else {})
+    if config.truth is not None:
+        structure = config.truth.structure.kind.replace("_", " ")
+        words |= {"finer": f"{config.truth.refinement:.3g}", "structure": structure}
+    about = [(name, text.format(**words)) for name, text in chosen.items()]
     made = _Page(findings, folder)
     made.sections = [f"{config.voxels_high} voxels high, {host}", page.terms(about)]
     for study in findings.studies:
@@ -159,6 +185,9 @@ def write_report(findings: Findings, folder: Path, host: str) -> list[str]:
     _add_claims(made)
     rows = table_of((*findings.rows, *findings.limb_rows), _ALL_ROWS, names=3)
     made.sections.append(page.details("All rows", rows))
+    if findings.truth_references:
+        table = table_of(findings.truth_references, REFERENCE_COLUMNS, names=2)
+        made.sections.append(page.details("Runs of finer voxels", table))
     plain = json.dumps(resolved(config), indent=2)
     made.sections.append(page.details("The config, in SI units", page.pre(plain)))
     title = "Structures against the full volume"
@@ -183,9 +212,13 @@ def _add_body(made: _Page, study: Study) -> None:
         for row in rows
         if row["label"] == FULL
     )
+    has_truth = any(line.get("truth") for line in lines)
+    truth = [table_of(lines, _TRUTH_ERROR)] if has_truth else []
     made.sections += [
         page.heading(name),
         table_of(lines, _COST),
+        *truth,
+        *(page.paragraph(text, note=True) for text in truth_notes(lines)),
         table_of(lines, _ERROR),
         *([Table(["structure", "expected"], expected)] if expected else []),
         page.paragraph(full, note=True),

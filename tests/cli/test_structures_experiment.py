@@ -32,6 +32,7 @@ def short_config(folder: Path) -> Path:
         "structures": chosen,
         "full_volume_as_links": False,
         "repeats": 2,
+        "truth": {"points": 500},
         "camera": {"width": 60, "height": 80},
         "claims": {
             "limb": {
@@ -78,6 +79,29 @@ def test_every_structure_has_a_row_that_says_what_it_costs(result):
         assert len(row["frame"]["ssim"]) == 5 and max(row["frame"]["ssim"]) <= 1
         assert row["energy_residual"] < 1e-4
     assert {"versions", "host", "device"} <= set(result)
+
+
+@pytest.mark.slow
+def test_errors_against_finer_voxels_are_in_every_row_and_at_the_terminal(
+    finished, result
+):
+    found = result["result"]
+    for row in found["rows"][: len(LABELS)]:
+        error, own = row["truth"]["error"], row["truth"]["own_error"]
+        assert error["times_s"] == own["times_s"] == [30, 60, 90, 135, 180]
+        assert 0 < error["worst_rms_kelvin"] < 5 and error["remarks"] == []
+        assert 0 < own["worst_rms_kelvin"] < 10
+    (reference,) = found["truth_references"]
+    assert [cost["refinement"] for cost in reference["costs"]] == [2, 1, 0.5]
+    pitches = [cost["pitch_m"][0] for cost in reference["costs"]]
+    np.testing.assert_allclose(pitches, [0.5 / 48, 0.5 / 24, 0.5 / 12], rtol=1e-6)
+    line = found["table"][-1]["truth"]
+    assert line["worst_rms_kelvin"] == error["worst_rms_kelvin"]
+    assert "truth K" in finished[2] and "truth: against finer voxels" in finished[2]
+    page = (finished[1] / "report.html").read_text()
+    assert "truth RMS K by load" in page and "Runs of finer voxels" in page
+    # Those of the limb have none: they are not part of the table.
+    assert all(row.get("truth") is None for row in found["rows"][len(LABELS) :])
 
 
 @pytest.mark.slow

@@ -52,8 +52,20 @@ def truth(before, after, own, is_bound=(False, False)):
         "memory_bytes": 2**20,
     }
     cost = [
-        {**run, "run_time_s": 3.0, "cached": True},
-        {**run, "run_time_s": 0.5, "cached": False},
+        {
+            **run,
+            "run_time_s": 3.0,
+            "cached": True,
+            "refinement": 2.0,
+            "warnings": ["thin walls"],
+        },
+        {
+            **run,
+            "run_time_s": 0.5,
+            "cached": False,
+            "refinement": 1.0,
+            "warnings": ["very thin walls"],
+        },
     ]
     return {
         "refinement": 2.0,
@@ -107,13 +119,14 @@ def test_bounds_are_marked_in_the_table_and_the_verdict():
 
 def test_the_cost_is_told_and_shared_voxels_are_noted(tmp_path):
     found = truth([0.4, 0.3], [0.2, 0.25], [0.02, 0.05])
-    cost, remark = _truth_cost({"truth": found})
+    cost, remark, warning = _truth_cost({"truth": found})
     assert "2 runs, 0.5 s now and 3 s before this fit (1 from the cache)" in cost
     assert "1,000 nodes and takes about 1.0 MiB" in cost
     assert remark == "Note: body 0 has the voxels of the reference."
+    assert warning == "Note: the reference of +x: thin walls."
     # It is read again from the file.
     write_fit(tmp_path / "fit.json", RESULT | {"truth": found})
-    assert _truth_cost(read_fit(tmp_path / "fit.json")) == [cost, remark]
+    assert _truth_cost(read_fit(tmp_path / "fit.json")) == [cost, remark, warning]
     del found["cost"][0]["nodes"]
     write_fit(tmp_path / "fit.json", RESULT | {"truth": found})
     with pytest.raises(InputError, match=r"truth.cost.0.nodes"):
