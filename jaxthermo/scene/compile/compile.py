@@ -134,7 +134,7 @@ def _described(structure: AbstractStructure) -> str:
     # Blocks have a factor, which the number of nodes or a size may have chosen.
     factor, count = getattr(structure, "factor", None), structure.node_count
     kind = type(structure).__name__ + ("" if factor is None else f" x{factor}")
-    return f"{kind}, {count} node{'s' * (count != 1)}"
+    return f"{kind}, {count:,} node{'s' * (count != 1)}"
 
 
 def _snapshot_times(scene: Scene, end: float) -> tuple[float, ...]:

@@ -66,6 +66,13 @@ def _names(scene):
     return scopes, {e.primitive.name for e in equations}
 
 
+def test_the_receipt_has_the_factor_that_was_chosen():
+    grid = blocks(np.ones((4, 4, 4), bool), 0.01)
+    structure = jt.Aggregate(grid, jt.Aggregate.factor_for(grid, nodes=9))
+    receipt = plan_run(_scene(structure), 2.0, None, None).compiled.receipt
+    assert receipt.structures == ("Aggregate x2, 8 nodes",)
+
+
 @pytest.mark.parametrize("absent", TERMS)
 def test_an_absent_mechanism_leaves_no_trace(structure, absent):
     present = {name: term for name, term in TERMS.items() if name != absent}
