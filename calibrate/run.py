@@ -79,7 +79,7 @@ def fit_config(
     with results_folder(out) as folder:
         calibration = build(config, log.stage)
         # Before the fit: what cannot be run is said at once.
-        truth = Truth.prepare(config, log.stage)
+        truth = Truth.prepare(config, calibration.references, log.stage)
         _discard_old_checkpoint(folder, config)
         log.stage("compiling")
         fitting, settings, start = (

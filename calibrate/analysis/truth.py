@@ -35,8 +35,12 @@ class Truth:
     """By the name of the case."""
 
     @classmethod
-    def prepare(cls, config: CalibrationConfig, log: Log) -> "Truth | None":
+    def prepare(
+        cls, config: CalibrationConfig, known: dict[str, TruthReference], log: Log
+    ) -> "Truth | None":
         """Run or load the references of all cases; None if the config asks for none.
+
+        Those of `known` cases are there.
 
         Raises:
             InputError: if a scene has no finer voxels, or a run fails.
@@ -46,8 +50,10 @@ class Truth:
         # The truth has the same values as the runs that are fitted to.
         reference = config.reference
         true = reference.set if isinstance(reference, FullVolumeReference) else {}
-        found = {}
+        found = dict(known)
         for case in (*config.train, *config.held_out):
+            if case.name in found:
+                continue
             said = lambda stage, name=case.name: log(f"{name}: {stage}")
             given = scene_config(config, case.set, true)
             try:

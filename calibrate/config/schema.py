@@ -108,6 +108,12 @@ class RefinedReference(Model):
     """Seed of the random points."""
 
 
+class TruthRuns(KindModel):
+    """The runs of finer voxels of the block `truth`, at the surface itself."""
+
+    kind: Literal["truth"] = "truth"
+
+
 class SolutionReference(KindModel):
     """Finished runs: the `solution.npz` of `jaxthermo simulate` for every case."""
 
@@ -157,7 +163,11 @@ class MeasuredFrames(KindModel):
 
 
 ReferenceConfig = Annotated[
-    FullVolumeReference | SolutionReference | SimulatedFrames | MeasuredFrames,
+    FullVolumeReference
+    | TruthRuns
+    | SolutionReference
+    | SimulatedFrames
+    | MeasuredFrames,
     ByKind(),
     Short("kind", "full_volume"),
 ]
@@ -272,8 +282,11 @@ class CalibrationConfig(Model):
                 if case.name in seen:
                     found.append(((group, n, "name"), f"'{case.name}' is there twice"))
                 seen.append(case.name)
-        is_run = isinstance(self.reference, FullVolumeReference | SolutionReference)
-        if self.truth is not None and not is_run:
-            message = "needs a `reference` that is a run: full_volume or solution"
+        is_of_frames = isinstance(self.reference, SimulatedFrames | MeasuredFrames)
+        if self.truth is not None and is_of_frames:
+            message = "needs a `reference` of runs: full_volume, truth or solution"
             found.append((("truth",), message))
+        if self.truth is None and isinstance(self.reference, TruthRuns):
+            message = "`truth` needs the block `truth`: give `truth: {}`"
+            found.append((("reference",), message))
         return found

@@ -39,7 +39,13 @@ from .parameters import (
     value_at,
 )
 from .problem import Case, Problem
-from .reference import Log, full_volume_run
+from .reference import (
+    Log,
+    TruthReference,
+    full_volume_run,
+    read_at_surface,
+    refined_reference,
+)
 from .targets import (
     AbstractTarget,
     FrameTarget,
@@ -66,6 +72,8 @@ class Calibration:
     scenes: dict[str, Scene]
     train: Problem
     held_out: Problem | None
+    references: dict[str, TruthReference]
+    """Runs of finer voxels by case, of those cases that are fitted to them."""
 
 
 def build(config: CalibrationConfig, log: Log) -> Calibration:
@@ -74,23 +82,28 @@ def build(config: CalibrationConfig, log: Log) -> Calibration:
     configs = {case.name: scene_config(config, case.set) for case in every}
     log("building the scenes")
     scenes = _build_scenes(configs)
+    if isinstance(config.reference, schema.TruthRuns):
+        # Finer voxels have their nodes elsewhere: only the surface is common.
+        scenes = {name: read_at_surface(scene) for name, scene in scenes.items()}
     parameters = _build_parameters(config, scenes[config.train[0].name])
     # Values and bounds come from the first case, but every case needs the paths.
     for scene in scenes.values():
         parameters.check(scene)
+
+    references: dict[str, TruthReference] = {}
 
     def problem(cases: tuple[schema.CaseConfig, ...]) -> Problem:
         made = []
         for case in cases:
             given, scene = configs[case.name], scenes[case.name]
             run = ParametricRun(given.time.save_times, given.solver.build())
-            target = _TargetBuilder(config, case, given, scene, log).build()
-            made.append(Case(case.name, scene, run, target))
+            data = _TargetBuilder(config, case, given, scene, references, log)
+            made.append(Case(case.name, scene, run, data.build()))
         return Problem(parameters, tuple(made), config.fit.time_norm)
 
     train = problem(config.train)
     held_out = problem(config.held_out) if config.held_out else None
-    return Calibration(parameters, configs, scenes, train, held_out)
+    return Calibration(parameters, configs, scenes, train, held_out, references)
 
 
 def _build_scenes(configs: Mapping[str, SceneConfig]) -> dict[str, Scene]:
@@ -205,6 +218,7 @@ class _TargetBuilder:
     case: schema.CaseConfig
     given: SceneConfig
     scene: Scene
+    references: dict[str, TruthReference]
     log: Log
 
     def build(self) -> AbstractTarget:
@@ -215,6 +229,8 @@ class _TargetBuilder:
                     truth = scene_config(self.config, self.case.set, reference.set)
                     log = lambda stage: self.log(f"{name}: {stage}")
                     return self._surface(full_volume_run(truth, reference.step, log))
+                case schema.TruthRuns():
+                    return self._finer_surface()
                 case schema.SolutionReference(files=files):
                     if name not in files:
                         text = "reference: files: there is none for the case"
@@ -231,6 +247,15 @@ class _TargetBuilder:
     def _surface(self, found: StoredSolution) -> AbstractTarget:
         check_surfaces(_start_surfaces(self.scene), found.surfaces)
         return surface_target(found, jnp.dtype(self.scene.dtype))
+
+    def _finer_surface(self) -> AbstractTarget:
+        name = self.case.name
+        assert self.config.truth is not None
+        log = lambda stage: self.log(f"{name}: {stage}")
+        found = refined_reference(self.given, self.config.truth, log)
+        self.references[name] = found
+        surface, unknown = found.read_at(_start_surfaces(self.scene))
+        return surface_target(surface, jnp.dtype(self.scene.dtype), unknown)
 
     def _simulated(self, given: schema.SimulatedFrames) -> list[np.ndarray]:
         truth = scene_config(self.config, self.case.set, given.set)

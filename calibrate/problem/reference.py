@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from jaxtyping import Bool
 
 import jaxthermo
 from jaxthermo.archive import read_record, signed
@@ -38,9 +39,10 @@ from jaxthermo.integrate.run.solution_file import (
     load_solution,
     save_solution,
 )
+from jaxthermo.integrate.run.surface_reading import surface_reading
 from jaxthermo.integrate.solvers import ForwardEuler
 from jaxthermo.scene.compile.compile import compile_scene
-from jaxthermo.scene.scene import Scene
+from jaxthermo.scene.scene import Scene, SolvedSurface
 from jaxthermo.structures.cache import cache_folder
 
 from ..config.schema import RefinedReference
@@ -65,6 +67,30 @@ class TruthReference(NamedTuple):
     """Costs of the run and of the two coarser ones as plain values: `refinement`,
     `pitch_m`, `nodes`, `steps`, `memory_bytes`, `run_time_s` when it was run, `cached`,
     and the `warnings` that it gave."""
+
+    def read_at(
+        self, surfaces: tuple[SolvedSurface, ...]
+    ) -> tuple[StoredSolution, Bool[np.ndarray, " s"]]:
+        """Temperatures at the fragments of other voxels, and where it has no surface.
+
+        Fragments without a counterpart get the mean of the others.
+        """
+        rows, lost, first = [], [], 0
+        temperature = np.asarray(self.solution.surface_temperature)
+        for own, finer in zip(surfaces, self.solution.surfaces, strict=True):
+            body, there = own.geometry, finer.geometry
+            last = first + len(there.fragment_area)
+            reading = surface_reading(
+                there, body.fragment_position, body.fragment_normal
+            )
+            rows.append(reading.read(temperature[:, first:last]))
+            lost.append(reading.is_lost)
+            first = last
+        found, nowhere = np.concatenate(rows, axis=1), np.concatenate(lost)
+        if nowhere.all():
+            raise InputError("truth: the finer voxels have no surface in common")
+        found[:, nowhere] = found[:, ~nowhere].mean(axis=1, keepdims=True)
+        return StoredSolution(self.solution.times, found, surfaces), nowhere
 
 
 @functools.cache

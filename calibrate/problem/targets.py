@@ -106,8 +106,15 @@ class SurfaceTarget(AbstractTarget):
         return CaseError(self.times, tuple(errors.tolist()), tuple(errors * span / 100))
 
 
-def surface_target(reference: AnySolution, dtype: Any) -> SurfaceTarget:
-    """Make a target of a full-volume run that is saved at times after 0."""
+def surface_target(
+    reference: AnySolution,
+    dtype: Any,
+    unknown: Bool[np.ndarray, " s"] | None = None,
+) -> SurfaceTarget:
+    """Make a target of a reference that is saved at times after 0.
+
+    Fragments where it is `unknown` are not compared.
+    """
     surface = np.asarray(reference.surface_temperature, float)
     times = tuple(float(t) for t in np.asarray(reference.times))
     if not np.isfinite(surface).all():
@@ -119,6 +126,8 @@ def surface_target(reference: AnySolution, dtype: Any) -> SurfaceTarget:
             "nothing to fit; give a case that heats it unevenly"
         )
     area = np.concatenate([s.geometry.fragment_area for s in reference.surfaces])
+    if unknown is not None:
+        area = np.where(unknown, 0, area)
     span = np.asarray(error_span(jnp.asarray(surface)), float)
     scale = 100 * np.sqrt(area / area.sum())[None] / span[:, None]
     # The sum of squares is then the mean over the times.

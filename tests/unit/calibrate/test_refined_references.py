@@ -1,20 +1,27 @@
 """Runs of finer voxels: refused, judged by, and computed once."""
 
 import json
+from dataclasses import replace
+from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
+import jaxthermo as jt
 from calibrate.analysis.verdict import judge, truth_times
 from calibrate.config.fit_record import read_fit, write_fit
 from calibrate.config.loader import load_calibration
 from calibrate.config.schema import RefinedReference
-from calibrate.problem.reference import refined_reference
+from calibrate.problem.reference import TruthReference, refined_reference
+from calibrate.problem.targets import surface_target
 from calibrate.report.text_summary import _truth_cost, summary, truth_table
 from calibrate.run import fit_config
 from jaxthermo.config.loader import load_config
 from jaxthermo.errors import InputError
+from jaxthermo.integrate.run.solution_file import StoredSolution
 from jaxthermo.report.table import Cell
+from jaxthermo.scene.scene import BodyGeometry, SolvedSurface
 from tests.calibrating import RESULT, SPHERE
 
 
@@ -139,7 +146,7 @@ def test_the_cost_is_told_and_shared_voxels_are_noted(tmp_path):
         ("truth.refinement=0.5", "truth.refinement"),
         ("truth.structure=octre", "did you mean"),
         ("truth={pitch: 2 mm}", "unknown key"),
-        ("reference=simulated_frames", "`reference` that is a run"),
+        ("reference=simulated_frames", "`reference` of runs"),
     ],
 )
 def test_mistakes_in_the_block(tmp_path, change, message):
@@ -147,6 +154,58 @@ def test_mistakes_in_the_block(tmp_path, change, message):
     (tmp_path / "fit.yaml").write_text(FIT)
     with pytest.raises(InputError, match=message):
         load_calibration(tmp_path / "fit.yaml", (change,))
+
+
+def test_a_fit_to_finer_voxels_needs_their_block(tmp_path):
+    (tmp_path / "scene.yaml").write_text(SPHERE)
+    (tmp_path / "fit.yaml").write_text(FIT.replace("truth: {points: 500}", ""))
+    with pytest.raises(InputError, match="needs the block `truth`"):
+        load_calibration(tmp_path / "fit.yaml", ("reference=truth",))
+
+
+def _surface(grid):
+    body = BodyGeometry(
+        grid.mesh.vertices,
+        grid.mesh.faces,
+        grid.fragment_position,
+        grid.fragment_normal,
+        grid.fragment_area,
+        grid.pitch,
+        jt.Pose(),
+    )
+    return SolvedSurface(body, jnp.asarray(1.0), jnp.asarray(1.0))
+
+
+def test_a_linear_field_of_finer_voxels_is_exact_at_the_fragments_of_coarser_ones():
+    """Of two bodies, one of which has a part that the finer run lacks."""
+    box = jt.shapes.box((0.6, 0.4, 0.2))
+    fine, coarse = (_surface(jt.voxelize(box, pitch)) for pitch in (0.05, 0.1))
+    field = lambda body, t: 300.0 + t * body.fragment_position @ [30.0, -20.0, 10.0]
+    values = lambda *bodies: np.stack(
+        [np.concatenate([n + field(b.geometry, t) for n, b in enumerate(bodies)])
+         for t in (1.0, 2.0)]
+    )  # fmt: skip
+    times = np.array([1.0, 2.0])
+    solution = StoredSolution(times, values(fine, fine), (fine, fine))
+    own: Any = None
+    reference = TruthReference(solution, own, ())
+    found, unknown = reference.read_at((coarse, coarse))
+    assert not unknown.any() and found.surfaces == (coarse, coarse)
+    np.testing.assert_allclose(
+        found.surface_temperature, values(coarse, coarse), rtol=1e-4
+    )
+    # Far off, nothing is known: no residual, whatever the run has there.
+    where = coarse.geometry.fragment_position.copy()
+    where[:7] += 5.0
+    moved = replace(coarse, geometry=replace(coarse.geometry, fragment_position=where))
+    partly, unknown = reference.read_at((moved, coarse))
+    assert unknown.nonzero()[0].tolist() == list(range(7))
+    assert np.isfinite(partly.surface_temperature).all()
+    target = surface_target(partly, jnp.float64, unknown)
+    assert not target.scale[:, :7].any() and (target.scale[:, 7:] > 0).all()
+    with pytest.raises(InputError, match="no surface in common"):
+        nowhere = replace(moved.geometry, fragment_position=where + 50.0)
+        reference.read_at((replace(moved, geometry=nowhere),) * 2)
 
 
 def test_a_body_of_voxels_has_no_finer_ones(tmp_path):
@@ -219,3 +278,23 @@ def test_a_fit_reports_the_errors_against_finer_voxels(tmp_path, monkeypatch):
     stored = read_fit(out / "fit.json")
     assert json.loads(json.dumps(result["truth"])) == stored["truth"]
     assert any("references of finer voxels took 6 runs" in s for s in summary(stored))
+
+
+@pytest.mark.slow
+def test_a_fit_to_finer_voxels_lessens_the_errors_against_them(tmp_path, monkeypatch):
+    """With short steps, so that the error in time plays no part."""
+    monkeypatch.setenv("JAXTHERMO_CACHE", str(tmp_path / "structures"))
+    (tmp_path / "scene.yaml").write_text(SPHERE.replace("high: 8", "high: 12"))
+    (tmp_path / "fit.yaml").write_text(FIT)
+    steps = ("reference=truth", "set={solver: {kind: forward_euler, dt: 0.5}}")
+    result = fit_config(tmp_path / "fit.yaml", tmp_path / "out", steps, report=False)
+    assert result["reference"] == "truth"
+    assert len(result["truth"]["cost"]) == 6
+    for group, cases in result["truth"]["cases"].items():
+        for name, case in cases.items():
+            before, after = case["default"]["rms_kelvin"], case["fitted"]["rms_kelvin"]
+            assert max(after) < max(before)
+            # At the fragments instead of points between them: less even.
+            own = result["errors"][group]["default"][name]["rms_kelvin"]
+            np.testing.assert_allclose(own, before, rtol=0.4)
+            assert min(own) > min(before)
