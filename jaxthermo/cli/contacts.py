@@ -78,7 +78,7 @@ def _check_unchanged(run: Path, grids: list[VoxelGrid], stored: StoredSolution) 
     # The same mesh at the same pitch has the same fragments in the same order.
     for body, (grid, surface) in enumerate(zip(grids, stored.surfaces, strict=True)):
         before = surface.geometry.fragment_position
-        now = grid.fragment_position
+        now = grid.fragment_foot
         if before.shape != now.shape or not np.allclose(before, now):
             raise InputError(
                 f"{run}: the mesh of body {body} has changed since the run; "

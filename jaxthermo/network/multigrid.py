@@ -20,6 +20,7 @@ from typing_extensions import override
 from ..arrays import members
 from ..geometry.mesh import connected_labels
 from ..structures.structure import AbstractBuiltStructure, AbstractStructure
+from .cut_stencil import CutStencil
 from .link_operator import LinkNetwork, RowLayout, RowNetwork, row_layout, row_network
 from .multigrid_cycle import (
     AbstractTransfer,
@@ -81,6 +82,9 @@ def _lattice_levels(
 
 
 def _block_faces(network: AbstractNetwork) -> tuple[Array, Array, Array]:
+    # Voxels that the surface cuts count as whole ones in the coarser levels.
+    if isinstance(network, CutStencil):
+        network = network.base
     faces = []
     for axis in range(3):
         values = _even_faces(network, axis)

@@ -21,10 +21,8 @@ face that depends on the temperatures of the two nodes at its sides alone.
 """
 
 from collections.abc import Sequence
-from functools import partial
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
@@ -33,39 +31,18 @@ from ..arrays import Scalar, is_traced
 from ..errors import InputError
 from ..material.material import Material, Property
 from ..network.link_operator import row_layout, row_network
-from ..network.network import AbstractNetwork, inverse, precise_sum
+from ..network.network import AbstractNetwork, precise_sum
 from ..network.non_orthogonal import non_orthogonal
 from ..network.nonlinear import NonlinearNetwork, kirchhoff_transform
-from ..network.stencil import (
-    HeterogeneousStencil,
-    OrthotropicStencil,
-    UniformStencil,
-    solid_degree,
-)
 from ..structures.build.assignment import volume_within
 from ..structures.build.links import link_axes, non_orthogonal_links
 from ..structures.kinds.full import FullVolume
 from ..structures.structure import AbstractStructure
+from .stencil_conduction import mixed_stencil, series, uniform_stencil
 from .varying_conduction import varying_links
 
 
 _Values = Array | np.ndarray
-
-
-@partial(jax.jit, inline=True)
-def series(
-    area: Float[np.ndarray | Array, "*e"],
-    length1: Float[np.ndarray | Array, "*e"],
-    k1: Float[Array, "*#e"],
-    length2: Float[np.ndarray | Array, "*e"],
-    k2: Float[Array, "*#e"],
-) -> Float[Array, "*e"]:
-    """Conductance of two lengths [m] in series [W/K]; 0 if either conductivity is 0."""
-    # Exact in one dimension, where the arithmetic mean of conductivities is wrong by up
-    # to their ratio. This form needs no division by a conductivity, which may be 0.
-    dtype = k1.dtype
-    a, l1, l2 = (jnp.asarray(v, dtype) for v in (area, length1, length2))
-    return a * k1 * k2 * inverse(l1 * k2 + l2 * k1)
 
 
 def material_network(
@@ -168,14 +145,7 @@ def assemble_uniform(
     if not _runs_as_stencil(structure):
         # A single row of conductivities by axis stands for all nodes.
         return _assemble_links(structure, k[None] if k.ndim else k, heat)
-    grid = structure.grid
-    stencil, bits = (OrthotropicStencil, 2) if k.ndim else (UniformStencil, 0)
-    return stencil(
-        heat * grid.voxel_volume,
-        structure.node_count,
-        jnp.asarray(solid_degree(grid.solid, bits)),
-        k * grid.pitch,
-    )
+    return uniform_stencil(structure.grid, structure.node_count, k, heat)
 
 
 def _assemble_mixed(
@@ -190,7 +160,7 @@ def _assemble_mixed(
     [J/(m^3 K)] are given for each material.
     """
     if _runs_as_stencil(structure):
-        return _mixed_stencil(
+        return mixed_stencil(
             structure.grid, material, conductivity, volumetric_heat_capacity
         )
     return _assemble_links(
@@ -341,34 +311,6 @@ def _by_level(value, levels: int, level, name: str, dtype) -> Float[Array, " m"]
             f"{levels}; give one number, or one a level"
         )
     return numbers[np.minimum(level, max(levels - 1, 0))] if levels else numbers[level]
-
-
-def _mixed_stencil(grid, material, conductivity, heat):
-    number = np.zeros(grid.solid.shape, np.int32)
-    number[grid.solid] = material
-    sizes = grid.pitch / 2, grid.pitch**2, grid.voxel_volume
-    return _stencil_arrays(grid.solid, number, conductivity, heat, sizes)
-
-
-@jax.jit
-def _stencil_arrays(solid, number, conductivity, heat, sizes) -> HeterogeneousStencil:
-    (half, area, volume), dtype = sizes, conductivity.dtype
-    by_axis = conductivity[number]
-    faces = []
-    for axis in range(3):
-        k = by_axis[..., axis] if by_axis.ndim == 4 else by_axis
-        k = jnp.where(solid, k, 0)
-        before, after = [slice(None)] * 3, [slice(None)] * 3
-        before[axis], after[axis] = slice(None, -1), slice(1, None)
-        first, second = k[tuple(before)], k[tuple(after)]
-        lengths, areas = (jnp.full(first.shape, v, dtype) for v in (half, area))
-        outer = [(0, 0)] * 3
-        outer[axis] = (1, 1)
-        faces.append(jnp.pad(series(areas, lengths, first, lengths, second), outer))
-    return HeterogeneousStencil(
-        face_conductance=(faces[0], faces[1], faces[2]),
-        cell_capacity=jnp.where(solid, heat[number] * volume, 0),
-    )
 
 
 # Smallest nearest volume relative to the node's own: an edge node with a tenth would

@@ -30,7 +30,7 @@ def scene_numbers(scene: Scene, end: float) -> dict[str, float]:
 def body_numbers(scene: Scene, body: Body, end: float) -> dict[str, float]:
     """The same numbers of one body of the scene."""
     grid = body.structure.grid
-    volume = grid.solid_count * grid.voxel_volume
+    volume = grid.body_volume
     length = float(volume / grid.fragment_area.sum())
     # Of several materials the base one stands for the body.
     material: Any = getattr(body.material, "materials", (body.material,))[0]

@@ -80,6 +80,8 @@ def _key(kind: str, grid: VoxelGrid, options: dict[str, Any]) -> str:
     _feed(digest, [np.packbits(grid.solid), grid.volume_ratio])
     _feed(digest, [grid.fragment_voxel, grid.fragment_position])
     _feed(digest, [grid.fragment_normal, grid.fragment_area])
+    if grid.cut is not None:
+        _feed(digest, [grid.cut.voxel, grid.cut.volume, grid.cut.open_area])
     return digest.hexdigest()[:40]
 
 

@@ -234,10 +234,11 @@ class AbstractStructure(eqx.Module):
 
     def fragment_distance(self) -> Float[np.ndarray, " s"]:
         """Distance along the normal from each fragment down to its node [m]."""
-        # Half a voxel to the fragment's voxel, and on from there where the node is
-        # deeper; a node above that voxel does not shorten the path.
+        # Half a voxel to the fragment's voxel, or to where the surface is, and on from
+        # there where the node is deeper; one above the voxel does not shorten the path.
         along = np.einsum("si,si->s", self.fragment_offset(), self.grid.fragment_normal)
-        return self.grid.pitch / 2 + np.maximum(along, 0)
+        depth = self.grid.fragment_depth
+        return (self.grid.pitch / 2 if depth is None else depth) + np.maximum(along, 0)
 
 
 class AbstractBuiltStructure(AbstractStructure):
@@ -274,8 +275,7 @@ class AbstractBuiltStructure(AbstractStructure):
     @property
     @override
     def capacity_ratio(self) -> float:
-        body = self.grid.solid_count * self.grid.voxel_volume
-        return float(self.built.nodes.volume.sum() / body)
+        return float(self.built.nodes.volume.sum() / self.grid.body_volume)
 
     @property
     @override

@@ -215,7 +215,7 @@ class LinearMap(AbstractSurfaceMap):
         if self.at == "surface":
             grid = structure.grid
             voxel = grid.lattice.centres(grid.fragment_voxel)
-            offset = offset + grid.fragment_position - voxel
+            offset = offset + grid.fragment_foot - voxel
         return _with_gradient(structure, offset, None, dtype)
 
 
@@ -239,7 +239,9 @@ class FluxCorrectedMap(AbstractSurfaceMap):
     def bind(self, structure: AbstractStructure, dtype: Any) -> BoundMap:
         offset, normal = structure.fragment_offset(), structure.grid.fragment_normal
         along = np.maximum(np.einsum("si,si->s", offset, normal), 0)[:, None] * normal
-        outermost = structure.grid.pitch / 2 / structure.fragment_distance()
+        depth = structure.grid.fragment_depth
+        outermost = structure.grid.pitch / 2 if depth is None else depth
+        outermost = outermost / structure.fragment_distance()
         part = _FLUX_PART * (1 - outermost)
         if self.at == "surface":
             part = part + outermost

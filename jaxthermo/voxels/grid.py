@@ -10,7 +10,9 @@ from wadler_lindig import TextDoc
 
 from ..geometry.mesh import Mesh, connected_labels, part_volumes
 from .cavities import Cavities, find_cavities
+from .cut_voxels import CutVoxels, SolidVoxels
 from .lattice import Lattice
+from .represented import Represented, represented
 from .surface import surface_links, surface_voxels
 
 
@@ -56,6 +58,8 @@ class VoxelGrid:
     A fragment is the point of the mesh where the ray through a column of voxel centres
     crosses it, along the dominant axis i of its normal n; each piece of surface has
     one. Its area is pitch^2 / |n_i|, scaled to the mesh's area if that is watertight.
+    With `surface_cells="crossings"` there is one on every exposed voxel face instead,
+    across any axis a, with the area pitch^2 |n_a|, scaled by at most 2 % (`crossings`).
     """
 
     lattice: Lattice
@@ -70,17 +74,22 @@ class VoxelGrid:
     fragment_voxel: Int[np.ndarray, "s 3"]
     """Cell of the solid voxel that each fragment belongs to."""
     fragment_axis: Int[np.ndarray, " s"]
-    """Dominant axis of the normal: 0, 1 or 2."""
+    """Axis of its ray: 0, 1 or 2; the dominant one of the normal, but for crossings."""
     fragment_layer: Int[np.ndarray, "s 2"]
-    """Depth layer along the dominant axis, among all and packed."""
+    """Depth layer along that axis, among all and packed."""
     area_ratio: float
-    """Area of the mesh over that of the unscaled fragments [-]; 1 if unreliable."""
+    """Area of the mesh over that of the unscaled fragments [-]; 1 if not applied."""
     volume_ratio: float
-    """Volume of the mesh over that of the voxels [-]; 1 if unreliable."""
+    """Volume of the mesh over that of the voxels [-]; 1 if not applied."""
     layers: LayerCounts
     thin: ThinParts
     unscaled_because: str = ""
     """Reason why the two ratios are unreliable; empty if they apply."""
+    fragment_depth: Float[np.ndarray, " s"] | None = None
+    """Distance from each fragment's voxel centre to the surface along the normal [m];
+    None for half a voxel."""
+    cut: CutVoxels | None = None
+    """Voxels that the surface cuts; None if every voxel counts as a whole."""
 
     def __repr__(self) -> str:
         shape = " x ".join(map(str, self.lattice.shape))
@@ -108,6 +117,18 @@ class VoxelGrid:
     def solid_count(self) -> int:
         """Number of solid voxels."""
         return int(np.count_nonzero(self.solid))
+
+    @cached_property
+    def fragment_foot(self) -> Float[np.ndarray, "s 3"]:
+        """Point of the surface whose temperature each fragment has [m].
+
+        Of crossings the one nearest to the voxel's centre: the crossing itself may be
+        half a voxel beside it. All cells of a voxel at a plane surface have the same.
+        """
+        if self.fragment_depth is None:
+            return self.fragment_position
+        centre = self.lattice.centres(self.fragment_voxel)
+        return centre + self.fragment_depth[:, None] * self.fragment_normal
 
     @cached_property
     def cavities(self) -> Cavities | None:
@@ -139,8 +160,52 @@ class VoxelGrid:
 
     @property
     def voxel_volume(self) -> float:
-        """Volume of a voxel, including `volume_ratio` [m^3]."""
+        """Volume of a whole voxel, including `volume_ratio` [m^3]."""
         return float(self.pitch**3 * self.volume_ratio)
+
+    @property
+    def surface_cells(self) -> str:
+        """Kind of the surface: "crossings" or "dominant_axis"."""
+        return "dominant_axis" if self.cut is None else "crossings"
+
+    @cached_property
+    def solid_voxels(self) -> SolidVoxels | None:
+        """Volumes and open areas of the solid voxels; None if all are whole."""
+        return None if self.cut is None else self.cut.spread(self.solid)
+
+    @cached_property
+    def represented(self) -> Represented | None:
+        """True against represented; None for whole voxels and meshes not closed."""
+        if self.cut is None or self.unscaled_because:
+            return None
+        area = float(self.fragment_area.sum()) / self.area_ratio
+        return represented(self.mesh, self.lattice, self.solid, self.cut, area)
+
+    @cached_property
+    def size(self) -> float:
+        """Volume of the body [whole voxels]."""
+        own = self.solid_voxels
+        return float(self.solid_count if own is None else own.volume.sum())
+
+    @property
+    def body_volume(self) -> float:
+        """Volume of the body, including `volume_ratio` [m^3]."""
+        return self.size * self.voxel_volume
+
+    def volume_at(self, voxels: Int[np.ndarray, "m 3"]) -> Float[np.ndarray, " m"]:
+        """Volumes of some solid voxels [m^3]."""
+        if self.cut is None:
+            return np.full(len(voxels), self.voxel_volume)
+        volume = self.cut.volumes(self.solid.shape)
+        return volume[tuple(voxels.T)] * self.voxel_volume
+
+    def volume_of(
+        self, group: Int[np.ndarray, " v"], count: int
+    ) -> Float[np.ndarray, " n"]:
+        """Volumes of `count` groups of solid voxels [m^3]; -1 is in no group."""
+        inside = group >= 0
+        own = None if self.solid_voxels is None else self.solid_voxels.volume[inside]
+        return np.bincount(group[inside], own, count) * self.voxel_volume
 
     def contains(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
         """Flag the points (in the body's frame) that lie in a solid voxel."""
@@ -172,6 +237,7 @@ def voxel_report(grid: VoxelGrid) -> dict[str, Any]:
     surface = surface_voxels(grid.solid)
     counts = zip(grid.layers.peeled, grid.layers.packed, grid.mesh.axes, strict=True)
     thin, watertight = grid.thin, grid.mesh.is_watertight
+    true = {} if grid.represented is None else grid.represented.as_dict()
     return {
         "pitch_m": grid.pitch,
         "lattice_shape": list(grid.lattice.shape),
@@ -191,8 +257,10 @@ def voxel_report(grid: VoxelGrid) -> dict[str, Any]:
         },
         "volume_m3": {
             "mesh": grid.mesh.volume if watertight else None,
-            "voxels_unscaled": grid.solid_count * grid.pitch**3,
+            "voxels_unscaled": grid.size * grid.pitch**3,
         },
+        "surface_cells": grid.surface_cells,
+        **({"represented": true} if true else {}),
         "area_ratio": grid.area_ratio,
         "volume_ratio": grid.volume_ratio,
         "ratios_applied": not grid.unscaled_because,

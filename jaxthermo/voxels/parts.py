@@ -8,9 +8,10 @@ from scipy.spatial import KDTree
 
 from ..errors import InputError
 from ..geometry.mesh import Mesh
+from .fill import fill_by_vote
 from .grid import VoxelGrid
 from .lattice import Lattice, Views, peel_axes
-from .surface import axis_fragments, face_axes, fill_by_vote
+from .surface import axis_fragments, face_axes
 
 
 def part_labels(grid: VoxelGrid, parts: Sequence[Mesh]) -> Int[np.ndarray, "x y z"]:

@@ -1,10 +1,4 @@
-"""Solid voxels from depth layers; surface fragments, each with its voxel.
-
-Solid is what a majority of the three axes votes for, also for open meshes. Along a ray
-the winding number rises by one where the ray enters the surface and falls where it
-leaves. A voxel is inside for an axis if the number at its centre is not zero:
-overlapping closed parts unite and cavities stay hollow. A ray on which entries and
-exits do not balance has passed through a hole and does not vote.
+"""Surface fragments from depth layers, each with its voxel.
 
 Thesis 4.2 keeps a fragment in the view along the dominant axis of its normal. The ray
 grid of that view cuts the surface into pieces of area pitch^2 / |n_i| (the thesis' own
@@ -15,83 +9,26 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int, Int8
+from jaxtyping import Bool, Float, Int
 
 from ..geometry.mesh import Mesh
 from ..raster.fragments import DepthLayers
-from .lattice import Views, pixel_axes
+from .fill import balanced_rays, crossing_sign, first_cell_behind
+from .lattice import pixel_axes
 
 
 # Crossings closer than this [cells] are one surface where parts touch.
 _SAME_DEPTH = 1e-4
 
 
-def _first_cell_behind(depth: Float[np.ndarray, " k"]) -> Int[np.ndarray, " k"]:
-    """Index of the first cell centre at or behind a depth, in units of cells."""
-    return np.ceil(depth - 0.5).astype(np.int64)
-
-
-def _crossing_sign(layers: DepthLayers) -> Int8[np.ndarray, " k"]:
-    """+1 where the ray enters the body, -1 where it leaves."""
-    return np.where(layers.entering, 1, -1).astype(np.int8)
-
-
-def _balanced_rays(layers: DepthLayers) -> Bool[np.ndarray, " p"]:
-    """Flag the pixels whose ray leaves the body as often as it enters."""
-    pixels = layers.width * layers.height
-    return np.bincount(layers.pixel, _crossing_sign(layers), minlength=pixels) == 0
-
-
-def _winding(
-    layers: DepthLayers, axis: int, shape: tuple[int, int, int]
-) -> Int8[np.ndarray, "x y z"]:
-    """Winding number at each voxel centre along `axis`; 0 on rays without a vote."""
-    row_axis, column_axis = pixel_axes(axis)
-    cell = _first_cell_behind(layers.depth)
-    counts = np.flatnonzero(_balanced_rays(layers)[layers.pixel] & (cell < shape[axis]))
-    index: list = [None, None, None]
-    index[axis] = np.maximum(cell[counts], 0)
-    index[row_axis], index[column_axis] = np.divmod(layers.pixel[counts], layers.width)
-    winding = np.zeros(shape, np.int8)
-    # int8 may wrap in between: only the final sums must fit.
-    np.add.at(winding, tuple(index), _crossing_sign(layers)[counts])
-    if axis == 2:
-        return np.cumsum(winding, axis=2, dtype=np.int8, out=winding)
-    planes = np.moveaxis(winding, axis, 0)
-    # Plane by plane is contiguous and several times faster than a strided cumsum.
-    for k in range(1, len(planes)):
-        planes[k] += planes[k - 1]
-    return winding
-
-
-def fill_by_vote(
-    views: Views, shape: tuple[int, int, int]
-) -> Bool[np.ndarray, "x y z"]:
-    """Solid voxels by majority of the votes of the three views."""
-    # int8 throughout: the largest arrays of the voxelization set its memory.
-    votes = np.zeros(shape, np.int8)
-    cast = []
-    for axis, layers in enumerate(views):
-        votes += _winding(layers, axis, shape) != 0
-        rays = _balanced_rays(layers).reshape(layers.height, layers.width)
-        # Rows before columns, as the lattice has them, with the depth axis of length 1.
-        ordered = rays if pixel_axes(axis)[0] < pixel_axes(axis)[1] else rays.T
-        cast.append(np.expand_dims(ordered, axis).astype(np.int8))
-    # Solid where 2 x votes for > votes cast.
-    votes *= 2
-    for x, plane in enumerate(votes):
-        plane -= cast[0][0] + cast[1][x] + cast[2][x]
-    return votes > 0
-
-
-def _hidden_inside(layers: DepthLayers) -> Bool[np.ndarray, " k"]:
+def hidden_inside(layers: DepthLayers) -> Bool[np.ndarray, " k"]:
     """Flag crossings with the body on both sides, where parts overlap or touch."""
     if not len(layers.pixel):
         return np.zeros(0, bool)
-    step = _crossing_sign(layers).astype(np.int64)
+    step = crossing_sign(layers).astype(np.int64)
     # Balanced rays sum to zero, so one running sum serves all of them; a ray through a
     # hole is left out, and nothing on it is hidden.
-    balanced = _balanced_rays(layers)[layers.pixel]
+    balanced = balanced_rays(layers)[layers.pixel]
     after = np.cumsum(np.where(balanced, step, 0))
     apart = (np.diff(layers.pixel) != 0) | (np.diff(layers.depth) > _SAME_DEPTH)
     is_new = np.append(True, apart)
@@ -101,13 +38,14 @@ def _hidden_inside(layers: DepthLayers) -> Bool[np.ndarray, " k"]:
     return between[np.cumsum(is_new) - 1] & balanced
 
 
-def _select(layers: DepthLayers, keep: Bool[np.ndarray, " k"]) -> DepthLayers:
+def selected(layers: DepthLayers, keep: Bool[np.ndarray, " k"]) -> DepthLayers:
+    """Some of the crossings."""
     # Layers keep their original numbers.
     arrays = ("pixel", "depth", "triangle", "entering", "layer")
     return replace(layers, **{name: getattr(layers, name)[keep] for name in arrays})
 
 
-def _thickness_behind(layers: DepthLayers) -> Float[np.ndarray, " k"]:
+def thickness_behind(layers: DepthLayers) -> Float[np.ndarray, " k"]:
     """Depth of the body behind each crossing [cells]; inf where it has no far side."""
     entering = layers.entering
     other = np.arange(len(entering)) + np.where(entering, 1, -1)
@@ -151,18 +89,18 @@ def axis_fragments(
     A fragment counts in the view along the dominant axis of its triangle; `first_ray`
     is the number of this view's first ray among those of all views.
     """
-    hidden = _hidden_inside(layers)
+    hidden = hidden_inside(layers)
     inside = layers.triangle[hidden]
-    outer = _select(layers, ~hidden)
+    outer = selected(layers, ~hidden)
     on_axis = dominant[outer.triangle] == axis
-    thickness = _thickness_behind(outer)[on_axis]
-    outer = _select(outer, on_axis)
+    thickness = thickness_behind(outer)[on_axis]
+    outer = selected(outer, on_axis)
     row_axis, column_axis = pixel_axes(axis)
     cell = np.zeros((len(outer.pixel), 3), np.int64)
     cell[:, row_axis], cell[:, column_axis] = np.divmod(outer.pixel, outer.width)
     position = cell + 0.5
     position[:, axis] = outer.depth
-    behind = _first_cell_behind(outer.depth)
+    behind = first_cell_behind(outer.depth)
     cell[:, axis] = np.where(outer.entering, behind, behind - 1)
     kept = AxisFragments(
         position=position,

@@ -69,6 +69,10 @@ MISTAKES = {
     "nothing as a coefficient": (lambda g: jt.Convection(None, 300.0), "a finite num"),
     "a pitch with a unit": (lambda g: jt.voxelize(g.mesh, "2 mm"), "such as 0.002"),
     "a pitch of nothing": (lambda g: jt.voxelize(g.mesh, None), "such as 0.002"),
+    "an unknown surface": (
+        lambda g: jt.voxelize(g.mesh, 0.1, "cubes"),
+        'choose "crossings" or',
+    ),
     "a path as a mesh": (lambda g: jt.voxelize("a.ply", 0.1), "load_mesh(...)"),
     "a class of mesh": (lambda g: jt.voxelize(jt.Mesh, 0.1), "is the class Mesh"),
     "float faces": (lambda g: jt.Mesh(CORNERS, FACES * 1.0), "three whole numbers"),

@@ -233,7 +233,7 @@ class _Rays(NamedTuple):
     """Sort key: ray and depth as one number."""
 
 
-def nearest_fragments(
+def _nearest_fragments(
     grid: VoxelGrid, point: Float[np.ndarray, "k 3"], triangle: Int[np.ndarray, " k"]
 ) -> Int[np.ndarray, " k"]:
     """Fragment nearest to each point on a body's surface along its ray; -1 for none.
@@ -260,6 +260,30 @@ def nearest_fragments(
             nearer = apart < distance[missing]
             found[missing] = np.where(nearer, other, found[missing])
             distance[missing] = np.where(nearer, apart, distance[missing])
+    return found
+
+
+FragmentShares = tuple[Int[np.ndarray, " k"], Float[np.ndarray, " k"]]
+"""A fragment of each point, -1 for none, and the share of its area there [-]."""
+
+
+def fragment_shares(
+    grid: VoxelGrid, point: Float[np.ndarray, "k 3"], triangle: Int[np.ndarray, " k"]
+) -> list[FragmentShares]:
+    """Fragments that the area around each point on a body's surface belongs to.
+
+    Arguments as for `_nearest_fragments`. Where fragments are on rays of all axes a,
+    each of these has n_a^2 of it, as on the whole surface.
+    """
+    nearest = _nearest_fragments(grid, point, triangle)
+    if grid.cut is None:
+        return [(nearest, np.ones(len(point)))]
+    normal = face_axes(grid.mesh)[0][triangle]
+    cells, found = grid.lattice.to_cells(point), []
+    for axis in range(3):
+        own, _ = _on_ray(_rays_along(grid, axis), cells, normal, (0, 0))
+        # Beside an edge the rays of an axis may have none.
+        found.append((np.where(own < 0, nearest, own), np.square(normal[:, axis])))
     return found
 
 

@@ -5,6 +5,7 @@ the three axes. The narrow phase follows rays through both bodies (`rays`). Each
 fragments that touch has one area.
 """
 
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +19,7 @@ from .rays import (
     MAX_SLANT,
     ContactRange,
     PlacedGrid,
-    nearest_fragments,
+    fragment_shares,
     ray_hits,
     require_shallow,
 )
@@ -249,13 +250,19 @@ def _contact_pairs(a: PlacedGrid, b: PlacedGrid, threshold: float) -> ContactPai
         return nothing
     found = ray_hits(a, b, near, limits)
     in_b = b.pose.to_body(a.pose.to_world(found.point_b))
-    fragment_a = nearest_fragments(a.grid, found.point_a, found.triangle_a)
-    fragment_b = nearest_fragments(b.grid, in_b, found.triangle_b)
-    both = (fragment_a >= 0) & (fragment_b >= 0)
-    if not both.any():
+    shares_a = fragment_shares(a.grid, found.point_a, found.triangle_a)
+    shares_b = fragment_shares(b.grid, in_b, found.triangle_b)
+    parts = [
+        (index_a, index_b, found.area * share_a * share_b)
+        for (index_a, share_a), (index_b, share_b) in product(shares_a, shares_b)
+    ]
+    fragment_a, fragment_b, area = map(np.concatenate, zip(*parts, strict=True))
+    kept = np.flatnonzero((fragment_a >= 0) & (fragment_b >= 0) & (area > 0))
+    if not len(kept):
         return nothing
-    touch = fragment_a[both], fragment_b[both], found.area[both], found.gap[both]
-    return _merge_touches(*touch, a.grid.fragment_area, b.grid.fragment_area)
+    touch = fragment_a[kept], fragment_b[kept], area[kept]
+    gap = np.tile(found.gap, len(parts))[kept]
+    return _merge_touches(*touch, gap, a.grid.fragment_area, b.grid.fragment_area)
 
 
 def _near_fragments(

@@ -108,6 +108,7 @@ def compile_scene(
             parts=_parts(ledger, first),
             left_out=_omissions(scene, names, first, unheated, len(starts) > 1),
             notes=(
+                *_represented(first, off=False),
                 *_cavity_notes(scene, first),
                 *_notes(snapshots, names),
                 *accuracy,
@@ -115,6 +116,7 @@ def compile_scene(
             warnings=(
                 *_overlap_warnings(snapshots, starts),
                 *_cavity_warnings(scene, first),
+                *_represented(first, off=True),
             ),
             structures=tuple(_described(s) for s in structures),
             nodes=sum(s.node_count for s in structures),
@@ -208,7 +210,7 @@ def body_geometry(grid: VoxelGrid, pose: Pose | Motion) -> BodyGeometry:
     return BodyGeometry(
         vertices=grid.mesh.vertices,
         faces=grid.mesh.faces,
-        fragment_position=grid.fragment_position,
+        fragment_position=grid.fragment_foot,
         fragment_normal=grid.fragment_normal,
         fragment_area=grid.fragment_area,
         pitch=grid.pitch,
@@ -272,6 +274,17 @@ def _omissions(
         found.append(Omission("contact", why))
     if not moves:
         found.append(Omission("motion", "nothing moves: one snapshot"))
+    return tuple(found)
+
+
+def _represented(snapshot: Snapshot, off: bool) -> tuple[str, ...]:
+    """True and represented volume, area and section, where `off` or where not."""
+    found = []
+    for surface in snapshot.surface.bodies:
+        own = surface.grid.represented
+        if own is not None and own.is_off == off:
+            advice = "; use a finer pitch" if off else ""
+            found.append(f"body {surface.body} {own.described()}{advice}")
     return tuple(found)
 
 

@@ -134,8 +134,8 @@ def _bind(
 ) -> BodyProbes:
     structure = body.body.structure
     grid, location = structure.grid, structure.nodes().location
-    _, fragment = KDTree(grid.fragment_position).query(points)
-    surface = grid.fragment_position[fragment]
+    _, fragment = KDTree(grid.fragment_foot).query(points)
+    surface = grid.fragment_foot[fragment]
     depth = ((surface - points) * grid.fragment_normal[fragment]).sum(axis=1)
     at_surface = np.clip(1 - depth / structure.fragment_distance()[fragment], 0, 1)
     # A fragment around a corner or across a gap says nothing about this point.

@@ -175,6 +175,5 @@ def volume_within(
     structure: AbstractStructure, chosen: Bool[np.ndarray, " v"]
 ) -> Float[np.ndarray, " n"]:
     """Volume of the chosen solid voxels (in lattice order) of each node [m^3]."""
-    owner = voxel_owner(structure)[chosen]
-    count = np.bincount(owner[owner >= 0], minlength=structure.node_count)
-    return count * structure.grid.voxel_volume
+    owner = np.where(chosen, voxel_owner(structure), -1)
+    return structure.grid.volume_of(owner, structure.node_count)

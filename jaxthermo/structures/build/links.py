@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from ...voxels.cut_voxels import CutVoxels
 from ..structure import AbstractStructure, Links
 
 
@@ -43,38 +44,49 @@ def link_distance(
 
 
 def block_links(
-    labels: Int[np.ndarray, "x y z"], centre: Float[np.ndarray, "n 3"], pitch: float
+    labels: Int[np.ndarray, "x y z"],
+    centre: Float[np.ndarray, "n 3"],
+    pitch: float,
+    cut: CutVoxels | None = None,
 ) -> Links:
     """Link each pair of groups that share voxel faces; -1 in the labels is no group.
 
-    Centres are in voxels from the corner of the lattice, the pitch in metres.
+    Centres are in voxels from the corner of the lattice, the pitch in metres. Faces of
+    cut voxels count with their open areas.
     """
-    side, plane = _shared_faces(labels, len(centre))
+    side, plane, share = _shared_faces(labels, len(centre), cut)
     # Chunks end between pairs: the faces of a pair are summed in one of them.
     begin = np.searchsorted(side, side[::_CHUNK_FACES] // 6 * 6)
     begin = np.union1d(0, begin)
     end = np.append(begin[1:], len(side))
     parts = [
-        _links(side[i:j], plane[i:j], centre) for i, j in zip(begin, end, strict=True)
+        _links(side[i:j], plane[i:j], None if share is None else share[i:j], centre)
+        for i, j in zip(begin, end, strict=True)
     ]
     links = Links(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
     return links._replace(area=links.area * pitch**2).lengthened(pitch)
 
 
 def _shared_faces(
-    labels: Int[np.ndarray, "x y z"], count: int
-) -> tuple[Int[np.ndarray, " k"], Int[np.ndarray, " k"]]:
-    """Sorted keys of all faces between different groups, and their planes.
+    labels: Int[np.ndarray, "x y z"], count: int, cut: CutVoxels | None
+) -> tuple[
+    Int[np.ndarray, " k"], Int[np.ndarray, " k"], Float[np.ndarray, " k"] | None
+]:
+    """Sorted keys of all faces between different groups, their planes and open areas.
 
-    The key is 6 (src n + dst) + 2 axis + (1 if dst is the upper one).
+    The key is 6 (src n + dst) + 2 axis + (1 if dst is the upper one). Without cut
+    voxels every face is open as a whole.
     """
-    sides, planes = [], []
+    sides, planes, shares = [], [], []
     for axis in range(3):
         line = np.moveaxis(labels, axis, -1)
         below, above = line[..., :-1], line[..., 1:]
         shared = (below != above) & (below >= 0) & (above >= 0)
         plane = np.arange(1, line.shape[-1], dtype=np.int32)
         planes.append(np.broadcast_to(plane, shared.shape)[shared])
+        if cut is not None:
+            opened = np.moveaxis(cut.open_across(labels.shape, axis), axis, -1)
+            shares.append((opened[..., :-1][shared] + opened[..., 1:][shared]) / 2)
         below, above = below[shared], above[shared]
         # In place: these arrays are among the largest of the build.
         side = np.minimum(below, above).astype(np.int64)
@@ -86,17 +98,23 @@ def _shared_faces(
     side = np.concatenate(sides)
     # Nearly sorted where groups are small: a stable sort merges the runs.
     order = np.argsort(side, kind="stable")
-    return side[order], np.concatenate(planes)[order]
+    share = None if cut is None else np.concatenate(shares)[order]
+    return side[order], np.concatenate(planes)[order], share
 
 
 def _links(
     side: Int[np.ndarray, " k"],
     plane: Int[np.ndarray, " k"],
+    share: Float[np.ndarray, " k"] | None,
     centre: Float[np.ndarray, "n 3"],
 ) -> Links:
     start = _starts(side)
-    faces = np.diff(start, append=len(side))
-    mean_plane = np.add.reduceat(plane, start, dtype=float) / faces
+    if share is None:
+        faces = np.diff(start, append=len(side))
+        mean_plane = np.add.reduceat(plane, start, dtype=float) / faces
+    else:
+        faces = np.add.reduceat(share, start)
+        mean_plane = np.add.reduceat(plane * share, start) / faces
     side = side[start]
     pair, face = np.divmod(side, 6)
     src, dst = np.divmod(pair, len(centre))
@@ -121,10 +139,15 @@ def _starts(ordered: Int[np.ndarray, " k"]) -> Int[np.ndarray, " u"]:
     return np.flatnonzero(np.diff(ordered, prepend=-1))
 
 
-def voxel_links(labels: Int[np.ndarray, "x y z"], pitch: float) -> Links:
+def voxel_links(
+    labels: Int[np.ndarray, "x y z"],
+    pitch: float,
+    open_area: Float[np.ndarray, "n 3"] | None = None,
+) -> Links:
     """Link single voxels over shared faces, without the sort of `block_links`.
 
     A label is the rank of a voxel in lattice order, -1 for no node; the pitch is in m.
+    Links of cut voxels have the mean of the open areas [voxel faces] of both ends.
     """
     # One more voxel at the upper ends, so that the next along an axis always exists.
     padded = np.pad(labels, (0, 1), constant_values=-1)
@@ -137,10 +160,15 @@ def voxel_links(labels: Int[np.ndarray, "x y z"], pitch: float) -> Links:
     node = np.arange(len(voxel), dtype=np.int32)
     dst = after[linked]
     half = np.full(len(dst), pitch / 2)
+    src = np.repeat(node, np.count_nonzero(linked, axis=1))
+    area = np.full(len(dst), pitch**2)
+    if open_area is not None:
+        axis = np.broadcast_to([2, 1, 0], linked.shape)[linked]
+        area *= (open_area[src, axis] + open_area[dst, axis]) / 2
     return Links(
-        src=np.repeat(node, np.count_nonzero(linked, axis=1)),
+        src=src,
         dst=dst,
-        area=np.full(len(dst), pitch**2),
+        area=area,
         distance_src=half,
         distance_dst=half,
     )

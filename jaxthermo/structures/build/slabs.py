@@ -9,7 +9,7 @@ distances are equal to rounding, and exactly where one slab is enough.
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Int
@@ -29,6 +29,8 @@ _SLAB_CELLS = 2**23
 # labels, parts and faces of a slab, for each cell and solid voxel, and its fragments;
 # the node of every voxel, while slabs are joined; nodes with their links.
 _SLAB_BYTES, _BYTES_PER_FRAGMENT = (22, 20), 130
+# The same with volumes and open areas of cut voxels.
+_CUT_SLAB_BYTES = 38, 72
 _BYTES_PER_VOXEL, _BYTES_PER_NODE = 6, 450
 
 
@@ -92,10 +94,11 @@ def build_slabs(
 def _bytes(grid: VoxelGrid, factor: int, nodes: float) -> int:
     """Estimate of the peak memory of a build, besides the grid's own [bytes]."""
     largest, total = 0, 0
+    per_cell, per_voxel = _SLAB_BYTES if grid.cut is None else _CUT_SLAB_BYTES
     for planes in _block_slabs(grid.solid.shape, factor):
         solid = grid.solid[planes]
         voxels, total = np.count_nonzero(solid), total + 1
-        largest = max(largest, _SLAB_BYTES[0] * solid.size + _SLAB_BYTES[1] * voxels)
+        largest = max(largest, per_cell * solid.size + per_voxel * voxels)
     fragments = _BYTES_PER_FRAGMENT * len(grid.fragment_area) / total
     own = _BYTES_PER_VOXEL * grid.solid_count + _BYTES_PER_NODE * nodes
     return int(largest + fragments + own)
@@ -109,12 +112,15 @@ def _within(grid: VoxelGrid, planes: slice) -> VoxelGrid:
     corner = grid.lattice.origin + np.array([start, 0, 0]) * grid.pitch
     x = grid.fragment_voxel[:, 0]
     chosen = (x >= start) & (x < planes.stop)
-    arrays = ("position", "normal", "area", "voxel", "axis", "layer")
+    arrays = ["position", "normal", "area", "voxel", "axis", "layer"]
     names = [f"fragment_{name}" for name in arrays]
-    fragments = {name: getattr(grid, name)[chosen] for name in names}
-    fragments["fragment_voxel"] = fragments["fragment_voxel"] - [start, 0, 0]
+    cut = None
+    if grid.cut is not None:
+        names, cut = [*names, "fragment_depth"], grid.cut.within(planes)
+    own: dict[str, Any] = {name: getattr(grid, name)[chosen] for name in names}
+    own["fragment_voxel"] = own["fragment_voxel"] - [start, 0, 0]
     lattice = Lattice(shape, corner, grid.pitch)
-    return replace(grid, lattice=lattice, solid=grid.solid[planes], **fragments)
+    return replace(grid, lattice=lattice, solid=grid.solid[planes], cut=cut, **own)
 
 
 def _links_between(
@@ -129,7 +135,8 @@ def _links_between(
     labels = ends + np.array([0, count]).reshape(2, 1, 1) * (ends >= 0)
     corner = grid.lattice.origin + np.array([start - 1, 0, 0]) * grid.pitch
     centre = np.concatenate([low.nodes.centre, high.nodes.centre])
-    links = block_links(labels, (centre - corner) / grid.pitch, grid.pitch)
+    cut = None if grid.cut is None else grid.cut.within(slice(start - 1, start + 1))
+    links = block_links(labels, (centre - corner) / grid.pitch, grid.pitch, cut)
     # Faces within one of the two planes belong to links of its own slab.
     across = (links.src < count) & (links.dst >= count)
     kept = Links(*(array[across] for array in links))

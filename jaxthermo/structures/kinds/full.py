@@ -69,14 +69,16 @@ class FullVolume(AbstractStructure):
         centre = self.grid.lattice.centres(cells)
         return Nodes(
             centre=centre,
-            volume=np.full(len(cells), self.grid.voxel_volume),
+            volume=self.grid.volume_of(np.arange(len(cells)), len(cells)),
             level=np.zeros(len(cells), np.int32),
             location=centre,
         )
 
     @override
     def links(self) -> Links:
-        return voxel_links(self._numbers(), self.grid.pitch)
+        own = self.grid.solid_voxels
+        open_area = None if own is None else own.open_area
+        return voxel_links(self._numbers(), self.grid.pitch, open_area)
 
     @override
     def fragment_node(self) -> Int[np.ndarray, " s"]:

@@ -56,7 +56,8 @@ def _build_layers(grid: VoxelGrid, levels: int, hollow: str) -> Built:
         return built
     nodes = built.nodes
     innermost = nodes.level == nodes.level.max()
-    missing = (grid.solid_count - len(first)) * grid.voxel_volume
+    deeper = np.where(built.voxel_node < 0, 0, -1)
+    missing = float(grid.volume_of(deeper, 1)[0])
     volume = nodes.volume + innermost * (missing / np.count_nonzero(innermost))
     return replace(built, nodes=nodes._replace(volume=volume))
 
@@ -126,7 +127,7 @@ class Octree(AbstractBuiltStructure):
 def _build_octree(grid: VoxelGrid, levels: int | None) -> Built:
     labels, first = number_by_first_voxel(_octree_cells(grid.solid, levels))
     built = build_blocks(grid, labels, np.zeros(len(first), np.int32))
-    size = np.cbrt(built.nodes.volume / grid.voxel_volume)
+    size = np.cbrt(np.bincount(labels[labels >= 0]))
     level = np.rint(np.log2(size)).astype(np.int32)
     return replace(built, nodes=built.nodes._replace(level=level))
 

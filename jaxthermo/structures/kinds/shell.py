@@ -59,15 +59,15 @@ class SingleShell(AbstractBuiltStructure):
 def _build_shell(grid: VoxelGrid, capacity: str) -> Built:
     voxels = shell_voxels(grid)
     count = len(voxels)
-    volume = grid.voxel_volume
+    volume = grid.volume_at(voxels)
     if capacity == "body":
-        volume *= grid.solid_count / max(count, 1)
+        volume = np.full(count, grid.voxel_volume * (grid.size / max(count, 1)))
     centre = grid.lattice.centres(voxels)
     node = np.full(grid.solid.shape, -1, np.int32)
     node[tuple(voxels.T)] = np.arange(count)
     level = np.zeros(count, np.int32)
     return Built(
-        nodes=Nodes(centre, np.full(count, volume), level, centre),
+        nodes=Nodes(centre, volume, level, centre),
         links=_shell_links(grid, voxels),
         fragment_node=node[tuple(grid.fragment_voxel.T)],
         voxel_node=node[grid.solid],
@@ -210,8 +210,9 @@ def _nodes(grid: VoxelGrid, levels: LevelCells, keep_capacity: bool) -> Nodes:
     # The lattice of the cells begins one voxel before the grid's.
     middle = (np.concatenate(levels) + 0.5) * size - 1
     volume = size[:, 0] ** 3 * grid.voxel_volume
+    volume[: counts[0]] = grid.volume_at(levels[0] - 1)
     if keep_capacity:
-        volume *= grid.solid_count * grid.voxel_volume / volume.sum()
+        volume *= grid.body_volume / volume.sum()
     centre = grid.origin + middle * grid.pitch
     return Nodes(centre, volume, level, centre)
 

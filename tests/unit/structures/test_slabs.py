@@ -78,6 +78,21 @@ def test_structures_do_not_depend_on_the_slabs(solid, factor, layered):
     _assert_same(_in_slabs_of(1, build), build())
 
 
+@pytest.mark.parametrize("layered", [False, True])
+def test_cut_voxels_keep_their_volumes_and_open_areas_in_slabs(layered):
+    mesh = jt.shapes.sphere(1.0, subdivisions=3)
+    grid = jt.voxelize(mesh, 1 / 7.3, surface_cells="crossings")
+
+    def build():
+        if layered:
+            return _build_shell_over_core(grid, 1, 3)
+        return jt.Aggregate(grid, 3).built
+
+    found = _in_slabs_of(1, build)
+    _assert_same(found, build(), (*LENGTHS, "volume", "area"))
+    assert found.nodes.volume.sum() == pytest.approx(mesh.volume, rel=1e-12)
+
+
 def test_a_body_of_one_slab_is_built_from_the_lattice():
     grid = blocks(ball(4.6), 0.3)
     labels, first = number_by_first_voxel(block_parts(grid.solid, 3))

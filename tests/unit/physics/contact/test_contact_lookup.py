@@ -5,7 +5,7 @@ import pytest
 from placed import ball_grid, box_grid
 
 from jaxthermo.geometry.mesh import Mesh
-from jaxthermo.physics.contact.rays import MAX_FRAGMENT_DISTANCE, nearest_fragments
+from jaxthermo.physics.contact.rays import MAX_FRAGMENT_DISTANCE, _nearest_fragments
 from jaxthermo.voxels.voxelize import voxelize
 
 
@@ -25,7 +25,7 @@ def on_surface(grid, count, seed=0):
 
 def test_points_on_a_box_lie_in_the_square_of_their_fragment():
     point, triangle = on_surface(BOX, 500)
-    found = nearest_fragments(BOX, point, triangle)
+    found = _nearest_fragments(BOX, point, triangle)
     assert (found >= 0).all()
     apart = np.abs(point - BOX.fragment_position[found])
     axis = BOX.fragment_axis[found]
@@ -35,7 +35,7 @@ def test_points_on_a_box_lie_in_the_square_of_their_fragment():
 
 def test_points_on_a_ball_find_one_as_near_as_its_rays_are():
     point, triangle = on_surface(BALL, 500)
-    found = nearest_fragments(BALL, point, triangle)
+    found = _nearest_fragments(BALL, point, triangle)
     assert (found >= 0).all()
     apart = np.linalg.norm(point[:, None] - BALL.fragment_position, axis=2)
     mine = apart[np.arange(500), found]
@@ -49,7 +49,7 @@ def test_points_on_a_ball_find_one_as_near_as_its_rays_are():
 def test_thin_sheets_keep_their_sides_apart():
     sheet = box_grid((2.0, 2.0, 0.2), 0.2)
     point, triangle = on_surface(sheet, 300, seed=1)
-    found = nearest_fragments(sheet, point, triangle)
+    found = _nearest_fragments(sheet, point, triangle)
     vectors = sheet.mesh.area_vectors[triangle]
     assert ((vectors * sheet.fragment_normal[found]).sum(1) > 0).all()
 
@@ -65,4 +65,4 @@ def test_a_part_without_voxels_has_no_fragments():
     point = mesh.triangles[far].mean(1)
     apart = np.linalg.norm(point[:, None] - grid.fragment_position, axis=2).min(1)
     assert (apart > MAX_FRAGMENT_DISTANCE * grid.pitch).all()
-    assert (nearest_fragments(grid, point, far) == -1).all()
+    assert (_nearest_fragments(grid, point, far) == -1).all()

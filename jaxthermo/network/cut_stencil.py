@@ -1,0 +1,84 @@
+"""Stencil of a body whose surface cuts voxels: uniform, and corrected there.
+
+Only the nodes S at the surface have capacities and conductances of their own. With the
+uniform stencil's rate q_i and capacity C of whole voxels,
+
+    C_i dT_i/dt = q_i + sum_j (G_ij - G) (T_j - T_i),    i and j in S,
+
+so that a step is the uniform one, and then another change at these nodes:
+
+    T_i + (C / C_i) (change of the uniform step + dt / C sum_j (G_ij - G) (T_j - T_i)).
+"""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+from typing_extensions import override
+
+from .link_operator import RowNetwork
+from .network import AbstractDerivedNetwork, Address, precise_sum
+from .stencil import OrthotropicStencil, UniformStencil
+
+
+class CutStencil(AbstractDerivedNetwork):
+    """One material in voxels of which some are cut."""
+
+    base: UniformStencil | OrthotropicStencil
+    """Stencil of whole voxels."""
+    address: Address
+    """Position of the surface nodes in the state, in its order."""
+    links: RowNetwork
+    """Links of the surface nodes to each other, less whole ones [W/K], with the
+    capacities of these nodes [J/K]."""
+
+    def _surface(self, values: Float[Array, "..."]) -> Float[Array, " m"]:
+        return values.at[self.address].get(mode="promise_in_bounds")
+
+    def _add(self, values: Float[Array, "..."], more: Float[Array, " m"]):
+        return values.at[self.address].add(
+            more,
+            mode="promise_in_bounds",
+            indices_are_sorted=True,
+            unique_indices=True,
+        )
+
+    @override
+    def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
+        more = self.links.heat_rate(self._surface(state))
+        return self._add(self.base.heat_rate(state), more)
+
+    @override
+    def face_heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
+        more = self.links.heat_rate(self._surface(state))
+        return self._add(self.base.face_heat_rate(state), more)
+
+    @override
+    def euler_step(
+        self, state: Float[Array, "..."], dt: Float[Array, ""]
+    ) -> Float[Array, "..."]:
+        stepped = self.base.euler_step(state, dt)
+        before, after = self._surface(state), self._surface(stepped)
+        more = dt / self.links.node_capacity * self.links.heat_rate(before)
+        ratio = self.base.node_capacity / self.links.node_capacity
+        return self._add(stepped, more + (ratio - 1) * (after - before))
+
+    @override
+    def diagonal(self) -> Float[Array, "..."]:
+        return self._add(self.base.diagonal(), self.links.diagonal())
+
+    @override
+    def capacity(self) -> Float[Array, "..."]:
+        # Without a node there is none: nothing conducts there.
+        whole = jnp.where(self.base.diagonal() > 0, self.base.node_capacity, 0)
+        return whole.at[self.address].set(self.links.node_capacity)
+
+    @override
+    def capacity_at(self, address: Address) -> Float[Array, "*m"]:
+        return self.capacity()[address]
+
+    @override
+    def total_capacity(self) -> Float[Array, ""]:
+        return precise_sum(self.capacity())
+
+    @override
+    def stored(self, state: Float[Array, "..."]) -> Float[Array, ""]:
+        return precise_sum(self.capacity() * state)

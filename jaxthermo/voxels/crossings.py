@@ -1,0 +1,193 @@
+"""Surface cells from all crossings: one for every exposed voxel face.
+
+A face lies between a solid voxel and an empty one along axis a. The ray through both
+centres crosses the surface theta voxels from the solid one's, with the unit normal n
+there. The face stands for its part of the surface, as the faces of a plane patch add up
+to its area (sum over a of |n_a| |n_a| = 1):
+
+- area |n_a| h^2, at the crossing;
+- distance of the voxel's centre to it along the normal, d = theta h |n_a|.
+
+Where the vote closes the hole of an open mesh no ray crosses the face: it has theta =
+1/2 and n along the axis. Faces of a closed mesh without a crossing are along the
+surface, and are no cells. Crossings of no exposed face come in twos between
+neighbouring centres: a sheet or a gap thinner than a voxel. They are cells of the
+nearest voxel, as far as there is one.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from ..geometry.mesh import Mesh
+from ..raster.fragments import DepthLayers
+from .fill import first_cell_behind
+from .lattice import Views, pixel_axes
+from .surface import (
+    attach_to_solid,
+    face_axes,
+    hidden_inside,
+    selected,
+    thickness_behind,
+)
+
+
+# Smallest distance of a voxel's centre to the surface along a ray [voxels]: half cells
+# of less conduct so well that they would limit explicit steps.
+_MIN_THETA = 0.1
+
+# Farthest crossing beyond the end of a face's link [voxels]: so near to a centre the
+# vote of the three axes may put the voxel on the other side.
+_MAX_SNAP = 0.25
+
+
+class Crossings(NamedTuple):
+    """Crossings of the surface by the rays of all three axes, and faces without one."""
+
+    position: Float[np.ndarray, "s 3"]
+    """Position [cells]."""
+    triangle: Int[np.ndarray, " s"]
+    """Triangle of the mesh; -1 for a face that no ray crosses."""
+    normal: Float[np.ndarray, "s 3"]
+    """Outward."""
+    axis: Int[np.ndarray, " s"]
+    """Axis of the ray."""
+    ahead: Bool[np.ndarray, " s"]
+    """True where the body is left along +axis."""
+    ray: Int[np.ndarray, " s"]
+    """Number of the ray among those of all three views."""
+    layer: Int[np.ndarray, " s"]
+    """Depth layer in the view."""
+    voxel: Int[np.ndarray, "s 3"]
+    """Cell of the solid voxel that it belongs to."""
+    depth: Float[np.ndarray, " s"]
+    """Distance of that voxel's centre to the surface along the normal [cells]."""
+    excess: Float[np.ndarray, " s"]
+    """theta - 1/2, also of crossings of no face: signed from the middle of the link."""
+    thickness: Float[np.ndarray, " s"]
+    """Distance along the ray to the other side of the body [cells]."""
+    on_face: Bool[np.ndarray, " s"]
+    """True for cells of exposed faces."""
+    lost: Bool[np.ndarray, " s"]
+    """Crossings without a solid voxel nearby."""
+
+    def chosen(self, which: np.ndarray) -> "Crossings":
+        """Some of them."""
+        return Crossings(*(column[which] for column in self))
+
+
+def find_crossings(
+    views: Views, solid: Bool[np.ndarray, "x y z"], mesh: Mesh
+) -> tuple[Crossings, Int[np.ndarray, " h"]]:
+    """Crossings of all views, and the triangles of those hidden inside the body."""
+    parts, hidden, rays = [], [], 0
+    normals, _ = face_axes(mesh)
+    for axis, layers in enumerate(views):
+        inside = hidden_inside(layers)
+        hidden.append(layers.triangle[inside])
+        outer, first = selected(layers, ~inside), (axis, rays)
+        parts.append(_along(outer, solid, normals, mesh.is_watertight, *first))
+        rays += layers.width * layers.height
+    columns = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return Crossings(*columns), np.concatenate(hidden)
+
+
+def _along(
+    layers: DepthLayers,
+    solid: Bool[np.ndarray, "x y z"],
+    normals: Float[np.ndarray, "f 3"],
+    is_closed: bool,
+    axis: int,
+    first_ray: int,
+) -> Crossings:
+    faces = _exposed_faces(solid, axis)
+    crossing = _crossing_of_faces(layers, faces, solid.shape[axis])
+    crossed = crossing >= 0
+    # The link between the centres of cells k - 1 and k has the number k.
+    link = np.clip(first_cell_behind(layers.depth), 0, solid.shape[axis])
+    link[crossing[crossed]] = faces.link[crossed]
+    on_face = np.zeros(len(link), bool)
+    on_face[crossing[crossed]] = True
+    bare = np.flatnonzero(~crossed & (not is_closed))
+    pixel = np.concatenate([layers.pixel, faces.pixel[bare]])
+    link = np.concatenate([link, faces.link[bare]])
+    enters = np.concatenate([layers.entering, faces.enters[bare]])
+    depth = np.concatenate([layers.depth, faces.link[bare].astype(float)])
+    normal = np.zeros((len(pixel), 3))
+    normal[: len(layers.pixel)] = normals[layers.triangle]
+    normal[len(layers.pixel) :, axis] = np.where(faces.enters[bare], -1.0, 1.0)
+    cell = _cells(pixel, link - ~enters, axis, solid.shape)
+    position = cell + 0.5
+    position[:, axis] = depth
+    thickness = np.append(thickness_behind(layers), np.full(len(bare), np.inf))
+    on_face = np.append(on_face, np.ones(len(bare), bool))
+    voxel, lost = attach_to_solid(solid, position, cell)
+    excess = np.clip(np.where(enters, link - depth, depth - link), -0.5, 0.5)
+    slope = np.abs(normal[:, axis])
+    # As for a fragment of the dominant axis where no link ends at the surface.
+    theta = np.maximum(excess + 0.5, _MIN_THETA) * slope
+    return Crossings(
+        position=position,
+        triangle=np.append(layers.triangle, np.full(len(bare), -1)),
+        normal=normal,
+        axis=np.full(len(pixel), axis),
+        ahead=~enters,
+        ray=pixel + first_ray,
+        layer=np.append(layers.layer, np.zeros(len(bare), layers.layer.dtype)),
+        voxel=voxel,
+        depth=np.where(on_face, theta, 0.5),
+        excess=excess,
+        thickness=thickness,
+        on_face=on_face,
+        lost=lost,
+    )
+
+
+class _Faces(NamedTuple):
+    """Exposed voxel faces across one axis, sorted by ray and place."""
+
+    pixel: Int[np.ndarray, " k"]
+    link: Int[np.ndarray, " k"]
+    enters: Bool[np.ndarray, " k"]
+    """True where a ray along the axis enters the solid."""
+
+
+def _exposed_faces(solid: Bool[np.ndarray, "x y z"], axis: int) -> _Faces:
+    row_axis, column_axis = pixel_axes(axis)
+    along = solid.transpose(row_axis, column_axis, axis)
+    step = np.diff(along.astype(np.int8), axis=2, prepend=0, append=0)
+    row, column, link = np.nonzero(step)
+    enters = step[row, column, link] > 0
+    return _Faces(row * along.shape[1] + column, link, enters)
+
+
+def _crossing_of_faces(
+    layers: DepthLayers, faces: _Faces, length: int
+) -> Int[np.ndarray, " e"]:
+    """Crossing of each face, the nearest to its solid voxel; -1 for none."""
+    # Crossings in order of direction, ray and depth, with one number for all three.
+    span = length + 4.0
+    ahead = np.lexsort([layers.depth, layers.pixel, layers.entering])
+    base = lambda pixel, enters: (
+        (enters * (layers.width * layers.height) + pixel) * span
+    )
+    found = (base(layers.pixel, layers.entering) + layers.depth)[ahead]
+    # The link reaches from one voxel's centre to the other's, and a little farther.
+    middle = base(faces.pixel, faces.enters) + faces.link
+    near, far = middle - 0.5 - _MAX_SNAP, middle + 0.5 + _MAX_SNAP
+    # Of several the solid voxel is beyond the last that enters, before the first that
+    # leaves.
+    last, first = np.searchsorted(found, far) - 1, np.searchsorted(found, near)
+    return np.where(
+        last >= first, np.append(ahead, -1)[np.where(faces.enters, last, first)], -1
+    )
+
+
+def _cells(pixel, along, axis: int, shape: tuple[int, ...]) -> Int[np.ndarray, "s 3"]:
+    """Cells of pixels at a place along the axis."""
+    row_axis, column_axis = pixel_axes(axis)
+    cell = np.zeros((len(pixel), 3), np.int64)
+    cell[:, row_axis], cell[:, column_axis] = np.divmod(pixel, shape[column_axis])
+    cell[:, axis] = along
+    return cell

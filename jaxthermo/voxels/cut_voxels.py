@@ -1,0 +1,147 @@
+"""Voxels that the surface cuts: their volumes, and the open areas of their links.
+
+A link between two voxels has the mean of the open areas of both. Volumes so small that
+they would shorten explicit steps are raised, and what they gain is taken from their
+neighbours: the total stays.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+
+_MIN_STEP = 0.7
+"""Stable step of any voxel without a load, relative to one with six neighbours [-]."""
+
+MIN_OPEN = 0.05
+"""Smallest open area and volume: a link through a sliver of nothing still conducts."""
+
+# Rounds in which volume is taken from neighbours; two are enough but for thin parts.
+_ROUNDS = 8
+
+# Missing volume that is left so [voxels].
+_ENOUGH = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class CutVoxels:
+    """Solid voxels that are not whole, in lattice order; all others are."""
+
+    voxel: Int[np.ndarray, "m 3"]
+    volume: Float[np.ndarray, " m"]
+    """Volume [voxels]."""
+    open_area: Float[np.ndarray, "m 3"]
+    """Open area of the links along x, y, z [voxel faces]."""
+
+    def spread(self, solid: Bool[np.ndarray, "x y z"]) -> "SolidVoxels":
+        """Volumes and open areas of all solid voxels, in lattice order."""
+        number = np.cumsum(solid.reshape(-1), dtype=np.int64) - 1
+        own = number[np.ravel_multi_index(tuple(self.voxel.T), solid.shape)]
+        count = int(number[-1]) + 1
+        volume, open_area = np.ones(count), np.ones((count, 3))
+        volume[own], open_area[own] = self.volume, self.open_area
+        return SolidVoxels(volume, open_area)
+
+    def within(self, planes: slice) -> "CutVoxels":
+        """Those in a range of planes along x, counted from its first."""
+        start, stop = np.searchsorted(self.voxel[:, 0], [planes.start, planes.stop])
+        shifted = self.voxel[start:stop] - np.array([planes.start, 0, 0])
+        own = slice(start, stop)
+        return CutVoxels(shifted, self.volume[own], self.open_area[own])
+
+    def volumes(self, shape: tuple[int, ...]) -> Float[np.ndarray, "x y z"]:
+        """Volume of every voxel of the lattice [voxels]; 1 where not cut."""
+        found = np.ones(shape)
+        found[tuple(self.voxel.T)] = self.volume
+        return found
+
+    def open_across(
+        self, shape: tuple[int, ...], axis: int
+    ) -> Float[np.ndarray, "x y z"]:
+        """Open area across an axis of every voxel of the lattice; 1 where not cut."""
+        found = np.ones(shape)
+        found[tuple(self.voxel.T)] = self.open_area[:, axis]
+        return found
+
+
+class SolidVoxels(NamedTuple):
+    """Volume and open areas of every solid voxel, in lattice order."""
+
+    volume: Float[np.ndarray, " v"]
+    """[voxels]"""
+    open_area: Float[np.ndarray, "v 3"]
+    """[voxel faces]"""
+
+
+def limited(cut: CutVoxels, solid: Bool[np.ndarray, "x y z"]) -> CutVoxels:
+    """Raise small volumes at the cost of neighbours; the total stays."""
+    padded = np.pad(solid, 1)
+    near = _around(cut, padded)
+    volume, least = np.ones(len(near.cell)), near.least_volume()
+    volume[near.own] = cut.volume
+    total = volume.sum()
+    for _ in range(_ROUNDS):
+        missing = np.maximum(least - volume, 0)
+        if missing.max(initial=0) < _ENOUGH:
+            break
+        # Neighbours in the set; the last entry stands for none.
+        spare = np.append(np.maximum(volume - 1.2 * least, 0), 0)[near.neighbour]
+        every = spare.sum(1)
+        # No more than a fraction of it: others may ask the same neighbour.
+        given = np.minimum(missing, every / 4)
+        share = spare * (given / np.where(every > 0, every, 1))[:, None]
+        taken = np.bincount(near.neighbour.reshape(-1), share.reshape(-1))
+        volume += given
+        volume -= np.pad(taken, (0, len(volume) + 1 - len(taken)))[:-1]
+    # Parts of a voxel or two have no neighbour that could give: all others do.
+    if volume.min() < MIN_OPEN:
+        above = np.maximum(volume - MIN_OPEN, 0)
+        spare = max(total - MIN_OPEN * len(volume), 0.0)
+        volume = MIN_OPEN + above * (spare / above.sum() if spare else 0.0)
+    changed = np.flatnonzero((volume != 1) | near.is_cut)
+    voxel = np.stack(np.unravel_index(near.cell[changed], padded.shape), axis=1) - 1
+    return CutVoxels(voxel, volume[changed], near.open_area[changed])
+
+
+class _Around(NamedTuple):
+    """Cut voxels and their solid neighbours."""
+
+    cell: Int[np.ndarray, " k"]
+    """In lattice order, on a lattice with a rim."""
+    own: Int[np.ndarray, " m"]
+    """Index of each cut voxel among them."""
+    is_cut: Bool[np.ndarray, " k"]
+    open_area: Float[np.ndarray, "k 3"]
+    linked: Bool[np.ndarray, "k 6"]
+    """True for solid neighbours below and above along x, y, z."""
+    neighbour: Int[np.ndarray, "k 6"]
+    """Index of these among the cells; their number for any other."""
+
+    def least_volume(self) -> Float[np.ndarray, " k"]:
+        """Volume from which a voxel keeps the stable step [voxels]."""
+        # Its step is V / sum A_j, with the volume V and open areas A_j of its links;
+        # that of a voxel inside 1 / 6.
+        one = np.ones((1, 3))
+        there = np.concatenate([self.open_area, one])[self.neighbour]
+        axis = np.repeat(np.arange(3), 2)
+        mean = (self.open_area[:, axis] + there[:, np.arange(6), axis]) / 2
+        total = np.where(self.linked, mean, 0).sum(1)
+        return np.maximum(_MIN_STEP / 6 * total, MIN_OPEN)
+
+
+def _around(cut: CutVoxels, padded: Bool[np.ndarray, "x y z"]) -> _Around:
+    solid = padded.reshape(-1)
+    _, y, z = padded.shape
+    steps = np.array([-y * z, y * z, -z, z, -1, 1])
+    flat = np.asarray(np.ravel_multi_index(tuple(cut.voxel.T + 1), padded.shape))
+    beside = (flat[:, None] + steps).reshape(-1)
+    cell = np.union1d(flat, beside[solid[beside]])
+    # One entry for all cells that are not among them.
+    slot = np.full(solid.size, len(cell), np.int32)
+    slot[cell] = np.arange(len(cell), dtype=np.int32)
+    open_area, is_cut = np.ones((len(cell), 3)), np.zeros(len(cell), bool)
+    open_area[slot[flat]], is_cut[slot[flat]] = cut.open_area, True
+    next_to = cell[:, None] + steps
+    return _Around(cell, slot[flat], is_cut, open_area, solid[next_to], slot[next_to])

@@ -1,0 +1,134 @@
+"""True against represented: volume, area and the smallest section of a body.
+
+The true ones are the mesh's. A section along an axis is that of a plane through voxel
+centres; the smallest one is that of the narrowest neck, where the body is wider on both
+sides, or else its widest: the ends of a ball are no section that heat passes.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from ..geometry.mesh import Mesh
+from .cut_voxels import CutVoxels
+from .lattice import Lattice
+
+
+_MIN_NECK = 0.05
+"""Least relative loss of section that is a neck."""
+
+MAX_DIFFERENCE = 0.02
+"""Relative difference [-] up to which areas and volumes are scaled to the true ones;
+beyond it a user is warned."""
+
+
+class _Pair(NamedTuple):
+    """A quantity of the mesh and of its voxels."""
+
+    true: float
+    represented: float
+
+    @property
+    def error(self) -> float:
+        """Relative difference [-]."""
+        return self.represented / self.true - 1 if self.true else 0.0
+
+
+class Represented(NamedTuple):
+    """Quantities of a closed mesh and of its voxels."""
+
+    volume: _Pair
+    """[m^3]"""
+    area: _Pair
+    """[m^2]"""
+    smallest_section: _Pair
+    """[m^2]"""
+    section_axis: int
+    """Axis that the smallest section is normal to."""
+
+    def described(self) -> str:
+        """One line, in percent of the true values."""
+        percent = lambda pair: f"{100 * (1 + pair.error):.2f} %"
+        return (
+            f"represents {percent(self.volume)} of its volume, {percent(self.area)} of "
+            f"its area and {percent(self.smallest_section)} of its smallest section "
+            f"({self.smallest_section.true * 1e4:.3g} cm2 across "
+            f"{'xyz'[self.section_axis]})"
+        )
+
+    @property
+    def is_off(self) -> bool:
+        """True if one of them is off by more than 2 %."""
+        pairs = self.volume, self.area, self.smallest_section
+        return any(abs(pair.error) > MAX_DIFFERENCE for pair in pairs)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain types, with units in the keys."""
+        return {
+            "volume_m3": self.volume._asdict(),
+            "area_m2": self.area._asdict(),
+            "smallest_section_m2": self.smallest_section._asdict(),
+            "smallest_section_across": "xyz"[self.section_axis],
+        }
+
+
+def represented(
+    mesh: Mesh, lattice: Lattice, solid: np.ndarray, cut: CutVoxels, area: float
+) -> Represented:
+    """Compare a closed mesh with its voxels, whose surface has an area [m^2]."""
+    face, cell = lattice.pitch**2, lattice.pitch**3
+    volume = (np.count_nonzero(solid) + float((cut.volume - 1).sum())) * cell
+    necks = []
+    for axis in range(3):
+        true = _mesh_sections(mesh, lattice, axis)
+        open_area = np.where(solid, cut.open_across(solid.shape, axis), 0)
+        across = tuple(a for a in range(3) if a != axis)
+        k = _narrowest(true)
+        found = _Pair(float(true[k]), float(open_area.sum(across)[k]) * face)
+        necks.append((found.true, axis, found))
+    _, axis, smallest = min(necks)
+    return Represented(
+        _Pair(mesh.volume, volume), _Pair(mesh.area, area), smallest, axis
+    )
+
+
+def _mesh_sections(mesh: Mesh, lattice: Lattice, axis: int) -> Float[np.ndarray, " k"]:
+    """Sections of a closed mesh by the planes of voxel centres across an axis [m^2]."""
+    # Each triangle that a plane cuts is a piece of the section's outline; by Green's
+    # theorem its area is half the sum of p x q along the pieces.
+    one, two = (axis + 1) % 3, (axis + 2) % 3
+    corners = lattice.to_cells(mesh.triangles)[..., [axis, one, two]]
+    low, high = (np.ceil(f(corners[..., 0], 1) - 0.5) for f in (np.min, np.max))
+    count = np.clip(high - low, 0, None).astype(int)
+    owner = np.repeat(np.arange(len(count)), count)
+    step = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
+    plane = low[owner].astype(int) + step
+    triangle = corners[owner]
+    above = triangle[..., 0] > (plane + 0.5)[:, None]
+    # Turned so that the first corner is alone on its side of the plane.
+    alone = np.where(above.sum(1) == 1, above.argmax(1), above.argmin(1))
+    order = (alone[:, None] + np.arange(3)) % 3
+    rows = np.arange(len(owner))
+    triangle, above = triangle[rows[:, None], order], above[rows, alone]
+    at = (plane + 0.5)[:, None] - triangle[:, :1, 0]
+    rise = triangle[:, 1:, 0] - triangle[:, :1, 0]
+    part = (at / np.where(rise == 0, 1, rise))[..., None]
+    ends = triangle[:, :1, 1:] + part * (triangle[:, 1:, 1:] - triangle[:, :1, 1:])
+    p, q = ends[:, 0], ends[:, 1]
+    double = p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]
+    double = np.where(above, double, -double)
+    shape = lattice.shape[axis]
+    inside = (plane >= 0) & (plane < shape)
+    area = np.bincount(plane[inside], double[inside] / 2, shape)
+    return np.abs(area) * lattice.pitch**2
+
+
+def _narrowest(section: Float[np.ndarray, " k"]) -> int:
+    """Index of the narrowest neck, or of the widest section."""
+    before = np.maximum.accumulate(section)
+    after = np.maximum.accumulate(section[::-1])[::-1]
+    neck = (section > 0) & (section < (1 - _MIN_NECK) * np.minimum(before, after))
+    if not neck.any():
+        return int(section.argmax())
+    return int(np.where(neck, section, np.inf).argmin())

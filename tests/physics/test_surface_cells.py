@@ -1,0 +1,280 @@
+"""A second-order surface: cells from all crossings against closed forms.
+
+The surface of the dominant axis, which is of first order, is beside it: a bound that
+both would meet would not tell them apart.
+"""
+
+from dataclasses import replace
+from typing import Any
+
+import jax
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import jaxthermo as jt
+from jaxthermo.reference.slab import slab_convection
+
+
+pytestmark = pytest.mark.filterwarnings("ignore:body 0 represents")
+KINDS = ("crossings", "dominant_axis")
+UNIT = jt.Material(1.0, density=1.0, specific_heat=1.0)
+HOT, AIR = 400.0, 300.0
+TIMES = 0.05, 0.2, 0.5
+
+
+def excess(temperature):
+    return (np.asarray(temperature) - AIR) / (HOT - AIR)
+
+
+def rms(error, area):
+    return float(np.sqrt(np.average(np.square(error), weights=area)))
+
+
+def sphere_surface(time, biot, terms=60):
+    """Excess at the surface of a sphere of radius 1 in a fluid (Incropera 5.6.2)."""
+    total = 0.0
+    for n in range(terms):
+        balance = lambda z: z * np.cos(z) + (biot - 1) * np.sin(z)
+        z: Any = brentq(balance, n * np.pi + 1e-9, (n + 1) * np.pi - 1e-9)
+        weight = 4 * (np.sin(z) - z * np.cos(z)) / (2 * z - np.sin(2 * z))
+        total += weight * np.exp(-z * z * time) * np.sin(z) / z
+    return total
+
+
+def ball_error(kind, cells, biot):
+    """Largest RMS of the surface over the times, by area; and the energy residual."""
+    mesh = jt.shapes.sphere(1.0, subdivisions=6 if cells > 12 else 5)
+    grid = jt.voxelize(mesh, 1.0001 / cells, kind)
+    body = jt.Body(jt.FullVolume(grid), UNIT, temperature=HOT)
+    scene = jt.Scene((body,), (jt.Convection(biot, AIR),), dtype="float64")
+    solver = jt.SuperTimeStepping(0.0025 / (cells / 6) ** 2)
+    solution = jt.simulate(scene, TIMES[-1], save_at=TIMES, solver=solver)
+    found = excess(solution.surface_temperature)
+    errors = [
+        rms(found[i] - sphere_surface(time, biot), grid.fragment_area)
+        for i, time in enumerate(TIMES)
+    ]
+    return max(errors), np.abs(solution.energy.residual_relative).max()
+
+
+@pytest.mark.parametrize(
+    ("cells", "biot", "largest"),
+    [
+        (6, 1.0, 0.0075),
+        pytest.param(12, 0.1, 0.0006, marks=pytest.mark.slow),
+        pytest.param(12, 1.0, 0.003, marks=pytest.mark.slow),
+        pytest.param(12, 10.0, 0.004, marks=pytest.mark.slow),
+        pytest.param(12, 100.0, 0.0012, marks=pytest.mark.slow),
+        pytest.param(24, 0.1, 0.0002, marks=pytest.mark.slow),
+        pytest.param(24, 1.0, 0.001, marks=pytest.mark.slow),
+        pytest.param(24, 10.0, 0.0015, marks=pytest.mark.slow),
+        pytest.param(24, 100.0, 0.0006, marks=pytest.mark.slow),
+    ],
+)
+def test_a_ball_in_a_fluid(cells, biot, largest):
+    error, residual = ball_error("crossings", cells, biot)
+    assert error <= largest and residual < 1e-12
+
+
+@pytest.mark.slow
+def test_a_ball_of_the_dominant_axis_is_of_first_order():
+    coarse, fine = (ball_error("dominant_axis", n, 1.0)[0] for n in (6, 12))
+    assert 0.03 < coarse < 0.04 and 0.02 < fine < 0.03
+
+
+def box_error(kind):
+    """Surface of a box of 14.0 x 11.4 x 19.8 voxels against a product of slabs."""
+    size = np.array([0.14, 0.114, 0.198])
+    grid = jt.voxelize(jt.shapes.box(tuple(size.tolist())), 0.01, kind)
+    body = jt.Body(jt.FullVolume(grid), UNIT, temperature=HOT)
+    scene = jt.Scene((body,), (jt.Convection(10.0, AIR),), dtype="float64")
+    end = 0.2 * 0.1**2
+    solver = jt.SuperTimeStepping(end / 50)
+    solution = jt.simulate(scene, end, save_at=[end], solver=solver)
+    place = np.clip(grid.fragment_position / (size / 2), -1, 1)
+    exact = np.ones(len(place))
+    for axis, half in enumerate(size / 2):
+        exact *= slab_convection(place[:, axis], end / half**2, 10.0 * half)
+    return np.abs(excess(solution.surface_temperature)[0] - exact).max()
+
+
+@pytest.mark.slow
+def test_a_box_of_no_whole_number_of_voxels():
+    assert box_error("crossings") < 1e-3
+    assert box_error("dominant_axis") > 1e-2
+
+
+def turned(mesh, degrees):
+    """The mesh turned about y, and where that takes x and z."""
+    cos, sin = np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))
+    turn = np.array([[cos, 0.0, sin], [0.0, 1.0, 0.0], [-sin, 0.0, cos]])
+    return replace(mesh, vertices=mesh.vertices @ turn.T), turn[:, 0], turn[:, 2]
+
+
+def steady_surface(grid, conductivity, *terms):
+    body = jt.Body(jt.FullVolume(grid), conductor(conductivity), temperature=AIR)
+    solution = jt.steady(jt.Scene((body,), terms, dtype="float64"))
+    return np.asarray(solution.surface_temperature)[0], solution
+
+
+def conductor(conductivity):
+    return jt.Material(conductivity, density=1e3, specific_heat=1e3)
+
+
+def slab_error(kind, degrees):
+    """RMS at the upper side of a turned slab, far from its ends, of 60 K across it."""
+    mesh, along, up = turned(jt.shapes.box((0.12, 0.005, 0.03)), degrees)
+    grid = jt.voxelize(mesh, 0.0025, kind)
+    facing = grid.fragment_normal @ up
+    hot = jt.FixedTemperature(HOT, on=jt.FragmentMask(facing < -0.9))
+    air = jt.Convection(50.0, AIR, on=jt.FragmentMask(facing > 0.9))
+    found, _ = steady_surface(grid, 1.0, hot, air)
+    middle = (facing > 0.9) & (np.abs(grid.fragment_position @ along) < 0.03)
+    return rms(found[middle] - 340.0, grid.fragment_area[middle])
+
+
+@pytest.mark.slow
+# 26.6 degrees is a slope of 1 to 2: the same steps everywhere.
+@pytest.mark.parametrize(
+    "degrees",
+    [0.0, 26.6, *(pytest.param(d, marks=pytest.mark.slow) for d in (10, 37, 45))],
+)
+def test_a_turned_slab(degrees):
+    error = slab_error("crossings", degrees)
+    # A voxel is 5 K here.
+    assert error < 0.2
+    if degrees:
+        assert slab_error("dominant_axis", degrees) > 3 * error
+
+
+@pytest.mark.slow
+@pytest.mark.slice
+def test_a_pipe_wall():
+    """Outer diameter 0.22 m, inner 0.17 m, k 0.072: 4 mm are a sixth of the wall."""
+    outer, inner, k, h, inside = 0.11, 0.085, 0.072, 10.5, AIR + 352.0
+    wall = np.log(outer / inner) / (2 * np.pi * k)
+    flow = 352.0 / (wall + 1 / (2 * np.pi * outer * h))
+    exact = AIR + flow / (2 * np.pi * outer * h)
+    spread = {}
+    for kind in KINDS:
+        mesh = jt.shapes.tube(outer, inner, 0.004, sections=512)
+        grid = jt.voxelize(mesh, 0.004, kind)
+        radius = np.hypot(*grid.fragment_position[:, :2].T)
+        side = np.abs(grid.fragment_normal[:, 2]) < 0.5
+        within, without = side & (radius < 0.0975), side & (radius > 0.0975)
+        hot = jt.FixedTemperature(inside, on=jt.FragmentMask(within))
+        air = jt.Convection(h, AIR, on=jt.FragmentMask(without))
+        found, _ = steady_surface(grid, k, hot, air)
+        area = grid.fragment_area[without]
+        mean = np.average(found[without], weights=area)
+        spread[kind] = rms(found[without] - mean, area)
+        if kind == "crossings":
+            assert mean == pytest.approx(exact, abs=0.2)
+    assert spread["crossings"] < 0.6 < 3.0 < spread["dominant_axis"]
+
+
+def test_a_rod_of_two_voxels_carries_its_heat():
+    """Of 2.06 voxels it becomes 3 wide, and carried 2.1 times its heat."""
+    width, length = 0.0206, 0.1
+    exact = 100.0 * width**2 / length
+    found = {}
+    for kind in KINDS:
+        grid = jt.voxelize(jt.shapes.box((width, width, length)), 0.01, kind)
+        up = grid.fragment_normal[:, 2]
+        hot = jt.FixedTemperature(HOT, on=jt.FragmentMask(up > 0.9))
+        cold = jt.FixedTemperature(AIR, on=jt.FragmentMask(up < -0.9))
+        _, solution = steady_surface(grid, 1.0, hot, cold)
+        heat = np.asarray(solution.heat_rates.mechanisms["fixed_temperature"])
+        found[kind] = float(np.abs(heat).max() / exact)
+    assert found["crossings"] == pytest.approx(1.0, abs=1e-9)
+    assert found["dominant_axis"] > 2.0
+
+
+@pytest.mark.slow
+def test_a_fin():
+    """V16, table 3.4 of Incropera: 12 voxels a radius, 240 long."""
+    radius, length, h = 0.0025, 0.05, 100.0
+    grid = jt.voxelize(
+        jt.shapes.cylinder(radius, length, sections=256), radius / 12, KINDS[0]
+    )
+    along = grid.fragment_normal[:, 2]
+    base = jt.FixedTemperature(AIR + 75.0, on=jt.FragmentMask(along < -0.9))
+    air = jt.Convection(h, AIR, on=jt.FragmentMask(np.abs(along) < 0.5))
+    found, solution = steady_surface(grid, 180.0, base, air)
+    tip = along > 0.9
+    above = np.average(found[tip], weights=grid.fragment_area[tip]) - AIR
+    heat = float(np.abs(solution.heat_rates.mechanisms["fixed_temperature"]).max())
+    assert above == pytest.approx(46.61455996, rel=3e-3)
+    assert heat == pytest.approx(4.37775788, rel=3e-3)
+
+
+@pytest.mark.slow
+def test_a_long_cylinder():
+    """V05 at 12 voxels a radius: Bi 1, Fo 0.2 (Incropera 5.50)."""
+    pitch = 0.1 / 12
+    grid = jt.voxelize(jt.shapes.cylinder(0.1, pitch, sections=256), pitch, KINDS[0])
+    side = np.abs(grid.fragment_normal[:, 2]) < 0.5
+    air = jt.Convection(10.0, AIR, on=jt.FragmentMask(side))
+    stuff = jt.Material(1.0, density=1000.0, specific_heat=1000.0)
+    body = jt.Body(jt.FullVolume(grid), stuff, temperature=HOT)
+    scene = jt.Scene((body,), (air,), dtype="float64")
+    solver = jt.SuperTimeStepping(10.0)
+    solution = jt.simulate(scene, 2000.0, save_at=[2000.0], solver=solver)
+    found, area = excess(solution.surface_temperature)[0], grid.fragment_area
+    assert rms(found[side] - 0.57022774, area[side]) < 3e-3
+    mean = float(excess(solution.mean_temperature)[0, 0])
+    assert mean == pytest.approx(0.71851626, abs=3e-3)
+
+
+KEPT = {
+    "links": lambda g: jt.FullVolume(g, stencil=False),
+    "octree": lambda g: jt.Octree(g),
+    "aggregate": lambda g: jt.Aggregate(g, factor=2),
+    "core": lambda g: jt.ShellOverCore(g, layers=1, factor=2),
+    "levels": lambda g: jt.MultiLevel(g, levels=4, hollow="innermost"),
+    "irregular": lambda g: jt.IrregularMultiLevel(g, keep_capacity=True),
+    "shell": lambda g: jt.SingleShell(g, capacity="body"),
+}
+
+
+@pytest.mark.slow
+def test_every_structure_takes_part():
+    """All have the body's volume, and come as near to the truth as their nodes do."""
+    grid = jt.voxelize(jt.shapes.sphere(1.0, subdivisions=5), 1.0001 / 12, KINDS[0])
+    errors = {}
+    for name, make in KEPT.items():
+        structure = make(grid)
+        assert structure.capacity_ratio == pytest.approx(1.0, abs=1e-12), name
+        body = jt.Body(structure, UNIT, temperature=HOT)
+        scene = jt.Scene((body,), (jt.Convection(1.0, AIR),), dtype="float64")
+        solution = jt.simulate(scene, 0.5, save_at=TIMES)
+        assert np.abs(solution.energy.residual_relative).max() < 1e-11, name
+        found = excess(solution.surface_temperature)
+        exact = np.array([[sphere_surface(t, 1.0)] for t in TIMES])
+        errors[name] = max(rms(e, grid.fragment_area) for e in found - exact)
+    assert errors["links"] < 0.003 and errors["octree"] < 0.004, errors
+    assert errors["aggregate"] < 0.006 and errors["core"] < 0.009, errors
+    # Without nodes inside, a shell is only as good as its one layer.
+    assert errors["shell"] > errors["core"], errors
+
+
+def test_derivatives_are_difference_quotients():
+    grid = jt.voxelize(jt.shapes.sphere(1.0, subdivisions=3), 0.3, KINDS[0])
+    structure = jt.FullVolume(grid)
+
+    @jax.jit
+    def surface(k, h, heat):
+        material = jt.Material(k, density=1.0, specific_heat=heat)
+        body = jt.Body(structure, material, temperature=HOT)
+        scene = jt.Scene((body,), (jt.Convection(h, AIR),), dtype="float64")
+        solution = jt.simulate(scene, 0.1, solver=jt.ForwardEuler(0.005))
+        return (solution.surface_temperature[0] * grid.fragment_area).mean()
+
+    at = 1.3, 2.0, 0.9
+    found = jax.grad(surface, argnums=(0, 1, 2))(*at)
+    for i, value in enumerate(found):
+        step = np.zeros(3)
+        step[i] = 1e-5 * at[i]
+        quotient = surface(*(at + step)) - surface(*(at - step))
+        assert float(value) == pytest.approx(float(quotient / (2 * step[i])), rel=1e-6)

@@ -1,0 +1,110 @@
+"""The stencil of a body with cut voxels is the network of its links."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxthermo.geometry import shapes
+from jaxthermo.network.cut_stencil import CutStencil
+from jaxthermo.network.stencil import HeterogeneousStencil
+from jaxthermo.physics.conduction import _assemble_mixed, assemble_uniform
+from jaxthermo.structures.kinds.full import FullVolume
+from jaxthermo.voxels.voxelize import voxelize
+
+
+HEAT = 4e6
+GRID = voxelize(shapes.sphere(0.1, subdivisions=3), 0.0277, "crossings")
+
+
+def network(conductivity, stencil, mixed=False):
+    """Network of one material, or of two identical ones."""
+    structure = FullVolume(GRID, stencil=stencil)
+    if not mixed:
+        return structure, assemble_uniform(structure, conductivity, HEAT, jnp.float64)
+    painted = np.arange(structure.node_count, dtype=np.int32) % 2
+    two = jnp.array([conductivity] * 2), jnp.array([HEAT] * 2)
+    return structure, _assemble_mixed(structure, painted, *two)
+
+
+@eqx.filter_jit
+def all_of(operator, state, address, dt):
+    step = operator.euler_step(state, dt)
+    return {
+        "heat_rate": operator.heat_rate(state)[address],
+        "face_heat_rate": operator.face_heat_rate(state)[address],
+        "euler_step": step[address],
+        "diagonal": operator.diagonal()[address],
+        "capacity": operator.capacity_at(address),
+        "max_rate": operator.max_rate(),
+        "total_capacity": operator.total_capacity(),
+        "stored": operator.stored(step),
+    }
+
+
+def values_of(structure, operator, theta):
+    address = tuple(jnp.asarray(a) for a in structure.node_address())
+    state = np.zeros(structure.state_shape)
+    state[structure.node_address()] = theta
+    return all_of(operator, jnp.asarray(state), address, jnp.array(0.1))
+
+
+@pytest.mark.parametrize(
+    ("conductivity", "mixed", "kind"),
+    [
+        (16.0, False, CutStencil),
+        ((16.0, 2.0, 0.5), False, CutStencil),
+        (16.0, True, HeterogeneousStencil),
+        ((16.0, 2.0, 0.5), True, HeterogeneousStencil),
+    ],
+)
+def test_every_operator_is_that_of_the_links(conductivity, mixed, kind):
+    theta = np.random.default_rng(1).normal(size=GRID.solid_count)
+    fast = network(conductivity, True, mixed)
+    assert type(fast[1]) is kind
+    found = values_of(*fast, theta)
+    expected = values_of(*network(conductivity, False), theta)
+    for name, exact in expected.items():
+        np.testing.assert_allclose(
+            found[name], exact, rtol=1e-11, atol=1e-9, err_msg=name
+        )
+    heat = HEAT * GRID.body_volume
+    assert float(found["total_capacity"]) == pytest.approx(heat, rel=1e-13)
+    # What flows is neither made nor lost.
+    rate = np.asarray(found["heat_rate"])
+    assert abs(rate.sum()) < 1e-13 * np.abs(rate).sum()
+
+
+def test_cells_without_a_node_stay_at_zero():
+    structure, operator = network(16.0, True)
+    state = np.zeros(structure.state_shape)
+    state[structure.node_address()] = 1.0 + np.arange(structure.node_count)
+    after = np.array(operator.euler_step(jnp.asarray(state), jnp.array(0.1)))
+    after[structure.node_address()] = 0.0
+    assert not after.any()
+    empty = np.array(operator.capacity())
+    empty[structure.node_address()] = 0.0
+    assert not empty.any()
+
+
+def test_the_derivative_by_conductivity_and_capacity_is_the_difference_quotient():
+    structure, _ = network(16.0, True)
+    state = np.zeros(structure.state_shape)
+    rng = np.random.default_rng(2)
+    state[structure.node_address()] = rng.normal(size=structure.node_count)
+    initial = jnp.asarray(state)
+
+    @jax.jit
+    def after(k, heat):
+        operator = assemble_uniform(structure, k, heat, jnp.float64)
+        stepped = operator.euler_step(initial, jnp.array(2.0))
+        return (operator.euler_step(stepped, jnp.array(2.0)) ** 2).sum()
+
+    k, heat, step = 16.0, HEAT, 1e-5
+    found = jax.grad(after, argnums=(0, 1))(k, heat)
+    quotient = (
+        (after(k * (1 + step), heat) - after(k * (1 - step), heat)) / (2 * step * k),
+        (after(k, heat * (1 + step)) - after(k, heat * (1 - step))) / (2 * step * heat),
+    )
+    np.testing.assert_allclose(found, quotient, rtol=1e-7)

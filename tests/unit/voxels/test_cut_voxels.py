@@ -1,0 +1,67 @@
+"""Volumes of cut voxels: none so small that it sets the step, the total kept."""
+
+import numpy as np
+import pytest
+
+from jaxthermo.geometry import shapes
+from jaxthermo.structures.build.cut_links import cut_links
+from jaxthermo.structures.kinds.full import FullVolume
+from jaxthermo.voxels.cut_voxels import MIN_OPEN, CutVoxels, limited
+from jaxthermo.voxels.voxelize import voxelize
+
+
+def solid_block(*shape):
+    return np.ones(shape, bool)
+
+
+def cut(voxel, volume, open_area=None):
+    voxel, volume = np.array(voxel), np.array(volume)
+    opened = np.ones((len(voxel), 3)) if open_area is None else np.array(open_area)
+    return CutVoxels(voxel, volume, opened)
+
+
+def test_a_sliver_takes_from_its_neighbours_until_it_keeps_the_step():
+    found = limited(cut([[0, 0, 0]], [0.1]), solid_block(3, 3, 3))
+    volume = found.volumes((3, 3, 3))
+    assert volume.sum() == pytest.approx(26.1, rel=1e-14)
+    # Three neighbours: its step is volume / 3, of a whole voxel inside 1 / 6.
+    assert volume[0, 0, 0] == pytest.approx(0.7 / 6 * 3)
+    beside = volume[[1, 0, 0], [0, 1, 0], [0, 0, 1]]
+    assert beside == pytest.approx(1 - (0.35 - 0.1) / 3)
+    assert np.count_nonzero(volume != 1) == 4
+
+
+def test_large_volumes_stay():
+    voxel, volume = [[0, 0, 0], [1, 1, 1]], [0.6, 1.4]
+    found = limited(cut(voxel, volume), solid_block(2, 2, 2))
+    np.testing.assert_array_equal(found.voxel, voxel)
+    np.testing.assert_array_equal(found.volume, volume)
+
+
+def test_a_body_of_one_thin_voxel_keeps_its_volume():
+    found = limited(cut([[0, 0, 0]], [0.2]), solid_block(1, 1, 1))
+    assert found.volume.tolist() == [0.2]
+    assert limited(cut([[0, 0, 0]], [-0.1]), solid_block(1, 1, 1)).volume >= MIN_OPEN
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.17, 0.5, 0.83])
+def test_no_voxel_of_a_body_has_a_step_shorter_than_that(offset):
+    """0.7 of the step of a voxel inside, without what the surface exchanges."""
+    mesh = shapes.sphere(1.0).moved((offset / 9, 0.0, 0.0))
+    structure = FullVolume(voxelize(mesh, 1 / (9 + offset), "crossings"), stencil=False)
+    links, nodes = structure.links(), structure.nodes()
+    conductance = links.area / (links.distance_src + links.distance_dst)
+    ends = np.concatenate([links.src, links.dst])
+    rate = np.bincount(ends, np.tile(conductance, 2)) / nodes.volume
+    assert rate.max() * structure.grid.pitch**2 / 6 <= 1 / 0.7 * (1 + 1e-3)
+
+
+def test_links_of_a_box_have_its_section():
+    grid = voxelize(shapes.box((0.14, 0.114, 0.198)), 0.01, "crossings")
+    links = cut_links(grid)
+    # The 12 voxels across y are 11.4 wide: 0.7 of a face at either side.
+    whole = np.isclose(links.open_area, 0.7)
+    assert whole.any() and (links.axis[whole] != 1).all()
+    edge = np.isclose(links.open_area, 0.7 * 0.9)
+    assert edge.any() and (links.axis[edge] == 0).all()
+    assert set(np.round(links.open_area, 9)) == {0.7, 0.9, 0.63}
