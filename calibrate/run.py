@@ -79,7 +79,7 @@ def fit_config(
     with results_folder(out) as folder:
         calibration = build(config, log.stage)
         # Before the fit: what cannot be run is said at once.
-        truth = Truth.prepare(config, calibration.references, log.stage)
+        truth = Truth.prepare(config, calibration, log.stage)
         _discard_old_checkpoint(folder, config)
         log.stage("compiling")
         fitting, settings, start = (
@@ -157,7 +157,7 @@ def _conclude(
         scene = train.parameters.insert(case.scene, z)
     # The first case stands for all of them.
     speed = measure_speed(calibration.configs[case.name], case.scene, scene)
-    against = None if truth is None else truth.judge(calibration, fit.z, log.stage)
+    against = None if truth is None else truth.judge(fit.z, log.stage)
     findings = identified, errors, advice, speed, against
     return _fit_json(config, train.parameters, fit, *findings)
 

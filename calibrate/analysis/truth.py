@@ -1,5 +1,6 @@
 """Errors of a fit against finer voxels, before and after, and what they cost."""
 
+import warnings
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,16 +9,15 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxthermo.arrays import precision
-from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.errors import InputError
 from jaxthermo.integrate.run.simulate import simulate
 from jaxthermo.integrate.run.solution import RESULTS
 from jaxthermo.integrate.truth_error import truth_error
-from jaxthermo.scene.scene import Scene
 
 from ..config.loader import scene_config
 from ..config.schema import CalibrationConfig, FullVolumeReference, RefinedReference
 from ..problem.build import Calibration
+from ..problem.problem import Problem
 from ..problem.reference import (
     Log,
     TruthReference,
@@ -28,19 +28,23 @@ from ..problem.reference import (
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """The runs of finer voxels of all cases."""
+    """The runs of finer voxels of all cases, and the errors of the start values."""
 
     given: RefinedReference
     references: dict[str, TruthReference]
     """By the name of the case."""
+    calibration: Calibration
+    default: dict[str, dict[str, Any]]
+    """Errors of the start values by case, as plain values."""
 
     @classmethod
     def prepare(
-        cls, config: CalibrationConfig, known: dict[str, TruthReference], log: Log
+        cls, config: CalibrationConfig, calibration: Calibration, log: Log
     ) -> "Truth | None":
         """Run or load the references of all cases; None if the config asks for none.
 
-        Those of `known` cases are there.
+        Before the fit, with the start values beside them: what cannot be run or
+        compared is then known at once.
 
         Raises:
             InputError: if a scene has no finer voxels, or a run fails.
@@ -50,38 +54,41 @@ class Truth:
         # The truth has the same values as the runs that are fitted to.
         reference = config.reference
         true = reference.set if isinstance(reference, FullVolumeReference) else {}
-        found = dict(known)
+        found, default = dict(calibration.references), {}
+        truth = cls(config.truth, found, calibration, default)
+        start = np.zeros(calibration.parameters.size)
         for case in (*config.train, *config.held_out):
-            if case.name in found:
-                continue
             said = lambda stage, name=case.name: log(f"{name}: {stage}")
-            given = scene_config(config, case.set, true)
             try:
-                found[case.name] = refined_reference(given, config.truth, said)
+                if case.name not in found:
+                    given = scene_config(config, case.set, true)
+                    found[case.name] = refined_reference(given, config.truth, said)
+                said("comparing the start values with finer voxels")
+                default[case.name] = truth._error(case.name, start)
             except InputError as error:
                 raise InputError(f"case {case.name}: {error}") from error
-        return cls(config.truth, found)
+        return truth
 
-    def judge(
-        self, calibration: Calibration, z: Float[np.ndarray, " p"], log: Log
-    ) -> dict[str, Any]:
-        """Errors of all cases with the start values and at z, as in `fit.json`."""
+    def judge(self, z: Float[np.ndarray, " p"], log: Log) -> dict[str, Any] | None:
+        """Errors of all cases with the start values and at z, as in `fit.json`.
+
+        None, with a warning, if a run with the fitted values fails.
+        """
         cases: dict[str, Any] = {}
-        problems = {"train": calibration.train}
-        if calibration.held_out is not None:
-            problems["held_out"] = calibration.held_out
-        for group, problem in problems.items():
-            for case in problem.cases:
-                reference = self.references[case.name]
-                found: dict[str, Any] = {"reference": reference.own_error.as_dict()}
-                for kind, at in (("default", np.zeros_like(z)), ("fitted", z)):
-                    log(f"{case.name}: comparing {kind} values with finer voxels")
-                    with precision(problem.dtype.name):
-                        point = jnp.asarray(at, problem.dtype)
-                        scene = problem.parameters.insert(case.scene, point)
-                    given = calibration.configs[case.name]
-                    found[kind] = self._error(scene, given, reference)
-                cases.setdefault(group, {})[case.name] = found
+        for group, problem in self._problems.items():
+            cases[group] = {}
+            for name in (case.name for case in problem.cases):
+                log(f"{name}: comparing the fitted values with finer voxels")
+                try:
+                    fitted = self._error(name, z)
+                except InputError as error:
+                    # The results of a long fit must not be lost.
+                    text = f"case {name}: no error against finer voxels: {error}"
+                    warnings.warn(text, stacklevel=2)
+                    return None
+                own = self.references[name].own_error.as_dict()
+                both = {"default": self.default[name], "fitted": fitted}
+                cases[group][name] = {**both, "reference": own}
         return {
             "refinement": self.given.refinement,
             "structure": self.given.structure.kind,
@@ -94,17 +101,27 @@ class Truth:
             ],
         }
 
-    def _error(
-        self, scene: Scene, given: SceneConfig, reference: TruthReference
-    ) -> dict[str, Any]:
+    @property
+    def _problems(self) -> dict[str, Problem]:
+        held_out = self.calibration.held_out
+        both = {"train": self.calibration.train}
+        return both if held_out is None else {**both, "held_out": held_out}
+
+    def _error(self, name: str, z: Float[np.ndarray, " p"]) -> dict[str, Any]:
+        problem, case = next(
+            (problem, case)
+            for problem in self._problems.values()
+            for case in problem.cases
+            if case.name == name
+        )
+        with precision(problem.dtype.name):
+            scene = problem.parameters.insert(case.scene, jnp.asarray(z, problem.dtype))
         # As `jaxthermo simulate` runs it, with its error in time controlled.
-        solver = given.solver.build()
-        scene = read_at_surface(scene)
+        given, reference = self.calibration.configs[name], self.references[name]
         end, saves = given.time.end, given.time.save_times
+        solver, scene = given.solver.build(), read_at_surface(scene)
         found = simulate(scene, end, saves, solver=solver, throw=False)
         if found.result != RESULTS.successful:
             raise InputError(f"the run beside finer voxels: {RESULTS[found.result]}")
-        error = truth_error(
-            found, reference.solution, self.given.points, self.given.seed
-        )
-        return error.as_dict()
+        points = self.given.points, self.given.seed
+        return truth_error(found, reference.solution, *points).as_dict()

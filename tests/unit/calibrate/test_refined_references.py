@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
+from calibrate.analysis.truth import Truth
 from calibrate.analysis.verdict import judge, truth_times
 from calibrate.config.fit_record import read_fit, write_fit
 from calibrate.config.loader import load_calibration
@@ -278,6 +279,23 @@ def test_a_fit_reports_the_errors_against_finer_voxels(tmp_path, monkeypatch):
     stored = read_fit(out / "fit.json")
     assert json.loads(json.dumps(result["truth"])) == stored["truth"]
     assert any("references of finer voxels took 6 runs" in s for s in summary(stored))
+    # A run with fitted values that fails does not cost the fit.
+    first, error = Truth._error, InputError("it diverged")
+    fail = lambda self, name, z: first(self, name, z) if not z.any() else _raise(error)
+    monkeypatch.setattr(Truth, "_error", fail)
+    with pytest.warns(UserWarning, match="case \\+x: no error .*: it diverged"):
+        result = fit_config(tmp_path / "fit.yaml", tmp_path / "other", report=False)
+    assert result["truth"] is None and result["verdict"]["truth"] is None
+    assert read_fit(tmp_path / "other" / "fit.json")["truth"] is None
+    # What fails before is said before.
+    monkeypatch.setattr(Truth, "_error", lambda *_: _raise(error))
+    with pytest.raises(InputError, match=r"^case \+x: it diverged$"):
+        fit_config(tmp_path / "fit.yaml", tmp_path / "third", report=False)
+    assert not (tmp_path / "third").exists()
+
+
+def _raise(error):
+    raise error
 
 
 @pytest.mark.slow
