@@ -87,6 +87,7 @@ def _voxelize(
     unit: str | None = None,
     height: str | None = None,
     up: str = "z",
+    surface_cells: str = "dominant_axis",
     out: Path | None = None,
 ) -> None:
     """Voxelize a mesh and report thin parts and depth layers.
@@ -97,11 +98,15 @@ def _voxelize(
         unit: Length of one file unit, such as mm.
         height: Extent along up instead of the unit, such as 0.5m.
         up: Axis of the file that points up: x, y, z, -x, -y or -z.
+        surface_cells: Surface of the voxels: dominant_axis, or crossings for cells of
+            second order.
         out: Folder for the results; results/NAME if not given.
     """
     from .cli.voxelize import voxelize as run
 
-    run(mesh, pitch, unit, height, up, out or Path("results") / mesh.stem)
+    run(
+        mesh, pitch, unit, height, up, surface_cells, out or Path("results") / mesh.stem
+    )
 
 
 @app.command

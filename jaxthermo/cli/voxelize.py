@@ -2,7 +2,7 @@
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from ..atomic import replacing
 from ..config.types.quantities import LENGTH, to_si
@@ -14,30 +14,40 @@ from ..report.layer_sheets import write_layer_sheets
 from ..report.table import Table
 from ..report.voxel_sheet import voxel_sheet
 from ..voxels.grid import voxel_report
-from ..voxels.voxelize import voxelize as make_voxels
+from ..voxels.represented import Represented
+from ..voxels.voxelize import SurfaceCells, voxelize as make_voxels
 from .console import open_console, print_line, status
 from .files import results_folder
 
 
 def voxelize(
-    mesh: Path, pitch: str, unit: str | None, height: str | None, up: str, out: Path
+    mesh: Path,
+    pitch: str,
+    unit: str | None,
+    height: str | None,
+    up: str,
+    surface_cells: str,
+    out: Path,
 ) -> None:
     """Write `voxels.json`, `voxels.png` and sheets of the layers; print a summary."""
     # Checked before the mesh is read, which takes a while.
     edge = _length("--pitch", pitch)
+    if surface_cells not in get_args(SurfaceCells):
+        kinds = " or ".join(get_args(SurfaceCells))
+        raise InputError(f"--surface-cells {surface_cells}: choose {kinds}")
     target = None if height is None else _length("--height", height)
     loaded = load_mesh(mesh, unit=unit, height=target, up=up)
     console = open_console()
     print_line(console, mesh_summary(loaded))
     with results_folder(out) as folder:
         with status(console, "voxelizing"):
-            grid = make_voxels(loaded, pitch=edge)
+            grid = make_voxels(loaded, edge, surface_cells)
             facts = {"mesh": describe_mesh(loaded), **voxel_report(grid)}
             with replacing(folder / "voxels.json") as path:
                 path.write_text(json.dumps(facts, indent=2) + "\n", encoding="utf-8")
             write_png(folder / "voxels.png", voxel_sheet(grid))
             sheets = write_layer_sheets(grid, folder)
-        for line in _lines(facts):
+        for line in _lines(facts, grid.represented):
             print_line(console, line)
         columns = ("depth layers along", "in the file", "peeled", "packed")
         rows = [
@@ -52,7 +62,7 @@ def voxelize(
         )
 
 
-def _lines(facts: dict[str, Any]) -> list[str]:
+def _lines(facts: dict[str, Any], true: Represented | None) -> list[str]:
     shape = " x ".join(str(n) for n in facts["lattice_shape"])
     why_not = facts["ratios_not_applied_because"]
     scaling = (
@@ -68,6 +78,7 @@ def _lines(facts: dict[str, Any]) -> list[str]:
         f"{shape} ({100 * facts['solid_share_of_lattice']:.0f} %)",
         f"{facts['surface_voxels']:,} surface voxels, "
         f"{facts['surface_links']:,} links, {facts['fragments']:,} surface fragments",
+        *([] if true is None else [true.described()]),
         scaling,
         f"under one voxel thick: {thin['area_m2'] * 1e4:.4g} cm^2 of surface; "
         f"lost: {lost['area_m2'] * 1e4:.4g} cm^2",

@@ -38,6 +38,10 @@ def command(capsys):
         (("voxelize", "a.obj", "--pitch", "2 s"), "--pitch: expected a length"),
         (("voxelize", "a.obj", "--pitch=-2 mm"), "--pitch: must be more than 0"),
         (("voxelize", "a.obj", "--pitch", "2mm", "--unit", "mm"), "a.obj"),
+        (
+            ("voxelize", "a.obj", "--pitch", "2mm", "--surface-cells", "all"),
+            "--surface-cells all: choose dominant_axis or crossings",
+        ),
         (("materials", "coper"), "copper"),
         (("materials", "zz", "--emissivity"), "no surface has 'zz' in its name"),
         (("simulate", "nowhere.yaml"), "nowhere.yaml: cannot be read"),
@@ -93,9 +97,15 @@ def test_voxelize_leaves_its_facts(command, tmp_path, monkeypatch):
     corners = "v 0 0 0\nv 9 0 0\nv 0 9 0\nv 0 0 9\n"
     mesh.write_text(corners + "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
     out = tmp_path / "out"
-    status, text, _ = command(
-        "voxelize", mesh, "--pitch", "0.5mm", "--unit", "mm", "--out", out
-    )
+    given = "voxelize", mesh, "--pitch", "0.5mm", "--unit", "mm", "--out"
+    status, text, _ = command(*given, tmp_path / "cut", "--surface-cells", "crossings")
+    assert status == 0 and "of its volume" in text
+    facts = json.loads((tmp_path / "cut/voxels.json").read_text())
+    volume = facts["represented"]["volume_m3"]
+    assert volume["true"] == pytest.approx(9e-3**3 / 6)
+    assert volume["represented"] == pytest.approx(volume["true"], rel=0.02)
+    assert facts["surface_cells"] == "crossings"
+    status, text, _ = command(*given, out)
     assert status == 0
     facts = json.loads((out / "voxels.json").read_text())
     assert facts["pitch_m"] == pytest.approx(5e-4)
