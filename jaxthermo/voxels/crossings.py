@@ -156,10 +156,15 @@ class _Faces(NamedTuple):
 def _exposed_faces(solid: Bool[np.ndarray, "x y z"], axis: int) -> _Faces:
     row_axis, column_axis = pixel_axes(axis)
     along = solid.transpose(row_axis, column_axis, axis)
-    step = np.diff(along.astype(np.int8), axis=2, prepend=0, append=0)
-    row, column, link = np.nonzero(step)
-    enters = step[row, column, link] > 0
-    return _Faces(row * along.shape[1] + column, link, enters)
+    pixel, links, enters = [], [], []
+    # Row by row: steps of all voxels would be larger than the solid itself.
+    for row, body in enumerate(along):
+        step = np.diff(body.astype(np.int8), axis=1, prepend=0, append=0)
+        column, link = np.nonzero(step)
+        pixel.append(row * along.shape[1] + column)
+        links.append(link)
+        enters.append(step[column, link] > 0)
+    return _Faces(*(np.concatenate(each) for each in (pixel, links, enters)))
 
 
 def _crossing_of_faces(

@@ -123,12 +123,12 @@ class _Around(NamedTuple):
         """Volume from which a voxel keeps the stable step [voxels]."""
         # Its step is V / sum A_j, with the volume V and open areas A_j of its links;
         # that of a voxel inside 1 / 6.
-        one = np.ones((1, 3))
-        there = np.concatenate([self.open_area, one])[self.neighbour]
-        axis = np.repeat(np.arange(3), 2)
-        mean = (self.open_area[:, axis] + there[:, np.arange(6), axis]) / 2
-        total = np.where(self.linked, mean, 0).sum(1)
-        return np.maximum(_MIN_STEP / 6 * total, MIN_OPEN)
+        mean = np.zeros(self.linked.shape)
+        for side in range(6):
+            here = self.open_area[:, side // 2]
+            there = np.append(here, 1.0)[self.neighbour[:, side]]
+            mean[:, side] = np.where(self.linked[:, side], (here + there) / 2, 0)
+        return np.maximum(_MIN_STEP / 6 * mean.sum(1), MIN_OPEN)
 
 
 def _around(cut: CutVoxels, padded: Bool[np.ndarray, "x y z"]) -> _Around:
@@ -138,10 +138,17 @@ def _around(cut: CutVoxels, padded: Bool[np.ndarray, "x y z"]) -> _Around:
     flat = np.asarray(np.ravel_multi_index(tuple(cut.voxel.T + 1), padded.shape))
     beside = (flat[:, None] + steps).reshape(-1)
     cell = np.union1d(flat, beside[solid[beside]])
-    # One entry for all cells that are not among them.
-    slot = np.full(solid.size, len(cell), np.int32)
-    slot[cell] = np.arange(len(cell), dtype=np.int32)
+    own = np.searchsorted(cell, flat)
     open_area, is_cut = np.ones((len(cell), 3)), np.zeros(len(cell), bool)
-    open_area[slot[flat]], is_cut[slot[flat]] = cut.open_area, True
-    next_to = cell[:, None] + steps
-    return _Around(cell, slot[flat], is_cut, open_area, solid[next_to], slot[next_to])
+    open_area[own], is_cut[own] = cut.open_area, True
+    linked = np.empty((len(cell), 6), bool)
+    neighbour = np.empty((len(cell), 6), np.int32)
+    # Found among the cells, whose number stands for all others: a table of the whole
+    # lattice would be larger than the voxels.
+    for side, step in enumerate(steps):
+        next_to = cell + step
+        linked[:, side] = solid[next_to]
+        index = np.searchsorted(cell, next_to)
+        found = np.append(cell, -1)[index] == next_to
+        neighbour[:, side] = np.where(found, index, len(cell))
+    return _Around(cell, own, is_cut, open_area, linked, neighbour)

@@ -184,8 +184,9 @@ class VoxelGrid:
     @cached_property
     def size(self) -> float:
         """Volume of the body [whole voxels]."""
-        own = self.solid_voxels
-        return float(self.solid_count if own is None else own.volume.sum())
+        # Without an array of all voxels, which would be the largest of a coarse run.
+        missing = 0.0 if self.cut is None else float((1 - self.cut.volume).sum())
+        return self.solid_count - missing
 
     @property
     def body_volume(self) -> float:

@@ -17,6 +17,9 @@ _BYTES_PER_CELL = 4
 BYTES_PER_FRAGMENT = 150
 """Peak memory of the sort of fragments, with the padding of its arrays."""
 
+BYTES_PER_CROSSING = 850
+"""The same where each is a surface cell of its own: cells, sides of their voxels."""
+
 # Corners in three views, spans of rows, normals.
 _BYTES_PER_FACE = 600
 
@@ -62,8 +65,13 @@ def _cell_counts(size: Float[np.ndarray, "3"], pitch: float) -> np.ndarray:
     return np.maximum(np.ceil(length - 1e-6 * (1 + length)), 1)
 
 
-def check_pitch(mesh: Mesh, pitch: float) -> None:
+def check_pitch(mesh: Mesh, pitch: float, per_fragment: int) -> None:
     """Refuse a pitch [m] that gives no voxels or too many, before any allocation.
+
+    Args:
+        mesh: the body.
+        pitch: edge of a voxel [m].
+        per_fragment: memory for each crossing of a ray with the surface [bytes].
 
     Raises:
         InputError: with a pitch that would be possible.
@@ -84,22 +92,26 @@ def check_pitch(mesh: Mesh, pitch: float) -> None:
     projected = float(np.abs(mesh.area_vectors).sum())
     with np.errstate(over="ignore"):
         needed = counts.prod() * _BYTES_PER_CELL
-        needed += projected / pitch / pitch * BYTES_PER_FRAGMENT
+        needed += projected / pitch / pitch * per_fragment
     needed += len(mesh.faces) * _BYTES_PER_FACE
     require_memory(
         int(min(needed, 1e18)),
         f"voxelizing {mesh.name} at a pitch of {pitch:g} m "
         f"({' x '.join(f'{n:.6g}' for n in counts)} cells)",
-        f"use a coarser pitch, such as {_affordable_pitch(size, projected):.2g} m",
+        "use a coarser pitch, such as "
+        f"{_affordable_pitch(size, projected * per_fragment):.2g} m",
     )
 
 
-def _affordable_pitch(size: Float[np.ndarray, "3"], projected: float) -> float:
-    """Pitch [m] that needs about half of the available memory."""
+def _affordable_pitch(size: Float[np.ndarray, "3"], per_pitch: float) -> float:
+    """Pitch [m] that needs about half of the available memory.
+
+    The surface needs `per_pitch` bytes over the square of the pitch.
+    """
     # A quarter for the cells and a quarter for the fragments.
     quarter = available_bytes() / 4
     by_cells = np.cbrt(size.prod() * _BYTES_PER_CELL / quarter)
-    by_fragments = np.sqrt(projected * BYTES_PER_FRAGMENT / quarter)
+    by_fragments = np.sqrt(per_pitch / quarter)
     return float(max(by_cells, by_fragments))
 
 

@@ -82,10 +82,10 @@ def represented(
     necks = []
     for axis in range(3):
         true = _mesh_sections(mesh, lattice, axis)
-        open_area = np.where(solid, cut.open_across(solid.shape, axis), 0)
-        across = tuple(a for a in range(3) if a != axis)
         k = _narrowest(true)
-        found = _Pair(float(true[k]), float(open_area.sum(across)[k]) * face)
+        here = cut.open_area[cut.voxel[:, axis] == k, axis]
+        voxels = np.count_nonzero(solid.take(k, axis))
+        found = _Pair(float(true[k]), (voxels + float((here - 1).sum())) * face)
         necks.append((found.true, axis, found))
     _, axis, smallest = min(necks)
     return Represented(

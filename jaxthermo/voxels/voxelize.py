@@ -14,6 +14,8 @@ from .cut_geometry import cut_voxels
 from .fill import fill_by_vote
 from .grid import LayerCounts, ThinParts, VoxelGrid
 from .lattice import (
+    BYTES_PER_CROSSING,
+    BYTES_PER_FRAGMENT,
     Lattice,
     Views,
     check_pitch,
@@ -63,7 +65,8 @@ def voxelize(
         )
     if not isinstance(mesh, Mesh):
         mesh = repair_mesh(as_mesh(mesh))
-    check_pitch(mesh, pitch)
+    every = surface_cells == "crossings"
+    check_pitch(mesh, pitch, BYTES_PER_CROSSING if every else BYTES_PER_FRAGMENT)
     lattice = Lattice.around(mesh, pitch)
     views = peel_axes(mesh, lattice)
     solid = fill_by_vote(views, lattice.shape)

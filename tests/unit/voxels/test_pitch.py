@@ -1,5 +1,7 @@
 """A pitch that cannot work is refused before anything is done."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from voxel_bodies import BALL
@@ -63,9 +65,23 @@ def test_the_pitch_that_is_advised_would_do(monkeypatch):
     for module in (arrays, lattice):
         monkeypatch.setattr(module, "available_bytes", lambda: 10_000_000)
     with pytest.raises(InputError) as caught:
-        lattice.check_pitch(BALL, 1e-3)
+        lattice.check_pitch(BALL, 1e-3, 150)
     advised = float(str(caught.value).split("such as ")[1].split()[0])
-    lattice.check_pitch(BALL, advised)
+    lattice.check_pitch(BALL, advised, 150)
+
+
+@pytest.mark.parametrize("surface_cells", ["dominant_axis", "crossings"])
+def test_the_memory_asked_for_is_what_voxelize_takes(monkeypatch, surface_cells):
+    asked = []
+    monkeypatch.setattr(lattice, "require_memory", lambda n, *_: asked.append(n))
+    voxelize(BALL, 0.02, surface_cells)
+    tracemalloc.start()
+    try:
+        voxelize(BALL, 0.02, surface_cells)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert 0.3 * asked[0] < peak < 1.1 * asked[0]
 
 
 def test_a_flat_mesh():
