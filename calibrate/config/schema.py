@@ -102,6 +102,8 @@ class RefinedReference(Model):
     """Pitch of what is judged over that of the reference."""
     structure: StructureConfig = FullVolume()
     """Structure of the reference."""
+    surface_cells: Literal["dominant_axis", "crossings"] = "crossings"
+    """Surface of the reference's voxels, by default that of second order."""
     points: Annotated[Whole, Field(ge=100, le=10_000_000)] = 10_000
     """Number of points on the meshes at which temperatures are compared."""
     seed: Annotated[Whole, Field(ge=0)] = 0

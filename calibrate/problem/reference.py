@@ -26,7 +26,6 @@ from jaxthermo.config.loader import config_hash
 from jaxthermo.config.schema.body import BodyConfig
 from jaxthermo.config.schema.material import LabelledConfig
 from jaxthermo.config.schema.scene import SceneConfig
-from jaxthermo.config.schema.structure import StructureConfig
 from jaxthermo.errors import InputError
 from jaxthermo.integrate.discretization_error import (
     DiscretizationError,
@@ -152,7 +151,7 @@ def refined_reference(
     for factor in (1.0, _COARSENING, _COARSENING**2):
         refinement = given.refinement / factor
         try:
-            finer = _with_refinement(config, refinement, given.structure)
+            finer = _with_refinement(config, refinement, given)
             what = f"{finer.bodies[0].structure.kind.replace('_', ' ')} of {{:.3g}} mm"
             name = what.format(1e3 * float(finer.bodies[0].pitch or 0))
             said = lambda name=name: log(f"running {name}")
@@ -178,9 +177,9 @@ def read_at_surface(scene: Scene) -> Scene:
 
 
 def _with_refinement(
-    config: SceneConfig, refinement: float, structure: StructureConfig
+    config: SceneConfig, refinement: float, given: RefinedReference
 ) -> SceneConfig:
-    """Config with so many times finer voxels, in a structure, read at the surface."""
+    """Config with so many times finer voxels as a reference, read at the surface."""
     bodies = []
     for n, body in enumerate(config.bodies):
         if body.solid is not None or isinstance(body.material, LabelledConfig):
@@ -193,7 +192,8 @@ def _with_refinement(
             height = float(np.ptp(body.build_mesh().bounds[:, 2]))
             pitch = height / float(body.voxels_high or 1)
         surface_map = type(body).model_fields["surface_map"].default
-        changes = {"structure": structure, "surface_map": surface_map}
+        changes = {"structure": given.structure, "surface_map": surface_map}
+        changes["surface_cells"] = given.surface_cells
         changes |= {"pitch": pitch / refinement, "voxels_high": None}
         bodies.append(body.model_copy(update=changes))
     return _with_bodies(config, tuple(bodies))
