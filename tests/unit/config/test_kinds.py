@@ -24,7 +24,8 @@ MODELS = sorted(
 CONVERTED = {
     "Aggregate": {"nodes", "size"},
     "BodyConfig": {
-        *("mesh", "shape", "solid", "pitch", "voxels_high", "structure", "regions")
+        *("mesh", "shape", "solid", "pitch", "voxels_high", "surface_cells"),
+        *("structure", "regions"),
     },
     "DirectionTable": {"values"},
     "LabelledConfig": {"materials"},
