@@ -2,7 +2,7 @@
 
 import json
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, cast, get_args
 
 from ..atomic import replacing
 from ..config.types.quantities import LENGTH, to_si
@@ -41,7 +41,7 @@ def voxelize(
     print_line(console, mesh_summary(loaded))
     with results_folder(out) as folder:
         with status(console, "voxelizing"):
-            grid = make_voxels(loaded, edge, surface_cells)
+            grid = make_voxels(loaded, edge, cast(SurfaceCells, surface_cells))
             facts = {"mesh": describe_mesh(loaded), **voxel_report(grid)}
             with replacing(folder / "voxels.json") as path:
                 path.write_text(json.dumps(facts, indent=2) + "\n", encoding="utf-8")
