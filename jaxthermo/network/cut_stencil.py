@@ -15,14 +15,13 @@ from jaxtyping import Array, Float
 from typing_extensions import override
 
 from .link_operator import RowNetwork
-from .network import AbstractDerivedNetwork, Address, precise_sum
-from .stencil import OrthotropicStencil, UniformStencil
+from .network import AbstractDerivedNetwork, AbstractNetwork, Address, precise_sum
 
 
 class CutStencil(AbstractDerivedNetwork):
-    """One material in voxels of which some are cut."""
+    """Voxels of which some are cut."""
 
-    base: UniformStencil | OrthotropicStencil
+    base: AbstractNetwork
     """Stencil of whole voxels."""
     address: Address
     """Position of the surface nodes in the state, in its order."""
@@ -58,7 +57,8 @@ class CutStencil(AbstractDerivedNetwork):
         stepped = self.base.euler_step(state, dt)
         before, after = self._surface(state), self._surface(stepped)
         more = dt / self.links.node_capacity * self.links.heat_rate(before)
-        ratio = self.base.node_capacity / self.links.node_capacity
+        whole = self.base.capacity_at(self.address)
+        ratio = whole / self.links.node_capacity
         return self._add(stepped, more + (ratio - 1) * (after - before))
 
     @override
@@ -68,7 +68,7 @@ class CutStencil(AbstractDerivedNetwork):
     @override
     def capacity(self) -> Float[Array, "..."]:
         # Without a node there is none: nothing conducts there.
-        whole = jnp.where(self.base.diagonal() > 0, self.base.node_capacity, 0)
+        whole = jnp.where(self.base.diagonal() > 0, self.base.capacity(), 0)
         return whole.at[self.address].set(self.links.node_capacity)
 
     @override

@@ -16,7 +16,7 @@ from ..network.stencil import (
     UniformStencil,
     solid_degree,
 )
-from ..structures.build.cut_links import cut_links
+from ..voxels.cut_voxels import CutVoxels
 from ..voxels.grid import VoxelGrid
 
 
@@ -51,25 +51,10 @@ def uniform_stencil(
         jnp.asarray(solid_degree(grid.solid, bits)),
         conductivity * grid.pitch,
     )
-    return whole if grid.cut is None else _with_cut_voxels(whole, grid, heat)
-
-
-def _with_cut_voxels(
-    whole: UniformStencil | OrthotropicStencil, grid: VoxelGrid, heat: Array
-) -> CutStencil:
-    """A stencil with the capacities and links of the voxels that the surface cuts."""
-    found, dtype = cut_links(grid), heat.dtype
-    each = jnp.broadcast_to(whole.conductance, (3,))[found.axis]
-    return CutStencil(
-        base=whole,
-        # A lattice has a rim of one cell.
-        address=tuple(jnp.asarray(i + 1, np.int32) for i in found.voxel.T),
-        links=row_network(
-            row_layout(len(found.voxel), found.src, found.dst),
-            each * jnp.asarray(found.open_area - 1, dtype),
-            heat * jnp.asarray(grid.volume_at(found.voxel), dtype),
-        ),
-    )
+    if grid.cut is None:
+        return whole
+    only = np.zeros(grid.solid.shape, np.int32)
+    return _with_cut_voxels(whole, grid, grid.cut, only, conductivity[None], heat[None])
 
 
 def mixed_stencil(
@@ -77,28 +62,60 @@ def mixed_stencil(
     material: Int[np.ndarray, " n"],
     conductivity: Float[Array, " c"] | Float[Array, "c 3"],
     heat: Float[Array, " c"],
-) -> HeterogeneousStencil:
+) -> AbstractNetwork:
     """Stencil of several materials, numbered by node, with properties of each.
 
     Conductivities [W/(m K)] and heat capacities rho c_p [J/(m^3 K)].
     """
     number = np.zeros(grid.solid.shape, np.int32)
     number[grid.solid] = material
-    half, area, volume = grid.pitch / 2, grid.pitch**2, grid.voxel_volume
-    faces, cut = [area] * 3, grid.cut
-    if cut is not None:
-        shape = grid.solid.shape
-        opened = (cut.open_across(shape, a) for a in range(3))
-        faces = [area * _face_means(each, a) for a, each in enumerate(opened)]
-        volume = cut.volumes(shape) * volume
-    sizes = half, tuple(faces), volume
-    return _stencil_arrays(grid.solid, number, conductivity, heat, sizes)
+    sizes = grid.pitch / 2, grid.pitch**2, grid.voxel_volume
+    whole = _stencil_arrays(grid.solid, number, conductivity, heat, sizes)
+    if grid.cut is None:
+        return whole
+    return _with_cut_voxels(whole, grid, grid.cut, number, conductivity, heat)
 
 
-def _face_means(values: Float[np.ndarray, "x y z"], axis: int) -> np.ndarray:
-    """Mean of the values on both sides of every face across an axis."""
-    line = np.moveaxis(values, axis, 0)
-    return np.moveaxis((line[:-1] + line[1:]) / 2, 0, axis)
+def _with_cut_voxels(
+    whole: AbstractNetwork,
+    grid: VoxelGrid,
+    cut: CutVoxels,
+    number: Int[np.ndarray, "x y z"],
+    conductivity: Float[Array, " c"] | Float[Array, "c 3"],
+    heat: Float[Array, " c"],
+) -> CutStencil:
+    """A stencil with the capacities and links of the voxels that the surface cuts.
+
+    `number` is that of the material of each voxel.
+    """
+    links, shape = cut.links, grid.solid.shape
+    ends = links.voxel, links.voxel + links.step
+    flat = [np.ravel_multi_index(tuple(cell.T), shape) for cell in (*ends, cut.voxel)]
+    node = np.unique(np.concatenate(flat))
+    voxel = np.stack(np.unravel_index(node, shape), axis=1)
+    # Along a link over an edge, the mean along its two axes.
+    axes = np.abs(links.step) / np.abs(links.step).sum(axis=1, keepdims=True)
+    k = [_along(conductivity[number[tuple(cell.T)]], axes) for cell in ends]
+    length = np.where(links.over_edge, np.sqrt(2), 1.0) * grid.pitch
+    area = links.extra * length * grid.pitch
+    src, dst = (np.searchsorted(node, each).astype(np.int32) for each in flat[:2])
+    own = heat[number[tuple(voxel.T)]]
+    return CutStencil(
+        base=whole,
+        # A lattice has a rim of one cell.
+        address=tuple(jnp.asarray(i + 1, np.int32) for i in voxel.T),
+        links=row_network(
+            row_layout(len(node), src, dst),
+            series(area, length / 2, k[0], length / 2, k[1]),
+            own * jnp.asarray(grid.volume_at(voxel), heat.dtype),
+        ),
+    )
+
+
+def _along(
+    k: Float[Array, " e"] | Float[Array, "e 3"], axes: Float[np.ndarray, "e 3"]
+) -> Float[Array, " e"]:
+    return k if k.ndim == 1 else (k * jnp.asarray(axes, k.dtype)).sum(axis=1)
 
 
 @jax.jit
@@ -112,14 +129,11 @@ def _stencil_arrays(solid, number, conductivity, heat, sizes) -> HeterogeneousSt
         before, after = [slice(None)] * 3, [slice(None)] * 3
         before[axis], after[axis] = slice(None, -1), slice(1, None)
         first, second = k[tuple(before)], k[tuple(after)]
-        lengths, areas = (
-            jnp.broadcast_to(jnp.asarray(v, dtype), first.shape)
-            for v in (half, area[axis])
-        )
+        lengths, areas = (jnp.full(first.shape, v, dtype) for v in (half, area))
         outer = [(0, 0)] * 3
         outer[axis] = (1, 1)
         faces.append(jnp.pad(series(areas, lengths, first, lengths, second), outer))
     return HeterogeneousStencil(
         face_conductance=(faces[0], faces[1], faces[2]),
-        cell_capacity=jnp.where(solid, heat[number] * jnp.asarray(volume, dtype), 0),
+        cell_capacity=jnp.where(solid, heat[number] * volume, 0),
     )

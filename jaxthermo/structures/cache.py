@@ -81,7 +81,7 @@ def _key(kind: str, grid: VoxelGrid, options: dict[str, Any]) -> str:
     _feed(digest, [grid.fragment_voxel, grid.fragment_position])
     _feed(digest, [grid.fragment_normal, grid.fragment_area])
     if grid.cut is not None:
-        _feed(digest, [grid.cut.voxel, grid.cut.volume, grid.cut.open_area])
+        _feed(digest, [grid.cut.voxel, grid.cut.volume, *grid.cut.links])
     return digest.hexdigest()[:40]
 
 

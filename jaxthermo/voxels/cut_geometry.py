@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from .crossings import Crossings
+from .cut_links import Sides, cut_links
 from .cut_voxels import MIN_OPEN, CutVoxels, limited
 
 
@@ -26,7 +27,7 @@ from .cut_voxels import MIN_OPEN, CutVoxels, limited
 _ALONG = 10
 
 
-class _Sides(NamedTuple):
+class _Sheets(NamedTuple):
     """Cells on the six sides of voxels: [voxel, axis, below or above]."""
 
     weight: Float[np.ndarray, "m 3 2"]
@@ -48,21 +49,28 @@ def cut_voxels(
     squared = np.square(found.normal[np.arange(len(owner)), found.axis])
     # Sheets and gaps thinner than a voxel have volume, but no face.
     apart = np.where(found.on_face, 0.0, found.excess * squared)
-    volume = _volumes(sides) + np.bincount(owner, apart, len(key))
-    open_area = np.stack([_section(sides, a) for a in range(3)], axis=1)
+    sheets = _sheets(sides)
+    volume = _volumes(sheets) + np.bincount(owner, apart, len(key))
+    section = np.stack([_section(sheets, a) for a in range(3)], axis=1)
     voxel = np.stack(np.unravel_index(key, solid.shape), axis=1)
-    cut = CutVoxels(voxel, volume, np.maximum(open_area, MIN_OPEN))
-    return limited(cut, solid), _area_factors(found, owner, sides)
+    links = cut_links(voxel, section, sides, solid)
+    cut = CutVoxels(voxel, volume, section, links)
+    return limited(cut, solid), _area_factors(found, owner, sheets)
 
 
-def _sides(found: Crossings, owner: Int[np.ndarray, " s"], count: int) -> _Sides:
-    weight, normal = np.zeros((count, 3, 2)), np.zeros((count, 3, 2, 3))
+def _sides(found: Crossings, owner: Int[np.ndarray, " s"], count: int) -> Sides:
+    there, excess = np.zeros((count, 3, 2), bool), np.zeros((count, 3, 2))
+    normal = np.zeros((count, 3, 2, 3))
     face = np.flatnonzero(found.on_face)
     at = owner[face], found.axis[face], found.ahead[face].astype(int)
-    own = found.normal[face]
-    weight[at] = found.excess[face] * np.square(own[np.arange(len(face)), at[1]])
-    normal[at] = own
-    return _Sides(weight, normal)
+    there[at], excess[at] = True, found.excess[face]
+    normal[at] = found.normal[face]
+    return Sides(there, excess, normal)
+
+
+def _sheets(sides: Sides) -> _Sheets:
+    own = np.einsum("maia->mai", sides.normal)
+    return _Sheets(sides.excess * np.square(own), sides.normal)
 
 
 def _apart(one: np.ndarray, other: np.ndarray) -> np.ndarray:
@@ -70,7 +78,7 @@ def _apart(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     return 1 - np.square((one * other).sum(-1))
 
 
-def _volumes(sides: _Sides) -> Float[np.ndarray, " m"]:
+def _volumes(sides: _Sheets) -> Float[np.ndarray, " m"]:
     weight, normal = sides
     total = 1 + weight.sum((1, 2))
     for i in np.ndindex(2, 2, 2):
@@ -85,7 +93,7 @@ def _volumes(sides: _Sides) -> Float[np.ndarray, " m"]:
     return total
 
 
-def _section(sides: _Sides, axis: int) -> Float[np.ndarray, " m"]:
+def _section(sides: _Sheets, axis: int) -> Float[np.ndarray, " m"]:
     """Open area across an axis."""
     other = [a for a in range(3) if a != axis]
     weight = sides.weight * (1 - np.square(sides.normal[..., axis])) ** _ALONG
@@ -98,7 +106,7 @@ def _section(sides: _Sides, axis: int) -> Float[np.ndarray, " m"]:
 
 
 def _area_factors(
-    found: Crossings, owner: Int[np.ndarray, " s"], sides: _Sides
+    found: Crossings, owner: Int[np.ndarray, " s"], sides: _Sheets
 ) -> Float[np.ndarray, " s"]:
     """Part of each cell's area that other sheets of its voxel leave."""
     factor = np.ones(len(owner))

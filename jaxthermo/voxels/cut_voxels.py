@@ -1,8 +1,7 @@
-"""Voxels that the surface cuts: their volumes, and the open areas of their links.
+"""Voxels that the surface cuts: their volumes and links.
 
-A link between two voxels has the mean of the open areas of both. Volumes so small that
-they would shorten explicit steps are raised, and what they gain is taken from their
-neighbours: the total stays.
+Volumes so small that they would shorten explicit steps are raised, and what they gain
+is taken from their neighbours: the total stays.
 """
 
 from dataclasses import dataclass
@@ -11,12 +10,14 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from .cut_links import CutLinks
+
 
 _MIN_STEP = 0.7
 """Stable step of any voxel without a load, relative to one with six neighbours [-]."""
 
 MIN_OPEN = 0.05
-"""Smallest open area and volume: a link through a sliver of nothing still conducts."""
+"""Smallest volume of a voxel and area factor of a cell."""
 
 # Rounds in which volume is taken from neighbours; two are enough but for thin parts.
 _ROUNDS = 8
@@ -32,47 +33,27 @@ class CutVoxels:
     voxel: Int[np.ndarray, "m 3"]
     volume: Float[np.ndarray, " m"]
     """Volume [voxels]."""
-    open_area: Float[np.ndarray, "m 3"]
-    """Open area of the links along x, y, z [voxel faces]."""
+    section: Float[np.ndarray, "m 3"]
+    """Section of the body in the voxel across x, y, z [voxel faces]."""
+    links: CutLinks
 
-    def spread(self, solid: Bool[np.ndarray, "x y z"]) -> "SolidVoxels":
-        """Volumes and open areas of all solid voxels, in lattice order."""
-        number = np.cumsum(solid.reshape(-1), dtype=np.int64) - 1
-        own = number[np.ravel_multi_index(tuple(self.voxel.T), solid.shape)]
-        count = int(number[-1]) + 1
-        volume, open_area = np.ones(count), np.ones((count, 3))
-        volume[own], open_area[own] = self.volume, self.open_area
-        return SolidVoxels(volume, open_area)
+    def spread(self, solid: Bool[np.ndarray, "x y z"]) -> Float[np.ndarray, " v"]:
+        """Volumes of all solid voxels, in lattice order [voxels]."""
+        return self.volumes(solid.shape)[solid]
 
     def within(self, planes: slice) -> "CutVoxels":
         """Those in a range of planes along x, counted from its first."""
         start, stop = np.searchsorted(self.voxel[:, 0], [planes.start, planes.stop])
         shifted = self.voxel[start:stop] - np.array([planes.start, 0, 0])
         own = slice(start, stop)
-        return CutVoxels(shifted, self.volume[own], self.open_area[own])
+        own_section, links = self.section[own], self.links.within(planes)
+        return CutVoxels(shifted, self.volume[own], own_section, links)
 
     def volumes(self, shape: tuple[int, ...]) -> Float[np.ndarray, "x y z"]:
         """Volume of every voxel of the lattice [voxels]; 1 where not cut."""
         found = np.ones(shape)
         found[tuple(self.voxel.T)] = self.volume
         return found
-
-    def open_across(
-        self, shape: tuple[int, ...], axis: int
-    ) -> Float[np.ndarray, "x y z"]:
-        """Open area across an axis of every voxel of the lattice; 1 where not cut."""
-        found = np.ones(shape)
-        found[tuple(self.voxel.T)] = self.open_area[:, axis]
-        return found
-
-
-class SolidVoxels(NamedTuple):
-    """Volume and open areas of every solid voxel, in lattice order."""
-
-    volume: Float[np.ndarray, " v"]
-    """[voxels]"""
-    open_area: Float[np.ndarray, "v 3"]
-    """[voxel faces]"""
 
 
 def limited(cut: CutVoxels, solid: Bool[np.ndarray, "x y z"]) -> CutVoxels:
@@ -102,7 +83,9 @@ def limited(cut: CutVoxels, solid: Bool[np.ndarray, "x y z"]) -> CutVoxels:
         volume = MIN_OPEN + above * (spare / above.sum() if spare else 0.0)
     changed = np.flatnonzero((volume != 1) | near.is_cut)
     voxel = np.stack(np.unravel_index(near.cell[changed], padded.shape), axis=1) - 1
-    return CutVoxels(voxel, volume[changed], near.open_area[changed])
+    section = np.ones((len(volume), 3))
+    section[near.own] = cut.section
+    return CutVoxels(voxel, volume[changed], section[changed], cut.links)
 
 
 class _Around(NamedTuple):
@@ -113,22 +96,15 @@ class _Around(NamedTuple):
     own: Int[np.ndarray, " m"]
     """Index of each cut voxel among them."""
     is_cut: Bool[np.ndarray, " k"]
-    open_area: Float[np.ndarray, "k 3"]
-    linked: Bool[np.ndarray, "k 6"]
-    """True for solid neighbours below and above along x, y, z."""
     neighbour: Int[np.ndarray, "k 6"]
-    """Index of these among the cells; their number for any other."""
+    """Index of the solid neighbours among the cells; their number for any other."""
+    conductance: Float[np.ndarray, " k"]
+    """Sum over the links of each cell, over k h [-]."""
 
     def least_volume(self) -> Float[np.ndarray, " k"]:
         """Volume from which a voxel keeps the stable step [voxels]."""
-        # Its step is V / sum A_j, with the volume V and open areas A_j of its links;
-        # that of a voxel inside 1 / 6.
-        mean = np.zeros(self.linked.shape)
-        for side in range(6):
-            here = self.open_area[:, side // 2]
-            there = np.append(here, 1.0)[self.neighbour[:, side]]
-            mean[:, side] = np.where(self.linked[:, side], (here + there) / 2, 0)
-        return np.maximum(_MIN_STEP / 6 * mean.sum(1), MIN_OPEN)
+        # Its step is V over that sum; that of a voxel inside 1 / 6.
+        return np.maximum(_MIN_STEP / 6 * self.conductance, MIN_OPEN)
 
 
 def _around(cut: CutVoxels, padded: Bool[np.ndarray, "x y z"]) -> _Around:
@@ -139,16 +115,20 @@ def _around(cut: CutVoxels, padded: Bool[np.ndarray, "x y z"]) -> _Around:
     beside = (flat[:, None] + steps).reshape(-1)
     cell = np.union1d(flat, beside[solid[beside]])
     own = np.searchsorted(cell, flat)
-    open_area, is_cut = np.ones((len(cell), 3)), np.zeros(len(cell), bool)
-    open_area[own], is_cut[own] = cut.open_area, True
-    linked = np.empty((len(cell), 6), bool)
+    is_cut = np.zeros(len(cell), bool)
+    is_cut[own] = True
+    conductance = np.zeros(len(cell))
     neighbour = np.empty((len(cell), 6), np.int32)
     # Found among the cells, whose number stands for all others: a table of the whole
     # lattice would be larger than the voxels.
     for side, step in enumerate(steps):
         next_to = cell + step
-        linked[:, side] = solid[next_to]
+        conductance += solid[next_to]
         index = np.searchsorted(cell, next_to)
         found = np.append(cell, -1)[index] == next_to
         neighbour[:, side] = np.where(found, index, len(cell))
-    return _Around(cell, own, is_cut, open_area, linked, neighbour)
+    for end in (cut.links.voxel, cut.links.voxel + cut.links.step):
+        index = np.ravel_multi_index(tuple(end.T + 1), padded.shape)
+        index = np.searchsorted(cell, index)
+        conductance += np.bincount(index, cut.links.extra, len(cell))
+    return _Around(cell, own, is_cut, neighbour, conductance)

@@ -10,7 +10,7 @@ from wadler_lindig import TextDoc
 
 from ..geometry.mesh import Mesh, connected_labels, part_volumes
 from .cavities import Cavities, find_cavities
-from .cut_voxels import CutVoxels, SolidVoxels
+from .cut_voxels import CutVoxels
 from .lattice import Lattice
 from .represented import Represented, represented
 from .surface import surface_links, surface_voxels
@@ -169,8 +169,8 @@ class VoxelGrid:
         return "dominant_axis" if self.cut is None else "crossings"
 
     @cached_property
-    def solid_voxels(self) -> SolidVoxels | None:
-        """Volumes and open areas of the solid voxels; None if all are whole."""
+    def solid_volumes(self) -> Float[np.ndarray, " v"] | None:
+        """Volumes of the solid voxels [voxels]; None if all are whole."""
         return None if self.cut is None else self.cut.spread(self.solid)
 
     @cached_property
@@ -205,7 +205,7 @@ class VoxelGrid:
     ) -> Float[np.ndarray, " n"]:
         """Volumes of `count` groups of solid voxels [m^3]; -1 is in no group."""
         inside = group >= 0
-        own = None if self.solid_voxels is None else self.solid_voxels.volume[inside]
+        own = None if self.solid_volumes is None else self.solid_volumes[inside]
         return np.bincount(group[inside], own, count) * self.voxel_volume
 
     def contains(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:

@@ -83,7 +83,7 @@ def represented(
     for axis in range(3):
         true = _mesh_sections(mesh, lattice, axis)
         k = _narrowest(true)
-        here = cut.open_area[cut.voxel[:, axis] == k, axis]
+        here = cut.section[cut.voxel[:, axis] == k, axis]
         voxels = np.count_nonzero(solid.take(k, axis))
         found = _Pair(float(true[k]), (voxels + float((here - 1).sum())) * face)
         necks.append((found.true, axis, found))

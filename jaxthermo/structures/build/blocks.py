@@ -58,14 +58,12 @@ def build_blocks(
     cell = np.unravel_index(covered, labels.shape)
     total = [np.bincount(node, index, len(level)) for index in cell]
     centre = np.stack(total, axis=1) / voxels[:, None] + 0.5
-    volume, open_area = voxels * grid.voxel_volume, None
-    if grid.solid_voxels is not None:
-        here = labels[grid.solid]
-        volume = grid.volume_of(here, len(level))
-        open_area = grid.solid_voxels.open_area[here >= 0]
+    volume = voxels * grid.voxel_volume
+    if grid.cut is not None:
+        volume = grid.volume_of(labels[grid.solid], len(level))
     # Single voxels need no sort of shared faces.
     if np.array_equal(node, np.arange(len(level))):
-        links = voxel_links(labels, grid.pitch, open_area)
+        links = voxel_links(labels, grid.pitch, grid.cut)
     else:
         links = block_links(labels, centre, grid.pitch, grid.cut)
     middle = grid.lattice.origin + centre * grid.pitch

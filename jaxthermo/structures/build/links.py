@@ -64,7 +64,40 @@ def block_links(
         for i, j in zip(begin, end, strict=True)
     ]
     links = Links(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
-    return links._replace(area=links.area * pitch**2).lengthened(pitch)
+    links = links._replace(area=links.area * pitch**2).lengthened(pitch)
+    if cut is None:
+        return links
+    return _with_links_over_edges(links, cut, labels, centre * pitch, pitch)
+
+
+def _with_links_over_edges(
+    links: Links,
+    cut: CutVoxels,
+    labels: Int[np.ndarray, "x y z"],
+    centre: Float[np.ndarray, "n 3"],
+    pitch: float,
+) -> Links:
+    """Add what voxels conduct over edges that they share; centres and pitch in m."""
+    over = cut.links.chosen(np.flatnonzero(cut.links.over_edge))
+    ends = [labels[tuple(cell.T)] for cell in (over.voxel, over.voxel + over.step)]
+    first, second = np.minimum(*ends), np.maximum(*ends)
+    apart = np.flatnonzero((first >= 0) & (first < second))
+    key = first[apart].astype(np.int64) * len(centre) + second[apart]
+    key, own = np.unique(key, return_inverse=True)
+    # As a face of their own, over the distance of the two voxels.
+    area = np.bincount(own.reshape(-1), over.extra[apart], len(key))
+    area *= np.sqrt(2) * pitch**2
+    src, dst = np.divmod(key, len(centre))
+    half = np.linalg.norm(centre[dst] - centre[src], axis=1) / 2
+    present = links.src.astype(np.int64) * len(centre) + links.dst
+    at = np.searchsorted(present, key)
+    known = np.append(present, -1)[at] == key
+    links.area[at[known]] += area[known]
+    new = (src.astype(np.int32), dst.astype(np.int32), area, half, half)
+    pairs = zip(links, new, strict=True)
+    every = [np.concatenate([old, more[~known]]) for old, more in pairs]
+    order = np.argsort(np.concatenate([present, key[~known]]), kind="stable")
+    return Links(*(column[order] for column in every))
 
 
 def _shared_faces(
@@ -85,8 +118,8 @@ def _shared_faces(
         plane = np.arange(1, line.shape[-1], dtype=np.int32)
         planes.append(np.broadcast_to(plane, shared.shape)[shared])
         if cut is not None:
-            opened = np.moveaxis(cut.open_across(labels.shape, axis), axis, -1)
-            shares.append((opened[..., :-1][shared] + opened[..., 1:][shared]) / 2)
+            opened = np.moveaxis(cut.links.open_across(labels.shape, axis), axis, -1)
+            shares.append(opened[..., :-1][shared])
         below, above = below[shared], above[shared]
         # In place: these arrays are among the largest of the build.
         side = np.minimum(below, above).astype(np.int64)
@@ -140,14 +173,12 @@ def _starts(ordered: Int[np.ndarray, " k"]) -> Int[np.ndarray, " u"]:
 
 
 def voxel_links(
-    labels: Int[np.ndarray, "x y z"],
-    pitch: float,
-    open_area: Float[np.ndarray, "n 3"] | None = None,
+    labels: Int[np.ndarray, "x y z"], pitch: float, cut: CutVoxels | None = None
 ) -> Links:
     """Link single voxels over shared faces, without the sort of `block_links`.
 
     A label is the rank of a voxel in lattice order, -1 for no node; the pitch is in m.
-    Links of cut voxels have the mean of the open areas [voxel faces] of both ends.
+    Links of cut voxels have their open areas, and some are over edges.
     """
     # One more voxel at the upper ends, so that the next along an axis always exists.
     padded = np.pad(labels, (0, 1), constant_values=-1)
@@ -162,16 +193,17 @@ def voxel_links(
     half = np.full(len(dst), pitch / 2)
     src = np.repeat(node, np.count_nonzero(linked, axis=1))
     area = np.full(len(dst), pitch**2)
-    if open_area is not None:
-        axis = np.broadcast_to([2, 1, 0], linked.shape)[linked]
-        area *= (open_area[src, axis] + open_area[dst, axis]) / 2
-    return Links(
-        src=src,
-        dst=dst,
-        area=area,
-        distance_src=half,
-        distance_dst=half,
-    )
+    links = Links(src, dst, area, half, half)
+    if cut is None:
+        return links
+    for axis, column in enumerate((2, 1, 0)):
+        opened = cut.links.open_across(labels.shape, axis)[labels >= 0]
+        here = np.flatnonzero(linked[:, column])
+        # Links of a node come in the order of these columns.
+        place = np.cumsum(linked.reshape(-1)).reshape(linked.shape)[:, column] - 1
+        links.area[place[here]] *= opened[here]
+    centre = np.argwhere(labels >= 0) * pitch
+    return _with_links_over_edges(links, cut, labels, centre, pitch)
 
 
 _MIN_NORMAL_FRACTION = 0.5

@@ -55,7 +55,9 @@ class FullVolume(AbstractStructure):
     @override
     def link_count(self) -> int:
         bodies = (np.moveaxis(self.grid.solid, axis, 0) for axis in range(3))
-        return sum(int(np.count_nonzero(body[:-1] & body[1:])) for body in bodies)
+        shared = sum(int(np.count_nonzero(body[:-1] & body[1:])) for body in bodies)
+        cut = self.grid.cut
+        return shared + (0 if cut is None else int(cut.links.over_edge.sum()))
 
     def _numbers(self) -> Int[np.ndarray, "x y z"]:
         """Node number of each solid voxel, in C order; -1 elsewhere."""
@@ -76,9 +78,7 @@ class FullVolume(AbstractStructure):
 
     @override
     def links(self) -> Links:
-        own = self.grid.solid_voxels
-        open_area = None if own is None else own.open_area
-        return voxel_links(self._numbers(), self.grid.pitch, open_area)
+        return voxel_links(self._numbers(), self.grid.pitch, self.grid.cut)
 
     @override
     def fragment_node(self) -> Int[np.ndarray, " s"]:

@@ -8,7 +8,6 @@ import pytest
 
 from jaxthermo.geometry import shapes
 from jaxthermo.network.cut_stencil import CutStencil
-from jaxthermo.network.stencil import HeterogeneousStencil
 from jaxthermo.physics.conduction import _assemble_mixed, assemble_uniform
 from jaxthermo.structures.kinds.full import FullVolume
 from jaxthermo.voxels.voxelize import voxelize
@@ -19,12 +18,13 @@ GRID = voxelize(shapes.sphere(0.1, subdivisions=3), 0.0277, "crossings")
 
 
 def network(conductivity, stencil, mixed=False):
-    """Network of one material, or of two identical ones."""
+    """Network of one material, or of two, one with three times the conductivity."""
     structure = FullVolume(GRID, stencil=stencil)
     if not mixed:
         return structure, assemble_uniform(structure, conductivity, HEAT, jnp.float64)
     painted = np.arange(structure.node_count, dtype=np.int32) % 2
-    two = jnp.array([conductivity] * 2), jnp.array([HEAT] * 2)
+    k = jnp.array(conductivity)
+    two = jnp.stack([k, 3 * k]), jnp.array([HEAT] * 2)
     return structure, _assemble_mixed(structure, painted, *two)
 
 
@@ -50,21 +50,14 @@ def values_of(structure, operator, theta):
     return all_of(operator, jnp.asarray(state), address, jnp.array(0.1))
 
 
-@pytest.mark.parametrize(
-    ("conductivity", "mixed", "kind"),
-    [
-        (16.0, False, CutStencil),
-        ((16.0, 2.0, 0.5), False, CutStencil),
-        (16.0, True, HeterogeneousStencil),
-        ((16.0, 2.0, 0.5), True, HeterogeneousStencil),
-    ],
-)
-def test_every_operator_is_that_of_the_links(conductivity, mixed, kind):
+@pytest.mark.parametrize("mixed", [False, True])
+@pytest.mark.parametrize("conductivity", [16.0, (16.0, 2.0, 0.5)])
+def test_every_operator_is_that_of_the_links(conductivity, mixed):
     theta = np.random.default_rng(1).normal(size=GRID.solid_count)
     fast = network(conductivity, True, mixed)
-    assert type(fast[1]) is kind
+    assert type(fast[1]) is CutStencil
     found = values_of(*fast, theta)
-    expected = values_of(*network(conductivity, False), theta)
+    expected = values_of(*network(conductivity, False, mixed), theta)
     for name, exact in expected.items():
         np.testing.assert_allclose(
             found[name], exact, rtol=1e-11, atol=1e-9, err_msg=name

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from jaxthermo.geometry import shapes
-from jaxthermo.structures.build.cut_links import cut_links
 from jaxthermo.structures.kinds.full import FullVolume
+from jaxthermo.voxels.cut_links import CutLinks
 from jaxthermo.voxels.cut_voxels import MIN_OPEN, CutVoxels, limited
 from jaxthermo.voxels.voxelize import voxelize
 
@@ -14,10 +14,10 @@ def solid_block(*shape):
     return np.ones(shape, bool)
 
 
-def cut(voxel, volume, open_area=None):
-    voxel, volume = np.array(voxel), np.array(volume)
-    opened = np.ones((len(voxel), 3)) if open_area is None else np.array(open_area)
-    return CutVoxels(voxel, volume, opened)
+def cut(voxel, volume):
+    none = np.zeros((0, 3), int)
+    links = CutLinks(none, none, np.zeros(0))
+    return CutVoxels(np.array(voxel), np.array(volume), np.ones((len(voxel), 3)), links)
 
 
 def test_a_sliver_takes_from_its_neighbours_until_it_keeps_the_step():
@@ -54,14 +54,3 @@ def test_no_voxel_of_a_body_has_a_step_shorter_than_that(offset):
     ends = np.concatenate([links.src, links.dst])
     rate = np.bincount(ends, np.tile(conductance, 2)) / nodes.volume
     assert rate.max() * structure.grid.pitch**2 / 6 <= 1 / 0.7 * (1 + 1e-3)
-
-
-def test_links_of_a_box_have_its_section():
-    grid = voxelize(shapes.box((0.14, 0.114, 0.198)), 0.01, "crossings")
-    links = cut_links(grid)
-    # The 12 voxels across y are 11.4 wide: 0.7 of a face at either side.
-    whole = np.isclose(links.open_area, 0.7)
-    assert whole.any() and (links.axis[whole] != 1).all()
-    edge = np.isclose(links.open_area, 0.7 * 0.9)
-    assert edge.any() and (links.axis[edge] == 0).all()
-    assert set(np.round(links.open_area, 9)) == {0.7, 0.9, 0.63}
