@@ -98,7 +98,7 @@ def _with_cut_voxels(
     k = [_along(conductivity[number[tuple(cell.T)]], axes) for cell in ends]
     length = np.where(links.over_edge, np.sqrt(2), 1.0) * grid.pitch
     area = links.extra * length * grid.pitch
-    src, dst = (np.searchsorted(node, each).astype(np.int32) for each in flat[:2])
+    src, dst = (np.asarray(np.searchsorted(node, e), np.int32) for e in flat[:2])
     own = heat[number[tuple(voxel.T)]]
     return CutStencil(
         base=whole,

@@ -3,8 +3,9 @@
 With w = (theta - 1/2) n_a^2 of each cell of a voxel (see `crossings`), in voxels:
 
 - volume 1 + sum w: on a smooth surface the weights n_a^2 of the axes add up to 1;
-- open area of its links along axis a, 1 + sum over the other axes of w (1 - n_a^2)^10:
-  the section that the surface adds or takes, where the link is along it.
+- section across axis a, 1 + sum over the other axes of w (1 - n_a^2)^10: what the
+  surface adds or takes where it is along the axis. Links have the mean of both ends
+  (see `cut_links`).
 
 Two cells of one voxel on different sheets, as at an edge, also have the product w w' (1
 - (n . n')^2), which makes boxes exact. The area of a cell beside an edge is cut by the

@@ -86,7 +86,7 @@ def _with_links_over_edges(
     key, own = np.unique(key, return_inverse=True)
     # As a face of their own, over the distance of the two voxels.
     area = np.bincount(own.reshape(-1), over.extra[apart], len(key))
-    area *= np.sqrt(2) * pitch**2
+    area = np.sqrt(2) * pitch**2 * area
     src, dst = np.divmod(key, len(centre))
     half = np.linalg.norm(centre[dst] - centre[src], axis=1) / 2
     present = links.src.astype(np.int64) * len(centre) + links.dst
