@@ -87,7 +87,7 @@ def _voxelize(
     unit: str | None = None,
     height: str | None = None,
     up: str = "z",
-    surface_cells: str = "dominant_axis",
+    surface_cells: str = "crossings",
     out: Path | None = None,
 ) -> None:
     """Voxelize a mesh and report thin parts and depth layers.

@@ -34,7 +34,7 @@ SurfaceCells = Literal["dominant_axis", "crossings"]
 
 
 def voxelize(
-    mesh: AnyMesh, pitch: Scalar, surface_cells: SurfaceCells = "dominant_axis"
+    mesh: AnyMesh, pitch: Scalar, surface_cells: SurfaceCells = "crossings"
 ) -> VoxelGrid:
     """Compute the solid voxels and surface fragments of a mesh.
 

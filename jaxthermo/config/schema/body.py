@@ -96,7 +96,7 @@ class BodyConfig(Model, builds="Body"):
     """Edge of a voxel [m]."""
     voxels_high: Annotated[si.Whole, Field(ge=1, le=4096)] | None = None
     """Number of voxels along z, instead of their pitch."""
-    surface_cells: Literal["dominant_axis", "crossings"] = "dominant_axis"
+    surface_cells: Literal["dominant_axis", "crossings"] = "crossings"
     """Surface by fragments along the dominant axis of its normal, or by all crossings
     with true volumes of the voxels that it cuts: of second order in the pitch."""
     structure: StructureConfig = FullVolume()
