@@ -98,8 +98,8 @@ def _voxelize(
         unit: Length of one file unit, such as mm.
         height: Extent along up instead of the unit, such as 0.5m.
         up: Axis of the file that points up: x, y, z, -x, -y or -z.
-        surface_cells: Surface of the voxels: dominant_axis, or crossings for cells of
-            second order.
+        surface_cells: Surface of the voxels: crossings, of second order, or
+            dominant_axis, of first.
         out: Folder for the results; results/NAME if not given.
     """
     from .cli.voxelize import voxelize as run

@@ -102,7 +102,7 @@ class RefinedReference(Model):
     """Pitch of what is judged over that of the reference."""
     structure: StructureConfig = FullVolume()
     """Structure of the reference."""
-    surface_cells: Literal["dominant_axis", "crossings"] = "crossings"
+    surface_cells: Literal["crossings", "dominant_axis"] = "crossings"
     """Surface of the reference's voxels, by default that of second order."""
     points: Annotated[Whole, Field(ge=100, le=10_000_000)] = 10_000
     """Number of points on the meshes at which temperatures are compared."""

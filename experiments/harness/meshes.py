@@ -9,6 +9,7 @@ import jaxthermo as jt
 from jaxthermo.geometry.load import load_mesh
 from jaxthermo.geometry.mesh import Mesh
 from jaxthermo.geometry.shapes import figurine
+from jaxthermo.voxels.voxelize import SurfaceCells
 
 
 # Of every body [m].
@@ -43,10 +44,11 @@ def standard_scene(
     structure: Callable[..., Any],
     height: int,
     sun_until: float = 90.0,
+    surface_cells: SurfaceCells = "crossings",
 ) -> tuple[jt.Scene, str]:
     """A statue in air, in the sun from +x until a time [s]; the name of its mesh."""
     name, mesh = next(iter(thesis_meshes().items()))
-    grid = jt.voxelize(mesh, HEIGHT / height)
+    grid = jt.voxelize(mesh, HEIGHT / height, surface_cells)
     body = jt.Body(structure(grid), material, temperature=START)
     terms = (
         jt.Sun((-1.0, 0.0, 0.0), jt.Until(5000.0, sun_until)),

@@ -182,7 +182,9 @@ _REGION = 16
 
 def _measure_capacity(mesh: jt.Mesh, height: int = _CAPACITY_HEIGHT) -> dict[str, Any]:
     """Capacity over volume, of the body and region by region."""
-    grid = jt.voxelize(mesh, float(np.ptp(mesh.bounds[:, 2])) / height)
+    # Of whole voxels, as in the thesis.
+    pitch = float(np.ptp(mesh.bounds[:, 2])) / height
+    grid = jt.voxelize(mesh, pitch, "dominant_axis")
     plain = jt.IrregularMultiLevel(grid)
     kept = jt.IrregularMultiLevel(grid, keep_capacity=True)
     cells, body = capacity_by_region(grid, plain.cover_count(), _REGION)

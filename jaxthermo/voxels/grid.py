@@ -56,10 +56,11 @@ class VoxelGrid:
     """Solid voxels of a body, with surface fragments that have true areas.
 
     A fragment is the point of the mesh where the ray through a column of voxel centres
-    crosses it, along the dominant axis i of its normal n; each piece of surface has
-    one. Its area is pitch^2 / |n_i|, scaled to the mesh's area if that is watertight.
-    With `surface_cells="crossings"` there is one on every exposed voxel face instead,
-    across any axis a, with the area pitch^2 |n_a|, scaled by at most 2 % (`crossings`).
+    crosses it. There is one on every exposed voxel face, across any axis a, with the
+    area pitch^2 |n_a|, n being its normal; the areas of a watertight mesh are scaled to
+    it by at most 2 % (`crossings`). With `surface_cells="dominant_axis"` only rays
+    along the dominant axis i of the normal count, each piece of surface has one
+    fragment of the area pitch^2 / |n_i|, and the areas are scaled by any factor.
     """
 
     lattice: Lattice
@@ -76,7 +77,8 @@ class VoxelGrid:
     fragment_axis: Int[np.ndarray, " s"]
     """Axis of its ray: 0, 1 or 2; the dominant one of the normal, but for crossings."""
     fragment_layer: Int[np.ndarray, "s 2"]
-    """Depth layer along that axis, among all and packed."""
+    """Depth layer along that axis, among all and packed; -1 where that is not the
+    dominant axis of the normal, as packed layers have each piece of surface once."""
     area_ratio: float
     """Area of the mesh over that of the unscaled fragments [-]; 1 if not applied."""
     volume_ratio: float
@@ -128,7 +130,9 @@ class VoxelGrid:
         if self.fragment_depth is None:
             return self.fragment_position
         centre = self.lattice.centres(self.fragment_voxel)
-        return centre + self.fragment_depth[:, None] * self.fragment_normal
+        # Not by `fragment_depth`, which is at least a tenth of a voxel.
+        above = (self.fragment_position - centre) * self.fragment_normal
+        return centre + above.sum(axis=1, keepdims=True) * self.fragment_normal
 
     @cached_property
     def cavities(self) -> Cavities | None:

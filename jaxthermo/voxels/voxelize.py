@@ -9,7 +9,7 @@ from ..arrays import Scalar, rank_in_group
 from ..errors import InputError, shortened
 from ..geometry.mesh import AnyMesh, Mesh, as_mesh
 from ..geometry.repair import repair_mesh
-from .crossings import find_crossings
+from .crossings import Crossings, find_crossings
 from .cut_geometry import cut_voxels
 from .fill import fill_by_vote
 from .grid import LayerCounts, ThinParts, VoxelGrid
@@ -30,7 +30,7 @@ from .surface import (
 )
 
 
-SurfaceCells = Literal["dominant_axis", "crossings"]
+SurfaceCells = Literal["crossings", "dominant_axis"]
 
 
 def voxelize(
@@ -42,10 +42,10 @@ def voxelize(
         mesh: the body; holes are bridged by a vote of the three axes. A
             `trimesh.Trimesh`, in metres and z up, is repaired as `load_mesh` does.
         pitch: edge of a voxel [m].
-        surface_cells: "dominant_axis" for fragments along the dominant axis of the
-            normal, half a voxel above their voxels; "crossings" for one on every
-            exposed voxel face, where the surface is, with the true volumes of the
-            voxels that it cuts: of second order in the pitch.
+        surface_cells: "crossings" for a fragment on every exposed voxel face, where
+            the surface is, with the true volumes of the voxels that it cuts: of second
+            order in the pitch; "dominant_axis" for fragments along the dominant axis of
+            the normal, half a voxel above their voxels, as in the thesis.
 
     Raises:
         InputError: if the pitch is not positive, gives no voxel, or needs more memory
@@ -168,9 +168,7 @@ def _with_crossings(
     hidden_area = float(pitch**2 * np.abs(normals[hidden]).max(1, initial=0).sum())
     attached = np.flatnonzero(~found.lost)
     found, area = found.chosen(attached), area[attached]
-    packed = np.zeros(len(area), np.int64)
-    by_ray = np.lexsort([found.position[np.arange(len(area)), found.axis], found.ray])
-    packed[by_ray] = rank_in_group(found.ray[by_ray])
+    packed = _packed(found)
     cut, factor = cut_voxels(found, solid)
     area = area * factor
     volume = (np.count_nonzero(solid) + float((cut.volume - 1).sum())) * pitch**3
@@ -201,6 +199,17 @@ def _with_crossings(
         fragment_depth=found.depth[order] * pitch,
         cut=cut,
     )
+
+
+def _packed(found: Crossings) -> Int[np.ndarray, " e"]:
+    # As in the thesis, each piece of surface is in the view of its dominant axis only.
+    packed = np.full(len(found.axis), -1)
+    is_main = np.abs(found.normal).argmax(1) == found.axis
+    kept = np.flatnonzero(is_main & (found.triangle >= 0))
+    along = found.position[kept, found.axis[kept]]
+    by_ray = kept[np.lexsort([along, found.ray[kept]])]
+    packed[by_ray] = rank_in_group(found.ray[by_ray])
+    return packed
 
 
 # A ratio beyond this means lost parts, not a surface rounded off by voxels.

@@ -71,18 +71,22 @@ def test_a_lamp_inside_lights_it():
     np.testing.assert_array_equal(acts_on(lamp), INNER)
 
 
+def told(receipt):
+    return [note for note in receipt.notes if "cavities" in note]
+
+
 def test_the_receipt_says_so():
     receipt = compiled(FROM_OUTSIDE["convection"]).receipt
     area = GRID.fragment_area
     (part,) = receipt.parts
     assert part.area == pytest.approx(area[~INNER].sum())
-    (note,) = receipt.notes
+    (note,) = told(receipt)
     assert note == (
         f"{100 * area[INNER].sum() / area.sum():.2g} % of the surface of body 0 faces "
         "closed cavities: air, sun and surroundings act there only with `inside: open`"
     )
-    assert compiled(FROM_OUTSIDE["convection"], "open").receipt.notes == ()
-    assert compiled(EVERYWHERE["flux"]).receipt.notes == ()
+    assert told(compiled(FROM_OUTSIDE["convection"], "open").receipt) == []
+    assert told(compiled(EVERYWHERE["flux"]).receipt) == []
 
 
 def test_heat_leaves_through_the_outside_only():
@@ -164,7 +168,8 @@ def test_cavities_that_are_open_in_the_voxels_are_told(term):
     """Walls of half a voxel."""
     around = room(0.04, 0.05)
     assert around.opened_area == pytest.approx(6 * 0.04**2)
-    (line,) = in_a_room(around, (0.0, 0.0, 0.0), term).warnings
+    warnings = in_a_room(around, (0.0, 0.0, 0.0), term).warnings
+    (line,) = [line for line in warnings if "cavities" in line]
     assert line == (
         "39 % of the surface of body 1 faces cavities that are closed in its mesh "
         "and open in its voxels: walls thinner than a voxel let air and radiation "

@@ -73,11 +73,11 @@ def test_insulated_body_evens_out_to_its_mean(ball, dtype, painted):
     body = jt.Body(structure, material, temperature=hot)
     scene = jt.Scene((body,), dtype=dtype)
     solution = jt.simulate(scene, 20000.0, save_at=[0.0, 20000.0])
-    centres = structure.nodes().centre
+    nodes = structure.nodes()
     kinds = [METAL, OTHER] if painted else [METAL, METAL]
     heat = np.array([m.volumetric_heat_capacity for m in kinds])
-    weight = heat[(centres[:, 0] >= 0).astype(int)]
-    mean = (weight * hot(centres)).sum() / weight.sum()
+    weight = nodes.volume * heat[(nodes.centre[:, 0] >= 0).astype(int)]
+    mean = (weight * hot(nodes.centre)).sum() / weight.sum()
     surface = np.asarray(solution.surface_temperature, float)
     error = np.abs(surface[-1] - mean).max()
     print("C11", dtype, painted, "equilibrium error", error, "K")

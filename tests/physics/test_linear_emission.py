@@ -20,8 +20,7 @@ def _run(start, within, t1=400.0):
 
 def test_it_is_used_where_it_is_good_enough_and_off_by_no_more():
     exact, linear = _run(310.0, None), _run(310.0, 0.06)
-    note, _ = linear.receipt.notes
-    assert "off by up to 4.9 %" in note
+    assert any("off by up to 4.9 %" in note for note in linear.receipt.notes)
     drop = [310.0 - float(run.mean_temperature[0, 0]) for run in (exact, linear)]
     print("drop", drop)
     assert drop[1] != drop[0]
@@ -30,7 +29,7 @@ def test_it_is_used_where_it_is_good_enough_and_off_by_no_more():
 
 def test_it_is_not_used_where_it_is_not():
     exact, asked = _run(400.0, None), _run(400.0, 0.06)
-    assert "not used" in asked.receipt.notes[0]
+    assert any("not used" in note for note in asked.receipt.notes)
     np.testing.assert_array_equal(exact.mean_temperature, asked.mean_temperature)
 
 

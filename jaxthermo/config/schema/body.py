@@ -96,9 +96,10 @@ class BodyConfig(Model, builds="Body"):
     """Edge of a voxel [m]."""
     voxels_high: Annotated[si.Whole, Field(ge=1, le=4096)] | None = None
     """Number of voxels along z, instead of their pitch."""
-    surface_cells: Literal["dominant_axis", "crossings"] = "crossings"
-    """Surface by fragments along the dominant axis of its normal, or by all crossings
-    with true volumes of the voxels that it cuts: of second order in the pitch."""
+    surface_cells: Literal["crossings", "dominant_axis"] | None = None
+    """Surface of a mesh by all crossings with true volumes of the voxels that it cuts,
+    of second order in the pitch (as without this), or by fragments along the dominant
+    axis of its normal, of first order."""
     structure: StructureConfig = FullVolume()
     """Nodes and links that represent the body's heat."""
     surface_map: SurfaceMapConfig = FluxCorrectedMap()
@@ -158,7 +159,8 @@ class BodyConfig(Model, builds="Body"):
         if pitch is None:
             height = float(np.ptp(mesh.bounds[:, 2]))
             pitch = height / float(self.voxels_high or 1)
-        return jaxthermo.voxelize(mesh, pitch, surface_cells=self.surface_cells)
+        kind = self.surface_cells or "crossings"
+        return jaxthermo.voxelize(mesh, pitch, surface_cells=kind)
 
     def build_mesh(self) -> Any:
         """The mesh, from its file or as a shape, in metres and z up."""
@@ -184,7 +186,7 @@ class BodyConfig(Model, builds="Body"):
         found: list[Mistake] = []
         if self.solid is not None and self.voxels_high is not None:
             found.append((("voxels_high",), "the array has them: give the `pitch`"))
-        if self.solid is not None and self.surface_cells == "crossings":
+        if self.solid is not None and self.surface_cells is not None:
             why = "an array of voxels has no surface but theirs: leave it out"
             found.append((("surface_cells",), why))
         if isinstance(self.material, PartsConfig) and self.mesh is None:

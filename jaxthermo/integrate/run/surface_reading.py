@@ -36,6 +36,9 @@ _MAX_HEIGHT = 0.25
 _REACH = 1.75
 """Distance to the nearest fragment beyond which a point is lost [pitches]."""
 
+_APART = 1e-3
+"""Distance below which fragments are at the same point [pitches]."""
+
 _CLOSE = 0.05
 """Square of the distance below which fragments count the same [pitches^2]."""
 
@@ -101,6 +104,10 @@ def surface_reading(
     used = np.einsum("pki,pi->pk", directions[near], normal) > _SAME_SIDE
     used &= np.isfinite(distance)
     used &= np.abs(height) <= _MAX_HEIGHT + _MAX_RISE * across
+    # Cells of one voxel at a plane hold at the same point: a plane needs it once.
+    apart = np.abs(np.diff(offset, axis=1)).max(axis=2) > _APART
+    alike = np.einsum("pki,pki->pk", directions[near[:, 1:]], directions[near[:, :-1]])
+    used[:, 1:] &= apart | (alike < _SAME_SIDE)
     # The nearest of those first, then the others, without weight.
     order = np.argsort(~used, axis=1, kind="stable")[:, :_NEIGHBOURS]
     own = np.take_along_axis(used, order, axis=1)

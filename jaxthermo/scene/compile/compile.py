@@ -318,7 +318,8 @@ def _cavity_warnings(scene: Scene, snapshot: Snapshot) -> tuple[str, ...]:
         opened = surface.grid.opened_area
         if body.inside == "open" or not opened:
             continue
-        fraction = 100 * opened / surface.grid.fragment_area.sum()
+        # Of the mesh: the voxels of thin walls have less area than these.
+        fraction = 100 * opened / surface.grid.mesh.area
         found.append(
             f"{fraction:.2g} % of the surface of body {surface.body} faces cavities "
             "that are closed in its mesh and open in its voxels: walls thinner than a "

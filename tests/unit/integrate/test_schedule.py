@@ -94,8 +94,8 @@ def test_a_run_stops_at_its_last_saved_time():
     body = jt.Body(jt.FullVolume(bar(4, 0.01)), steel, temperature=350.0)
     scene = jt.Scene((body,), (jt.Convection(10.0, 290.0),))
     short, long = (jt.simulate(scene, end, save_at=[3.0, 5.0]) for end in (5.0, 1e12))
-    assert short.receipt.notes == long.receipt.notes[1:]
-    note = long.receipt.notes[0]
+    assert set(long.receipt.notes) > set(short.receipt.notes)
+    (note,) = set(long.receipt.notes) - set(short.receipt.notes)
     assert "stops at the last saved time, 5 s" in note and "1e+12 s" in note
     assert (short.run.steps, short.run.solver) == (long.run.steps, long.run.solver)
     for name in ("times", "surface_temperature", "mean_temperature"):

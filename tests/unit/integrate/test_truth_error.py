@@ -19,7 +19,7 @@ def geometry(grid, translation=(0.0, 0.0, 0.0)) -> BodyGeometry:
     return BodyGeometry(
         grid.mesh.vertices,
         grid.mesh.faces,
-        grid.fragment_position,
+        grid.fragment_foot,
         grid.fragment_normal,
         grid.fragment_area,
         grid.pitch,

@@ -146,3 +146,13 @@ def test_a_sheet_between_voxel_centres_keeps_its_heat_where_a_node_is_near():
 
 def test_thin_parts_are_those_along_the_dominant_axis():
     assert voxelize(BALL, 1 / 15, "crossings").thin.thin_fragments == 0
+
+
+def test_packed_layers_are_those_of_the_dominant_axis():
+    """Thesis 4.2: each piece of surface once, in front."""
+    mesh = shapes.figurine()
+    ours, thesis = (voxelize(mesh, 5e-3, k) for k in ("crossings", "dominant_axis"))
+    assert ours.layers == thesis.layers
+    assert sum(ours.layers.packed) <= 0.8 * sum(ours.layers.peeled)
+    is_main = np.abs(ours.fragment_normal).argmax(1) == ours.fragment_axis
+    np.testing.assert_array_equal(ours.fragment_layer[:, 1] >= 0, is_main)

@@ -1,4 +1,4 @@
-"""Fragments cover the surface once; packing, links and ranks are as promised."""
+"""Fragments of the dominant axis cover the surface once; links and packed ranks."""
 
 import numpy as np
 import pytest
@@ -13,12 +13,12 @@ from jaxthermo.voxels.voxelize import voxelize
 
 @pytest.fixture(scope="module")
 def ball_grid():
-    return voxelize(BALL, 1 / 30)
+    return voxelize(BALL, 1 / 30, "dominant_axis")
 
 
 @pytest.fixture(scope="module")
 def figurine_grid():
-    return voxelize(shapes.figurine(), 4e-3)
+    return voxelize(shapes.figurine(), 4e-3, "dominant_axis")
 
 
 def rays(grid):

@@ -278,7 +278,8 @@ def test_notes_are_known_while_something_else_is_traced(seen):
 def test_a_storm_is_held_and_finite(seen):
     storm = coefficients(Wind((1e3, 0, 0), AIR), seen)
     limit = 2.5e5 * float(kinematic_viscosity(jnp.array(AIR))) / DIAMETER
-    held = coefficients(Wind((1.001 * limit, 0, 0), AIR), seen)
+    # Well beyond: the cylinder is fitted to voxels.
+    held = coefficients(Wind((1.1 * limit, 0, 0), AIR), seen)
     np.testing.assert_allclose(storm, held, rtol=1e-9)
 
 
