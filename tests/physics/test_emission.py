@@ -72,7 +72,8 @@ def test_no_heat_flows_between_equals(voxel):
 
 
 @pytest.mark.parametrize(
-    ("dtype", "surroundings"), [("float64", 0.0), ("float32", 300.0)]
+    ("dtype", "surroundings"),
+    [("float64", 0.0), pytest.param("float32", 300.0, marks=pytest.mark.slow)],
 )
 def test_zero_kelvin_is_no_singularity(voxel, surroundings, dtype):
     def mean(start):

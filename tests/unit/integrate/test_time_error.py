@@ -62,6 +62,8 @@ def test_a_plate_of_one_voxel_cools_as_the_closed_form():
     assert run.receipt.notes[-1].startswith("error in time about")
 
 
+@pytest.mark.slow
+@pytest.mark.slice
 def test_many_stable_steps_are_taken_by_steps_of_tr_bdf2():
     """A lump cools by exp(-t h A / C): 10 um voxels, 6 million stable steps."""
     pitch, h, times = 1e-5, 0.1, np.array([20.0, 80.0])

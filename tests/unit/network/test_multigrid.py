@@ -72,7 +72,8 @@ def _sparse(structure, network, m):
     return sparse.csr_array(sparse.diags_array(diagonal) - k)
 
 
-@pytest.mark.parametrize("dt", [pytest.param(None, marks=pytest.mark.slow), 0.01])
+@pytest.mark.slow
+@pytest.mark.parametrize("dt", [None, pytest.param(0.01, marks=pytest.mark.slice)])
 def test_iterations_hardly_grow_with_the_resolution(dt):
     counts = []
     for height in (12, 24):

@@ -93,7 +93,7 @@ def test_nothing_apart_needs_nothing(slanted):
         ("aggregate", 2.0),
         pytest.param("core", 0.5, marks=pytest.mark.slow),
         pytest.param("core", 1.0, marks=pytest.mark.slow),
-        ("core", 2.0),
+        pytest.param("core", 2.0, marks=[pytest.mark.slow, pytest.mark.slice]),
     ],
 )
 def test_all_modes_decay_and_the_stable_step_is_safe(slanted, kind, weight):

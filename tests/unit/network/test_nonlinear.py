@@ -164,6 +164,8 @@ def test_the_stable_step_is_needed():
     assert abs(gap(1.05 * dt)) > abs(gap(0.0 * dt))
 
 
+@pytest.mark.slow
+@pytest.mark.slice
 def test_gradients_of_a_run_are_finite_differences():
     structure = jt.FullVolume(blocks(np.ones((3, 2, 1), bool), PITCH), stencil=False)
     start = _start(structure)

@@ -53,7 +53,11 @@ def _by_cell(program):
     return replace(program, surface=program.surface.by_cell)
 
 
-@pytest.mark.parametrize("material", [STEEL, WOOL], ids=["steel", "wool"])
+@pytest.mark.parametrize(
+    "material",
+    [STEEL, pytest.param(WOOL, marks=pytest.mark.slow)],
+    ids=["steel", "wool"],
+)
 @pytest.mark.parametrize(
     "kinds", [(jt.FullVolume,), (jt.Aggregate, jt.Octree)], ids=["lattice", "two"]
 )

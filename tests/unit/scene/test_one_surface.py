@@ -109,7 +109,7 @@ def _alone(program, states, time):
 @pytest.mark.parametrize(
     "name",
     [
-        "everything",
+        pytest.param("everything", marks=[pytest.mark.slow, pytest.mark.slice]),
         *(
             pytest.param(name, marks=pytest.mark.slow)
             for name in SCENES
