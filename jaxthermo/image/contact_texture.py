@@ -43,7 +43,7 @@ def contact_images(
     column = apply_palette(values[:, None], low, high, palette, invalid=UNTOUCHED)
     images = {}
     for axis in range(3):
-        shown = (grid.fragment_axis == axis) & ~np.isnan(values)
+        shown = grid.is_packed(axis) & ~np.isnan(values)
         if shown.any():
             last = int(grid.fragment_layer[shown, 1].max())
             layers = packed_images(grid, axis, column[:, 0])[: last + 1]

@@ -120,7 +120,7 @@ def contact_tiles(
     tiles = []
     layer, touched = grid.fragment_layer[:, 1], ~np.isnan(values)
     for key, images in contact_images(grid, values, low, high, palette).items():
-        mine = (grid.fragment_axis == "xyz".index(key[0])) & touched
+        mine = grid.is_packed("xyz".index(key[0])) & touched
         for number in np.unique(layer[mine]).tolist():
             heading = f"{name}, {key[0]} layer {number}"
             touching = int(np.count_nonzero(layer[mine] == number))

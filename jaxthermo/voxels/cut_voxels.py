@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Int
 from .cut_links import CutLinks
 
 
-_MIN_STEP = 0.7
+_MIN_STEP = 0.72
 """Stable step of any voxel without a load, relative to one with six neighbours [-]."""
 
 MIN_OPEN = 0.05

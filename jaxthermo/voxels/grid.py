@@ -134,6 +134,10 @@ class VoxelGrid:
         above = (self.fragment_position - centre) * self.fragment_normal
         return centre + above.sum(axis=1, keepdims=True) * self.fragment_normal
 
+    def is_packed(self, axis: int) -> Bool[np.ndarray, " s"]:
+        """True for the fragments that the packed layers along an axis show."""
+        return (self.fragment_axis == axis) & (self.fragment_layer[:, 1] >= 0)
+
     @cached_property
     def cavities(self) -> Cavities | None:
         """Closed cavities of the body; None if there are none."""

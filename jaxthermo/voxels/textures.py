@@ -50,7 +50,7 @@ def packed_images(
     grid: VoxelGrid, axis: int, colours: UInt8[np.ndarray, "s 3"]
 ) -> list[UInt8[np.ndarray, "h w 3"]]:
     """Draw the surface fragments of an axis, packed forwards, in given colours."""
-    on_axis = (grid.fragment_axis == axis) & (grid.fragment_layer[:, 1] >= 0)
+    on_axis = grid.is_packed(axis)
     cell = np.floor(grid.lattice.to_cells(grid.fragment_position[on_axis])).astype(int)
     rank = grid.fragment_layer[on_axis, 1]
     row_axis, column_axis = pixel_axes(axis)

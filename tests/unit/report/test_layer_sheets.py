@@ -81,6 +81,18 @@ def test_contact_tiles_are_the_layers_that_touch():
     ]
 
 
+def test_contact_of_crossings_is_shown_in_the_view_of_the_dominant_axis():
+    """On the upper half of a ball: once for each piece of surface."""
+    ball = voxelize(shapes.sphere(1.0), 0.2)
+    up = ball.fragment_normal[:, 2]
+    values = np.where(up > 0.9, 0.5, np.nan)
+    (tile,) = contact_tiles("ball", ball, values, 0.0, 1.0)
+    assert tile.label == "ball, z layer 1"
+    touching = np.count_nonzero((up > 0.9) & (ball.fragment_axis == 2))
+    assert tile.note == f"{touching} fragments in contact"
+    assert touching < np.count_nonzero(up > 0.9)
+
+
 def test_every_kind_of_layer_has_a_sheet(tmp_path):
     paths = layer_sheets.write_layer_sheets(GRID, tmp_path)
     kinds = ("depth", "normal", "dominant", "packed")

@@ -25,9 +25,9 @@ def test_a_sliver_takes_from_its_neighbours_until_it_keeps_the_step():
     volume = found.volumes((3, 3, 3))
     assert volume.sum() == pytest.approx(26.1, rel=1e-14)
     # Three neighbours: its step is volume / 3, of a whole voxel inside 1 / 6.
-    assert volume[0, 0, 0] == pytest.approx(0.7 / 6 * 3)
+    assert volume[0, 0, 0] == pytest.approx(0.72 / 6 * 3)
     beside = volume[[1, 0, 0], [0, 1, 0], [0, 0, 1]]
-    assert beside == pytest.approx(1 - (0.35 - 0.1) / 3)
+    assert beside == pytest.approx(1 - (0.36 - 0.1) / 3)
     assert np.count_nonzero(volume != 1) == 4
 
 
