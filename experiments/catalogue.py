@@ -59,6 +59,9 @@ _ABOUT = {
     "structures.compare": (
         "every structure against the full volume: cost, error, pictures"
     ),
+    "structures.budget": (
+        "how much of an error is due to voxels, structure, time and reading"
+    ),
     "verification.verify": (
         "published cases and closed forms: expected, computed, tolerance, order"
     ),
@@ -75,6 +78,7 @@ _OPTIONS = {
     **dict.fromkeys(("stencil", "voxelize", "counting"), ()),
     **dict.fromkeys(("mixed", "structures"), ("config", "height")),
     **dict.fromkeys(("verification", "stiff"), ("cases",)),
+    "budget": ("config",),
 }
 
 

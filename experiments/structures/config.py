@@ -16,6 +16,7 @@ from jaxthermo.config.schema.material import Material
 from jaxthermo.config.schema.scene import TimeConfig
 from jaxthermo.config.schema.structure import (
     FluxCorrectedMap,
+    FullVolume,
     Partition,
     StructureConfig,
     SurfaceMapConfig,
@@ -149,6 +150,57 @@ class _ClaimsConfig(Model):
     limb: LimbConfig | None = None
 
 
+class BudgetEntry(_NamedConfig):
+    """One line of the budget, for voxels of some heights."""
+
+    structure: StructureConfig = FullVolume()
+    voxels_high: Annotated[tuple[_Height, ...], NotEmpty] | None = None
+    """Those of the budget if not given."""
+    surface_cells: Literal["dominant_axis", "crossings"] = "crossings"
+
+
+class _GoalConfig(Model):
+    """An error that some structure of so many nodes has to keep to."""
+
+    nodes: Annotated[Whole, Field(ge=1)]
+    """At most."""
+    error_percent: Annotated[Number, Field(gt=0)]
+    """At most, at every saved time under every load."""
+
+
+class BudgetConfig(Model):
+    """Parts of the error against the truth: `experiments run budget`."""
+
+    body: str | None = None
+    """Its name; the first one if not given."""
+    voxels_high: Annotated[tuple[_Height, ...], NotEmpty]
+    """Heights for all structures without their own."""
+    reference_voxels_high: _Height
+    """Voxels of the reference, at least twice as many."""
+    reference: StructureConfig = FullVolume()
+    """Structure of the reference."""
+    points: Annotated[Whole, Field(ge=100, le=10_000_000)] = 10_000
+    """Number of points on the mesh at which temperatures are compared."""
+    structures: Annotated[tuple[BudgetEntry, ...], NotEmpty]
+    goals: tuple[_GoalConfig, ...] = ()
+
+    def mistakes(self) -> list[Mistake]:
+        """Names given twice, and voxels too fine for their reference."""
+        labels = [entry.label for entry in self.structures]
+        found = _twice(labels, "structures")
+        finest = self.reference_voxels_high
+        given: dict[Location, tuple[int, ...]] = {("voxels_high",): self.voxels_high}
+        for i, entry in enumerate(self.structures):
+            # Coarse structures of the reference's own voxels are marked as such.
+            own = entry.voxels_high or ()
+            given["structures", i, "voxels_high"] = tuple({*own} - {finest})
+        words = f"must be at most half of the reference's {finest}"
+        for where, heights in given.items():
+            if any(2 * height > finest for height in heights):
+                found.append((where, words))
+        return found
+
+
 class ComparisonConfig(Model):
     """The whole comparison."""
 
@@ -166,6 +218,8 @@ class ComparisonConfig(Model):
     reference_step: Annotated[Fraction, Field(gt=0)] = 0.25
     truth: RefinedReference | None = None
     """Runs of finer voxels, which truth errors are measured from."""
+    budget: BudgetConfig | None = None
+    """An experiment of its own: where errors come from."""
     repeats: _Repeats = 5
     camera: PinholeConfig = PinholeConfig()
     picture: _PictureConfig
@@ -199,6 +253,8 @@ class ComparisonConfig(Model):
         if self.claims.equilibrium is not None:
             location = ("claims", "equilibrium", "body")
             named.append((location, self.claims.equilibrium.body))
+        if self.budget is not None:
+            named.append((("budget", "body"), self.budget.body))
         return [
             (where, f"there is no '{name}'{close_match(name, bodies)}")
             for where, name in named
@@ -259,8 +315,8 @@ def structure_identity(structure: StructureConfig) -> dict[str, Any]:
 def common_identity(config: ComparisonConfig) -> dict[str, Any]:
     """Inputs that all rows have in common, without what makes rows of its own."""
     plain = resolved(config)
-    apart = ("bodies", "loads", "structures", "claims", "full_volume_as_links", "truth")
-    for key in apart:
+    apart = ("bodies", "loads", "structures", "claims", "full_volume_as_links")
+    for key in (*apart, "truth", "budget"):
         plain.pop(key, None)
     return plain
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache, cached_property, partial
-from typing import Any
+from typing import Any, Literal
 
 import jax.numpy as jnp
 import numpy as np
@@ -67,7 +67,11 @@ class Subject:
 
     @classmethod
     def load(
-        cls, body: ComparedBody, config: ComparisonConfig, voxels_high: int
+        cls,
+        body: ComparedBody,
+        config: ComparisonConfig,
+        voxels_high: int,
+        surface_cells: Literal["dominant_axis", "crossings"] = "crossings",
     ) -> "Subject":
         """Voxelize the body's mesh to so many voxels along up."""
         given = body.mesh or body.shape
@@ -75,7 +79,7 @@ class Subject:
             raise jt.InputError("bodies: a body needs a `mesh` or a `shape`")
         mesh = given.build()
         pitch = float(np.ptp(mesh.bounds[:, 2])) / voxels_high
-        return cls(jt.voxelize(mesh, pitch), config)
+        return cls(jt.voxelize(mesh, pitch, surface_cells), config)
 
     def body(
         self, structure: AbstractStructure, surface_map: AbstractSurfaceMap

@@ -15,7 +15,7 @@ from jaxthermo.integrate.truth_error import truth_error
 from jaxthermo.structures.structure import AbstractStructure
 
 from ..harness.record import Arrays, Row
-from .config import LINKS, resolved
+from .config import LINKS, ComparedBody, ComparisonConfig, resolved
 from .measure import finish, prepare
 from .study import Case, Study, all_cases, rays
 
@@ -61,7 +61,9 @@ class Truth:
 
     def _reference(self, load: str) -> TruthReference:
         if load not in self._references:
-            config = _scene_config(self.study, load)
+            study = self.study
+            axes = study.subject.grid.mesh.axes
+            config = scene_config(study.body, study.config, axes, load)
             self._references[load] = refined_reference(
                 config, self.given, lambda _: None
             )
@@ -84,15 +86,19 @@ class Truth:
         return {"error": error.as_dict(), "own_error": own}, {}
 
 
-def _scene_config(study: Study, load: str) -> SceneConfig:
-    """The scene of a load as a scene file has it, with the full volume."""
-    plain = resolved(study.config)
-    body = study.body.model_dump(mode="json", exclude_none=True)
-    body |= {key: plain[key] for key in ("voxels_high", "material", "temperature")}
-    direction = list(rays(study.subject.grid.mesh.axes, load))
-    sun = {"kind": "sun", "direction": direction, **plain["sun"]}
+def scene_config(
+    body: ComparedBody, config: ComparisonConfig, axes: tuple[str, str, str], load: str
+) -> SceneConfig:
+    """The scene of a load as a scene file has it, with the full volume.
+
+    `axes` are those of the body's mesh, which names the loads.
+    """
+    plain = resolved(config)
+    given = body.model_dump(mode="json", exclude_none=True)
+    given |= {key: plain[key] for key in ("voxels_high", "material", "temperature")}
+    sun = {"kind": "sun", "direction": list(rays(axes, load)), **plain["sun"]}
     terms = [sun, *plain.get("terms", ())]
-    scene = {"bodies": [body], "terms": terms, "time": plain["time"]}
+    scene = {"bodies": [given], "terms": terms, "time": plain["time"]}
     return SceneConfig.model_validate(scene)
 
 

@@ -1,11 +1,11 @@
 """The error of a run against a finer one, at points of the mesh that both stand for."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float
 
 from ..arrays import is_traced
 from ..errors import InputError
@@ -34,6 +34,15 @@ _MAX_PITCH_RATIO = 0.501
 _COLUMNS = ("rms_kelvin", "rms_percent", "p99_kelvin", "bias_kelvin", "lost_fraction")
 
 _Number = Float[Array | np.ndarray, ""] | np.floating
+
+
+class AtPoints(NamedTuple):
+    """Surface temperatures of a run, read at points of a mesh."""
+
+    temperature: Float[Array | np.ndarray, "t p"]
+    """[K]"""
+    is_lost: Bool[np.ndarray, " p"]
+    """True where the run's voxels have no surface: the temperature has no meaning."""
 
 
 class TruthError(eqx.Module):
@@ -141,24 +150,18 @@ def truth_error(
     _check_meshes(solution.surfaces, reference.surfaces)
     samples = _samples(reference.surfaces, count, seed)
     there = _reading(reference.surfaces, samples)
-    known = np.flatnonzero(~there.is_lost)
-    here = _reading(solution.surfaces, samples).at(known)
-    common = np.flatnonzero(~here.is_lost)
-    if not len(common):
-        raise InputError(
-            "truth_error: the solution and the reference have no surface in common: "
-            "compare runs of the same meshes, each in the frame of its body"
-        )
+    here = _reading(solution.surfaces, samples)
     with later_temperatures(solution, reference, "truth_error") as later:
         times, found, expected = later
         # Without derivatives by numpy: nothing to compile for each number of points.
         own = jnp if is_traced((found, expected)) else np
         found, expected = own.asarray(found), own.asarray(expected)
-        at_points = here.at(common).read(found), there.at(known).read(expected)
-        lost = here.is_lost.mean(), there.is_lost.mean()
-        remarks = _remarks(solution.surfaces, reference.surfaces)
-        given = own.asarray(times), *at_points, common
-        return _error(own, *given, lost, remarks)
+        return error_at_points(
+            own.asarray(times),
+            AtPoints(here.read(found), here.is_lost),
+            AtPoints(there.read(expected), there.is_lost),
+            _remarks(solution.surfaces, reference.surfaces),
+        )
 
 
 def _check_meshes(
@@ -236,17 +239,25 @@ def _reading(
     )
 
 
-def _error(
-    own: Any,
-    times: PerTime,
-    found: Float[Array | np.ndarray, "t q"],
-    expected: Float[Array | np.ndarray, "t p"],
-    common: Int[np.ndarray, " q"],
-    lost: tuple[float, float],
-    remarks: tuple[str, ...],
+def error_at_points(
+    times: PerTime, found: AtPoints, expected: AtPoints, remarks: tuple[str, ...] = ()
 ) -> TruthError:
-    span = error_span(expected, _RANGE_QUANTILES)
-    difference = found - expected[:, common]
+    """Compare a run with a reference that were read at the same points.
+
+    Raises:
+        InputError: if they have no point in common.
+    """
+    known = np.flatnonzero(~expected.is_lost)
+    lost = found.is_lost[known]
+    common = known[~lost]
+    if not len(common):
+        raise InputError(
+            "truth_error: the solution and the reference have no surface in common: "
+            "compare runs of the same meshes, each in the frame of its body"
+        )
+    own = jnp if is_traced((found.temperature, expected.temperature)) else np
+    span = error_span(expected.temperature[:, known], _RANGE_QUANTILES)
+    difference = found.temperature[:, common] - expected.temperature[:, common]
     rms = root((difference**2).mean(axis=1))
     # A reference of one temperature has no range: any error is infinitely large then.
     has_range = span > own.finfo(span.dtype).tiny
@@ -258,7 +269,7 @@ def _error(
         rms_percent=percent,
         p99_kelvin=own.quantile(abs(difference), 0.99, axis=1),
         bias_kelvin=difference.mean(axis=1),
-        lost_fraction=own.full_like(rms, lost[0]),
-        reference_lost_fraction=own.asarray(lost[1], rms.dtype),
+        lost_fraction=own.full_like(rms, lost.mean()),
+        reference_lost_fraction=own.asarray(expected.is_lost.mean(), rms.dtype),
         remarks=remarks,
     )

@@ -10,7 +10,7 @@ from experiments.harness.present import table_of
 from experiments.harness.record import Record
 from experiments.structures.config import common_identity, load_comparison
 from experiments.structures.study import Study, rays
-from experiments.structures.truth import Truth, _scene_config, with_truth
+from experiments.structures.truth import Truth, scene_config, with_truth
 from experiments.structures.truth_lines import (
     ALL_TRUTH_COLUMNS,
     REFERENCE_COLUMNS,
@@ -116,7 +116,7 @@ def test_the_scene_of_a_reference_is_that_of_the_comparison(study):
     """Its terms, bodies and times, by the config as by hand."""
     config = study.config
     for load in config.loads:
-        scene = _scene_config(study, load)
+        scene = scene_config(study.body, config, study.subject.grid.mesh.axes, load)
         assert scene.time.save_times == config.time.save_times
         (body,) = scene.bodies
         assert body.voxels_high == 16 and body.temperature == config.temperature
