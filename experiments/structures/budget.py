@@ -196,7 +196,9 @@ class Budget:
         common = self.given.voxels_high
         entries = self.given.structures
         wanted = [(e, h) for e in entries for h in e.voxels_high or common]
-        kinds = dict.fromkeys((h, e.surface_cells) for e, h in wanted)
+        kinds: dict[tuple[int, SurfaceCells], None] = dict.fromkeys(
+            (h, e.surface_cells) for e, h in wanted
+        )
         for height, cells in sorted(kinds, key=lambda kind: kind[0]):
             # Voxels of one kind at a time: those of the finest take gigabytes.
             voxels = _Voxels(self, cells, height)

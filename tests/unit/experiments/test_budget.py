@@ -169,6 +169,7 @@ def small(folder: Path) -> Path:
 
 @pytest.mark.slow
 @pytest.mark.slice
+@pytest.mark.filterwarnings("ignore:body 0 represents")
 def test_a_whole_budget_has_the_errors_of_its_runs_and_goes_on(tmp_path, monkeypatch):
     """The full volume's error is `truth_error` of the same two runs by hand."""
     path = small(tmp_path)
@@ -195,7 +196,9 @@ def test_a_whole_budget_has_the_errors_of_its_runs_and_goes_on(tmp_path, monkeyp
 def solved(given, voxels_high: int) -> jt.Solution:
     """The ball under the sun from -y, by hand."""
     ball = jt.voxelize(given.bodies[0].shape.build(), 0.1 / voxels_high)
-    body = jt.Body(jt.FullVolume(ball), given.material.build(), given.temperature)
+    body = jt.Body(
+        jt.FullVolume(ball), given.material.build(), temperature=given.temperature
+    )
     sun = jt.Sun((0.0, 1.0, 0.0), irradiance=jt.Until(5000.0, 90.0))
     scene = jt.Scene((body,), (sun, *(term.build() for term in given.terms)))
     return jt.simulate(scene, 60.0, [20.0, 60.0])
