@@ -195,7 +195,8 @@ def test_a_whole_budget_has_the_errors_of_its_runs_and_goes_on(tmp_path, monkeyp
 
 def solved(given, voxels_high: int) -> jt.Solution:
     """The ball under the sun from -y, by hand."""
-    ball = jt.voxelize(given.bodies[0].shape.build(), 0.1 / voxels_high)
+    mesh = given.bodies[0].shape.build()
+    ball = jt.voxelize(mesh, float(np.ptp(mesh.bounds[:, 2])) / voxels_high)
     body = jt.Body(
         jt.FullVolume(ball), given.material.build(), temperature=given.temperature
     )
