@@ -70,7 +70,24 @@ def make_card(
         mechanisms=tuple(dict.fromkeys(mechanisms)),
         geometry=dict(body.geometry for body in bodies),
         error_percent=result["error_percent"],
+        error_kelvin=_truth_errors(result["truth"]),
+        surface_cells=first.scene.bodies[0].structure.grid.surface_cells,
         origin=_origin(config, result),
+    )
+
+
+def _truth_errors(truth: dict[str, Any] | None) -> dict[str, dict[str, float]]:
+    # Largest of all cases and saved times.
+    return (
+        {}
+        if truth is None
+        else {
+            group: {
+                kind: max(case[kind]["worst_rms_kelvin"] for case in cases.values())
+                for kind in ("default", "fitted", "reference")
+            }
+            for group, cases in truth["cases"].items()
+        }
     )
 
 
@@ -104,8 +121,9 @@ def check_card(
     log("building the scene")
     scene = config.build()
     numbers = scene_numbers(scene, config.time.last)
-    geometry = config.bodies[0].geometry
-    warnings = extrapolations(card, numbers, mechanism_names(scene), geometry)
+    cells = scene.bodies[0].structure.grid.surface_cells
+    known = mechanism_names(scene), config.bodies[0].geometry, cells
+    warnings = extrapolations(card, numbers, *known)
     reference = full_volume_run(config, 0.25, log)
     given = {find_path(scene, n): jnp.asarray(v) for n, v in card.parameters.items()}
     changes = {("bodies", 0, "structure", "weights"): card.weights, **given}

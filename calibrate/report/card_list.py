@@ -18,13 +18,17 @@ _DASH = "\N{EN DASH}"
 
 
 def card_table(cards: Mapping[str, FitCard]) -> Table:
-    """A row for each card by its name: structure and errors."""
-    columns = ["weights:", "structure", "error [%]", "held out [%]"]
+    """A row for each card by its name: structure, errors and that of their reference.
+
+    Errors are in kelvin against finer voxels where the fit had them.
+    """
+    columns = ["weights:", "structure", "error", "held out", "reference"]
     rows = [
         [
             f"{SCHEME}{name}",
             _structure_words(card),
             *(_error_cell(card, group) for group in ("train", "held_out")),
+            _reference_words(card),
         ]
         for name, card in cards.items()
     ]
@@ -46,8 +50,11 @@ def about_cards(cards: Mapping[str, FitCard]) -> list[str]:
         return ["No cards are part of this package."]
     first = next(iter(cards.values()))
     return [
-        "Errors are the largest over the saved times, in percent of the surface range "
-        "of the full volume: those with weights of 1, to those with the card's.",
+        "Errors are the largest over the saved times: those with weights of 1, to "
+        "those with the card's. In kelvin they are root mean squares over the surface, "
+        "against finer voxels, which are off themselves by about what is under "
+        "`reference`; in percent they are against the reference that was fitted to, "
+        "over its range.",
         "A card holds in the ranges and on the geometry that it was fitted on, under "
         f"{', '.join(first.mechanisms)}. A factor of "
         f"{first.tolerance:g} beyond counts as inside; `jaxthermo simulate` and "
@@ -61,7 +68,7 @@ def card_words(card: FitCard) -> str:
     """Errors of a card in words."""
     groups = (("train", "error fitted to:"), ("held_out", "held out:"))
     return ", ".join(
-        f"{words} {_error_words(card, group)} %"
+        f"{words} {_error_words(card, group)}"
         for group, words in groups
         if group in card.error_percent
     )
@@ -74,7 +81,7 @@ def _structure_words(card: FitCard) -> str:
 
 
 def _error_cell(card: FitCard, group: str) -> str | Cell:
-    both = card.error_percent.get(group)
+    both = _errors(card).get(group)
     if both is None:
         return _DASH
     worse = both["fitted"] > both["default"]
@@ -82,10 +89,20 @@ def _error_cell(card: FitCard, group: str) -> str | Cell:
 
 
 def _error_words(card: FitCard, group: str) -> str:
-    both = card.error_percent.get(group)
+    both = _errors(card).get(group)
     if both is None:
         return _DASH
-    return " to ".join(padded(both[kind]) for kind in ("default", "fitted"))
+    numbers = " to ".join(padded(both[kind]) for kind in ("default", "fitted"))
+    return f"{numbers} {'K' if card.error_kelvin else '%'}"
+
+
+def _errors(card: FitCard) -> Mapping[str, Mapping[str, float]]:
+    return card.error_kelvin or card.error_percent
+
+
+def _reference_words(card: FitCard) -> str:
+    found = [both["reference"] for both in card.error_kelvin.values()]
+    return f"{padded(max(found))} K" if found else _DASH
 
 
 def _range(card: FitCard, name: str) -> str:

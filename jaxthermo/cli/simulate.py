@@ -100,7 +100,8 @@ def _card_warnings(config: SceneConfig, scene: Scene) -> list[str]:
             continue
         numbers = body_numbers(scene, body, config.time.last)
         card, mechanisms = load_card(path), mechanism_names(scene)
-        for words in extrapolations(card, numbers, mechanisms, given.geometry):
+        known = given.geometry, body.structure.grid.surface_cells
+        for words in extrapolations(card, numbers, mechanisms, *known):
             where = f"bodies.{n}: beyond the range of {card_name(path)}"
             found.append(f"{where}: {words}")
     return found

@@ -28,8 +28,9 @@ from .shipped_cards import card_path
 from .strict_yaml import read_yaml, write_yaml
 
 
-# Format 2 had no checksum.
-_FORMAT, _KIND = 3, "fit card"
+# Format 2 had no checksum, format 3 weights for surface cells along the dominant axis
+# without saying so.
+_FORMAT, _KIND = 4, "fit card"
 _REMEDY = "fit it again with `calibrate fit`, or copy the whole card again"
 # Longer lists, such as one weight for each node, would bury the rest of the card.
 _MAX_LISTED = 64
@@ -47,6 +48,8 @@ class _Card(TypedDict):
     mechanisms: NotRequired[tuple[str, ...]]
     geometry: NotRequired[dict[str, str]]
     error_percent: NotRequired[dict[str, dict[str, float]]]
+    error_kelvin: NotRequired[dict[str, dict[str, float]]]
+    surface_cells: NotRequired[str]
     origin: NotRequired[dict[str, str]]
 
 

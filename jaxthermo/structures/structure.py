@@ -308,6 +308,11 @@ class FitCard:
     """Hash of each fitted body's geometry, by the name of its file or shape."""
     error_percent: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     """Errors of "train" and "held_out", each "default" and "fitted" [%]."""
+    error_kelvin: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    """The same against finer voxels, with the "reference"'s own error [K]; empty if
+    the fit was compared with none."""
+    surface_cells: str = ""
+    """Surface cells of the voxels that were fitted; empty if they are not known."""
     origin: Mapping[str, str] = field(default_factory=dict)
     """Cases and settings of the fit, hashes and versions."""
 
@@ -317,6 +322,7 @@ def extrapolations(
     numbers: Mapping[str, float],
     mechanisms: tuple[str, ...],
     geometry: tuple[str, str] | None = None,
+    surface_cells: str = "",
 ) -> list[str]:
     """List where a scene is outside of the cases of a fit, one sentence each.
 
@@ -325,8 +331,12 @@ def extrapolations(
         numbers: those of `scene_numbers`.
         mechanisms: of heat transfer in the scene.
         geometry: name and hash of the body's geometry, where they are known.
+        surface_cells: of the body's voxels, where they are known.
     """
     found = _other_geometry(card, geometry)
+    if surface_cells and card.surface_cells not in ("", surface_cells):
+        fitted = f"the card was fitted with {card.surface_cells}"
+        found.append(f"surface_cells {surface_cells}: {fitted}")
     for name, (low, high) in card.ranges.items():
         value = numbers.get(name)
         if value is None:

@@ -164,7 +164,7 @@ def _one(kind: str, folder: Path, random: np.random.Generator):
         if kind == "card":
             _damage_file(path, random, is_text=True)
         else:
-            damage_archive(folder / "card.npz", random, "list of weights", 3)
+            damage_archive(folder / "card.npz", random, "list of weights", 4)
         change = f"bodies.0.structure={{kind: octree, weights: {path}}}"
         return _explain(folder / "scene.yaml", change)
     channels = {name: np.random.default_rng(1).random((12, 9)) for name in ("T", "Z")}

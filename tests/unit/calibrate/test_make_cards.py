@@ -125,7 +125,7 @@ def test_every_card_is_fitted_once(folder, fitted):
 def test_what_changed_or_is_damaged_is_fitted_again(folder, fitted):
     made(folder)
     (folder / "bodies/ball.yaml").write_text(BODY.replace("high: 6", "high: 9"))
-    (folder / "out/globe/blocks.yaml").write_text("card: 3\n")
+    (folder / "out/globe/blocks.yaml").write_text("card: 4\n")
     assert made(folder) == ["ball/blocks", "globe/blocks"]
     # Another geometry of the same name, such as a mesh file with new content.
     scene = SPHERE.replace("kind: sphere, radius", "kind: hemisphere, radius")

@@ -27,6 +27,8 @@ def _card(**weights):
         ranges={"biot": (0.01, 0.02), "voxels_across": (5.0, 5.0)},
         mechanisms=("sun", "convection"),
         error_percent={"train": {"default": 2.0, "fitted": 1.0}},
+        error_kelvin={"train": {"default": 0.5, "fitted": 0.4, "reference": 0.1}},
+        surface_cells="crossings",
     )
 
 
@@ -37,6 +39,8 @@ def test_a_card_comes_back_as_it_was(tmp_path):
     assert again.structure == KIND
     assert again.ranges == card.ranges
     assert again.error_percent == card.error_percent
+    assert again.error_kelvin == card.error_kelvin
+    assert again.surface_cells == "crossings"
     for name, value in vars(card.weights).items():
         np.testing.assert_array_equal(vars(again.weights)[name], value)
 
@@ -100,16 +104,16 @@ def test_a_card_that_does_not_fit_is_refused(tmp_path, change, message):
             "version 9, .* reads",
         ),
         (
-            "{card: 2, name: a, structure: {}, weights: {}}",
-            "version 2, .* reads",
+            "{card: 3, name: a, structure: {}, weights: {}}",
+            "version 3, .* reads",
         ),
         ("{card: two, name: a, structure: {}, weights: {}}", "version two, .* reads"),
-        ("{card: 3, name: a, structure: {}, weights: {}}", "is cut off"),
-        ("{card: 3, name: a, structure: 1, weights: {}, checksum: 1}", "structure: "),
-        ("{card: 3, name: a, structure: {}, weights: {}, checksum: 1}", "its checksum"),
-        ("{card: 3, name: a, weights: {within: x.npz}, checksum: 1}", "structure: mis"),
+        ("{card: 4, name: a, structure: {}, weights: {}}", "is cut off"),
+        ("{card: 4, name: a, structure: 1, weights: {}, checksum: 1}", "structure: "),
+        ("{card: 4, name: a, structure: {}, weights: {}, checksum: 1}", "its checksum"),
+        ("{card: 4, name: a, weights: {within: x.npz}, checksum: 1}", "structure: mis"),
         (
-            "{card: 3, name: a, structure: {}, weights: {links: a/b}, checksum: 1}",
+            "{card: 4, name: a, structure: {}, weights: {links: a/b}, checksum: 1}",
             "'a/b' is no name of a file",
         ),
     ],
@@ -157,7 +161,7 @@ def test_a_card_beside_the_lists_of_another_fit_is_refused(tmp_path):
 
 def test_a_card_with_weights_that_this_version_does_not_have(tmp_path):
     """Written by another version, with a checksum that is right."""
-    plain = {"card": 3, "name": "one", "structure": KIND, "weights": {"inside": 2.0}}
+    plain = {"card": 4, "name": "one", "structure": KIND, "weights": {"inside": 2.0}}
     path = tmp_path / "card.yaml"
     path.write_text(write_yaml({**plain, "checksum": plain_checksum(plain)}))
     with pytest.raises(jt.InputError, match="weights: .*inside"):
@@ -192,6 +196,15 @@ def test_another_geometry_is_told_and_a_renamed_file_is_not():
     assert "with another content" in line
     # Cards of a version that did not store it.
     assert extrapolations(_card(), {}, (), ("bunny.obj", "4567")) == []
+
+
+def test_other_surface_cells_are_told():
+    """Weights make up for the errors of the surface that they were fitted with."""
+    assert extrapolations(_card(), {}, (), None, "crossings") == []
+    (line,) = extrapolations(_card(), {}, (), None, "dominant_axis")
+    assert line == "surface_cells dominant_axis: the card was fitted with crossings"
+    unknown = replace(_card(), surface_cells="")
+    assert extrapolations(unknown, {}, (), None, "dominant_axis") == []
 
 
 def _geometry(*changes):

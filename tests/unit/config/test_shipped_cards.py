@@ -1,15 +1,14 @@
 """Cards that are part of the package: named in a scene, listed, and made as said."""
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import jaxthermo as jt
-from calibrate.analysis.fit_card import check_card
-from calibrate.config.loader import calibration_hash
+from calibrate.config.loader import calibration_hash, scene_config
 from calibrate.make_cards import read_recipes
+from calibrate.problem.reference import refined_reference
 from calibrate.report.card_list import card_table
 from jaxthermo.config.card_file import load_card
 from jaxthermo.config.loader import config_hash, load_config, to_yaml
@@ -35,11 +34,16 @@ def test_a_card_is_a_fit_with_ranges_errors_and_its_origin(name):
     # Cases differ in all numbers, so that no range has zero width.
     assert set(card.ranges) == {"biot", "fourier", "voxels_across", "heating"}
     assert all(0 < low < high for low, high in card.ranges.values())
-    train, held_out = card.error_percent["train"], card.error_percent["held_out"]
-    assert train["fitted"] < train["default"]
-    # Over all cases, those held out too: weights that only fit are not shipped.
-    largest = lambda kind: max(train[kind], held_out[kind])
-    assert 0 < largest("fitted") < largest("default")
+    # Against finer voxels, whose own error is told, or against the full volume.
+    finer = card.error_kelvin
+    assert (card.origin["reference"] == "truth") == bool(finer)
+    assert all(errors["reference"] > 0 for errors in finer.values())
+    for errors in (card.error_percent, finer) if finer else (card.error_percent,):
+        train, held_out = errors["train"], errors["held_out"]
+        assert train["fitted"] < train["default"]
+        # Over all cases, those held out too: weights that only fit are not shipped.
+        largest = lambda kind, pair=(train, held_out): max(e[kind] for e in pair)
+        assert 0 < largest("fitted") < largest("default")
     assert {"train", "held_out", "fitted", "nodes", "steps"} <= set(card.origin)
     # The weights that were not fitted are those of the formula.
     fitted, formula = card.origin["fitted"].split("; "), vars(jt.ConductionWeights())
@@ -52,8 +56,9 @@ def test_a_card_is_what_its_recipe_makes(name, monkeypatch):
     """Or it would have to be made again: `make cards`."""
     monkeypatch.setenv("JAXTHERMO_MESHES", "")
     (recipe,) = read_recipes(RECIPES, [name])
-    config = recipe.load()
-    assert load_card(f"card://{name}").origin["config"] == calibration_hash(config)
+    config, card = recipe.load(), load_card(f"card://{name}")
+    assert card.origin["config"] == calibration_hash(config)
+    assert card.surface_cells == config.set["bodies.0.surface_cells"]
 
 
 def test_every_recipe_has_a_card():
@@ -66,16 +71,18 @@ def test_every_recipe_has_a_card():
 def test_a_run_of_the_case_held_out_has_the_error_that_the_card_says(name):
     """The other bodies need files."""
     (recipe,) = read_recipes(RECIPES, [name])
-    config = recipe.load()
-    changes = {**config.set, **config.held_out[0].set}
-    overrides = tuple(f"{key}={json.dumps(v)}" for key, v in changes.items())
-    found = check_card(f"card://{name}", config.scene, overrides, lambda stage: None)
-    assert not found["outside"]
-    expected = load_card(f"card://{name}").error_percent["held_out"]
-    for kind, percent in found["error_percent"].items():
-        # A fit's steps are a little shorter than those of `simulate`: 0.004 % of the
-        # range here, a tenth of the whole error of the octree.
-        assert percent == pytest.approx(expected[kind], rel=0.05, abs=0.01)
+    config, card = recipe.load(), load_card(f"card://{name}")
+    changes = config.held_out[0].set
+    weights = {"bodies.0.structure.weights": f"card://{name}"}
+    assert config.truth is not None
+    given = scene_config(config, changes)
+    reference = refined_reference(given, config.truth, lambda stage: None)
+    for kind, more in (("default", {}), ("fitted", weights)):
+        made = scene_config(config, changes, more)
+        end, saves = made.time.end, made.time.save_times
+        found = jt.simulate(made.build(), end, saves, solver=made.solver.build())
+        error = jt.truth_error(found, reference.solution).worst_rms_kelvin
+        assert error == pytest.approx(card.error_kelvin["held_out"][kind], rel=0.02)
 
 
 def test_the_list_has_every_card():
