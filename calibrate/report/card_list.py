@@ -36,12 +36,17 @@ def card_table(cards: Mapping[str, FitCard]) -> Table:
 
 
 def range_table(cards: Mapping[str, FitCard]) -> Table:
-    """A row for each geometry and its ranges, which the cards of a body share."""
+    """A row for each geometry with surface cells and ranges, which its cards share."""
     rows = (
-        (", ".join(card.geometry), *(_range(card, number) for number in _NUMBERS))
+        (
+            ", ".join(card.geometry),
+            card.surface_cells or _DASH,
+            *(_range(card, number) for number in _NUMBERS),
+        )
         for card in cards.values()
     )
-    return Table(["fitted on", *_NUMBERS.values()], list(dict.fromkeys(rows)))
+    columns = ["fitted on", "surface_cells", *_NUMBERS.values()]
+    return Table(columns, list(dict.fromkeys(rows)), left=(0, 1))
 
 
 def about_cards(cards: Mapping[str, FitCard]) -> list[str]:
@@ -55,8 +60,8 @@ def about_cards(cards: Mapping[str, FitCard]) -> list[str]:
         "against finer voxels, which are off themselves by about what is under "
         "`reference`; in percent they are against the reference that was fitted to, "
         "over its range.",
-        "A card holds in the ranges and on the geometry that it was fitted on, under "
-        f"{', '.join(first.mechanisms)}. A factor of "
+        "A card holds in the ranges, on the geometry and with the surface cells that "
+        f"it was fitted with, under {', '.join(first.mechanisms)}. A factor of "
         f"{first.tolerance:g} beyond counts as inside; `jaxthermo simulate` and "
         "`calibrate check` warn elsewhere. V/A/pitch is the body's volume over its "
         "surface, in voxels.",
