@@ -5,7 +5,7 @@ centres crosses the surface theta voxels from the solid one's, with the unit nor
 there. The face stands for its part of the surface, as the faces of a plane patch add up
 to its area (sum over a of |n_a| |n_a| = 1):
 
-- area |n_a| h^2, at the crossing;
+- area |n_a| h^2, at the crossing (see `cell_areas` for what the rays miss or add);
 - distance of the voxel's centre to it along the normal, d = theta h |n_a|.
 
 Where the vote closes the hole of an open mesh no ray crosses the face: it has theta =

@@ -8,8 +8,8 @@ With w = (theta - 1/2) n_a^2 of each cell of a voxel (see `crossings`), in voxel
   (see `cut_links`).
 
 Two cells of one voxel on different sheets, as at an edge, also have the product w w' (1
-- (n . n')^2), which makes boxes exact. The area of a cell beside an edge is cut by the
-other sheets likewise.
+- (n . n')^2), which makes boxes exact. A cell beside an edge is cut by the other sheets
+likewise, and its middle is as far from the crossing as they cut more on one side.
 """
 
 from typing import NamedTuple
@@ -36,10 +36,19 @@ class _Sheets(NamedTuple):
     normal: Float[np.ndarray, "m 3 2 3"]
 
 
+class CellShapes(NamedTuple):
+    """Cells as other sheets of their voxels cut them."""
+
+    factor: Float[np.ndarray, " s"]
+    """Part of the area that is left [-]."""
+    shift: Float[np.ndarray, "s 3"]
+    """From the crossing to the middle of the cell [voxels]."""
+
+
 def cut_voxels(
     found: Crossings, solid: Bool[np.ndarray, "x y z"]
-) -> tuple[CutVoxels, Float[np.ndarray, " s"]]:
-    """Cut voxels of a body, and the area factor of every cell [-].
+) -> tuple[CutVoxels, CellShapes]:
+    """Cut voxels of a body, and the shapes of its cells.
 
     No crossing may be lost.
     """
@@ -56,7 +65,7 @@ def cut_voxels(
     voxel = np.stack(np.unravel_index(key, solid.shape), axis=1)
     links = cut_links(voxel, section, sides, solid)
     cut = CutVoxels(voxel, volume, section, links)
-    return limited(cut, solid), _area_factors(found, owner, sheets)
+    return limited(cut, solid), _cell_shapes(found, owner, sheets)
 
 
 def _sides(found: Crossings, owner: Int[np.ndarray, " s"], count: int) -> Sides:
@@ -106,16 +115,17 @@ def _section(sides: _Sheets, axis: int) -> Float[np.ndarray, " m"]:
     return total
 
 
-def _area_factors(
+def _cell_shapes(
     found: Crossings, owner: Int[np.ndarray, " s"], sides: _Sheets
-) -> Float[np.ndarray, " s"]:
-    """Part of each cell's area that other sheets of its voxel leave."""
-    factor = np.ones(len(owner))
+) -> CellShapes:
+    factor, shift = np.ones(len(owner)), np.zeros((len(owner), 3))
     for axis in range(3):
         own = np.flatnonzero(found.on_face & (found.axis == axis))
         weight, normal = sides.weight[owner[own]], sides.normal[owner[own]]
         here = weight * _apart(normal, found.normal[own][:, None, None])
         for other in range(3):
             if other != axis:
-                factor[own] *= 1 + here[:, other].sum(1)
-    return np.maximum(factor, MIN_OPEN)
+                below, above = here[:, other].T
+                factor[own] *= 1 + below + above
+                shift[own, other] = (above - below) / 2
+    return CellShapes(np.maximum(factor, MIN_OPEN), shift)

@@ -57,10 +57,11 @@ class VoxelGrid:
 
     A fragment is the point of the mesh where the ray through a column of voxel centres
     crosses it. There is one on every exposed voxel face, across any axis a, with the
-    area pitch^2 |n_a|, n being its normal; the areas of a watertight mesh are scaled to
-    it by at most 2 % (`crossings`). With `surface_cells="dominant_axis"` only rays
-    along the dominant axis i of the normal count, each piece of surface has one
-    fragment of the area pitch^2 / |n_i|, and the areas are scaled by any factor.
+    area pitch^2 |n_a|, n being its normal; for a watertight mesh what rays miss or add
+    is made good nearby (`cell_areas`), and the rest scaled by at most 2 %. With
+    `surface_cells="dominant_axis"` only rays along the dominant axis i of the normal
+    count, each piece of surface has one fragment of the area pitch^2 / |n_i|, and the
+    areas are scaled by any factor.
     """
 
     lattice: Lattice

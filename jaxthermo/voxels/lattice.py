@@ -17,7 +17,7 @@ _BYTES_PER_CELL = 4
 BYTES_PER_FRAGMENT = 150
 """Peak memory of the sort of fragments, with the padding of its arrays."""
 
-BYTES_PER_CROSSING = 850
+BYTES_PER_CROSSING = 900
 """The same where each is a surface cell of its own: cells, sides of their voxels."""
 
 # Corners in three views, spans of rows, normals.

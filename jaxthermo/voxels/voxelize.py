@@ -9,6 +9,7 @@ from ..arrays import Scalar, rank_in_group
 from ..errors import InputError, shortened
 from ..geometry.mesh import AnyMesh, Mesh, as_mesh
 from ..geometry.repair import repair_mesh
+from .cell_areas import Patches, areas_of_mesh
 from .crossings import Crossings, find_crossings
 from .cut_geometry import cut_voxels
 from .fill import fill_by_vote
@@ -154,7 +155,7 @@ def _with_crossings(
     pitch, (normals, _) = lattice.pitch, face_axes(mesh)
     found, hidden = find_crossings(views, solid, mesh)
     slope = np.abs(found.normal[np.arange(len(found.axis)), found.axis])
-    area, position = pitch**2 * slope, lattice.origin + found.position * pitch
+    position = lattice.origin + found.position * pitch
     # Thickness counts along the dominant axis: near a limb other rays are short.
     main = np.flatnonzero(np.abs(found.normal).argmax(1) == found.axis)
     thin = _thin_parts(
@@ -167,15 +168,21 @@ def _with_crossings(
     )
     hidden_area = float(pitch**2 * np.abs(normals[hidden]).max(1, initial=0).sum())
     attached = np.flatnonzero(~found.lost)
-    found, area = found.chosen(attached), area[attached]
+    normal, found = found.normal, found.chosen(attached)
     packed = _packed(found)
-    cut, factor = cut_voxels(found, solid)
-    area = area * factor
+    cut, shapes = cut_voxels(found, solid)
+    slope[attached] *= shapes.factor
+    middle = lattice.to_cells(position)
+    middle[attached] += shapes.shift
+    area = pitch**2 * slope[attached]
     volume = (np.count_nonzero(solid) + float((cut.volume - 1).sum())) * pitch**3
     unreliable = _unreliable_because(mesh, float(area.sum()), volume, hidden_area)
+    if not unreliable:
+        patches = Patches(middle, normal, slope)
+        every = areas_of_mesh(patches, lattice.to_cells(mesh.triangles), lattice.shape)
+        area = pitch**2 * every[attached]
     ratios = mesh.area / float(area.sum()), mesh.volume / volume
-    # Rays miss or add up to 1 % of a ball of few voxels. More means lost parts, which
-    # the others must not stand for.
+    # More means lost parts, which the others must not stand for.
     is_scaled = [not unreliable and abs(r - 1) <= MAX_DIFFERENCE for r in ratios]
     area_ratio, volume_ratio = np.where(is_scaled, ratios, 1.0).tolist()
     number = np.ravel_multi_index(tuple(found.voxel.T), lattice.shape)
