@@ -20,6 +20,8 @@ SPHERE = """
 bodies:
   - shape: {kind: sphere, radius: 0.1 m}
     voxels_high: 8
+    # So coarse a ball by all crossings warns of its area.
+    surface_cells: dominant_axis
     structure: {kind: aggregate, factor: 2}
     material: {conductivity: 16, density: 8000, specific_heat: 500, absorptivity: 1}
     temperature: 293.15

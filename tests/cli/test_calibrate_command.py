@@ -127,6 +127,8 @@ def test_a_shipped_card_on_another_body_is_told(fitted):
     assert code == 0, err
     words = " ".join((out + err).split())
     assert "beyond the range of card://figurine/aggregate-3: geometry sphere" in words
+    other = "surface_cells dominant_axis: the card was fitted with crossings"
+    assert f"beyond the range of card://figurine/aggregate-3: {other}" in words
 
 
 def test_show_lists_the_shipped_cards_and_needs_a_folder_otherwise():
