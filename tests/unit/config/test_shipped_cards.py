@@ -68,7 +68,7 @@ def test_every_recipe_has_a_card_but_the_one_that_gains_nothing():
 
 
 @pytest.mark.xfail(
-    reason="fitted before the reading of near cells changed: data/README"
+    reason="fitted with another reading of near cells: data/README"
 )
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [n for n in NAMES if n.startswith("figurine/")])
