@@ -67,9 +67,7 @@ def test_every_recipe_has_a_card_but_the_one_that_gains_nothing():
     assert len(NAMES) == 15
 
 
-@pytest.mark.xfail(
-    reason="fitted with another reading of near cells: data/README"
-)
+@pytest.mark.xfail(reason="fitted with another reading of near cells: data/README")
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [n for n in NAMES if n.startswith("figurine/")])
 def test_a_run_of_the_case_held_out_has_the_error_that_the_card_says(name):
