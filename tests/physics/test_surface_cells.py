@@ -11,6 +11,8 @@ import jax
 import numpy as np
 import pytest
 from scipy.optimize import brentq
+from scipy.sparse import coo_array, diags_array
+from scipy.sparse.linalg import expm_multiply
 
 import jaxthermo as jt
 from jaxthermo.reference.slab import slab_convection
@@ -33,12 +35,17 @@ def rms(error, area):
 
 def sphere_surface(time, biot, terms=60):
     """Excess at the surface of a sphere of radius 1 in a fluid (Incropera 5.6.2)."""
+    return sphere_inside(1.0, time, biot, terms)
+
+
+def sphere_inside(radius, time, biot, terms=60):
+    """The same at a radius."""
     total = 0.0
     for n in range(terms):
         balance = lambda z: z * np.cos(z) + (biot - 1) * np.sin(z)
         z: Any = brentq(balance, n * np.pi + 1e-9, (n + 1) * np.pi - 1e-9)
         weight = 4 * (np.sin(z) - z * np.cos(z)) / (2 * z - np.sin(2 * z))
-        total += weight * np.exp(-z * z * time) * np.sin(z) / z
+        total += weight * np.exp(-z * z * time) * np.sinc(z * radius / np.pi)
     return total
 
 
@@ -75,6 +82,34 @@ def ball_error(kind, cells, biot):
 def test_a_ball_in_a_fluid(cells, biot, largest):
     error, residual = ball_error("crossings", cells, biot)
     assert error <= largest and residual < 1e-12
+
+
+def ball_nodes_error(cells, biot):
+    """Largest RMS of the nodes over the times, by volume, without an error in time."""
+    grid = jt.voxelize(jt.shapes.sphere(1.0, subdivisions=6), 1.0001 / cells)
+    structure = jt.FullVolume(grid, stencil=False)
+    nodes, links = structure.nodes(), structure.links()
+    count, fragment_node = len(nodes.volume), structure.fragment_node()
+    conductance = links.area / (links.distance_src + links.distance_dst)
+    area, half = grid.fragment_area, structure.fragment_distance()
+    loss = np.bincount(fragment_node, area / (half + 1 / biot), count)
+    between = coo_array((conductance, (links.src, links.dst)), (count, count))
+    between = (between + between.T).tocsr()
+    rate = between - diags_array(between.sum(axis=1) + loss)
+    rate = diags_array(1 / nodes.volume) @ rate
+    radius = np.minimum(np.linalg.norm(nodes.location, axis=1), 1)
+    found, now, errors = np.ones(count), 0.0, []
+    for time in TIMES:
+        found, now = expm_multiply(rate * (time - now), found), time
+        errors.append(rms(found - sphere_inside(radius, time, biot), nodes.volume))
+    return max(errors)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("biot", [0.1, 1.0, 10.0])
+def test_nodes_are_of_second_order(biot):
+    coarse, fine = (ball_nodes_error(cells, biot) for cells in (6, 24))
+    assert np.log2(coarse / fine) / 2 >= 1.7
 
 
 @pytest.mark.slow
