@@ -47,7 +47,7 @@ from .truth import scene_config
 
 
 _FURTHER = 2
-"""How often the steps of a run are halved for the one that gives its error in time."""
+"""Number of times that steps are halved for the run that gives the error in time."""
 
 _MAX_NODES = 1_000_000
 """Number of nodes above which a run's parts of time and reading are not measured."""

@@ -40,7 +40,7 @@ def command(capsys):
         (("voxelize", "a.obj", "--pitch", "2mm", "--unit", "mm"), "a.obj"),
         (
             ("voxelize", "a.obj", "--pitch", "2mm", "--surface-cells", "all"),
-            "--surface-cells all: choose dominant_axis or crossings",
+            "--surface-cells all: choose crossings or dominant_axis",
         ),
         (("materials", "coper"), "copper"),
         (("materials", "zz", "--emissivity"), "no surface has 'zz' in its name"),
