@@ -78,10 +78,11 @@ def _damaged_meshes() -> Iterator[Row]:
         yield attempt(what, lambda what=what: _damaged(what))
     sheet = jt.shapes.box((0.1, 0.1, 0.1 * _PITCH))
     grid = jt.voxelize(sheet, _PITCH)
-    volume = grid.solid_count * grid.voxel_volume
+    volume, kept = grid.body_volume, grid.represented
     thin = Bound("reported as thin", grid.thin.thin_fragments, np.inf, 1)
     # A sheet of a tenth of a voxel cannot be one voxel thick without it being said.
-    unscaled = Bound("said", float(bool(grid.unscaled_because)), 1, 1)
+    said = bool(grid.unscaled_because) or (kept is not None and kept.is_off)
+    unscaled = Bound("said", float(said), 1, 1)
     seen = f"{grid.solid_count} voxels, {volume / 1e-5:.3g} times the volume: "
     yield Row(
         "a sheet of a tenth of a voxel",
@@ -95,7 +96,7 @@ def _damaged(what: str) -> Row:
     damage = _DAMAGES[what]
     mended = repair_mesh(damage(jt.shapes.sphere(_RADIUS, subdivisions=3)))
     grid = jt.voxelize(mended, _PITCH)
-    volume = grid.solid_count * grid.voxel_volume / (4 / 3 * np.pi * _RADIUS**3)
+    volume = grid.body_volume / (4 / 3 * np.pi * _RADIUS**3)
     body = jt.Body(jt.FullVolume(grid), STEEL, temperature=300.0)
     # In float32, as a user's scene is unless told otherwise.
     scene = jt.Scene((body,), (jt.Convection(10.0, 290.0),))

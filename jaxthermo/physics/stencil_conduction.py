@@ -51,7 +51,7 @@ def uniform_stencil(
         jnp.asarray(solid_degree(grid.solid, bits)),
         conductivity * grid.pitch,
     )
-    if grid.cut is None:
+    if grid.cut is None or grid.cut.is_empty:
         return whole
     only = np.zeros(grid.solid.shape, np.int32)
     return _with_cut_voxels(whole, grid, grid.cut, only, conductivity[None], heat[None])
@@ -71,7 +71,7 @@ def mixed_stencil(
     number[grid.solid] = material
     sizes = grid.pitch / 2, grid.pitch**2, grid.voxel_volume
     whole = _stencil_arrays(grid.solid, number, conductivity, heat, sizes)
-    if grid.cut is None:
+    if grid.cut is None or grid.cut.is_empty:
         return whole
     return _with_cut_voxels(whole, grid, grid.cut, number, conductivity, heat)
 

@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from .crossings import Crossings
-from .cut_links import Sides, cut_links
+from .cut_links import WHOLE, Sides, cut_links
 from .cut_voxels import MIN_OPEN, CutVoxels, limited
 
 
@@ -64,8 +64,11 @@ def cut_voxels(
     section = np.stack([_section(sheets, a) for a in range(3)], axis=1)
     voxel = np.stack(np.unravel_index(key, solid.shape), axis=1)
     links = cut_links(voxel, section, sides, solid)
-    cut = CutVoxels(voxel, volume, section, links)
-    return limited(cut, solid), _cell_shapes(found, owner, sheets)
+    # A body whose faces lie between voxels has none: its stencil is the uniform one.
+    off = np.abs(np.column_stack([volume, section]) - 1).max(axis=1)
+    cut = np.flatnonzero(off > WHOLE)
+    own = CutVoxels(voxel[cut], volume[cut], section[cut], links)
+    return limited(own, solid), _cell_shapes(found, owner, sheets)
 
 
 def _sides(found: Crossings, owner: Int[np.ndarray, " s"], count: int) -> Sides:

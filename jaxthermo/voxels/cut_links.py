@@ -26,7 +26,7 @@ from jaxtyping import Bool, Float, Int
 _MIN_OPEN = 0.05
 
 # Differences below this are those of rounding [voxel faces].
-_WHOLE = 1e-12
+WHOLE = 1e-12
 
 # Smallest cosine between the normals of two cells of one smooth surface [-].
 _SMOOTH = 0.5
@@ -99,7 +99,7 @@ def cut_links(
     links = CutLinks(cells - 1, other - cells, extra)
     whole = np.where(links.over_edge, 0, 1)
     links = links._replace(extra=np.maximum(whole + extra, whole * _MIN_OPEN) - whole)
-    return links.chosen(np.flatnonzero(np.abs(links.extra) > _WHOLE))
+    return links.chosen(np.flatnonzero(np.abs(links.extra) > WHOLE))
 
 
 class _Lattice(NamedTuple):
@@ -162,11 +162,11 @@ def _slivers(flat: Int[np.ndarray, " m"], sides: Sides, lattice: _Lattice) -> _F
         normals = sides.normal[one, a, i], sides.normal[two, b, j]
         smooth = (normals[0] * normals[1]).sum(axis=1) > _SMOOTH
         mean = normals[0] + normals[1]
-        mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), _WHOLE)
+        mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), WHOLE)
         n_a, n_b = np.abs(mean[:, a]), np.abs(mean[:, b])
         width = sides.excess[one, a, i] * n_a + sides.excess[two, b, j] * n_b
         width = np.maximum(width / 2 + (n_a + n_b) / 4, 0)
-        squared = np.maximum(n_a**2 + n_b**2, _WHOLE)
+        squared = np.maximum(n_a**2 + n_b**2, WHOLE)
         scale = np.where(smooth, width * (n_a + n_b) / squared, 0)
         first, second = flat[one], flat[two]
         found.append((first, second, scale * n_a * n_b))

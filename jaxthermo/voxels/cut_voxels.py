@@ -37,6 +37,11 @@ class CutVoxels:
     """Section of the body in the voxel across x, y, z [voxel faces]."""
     links: CutLinks
 
+    @property
+    def is_empty(self) -> bool:
+        """True if every voxel and every link is whole."""
+        return not len(self.voxel) and not len(self.links.extra)
+
     def spread(self, solid: Bool[np.ndarray, "x y z"]) -> Float[np.ndarray, " v"]:
         """Volumes of all solid voxels, in lattice order [voxels]."""
         return self.volumes(solid.shape)[solid]
@@ -58,6 +63,8 @@ class CutVoxels:
 
 def limited(cut: CutVoxels, solid: Bool[np.ndarray, "x y z"]) -> CutVoxels:
     """Raise small volumes at the cost of neighbours; the total stays."""
+    if not len(cut.voxel):
+        return cut
     padded = np.pad(solid, 1)
     near = _around(cut, padded)
     volume, least = np.ones(len(near.cell)), near.least_volume()

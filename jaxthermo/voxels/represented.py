@@ -126,8 +126,10 @@ def _mesh_sections(mesh: Mesh, lattice: Lattice, axis: int) -> Float[np.ndarray,
 
 def _narrowest(section: Float[np.ndarray, " k"]) -> int:
     """Index of the narrowest neck, or of the widest section."""
-    before = np.maximum.accumulate(section)
-    after = np.maximum.accumulate(section[::-1])[::-1]
+    # Between parts there is no section: their ends are no necks.
+    parts = np.split(section, np.flatnonzero(np.diff(section > 0)) + 1)
+    before = np.concatenate([np.maximum.accumulate(p) for p in parts])
+    after = np.concatenate([np.maximum.accumulate(p[::-1])[::-1] for p in parts])
     neck = (section > 0) & (section < (1 - _MIN_NECK) * np.minimum(before, after))
     if not neck.any():
         return int(section.argmax())

@@ -8,6 +8,7 @@ import pytest
 
 from jaxthermo.geometry import shapes
 from jaxthermo.network.cut_stencil import CutStencil
+from jaxthermo.network.stencil import UniformStencil
 from jaxthermo.physics.conduction import _assemble_mixed, assemble_uniform
 from jaxthermo.structures.kinds.full import FullVolume
 from jaxthermo.voxels.voxelize import voxelize
@@ -101,3 +102,13 @@ def test_the_derivative_by_conductivity_and_capacity_is_the_difference_quotient(
         (after(k, heat * (1 + step)) - after(k, heat * (1 - step))) / (2 * step * heat),
     )
     np.testing.assert_allclose(found, quotient, rtol=1e-7)
+
+
+def test_a_body_of_whole_voxels_has_the_plain_stencil():
+    """A box whose faces lie between voxels: nothing of cut ones is compiled."""
+    for end, kind in ((0.0, UniformStencil), (0.004, CutStencil)):
+        grid = voxelize(shapes.box((0.04, 0.03, 0.05 + end)), 0.01)
+        structure = FullVolume(grid, stencil=True)
+        found = assemble_uniform(structure, jnp.asarray(16.0), HEAT, jnp.float64)
+        assert type(found) is kind
+        assert grid.cut is not None and grid.cut.is_empty == (end == 0.0)

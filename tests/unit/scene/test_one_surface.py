@@ -183,6 +183,8 @@ def test_sky_and_ground_are_one_entry_and_an_absent_term_none(grids):
 
 @pytest.mark.slow
 @pytest.mark.slice
+# The second body has few voxels across.
+@pytest.mark.filterwarnings("ignore:body 1 represents")
 def test_gradients_go_through_the_joined_balance(grids):
     """By the second body's parameters, and the wind's."""
 

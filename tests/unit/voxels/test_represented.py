@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from voxel_bodies import joined
 
 import jaxthermo as jt
 from jaxthermo.geometry import shapes
@@ -66,3 +67,12 @@ def test_a_rod_of_few_voxels_is_told_by_the_receipt():
     notes, (warning,) = notes_and_warnings(shapes.cylinder(0.0103, 0.1), 0.01)
     assert "body 0 represents 90" in warning and "use a finer pitch" in warning
     assert not notes
+
+
+def test_ends_of_separate_parts_are_no_necks():
+    """Two balls side by side: the widest section, not the last slice of one."""
+    ball = shapes.sphere(1.0, subdivisions=4)
+    both = joined(ball, ball.moved((3.03, 0.0, 0.0)))
+    found = voxelize(both, 0.13).represented
+    assert found is not None and not found.is_off
+    assert found.smallest_section.true > 3.0
