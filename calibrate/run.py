@@ -1,7 +1,6 @@
 """A calibration from its config to its results folder."""
 
 from collections.abc import Callable
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +9,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from jaxthermo import __version__
 from jaxthermo.arrays import precision
 from jaxthermo.atomic import replacing
 from jaxthermo.cli.files import results_folder
 from jaxthermo.config.card_file import write_card
 from jaxthermo.config.strict_yaml import write_yaml
+from jaxthermo.provenance import provenance
 
 from .analysis.experiment_design import rank_experiments
 from .analysis.fit_card import make_card
@@ -39,7 +38,6 @@ from .solvers.search import start_points
 
 
 _CHECKPOINT, _CHECKPOINT_HASH = "state.npz", "state.txt"
-_PACKAGES = ("jax", "optimistix", "equinox", "numpy")
 
 
 class ProgressLog:
@@ -275,10 +273,8 @@ def _fit_json(
         },
         "reference": config.reference.kind,
         "config": plain(config),
-        "config_hash": calibration_hash(config),
         "program_hash": program_hash(),
-        "seed": config.fit.seed,
-        "versions": {"jaxthermo": __version__, **{n: version(n) for n in _PACKAGES}},
+        **provenance(calibration_hash(config), config.fit.seed),
     }
 
 

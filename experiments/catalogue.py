@@ -3,17 +3,13 @@
 import difflib
 import importlib
 import json
-import os
-import platform
 from dataclasses import dataclass
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import jax
-
 from jaxthermo.atomic import replacing
 from jaxthermo.errors import InputError
+from jaxthermo.provenance import processor, provenance
 
 
 @dataclass(frozen=True)
@@ -130,12 +126,12 @@ def run(experiment: _Experiment, folder: Path, **options: Any) -> dict:
     except OSError as error:
         raise InputError(f"--out {folder}: {error.strerror}; name a folder") from error
     given = {"folder": folder, **options} if experiment.options else {}
+    found = module.run(**given)
     result = {
         "experiment": experiment.name,
-        "result": module.run(**given),
-        "versions": {p: version(p) for p in ("jaxthermo", "jax", "numpy")},
-        "host": f"{platform.machine()}, {os.cpu_count()} cores",
-        "device": jax.devices()[0].device_kind,
+        "result": found,
+        **provenance(found.get("config_hash"), found.get("seed")),
+        "host": processor(),
     }
     with replacing(folder / "result.json") as path:
         path.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")

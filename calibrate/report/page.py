@@ -249,6 +249,7 @@ def _origin(result: Result) -> _Sections:
         ("config", result["config_hash"]),
         ("program", result["program_hash"]),
         ("seed", str(result["seed"])),
+        *((k, result[k]) for k in ("device", "processor", "commit") if k in result),
         *result["versions"].items(),
     ]
     config = page.pre(json.dumps(result["config"], indent=2))

@@ -1,6 +1,5 @@
 """`experiments run structures`: every structure against the full volume."""
 
-import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ from rich.console import Console
 
 from jaxthermo.cli.console import open_console, print_line, status
 from jaxthermo.errors import InputError
+from jaxthermo.provenance import processor
 
 from ..harness.record import Record, Row, program_hash
 from .claims import show_table, summarize, thesis_claims
@@ -113,7 +113,7 @@ def run(
         raise InputError(f"nothing could be run: {findings.rows[0]['refused']}")
     if record.reused:
         print_line(console, f"{record.reused} rows were there from an earlier run")
-    host = f"{os.cpu_count()} cores, {jax.devices()[0].device_kind}"
+    host = f"{processor()}, {jax.devices()[0].device_kind}"
     with status(console, "drawing"):
         files = write_report(findings, folder, host)
     show_table(findings.lines)

@@ -3,14 +3,11 @@
 import csv
 import io
 import json
-import platform
 import resource
 import sys
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import jax
 import numpy as np
 
 from ..atomic import replacing
@@ -20,11 +17,8 @@ from ..geometry.mesh import describe_mesh
 from ..integrate.implicit.newton_stage import SolverStatistics
 from ..integrate.run.ledger import Energy
 from ..integrate.run.solution import RESULTS, Solution
+from ..provenance import provenance
 from ..scene.scene import Scene
-
-
-# Those on which the numbers of a run may depend.
-_PACKAGES = ("jaxthermo", "jax", "jaxlib", "numpy", "equinox", "trimesh")
 
 
 def peak_memory() -> int:
@@ -85,7 +79,6 @@ def summarize(
         warnings: likely mistakes, and numbers outside the range of the fit cards.
     """
     receipt = solution.receipt.as_dict()
-    device = jax.devices()[0]
     return {
         "result": RESULTS[solution.result] or "successful",
         "receipt": receipt,
@@ -107,11 +100,7 @@ def summarize(
         "bodies": [_body(scene, solution, b) for b in range(len(scene.bodies))],
         "probes": _probes(solution),
         "config": resolved(config),
-        "config_hash": config_hash(config),
-        "versions": {"python": platform.python_version()}
-        | {package: version(package) for package in _PACKAGES},
-        "device": f"{device.platform}: {device.device_kind}",
-        "seed": None,
+        **provenance(config_hash(config)),
     }
 
 
