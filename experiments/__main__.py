@@ -1,8 +1,11 @@
-"""The command line of the experiments: list them, run one by name."""
+"""The command line of the experiments: list and run them, compare results."""
 
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
 
 from jaxthermo.cli.entry import make_app, run_app
 
@@ -45,6 +48,39 @@ def _run(
         folder = out or Path("results/experiments") / experiment.name
         catalogue.run(experiment, folder, **options)
         sys.stdout.write(f"{folder / 'result.json'}\n")
+
+
+@app.command
+def _compare(
+    old: Path,
+    new: Path,
+    /,
+    *,
+    json: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Show what changed between two results: configs first, then numbers beyond noise.
+
+    Args:
+        old: Folder of a run, a fit, a sweep, an experiment or a reduced model, or the
+            file of its results.
+        new: Another one of the same kind.
+        json: Print plain values instead of tables.
+    """
+    from .results.commands import compare_results
+
+    compare_results(old, new, json)
+
+
+@app.command
+def _report(folder: Path, /) -> None:
+    """Write one page of all results in a folder, index.html.
+
+    Args:
+        folder: Searched with all folders below it.
+    """
+    from .results.commands import report_results
+
+    report_results(folder)
 
 
 @app.command

@@ -3,6 +3,7 @@
 import base64
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 from ..atomic import replacing
 from .table import Table
@@ -73,3 +74,26 @@ def details(title: str, content: Section) -> Html:
 def pre(text: str) -> Html:
     """Text with its line breaks, in a fixed-width font."""
     return render("pre", text=text)
+
+
+class Card(NamedTuple):
+    """A framed item of a list, with a picture and a link."""
+
+    title: str
+    link: str
+    """Address of its page, quoted; empty if it has none."""
+    lines: Sequence[str]
+    notes: Sequence[str] = ()
+    """Further lines, in grey."""
+    png: bytes = b""
+    """Picture, some 100 pixels wide; empty if it has none."""
+
+    @property
+    def picture(self) -> str:
+        """The picture as the page embeds it."""
+        return base64.b64encode(self.png).decode("ascii")
+
+
+def cards(items: Sequence[Card]) -> Html:
+    """Items side by side, as many as fit."""
+    return render("cards", cards=items)

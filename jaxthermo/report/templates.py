@@ -23,6 +23,14 @@ summary { cursor: pointer; margin: 1rem 0; }
 dl { display: grid; grid-template-columns: max-content 1fr; gap: .2rem 1.2rem;
   max-width: 60rem; font-size: 14px; color: #5a606c; }
 dt { font-weight: 600; } dd { margin: 0; }
+.cards { display: grid; gap: 1rem; grid-template-columns: repeat(auto-fill,
+  minmax(24rem, 1fr)); }
+.card { border: 1px solid #e2e5ea; border-radius: 6px; padding: .8rem 1rem;
+  display: flex; gap: 1rem; min-width: 0; }
+.card img { width: 112px; margin: 0; align-self: flex-start; border-radius: 3px; }
+.card div { min-width: 0; } .card h3 { margin: 0; font-size: 1rem; }
+.card p { margin: .25rem 0 0; font-size: 13px; overflow-wrap: anywhere; }
+a { color: #1a5fb4; }
 """
 
 _TEMPLATES = {
@@ -52,6 +60,15 @@ _TEMPLATES = {
     "details": """<details><summary>{{ title }}</summary>
 {{ content }}</details>""",
     "pre": "<pre>{{ text }}</pre>",
+    "cards": """<div class="cards">{% for card in cards -%}
+<div class="card">{% if card.picture %}<img alt="" src="data:image/png;base64,
+{{- card.picture }}">{% endif %}<div><h3>
+{%- if card.link %}<a href="{{ card.link }}">{{ card.title }}</a>
+{%- else %}{{ card.title }}{% endif %}</h3>
+{% for line in card.lines %}<p>{{ line }}</p>
+{% endfor %}{% for line in card.notes %}<p class="note">{{ line }}</p>
+{% endfor %}</div></div>
+{% endfor %}</div>""",
     "image": '<img alt="{{ alt }}" src="data:image/png;base64,{{ data }}">',
 }
 
