@@ -1,0 +1,159 @@
+"""Charts of error against run time, memory and nodes, with the front as a line."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import altair as alt
+
+from jaxthermo.report.chart import POINT_AREA, Chart, LogAxis, legend
+
+from .pareto import Cost, Measure, Point, front
+from .wording import sentence
+
+
+WIDTH, HEIGHT = 760.0, 460.0
+GREY = "#b9bec8"
+_HUES = (
+    "#17358c", "#0b6e5f", "#b8500a", "#66228f", "#4c7a12", "#a31621",
+    "#2a7fb8", "#c79a12", "#8c5a2b", "#5b6270",
+)  # fmt: skip
+_RIVAL_SHAPES = ("cross", "diamond", "triangle-up", "triangle-down", "square")
+_RIVAL_COLOUR = "#d1352b"
+_BLACK = "#14171d"
+
+_ERROR_TITLES: dict[Measure, str] = {
+    "rms_percent": "error against the truth, RMS [%]",
+    "rms_kelvin": "error against the truth, RMS [K]",
+    "p99_percent": "error that 99 % of the surface stays below [%]",
+    "p99_kelvin": "error that 99 % of the surface stays below [K]",
+}
+_COSTS: dict[Cost, tuple[str, float]] = {
+    "time_s": ("run time [s]", 1.0),
+    "memory_bytes": ("memory of the solver, estimated [MB]", 1e-6),
+    "nodes": ("nodes", 1.0),
+}
+
+Marks = Sequence[tuple[str, float]]
+"""Vertical lines with a text at a run time [s]."""
+
+
+def error_against(
+    cost: Cost,
+    points: Sequence[Point],
+    rivals: Sequence[Point] = (),
+    error: Measure = "rms_percent",
+    title: str = "",
+    marks: Marks = (),
+) -> Chart | None:
+    """Error against a cost, both logarithmic; None without a point to show."""
+    points = [p for p in points if _is_shown(p, cost, error)]
+    rivals = [p for p in rivals if _is_shown(p, cost, error)]
+    if not points:
+        return None
+    best = front(points, cost, error)
+    label, scale = _COSTS[cost]
+    row = lambda p, **more: _row(p, cost, error, scale) | more
+    beaten = [row(p) for p in points if p not in best]
+    chosen = [row(p, number=str(n)) for n, p in enumerate(best, 1)]
+    others = [row(p, rival=_kind(p)) for p in rivals]
+    marked = [{"cost": at * scale, "text": text} for text, at in marks]
+    every = [*beaten, *chosen, *others]
+    across = LogAxis([r["cost"] for r in (*every, *marked)], label)
+    up = LogAxis([r["error"] for r in every], _ERROR_TITLES[error])
+    x, y = alt.X(**across.channel("cost")), alt.Y(**up.channel("error"))
+    layers = [_dots(beaten, x, y), _front_line(chosen, x, y)]
+    layers.append(_chosen(chosen, x, y, _paint(points)))
+    if others:
+        layers.append(_rivals(others, x, y))
+    if marked:
+        layers += _marks(marked, x)
+    layers.append(_numbers(chosen, x, y))
+    together = alt.layer(*layers).resolve_scale(color="independent", shape="shared")
+    return together.properties(width=WIDTH, height=HEIGHT, title=title)
+
+
+def point_text(point: Point) -> str:
+    """The text of a point's tooltip, which is the same in all charts."""
+    return sentence(point)
+
+
+def _is_shown(point: Point, cost: Cost, error: Measure) -> bool:
+    value = point.cost(cost)
+    finite = 0 < point.errors[error] < float("inf")
+    return finite and value is not None and value > 0
+
+
+def _row(point: Point, cost: Cost, error: Measure, scale: float) -> dict[str, Any]:
+    return {
+        "cost": (point.cost(cost) or 0.0) * scale,
+        "error": point.errors[error],
+        "text": point_text(point),
+        "label": _label(point),
+    }
+
+
+def _label(point: Point) -> str:
+    return str(next(iter(point.choice.values()), ""))
+
+
+def _kind(rival: Point) -> str:
+    return rival.name.split(",")[0]
+
+
+def _data(rows: list[dict[str, Any]]) -> alt.Chart:
+    return alt.Chart(alt.Data(values=rows))
+
+
+def _dots(rows: list[dict[str, Any]], x: alt.X, y: alt.Y) -> alt.Chart:
+    base = _data(rows).mark_point(
+        filled=True, color=GREY, size=POINT_AREA * 0.55, opacity=0.9
+    )
+    return base.encode(x=x, y=y, description="text:N")
+
+
+def _front_line(rows: list[dict[str, Any]], x: alt.X, y: alt.Y) -> alt.Chart:
+    # A step: between two points the error that can be had is that of the cheaper one.
+    line = _data(rows).mark_line(
+        interpolate="step-after", color=_BLACK, strokeWidth=1.5, opacity=0.75
+    )
+    return line.encode(x=x, y=y)
+
+
+def _paint(points: Sequence[Point]) -> dict[str, str]:
+    """A colour for each label of the first axis, the same in all charts."""
+    labels = list(dict.fromkeys(_label(point) for point in points))
+    return {label: _HUES[n % len(_HUES)] for n, label in enumerate(labels)}
+
+
+def _chosen(
+    rows: list[dict[str, Any]], x: alt.X, y: alt.Y, paint: dict[str, str]
+) -> alt.Chart:
+    labels = list(dict.fromkeys(row["label"] for row in rows))
+    scale = alt.Scale(domain=labels, range=[paint[label] for label in labels])
+    colour = alt.Color("label:N", scale=scale, sort=None, legend=legend("on the front"))
+    dots = _data(rows).mark_point(filled=True, size=POINT_AREA * 1.6, opacity=1)
+    return dots.encode(x=x, y=y, color=colour, description="text:N")
+
+
+def _numbers(rows: list[dict[str, Any]], x: alt.X, y: alt.Y) -> alt.Chart:
+    text = _data(rows).mark_text(dx=11, dy=-9, fontSize=12, color=_BLACK)
+    return text.encode(x=x, y=y, text="number:N")
+
+
+def _rivals(rows: list[dict[str, Any]], x: alt.X, y: alt.Y) -> alt.Chart:
+    names = list(dict.fromkeys(row["rival"] for row in rows))
+    scale = alt.Scale(domain=names, range=list(_RIVAL_SHAPES[: len(names)]))
+    shape = alt.Shape("rival:N", scale=scale, sort=None, legend=legend("rivals"))
+    dots = _data(rows).mark_point(
+        size=POINT_AREA * 0.8, stroke=_RIVAL_COLOUR, strokeWidth=1.8, opacity=1
+    )
+    return dots.encode(x=x, y=y, shape=shape, description="text:N")
+
+
+def _marks(rows: list[dict[str, Any]], x: alt.X) -> list[alt.Chart]:
+    base = _data(rows)
+    rule = base.mark_rule(strokeDash=[4, 4], color="#5a606c").encode(x=x)
+    text = base.mark_text(
+        angle=270, align="right", baseline="bottom", dx=-6, dy=-3, color="#5a606c"
+    )
+    return [rule, text.encode(x=x, y=alt.value(0), text="text:N")]

@@ -1,0 +1,299 @@
+"""Plain arrays of one body's full volume, for solvers written by hand.
+
+At the node i of each solid voxel, T above the reference temperature of the scene:
+
+    C_i dT_i/dt = sum_j G_ij (T_j - T_i) + q_i(t) - s_i T_i    [W],
+
+with the voxels, open areas, capacities and loads of the compiled scene. Nodes at the
+surface have rows of their own. All others have six equal links, in runs along z.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy.sparse import coo_array, csr_array
+
+from jaxthermo.arrays import precision
+from jaxthermo.errors import InputError
+from jaxthermo.integrate.run.plan import Plan, observation_time
+from jaxthermo.network.cut_stencil import CutStencil
+from jaxthermo.network.stencil import UniformStencil, solid_degree
+from jaxthermo.scene.scene import SolvedSurface
+from jaxthermo.voxels.grid import VoxelGrid
+
+
+_PROBE = 1000.0
+"""Temperature of all nodes at which linear loads are evaluated beside 0 [K]: their
+slopes are differences, which lose no digits of float32 at one so large."""
+
+
+class Run(NamedTuple):
+    """A solver that is ready to run, and what it takes."""
+
+    call: Callable[[], Float[np.ndarray, "t s"]]
+    """Surface temperatures of all fragments at the saved times [K]."""
+    steps: int
+    memory_bytes: int
+    """Arrays of the solver."""
+
+
+Intervals = tuple[tuple[float, float, int], ...]
+"""Start, end [s] and row of the saved time or -1; loads are constant in each."""
+
+
+def step_counts(intervals: Intervals, dt: float) -> list[int]:
+    """Number of steps up to `dt` [s] in each interval."""
+    spans = (end - start for start, end, _ in intervals)
+    return [max(1, int(np.ceil(span / dt * (1 - 1e-9)))) for span in spans]
+
+
+class Rows(NamedTuple):
+    """Links of some nodes in compressed rows."""
+
+    node: Int[np.ndarray, " m"]
+    """Position of each of these nodes in the state, increasing."""
+    first: Int[np.ndarray, " m_and_1"]
+    column: Int[np.ndarray, " e"]
+    """Position of each linked node."""
+    conductance: Float[np.ndarray, " e"]
+    """[W/K]"""
+    capacity: Float[np.ndarray, " m"]
+    """Heat capacity of the nodes [J/K]."""
+
+
+@dataclass(frozen=True, eq=False)
+class LinearBody:
+    """A full volume of one material under linear loads."""
+
+    grid: VoxelGrid
+    conductance: float
+    """Conductance of a whole link, k x pitch [W/K]."""
+    capacity: float
+    """Heat capacity of a whole voxel [J/K]."""
+    surfaces: tuple[SolvedSurface, ...]
+    reference: float
+    """Temperature from which the state counts [K]."""
+    start: Float[np.ndarray, " cells"]
+    """Initial state of every cell of the lattice with its rim [K]."""
+    intervals: Intervals
+    save_times: tuple[float, ...]
+    stable_step: float
+    """Largest explicit step [s]."""
+    loaded: Int[np.ndarray, " p"]
+    """Cells of nodes with loads, increasing."""
+    gain: Float[np.ndarray, "i p"]
+    """Their heat rate at the reference temperature in each interval [W]."""
+    loss: Float[np.ndarray, " p"]
+    """Lost by them [W/K]."""
+    read_cell: Int[np.ndarray, " s"]
+    """Cell of the node of each fragment."""
+    read_factor: Float[np.ndarray, " s"]
+    """Surface temperature of a fragment per kelvin of its node [-]."""
+    read_offset: Float[np.ndarray, "t s"]
+    """Surface temperature of a fragment over a node at the reference, at each saved
+    time [K]."""
+    layout: str = "compact"
+    """States have a value per solid voxel, or with "dense" one per cell."""
+
+    @cached_property
+    def position(self) -> Int[np.ndarray, " cells"]:
+        """Position of each cell in a state, -1 where there is none."""
+        if self.layout == "dense":
+            return np.arange(self._inside.size, dtype=np.int32)
+        found = np.full(self._inside.size, -1, np.int32)
+        found[self.cells] = np.arange(len(self.cells), dtype=np.int32)
+        return found
+
+    @cached_property
+    def _inside(self) -> Bool[np.ndarray, " cells"]:
+        return np.pad(self.grid.solid, 1).reshape(-1)
+
+    @cached_property
+    def cells(self) -> Int[np.ndarray, " n"]:
+        """Cells of all nodes, increasing."""
+        return np.flatnonzero(self._inside)
+
+    @property
+    def size(self) -> int:
+        """Length of a state."""
+        return self._inside.size if self.layout == "dense" else len(self.cells)
+
+    @cached_property
+    def steps(self) -> tuple[int, int, int]:
+        """Distance in the lattice to the next cell along x, y, z."""
+        _, y, z = np.add(self.grid.solid.shape, 2).tolist()
+        return y * z, z, 1
+
+    def with_layout(self, layout: str) -> "LinearBody":
+        """The same body with states of another layout."""
+        return replace(self, layout=layout)
+
+    def initial(self) -> Float[np.ndarray, " n"]:
+        """The initial state [K]."""
+        if self.layout == "dense":
+            return self.start.astype(np.float32)
+        return self.start[self.cells].astype(np.float32)
+
+    @cached_property
+    def surface_cells(self) -> Int[np.ndarray, " m"]:
+        """Cells of nodes that differ from one deep inside, increasing."""
+        differs = np.zeros(self._inside.size, bool)
+        degree = np.pad(solid_degree(self.grid.solid), 1).reshape(-1)
+        differs[self.cells] = degree[self.cells] < 6
+        differs[self.loaded] = True
+        cut = self.grid.cut
+        if cut is not None:
+            for voxel in (cut.voxel, cut.links.voxel, cut.links.voxel + cut.links.step):
+                differs[self._cell(voxel)] = True
+        return np.flatnonzero(differs)
+
+    def _cell(self, voxel: Int[np.ndarray, "m 3"]) -> Int[np.ndarray, " m"]:
+        shape = tuple(np.add(self.grid.solid.shape, 2).tolist())
+        return np.asarray(np.ravel_multi_index(tuple(voxel.T + 1), shape))
+
+    def rows(self, cells: Int[np.ndarray, " m"]) -> Rows:
+        """Links of the nodes of some cells, which include all at the surface."""
+        number = np.arange(len(cells))
+        src, dst, conductance = [], [], []
+        for step in (s * sign for s in self.steps for sign in (-1, 1)):
+            linked = self._inside[cells + step]
+            src.append(number[linked])
+            dst.append(cells[linked] + step)
+            conductance.append(np.full(linked.sum(), self.conductance))
+        capacity = np.full(len(cells), self.capacity)
+        cut = self.grid.cut
+        if cut is not None:
+            links = cut.links
+            ends = links.voxel, links.voxel + links.step
+            one, other = (self._cell(voxel) for voxel in ends)
+            for here, there in ((one, other), (other, one)):
+                src.append(np.searchsorted(cells, here))
+                dst.append(there)
+                conductance.append(self.conductance * links.extra)
+            capacity[np.searchsorted(cells, self._cell(cut.voxel))] *= cut.volume
+        place = np.concatenate(src), self.position[np.concatenate(dst)]
+        # Both the whole link of two neighbours and what is open of it, in one entry.
+        table = csr_array(
+            coo_array(
+                (np.concatenate(conductance), place), shape=(len(cells), self.size)
+            )
+        )
+        return Rows(
+            self.position[cells], table.indptr, table.indices, table.data, capacity
+        )
+
+    def runs(self) -> Int[np.ndarray, "r 6"]:
+        """Runs along z of nodes with six whole links, by positions in the state.
+
+        Of the first node, the number of nodes, and of the neighbours of the first one
+        along +x, -x, +y, -y; those along a run follow one another in every layout.
+        """
+        whole = self._inside.copy()
+        whole[self.surface_cells] = False
+        edge = np.diff(whole.astype(np.int8), prepend=0, append=0)
+        start, stop = np.flatnonzero(edge == 1), np.flatnonzero(edge == -1)
+        x, y, _ = self.steps
+        beside = [self.position[start + step] for step in (x, -x, y, -y)]
+        columns = [self.position[start], stop - start, *beside]
+        return np.stack(columns, axis=1).astype(np.int32)
+
+
+def linear_body(todo: Plan) -> LinearBody:
+    """The arrays of a planned run of one full volume.
+
+    Raises:
+        InputError: if the scene is more than one body of one isotropic material with
+            constant properties, under surface terms that are linear and constant
+            between events.
+    """
+    with precision(todo.scene.dtype):
+        return _linear_body(todo)
+
+
+def _linear_body(todo: Plan) -> LinearBody:
+    compiled, program = todo.compiled, todo.compiled.program
+    network = program.bodies[0].network
+    base = network.base if isinstance(network, CutStencil) else network
+    one = len(program.bodies) == 1 and len(compiled.programs) == 1
+    linear = program.fragment_terms.is_linear and program.enclosure is None
+    if not (one and linear and isinstance(base, UniformStencil)):
+        raise InputError(
+            "rivals written by hand have one full volume of one isotropic material "
+            "with constant properties, and linear surface terms: this scene has none"
+        )
+    body = program.bodies[0]
+    if program.contacts or body.sources or body.surface_map.gradient is not None:
+        raise InputError("rivals written by hand have surface loads only")
+    theta, grid = compiled.state[0], todo.scene.bodies[0].structure.grid
+    loaded, gain, loss = _loads(todo, theta.shape)
+    factor, offset = _readings(todo)
+    cell = lambda address: np.ravel_multi_index(
+        tuple(np.asarray(index) for index in address), theta.shape
+    )
+    rows = {t: n for n, t in enumerate(todo.save_times)}
+    return LinearBody(
+        grid=grid,
+        conductance=float(base.conductance),
+        capacity=float(base.node_capacity),
+        surfaces=compiled.surfaces,
+        reference=float(body.reference),
+        start=np.asarray(theta).reshape(-1),
+        intervals=tuple((i.start, i.end, rows.get(i.end, -1)) for i in todo.intervals),
+        save_times=todo.save_times,
+        stable_step=float(compiled.stable_step),
+        loaded=loaded,
+        gain=gain,
+        loss=loss,
+        read_cell=cell(body.address)[np.asarray(body.node)],
+        read_factor=factor,
+        read_offset=offset,
+    )
+
+
+def _loads(todo: Plan, shape: tuple[int, ...]) -> tuple[Any, Any, Any]:
+    """Cells with loads, their heat rates by interval [W], and their slope [W/K]."""
+    program = todo.compiled.program
+    if program.surface is None:
+        none = np.zeros(0)
+        return none.astype(int), np.zeros((len(todo.intervals), 0)), none
+    load = program.surface.by_cell
+    (cells,) = load.cells
+    zero = jnp.zeros(cells.node.shape, todo.dtype)
+
+    def heat(time: float, theta: Any) -> np.ndarray:
+        found = load.terms.heat(jnp.asarray(time, todo.dtype), theta)[0]
+        return np.bincount(cells.node, np.asarray(found, float), len(cells.slots[0]))
+
+    gain = []
+    for i in todo.intervals:
+        inner = [heat(i.start + f * (i.end - i.start), zero) for f in (0.01, 0.5, 0.99)]
+        if not all(np.allclose(each, inner[0], rtol=1e-5) for each in inner):
+            raise InputError(
+                "rivals written by hand have loads that are constant between events: "
+                f"one changes within {i.start:g} to {i.end:g} s"
+            )
+        gain.append(inner[1])
+    middle = (todo.intervals[0].start + todo.intervals[0].end) / 2
+    loss = (gain[0] - heat(middle, zero + _PROBE)) / _PROBE
+    address = tuple(np.asarray(index) for index in cells.address)
+    return np.ravel_multi_index(address, shape), np.stack(gain), loss
+
+
+def _readings(todo: Plan) -> tuple[Any, Any]:
+    """Factor [-] and offset [K] of every fragment's temperature at the saved times."""
+    program, state = todo.compiled.program, todo.compiled.state[0]
+
+    def surface(time: float, level: float) -> np.ndarray:
+        here = jnp.full_like(state, level), jnp.asarray(time, todo.dtype)
+        found = program.surface_temperatures((here[0],), here[1], [None])
+        return np.asarray(found[0], float)
+
+    times = [observation_time(todo, i) for i in todo.intervals if i.saved]
+    offset = np.stack([surface(t, 0.0) for t in times])
+    factor = (surface(times[0], _PROBE) - offset[0]) / _PROBE
+    return factor, offset

@@ -1,0 +1,273 @@
+"""`report.html` of a front, with its charts and its table as files."""
+
+import csv
+import io
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from jaxthermo.arrays import readable_bytes
+from jaxthermo.atomic import replacing
+from jaxthermo.report import page
+from jaxthermo.report.chart import write_chart
+from jaxthermo.report.numbers import seconds, significant
+from jaxthermo.report.table import Cell, Table, prose
+
+from .charts import Marks, error_against, point_text
+from .folder import SweepFolder
+from .pareto import MEASURES, Cost, Measure, Point, Row, front
+from .thesis import thesis_marks, thesis_table
+from .tooltips import numbered, tooltips
+from .wording import error_text, ratio_text, sentence, time_text
+
+
+_DEFINITIONS = [
+    (
+        "error",
+        "RMS over points spread evenly over the mesh of the difference in surface "
+        "temperature from the reference, in kelvin and in percent of the reference's "
+        "range (0.5 to 99.5 %) at that time; the largest of the saved times and loads",
+    ),
+    (
+        "run time",
+        "the compiled loop with the surface read at the saved times: median of the "
+        "repeats after a warm-up, one case after the other; the largest of the loads. "
+        "In parentheses the fastest and the slowest",
+    ),
+    (
+        "times faster",
+        "the time of the other over that of the choice, measured in turn in one "
+        "process on the processor that is named: median, lowest and highest",
+    ),
+    (
+        "front",
+        "choices that no other one beats in both error and cost; the numbers in the "
+        "charts are those of the list. Grey: beaten choices",
+    ),
+    (
+        "rivals",
+        "full volumes of the same kind of voxels and open areas, by solvers written "
+        "by hand: each is run at several pitches and numbers of steps",
+    ),
+]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A choice and a rival within the same error, timed in turn."""
+
+    tolerance: float
+    """Largest error of both [%]."""
+    choice: Point
+    rival: Point
+    ratio: "Any"
+    """Spread of the rival's time over the choice's, under the load where it is
+    smallest."""
+    loads: dict[str, Any]
+    """The same by load."""
+
+
+@dataclass(frozen=True)
+class Findings:
+    """All that a report shows."""
+
+    title: str
+    about: list[str]
+    """Sentences below the title."""
+    folder: SweepFolder
+    points: list[Point]
+    rivals: list[Point]
+    comparisons: list[Comparison]
+    config: dict[str, Any]
+
+    @property
+    def processors(self) -> list[str]:
+        """Names of the processors that times are from."""
+        every = (*self.points, *self.rivals)
+        return list(dict.fromkeys(p.processor for p in every if p.processor))
+
+    @property
+    def best(self) -> list[Point]:
+        """The front by error and run time, the fastest first."""
+        return front(self.points)
+
+
+def write_report(findings: Findings, out: Path) -> list[str]:
+    """Write page, charts and table into a folder; return the names of the files."""
+    every = [*findings.points, *findings.rivals]
+    texts = list(dict.fromkeys(point_text(p) for p in every))
+    shown = {point_text(p): findings.folder.picture(p.picture) for p in every}
+    pictures = {text: data for text, data in shown.items() if data is not None}
+    files: list[str] = []
+
+    def chart(name: str, cost: Cost, error: Measure, title: str, marks: Marks = ()):
+        rivals = findings.rivals
+        made = error_against(cost, findings.points, rivals, error, title, marks)
+        if made is None:
+            return []
+        files.extend([f"{name}.svg", f"{name}.png"])
+        return [numbered(write_chart(made, out / name), texts)]
+
+    sections: list[page.Section] = [*findings.about]
+    if findings.processors:
+        sections.append(f"Processor of all times: {'; '.join(findings.processors)}.")
+    sections.append(page.terms(_DEFINITIONS))
+    sections += [page.heading("Error against run time")]
+    marks = thesis_marks(findings.points)
+    title = "Error against run time"
+    sections += chart("error_against_time", "time_s", "rms_percent", title, marks)
+    sections += _front_sections(findings)
+    sections += _rival_sections(findings)
+    sections += [page.heading("Error against memory and nodes")]
+    names: list[tuple[Cost, str]] = [("memory_bytes", "memory"), ("nodes", "nodes")]
+    for cost, name in names:
+        title = f"Error against {name}"
+        sections += chart(f"error_against_{name}", cost, "rms_percent", title)
+    sections += [page.heading("Other measures of the error")]
+    for error in MEASURES[1:]:
+        sections += chart(f"{error}_against_time", "time_s", error, "")
+    sections += thesis_table(findings.points)
+    sections += _all_sections(findings)
+    sections.append(tooltips(texts, pictures))
+    page.write_page(out / "report.html", findings.title, sections)
+    _write_csv(out / "front.csv", findings)
+    return [*files, "front.csv", "report.html"]
+
+
+def _front_sections(findings: Findings) -> list[page.Section]:
+    best = findings.best
+    if not best:
+        return [page.paragraph("No choice was timed: there is no front.", note=True)]
+    columns = ["", "choice", "full volume's explicit loop, times faster"]
+    rows = [
+        [str(n), prose(sentence(p)), Cell(ratio_text(p.ratio), is_number=True)]
+        for n, p in enumerate(best, 1)
+    ]
+    return [page.heading("The front, in words", 3), Table(columns, rows, left=(0, 1))]
+
+
+def _rival_sections(findings: Findings) -> list[page.Section]:
+    if not findings.rivals and not findings.comparisons:
+        return []
+    found: list[page.Section] = [page.heading("Beside rivals, at the same error")]
+    rows = [
+        [
+            f"{significant(each.tolerance)} %",
+            prose(each.choice.name, error_text(each.choice)),
+            prose(each.rival.name, error_text(each.rival)),
+            Cell(time_text(each.choice.time), is_number=True),
+            Cell(time_text(each.rival.time), is_number=True),
+            Cell(ratio_text(each.ratio), is_number=True),
+        ]
+        for each in findings.comparisons
+    ]
+    columns = ["error up to", "choice", "rival", "choice", "rival", "times faster"]
+    if rows:
+        found.append(Table(columns, rows, left=range(3)))
+        found.append(
+            page.paragraph(
+                "The rival is the fastest of its kind within the error, at whatever "
+                "pitch and number of steps; the ratio that of the load where it is "
+                "smallest.",
+                note=True,
+            )
+        )
+    listed = Table(_COLUMNS, [_cells(p) for p in _by_time(findings.rivals)])
+    found.append(page.details("All runs of rivals", listed))
+    return found
+
+
+_COLUMNS = (
+    "choice",
+    "RMS %",
+    "RMS K",
+    "99th percentile %",
+    "99th percentile K",
+    "run time",
+    "full volume, times faster",
+    "call",
+    "set-up",
+    "compile",
+    "steps",
+    "nodes",
+    "memory",
+)
+
+
+def _cells(point: Point) -> list[str | Cell]:
+    duration = lambda value: "-" if value is None else seconds(value)
+    set_up = duration(point.set_up_s)
+    if point.offline_s is not None:
+        set_up = f"{duration(point.offline_s)} offline"
+    return [
+        point.name,
+        *(significant(point.errors[kind]) for kind in MEASURES),
+        time_text(point.time),
+        ratio_text(point.ratio),
+        duration(point.call_s),
+        set_up,
+        duration(point.compile_s),
+        "-" if point.steps is None else f"{point.steps:,}",
+        f"{point.nodes:,}",
+        readable_bytes(point.memory_bytes),
+    ]
+
+
+def _by_time(points: Sequence[Point]) -> list[Point]:
+    return sorted(points, key=lambda p: (p.time_s is None, p.time_s or 0.0))
+
+
+def _all_sections(findings: Findings) -> list[page.Section]:
+    listed = Table(_COLUMNS, [_cells(p) for p in _by_time(findings.points)])
+    title = f"All {len(findings.points)} choices"
+    found: list[page.Section] = [page.heading("All rows"), page.details(title, listed)]
+    if failed := findings.folder.failed:
+        rows = [
+            [", ".join(map(str, row["choice"].values())), row["load"], row["failed"]]
+            for row in failed
+        ]
+        table = Table(["choice", "load", "reason"], rows, left=range(3))
+        found.append(page.details(f"{len(failed)} cases that could not be run", table))
+    plain = json.dumps(findings.config, indent=2, default=str)
+    found.append(page.details("The config, in SI units", page.pre(plain)))
+    return found
+
+
+def _write_csv(path: Path, findings: Findings) -> None:
+    """Write a line for each choice and each rival, with SI units in the names."""
+    best, text = findings.best, io.StringIO()
+    rows = [_csv_row(p, p in best, False) for p in _by_time(findings.points)]
+    rows += [_csv_row(p, False, True) for p in _by_time(findings.rivals)]
+    axes = list(dict.fromkeys(key for row in rows for key in row))
+    writer = csv.DictWriter(text, axes, restval="", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    with replacing(path) as temporary:
+        temporary.write_text(text.getvalue(), encoding="utf-8")
+
+
+def _csv_row(point: Point, on_front: bool, is_rival: bool) -> Row:
+    spread = lambda value, name: {
+        f"{name}_{key}": None if value is None else getattr(value, key)
+        for key in ("median", "low", "high")
+    }
+    return {
+        "name": point.name,
+        "is_rival": is_rival,
+        "on_front": on_front,
+        **point.errors,
+        "own_error_percent": point.own_error_percent,
+        **spread(point.time, "loop_s"),
+        **spread(point.ratio, "full_volume_times_faster"),
+        "call_s": point.call_s,
+        "set_up_s": point.set_up_s,
+        "compile_s": point.compile_s,
+        "offline_s": point.offline_s,
+        "steps": point.steps,
+        "nodes": point.nodes,
+        "memory_bytes": point.memory_bytes,
+        "processor": point.processor,
+        **{f"axis {name}": label for name, label in point.choice.items()},
+    }

@@ -1,0 +1,55 @@
+"""Sentences on choices: error, run time and what is computed."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from jaxthermo.report.numbers import seconds, significant, with_range
+
+from .pareto import Point, Spread
+
+
+def ratio_text(ratio: Spread | None) -> str:
+    """A ratio with its spread, "8.1 (7.5-9)"; a dash if it is not known."""
+    return "-" if ratio is None else with_range(ratio.median, ratio.low, ratio.high)
+
+
+def time_text(time: Spread | None) -> str:
+    """A run time with its spread, "13 (12-15) ms"; a dash if it is not known."""
+    if time is None:
+        return "-"
+    unit, scale = ("s", 1.0) if time.median >= 1 else ("ms", 1e3)
+    return f"{with_range(*(scale * v for v in vars(time).values()))} {unit}"
+
+
+def error_text(point: Point) -> str:
+    """The RMS error of a point: "0.5 % (0.3 K)"."""
+    percent, kelvin = (point.errors[kind] for kind in ("rms_percent", "rms_kelvin"))
+    return f"{significant(percent)} % ({significant(kelvin)} K)"
+
+
+def sentence(point: Point) -> str:
+    """A point of the front: "0.5 % (0.3 K) in 40 ms: blocks of 8 mm, ..."."""
+    cost = "not timed" if point.time_s is None else f"in {seconds(point.time_s)}"
+    if point.words is None:
+        return f"{error_text(point)} {cost}: {point.name}"
+    return f"{error_text(point)} {cost}: {point.words} [{point.name}]"
+
+
+def structure_words(structure: Mapping[str, Any], pitch: float) -> str:
+    """A structure with sizes: "blocks of 8 mm from 1 mm voxels, fitted".
+
+    Args:
+        structure: as a scene config has it, in plain values.
+        pitch: edge of a voxel [m].
+    """
+    kind, factor = structure["kind"], structure.get("factor")
+    small = f"{significant(1e3 * pitch)} mm voxels"
+    blocks = f"blocks of {significant(1e3 * pitch * (factor or 1))} mm from {small}"
+    layers = structure.get("layers")
+    words = {
+        "aggregate": blocks,
+        "shell_over_core": f"{layers} surface layers over {blocks}",
+    }
+    named = f"{kind.replace('_', ' ')} of {small}"
+    fitted = ", fitted" if structure.get("weights") else ""
+    return words.get(kind, named) + fitted

@@ -1,0 +1,95 @@
+"""Solvers of the front's rivals, against those of this package."""
+
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from experiments.front.linear_body import LinearBody, linear_body
+from experiments.front.numba_loops import explicit_run, rkl2_run
+from experiments.front.scipy_run import scipy_run
+from jaxthermo.integrate.run.plan import plan_run
+
+
+# The ball is coarse: what is compared is the arithmetic.
+pytestmark = pytest.mark.filterwarnings("ignore:body 0 represents")
+
+SAVE_AT = (30.0, 60.0, 90.0)
+STEEL = jt.Material(16.0, density=8000.0, specific_heat=500.0, absorptivity=1.0)
+STEP = 15.0
+
+
+def scene(cells: str) -> jt.Scene:
+    """A ball under a lamp that is switched off at a time at which nothing is saved."""
+    # Two to three voxels from the surface to the centre: nodes deep inside as well.
+    grid = jt.voxelize(jt.shapes.sphere(0.05), 0.1 / 7, cells)  # type: ignore
+    warm = lambda x: 300.0 + 100.0 * x[:, 0]
+    body = jt.Body(jt.FullVolume(grid), STEEL, temperature=warm)
+    lamp = jt.Sun((-1.0, 0.0, -0.3), jt.Until(5000.0, 45.0))
+    return jt.Scene((body,), (lamp, jt.Convection(200.0, 290.0)), dtype="float32")
+
+
+def body_of(made: jt.Scene) -> LinearBody:
+    return linear_body(plan_run(made, 90.0, SAVE_AT, jt.ForwardEuler()))
+
+
+def surface(made: jt.Scene, solver) -> np.ndarray:
+    found = jt.simulate(made, 90.0, SAVE_AT, solver=solver)
+    return np.asarray(found.surface_temperature)
+
+
+@pytest.fixture(scope="module")
+def ball() -> tuple[jt.Scene, LinearBody]:
+    made = scene("crossings")
+    return made, body_of(made)
+
+
+def test_explicit_steps_are_those_of_forward_euler(ball):
+    whole = scene("dominant_axis")
+    for made, body in (ball, (whole, body_of(whole))):
+        expected = surface(made, jt.ForwardEuler())
+        for layout in ("compact", "dense"):
+            run = explicit_run(body.with_layout(layout), "interpreted")
+            np.testing.assert_allclose(run.call(), expected, atol=1e-4, rtol=0)
+
+
+def test_rkl2_steps_are_those_of_super_time_stepping(ball):
+    made, body = ball
+    expected = surface(made, jt.SuperTimeStepping(dt=STEP))
+    for layout in ("compact", "dense"):
+        run = rkl2_run(body.with_layout(layout), STEP, "interpreted")
+        np.testing.assert_allclose(run.call(), expected, atol=1e-4, rtol=0)
+    assert run.steps == 6
+
+
+def test_conjugate_gradients_are_those_of_trbdf2(ball):
+    made, body = ball
+    # Its linear systems are solved to a residual, not to rounding.
+    expected = surface(made, jt.TRBDF2(dt=STEP))
+    np.testing.assert_allclose(
+        scipy_run(body, STEP).call(), expected, atol=2e-3, rtol=0
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.slice
+@pytest.mark.parametrize("threads", ["one", "all"])
+def test_compiled_loops_are_the_interpreted_ones(ball, threads):
+    _, body = ball
+    for make in (explicit_run, lambda b, t: rkl2_run(b, STEP, t)):
+        expected = make(body, "interpreted").call()
+        np.testing.assert_allclose(make(body, threads).call(), expected, atol=1e-4)
+
+
+def test_nonlinear_scenes_have_no_rivals(ball):
+    made, _ = ball
+    warm = jt.Scene(made.bodies, (jt.Surroundings(280.0),), dtype="float32")
+    with pytest.raises(jt.InputError, match="linear surface terms"):
+        body_of(warm)
+
+
+def test_loads_that_vary_between_events_have_no_rivals(ball):
+    made, _ = ball
+    ramp = jt.Table((0.0, 90.0), (0.0, 5000.0))
+    lit = jt.Scene(made.bodies, (jt.Sun((-1.0, 0.0, 0.0), ramp),), dtype="float32")
+    with pytest.raises(jt.InputError, match="constant between events"):
+        body_of(lit)
