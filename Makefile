@@ -53,6 +53,7 @@ schemas: .venv/.core
 	$(RUN)/python -m jaxthermo schema > configs/scene.schema.json
 	$(RUN)/python -m calibrate schema > configs/calibration.schema.json
 	$(RUN)/python -m experiments schema > configs/comparison.schema.json
+	$(RUN)/python -m experiments schema sweep > configs/sweep.schema.json
 
 # Those that are up to date stay; a fit that was interrupted continues. Needs the meshes.
 cards: .venv/.core

@@ -1,13 +1,13 @@
-"""The command line of the experiments: list and run them, compare results."""
+"""The command line of the experiments: list, run and sweep; compare results."""
 
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from jaxthermo.cli.entry import make_app, run_app
+from jaxthermo.cli.entry import Overrides, make_app, run_app
 
 from . import catalogue
 
@@ -84,13 +84,54 @@ def _report(folder: Path, /) -> None:
 
 
 @app.command
-def _schema() -> None:
-    """Print the JSON Schema of a comparison, with units, for editors."""
+def _sweep(
+    config: Path,
+    /,
+    *,
+    out: Path | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    retry: bool = False,
+    times: bool = True,
+    overrides: Overrides = (),
+) -> None:
+    """Measure error and run time over axes of a scene.
+
+    A sweep that was interrupted or killed goes on from its last row.
+
+    Args:
+        config: The sweep, a YAML file.
+        out: The folder for rows.jsonl and the rest; results/sweeps/NAME by default.
+        workers: Number of processes that errors are computed in; 0 or 1 for this one,
+            2 by default.
+        scheduler: Address of a dask scheduler, such as tcp://10.0.0.1:8786, instead.
+        retry: Run cases that failed again.
+        times: Time every case after its error, one after the other.
+        overrides: A value of the config to change, such as repeats=3; may be repeated.
+    """
+    from .sweep.command import default_workers, sweep
+    from .sweep.run import Options
+
+    count = default_workers() if workers is None else workers
+    options = Options(count, scheduler, retry, times)
+    folder = out or Path("results/sweeps") / config.stem
+    sweep(config, folder, overrides, options)
+
+
+@app.command
+def _schema(of: Literal["comparison", "sweep"] = "comparison", /) -> None:
+    """Print the JSON Schema of a config, with units, for editors.
+
+    Args:
+        of: The kind of config.
+    """
     from jaxthermo.config.json_schema import json_schema
 
     from .structures.config import ComparisonConfig
+    from .sweep.config import SweepConfig
 
-    sys.stdout.write(json_schema(ComparisonConfig))
+    models = {"comparison": ComparisonConfig, "sweep": SweepConfig}
+    sys.stdout.write(json_schema(models[of]))
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

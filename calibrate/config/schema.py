@@ -1,7 +1,7 @@
 """Schema of a calibration config: what is fitted, to which data, and how; in SI."""
 
 import math
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field
 
@@ -16,6 +16,7 @@ from jaxthermo.config.types.quantities import (
     Fraction,
     NotEmpty,
     Number,
+    PositiveLength,
     Whole,
     refuse,
     to_si,
@@ -108,6 +109,31 @@ class RefinedReference(Model):
     """Number of points on the meshes at which temperatures are compared."""
     seed: Annotated[Whole, Field(ge=0)] = 0
     """Seed of the random points."""
+
+
+class AbsoluteReference(Model):
+    """One run of fine voxels under each load, which all choices are judged by.
+
+    It is run once and cached, with two coarser runs, from which its own error is
+    estimated.
+    """
+
+    voxels_high: Annotated[Whole, Field(ge=8, le=4096)] | None = None
+    """Number of voxels along z of the first body; others have the same pitch."""
+    pitch: PositiveLength | None = None
+    """Edge of a voxel of all bodies [m], instead of their number."""
+    structure: StructureConfig = FullVolume()
+    """Structure of the reference."""
+    surface_cells: Literal["crossings", "dominant_axis"] = "crossings"
+    """Surface of the reference's voxels, by default that of second order."""
+    dtype: Literal["float32", "float64"] = "float32"
+    """Precision of the reference, whatever that of what is judged."""
+    points: Annotated[Whole, Field(ge=100, le=10_000_000)] = 10_000
+    """Number of points on the meshes at which temperatures are compared."""
+    seed: Annotated[Whole, Field(ge=0)] = 0
+    """Seed of the random points."""
+
+    exactly_one: ClassVar = (("voxels_high", "pitch"),)
 
 
 class TruthRuns(KindModel):

@@ -44,7 +44,7 @@ from jaxthermo.scene.compile.compile import compile_scene
 from jaxthermo.scene.scene import Scene, SolvedSurface
 from jaxthermo.structures.cache import cache_folder
 
-from ..config.schema import RefinedReference
+from ..config.schema import AbsoluteReference, RefinedReference
 
 
 Log = Callable[[str], None]
@@ -147,22 +147,85 @@ def refined_reference(
     Raises:
         InputError: if the scene has no finer voxels, or a run fails.
     """
+    pitches = tuple(
+        _pitch(number, body) / given.refinement
+        for number, body in enumerate(config.bodies)
+    )
+    return _reference(config, given, pitches, given.refinement, log)
+
+
+def absolute_reference(
+    config: SceneConfig, given: AbsoluteReference, log: Log
+) -> TruthReference:
+    """Run a scene in voxels of a given size and in two coarser ones, or load the runs.
+
+    Equal for all scenes that differ in voxels, structure, surface map, precision and
+    solver only. Errors and remarks are those of `refined_reference`.
+    """
+    pitches = _absolute_pitches(config, given)
+    config = config.model_copy(update={"dtype": given.dtype})
+    return _reference(config, given, pitches, None, log)
+
+
+def reference_key(config: SceneConfig, given: AbsoluteReference) -> str:
+    """Hash that scenes with one absolute reference have in common."""
+    own = config.model_copy(update={"dtype": given.dtype})
+    # The pitch follows from the mesh and from `given`: no mesh is loaded for a key.
+    same = _with_pitches(own, (1.0,) * len(own.bodies), given)
+    text = f"{config_hash(same)} {given.model_dump_json()} {program_hash()}"
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _absolute_pitches(
+    config: SceneConfig, given: AbsoluteReference
+) -> tuple[float, ...]:
+    pitch = given.pitch
+    if pitch is None:
+        high = {"voxels_high": given.voxels_high, "pitch": None}
+        pitch = _pitch(0, config.bodies[0].model_copy(update=high))
+    for number, body in enumerate(config.bodies):
+        _check_refinable(number, body)
+    return (pitch,) * len(config.bodies)
+
+
+def _pitch(number: int, body: BodyConfig) -> float:
+    """Edge of a body's voxels [m], also where their number is given."""
+    _check_refinable(number, body)
+    if body.pitch is not None:
+        return body.pitch
+    height = float(np.ptp(body.build_mesh().bounds[:, 2]))
+    return height / float(body.voxels_high or 1)
+
+
+def _reference(
+    config: SceneConfig,
+    given: RefinedReference | AbsoluteReference,
+    pitches: tuple[float, ...],
+    refinement: float | None,
+    log: Log,
+) -> TruthReference:
+    """Runs in voxels of these edges [m], of twice and four times as long ones."""
     runs = []
     for factor in (1.0, _COARSENING, _COARSENING**2):
-        refinement = given.refinement / factor
+        own = tuple(pitch * factor for pitch in pitches)
+        finer = None if refinement is None else refinement / factor
+        name = f"voxels of {1e3 * own[0]:.3g} mm"
+        if finer is not None:
+            name = f"voxels {finer:.3g} times as fine"
         try:
-            finer = _with_refinement(config, refinement, given)
-            what = f"{finer.bodies[0].structure.kind.replace('_', ' ')} of {{:.3g}} mm"
-            name = what.format(1e3 * float(finer.bodies[0].pitch or 0))
-            said = lambda name=name: log(f"running {name}")
-            solution, cost = _stored_run(finer, None, said)
-            runs.append((solution, {"refinement": refinement, **cost}))
+            made = _with_pitches(config, own, given)
+            kind = made.bodies[0].structure.kind.replace("_", " ")
+            said = lambda kind=kind, own=own: log(
+                f"running {kind} of {1e3 * own[0]:.3g} mm"
+            )
+            solution, cost = _stored_run(made, None, said)
+            head = {} if finer is None else {"refinement": finer}
+            runs.append((solution, {**head, **cost}))
         except InputError as error:
-            words = f"in voxels {refinement:.3g} times as fine"
-            raise InputError(f"truth: {words}: {error}") from error
+            raise InputError(f"truth: in {name}: {error}") from error
     solutions, costs = zip(*runs, strict=True)
-    own = discretization_error(*solutions, count=given.points, seed=given.seed)
-    return TruthReference(solutions[0], own, costs)
+    error = discretization_error(*solutions, count=given.points, seed=given.seed)
+    return TruthReference(solutions[0], error, costs)
 
 
 def read_at_surface(scene: Scene) -> Scene:
@@ -176,25 +239,27 @@ def read_at_surface(scene: Scene) -> Scene:
     return replace(scene, bodies=tuple(bodies))
 
 
-def _with_refinement(
-    config: SceneConfig, refinement: float, given: RefinedReference
+def _check_refinable(number: int, body: BodyConfig) -> None:
+    if body.solid is not None or isinstance(body.material, LabelledConfig):
+        raise InputError(
+            f"truth: body {number} is given by its voxels, which cannot be refined: "
+            "give a mesh or a shape, and materials by `parts` or `regions`"
+        )
+
+
+def _with_pitches(
+    config: SceneConfig,
+    pitches: tuple[float, ...],
+    given: RefinedReference | AbsoluteReference,
 ) -> SceneConfig:
-    """Config with so many times finer voxels as a reference, read at the surface."""
+    """Config with voxels of these edges [m] as a reference, read at the surface."""
     bodies = []
-    for n, body in enumerate(config.bodies):
-        if body.solid is not None or isinstance(body.material, LabelledConfig):
-            raise InputError(
-                f"body {n} is given by its voxels, which cannot be refined: give a "
-                "mesh or a shape, and materials by `parts` or `regions`"
-            )
-        pitch = body.pitch
-        if pitch is None:
-            height = float(np.ptp(body.build_mesh().bounds[:, 2]))
-            pitch = height / float(body.voxels_high or 1)
+    for n, (body, pitch) in enumerate(zip(config.bodies, pitches, strict=True)):
+        _check_refinable(n, body)
         surface_map = type(body).model_fields["surface_map"].default
         changes = {"structure": given.structure, "surface_map": surface_map}
         changes["surface_cells"] = given.surface_cells
-        changes |= {"pitch": pitch / refinement, "voxels_high": None}
+        changes |= {"pitch": pitch, "voxels_high": None}
         bodies.append(body.model_copy(update=changes))
     return _with_bodies(config, tuple(bodies))
 

@@ -12,6 +12,8 @@ from ..errors import InputError
 from ..geometry.mesh import Mesh
 from ..geometry.sample import MeshSample, mesh_sample
 from ..scene.scene import SolvedSurface
+from .run.solution import Solution
+from .run.solution_file import StoredSolution
 from .run.surface_reading import SurfaceReading, surface_reading
 from .surface_error import (
     AnySolution,
@@ -31,6 +33,9 @@ _RANGE_QUANTILES = (0.005, 0.995)
 _MAX_PITCH_RATIO = 0.501
 """Largest pitch of a reference over that of what it judges [-]."""
 
+_KEPT_POSITIONS = 200
+"""Number of fragments by whose positions two runs on the same voxels are recognized."""
+
 _COLUMNS = ("rms_kelvin", "rms_percent", "p99_kelvin", "bias_kelvin", "lost_fraction")
 
 _Number = Float[Array | np.ndarray, ""] | np.floating
@@ -43,6 +48,60 @@ class AtPoints(NamedTuple):
     """[K]"""
     is_lost: Bool[np.ndarray, " p"]
     """True where the run's voxels have no surface: the temperature has no meaning."""
+
+
+class BodyOutline(NamedTuple):
+    """A body by what tells whether two runs are of the same mesh, or voxels."""
+
+    pitch: float
+    """[m]"""
+    extent: Float[np.ndarray, "2 3"]
+    """Lowest and highest corner of the mesh [m]."""
+    fragments: int
+    """Number of fragments."""
+    position: Float[np.ndarray, "k 3"]
+    """Positions of some of them [m]."""
+
+
+class TruthPoints(NamedTuple):
+    """A reference run at points of its meshes: all that errors are measured from.
+
+    Much smaller than the run, so that one reference serves many runs in many processes.
+    """
+
+    times: PerTime
+    """[s]"""
+    samples: tuple[MeshSample, ...]
+    """Points of each body in its own frame."""
+    expected: AtPoints
+    """The reference at the points of all bodies."""
+    outlines: tuple[BodyOutline, ...]
+
+    def read(self, solution: AnySolution) -> AtPoints:
+        """Read the surface temperatures of a run of the same bodies at the points."""
+        reading = _reading(solution.surfaces, list(self.samples))
+        temperature = np.asarray(solution.surface_temperature)
+        return AtPoints(reading.read(temperature), reading.is_lost)
+
+    def error(self, solution: AnySolution) -> "TruthError":
+        """Compare a run with the reference, as `truth_error` does.
+
+        Raises:
+            InputError: if the run is of other bodies or save times.
+        """
+        outlines = _outlines(solution.surfaces)
+        _check_meshes(outlines, self.outlines)
+        expected = self.expected
+        reference = StoredSolution(self.times, expected.temperature, ())
+        here = _reading(solution.surfaces, list(self.samples))
+        with later_temperatures(solution, reference, "truth_error") as later:
+            times, found, there = (np.asarray(each) for each in later)
+            return error_at_points(
+                times,
+                AtPoints(here.read(found), here.is_lost),
+                AtPoints(there, expected.is_lost),
+                _remarks(outlines, self.outlines),
+            )
 
 
 class TruthError(eqx.Module):
@@ -104,6 +163,27 @@ class TruthError(eqx.Module):
         return {**found, "remarks": list(self.remarks)}
 
 
+def truth_points(
+    reference: Solution | StoredSolution, count: int = 10_000, seed: int = 0
+) -> TruthPoints:
+    """Read a reference run at points spread evenly over the area of its meshes.
+
+    Args:
+        reference: a run in fine voxels.
+        count: number of points, on all bodies together.
+        seed: of the points.
+    """
+    samples = _samples(reference.surfaces, count, seed)
+    reading = _reading(reference.surfaces, samples)
+    temperature = np.asarray(reference.surface_temperature)
+    return TruthPoints(
+        np.asarray(reference.times),
+        tuple(samples),
+        AtPoints(reading.read(temperature), reading.is_lost),
+        _outlines(reference.surfaces),
+    )
+
+
 def truth_error(
     solution: AnySolution, reference: AnySolution, count: int = 10_000, seed: int = 0
 ) -> TruthError:
@@ -142,12 +222,8 @@ def truth_error(
         >>> bool(error.worst_rms_kelvin < 0.5), float(error.worst_lost_fraction)
         (True, 0.0)
     """
-    if len(solution.surfaces) != len(reference.surfaces):
-        raise InputError(
-            f"truth_error: {len(solution.surfaces)} bodies and the reference has "
-            f"{len(reference.surfaces)}: compare runs of the same scene"
-        )
-    _check_meshes(solution.surfaces, reference.surfaces)
+    outlines = _outlines(solution.surfaces), _outlines(reference.surfaces)
+    _check_meshes(*outlines)
     samples = _samples(reference.surfaces, count, seed)
     there = _reading(reference.surfaces, samples)
     here = _reading(solution.surfaces, samples)
@@ -160,22 +236,34 @@ def truth_error(
             own.asarray(times),
             AtPoints(here.read(found), here.is_lost),
             AtPoints(there.read(expected), there.is_lost),
-            _remarks(solution.surfaces, reference.surfaces),
+            _remarks(*outlines),
         )
 
 
+def _outlines(surfaces: tuple[SolvedSurface, ...]) -> tuple[BodyOutline, ...]:
+    found = []
+    for own in (surface.geometry for surface in surfaces):
+        extent = np.stack([own.vertices.min(axis=0), own.vertices.max(axis=0)])
+        position = np.asarray(own.fragment_position)
+        every = max(1, len(position) // _KEPT_POSITIONS)
+        some = np.array(position[::every], float)
+        found.append(BodyOutline(own.pitch, extent, len(position), some))
+    return tuple(found)
+
+
 def _check_meshes(
-    judged: tuple[SolvedSurface, ...], reference: tuple[SolvedSurface, ...]
+    judged: tuple[BodyOutline, ...], reference: tuple[BodyOutline, ...]
 ) -> None:
     """Refuse bodies of other sizes: part of their surfaces could agree by chance."""
+    if len(judged) != len(reference):
+        raise InputError(
+            f"truth_error: {len(judged)} bodies and the reference has "
+            f"{len(reference)}: compare runs of the same scene"
+        )
     for index, (a, b) in enumerate(zip(judged, reference, strict=True)):
-        ends = [
-            np.stack([each.vertices.min(axis=0), each.vertices.max(axis=0)])
-            for each in (a.geometry, b.geometry)
-        ]
-        off = float(abs(ends[0] - ends[1]).max())
+        off = float(abs(a.extent - b.extent).max())
         # Meshes made of voxels end on their faces.
-        if off > max(a.geometry.pitch, b.geometry.pitch):
+        if off > max(a.pitch, b.pitch):
             raise InputError(
                 f"truth_error: the mesh of body {index} ends up to {off:.3g} m away "
                 "from that of the reference: compare runs of the same meshes, each in "
@@ -184,15 +272,13 @@ def _check_meshes(
 
 
 def _remarks(
-    judged: tuple[SolvedSurface, ...], reference: tuple[SolvedSurface, ...]
+    judged: tuple[BodyOutline, ...], reference: tuple[BodyOutline, ...]
 ) -> tuple[str, ...]:
     """Name the bodies whose reference is not as independent as an error needs it."""
     found = []
-    pairs = zip(judged, reference, strict=True)
-    for index, (own, finer) in enumerate((a.geometry, b.geometry) for a, b in pairs):
-        positions = own.fragment_position, finer.fragment_position
-        if positions[0].shape == positions[1].shape and np.allclose(
-            *positions, rtol=0, atol=1e-3 * own.pitch
+    for index, (own, finer) in enumerate(zip(judged, reference, strict=True)):
+        if own.fragments == finer.fragments and np.allclose(
+            own.position, finer.position, rtol=0, atol=1e-3 * own.pitch
         ):
             found.append(
                 f"body {index} has the voxels of the reference: the error is that of "

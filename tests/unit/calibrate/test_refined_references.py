@@ -217,7 +217,7 @@ def test_a_body_of_voxels_has_no_finer_ones(tmp_path):
         "bodies.0={solid: solid.npy, pitch: 0.01, material: copper, temperature: 300}"
     )
     config = load_config(path, (body,))
-    with pytest.raises(InputError, match=r"^truth: in voxels 2 times .* body 0 is "):
+    with pytest.raises(InputError, match=r"^truth: body 0 is given by its voxels"):
         refined_reference(config, RefinedReference(), lambda _: None)
 
 

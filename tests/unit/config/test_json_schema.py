@@ -9,6 +9,7 @@ import pytest
 
 from calibrate.config.schema import CalibrationConfig
 from experiments.structures.config import ComparisonConfig
+from experiments.sweep.config import SweepConfig
 from jaxthermo.config.json_schema import json_schema
 from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.config.strict_yaml import read_yaml
@@ -19,9 +20,20 @@ MODELS = {
     "scene": SceneConfig,
     "calibration": CalibrationConfig,
     "comparison": ComparisonConfig,
+    "sweep": SweepConfig,
 }
-FOLDERS = {"scenes": "scene", "calibration": "calibration", "experiments": "comparison"}
-PROGRAMS = dict(zip(MODELS, ("jaxthermo", "calibrate", "experiments"), strict=True))
+FOLDERS = {
+    "scenes": "scene",
+    "calibration": "calibration",
+    "experiments": "comparison",
+    "sweeps": "sweep",
+}
+PROGRAMS = {
+    "scene": "jaxthermo schema",
+    "calibration": "calibrate schema",
+    "comparison": "experiments schema",
+    "sweep": "experiments schema sweep",
+}
 
 
 def validator(name: str) -> jsonschema.Draft202012Validator:
@@ -34,7 +46,7 @@ def test_the_committed_file_is_current(name):
     committed = (CONFIGS / f"{name}.schema.json").read_text(encoding="utf-8")
     program = PROGRAMS[name]
     assert json_schema(MODELS[name]) == committed, (
-        f"write it again: {program} schema > configs/{name}.schema.json"
+        f"write it again: {program} > configs/{name}.schema.json"
     )
     jsonschema.Draft202012Validator.check_schema(json.loads(committed))
 

@@ -1,0 +1,93 @@
+"""A case: one choice of structure, voxels and solver under one load.
+
+Cases whose programs have arrays of the same shapes run together, see `evaluate`.
+"""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from jaxthermo.config.loader import config_hash, load_config, resolved
+from jaxthermo.config.schema.scene import SceneConfig
+
+from ..config.schema import AbsoluteReference
+from ..problem.reference import program_hash
+
+
+@dataclass(frozen=True)
+class Case:
+    """A scene with the changes of a choice and of a load."""
+
+    config: SceneConfig
+    names: tuple[tuple[str, str], ...]
+    """The choice: the label of its value on each axis."""
+    load: str
+    truth: AbsoluteReference
+    set: tuple[tuple[str, Any], ...] = ()
+    """Changes of the choice by dotted key."""
+
+    @cached_property
+    def id(self) -> str:
+        """Hash of the resolved scene, its names, the reference and the program."""
+        # A changed program gives other errors, and another case; two choices that
+        # come to the same scene are two cases.
+        scene, truth = config_hash(_run_part(self.config)), self.truth
+        names = json.dumps([self.names, self.load])
+        text = " ".join((scene, names, truth.model_dump_json(), program_hash()))
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+    @cached_property
+    def shape_key(self) -> str:
+        """Text that cases with arrays of the same shapes have in common.
+
+        Cases with the same text may still differ in shape: `evaluate_group` looks.
+        """
+        plain = resolved(_run_part(self.config))
+        for body in plain["bodies"]:
+            body["structure"].pop("weights", None)
+            for key in ("material", "temperature", "coatings", "regions"):
+                body[key] = _kinds(body.get(key))
+        plain["terms"] = _kinds(plain["terms"])
+        return json.dumps(plain, sort_keys=True, default=str)
+
+    @property
+    def head(self) -> dict[str, Any]:
+        """First fields of the case's row."""
+        choice, changes = dict(self.names), dict(self.set)
+        return {"id": self.id, "choice": choice, "load": self.load, "set": changes}
+
+
+def _run_part(config: SceneConfig) -> SceneConfig:
+    """Config without what has no effect on temperatures."""
+    fields = type(config).model_fields
+    defaults = {key: fields[key].default for key in ("camera", "image", "truth")}
+    return config.model_copy(update={"name": None, **defaults})
+
+
+def _kinds(value: Any) -> Any:
+    """Plain values with every number replaced: what is left decides shapes."""
+    if isinstance(value, Mapping):
+        return {key: _kinds(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_kinds(item) for item in value]
+    return value if isinstance(value, str | bool | type(None)) else "number"
+
+
+def changed_config(
+    path: Path, *changes: Mapping[str, Any], find_meshes: bool = True
+) -> SceneConfig:
+    """Scene in a file with changes by dotted key, later ones over earlier ones.
+
+    Raises:
+        InputError: for a change that the scene cannot have.
+    """
+    texts = [
+        f"{key}={json.dumps(value)}"
+        for change in changes
+        for key, value in change.items()
+    ]
+    return load_config(path, texts, find_meshes=find_meshes)

@@ -1,0 +1,221 @@
+"""Errors of cases: those of one shape in one program, each case a row.
+
+A row holds plain values. A case that cannot be run is a row too, with the reason.
+"""
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxthermo.arrays import precision
+from jaxthermo.errors import InputError
+from jaxthermo.integrate.run.plan import (
+    Plan,
+    StepTable,
+    initial_state,
+    plan_run,
+    save_intervals,
+    step_table,
+)
+from jaxthermo.integrate.run.simulate import make_solution, run_plan, take_steps
+from jaxthermo.integrate.run.solution import RESULTS, Observation, Solution
+
+from .case import Case
+from .picture import difference_picture
+from .scenes import build_case
+from .truth import Truth
+
+
+Row = dict[str, Any]
+
+MAX_TOGETHER = 16
+"""Largest number of cases in one program."""
+_MAX_BYTES = 2 * 2**30
+"""Estimated memory of all cases in one program [bytes]."""
+
+
+class Evaluated(NamedTuple):
+    """A row, and the picture of its errors; None for a case that failed."""
+
+    row: Row
+    picture: bytes | None
+
+
+class _Planned(NamedTuple):
+    case: Case
+    plan: Plan
+    seconds: float
+
+
+def evaluate(case: Case, truth: Truth) -> Evaluated:
+    """Run one case alone and measure its error against the reference."""
+    return evaluate_group([case], {case.load: truth})[0]
+
+
+def evaluate_group(
+    cases: Sequence[Case], truths: Mapping[str, Truth]
+) -> list[Evaluated]:
+    """Run cases, those whose arrays have the same shapes in one program.
+
+    Args:
+        cases: in any order.
+        truths: reference of each load by its name.
+
+    Returns:
+        A row for each case, in their order.
+    """
+    found: dict[int, Evaluated] = {}
+    waiting: list[tuple[int, _Planned]] = []
+    for number, case in enumerate(cases):
+        try:
+            waiting.append((number, _plan(case)))
+        except Exception as error:
+            found[number] = _failed(case, error)
+    for batch in _batches(waiting):
+        members = [planned for _, planned in batch]
+        for (number, _), made in zip(batch, _run(members, truths), strict=True):
+            found[number] = made
+    return [found[number] for number in range(len(cases))]
+
+
+def _failed(case: Case, error: Exception) -> Evaluated:
+    # One case of many must not end the others, whatever went wrong in it.
+    lines = str(error).strip().splitlines() or [""]
+    kind = "" if isinstance(error, InputError) else f"{type(error).__name__}: "
+    return Evaluated({**case.head, "failed": f"{kind}{lines[0]}"[:500]}, None)
+
+
+def _plan(case: Case) -> _Planned:
+    clock = time.perf_counter()
+    config = case.config
+    scene = build_case(config).scene
+    with precision(scene.dtype):
+        plan = plan_run(
+            scene,
+            config.time.end,
+            config.time.save_times,
+            config.solver.build(),
+            control_error=True,
+        )
+    return _Planned(case, plan, time.perf_counter() - clock)
+
+
+def _batches(
+    waiting: list[tuple[int, _Planned]],
+) -> Iterator[list[tuple[int, _Planned]]]:
+    """Split planned cases into those that can run in one program."""
+    groups: dict[Any, list[tuple[int, _Planned]]] = {}
+    for entry in waiting:
+        groups.setdefault(_shape(entry[1].plan), []).append(entry)
+    for group in groups.values():
+        memory = group[0][1].plan.compiled.receipt.memory_bytes
+        size = int(np.clip(_MAX_BYTES // max(memory, 1), 1, MAX_TOGETHER))
+        for first in range(0, len(group), size):
+            yield group[first : first + size]
+
+
+def _shape(plan: Plan) -> Any:
+    """Equal for plans that differ in numbers only; never for those that run alone."""
+    moves = len(plan.compiled.programs) > 1
+    if plan.control is not None or moves or not plan.intervals:
+        return object()
+    arrays, rest = eqx.partition(_arguments(plan), eqx.is_array)
+    leaves, tree = jax.tree.flatten(arrays)
+    shapes = tuple((leaf.shape, str(leaf.dtype)) for leaf in leaves)
+    # Functions and texts in the program are compared as they are.
+    return shapes, str(tree), str(jax.tree.leaves(rest))
+
+
+def _arguments(plan: Plan) -> tuple[Any, ...]:
+    table = step_table(plan, save_intervals(plan.intervals))
+    return plan.stepper, plan.compiled.program, initial_state(plan), table
+
+
+def _run(batch: list[_Planned], truths: Mapping[str, Truth]) -> list[Evaluated]:
+    clock = time.perf_counter()
+    plans = [planned.plan for planned in batch]
+    try:
+        with precision(plans[0].scene.dtype):
+            if len(plans) == 1:
+                solutions = [run_plan(plans[0])]
+            else:
+                rows = _together([_arguments(plan) for plan in plans])
+                solutions = [
+                    make_solution(plan, jax.tree.map(lambda a, n=n: a[n], rows))
+                    for n, plan in enumerate(plans)
+                ]
+    except Exception as error:
+        return [_failed(planned.case, error) for planned in batch]
+    seconds = (time.perf_counter() - clock) / len(batch)
+    found = []
+    for planned, solution in zip(batch, solutions, strict=True):
+        try:
+            truth = truths[planned.case.load]
+            found.append(_judged(planned, solution, truth, len(batch), seconds))
+        except Exception as error:
+            found.append(_failed(planned.case, error))
+    return found
+
+
+def _together(arguments: list[tuple[Any, ...]]) -> Observation:
+    """Observations of runs that differ in numbers, along a new first axis."""
+    pairs = [eqx.partition(each, eqx.is_array) for each in arguments]
+    static = pairs[0][1]
+    flat = [jax.tree.leaves(arrays) for arrays, _ in pairs]
+    tree = jax.tree.structure(pairs[0][0])
+    # What all have in common, such as the indices of links, is kept once.
+    differs = [
+        not all(_equal(a, row[0]) for a in row[1:]) for row in zip(*flat, strict=True)
+    ]
+    columns = zip(*flat, strict=True)
+    stacked = [
+        jnp.stack(row) if varies else row[0]
+        for row, varies in zip(columns, differs, strict=True)
+    ]
+    axes = [0 if varies else None for varies in differs]
+
+    def one(leaves: list[jax.Array]) -> Observation:
+        stepper, program, state, table = eqx.combine(
+            jax.tree.unflatten(tree, leaves), static
+        )
+        return take_steps(stepper, program, state, StepTable(*table))[1]
+
+    mapped = eqx.filter_jit(jax.vmap(one, in_axes=(axes,), axis_size=len(flat)))
+    return jax.block_until_ready(mapped(stacked))
+
+
+def _equal(a: jax.Array, b: jax.Array) -> bool:
+    return a is b or bool(np.array_equal(np.asarray(a), np.asarray(b)))
+
+
+def _judged(
+    planned: _Planned, solution: Solution, truth: Truth, together: int, seconds: float
+) -> Evaluated:
+    if solution.result != RESULTS.successful:
+        raise InputError(RESULTS[solution.result])
+    clock = time.perf_counter()
+    with precision(planned.plan.scene.dtype):
+        error = truth.points.error(solution)
+    if not np.isfinite(np.asarray(error.rms_kelvin)).all():
+        raise InputError("the error is not finite")
+    picture = difference_picture(truth.points, solution)
+    receipt = planned.plan.compiled.receipt
+    row = {
+        **planned.case.head,
+        "error": error.as_dict(),
+        "own_error": truth.own_error,
+        "nodes": receipt.nodes,
+        "links": receipt.links,
+        "steps": solution.run.steps,
+        "memory_bytes": receipt.memory_bytes,
+        "together": together,
+        "warnings": list(receipt.warnings),
+        "took_s": planned.seconds + seconds + time.perf_counter() - clock,
+        "picture": None,
+    }
+    return Evaluated(row, picture)

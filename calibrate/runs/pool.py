@@ -1,0 +1,179 @@
+"""Processes that evaluate cases: this one, those of a local cluster, or a scheduler's.
+
+Every task holds all that it needs but mesh files: workers on other machines find these
+under the same paths.
+"""
+
+import importlib
+import logging
+import os
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, NamedTuple
+
+from jaxthermo.arrays import available_bytes
+from jaxthermo.errors import InputError
+
+from ..problem.reference import program_hash
+from .case import Case
+from .evaluate import Evaluated, evaluate_group
+from .truth import Truth
+
+
+_WAIT_S = 20.0
+"""Time to wait for a scheduler, and for its first worker [s]."""
+_AHEAD = 2
+"""Tasks per worker that are handed out at once."""
+_MEMORY_FRACTION = 0.8
+"""Fraction of the memory that is free now, for all local workers."""
+
+
+class Task(NamedTuple):
+    """Cases that are evaluated together, and the references of their loads."""
+
+    cases: tuple[Case, ...]
+    truths: dict[str, Truth]
+
+
+Results = Iterator[tuple[Task, list[Evaluated]]]
+Pool = Callable[[Sequence[Task]], Results]
+"""Function that evaluates tasks and yields their results as they are ready."""
+
+
+def in_this_process(tasks: Sequence[Task]) -> Results:
+    """Evaluate tasks one after the other."""
+    for task in tasks:
+        yield task, evaluate_group(task.cases, task.truths)
+
+
+@contextmanager
+def open_pool(workers: int, scheduler: str | None) -> Iterator[Pool]:
+    """Start local workers, or connect to a scheduler.
+
+    Args:
+        workers: number of local processes; this one only for 0 and 1.
+        scheduler: address of a running one, such as tcp://10.0.0.1:8786.
+
+    Raises:
+        InputError: if the library is missing, or the scheduler cannot be reached or
+            has no workers.
+    """
+    if scheduler is None and workers <= 1:
+        yield in_this_process
+        return
+    try:
+        library = importlib.import_module("distributed")
+        settings = importlib.import_module("dask").config
+    except ModuleNotFoundError as error:
+        raise InputError(
+            f"--workers and --scheduler need {error.name}: install jaxthermo[sweep], "
+            "or give --workers 1"
+        ) from error
+    # Its own messages about lost connections are many lines long.
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    one_thread = {
+        "OMP_NUM_THREADS": "1",
+        # The number of threads of XLA's own pool.
+        "NPROC": "1",
+        "XLA_FLAGS": os.environ.get("XLA_FLAGS", "")
+        + " --xla_cpu_multi_thread_eigen=false",
+    }
+    # Before a worker imports anything, which reads these variables once.
+    with settings.set({"distributed.nanny.pre-spawn-environ": one_thread}):
+        cluster = None if scheduler is not None else _local(library, workers)
+        try:
+            with _client(library, cluster or scheduler) as client:
+                yield lambda tasks: _distributed(library, client, tasks)
+        finally:
+            if cluster is not None:
+                cluster.close()
+
+
+def _local(library: Any, workers: int) -> Any:
+    memory = int(_MEMORY_FRACTION * available_bytes() / workers)
+    return library.LocalCluster(
+        n_workers=workers,
+        threads_per_worker=1,
+        processes=True,
+        memory_limit=memory,
+        dashboard_address=None,
+        silence_logs=logging.CRITICAL,
+    )
+
+
+@contextmanager
+def _client(library: Any, target: Any) -> Iterator[Any]:
+    try:
+        client = library.Client(target, timeout=_WAIT_S, set_as_default=False)
+    except (OSError, ValueError, TimeoutError) as error:
+        reason = (str(error).strip().splitlines() or [type(error).__name__])[0]
+        raise InputError(
+            f"--scheduler {target}: cannot be reached ({reason}): start one with "
+            "`dask scheduler`, and workers with `dask worker ADDRESS`"
+        ) from error
+    try:
+        try:
+            client.wait_for_workers(1, timeout=_WAIT_S)
+        except (TimeoutError, OSError) as error:
+            raise InputError(
+                f"--scheduler {target}: has no workers: start some with "
+                f"`dask worker {target}`"
+            ) from error
+        yield client
+    finally:
+        # Tasks that were handed out and are not needed any more end with it.
+        client.close(timeout=2)
+
+
+def _distributed(library: Any, client: Any, tasks: Sequence[Task]) -> Results:
+    waiting, running = list(tasks), {}
+    while waiting or running:
+        if client.status != "running":
+            raise _lost(client)
+        try:
+            ahead = _AHEAD * max(len(client.scheduler_info(n_workers=-1)["workers"]), 1)
+            while waiting and len(running) < ahead:
+                task = waiting.pop(0)
+                future = client.submit(_work, task, program_hash(), pure=False)
+                running[future] = task
+            library.wait(list(running), timeout=1.0, return_when="FIRST_COMPLETED")
+        except TimeoutError:
+            continue
+        except OSError as error:
+            raise _lost(client) from error
+        for future in [future for future in running if future.done()]:
+            yield running[future], _result(client, future, running[future])
+            del running[future]
+
+
+def _result(client: Any, future: Any, task: Task) -> list[Evaluated]:
+    if future.cancelled():
+        raise _lost(client)
+    error = future.exception()
+    if error is None:
+        return future.result()
+    if isinstance(error, InputError):
+        raise error
+    # A worker that was killed several times over the same task ran out of memory.
+    reason = f"{type(error).__name__}: {str(error).splitlines()[0]}"
+    return [
+        Evaluated({**case.head, "failed": reason[:500]}, None) for case in task.cases
+    ]
+
+
+def _lost(client: Any) -> InputError:
+    return InputError(
+        f"--scheduler {client.scheduler.address if client.scheduler else ''}: the "
+        "connection was lost; finished rows are kept, and the same command goes on "
+        "from there"
+    )
+
+
+def _work(task: Task, program: str) -> list[Evaluated]:
+    """Evaluate a task in a worker, which must run the same program."""
+    if program_hash() != program:
+        raise InputError(
+            "--scheduler: its workers run another version of this program: install "
+            "the same one there, and start them again"
+        )
+    return evaluate_group(task.cases, task.truths)

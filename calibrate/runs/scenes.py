@@ -1,0 +1,77 @@
+"""Scenes of cases: voxels and bodies that the last ones had are used again."""
+
+import json
+import time
+from functools import lru_cache
+from typing import NamedTuple
+
+from jaxthermo.config.loader import resolved
+from jaxthermo.config.schema.body import BodyConfig
+from jaxthermo.config.schema.scene import SceneConfig
+from jaxthermo.scene.scene import Body, Scene
+from jaxthermo.voxels.grid import VoxelGrid
+
+
+_VOXELS = ("mesh", "shape", "solid", "pitch", "voxels_high", "surface_cells")
+"""Fields of a body's config that its voxels follow from."""
+
+
+class Built(NamedTuple):
+    """A scene of a case, and how long its parts took to build [s]."""
+
+    scene: Scene
+    voxels_s: float
+    structures_s: float
+
+
+class _Bodies(NamedTuple):
+    bodies: tuple[Body, ...]
+    voxels_s: float
+    structures_s: float
+
+
+class _Key:
+    # Configs by their values, since a model with a mapping in it has no hash.
+    def __init__(self, configs: tuple[BodyConfig, ...], fields: tuple[str, ...] = ()):
+        self.configs = configs
+        plain = [resolved(config) for config in configs]
+        chosen = [{k: v for k, v in p.items() if k in (fields or p)} for p in plain]
+        self.text = json.dumps(chosen, default=str)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Key) and self.text == other.text
+
+    def __hash__(self) -> int:
+        return hash(self.text)
+
+
+def build_case(config: SceneConfig) -> Built:
+    """Build a scene.
+
+    Raises:
+        InputError: for files or values that cannot be used.
+    """
+    # Choices of one resolution, and the loads of a choice, differ in little.
+    made, clock = _bodies(_Key(tuple(config.bodies))), time.perf_counter()
+    scene = config.scene(made.bodies, tuple(term.build() for term in config.terms))
+    structures_s = made.structures_s + time.perf_counter() - clock
+    return Built(scene, made.voxels_s, structures_s)
+
+
+@lru_cache(maxsize=2)
+def _bodies(key: _Key) -> _Bodies:
+    found, voxels_s, structures_s = [], 0.0, 0.0
+    for config in key.configs:
+        grid, seconds = _grid(_Key((config,), _VOXELS))
+        clock = time.perf_counter()
+        found.append(config.build(grid))
+        voxels_s += seconds
+        structures_s += time.perf_counter() - clock
+    return _Bodies(tuple(found), voxels_s, structures_s)
+
+
+@lru_cache(maxsize=3)
+def _grid(key: _Key) -> tuple[VoxelGrid, float]:
+    clock = time.perf_counter()
+    grid = key.configs[0].build_grid()
+    return grid, time.perf_counter() - clock

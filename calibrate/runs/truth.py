@@ -1,0 +1,43 @@
+"""The reference of a case: one run of fine voxels under each load, read at points."""
+
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+from jaxthermo.integrate.truth_error import TruthPoints, truth_points
+
+from ..problem.reference import Log, absolute_reference, reference_key
+from .case import Case
+
+
+class Truth(NamedTuple):
+    """A reference at points, with its own error and what it took."""
+
+    points: TruthPoints
+    own_error: dict[str, Any]
+    costs: tuple[dict[str, Any], ...]
+
+
+def find_truth(case: Case, log: Log) -> Truth:
+    """Run the reference of a case with two coarser ones, or load them."""
+    return _found(_Request(case, reference_key(case.config, case.truth), log))
+
+
+class _Request:
+    # One for all choices under a load: only the key counts.
+    def __init__(self, case: Case, key: str, log: Log):
+        self.case, self.key, self.log = case, key, log
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Request) and self.key == other.key
+
+    def __hash__(self) -> int:
+        return hash(self.key)
+
+
+@lru_cache(maxsize=16)
+def _found(request: _Request) -> Truth:
+    case = request.case
+    found = absolute_reference(case.config, case.truth, request.log)
+    given = case.truth
+    points = truth_points(found.solution, given.points, given.seed)
+    return Truth(points, found.own_error.as_dict(), found.costs)

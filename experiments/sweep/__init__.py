@@ -1,0 +1,1 @@
+"""Sweeps: error and run time over axes of a scene."""

@@ -1,0 +1,87 @@
+"""`experiments sweep` on a terminal: progress with the time left, and a table."""
+
+import os
+import time
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeRemainingColumn,
+)
+from typing_extensions import override
+
+from jaxthermo.cli.console import open_console, print_line
+from jaxthermo.errors import InputError
+
+from .run import Log, Options, run_sweep
+from .summary import table, write_results
+
+
+_MAX_LINES = 40
+"""Choices that are listed on a terminal."""
+_EVERY_S = 30.0
+"""Interval of the lines that stand for a progress bar in a pipe [s]."""
+
+
+class _Bar(Log):
+    # A bar on a terminal; in a pipe a line now and then.
+    def __init__(self, console: Console, bar: Progress):
+        self._console, self._bar = console, bar
+        self._task = bar.add_task("starting", total=None)
+        self._done, self._total, self._said = 0, None, time.monotonic()
+
+    @override
+    def stage(self, text: str, done: int = 0, total: int | None = None) -> None:
+        self._done, self._total = done, total
+        self._bar.reset(self._task, description=text, total=total, completed=done)
+
+    @override
+    def advance(self, count: int) -> None:
+        self._done += count
+        self._bar.advance(self._task, count)
+        if not self._console.is_terminal and (
+            time.monotonic() - self._said > _EVERY_S or self._done == self._total
+        ):
+            self._said = time.monotonic()
+            name = self._bar.tasks[0].description
+            self.line(f"{name}: {self._done} of {self._total}")
+
+    @override
+    def line(self, text: str) -> None:
+        print_line(self._console, text)
+
+
+def sweep(config: Path, out: Path, overrides: tuple[str, ...], options: Options) -> int:
+    """Run `experiments sweep`; return the number of failed cases."""
+    if options.workers < 0:
+        raise InputError(f"--workers {options.workers}: give 0 or more")
+    console = open_console()
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(bar_width=None),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        TextColumn("left"),
+    )
+    quiet = not console.is_terminal
+    with Progress(*columns, console=console, transient=True, disable=quiet) as bar:
+        made = run_sweep(config, out, overrides, options, _Bar(console, bar))
+    write_results(made)
+    console.print(table(made, _MAX_LINES).rich(), soft_wrap=False)
+    failed = sum("failed" in row for row in made.rows.values())
+    if failed:
+        print_line(
+            console, f"{failed} cases failed, see {out / 'result.json'}; --retry runs "
+            "them again",
+        )  # fmt: skip
+    print_line(console, f"rows.jsonl, result.json and report.html in {out}")
+    return failed
+
+
+def default_workers() -> int:
+    """Number of worker processes: two, or one for each core where there are fewer."""
+    return min(2, os.cpu_count() or 1)

@@ -1,0 +1,280 @@
+"""Schema of a sweep: a scene, its loads, axes of values, what errors are against."""
+
+import hashlib
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeAlias
+
+from pydantic import BeforeValidator, Discriminator, Field, Tag, ValidationError
+
+from calibrate.config.schema import AbsoluteReference, Changes, Name
+from jaxthermo.config.loader import mesh_folders, with_overrides
+from jaxthermo.config.messages import described, in_file
+from jaxthermo.config.strict_yaml import read_yaml, write_yaml
+from jaxthermo.config.types.files import FOLDERS, FoundPath
+from jaxthermo.config.types.model import ByKind, KindModel, Mistake, Model, Short
+from jaxthermo.config.types.quantities import Flag, NotEmpty, Number, Whole, refuse
+from jaxthermo.errors import InputError
+
+
+Key = Annotated[str, Field(min_length=1, max_length=200)]
+Count = Annotated[Whole, Field(ge=1, le=100_000)]
+_Seed = Annotated[Whole, Field(ge=0)]
+
+
+class LoadConfig(Model):
+    """One set of changes under which every choice is run."""
+
+    name: Name
+    set: Changes = {}
+
+
+class AxisValue(Model):
+    """One value of an axis: changes of the scene, by dotted key."""
+
+    label: Name
+    set: Changes = {}
+
+
+class ListAxis(Model):
+    """Values of one number or word of the scene."""
+
+    key: Key
+    """Dotted key that takes the values."""
+    values: Annotated[tuple[Any, ...], NotEmpty]
+
+
+class RangeAxis(Model):
+    """A number of the scene between two bounds, in SI."""
+
+    key: Key
+    """Dotted key that takes the values."""
+    between: Annotated[tuple[Number, Number], BeforeValidator(lambda v: _pair(v))]
+    """Lower and upper bound."""
+    log: Flag = False
+    """Spread the values evenly in their logarithm."""
+    count: Annotated[Whole, Field(ge=2, le=10_000)] | None = None
+    """Number of values in a grid, both bounds included."""
+
+    def mistakes(self) -> list[Mistake]:
+        """Bounds out of order, or without a logarithm."""
+        low, high = self.between
+        if not low < high:
+            return [(("between",), f"{high:g} is not above {low:g}")]
+        if self.log and low <= 0:
+            return [(("between",), f"{low:g} has no logarithm: leave out `log`")]
+        return []
+
+
+def _pair(value: Any) -> Any:
+    if not isinstance(value, list | tuple) or len(value) != 2:
+        raise refuse("expected two numbers, [lower, upper]")
+    return tuple(value)
+
+
+def _axis_form(value: Any) -> str:
+    if isinstance(value, list | tuple):
+        return "<labelled>"
+    is_range = isinstance(value, dict) and "between" in value
+    return "<range>" if is_range or isinstance(value, RangeAxis) else "<values>"
+
+
+Axis: TypeAlias = Annotated[
+    Annotated[Annotated[tuple[AxisValue, ...], NotEmpty], Tag("<labelled>")]
+    | Annotated[ListAxis, Tag("<values>")]
+    | Annotated[RangeAxis, Tag("<range>")],
+    Discriminator(_axis_form),
+]
+
+
+class GridSampling(KindModel, kind="grid"):
+    """Every combination of the values of all axes."""
+
+
+class RandomSampling(KindModel, kind="random"):
+    """Independent random values on every axis."""
+
+    count: Count
+    seed: _Seed = 0
+
+
+class SobolSampling(KindModel, kind="sobol"):
+    """Points of a scrambled Sobol' sequence, which fill the axes evenly."""
+
+    count: Count
+    seed: _Seed = 0
+
+
+class ListSampling(KindModel, kind="list"):
+    """Points that are named: an axis has one label, a list of them, or all of its own.
+
+    Every combination of the labels of a point is a choice.
+    """
+
+    points: Annotated[tuple[dict[str, Any], ...], NotEmpty]
+    """Labels by the names of axes; an axis that is left out takes all its values."""
+
+
+class OptunaSampling(KindModel, kind="optuna"):
+    """A study of optuna that looks for small errors at little work."""
+
+    count: Count
+    seed: _Seed = 0
+    batch: Annotated[Whole, Field(ge=1, le=1000)] = 4
+    """Choices that are asked for at once, whatever the number of workers."""
+    objective: Literal["front", "error"] = "front"
+    """Error and nodes times steps together, or the error alone."""
+
+
+Sampling = Annotated[
+    GridSampling | RandomSampling | SobolSampling | ListSampling | OptunaSampling,
+    ByKind(),
+    Short("kind"),
+]
+
+
+class FitComparison(Model):
+    """A fit of the axes' parameters, whose optimum is shown beside the sweep's."""
+
+    calibration: FoundPath
+    """Config of the calibration, with `reference: truth`."""
+
+
+class SweepConfig(Model):
+    """A complete sweep."""
+
+    scene: FoundPath
+    """Config file of the scene."""
+    set: Changes = {}
+    """Changes of all cases, by dotted key as after `--set`."""
+    loads: Annotated[tuple[LoadConfig, ...], NotEmpty] = (LoadConfig(name="as given"),)
+    """The error of a choice is the largest over its loads."""
+    axes: dict[Name, Axis]
+    """Values by the name of the axis."""
+    sampling: Sampling = GridSampling()
+    truth: AbsoluteReference
+    """Runs of finer voxels, which errors are measured from."""
+    repeats: Annotated[Whole, Field(ge=2, le=100)] = 5
+    """Number of times that every loop is timed."""
+    fit: FitComparison | None = None
+    """Fit that is compared with a sweep over one or two weights."""
+
+    def mistakes(self) -> list[Mistake]:
+        """No axes, names given twice, and points that name nothing."""
+        found: list[Mistake] = []
+        if not self.axes:
+            found.append((("axes",), "an empty sweep: give an axis at least"))
+        names = [load.name for load in self.loads]
+        found += [
+            (("loads", i), f"'{name}' is there twice")
+            for i, name in enumerate(names)
+            if name in names[:i]
+        ]
+        for name, axis in self.axes.items():
+            given = labels(axis)
+            found += [
+                (("axes", name, i), f"'{label}' is there twice")
+                for i, label in enumerate(given)
+                if label in given[:i]
+            ]
+            in_grid = isinstance(self.sampling, GridSampling | ListSampling)
+            if in_grid and isinstance(axis, RangeAxis) and axis.count is None:
+                message = "missing: how many values a grid has of it"
+                found.append((("axes", name, "count"), message))
+        return [*found, *self._points()]
+
+    def _points(self) -> list[Mistake]:
+        if not isinstance(self.sampling, ListSampling):
+            return []
+        found: list[Mistake] = []
+        for i, point in enumerate(self.sampling.points):
+            for name, given in point.items():
+                where = ("sampling", "points", i, name)
+                if name not in self.axes:
+                    axes = ", ".join(self.axes)
+                    found.append((where, f"names no axis; there are {axes}"))
+                    continue
+                known = labels(self.axes[name])
+                wanted = given if isinstance(given, list) else [given]
+                found += [
+                    (where, f"the axis has no '{label}'; it has {', '.join(known)}")
+                    for label in map(text_of, wanted)
+                    if label not in known
+                ]
+        return found
+
+
+def text_of(value: Any) -> str:
+    """The label of a plain value."""
+    return value if isinstance(value, str) else json.dumps(value)
+
+
+def labels(axis: Axis) -> list[str]:
+    """Labels of the values that an axis lists; those of a range in a grid."""
+    match axis:
+        case ListAxis(values=values):
+            return [text_of(value) for value in values]
+        case RangeAxis():
+            return [text_of(value) for value in range_values(axis)]
+    return [value.label for value in axis]
+
+
+def range_values(axis: RangeAxis) -> list[float]:
+    """Values of a range in a grid, of six digits; none without a count."""
+    if axis.count is None:
+        return []
+    steps = [i / (axis.count - 1) for i in range(axis.count)]
+    return [value_within(axis, step) for step in steps]
+
+
+def value_within(axis: RangeAxis, position: float) -> float:
+    """Value of a range at a position from 0 to 1, of six digits."""
+    low, high = axis.between
+    value = low + (high - low) * position
+    if axis.log:
+        value = low * (high / low) ** position
+    # Six digits: a label is the value, and tells two of them apart.
+    return float(f"{value:.6g}")
+
+
+def load_sweep(
+    path: str | Path, overrides: Sequence[str] = (), *, find_files: bool = True
+) -> SweepConfig:
+    """Read and check the config of a sweep; each mistake is a line of an `InputError`.
+
+    Args:
+        path: of the file, beside which the scene is searched for.
+        overrides: texts "a.b=c", applied in order.
+        find_files: False to accept files that are named and do not exist.
+    """
+    path = Path(path)
+    needs = "a sweep needs `scene`, `axes` and `truth`"
+    data, _ = with_overrides(read_yaml(path, needs), overrides)
+    context = {FOLDERS: mesh_folders(path.parent) if find_files else ()}
+    try:
+        return SweepConfig.model_validate(data, context=context)
+    except ValidationError as error:
+        source = lambda where: in_file(path, where)
+        raise InputError(described(error, source)) from error
+
+
+def resolved(config: SweepConfig) -> dict[str, Any]:
+    """The config as plain values."""
+    return config.model_dump(mode="json", exclude_none=True)
+
+
+def to_yaml(config: SweepConfig) -> str:
+    """The config as text that loads again to an equal one."""
+    return write_yaml(resolved(config))
+
+
+def sweep_hash(config: SweepConfig) -> str:
+    """Hash of the config with the content of its scene's file [16 hex digits]."""
+    values = resolved(config)
+    values["scene"] = hashlib.sha256(config.scene.read_bytes()).hexdigest()
+    if config.fit is not None:
+        content = config.fit.calibration.read_bytes()
+        values["fit"] = hashlib.sha256(content).hexdigest()
+    text = json.dumps(values, sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]

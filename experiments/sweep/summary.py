@@ -1,0 +1,168 @@
+"""The results of a sweep: a line for each choice, as table, page and `result.json`."""
+
+from typing import Any
+
+from calibrate.problem.reference import program_hash
+from jaxthermo.cli.summary import write_json
+from jaxthermo.provenance import processor, provenance
+from jaxthermo.report import page
+from jaxthermo.report.table import Cell, Table
+
+from .config import (
+    OptunaSampling,
+    RandomSampling,
+    SobolSampling,
+    SweepConfig,
+    resolved,
+    to_yaml,
+)
+from .run import Sweep, median_loop, worst_percent
+
+
+_COLUMNS = ("error %", "error K", "99 % K", "nodes", "steps", "loop", "full volume")
+
+
+def lines(sweep: Sweep) -> list[dict[str, Any]]:
+    """Choices with their errors and times over all loads, the smallest error first."""
+    found = []
+    for names, cases in sweep.choices.items():
+        rows = [sweep.rows[case.id] for case in cases if case.id in sweep.rows]
+        if not rows:
+            continue
+        failed = [f"{r['load']}: {r['failed']}" for r in rows if "failed" in r]
+        line: dict[str, Any] = {"choice": dict(names), "failed": failed}
+        if not failed:
+            largest = lambda name, rows=rows: max(r["error"][name] or 0.0 for r in rows)
+            line |= {
+                "rms_percent": worst_percent(rows),
+                "rms_kelvin": largest("worst_rms_kelvin"),
+                "p99_kelvin": largest("worst_p99_kelvin"),
+                "lost_fraction": largest("worst_lost_fraction"),
+                "nodes": max(row["nodes"] for row in rows),
+                "steps": max(row["steps"] for row in rows),
+                **_run_times([sweep.times.get(case.id) for case in cases]),
+            }
+        found.append(line)
+    infinite = float("inf")
+    key = lambda line: (bool(line["failed"]), line.get("rms_percent") or infinite)
+    return sorted(found, key=key)
+
+
+def _run_times(rows: list[dict[str, Any] | None]) -> dict[str, float]:
+    known = [row for row in rows if row is not None and "failed" not in row]
+    if len(known) < len(rows) or not known:
+        return {}
+    slowest = max(known, key=lambda row: median_loop(row) or 0.0)
+    full = sorted(slowest["full_volume_loop_s"])
+    return {
+        "loop_s": median_loop(slowest) or 0.0,
+        "loop_min_s": min(slowest["loop_s"]),
+        "loop_max_s": max(slowest["loop_s"]),
+        "full_volume_loop_s": full[len(full) // 2],
+    }
+
+
+def table(sweep: Sweep, most: int | None = None) -> Table:
+    """Choices as a table, the best first."""
+    found = lines(sweep)
+    rows = [_row(line) for line in found[:most]]
+    axes = list(sweep.config.axes)
+    title = "Error against the reference, the largest over all loads and saved times"
+    caption = f"Run times: {processor()}." if sweep.times else ""
+    left = tuple(range(len(axes)))
+    return Table([*axes, *_COLUMNS], rows, title, caption, left)
+
+
+def _row(line: dict[str, Any]) -> list[str | Cell]:
+    names = [*line["choice"].values()]
+    if line["failed"]:
+        reason = Cell(line["failed"][0], wraps=True, columns=len(_COLUMNS))
+        return [*names, reason]
+    time = "" if "loop_s" not in line else _seconds(line["loop_s"])
+    full = "" if "loop_s" not in line else _seconds(line["full_volume_loop_s"])
+    percent = line["rms_percent"]
+    return [
+        *names,
+        "infinite" if percent is None else f"{percent:.3g}",
+        f"{line['rms_kelvin']:.3g}",
+        f"{line['p99_kelvin']:.3g}",
+        f"{line['nodes']:,}",
+        f"{line['steps']:,}",
+        time,
+        full,
+    ]
+
+
+def _seconds(value: float) -> str:
+    return f"{value:.3g} s" if value >= 1 else f"{1e3 * value:.3g} ms"
+
+
+def write_results(sweep: Sweep) -> None:
+    """Write `result.json` and `report.html` into the folder of a sweep."""
+    failures = [
+        {"id": row["id"], "choice": row["choice"], "load": row["load"],
+         "failed": row["failed"]}
+        for row in sweep.rows.values()
+        if "failed" in row
+    ]  # fmt: skip
+    result = {
+        "experiment": "sweep",
+        **provenance(sweep.hash, _seed(sweep.config)),
+        "program_hash": program_hash(),
+        "config": resolved(sweep.config),
+        "cases": {
+            "all": len(sweep.cases),
+            "finished": sum(case.id in sweep.rows for case in sweep.cases),
+            "failed": len(failures),
+            "timed": sum("loop_s" in row for row in sweep.times.values()),
+        },
+        "failures": failures,
+        "choices": lines(sweep),
+    }
+    write_json(sweep.folder / "result.json", result)
+    _write_page(sweep, result)
+
+
+def _seed(config: SweepConfig) -> int | None:
+    match config.sampling:
+        case RandomSampling() | SobolSampling() | OptunaSampling() as drawn:
+            return drawn.seed
+    return None
+
+
+def _write_page(sweep: Sweep, result: dict[str, Any]) -> None:
+    counts, config = result["cases"], sweep.config
+    own = [row["own_error"] for row in sweep.rows.values() if "own_error" in row]
+    sections: list[page.Section] = [
+        f"{counts['finished']} of {counts['all']} cases are finished, of which "
+        f"{counts['failed']} failed; {counts['timed']} are timed.",
+        "The error of a choice is that of the worst of its loads at its worst saved "
+        "time: the root mean square of the difference from a run of finer voxels over "
+        f"{config.truth.points:,} points of the surface.",
+    ]
+    if own:
+        largest = max(each["worst_rms_kelvin"] for each in own)
+        sections.append(f"The reference itself is off by about {largest:.3g} K.")
+    sections += [page.heading("Choices"), table(sweep)]
+    if sweep.times:
+        sections.append(
+            page.paragraph(
+                "Loop: median of the compiled time loop with the surface read at the "
+                "saved times, of the slowest load. Full volume: explicit loop in the "
+                f"same voxels, timed in turn with it. {result['processor']}.",
+                note=True,
+            )
+        )
+    sections += [
+        page.heading("Origin"),
+        page.terms(
+            [
+                ("config", result["config_hash"]),
+                ("program", result["program_hash"]),
+                ("commit", result.get("commit", "installed")),
+                ("processor", result["processor"]),
+            ]
+        ),
+        page.details("Config", page.pre(to_yaml(config))),
+    ]
+    page.write_page(sweep.folder / "report.html", "Sweep", sections)

@@ -1,0 +1,142 @@
+"""`experiments sweep`: rows, results, resuming, and mistakes in one line."""
+
+import json
+import time
+from pathlib import Path
+
+import pytest
+
+from experiments.__main__ import main
+from tests.cli.cli_runs import files, run
+from tests.cli.killing import kill, start
+from tests.cli.test_full_disk import largest_file
+from tests.sweeping import SWEEP, sweep_file
+
+
+COMMAND = "import sys; from experiments.__main__ import main; main(sys.argv[1:])"
+
+
+def sweep(*arguments: object) -> tuple[object, str, str]:
+    return run("sweep", *arguments, "--workers", 1, main=main)
+
+
+def rows(folder: Path, name: str = "rows.jsonl") -> dict[str, dict]:
+    found = [json.loads(line) for line in (folder / name).read_text().splitlines()]
+    assert len({row["id"] for row in found}) == len(found)
+    return {row["id"]: row for row in found}
+
+
+def errors(folder: Path) -> dict[str, dict]:
+    """Rows but for times."""
+    return {
+        key: {k: v for k, v in row.items() if k != "took_s"}
+        for key, row in rows(folder).items()
+    }
+
+
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory) -> Path:
+    """A sweep of six cases, with times, that was left alone."""
+    folder = tmp_path_factory.mktemp("alone")
+    code, out, err = sweep(sweep_file(folder), "--out", folder / "out")
+    assert code == 0 and err == "", err
+    assert "error %" in out and "full volume" in out
+    return folder / "out"
+
+
+def test_a_sweep_leaves_rows_times_pictures_and_a_result(alone):
+    found, timed = rows(alone), rows(alone, "times.jsonl")
+    assert len(found) == 6 and set(timed) == set(found)
+    for row in found.values():
+        assert row["error"]["worst_rms_percent"] > 0 and row["together"] == 3
+        assert row["own_error"]["worst_rms_kelvin"] > 0
+        assert (alone / row["picture"]).read_bytes().startswith(b"\x89PNG")
+    result = json.loads((alone / "result.json").read_text())
+    assert result["cases"] == {"all": 6, "finished": 6, "failed": 0, "timed": 6}
+    first = result["choices"][0]
+    both = [r for r in found.values() if r["choice"] == first["choice"]]
+    assert first["rms_percent"] == max(r["error"]["worst_rms_percent"] for r in both)
+    assert first["loop_s"] > 0 and result["processor"]
+    text = (alone / "report.html").read_text()
+    assert "within" in text and "http://" not in text and "https://" not in text
+    assert not [name for name in files(alone) if "tmp" in name]
+
+
+def test_a_sweep_that_was_killed_goes_on_with_the_same_rows(alone, tmp_path):
+    out = tmp_path / "out"
+    words = "sweep", sweep_file(tmp_path), "--out", out, "--workers", 1, "--no-times"
+    process = start(COMMAND, *words)
+    path = out / "rows.jsonl"
+    assert kill(process, 0, lambda: path.exists() and path.stat().st_size > 0)
+    before = path.read_text().splitlines()
+    assert 0 < len(before) < 6
+    code, _, err = sweep(*words[1:4], "--no-times")
+    assert code == 0, err
+    after = path.read_text().splitlines()
+    assert after[: len(before)] == before
+    assert errors(out) == errors(alone)
+
+
+def test_a_finished_sweep_repeats_nothing_and_another_config_is_refused(
+    alone, tmp_path
+):
+    stamp = (alone / "rows.jsonl").stat().st_mtime_ns
+    code, out, _ = sweep(sweep_file(tmp_path), "--out", alone)
+    assert code == 0 and "error %" in out
+    assert (alone / "rows.jsonl").stat().st_mtime_ns == stamp
+    code, _, err = sweep(sweep_file(tmp_path), "--out", alone, "--set", "truth.seed=5")
+    assert code == 2 and err.count("\n") == 1 and "rows of another config" in err
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("weights.within,", "weights.withn,", "did you mean 'within'"),
+        ("bodies.0.structure.w", "bodies.3.structure.w", "has 1 entries"),
+        ("ball.yaml", "bell.yaml", "bell.yaml"),
+    ],
+)
+def test_an_axis_that_names_nothing_is_one_line(tmp_path, old, new, message):
+    path = sweep_file(tmp_path, SWEEP.replace(old, new))
+    code, _, err = sweep(path, "--out", tmp_path / "out")
+    assert code == 2 and message in err and "Traceback" not in err
+    assert len(set(err.splitlines())) == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_failed_case_is_a_row_that_is_run_again_on_request(tmp_path):
+    text = SWEEP.replace("[0.8, 1, 1.25]", "[1]").replace(
+        "\ntruth", "\n  step: {key: solver.dt, values: [auto, 1000 s]}\ntruth"
+    )
+    path, out = sweep_file(tmp_path, text), tmp_path / "out"
+    code, said, _ = sweep(path, "--out", out, "--no-times")
+    assert code == 0 and "2 cases failed" in said and "too long" in said
+    failed = [row for row in rows(out).values() if "failed" in row]
+    assert len(failed) == 2 and len(rows(out)) == 4
+    time.sleep(0.01)
+    stamp = (out / "rows.jsonl").stat().st_mtime_ns
+    sweep(path, "--out", out, "--no-times")
+    assert (out / "rows.jsonl").stat().st_mtime_ns == stamp
+    _, said, _ = sweep(path, "--out", out, "--no-times", "--retry")
+    assert "2 failed cases are run again" in said
+    assert (out / "rows.jsonl").stat().st_mtime_ns > stamp and len(rows(out)) == 4
+
+
+def test_an_unreachable_scheduler_is_one_line(tmp_path, monkeypatch):
+    monkeypatch.setattr("calibrate.runs.pool._WAIT_S", 1.0)
+    path, out = sweep_file(tmp_path), tmp_path / "out"
+    words = "--out", out, "--no-times", "--scheduler", "tcp://127.0.0.1:9"
+    code, _, err = sweep(path, *words)
+    assert code == 2 and err.count("\n") == 1 and "cannot be reached" in err
+
+
+def test_a_full_disk_is_one_line_and_rows_are_kept(alone, tmp_path):
+    """Files may not grow beyond the rows of all cases but the last ones."""
+    path, out = sweep_file(tmp_path), tmp_path / "out"
+    with largest_file((alone / "rows.jsonl").stat().st_size - 100):
+        code, _, err = sweep(path, "--out", out, "--no-times")
+    assert code == 2 and err.count("\n") == 1, err
+    assert "cannot write" in err and "rows before are kept" in err
+    assert len(rows(out)) == 3 and "error" in next(iter(rows(out).values()))
+    assert sweep(path, "--out", out, "--no-times")[0] == 0
+    assert errors(out) == errors(alone)

@@ -1,0 +1,158 @@
+"""Cases run alone and together, and the file of their rows."""
+
+import json
+
+import jax
+import numpy as np
+import pytest
+
+from calibrate.runs.evaluate import evaluate, evaluate_group
+from calibrate.runs.rows import Rows, claim_folder
+from calibrate.runs.times import time_case
+from calibrate.runs.truth import find_truth
+from experiments.sweep.config import load_sweep
+from experiments.sweep.points import cases_of, choices
+from experiments.sweep.run import groups
+from jaxthermo.errors import InputError
+from jaxthermo.integrate.run.simulate import simulate
+from jaxthermo.integrate.run.solution import Solution
+from jaxthermo.integrate.truth_error import truth_error, truth_points
+from tests.sweeping import SWEEP, sweep_file
+
+
+def cases(folder, text=SWEEP):
+    config = load_sweep(sweep_file(folder, text))
+    return [case for choice in choices(config) for case in cases_of(config, choice)]
+
+
+def test_cases_in_one_program_have_the_errors_that_they_have_alone(tmp_path):
+    """Other weights, and so other stable steps and numbers of steps."""
+    own = [case for case in cases(tmp_path) if case.load == "+x"]
+    truths = {"+x": find_truth(own[0], lambda _: None)}
+    together = [made.row for made in evaluate_group(own, truths)]
+    assert [row["together"] for row in together] == [3, 3, 3]
+    assert len({row["steps"] for row in together}) > 1
+    for case, row in zip(own, together, strict=True):
+        made = evaluate(case, truths["+x"])
+        alone = made.row
+        assert alone["together"] == 1 and made.picture is not None
+        assert row["steps"] == alone["steps"] and row["id"] == alone["id"] == case.id
+        for name in ("rms_kelvin", "p99_kelvin", "bias_kelvin"):
+            np.testing.assert_allclose(
+                row["error"][name], alone["error"][name], rtol=1e-9, atol=1e-12
+            )
+    errors = [row["error"]["worst_rms_kelvin"] for row in together]
+    assert max(errors) - min(errors) > 1e-4
+
+
+def test_a_case_that_fails_is_a_row_and_does_not_end_the_others(tmp_path):
+    text = SWEEP.replace("[0.8, 1, 1.25]", "[1]").replace(
+        "\ntruth", "\n  step: {key: solver.dt, values: [auto, 1000 s]}\ntruth"
+    )
+    own = [case for case in cases(tmp_path, text) if case.load == "+x"]
+    truths = {"+x": find_truth(own[0], lambda _: None)}
+    good, bad = (made.row for made in evaluate_group(own, truths))
+    assert "error" in good and "failed" not in good
+    assert "dt=1000 s is too long" in bad["failed"] and "error" not in bad
+    assert bad["choice"]["step"] == "1000 s" and bad["id"] == own[1].id
+
+
+def test_groups_hold_cases_of_one_shape_and_load(tmp_path):
+    text = SWEEP.replace(
+        "\ntruth", "\n  high: {key: bodies.0.voxels_high, values: [8, 9]}\ntruth"
+    )
+    own = cases(tmp_path, text)
+    found = list(groups(own))
+    assert [len(group) for group in found] == [3, 3, 3, 3]
+    for group in found:
+        assert len({case.load for case in group}) == 1
+        assert len({case.config.bodies[0].voxels_high for case in group}) == 1
+    assert sorted(c.id for g in found for c in g) == sorted(c.id for c in own)
+
+
+def test_points_of_a_reference_judge_as_the_reference_itself(tmp_path):
+    case = cases(tmp_path)[0]
+    coarse, fine = (
+        case.config.model_copy(
+            update={"bodies": (body.model_copy(update={"voxels_high": high}),)}
+        )
+        for body in case.config.bodies
+        for high in (8, 16)
+    )
+    runs: list[Solution] = []
+    for config in (coarse, fine):
+        span = config.time.end, config.time.save_times
+        runs.append(jax.block_until_ready(_simulated(config, span)))
+    direct = truth_error(*runs, count=500, seed=2)
+    by_points = truth_points(runs[1], 500, 2).error(runs[0])
+    assert direct.as_dict() == by_points.as_dict()
+    assert (
+        truth_points(runs[0], 500)
+        .error(runs[0])
+        .remarks[0]
+        .startswith("body 0 has the voxels of the reference")
+    )
+
+
+def _simulated(config, span):
+    return simulate(config.build(), *span, solver=config.solver.build())
+
+
+def test_a_time_is_measured_in_turn_with_the_full_volume(tmp_path):
+    row = time_case(cases(tmp_path)[0], 2)
+    assert len(row["loop_s"]) == len(row["full_volume_loop_s"]) == 2
+    assert min(row["loop_s"] + row["full_volume_loop_s"] + row["call_s"]) > 0
+    assert row["full_volume"]["timed_fraction"] == 1.0
+    assert row["full_volume"]["nodes"] > 200 and "core" in row["processor"]
+    json.dumps(row, allow_nan=False)
+
+
+def test_rows_of_a_killed_process_are_kept_but_for_half_a_line(tmp_path):
+    path = tmp_path / "rows.jsonl"
+    rows = Rows(path, "now")
+    rows.append([{"id": "a"}, {"id": "b", "failed": "too long"}])
+    rows.close()
+    whole = path.read_bytes()
+    path.write_bytes(whole + b'{"id": "c", "err')
+    again = Rows(path, "now")
+    assert list(again.by_id) == ["a", "b"] and path.read_bytes() == whole
+    again.append([{"id": "c"}])
+    assert again.drop_failed() == 1
+    again.close()
+    last = Rows(path, "now")
+    last.close()
+    assert list(last.by_id) == ["a", "c"]
+    assert b"failed" not in path.read_bytes()
+
+
+def test_rows_of_another_program_are_put_aside(tmp_path):
+    path = tmp_path / "rows.jsonl"
+    for program in ("before", "now"):
+        rows = Rows(path, program)
+        assert not rows.by_id
+        rows.append([{"id": "a"}])
+        rows.close()
+    aside = (tmp_path / "superseded.jsonl").read_text()
+    assert json.loads(aside) == {"id": "a", "program": "before"}
+    assert len(path.read_text().splitlines()) == 1
+
+
+def test_two_processes_do_not_write_to_one_file(tmp_path):
+    first = Rows(tmp_path / "rows.jsonl", "now")
+    with pytest.raises(InputError, match="another process writes to it"):
+        Rows(tmp_path / "rows.jsonl", "now")
+    first.close()
+
+
+def test_a_folder_belongs_to_one_config(tmp_path):
+    folder = tmp_path / "new"
+    claim_folder(folder, "one")
+    claim_folder(folder, "one")
+    with pytest.raises(InputError, match="holds the rows of another config") as told:
+        claim_folder(folder, "two")
+    assert "\n" not in str(told.value)
+    # Rows whose config is not known are not mixed either.
+    (folder / "rows.jsonl").touch()
+    (folder / "config_hash.txt").unlink()
+    with pytest.raises(InputError, match="unknown"):
+        claim_folder(folder, "one")
