@@ -14,7 +14,7 @@ _PREFIX = re.compile(r"card:/+")
 
 
 def shipped_cards() -> dict[str, Path]:
-    """File of each shipped card by its name, such as "buddha/aggregate-3"."""
+    """File of each shipped card by its name, such as "buddha/octree"."""
     files = sorted(FOLDER.glob("*/*.yaml"))
     return {f"{path.parent.name}/{path.stem}": path for path in files}
 

@@ -121,20 +121,20 @@ def test_a_simulation_warns_outside_the_range_of_its_card(fitted, tmp_path):
 def test_a_shipped_card_on_another_body_is_told(fitted):
     """The folder's scene is of a sphere."""
     folder, _ = fitted
-    card = "{kind: aggregate, factor: 3, weights: card://figurine/aggregate-3}"
+    card = "{kind: octree, weights: card://figurine/octree}"
     chosen = ("--explain", "--set", f"bodies.0.structure={card}")
     code, out, err = run("simulate", folder / "scene.yaml", *chosen, main=simulate)
     assert code == 0, err
     words = " ".join((out + err).split())
-    assert "beyond the range of card://figurine/aggregate-3: geometry sphere" in words
+    assert "beyond the range of card://figurine/octree: geometry sphere" in words
     other = "surface_cells dominant_axis: the card was fitted with crossings"
-    assert f"beyond the range of card://figurine/aggregate-3: {other}" in words
+    assert f"beyond the range of card://figurine/octree: {other}" in words
 
 
 def test_show_lists_the_shipped_cards_and_needs_a_folder_otherwise():
     code, out, err = _calibrate("show", "--shipped")
     assert code == 0, err
-    assert "card://buddha/aggregate-3" in out and "happy-buddha.obj" in out
+    assert "card://buddha/octree" in out and "happy-buddha.obj" in out
     code, out, err = _calibrate("show")
     assert code == 2 and "--shipped" in err
     code, out, err = _calibrate("show", "results", "--shipped")
