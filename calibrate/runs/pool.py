@@ -7,6 +7,7 @@ under the same paths.
 import importlib
 import logging
 import os
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, NamedTuple
@@ -24,6 +25,8 @@ _WAIT_S = 20.0
 """Time to wait for a scheduler, and for its first worker [s]."""
 _AHEAD = 2
 """Tasks per worker that are handed out at once."""
+_POLL_S = 1.0
+"""Interval in which a lost connection is noticed [s]."""
 _MEMORY_FRACTION = 0.8
 """Fraction of the memory that is free now, for all local workers."""
 
@@ -83,7 +86,7 @@ def open_pool(workers: int, scheduler: str | None) -> Iterator[Pool]:
         cluster = None if scheduler is not None else _local(library, workers)
         try:
             with _client(library, cluster or scheduler) as client:
-                yield lambda tasks: _distributed(library, client, tasks)
+                yield lambda tasks: _distributed(client, tasks)
         finally:
             if cluster is not None:
                 cluster.close()
@@ -125,30 +128,33 @@ def _client(library: Any, target: Any) -> Iterator[Any]:
         client.close(timeout=2)
 
 
-def _distributed(library: Any, client: Any, tasks: Sequence[Task]) -> Results:
+def _distributed(client: Any, tasks: Sequence[Task]) -> Results:
     waiting, running = list(tasks), {}
+    ready = threading.Event()
     while waiting or running:
         if client.status != "running":
-            raise _lost(client)
+            raise _lost()
+        ready.clear()
         try:
-            ahead = _AHEAD * max(len(client.scheduler_info(n_workers=-1)["workers"]), 1)
-            while waiting and len(running) < ahead:
+            workers = client.scheduler_info(n_workers=-1)["workers"]
+            while waiting and len(running) < _AHEAD * max(len(workers), 1):
                 task = waiting.pop(0)
                 future = client.submit(_work, task, program_hash(), pure=False)
+                future.add_done_callback(lambda _: ready.set())
                 running[future] = task
-            library.wait(list(running), timeout=1.0, return_when="FIRST_COMPLETED")
-        except TimeoutError:
-            continue
         except OSError as error:
-            raise _lost(client) from error
+            raise _lost() from error
+        # Not for ever: a connection that is lost sets nothing.
+        if not any(future.done() for future in running):
+            ready.wait(_POLL_S)
         for future in [future for future in running if future.done()]:
-            yield running[future], _result(client, future, running[future])
-            del running[future]
+            task = running.pop(future)
+            yield task, _result(future, task)
 
 
-def _result(client: Any, future: Any, task: Task) -> list[Evaluated]:
+def _result(future: Any, task: Task) -> list[Evaluated]:
     if future.cancelled():
-        raise _lost(client)
+        raise _lost()
     error = future.exception()
     if error is None:
         return future.result()
@@ -161,11 +167,10 @@ def _result(client: Any, future: Any, task: Task) -> list[Evaluated]:
     ]
 
 
-def _lost(client: Any) -> InputError:
+def _lost() -> InputError:
     return InputError(
-        f"--scheduler {client.scheduler.address if client.scheduler else ''}: the "
-        "connection was lost; finished rows are kept, and the same command goes on "
-        "from there"
+        "--scheduler: the connection was lost; finished rows are kept, and the same "
+        "command goes on from there"
     )
 
 

@@ -23,6 +23,7 @@ COARSE = ("camera={width: 32, height: 24}", "image.samples=1")
          {"wind", "emission"}),
         ("ball-on-figurine", ("bodies.0.voxels_high=50", "bodies.1.pitch=6 mm"),
          {"contact", "emission"}),
+        ("part", ("bodies.0.pitch=4 mm",), {"heat_flux", "convection"}),
         ("mixed-small", ("bodies.0.voxels_high=30", "terms.3.occlusion=16"),
          {"sun", "wind", "contact", "emission"}),
     ],
