@@ -7,6 +7,7 @@ under the same paths.
 import importlib
 import logging
 import os
+import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -94,14 +95,20 @@ def open_pool(workers: int, scheduler: str | None) -> Iterator[Pool]:
 
 def _local(library: Any, workers: int) -> Any:
     memory = int(_MEMORY_FRACTION * available_bytes() / workers)
-    return library.LocalCluster(
-        n_workers=workers,
-        threads_per_worker=1,
-        processes=True,
-        memory_limit=memory,
-        dashboard_address=None,
-        silence_logs=logging.CRITICAL,
-    )
+    # A terminal sends Ctrl-C to all processes: workers inherit that it is ignored, and
+    # end with this one.
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        return library.LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            processes=True,
+            memory_limit=memory,
+            dashboard_address=None,
+            silence_logs=logging.CRITICAL,
+        )
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 @contextmanager

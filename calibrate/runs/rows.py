@@ -116,6 +116,9 @@ class Rows:
         made = [{**row, "program": self._program} for row in rows]
         text = "".join(json.dumps(row, allow_nan=False) + "\n" for row in made)
         end = self.path.stat().st_size if self.path.exists() else 0
+        kept = len(self.by_id)
+        # Before they are written: an interrupt just after counts them.
+        self.by_id |= {row["id"]: row for row in made}
         try:
             with self.path.open("ab") as file:
                 file.write(text.encode())
@@ -127,10 +130,9 @@ class Rows:
             with suppress(OSError):
                 os.truncate(self.path, end)
             raise InputError(
-                f"cannot write {self.path}: {error.strerror}; the {len(self.by_id)} "
+                f"cannot write {self.path}: {error.strerror}; the {kept} "
                 "rows before are kept, and the same command goes on from there"
             ) from error
-        self.by_id |= {row["id"]: row for row in made}
 
     def _rewrite(self) -> None:
         with replacing(self.path) as temporary:
