@@ -37,7 +37,7 @@ def _run(
     Args:
         name: As `list` shows it, or "benchmarks" for all of them.
         config: A YAML file, for an experiment that takes one; the standard one if not
-            given.
+            given. For `front` the config of a sweep, or the folder of one.
         height: Voxels along up, instead of the config's.
         cases: Which ones, such as S01,S06, of an experiment that has cases.
         out: The folder for result.json; results/experiments/NAME if not given.

@@ -52,6 +52,9 @@ _ABOUT = {
     "thesis.convection": (
         "the local Nusselt number, averages, a cylinder in wind: C20, C21"
     ),
+    "front.run": (
+        "error against run time: the best choices of a sweep, beside numba and scipy"
+    ),
     "structures.compare": (
         "every structure against the full volume: cost, error, pictures"
     ),
@@ -68,13 +71,14 @@ _NAMES = {
     "structures.compare": "structures",
     "verification.verify": "verification",
     "stiff.run": "stiff",
+    "front.run": "front",
 }
 # The others take the height of their bodies, in voxels.
 _OPTIONS = {
     **dict.fromkeys(("stencil", "voxelize", "counting"), ()),
     **dict.fromkeys(("mixed", "structures"), ("config", "height")),
     **dict.fromkeys(("verification", "stiff"), ("cases",)),
-    "budget": ("config",),
+    **dict.fromkeys(("budget", "front"), ("config",)),
 }
 
 

@@ -141,8 +141,7 @@ def _point(rows: list[Row], times: list[Row | None]) -> Point:
         default=None,
     )
     full = slowest.get("full_volume_loop_s")
-    own = [row["own_error"].get("worst_rms_percent") for row in rows]
-    own = [value for value in own if value is not None]
+    own = [v for row in rows for v in row["own_error"].get("rms_percent", ()) if v]
     choice = rows[0]["choice"]
     return Point(
         name=", ".join(map(str, choice.values())),

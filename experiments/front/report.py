@@ -16,6 +16,7 @@ from jaxthermo.report.numbers import seconds, significant
 from jaxthermo.report.table import Cell, Table, prose
 
 from .charts import Marks, error_against, point_text
+from .comparisons import Comparison
 from .folder import SweepFolder
 from .pareto import MEASURES, Cost, Measure, Point, Row, front
 from .thesis import thesis_marks, thesis_table
@@ -52,21 +53,6 @@ _DEFINITIONS = [
         "by hand: each is run at several pitches and numbers of steps",
     ),
 ]
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """A choice and a rival within the same error, timed in turn."""
-
-    tolerance: float
-    """Largest error of both [%]."""
-    choice: Point
-    rival: Point
-    ratio: "Any"
-    """Spread of the rival's time over the choice's, under the load where it is
-    smallest."""
-    loads: dict[str, Any]
-    """The same by load."""
 
 
 @dataclass(frozen=True)
@@ -154,11 +140,11 @@ def _rival_sections(findings: Findings) -> list[page.Section]:
     found: list[page.Section] = [page.heading("Beside rivals, at the same error")]
     rows = [
         [
-            f"{significant(each.tolerance)} %",
-            prose(each.choice.name, error_text(each.choice)),
-            prose(each.rival.name, error_text(each.rival)),
-            Cell(time_text(each.choice.time), is_number=True),
-            Cell(time_text(each.rival.time), is_number=True),
+            f"{significant(each.pair.tolerance)} %",
+            prose(each.pair.choice.name, error_text(each.pair.choice)),
+            prose(each.pair.rival.name, error_text(each.pair.rival)),
+            Cell(time_text(each.choice_time), is_number=True),
+            Cell(time_text(each.rival_time), is_number=True),
             Cell(ratio_text(each.ratio), is_number=True),
         ]
         for each in findings.comparisons

@@ -35,12 +35,15 @@ def sentence(point: Point) -> str:
     return f"{error_text(point)} {cost}: {point.words} [{point.name}]"
 
 
-def structure_words(structure: Mapping[str, Any], pitch: float) -> str:
+def structure_words(
+    structure: Mapping[str, Any], pitch: float, fitted: bool = False
+) -> str:
     """A structure with sizes: "blocks of 8 mm from 1 mm voxels, fitted".
 
     Args:
         structure: as a scene config has it, in plain values.
         pitch: edge of a voxel [m].
+        fitted: True if it has other weights than 1.
     """
     kind, factor = structure["kind"], structure.get("factor")
     small = f"{significant(1e3 * pitch)} mm voxels"
@@ -51,5 +54,4 @@ def structure_words(structure: Mapping[str, Any], pitch: float) -> str:
         "shell_over_core": f"{layers} surface layers over {blocks}",
     }
     named = f"{kind.replace('_', ' ')} of {small}"
-    fitted = ", fitted" if structure.get("weights") else ""
-    return words.get(kind, named) + fitted
+    return words.get(kind, named) + ", fitted" * fitted

@@ -96,10 +96,7 @@ def test_rivals_have_offline_times_of_their_own():
     ("structure", "words"),
     [
         ({"kind": "full_volume"}, "full volume of 2 mm voxels"),
-        (
-            {"kind": "aggregate", "factor": 4, "weights": "card.yaml"},
-            "blocks of 8 mm from 2 mm voxels, fitted",
-        ),
+        ({"kind": "aggregate", "factor": 4}, "blocks of 8 mm from 2 mm voxels"),
         (
             {"kind": "shell_over_core", "factor": 4, "layers": 2},
             "2 surface layers over blocks of 8 mm from 2 mm voxels",
@@ -108,6 +105,7 @@ def test_rivals_have_offline_times_of_their_own():
 )
 def test_structures_in_words_have_sizes(structure, words):
     assert structure_words(structure, 2e-3) == words
+    assert structure_words(structure, 2e-3, fitted=True) == f"{words}, fitted"
 
 
 def test_a_sentence_has_error_time_and_what_it_is():

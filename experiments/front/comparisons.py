@@ -1,0 +1,141 @@
+"""Choices of a front and rivals at the same error, timed in turn in one process."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from calibrate.runs.case import Case
+from calibrate.runs.scenes import build_case
+from calibrate.runs.times import Loop, compiled_loop
+from jaxthermo.arrays import precision
+from jaxthermo.integrate.run.plan import plan_run
+from jaxthermo.report.numbers import significant
+
+from ..harness.timing import Spans, interleaved
+from .pareto import Point, Spread, fastest_within, front, ratio_of, spread_of
+from .rivals import TWELVE_STEPS, Rivals
+from .wording import ratio_text
+
+
+MAX_POINTS = 10
+"""Points of the front that are compared at their own error."""
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A choice and a rival whose errors are within the same one."""
+
+    tolerance: float
+    """[%]"""
+    choice: Point
+    rival: Point
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A pair that was timed, under the load where the ratio is smallest."""
+
+    pair: Pair
+    load: str
+    choice_time: Spread
+    """[s]"""
+    rival_time: Spread
+    """[s]"""
+    ratio: Spread
+    """Time of the rival over that of the choice [-]."""
+    spans: dict[str, Spans]
+    """All times by load, of "choice" and "rival" [s]."""
+
+    def sentence(self) -> str:
+        """The ratio in words, with the processor's name apart."""
+        return (
+            f"up to {significant(self.pair.tolerance)} %: {self.pair.choice.name} is "
+            f"{ratio_text(self.ratio)} times as fast as {self.pair.rival.name}"
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain types for `result.json`."""
+        point = lambda p: {"name": p.name, "choice": p.choice, "errors": p.errors}
+        return {
+            "tolerance_percent": self.pair.tolerance,
+            "choice": point(self.pair.choice),
+            "rival": point(self.pair.rival),
+            "load": self.load,
+            "times_faster": vars(self.ratio),
+            "spans_s": self.spans,
+        }
+
+
+def pairs(
+    points: Sequence[Point], rivals: Sequence[Point], tolerances: Sequence[float]
+) -> list[Pair]:
+    """Choices and rivals to time: at each tolerance, and at each error of the front.
+
+    Where RKL2 of 12 steps on 250-high voxels was run, also the fastest choice that is
+    not farther from the truth than this.
+    """
+    kinds = list(dict.fromkeys(rival.name.split(",")[0] for rival in rivals))
+    found = []
+    for tolerance in tolerances:
+        choice = fastest_within(points, tolerance)
+        if choice is None:
+            continue
+        for kind in kinds:
+            own = [rival for rival in rivals if rival.name.split(",")[0] == kind]
+            rival = fastest_within(own, tolerance)
+            if rival is not None and kind != TWELVE_STEPS.name:
+                found.append(Pair(tolerance, choice, rival))
+    for rival in rivals:
+        error = rival.errors["rms_percent"]
+        choice = fastest_within(points, error)
+        if rival.name.split(",")[0] == TWELVE_STEPS.name and choice is not None:
+            found.append(Pair(error, choice, rival))
+    for choice in _thinned(front(points)):
+        error = choice.errors["rms_percent"]
+        rival = fastest_within(rivals, error)
+        if rival is not None:
+            found.append(Pair(error, choice, rival))
+    return found
+
+
+def _thinned(points: Sequence[Point]) -> list[Point]:
+    step = -(-len(points) // MAX_POINTS)
+    return list(points[:: step or 1])
+
+
+def time_pair(
+    pair: Pair, cases: Mapping[str, Case], rivals: Rivals, repeats: int
+) -> Comparison:
+    """Time a choice and a rival in turn under every load.
+
+    Args:
+        pair: of a choice and a rival that was measured by `rivals`.
+        cases: of the choice, by load.
+        rivals: which run the rival.
+        repeats: of both.
+    """
+    name = pair.rival.name.split(",")[0]
+    setting = rivals.setting(name, pair.rival.choice)
+    spans: dict[str, Spans] = {}
+    for load, case in cases.items():
+        calls: dict[str, Callable[[], Any]] = {
+            "choice": _loop(case).run,
+            "rival": rivals.run(setting, load).call,
+        }
+        spans[load] = interleaved(calls, repeats, there_and_back=True)
+    ratios = {
+        load: ratio_of(found["rival"], found["choice"]) for load, found in spans.items()
+    }
+    load = min(ratios, key=lambda each: ratios[each].median)
+    own = spread_of(spans[load]["choice"])
+    other = spread_of(spans[load]["rival"])
+    return Comparison(pair, load, own, other, ratios[load], spans)
+
+
+def _loop(case: Case) -> Loop:
+    config = case.config
+    scene, span = build_case(config).scene, config.time
+    with precision(scene.dtype):
+        made = scene, span.end, span.save_times, config.solver.build()
+        plan = plan_run(*made, control_error=True)
+    return compiled_loop(plan)

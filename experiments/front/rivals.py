@@ -1,0 +1,271 @@
+"""Rivals of a sweep: full volumes by solvers written by hand, at many pitches.
+
+For an error e a rival is run with the coarsest voxels and the fewest steps whose error
+against the same reference, at the same points, is just not larger than e.
+"""
+
+import importlib
+import statistics
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cache, lru_cache
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from calibrate.problem.reference import on_every_voxel
+from calibrate.runs.case import Case
+from calibrate.runs.scenes import build_case
+from calibrate.runs.truth import find_truth
+from jaxthermo.arrays import precision
+from jaxthermo.config.schema.scene import SceneConfig
+from jaxthermo.errors import InputError
+from jaxthermo.integrate.run.plan import plan_run
+from jaxthermo.integrate.run.solution_file import StoredSolution
+from jaxthermo.integrate.solvers import ForwardEuler
+from jaxthermo.provenance import processor
+
+from ..harness.record import fingerprint, program_hash
+from ..harness.timing import timed_call
+from .folder import append_rows, read_rows
+from .linear_body import LinearBody, Run, linear_body
+from .pareto import Row, errors_of
+from .scipy_run import scipy_run
+
+
+Cells = Literal["crossings", "dominant_axis"]
+
+RKL2, EXPLICIT, SCIPY = "numba RKL2", "numba explicit", "scipy TR-BDF2"
+
+_HEIGHTS = (16, 20, 25, 32, 40, 50, 64, 80, 100, 125, 160, 200, 250, 320, 400, 500)
+"""Voxels along z that are tried: each pitch is 1.25 times the next."""
+_BETWEEN = 3
+"""Parts that the step to the first height within a tolerance is divided into."""
+_COUNTS = (6, 8, 12, 18, 24, 36, 54, 72)
+"""Steps of a run that RKL2 is tried with."""
+_SCIPY_COUNTS = (9, 18, 36)
+_ENOUGH = 0.01
+"""Change of the error from which more steps are of no use [-]."""
+_MAX_SCIPY_NODES = 1_000_000
+_REPEATS, _LONG_S = 3, 5.0
+"""Number of timed runs; one where a run takes longer [s]."""
+
+_SOURCES = tuple(
+    Path(__file__).with_name(f"{name}.py")
+    for name in ("linear_body", "numba_loops", "scipy_run", "rivals")
+)
+
+
+class Setting(NamedTuple):
+    """A rival with its voxels and steps."""
+
+    kind: str
+    voxels_high: int
+    steps: int | None = None
+    """Number of steps of the whole run; None for the stable ones."""
+    cells: Cells = "crossings"
+
+    @property
+    def name(self) -> str:
+        """Name in the legend of the charts."""
+        if self.cells == "crossings":
+            return self.kind
+        return f"{self.kind} on dominant-axis voxels"
+
+    @property
+    def choice(self) -> dict[str, str]:
+        """Labels as a choice of a sweep has them."""
+        steps = "stable steps" if self.steps is None else f"{self.steps} steps"
+        return {"voxels": f"{self.voxels_high} high", "steps": steps}
+
+
+# The peer of the measurements before there were fronts.
+TWELVE_STEPS = Setting(RKL2, 250, 12, "dominant_axis")
+
+Log = Callable[[str], None]
+
+
+class Rivals:
+    """Rivals under all loads; rows that are in the file are not measured again."""
+
+    def __init__(self, cases: Mapping[str, Case], path: Path, log: Log):
+        """Nothing is run yet.
+
+        Args:
+            cases: one of any choice under each load.
+            path: file of the rows.
+            log: told before each height.
+
+        Raises:
+            InputError: if numba is not installed.
+        """
+        self._cases, self._path, self._log = cases, path, log
+        self._known = {row["id"]: row for row in read_rows(path) if "id" in row}
+        self.rows: list[Row] = []
+        self.settings: dict[tuple[str, str], Setting] = {}
+        self._body = lru_cache(maxsize=2)(self._body_of)
+        self._form = cache(self._fastest_form)
+        try:
+            self._numba = importlib.import_module("experiments.front.numba_loops")
+        except ModuleNotFoundError as error:
+            raise InputError(
+                f"rivals need {error.name}: install jaxthermo[test]"
+            ) from error
+
+    @property
+    def max_height(self) -> int:
+        """Most voxels along z for which the reference is twice as fine."""
+        case = next(iter(self._cases.values()))
+        if case.truth.voxels_high is not None:
+            return case.truth.voxels_high // 2
+        mesh = case.config.bodies[0].build_mesh()
+        return int(float(np.ptp(mesh.bounds[:, 2])) / float(case.truth.pitch or 1) / 2)
+
+    def search(self, needed: float, tolerances: Sequence[float]) -> None:
+        """Measure ever finer voxels up to an error `needed` [%], or to all there are.
+
+        Between the last height above each of the tolerances [%] and the first within,
+        more heights are measured.
+        """
+        found: dict[int, float] = {}
+        for high in (h for h in _HEIGHTS if h <= self.max_height):
+            found[high] = self._measure_height(high, (RKL2, EXPLICIT, SCIPY))
+            if found[high] <= needed:
+                break
+        for tolerance in tolerances:
+            heights = [high for high in found if found[high] <= tolerance]
+            coarser = [high for high in found if heights and high < heights[0]]
+            if not coarser:
+                continue
+            ratio = heights[0] / coarser[-1]
+            for part in range(1, _BETWEEN):
+                high = round(coarser[-1] * ratio ** (part / _BETWEEN))
+                if self._measure_height(high, (RKL2,)) <= tolerance:
+                    break
+        if self.max_height >= TWELVE_STEPS.voxels_high:
+            self._measure([TWELVE_STEPS])
+
+    def _measure_height(self, high: int, kinds: Iterable[str]) -> float:
+        """Measure rivals in voxels of one size; return RKL2's smallest error [%]."""
+        self._log(f"rivals: full volumes {high} voxels high")
+        counts = self._useful_counts(high)
+        settings = [Setting(RKL2, high, count) for count in counts]
+        if EXPLICIT in kinds:
+            settings.append(Setting(EXPLICIT, high))
+        load = next(iter(self._cases))
+        if SCIPY in kinds and len(self.body(load, high).cells) <= _MAX_SCIPY_NODES:
+            settings += [Setting(SCIPY, high, count) for count in _SCIPY_COUNTS]
+        errors = self._measure(settings)
+        return min(errors[: len(counts)])
+
+    def _useful_counts(self, high: int) -> list[int]:
+        """Numbers of steps up to the first that hardly changes the error."""
+        load, chosen, last = next(iter(self._cases)), [], np.inf
+        for count in _COUNTS:
+            chosen.append(count)
+            row = self._row(Setting(RKL2, high, count), load)
+            error = errors_of(row["error"])["rms_percent"]
+            if abs(last - error) < _ENOUGH * error:
+                break
+            last = error
+        return chosen
+
+    def _measure(self, settings: Sequence[Setting]) -> list[float]:
+        """Measure settings under all loads; return the largest error of each [%]."""
+        errors: dict[Setting, list[float]] = {setting: [] for setting in settings}
+        for load in self._cases:
+            for setting in settings:
+                row = self._row(setting, load)
+                self.rows.append(row)
+                errors[setting].append(errors_of(row["error"])["rms_percent"])
+        for setting in settings:
+            self.settings[setting.name, fingerprint(setting.choice)] = setting
+        return [max(found) for found in errors.values()]
+
+    def setting(self, name: str, choice: dict[str, str]) -> Setting:
+        """The setting of a measured row."""
+        return self.settings[name, fingerprint(choice)]
+
+    def _row(self, setting: Setting, load: str) -> Row:
+        case = self._case(load, setting.voxels_high, setting.cells)
+        identity = [case.id, *setting, program_hash(_SOURCES)]
+        key = fingerprint(identity)
+        if key not in self._known:
+            row = {"id": key, **self._measured(setting, load, case)}
+            append_rows(self._path, [row])
+            self._known[key] = row
+        return self._known[key]
+
+    def _measured(self, setting: Setting, load: str, case: Case) -> Row:
+        body = self.body(load, setting.voxels_high, setting.cells)
+        run = self.run(setting, load)
+        kelvin, first = timed_call(run.call)
+        repeats = _REPEATS if first < _LONG_S else 1
+        spans = [timed_call(run.call)[1] for _ in range(repeats)]
+        truth = find_truth(case, self._log)
+        found = StoredSolution(np.asarray(body.save_times), kelvin, body.surfaces)
+        return {
+            "name": setting.name,
+            "load": load,
+            "choice": setting.choice,
+            "error": truth.points.error(found).as_dict(),
+            "own_error": truth.own_error,
+            "loop_s": spans,
+            "nodes": len(body.cells),
+            "steps": run.steps,
+            "memory_bytes": run.memory_bytes,
+            "processor": processor(),
+        }
+
+    def run(self, setting: Setting, load: str) -> Run:
+        """A rival that is ready to run under a load."""
+        body = self.body(load, setting.voxels_high, setting.cells)
+        span = body.save_times[-1]
+        if setting.kind == SCIPY:
+            return scipy_run(body, span / (setting.steps or 1))
+        layout, threads = self._form(setting.voxels_high, setting.cells)
+        body = body.with_layout(layout)
+        if setting.steps is None:
+            return self._numba.explicit_run(body, threads)
+        return self._numba.rkl2_run(body, span / setting.steps, threads)
+
+    def body(self, load: str, high: int, cells: Cells = "crossings") -> LinearBody:
+        """The arrays of a full volume under a load."""
+        return self._body(load, high, cells)
+
+    def _case(self, load: str, high: int, cells: Cells) -> Case:
+        given = self._cases[load]
+        config = _full_volume(given.config, high, cells)
+        return Case(config, (), load, given.truth)
+
+    def _body_of(self, load: str, high: int, cells: Cells) -> LinearBody:
+        config = self._case(load, high, cells).config
+        scene, span = build_case(config).scene, config.time
+        with precision(scene.dtype):
+            plan = plan_run(scene, span.end, span.save_times, ForwardEuler())
+        return linear_body(plan)
+
+    def _fastest_form(self, high: int, cells: Cells) -> tuple[str, str]:
+        """Layout of the state, and threads, with which RKL2 is fastest."""
+        body = self.body(next(iter(self._cases)), high, cells)
+        dt, seconds = body.save_times[-1] / _COUNTS[0], {}
+        for layout in ("compact", "dense"):
+            for threads in ("one", "all"):
+                call = self._numba.rkl2_run(body.with_layout(layout), dt, threads).call
+                timed_call(call)
+                # On a busy machine threads wait for each other: not by the best time.
+                spans = [timed_call(call)[1] for _ in range(5)]
+                seconds[layout, threads] = statistics.median(spans)
+        return min(seconds, key=lambda form: seconds[form])
+
+
+def _full_volume(config: SceneConfig, high: int, cells: Cells) -> SceneConfig:
+    """Config with the full volume of so many voxels along z, read at the surface."""
+    if len(config.bodies) != 1:
+        raise InputError("rivals written by hand have one body: this scene has more")
+    whole = on_every_voxel(config)
+    body: Any = whole.bodies[0]
+    changes = {"voxels_high": high, "pitch": None, "surface_cells": cells}
+    changes["surface_map"] = type(body).model_fields["surface_map"].default
+    bodies = (body.model_copy(update=changes),)
+    return whole.model_copy(update={"bodies": bodies})

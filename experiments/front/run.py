@@ -1,0 +1,156 @@
+"""`experiments run front`: the front of a sweep, beside rivals, as a page."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+
+from calibrate.runs.case import Case
+from jaxthermo.cli.console import open_console, print_line
+from jaxthermo.config.loader import resolved as plain_scene
+from jaxthermo.errors import InputError
+
+from ..sweep.command import default_workers, sweep
+from ..sweep.config import SweepConfig, load_sweep, resolved
+from ..sweep.points import Choice, cases_of
+from ..sweep.run import Options
+from .comparisons import Comparison, pairs, time_pair
+from .folder import SweepFolder, read_folder
+from .pareto import Point, front, points_of, rivals_of
+from .report import Findings, write_report
+from .rivals import Rivals
+from .wording import sentence, structure_words
+
+
+_TOLERANCES = (1.0, 3.0)
+"""Errors at which the front is compared with every kind of rival [%]."""
+
+
+def run(folder: Path, config: Path | None = None) -> dict[str, Any]:
+    """The front of a sweep: of the folder of one, or of a config that is run first.
+
+    Raises:
+        InputError: if nothing is named, or the folder has no rows.
+    """
+    if config is None:
+        raise InputError(
+            "front: name the config of a sweep, or the folder of one that was run"
+        )
+    source, console = config, open_console()
+    if not config.is_dir():
+        source = folder / "sweep"
+        sweep(config, source, (), Options(default_workers(), None, False, True))
+    given, rows = load_sweep(source / "config.yaml"), read_folder(source)
+    points = _points(given, rows)
+    found, comparisons, remark = _beside(console, given, rows, points, folder)
+    about = [_about(given, rows, points), *([remark] if remark else [])]
+    title = f"Error against run time: {given.scene.stem.replace('-', ' ')}"
+    plain = resolved(given)
+    findings = Findings(title, about, rows, points, found, comparisons, plain)
+    files = write_report(findings, folder)
+    for number, point in enumerate(front(points), 1):
+        print_line(console, f"{number}. {sentence(point)}")
+    for each in comparisons:
+        print_line(console, each.sentence())
+    return {
+        "config": plain,
+        "sweep": str(source),
+        "front": [_plain(point) for point in front(points)],
+        "comparisons": [each.as_dict() for each in comparisons],
+        "remark": remark,
+        "processors": findings.processors,
+        "files": files,
+    }
+
+
+def _points(config: SweepConfig, rows: SweepFolder) -> list[Point]:
+    """Points of the sweep, with what they are in words."""
+    loads = {load.name for load in config.loads}
+    points = points_of(rows.rows, rows.times, loads)
+    heights: dict[str, float] = {}
+
+    def words(point: Point) -> str | None:
+        body = cases(config, point)[loads_of(config)[0]].config.bodies[0]
+        pitch = body.pitch
+        if pitch is None:
+            # Meshes of one file and height are loaded once.
+            key = str((body.mesh, body.shape, body.solid))
+            if key not in heights:
+                heights[key] = float(np.ptp(body.build_mesh().bounds[:, 2]))
+            pitch = heights[key] / float(body.voxels_high or 1)
+        weights = getattr(body.structure, "weights", None)
+        fitted = weights is not None and weights != type(weights)()
+        return structure_words(plain_scene(body.structure), pitch, fitted)
+
+    return [replace(point, words=words(point)) for point in points]
+
+
+def loads_of(config: SweepConfig) -> list[str]:
+    """Names of the loads."""
+    return [load.name for load in config.loads]
+
+
+def cases(config: SweepConfig, point: Point) -> dict[str, Case]:
+    """The cases of a point by load."""
+    choice = Choice(tuple(point.choice.items()), dict(point.set or {}))
+    return {case.load: case for case in cases_of(config, choice)}
+
+
+def _beside(
+    console: Console,
+    config: SweepConfig,
+    rows: SweepFolder,
+    points: Sequence[Point],
+    folder: Path,
+) -> tuple[list[Point], list[Comparison], str | None]:
+    """Rivals, comparisons with them, and the reason where there are none."""
+    loads = set(loads_of(config))
+    others = rivals_of(rows.rivals, loads)
+    best = front(points)
+    if not best:
+        return others, [], "No choice was timed, and no rival was run."
+    log = lambda text: print_line(console, text)
+    try:
+        rivals = Rivals(cases(config, best[0]), folder / "rivals.jsonl", log)
+        needed = min(best[-1].errors["rms_percent"], *_TOLERANCES)
+        rivals.search(needed, _TOLERANCES)
+    except InputError as error:
+        print_line(console, str(error))
+        return others, [], f"There are no rivals: {error}."
+    found, comparisons = rivals_of(rivals.rows, loads), []
+    for pair in pairs(points, found, _TOLERANCES):
+        print_line(console, f"timing {pair.choice.name} beside {pair.rival.name}")
+        own = cases(config, pair.choice)
+        comparisons.append(time_pair(pair, own, rivals, config.repeats))
+    return [*others, *found], comparisons, None
+
+
+def _about(config: SweepConfig, rows: SweepFolder, points: Sequence[Point]) -> str:
+    own = [p.own_error_percent for p in points if p.own_error_percent is not None]
+    truth = f"{config.truth.voxels_high} voxels high"
+    if config.truth.pitch is not None:
+        truth = f"of {1e3 * config.truth.pitch:g} mm voxels"
+    text = (
+        f"{len(points)} choices under {', '.join(loads_of(config))}; "
+        f"{len(rows.failed)} cases could not be run. Errors are against a reference "
+        f"{truth}"
+    )
+    if own:
+        text += f", which itself is off by about {max(own):.2g} %"
+    return text + "."
+
+
+def _plain(point: Point) -> dict[str, Any]:
+    spread = lambda value: None if value is None else vars(value)
+    return {
+        "sentence": sentence(point),
+        "choice": point.choice,
+        "errors": point.errors,
+        "loop_s": spread(point.time),
+        "full_volume_times_faster": spread(point.ratio),
+        "nodes": point.nodes,
+        "memory_bytes": point.memory_bytes,
+    }
