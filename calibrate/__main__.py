@@ -1,4 +1,4 @@
-"""Command line of calibrations: fit, identify, check and show."""
+"""Command line of calibrations: fit, identify, check, show, plan."""
 
 import sys
 from collections.abc import Sequence
@@ -93,6 +93,43 @@ def _cards(
     from .cli import cards as run
 
     run(folder, names, out, results, again)
+
+
+@app.command
+def _plan(
+    scene: Path,
+    /,
+    *,
+    tolerance: str | None = None,
+    kelvin: str | None = None,
+    time_budget: str | None = None,
+    memory: str | None = None,
+    out: Path | None = None,
+    again: bool = False,
+    run: bool = False,
+    overrides: Overrides = (),
+) -> None:
+    """Search for the fastest model of a scene whose error is within a tolerance.
+
+    Writes scene.yaml, which `jaxthermo simulate` runs as it is, and plan.json. Exit
+    status 3 if no model is within the tolerance.
+
+    Args:
+        scene: The config of a scene; pitches, structures and solver are chosen.
+        tolerance: The largest error in percent of the surface's range, such as 1%.
+        kelvin: The largest error as a temperature difference, such as 0.2.
+        time_budget: The longest time of the compiled run, such as 10ms.
+        memory: The largest peak memory, such as 2GB.
+        out: The folder for the results; results/plan/NAME by default.
+        again: Search again where a plan of the same scene and tolerance is kept.
+        run: Simulate the planned scene at once, into the folder `run` beside it.
+        overrides: A value of the scene to change; may be repeated.
+    """
+    from .plan.command import plan, tolerance_of
+
+    given = tolerance_of(tolerance, kelvin, time_budget, memory)
+    folder = out or Path("results/plan") / scene.stem
+    plan(scene, overrides, given, folder, again, run)
 
 
 @app.command

@@ -119,12 +119,12 @@ class BodyConfig(Model, builds="Body"):
     exactly_one: ClassVar = (("mesh", "shape", "solid"), ("pitch", "voxels_high"))
 
     def build(self, *args: Any) -> Any:
-        """The body, voxelized.
+        """The body, voxelized, or of its voxel grid if that is given.
 
         Raises:
             InputError: for a mesh, labels or a fit card that cannot be used.
         """
-        grid = self.build_grid()
+        (grid,) = args or (self.build_grid(),)
         return self.target()(
             self.structure.build(grid),
             self.build_materials(grid),

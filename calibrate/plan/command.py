@@ -1,0 +1,272 @@
+"""`calibrate plan`: a scene's cheapest model within a tolerance, as a scene file."""
+
+import hashlib
+import json
+import sys
+import textwrap
+import time
+import warnings
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from jaxthermo.archive import read_record, signed
+from jaxthermo.atomic import replacing
+from jaxthermo.cli.console import open_console, print_line
+from jaxthermo.cli.files import results_folder
+from jaxthermo.cli.simulate import simulate
+from jaxthermo.cli.summary import write_json
+from jaxthermo.config.loader import config_hash, load_config, resolved, to_yaml
+from jaxthermo.config.schema.scene import SceneConfig
+from jaxthermo.config.types.quantities import NUMBER, Unit, to_si
+from jaxthermo.errors import InputError
+from jaxthermo.provenance import processor, provenance
+from jaxthermo.report.table import Cell, Table
+from jaxthermo.timing import Timing
+
+from ..problem.reference import program_hash
+from .candidate import pitches_of
+from .search import Choice, Watch, search
+from .trial import Tolerance, Trial
+
+
+SCENE, PLAN = "scene.yaml", "plan.json"
+NOTHING_MEETS_IT = 3
+"""Exit status where no candidate is within the tolerance."""
+
+_KIND, _VERSION = "plan", 1
+_KELVIN = Unit("K", "a temperature difference", "0.2 K")
+_TIME = Unit("s", "a time", "10 ms")
+_MEMORY = Unit("byte", "an amount of memory", "2 GB")
+_WIDTH = 96
+_LISTED = 12
+"""Rows of the table of candidates at most."""
+
+
+def tolerance_of(
+    percent: str | None, kelvin: str | None, run_time: str | None, memory: str | None
+) -> Tolerance:
+    """Tolerance of the options as they are given.
+
+    Raises:
+        InputError: for a value that is no positive number of its unit, or no error.
+    """
+    if percent is None and kelvin is None:
+        raise InputError(
+            "plan: give a --tolerance such as 1%, or --kelvin 0.2, or both"
+        )
+    if percent is not None and not percent.strip().endswith(("%", "percent")):
+        raise InputError(
+            f"--tolerance {percent}: give it in percent of the surface's range, such "
+            "as 1%, or an error in kelvin as --kelvin 0.2"
+        )
+    fraction = _positive("--tolerance", percent, NUMBER)
+    return Tolerance(
+        None if fraction is None else 100 * fraction,
+        _positive("--kelvin", kelvin, _KELVIN),
+        _positive("--time-budget", run_time, _TIME),
+        _positive("--memory", memory, _MEMORY),
+    )
+
+
+def _positive(option: str, text: str | None, unit: Unit) -> float | None:
+    if text is None:
+        return None
+    try:
+        value = to_si(text, unit)
+    except InputError as error:
+        raise InputError(f"{option}: {error}") from error
+    if value <= 0:
+        raise InputError(f"{option} {text}: must be above 0")
+    return value
+
+
+def plan(
+    path: Path,
+    overrides: tuple[str, ...],
+    tolerance: Tolerance,
+    out: Path,
+    again: bool,
+    run: bool,
+) -> None:
+    """Run `calibrate plan`; exits with status 3 if nothing is within the tolerance."""
+    console, scene = open_console(), load_config(path, overrides)
+    with results_folder(out) as folder:
+        if (folder / SCENE).exists() and (folder / SCENE).samefile(path):
+            raise InputError(f"--out {out}: would replace {path}: name another folder")
+        key = _key(scene, tolerance)
+        record = None if again else _kept(folder, key)
+        if record is None:
+            record = _search(console, scene, tolerance, key, folder, path)
+        else:
+            print_line(console, f"as planned before, in {folder}; --again plans anew")
+    for line in record["words"]:
+        print_line(console, line)
+    if record["chosen"] is None:
+        sys.stderr.write(f"calibrate: {record['miss']}\n")
+        sys.exit(NOTHING_MEETS_IT)
+    print_line(console, f"jaxthermo simulate {folder / SCENE}")
+    if run:
+        simulate(folder / SCENE, folder / "run", ())
+
+
+def _key(scene: SceneConfig, tolerance: Tolerance) -> str:
+    # Times are those of one processor.
+    parts = [config_hash(scene), list(tolerance), program_hash(True), processor()]
+    return hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:16]
+
+
+def _kept(folder: Path, key: str) -> dict[str, Any] | None:
+    """An earlier plan of the same scene, tolerance, program and processor."""
+    try:
+        record = read_record(folder / PLAN, _KIND, _VERSION, "plan again")
+    except InputError:  # missing or damaged
+        return None
+    complete = record["chosen"] is None or (folder / SCENE).is_file()
+    return record if record["key"] == key and complete else None
+
+
+def _search(
+    console: Console,
+    scene: SceneConfig,
+    tolerance: Tolerance,
+    key: str,
+    folder: Path,
+    path: Path,
+) -> dict[str, Any]:
+    clock, cpu = time.perf_counter(), time.process_time()
+    pitches = pitches_of(scene)
+
+    try:
+        with console.status("planning") as spinner, warnings.catch_warnings():
+            # Of coarse voxels on the way; the run of the plan warns of its own.
+            warnings.simplefilter("ignore")
+            line = lambda text: print_line(console, text)
+            found = lambda trial: line(_trial_words(trial, pitches))
+            watch = Watch(lambda text: spinner.update(text), line, found)
+            choice = search(scene, tolerance, watch)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(
+            "stopped; the same command goes on from the references that are finished"
+        ) from None
+    took = time.perf_counter() - clock, time.process_time() - cpu
+    console.print(_table(choice, pitches).rich())
+    words = _words(choice, tolerance, pitches)
+    best = choice.best
+    record = {
+        "key": key,
+        "config": resolved(scene),
+        "tolerance": tolerance._asdict(),
+        "words": words,
+        "chosen": None if best is None else best.as_dict,
+        "miss": None if best else _miss(choice, tolerance, pitches),
+        "run_time_s": None if choice.time is None else choice.time._asdict(),
+        "reference": {
+            "refinement": choice.refinement,
+            "own_error": choice.reference.own_error.as_dict(),
+            "costs": list(choice.reference.costs),
+        },
+        "trials": [trial.as_dict for trial in choice.trials],
+        "wall_s": took[0],
+        "cpu_s": took[1],
+        "provenance": provenance(config_hash(scene)),
+    }
+    if best is not None:
+        config = best.found.candidate.applied(scene, pitches)
+        head = [f"Made by `calibrate plan {path.name}`, tolerance {tolerance.words()}."]
+        with replacing(folder / SCENE) as temporary:
+            text = _comment([*head, *words]) + to_yaml(config)
+            temporary.write_text(text, encoding="utf-8")
+    else:
+        # An earlier plan's scene would pass for one of this tolerance.
+        (folder / SCENE).unlink(missing_ok=True)
+    write_json(folder / PLAN, signed(_KIND, _VERSION, record))
+    return record
+
+
+def _words(
+    choice: Choice, tolerance: Tolerance, pitches: tuple[float, ...]
+) -> list[str]:
+    """Sentences on what was chosen, and on what it rests."""
+    own = choice.reference.own_error
+    cost = choice.reference.costs[0]
+    reference = (
+        f"The reference has {cost['nodes']:,} nodes in blocks of 2^3 voxels of "
+        f"{_millimetres(cost['pitch_m'])}, and is itself off by about "
+        f"{own.rms_percent.max():.2g} % ({own.worst_rms_kelvin:.2g} K)."
+    )
+    if choice.own_excess > 0.5:
+        reference += " That is a large part of the tolerance: finer ones were too much."
+    if choice.best is None or choice.time is None:
+        return [reference]
+    found = choice.best.found
+    chosen = (
+        f"{_sentence(found.candidate.words(pitches))}: {_error_words(choice.best)} in "
+        f"{choice.time.text()} on {processor()}; {found.nodes:,} nodes, "
+        f"{found.memory / 2**20:.3g} MiB."
+    )
+    others = [t for t in choice.trials if t is not choice.best and t.found.error <= 1]
+    next_best = min(others, key=lambda t: t.found.run_time, default=None)
+    compared = f"{len(choice.trials)} candidates were run beside it"
+    if next_best is not None:
+        compared += (
+            f"; the next within the tolerance took {_milliseconds(next_best)} "
+            f"({next_best.found.candidate.words(pitches)})"
+        )
+    return [chosen, reference, f"{compared}."]
+
+
+def _miss(choice: Choice, tolerance: Tolerance, pitches: tuple[float, ...]) -> str:
+    near = choice.nearest
+    return (
+        f"no model is within {tolerance.words()}: the nearest, "
+        f"{near.found.candidate.words(pitches)}, has {_error_words(near)} in "
+        f"{_milliseconds(near)} and {near.found.memory / 2**20:.3g} MiB, "
+        f"{near.found.error:.3g} times the tolerance: allow more, or give a finer mesh"
+    )
+
+
+def _trial_words(trial: Trial, pitches: tuple[float, ...]) -> str:
+    return (
+        f"{trial.found.candidate.words(pitches)}: {_error_words(trial)}, "
+        f"{_milliseconds(trial)}"
+    )
+
+
+def _table(choice: Choice, pitches: tuple[float, ...]) -> Table:
+    ordered = sorted(choice.trials, key=lambda trial: trial.found.run_time)
+    rows = [
+        [
+            trial.found.candidate.words(pitches),
+            Cell(f"{trial.percent:.3g} %", trial.found.error <= 1, is_number=True),
+            f"{trial.kelvin:.3g} K",
+            _milliseconds(trial),
+            f"{trial.found.nodes:,}",
+            f"{trial.found.memory / 2**20:.3g} MiB",
+        ]
+        for trial in ordered[:_LISTED]
+    ]
+    columns = ("model", "error", "", "time", "nodes", "memory")
+    return Table(columns, rows, title="candidates, the fastest first")
+
+
+def _error_words(trial: Trial) -> str:
+    return f"{trial.percent:.2g} % ({trial.kelvin:.2g} K)"
+
+
+def _milliseconds(trial: Trial) -> str:
+    return Timing(*[trial.found.run_time] * 3).text().partition(" (")[0]
+
+
+def _millimetres(pitches: list[float]) -> str:
+    return ", ".join(f"{1e3 * pitch:.3g} mm" for pitch in dict.fromkeys(pitches))
+
+
+def _sentence(text: str) -> str:
+    return text[0].upper() + text[1:]
+
+
+def _comment(lines: list[str]) -> str:
+    wrapped = (line for text in lines for line in textwrap.wrap(text, _WIDTH))
+    return "".join(f"# {line}\n" for line in wrapped)

@@ -1,0 +1,284 @@
+"""Predictions of a candidate's error, run time and size from those that were run.
+
+The error e of a candidate with voxels of pitch h, cells of size b and n steps is
+
+    e^2 = (c_v h^p)^2 + (c_s b^q)^2 + (c_t n^-r)^2,
+
+of its voxels, its structure and its steps, c_s for each line of candidates. A run takes
+
+    t = E (a + c N) + R,    E = n s,
+
+with E evaluations of N nodes, s stages a step, and R for reading the surface. Both are
+fitted to what was run, with priors on all exponents and times, so that a single run is
+enough; what is left over at candidates nearby corrects a prediction.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+from scipy.optimize import least_squares
+
+from .candidate import Candidate
+
+
+_ORDERS = {"voxels": 2.0, "structure": 1.5, "euler": 1.0, "second": 2.0}
+"""Orders of convergence before any run is known."""
+
+_ORDER_SPREAD = 0.3
+"""Standard deviation of the orders [-]."""
+
+_PER_EVALUATION, _PER_NODE = 4e-5, 1e-8
+"""Time of an evaluation, and of a node in it, before any run is known [s]."""
+
+_SOLVE = 40.0
+"""Evaluations that an implicit step takes as long as, before one is run [-]."""
+
+_NEARBY = 1.5
+"""Factor in sizes at which what is left over counts 1/e as much."""
+
+_FLOOR = 0.1
+"""Weight of a prediction without correction against that of one run nearby."""
+
+_Line = tuple[str, str | None, bool]
+"""Family, card, and True for implicit steps."""
+
+
+class Found(NamedTuple):
+    """Error, cost and size of a candidate that was run."""
+
+    candidate: Candidate
+    error: float
+    """Largest root mean square over the saved times, in the unit of the tolerance."""
+    nodes: int
+    fragments: int
+    steps: int
+    stages: int
+    """Evaluations a step."""
+    stable_step: float
+    """Largest stable explicit step [s]; infinite if there is no limit."""
+    run_time: float
+    """Time of the compiled loop [s]."""
+    memory: int
+    """Peak memory as it is forecast [bytes]."""
+
+
+class Forecast(NamedTuple):
+    """Error and cost that a candidate is expected to have."""
+
+    error: float
+    run_time: float
+    """[s]"""
+    memory: float
+    """[bytes]"""
+
+
+class Predictor:
+    """Models of error and run time, fitted to all runs so far."""
+
+    def __init__(
+        self,
+        found: Sequence[Found],
+        errors: Sequence[tuple[Candidate, float]],
+        end: float,
+        volume: float,
+        area: float,
+    ):
+        """Fit to the runs.
+
+        Args:
+            found: the runs.
+            errors: candidates whose errors are known without such a run.
+            end: of the scene's run [s].
+            volume: of the bodies, in cubes of their pitches in the file [-].
+            area: in squares of their pitches [-].
+        """
+        self._found, self._end = tuple(found), end
+        self._errors = [*((f.candidate, f.error) for f in found), *errors]
+        self._volume, self._area = volume, area
+        self._lines = tuple(dict.fromkeys(each.candidate.line for each in found))
+        self._error_values = self._fit_errors()
+        self._cost_values = self._fit_costs()
+
+    def forecast(self, candidate: Candidate) -> Forecast:
+        """Error, run time and memory that are expected."""
+        nodes = self._nodes(candidate)
+        evaluations = self._evaluations(candidate, self._stable_step(candidate))
+        time = self._plain_time(candidate, evaluations, nodes)
+        time *= self._left_over(
+            candidate,
+            lambda f: f.run_time / self._time_of(f),
+        )
+        error = math.exp(self._log_error(self._error_values, candidate))
+        error *= self._left_over(
+            candidate,
+            lambda f: f.error / self._error_of(f),
+        )
+        per_node = self._left_over(candidate, lambda f: f.memory / self._bytes_of(f))
+        memory = (nodes + self._fragments(candidate)) * per_node * 100.0
+        return Forecast(error, time, memory)
+
+    def _fit_errors(self) -> Float[np.ndarray, " v"]:
+        logs = np.log([max(error, 1e-12) for _, error in self._errors])
+        start = self._prior(float(logs.max()))
+
+        def residuals(values: np.ndarray) -> np.ndarray:
+            off = [
+                self._log_error(values, candidate) - log
+                for (candidate, _), log in zip(self._errors, logs, strict=True)
+            ]
+            spread = np.full(len(start), 3.0)
+            spread[:4] = _ORDER_SPREAD
+            return np.concatenate([np.array(off) / 0.1, (values - start) / spread])
+
+        return least_squares(residuals, start, method="trf").x
+
+    def _prior(self, largest: float) -> np.ndarray:
+        # Orders, then logarithms of the coefficients: of voxels, of both kinds of
+        # steps, of each line.
+        known = [candidate for candidate, _ in self._errors]
+        coarsest = math.log(max(each.size for each in known))
+        voxels = math.log(max(1 / each.refinement for each in known))
+        steps = min((f.steps for f in self._found if f.steps), default=10)
+        lines = [largest - 1.0 - _ORDERS["structure"] * coarsest] * len(self._lines)
+        return np.array(
+            [
+                *_ORDERS.values(),
+                largest - 1.0 - _ORDERS["voxels"] * voxels,
+                largest - 2.0 + _ORDERS["second"] * math.log(steps),
+                largest - 2.0 + _ORDERS["euler"] * math.log(steps),
+                *lines,
+            ]
+        )
+
+    def _log_error(self, values: np.ndarray, candidate: Candidate) -> float:
+        p, q, r_euler, r_second = values[:4]
+        c_voxels, c_second, c_euler = values[4:7]
+        parts = [c_voxels - p * math.log(candidate.refinement)]
+        line = candidate.line
+        if candidate.family != "full_volume":
+            # A line that was not run is like those that were.
+            own = values[7:]
+            c = own[self._lines.index(line)] if line in self._lines else own.mean()
+            parts.append(c + q * math.log(candidate.size))
+        is_euler = candidate.method == "forward_euler"
+        steps = candidate.steps or self._end / self._stable_step(candidate)
+        r, c = (r_euler, c_euler) if is_euler else (r_second, c_second)
+        parts.append(c - r * math.log(max(steps, 1.0)))
+        return 0.5 * float(np.logaddexp.reduce(2 * np.array(parts)))
+
+    def _error_of(self, found: Found) -> float:
+        return math.exp(self._log_error(self._error_values, found.candidate))
+
+    def _fit_costs(self) -> dict[_Line, np.ndarray]:
+        """Logarithms of the times of an evaluation and of a node in it, by line."""
+        values = {}
+        for line in dict.fromkeys(_cost_line(f.candidate) for f in self._found):
+            runs = [f for f in self._found if _cost_line(f.candidate) == line]
+            counts = np.array([(f.steps * f.stages, f.nodes) for f in runs], float)
+            evaluations = counts[:, :1] * np.stack(
+                [np.ones(len(runs)), counts[:, 1]], 1
+            )
+            times = np.array([f.run_time for f in runs])
+            values[line] = least_squares(
+                _cost_residuals, _LOG_COSTS, args=(evaluations, times)
+            ).x
+        return values
+
+    def _plain_time(
+        self, candidate: Candidate, evaluations: float, nodes: float
+    ) -> float:
+        logs = self._cost_values.get(_cost_line(candidate))
+        if logs is None:
+            logs = np.mean(list(self._cost_values.values()), axis=0)
+            logs = logs + math.log(_SOLVE) * (candidate.method == "trbdf2")
+        a, c = np.exp(logs).tolist()
+        return evaluations * (a + c * nodes)
+
+    def _time_of(self, found: Found) -> float:
+        evaluations = float(found.steps * found.stages)
+        return self._plain_time(found.candidate, evaluations, float(found.nodes))
+
+    def _stable_step(self, candidate: Candidate) -> float:
+        """Largest stable step, which rises with the square of the cells' size [s]."""
+        # Cells of an octree or of a shell are voxels.
+        size = lambda c: c.size if c.family == "aggregate" else 1 / c.refinement
+        alike = [f for f in self._found if f.candidate.line == candidate.line]
+        runs = [f for f in alike or self._found if math.isfinite(f.stable_step)]
+        if not runs:
+            return math.inf
+        near = min(
+            runs, key=lambda f: abs(math.log(size(f.candidate) / size(candidate)))
+        )
+        return near.stable_step * (size(candidate) / size(near.candidate)) ** 2
+
+    def _evaluations(self, candidate: Candidate, stable: float) -> float:
+        # s stages of RKL2 cover (s^2 + s - 2) / 4 stable steps.
+        if not candidate.steps:
+            return self._end / stable
+        if candidate.method == "trbdf2":
+            return float(candidate.steps)
+        ratio = self._end / candidate.steps / stable
+        return candidate.steps * max(3.0, (math.sqrt(9 + 16 * ratio) - 1) / 2)
+
+    def _nodes(self, candidate: Candidate) -> float:
+        return self._plain_nodes(candidate) * self._left_over(
+            candidate, lambda f: f.nodes / self._plain_nodes(f.candidate)
+        )
+
+    def _plain_nodes(self, candidate: Candidate) -> float:
+        voxel, block = 1 / candidate.refinement, candidate.size
+        cells = self._volume / voxel**3
+        blocks = self._volume / block**3 + 0.6 * self._area / block**2
+        layer = min(self._area / voxel**2, cells)
+        return {
+            "full_volume": cells,
+            "aggregate": blocks,
+            "octree": min(2.0 * layer, cells),
+            "shell_over_core": min(layer + blocks, cells),
+        }[candidate.family]
+
+    def _fragments(self, candidate: Candidate) -> float:
+        return 1.5 * self._area * candidate.refinement**2
+
+    def _bytes_of(self, found: Found) -> float:
+        return 100.0 * (found.nodes + found.fragments)
+
+    def _left_over(
+        self, candidate: Candidate, ratio: Callable[[Found], float]
+    ) -> float:
+        """Factor by which runs of the same line nearby are off."""
+        total, weights = 0.0, _FLOOR
+        for each in self._found:
+            other = each.candidate
+            if other.line != candidate.line:
+                continue
+            distance = (
+                abs(math.log(other.refinement / candidate.refinement))
+                + abs(math.log(other.factor / candidate.factor))
+                + abs(math.log((other.steps or 1000) / (candidate.steps or 1000)))
+            ) / math.log(_NEARBY)
+            weight = math.exp(-distance)
+            total += weight * math.log(ratio(each))
+            weights += weight
+        return math.exp(total / weights)
+
+
+_LOG_COSTS = np.log([_PER_EVALUATION, _PER_NODE])
+
+
+def _cost_line(candidate: Candidate) -> _Line:
+    return *candidate.line, candidate.method == "trbdf2"
+
+
+def _cost_residuals(
+    logs: Float[np.ndarray, " 2"],
+    evaluations: Float[np.ndarray, "r 2"],
+    times: Float[np.ndarray, " r"],
+) -> Float[np.ndarray, " n"]:
+    # Relative differences count: runs of milliseconds as much as those of seconds.
+    return np.concatenate(
+        [np.log(evaluations @ np.exp(logs) / times), (logs - _LOG_COSTS) / 2.0]
+    )

@@ -1,0 +1,286 @@
+"""The search of a plan: from coarse references to the cheapest model that is verified.
+
+References in ever finer voxels are run until the finest one's own error is a third of
+the tolerance. A few blocks show how errors and times fall with pitch, size and steps;
+from then on the candidate that is predicted to be the cheapest within the tolerance is
+run beside the reference, and what it shows corrects the prediction, until no other one
+is expected to be faster.
+"""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import product
+from typing import NamedTuple
+
+from jaxthermo.config.schema.scene import SceneConfig
+from jaxthermo.errors import InputError
+from jaxthermo.timing import Timing
+
+from ..problem.reference import TruthReference
+from .candidate import FAMILIES, Candidate, Family, Method, cards_of, pitches_of
+from .predict import Forecast, Predictor
+from .trial import Bench, Tolerance, Trial, in_turn
+
+
+_FIRST_VOXELS = 24_000
+"""Voxels in which the first reference is run."""
+
+_MOST_NODES = 3e6
+"""Nodes of the finest reference."""
+
+_OWN_ERROR = 1 / 3
+"""Largest error of the reference itself over the tolerance [-]."""
+
+_FACTORS = (2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32)
+_SHELL_FACTORS = (4, 8)
+_STEPS = (8, 12, 18, 24, 36, 54, 72, 108)
+_IMPLICIT_STEPS = (18, 36, 72)
+_COARSENINGS = (0, 1, 2, 3, 4, 5, 6)
+"""Pitches of candidates, in powers of sqrt(2) of the finest one."""
+
+_PROBES = ((2, 8, 36), (2, 4, 36), (2, 8, 12), (1, 8, 36))
+"""Coarsening of the finest voxels, factor and steps of the first blocks: in the finest
+voxels, which take the longest to prepare, once."""
+
+_MAX_TRIALS = 18
+_GAIN = 0.85
+"""Expected time over that of the best one, above which nothing more is run [-]."""
+
+_MARGIN = 0.97
+"""Largest predicted error over the tolerance [-]."""
+
+_NEARER = 0.8
+"""Expected error over the smallest one so far, from which the most accurate candidate
+is run where none is expected to be within the tolerance [-]."""
+
+_ALIKE = 1.4
+"""Times of one run up to which candidates are timed in turn at the end."""
+
+_REPEATS = 7
+
+
+class Watch(NamedTuple):
+    """Told of the progress of a search."""
+
+    stage: Callable[[str], None]
+    """Name of the stage that begins."""
+    line: Callable[[str], None]
+    """Line on what was found out."""
+    trial: Callable[[Trial], None]
+    """A candidate that was run."""
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """Outcome of a search."""
+
+    trials: tuple[Trial, ...]
+    reference: TruthReference
+    refinement: float
+    own_excess: float
+    """Error of the reference itself over the tolerance [-]."""
+    best: Trial | None
+    """The fastest one within the tolerance, if there is any,"""
+    time: Timing | None
+    """its loop timed in turn with those nearly as fast,"""
+    nearest: Trial
+    """and the one with the smallest error of those within time and memory."""
+
+
+def search(
+    scene: SceneConfig,
+    tolerance: Tolerance,
+    watch: Watch,
+) -> Choice:
+    """Search for the fastest model of a scene within a tolerance.
+
+    Args:
+        scene: config of the scene; its pitches, structures and solver are replaced.
+        tolerance: of the error, the time and the memory.
+        watch: told what is running and what was found.
+
+    Raises:
+        InputError: if the scene has no finer voxels, or nothing can be run.
+    """
+    return _Search(scene, tolerance, watch).run()
+
+
+class _Search:
+    def __init__(
+        self,
+        scene: SceneConfig,
+        tolerance: Tolerance,
+        watch: Watch,
+    ):
+        self.bench = Bench(scene, pitches_of(scene), tolerance)
+        self.tolerance, self.watch = tolerance, watch
+        self.cards = cards_of(scene)
+        self.trials: list[Trial] = []
+        self.failed: set[Candidate] = set()
+        self.volume, self.area = self.bench.volume_and_area()
+
+    def run(self) -> Choice:
+        """Refine references, then run candidates beside the finest."""
+        # In powers of two: the user's own pitch is among the candidates.
+        self.refinement = 2.0 ** round(math.log2(_FIRST_VOXELS / self.volume) / 3)
+        self._refine_until(_OWN_ERROR)
+        self._probe()
+        while len(self.trials) < _MAX_TRIALS:
+            candidate = self._next()
+            if candidate is None:
+                # Finer voxels may still meet what no candidate does yet.
+                if self._kept() or not self._refine():
+                    break
+                continue
+            self._try(candidate)
+        return self._choice()
+
+    def _refine_until(self, limit: float) -> None:
+        self.reference = self._reference()
+        self._judge_reference()
+        while self.own > limit and self._refine():
+            pass
+
+    def _reference(self) -> TruthReference:
+        said = lambda text: self.watch.stage(f"reference: {text}")
+        return self.bench.reference(self.refinement, said)
+
+    def _refine(self) -> bool:
+        """Halve the voxels of the reference; False where that is too much."""
+        # Of blocks of 2^3 voxels.
+        if self.volume * self.refinement**3 > _MOST_NODES:
+            return False
+        before = self.refinement, self.reference
+        self.refinement *= 2
+        try:
+            self.reference = self._reference()
+        except InputError as error:
+            self.watch.line(f"no finer reference: {error}")
+            self.refinement, self.reference = before
+            return False
+        self._judge_reference()
+        return True
+
+    def _judge_reference(self) -> None:
+        self.own = self.bench.own_excess(self.reference)
+        nodes = self.reference.costs[0]["nodes"]
+        self.watch.line(
+            f"reference of {nodes:,} nodes: off by {self.own:.2g} of the tolerance"
+        )
+
+    def _probe(self) -> None:
+        finest = self.refinement / 2
+        for coarsening, factor, steps in _PROBES:
+            self._try(Candidate(finest / coarsening, "aggregate", factor, steps=steps))
+        self._try(Candidate(finest / 2, "aggregate", 8, None, "forward_euler", 0))
+        if not self.trials:
+            raise InputError("no candidate can be run: see the messages above")
+
+    def _try(self, candidate: Candidate) -> None:
+        words = candidate.words(self.bench.pitches)
+        self.watch.stage(words)
+        try:
+            trial = self.bench.run(candidate, self.reference, self.refinement)
+        except InputError as error:
+            self.failed.add(candidate)
+            self.watch.line(f"{words}: {error}")
+            return
+        if not self._keeps(trial):
+            # Only those that may win are timed again.
+            trial = trial._replace(plan=None)
+        self.trials.append(trial)
+        self.watch.trial(trial)
+
+    def _next(self) -> Candidate | None:
+        """The candidate that is expected to be the fastest within the tolerance."""
+        predictor = Predictor(
+            [trial.found for trial in self.trials],
+            self.bench.known_errors(self.reference, self.refinement),
+            self.bench.scene.time.last,
+            self.volume,
+            self.area,
+        )
+        done = {trial.found.candidate for trial in self.trials} | self.failed
+        best = min((t.found.run_time for t in self._kept()), default=None)
+        chosen, shortest = None, float("inf") if best is None else _GAIN * best
+        nearest, least = None, _NEARER * min(t.found.error for t in self.trials)
+        for candidate in self._candidates():
+            if candidate in done:
+                continue
+            expected = predictor.forecast(candidate)
+            if not self._is_affordable(expected):
+                continue
+            if expected.error <= _MARGIN and expected.run_time < shortest:
+                chosen, shortest = candidate, expected.run_time
+            if expected.error < least:
+                nearest, least = candidate, expected.error
+        # The most accurate one shows if the tolerance can be met at all.
+        return nearest if chosen is None and best is None else chosen
+
+    def _is_affordable(self, expected: Forecast) -> bool:
+        budget, memory = self.tolerance.run_time, self.tolerance.memory
+        return (budget is None or expected.run_time <= 1.2 * budget) and (
+            memory is None or expected.memory <= memory
+        )
+
+    def _candidates(self) -> Iterator[Candidate]:
+        finest = self.refinement / 2
+        refinements = [finest * 2 ** (-power / 2) for power in _COARSENINGS]
+        models: list[Candidate] = []
+        for refinement in refinements:
+            for family in FAMILIES:
+                factors = _factors(family)
+                models += [Candidate(refinement, family, f) for f in factors]
+            models += [card._replace(refinement=refinement) for card in self.cards]
+        methods: list[tuple[Method, int]] = [
+            ("forward_euler", 0),
+            *(("super_time_stepping", n) for n in _STEPS),
+            *(("trbdf2", n) for n in _IMPLICIT_STEPS),
+        ]
+        for model, (method, steps) in product(models, methods):
+            yield model._replace(method=method, steps=steps)
+
+    def _keeps(self, trial: Trial) -> bool:
+        return trial.found.error <= 1 and self._fits(trial)
+
+    def _fits(self, trial: Trial) -> bool:
+        budget, memory = self.tolerance.run_time, self.tolerance.memory
+        found = trial.found
+        return (budget is None or found.run_time <= budget) and (
+            memory is None or found.memory <= memory
+        )
+
+    def _kept(self) -> list[Trial]:
+        # An error against a coarser reference than the last one counts no longer.
+        return [
+            t for t in self.trials if self._keeps(t) and t.refinement == self.refinement
+        ]
+
+    def _choice(self) -> Choice:
+        kept = sorted(self._kept(), key=lambda trial: trial.found.run_time)
+        best, time = None, None
+        if kept:
+            limit = _ALIKE * kept[0].found.run_time
+            alike = [trial for trial in kept if trial.found.run_time <= limit]
+            self.watch.stage("timing the fastest in turn")
+            times = in_turn(alike, _REPEATS, self.bench.scene.dtype)
+            pairs = zip(alike, times, strict=True)
+            best, time = min(pairs, key=lambda pair: pair[1].median)
+        fitting = [t for t in self.trials if self._fits(t)] or self.trials
+        nearest = min(fitting, key=lambda trial: trial.found.error)
+        return Choice(
+            tuple(self.trials),
+            self.reference,
+            self.refinement,
+            self.own,
+            best,
+            time,
+            nearest,
+        )
+
+
+def _factors(family: Family) -> tuple[int, ...]:
+    if family == "aggregate":
+        return _FACTORS
+    return _SHELL_FACTORS if family == "shell_over_core" else (1,)

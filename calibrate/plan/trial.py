@@ -1,0 +1,225 @@
+"""Trials of a plan: references in ever finer voxels, and candidates beside them."""
+
+import statistics
+import time
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+
+from jaxthermo.arrays import precision
+from jaxthermo.config.schema.scene import SceneConfig
+from jaxthermo.config.types.model import build
+from jaxthermo.errors import InputError
+from jaxthermo.integrate.run.plan import Plan, initial_state, plan_run
+from jaxthermo.integrate.run.simulate import integrate, make_solution
+from jaxthermo.integrate.run.solution import RESULTS
+from jaxthermo.integrate.truth_error import TruthError, truth_error
+from jaxthermo.timing import Timing
+
+from ..config.schema import RefinedReference
+from ..problem.reference import Log, TruthReference, refined_reference
+from .candidate import Candidate
+from .predict import Found
+
+
+_REFERENCE = {"kind": "aggregate", "factor": 2}
+"""Structure of the references: blocks are as accurate as their voxels are fine, with an
+eighth of the nodes."""
+
+_POINTS = 4000
+"""Points on the meshes at which temperatures are compared."""
+
+_CONVERGED = 2000
+"""Steps of a run whose error in time is controlled, for predictions."""
+
+_SHORT, _REPEATS = 0.2, 5
+"""Time of a loop up to which it is repeated, and how often [s, -]."""
+
+_KEPT_GRIDS = 3
+"""Pitches whose voxels are kept in memory."""
+
+
+class Tolerance(NamedTuple):
+    """Limits of a plan."""
+
+    percent: float | None = None
+    """Largest root mean square over the range of the reference [%],"""
+    kelvin: float | None = None
+    """or this one [K], or both."""
+    run_time: float | None = None
+    """Time of the compiled loop [s]."""
+    memory: float | None = None
+    """[bytes]"""
+
+    def excess(self, percent: float, kelvin: float) -> float:
+        """Error over the tolerance [-]: at most 1 where it is kept."""
+        parts = []
+        if self.percent is not None:
+            parts.append(percent / self.percent)
+        if self.kelvin is not None:
+            parts.append(kelvin / self.kelvin)
+        return max(parts)
+
+    def words(self) -> str:
+        """As in a sentence: "1 %, 0.2 K"."""
+        parts = []
+        if self.percent is not None:
+            parts.append(f"{self.percent:.3g} %")
+        if self.kelvin is not None:
+            parts.append(f"{self.kelvin:.3g} K")
+        if self.run_time is not None:
+            parts.append(f"{1e3 * self.run_time:.3g} ms")
+        if self.memory is not None:
+            parts.append(f"{self.memory / 2**20:.4g} MiB")
+        return ", ".join(parts)
+
+
+class Trial(NamedTuple):
+    """A candidate that was run, beside a reference."""
+
+    found: Found
+    error: TruthError
+    plan: Plan | None
+    """Compiled, where the candidate is within the tolerance."""
+    refinement: float
+    """Refinement of the reference [-]."""
+
+    @property
+    def percent(self) -> float:
+        """Largest root mean square of the saved times [%]."""
+        return float(self.error.worst_rms_percent)
+
+    @property
+    def kelvin(self) -> float:
+        """The same [K]."""
+        return float(self.error.worst_rms_kelvin)
+
+    @property
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values for `plan.json`."""
+        plain = self.found._asdict() | {"candidate": self.found.candidate._asdict()}
+        if not np.isfinite(self.found.stable_step):
+            plain["stable_step"] = None
+        return {
+            **plain,
+            "excess": self.found.error,
+            "error_percent": self.percent,
+            "error_kelvin": self.kelvin,
+            "reference_refinement": self.refinement,
+        }
+
+
+class Bench:
+    """The scene of a plan: runs its references and its candidates."""
+
+    def __init__(
+        self, scene: SceneConfig, pitches: tuple[float, ...], tolerance: Tolerance
+    ):
+        """Nothing is run yet."""
+        self.scene, self.pitches, self.tolerance = scene, pitches, tolerance
+        self._grids = lru_cache(maxsize=_KEPT_GRIDS)(self._build_grids)
+
+    def reference(self, refinement: float, log: Log) -> TruthReference:
+        """The run of voxels so many times finer, kept on disk, with its own error."""
+        given = RefinedReference.model_validate(
+            {"refinement": 1.0, "structure": _REFERENCE, "points": _POINTS}
+        )
+        # Of a coarser pitch too, which a refinement below 1 would be.
+        config = Candidate(refinement, "full_volume").applied(self.scene, self.pitches)
+        return refined_reference(config, given, log)
+
+    def own_excess(self, reference: TruthReference) -> float:
+        """Error of a reference itself over the tolerance [-]."""
+        own = reference.own_error
+        return self.tolerance.excess(
+            float(own.rms_percent.max()), float(own.rms_kelvin.max())
+        )
+
+    def known_errors(
+        self, reference: TruthReference, refinement: float
+    ) -> list[tuple[Candidate, float]]:
+        """Errors of the reference's coarser runs, blocks without an error in time."""
+        own, found = reference.own_error, []
+        percent_per_kelvin = float((own.rms_percent / own.rms_kelvin).max())
+        for coarsening, kelvin in zip((2, 4), own.differences.max(axis=0), strict=True):
+            blocks = Candidate(
+                refinement / coarsening, "aggregate", 2, steps=_CONVERGED
+            )
+            excess = self.tolerance.excess(percent_per_kelvin * kelvin, float(kelvin))
+            found.append((blocks, excess))
+        return found
+
+    def run(
+        self, candidate: Candidate, reference: TruthReference, refinement: float
+    ) -> Trial:
+        """Run a candidate, and again to time it warm.
+
+        Raises:
+            InputError: if it cannot be built or fails.
+        """
+        config = candidate.applied(self.scene, self.pitches)
+        grids = self._grids(candidate.refinement)
+        bodies = tuple(b.build(g) for b, g in zip(config.bodies, grids, strict=True))
+        scene = config.scene(bodies, build(config.terms))
+        end, saves = config.time.end, config.time.save_times
+        with precision(config.dtype):
+            plan = plan_run(scene, end, saves, config.solver.build())
+            rows = jax.block_until_ready(integrate(plan, initial_state(plan)))
+            seconds = loop_time(plan)
+            if seconds < _SHORT:
+                seconds = statistics.median(loop_time(plan) for _ in range(_REPEATS))
+            solution = make_solution(plan, rows)
+        if solution.result != RESULTS.successful:
+            raise InputError(RESULTS[solution.result])
+        error = truth_error(solution, reference.solution, _POINTS)
+        excess = self.tolerance.excess(
+            float(error.worst_rms_percent), float(error.worst_rms_kelvin)
+        )
+        receipt = plan.compiled.receipt
+        found = Found(
+            candidate,
+            excess,
+            receipt.nodes,
+            sum(len(s.geometry.fragment_area) for s in solution.surfaces),
+            plan.steps,
+            getattr(plan.stepper, "stages", 1),
+            float(plan.stable_step or np.inf),
+            seconds,
+            receipt.memory_bytes,
+        )
+        return Trial(found, error, plan, refinement)
+
+    def volume_and_area(self) -> tuple[float, float]:
+        """Volume and area of all bodies, in cubes and squares of their pitches [-]."""
+        meshes = [body.build_mesh() for body in self.scene.bodies]
+        pairs = list(zip(meshes, self.pitches, strict=True))
+        return (
+            sum(abs(mesh.volume) / pitch**3 for mesh, pitch in pairs),
+            sum(mesh.area / pitch**2 for mesh, pitch in pairs),
+        )
+
+    def _build_grids(self, refinement: float) -> tuple[Any, ...]:
+        config = Candidate(refinement, "full_volume").applied(self.scene, self.pitches)
+        return tuple(body.build_grid() for body in config.bodies)
+
+
+def loop_time(plan: Plan) -> float:
+    """Time of the compiled loop, once [s]."""
+    state = initial_state(plan)
+    clock = time.perf_counter()
+    jax.block_until_ready(integrate(plan, state))
+    return time.perf_counter() - clock
+
+
+def in_turn(trials: Sequence[Trial], repeats: int, dtype: str) -> list[Timing]:
+    """Times of the loops of trials, each repeated in turn with the others [s]."""
+    spans: list[list[float]] = [[] for _ in trials]
+    with precision(dtype):
+        for _ in range(repeats):
+            for span, trial in zip(spans, trials, strict=True):
+                assert trial.plan is not None
+                span.append(loop_time(trial.plan))
+    return [Timing(statistics.median(s), min(s), max(s)) for s in spans]
