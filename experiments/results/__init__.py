@@ -1,0 +1,1 @@
+"""Results on disk: what is there, and what changed between two of them."""

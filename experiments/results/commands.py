@@ -1,0 +1,84 @@
+"""`experiments compare` and `experiments report` at the terminal."""
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from jaxthermo.cli.console import open_console, print_line, status
+from jaxthermo.report.numbers import count
+from jaxthermo.report.table import Cell, Table
+
+from .changes import ABSENT, Change
+from .compare import Comparison, compare
+from .index_page import write_index
+from .read import Damaged, find_results, read_result
+
+
+_MAX_TEXT = 48
+
+
+def compare_results(old: Path, new: Path, as_json: bool) -> None:
+    """Print what changed between two results, or write it as JSON.
+
+    Raises:
+        InputError: if one of them cannot be read, or they are of two kinds.
+    """
+    found = compare(read_result(old), read_result(new))
+    if as_json:
+        sys.stdout.write(json.dumps(found.as_dict(), indent=2) + "\n")
+    else:
+        _show(open_console(), found)
+
+
+def report_results(folder: Path) -> None:
+    """Write the index page of a folder and say what is on it.
+
+    Raises:
+        InputError: if the folder does not exist, holds no result or cannot be written.
+    """
+    console = open_console()
+    with status(console, "reading the results"):
+        found = list(find_results(folder))
+        page = write_index(folder, found)
+    damaged = [each for each in found if isinstance(each, Damaged)]
+    for each in damaged:
+        print_line(console, f"not readable: {each.file}: {each.reason}")
+    print_line(console, f"{count(len(found) - len(damaged), 'result')} in {page}")
+
+
+def _show(console: Console, found: Comparison) -> None:
+    parts = (
+        ("config", found.config),
+        ("versions and machine", found.origin),
+        ("numbers, beyond noise", found.numbers),
+    )
+    for title, changes in parts:
+        if changes:
+            console.print(_table(title, changes).rich(), soft_wrap=False)
+    for remark in found.remarks:
+        print_line(console, f"note: {remark}")
+    changed = any(changes for _, changes in parts)
+    last = "nothing else changed" if changed else "nothing changed"
+    print_line(console, last)
+
+
+def _table(title: str, changes: tuple[Change, ...]) -> Table:
+    rows: list[list[str | Cell]] = [
+        [change.key, _text(change.old), _text(change.new), change.note]
+        for change in changes
+    ]
+    columns = ["", "old", "new", ""]
+    # A column of notes only where there is one.
+    if not any(change.note for change in changes):
+        columns, rows = columns[:3], [row[:3] for row in rows]
+    return Table(columns, rows, title, left=(0, 3), framed=False)
+
+
+def _text(value: Any) -> str:
+    if value is ABSENT:
+        return "absent"
+    text = f"{value:.6g}" if isinstance(value, float) else str(value)
+    return text if len(text) <= _MAX_TEXT else f"{text[: _MAX_TEXT - 3]}..."

@@ -1,0 +1,221 @@
+"""`experiments report`: one page of all results in a folder."""
+
+import io
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from itertools import islice
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from PIL import Image
+
+from jaxthermo.errors import InputError
+from jaxthermo.report import page
+from jaxthermo.report.numbers import count, seconds, significant
+from jaxthermo.report.table import Table, prose
+
+from .changes import is_number
+from .compare import case_name
+from .read import NOT_AS_WRITTEN, Damaged, Kind, Result
+
+
+INDEX = "index.html"
+_TITLES: dict[Kind, str] = {
+    "experiment": "Experiments",
+    "sweep": "Sweeps",
+    "fit": "Fits",
+    "reduced model": "Reduced models",
+    "run": "Runs",
+}
+_PICTURE_WIDTH = 224
+"""Width of a picture [px]: twice that on the page, for fine screens."""
+_MAX_NUMBERS = 4
+_FIXED_SPACE = "\N{NO-BREAK SPACE}"
+_REPORTS = ("report.html", "front.html")
+
+
+def write_index(folder: Path, found: Sequence[Result | Damaged]) -> Path:
+    """Write the page into the folder, replacing an earlier one.
+
+    Raises:
+        InputError: if there is nothing to show, or the folder cannot be written.
+    """
+    if not found:
+        raise InputError(f"{folder}: no result in it or below; name another folder")
+    results = [each for each in found if isinstance(each, Result)]
+    damaged = [each for each in found if isinstance(each, Damaged)]
+    counts = [(t, [r for r in results if r.kind == k]) for k, t in _TITLES.items()]
+    sections: list[page.Section] = []
+    for title, each in counts:
+        if each:
+            # The newest first.
+            each.sort(key=lambda result: result.date, reverse=True)
+            cards = [_card(folder, result) for result in each]
+            sections += [page.heading(title), page.cards(cards)]
+    if damaged:
+        sections += [page.heading("Damaged or not finished"), _damaged(folder, damaged)]
+    words = [f"{len(each)} {title.lower()}" for title, each in counts if each]
+    words += [f"{len(damaged)} damaged or not finished"] if damaged else []
+    head = f"{', '.join(words)}; the newest of each kind first."
+    path = folder / INDEX
+    title = f"Results in {folder.resolve().name}"
+    page_sections = [page.paragraph(head, note=True), *sections]
+    page.write_page(path, title, page_sections)
+    return path
+
+
+def _card(folder: Path, result: Result) -> page.Card:
+    inside = result.folder.relative_to(folder)
+    report = next((n for n in _REPORTS if (result.folder / n).is_file()), None)
+    known = result.content
+    code = [f"commit {known['commit']}"] if "commit" in known else []
+    code += [f"config {result.config_hash}"] if result.config_hash else []
+    made = [f"{result.date:%Y-%m-%d %H:%M} UTC", str(known.get("processor", ""))]
+    where = "" if str(inside) == "." else f"{inside}/"
+    return page.Card(
+        result.name,
+        quote(f"{where}{report or result.file.name}"),
+        _figures(result),
+        [where or "this folder", _joined(made), _joined(code)],
+        _thumbnail(result.folder),
+    )
+
+
+def _joined(words: Sequence[str]) -> str:
+    # A line breaks between the words and not within them.
+    whole = (word.replace(" ", _FIXED_SPACE) for word in words if word)
+    return " \N{MIDDLE DOT} ".join(whole)
+
+
+def _damaged(folder: Path, damaged: Sequence[Damaged]) -> Table:
+    rows = [
+        [str(each.file.relative_to(folder)), prose(each.reason)] for each in damaged
+    ]
+    return Table(["file", "reason"], rows, left=(0, 1))
+
+
+def _figures(result: Result) -> list[str]:
+    lines: list[str] = []
+    for figure in _FIGURES[result.kind]:
+        # A figure that a version of the program did not write yet is left out.
+        with suppress(*NOT_AS_WRITTEN):
+            lines += filter(None, [figure(result)])
+    return lines
+
+
+def _run_size(result: Result) -> str:
+    c = result.content
+    return f"{c['nodes']:,} nodes, {c['steps']:,} steps, {seconds(c['run_time_s'])}"
+
+
+def _run_temperatures(result: Result) -> str:
+    found = [body["surface_temperature_K"] for body in result.content["bodies"]]
+    low, high = min(b["min"][-1] for b in found), max(b["max"][-1] for b in found)
+    return f"surface {low:.2f} to {high:.2f} K at {result.content['times_s'][-1]:g} s"
+
+
+def _run_truth(result: Result) -> str:
+    error = result.content["truth_error"]
+    return _error_words(error, "error against the truth")
+
+
+def _error_words(error: dict[str, Any], what: str) -> str:
+    percent = error.get("worst_rms_percent")
+    relative = "" if percent is None else f", {significant(percent)} %"
+    return f"{what}: {significant(error['worst_rms_kelvin'])} K{relative}"
+
+
+def _fit_errors(result: Result) -> str:
+    errors = result.content["error_percent"]
+    words = {"train": "error fitted", "held_out": "held out"}
+    return "; ".join(
+        f"{words[group]} {significant(both['default'])} to "
+        f"{significant(both['fitted'])}{_FIXED_SPACE}%"
+        for group, both in errors.items()
+    )
+
+
+def _fit_speed(result: Result) -> str:
+    ratio = result.content["speedup"]["times_faster"]
+    return f"{significant(ratio)} times faster than the full volume"
+
+
+def _sweep_size(result: Result) -> str:
+    failed = sum("failed" in row for row in result.rows)
+    return count(len(result.rows), "case") + (f", {failed} failed" if failed else "")
+
+
+def _sweep_best(result: Result) -> str:
+    rows = [row for row in result.rows if row.get("error")]
+    best = min(rows, key=lambda row: row["error"]["worst_rms_kelvin"])
+    return _error_words(best["error"], f"smallest error, {case_name(best)}")
+
+
+def _sweep_fastest(result: Result) -> str:
+    names = {row["id"]: case_name(row) for row in result.rows}
+    spans = {names[key]: sorted(t) for key, t in result.times.items() if key in names}
+    name, times = min(spans.items(), key=lambda item: item[1][len(item[1]) // 2])
+    return f"fastest, {name}: {seconds(times[len(times) // 2])}"
+
+
+def _verdicts(result: Result) -> str:
+    verdicts: dict[str, int] = result.body["verdicts"]
+    return ", ".join(f"{n} {word}" for word, n in verdicts.items() if n)
+
+
+def _sentences(result: Result) -> str:
+    return " ".join(islice(map(str, result.body["sentences"]), 2))
+
+
+def _plain_numbers(result: Result) -> str:
+    # An experiment without sentences and verdicts: its first numbers.
+    if {"verdicts", "sentences"} & set(result.body):
+        return ""
+    numbers = (
+        f"{key.replace('_', ' ')} {significant(value)}"
+        for key, value in result.body.items()
+        if is_number(value)
+    )
+    return ", ".join(islice(numbers, _MAX_NUMBERS))
+
+
+def _table_size(result: Result) -> str:
+    return count(len(result.body["table"]), "line") + " in its table"
+
+
+def _reduced_size(result: Result) -> str:
+    c = result.content
+    offline, online = seconds(c["offline_s"]), seconds(c["online_s"])
+    return f"{c['size']} vectors, {offline} offline, {online} online"
+
+
+def _reduced_error(result: Result) -> str:
+    return _error_words(result.content["truth_error"], "error of the reduction")
+
+
+_FIGURES: dict[Kind, tuple[Callable[[Result], str], ...]] = {
+    "run": (_run_size, _run_temperatures, _run_truth),
+    "fit": (_fit_errors, _fit_speed),
+    "sweep": (_sweep_size, _sweep_best, _sweep_fastest),
+    "experiment": (_sentences, _verdicts, _table_size, _plain_numbers),
+    "reduced model": (_reduced_size, _reduced_error),
+}
+
+
+def _thumbnail(folder: Path) -> bytes:
+    """A small picture of a result, as a PNG; empty if it has none that can be read."""
+    # The last frame of a run, else the picture that comes first by its name.
+    frames = sorted(folder.glob("frames/*.png"))[-1:]
+    for file in [*frames, *sorted(folder.glob("*.png")), *_first_picture(folder)]:
+        with suppress(OSError, ValueError), Image.open(file) as image:
+            small = image.convert("RGB")
+            small.thumbnail((_PICTURE_WIDTH, _PICTURE_WIDTH))
+            stream = io.BytesIO()
+            small.save(stream, "PNG", optimize=True)
+            return stream.getvalue()
+    return b""
+
+
+def _first_picture(folder: Path) -> list[Path]:
+    return sorted(folder.glob("pictures/*.png"))[:1]

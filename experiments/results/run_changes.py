@@ -1,0 +1,149 @@
+"""Changes between two runs of `jaxthermo simulate`, beyond noise."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jaxthermo.errors import InputError
+from jaxthermo.integrate.run.solution_file import StoredSolution, load_solution
+from jaxthermo.integrate.surface_error import surface_error
+from jaxthermo.integrate.truth_error import truth_error
+
+from .changes import ABSENT, ROUNDING, Change, Number, differ, is_number, time_change
+from .read import Result
+
+
+_COUNTS = ("nodes", "links", "steps", "solver", "result")
+_TIMES = ("run_time_s", "compile_time_s", "setup_time_s")
+_KELVIN_ROUNDINGS = 8
+"""Roundings of float32 that two machines may differ by in a temperature."""
+_MEMORY_ROUNDING = 0.1
+_POINTS = 10_000
+
+
+def run_changes(old: Result, new: Result) -> Iterator[Change | str]:
+    """Counts, surface temperatures, probes, energies and times that changed."""
+    a, b = old.content, new.content
+    for key in _COUNTS:
+        left, right = a.get(key, ABSENT), b.get(key, ABSENT)
+        if left != right:
+            yield Change(key, left, right)
+    yield from _surface_changes(old.folder, new.folder, a, b)
+    yield from _truth_changes(a.get("truth_error"), b.get("truth_error"))
+    yield from _probe_changes(a, b)
+    yield from _energy_changes(a, b)
+    for key in _TIMES:
+        if change := time_change(key, *([c[key]] for c in (a, b) if key in c)):
+            yield change
+    memory = [c.get("peak_memory_bytes", 0) for c in (a, b)]
+    if differ(*memory, relative=_MEMORY_ROUNDING):
+        yield Change("peak_memory_bytes", *memory)
+
+
+def kelvin_noise(largest: Number) -> float:
+    """Difference of temperatures up to `largest` [K] that is rounding [K]."""
+    return _KELVIN_ROUNDINGS * float(np.finfo(np.float32).eps) * largest
+
+
+def _surface_changes(
+    a: Path, b: Path, old: dict[str, Any], new: dict[str, Any]
+) -> Iterator[Change | str]:
+    files = [folder / "solution.npz" for folder in (a, b)]
+    if all(file.exists() for file in files):
+        try:
+            first, second = (load_solution(file) for file in files)
+            yield from _solution_changes(first, second)
+            return
+        except InputError as error:
+            yield f"the surface temperatures were not compared point by point: {error}"
+    else:
+        yield "a solution.npz is missing: surface temperatures by their summaries only"
+    yield from _summary_changes(old, new)
+
+
+def _solution_changes(
+    first: StoredSolution, second: StoredSolution
+) -> Iterator[Change]:
+    largest = float(np.abs(np.asarray(first.surface_temperature)).max())
+    try:
+        error = surface_error(second, first)
+        how = "at the same surface cells"
+        top = f"at most {float(error.max_percent.max()):.3g} % of the range"
+    except InputError:
+        # Of other voxels, or of another structure's surface.
+        error = truth_error(second, first, _POINTS)
+        how = "at points on the mesh"
+        top = f"99 % within {float(error.worst_p99_kelvin):.3g} K"
+    rms = np.asarray(error.rms_kelvin, float)
+    if rms.max() > kelvin_noise(largest):
+        worst = int(rms.argmax())
+        percent = float(np.asarray(error.rms_percent)[worst])
+        at = float(error.times[worst])
+        note = f"{how}, at {at:g} s; {percent:.3g} %; {top}"
+        name = "surface temperature: RMS of the change [K]"
+        yield Change(name, 0.0, rms[worst], note)
+
+
+def _summary_changes(old: dict[str, Any], new: dict[str, Any]) -> Iterator[Change]:
+    for index, (a, b) in enumerate(zip(old["bodies"], new["bodies"], strict=False)):
+        for name in ("min", "mean", "max"):
+            pair = [body["surface_temperature_K"][name] for body in (a, b)]
+            key = f"bodies.{index}: {name} of the surface [K]"
+            yield from _temperature_change(key, *pair)
+
+
+def _temperature_change(
+    key: str, old: list[Number], new: list[Number]
+) -> Iterator[Change]:
+    if len(old) != len(new):
+        yield Change(key, f"{len(old)} times", f"{len(new)} times")
+        return
+    size = np.abs(np.subtract(new, old))
+    if len(size) and size.max() > kelvin_noise(float(np.abs(old).max())):
+        worst = int(size.argmax())
+        note = f"{new[worst] - old[worst]:+.3g} K"
+        yield Change(key, old[worst], new[worst], note)
+
+
+def _truth_changes(old: Any, new: Any) -> Iterator[Change]:
+    if (old is None) != (new is None):
+        value = lambda error: ABSENT if error is None else error["worst_rms_kelvin"]
+        yield Change("truth_error.worst_rms_kelvin", value(old), value(new))
+    if old is None or new is None:
+        return
+    for name in ("worst_rms_kelvin", "worst_p99_kelvin", "worst_lost_fraction"):
+        a, b = old[name], new[name]
+        if differ(a, b, absolute=kelvin_noise(300.0) if "kelvin" in name else 0.0):
+            yield Change(f"truth_error.{name}", a, b, f"{b - a:+.3g}")
+
+
+def _probe_changes(old: dict[str, Any], new: dict[str, Any]) -> Iterator[Change]:
+    a, b = (content.get("probes", {}) for content in (old, new))
+    for name in {**a, **b}:
+        key = f"probes.{name} [K]"
+        if name in a and name in b:
+            pair = (probes[name]["temperature_K"] for probes in (a, b))
+            yield from _temperature_change(key, *pair)
+        else:
+            has = lambda probes, name=name: "a probe" if name in probes else ABSENT
+            yield Change(key, has(a), has(b))
+
+
+def _energy_changes(old: dict[str, Any], new: dict[str, Any]) -> Iterator[Change]:
+    a, b = (
+        {k: v for k, v in content.get("energy", {}).items() if k.endswith("_J")}
+        for content in (old, new)
+    )
+    # Small parts of the balance are differences of its large ones.
+    values = (v for part in (a, b) for row in part.values() for v in row)
+    scale = max(map(abs, values), default=0)
+    for name in {**a, **b}:
+        left, right = (part.get(name) or [ABSENT] for part in (a, b))
+        first, second = left[-1], right[-1]
+        key = f"energy.{name}, at the end"
+        if not is_number(first) or not is_number(second):
+            yield Change(key, first, second)
+        elif differ(first, second, absolute=ROUNDING * scale):
+            yield Change(key, first, second, f"{second - first:+.3g} J")
