@@ -68,6 +68,11 @@ from .physics.term import (
     AbstractVolumeTerm as AbstractVolumeTerm,
 )
 from .physics.time_varying import Table as Table, Until as Until
+from .reduction.reduce import reduce as reduce
+from .reduction.reduced_model import (
+    ReducedModel as ReducedModel,
+    load_reduced as load_reduced,
+)
 from .scene.coating import Coating as Coating
 from .scene.compile.compile import compile_scene as compile_scene
 from .scene.motion import Motion as Motion, PoseTable as PoseTable

@@ -22,6 +22,7 @@ ORDER = [
     "physics",
     "scene",
     "integrate",
+    "reduction",
     "image",
     "reference",
     "report",

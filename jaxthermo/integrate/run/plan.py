@@ -50,7 +50,7 @@ class Interval:
         return (self.end - self.start) / self.steps
 
 
-def _save_times(t1: float | int, save_at) -> tuple[float, ...]:
+def checked_save_times(t1: float | int, save_at) -> tuple[float, ...]:
     """Return the checked save times [s]; the end time alone if none are given."""
     number = not isinstance(t1, str | type(None)) and np.ndim(t1) == 0
     if not number or not math.isfinite(t1) or t1 < 0:
@@ -180,7 +180,7 @@ def plan_run(
     """
     solvers = "a solver, such as ForwardEuler(), or None"
     require(solver, (AbstractSolver, type(None)), "simulate(solver=)", solvers)
-    saves = _save_times(t1, save_at)
+    saves = checked_save_times(t1, save_at)
     # Steps after the last saved time would be in no result: the run ends there, and
     # its solver and its bounds of temperatures are those of that time.
     given, t1 = t1, saves[-1]

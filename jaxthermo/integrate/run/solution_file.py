@@ -71,8 +71,9 @@ class _RunArrays(NamedTuple):
     probe_position: Float[np.ndarray, "p 3"] | None = None
 
 
-class _BodyArrays(NamedTuple):
-    # The schema of what the file stores for each body, with its number as a prefix.
+class BodyArrays(NamedTuple):
+    """Arrays that a file stores for each body, with its number as a prefix."""
+
     vertices: Float[np.ndarray, "v 3"]
     faces: Int[np.ndarray, "f 3"]
     fragment_position: Float[np.ndarray, "s 3"]
@@ -87,7 +88,7 @@ class _BodyArrays(NamedTuple):
     absorptivity: Float[np.ndarray, ""] | Float[np.ndarray, " s"]
 
 
-_GEOMETRY_FIELDS = _BodyArrays._fields[:5]
+_GEOMETRY_FIELDS = BodyArrays._fields[:5]
 
 
 def save_solution(path: Path, solution: Solution) -> StoredSolution:
@@ -115,7 +116,7 @@ def save_solution(path: Path, solution: Solution) -> StoredSolution:
     for name, heat in solution.energy.mechanisms.items():
         arrays[f"energy_{name}_J"] = heat
     for b, surface in enumerate(solution.surfaces):
-        stored = _body_arrays(surface, np.asarray(solution.times, float))
+        stored = body_arrays(surface, np.asarray(solution.times, float))
         for field, value in stored._asdict().items():
             arrays[f"body{b}_{field}"] = value
     write_archive(path, _KIND, FORMAT_VERSION, arrays)
@@ -128,11 +129,12 @@ def save_solution(path: Path, solution: Solution) -> StoredSolution:
     )
 
 
-def _body_arrays(surface: SolvedSurface, saved: Float[np.ndarray, " t"]) -> _BodyArrays:
+def body_arrays(surface: SolvedSurface, saved: Float[np.ndarray, " t"]) -> BodyArrays:
+    """The surface of a body as arrays; with a pose for each saved time if it moves."""
     geometry = surface.geometry
     times = saved if surface.moves else [0.0]
     poses = [geometry.pose.at(float(time)) for time in times]
-    return _BodyArrays(
+    return BodyArrays(
         *(np.asarray(getattr(geometry, field)) for field in _GEOMETRY_FIELDS),
         pitch=np.asarray(geometry.pitch, float),
         translation=np.asarray([pose.translation for pose in poses], float),
@@ -163,7 +165,7 @@ def _stored_solution(arrays: dict[str, np.ndarray]) -> StoredSolution:
     run = select_arrays(_RunArrays, arrays)
     # Each body stores one pitch.
     count = sum(name.endswith("_pitch") for name in arrays)
-    bodies = [select_arrays(_BodyArrays, arrays, f"body{b}_") for b in range(count)]
+    bodies = [select_arrays(BodyArrays, arrays, f"body{b}_") for b in range(count)]
     _check_energies(arrays, run, count)
     fragments = sum(len(body.fragment_area) for body in bodies)
     if run.surface_temperature.shape[1] != fragments:
@@ -173,7 +175,7 @@ def _stored_solution(arrays: dict[str, np.ndarray]) -> StoredSolution:
         )
     if not len(run.times) or (np.diff(run.times) <= 0).any():
         raise InputError("times do not increase")
-    surfaces = tuple(_surface(body, run.times) for body in bodies)
+    surfaces = tuple(solved_surface(body, run.times) for body in bodies)
     temperatures = run.times, run.surface_temperature
     return StoredSolution(*temperatures, surfaces, run.reflected, run.reflected_sources)
 
@@ -183,7 +185,7 @@ def _check_energies(
 ) -> None:
     # The energies have the names of the scene's mechanisms; nothing else is left.
     known = set(_RunArrays._fields)
-    known |= {f"body{b}_{name}" for b in range(bodies) for name in _BodyArrays._fields}
+    known |= {f"body{b}_{name}" for b in range(bodies) for name in BodyArrays._fields}
     for name in arrays.keys() - known:
         if not (name.startswith("energy_") and name.endswith("_J")):
             raise InputError(f"{name} is no part of a solution")
@@ -194,7 +196,7 @@ def _check_energies(
             raise InputError(f"{name} has values that are not finite")
 
 
-def _check_ranges(body: _BodyArrays) -> None:
+def _check_ranges(body: BodyArrays) -> None:
     fraction = lambda values: (values >= 0) & (values <= 1)
     valid = {
         "pitch": body.pitch > 0,
@@ -207,7 +209,12 @@ def _check_ranges(body: _BodyArrays) -> None:
             raise InputError(f"{name} of a body is out of its range")
 
 
-def _surface(body: _BodyArrays, times: Float[np.ndarray, " t"]) -> SolvedSurface:
+def solved_surface(body: BodyArrays, times: Float[np.ndarray, " t"]) -> SolvedSurface:
+    """The surface of a body from its arrays.
+
+    Raises:
+        InputError: if they contradict each other.
+    """
     _check_ranges(body)
     first, last = body.faces.min(initial=0), body.faces.max(initial=0)
     if not 0 <= first <= last < len(body.vertices):

@@ -10,7 +10,7 @@ from hypothesis import given
 
 import jaxthermo as jt
 from jaxthermo.errors import InputError
-from jaxthermo.integrate.run.plan import _save_times, _schedule, save_intervals
+from jaxthermo.integrate.run.plan import _schedule, checked_save_times, save_intervals
 
 
 TIMES = st.lists(
@@ -80,12 +80,12 @@ def test_more_steps_than_can_be_counted_are_refused_with_the_limit():
 )
 def test_bad_times_are_refused(t1, save_at, words):
     with pytest.raises(InputError, match=words):
-        _save_times(t1, save_at)
+        checked_save_times(t1, save_at)
 
 
 def test_the_end_is_saved_if_nothing_else_is():
-    assert _save_times(3.0, None) == (3.0,)
-    assert _save_times(3, [0, 1, 3]) == (0.0, 1.0, 3.0)
+    assert checked_save_times(3.0, None) == (3.0,)
+    assert checked_save_times(3, [0, 1, 3]) == (0.0, 1.0, 3.0)
 
 
 def test_a_run_stops_at_its_last_saved_time():

@@ -1,0 +1,1 @@
+"""Reduced models of linear scenes: a few vectors instead of all nodes."""

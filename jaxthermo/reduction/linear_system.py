@@ -1,0 +1,274 @@
+"""A linear scene as state space, with its operators applied and solved, not assembled.
+
+    C dx/dt = -K x + sum_j b_j u_j(t),    y = T_ref + R x + sum_j d_j u_j(t),
+
+x temperatures of all nodes above the reference of their body [K], C capacities [J/K],
+K conduction with what linear surface terms and contacts take off [W/K], b_j the heat
+rate of every node by one unit of input j [W per unit], y the surface temperatures [K],
+R the surface map and d_j what input j adds at the surface above the nodes [K per unit].
+All in float64: a slow mode is a small difference of large conductances.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from ..arrays import is_traced, precision
+from ..errors import InputError
+from ..integrate.implicit.conjugate_gradient import ConjugateGradient, ResidualNorm
+from ..integrate.implicit.jacobian import (
+    ImplicitContext,
+    arranged_for_solves,
+    implicit_context,
+    linearize,
+)
+from ..integrate.implicit.newton_stage import solve_linear
+from ..integrate.run.heat_rates import pair_values
+from ..scene.compile.compile import compile_scene
+from ..scene.compile.program import Compiled, Program, State
+from ..scene.scene import Scene, SolvedSurface
+from .inputs import Input, find_inputs
+
+
+_TOLERANCE = 1e-9
+"""Largest residual of a solve over the largest heat rate of its right-hand side [-]."""
+
+Nodes = Float[np.ndarray, " n"]
+
+
+class _Layout:
+    """Nodes of all bodies in one vector, body after body."""
+
+    def __init__(self, scene: Scene):
+        structures = [body.structure for body in scene.bodies]
+        self.shapes = [structure.state_shape for structure in structures]
+        self.address = [structure.node_address() for structure in structures]
+        counts = [structure.node_count for structure in structures]
+        self.first = np.cumsum([0, *counts])
+
+    def pack(self, states: State) -> Nodes:
+        """Values of the nodes in one vector."""
+        pairs = zip(states, self.address, strict=True)
+        return np.concatenate([np.asarray(s, float)[where] for s, where in pairs])
+
+    def unpack(self, values: Nodes) -> State:
+        """One state per body; 0 where a lattice has no node."""
+        found = []
+        for body, (shape, where) in enumerate(
+            zip(self.shapes, self.address, strict=True)
+        ):
+            state = np.zeros(shape)
+            state[where] = values[self.first[body] : self.first[body + 1]]
+            found.append(jnp.asarray(state))
+        return tuple(found)
+
+    def number(self, body: int, address: tuple[Any, ...]) -> Int[np.ndarray, " m"]:
+        """Numbers in the vector of nodes at positions in a body's state."""
+        numbers = np.full(self.shapes[body], -1)
+        count = self.first[body + 1] - self.first[body]
+        numbers[self.address[body]] = self.first[body] + np.arange(count)
+        return numbers[tuple(np.asarray(each) for each in address)]
+
+
+@dataclass(frozen=True, eq=False)
+class LinearSystem:
+    """C, K, R and the inputs of a linear scene."""
+
+    compiled: Compiled
+    context: ImplicitContext
+    layout: _Layout
+    inputs: tuple[Input, ...]
+    dtype: str
+    """Type of the scene as it was given; the system's own is float64."""
+
+    @property
+    def program(self) -> Program:
+        """The only program of the scene: nothing moves."""
+        return self.compiled.program
+
+    @property
+    def surfaces(self) -> tuple[SolvedSurface, ...]:
+        """Surface of each body."""
+        return self.compiled.surfaces
+
+    @cached_property
+    def capacity(self) -> Nodes:
+        """Heat capacity of every node [J/K]."""
+        pairs = zip(self.program.bodies, self.compiled.state, strict=True)
+        with precision("float64"):
+            whole = [jnp.broadcast_to(b.network.capacity(), s.shape) for b, s in pairs]
+            return self.layout.pack(tuple(whole))
+
+    @cached_property
+    def start(self) -> Nodes:
+        """Initial temperature of every node above the reference [K]."""
+        return self.layout.pack(self.compiled.state)
+
+    @cached_property
+    def heat(self) -> Float[np.ndarray, "n k"]:
+        """Heat rate of every node by one unit of each input [W per unit]."""
+        columns = np.zeros((len(self.capacity), len(self.inputs)))
+        for column, each in enumerate(self.inputs):
+            for body, address, values in each.heat:
+                np.add.at(columns[:, column], self.layout.number(body, address), values)
+        return columns
+
+    @cached_property
+    def direct(self) -> Float[np.ndarray, "s k"]:
+        """Surface above the nodes by one unit of each input [K per unit]."""
+        if not self.inputs:
+            return np.zeros((len(self.reference), 0))
+        with precision("float64"):
+            columns = [
+                np.concatenate(
+                    [
+                        _mapped(self.program, body, jnp.asarray(values))
+                        for body, values in enumerate(each.excess)
+                    ]
+                )
+                for each in self.inputs
+            ]
+        return np.stack(columns, axis=1)
+
+    @cached_property
+    def reference(self) -> Float[np.ndarray, " s"]:
+        """Reference of the body of every fragment [K]."""
+        bodies = zip(self.program.bodies, self.surfaces, strict=True)
+        return np.concatenate(
+            [
+                np.full(len(s.geometry.fragment_area), float(body.reference))
+                for body, s in bodies
+            ]
+        )
+
+    @property
+    def area(self) -> Float[np.ndarray, " s"]:
+        """Area of every fragment [m^2]."""
+        return np.concatenate([s.geometry.fragment_area for s in self.surfaces])
+
+    def with_inputs(self, further: Sequence[Input]) -> "LinearSystem":
+        """The system with further inputs, whose names become their own."""
+        found, names = list(self.inputs), {each.name for each in self.inputs}
+        for each in further:
+            name, count = each.name, 1
+            while name in names:
+                count += 1
+                name = f"{each.name} {count}"
+            names.add(name)
+            found.append(replace(each, name=name))
+        return replace(self, inputs=tuple(found))
+
+    def conduct(self, values: Nodes) -> Nodes:
+        """K x [W]."""
+        with precision("float64"):
+            states = self.layout.unpack(values)
+            return self.layout.pack(_conducted(self.program, self.context, states))
+
+    def solve(self, rate: float, heat: Nodes) -> Nodes:
+        """Solution x of (rate C + K) x = heat, for a rate in 1/s.
+
+        Raises:
+            InputError: if the solve stops short of its tolerance.
+        """
+        with precision("float64"):
+            states = self.layout.unpack(heat)
+            found, converged = _solved(
+                self.program, self.context, jnp.asarray(float(rate)), states
+            )
+            if not bool(converged):
+                raise InputError(
+                    f"reduce: a linear solve for the rate {rate:.3g} 1/s stopped short "
+                    "of its tolerance: check the materials for values far out of range"
+                )
+            return self.layout.pack(found)
+
+    def read(self, values: Nodes) -> Float[np.ndarray, " s"]:
+        """R x [K]."""
+        with precision("float64"):
+            return np.asarray(_read(self.program, self.layout.unpack(values)))
+
+
+def linear_system(scene: Scene, t1: float) -> LinearSystem:
+    """Compile a scene and check that all of it is linear.
+
+    Args:
+        scene: bodies and terms.
+        t1: end of the time that the reduced model is for [s].
+
+    Raises:
+        InputError: naming what is not linear.
+    """
+    if is_traced(scene):
+        raise InputError("reduce: the scene holds traced values: give numbers")
+    arranged = arranged_for_solves(replace(scene, dtype="float64"))
+    with precision("float64"):
+        compiled = compile_scene(arranged, 1, t1)
+        inputs = find_inputs(compiled, t1)
+        context = implicit_context(arranged, compiled, t1, None, traced=False)
+    return LinearSystem(compiled, context, _Layout(arranged), inputs, scene.dtype)
+
+
+def _zero(states: State) -> State:
+    return jax.tree.map(jnp.zeros_like, states)
+
+
+@eqx.filter_jit
+def _conducted(program: Program, context: ImplicitContext, states: State) -> State:
+    zero = jnp.zeros((), states[0].dtype)
+    return linearize(program, context, _zero(states), zero, zero).operator.mv(states)
+
+
+@eqx.filter_jit
+def _solved(
+    program: Program, context: ImplicitContext, rate: Float[Array, ""], heat: State
+) -> tuple[State, Array]:
+    at = linearize(program, context, _zero(heat), rate, jnp.zeros_like(rate))
+    solver = ConjugateGradient(ResidualNorm(1.0), _TOLERANCE, relative=True)
+    found, (converged, _) = solve_linear(at, heat, solver)
+    return found, converged
+
+
+@eqx.filter_jit
+def _read(program: Program, states: State) -> Float[Array, " s"]:
+    # The surface is affine in the states: less what it is without any.
+    time = jnp.zeros((), states[0].dtype)
+    above, zero = (
+        jnp.concatenate(
+            program.surface_temperatures(each, time, _by_contacts(program, each))
+        )
+        for each in (states, _zero(states))
+    )
+    return above - zero
+
+
+def _by_contacts(program: Program, states: State) -> list[Any]:
+    """Excess of each body's fragments over their nodes by contacts [K]."""
+    found: list[Any] = [None] * len(program.bodies)
+    zero = jnp.zeros((), states[0].dtype)
+    for contact in program.contacts:
+        first, second = pair_values(contact, states)
+        rate = contact.heat_rate(zero, (first, second), (zero, zero))
+        for side, body in enumerate(contact.bodies):
+            own = contact.excess(rate, side, program.bodies[body].node.shape[0])
+            found[body] = own if found[body] is None else found[body] + own
+    return found
+
+
+@eqx.filter_jit
+def _mapped(program: Program, number: int, excess: Float[Array, " s"]):
+    """Reading of a body's fragments with an excess over nodes that are all at 0 [K]."""
+    body = program.bodies[number]
+    if not body.surface_map.needs_excess:
+        return jnp.zeros_like(excess)
+    capacity = body.network.capacity()
+    shape = jax.eval_shape(body.network.diagonal).shape
+    theta = jnp.zeros(shape, capacity.dtype)
+    nodes, below = body.below(theta)
+    return body.surface_map.read(theta, nodes, below, body.node, excess)

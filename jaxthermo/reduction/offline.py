@@ -1,0 +1,206 @@
+"""The offline part of a reduced model: basis, choice of its size, error, matrices."""
+
+import time
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from ..archive import arrays_checksum
+from ..errors import InputError
+from ..integrate.run.plan import checked_save_times
+from ..integrate.surface_error import error_span
+from ..physics.time_varying import is_unknown_function
+from ..scene.scene import Scene
+from .basis import (
+    Basis,
+    Projection,
+    krylov_blocks,
+    principal_weights,
+    project,
+    surface_gram,
+)
+from .linear_system import LinearSystem, linear_system
+from .modal_run import Schedule, host_run, schedule
+from .reduced_file import About, LoadRange
+from .reduced_model import ReducedModel, knots_of, sampled
+from .residual_bound import error_bound
+
+
+MAX_BLOCKS = 25
+"""Blocks of Krylov vectors at most; with two inputs and a start some 75 solves."""
+_KRYLOV_MARGIN = 0.1
+"""Error of the large basis over the tolerance, so that it can judge the small one."""
+_RANGE = (0.005, 0.995)
+"""Quantiles of the surface's temperature between which its range lies."""
+
+Log = Callable[[str], None]
+
+
+class Target(NamedTuple):
+    """The run that the model is made for."""
+
+    system: LinearSystem
+    times: tuple[float, ...]
+    knots: tuple[float, ...]
+    amplitudes: Float[np.ndarray, "q k"]
+    plan: Schedule
+    ranges: tuple[tuple[float, float], ...]
+    """Smallest and largest amplitude of every input."""
+
+
+def target_of(scene: Scene, t1: float | int, save_at: Sequence[float] | None) -> Target:
+    """Compile a linear scene and its loads.
+
+    Raises:
+        InputError: naming what is not linear, or for times out of order.
+    """
+    times = checked_save_times(t1, save_at)
+    if times[-1] <= 0:
+        raise InputError("reduce: give an end time above 0 s")
+    system = linear_system(scene, times[-1])
+    varies = any(is_unknown_function(each.amplitude) for each in system.inputs)
+    knots = knots_of(times[-1], system.program.breakpoints, varies)
+    columns = [sampled(each.amplitude, knots) for each in system.inputs]
+    rows = np.stack(columns, axis=1) if columns else np.zeros((len(knots), 0))
+    ranges = tuple((float(c.min()), float(c.max())) for c in columns)
+    return Target(system, times, knots, rows, schedule(knots, times), ranges)
+
+
+def _at_saves(target: Target, modes: Projection) -> Float[np.ndarray, "t m"]:
+    """Modes at the saved times."""
+    run = modes.rates, modes.drive, modes.start
+    states = host_run(*run, target.plan, target.amplitudes)
+    rows = [modes.start if n < 0 else states[n] for n in target.plan.saved]
+    return np.stack(rows)
+
+
+def _span(target: Target, modes: Projection) -> Float[np.ndarray, " t"]:
+    """Range of the surface at the saved times [K]."""
+    _, loads = target.plan.loads(np, target.amplitudes)
+    above = _at_saves(target, modes) @ modes.basis.surface.T
+    brought = [
+        np.zeros(loads.shape[1]) if n < 0 else loads[n] for n in target.plan.saved
+    ]
+    above = above + np.stack(brought) @ target.system.direct.T
+    return np.asarray(error_span(target.system.reference + above, _RANGE))
+
+
+def krylov_modes(
+    target: Target, size: int | None, tolerance: float, log: Log
+) -> Projection:
+    """The modes of a basis that no further block would change."""
+    system = target.system
+    # What has just changed must be right at the next saved time.
+    waits = [t - max(k for k in target.knots if k < t) for t in target.times if t > 0]
+    blocks = krylov_blocks(system, min(waits), target.times[-1], MAX_BLOCKS)
+    basis = Basis.empty(system)
+    if np.any(system.start):
+        basis = basis.with_vectors(system, [system.start])
+    modes, before, calm = project(system, basis), None, 0
+    for number, block in enumerate(blocks):
+        basis = basis.with_vectors(system, block)
+        modes = project(system, basis)
+        now = _at_saves(target, modes) @ modes.basis.surface.T
+        if before is not None:
+            change = _rms(system, now - before) / _span(target, modes)
+            worst = float(change.max())
+            log(f"block {number + 1}: {basis.size} vectors, change {100 * worst:.2g} %")
+            calm = calm + 1 if worst < _KRYLOV_MARGIN * tolerance else 0
+        before = now
+        # Twice, since one rate may bring nothing that these loads ask for.
+        enough = size is None or basis.size >= 2 * size
+        if (calm >= 2 and enough) or basis.size >= len(system.capacity):
+            break
+    return modes
+
+
+def _rms(system: LinearSystem, gap: np.ndarray) -> Float[np.ndarray, " t"]:
+    area = system.area / system.area.sum()
+    return np.sqrt((gap**2) @ area)
+
+
+def chosen_basis(
+    target: Target, whole: Projection, size: int | None, tolerance: float
+) -> tuple[Basis, Float[np.ndarray, " t"]]:
+    """The smallest basis within the tolerance, and its estimated error [K]."""
+    count = whole.basis.size
+    exact, gram = _at_saves(target, whole), surface_gram(target.system, whole.basis)
+    zero = np.zeros(len(target.times))
+    if not count or (size is not None and size >= count):
+        return whole.basis, zero
+    weights = principal_weights(target.system, whole, target.plan, target.amplitudes)
+    span = _span(target, whole)
+
+    def error(number: int) -> Float[np.ndarray, " t"]:
+        chosen = weights[:, :number]
+        rates, turn = np.linalg.eigh(chosen.T @ (whole.rates[:, None] * chosen))
+        chosen = chosen @ turn
+        small = (np.maximum(rates, 0), chosen.T @ whole.drive, chosen.T @ whole.start)
+        states = host_run(*small, target.plan, target.amplitudes)
+        rows = np.stack([small[2] if n < 0 else states[n] for n in target.plan.saved])
+        gap = exact - rows @ chosen.T
+        return np.sqrt(np.maximum(np.einsum("ti,ij,tj->t", gap, gram, gap), 0))
+
+    if size is not None:
+        return whole.basis.rotated(weights[:, :size]), error(size)
+    for number in range(1, count):
+        found = error(number)
+        if (found / span).max() <= tolerance:
+            return whole.basis.rotated(weights[:, :number]), found
+    return whole.basis, zero
+
+
+def make_model(
+    target: Target,
+    basis: Basis,
+    errors: Float[np.ndarray, " t"],
+    method: str,
+    solves: int,
+    clock: float,
+    log: Log,
+) -> tuple[ReducedModel, Basis]:
+    """The model of a basis whose estimated errors [K] are known, and its modes."""
+    system = target.system
+    modes = project(system, basis)
+    log("bounding the error by the residual")
+    ends = error_bound(system, modes, target.plan, target.amplitudes)
+    missed = system.start - modes.basis.vectors @ modes.start
+    begin = np.sqrt(missed @ (system.capacity * missed) / system.capacity.sum())
+    bounds = [begin if n < 0 else ends[n] for n in target.plan.saved]
+    fractions = errors / _span(target, modes)
+    about = About(
+        size=modes.basis.size,
+        nodes=len(system.capacity),
+        method=method,
+        offline_s=time.perf_counter() - clock,
+        solves=solves,
+        estimate_kelvin=tuple(map(float, errors)),
+        estimate_percent=100 * float(fractions.max()),
+        residual_bound_kelvin=tuple(map(float, bounds)),
+        scene_hash=_hash(system),
+    )
+    pairs = zip(system.inputs, target.ranges, strict=True)
+    ranges = (LoadRange(each.name, each.unit, *ends) for each, ends in pairs)
+    model = ReducedModel(
+        rates=modes.rates,
+        drive=modes.drive,
+        start=modes.start,
+        output=modes.basis.surface,
+        direct=system.direct,
+        reference=system.reference,
+        inputs=tuple(ranges),
+        knots=target.knots,
+        amplitudes=target.amplitudes,
+        times=target.times,
+        surfaces=system.surfaces,
+        about=about,
+        dtype=system.dtype,
+    )
+    return model, modes.basis
+
+
+def _hash(system: LinearSystem) -> str:
+    names = ("capacity", "heat", "direct", "reference", "start")
+    return arrays_checksum({name: getattr(system, name) for name in names})[:16]

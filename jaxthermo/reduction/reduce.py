@@ -1,0 +1,169 @@
+"""`reduce`: from a linear scene to a reduced model."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from typing_extensions import override
+
+from ..arrays import require_memory
+from ..errors import InputError, require
+from ..integrate.run.solution_file import StoredSolution
+from ..scene.scene import Scene
+from .basis import Basis, project, snapshots
+from .linear_system import LinearSystem
+from .offline import (
+    MAX_BLOCKS,
+    Log,
+    Target,
+    chosen_basis,
+    krylov_modes,
+    make_model,
+    target_of,
+)
+from .reduced_model import AbstractOffline, ReducedModel
+from .span import check_same_bodies, input_shares, start_in_span
+
+
+_TOLERANCE = 1e-3
+"""Default of the surface's error over its range [-]."""
+
+
+def reduce(
+    scene: Scene,
+    t1: float | int,
+    save_at: Sequence[float] | None = None,
+    *,
+    size: int | None = None,
+    tolerance: float | None = None,
+    method: str = "krylov",
+    log: Log = lambda text: None,
+) -> ReducedModel:
+    """Reduce a linear scene to a few modes, for loads of its own patterns.
+
+    From C dx/dt = -K x + B u(t) for all nodes to dz/dt = A z + V^T B u(t) for x = V z,
+    with V^T C V = 1 and A = -V^T K V, which stays symmetric: by rational Krylov vectors
+    (s C + K)^-1 B for rates s over all time scales of the run, or by snapshots of it.
+    Loads that are linear between knots are stepped exactly; others are sampled.
+
+    Args:
+        scene: linear: constant properties and coefficients, no emission.
+        t1: end of the run [s].
+        save_at: increasing times to save [s]; None for the end. Between a change of
+            the loads and the first of them after it nothing is asked of the model.
+        size: number of vectors; None for as many as the tolerance takes.
+        tolerance: estimated root mean square error of the surface over its range [-];
+            None for 0.001.
+        method: "krylov", also good for other amplitudes of its loads; or "pod",
+            snapshots of the scene's own run.
+        log: receives a line before each slow stage.
+
+    Raises:
+        InputError: naming the term that is not linear, or for times out of order.
+
+    Example:
+        >>> import jaxthermo as jt
+        >>> steel = jt.Material(16.0, density=8000.0, specific_heat=500.0)
+        >>> grid = jt.voxelize(jt.shapes.box((0.04, 0.04, 0.04)), pitch=0.01)
+        >>> body = jt.Body(jt.FullVolume(grid), steel, temperature=290.0)
+        >>> heat = jt.HeatFlux(1000.0, on=jt.Side((1, 0, 0)))
+        >>> scene = jt.Scene((body,), (heat, jt.Convection(10.0, 290.0)))
+        >>> model = jt.reduce(scene, 60.0, [30.0, 60.0], size=4)
+        >>> model.size, model.surface_temperature.shape
+        (4, (2, 96))
+    """
+    require(scene, Scene, "reduce(scene=)", "a Scene")
+    _check_options(size, tolerance, method)
+    clock = time.perf_counter()
+    log("building the scene")
+    target = target_of(scene, t1, save_at)
+    allowed = _TOLERANCE if tolerance is None else tolerance
+    _check_memory(target.system)
+    if method == "krylov":
+        whole = krylov_modes(target, size, allowed, log)
+    else:
+        log("running the scene for its snapshots")
+        states = snapshots(target.system, target.plan, target.amplitudes)
+        empty = Basis.empty(target.system)
+        whole = project(target.system, empty.with_vectors(target.system, states))
+    log("choosing the vectors")
+    basis, errors = chosen_basis(target, whole, size, allowed)
+    parts = errors, method, whole.basis.size, clock
+    return _with_offline(make_model(target, basis, *parts, log), target, allowed)
+
+
+def _check_options(size: int | None, tolerance: float | None, method: str) -> None:
+    if size is not None and tolerance is not None:
+        raise InputError("reduce: give a size or a tolerance, not both")
+    if size is not None and size < 1:
+        raise InputError(f"reduce(size={size}): give 1 or more")
+    if tolerance is not None and not 0 < tolerance < 1:
+        raise InputError(
+            f"reduce(tolerance={tolerance!r}): give a fraction between 0 and 1, such "
+            "as 0.001 for 0.1 %"
+        )
+    if method not in ("krylov", "pod"):
+        raise InputError(f"reduce(method={method!r}): give 'krylov' or 'pod'")
+
+
+def _check_memory(system: LinearSystem) -> None:
+    columns = MAX_BLOCKS * (len(system.inputs) + 1)
+    count = 3 * len(system.capacity) + len(system.area)
+    remedy = "use a coarser structure, such as Aggregate"
+    require_memory(8 * columns * count, "reducing this scene", remedy)
+
+
+def _with_offline(
+    made: tuple[ReducedModel, Basis], target: Target, tolerance: float
+) -> ReducedModel:
+    model, basis = made
+    return replace(model, offline=_Offline(target, basis, tolerance))
+
+
+@dataclass(frozen=True, eq=False)
+class _Offline(AbstractOffline):
+    """The run and the basis from which a model was made, and how."""
+
+    target: Target
+    basis: Basis
+    tolerance: float
+
+    @override
+    def run_of(self, model: ReducedModel, scene: Scene) -> StoredSolution:
+        other = target_of(scene, self.target.times[-1], self.target.times)
+        system = self.target.system
+        check_same_bodies(system, other.system)
+        shares, outside = input_shares(system, other.system)
+        if outside:
+            name = other.system.inputs[outside[0]].name
+            raise InputError(
+                f"reduced model: the pattern of {name} is not one of its loads: "
+                "model.extend(scene) adds it"
+            )
+        start = start_in_span(system, other.system, self.basis, model.start)
+        moved = replace(model, start=start)
+        return moved.run(other.knots, other.amplitudes @ shares.T, other.times)
+
+    @override
+    def extended(self, model: ReducedModel, scene: Scene) -> ReducedModel:
+        clock = time.perf_counter()
+        own, silent = self.target, lambda text: None
+        other = target_of(scene, own.times[-1], own.times)
+        check_same_bodies(own.system, other.system)
+        _, outside = input_shares(own.system, other.system)
+        system = own.system.with_inputs([other.system.inputs[n] for n in outside])
+        added = krylov_modes(other, None, self.tolerance, silent)
+        chosen, _ = chosen_basis(other, added, None, self.tolerance)
+        vectors = [other.system.start, *chosen.vectors.T]
+        basis = self.basis.with_vectors(system, vectors)
+        # The new inputs are 0 in the model's own scene.
+        rows = np.pad(own.amplitudes, ((0, 0), (0, len(outside))))
+        ranges = (*own.ranges, *(other.ranges[n] for n in outside))
+        target = own._replace(system=system, amplitudes=rows, ranges=ranges)
+        # The time of both is that of the model.
+        about = model.about
+        clock, solves = clock - about.offline_s, about.solves + added.basis.size
+        parts = np.array(about.estimate_kelvin), about.method, solves, clock
+        made = make_model(target, basis, *parts, silent)
+        return _with_offline(made, target, self.tolerance)

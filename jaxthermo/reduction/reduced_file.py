@@ -1,0 +1,153 @@
+"""`model.npz`: a reduced model as matrices of a state space, to be handed over.
+
+    dz/dt = A z + B u,    y = reference + C z + D u,    z(0) = start,
+
+with the times and loads in which they hold, and the surface that y belongs to.
+"""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from ..archive import read_archive, select_arrays, write_archive
+from ..errors import InputError
+from ..integrate.run.solution_file import BodyArrays, body_arrays, solved_surface
+
+
+FORMAT_VERSION = 1
+"""Version of the file's layout."""
+_KIND, _REMEDY = "reduced model", "reduce the scene again"
+
+
+class LoadRange(NamedTuple):
+    """An input of a reduced model and its range in the scene."""
+
+    name: str
+    unit: str
+    low: float
+    high: float
+
+
+class About(NamedTuple):
+    """Cost and accuracy of a reduced model in its own scene."""
+
+    size: int
+    nodes: int
+    method: str
+    offline_s: float
+    """Time that it took to make [s]."""
+    solves: int
+    """Vectors that were solved for, from which the size was chosen."""
+    estimate_kelvin: tuple[float, ...]
+    """Estimate of the surface's root mean square error at each saved time [K]."""
+    estimate_percent: float
+    """The largest of them over the surface's range at that time [%]."""
+    residual_bound_kelvin: tuple[float, ...]
+    """Bound of the root mean square error over the volume at each saved time, from the
+    residual [K]."""
+    scene_hash: str
+    """16 digits of capacities, loads and readings."""
+
+
+class _ModelArrays(NamedTuple):
+    # The schema of the file.
+    A: Float[np.ndarray, "m m"]
+    B: Float[np.ndarray, "m k"]
+    C: Float[np.ndarray, "s m"]
+    D: Float[np.ndarray, "s k"]
+    start: Float[np.ndarray, " m"]
+    reference: Float[np.ndarray, " s"]
+    knots: Float[np.ndarray, " q"]
+    amplitudes: Float[np.ndarray, "q k"]
+    times: Float[np.ndarray, " t"]
+    input_low: Float[np.ndarray, " k"]
+    input_high: Float[np.ndarray, " k"]
+
+
+def write_model(path: Path, model: Mapping[str, Any]) -> None:
+    """Write the fields of a model in one step.
+
+    Raises:
+        InputError: if the file cannot be written.
+    """
+    inputs: tuple[LoadRange, ...] = model["inputs"]
+    arrays = _ModelArrays(
+        A=np.diag(-model["rates"]),
+        B=model["drive"],
+        C=model["output"],
+        D=model["direct"],
+        start=model["start"],
+        reference=model["reference"],
+        knots=np.asarray(model["knots"], float),
+        amplitudes=model["amplitudes"],
+        times=np.asarray(model["times"], float),
+        input_low=np.array([each.low for each in inputs], float),
+        input_high=np.array([each.high for each in inputs], float),
+    )
+    words = {
+        "input_names": [each.name for each in inputs],
+        "input_units": [each.unit for each in inputs],
+        "dtype": model["dtype"],
+        "about": model["about"]._asdict(),
+    }
+    # Texts as JSON: an array of them would need a longest length.
+    stored: dict[str, Any] = {**arrays._asdict(), "words": np.array(json.dumps(words))}
+    for b, surface in enumerate(model["surfaces"]):
+        for name, value in body_arrays(surface, arrays.times)._asdict().items():
+            stored[f"body{b}_{name}"] = value
+    write_archive(path, _KIND, FORMAT_VERSION, stored)
+
+
+def read_model(path: Path) -> dict[str, Any]:
+    """Read the fields of a model.
+
+    Raises:
+        InputError: if the file is missing, damaged, or of another version.
+    """
+    stored = read_archive(path, _KIND, FORMAT_VERSION, _REMEDY)
+    try:
+        return _fields(stored)
+    except InputError as error:
+        raise InputError(f"{path}: {error}; {_REMEDY}") from error
+
+
+def _fields(stored: dict[str, np.ndarray]) -> dict[str, Any]:
+    found = select_arrays(_ModelArrays, stored)
+    rates = -np.diagonal(found.A)
+    if np.count_nonzero(found.A - np.diag(-rates)):
+        raise InputError("A is not diagonal")
+    try:
+        words = json.loads(str(stored["words"]))
+        about = {k: _tuple(v) for k, v in words["about"].items()}
+        labels = zip(words["input_names"], words["input_units"], strict=True)
+        ranges = zip(labels, found.input_low, found.input_high, strict=True)
+        inputs = tuple(LoadRange(*l, float(a), float(b)) for l, a, b in ranges)
+        dtype, known = str(words["dtype"]), About(**about)
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError("its texts are missing or damaged") from error
+    count = sum(name.endswith("_pitch") for name in stored)
+    bodies = [select_arrays(BodyArrays, stored, f"body{b}_") for b in range(count)]
+    surfaces = tuple(solved_surface(body, found.times) for body in bodies)
+    return {
+        "rates": rates,
+        "drive": found.B,
+        "start": found.start,
+        "output": found.C,
+        "direct": found.D,
+        "reference": found.reference,
+        "inputs": inputs,
+        "knots": tuple(found.knots.tolist()),
+        "amplitudes": found.amplitudes,
+        "times": tuple(found.times.tolist()),
+        "surfaces": surfaces,
+        "about": known,
+        "dtype": dtype,
+    }
+
+
+def _tuple(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value

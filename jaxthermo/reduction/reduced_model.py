@@ -1,0 +1,277 @@
+"""A reduced model: a few modes, their loads and the surface that they make."""
+
+import abc
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..arrays import precision
+from ..errors import InputError
+from ..integrate.run.solution_file import StoredSolution
+from ..integrate.stepper import just_before
+from ..physics.time_varying import SAMPLES, breakpoints, is_unknown_function, value_at
+from ..scene.scene import Scene, SolvedSurface
+from .modal_run import Schedule, doubled, is_left, schedule, traced_run
+from .reduced_file import About, LoadRange, read_model, write_model
+
+
+class AbstractOffline(abc.ABC):
+    """The scene that a model was made from, and its basis."""
+
+    @abc.abstractmethod
+    def run_of(self, model: "ReducedModel", scene: Scene) -> StoredSolution:
+        """See `ReducedModel.simulate`."""
+
+    @abc.abstractmethod
+    def extended(self, model: "ReducedModel", scene: Scene) -> "ReducedModel":
+        """See `ReducedModel.extend`."""
+
+
+class _Function(eqx.Module):
+    """Surface temperatures as a function of loads, for JAX to transform.
+
+    y(t) = T_ref + C z(t) + D u(t),    dz/dt = A z + B u,    A diagonal.
+    """
+
+    rates: Float[Array, " m"]
+    """-A [1/s]."""
+    drive: Float[Array, "m k"]
+    """B."""
+    start: Float[Array, " m"]
+    output: Float[Array, "s m"]
+    """C."""
+    direct: Float[Array, "s k"]
+    """D."""
+    reference: Float[Array, " s"]
+    """[K]"""
+    plan: Schedule
+
+    def __call__(self, amplitudes: Float[Array, "q k"]) -> Float[Array, "t s"]:
+        """Temperature of every fragment at every saved time [K].
+
+        Args:
+            amplitudes: of every input at every knot, linear in between.
+        """
+        modes = self.rates, self.drive, self.start
+        state, load = traced_run(*modes, self.plan, amplitudes)
+        above = state @ self.output.T + load @ self.direct.T
+        # The reference is added last: differences keep their digits in float32.
+        return self.reference[None] + above
+
+
+# One program for all models of one size.
+_evaluate = eqx.filter_jit(lambda function, amplitudes: function(amplitudes))
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedModel:
+    """A linear scene by a few modes, from `reduce` or `load_reduced`.
+
+        dz/dt = A z + B u,    y = T_ref + C z + D u,    A = -diag(rates),
+
+    with loads u that are linear between knots, which it steps exactly.
+    """
+
+    rates: Float[np.ndarray, " m"]
+    """Decay of each mode [1/s]."""
+    drive: Float[np.ndarray, "m k"]
+    """B: growth of each mode by one unit of each input [1/s per unit]."""
+    start: Float[np.ndarray, " m"]
+    """Modes at time 0."""
+    output: Float[np.ndarray, "s m"]
+    """C: temperature of every fragment by each mode [K]."""
+    direct: Float[np.ndarray, "s k"]
+    """D: temperature of every fragment by one unit of each input [K per unit]."""
+    reference: Float[np.ndarray, " s"]
+    """Temperature that the fragments' own count from [K]."""
+    inputs: tuple[LoadRange, ...]
+    knots: tuple[float, ...]
+    """Times between which the scene's loads are linear; twice at a jump [s]."""
+    amplitudes: Float[np.ndarray, "q k"]
+    """The scene's loads at the knots."""
+    times: tuple[float, ...]
+    """Save times [s]."""
+    surfaces: tuple[SolvedSurface, ...]
+    about: About
+    dtype: str = "float32"
+    offline: AbstractOffline | None = field(default=None, repr=False)
+    """The scene and the basis; None for a model from a file."""
+
+    @property
+    def size(self) -> int:
+        """Number of modes."""
+        return len(self.rates)
+
+    @cached_property
+    def surface_temperature(self) -> Float[np.ndarray, "t s"]:
+        """Surface temperatures of the model's own scene at its save times [K]."""
+        return np.asarray(self().surface_temperature)
+
+    def __call__(
+        self, loads: Mapping[str, Any] | None = None, save_at: Any = None
+    ) -> StoredSolution:
+        """Run the model.
+
+        Args:
+            loads: other amplitudes of some inputs, by name: a number or a function of
+                time, such as `Table` and `Until`, in the unit of the input.
+            save_at: increasing times within the time of the model [s]; its own if None.
+
+        Raises:
+            InputError: for an input that there is not, or times outside of the model's.
+        """
+        given = dict(loads or {})
+        names = [each.name for each in self.inputs]
+        for name in given:
+            if name not in names:
+                raise InputError(
+                    f"reduced model: no input {name!r}; there are {', '.join(names)}"
+                )
+        times = self.times if save_at is None else tuple(map(float, save_at))
+        knots = self._knots(list(given.values()))
+        columns = [
+            self._own(column, knots)
+            if name not in given
+            else sampled(given[name], knots)
+            for column, name in enumerate(names)
+        ]
+        rows = np.stack(columns, axis=1) if columns else np.zeros((len(knots), 0))
+        return self.run(knots, rows, times)
+
+    def simulate(self, scene: Scene) -> StoredSolution:
+        """Run another scene of the same bodies, whose loads have the same patterns.
+
+        It may have other amplitudes over time, and another start in the span of the
+        model, at the same save times.
+
+        Raises:
+            InputError: naming what is outside of the model's span.
+        """
+        return self._known_offline("simulate").run_of(self, scene)
+
+    def extend(self, scene: Scene) -> "ReducedModel":
+        """The model with the vectors and the inputs of another scene's loads as well.
+
+        Raises:
+            InputError: if the other scene has other bodies, materials or coefficients,
+                which need a model of their own.
+        """
+        return self._known_offline("extend").extended(self, scene)
+
+    def _known_offline(self, what: str) -> AbstractOffline:
+        if self.offline is None:
+            raise InputError(
+                f"reduced model: {what}() needs the scene, which its file does not "
+                "have: reduce() the scene again"
+            )
+        return self.offline
+
+    def save(self, path: str | Path) -> None:
+        """Write the model as an `.npz` file: A, B, C, D and the range they hold in.
+
+        Raises:
+            InputError: if the file cannot be written.
+        """
+        write_model(Path(path), vars(self))
+
+    def _knots(self, values: list[Any]) -> tuple[float, ...]:
+        """Knots of the scene's loads and of others."""
+        events = [t for value in values for t in breakpoints(value)]
+        varies = any(map(is_unknown_function, values))
+        return knots_of(self.knots[-1], (*self.knots, *events), varies)
+
+    def _own(self, column: int, knots: tuple[float, ...]) -> Float[np.ndarray, " q"]:
+        """Amplitudes of an input of the scene at other knots."""
+        at, own = np.asarray(knots), np.asarray(self.knots)
+        values = self.amplitudes[:, column]
+        first = np.minimum(np.searchsorted(own, at, "left"), len(own) - 1)
+        last = np.maximum(np.searchsorted(own, at, "right") - 1, 0)
+        at_knot = np.where(is_left(at), values[first], values[last])
+        return np.where(own[first] == at, at_knot, np.interp(at, own, values))
+
+    def run(
+        self,
+        knots: tuple[float, ...],
+        amplitudes: Float[np.ndarray, "q k"],
+        times: tuple[float, ...],
+    ) -> StoredSolution:
+        """Run with the amplitudes of all inputs at knots, linear in between."""
+        function = self._function(knots, times)
+        with precision(self.dtype):
+            found = _evaluate(function, jnp.asarray(amplitudes, self.dtype))
+            saved = jnp.asarray(np.asarray(times), self.dtype)
+        return StoredSolution(saved, found, self.surfaces)
+
+    def as_function(
+        self,
+        knots: Sequence[float] | None = None,
+        times: Sequence[float] | None = None,
+    ) -> Callable[[Float[Array, "q k"]], Float[Array, "t s"]]:
+        """The surface temperatures [K] as a function that JAX can transform.
+
+        The function takes the amplitude of every input, in the order of `inputs`, at
+        every knot.
+
+        Args:
+            knots: times between which the loads are linear, from 0 on, twice at a jump
+                [s]; those of the scene, as in `knots`, if None.
+            times: save times [s]; those of the model if None.
+        """
+        function = self._function(knots, times)
+        # A plain function, since jax.jit takes no module.
+        return lambda amplitudes: function(amplitudes)
+
+    def _function(
+        self, knots: Sequence[float] | None, times: Sequence[float] | None
+    ) -> _Function:
+        chosen = self.knots if knots is None else tuple(map(float, knots))
+        saves = self.times if times is None else tuple(map(float, times))
+        plan = schedule(chosen, saves)
+        with precision(self.dtype):
+            array = lambda values: jnp.asarray(values, self.dtype)
+            return _Function(
+                *map(array, (self.rates, self.drive, self.start, self.output)),
+                *map(array, (self.direct, self.reference)),
+                plan=plan,
+            )
+
+
+def knots_of(t1: float, events: Iterable[float], varies: bool) -> tuple[float, ...]:
+    """Knots at events within a run, and closer where values are unknown functions."""
+    times = {0.0, t1, *(float(t) for t in events if 0 < t < t1)}
+    if varies:
+        times |= set(np.linspace(0.0, t1, SAMPLES + 1).tolist())
+    return doubled(sorted(times))
+
+
+def sampled(value: Any, knots: tuple[float, ...]) -> Float[np.ndarray, " q"]:
+    """A number or a function of time at knots, before a jump at the first of a pair.
+
+    Raises:
+        InputError: if it is not one finite number at every time.
+    """
+    at = np.asarray(knots)
+    with precision("float64"):
+        times = jnp.asarray(at)
+        times = jnp.where(jnp.asarray(is_left(at)), just_before(times), times)
+        found = np.asarray(jax.vmap(lambda t: value_at(value, t))(times), float)
+    if found.shape != at.shape or not np.isfinite(found).all():
+        raise InputError("reduced model: a load is one finite number at every time")
+    return found
+
+
+def load_reduced(path: str | Path) -> ReducedModel:
+    """Read a model from a file of `ReducedModel.save`.
+
+    Raises:
+        InputError: if it is missing, damaged, or of another version.
+    """
+    return ReducedModel(**read_model(Path(path)))

@@ -1,0 +1,318 @@
+"""Reduced models: exact at full size, errors, bounds, other loads, files, refusals."""
+
+from dataclasses import replace
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from bodies import bar, blocks
+
+import jaxthermo as jt
+
+
+STEEL = jt.Material(16.0, density=8000.0, specific_heat=500.0)
+SAVES = [5.0, 20.0, 60.0]
+HEATED = jt.HeatFlux(jt.Until(2e4, 20.0), on=jt.Side((1, 0, 0)))
+AIR = jt.Convection(50.0, 280.0)
+SOLVER = jt.TRBDF2(dt=0.05)
+
+
+def block_scene(*terms, **more):
+    solid = np.ones((6, 4, 4), bool)
+    body = jt.Body(jt.FullVolume(blocks(solid, 0.005)), STEEL, temperature=290.0)
+    return jt.Scene((body,), terms or (HEATED, AIR), dtype="float64", **more)
+
+
+def kelvin(solution):
+    return np.asarray(solution.surface_temperature)
+
+
+def rms(gap):
+    return np.sqrt((gap**2).mean(axis=-1))
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return block_scene()
+
+
+@pytest.fixture(scope="module")
+def whole(scene):
+    """A model with as many vectors as its loads can reach."""
+    return jt.reduce(scene, 60.0, SAVES, size=96)
+
+
+@pytest.fixture(scope="module")
+def full(scene):
+    return jt.simulate(scene, 60.0, SAVES, solver=SOLVER)
+
+
+@pytest.fixture(scope="module")
+def model(scene):
+    return jt.reduce(scene, 60.0, SAVES, tolerance=1e-3)
+
+
+def test_all_vectors_are_the_full_structure(whole, full):
+    assert kelvin(whole) == pytest.approx(kelvin(full), abs=2e-4)
+    # The start, at which no load has acted on the surface.
+    assert kelvin(whole({}, [0.0]))[0] == pytest.approx(290.0)
+    assert jt.truth_error(whole(), full).worst_rms_kelvin < 2e-4
+
+
+def scenes_of_everything():
+    """Scenes whose parts each have a pattern of their own."""
+    grid = blocks(np.ones((4, 4, 4), bool), 0.005)
+    below = jt.Body(jt.FullVolume(grid), STEEL, temperature=300.0)
+    above = jt.Body(
+        jt.Aggregate(grid, factor=2),
+        STEEL,
+        temperature=340.0,
+        pose=jt.Pose((0.0, 0.0, 0.02)),
+    )
+    warm = jt.Table([0.0, 30.0, 60.0], [290.0, 330.0, 300.0])
+    two = (jt.Contact(2000.0), jt.Convection(20.0, warm))
+    yield "contact of two temperatures, air by a table", jt.Scene((below, above), two)
+    uneven = replace(below, temperature=lambda x: 300.0 + 1000.0 * x[:, 0])
+    held = jt.FixedTemperature(310.0, on=jt.Side((-1, 0, 0)))
+    inside = jt.HeatSource(jt.Until(2e6, 20.0))
+    yield "uneven start, fixed, source", jt.Scene((uneven,), (held, inside, AIR))
+    shone = jt.Sun((-1.0, 0.2, -0.5), irradiance=jt.Until(3e3, 20.0))
+    yield (
+        "sun on an aggregate",
+        jt.Scene((replace(above, pose=jt.Pose()),), (shone, AIR)),
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.slice
+@pytest.mark.parametrize(
+    "made", [pytest.param(scene, id=name) for name, scene in scenes_of_everything()]
+)
+def test_every_linear_mechanism_is_the_same_as_in_the_full_run(made):
+    made = replace(made, dtype="float64")
+    found = jt.reduce(made, 60.0, SAVES, tolerance=1e-6)
+    run = jt.simulate(made, 60.0, SAVES, solver=SOLVER)
+    size = np.ptp(kelvin(run), axis=1).max()
+    assert kelvin(found) == pytest.approx(kelvin(run), abs=2e-4 * size)
+
+
+@pytest.mark.parametrize("method", ["krylov", "pod"])
+def test_the_error_falls_with_the_size_and_is_known(scene, whole, method):
+    errors = []
+    for size in (2, 4, 8):
+        small = jt.reduce(scene, 60.0, SAVES, size=size, method=method)
+        assert small.size == small.about.size == size
+        error = rms(kelvin(small) - kelvin(whole))
+        estimate = np.array(small.about.estimate_kelvin)
+        assert (abs(estimate - error) < 0.3 * error + 1e-5).all()
+        errors.append(error.max())
+    assert errors[1] < errors[0] / 4 and errors[2] < errors[1] / 4
+
+
+def test_the_residual_bounds_the_error_of_the_volume(scene, whole):
+    exact = whole.offline
+    for size in (2, 3, 5):
+        small = jt.reduce(scene, 60.0, SAVES, size=size)
+        bound = np.array(small.about.residual_bound_kelvin)
+        error = volume_error(small, exact)
+        assert (bound >= error).all()
+        # Its effectivity: within an order of magnitude.
+        assert (bound <= 12 * error).all()
+
+
+def volume_error(small, exact):
+    """Root mean square over the volume of the difference of two models [K]."""
+    states = [states_of(each) for each in (small.offline, exact)]
+    capacity = exact.target.system.capacity
+    gap = states[0] - states[1]
+    return np.sqrt((gap**2) @ capacity / capacity.sum())
+
+
+def states_of(offline):
+    from jaxthermo.reduction.basis import project
+    from jaxthermo.reduction.modal_run import host_run
+
+    target = offline.target
+    modes = project(target.system, offline.basis)
+    run = modes.rates, modes.drive, modes.start
+    states = host_run(*run, target.plan, target.amplitudes)[target.plan.saved]
+    return states @ modes.basis.vectors.T
+
+
+def test_a_tolerance_chooses_the_size(scene, whole, model):
+    span = np.ptp(kelvin(whole), axis=1)
+    assert (rms(kelvin(model) - kelvin(whole)) / span).max() < 1.5e-3
+    assert model.about.estimate_percent <= 0.1
+    finer = jt.reduce(scene, 60.0, SAVES, tolerance=1e-5)
+    assert model.size < finer.size < model.about.nodes / 3
+    assert model.about.offline_s > 0 and model.about.method == "krylov"
+
+
+def test_the_projection_stays_symmetric_and_loses_heat(model):
+    offline = model.offline
+    vectors, capacity = offline.basis.vectors, offline.target.system.capacity
+    assert vectors.T @ (capacity[:, None] * vectors) == pytest.approx(
+        np.eye(model.size), abs=1e-10
+    )
+    reduced = vectors.T @ offline.basis.conducted
+    assert reduced == pytest.approx(np.diag(model.rates), abs=1e-10 * model.rates.max())
+    assert (model.rates > 0).all()
+
+
+def test_other_amplitudes_of_the_same_patterns(model):
+    stronger = jt.HeatFlux(
+        jt.Table([0.0, 20.0, 60.0], [0.0, 3e4, 1e4]), on=jt.Side((1, 0, 0))
+    )
+    other = block_scene(stronger, jt.Convection(50.0, 285.0))
+    run = jt.simulate(other, 60.0, SAVES, solver=SOLVER)
+    close = {"abs": 3e-3 * np.ptp(kelvin(run), axis=1).max()}
+    assert kelvin(model.simulate(other)) == pytest.approx(kelvin(run), **close)
+    # The same by hand, in the units of the inputs.
+    names = [(each.name, each.unit) for each in model.inputs]
+    assert names == [("heat_flux", "W/m^2"), ("convection", "K above the start's mean")]
+    loads = {"heat_flux": stronger.heat_flux, "convection": -5.0}
+    assert kelvin(model(loads)) == pytest.approx(kelvin(run), **close)
+    with pytest.raises(jt.InputError, match="no input 'sun'; there are heat_flux"):
+        model({"sun": 1.0})
+    with pytest.raises(jt.InputError, match="save times lie between 0 and 60 s"):
+        model(save_at=[61.0])
+
+
+def test_loads_outside_of_the_span_are_refused_or_extend_it(model):
+    beside = jt.HeatFlux(2e4, on=jt.Side((0, 0, 1)))
+    other = block_scene(beside, AIR)
+    with pytest.raises(jt.InputError, match=r"pattern of heat_flux .*extend\(scene\)"):
+        model.simulate(other)
+    wider = model.extend(other)
+    assert wider.size > model.size
+    assert [each.name for each in wider.inputs][2:] == ["heat_flux 2"]
+    run = jt.simulate(other, 60.0, SAVES, solver=SOLVER)
+    close = {"abs": 3e-3 * np.ptp(kelvin(run), axis=1).max()}
+    assert kelvin(wider.simulate(other)) == pytest.approx(kelvin(run), **close)
+    # Its own scene is as it was, or better.
+    assert kelvin(wider) == pytest.approx(kelvin(model), **close)
+
+
+def test_other_bodies_and_coefficients_need_a_model_of_their_own(model):
+    own = block_scene()
+    windier = block_scene(HEATED, jt.Convection(80.0, 280.0))
+    warmer = replace(own, bodies=(replace(own.bodies[0], temperature=300.0),))
+    grid = blocks(np.ones((5, 4, 4), bool), 0.005)
+    shorter = replace(own.bodies[0], structure=jt.FullVolume(grid))
+    for other, words in (
+        (windier, "coefficient of heat transfer"),
+        (warmer, "another mean temperature"),
+        (replace(own, bodies=(shorter,)), "other bodies"),
+    ):
+        for call in (model.simulate, model.extend):
+            with pytest.raises(jt.InputError, match=words):
+                call(other)
+
+
+def test_the_function_is_transformed_by_jax(model):
+    function = model.as_function()
+    loads = jnp.asarray(model.amplitudes)
+    expected = kelvin(model)
+    assert np.asarray(jax.jit(function)(loads)) == pytest.approx(expected)
+    both = jax.vmap(function)(jnp.stack([loads, 2 * loads]))
+    assert np.asarray(both[0]) == pytest.approx(expected)
+    # Linear in the loads: from the start's temperature of 290 K.
+    assert np.asarray(both[1]) - 290 == pytest.approx(2 * (expected - 290))
+
+    def hottest(loads):
+        return (function(loads)[1] ** 2).mean()
+
+    gradient = jax.grad(hottest)(loads)
+    way = jnp.asarray(np.random.default_rng(1).normal(size=loads.shape))
+    step = 1e-3
+    slope = (hottest(loads + step * way) - hottest(loads - step * way)) / (2 * step)
+    assert float((gradient * way).sum()) == pytest.approx(float(slope), rel=1e-6)
+    # Other knots and times.
+    short = model.as_function((0.0, 10.0), (10.0,))
+    assert np.asarray(short(jnp.zeros((2, 2)))) == pytest.approx(290.0)
+
+
+def test_a_float32_scene_has_a_float32_model(model):
+    single = replace(model, dtype="float32")
+    found = jax.jit(single.as_function())(jnp.asarray(model.amplitudes, "float32"))
+    assert found.dtype == jnp.float32
+    assert np.asarray(found) == pytest.approx(kelvin(model), abs=1e-3)
+
+
+def test_a_file_holds_the_whole_model(model, full, tmp_path):
+    path = tmp_path / "model.npz"
+    model.save(path)
+    read = jt.load_reduced(path)
+    assert np.array_equal(kelvin(read), kelvin(model))
+    assert read.about == model.about and read.inputs == model.inputs
+    assert read.knots == model.knots and read.times == model.times
+    assert jt.surface_error(read(), full).worst_rms_percent < 1
+    for call in (read.simulate, read.extend):
+        with pytest.raises(jt.InputError, match="reduce\\(\\) the scene again"):
+            call(block_scene())
+    with np.load(path) as stored:
+        arrays = dict(stored)
+    # A state space that any program can step.
+    assert arrays["A"] == pytest.approx(np.diag(-model.rates))
+    assert arrays["B"].shape == (model.size, 2)
+
+
+@pytest.mark.parametrize("damage", ["cut", "changed", "missing"])
+def test_a_damaged_file_is_refused_in_one_line(model, tmp_path, damage):
+    path = tmp_path / "model.npz"
+    model.save(path)
+    data = path.read_bytes()
+    if damage == "cut":
+        path.write_bytes(data[: len(data) // 2])
+    elif damage == "changed":
+        with np.load(path) as stored:
+            arrays = dict(stored)
+        np.savez(path, allow_pickle=False, **{**arrays, "A": 2 * arrays["A"]})
+    else:
+        path.unlink()
+    with pytest.raises(jt.InputError) as refused:
+        jt.load_reduced(path)
+    assert "\n" not in str(refused.value) and "model.npz" in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("terms", "words"),
+    [
+        ((AIR, jt.Surroundings(280.0)), "emission is not linear"),
+        ((jt.FreeConvection(280.0),), "free_convection is not linear"),
+        ((jt.Convection(jt.Until(10.0, 5.0), 280.0),), "convection is not linear"),
+        ((jt.RadiativeExchange(280.0),), "radiative_exchange is not linear"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_what_is_not_linear_is_refused_by_name(terms, words):
+    with pytest.raises(jt.InputError, match=words) as refused:
+        jt.reduce(block_scene(*terms), 60.0)
+    assert "\n" not in str(refused.value)
+
+
+def test_moving_bodies_and_bad_options_are_refused(scene):
+    law = jt.Property((200.0, 400.0), (10.0, 20.0))
+    steel = jt.Material(law, density=8000.0, specific_heat=500.0)
+    varying = replace(scene.bodies[0], material=steel)
+    with pytest.raises(jt.InputError, match="material of body 0 varies"):
+        jt.reduce(replace(scene, bodies=(varying,)), 60.0)
+    moved = jt.Motion(jt.PoseTable((0.0, 60.0), (jt.Pose(), jt.Pose((0.1, 0.0, 0.0)))))
+    body = jt.Body(jt.FullVolume(bar(2, 0.01)), STEEL, temperature=290.0, pose=moved)
+    shone = jt.Sun((-1.0, 0.0, 0.0), irradiance=100.0)
+    with pytest.raises(jt.InputError, match="moves"):
+        jt.reduce(jt.Scene((body,), (shone,)), 60.0)
+    mistakes: list[tuple[dict[str, Any], str]] = [
+        ({"size": 0}, "size=0"),
+        ({"tolerance": 0.0}, "tolerance=0"),
+        ({"tolerance": 0.1, "size": 3}, "not both"),
+        ({"method": "dmd"}, "method='dmd'"),
+        ({"save_at": [70.0]}, "save_at"),
+    ]
+    for given, words in mistakes:
+        with pytest.raises(jt.InputError, match=words):
+            jt.reduce(scene, 60.0, **given)
+    with pytest.raises(jt.InputError, match="end time above 0"):
+        jt.reduce(scene, 0.0)
