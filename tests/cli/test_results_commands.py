@@ -8,11 +8,11 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 from cli_runs import run, scene_file
-from experiments.results.read import Damaged, find_results
 from PIL import Image
 from stored_results import experiment, fit, row, run_summary, stored, sweep
 
 from experiments.__main__ import main
+from experiments.results.read import Damaged, find_results
 
 
 command = partial(run, main=main)

@@ -3,6 +3,8 @@
 import json
 
 import pytest
+from stored_results import experiment, fit, row, run_summary, stored, sweep
+
 from experiments.results.changes import (
     differences,
     flatten,
@@ -11,8 +13,6 @@ from experiments.results.changes import (
 )
 from experiments.results.compare import compare
 from experiments.results.read import read_result
-from stored_results import experiment, fit, row, run_summary, stored, sweep
-
 from jaxthermo.errors import InputError
 
 
