@@ -103,26 +103,50 @@ def _thinned(points: Sequence[Point]) -> list[Point]:
     return list(points[:: step or 1])
 
 
-def time_pair(
-    pair: Pair, cases: Mapping[str, Case], rivals: Rivals, repeats: int
-) -> Comparison:
-    """Time a choice and a rival in turn under every load.
+def time_pairs(
+    pairs: Sequence[Pair],
+    cases: Callable[[Point], Mapping[str, Case]],
+    rivals: Rivals,
+    repeats: int,
+    log: Callable[[str], None],
+) -> list[Comparison]:
+    """Time choices and rivals in turn under every load.
 
     Args:
-        pair: of a choice and a rival that was measured by `rivals`.
-        cases: of the choice, by load.
-        rivals: which run the rival.
-        repeats: of both.
+        pairs: of choices and rivals that were measured by `rivals`.
+        cases: of a choice, by load.
+        rivals: which run the rivals.
+        repeats: of each.
+        log: told before each pair.
+
+    Returns:
+        A comparison for each pair, in their order.
     """
-    name = pair.rival.name.split(",")[0]
-    setting = rivals.setting(name, pair.rival.choice)
-    spans: dict[str, Spans] = {}
-    for load, case in cases.items():
-        calls: dict[str, Callable[[], Any]] = {
-            "choice": _loop(case).run,
-            "rival": rivals.run(setting, load).call,
-        }
-        spans[load] = interleaved(calls, repeats, there_and_back=True)
+    found: dict[int, Comparison] = {}
+    # A choice is compiled once for all its rivals, and voxels are shared.
+    names = {
+        n: (str(pair.choice.set), pair.choice.name) for n, pair in enumerate(pairs)
+    }
+    for name in sorted(set(names.values())):
+        numbers = [n for n in names if names[n] == name]
+        own = cases(pairs[numbers[0]].choice)
+        spans: dict[int, dict[str, Spans]] = {n: {} for n in numbers}
+        for load, case in own.items():
+            loop = _loop(case)
+            for n in numbers:
+                rival = pairs[n].rival
+                log(f"timing {pairs[n].choice.name} beside {rival.name}, {load}")
+                setting = rivals.setting(rival.name.split(",")[0], rival.choice)
+                calls: dict[str, Callable[[], Any]] = {
+                    "choice": loop.run,
+                    "rival": rivals.run(setting, load).call,
+                }
+                spans[n][load] = interleaved(calls, repeats, there_and_back=True)
+        found |= {n: _comparison(pairs[n], spans[n]) for n in numbers}
+    return [found[n] for n in range(len(pairs))]
+
+
+def _comparison(pair: Pair, spans: dict[str, Spans]) -> Comparison:
     ratios = {
         load: ratio_of(found["rival"], found["choice"]) for load, found in spans.items()
     }

@@ -46,9 +46,12 @@ _COUNTS = (6, 8, 12, 18, 24, 36, 54, 72)
 _SCIPY_COUNTS = (9, 18, 36)
 _ENOUGH = 0.01
 """Change of the error from which more steps are of no use [-]."""
-_MAX_SCIPY_NODES = 1_000_000
 _REPEATS, _LONG_S = 3, 5.0
 """Number of timed runs; one where a run takes longer [s]."""
+_MAX_S = 20.0
+"""Time of a run beyond which a rival is in no finer voxels [s]."""
+_COST_ORDER = 4
+"""Power of the number of voxels along z that a run time grows with, at least."""
 
 _SOURCES = tuple(
     Path(__file__).with_name(f"{name}.py")
@@ -113,6 +116,14 @@ class Rivals:
             ) from error
 
     @property
+    def tried(self) -> str:
+        """The voxels that were tried, in words."""
+        heights = [setting.voxels_high for setting in self.settings.values()]
+        if not heights:
+            return "none: the reference is too coarse"
+        return f"{min(heights)} to {max(heights)} voxels high"
+
+    @property
     def max_height(self) -> int:
         """Most voxels along z for which the reference is twice as fine."""
         case = next(iter(self._cases.values()))
@@ -129,7 +140,10 @@ class Rivals:
         """
         found: dict[int, float] = {}
         for high in (h for h in _HEIGHTS if h <= self.max_height):
-            found[high] = self._measure_height(high, (RKL2, EXPLICIT, SCIPY))
+            kinds = [k for k in (RKL2, EXPLICIT, SCIPY) if self._is_fast(k, high)]
+            if RKL2 not in kinds:
+                break
+            found[high] = self._measure_height(high, kinds)
             if found[high] <= needed:
                 break
         for tolerance in tolerances:
@@ -152,11 +166,19 @@ class Rivals:
         settings = [Setting(RKL2, high, count) for count in counts]
         if EXPLICIT in kinds:
             settings.append(Setting(EXPLICIT, high))
-        load = next(iter(self._cases))
-        if SCIPY in kinds and len(self.body(load, high).cells) <= _MAX_SCIPY_NODES:
+        if SCIPY in kinds:
             settings += [Setting(SCIPY, high, count) for count in _SCIPY_COUNTS]
         errors = self._measure(settings)
         return min(errors[: len(counts)])
+
+    def _is_fast(self, kind: str, high: int) -> bool:
+        """False if coarser voxels have shown that a kind of rival takes too long."""
+        growth = lambda row: high / int(row["choice"]["voxels"].split()[0])
+        known = (row for row in self.rows if row["name"] == kind)
+        forecasts = (
+            min(row["loop_s"]) * max(growth(row), 1) ** _COST_ORDER for row in known
+        )
+        return all(seconds < _MAX_S for seconds in forecasts)
 
     def _useful_counts(self, high: int) -> list[int]:
         """Numbers of steps up to the first that hardly changes the error."""

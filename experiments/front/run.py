@@ -12,12 +12,13 @@ from calibrate.runs.case import Case
 from jaxthermo.cli.console import open_console, print_line
 from jaxthermo.config.loader import resolved as plain_scene
 from jaxthermo.errors import InputError
+from jaxthermo.report.numbers import significant
 
 from ..sweep.command import default_workers, sweep
 from ..sweep.config import SweepConfig, load_sweep, resolved
 from ..sweep.points import Choice, cases_of
 from ..sweep.run import Options
-from .comparisons import Comparison, pairs, time_pair
+from .comparisons import Comparison, pairs, time_pairs
 from .folder import SweepFolder, read_folder
 from .pareto import Point, front, points_of, rivals_of
 from .report import Findings, write_report
@@ -120,12 +121,15 @@ def _beside(
     except InputError as error:
         print_line(console, str(error))
         return others, [], f"There are no rivals: {error}."
-    found, comparisons = rivals_of(rivals.rows, loads), []
-    for pair in pairs(points, found, _TOLERANCES):
-        print_line(console, f"timing {pair.choice.name} beside {pair.rival.name}")
-        own = cases(config, pair.choice)
-        comparisons.append(time_pair(pair, own, rivals, config.repeats))
-    return [*others, *found], comparisons, None
+    found = rivals_of(rivals.rows, loads)
+    chosen = pairs(points, found, _TOLERANCES)
+    own = lambda point: cases(config, point)
+    comparisons = time_pairs(chosen, own, rivals, config.repeats, log)
+    least = min((rival.errors["rms_percent"] for rival in found), default=None)
+    remark = f"Voxels of the rivals: {rivals.tried}"
+    if least is not None:
+        remark += f"; none has a smaller error than {significant(least)} %"
+    return [*others, *found], comparisons, f"{remark}."
 
 
 def _about(config: SweepConfig, rows: SweepFolder, points: Sequence[Point]) -> str:

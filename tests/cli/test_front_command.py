@@ -1,0 +1,80 @@
+"""`experiments run front`: a page from a sweep, rivals timed in turn, mistakes."""
+
+import importlib
+import json
+
+import pytest
+
+from experiments.__main__ import main
+from experiments.front.folder import append_rows
+from tests.cli.cli_runs import run
+from tests.front_rows import row
+from tests.sweeping import SWEEP, sweep_file
+
+
+# Finer voxels of the reference, so that rivals of 16 and 20 voxels can be judged.
+FINE = SWEEP.replace("voxels_high: 16, points", "voxels_high: 40, points")
+
+
+def front(*arguments: object) -> tuple[object, str, str]:
+    return run("run", "front", *arguments, main=main)
+
+
+@pytest.mark.slow
+def test_a_front_has_rivals_that_are_not_measured_again(tmp_path):
+    config, out = sweep_file(tmp_path, FINE), tmp_path / "out"
+    code, said, err = front(config, "--out", out)
+    assert code == 0, err
+    result = json.loads((out / "result.json").read_text())["result"]
+    assert len(result["front"]) >= 1 and result["front"][0]["sentence"] in said
+    assert result["comparisons"] and result["processors"]
+    for each in result["comparisons"]:
+        for side in ("choice", "rival"):
+            error = each[side]["errors"]["rms_percent"]
+            assert error <= each["tolerance_percent"]
+        assert set(each["spans_s"]) == {"+x", "+z"}
+        assert all(len(own["rival"]) == 2 for own in each["spans_s"].values())
+    rows = (out / "rivals.jsonl").read_text()
+    kinds = {json.loads(line)["name"] for line in rows.splitlines()}
+    assert kinds == {"numba RKL2", "numba explicit", "scipy TR-BDF2"}
+    # From the folder of the sweep: no case is run again, and no rival.
+    code, _, err = front(out / "sweep", "--out", out)
+    assert code == 0, err
+    assert (out / "rivals.jsonl").read_text() == rows
+    assert "http" not in (out / "report.html").read_text().replace("http://www.w3", "")
+
+
+def test_a_sweep_without_times_has_no_front_but_a_page(tmp_path):
+    sweep_file(tmp_path).rename(tmp_path / "config.yaml")
+    changes = {"bodies.0.structure.weights.within": 1.25}
+    rows = [row("1.25", load, 2.0, set=changes) for load in ("+x", "+z")]
+    rows = [each | {"choice": {"within": "1.25"}} for each in rows]
+    append_rows(tmp_path / "rows.jsonl", rows)
+    code, _, err = front(tmp_path, "--out", tmp_path / "out")
+    assert code == 0, err
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "there is no front" in page and "no rival was run" in page
+    assert "2 % (1 K) not timed: blocks of 50 mm from 25 mm voxels, fitted" in page
+
+
+def test_mistakes_are_one_line(tmp_path):
+    for words, message in (
+        ((), "name the config of a sweep"),
+        ((tmp_path,), "config.yaml"),
+        ((tmp_path / "none.yaml",), "none.yaml"),
+    ):
+        code, _, err = front(*words, "--out", tmp_path / "out")
+        assert code == 2 and message in err and err.count("\n") == 1, err
+        assert "Traceback" not in err
+
+
+def test_without_numba_there_are_no_rivals(tmp_path, monkeypatch):
+    from experiments.front.rivals import Rivals
+    from jaxthermo.errors import InputError
+
+    def missing(name: str) -> None:
+        raise ModuleNotFoundError("No module named 'numba'", name="numba")
+
+    monkeypatch.setattr(importlib, "import_module", missing)
+    with pytest.raises(InputError, match=r"need numba: install jaxthermo\[test\]"):
+        Rivals({}, tmp_path / "rivals.jsonl", lambda text: None)
