@@ -79,6 +79,34 @@ def _render(
 
 
 @app.command
+def _reduce(
+    config: Path,
+    /,
+    *,
+    out: Path | None = None,
+    overrides: Overrides = (),
+    size: int | None = None,
+    tolerance: str | None = None,
+    method: str = "krylov",
+    check: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Reduce a linear scene to a few modes and write its matrices.
+
+    Args:
+        config: Scene without emission and other terms that are not linear.
+        out: Folder for the results; results/NAME-reduced if not given.
+        overrides: Value to change, such as bodies.0.pitch=3mm; may be repeated.
+        size: Number of vectors; as many as the tolerance takes if not given.
+        tolerance: Error of the surface over its range, such as 0.1%, the default.
+        method: krylov, good for any course of the loads, or pod, for the scene's own.
+        check: Run the full scene as well and compare temperatures and times.
+    """
+    from .cli.reduce import reduce as run
+
+    run(config, out, overrides, size, tolerance, method, check)
+
+
+@app.command
 def _voxelize(
     mesh: Path,
     /,
