@@ -55,6 +55,9 @@ _ABOUT = {
     "front.run": (
         "error against run time: the best choices of a sweep, beside numba and scipy"
     ),
+    "front.reduction": (
+        "reduced models of a sweep's best choice, as rivals on its front"
+    ),
     "structures.compare": (
         "every structure against the full volume: cost, error, pictures"
     ),
@@ -78,7 +81,7 @@ _OPTIONS = {
     **dict.fromkeys(("stencil", "voxelize", "counting"), ()),
     **dict.fromkeys(("mixed", "structures"), ("config", "height")),
     **dict.fromkeys(("verification", "stiff"), ("cases",)),
-    **dict.fromkeys(("budget", "front"), ("config",)),
+    **dict.fromkeys(("budget", "front", "reduction"), ("config",)),
 }
 
 

@@ -165,12 +165,17 @@ def _verdicts(result: Result) -> str:
 
 
 def _sentences(result: Result) -> str:
-    return " ".join(islice(map(str, result.body["sentences"]), 2))
+    return "; ".join(islice(map(str, result.body["sentences"]), 2))
+
+
+def _front(result: Result) -> str:
+    # The front of a sweep begins with its cheapest choice.
+    return "; ".join(row["sentence"] for row in result.body["front"][-2:])
 
 
 def _plain_numbers(result: Result) -> str:
     # An experiment without sentences and verdicts: its first numbers.
-    if {"verdicts", "sentences"} & set(result.body):
+    if {"verdicts", "sentences", "front"} & set(result.body):
         return ""
     numbers = (
         f"{key.replace('_', ' ')} {significant(value)}"
@@ -198,7 +203,7 @@ _FIGURES: dict[Kind, tuple[Callable[[Result], str], ...]] = {
     "run": (_run_size, _run_temperatures, _run_truth),
     "fit": (_fit_errors, _fit_speed),
     "sweep": (_sweep_size, _sweep_best, _sweep_fastest),
-    "experiment": (_sentences, _verdicts, _table_size, _plain_numbers),
+    "experiment": (_sentences, _front, _verdicts, _table_size, _plain_numbers),
     "reduced model": (_reduced_size, _reduced_error),
 }
 

@@ -78,3 +78,28 @@ def test_without_numba_there_are_no_rivals(tmp_path, monkeypatch):
     monkeypatch.setattr(importlib, "import_module", missing)
     with pytest.raises(InputError, match=r"need numba: install jaxthermo\[test\]"):
         Rivals({}, tmp_path / "rivals.jsonl", lambda text: None)
+
+
+@pytest.mark.slow
+def test_reduced_models_are_rivals_with_their_time_to_make_them(tmp_path):
+    config, sweep = sweep_file(tmp_path), tmp_path / "sweep"
+    code, _, err = run("sweep", config, "--out", sweep, main=main)
+    assert code == 0, err
+    code, said, err = run(
+        "run", "reduction", sweep, "--out", tmp_path / "reduction", main=main
+    )
+    assert code == 0, err
+    result = json.loads((tmp_path / "reduction" / "result.json").read_text())["result"]
+    rows = [json.loads(s) for s in (sweep / "rivals.jsonl").read_text().splitlines()]
+    assert rows == result["rows"] and {each["load"] for each in rows} == {"+x", "+z"}
+    assert all(each["offline_s"] > min(each["loop_s"]) > 0 for each in rows)
+    # No further from the reference than the structure and its reduction together.
+    finest = [r for r in rows if r["choice"]["of"].endswith("within 0.1 %")]
+    most = result["choice_error"]["rms_percent"]
+    for each in finest:
+        assert each["error"]["worst_rms_percent"] < most + 0.2
+    code, said, err = front(sweep, "--out", tmp_path / "front")
+    assert code == 0, err
+    assert "reduced model" in (tmp_path / "front" / "report.html").read_text()
+    code, _, err = run("run", "reduction", config, "--out", tmp_path / "x", main=main)
+    assert code == 2 and "name the folder of a sweep" in err
