@@ -2,14 +2,11 @@
 
 from typing import Any, Literal, NamedTuple
 
-import numpy as np
-
 from jaxthermo.config.card_file import load_card
-from jaxthermo.config.schema.body import BodyConfig
-from jaxthermo.config.schema.material import LabelledConfig
 from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.config.shipped_cards import SCHEME, shipped_cards
-from jaxthermo.errors import InputError
+
+from ..problem.reference import voxel_pitch
 
 
 Family = Literal["full_volume", "aggregate", "octree", "shell_over_core"]
@@ -109,23 +106,7 @@ def pitches_of(scene: SceneConfig) -> tuple[float, ...]:
     Raises:
         InputError: for a body that has no finer or coarser voxels.
     """
-    found = []
-    for number, body in enumerate(scene.bodies):
-        if body.solid is not None or isinstance(body.material, LabelledConfig):
-            raise InputError(
-                f"bodies.{number}: is given by its voxels, of which a plan cannot "
-                "choose the pitch: give a mesh or a shape, and materials by `parts` "
-                "or `regions`"
-            )
-        found.append(_pitch(body))
-    return tuple(found)
-
-
-def _pitch(body: BodyConfig) -> float:
-    if body.pitch is not None:
-        return float(body.pitch)
-    height = float(np.ptp(body.build_mesh().bounds[:, 2]))
-    return height / float(body.voxels_high or 1)
+    return tuple(voxel_pitch(n, body) for n, body in enumerate(scene.bodies))
 
 
 def cards_of(scene: SceneConfig) -> tuple[Candidate, ...]:

@@ -163,9 +163,9 @@ def _search(
         "miss": None if best else _miss(choice, tolerance, pitches),
         "run_time_s": None if choice.time is None else choice.time._asdict(),
         "reference": {
-            "refinement": choice.refinement,
-            "own_error": choice.reference.own_error.as_dict(),
-            "costs": list(choice.reference.costs),
+            "refinement": choice.reference.refinement,
+            "own_error": choice.reference.own_error,
+            "cost": choice.reference.cost,
         },
         "trials": [trial.as_dict for trial in choice.trials],
         "wall_s": took[0],
@@ -189,14 +189,13 @@ def _words(
     choice: Choice, tolerance: Tolerance, pitches: tuple[float, ...]
 ) -> list[str]:
     """Sentences on what was chosen, and on what it rests."""
-    own = choice.reference.own_error
-    cost = choice.reference.costs[0]
+    own, cost = choice.reference, choice.reference.cost
     reference = (
         f"The reference has {cost['nodes']:,} nodes in blocks of 2^3 voxels of "
         f"{_millimetres(cost['pitch_m'])}, and is itself off by about "
-        f"{own.rms_percent.max():.2g} % ({own.worst_rms_kelvin:.2g} K)."
+        f"{own.own_percent:.2g} % ({own.own_error['worst_rms_kelvin']:.2g} K)."
     )
-    if choice.own_excess > 0.5:
+    if own.excess > 0.5:
         reference += " That is a large part of the tolerance: finer ones were too much."
     if choice.best is None or choice.time is None:
         return [reference]

@@ -17,10 +17,9 @@ from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.errors import InputError
 from jaxthermo.timing import Timing
 
-from ..problem.reference import TruthReference
 from .candidate import FAMILIES, Candidate, Family, Method, cards_of, pitches_of
 from .predict import Forecast, Predictor
-from .trial import Bench, Tolerance, Trial, in_turn
+from .trial import Bench, Reference, Tolerance, Trial, in_turn
 
 
 _FIRST_VOXELS = 24_000
@@ -76,10 +75,7 @@ class Choice:
     """Outcome of a search."""
 
     trials: tuple[Trial, ...]
-    reference: TruthReference
-    refinement: float
-    own_excess: float
-    """Error of the reference itself over the tolerance [-]."""
+    reference: Reference
     best: Trial | None
     """The fastest one within the tolerance, if there is any,"""
     time: Timing | None
@@ -123,8 +119,8 @@ class _Search:
     def run(self) -> Choice:
         """Refine references, then run candidates beside the finest."""
         # In powers of two: the user's own pitch is among the candidates.
-        self.refinement = 2.0 ** round(math.log2(_FIRST_VOXELS / self.volume) / 3)
-        self._refine_until(_OWN_ERROR)
+        first = 2.0 ** round(math.log2(_FIRST_VOXELS / self.volume) / 3)
+        self._refine_until(_OWN_ERROR, first)
         self._probe()
         while len(self.trials) < _MAX_TRIALS:
             candidate = self._next()
@@ -136,41 +132,33 @@ class _Search:
             self._try(candidate)
         return self._choice()
 
-    def _refine_until(self, limit: float) -> None:
-        self.reference = self._reference()
-        self._judge_reference()
-        while self.own > limit and self._refine():
+    def _refine_until(self, limit: float, refinement: float) -> None:
+        self.reference = self._find_reference(refinement)
+        while self.reference.excess > limit and self._refine():
             pass
-
-    def _reference(self) -> TruthReference:
-        said = lambda text: self.watch.stage(f"reference: {text}")
-        return self.bench.reference(self.refinement, said)
 
     def _refine(self) -> bool:
         """Halve the voxels of the reference; False where that is too much."""
+        refinement = 2 * self.reference.refinement
         # Of blocks of 2^3 voxels.
-        if self.volume * self.refinement**3 > _MOST_NODES:
+        if self.volume * (refinement / 2) ** 3 > _MOST_NODES:
             return False
-        before = self.refinement, self.reference
-        self.refinement *= 2
         try:
-            self.reference = self._reference()
+            self.reference = self._find_reference(refinement)
         except InputError as error:
             self.watch.line(f"no finer reference: {error}")
-            self.refinement, self.reference = before
             return False
-        self._judge_reference()
         return True
 
-    def _judge_reference(self) -> None:
-        self.own = self.bench.own_excess(self.reference)
-        nodes = self.reference.costs[0]["nodes"]
-        self.watch.line(
-            f"reference of {nodes:,} nodes: off by {self.own:.2g} of the tolerance"
-        )
+    def _find_reference(self, refinement: float) -> Reference:
+        said = lambda text: self.watch.stage(f"reference: {text}")
+        found = self.bench.reference(refinement, said)
+        about = f"reference of {found.cost['nodes']:,} nodes"
+        self.watch.line(f"{about}: off by {found.excess:.2g} of the tolerance")
+        return found
 
     def _probe(self) -> None:
-        finest = self.refinement / 2
+        finest = self.reference.refinement / 2
         for coarsening, factor, steps in _PROBES:
             self._try(Candidate(finest / coarsening, "aggregate", factor, steps=steps))
         self._try(Candidate(finest / 2, "aggregate", 8, None, "forward_euler", 0))
@@ -181,14 +169,14 @@ class _Search:
         words = candidate.words(self.bench.pitches)
         self.watch.stage(words)
         try:
-            trial = self.bench.run(candidate, self.reference, self.refinement)
+            trial = self.bench.run(candidate, self.reference)
         except InputError as error:
             self.failed.add(candidate)
             self.watch.line(f"{words}: {error}")
             return
         if not self._keeps(trial):
             # Only those that may win are timed again.
-            trial = trial._replace(plan=None)
+            trial = trial._replace(loop=None)
         self.trials.append(trial)
         self.watch.trial(trial)
 
@@ -196,7 +184,7 @@ class _Search:
         """The candidate that is expected to be the fastest within the tolerance."""
         predictor = Predictor(
             [trial.found for trial in self.trials],
-            self.bench.known_errors(self.reference, self.refinement),
+            self.reference.coarser,
             self.bench.scene.time.last,
             self.volume,
             self.area,
@@ -225,7 +213,7 @@ class _Search:
         )
 
     def _candidates(self) -> Iterator[Candidate]:
-        finest = self.refinement / 2
+        finest = self.reference.refinement / 2
         refinements = [finest * 2 ** (-power / 2) for power in _COARSENINGS]
         models: list[Candidate] = []
         for refinement in refinements:
@@ -254,7 +242,9 @@ class _Search:
     def _kept(self) -> list[Trial]:
         # An error against a coarser reference than the last one counts no longer.
         return [
-            t for t in self.trials if self._keeps(t) and t.refinement == self.refinement
+            t
+            for t in self.trials
+            if self._keeps(t) and t.refinement == self.reference.refinement
         ]
 
     def _choice(self) -> Choice:
@@ -269,15 +259,7 @@ class _Search:
             best, time = min(pairs, key=lambda pair: pair[1].median)
         fitting = [t for t in self.trials if self._fits(t)] or self.trials
         nearest = min(fitting, key=lambda trial: trial.found.error)
-        return Choice(
-            tuple(self.trials),
-            self.reference,
-            self.refinement,
-            self.own,
-            best,
-            time,
-            nearest,
-        )
+        return Choice(tuple(self.trials), self.reference, best, time, nearest)
 
 
 def _factors(family: Family) -> tuple[int, ...]:

@@ -1,26 +1,24 @@
 """Trials of a plan: references in ever finer voxels, and candidates beside them."""
 
 import statistics
-import time
 from collections.abc import Sequence
-from functools import lru_cache
 from typing import Any, NamedTuple
 
-import jax
 import numpy as np
 
 from jaxthermo.arrays import precision
 from jaxthermo.config.schema.scene import SceneConfig
-from jaxthermo.config.types.model import build
 from jaxthermo.errors import InputError
-from jaxthermo.integrate.run.plan import Plan, initial_state, plan_run
-from jaxthermo.integrate.run.simulate import integrate, make_solution
+from jaxthermo.integrate.run.plan import plan_run
+from jaxthermo.integrate.run.simulate import make_solution
 from jaxthermo.integrate.run.solution import RESULTS
-from jaxthermo.integrate.truth_error import TruthError, truth_error
+from jaxthermo.integrate.truth_error import TruthError, TruthPoints, truth_points
 from jaxthermo.timing import Timing
 
 from ..config.schema import RefinedReference
-from ..problem.reference import Log, TruthReference, refined_reference
+from ..problem.reference import Log, refined_reference
+from ..runs.scenes import build_case
+from ..runs.times import Loop, compiled_loop
 from .candidate import Candidate
 from .predict import Found
 
@@ -37,9 +35,6 @@ _CONVERGED = 2000
 
 _SHORT, _REPEATS = 0.2, 5
 """Time of a loop up to which it is repeated, and how often [s, -]."""
-
-_KEPT_GRIDS = 3
-"""Pitches whose voxels are kept in memory."""
 
 
 class Tolerance(NamedTuple):
@@ -77,13 +72,33 @@ class Tolerance(NamedTuple):
         return ", ".join(parts)
 
 
+class Reference(NamedTuple):
+    """A run of finer voxels that candidates are compared with."""
+
+    refinement: float
+    points: TruthPoints
+    """Its temperatures at points of the meshes."""
+    own_error: dict[str, Any]
+    """Its own error, as of `DiscretizationError`."""
+    excess: float
+    """That error over the tolerance [-]."""
+    cost: dict[str, Any]
+    coarser: tuple[tuple[Candidate, float], ...]
+    """Blocks that its error follows from, and their errors over the tolerance [-]."""
+
+    @property
+    def own_percent(self) -> float:
+        """Largest of its own errors at the saved times [%]."""
+        return max(e for e in self.own_error["rms_percent"] if e is not None)
+
+
 class Trial(NamedTuple):
     """A candidate that was run, beside a reference."""
 
     found: Found
     error: TruthError
-    plan: Plan | None
-    """Compiled, where the candidate is within the tolerance."""
+    loop: Loop | None
+    """Compiled loop, where the candidate is within the tolerance."""
     refinement: float
     """Refinement of the reference [-]."""
 
@@ -120,61 +135,47 @@ class Bench:
     ):
         """Nothing is run yet."""
         self.scene, self.pitches, self.tolerance = scene, pitches, tolerance
-        self._grids = lru_cache(maxsize=_KEPT_GRIDS)(self._build_grids)
 
-    def reference(self, refinement: float, log: Log) -> TruthReference:
-        """The run of voxels so many times finer, kept on disk, with its own error."""
+    def reference(self, refinement: float, log: Log) -> Reference:
+        """Run voxels so many times finer, or load the run, with its own error."""
         given = RefinedReference.model_validate(
             {"refinement": 1.0, "structure": _REFERENCE, "points": _POINTS}
         )
         # Of a coarser pitch too, which a refinement below 1 would be.
         config = Candidate(refinement, "full_volume").applied(self.scene, self.pitches)
-        return refined_reference(config, given, log)
-
-    def own_excess(self, reference: TruthReference) -> float:
-        """Error of a reference itself over the tolerance [-]."""
-        own = reference.own_error
-        return self.tolerance.excess(
+        found = refined_reference(config, given, log)
+        own, points = found.own_error, truth_points(found.solution, _POINTS)
+        excess = self.tolerance.excess(
             float(own.rms_percent.max()), float(own.rms_kelvin.max())
         )
-
-    def known_errors(
-        self, reference: TruthReference, refinement: float
-    ) -> list[tuple[Candidate, float]]:
-        """Errors of the reference's coarser runs, blocks without an error in time."""
-        own, found = reference.own_error, []
         percent_per_kelvin = float((own.rms_percent / own.rms_kelvin).max())
-        for coarsening, kelvin in zip((2, 4), own.differences.max(axis=0), strict=True):
-            blocks = Candidate(
-                refinement / coarsening, "aggregate", 2, steps=_CONVERGED
-            )
-            excess = self.tolerance.excess(percent_per_kelvin * kelvin, float(kelvin))
-            found.append((blocks, excess))
-        return found
+        coarser = []
+        for factor, kelvin in zip((2, 4), own.differences.max(axis=0), strict=True):
+            blocks = Candidate(refinement / factor, "aggregate", 2, steps=_CONVERGED)
+            error = percent_per_kelvin * float(kelvin), float(kelvin)
+            coarser.append((blocks, self.tolerance.excess(*error)))
+        own_error, cost = own.as_dict(), found.costs[0]
+        return Reference(refinement, points, own_error, excess, cost, tuple(coarser))
 
-    def run(
-        self, candidate: Candidate, reference: TruthReference, refinement: float
-    ) -> Trial:
+    def run(self, candidate: Candidate, reference: Reference) -> Trial:
         """Run a candidate, and again to time it warm.
 
         Raises:
             InputError: if it cannot be built or fails.
         """
         config = candidate.applied(self.scene, self.pitches)
-        grids = self._grids(candidate.refinement)
-        bodies = tuple(b.build(g) for b, g in zip(config.bodies, grids, strict=True))
-        scene = config.scene(bodies, build(config.terms))
+        scene = build_case(config).scene
         end, saves = config.time.end, config.time.save_times
         with precision(config.dtype):
             plan = plan_run(scene, end, saves, config.solver.build())
-            rows = jax.block_until_ready(integrate(plan, initial_state(plan)))
-            seconds = loop_time(plan)
+            loop = compiled_loop(plan)
+            solution = make_solution(plan, loop.run())
+            seconds = loop.seconds()
             if seconds < _SHORT:
-                seconds = statistics.median(loop_time(plan) for _ in range(_REPEATS))
-            solution = make_solution(plan, rows)
+                seconds = statistics.median(loop.seconds() for _ in range(_REPEATS))
         if solution.result != RESULTS.successful:
             raise InputError(RESULTS[solution.result])
-        error = truth_error(solution, reference.solution, _POINTS)
+        error = reference.points.error(solution)
         excess = self.tolerance.excess(
             float(error.worst_rms_percent), float(error.worst_rms_kelvin)
         )
@@ -190,7 +191,7 @@ class Bench:
             seconds,
             receipt.memory_bytes,
         )
-        return Trial(found, error, plan, refinement)
+        return Trial(found, error, loop, reference.refinement)
 
     def volume_and_area(self) -> tuple[float, float]:
         """Volume and area of all bodies, in cubes and squares of their pitches [-]."""
@@ -201,18 +202,6 @@ class Bench:
             sum(mesh.area / pitch**2 for mesh, pitch in pairs),
         )
 
-    def _build_grids(self, refinement: float) -> tuple[Any, ...]:
-        config = Candidate(refinement, "full_volume").applied(self.scene, self.pitches)
-        return tuple(body.build_grid() for body in config.bodies)
-
-
-def loop_time(plan: Plan) -> float:
-    """Time of the compiled loop, once [s]."""
-    state = initial_state(plan)
-    clock = time.perf_counter()
-    jax.block_until_ready(integrate(plan, state))
-    return time.perf_counter() - clock
-
 
 def in_turn(trials: Sequence[Trial], repeats: int, dtype: str) -> list[Timing]:
     """Times of the loops of trials, each repeated in turn with the others [s]."""
@@ -220,6 +209,6 @@ def in_turn(trials: Sequence[Trial], repeats: int, dtype: str) -> list[Timing]:
     with precision(dtype):
         for _ in range(repeats):
             for span, trial in zip(spans, trials, strict=True):
-                assert trial.plan is not None
-                span.append(loop_time(trial.plan))
+                assert trial.loop is not None
+                span.append(trial.loop.seconds())
     return [Timing(statistics.median(s), min(s), max(s)) for s in spans]

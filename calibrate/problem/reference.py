@@ -148,7 +148,7 @@ def refined_reference(
         InputError: if the scene has no finer voxels, or a run fails.
     """
     pitches = tuple(
-        _pitch(number, body) / given.refinement
+        voxel_pitch(number, body) / given.refinement
         for number, body in enumerate(config.bodies)
     )
     return _reference(config, given, pitches, given.refinement, log)
@@ -182,14 +182,18 @@ def _absolute_pitches(
     pitch = given.pitch
     if pitch is None:
         high = {"voxels_high": given.voxels_high, "pitch": None}
-        pitch = _pitch(0, config.bodies[0].model_copy(update=high))
+        pitch = voxel_pitch(0, config.bodies[0].model_copy(update=high))
     for number, body in enumerate(config.bodies):
         _check_refinable(number, body)
     return (pitch,) * len(config.bodies)
 
 
-def _pitch(number: int, body: BodyConfig) -> float:
-    """Edge of a body's voxels [m], also where their number is given."""
+def voxel_pitch(number: int, body: BodyConfig) -> float:
+    """Edge of a body's voxels [m], also where their number is given.
+
+    Raises:
+        InputError: for the body of that number if it has no finer voxels.
+    """
     _check_refinable(number, body)
     if body.pitch is not None:
         return body.pitch
