@@ -177,16 +177,21 @@ def _together(arguments: list[tuple[Any, ...]]) -> Observation:
         jnp.stack(row) if varies else row[0]
         for row, varies in zip(columns, differs, strict=True)
     ]
-    axes = [0 if varies else None for varies in differs]
+    return jax.block_until_ready(_mapped(stacked, tuple(differs), tree, static))
 
-    def one(leaves: list[jax.Array]) -> Observation:
-        stepper, program, state, table = eqx.combine(
-            jax.tree.unflatten(tree, leaves), static
-        )
+
+@eqx.filter_jit
+def _mapped(
+    leaves: list[jax.Array], differs: tuple[bool, ...], tree: Any, static: Any
+) -> Observation:
+    # One function for all batches: the next one of this shape is not compiled again.
+    def one(own: list[jax.Array]) -> Observation:
+        parts = eqx.combine(jax.tree.unflatten(tree, own), static)
+        stepper, program, state, table = parts
         return take_steps(stepper, program, state, StepTable(*table))[1]
 
-    mapped = eqx.filter_jit(jax.vmap(one, in_axes=(axes,), axis_size=len(flat)))
-    return jax.block_until_ready(mapped(stacked))
+    axes = [0 if varies else None for varies in differs]
+    return jax.vmap(one, in_axes=(axes,))(leaves)
 
 
 def _equal(a: jax.Array, b: jax.Array) -> bool:

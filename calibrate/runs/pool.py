@@ -22,6 +22,7 @@ from .evaluate import Evaluated, evaluate_group
 from .truth import Truth
 
 
+_LIBRARY = "distributed"
 _WAIT_S = 20.0
 """Time to wait for a scheduler, and for its first worker [s]."""
 _AHEAD = 2
@@ -66,7 +67,7 @@ def open_pool(workers: int, scheduler: str | None) -> Iterator[Pool]:
         yield in_this_process
         return
     try:
-        library = importlib.import_module("distributed")
+        library = importlib.import_module(_LIBRARY)
         settings = importlib.import_module("dask").config
     except ModuleNotFoundError as error:
         raise InputError(
@@ -74,7 +75,8 @@ def open_pool(workers: int, scheduler: str | None) -> Iterator[Pool]:
             "or give --workers 1"
         ) from error
     # Its own messages about lost connections are many lines long.
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    for name in [n for n in logging.root.manager.loggerDict if n.startswith(_LIBRARY)]:
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     one_thread = {
         "OMP_NUM_THREADS": "1",
         # The number of threads of XLA's own pool.
