@@ -38,3 +38,31 @@ def sweep_file(folder: Path, text: str = SWEEP) -> Path:
     path = folder / "sweep.yaml"
     path.write_text(text, encoding="utf-8")
     return path
+
+
+TUNED = """
+scene: ball.yaml
+set: {bodies.0.structure: {kind: shell_over_core, layers: 1, factor: 2}}
+axes:
+  within:
+    key: bodies.0.structure.weights.within
+    between: [0.25, 4]
+    log: true
+    count: 5
+  between:
+    key: bodies.0.structure.weights.between
+    between: [0.25, 4]
+    log: true
+    count: 5
+truth: {voxels_high: 16, points: 300, surface_cells: dominant_axis, dtype: float64}
+fit: {calibration: fit.yaml}
+"""
+"""Two weights in 25 choices, beside a fit of both."""
+FIT = """
+scene: ball.yaml
+set: {bodies.0.structure: {kind: shell_over_core, layers: 1, factor: 2}}
+train: [{name: as given}]
+reference: truth
+truth: {refinement: 2, points: 300, surface_cells: dominant_axis}
+parameters: [{name: weights.within}, {name: weights.between}]
+"""

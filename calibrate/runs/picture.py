@@ -6,8 +6,9 @@ import numpy as np
 from jaxtyping import Float
 from PIL import Image
 
+from jaxthermo.integrate.run.surface_reading import SurfaceReading
 from jaxthermo.integrate.surface_error import AnySolution
-from jaxthermo.integrate.truth_error import TruthPoints
+from jaxthermo.integrate.truth_error import AtPoints, TruthPoints
 from jaxthermo.report.difference_scale import (
     BACKGROUND,
     DifferenceScale,
@@ -23,9 +24,12 @@ _RADIUS = 1.6
 """Radius of a point over the distance of points that are spread evenly."""
 
 
-def difference_picture(points: TruthPoints, solution: AnySolution) -> bytes:
+def difference_picture(
+    points: TruthPoints, solution: AnySolution, reading: SurfaceReading
+) -> bytes:
     """Draw T - T_ref at the points, blue below zero and red above, as a PNG."""
-    here, expected = points.read(solution), points.expected
+    temperature = reading.read(np.asarray(solution.surface_temperature))
+    here, expected = AtPoints(temperature, reading.is_lost), points.expected
     known = ~(here.is_lost | expected.is_lost)
     later = np.asarray(points.times) > 0
     difference = np.asarray(here.temperature, float) - expected.temperature

@@ -19,6 +19,7 @@ from jaxthermo.errors import InputError
 
 from .run import Log, Options, run_sweep
 from .summary import table, write_results
+from .weights import compare_with_fit
 
 
 _MAX_LINES = 40
@@ -69,9 +70,17 @@ def sweep(config: Path, out: Path, overrides: tuple[str, ...], options: Options)
     )
     quiet = not console.is_terminal
     with Progress(*columns, console=console, transient=True, disable=quiet) as bar:
-        made = run_sweep(config, out, overrides, options, _Bar(console, bar))
-    write_results(made)
+        log = _Bar(console, bar)
+        made = run_sweep(config, out, overrides, options, log)
+        fit = None if made.config.fit is None else compare_with_fit(made, log)
+    write_results(made, fit)
     console.print(table(made, _MAX_LINES).rich(), soft_wrap=False)
+    if fit is not None:
+        for what in ("sweep", "fit"):
+            own = fit[what]
+            values = ", ".join(f"{k} {v:.4g}" for k, v in own["values"].items())
+            text = f"best by {what}: {values}: {own['rms_percent']:.3g} %"
+            print_line(console, f"{text} in {own['runs']:,} runs")
     failed = sum("failed" in row for row in made.rows.values())
     if failed:
         print_line(

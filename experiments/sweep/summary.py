@@ -17,6 +17,7 @@ from .config import (
     to_yaml,
 )
 from .run import Sweep, median_loop, worst_percent
+from .weights import sections as tuning_sections
 
 
 _COLUMNS = ("error %", "error K", "99 % K", "nodes", "steps", "loop", "full volume")
@@ -97,8 +98,13 @@ def _seconds(value: float) -> str:
     return f"{value:.3g} s" if value >= 1 else f"{1e3 * value:.3g} ms"
 
 
-def write_results(sweep: Sweep) -> None:
-    """Write `result.json` and `report.html` into the folder of a sweep."""
+def write_results(sweep: Sweep, fit: dict[str, Any] | None = None) -> None:
+    """Write `result.json` and `report.html` into the folder of a sweep.
+
+    Args:
+        sweep: that has been run.
+        fit: comparison with a fit, if there is one.
+    """
     failures = [
         {"id": row["id"], "choice": row["choice"], "load": row["load"],
          "failed": row["failed"]}
@@ -118,6 +124,7 @@ def write_results(sweep: Sweep) -> None:
         },
         "failures": failures,
         "choices": lines(sweep),
+        **({} if fit is None else {"fit": fit}),
     }
     write_json(sweep.folder / "result.json", result)
     _write_page(sweep, result)
@@ -143,6 +150,8 @@ def _write_page(sweep: Sweep, result: dict[str, Any]) -> None:
     if own:
         largest = max(each["worst_rms_kelvin"] for each in own)
         sections.append(f"The reference itself is off by about {largest:.3g} K.")
+    if "fit" in result:
+        sections += tuning_sections(sweep, result["fit"])
     sections += [page.heading("Choices"), table(sweep)]
     if sweep.times:
         sections.append(

@@ -77,14 +77,18 @@ class TruthPoints(NamedTuple):
     """The reference at the points of all bodies."""
     outlines: tuple[BodyOutline, ...]
 
-    def read(self, solution: AnySolution) -> AtPoints:
-        """Read the surface temperatures of a run of the same bodies at the points."""
-        reading = _reading(solution.surfaces, list(self.samples))
-        temperature = np.asarray(solution.surface_temperature)
-        return AtPoints(reading.read(temperature), reading.is_lost)
+    def reading(self, surfaces: tuple[SolvedSurface, ...]) -> SurfaceReading:
+        """Find the fragments from which temperatures at the points are read."""
+        return _reading(surfaces, list(self.samples))
 
-    def error(self, solution: AnySolution) -> "TruthError":
+    def error(
+        self, solution: AnySolution, reading: SurfaceReading | None = None
+    ) -> "TruthError":
         """Compare a run with the reference, as `truth_error` does.
+
+        Args:
+            solution: a run of the same bodies.
+            reading: that of its surfaces, where it is known.
 
         Raises:
             InputError: if the run is of other bodies or save times.
@@ -93,7 +97,7 @@ class TruthPoints(NamedTuple):
         _check_meshes(outlines, self.outlines)
         expected = self.expected
         reference = StoredSolution(self.times, expected.temperature, ())
-        here = _reading(solution.surfaces, list(self.samples))
+        here = self.reading(solution.surfaces) if reading is None else reading
         with later_temperatures(solution, reference, "truth_error") as later:
             times, found, there = (np.asarray(each) for each in later)
             return error_at_points(

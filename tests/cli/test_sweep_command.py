@@ -10,7 +10,7 @@ from experiments.__main__ import main
 from tests.cli.cli_runs import files, run
 from tests.cli.killing import kill, start
 from tests.cli.test_full_disk import largest_file
-from tests.sweeping import SWEEP, sweep_file
+from tests.sweeping import FIT, SWEEP, TUNED, sweep_file
 
 
 COMMAND = "import sys; from experiments.__main__ import main; main(sys.argv[1:])"
@@ -140,3 +140,32 @@ def test_a_full_disk_is_one_line_and_rows_are_kept(alone, tmp_path):
     assert len(rows(out)) == 3 and "error" in next(iter(rows(out).values()))
     assert sweep(path, "--out", out, "--no-times")[0] == 0
     assert errors(out) == errors(alone)
+
+
+@pytest.mark.slow
+@pytest.mark.slice
+def test_tuning_by_hand_stands_beside_a_fit(tmp_path):
+    (tmp_path / "fit.yaml").write_text(FIT)
+    path, out = sweep_file(tmp_path, TUNED), tmp_path / "out"
+    code, said, err = sweep(path, "--out", out, "--no-times")
+    assert (code, err) == (0, "") and "best by fit: within" in said
+    found = json.loads((out / "result.json").read_text())["fit"]
+    # The fit lowers the mean over all times, the sweep shows the worst of them.
+    assert found["fit"]["rms_percent"] < found["start"]["rms_percent"]
+    assert found["sweep"]["rms_percent"] < found["start"]["rms_percent"]
+    assert found["sweep"]["runs"] == 25
+    assert found["times_fewer_runs"] == 25 / found["fit"]["runs"]
+    text = (out / "report.html").read_text()
+    assert "Error over both" in text and text.count("<svg") == 3
+    stamp = (out / "fit" / "fit.json").stat().st_mtime_ns
+    assert sweep(path, "--out", out, "--no-times")[0] == 0
+    assert (out / "fit" / "fit.json").stat().st_mtime_ns == stamp
+
+
+def test_a_fit_of_something_else_is_one_line(tmp_path):
+    (tmp_path / "fit.yaml").write_text(FIT.replace(", {name: weights.between}", ""))
+    text = TUNED.replace("count: 5", "count: 2")
+    path, out = sweep_file(tmp_path, text), tmp_path / "out"
+    code, _, err = sweep(path, "--out", out, "--no-times")
+    assert code == 2 and err.count("\n") == 1
+    assert "the axis between is no range of a value that is fitted" in err

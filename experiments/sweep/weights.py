@@ -1,0 +1,281 @@
+"""Tuning by sweep beside a fit: error over one and over two numbers, optima, costs."""
+
+import json
+from typing import Any
+
+import altair as alt
+import numpy as np
+from jaxtyping import Float
+from skimage.measure import find_contours
+
+from calibrate.config.loader import load_calibration
+from calibrate.config.schema import ParameterConfig
+from calibrate.run import fit_config
+from calibrate.runs.evaluate import evaluate
+from calibrate.runs.truth import find_truth
+from jaxthermo.errors import InputError
+from jaxthermo.report import page
+from jaxthermo.report.chart import POINT_AREA, Chart, chart_svg
+from jaxthermo.report.table import Table
+
+from .config import RangeAxis, text_of
+from .points import Choice, cases_of
+from .run import Log, Sweep, worst_percent
+
+
+_WIDTH, _HEIGHT = 520, 360
+"""Size of a chart [px]."""
+_SWEPT, _FITTED, _START = "#17358c", "#b3261e", "#868d99"
+_LEVELS = 12
+"""Number of lines of a contour."""
+_RUNS = "a run of one case; a derivative along one value counts as a run, too"
+
+
+def compare_with_fit(sweep: Sweep, log: Log) -> dict[str, Any]:
+    """Run the fit that a sweep names, and judge its values as the sweep's were.
+
+    Raises:
+        InputError: if an axis is not a parameter of the fit, or a case failed.
+    """
+    given = sweep.config.fit
+    assert given is not None
+    log.stage("fit")
+    config = load_calibration(given.calibration)
+    names = _parameters(sweep, config.parameters)
+    folder = sweep.folder / "fit"
+    done = folder / "fit.json"
+    # Finished by an earlier run of this sweep, whose config has the fit's hash.
+    if done.is_file():
+        result = json.loads(done.read_text(encoding="utf-8"))
+    else:
+        result = fit_config(given.calibration, folder, report=False)
+    values = {axis: result["parameters"][name]["value"] for axis, name in names.items()}
+    start = {axis: result["parameters"][n]["initial"] for axis, n in names.items()}
+    runs = _fit_runs(result) * len(config.train)
+    best = min(grid_errors(sweep).items(), key=lambda item: item[1])
+    swept = len(sweep.cases)
+    return {
+        "sweep": {"values": dict(best[0]), "rms_percent": best[1], "runs": swept},
+        "fit": {"values": values, "rms_percent": _judged(sweep, values), "runs": runs},
+        "start": {"values": start, "rms_percent": _judged(sweep, start)},
+        "times_fewer_runs": swept / runs,
+        "fit_ended": result["ended"],
+        "fit_steps": len(result["steps"]),
+    }
+
+
+def _parameters(sweep: Sweep, fitted: tuple[ParameterConfig, ...]) -> dict[str, str]:
+    """Name of the fit's parameter on each axis."""
+    found = {}
+    for name, axis in sweep.config.axes.items():
+        key = getattr(axis, "key", "")
+        own = [p.name for p in fitted if key.endswith(p.name)]
+        if not isinstance(axis, RangeAxis) or not own:
+            listed = ", ".join(p.name for p in fitted)
+            raise InputError(
+                f"fit: the axis {name} is no range of a value that is fitted: the fit "
+                f"has {listed}"
+            )
+        found[name] = own[0]
+    if len(found) > 2:
+        raise InputError("fit: it is compared with a sweep over one or two values")
+    return found
+
+
+def _fit_runs(result: dict[str, Any]) -> int:
+    """Number of runs of each case that a fit took."""
+    size = len(result["parameters"])
+    # The start, and then one trial a step; Jacobians where they are computed.
+    steps = result["steps"]
+    return 1 + size + sum(1 + size * bool(s["jacobian_computed"]) for s in steps)
+
+
+def _judged(sweep: Sweep, values: dict[str, float]) -> float | None:
+    """Error of values between those of the sweep, as those are judged [%]."""
+    axes = sweep.config.axes
+    changes = {getattr(axes[name], "key", ""): value for name, value in values.items()}
+    labels = tuple((name, text_of(value)) for name, value in values.items())
+    cases = cases_of(sweep.config, Choice(labels, changes))
+    rows = [evaluate(c, find_truth(c, lambda _: None)).row for c in cases]
+    return worst_percent(rows)
+
+
+def grid_errors(sweep: Sweep) -> dict[tuple[tuple[str, float], ...], float]:
+    """Error of each choice by its values; failed choices are left out."""
+    found = {}
+    for names, cases in sweep.choices.items():
+        rows = [sweep.rows[case.id] for case in cases if case.id in sweep.rows]
+        error = worst_percent(rows) if len(rows) == len(cases) else None
+        if error is not None:
+            found[tuple((axis, float(label)) for axis, label in names)] = error
+    if not found:
+        raise InputError("fit: no choice of the sweep has an error")
+    return found
+
+
+def sections(sweep: Sweep, found: dict[str, Any]) -> list[page.Section]:
+    """Curves, contour and the table of both optima, for the page of a sweep."""
+    made: list[page.Section] = [page.heading("Optimum by sweep and by fit")]
+    rows = []
+    for what in ("start", "sweep", "fit"):
+        own = found[what]
+        listed = [f"{own['values'][axis]:.4g}" for axis in sweep.config.axes]
+        error = own["rms_percent"]
+        percent = "infinite" if error is None else f"{error:.3g}"
+        rows.append(
+            [what, *listed, percent, f"{own['runs']:,}" if "runs" in own else ""]
+        )
+    made.append(Table(["", *sweep.config.axes, "error %", "runs"], rows))
+    made.append(
+        f"The fit took {found['fit']['runs']} runs and the sweep "
+        f"{found['sweep']['runs']}, {found['times_fewer_runs']:.3g} times as many "
+        f"({_RUNS})."
+    )
+    for axis in sweep.config.axes:
+        others = [name for name in sweep.config.axes if name != axis]
+        title = f"Error over {axis}"
+        if others:
+            title += f", {others[0]} as at the start, at the sweep's and at the fit's"
+        made += [page.heading(title, 3), chart_svg(_curve(sweep, found, axis))]
+    if len(sweep.config.axes) == 2:
+        made += [page.heading("Error over both", 3), chart_svg(_contour(sweep, found))]
+    return made
+
+
+def _axis(sweep: Sweep, name: str) -> dict[str, Any]:
+    axis = sweep.config.axes[name]
+    is_log = isinstance(axis, RangeAxis) and axis.log
+    ends = list(axis.between) if isinstance(axis, RangeAxis) else []
+    scale = alt.Scale(type="log" if is_log else "linear", domain=ends, nice=False)
+    return {"type": "quantitative", "title": name, "scale": scale}
+
+
+def _grid(
+    sweep: Sweep,
+) -> tuple[list[np.ndarray], Float[np.ndarray, "..."]]:
+    """Values on each axis, and errors at all combinations, NaN where there is none."""
+    errors = grid_errors(sweep)
+    axes = [
+        np.unique([dict(point)[name] for point in errors]) for name in sweep.config.axes
+    ]
+    table = np.full([len(values) for values in axes], np.nan)
+    for point, error in errors.items():
+        index = [
+            int(np.searchsorted(values, value))
+            for values, (_, value) in zip(axes, point, strict=True)
+        ]
+        table[tuple(index)] = error
+    return axes, table
+
+
+def _curve(sweep: Sweep, found: dict[str, Any], axis: str) -> Chart:
+    """Error over one value, with the other at that of the start, sweep and fit."""
+    names = list(sweep.config.axes)
+    own = names.index(axis)
+    values, table = _grid(sweep)
+    points = []
+    for what in ("start", "sweep", "fit") if len(names) == 2 else ("sweep",):
+        line = table
+        if len(names) == 2:
+            other = values[1 - own]
+            at = found[what]["values"][names[1 - own]]
+            nearest = int(np.abs(np.log(other / at) if at > 0 else other - at).argmin())
+            line = np.take(table, nearest, axis=1 - own)
+            what = f"{names[1 - own]} = {other[nearest]:.3g} ({what})"
+        points += [
+            {
+                "x": float(x),
+                "error": float(y),
+                "line": what,
+                "text": f"{x:.4g}: {y:.4g} %",
+            }
+            for x, y in zip(values[own], line, strict=True)
+            if np.isfinite(y)
+        ]
+    marks = [
+        {"x": found[w]["values"][axis], "error": found[w]["rms_percent"], "mark": w}
+        for w in ("start", "sweep", "fit")
+    ]
+    error = alt.Y("error:Q", title="error of the worst load [%]")
+    lines = alt.Chart(alt.Data(values=points)).mark_line(strokeWidth=2)
+    lines = lines.encode(
+        alt.X("x:Q", **_without_type(_axis(sweep, axis))),
+        error,
+        alt.Color("line:N", title=None, scale=_line_scale(points)),
+        description="text:N",
+    )
+    optima = _optima(marks, alt.X("x:Q"), alt.Y("error:Q"))
+    return alt.layer(lines, optima).resolve_scale(color="independent").properties(
+        width=_WIDTH, height=_HEIGHT
+    )  # fmt: skip
+
+
+def _line_scale(points: list[dict[str, Any]]) -> alt.Scale:
+    names = list(dict.fromkeys(point["line"] for point in points))
+    colours = [_START, _SWEPT, _FITTED] if len(names) > 1 else [_SWEPT]
+    return alt.Scale(domain=names, range=colours[: len(names)])
+
+
+def _without_type(axis: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in axis.items() if key != "type"}
+
+
+def _optima(marks: list[dict[str, Any]], x: alt.X, y: alt.Y) -> alt.Chart:
+    for mark in marks:
+        mark["text"] = f"{mark['mark']}: {mark['error']:.4g} %"
+    chart = alt.Chart(alt.Data(values=marks)).mark_point(
+        filled=True, size=1.6 * POINT_AREA, opacity=1, stroke="white", strokeWidth=1.5
+    )
+    names = [mark["mark"] for mark in marks]
+    shapes = alt.Scale(domain=names, range=["circle", "square", "diamond"])
+    colours = alt.Scale(domain=names, range=[_START, _SWEPT, _FITTED])
+    return chart.encode(
+        x,
+        y,
+        alt.Shape("mark:N", title="optimum", scale=shapes),
+        alt.Color("mark:N", title="optimum", scale=colours),
+        description="text:N",
+    )
+
+
+def _contour(sweep: Sweep, found: dict[str, Any]) -> Chart:
+    """Error over two values: lines of equal error, even in its logarithm."""
+    names = list(sweep.config.axes)
+    (first, second), table = _grid(sweep)
+    finite = table[np.isfinite(table)]
+    levels = np.geomspace(finite.min() * 1.02, finite.max(), _LEVELS + 1)[:-1]
+    lines = []
+    for level in levels.tolist():
+        for number, path in enumerate(find_contours(table, level)):
+            steps = zip(path.T, (first, second), strict=True)
+            x, y = (np.interp(i, np.arange(len(v)), v).tolist() for i, v in steps)
+            head = {
+                "error": level,
+                "text": f"{level:.3g} %",
+                "line": f"{level} {number}",
+            }
+            pairs = enumerate(zip(x, y, strict=True))
+            lines += [{**head, "x": a, "y": b, "order": n} for n, (a, b) in pairs]
+    scale = alt.Scale(type="log", scheme="viridis", domain=[levels[0], levels[-1]])
+    contour = alt.Chart(alt.Data(values=lines)).mark_line(strokeWidth=1.6)
+    contour = contour.encode(
+        alt.X("x:Q", **_without_type(_axis(sweep, names[0]))),
+        alt.Y("y:Q", **_without_type(_axis(sweep, names[1]))),
+        alt.Color("error:Q", title="error [%]", scale=scale),
+        detail="line:N",
+        order="order:Q",
+        description="text:N",
+    )
+    marks = [
+        {
+            "x": found[w]["values"][names[0]],
+            "y": found[w]["values"][names[1]],
+            "error": found[w]["rms_percent"],
+            "mark": w,
+        }
+        for w in ("start", "sweep", "fit")
+    ]
+    optima = _optima(marks, alt.X("x:Q"), alt.Y("y:Q"))
+    return alt.layer(contour, optima).resolve_scale(color="independent").properties(
+        width=_WIDTH, height=_WIDTH
+    )  # fmt: skip
