@@ -30,11 +30,23 @@ class LoadConfig(Model):
     set: Changes = {}
 
 
+class FitValue(Model):
+    """A fit of weights, made before the cases that run with them."""
+
+    calibration: FoundPath
+    """Config of the calibration; the other changes of a choice are made in its scene
+    too."""
+    set: Changes = {}
+    """Changes of the calibration by dotted key, such as `fit.time_norm`."""
+
+
 class AxisValue(Model):
     """One value of an axis: changes of the scene, by dotted key."""
 
     label: Name
     set: Changes = {}
+    fit: FitValue | None = None
+    """Fit whose structure and weights the first body takes."""
 
 
 class ListAxis(Model):
@@ -273,8 +285,12 @@ def sweep_hash(config: SweepConfig) -> str:
     """Hash of the config with the content of its scene's file [16 hex digits]."""
     values = resolved(config)
     values["scene"] = hashlib.sha256(config.scene.read_bytes()).hexdigest()
-    if config.fit is not None:
-        content = config.fit.calibration.read_bytes()
-        values["fit"] = hashlib.sha256(content).hexdigest()
+    axes = (axis for axis in config.axes.values() if isinstance(axis, tuple))
+    fits = [value.fit for axis in axes for value in axis if value.fit is not None]
+    # Their content counts, as that of the scene.
+    values["calibrations"] = [
+        hashlib.sha256(fit.calibration.read_bytes()).hexdigest()
+        for fit in (*fits, *([] if config.fit is None else [config.fit]))
+    ]
     text = json.dumps(values, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:16]

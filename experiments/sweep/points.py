@@ -14,6 +14,7 @@ from jaxthermo.errors import InputError
 
 from .config import (
     Axis,
+    FitValue,
     ListAxis,
     ListSampling,
     OptunaSampling,
@@ -34,20 +35,26 @@ class Choice(NamedTuple):
     """Label by the name of the axis."""
     set: dict[str, Any]
     """All changes by dotted key."""
+    fit: FitValue | None = None
+    """Fit whose weights it has; of several axes with one the last."""
 
 
-Value = tuple[str, dict[str, Any]]
-"""Label of a value, and its changes."""
+class Value(NamedTuple):
+    """A value of an axis: its label, its changes, and a fit."""
+
+    label: str
+    set: dict[str, Any]
+    fit: FitValue | None = None
 
 
 def values_of(axis: Axis) -> list[Value]:
     """Values that an axis lists; those of a range in a grid."""
     match axis:
         case ListAxis(key=key, values=values):
-            return [(text_of(value), {key: value}) for value in values]
+            return [Value(text_of(value), {key: value}) for value in values]
         case RangeAxis(key=key):
-            return [(text_of(value), {key: value}) for value in range_values(axis)]
-    return [(value.label, dict(value.set)) for value in axis]
+            return [Value(text_of(v), {key: v}) for v in range_values(axis)]
+    return [Value(value.label, dict(value.set), value.fit) for value in axis]
 
 
 def choices(config: SweepConfig) -> list[Choice]:
@@ -84,7 +91,7 @@ def _named(axes: Mapping[str, Axis], point: Mapping[str, Any]) -> Iterator[Choic
         wanted = given if isinstance(given, list | tuple) else [given]
         chosen = [text_of(label) for label in wanted]
         values = values_of(axis)
-        lists.append([v for v in values if given is None or v[0] in chosen])
+        lists.append([v for v in values if given is None or v.label in chosen])
     for combination in itertools.product(*lists):
         yield _choice(tuple(axes), combination)
 
@@ -102,17 +109,20 @@ def _at(axes: Mapping[str, Axis], unit: Float[np.ndarray, "n a"]) -> list[Choice
 def _value_at(axis: Axis, position: float) -> Value:
     if isinstance(axis, RangeAxis):
         value = value_within(axis, position)
-        return text_of(value), {axis.key: value}
+        return Value(text_of(value), {axis.key: value})
     listed = values_of(axis)
     return listed[min(int(position * len(listed)), len(listed) - 1)]
 
 
 def _choice(names: tuple[str, ...], values: tuple[Value, ...]) -> Choice:
-    labels = tuple((name, value[0]) for name, value in zip(names, values, strict=True))
+    labels = tuple(
+        (name, value.label) for name, value in zip(names, values, strict=True)
+    )
     changes: dict[str, Any] = {}
-    for _, each in values:
-        changes |= each
-    return Choice(labels, changes)
+    for value in values:
+        changes |= value.set
+    fits = [value.fit for value in values if value.fit is not None]
+    return Choice(labels, changes, fits[-1] if fits else None)
 
 
 def cases_of(
@@ -174,9 +184,8 @@ class Study:
     def _suggested(self, trial: Any, name: str, axis: Axis) -> Value:
         if isinstance(axis, RangeAxis):
             return _value_at(axis, trial.suggest_float(name, 0.0, 1.0))
-        listed = dict(values_of(axis))
-        label = trial.suggest_categorical(name, list(listed))
-        return label, listed[label]
+        listed = {value.label: value for value in values_of(axis)}
+        return listed[trial.suggest_categorical(name, list(listed))]
 
     def tell(self, trial: Any, error: float | None, work: float) -> None:
         """Tell the error of a choice [%] and its work; no error for a failed one."""

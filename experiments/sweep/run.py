@@ -16,6 +16,7 @@ from jaxthermo.atomic import replacing
 from jaxthermo.errors import InputError
 
 from .config import OptunaSampling, SweepConfig, load_sweep, sweep_hash, to_yaml
+from .fits import check_fit, with_fit
 from .points import Choice, Study, cases_of, choices
 
 
@@ -78,9 +79,14 @@ def run_sweep(
     config = load_sweep(path, overrides)
     log.stage("reading the config")
     chosen = choices(config)
+    for choice in chosen:
+        check_fit(config, choice)
+    # All mistakes, before the folder is made and anything is fitted.
     cases = [case for choice in chosen for case in _cases(path, config, choice)]
     sweep = Sweep(config, sweep_hash(config), folder, cases)
     claim_folder(folder, sweep.hash)
+    if any(choice.fit is not None for choice in chosen):
+        sweep.cases = list(_fitted_cases(path, sweep, chosen, log))
     with replacing(folder / "config.yaml") as temporary:
         temporary.write_text(to_yaml(config), encoding="utf-8")
     try:
@@ -95,6 +101,18 @@ def run_sweep(
             "same command goes on from there"
         ) from None
     return sweep
+
+
+def _fitted_cases(
+    path: Path, sweep: Sweep, chosen: list[Choice], log: Log
+) -> Iterator[Case]:
+    """Cases of choices, those with a fit with its weights."""
+    for choice in chosen:
+        if choice.fit is not None:
+            log.stage(f"fit of {', '.join(label for _, label in choice.labels)}")
+        yield from _cases(
+            path, sweep.config, with_fit(sweep.config, choice, sweep.folder)
+        )
 
 
 def _count(sweep: Sweep) -> int:
@@ -186,7 +204,13 @@ class _Evaluator:
                 batch = study.ask(min(sampling.batch, sampling.count - asked))
                 asked += len(batch)
                 cases = [
-                    (trial, _cases(path, config, choice)) for trial, choice in batch
+                    (
+                        trial,
+                        _cases(
+                            path, config, with_fit(config, choice, self.sweep.folder)
+                        ),
+                    )
+                    for trial, choice in batch
                 ]
                 every = [case for _, own in cases for case in own]
                 self._find_truths(c for c in every if c.id not in self.rows.by_id)

@@ -1,0 +1,74 @@
+"""Fits of a sweep: choices whose weights are fitted before their cases run.
+
+A fit is made once, in the folder of the sweep under the hash of its calibration and of
+the program; one that was interrupted continues.
+"""
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+from calibrate.config.loader import calibration_hash, load_calibration
+from calibrate.problem.reference import program_hash
+from calibrate.run import fit_config
+from jaxthermo.config.card_file import load_card
+from jaxthermo.errors import InputError
+
+from .config import SweepConfig
+from .points import Choice
+
+
+def check_fit(config: SweepConfig, choice: Choice) -> None:
+    """Read the calibration of a choice that has one, before anything is run.
+
+    Raises:
+        InputError: for each mistake in it.
+    """
+    if choice.fit is not None:
+        _calibration_hash(config, choice)
+
+
+def with_fit(config: SweepConfig, choice: Choice, folder: Path) -> Choice:
+    """Choice with the weights of its fit, which is made if it is not there.
+
+    Args:
+        config: of the sweep.
+        choice: any; one without a fit is returned as it is.
+        folder: of the sweep.
+
+    Raises:
+        InputError: if the fit cannot be made.
+    """
+    if choice.fit is None:
+        return choice
+    path, out = (
+        choice.fit.calibration,
+        folder / "fits" / _calibration_hash(config, choice),
+    )
+    card = out / "card.yaml"
+    # Written last: a folder without one is of a fit that was interrupted.
+    if not card.is_file():
+        try:
+            fit_config(path, out, _overrides(config, choice), report=False)
+        except InputError as error:
+            raise InputError(f"fit {path}: {error}") from error
+    structure = {**load_card(card).structure, "weights": {"card": str(card.resolve())}}
+    return choice._replace(set={**choice.set, "bodies.0.structure": structure})
+
+
+def _calibration_hash(config: SweepConfig, choice: Choice) -> str:
+    assert choice.fit is not None
+    overrides = _overrides(config, choice)
+    made = load_calibration(choice.fit.calibration, overrides)
+    text = f"{calibration_hash(made)} {program_hash(with_calibrate=True)}"
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _overrides(config: SweepConfig, choice: Choice) -> tuple[str, ...]:
+    assert choice.fit is not None
+    # The scene that is fitted has the choice's structure, pitch and solver too.
+    changes = {**config.set, **choice.set}
+    scene: dict[str, Any] = {f"set.{key}": v for key, v in changes.items()}
+    overrides = scene | choice.fit.set
+    return tuple(f"{key}={json.dumps(value)}" for key, value in overrides.items())
