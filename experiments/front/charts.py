@@ -143,7 +143,7 @@ def _numbers(rows: list[dict[str, Any]], x: alt.X, y: alt.Y) -> alt.Chart:
 def _rivals(rows: list[dict[str, Any]], x: alt.X, y: alt.Y) -> alt.Chart:
     names = list(dict.fromkeys(row["rival"] for row in rows))
     scale = alt.Scale(domain=names, range=list(_RIVAL_SHAPES[: len(names)]))
-    shape = alt.Shape("rival:N", scale=scale, sort=None, legend=legend("rivals"))
+    shape = alt.Shape("rival:N", scale=scale, sort=None, legend=legend("beside it"))
     dots = _data(rows).mark_point(
         size=POINT_AREA * 0.8, stroke=_RIVAL_COLOUR, strokeWidth=1.8, opacity=1
     )

@@ -144,7 +144,7 @@ def _point(rows: list[Row], times: list[Row | None]) -> Point:
     own = [v for row in rows for v in row["own_error"].get("rms_percent", ()) if v]
     choice = rows[0]["choice"]
     return Point(
-        name=", ".join(map(str, choice.values())),
+        name=", ".join(_label(*item) for item in choice.items()),
         choice=choice,
         errors={kind: max(error[kind] for error in found) for kind in MEASURES},
         own_error_percent=max(own, default=None),
@@ -161,6 +161,12 @@ def _point(rows: list[Row], times: list[Row | None]) -> Point:
         set=rows[0].get("set"),
         loads=tuple(row["load"] for row in rows),
     )
+
+
+def _label(axis: str, value: str) -> str:
+    """A label that is clear without its axis: a number alone is not."""
+    spoken = any(letter.isalpha() for letter in value)
+    return value if spoken else f"{axis.replace('_', ' ')} {value}"
 
 
 def rivals_of(rows: Sequence[Row], loads: set[str]) -> list[Point]:
@@ -181,7 +187,7 @@ def rivals_of(rows: Sequence[Row], loads: set[str]) -> list[Point]:
 def _rival(rows: list[Row]) -> Point:
     own = [{"own_error": {}, **row} for row in rows]
     point = _point(own, [*rows])
-    labels = [str(value) for value in point.choice.values()]
+    labels = [_label(*item) for item in point.choice.items()]
     offline = [row["offline_s"] for row in rows if row.get("offline_s") is not None]
     named = {"name": ", ".join([rows[0]["name"], *labels])}
     return Point(**{**vars(point), **named, "offline_s": max(offline, default=None)})

@@ -21,6 +21,7 @@ from ..sweep.run import Options
 from .comparisons import Comparison, pairs, time_pairs
 from .folder import SweepFolder, read_folder
 from .pareto import Point, front, points_of, rivals_of
+from .reduced import reduced_rows, to_reduce
 from .report import Findings, write_report
 from .rivals import Rivals
 from .wording import sentence, structure_words
@@ -46,8 +47,12 @@ def run(folder: Path, config: Path | None = None) -> dict[str, Any]:
         sweep(config, source, (), Options(default_workers(), None, False, True))
     given, rows = load_sweep(source / "config.yaml"), read_folder(source)
     points = _points(given, rows)
-    found, comparisons, remark = _beside(console, given, rows, points, folder)
-    about = [_about(given, rows, points), *([remark] if remark else [])]
+    others, no_model = _reduced(console, given, points, folder)
+    others = [*rivals_of(rows.rivals, set(loads_of(given))), *others]
+    found, comparisons, remark = _beside(console, given, points, folder)
+    remarks = [text for text in (no_model, remark) if text]
+    about = [_about(given, rows, points), *remarks]
+    found = [*others, *found]
     title = f"Error against run time: {given.scene.stem.replace('-', ' ')}"
     plain = resolved(given)
     findings = Findings(title, about, rows, points, found, comparisons, plain)
@@ -61,7 +66,7 @@ def run(folder: Path, config: Path | None = None) -> dict[str, Any]:
         "sweep": str(source),
         "front": [_plain(point) for point in front(points)],
         "comparisons": [each.as_dict() for each in comparisons],
-        "remark": remark,
+        "remarks": remarks,
         "processors": findings.processors,
         "files": files,
     }
@@ -100,19 +105,28 @@ def cases(config: SweepConfig, point: Point) -> dict[str, Case]:
     return {case.load: case for case in cases_of(config, choice)}
 
 
+def _reduced(
+    console: Console, config: SweepConfig, points: Sequence[Point], folder: Path
+) -> tuple[list[Point], str | None]:
+    """Reduced models of some choices, and the reason where there are none."""
+    log, rows = lambda text: print_line(console, text), []
+    path = folder / "rivals.jsonl"
+    for point in to_reduce(points):
+        try:
+            own = cases(config, point)
+            rows += reduced_rows(point, own, path, config.repeats, log)
+        except InputError as error:
+            return [], f"There are no reduced models: {error}."
+    return rivals_of(rows, set(loads_of(config))), None
+
+
 def _beside(
-    console: Console,
-    config: SweepConfig,
-    rows: SweepFolder,
-    points: Sequence[Point],
-    folder: Path,
+    console: Console, config: SweepConfig, points: Sequence[Point], folder: Path
 ) -> tuple[list[Point], list[Comparison], str | None]:
     """Rivals, comparisons with them, and the reason where there are none."""
-    loads = set(loads_of(config))
-    others = rivals_of(rows.rivals, loads)
-    best = front(points)
+    loads, best = set(loads_of(config)), front(points)
     if not best:
-        return others, [], "No choice was timed, and no rival was run."
+        return [], [], "No choice was timed, and no rival was run."
     log = lambda text: print_line(console, text)
     try:
         rivals = Rivals(cases(config, best[0]), folder / "rivals.jsonl", log)
@@ -120,7 +134,7 @@ def _beside(
         rivals.search(needed, _TOLERANCES)
     except InputError as error:
         print_line(console, str(error))
-        return others, [], f"There are no rivals: {error}."
+        return [], [], f"There are no rivals: {error}."
     found = rivals_of(rivals.rows, loads)
     chosen = pairs(points, found, _TOLERANCES)
     own = lambda point: cases(config, point)
@@ -129,7 +143,7 @@ def _beside(
     remark = f"Voxels of the rivals: {rivals.tried}"
     if least is not None:
         remark += f"; none has a smaller error than {significant(least)} %"
-    return [*others, *found], comparisons, f"{remark}."
+    return found, comparisons, f"{remark}."
 
 
 def _about(config: SweepConfig, rows: SweepFolder, points: Sequence[Point]) -> str:

@@ -30,6 +30,8 @@ def error_text(point: Point) -> str:
 def sentence(point: Point) -> str:
     """A point of the front: "0.5 % (0.3 K) in 40 ms: blocks of 8 mm, ..."."""
     cost = "not timed" if point.time_s is None else f"in {seconds(point.time_s)}"
+    if point.offline_s is not None:
+        cost += f", after {seconds(point.offline_s)} of preparation"
     if point.words is None:
         return f"{error_text(point)} {cost}: {point.name}"
     return f"{error_text(point)} {cost}: {point.words} [{point.name}]"

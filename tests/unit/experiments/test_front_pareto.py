@@ -87,7 +87,7 @@ def test_rivals_have_offline_times_of_their_own():
         for load, seconds in (("+x", 9.0), ("-z", 11.0))
     ]  # fmt: skip
     (found,) = rivals_of(rows, {"+x", "-z"})
-    assert (found.name, found.offline_s) == ("reduced model, 20", 11.0)
+    assert (found.name, found.offline_s) == ("reduced model, vectors 20", 11.0)
     assert found.time == Spread(1e-3, 1e-3, 1e-3)
     assert not rivals_of(rows[:1], {"+x", "-z"})
 
