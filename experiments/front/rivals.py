@@ -79,7 +79,11 @@ class Setting(NamedTuple):
     def choice(self) -> dict[str, str]:
         """Labels as a choice of a sweep has them."""
         steps = "stable steps" if self.steps is None else f"{self.steps} steps"
-        return {"voxels": f"{self.voxels_high} high", "steps": steps}
+        return {"voxels": _voxels(self.voxels_high), "steps": steps}
+
+
+def _voxels(high: int) -> str:
+    return f"{high} high"
 
 
 # The peer of the measurements before there were fronts.
@@ -173,12 +177,15 @@ class Rivals:
 
     def _is_fast(self, kind: str, high: int) -> bool:
         """False if coarser voxels have shown that a kind of rival takes too long."""
-        growth = lambda row: high / int(row["choice"]["voxels"].split()[0])
-        known = (row for row in self.rows if row["name"] == kind)
-        forecasts = (
-            min(row["loop_s"]) * max(growth(row), 1) ** _COST_ORDER for row in known
-        )
-        return all(seconds < _MAX_S for seconds in forecasts)
+        # From the finest voxels so far: in coarse ones the time is that of calls.
+        heights = {s.voxels_high for s in self.settings.values() if s.kind == kind}
+        if not heights:
+            return True
+        last = max(heights)
+        rows = [row for row in self.rows if row["name"] == kind]
+        own = [row for row in rows if row["choice"]["voxels"] == _voxels(last)]
+        fastest = min(min(row["loop_s"]) for row in own)
+        return fastest * (high / last) ** _COST_ORDER < _MAX_S
 
     def _useful_counts(self, high: int) -> list[int]:
         """Numbers of steps up to the first that hardly changes the error."""
