@@ -5,6 +5,7 @@ import json
 from calibrating import RESULT
 
 from calibrate.config.fit_record import write_fit
+from jaxthermo.archive import signed
 
 
 ORIGIN = {
@@ -74,3 +75,17 @@ def sweep(folder, rows, times):
 def experiment(folder, **values):
     content = {"experiment": "stencil", "result": values, **ORIGIN}
     return stored(folder, "result.json", content)
+
+
+def plan(folder, median):
+    """The folder of a plan whose scene runs in so many seconds."""
+    record = {
+        "config": {"name": "a"},
+        "words": ["blocks of 8 mm from 4 mm voxels."],
+        "chosen": {"structure": "blocks", "factor": 2},
+        "miss": None,
+        "run_time_s": {"median": median, "fastest": median, "slowest": median},
+        "trials": [],
+        "provenance": ORIGIN,
+    }
+    return stored(folder, "plan.json", signed("plan", 1, record))

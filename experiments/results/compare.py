@@ -187,6 +187,13 @@ def _plain_changes(old: Result, new: Result) -> Iterator[Change | str]:
         yield from _sweep_changes(old, new)
 
 
+def _plan_changes(old: Result, new: Result) -> Iterator[Change | str]:
+    # What was tried on the way follows from the search, and is no result.
+    names = ("chosen", "miss", "run_time_s", "reference")
+    bodies = [{n: r.content.get(n) for n in names} for r in (old, new)]
+    yield from plain_changes(*bodies)
+
+
 _NOT_NUMBERS = {"config", "config_hash", "files", "date", *_ORIGIN}
 _NUMBERS: dict[Kind, Callable[[Result, Result], Iterator[Change | str]]] = {
     "run": run_changes,
@@ -194,4 +201,5 @@ _NUMBERS: dict[Kind, Callable[[Result, Result], Iterator[Change | str]]] = {
     "sweep": _sweep_changes,
     "experiment": _plain_changes,
     "reduced model": _plain_changes,
+    "plan": _plan_changes,
 }

@@ -24,6 +24,7 @@ INDEX = "index.html"
 _TITLES: dict[Kind, str] = {
     "experiment": "Experiments",
     "sweep": "Sweeps",
+    "plan": "Plans",
     "fit": "Fits",
     "reduced model": "Reduced models",
     "run": "Runs",
@@ -185,6 +186,12 @@ def _plain_numbers(result: Result) -> str:
     return ", ".join(islice(numbers, _MAX_NUMBERS))
 
 
+def _plan_words(result: Result) -> str:
+    # The first sentence says what was chosen.
+    c = result.content
+    return str(c["words"][0]) if c["chosen"] is not None else str(c["miss"])
+
+
 def _table_size(result: Result) -> str:
     return count(len(result.body["table"]), "line") + " in its table"
 
@@ -204,6 +211,7 @@ _FIGURES: dict[Kind, tuple[Callable[[Result], str], ...]] = {
     "fit": (_fit_errors, _fit_speed),
     "sweep": (_sweep_size, _sweep_best, _sweep_fastest),
     "experiment": (_sentences, _front, _verdicts, _table_size, _plain_numbers),
+    "plan": (_plan_words,),
     "reduced model": (_reduced_size, _reduced_error),
 }
 

@@ -9,17 +9,17 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 from calibrate.config.fit_record import read_fit
-from jaxthermo.archive import check_regular
+from jaxthermo.archive import check_regular, read_record
 from jaxthermo.errors import InputError
 
 
-Kind = Literal["run", "fit", "sweep", "experiment", "reduced model"]
+Kind = Literal["run", "fit", "sweep", "experiment", "reduced model", "plan"]
 Row = dict[str, Any]
 
 NOT_AS_WRITTEN = (KeyError, TypeError, ValueError, IndexError, AttributeError)
 """Errors of a program that reads values of another form than it expects."""
 # In the order in which a folder is asked for them.
-_FILES = ("fit.json", "summary.json", "result.json")
+_FILES = ("fit.json", "summary.json", "result.json", "plan.json")
 _ROWS, _TIMES = "rows.jsonl", "times.jsonl"
 # Folders of files that belong to a result.
 _PARTS = frozenset({"frames", "arrays", "pictures", "contacts", "__pycache__"})
@@ -134,6 +134,9 @@ _UNFINISHED = "not finished: it has rows, and no result.json; the same command g
 def _read(file: Path) -> Result:
     if file.name == "fit.json":
         return Result("fit", file, read_fit(file))
+    if file.name == "plan.json":
+        record = read_record(file, "plan", 1, "run `calibrate plan` again")
+        return Result("plan", file, record | record.get("provenance", {}))
     content = _read_json(file)
     kind = _kind(file, content)
     if missing := [key for key in _REQUIRED[kind] if key not in content]:

@@ -55,6 +55,7 @@ def reduce(
     console = open_console()
     default = Path("results") / f"{config.stem}-reduced"
     with results_folder(out or default) as folder, precision(given.dtype):
+        _check_own_folder(config, folder)
         with status(console, "building the scene"):
             scene = given.build()
         options: dict[str, Any] = {"size": size, "tolerance": fraction}
@@ -72,6 +73,15 @@ def reduce(
         for line in _lines(model, summary):
             print_line(console, line)
         print_line(console, f"{MODEL} in {folder}, summary.json beside it")
+
+
+def _check_own_folder(config: Path, folder: Path) -> None:
+    # The results of another command must not be mixed with these, nor the config lost.
+    own = folder / "config.yaml"
+    if (folder / "solution.npz").exists() or (own.exists() and own.samefile(config)):
+        raise InputError(
+            f"--out {folder}: holds a run, or the config itself; name another folder"
+        )
 
 
 def _fraction(tolerance: str | None) -> float | None:

@@ -51,6 +51,15 @@ def test_it_is_a_result_that_can_be_compared_and_listed(reduced, tmp_path):
     assert "Reduced models" in page and "4 vectors, " in page
 
 
+def test_no_run_and_no_config_is_written_over(tmp_path, finished):
+    scene = scene_file(tmp_path, LINEAR)
+    (tmp_path / "config.yaml").write_text(LINEAR)
+    for config, out in ((scene, finished), (tmp_path / "config.yaml", tmp_path)):
+        before = files(out)
+        code, _, err = run("reduce", config, *COARSE, "--out", out)
+        assert code == 2 and "name another folder" in err and files(out) == before
+
+
 @pytest.mark.slow
 @pytest.mark.slice
 def test_a_check_gives_the_error_and_the_times_of_both(tmp_path):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from cli_runs import run, scene_file
 from PIL import Image
-from stored_results import experiment, fit, row, run_summary, stored, sweep
+from stored_results import experiment, fit, plan, row, run_summary, stored, sweep
 
 from experiments.__main__ import main
 from experiments.results.read import Damaged, find_results
@@ -30,6 +30,7 @@ def folder(tmp_path):
     (here / "fit" / "report.html").write_text("x")
     sweep(here / "sweep", [row("full", 0.1)], {"full+x": [1.0, 1.1]})
     experiment(here / "stencil", height=3.0)
+    plan(here / "plan", 0.01)
     stored(here / "broken", "summary.json", {})
     stored(here / "cut off", "config.yaml", {}, [row("full", 0.1)])
     return here
@@ -51,7 +52,7 @@ class Links(HTMLParser):
 def test_the_page_lists_all_results_and_the_damaged_ones(folder):
     code, out, err = command("report", folder)
     assert (code, err) == (0, "")
-    assert "4 results in " in out and out.count("not readable") == 2
+    assert "5 results in " in out and out.count("not readable") == 2
     text = (folder / "index.html").read_text()
     links = Links(text)
     assert set(links.found) == {
@@ -59,6 +60,7 @@ def test_the_page_lists_all_results_and_the_damaged_ones(folder):
         "fit/report.html",
         "sweep/result.json",
         "stencil/result.json",
+        "plan/plan.json",
     }
     assert links.pictures == 1
     for words in ("receipt is missing", "not finished", "100 nodes, 12 steps", "A,"):
@@ -72,8 +74,8 @@ def test_results_are_found_in_order_and_without_their_parts(folder):
     stored(folder / "sweep" / "pictures", "summary.json", run_summary())
     found = list(find_results(folder))
     kinds = [each.kind for each in found if not isinstance(each, Damaged)]
-    assert kinds == ["run", "fit", "experiment", "sweep"]
-    assert len(found) == 6
+    assert kinds == ["run", "fit", "plan", "experiment", "sweep"]
+    assert len(found) == 7
 
 
 def test_the_commands_at_the_terminal(folder, tmp_path):

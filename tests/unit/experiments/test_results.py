@@ -3,7 +3,7 @@
 import json
 
 import pytest
-from stored_results import experiment, fit, row, run_summary, stored, sweep
+from stored_results import experiment, fit, plan, row, run_summary, stored, sweep
 
 from experiments.results.changes import (
     differences,
@@ -141,6 +141,12 @@ def test_a_case_that_fails_now_is_a_change(tmp_path):
     failed = {"id": "1", "choice": {"structure": "full"}, "load": "+x", "failed": "no"}
     b = sweep(tmp_path / "b", [failed], {})
     assert list(changed(compared(a, b))) == ["structure full, load +x: failed"]
+
+
+def test_a_plan_changes_with_its_time(tmp_path):
+    a, b = plan(tmp_path / "a", 0.01), plan(tmp_path / "b", 0.02)
+    assert changed(compared(a, b)) == {"run_time_s": (0.01, 0.02)}
+    assert not compared(a, a).numbers and read_result(a).date.year == 2026
 
 
 def test_results_of_two_kinds_are_not_compared(tmp_path):

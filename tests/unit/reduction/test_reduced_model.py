@@ -98,7 +98,10 @@ def test_every_linear_mechanism_is_the_same_as_in_the_full_run(made):
     assert kelvin(found) == pytest.approx(kelvin(run), abs=2e-4 * size)
 
 
-@pytest.mark.parametrize("method", ["krylov", "pod"])
+@pytest.mark.parametrize(
+    "method",
+    ["krylov", pytest.param("pod", marks=[pytest.mark.slow, pytest.mark.slice])],
+)
 def test_the_error_falls_with_the_size_and_is_known(scene, whole, method):
     errors = []
     for size in (2, 4, 8):
@@ -180,11 +183,18 @@ def test_other_amplitudes_of_the_same_patterns(model):
         model(save_at=[61.0])
 
 
-def test_loads_outside_of_the_span_are_refused_or_extend_it(model):
-    beside = jt.HeatFlux(2e4, on=jt.Side((0, 0, 1)))
-    other = block_scene(beside, AIR)
+BESIDE = jt.HeatFlux(2e4, on=jt.Side((0, 0, 1)))
+
+
+def test_loads_outside_of_the_span_are_refused(model):
     with pytest.raises(jt.InputError, match=r"pattern of heat_flux .*extend\(scene\)"):
-        model.simulate(other)
+        model.simulate(block_scene(BESIDE, AIR))
+
+
+@pytest.mark.slow
+@pytest.mark.slice
+def test_loads_outside_of_the_span_extend_it(model):
+    other = block_scene(BESIDE, AIR)
     wider = model.extend(other)
     assert wider.size > model.size
     assert [each.name for each in wider.inputs][2:] == ["heat_flux 2"]
