@@ -60,6 +60,11 @@ def target_of(scene: Scene, t1: float | int, save_at: Sequence[float] | None) ->
     if times[-1] <= 0:
         raise InputError("reduce: give an end time above 0 s")
     system = linear_system(scene, times[-1])
+    if not system.inputs and not np.any(system.start):
+        raise InputError(
+            "reduce: no load changes the start of the scene, which is even: there is "
+            "nothing to reduce"
+        )
     varies = any(is_unknown_function(each.amplitude) for each in system.inputs)
     knots = knots_of(times[-1], system.program.breakpoints, varies)
     columns = [sampled(each.amplitude, knots) for each in system.inputs]

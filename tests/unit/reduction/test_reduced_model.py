@@ -324,5 +324,7 @@ def test_moving_bodies_and_bad_options_are_refused(scene):
     for given, words in mistakes:
         with pytest.raises(jt.InputError, match=words):
             jt.reduce(scene, 60.0, **given)
+    with pytest.raises(jt.InputError, match="nothing to reduce"):
+        jt.reduce(block_scene(jt.Convection(50.0, 290.0)), 60.0)
     with pytest.raises(jt.InputError, match="end time above 0"):
         jt.reduce(scene, 0.0)
