@@ -69,7 +69,8 @@ def row(name, kelvin, load="+x", **more):
 
 def sweep(folder, rows, times):
     spans = [{"id": key, "loop_s": each} for key, each in times.items()]
-    return stored(folder, "result.json", {"config": {}, **ORIGIN}, rows, spans)
+    content = {"experiment": "sweep", "config": {"scene": "a/ball.yaml"}, **ORIGIN}
+    return stored(folder, "result.json", content, rows, spans)
 
 
 def experiment(folder, **values):

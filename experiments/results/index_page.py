@@ -56,7 +56,8 @@ def write_index(folder: Path, found: Sequence[Result | Damaged]) -> Path:
             sections += [page.heading(title), page.cards(cards)]
     if damaged:
         sections += [page.heading("Damaged or not finished"), _damaged(folder, damaged)]
-    words = [f"{len(each)} {title.lower()}" for title, each in counts if each]
+    noun = lambda title: title.lower().removesuffix("s")
+    words = [count(len(each), noun(title)) for title, each in counts if each]
     words += [f"{len(damaged)} damaged or not finished"] if damaged else []
     head = f"{', '.join(words)}; the newest of each kind first."
     path = folder / INDEX

@@ -70,7 +70,11 @@ class Result:
     @property
     def name(self) -> str:
         """Name of the config or the experiment, else of the folder."""
-        named = self.content.get("experiment") or self.config.get("name")
+        named = self.config.get("name")
+        if self.kind == "sweep" and "scene" in self.config:
+            named = Path(str(self.config["scene"])).stem
+        if self.kind == "experiment":
+            named = self.content["experiment"]
         return str(named or self.content.get("name") or self.folder.resolve().name)
 
     @property
@@ -156,7 +160,7 @@ def _read(file: Path) -> Result:
 def _kind(file: Path, content: dict[str, Any]) -> Literal[Kind]:
     if file.name == "summary.json":
         return "reduced model" if content.get("kind") == "reduced model" else "run"
-    return "experiment" if "experiment" in content else "sweep"
+    return "sweep" if content.get("experiment", "sweep") == "sweep" else "experiment"
 
 
 def _read_json(file: Path) -> dict[str, Any]:
