@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import jaxthermo as jt
@@ -92,7 +93,7 @@ def test_the_cases_of_a_real_fit_run_with_its_weights(config):
     card = Path(row["set"]["bodies.0.structure"]["weights"]["card"])
     result = json.loads((card.parent / "fit.json").read_text())
     assert result["loss"]["final"] < result["loss"]["initial"]
-    within = float(jt.load_card(card).weights.within)
+    within = np.asarray(jt.load_card(card).weights.within).item()
     assert within == pytest.approx(result["parameters"]["weights.within"]["value"])
     # The same weight by hand.
     axes = f"axes:\n  weights: {{key: {KEY}, values: [{within}]}}\n"
