@@ -69,7 +69,9 @@ def row(name, kelvin, load="+x", **more):
 
 def sweep(folder, rows, times):
     spans = [{"id": key, "loop_s": each} for key, each in times.items()]
+    line = {"choice": {"structure": "full"}, "rms_kelvin": 0.2, "rms_percent": 2.0}
     content = {"experiment": "sweep", "config": {"scene": "a/ball.yaml"}, **ORIGIN}
+    content["choices"] = [{**line, "loop_s": 0.01}]
     return stored(folder, "result.json", content, rows, spans)
 
 

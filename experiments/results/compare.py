@@ -135,7 +135,7 @@ def _number_change(key: str, old: Any, new: Any) -> Iterator[Change]:
 
 
 def _sweep_changes(old: Result, new: Result) -> Iterator[Change | str]:
-    a, b = ({case_name(row): row for row in r.rows} for r in (old, new))
+    a, b = ({_case_name(row): row for row in r.rows} for r in (old, new))
     for name in a.keys() - b.keys():
         yield Change(name, "a row", ABSENT)
     for name in b.keys() - a.keys():
@@ -148,7 +148,7 @@ def _sweep_changes(old: Result, new: Result) -> Iterator[Change | str]:
             yield change
 
 
-def case_name(row: Row) -> str:
+def _case_name(row: Row) -> str:
     """Choice and load of a sweep's row, in words."""
     choice = row.get("choice", {})
     parts = [f"{axis} {label}" for axis, label in sorted(choice.items())]

@@ -16,8 +16,7 @@ from jaxthermo.report.numbers import count, seconds, significant
 from jaxthermo.report.table import Table, prose
 
 from .changes import is_number
-from .compare import case_name
-from .read import NOT_AS_WRITTEN, Damaged, Kind, Result
+from .read import NOT_AS_WRITTEN, Damaged, Kind, Result, Row
 
 
 INDEX = "index.html"
@@ -149,16 +148,23 @@ def _sweep_size(result: Result) -> str:
 
 
 def _sweep_best(result: Result) -> str:
-    rows = [row for row in result.rows if row.get("error")]
-    best = min(rows, key=lambda row: row["error"]["worst_rms_kelvin"])
-    return _error_words(best["error"], f"smallest error, {case_name(best)}")
+    # By the worst load of each choice.
+    done = [line for line in result.content["choices"] if "rms_kelvin" in line]
+    best = min(done, key=lambda line: line["rms_kelvin"])
+    percent = best["rms_percent"]
+    relative = "" if percent is None else f", {significant(percent)}{_FIXED_SPACE}%"
+    error = f"{significant(best['rms_kelvin'])}{_FIXED_SPACE}K{relative}"
+    return f"smallest error: {error}, {_choice(best)}"
 
 
 def _sweep_fastest(result: Result) -> str:
-    names = {row["id"]: case_name(row) for row in result.rows}
-    spans = {names[key]: sorted(t) for key, t in result.times.items() if key in names}
-    name, times = min(spans.items(), key=lambda item: item[1][len(item[1]) // 2])
-    return f"fastest, {name}: {seconds(times[len(times) // 2])}"
+    timed = [line for line in result.content["choices"] if line.get("loop_s")]
+    best = min(timed, key=lambda line: line["loop_s"])
+    return f"fastest: {seconds(best['loop_s'])}, {_choice(best)}"
+
+
+def _choice(line: Row) -> str:
+    return ", ".join(f"{axis} {label}" for axis, label in line["choice"].items())
 
 
 def _verdicts(result: Result) -> str:

@@ -63,7 +63,8 @@ def test_the_page_lists_all_results_and_the_damaged_ones(folder):
         "plan/plan.json",
     }
     assert links.pictures == 1
-    for words in ("receipt is missing", "not finished", "100 nodes, 12 steps", "A,"):
+    told = "receipt is missing", "not finished", "100 nodes, 12 steps", "fastest: 10 ms"
+    for words in (*told, "A,"):
         assert words in text
     # Nothing is loaded from elsewhere, and names are no markup.
     assert "http" not in text and "<b>" not in text
