@@ -125,7 +125,8 @@ def _shape(plan: Plan) -> Any:
     moves = len(plan.compiled.programs) > 1
     if plan.control is not None or moves or not plan.intervals:
         return object()
-    arrays, rest = eqx.partition(_arguments(plan), eqx.is_array)
+    with precision(plan.scene.dtype):
+        arrays, rest = eqx.partition(_arguments(plan), eqx.is_array)
     leaves, tree = jax.tree.flatten(arrays)
     shapes = tuple((leaf.shape, str(leaf.dtype)) for leaf in leaves)
     # Functions and texts in the program are compared as they are.

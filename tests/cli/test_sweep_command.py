@@ -143,7 +143,6 @@ def test_a_full_disk_is_one_line_and_rows_are_kept(alone, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.slice
 def test_tuning_by_hand_stands_beside_a_fit(tmp_path):
     (tmp_path / "fit.yaml").write_text(FIT)
     path, out = sweep_file(tmp_path, TUNED), tmp_path / "out"
