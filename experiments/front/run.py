@@ -21,7 +21,6 @@ from ..sweep.run import Options
 from .comparisons import Comparison, pairs, time_pairs
 from .folder import SweepFolder, read_folder
 from .pareto import Point, front, points_of, rivals_of
-from .reduced import reduced_rows, to_reduce
 from .report import Findings, write_report
 from .rivals import Rivals
 from .wording import sentence, structure_words
@@ -47,12 +46,13 @@ def run(folder: Path, config: Path | None = None) -> dict[str, Any]:
         sweep(config, source, (), Options(default_workers(), None, False, True))
     given, rows = load_sweep(source / "config.yaml"), read_folder(source)
     points = _points(given, rows)
-    others, no_model = _reduced(console, given, points, folder)
-    others = [*rivals_of(rows.rivals, set(loads_of(given))), *others]
+    others = rivals_of(rows.rivals, set(loads_of(given)))
     found, comparisons, remark = _beside(console, given, points, folder)
-    remarks = [text for text in (no_model, remark) if text]
+    remarks = [remark] if remark else []
     about = [_about(given, rows, points), *remarks]
-    found = [*others, *found]
+    # In one folder with the sweep, the file has the rivals of this run as well.
+    names = {rival.name for rival in found}
+    found = [*(other for other in others if other.name not in names), *found]
     title = f"Error against run time: {given.scene.stem.replace('-', ' ')}"
     plain = resolved(given)
     findings = Findings(title, about, rows, points, found, comparisons, plain)
@@ -103,21 +103,6 @@ def cases(config: SweepConfig, point: Point) -> dict[str, Case]:
     """The cases of a point by load."""
     choice = Choice(tuple(point.choice.items()), dict(point.set or {}))
     return {case.load: case for case in cases_of(config, choice)}
-
-
-def _reduced(
-    console: Console, config: SweepConfig, points: Sequence[Point], folder: Path
-) -> tuple[list[Point], str | None]:
-    """Reduced models of some choices, and the reason where there are none."""
-    log, rows = lambda text: print_line(console, text), []
-    path = folder / "rivals.jsonl"
-    for point in to_reduce(points):
-        try:
-            own = cases(config, point)
-            rows += reduced_rows(point, own, path, config.repeats, log)
-        except InputError as error:
-            return [], f"There are no reduced models: {error}."
-    return rivals_of(rows, set(loads_of(config))), None
 
 
 def _beside(
