@@ -200,7 +200,7 @@ main(sys.argv[1:])
 
 def _numbers(out: Path) -> dict:
     """Results of a fit, without what it took to get them."""
-    timed = ("run_time_s", "speedup", "verdict", "checksum")
+    timed = ("run_time_s", "speedup", "verdict", "checksum", "date")
     result = json.loads((out / "fit.json").read_text())
     return {key: value for key, value in result.items() if key not in timed}
 
