@@ -158,7 +158,12 @@ def _distributed(client: Any, tasks: Sequence[Task]) -> Results:
             ready.wait(_POLL_S)
         for future in [future for future in running if future.done()]:
             task = running.pop(future)
-            yield task, _result(future, task)
+            try:
+                found = _result(future, task)
+            except OSError as error:
+                # It may be lost while a result is on its way.
+                raise _lost() from error
+            yield task, found
 
 
 def _result(future: Any, task: Task) -> list[Evaluated]:

@@ -57,10 +57,14 @@ def without_failures(out: Path) -> bool:
 def test_forty_cases_killed_at_ten_random_moments(alone, tmp_path):
     path, out = sweep_file(tmp_path, FORTY), tmp_path / "out"
     words = "sweep", path, "--out", out, *SERIAL
+    # As long as a whole sweep takes here, on a busy machine or on an idle one.
+    clock = time.monotonic()
+    whole = "sweep", path, "--out", tmp_path / "timed", *SERIAL
+    assert start(COMMAND, *whole).wait(300) == 0
+    seconds = time.monotonic() - clock
     generator, killed = np.random.default_rng(7), 0
     for _ in range(10):
-        # Programs start within some seconds, and the sweep takes a few more.
-        delay = float(generator.uniform(2.0, 9.0))
+        delay = float(generator.uniform(0.2, 0.9)) * seconds
         killed += kill(start(COMMAND, *words), delay, lambda: True)
     assert killed >= 3
     before = rows(out) if (out / "rows.jsonl").exists() else {}
