@@ -18,7 +18,6 @@ from jaxthermo.integrate.run.plan import (
     Plan,
     StepTable,
     initial_state,
-    plan_run,
     save_intervals,
     step_table,
 )
@@ -28,7 +27,7 @@ from jaxthermo.integrate.run.surface_reading import SurfaceReading
 
 from .case import Case
 from .picture import difference_picture
-from .scenes import build_case
+from .scenes import build_case, plan_case
 from .truth import Truth
 
 
@@ -93,16 +92,7 @@ def _failed(case: Case, error: Exception) -> Evaluated:
 
 def _plan(case: Case) -> _Planned:
     clock = time.perf_counter()
-    config = case.config
-    scene = build_case(config).scene
-    with precision(scene.dtype):
-        plan = plan_run(
-            scene,
-            config.time.end,
-            config.time.save_times,
-            config.solver.build(),
-            control_error=True,
-        )
+    plan = plan_case(case.config, build_case(case.config).scene)
     return _Planned(case, plan, time.perf_counter() - clock)
 
 

@@ -5,9 +5,11 @@ import time
 from functools import lru_cache
 from typing import NamedTuple
 
+from jaxthermo.arrays import precision
 from jaxthermo.config.loader import resolved
 from jaxthermo.config.schema.body import BodyConfig
 from jaxthermo.config.schema.scene import SceneConfig
+from jaxthermo.integrate.run.plan import Plan, plan_run
 from jaxthermo.scene.scene import Body, Scene
 from jaxthermo.voxels.grid import VoxelGrid
 
@@ -56,6 +58,18 @@ def build_case(config: SceneConfig) -> Built:
     scene = config.scene(made.bodies, tuple(term.build() for term in config.terms))
     structures_s = made.structures_s + time.perf_counter() - clock
     return Built(scene, made.voxels_s, structures_s)
+
+
+def plan_case(config: SceneConfig, scene: Scene) -> Plan:
+    """Plan the run of a case, with its error in time controlled as by default.
+
+    Raises:
+        InputError: for a solver that the scene cannot have.
+    """
+    span, solver = config.time, config.solver.build()
+    with precision(scene.dtype):
+        made = scene, span.end, span.save_times, solver
+        return plan_run(*made, control_error=True)
 
 
 @lru_cache(maxsize=2)

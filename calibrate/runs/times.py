@@ -35,7 +35,7 @@ from jaxthermo.scene.scene import Scene
 from ..problem.reference import on_every_voxel
 from .case import Case
 from .evaluate import Row
-from .scenes import build_case
+from .scenes import build_case, plan_case
 
 
 _MAX_CALLS = 3
@@ -80,7 +80,7 @@ def time_case(case: Case, repeats: int) -> Row:
     config = case.config
     built = build_case(config)
     clock = time.perf_counter()
-    plan = _plan(config, built.scene)
+    plan = plan_case(config, built.scene)
     set_up = built.voxels_s + built.structures_s + time.perf_counter() - clock
     # Before other programs: the first call compiles what the loop then finds.
     call = lambda: _call(config, built.scene)
@@ -126,13 +126,6 @@ def _call(config: SceneConfig, scene: Scene) -> Any:
         warnings.simplefilter("ignore")
         found = simulate(scene, span.end, span.save_times, solver=solver)
     return found.surface_temperature
-
-
-def _plan(config: SceneConfig, scene: Scene) -> Plan:
-    span, solver = config.time, config.solver.build()
-    with precision(scene.dtype):
-        made = scene, span.end, span.save_times, solver
-        return plan_run(*made, control_error=True)
 
 
 def _steps(plan: Plan) -> int | None:

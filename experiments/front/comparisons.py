@@ -5,10 +5,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from calibrate.runs.case import Case
-from calibrate.runs.scenes import build_case
+from calibrate.runs.scenes import build_case, plan_case
 from calibrate.runs.times import Loop, compiled_loop
-from jaxthermo.arrays import precision
-from jaxthermo.integrate.run.plan import plan_run
 from jaxthermo.report.numbers import significant
 
 from ..harness.timing import Spans, interleaved
@@ -157,9 +155,5 @@ def _comparison(pair: Pair, spans: dict[str, Spans]) -> Comparison:
 
 
 def _loop(case: Case) -> Loop:
-    config = case.config
-    scene, span = build_case(config).scene, config.time
-    with precision(scene.dtype):
-        made = scene, span.end, span.save_times, config.solver.build()
-        plan = plan_run(*made, control_error=True)
-    return compiled_loop(plan)
+    scene = build_case(case.config).scene
+    return compiled_loop(plan_case(case.config, scene))
