@@ -148,7 +148,10 @@ class Bench:
         excess = self.tolerance.excess(
             float(own.rms_percent.max()), float(own.rms_kelvin.max())
         )
-        percent_per_kelvin = float((own.rms_percent / own.rms_kelvin).max())
+        # At a time without a difference there is no ratio.
+        differs = own.rms_kelvin > 0
+        ratios = own.rms_percent[differs] / own.rms_kelvin[differs]
+        percent_per_kelvin = float(ratios.max(initial=0.0))
         coarser = []
         for factor, kelvin in zip((2, 4), own.differences.max(axis=0), strict=True):
             blocks = Candidate(refinement / factor, "aggregate", 2, steps=_CONVERGED)
