@@ -55,7 +55,7 @@ axes:
     log: true
     count: 5
 truth: {voxels_high: 16, points: 300, surface_cells: dominant_axis, dtype: float64}
-fit: {calibration: fit.yaml}
+compare_with_fit: {calibration: fit.yaml}
 """
 """Two weights in 25 choices, beside a fit of both."""
 FIT = """

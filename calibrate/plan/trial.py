@@ -145,6 +145,12 @@ class Bench:
         config = Candidate(refinement, "full_volume").applied(self.scene, self.pitches)
         found = refined_reference(config, given, log)
         own, points = found.own_error, truth_points(found.solution, _POINTS)
+        if self.tolerance.percent is not None and not own.rms_percent.max() < np.inf:
+            raise InputError(
+                "--tolerance: at a saved time the whole surface of the reference has "
+                "one temperature, a range that nothing is a percentage of: give "
+                "--kelvin instead"
+            )
         excess = self.tolerance.excess(
             float(own.rms_percent.max()), float(own.rms_kelvin.max())
         )

@@ -40,7 +40,7 @@ from .scenes import build_case, plan_case
 
 _MAX_CALLS = 3
 """Largest number of the user's calls that are timed."""
-_MAX_FULL_S = 2.0
+_MAX_FULL_S = 0.5
 """Time of a loop of the full volume, beyond which it takes a part of its steps [s]."""
 _MIN_STEPS = 8
 """Smallest number of steps of such a part."""
@@ -185,7 +185,7 @@ class _FullKey:
 
 @lru_cache(maxsize=1)
 def _full_volume(key: _FullKey) -> Loop:
-    """Explicit loop of the full volume, warm, of as many steps as two seconds allow."""
+    """Warm explicit loop of the full volume, of all steps or a part of them."""
     scene, span = build_case(key.config).scene, key.config.time
     clock = time.perf_counter()
     with precision(scene.dtype):

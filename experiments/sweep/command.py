@@ -72,7 +72,8 @@ def sweep(config: Path, out: Path, overrides: tuple[str, ...], options: Options)
     with Progress(*columns, console=console, transient=True, disable=quiet) as bar:
         log = _Bar(console, bar)
         made = run_sweep(config, out, overrides, options, log)
-        fit = None if made.config.fit is None else compare_with_fit(made, log)
+        compared = made.config.compare_with_fit is not None
+        fit = compare_with_fit(made, log) if compared else None
     write_results(made, fit)
     console.print(table(made, _MAX_LINES).rich(), soft_wrap=False)
     if fit is not None:

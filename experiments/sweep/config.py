@@ -169,7 +169,7 @@ class SweepConfig(Model):
     """Runs of finer voxels, which errors are measured from."""
     repeats: Annotated[Whole, Field(ge=2, le=100)] = 5
     """Number of times that every loop is timed."""
-    fit: FitComparison | None = None
+    compare_with_fit: FitComparison | None = None
     """Fit that is compared with a sweep over one or two weights."""
 
     def mistakes(self) -> list[Mistake]:
@@ -287,10 +287,11 @@ def sweep_hash(config: SweepConfig) -> str:
     values["scene"] = hashlib.sha256(config.scene.read_bytes()).hexdigest()
     axes = (axis for axis in config.axes.values() if isinstance(axis, tuple))
     fits = [value.fit for axis in axes for value in axis if value.fit is not None]
+    compared = [] if config.compare_with_fit is None else [config.compare_with_fit]
     # Their content counts, as that of the scene.
     values["calibrations"] = [
         hashlib.sha256(fit.calibration.read_bytes()).hexdigest()
-        for fit in (*fits, *([] if config.fit is None else [config.fit]))
+        for fit in (*fits, *compared)
     ]
     text = json.dumps(values, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:16]

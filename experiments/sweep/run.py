@@ -1,7 +1,7 @@
 """A sweep from its config to its rows: errors in parallel, then times one by one."""
 
 import statistics
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -255,13 +255,35 @@ def _times(sweep: Sweep, options: Options, log: Log) -> None:
         if options.retry:
             rows.drop_failed()
         sweep.times = rows.by_id
-        missing = [case for case in finished if case.id not in rows.by_id]
-        log.stage("times", len(finished) - len(missing), len(finished))
-        for case in missing:
-            rows.append([_timed(case, sweep.config.repeats)])
-            log.advance(1)
+        count = sum(case.id in rows.by_id for case in finished)
+        log.stage("times", count, len(finished))
+        for alike in _alike(finished, sweep.rows):
+            missing = [case for case in alike if case.id not in rows.by_id]
+            if missing:
+                found = _timed(alike[0], sweep.config.repeats)
+                rows.append([_time_of(case, alike[0], found) for case in missing])
+                log.advance(len(missing))
     finally:
         rows.close()
+
+
+def _alike(cases: Sequence[Case], rows: Mapping[str, Row]) -> list[list[Case]]:
+    """Loads of a choice whose runs differ in numbers only, and so take the same time.
+
+    Their arrays have the same shapes, and they take the same number of steps.
+    """
+    sizes = ("nodes", "links", "steps", "memory_bytes")
+    found: dict[str, list[Case]] = {}
+    for case in cases:
+        size = [rows[case.id].get(name) for name in sizes]
+        found.setdefault(f"{case.names} {case.shape_key} {size}", []).append(case)
+    return list(found.values())
+
+
+def _time_of(case: Case, timed: Case, found: Row) -> Row:
+    """The row of a case, of the times of one that takes the same."""
+    row = {**found, "id": case.id, "load": case.load}
+    return row if case is timed else {**row, "timed_as": timed.id}
 
 
 def _voxels(case: Case) -> str:

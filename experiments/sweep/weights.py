@@ -37,7 +37,7 @@ def compare_with_fit(sweep: Sweep, log: Log) -> dict[str, Any]:
     Raises:
         InputError: if an axis is not a parameter of the fit, or a case failed.
     """
-    given = sweep.config.fit
+    given = sweep.config.compare_with_fit
     assert given is not None
     log.stage("fit")
     config = load_calibration(given.calibration)

@@ -53,6 +53,13 @@ def test_a_sweep_leaves_rows_times_pictures_and_a_result(alone):
         assert (alone / row["picture"]).read_bytes().startswith(b"\x89PNG")
     result = json.loads((alone / "result.json").read_text())
     assert result["cases"] == {"all": 6, "finished": 6, "failed": 0, "timed": 6}
+    # Both loads of a choice take the same: one is timed.
+    copied = [row for row in timed.values() if "timed_as" in row]
+    assert len(copied) == 3
+    for row in copied:
+        other = timed[row["timed_as"]]
+        assert other["loop_s"] == row["loop_s"] and "timed_as" not in other
+        assert other["choice"] == row["choice"] and other["load"] != row["load"]
     first = result["choices"][0]
     both = [r for r in found.values() if r["choice"] == first["choice"]]
     assert first["rms_percent"] == max(r["error"]["worst_rms_percent"] for r in both)
