@@ -20,6 +20,8 @@ _HUES = (
 _RIVAL_SHAPES = ("cross", "diamond", "triangle-up", "triangle-down", "square")
 _RIVAL_COLOUR = "#d1352b"
 _BLACK = "#14171d"
+_NUMBER_SIZE = 16.0
+"""Width and height that the number of a point takes [pixels]."""
 
 _ERROR_TITLES: dict[Measure, str] = {
     "rms_percent": "error against the truth, RMS [%]",
@@ -67,7 +69,7 @@ def error_against(
         layers.append(_rivals(others, x, y))
     if marked:
         layers += _marks(marked, x)
-    layers.append(_numbers(chosen, x, y))
+    layers.append(_numbers(_apart(chosen, across, up), x, y))
     together = alt.layer(*layers).resolve_scale(color="independent", shape="shared")
     return together.properties(width=WIDTH, height=HEIGHT, title=title)
 
@@ -133,6 +135,22 @@ def _chosen(
     colour = alt.Color("label:N", scale=scale, sort=None, legend=legend("on the front"))
     dots = _data(rows).mark_point(filled=True, size=POINT_AREA * 1.6, opacity=1)
     return dots.encode(x=x, y=y, color=colour, description="text:N")
+
+
+def _apart(
+    rows: list[dict[str, Any]], across: LogAxis, up: LogAxis
+) -> list[dict[str, Any]]:
+    """Points whose numbers do not cover each other; the first of a crowd, for one."""
+    found: list[dict[str, Any]] = []
+    for row in rows:
+        near = (
+            WIDTH * across.distance(row["cost"], other["cost"]) < _NUMBER_SIZE
+            and HEIGHT * up.distance(row["error"], other["error"]) < _NUMBER_SIZE
+            for other in found
+        )
+        if not any(near):
+            found.append(row)
+    return found
 
 
 def _numbers(rows: list[dict[str, Any]], x: alt.X, y: alt.Y) -> alt.Chart:

@@ -61,6 +61,10 @@ class LogAxis:
         # Within less than a factor of 5 there are too few powers and halves of ten.
         return [v for v in nice_ticks(10**self.low, 10**self.high, 6) if v > 0]
 
+    def distance(self, a: float, b: float) -> float:
+        """Distance between two values over the length of the axis [-]."""
+        return abs(math.log10(a / b)) / (self.high - self.low)
+
     def channel(self, field: str) -> dict[str, Any]:
         """The arguments of `alt.X` or `alt.Y` that put a field on this axis."""
         ends = [10**self.low, 10**self.high]

@@ -77,6 +77,18 @@ def test_without_a_known_cost_there_is_no_chart(sweep):
     assert error_against("nodes", points) is not None
 
 
+def test_numbers_of_a_crowd_do_not_cover_each_other():
+    errors = {"a": 5.0, "b": 1.01, "c": 1.0}
+    rows = [row(name, "+x", error) for name, error in errors.items()]
+    seconds = {"a": 1.0, "b": 2.0, "c": 2.01}
+    times = [time(name, "+x", value) for name, value in seconds.items()]
+    chart = error_against("time_s", points_of(rows, times, {"+x"}))
+    assert chart is not None
+    layers = chart.to_dict()["layer"]
+    (numbers,) = (each for each in layers if each["mark"]["type"] == "text")
+    assert [each["number"] for each in numbers["data"]["values"]] == ["1", "2"]
+
+
 def test_a_line_that_was_cut_off_is_left_out(sweep):
     whole = read_folder(sweep)
     with (sweep / "rows.jsonl").open("a") as file:
