@@ -15,7 +15,7 @@ from jaxthermo.config.loader import config_hash, load_config, resolved
 from jaxthermo.config.schema.scene import SceneConfig
 
 from ..config.schema import AbsoluteReference
-from ..problem.reference import program_hash
+from ..problem.reference import program_hash, reference_key
 
 
 @dataclass(frozen=True)
@@ -39,6 +39,24 @@ class Case:
         names = json.dumps([self.names, self.load])
         text = " ".join((scene, names, truth.model_dump_json(), program_hash()))
         return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+    @cached_property
+    def truth_key(self) -> str:
+        """Hash of the reference: equal for cases that one reference judges."""
+        return reference_key(self.config, self.truth)
+
+    @property
+    def shares_voxels(self) -> bool:
+        """True if the reference has the same voxels: their error is in both."""
+        given = self.truth
+        key = "pitch" if given.voxels_high is None else "voxels_high"
+        # So many voxels along z are of another size in another body.
+        single = key == "pitch" or len(self.config.bodies) == 1
+        return single and all(
+            getattr(body, key) == getattr(given, key)
+            and (body.surface_cells or "crossings") == given.surface_cells
+            for body in self.config.bodies
+        )
 
     @cached_property
     def shape_key(self) -> str:

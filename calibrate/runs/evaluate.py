@@ -217,6 +217,7 @@ def _judged(
         raise InputError("the error is not finite")
     picture = difference_picture(truth.points, solution, reading)
     receipt = planned.plan.compiled.receipt
+    residual = np.abs(np.asarray(solution.energy.residual_relative)).max()
     row = {
         **planned.case.head,
         "error": error.as_dict(),
@@ -225,6 +226,8 @@ def _judged(
         "links": receipt.links,
         "steps": solution.run.steps,
         "memory_bytes": receipt.memory_bytes,
+        # Largest of the saved times, over the heat that moved.
+        "energy_residual": float(residual),
         "together": 1,
         "warnings": list(receipt.warnings),
         "took_s": time.perf_counter() - clock,

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 from jaxthermo.integrate.truth_error import TruthPoints, truth_points
 
-from ..problem.reference import Log, absolute_reference, reference_key
+from ..problem.reference import Log, absolute_reference
 from .case import Case
 
 
@@ -19,7 +19,7 @@ class Truth(NamedTuple):
 
 def find_truth(case: Case, log: Log) -> Truth:
     """Run the reference of a case with two coarser ones, or load them."""
-    return _found(_Request(case, reference_key(case.config, case.truth), log))
+    return _found(_Request(case, case.truth_key, log))
 
 
 class _Request:

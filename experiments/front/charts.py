@@ -24,8 +24,8 @@ _NUMBER_SIZE = 16.0
 """Width and height that the number of a point takes [pixels]."""
 
 _ERROR_TITLES: dict[Measure, str] = {
-    "rms_percent": "error against the truth, RMS [%]",
-    "rms_kelvin": "error against the truth, RMS [K]",
+    "rms_percent": "error against the reference, RMS [%]",
+    "rms_kelvin": "error against the reference, RMS [K]",
     "p99_percent": "error that 99 % of the surface stays below [%]",
     "p99_kelvin": "error that 99 % of the surface stays below [K]",
 }

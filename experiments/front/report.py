@@ -3,10 +3,11 @@
 import csv
 import io
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from jaxthermo.arrays import readable_bytes
 from jaxthermo.atomic import replacing
@@ -125,6 +126,20 @@ def write_report(findings: Findings, out: Path) -> list[str]:
     page.write_page(out / "report.html", findings.title, sections)
     _write_csv(out / "front.csv", findings)
     return [*files, "front.csv", "report.html"]
+
+
+def write_contents(path: Path, title: str, fronts: Mapping[str, Any]) -> None:
+    """Write a page with a link to the page of each of several fronts, by name."""
+    cards = []
+    for name, made in fronts.items():
+        link = next(file for file in made["files"] if file.endswith("report.html"))
+        lines = [each["sentence"] for each in made["front"]]
+        cards.append(page.Card(name, quote(link), lines))
+    about = (
+        "The choices of this sweep solve several problems, each with a reference, a "
+        "front and rivals of its own."
+    )
+    page.write_page(path, title, [about, page.cards(cards)])
 
 
 def _front_sections(findings: Findings) -> list[page.Section]:

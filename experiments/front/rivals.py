@@ -138,13 +138,19 @@ class Rivals:
         return f"{min(heights)} to {max(heights)} voxels high"
 
     @property
-    def max_height(self) -> int:
-        """Most voxels along z for which the reference is twice as fine."""
+    def heights(self) -> tuple[int, ...]:
+        """Voxels along z to try: those of which the reference's are twice as fine.
+
+        Where the choices have the reference's own voxels, the rivals have them too.
+        """
         case = next(iter(self._cases.values()))
-        if case.truth.voxels_high is not None:
-            return case.truth.voxels_high // 2
-        mesh = case.config.bodies[0].build_mesh()
-        return int(float(np.ptp(mesh.bounds[:, 2])) / float(case.truth.pitch or 1) / 2)
+        finest = case.truth.voxels_high
+        if finest is None:
+            height = float(np.ptp(case.config.bodies[0].build_mesh().bounds[:, 2]))
+            finest = round(height / float(case.truth.pitch or 1))
+        if case.shares_voxels and case.truth.structure.kind == "full_volume":
+            return (finest,)
+        return tuple(high for high in _HEIGHTS if high <= finest // 2)
 
     def search(self, needed: float, tolerances: Sequence[float]) -> None:
         """Measure ever finer voxels up to an error `needed` [%], or to all there are.
@@ -153,7 +159,7 @@ class Rivals:
         more heights are measured.
         """
         found: dict[int, float] = {}
-        for high in (h for h in _HEIGHTS if h <= self.max_height):
+        for high in self.heights:
             kinds = [k for k in (RKL2, EXPLICIT, SCIPY) if self._is_fast(k, high)]
             if RKL2 not in kinds:
                 break
@@ -170,7 +176,7 @@ class Rivals:
                 high = round(coarser[-1] * ratio ** (part / _BETWEEN))
                 if self._measure_height(high, (RKL2,)) <= tolerance:
                     break
-        if self.max_height >= TWELVE_STEPS.voxels_high:
+        if TWELVE_STEPS.voxels_high in self.heights and len(self.heights) > 1:
             self._measure([TWELVE_STEPS])
 
     def _measure_height(self, high: int, kinds: Iterable[str]) -> float:

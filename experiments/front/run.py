@@ -18,10 +18,11 @@ from ..sweep.command import default_workers, sweep
 from ..sweep.config import SweepConfig, load_sweep, resolved
 from ..sweep.points import Choice, cases_of
 from ..sweep.run import Options
+from ..sweep.summary import about_reference
 from .comparisons import Comparison, pairs, time_pairs
 from .folder import SweepFolder, read_folder
 from .pareto import Point, front, points_of, rivals_of
-from .report import Findings, write_report
+from .report import Findings, write_contents, write_report
 from .rivals import Rivals
 from .wording import sentence, structure_words
 
@@ -45,25 +46,80 @@ def run(folder: Path, config: Path | None = None) -> dict[str, Any]:
         source = folder / "sweep"
         sweep(config, source, (), Options(default_workers(), None, False, True))
     given, rows = load_sweep(source / "config.yaml"), read_folder(source)
-    points = _points(given, rows)
-    others = rivals_of(rows.rivals, set(loads_of(given)))
-    found, comparisons, remark = _beside(console, given, points, folder)
+    head = {"config": resolved(given), "sweep": str(source)}
+    title = f"Error against run time: {given.scene.stem.replace('-', ' ')}"
+    problems = _problems(given, _points(given, rows))
+    if len(problems) == 1:
+        ((_, points),) = problems.items()
+        # Rivals that others have added are of one problem.
+        others = rivals_of(rows.rivals, set(loads_of(given)))
+        return {**head, **_front(console, given, rows, points, others, folder, title)}
+    fronts = {}
+    for name, points in problems.items():
+        print_line(console, f"{name}:")
+        own = folder / name.replace("/", "-")
+        own.mkdir(parents=True, exist_ok=True)
+        made = _front(console, given, rows, points, [], own, f"{title}, {name}")
+        fronts[name] = {
+            **made,
+            "files": [f"{own.name}/{file}" for file in made["files"]],
+        }
+    write_contents(folder / "report.html", title, fronts)
+    files = [file for each in fronts.values() for file in each["files"]]
+    return {**head, "fronts": fronts, "files": [*files, "report.html"]}
+
+
+def _problems(
+    config: SweepConfig, points: Sequence[Point]
+) -> dict[str, Sequence[Point]]:
+    """Points by what they have in common, where they have not all one reference.
+
+    Choices of another material have other errors and times for reasons of their own: no
+    front is through both.
+    """
+    groups: dict[tuple[str, ...], list[Point]] = {}
+    for point in points:
+        keys = tuple(case.truth_key for case in cases(config, point).values())
+        groups.setdefault(keys, []).append(point)
+    if len(groups) < 2:
+        return {"": points}
+    found: dict[str, Sequence[Point]] = {}
+    for number, own in enumerate(groups.values(), 1):
+        others = [point for point in points if point not in own]
+        labels = [
+            label
+            for axis, label in own[0].choice.items()
+            if {point.choice[axis] for point in own} == {label}
+            and label not in {point.choice[axis] for point in others}
+        ]
+        found[", ".join(labels) or f"problem {number}"] = own
+    return found
+
+
+def _front(
+    console: Console,
+    config: SweepConfig,
+    rows: SweepFolder,
+    points: Sequence[Point],
+    others: Sequence[Point],
+    folder: Path,
+    title: str,
+) -> dict[str, Any]:
+    """The front of points of one problem beside rivals, printed and as a page."""
+    found, comparisons, remark = _beside(console, config, points, folder)
     remarks = [remark] if remark else []
-    about = [_about(given, rows, points), *remarks]
+    about = [_about(config, rows, points), *remarks]
     # In one folder with the sweep, the file has the rivals of this run as well.
     names = {rival.name for rival in found}
     found = [*(other for other in others if other.name not in names), *found]
-    title = f"Error against run time: {given.scene.stem.replace('-', ' ')}"
-    plain = resolved(given)
-    findings = Findings(title, about, rows, points, found, comparisons, plain)
+    own, plain = list(points), resolved(config)
+    findings = Findings(title, about, rows, own, found, comparisons, plain)
     files = write_report(findings, folder)
     for number, point in enumerate(front(points), 1):
         print_line(console, f"{number}. {sentence(point)}")
     for each in comparisons:
         print_line(console, each.sentence())
     return {
-        "config": plain,
-        "sweep": str(source),
         "front": [_plain(point) for point in front(points)],
         "comparisons": [each.as_dict() for each in comparisons],
         "remarks": remarks,
@@ -143,7 +199,8 @@ def _about(config: SweepConfig, rows: SweepFolder, points: Sequence[Point]) -> s
     )
     if own:
         text += f", which itself is off by about {max(own):.2g} %"
-    return text + "."
+    every = [case for point in points for case in cases(config, point).values()]
+    return " ".join([f"{text}.", *about_reference(every)])
 
 
 def _plain(point: Point) -> dict[str, Any]:

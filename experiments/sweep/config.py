@@ -153,6 +153,15 @@ class FitComparison(Model):
     """Config of the calibration, with `reference: truth`."""
 
 
+class GoalConfig(Model):
+    """An error that some choice of so many nodes has to keep to."""
+
+    nodes: Annotated[Whole, Field(ge=1)]
+    """At most."""
+    error_percent: Annotated[Number, Field(gt=0)]
+    """At most, at every saved time under every load."""
+
+
 class SweepConfig(Model):
     """A complete sweep."""
 
@@ -169,6 +178,8 @@ class SweepConfig(Model):
     """Runs of finer voxels, which errors are measured from."""
     repeats: Annotated[Whole, Field(ge=2, le=100)] = 5
     """Number of times that every loop is timed."""
+    goals: tuple[GoalConfig, ...] | None = None
+    """Errors that the page shows beside the best choices of so many nodes."""
     compare_with_fit: FitComparison | None = None
     """Fit that is compared with a sweep over one or two weights."""
 

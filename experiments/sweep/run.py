@@ -166,7 +166,7 @@ class _Evaluator:
 
     def _find_truths(self, missing: Iterable[Case]) -> None:
         # In this process, one after the other: each may fill the memory.
-        for case in {case.load: case for case in missing}.values():
+        for case in {case.truth_key: case for case in missing}.values():
             self.log.stage(f"reference of {case.load}")
             find_truth(case, lambda text, case=case: self.log.line(
                 f"reference of {case.load}: {text}"
@@ -229,7 +229,9 @@ def groups(cases: Sequence[Case]) -> Iterator[tuple[Case, ...]]:
     # case then have the same rounding.
     found: dict[str, list[Case]] = {}
     for case in {case.id: case for case in cases}.values():
-        found.setdefault(f"{case.load} {case.shape_key}", []).append(case)
+        # Another material has another reference, though its arrays are of one shape.
+        key = f"{case.load} {case.truth_key} {case.shape_key}"
+        found.setdefault(key, []).append(case)
     for group in found.values():
         for first in range(0, len(group), MAX_TOGETHER):
             yield tuple(group[first : first + MAX_TOGETHER])

@@ -1,8 +1,10 @@
 """The results of a sweep: a line for each choice, as table, page and `result.json`."""
 
+from collections.abc import Sequence
 from typing import Any
 
 from calibrate.problem.reference import program_hash
+from calibrate.runs.case import Case
 from jaxthermo.cli.summary import write_json
 from jaxthermo.provenance import processor, provenance
 from jaxthermo.report import page
@@ -20,7 +22,8 @@ from .run import Sweep, median_loop, worst_percent
 from .weights import sections as tuning_sections
 
 
-_COLUMNS = ("error %", "error K", "99 % K", "nodes", "steps", "loop", "full volume")
+_COLUMNS = ("error %", "error K", "99 % K", "nodes", "steps")
+_COLUMNS += ("energy", "loop", "full volume")
 
 
 def lines(sweep: Sweep) -> list[dict[str, Any]]:
@@ -41,6 +44,8 @@ def lines(sweep: Sweep) -> list[dict[str, Any]]:
                 "lost_fraction": largest("worst_lost_fraction"),
                 "nodes": max(row["nodes"] for row in rows),
                 "steps": max(row["steps"] for row in rows),
+                # A row of an earlier version has none.
+                "energy_residual": max(r.get("energy_residual", 0.0) for r in rows),
                 **_run_times([sweep.times.get(case.id) for case in cases]),
             }
         found.append(line)
@@ -89,6 +94,7 @@ def _row(line: dict[str, Any]) -> list[str | Cell]:
         f"{line['p99_kelvin']:.3g}",
         f"{line['nodes']:,}",
         f"{line['steps']:,}",
+        f"{line['energy_residual']:.0e}",
         time,
         full,
     ]
@@ -130,6 +136,42 @@ def write_results(sweep: Sweep, fit: dict[str, Any] | None = None) -> None:
     _write_page(sweep, result)
 
 
+def goals_table(config: SweepConfig, lines: Sequence[dict[str, Any]]) -> list[Table]:
+    """Smallest error of at most so many nodes, beside each goal; none without goals.
+
+    Args:
+        config: of the sweep.
+        lines: with `choice`, `nodes` and `rms_percent`; those of failed cases have no
+            error.
+    """
+    rows: list[list[str | Cell]] = []
+    for goal in config.goals or ():
+        known = [line for line in lines if line.get("rms_percent") is not None]
+        fitting = [line for line in known if line["nodes"] <= goal.nodes]
+        asked = [f"{goal.nodes:,}", f"{goal.error_percent:g}"]
+        if not fitting:
+            rows.append([*asked, Cell("none", False), "", ""])
+            continue
+        best = min(fitting, key=lambda line: line["rms_percent"])
+        percent, name = best["rms_percent"], ", ".join(best["choice"].values())
+        found = Cell(f"{percent:.3g}", percent <= goal.error_percent)
+        rows.append([*asked, found, name, f"{best['nodes']:,}"])
+    headings = ("nodes at most", "% at most", "best %", "choice", "nodes")
+    return [Table(headings, rows, "goals", left=(3,))] if rows else []
+
+
+def about_reference(cases: Sequence[Case]) -> list[str]:
+    """Sentence on what errors consist of, where some choices have its voxels."""
+    shared = sum(case.shares_voxels for case in cases)
+    if not shared:
+        return []
+    whose = "All choices" if shared == len(cases) else "Some choices"
+    return [
+        f"{whose} have the voxels of the reference: their errors are of structure, of "
+        "steps and of reading the surface, and not of the voxels."
+    ]
+
+
 def _seed(config: SweepConfig) -> int | None:
     match config.sampling:
         case RandomSampling() | SobolSampling() | OptunaSampling() as drawn:
@@ -144,8 +186,9 @@ def _write_page(sweep: Sweep, result: dict[str, Any]) -> None:
         f"{counts['finished']} of {counts['all']} cases are finished, of which "
         f"{counts['failed']} failed; {counts['timed']} are timed.",
         "The error of a choice is that of the worst of its loads at its worst saved "
-        "time: the root mean square of the difference from a run of finer voxels over "
+        "time: the root mean square of the difference from the reference over "
         f"{config.truth.points:,} points of the surface.",
+        *about_reference(sweep.cases),
     ]
     if own:
         largest = max(each["worst_rms_kelvin"] for each in own)
@@ -153,6 +196,7 @@ def _write_page(sweep: Sweep, result: dict[str, Any]) -> None:
     if "fit" in result:
         sections += tuning_sections(sweep, result["fit"])
     sections += [page.heading("Choices"), table(sweep)]
+    sections += goals_table(config, result["choices"])
     if sweep.times:
         sections.append(
             page.paragraph(
@@ -162,6 +206,10 @@ def _write_page(sweep: Sweep, result: dict[str, Any]) -> None:
                 note=True,
             )
         )
+    energy = (
+        "Energy: heat that the ledger leaves unexplained, over the heat that moved."
+    )
+    sections.append(page.paragraph(energy, note=True))
     sections += [
         page.heading("Origin"),
         page.terms(

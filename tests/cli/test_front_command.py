@@ -57,6 +57,30 @@ def test_a_sweep_without_times_has_no_front_but_a_page(tmp_path):
     assert "2 % (1 K) not timed: blocks of 50 mm from 25 mm voxels, fitted" in page
 
 
+def test_choices_of_several_materials_have_a_front_each(tmp_path):
+    sweep_file(tmp_path).rename(tmp_path / "config.yaml")
+    config = (tmp_path / "config.yaml").read_text()
+    dense = "{label: dense, set: {bodies.0.material.density: 9000}}"
+    axis = f"\n  made: [{{label: own}}, {dense}]\ntruth"
+    (tmp_path / "config.yaml").write_text(config.replace("\ntruth", axis))
+    rows = []
+    for made, changes in (("own", {}), ("dense", {"bodies.0.material.density": 9000})):
+        for within in ("0.8", "1"):
+            head = {"choice": {"within": within, "made": made}}
+            named = made + within
+            rows += [row(named, at, 2.0, set=changes) | head for at in ("+x", "+z")]
+    append_rows(tmp_path / "rows.jsonl", rows)
+    out = tmp_path / "out"
+    code, said, err = front(tmp_path, "--out", out)
+    assert code == 0, err
+    assert said.index("own:") < said.index("dense:")
+    page = (out / "report.html").read_text()
+    assert '<a href="own/report.html">' in page and "several problems" in page
+    for name, other in (("own", "dense"), ("dense", "own")):
+        page = (out / name / "report.html").read_text()
+        assert f"1, {name}" in page and f"1, {other}" not in page
+
+
 def test_mistakes_are_one_line(tmp_path):
     for words, message in (
         ((), "name the config of a sweep"),

@@ -50,6 +50,7 @@ def test_a_sweep_leaves_rows_times_pictures_and_a_result(alone):
     for row in found.values():
         assert row["error"]["worst_rms_percent"] > 0 and row["together"] == 3
         assert row["own_error"]["worst_rms_kelvin"] > 0
+        assert row["energy_residual"] < 1e-12
         assert (alone / row["picture"]).read_bytes().startswith(b"\x89PNG")
     result = json.loads((alone / "result.json").read_text())
     assert result["cases"] == {"all": 6, "finished": 6, "failed": 0, "timed": 6}

@@ -70,6 +70,40 @@ def test_groups_hold_cases_of_one_shape_and_load(tmp_path):
     assert sorted(c.id for g in found for c in g) == sorted(c.id for c in own)
 
 
+def test_cases_of_another_material_have_another_reference(tmp_path):
+    """Though their arrays have the same shapes."""
+    material = "{conductivity: 16, density: 8000, specific_heat: 500, absorptivity: 1}"
+    other = f"{{label: other, set: {{bodies.0.material: {material}}}}}"
+    text = SWEEP.replace("\ntruth", f"\n  made: [{{label: own}}, {other}]\ntruth")
+    own = [case for case in cases(tmp_path, text) if case.load == "+x"]
+    assert len({case.shape_key for case in own}) == 1
+    found = list(groups(own))
+    assert [len(group) for group in found] == [3, 3]
+    for group in found:
+        assert len({case.truth_key for case in group}) == 1
+    first, second = (find_truth(group[0], lambda _: None).points for group in found)
+    expected = [np.asarray(each.expected.temperature) for each in (first, second)]
+    assert abs(expected[0] - expected[1]).max() > 1
+
+
+def test_a_full_volume_of_the_references_voxels_has_no_error_but_that_of_its_steps(
+    tmp_path,
+):
+    text = SWEEP.replace("voxels_high: 16, points", "voxels_high: 8, points")
+    text = text.replace(
+        "within: {key: bodies.0.structure.weights.within, values: [0.8, 1, 1.25]}",
+        "kind: {key: bodies.0.structure, values: [full_volume, "
+        "{kind: aggregate, factor: 2}]}",
+    )
+    own = [case for case in cases(tmp_path, text) if case.load == "+x"]
+    assert all(case.shares_voxels for case in own)
+    assert not any(case.shares_voxels for case in cases(tmp_path))
+    full, blocks = (evaluate(c, find_truth(c, lambda _: None)).row for c in own)
+    assert full["error"]["worst_rms_percent"] < 0.5
+    assert blocks["error"]["worst_rms_percent"] > 1
+    assert full["energy_residual"] < 1e-12 and blocks["energy_residual"] < 1e-12
+
+
 def test_points_of_a_reference_judge_as_the_reference_itself(tmp_path):
     case = cases(tmp_path)[0]
     coarse, fine = (
