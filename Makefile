@@ -52,8 +52,7 @@ bench: .venv/.test
 schemas: .venv/.core
 	$(RUN)/python -m jaxthermo schema > configs/scene.schema.json
 	$(RUN)/python -m calibrate schema > configs/calibration.schema.json
-	$(RUN)/python -m experiments schema > configs/comparison.schema.json
-	$(RUN)/python -m experiments schema sweep > configs/sweep.schema.json
+	$(RUN)/python -m experiments schema > configs/sweep.schema.json
 
 # Those that are up to date stay; a fit that was interrupted continues. Needs the meshes.
 cards: .venv/.core

@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from cyclopts import Parameter
 
@@ -37,7 +37,8 @@ def _run(
     Args:
         name: As `list` shows it, or "benchmarks" for all of them.
         config: A YAML file, for an experiment that takes one; the standard one if not
-            given. For `front` the config of a sweep, or the folder of one.
+            given. For `front` the config of a sweep, or the folder of one; for `budget`
+            the config of a sweep.
         height: Voxels along up, instead of the config's.
         cases: Which ones, such as S01,S06, of an experiment that has cases.
         out: The folder for result.json; results/experiments/NAME if not given.
@@ -119,19 +120,13 @@ def _sweep(
 
 
 @app.command
-def _schema(of: Literal["comparison", "sweep"] = "comparison", /) -> None:
-    """Print the JSON Schema of a config, with units, for editors.
-
-    Args:
-        of: The kind of config.
-    """
+def _schema() -> None:
+    """Print the JSON Schema of a sweep's config, with units, for editors."""
     from jaxthermo.config.json_schema import json_schema
 
-    from .structures.config import ComparisonConfig
     from .sweep.config import SweepConfig
 
-    models = {"comparison": ComparisonConfig, "sweep": SweepConfig}
-    sys.stdout.write(json_schema(models[of]))
+    sys.stdout.write(json_schema(SweepConfig))
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

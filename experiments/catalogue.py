@@ -37,9 +37,6 @@ _ABOUT = {
     "benchmarks.multigrid": (
         "an implicit step and a steady state beside scipy and pyamg"
     ),
-    "benchmarks.stepping": (
-        "work to a given error in time: every solver against the explicit loop"
-    ),
     "benchmarks.super_time_stepping": (
         "RKL2 of the full volume beside the same scheme in numba"
     ),
@@ -52,16 +49,14 @@ _ABOUT = {
     "thesis.convection": (
         "the local Nusselt number, averages, a cylinder in wind: C20, C21"
     ),
+    "thesis.levels": "structures at equilibrium, their levels and holes: C11 to C14",
     "front.run": (
         "error against run time: the best choices of a sweep, beside numba and scipy"
     ),
     "front.reduction": (
         "reduced models of a sweep's best choice, as rivals on its front"
     ),
-    "structures.compare": (
-        "every structure against the full volume: cost, error, pictures"
-    ),
-    "structures.budget": (
+    "front.budget": (
         "how much of an error is due to voxels, structure, time and reading"
     ),
     "verification.verify": (
@@ -71,7 +66,6 @@ _ABOUT = {
 }
 # The modules that measure several things, and have the name of what they measure.
 _NAMES = {
-    "structures.compare": "structures",
     "verification.verify": "verification",
     "stiff.run": "stiff",
     "front.run": "front",
@@ -79,7 +73,8 @@ _NAMES = {
 # The others take the height of their bodies, in voxels.
 _OPTIONS = {
     **dict.fromkeys(("stencil", "voxelize", "counting"), ()),
-    **dict.fromkeys(("mixed", "structures"), ("config", "height")),
+    "mixed": ("config", "height"),
+    "levels": ("height", "cases"),
     **dict.fromkeys(("verification", "stiff"), ("cases",)),
     **dict.fromkeys(("budget", "front", "reduction"), ("config",)),
 }
@@ -89,6 +84,12 @@ def _experiment(module: str, about: str) -> _Experiment:
     name = _NAMES.get(module, module.split(".")[1].replace("_", "-"))
     return _Experiment(module, about, name, _OPTIONS.get(name, ("height",)))
 
+
+# Experiments that are sweeps now, and what runs them.
+_SWEEPS = {
+    "structures": "front configs/sweeps/structures.yaml",
+    "stepping": "front configs/sweeps/stepping.yaml",
+}
 
 EXPERIMENTS = tuple(_experiment(*item) for item in _ABOUT.items())
 
@@ -101,6 +102,9 @@ def find(name: str) -> tuple[_Experiment, ...]:
     """
     found = tuple(e for e in EXPERIMENTS if name == e.name)
     found = found or tuple(e for e in EXPERIMENTS if name == e.group)
+    if name in _SWEEPS:
+        command = f"experiments run {_SWEEPS[name]}"
+        raise InputError(f"{name} is the front of a sweep now: use `{command}`")
     if not found:
         names = sorted({n for e in EXPERIMENTS for n in (e.name, e.group)})
         close = difflib.get_close_matches(name, names, 1)

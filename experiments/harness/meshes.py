@@ -16,8 +16,6 @@ from jaxthermo.voxels.voxelize import SurfaceCells
 HEIGHT = 0.5
 
 STEEL = jt.Material(16.0, density=8000.0, specific_heat=500.0, absorptivity=1.0)
-# 29 times as stiff as steel: k / (rho c_p).
-COPPER = jt.Material(401.0, density=8960.0, specific_heat=385.0, absorptivity=1.0)
 
 # Of body and air [K]; times of the standard scene [s].
 START = 293.15

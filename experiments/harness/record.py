@@ -29,7 +29,6 @@ class Record:
         self.path = folder / "rows.jsonl"
         self.arrays = folder / "arrays"
         self.rows: dict[str, Row] = {}
-        self.reused = 0
         try:
             self.arrays.mkdir(parents=True, exist_ok=True)
             text = self.path.read_text(encoding="utf-8") if self.path.exists() else ""
@@ -41,7 +40,6 @@ class Record:
                 row = json.loads(line)
                 if isinstance(row, dict) and {"id", "arrays"} <= set(row):
                     self.rows[row["id"]] = row
-        self.earlier = frozenset(self.rows)
         if text and not text.endswith("\n"):
             self._append("")  # the last one was cut off within a row
 
@@ -57,8 +55,6 @@ class Record:
         """
         key = self._key(identity)
         if self.known(identity):
-            # A row of this run may serve a second claim; it is not an earlier one.
-            self.reused += key in self.earlier
             return self.rows[key]
         clock = time.perf_counter()
         try:

@@ -8,7 +8,6 @@ import jsonschema
 import pytest
 
 from calibrate.config.schema import CalibrationConfig
-from experiments.structures.config import ComparisonConfig
 from experiments.sweep.config import SweepConfig
 from jaxthermo.config.json_schema import json_schema
 from jaxthermo.config.schema.scene import SceneConfig
@@ -19,20 +18,17 @@ CONFIGS = Path(__file__).resolve().parents[3] / "configs"
 MODELS = {
     "scene": SceneConfig,
     "calibration": CalibrationConfig,
-    "comparison": ComparisonConfig,
     "sweep": SweepConfig,
 }
 FOLDERS = {
     "scenes": "scene",
     "calibration": "calibration",
-    "experiments": "comparison",
     "sweeps": "sweep",
 }
 PROGRAMS = {
     "scene": "jaxthermo schema",
     "calibration": "calibrate schema",
-    "comparison": "experiments schema",
-    "sweep": "experiments schema sweep",
+    "sweep": "experiments schema",
 }
 
 

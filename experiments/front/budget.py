@@ -1,0 +1,224 @@
+"""`experiments run budget`: how much of an error is due to voxels, structure and time.
+
+All runs of a sweep are read at the points of its reference, so that a part of an error
+is the difference between two runs that differ in one thing alone.
+"""
+
+import math
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import jaxthermo as jt
+from calibrate.runs.case import Case
+from calibrate.runs.scenes import build_case, plan_case
+from calibrate.runs.truth import Truth, find_truth
+from jaxthermo.arrays import precision
+from jaxthermo.cli.console import open_console, print_line
+from jaxthermo.errors import InputError
+from jaxthermo.integrate.run.plan import Plan, initial_state
+from jaxthermo.integrate.run.simulate import integrate, make_solution, run_plan
+from jaxthermo.integrate.run.time_error import of_pass
+from jaxthermo.integrate.truth_error import AtPoints, TruthError, error_at_points
+
+from ..harness.record import Arrays, Record, Row
+from ..harness.timing import timed_call
+from ..sweep.config import load_sweep, resolved, sweep_hash
+from ..sweep.points import cases_of, choices
+from .budget_page import write_budget
+
+
+_FURTHER = 2
+"""Number of times that steps are halved for the run that gives the error in time."""
+_MAX_NODES = 1_000_000
+"""Number of nodes above which a run's parts of time and reading are not measured."""
+_LONG = 30.0
+"""Time of a run that is not repeated to be timed warm [s]."""
+
+_DEFAULT = Path(__file__).parents[2] / "configs" / "sweeps" / "budget.yaml"
+
+
+def run(folder: Path, config: Path | None = None) -> dict[str, Any]:
+    """The parts of the error of every choice of a sweep, the standard one by default.
+
+    A run that was cut off in the same folder goes on.
+
+    Raises:
+        InputError: for a mistake in the config, a mesh that is not there, or a
+            reference that cannot be run.
+    """
+    path, console = config or _DEFAULT, open_console()
+    if config is None and not _DEFAULT.is_file():
+        raise InputError(f"the standard budget, {path}, is not installed: name a file")
+    given = load_sweep(path)
+    cases = [case for choice in choices(given) for case in cases_of(given, choice)]
+    record, log = Record(folder, (Path(__file__),)), partial(print_line, console)
+    truths = {case.truth_key: find_truth(case, log) for case in cases}
+    rows: dict[str, Row] = {}
+    # The coarsest first: those of the finest voxels take longest, and gigabytes.
+    for case in sorted(cases, key=_fineness):
+        truth = truths[case.truth_key]
+        head = {"choice": dict(case.names), "load": case.load}
+        made = record.once(case.id, head, partial(_measured, case, truth))
+        rows[case.id] = made
+        said = made.get("refused") or f"{made['nodes']:,} nodes, {made['steps']} steps"
+        names = ", ".join(label for _, label in case.names)
+        print_line(console, f"{names}, {case.load}: {said}")
+    lines = budget_lines(cases, rows, truths, record)
+    write_budget(lines, list(truths.values()), given, folder)
+    return {
+        "config": resolved(given),
+        "config_hash": sweep_hash(given),
+        "table": lines,
+        "rows": list(rows.values()),
+        "references": [
+            {"own_error": truth.own_error, "costs": list(truth.costs)}
+            for truth in truths.values()
+        ],
+        "files": ["report.html"],
+    }
+
+
+def _fineness(case: Case) -> tuple[float, float, str]:
+    body = case.config.bodies[0]
+    pitch = -math.inf if body.pitch is None else -body.pitch
+    return body.voxels_high or 0, pitch, str(body.surface_cells)
+
+
+def _measured(case: Case, truth: Truth) -> tuple[Row, Arrays]:
+    """A run, one in shorter steps, and one read where the nodes are."""
+    scene = build_case(case.config).scene
+    plan = plan_case(case.config, scene)
+    with precision(scene.dtype):
+        found, took = timed_call(lambda: run_plan(plan))
+        # Once more without what is compiled.
+        if took < _LONG:
+            found, took = timed_call(lambda: run_plan(plan))
+    if found.result != jt.RESULTS.successful:
+        raise InputError(jt.RESULTS[found.result])
+    runs = {"surface": found}
+    # Passes of a solver that controls its error differ in steps only.
+    if found.receipt.nodes <= _MAX_NODES and plan.control is not None:
+        last = round(math.log2(found.run.steps / plan.steps))
+        nearest = (replace(b, surface_map=jt.ConstantMap()) for b in scene.bodies)
+        other = plan_case(case.config, replace(scene, bodies=tuple(nearest)))
+        runs["converged"] = _one_pass(plan, last + _FURTHER)
+        runs["constant"] = _one_pass(other, last)
+    reading = truth.points.reading(found.surfaces)
+    read = lambda run: np.asarray(reading.read(np.asarray(run.surface_temperature)))
+    row = {
+        "nodes": found.receipt.nodes,
+        "steps": found.run.steps,
+        "run_time_s": took,
+        "time_error_K": found.run.time_error,
+        "times_s": np.asarray(found.times, float).tolist(),
+        "energy_residual": float(np.abs(found.energy.residual_relative).max()),
+    }
+    at_points = {name: read(run) for name, run in runs.items()}
+    return row, {**at_points, "is_lost": reading.is_lost}
+
+
+def _one_pass(plan: Plan, number: int) -> jt.Solution:
+    """A run with the steps of one pass alone."""
+    now = of_pass(plan, number)
+    with precision(plan.scene.dtype):
+        return make_solution(now, integrate(now, initial_state(now)))
+
+
+def budget_lines(
+    cases: list[Case], rows: dict[str, Row], truths: dict[str, Truth], record: Record
+) -> list[Row]:
+    """A line for each choice: its errors, the largest of all loads.
+
+    Args:
+        cases: all, with their loads.
+        rows: by the id of the case, with runs at points as their arrays.
+        truths: references by their key.
+        record: of the arrays.
+    """
+    # The octree stands for full volumes that are too large to run.
+    full = {
+        _voxels(case): rows[case.id]
+        for kind in ("octree", "full_volume")
+        for case in cases
+        if _kind(case) == kind and "refused" not in rows[case.id]
+    }
+    lines: dict[tuple[tuple[str, str], ...], Row] = {}
+    for case in cases:
+        row = rows[case.id]
+        line = lines.setdefault(case.names, {"choice": dict(case.names), "by_load": {}})
+        if "refused" in row:
+            line["refused"] = row["refused"]
+            continue
+        whole = full.get(_voxels(case))
+        is_full = whole is row and _kind(case) == "octree"
+        errors = _errors(row, truths[case.truth_key], whole, is_full, record)
+        line["by_load"][case.load] = {name: e.as_dict() for name, e in errors.items()}
+        line["nodes"] = row["nodes"]
+        line["run_time_s"] = min(row["run_time_s"], line.get("run_time_s", np.inf))
+        line["shares_voxels"] = case.shares_voxels
+    for line in lines.values():
+        line |= _worst(list(line["by_load"].values()))
+    return list(lines.values())
+
+
+def _kind(case: Case) -> str:
+    """Kind of structure of all bodies; empty where they differ."""
+    kinds = {body.structure.kind for body in case.config.bodies}
+    return kinds.pop() if len(kinds) == 1 else ""
+
+
+def _voxels(case: Case) -> str:
+    """Text that runs in the same voxels under the same load have in common."""
+    sizes = [(b.pitch, b.voxels_high, b.surface_cells) for b in case.config.bodies]
+    return f"{sizes} {case.truth_key} {case.load}"
+
+
+def _errors(
+    row: Row, truth: Truth, full: Row | None, stands_in: bool, record: Record
+) -> dict[str, TruthError]:
+    """Differences of two runs each, which differ in one thing, and the whole."""
+    arrays = record.arrays_of(row)
+    times = np.asarray(row["times_s"])
+    later = times > 0
+
+    def read(arrays: Arrays, name: str = "surface") -> AtPoints:
+        return AtPoints(arrays[name][later], arrays["is_lost"])
+
+    between = lambda one, other: error_at_points(times[later], one, other)
+    own, expected = read(arrays), truth.points.expected
+    reference = AtPoints(np.asarray(expected.temperature)[later], expected.is_lost)
+    found = {"whole": between(own, reference)}
+    if full is not None:
+        everything = read(record.arrays_of(full))
+        found["discretisation"] = between(everything, reference)
+        # An octree that stands for its full volume does not tell of itself.
+        if not stands_in:
+            found["structure"] = between(own, everything)
+    for part, other in (("time", "converged"), ("reading", "constant")):
+        if other in arrays:
+            found[part] = between(read(arrays, other), own)
+    return found
+
+
+_PARTS = ("whole", "discretisation", "structure", "time", "reading")
+
+
+def _worst(loads: list[dict[str, Any]]) -> Row:
+    """Largest errors of all loads and saved times."""
+    found: Row = {}
+    for part in _PARTS:
+        errors = [load[part] for load in loads if part in load]
+        if errors:
+            found[f"{part}_kelvin"] = max(e["worst_rms_kelvin"] for e in errors)
+    whole = [load["whole"] for load in loads]
+    if whole:
+        percent = [e["worst_rms_percent"] for e in whole]
+        found["rms_percent"] = max((p for p in percent if p is not None), default=None)
+        found["p99_kelvin"] = max(e["worst_p99_kelvin"] for e in whole)
+        found["bias_kelvin"] = max((e["worst_bias_kelvin"] for e in whole), key=abs)
+        found["lost_fraction"] = max(e["worst_lost_fraction"] for e in whole)
+    return found

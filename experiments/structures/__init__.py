@@ -1,1 +1,0 @@
-"""The structures against the full volume: what each costs, and how far off it is."""

@@ -1,0 +1,35 @@
+"""`experiments run NAME`: names and options that do not fit are one line."""
+
+import pytest
+
+from experiments.__main__ import main
+from tests.cli.cli_runs import run
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("stencil", "--height", "40"), "height: stencil takes no options"),
+        (("voxelize", "no.yaml"), "config: voxelize takes no options"),
+        (("levels", "--height", "tall"), "--height"),
+        (("levels", "--cases", "C99"), "there are C11; C12; C13; C14"),
+        (("budget", "no.yaml"), "no.yaml"),
+        (("level",), "did you mean levels?"),
+        (("structures",), "use `experiments run front configs/sweeps/structures.yaml`"),
+        (("stepping",), "use `experiments run front configs/sweeps/stepping.yaml`"),
+    ],
+)
+def test_a_mistake_is_one_line_and_status_2(tmp_path, arguments, message, monkeypatch):
+    # The built-in figurine, without meshes.
+    monkeypatch.setenv("JAXTHERMO_MESHES", str(tmp_path))
+    code, out, err = run("run", *arguments, "--out", tmp_path / "out", main=main)
+    assert (code, out) == (2, "")
+    assert err.startswith("experiments: ") and err.count("\n") == 1
+    assert message in err
+
+
+def test_meshes_that_are_missing_say_where_to_put_them(tmp_path, monkeypatch):
+    monkeypatch.delenv("JAXTHERMO_MESHES", raising=False)
+    code, out, err = run("run", "budget", "--out", tmp_path / "out", main=main)
+    assert (code, out) == (2, "")
+    assert "JAXTHERMO_MESHES" in err and "happy-buddha.obj" in err
