@@ -2,6 +2,7 @@
 
 from .config.card_file import load_card as load_card
 from .errors import InputError as InputError
+from .findings import forget_findings as forget_findings
 from .geometry import shapes as shapes
 from .geometry.load import load_mesh as load_mesh
 from .geometry.mesh import Mesh as Mesh, Pose as Pose
@@ -13,6 +14,10 @@ from .image.render import render as render
 from .integrate.discretization_error import (
     DiscretizationError as DiscretizationError,
     discretization_error as discretization_error,
+)
+from .integrate.run.compiled_simulation import (
+    CompiledSimulation as CompiledSimulation,
+    compile_simulation as compile_simulation,
 )
 from .integrate.run.probe import probe as probe
 from .integrate.run.simulate import simulate as simulate

@@ -16,12 +16,8 @@ from jaxthermo.integrate.run.simulate import simulate
 from jaxthermo.integrate.surface_error import surface_error
 from jaxthermo.scene.compile.compile import mechanism_names
 from jaxthermo.scene.dimensionless_groups import scene_numbers
-from jaxthermo.structures.structure import (
-    ConductionWeights,
-    FitCard,
-    extrapolations,
-    range_words,
-)
+from jaxthermo.structures.extrapolation import extrapolations, range_words
+from jaxthermo.structures.structure import ConductionWeights, FitCard
 
 from ..config.schema import CalibrationConfig
 from ..problem.build import Calibration

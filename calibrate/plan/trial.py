@@ -195,7 +195,7 @@ class Bench:
             receipt.nodes,
             sum(len(s.geometry.fragment_area) for s in solution.surfaces),
             plan.steps,
-            getattr(plan.stepper, "stages", 1),
+            getattr(plan.stepper, "stages_taken", 1),
             float(plan.stable_step or np.inf),
             seconds,
             receipt.memory_bytes,

@@ -24,8 +24,8 @@ from ..report.numbers import count
 from ..scene.compile.compile import mechanism_names
 from ..scene.dimensionless_groups import body_numbers
 from ..scene.scene import Scene
+from ..structures.extrapolation import extrapolations
 from ..structures.report import structure_report
-from ..structures.structure import extrapolations
 from .console import (
     open_console,
     patient_interrupt,

@@ -24,7 +24,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
 from ..scene.compile.program import Program, State
@@ -89,17 +89,41 @@ class RKL2Stepper(AbstractStepper):
     stable_step: Float[Array, ""] | None = None
     """Largest stable explicit step [s], if the number of stages follows from the length
     of each step: one compiled program then serves steps of any length."""
+    count: Int[Array, ""] | None = None
+    """Odd number of stages of every step, if it is an argument of the compiled program:
+    other materials then need no other program."""
+
+    @property
+    def stages_taken(self) -> int:
+        """Number of stages of every step, or the most of any step."""
+        return self.stages if self.count is None else int(self.count)
+
+    @property
+    def _most_stages(self) -> int:
+        # A power of 2: runs that differ little share the program.
+        return max(64, 2 ** math.ceil(math.log2(self.stages + 3)))
 
     def for_any_step(self, stable_step: float, dtype: Any) -> "RKL2Stepper":
         """Return the stepper of steps of any length, up to the longest of this one."""
-        # A power of 2: runs that differ little share the program.
-        most = max(64, 2 ** math.ceil(math.log2(self.stages + 3)))
-        return RKL2Stepper(most, jnp.asarray(stable_step, dtype))
+        return RKL2Stepper(self._most_stages, jnp.asarray(stable_step, dtype))
+
+    def for_any_count(self) -> "RKL2Stepper":
+        """Return the same steps in a program for other numbers of stages too."""
+        count = jnp.asarray(self.stages, jnp.int32)
+        return RKL2Stepper(self._most_stages, count=count)
+
+    @property
+    def _is_fixed(self) -> bool:
+        return self.stable_step is None and self.count is None
 
     def _stages(self, dt: Float[Array, ""]) -> tuple[Any, Any]:
         """Return the pairs of stages after the first, and the weight w."""
-        if self.stable_step is None:
+        if self._is_fixed:
             return (self.stages - 1) // 2, 4 / (self.stages**2 + self.stages - 2)
+        if self.count is not None:
+            stages = self.count.astype(dt.dtype)
+            return (self.count - 1) // 2, 4 / (stages**2 + stages - 2)
+        assert self.stable_step is not None
         # As in `stage_count`, but that a rounding may cost two stages more.
         root = jnp.sqrt(9 + 16 * dt / self.stable_step)
         pairs = jnp.ceil(((root - 1) / 2 * (1 + 1e-5) - 1) / 2)
@@ -114,7 +138,7 @@ class RKL2Stepper(AbstractStepper):
             name: jnp.asarray(values, dt.dtype)
             for name, values in rkl2_coefficients(self.stages).items()
         }
-        if self.stable_step is not None:
+        if not self._is_fixed:
             # Only the times depend on the number of stages, as the weight does.
             table["time"] *= weight / (4 / (self.stages**2 + self.stages - 2))
         no_heat = jnp.zeros_like(state.ledger.heat)
@@ -155,7 +179,7 @@ class RKL2Stepper(AbstractStepper):
         # Two stages per iteration exchange their buffers; one would copy them.
         two_stages = lambda i, pair: stage(2 * i + 3, stage(2 * i + 2, pair))
         pair = jax.lax.fori_loop(0, pairs, two_stages, first)
-        if self.stable_step is None and self.stages % 2 == 0:
+        if self._is_fixed and self.stages % 2 == 0:
             pair = stage(self.stages, pair)
         end, total = pair[1]
         return RunState(end, state.ledger.add(total), state.solver_state)

@@ -184,9 +184,11 @@ class SuperTimeStepping(AbstractSolver):
 
     @override
     def stepper(self, scene, compiled, max_dt, traced) -> AbstractStepper:
-        return RKL2Stepper(
-            self.stages or stage_count(max_dt, float(compiled.stable_step))
-        )
+        if self.stages is not None:
+            return RKL2Stepper(self.stages)
+        fixed = RKL2Stepper(stage_count(max_dt, float(compiled.stable_step)))
+        # Derivatives in reverse need a number that is known when they are compiled.
+        return fixed if traced else fixed.for_any_count()
 
 
 class _AbstractImplicit(AbstractSolver):

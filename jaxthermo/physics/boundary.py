@@ -9,15 +9,17 @@
 The temperature of the surface is not its node's: see `surface_energy_balance`.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 from typing_extensions import override
 
-from ..arrays import Time, TimeVarying
+from ..arrays import Time, TimeVarying, is_traced
 from ..voxels.selection import AbstractSelection
 from .flux_law import (
     AbstractFluxLaw,
@@ -29,6 +31,8 @@ from .flux_law import (
 from .surface import Binding, Omitted, Surface
 from .term import AbstractSurfaceTerm, Scale
 from .time_varying import (
+    Table,
+    Until,
     check_value,
     cooling_bound,
     for_jit,
@@ -41,12 +45,19 @@ from .time_varying import (
 
 def _is_number(value: Any) -> bool:
     """True if the value is one number at any time, not one per surface cell."""
+    # Known without a trace of its own, which every run would pay for.
+    if not callable(value):
+        return np.ndim(value) == 0
+    if isinstance(value, Table):
+        return True
+    if isinstance(value, Until):
+        return _is_number(value.value)
     time = jax.ShapeDtypeStruct((), jnp.result_type(float))
     found = eqx.filter_eval_shape(lambda t: value_at(value, t), time)
     return not found.shape
 
 
-def _largest_size(value: Any, end: float | int) -> Float[Array, ""]:
+def _largest_size(value: Any, end: float | int) -> Any:
     """The largest |value| in [0, end] [s]."""
     if not callable(value):
         return jnp.abs(jnp.asarray(value, float)).max()
@@ -271,3 +282,12 @@ class Convection(AbstractSurfaceTerm):
 def toward(temperature: Any, end: float | int) -> Forcing:
     """Bounds of exchange with something at a temperature [K], constant or not."""
     return Forcing(highest=largest(temperature, end), lowest=smallest(temperature, end))
+
+
+def either(bounds: Sequence[Forcing]) -> Forcing:
+    """Bounds of exchange with all of several things [K]."""
+    own: Any = jnp if is_traced(bounds) else np
+    return Forcing(
+        highest=own.stack([each.highest for each in bounds]).max(),
+        lowest=own.stack([each.lowest for each in bounds]).min(),
+    )

@@ -23,6 +23,7 @@ face that depends on the temperatures of the two nodes at its sides alone.
 from collections.abc import Sequence
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
@@ -221,14 +222,21 @@ def _assemble_links(
 ) -> AbstractNetwork:
     links, nodes = structure.links(), structure.nodes()
     first, second = conductivity_at_ends(structure, k)
-    conductance = series(
-        links.area, links.distance_src, first, links.distance_dst, second
+    sizes = links.area, links.distance_src, links.distance_dst, nodes.volume
+    area, length1, length2, volume = structure.found(
+        ("link_sizes", k.dtype.name),
+        lambda: tuple(jnp.asarray(each, k.dtype) for each in sizes),
     )
-    capacity = heat * jnp.asarray(nodes.volume, k.dtype)
+    conductance = series(area, length1, first, length2, second)
+    capacity = heat * volume
     if not structure.weights.are_one:
         conductance = conductance * _link_weights(structure, k.dtype)
         capacity = _weighted_capacity(structure, capacity)
-    layout = row_layout(len(nodes.volume), links.src, links.dst)
+    count = len(nodes.volume)
+    layout = structure.found(
+        "row_layout",
+        lambda: jax.tree.map(jnp.asarray, row_layout(count, links.src, links.dst)),
+    )
     if not structure.weights.corrects_non_orthogonality:
         return row_network(layout, conductance, capacity)
     return _corrected_network(structure, layout, conductance, capacity)

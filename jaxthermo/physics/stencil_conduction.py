@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from ..findings import found
 from ..network.cut_stencil import CutStencil
 from ..network.link_operator import row_layout, row_network
 from ..network.network import AbstractNetwork, inverse
@@ -48,7 +49,11 @@ def uniform_stencil(
     whole = stencil(
         heat * grid.voxel_volume,
         nodes,
-        jnp.asarray(solid_degree(grid.solid, bits)),
+        found(
+            (grid,),
+            ("solid_degree", bits),
+            lambda: jnp.asarray(solid_degree(grid.solid, bits)),
+        ),
         conductivity * grid.pitch,
     )
     if grid.cut is None or grid.cut.is_empty:

@@ -160,28 +160,48 @@ def check_temperature(value: Any, what: str, end: float | int | None = None) -> 
     )
 
 
-def largest(value: Any, end: float | int) -> Float[Array, ""]:
+def largest(value: Any, end: float | int) -> Any:
     """The largest value in [0, end] [s]; functions are sampled 1025 times."""
+    # On the host where nothing is traced: single operations on a device would take
+    # longer than all else that a scene of other numbers costs.
     if isinstance(value, Table):
-        return jnp.max(jnp.asarray(value.values, float))
+        return _own(value.values).max(_float(value.values))
     if isinstance(value, Until):
         # It is 0 after its end.
-        return jnp.maximum(largest(value.value, end), 0.0)
+        highest = largest(value.value, end)
+        return _own(highest).maximum(highest, 0.0)
     if callable(value):
-        # The sampling includes both ends; a narrow peak may be missed.
-        sampled = jax.vmap(lambda t: value_at(value, t))
-        return jnp.max(sampled(jnp.linspace(0.0, end, 1025)))
-    return jnp.asarray(value, float)
+        return jnp.max(_sampled(value, end))
+    return _float(value)
 
 
-def cooling_bound(value: Any, end: float | int) -> Float[Array, ""]:
+def smallest(value: Any, end: float | int) -> Any:
+    """The smallest value in [0, end] [s]; functions are sampled as by `largest`."""
+    if isinstance(value, Table):
+        return _own(value.values).min(_float(value.values))
+    if isinstance(value, Until):
+        lowest = smallest(value.value, end)
+        return _own(lowest).minimum(lowest, 0.0)
+    if callable(value):
+        return jnp.min(_sampled(value, end))
+    return _float(value).min()
+
+
+def cooling_bound(value: Any, end: float | int) -> Any:
     """Lower bound of temperatures under an imposed heat, as `Forcing.lowest` [K]."""
     # What takes heat out at any temperature cools without a bound.
-    return jnp.where(smallest(value, end) < 0, 0.0, jnp.inf)
+    lowest = smallest(value, end)
+    return _own(lowest).where(lowest < 0, 0.0, np.inf)
 
 
-def smallest(value: Any, end: float | int) -> Float[Array, ""]:
-    """The smallest value in [0, end] [s]."""
-    if not callable(value):
-        return jnp.asarray(value, float).min()
-    return -largest(lambda time: -value_at(value, time), end)
+def _sampled(value: Any, end: float | int) -> Float[Array, " k"]:
+    # The sampling includes both ends; a narrow peak may be missed.
+    return jax.vmap(lambda t: value_at(value, t))(jnp.linspace(0.0, end, 1025))
+
+
+def _own(values: Any) -> Any:
+    return jnp if is_traced(values) else np
+
+
+def _float(values: Any) -> Any:
+    return _own(values).asarray(values, float)

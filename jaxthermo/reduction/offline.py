@@ -66,7 +66,7 @@ def target_of(scene: Scene, t1: float | int, save_at: Sequence[float] | None) ->
             "nothing to reduce"
         )
     varies = any(is_unknown_function(each.amplitude) for each in system.inputs)
-    knots = knots_of(times[-1], system.program.breakpoints, varies)
+    knots = knots_of(times[-1], system.compiled.breakpoints, varies)
     columns = [sampled(each.amplitude, knots) for each in system.inputs]
     rows = np.stack(columns, axis=1) if columns else np.zeros((len(knots), 0))
     ranges = tuple((float(c.min()), float(c.max())) for c in columns)

@@ -18,6 +18,7 @@ import numpy as np
 
 from ..atomic import replacing
 from ..errors import InputError
+from ..findings import digest, found
 from ..voxels.grid import VoxelGrid
 from .structure import Built, Links, Nodes, check_grid
 
@@ -33,6 +34,23 @@ _MAX_BYTES = 2 * 1024**3
 
 # Files of this cache, complete or left behind by a killed process.
 _OWN_FILES = re.compile(r"\.?[a-z_]+-[0-9a-f]{40}(\.(\d+-)?[0-9a-f]{8})?\.npz")
+
+
+def built_once(
+    kind: str, grid: VoxelGrid, options: dict[str, Any], build: Callable[..., Built]
+) -> Built:
+    """The same as `cached`, found once in this process as long as the grid exists.
+
+    A structure with other weights then has the same arrays, and all that is known of
+    them.
+    """
+    check_grid(grid, kind)
+    known = tuple(
+        (name, digest(value) if isinstance(value, np.ndarray) else value)
+        for name, value in sorted(options.items())
+    )
+    by = "structure", kind, known
+    return found((grid,), by, lambda: cached(kind, grid, options, build))
 
 
 def cached(

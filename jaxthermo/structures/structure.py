@@ -6,9 +6,10 @@ weights.
 """
 
 import abc
-from collections.abc import Mapping
+import dataclasses
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import equinox as eqx
 import numpy as np
@@ -17,7 +18,11 @@ from typing_extensions import override
 
 from ..arrays import Numbers, is_traced
 from ..errors import InputError, require
+from ..findings import found
 from ..voxels.grid import VoxelGrid
+
+
+_T = TypeVar("_T")
 
 
 class ConductionWeights(eqx.Module):
@@ -222,18 +227,48 @@ class AbstractStructure(eqx.Module):
     def node_address(self) -> tuple[Int[np.ndarray, " n"], ...]:
         """Indices of every node in the state."""
 
+    @property
+    def identity(self) -> tuple[object, ...]:
+        """Objects that its arrays follow from, beside its options; none if unknown.
+
+        A structure without them finds its arrays again for every run.
+        """
+        return ()
+
+    @property
+    def options(self) -> Hashable:
+        """Its class and options, on which its arrays depend, without weights."""
+        kept = ("grid", "built")
+        return type(self), *(
+            getattr(self, each.name)
+            for each in dataclasses.fields(self)
+            if each.metadata.get("static") and each.name not in kept
+        )
+
+    def found(self, by: Hashable, find: Callable[[], _T], search: str = "") -> _T:
+        """Return a finding that belongs to this geometry, see `findings.found`."""
+        of = self.identity
+        known = (by, self.options) if of and by is not None else None
+        return found(of, known, find, search)
+
     def for_solves(self) -> "AbstractStructure":
         """Same nodes and links in the form that is fastest in implicit solves."""
         return self
 
     def fragment_offset(self) -> Float[np.ndarray, "s 3"]:
         """Vector from the node of each fragment to the fragment's voxel [m]."""
+        return self.found("fragment_offset", self._fragment_offset)
+
+    def _fragment_offset(self) -> Float[np.ndarray, "s 3"]:
         grid, location = self.grid, self.nodes().location
         voxel = grid.lattice.centres(grid.fragment_voxel)
         return voxel - location[self.fragment_node()]
 
     def fragment_distance(self) -> Float[np.ndarray, " s"]:
         """Distance along the normal from each fragment down to its node [m]."""
+        return self.found("fragment_distance", self._fragment_distance)
+
+    def _fragment_distance(self) -> Float[np.ndarray, " s"]:
         # Half a voxel to the fragment's voxel, or to where the surface is, and on from
         # there where the node is deeper; one above the voxel does not shorten the path.
         along = np.einsum("si,si->s", self.fragment_offset(), self.grid.fragment_normal)
@@ -245,6 +280,11 @@ class AbstractBuiltStructure(AbstractStructure):
     """Structure whose arrays are all computed at construction."""
 
     built: eqx.AbstractVar[Built]
+
+    @property
+    @override
+    def identity(self) -> tuple[object, ...]:
+        return self.built, self.grid
 
     @property
     @override
@@ -284,7 +324,8 @@ class AbstractBuiltStructure(AbstractStructure):
 
     @override
     def node_address(self) -> tuple[Int[np.ndarray, " n"], ...]:
-        return (np.arange(self.node_count, dtype=np.int32),)
+        count = self.node_count
+        return self.found("node_address", lambda: (np.arange(count, dtype=np.int32),))
 
 
 @dataclass(frozen=True, eq=False)
@@ -315,55 +356,6 @@ class FitCard:
     """Surface cells of the voxels that were fitted; empty if they are not known."""
     origin: Mapping[str, str] = field(default_factory=dict)
     """Cases and settings of the fit, hashes and versions."""
-
-
-def extrapolations(
-    card: FitCard,
-    numbers: Mapping[str, float],
-    mechanisms: tuple[str, ...],
-    geometry: tuple[str, str] | None = None,
-    surface_cells: str = "",
-) -> list[str]:
-    """List where a scene is outside of the cases of a fit, one sentence each.
-
-    Args:
-        card: of the weights that the scene uses.
-        numbers: those of `scene_numbers`.
-        mechanisms: of heat transfer in the scene.
-        geometry: name and hash of the body's geometry, where they are known.
-        surface_cells: of the body's voxels, where they are known.
-    """
-    found = _other_geometry(card, geometry)
-    if surface_cells and card.surface_cells not in ("", surface_cells):
-        fitted = f"the card was fitted with {card.surface_cells}"
-        found.append(f"surface_cells {surface_cells}: {fitted}")
-    for name, (low, high) in card.ranges.items():
-        value = numbers.get(name)
-        if value is None:
-            continue
-        if not low / card.tolerance <= value <= high * card.tolerance:
-            words, span = name.replace("_", " "), range_words(card, name)
-            found.append(f"{words} {value:.3g}: the card was fitted at {span}")
-    new = [name for name in mechanisms if name not in card.mechanisms]
-    if card.mechanisms and new:
-        found.append(f"{', '.join(new)}: in no case that the card was fitted on")
-    return found
-
-
-def _other_geometry(card: FitCard, geometry: tuple[str, str] | None) -> list[str]:
-    # A file may be renamed: its content counts.
-    if geometry is None or not card.geometry or geometry[1] in card.geometry.values():
-        return []
-    name, known = geometry[0], ", ".join(card.geometry)
-    content = ", with another content" if name in card.geometry else ""
-    return [f"geometry {name}{content}: the card was fitted on {known}"]
-
-
-def range_words(card: FitCard, name: str) -> str:
-    """Range of one number of a card with its tolerance: "0.1 to 0.2 (a factor ..."."""
-    low, high = card.ranges[name]
-    span = f"{low:.3g} to {high:.3g}" if low < high else f"{low:.3g} only"
-    return f"{span} (a factor of {card.tolerance:g} beyond counts as inside)"
 
 
 def as_weights(given: ConductionWeights | FitCard) -> ConductionWeights:

@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 from typing_extensions import override
 
-from ..arrays import gathered_columns, rank_in_group
+from ..arrays import gathered_columns, is_traced, rank_in_group
 from .structure import AbstractStructure
 
 
@@ -211,6 +211,10 @@ class LinearMap(AbstractSurfaceMap):
 
     @override
     def bind(self, structure: AbstractStructure, dtype: Any) -> BoundMap:
+        by = "linear_map", self.at, jnp.dtype(dtype).name
+        return structure.found(by, lambda: self._bound(structure, dtype))
+
+    def _bound(self, structure: AbstractStructure, dtype: Any) -> BoundMap:
         offset = structure.fragment_offset()
         if self.at == "surface":
             grid = structure.grid
@@ -237,6 +241,17 @@ class FluxCorrectedMap(AbstractSurfaceMap):
 
     @override
     def bind(self, structure: AbstractStructure, dtype: Any) -> BoundMap:
+        by = "flux_corrected_map", self.at, jnp.dtype(dtype).name
+        known = structure.found(by, lambda: self._bound(structure, dtype))
+        longer = structure.weights.surface_distance
+        if not is_traced(longer) and longer == 1:
+            return known
+        assert known.along_flux is not None
+        flux = known.along_flux * jnp.asarray(longer, dtype)
+        return BoundMap(known.gradient, known.offset, flux)
+
+    def _bound(self, structure: AbstractStructure, dtype: Any) -> BoundMap:
+        """The map without the weight of the surface's distance."""
         offset, normal = structure.fragment_offset(), structure.grid.fragment_normal
         along = np.maximum(np.einsum("si,si->s", offset, normal), 0)[:, None] * normal
         depth = structure.grid.fragment_depth
@@ -246,7 +261,6 @@ class FluxCorrectedMap(AbstractSurfaceMap):
         if self.at == "surface":
             part = part + outermost
         flux = jnp.asarray(part, dtype)
-        flux = flux * jnp.asarray(structure.weights.surface_distance, dtype)
         inside = offset - (1 - _GRADIENT_PART) * along
         return _with_gradient(structure, inside, flux, dtype)
 

@@ -116,7 +116,7 @@ class VoxelGrid:
         """Lowest corner of the lattice [m]."""
         return self.lattice.origin
 
-    @property
+    @cached_property
     def solid_count(self) -> int:
         """Number of solid voxels."""
         return int(np.count_nonzero(self.solid))

@@ -15,7 +15,7 @@ from ...errors import InputError, require, shortened
 from ...scene.compile.compile import compile_scene
 from ...scene.compile.program import Compiled, Program
 from ...scene.scene import Scene
-from ..explicit import RKL2Stepper
+from ..explicit import RKL2Stepper, stage_count
 from ..implicit.adaptive import AdaptiveStepper
 from ..solvers import (
     MAX_REFINED_EVENTS,
@@ -214,7 +214,7 @@ def plan_run(
         compiled = _with_note(compiled, note)
     # Poses and source positions are recomputed at `starts`, so steps end there too.
     max_dt = chosen.max_dt(stable_step, t1, compiled.program.sampled)
-    event_times = (*compiled.program.breakpoints, *compiled.starts)
+    event_times = (*compiled.breakpoints, *compiled.starts)
     min_steps = chosen.min_steps(len({*saves, *event_times}))
     intervals = _schedule(t1, saves, event_times, max_dt, min_steps)
     if control is not None and chosen.dt is not None:
@@ -235,7 +235,9 @@ def plan_run(
             )
     if control is not None and isinstance(stepper, RKL2Stepper):
         assert stable_step is not None
-        stepper = stepper.for_any_step(stable_step, compiled.receipt.dtype)
+        fixed = stage_count(longest, stable_step)
+        dtype = compiled.receipt.dtype
+        stepper = RKL2Stepper(fixed).for_any_step(stable_step, dtype)
     if isinstance(stepper, AdaptiveStepper):
         stepper = replace(stepper, checkpoints=checkpoints)
     parts = (arranged, compiled, intervals, saves, stable_step, chosen, stepper)

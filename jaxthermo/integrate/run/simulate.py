@@ -150,8 +150,22 @@ def take_steps(
 take_steps_jit = eqx.filter_jit(take_steps)
 
 
-def integrate(plan: Plan, state: RunState, traced: bool = False) -> Observation:
-    """Take every step of a plan and return the observations at the save times."""
+def compile_plan(plan: Plan) -> None:
+    """Compile all programs of a run, by a run without steps."""
+    if not plan.intervals or is_traced(plan.scene):
+        return
+    first = of_pass(plan, 0)
+    rows = integrate(first, initial_state(first), takes_steps=False)
+    make_solution(first, rows)
+
+
+def integrate(
+    plan: Plan, state: RunState, traced: bool = False, takes_steps: bool = True
+) -> Observation:
+    """Take every step of a plan and return the observations at the save times.
+
+    Without `takes_steps` all is compiled and nothing integrated.
+    """
     index = [plan.compiled.number_at(i.start) for i in plan.intervals]
     numbers, pairs = sorted(set(index)), list(zip(plan.intervals, index, strict=True))
     groups = [save_intervals(tuple(i for i, m in pairs if m == n)) for n in numbers]
@@ -165,6 +179,8 @@ def integrate(plan: Plan, state: RunState, traced: bool = False) -> Observation:
             state, observations = _take_fixed_steps(plan, program, state, each)
         else:
             table = step_table(plan, each, rows, columns)
+            if not takes_steps:
+                table = table._replace(steps=jnp.zeros_like(table.steps))
             state, observations = take_steps_jit(plan.stepper, program, state, table)
         found.append(observations)
         # The last interval before a motion snapshot may not be saved.

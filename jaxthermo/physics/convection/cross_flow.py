@@ -205,7 +205,7 @@ def film_coefficients(
         if not is_traced((mean, shape)):
             mean, shape = np.asarray(mean), np.asarray(shape)
     xp = jnp if is_traced((mean, shape)) else np
-    found, member = harmonics.astype(dtype), groups.member
+    found, member = harmonics.astype(dtype, copy=False), groups.member
     rows = [
         m[member].T * (1 + xp.einsum("sk,ks->s", c[member], found))[None]
         for m, c in zip(mean, shape, strict=True)

@@ -23,6 +23,7 @@ from typing_extensions import override
 
 from ...arrays import TimeVarying, is_traced
 from ...errors import InputError
+from ...findings import found
 from ...raster.views import unit_vector
 from ...voxels.cylinders import Cylinder, given_cylinders, parts_of
 from ...voxels.selection import AbstractSelection
@@ -154,13 +155,11 @@ class Wind(AbstractSurfaceTerm):
                 covers.append(where)
                 continue
             wakes = self._wakes(body)
-            groups = group_fragments(
-                parts_of(body.grid, self.cylinders, body.body), wakes.behind
-            )
+            groups = self._groups(body, wakes)
             tables.append(self._coefficients(body, groups))
             # Of the part that the wind cools.
-            found = self._notes(groups, wakes, where)
-            notes += [(body.body, note) for note in found]
+            own = self._notes(groups, wakes, where)
+            notes += [(body.body, note) for note in own]
             covers.append((body.area, where))
         law = FilmExchange(
             coefficients=self._joined(tables, surface),
@@ -197,9 +196,9 @@ class Wind(AbstractSurfaceTerm):
             np.unique(groups.member[where])
         ]
         ends, average = (reynolds.min(), reynolds.max()), named_average(self.average)
-        found = [note for re in ends for note in validity_notes(float(re), average)]
+        notes = [note for re in ends for note in validity_notes(float(re), average)]
         upstream = wakes.diameter[where & (wakes.diameter > 0)] * speed / nu
-        return tuple(dict.fromkeys([*found, *wake_notes(self.wake, upstream)]))
+        return tuple(dict.fromkeys([*notes, *wake_notes(self.wake, upstream)]))
 
     def _speed_ratio(self, groups: FlowGroups) -> Float[Values, " g"]:
         """Local speed over wind speed of each group [-]."""
@@ -211,18 +210,35 @@ class Wind(AbstractSurfaceTerm):
         count = len(surface.position)
         if self.wake is None:
             return Wakes(np.full(count, np.inf), np.zeros(count))
-        return upstream_wakes(
-            surface.scene_triangles,
-            surface.position,
-            unit_vector(self.velocity),
-            surface.pitch,
+        of, wind = (surface.scene_triangles, surface.position), self.velocity
+        return found(
+            of,
+            ("wakes", wind, surface.pitch),
+            lambda: upstream_wakes(*of, unit_vector(wind), surface.pitch),
+            f"objects upstream of body {surface.body}",
+        )
+
+    def _groups(self, surface: BodySurface, wakes: Wakes) -> FlowGroups:
+        grid, number = surface.grid, surface.body
+        own = tuple(c for c in self.cylinders if c.body == number)
+        # Without a wake nothing is behind anything.
+        of = (grid,) if self.wake is None else (grid, wakes.behind)
+        return found(
+            of,
+            ("flow_groups", own),
+            lambda: group_fragments(parts_of(grid, own, number), wakes.behind),
         )
 
     def _coefficients(self, surface: BodySurface, groups: FlowGroups) -> Any:
         """Film polynomial of h for each fragment, at each node of a changing speed."""
         dtype = surface.dtype
         wind = surface.pose.rotate_back(unit_vector(self.velocity))
-        harmonics = surface_harmonics(surface.own_normal, groups.axis, wind)
+        of = surface.own_normal, groups.axis
+        harmonics = found(
+            of,
+            ("harmonics", tuple(wind.tolist()), jnp.dtype(dtype).name),
+            lambda: surface_harmonics(*of, wind).astype(dtype),
+        )
         air, ratio = _initial_value(self.temperature, dtype), self._speed_ratio(groups)
         average, speed = named_average(self.average).nusselt, self.strength
         every = lambda speeds: film_coefficients(
@@ -237,8 +253,8 @@ class Wind(AbstractSurfaceTerm):
 def _initial_value(value: Any, dtype: Any) -> Float[Values, ""]:
     """Value of a number or a function of time at 0 s."""
     with jax.ensure_compile_time_eval():
-        found = value_at(value, jnp.zeros((), dtype))
-        return found if is_traced(found) else np.asarray(found)
+        initial = value_at(value, jnp.zeros((), dtype))
+        return initial if is_traced(initial) else np.asarray(initial)
 
 
 def _known_maximum(value: Any) -> float | None:

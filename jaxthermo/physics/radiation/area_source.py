@@ -8,7 +8,7 @@ minimum distance is needed: no surface receives more than pi L. Shadows are thos
 patch centres.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from typing import Any
 
 import equinox as eqx
@@ -191,6 +191,11 @@ class AreaSource(AbstractSource):
     @override
     def points(self) -> Float[np.ndarray, "p 3"]:
         return self.patch_corners().mean(1)
+
+    @property
+    @override
+    def exposure_key(self) -> Hashable:
+        return self.centre, self.normal, self.size, self.up, self.patches
 
     @override
     def exposure(self, triangles, position, normal, pitch) -> Float[np.ndarray, " s"]:

@@ -21,8 +21,9 @@ from typing_extensions import override
 from ...arrays import TimeVarying, is_traced
 from ...constants import STEFAN_BOLTZMANN
 from ...errors import InputError
+from ...findings import found
 from ...voxels.selection import AbstractSelection
-from ..boundary import Exchange
+from ..boundary import Exchange, either, toward
 from ..flux_law import AbstractFluxLaw, Forcing
 from ..surface import BodySurface, Surface
 from ..term import Scale
@@ -213,19 +214,24 @@ class Surroundings(AbstractRadiativeTerm):
         """View factor to each of the temperatures."""
         if self.ground is None and self.occlusion is None:
             return [np.ones(len(body.position))]
-        view = unobstructed_view(body.normal)
-        if self.occlusion is not None:
-            seen = body.scene_triangles, body.position, body.normal, body.pitch
-            view = sky_view(*seen, self.occlusion)
+        if self.occlusion is None:
+            view = unobstructed_view(body.normal)
+        else:
+            of, directions = (
+                (body.scene_triangles, body.position, body.normal),
+                self.occlusion,
+            )
+            view = found(
+                of,
+                ("sky_view", body.pitch, directions),
+                lambda: sky_view(*of, body.pitch, directions),
+                f"view of sky and ground from body {body.body}",
+            )
         return [view.sky + view.ground] if self.ground is None else list(view)
 
     @override
     def forcing(self, end: float | int) -> Forcing:
-        highest = [largest(value, end) for value in self.values]
-        lowest = [smallest(value, end) for value in self.values]
-        return Forcing(
-            highest=jnp.max(jnp.stack(highest)), lowest=jnp.min(jnp.stack(lowest))
-        )
+        return either([toward(value, end) for value in self.values])
 
     @override
     def scale(self, material: Any, kelvin: float, end: float) -> Scale:

@@ -26,10 +26,11 @@ from typing_extensions import override
 from ...arrays import TimeVarying, is_traced
 from ...constants import STEFAN_BOLTZMANN
 from ...errors import InputError
+from ...findings import digest, found
 from ...voxels.selection import AbstractSelection
-from ..boundary import ImposedFlux, toward
+from ..boundary import ImposedFlux, either, toward
 from ..flux_law import AbstractFluxLaw, Forcing, Values
-from ..surface import Surface, spread
+from ..surface import BodySurface, Surface, spread
 from ..term import AbstractExchangeTerm
 from ..time_varying import check_value, for_jit, value_at
 from .emission import AbstractEmission, equilibrium_temperature, net_emission
@@ -130,11 +131,7 @@ class RadiativeExchange(AbstractExchangeTerm, AbstractRadiativeTerm):
 
     @override
     def forcing(self, end: float | int) -> Forcing:
-        found = [toward(value, end) for value in self.values]
-        return Forcing(
-            highest=jnp.max(jnp.stack([each.highest for each in found])),
-            lowest=jnp.min(jnp.stack([each.lowest for each in found])),
-        )
+        return either([toward(value, end) for value in self.values])
 
     @property
     @override
@@ -154,33 +151,16 @@ class RadiativeExchange(AbstractExchangeTerm, AbstractRadiativeTerm):
         bodies, base = surface.bodies, _base(surface)
         # Fragments in contact keep a trace of their area, so that no patch has area 0.
         areas = [np.maximum(b.area, 1e-6 * b.grid.fragment_area) for b in bodies]
-        patches = [
-            group_patches(
-                *(b.own_position, b.own_normal, area, b.grid.lattice),
-                *(self.max_patches, b.grid.cavities),
-            )
-            for b, area in zip(bodies, areas, strict=True)
-        ]
-        patched = tuple(
-            PatchedBody.of_mesh(b.grid.mesh, own, b.pose)
-            for b, own in zip(bodies, patches, strict=True)
-        )
-        first = np.cumsum([0, *(own.count for own in patches)])
+        views, sampling, patch = self._views(bodies, areas)
         # What exchanges no heat reflects all that it receives.
         takes_part = [b.selected(self.on).astype(b.dtype) for b in bodies]
         pairs = zip(bodies, takes_part, strict=True)
         grey = [body.emissivity * part for body, part in pairs]
-        if self.directions is None:
-            asked = self.error, self.max_directions
-            views, sampling = refined_view_factors(patched, *asked)
-        else:
-            views = view_factors(patched, self.directions)
-            sampling = Sampling(self.directions, np.nan, self.error)
         ground = self.ground
         upward = np.concatenate([b.normal[:, 2] for b in bodies])
         enclosure = _enclosure(
             views,
-            np.concatenate([p.patch + n for p, n in zip(patches, first, strict=False)]),
+            patch,
             np.concatenate(areas),
             (jnp if is_traced(grey) else np).concatenate(grey),
             upward=None if ground is None else upward,
@@ -194,6 +174,43 @@ class RadiativeExchange(AbstractExchangeTerm, AbstractRadiativeTerm):
             ),
         )
         return enclosure, sampling
+
+    def _views(
+        self, bodies: tuple[BodySurface, ...], areas: list[Float[np.ndarray, " _"]]
+    ) -> tuple[ViewFactors, Sampling, Int[np.ndarray, " s"]]:
+        """View factors of the patches of all bodies, and the patch of each fragment."""
+        options = self.max_patches, self.directions, self.error, self.max_directions
+        poses = tuple((b.pose.translation, b.pose.rotation) for b in bodies)
+        return found(
+            tuple(b.grid for b in bodies),
+            ("view_factors", options, poses, tuple(digest(area) for area in areas)),
+            lambda: self._sampled_views(bodies, areas),
+            "view factors",
+        )
+
+    def _sampled_views(
+        self, bodies: tuple[BodySurface, ...], areas: list[Float[np.ndarray, " _"]]
+    ) -> tuple[ViewFactors, Sampling, Int[np.ndarray, " s"]]:
+        patches = [
+            group_patches(
+                *(b.own_position, b.own_normal, area, b.grid.lattice),
+                *(self.max_patches, b.grid.cavities),
+            )
+            for b, area in zip(bodies, areas, strict=True)
+        ]
+        patched = tuple(
+            PatchedBody.of_mesh(b.grid.mesh, own, b.pose)
+            for b, own in zip(bodies, patches, strict=True)
+        )
+        first = np.cumsum([0, *(own.count for own in patches)])
+        if self.directions is None:
+            asked = self.error, self.max_directions
+            views, sampling = refined_view_factors(patched, *asked)
+        else:
+            views = view_factors(patched, self.directions)
+            sampling = Sampling(self.directions, np.nan, self.error)
+        pairs = zip(patches, first, strict=False)
+        return views, sampling, np.concatenate([p.patch + n for p, n in pairs])
 
 
 def _base(surface: Surface) -> Any:

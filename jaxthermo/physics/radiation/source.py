@@ -11,7 +11,7 @@ time, such as a table of `source_motion`.
 """
 
 import abc
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from dataclasses import replace
 from typing import Any, ClassVar, TypeVar
 
@@ -22,6 +22,7 @@ from typing_extensions import override
 
 from ...arrays import TimeVarying
 from ...errors import InputError
+from ...findings import found
 from ...raster.views import unit_vector
 from ...voxels.selection import AbstractSelection
 from ..boundary import ImposedFlux
@@ -103,6 +104,14 @@ class AbstractSource(AbstractRadiativeTerm):
             pitch: edge of the squares that the points represent [m].
         """
 
+    @property
+    def exposure_key(self) -> Hashable:
+        """Values that its exposure depends on beside surfaces; None if not known.
+
+        A source without it finds its shadows again for every run.
+        """
+        return None
+
     def points(self) -> Float[np.ndarray, "p 3"]:
         """Points of the source [m], none of which may be inside a body."""
         return np.zeros((0, 3))
@@ -141,8 +150,13 @@ class AbstractSource(AbstractRadiativeTerm):
                 f"{type(self).__name__}({field}={getattr(self, field)}): is inside "
                 f"body {body.body} (or a part of it is); move it out of the body"
             )
-        return self.exposure(
-            body.scene_triangles, body.position, body.normal, body.pitch
+        of = body.scene_triangles, body.position, body.normal
+        by = self.exposure_key
+        return found(
+            of,
+            None if by is None else ("exposure", type(self), by, body.pitch),
+            lambda: self.exposure(*of, body.pitch),
+            f"shadows of {self.name} on body {body.body}",
         )
 
 
@@ -184,6 +198,11 @@ class Sun(AbstractSource):
     @override
     def _check_location(self, value: Any, what: str) -> None:
         unit_vector(value, what)
+
+    @property
+    @override
+    def exposure_key(self) -> Hashable:
+        return self.direction
 
     @override
     def exposure(self, triangles, position, normal, pitch) -> Float[np.ndarray, " s"]:
@@ -253,6 +272,11 @@ class PointSource(AbstractSource):
     def points(self) -> Float[np.ndarray, "p 3"]:
         return np.asarray(self.position, float)[None]
 
+    @property
+    @override
+    def exposure_key(self) -> Hashable:
+        return self.position, self.min_distance
+
     @override
     def exposure(self, triangles, position, normal, pitch) -> Float[np.ndarray, " s"]:
         """Cosine times lit fraction over the squared distance [1/m^2]."""
@@ -263,12 +287,12 @@ class PointSource(AbstractSource):
         along = np.einsum("ij,ij->i", normal, away) / np.where(
             distance > 0, distance, 1
         )
-        found = np.maximum(0.0, along) / (floored * floored)
-        facing = np.flatnonzero(found > 0)
-        found[facing] *= lit_fraction_from_point(
+        exposed = np.maximum(0.0, along) / (floored * floored)
+        facing = np.flatnonzero(exposed > 0)
+        exposed[facing] *= lit_fraction_from_point(
             triangles, position[facing], normal[facing], origin, pitch
         )
-        return found
+        return exposed
 
     @override
     def appearance(self, origin, step) -> Appearance:

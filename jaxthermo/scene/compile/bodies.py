@@ -148,8 +148,11 @@ def _half_cells(body: Body, reference: Scalar, dtype: Any) -> Float[Values, " s"
         )
     else:
         k = surface_conductivity(material.at(reference), grid.fragment_normal, dtype)
-    per_length = grid.fragment_area / structure.fragment_distance()
-    return k * per_length.astype(dtype)
+    # Area over distance to the node [m].
+    return k * structure.found(
+        ("half_cells", jnp.dtype(dtype).name),
+        lambda: (grid.fragment_area / structure.fragment_distance()).astype(dtype),
+    )
 
 
 def temperature_bounds(
@@ -169,28 +172,32 @@ def temperature_bounds(
         theta = theta if is_traced(theta) else np.asarray(theta)
         start.append((body.reference, theta))
     forcings = [term.forcing(end) for term in scene.terms]
+    emissivities = [jax.tree.leaves(_emissivities(body)) for body in scene.bodies]
+    # On the host: a dozen single operations on a device take longer.
+    own: Any = jnp if is_traced((start, forcings, emissivities)) else np
     highest = [reference + theta.max() for reference, theta in start]
     highest += [forcing.highest for forcing in forcings]
     lowest = [reference + theta.min() for reference, theta in start]
     lowest += [forcing.lowest for forcing in forcings]
-    imposed = sum(jnp.maximum(forcing.heat_flux, 0.0) for forcing in forcings)
-    bound = jnp.stack([jnp.asarray(v, float) for v in highest]).max()
-    least = []
-    for body in scene.bodies:
-        material, coats = body.material, [c.emissivity for c in body.coatings]
-        least += [jnp.min(jnp.asarray(c, float)) for c in coats if c is not None]
-        several = isinstance(material, AbstractMaterials)
-        given = material.table("emissivity", float) if several else material.emissivity
-        least.append(jnp.min(jnp.asarray(given, float)))
-    emissivity = jnp.stack(least).min()
+    imposed = sum(own.maximum(forcing.heat_flux, 0.0) for forcing in forcings)
+    bound = own.stack([own.asarray(v, float) for v in highest]).max()
+    least = [own.min(own.asarray(e, float)) for each in emissivities for e in each]
     # Emissivities below 1e-3 would give no useful bound.
-    emitted = imposed / (STEFAN_BOLTZMANN * jnp.maximum(emissivity, 1e-3))
-    hottest = (bound**4 + emitted) ** 0.25
+    emissivity = own.maximum(own.stack(least).min(), 1e-3)
+    hottest = (bound**4 + imposed / (STEFAN_BOLTZMANN * emissivity)) ** 0.25
+    found = jnp.asarray(hottest, float)
     # Both bounds decide how many iterations are compiled: they must be known.
     if is_traced((lowest, hottest)):
-        return hottest, None
+        return found, None
     coldest = min(float(value) for value in lowest)
-    return hottest, Forcing(highest=float(hottest), lowest=coldest)
+    return found, Forcing(highest=float(hottest), lowest=coldest)
+
+
+def _emissivities(body: Body) -> list[Any]:
+    material = body.material
+    several = isinstance(material, AbstractMaterials)
+    given = material.table("emissivity", float) if several else material.emissivity
+    return [given, *(coating.emissivity for coating in body.coatings)]
 
 
 def check_functions(
@@ -206,7 +213,9 @@ def check_functions(
     for n, body in enumerate(prepared):
         if callable(body.body.temperature):
             theta = body.network.temperature(body.state)
-            ends = jnp.stack([theta.min(), theta.max()]) + body.reference
+            own: Any = jnp if is_traced(theta) else np
+            theta = own.asarray(theta)
+            ends = own.stack([theta.min(), theta.max()]) + body.reference
             check_temperature(ends, f"bodies[{n}]: Body(temperature=) gives")
     for n, term in enumerate(scene.terms):
         for name, value in term.temperatures.items():

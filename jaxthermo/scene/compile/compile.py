@@ -6,12 +6,15 @@ have no contact, and what stands still has one snapshot: what is left out has no
 and no operation in the program, and the receipt says why.
 """
 
+from dataclasses import replace
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from ...arrays import is_traced
+from ...findings import searches_recorded
 from ...geometry.mesh import Pose
 from ...physics.radiation.irradiation import (
     SceneRadiation,
@@ -26,7 +29,13 @@ from ..motion import Motion
 from ..scene import AbstractMaterials, BodyGeometry, Scene, SolvedSurface
 from .bodies import check_functions, check_memory, prepare, temperature_bounds
 from .program import Compiled, Omission, Part, Program, Receipt
-from .program_builder import Ledger, bind_volumes, ledger_entries, make_programs
+from .program_builder import (
+    Ledger,
+    bind_volumes,
+    breakpoints_of,
+    ledger_entries,
+    make_programs,
+)
 from .snapshots import Snapshot, take_snapshots
 
 
@@ -68,6 +77,13 @@ def compile_scene(
         InputError: if the program would not fit into memory, or terms contradict each
             other.
     """
+    with searches_recorded() as searches:
+        compiled = _compile(scene, saves, end, prune)
+    receipt = replace(compiled.receipt, searches=tuple(dict.fromkeys(searches)))
+    return replace(compiled, receipt=receipt)
+
+
+def _compile(scene: Scene, saves: int, end: float | int, prune: bool) -> Compiled:
     # Memory is checked before anything large is made.
     starts, names = _snapshot_times(scene, end), mechanism_names(scene)
     memory, dtype = check_memory(scene, saves, len(starts)), jnp.dtype(scene.dtype)
@@ -91,6 +107,7 @@ def compile_scene(
     return Compiled(
         programs=programs,
         starts=starts,
+        breakpoints=breakpoints_of(scene, ledger),
         state=tuple(body.state for body in prepared),
         surfaces=tuple(
             SolvedSurface(

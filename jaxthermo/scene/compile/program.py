@@ -104,8 +104,6 @@ class Program(eqx.Module):
     surface_heat: SurfaceHeat | None
     """Outputs for every fragment; None for none."""
     entries: LedgerEntries = eqx.field(static=True)
-    breakpoints: tuple[float, ...] = eqx.field(static=True)
-    """Times that steps end at, besides the save times [s]."""
     sampled: bool = eqx.field(static=True)
     """True if some value is a function of time, known only where it is evaluated."""
 
@@ -265,6 +263,8 @@ class Receipt:
     """Estimate of the solver's peak: states, operators and surface arrays."""
     stable_step_s: float | None
     """Largest explicit step; None where there is no limit, or none is known."""
+    searches: tuple[str, ...] = ()
+    """Searches in the geometry that were made; others are known from runs before."""
 
     def as_dict(self) -> dict:
         """Plain types, for `summary.json`."""
@@ -278,6 +278,9 @@ class Compiled(eqx.Module):
     """One per snapshot; they differ in numbers only."""
     starts: tuple[float, ...] = eqx.field(static=True)
     """Start of each program [s]; the first at 0."""
+    # Not of the programs, which would be compiled again for other times of a table.
+    breakpoints: tuple[float, ...] = eqx.field(static=True)
+    """Times that steps end at, besides the save times [s]."""
     state: State
     surfaces: tuple[SolvedSurface, ...]
     radiation: SceneRadiation

@@ -6,8 +6,9 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Array, Bool, Int
 
+from ...network.network import Address
 from ...physics.contact.links import ContactLinks
 from ...physics.contact.search import ContactPairs
 from ...physics.flux_law import Forcing, bound
@@ -15,7 +16,12 @@ from ...physics.heat_source import VolumeBinding
 from ...physics.radiation.radiative_exchange import Enclosure
 from ...physics.surface import Omitted, Surface, concatenated
 from ...physics.surface_energy_balance import MAX_ITERATIONS, SurfaceTerms
-from ...physics.term import AbstractExchangeTerm, AbstractPairTerm, AbstractVolumeTerm
+from ...physics.term import (
+    AbstractExchangeTerm,
+    AbstractPairTerm,
+    AbstractTerm,
+    AbstractVolumeTerm,
+)
 from ...physics.time_varying import breakpoints, for_jit, is_unknown_function
 from ..scene import Scene
 from .bodies import PreparedBody, device_address
@@ -70,6 +76,16 @@ def ledger_entries(
     return {key: names[key[0]] for key in sorted(keys)}
 
 
+def _used_terms(scene: Scene, ledger: Ledger) -> list[AbstractTerm]:
+    return [scene.terms[n] for n in sorted({key[0] for key in ledger})]
+
+
+def breakpoints_of(scene: Scene, ledger: Ledger) -> tuple[float, ...]:
+    """Times at which a value of a term that acts has a kink or jump [s]."""
+    values = [v for term in _used_terms(scene, ledger) for v in term.values]
+    return tuple(sorted({time for value in values for time in breakpoints(value)}))
+
+
 def make_programs(
     scene: Scene,
     prepared: tuple[PreparedBody, ...],
@@ -94,8 +110,7 @@ def make_programs(
         _iterations(own, each.surface, prepared, rows, temperatures, end)
         for own, each in zip(terms, snapshots, strict=True)
     )
-    # Only values of terms that act decide where steps end.
-    used = [scene.terms[n] for n in sorted({key[0] for key in ledger})]
+    used = _used_terms(scene, ledger)
     values = [value for term in used for value in term.values]
     exchange = next((t for t in used if isinstance(t, AbstractExchangeTerm)), None)
     # Cells must be the same at all snapshots: they go by where a term ever acts.
@@ -135,7 +150,6 @@ def make_programs(
             probes=probes,
             surface_heat=outputs,
             entries=tuple((name, key[1:]) for key, name in ledger.items()),
-            breakpoints=tuple(sorted({k for v in values for k in breakpoints(v)})),
             sampled=any(is_unknown_function(value) for value in values),
         )
         made.append(program)
@@ -249,7 +263,8 @@ def _body(
     volumes: _Volumes,
     dtype: Any,
 ) -> BodyProgram:
-    nodes, node = np.unique(body.fragment_node, return_inverse=True)
+    structure = body.body.structure
+    address, node = structure.found("surface_nodes", lambda: _surface_nodes(body))
     return BodyProgram(
         network=body.network,
         reference=jnp.asarray(body.reference, dtype),
@@ -258,13 +273,20 @@ def _body(
             for key, found in volumes.items()
             if key[1] == body.number
         ),
-        address=device_address(body.address, nodes),
-        node=jnp.asarray(node.reshape(-1).astype(np.int32)),
+        address=address,
+        node=node,
         # Bodies that never touch anything need no array of ones.
         exposed_fraction=jnp.ones((), dtype),
         surface_map=body.surface_map,
         conductivity_parts=body.conductivity_parts,
     )
+
+
+def _surface_nodes(body: PreparedBody) -> tuple[Address, Int[Array, " s"]]:
+    """Position of the nodes that have surface, and each fragment's among them."""
+    nodes, node = np.unique(body.fragment_node, return_inverse=True)
+    index = jnp.asarray(node.reshape(-1).astype(np.int32))
+    return device_address(body.address, nodes), index
 
 
 def _volume_load(

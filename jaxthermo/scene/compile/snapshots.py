@@ -13,9 +13,9 @@ from jaxtyping import Bool, Float, Int
 
 from ...errors import InputError, located
 from ...geometry.mesh import Pose
-from ...physics.contact.overlap import Overlap, find_overlaps
+from ...physics.contact.overlap import Overlap
 from ...physics.contact.rays import PlacedGrid
-from ...physics.contact.search import ContactPairs, contacts_between
+from ...physics.contact.search import ContactPairs
 from ...physics.flux_law import Forcing
 from ...physics.radiation.irradiation import AbstractRadiativeTerm, Irradiation
 from ...physics.surface import Binding, BodySurface, Omitted, Surface
@@ -25,11 +25,16 @@ from ...physics.term import (
     AbstractSurfaceTerm,
     AbstractTerm,
 )
-from ...voxels.cavities import Cavities
-from ...voxels.grid import VoxelGrid
 from ...voxels.selection import FragmentMask
 from ..scene import Scene
 from .bodies import PreparedBody, surface_property
+from .placement import (
+    enclosed_fragments,
+    overlaps_of,
+    placed_surface,
+    scene_triangles,
+    touching,
+)
 
 
 # Bindings with the number of their term in the scene.
@@ -90,7 +95,7 @@ def take_snapshots(
             PlacedGrid(body.structure.grid, pose, f"body {index}")
             for index, (body, pose) in enumerate(zip(scene.bodies, poses, strict=True))
         )
-        overlaps = find_overlaps(placed, known)
+        overlaps = overlaps_of(placed, known)
         pairs, covered, unpaired = _find_contacts(scene, placed)
         surface = Surface(
             bodies=_body_surfaces(scene, prepared, poses, covered, once),
@@ -132,11 +137,12 @@ def _body_surfaces(
 ) -> tuple[BodySurface, ...]:
     # Covered is the fraction of each fragment that another body touches.
     dtype: Any = np.dtype(scene.dtype)
-    meshes = [body.structure.grid.mesh for body in scene.bodies]
-    placed = zip(meshes, poses, strict=True)
-    triangles = [pose.to_world(mesh.vertices[mesh.faces]) for mesh, pose in placed]
-    shadow = np.concatenate(triangles)
-    enclosed = _enclosed(scene, poses)
+    placed = [
+        placed_surface(body.structure.grid, pose)
+        for body, pose in zip(scene.bodies, poses, strict=True)
+    ]
+    shadow = scene_triangles(placed)
+    enclosed = enclosed_fragments(scene, poses)
     surfaces = []
     for index, (body, pose) in enumerate(zip(scene.bodies, poses, strict=True)):
         grid, exposed = body.structure.grid, 1 - covered[index]
@@ -148,8 +154,8 @@ def _body_surfaces(
                 body=index,
                 grid=grid,
                 pose=pose,
-                position=pose.to_world(grid.fragment_position),
-                normal=pose.rotate(grid.fragment_normal),
+                position=placed[index].position,
+                normal=placed[index].normal,
                 area=(grid.fragment_area * exposed).astype(dtype),
                 exposed_fraction=exposed.astype(dtype),
                 natural=exposed > 0,
@@ -165,40 +171,6 @@ def _body_surfaces(
     return tuple(surfaces)
 
 
-def _enclosed(
-    scene: Scene, poses: tuple[Pose, ...]
-) -> list[Bool[np.ndarray, " _"] | None]:
-    """Fragments of each body in a closed cavity, of its own or another body."""
-    grids = [body.structure.grid for body in scene.bodies]
-    enclosed: list[Bool[np.ndarray, " _"] | None] = [None] * len(grids)
-    for number, (around, body) in enumerate(zip(grids, scene.bodies, strict=True)):
-        if body.inside == "open" or around.cavities is None:
-            continue
-        for other, grid in enumerate(grids):
-            faced = grid.fragment_cavity
-            if other != number:
-                faced = _surrounding(around.cavities, poses[number], grid, poses[other])
-            found, before = faced > 0, enclosed[other]
-            if found.any():
-                enclosed[other] = found if before is None else before | found
-    return enclosed
-
-
-def _surrounding(
-    cavities: Cavities, around: Pose, grid: VoxelGrid, pose: Pose
-) -> Int[np.ndarray, " s"]:
-    """Cavity of another body in which each fragment is, 0 or -1 for none."""
-    # The voxels of a wall may reach over a fragment that lies closer to it than a
-    # voxel: half a voxel further from the wall, in its own body, it is out of them.
-    faced = np.full(len(grid.fragment_area), -1)
-    for depth in (0.5, 0.0, -0.5):
-        solid = np.flatnonzero(faced < 0)
-        inward = depth * grid.pitch * grid.fragment_normal[solid]
-        place = pose.to_world(grid.fragment_position[solid] - inward)
-        faced[solid] = cavities.at(around.to_body(place))
-    return faced
-
-
 def _reached(term: AbstractSurfaceTerm, surface: Surface) -> Surface:
     """The surface that a term reaches: from outside none in closed cavities."""
     # A mask names every single fragment, so it is taken as given.
@@ -210,17 +182,17 @@ def _irradiation(
     term: AbstractRadiativeTerm, surface: Surface
 ) -> tuple[Irradiation, ...]:
     """Irradiation by a term, without the closed cavities that it does not reach."""
-    found = term.irradiation(surface)
+    everywhere = term.irradiation(surface)
     where = _reached(term, surface)
     if where is surface:
-        return found
+        return everywhere
     enclosed = np.concatenate(
         [
             np.zeros(n, bool) if body.enclosed is None else body.enclosed
             for n, body in zip(surface.counts, surface.bodies, strict=True)
         ]
     )
-    return tuple(each._replace(factor=each.factor * ~enclosed) for each in found)
+    return tuple(e._replace(factor=e.factor * ~enclosed) for e in everywhere)
 
 
 def _find_contacts(
@@ -248,14 +220,14 @@ def _find_contacts(
     taken: dict[tuple[int, int], int] = {}
     omitted = []
     for number, term in terms:
-        touching = contacts_between(placed, term.max_gap)
-        found = {key: each for key, each in touching.items() if term.connects(*key)}
-        if not found:
+        touches = touching(placed, term.max_gap)
+        joined = {key: each for key, each in touches.items() if term.connects(*key)}
+        if not joined:
             omitted.append((number, "no bodies touch"))
         # An idle pair still covers the surface: it insulates it.
         elif term.is_idle:
             omitted.append((number, "its conductance is 0"))
-        for (one, other), each in found.items():
+        for (one, other), each in joined.items():
             if (one, other) in taken:
                 raise InputError(
                     f"terms[{taken[one, other]}] and terms[{number}] both join bodies "
@@ -303,9 +275,9 @@ def _bind_terms(
             return term.bind(_reached(term, where))
 
     def bind(chosen, where: Surface) -> _NumberedBindings:
-        found = [(n, each) for n, term in chosen for each in bound(n, term, where)]
-        omitted.extend((n, each) for n, each in found if isinstance(each, Omitted))
-        return tuple((n, each) for n, each in found if not isinstance(each, Omitted))
+        pairs = [(n, each) for n, term in chosen for each in bound(n, term, where)]
+        omitted.extend((n, each) for n, each in pairs if isinstance(each, Omitted))
+        return tuple((n, each) for n, each in pairs if not isinstance(each, Omitted))
 
     prescribed = bind([(n, t) for n, t in acts if t.is_dirichlet], surface)
     taken = _claimed(prescribed, surface, "hold", "at a temperature")

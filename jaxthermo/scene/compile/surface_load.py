@@ -2,7 +2,7 @@
 
 import abc
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -12,6 +12,7 @@ from jaxtyping import Array, Bool, Float, Int
 from typing_extensions import override
 
 from ...arrays import Time, members
+from ...findings import digest
 from ...network.network import (
     AbstractNetwork,
     Address,
@@ -286,9 +287,38 @@ def body_cells(
     Fragments on which each term `acts` at any time; those of different groups share no
     cell.
     """
-    cell = np.full(len(body.fragment_node), -1, np.int32)
     if not any(each.any() for each in acts):
-        return None, cell
+        return None, np.full(len(body.fragment_node), -1, np.int32)
+    patterns = tuple(digest(each) for each in acts)
+    by = "surface_cells", patterns, None if group is None else digest(group)
+    layout = body.body.structure.found(by, lambda: _layout(body, acts, group))
+    cells = BodyCells(
+        body=body.number,
+        address=layout.address,
+        capacity=body.network.capacity_at(layout.address),
+        node=layout.node,
+        slots=layout.slots,
+        conductivity_parts=_parts_of_cells(body, layout.cell, layout.node.shape[0]),
+    )
+    return cells, layout.cell
+
+
+class _Layout(NamedTuple):
+    """Surface cells of one body as far as geometry goes, see `BodyCells`."""
+
+    address: Address
+    node: Int[Array, " p"]
+    slots: tuple[Int[Array, " m"], ...]
+    cell: Int[np.ndarray, " s"]
+    """Cell of each fragment, or -1."""
+
+
+def _layout(
+    body: PreparedBody,
+    acts: list[Bool[np.ndarray, " s"]],
+    group: Int[np.ndarray, " s"] | None,
+) -> _Layout:
+    cell = np.full(len(body.fragment_node), -1, np.int32)
     signature = np.zeros(len(cell), np.int64) if group is None else group.astype(int)
     for each in acts:
         # Numbered again for each term, so that any number of terms fits.
@@ -301,16 +331,13 @@ def body_cells(
     cell[touched] = inverse.reshape(-1)
     nodes, node = np.unique(cells // signatures, return_inverse=True)
     node = node.reshape(-1).astype(np.int32)
-    address, count = device_address(body.address, nodes), _even_size(len(cells))
-    found = BodyCells(
-        body=body.number,
-        address=address,
-        capacity=body.network.capacity_at(address),
+    count = _even_size(len(cells))
+    return _Layout(
+        address=device_address(body.address, nodes),
         node=jnp.asarray(np.pad(node, (0, count - len(node)))),
         slots=tuple(jnp.asarray(slot) for slot in members(node, len(nodes))),
-        conductivity_parts=_parts_of_cells(body, cell, count),
+        cell=cell,
     )
-    return found, cell
 
 
 def _parts_of_cells(

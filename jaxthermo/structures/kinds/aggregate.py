@@ -12,7 +12,7 @@ from ...voxels.grid import VoxelGrid
 from ..build.blocks import block_parts, count_blocks, number_by_first_voxel
 from ..build.links import link_distance
 from ..build.slabs import Slab, build_slabs, count_parts
-from ..cache import cached
+from ..cache import built_once
 from ..structure import (
     AbstractBuiltStructure,
     Built,
@@ -96,7 +96,7 @@ class Aggregate(AbstractBuiltStructure):
                     f"Aggregate({name}={value!r}): give a number from 0 to 1"
                 )
         options = {"factor": self.factor, **fractions}
-        self.built = cached("aggregate", self.grid, options, _build)
+        self.built = built_once("aggregate", self.grid, options, _build)
 
 
 def _factor_of_size(grid: VoxelGrid, size: Any) -> int:

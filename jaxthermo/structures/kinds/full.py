@@ -40,6 +40,11 @@ class FullVolume(AbstractStructure):
         """True if a state is the lattice: no request for links, and no weights."""
         return self.stencil and self.weights.are_one
 
+    @property
+    @override
+    def identity(self) -> tuple[object, ...]:
+        return (self.grid,)
+
     @override
     def for_solves(self) -> "FullVolume":
         # A solve stores half a dozen arrays, as long as the box for a stencil.
@@ -54,6 +59,9 @@ class FullVolume(AbstractStructure):
     @property
     @override
     def link_count(self) -> int:
+        return self.found("link_count", self._link_count)
+
+    def _link_count(self) -> int:
         bodies = (np.moveaxis(self.grid.solid, axis, 0) for axis in range(3))
         shared = sum(int(np.count_nonzero(body[:-1] & body[1:])) for body in bodies)
         cut = self.grid.cut
@@ -67,6 +75,9 @@ class FullVolume(AbstractStructure):
 
     @override
     def nodes(self) -> Nodes:
+        return self.found("nodes", self._nodes)
+
+    def _nodes(self) -> Nodes:
         cells = np.argwhere(self.grid.solid)
         centre = self.grid.lattice.centres(cells)
         return Nodes(
@@ -78,18 +89,21 @@ class FullVolume(AbstractStructure):
 
     @override
     def links(self) -> Links:
-        return voxel_links(self._numbers(), self.grid.pitch, self.grid.cut)
+        number = self._numbers
+        cut = self.grid.cut
+        return self.found("links", lambda: voxel_links(number(), self.grid.pitch, cut))
 
     @override
     def fragment_node(self) -> Int[np.ndarray, " s"]:
-        return self._numbers()[tuple(self.grid.fragment_voxel.T)]
+        voxel, number = tuple(self.grid.fragment_voxel.T), self._numbers
+        return self.found("fragment_node", lambda: number()[voxel])
 
     @override
     def voxel_node(self) -> Int[np.ndarray, " v"]:
         return np.arange(self.node_count, dtype=np.int32)
 
     @override
-    def fragment_offset(self) -> Float[np.ndarray, "s 3"]:
+    def _fragment_offset(self) -> Float[np.ndarray, "s 3"]:
         # Exactly zero, since a fragment's voxel is its node: no gradient is needed.
         return np.zeros(self.grid.fragment_position.shape)
 
@@ -109,6 +123,9 @@ class FullVolume(AbstractStructure):
 
     @override
     def node_address(self) -> tuple[Int[np.ndarray, " n"], ...]:
+        return self.found(("node_address", self.runs_as_stencil), self._node_address)
+
+    def _node_address(self) -> tuple[Int[np.ndarray, " n"], ...]:
         if not self.runs_as_stencil:
             return (np.arange(self.node_count, dtype=np.int32),)
         return tuple((i + 1).astype(np.int32) for i in np.nonzero(self.grid.solid))

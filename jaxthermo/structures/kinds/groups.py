@@ -17,7 +17,7 @@ from ..build.blocks import (
     voxel_layers,
 )
 from ..build.slabs import Slab, build_slabs
-from ..cache import cached
+from ..cache import built_once
 from ..structure import AbstractBuiltStructure, Built, ConductionWeights, as_weights
 
 
@@ -44,7 +44,7 @@ class MultiLevel(AbstractBuiltStructure):
                 f'MultiLevel(hollow={self.hollow!r}): choose "empty" or "innermost"'
             )
         options = {"levels": self.levels, "hollow": self.hollow}
-        self.built = cached("multilevel", self.grid, options, _build_layers)
+        self.built = built_once("multilevel", self.grid, options, _build_layers)
 
 
 def _build_layers(grid: VoxelGrid, levels: int, hollow: str) -> Built:
@@ -78,7 +78,7 @@ class ShellOverCore(AbstractBuiltStructure):
         self.layers = whole_number(self.layers, "ShellOverCore(layers=)")
         self.factor = whole_number(self.factor, "ShellOverCore(factor=)")
         options = {"layers": self.layers, "factor": self.factor}
-        self.built = cached(
+        self.built = built_once(
             "shell_over_core", self.grid, options, _build_shell_over_core
         )
 
@@ -121,7 +121,9 @@ class Octree(AbstractBuiltStructure):
     def __post_init__(self):
         if self.levels is not None:
             self.levels = whole_number(self.levels, "Octree(levels=)")
-        self.built = cached("octree", self.grid, {"levels": self.levels}, _build_octree)
+        self.built = built_once(
+            "octree", self.grid, {"levels": self.levels}, _build_octree
+        )
 
 
 def _build_octree(grid: VoxelGrid, levels: int | None) -> Built:
@@ -203,7 +205,7 @@ class Partition(AbstractBuiltStructure):
 
     def __post_init__(self, labels: Any):
         checked = _checked_labels(self.grid, labels)
-        self.built = cached(
+        self.built = built_once(
             "partition", self.grid, {"labels": checked}, _build_partition
         )
 

@@ -17,7 +17,7 @@ from ..build.assignment import (
     voxel_depth,
 )
 from ..build.blocks import shell_voxels
-from ..cache import cached
+from ..cache import built_once
 from ..structure import (
     AbstractBuiltStructure,
     Built,
@@ -53,7 +53,7 @@ class SingleShell(AbstractBuiltStructure):
                 f'SingleShell(capacity={self.capacity!r}): give "body" or "own"'
             )
         options = {"capacity": self.capacity}
-        self.built = cached("single_shell", self.grid, options, _build_shell)
+        self.built = built_once("single_shell", self.grid, options, _build_shell)
 
 
 def _build_shell(grid: VoxelGrid, capacity: str) -> Built:
@@ -145,7 +145,9 @@ class IrregularMultiLevel(AbstractBuiltStructure):
             self.levels = whole_number(self.levels, "IrregularMultiLevel(levels=)")
         self.keep_capacity = bool(self.keep_capacity)
         options = {"levels": self.levels, "keep_capacity": self.keep_capacity}
-        self.built = cached("irregular_multi_level", self.grid, options, _build_nested)
+        self.built = built_once(
+            "irregular_multi_level", self.grid, options, _build_nested
+        )
 
     @property
     def level_count(self) -> int:

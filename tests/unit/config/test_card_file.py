@@ -11,7 +11,8 @@ from jaxthermo.archive import plain_checksum
 from jaxthermo.config.card_file import load_card, write_card
 from jaxthermo.config.loader import load_config, to_yaml
 from jaxthermo.config.strict_yaml import read_yaml, write_yaml
-from jaxthermo.structures.structure import FitCard, extrapolations
+from jaxthermo.structures.extrapolation import extrapolations
+from jaxthermo.structures.structure import FitCard
 from tests.bodies import blocks
 
 

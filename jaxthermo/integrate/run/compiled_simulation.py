@@ -1,0 +1,202 @@
+"""`compile_simulation`: a run that is compiled once, for scenes with other numbers."""
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import numpy as np
+
+from ...arrays import is_traced, precision
+from ...errors import InputError, require
+from ...scene.scene import Body, Scene
+from ..solvers import AbstractSolver
+from .plan import Plan, plan_run
+from .simulate import compile_plan, run_plan
+from .solution import Solution, finished
+
+
+@dataclass(frozen=True, eq=False)
+class CompiledSimulation:
+    """A compiled run of one scene, from `compile_simulation`.
+
+    Called without a scene it runs that one again, which costs its steps and the reading
+    of its surface. Called with another scene it runs that, with other numbers in arrays
+    of the same shapes: materials, weights, coefficients, temperatures, irradiances and
+    tables. They cost no compilation and no search in geometry, but for what moved or
+    lights up another part: `Solution.receipt.searches` lists what was searched again.
+    """
+
+    scene: Scene
+    """The scene that it was compiled for."""
+    plan: Plan
+    """Its steps and arrays."""
+    t1: float | int
+    save_at: tuple[float, ...] | None
+    solver: AbstractSolver | None
+    reverse_memory: int | None
+
+    def __call__(self, scene: Scene | None = None, *, throw: bool = True) -> Solution:
+        """Run the scene, or another one of the same shapes.
+
+        It may be jitted, mapped and differentiated with respect to the numbers of the
+        other scene, as `simulate`, with the same restrictions.
+
+        Raises:
+            InputError: in one line, where the other scene differs by more than numbers,
+                poses and directions.
+            RuntimeError: if the run failed and `throw` is set.
+        """
+        plan = self.plan
+        if scene is not None:
+            require(scene, Scene, "CompiledSimulation(scene=)", "a Scene")
+            _check_alike(self.scene, scene)
+            plan = _planned(
+                scene, self.t1, self.save_at, self.solver, self.reverse_memory
+            )
+        with precision(plan.scene.dtype):
+            solution = run_plan(plan)
+        return finished(solution, throw)
+
+
+def compile_simulation(
+    scene: Scene,
+    t1: float | int,
+    save_at: Sequence[float] | None = None,
+    *,
+    solver: AbstractSolver | None = None,
+    reverse_memory: int | None = None,
+) -> CompiledSimulation:
+    """Compile the run of a scene, for that scene and others of the same shapes.
+
+    The equations, arguments, units and errors are those of `simulate`, and so are the
+    results: a run of the compiled simulation equals `simulate` of the same scene bit
+    for bit. Steps follow from each scene's numbers.
+
+    Returns:
+        A function of a scene, `CompiledSimulation`, that returns its `Solution`.
+
+    Raises:
+        InputError: as `simulate`; also for a scene of traced values: compile for known
+            ones, and call the result with traced values.
+
+    Example:
+        >>> import jaxthermo as jt
+        >>> grid = jt.voxelize(jt.shapes.box((0.04, 0.04, 0.04)), pitch=0.01)
+        >>> def scene(coefficient):
+        ...     body = jt.Body(jt.FullVolume(grid), jt.materials["copper"], 350.0)
+        ...     return jt.Scene((body,), (jt.Convection(coefficient, 290.0),))
+        >>> run = jt.compile_simulation(scene(10.0), 60.0)
+        >>> slow, fast = run(), run(scene(20.0))
+        >>> bool(fast.mean_temperature[0, 0] < slow.mean_temperature[0, 0])
+        True
+        >>> fast.receipt.searches
+        ()
+    """
+    require(scene, Scene, "compile_simulation(scene=)", "a Scene")
+    if is_traced(scene):
+        raise InputError(
+            "compile_simulation: values of the scene are traced: compile it for known "
+            "values, and call the result with traced ones"
+        )
+    saves = None if save_at is None else tuple(save_at)
+    plan = _planned(scene, t1, saves, solver, reverse_memory)
+    for warning in plan.compiled.receipt.warnings:
+        warnings.warn(warning, stacklevel=2)
+    with precision(scene.dtype):
+        compile_plan(plan)
+    return CompiledSimulation(scene, plan, t1, saves, solver, reverse_memory)
+
+
+def _planned(scene, t1, save_at, solver, reverse_memory) -> Plan:
+    with precision(scene.dtype):
+        return plan_run(
+            scene,
+            t1,
+            save_at,
+            solver,
+            reverse_memory=reverse_memory,
+            control_error=True,
+        )
+
+
+def _check_alike(one: Scene, other: Scene) -> None:
+    """Refuse a scene that differs by more than numbers, poses and directions."""
+    differs = _difference(one, other)
+    if differs:
+        raise InputError(
+            f"CompiledSimulation: {differs}: compile that scene by itself, with "
+            "compile_simulation or simulate"
+        )
+
+
+def _difference(one: Scene, other: Scene) -> str:
+    """First difference of two scenes, in words; empty if there is none."""
+    for what, a, b in (
+        ("bodies", len(one.bodies), len(other.bodies)),
+        ("terms", len(one.terms), len(other.terms)),
+        ("probes", len(one.probes), len(other.probes)),
+        ("dtype", one.dtype, other.dtype),
+        ("surface_outputs", one.surface_outputs, other.surface_outputs),
+    ):
+        if a != b:
+            return f"{what} is {b} instead of {a}"
+    for n, (first, second) in enumerate(zip(one.bodies, other.bodies, strict=True)):
+        differs = _body_difference(first, second)
+        if differs:
+            return f"bodies[{n}]{differs}"
+    for n, (first, second) in enumerate(zip(one.terms, other.terms, strict=True)):
+        if type(first) is not type(second):
+            names = type(second).__name__, type(first).__name__
+            return f"terms[{n}] is a {names[0]} instead of a {names[1]}"
+        differs = _other_shapes(first, second)
+        if differs:
+            return f"terms[{n}], {second.name},{differs}"
+    return ""
+
+
+def _body_difference(one: Body, other: Body) -> str:
+    a, b = one.structure, other.structure
+    if type(a) is not type(b) or a.node_count != b.node_count:
+        described = (f"{type(s).__name__} of {s.node_count} nodes" for s in (b, a))
+        return ".structure is {} instead of {}".format(*described)
+    if a.link_count != b.link_count:
+        return f".structure has {b.link_count} links instead of {a.link_count}"
+    if a.state_shape != b.state_shape:
+        return ".structure is a stencil in one of the scenes only, without weights"
+    counts = [len(s.grid.fragment_area) for s in (b, a)]
+    if counts[0] != counts[1]:
+        return ".structure has {} fragments instead of {}".format(*counts)
+    if type(one.surface_map) is not type(other.surface_map):
+        return ".surface_map is of another kind"
+    if callable(one.temperature) != callable(other.temperature):
+        return ".temperature is a function in one of the scenes only"
+    return _other_shapes(one.material, other.material) and (
+        ".material" + _other_shapes(one.material, other.material)
+    )
+
+
+def _other_shapes(one: Any, other: Any) -> str:
+    """First number of other shape, or another kind of value, in words."""
+    (first, kinds), (second, others) = (_numbers(tree) for tree in (one, other))
+    if kinds != others:
+        return " has other kinds of values (a number, a table or none)"
+    for (name, shape), (_, now) in zip(first, second, strict=True):
+        if shape != now:
+            return f" has {name} of shape {now} instead of {shape}"
+    return ""
+
+
+def _numbers(tree: Any) -> tuple[list[tuple[str, tuple[int, ...]]], list[Any]]:
+    """Names and shapes of the numbers of a pytree, and the kinds of its nodes."""
+    named = jax.tree_util.tree_leaves_with_path(tree)
+    number = float | int | np.ndarray | np.generic | jax.Array
+    shapes = [
+        (jax.tree_util.keystr(path), np.shape(leaf))
+        for path, leaf in named
+        if isinstance(leaf, number)
+    ]
+    kinds = [jax.tree_util.keystr(path) for path, _ in named]
+    kinds += [type(leaf) for _, leaf in named if not isinstance(leaf, number)]
+    return shapes, kinds

@@ -1,0 +1,222 @@
+"""`compile_simulation`: other numbers without compiling, tracing or searching again."""
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.monitoring
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from jaxthermo.findings import forget_findings
+from tests.bodies import blocks
+
+
+ROOT = Path(__file__).resolve().parents[3]
+EVENTS: list[str] = []
+jax.monitoring.register_event_duration_secs_listener(
+    lambda event, *_, **__: EVENTS.append(event)
+)
+
+
+def compilations() -> int:
+    """Number of functions that were traced or compiled so far."""
+    return sum("/jax/core/compile/" in name for name in EVENTS)
+
+
+@pytest.fixture(scope="module")
+def structure():
+    return jt.Aggregate(blocks(np.ones((4, 4, 8), bool), 0.01), factor=2)
+
+
+SHADED = jt.Sun((-1.0, 0.0, -0.4), jt.Until(800.0, 40.0))
+TIMES = 60.0, (20.0, 60.0)
+EULER = jt.ForwardEuler(dt=1.0)
+
+
+def make_scene(structure, k=16.0, h=10.0, air: Any = 290.0, sun=SHADED, **options):
+    metal = jt.Material(k, density=8000.0, specific_heat=500.0, emissivity=0.8)
+    terms = (sun, jt.Convection(h, air), jt.Surroundings(280.0))
+    start = options.pop("temperature", 300.0)
+    body = jt.Body(structure, metal, temperature=start, **options)
+    return jt.Scene((body,), terms, dtype="float64")
+
+
+def assert_equal(one, other):
+    """Equal bit for bit."""
+    for name in ("times", "surface_temperature", "mean_temperature", "energy"):
+        both = jax.tree.leaves((getattr(one, name), getattr(other, name)))
+        half = len(both) // 2
+        for a, b in zip(both[:half], both[half:], strict=True):
+            np.testing.assert_array_equal(a, b, name)
+    assert one.run.steps == other.run.steps
+    assert one.receipt.notes == other.receipt.notes
+    assert one.receipt.left_out == other.receipt.left_out
+
+
+def fresh(scene, solver=None):
+    forget_findings()
+    return jt.simulate(scene, *TIMES, solver=solver)
+
+
+@pytest.mark.parametrize(
+    "solver", [None, jt.ForwardEuler(), jt.SuperTimeStepping(dt=20.0), jt.TRBDF2(5.0)]
+)
+def test_other_numbers_cost_no_compilation(structure, solver):
+    run = jt.compile_simulation(make_scene(structure), *TIMES, solver=solver)
+    # Both numbers of a run that controls its error, which may take more passes.
+    run(make_scene(structure, h=11.0))
+    before = compilations()
+    other = make_scene(structure, k=150.0, h=25.0, air=285.0, temperature=310.0)
+    found = run(other)
+    assert compilations() == before
+    assert found.receipt.searches == ()
+    assert_equal(found, fresh(other, solver))
+
+
+def test_the_same_scene_again_is_the_same(structure):
+    scene = make_scene(structure)
+    run = jt.compile_simulation(scene, *TIMES)
+    before = compilations()
+    found = run()
+    assert compilations() == before
+    assert_equal(found, fresh(scene))
+
+
+def test_simulate_compiles_nothing_again_either(structure):
+    jt.simulate(make_scene(structure), *TIMES, solver=jt.ForwardEuler())
+    before = compilations()
+    scene = make_scene(structure, k=20.0, h=30.0)
+    found = jt.simulate(scene, *TIMES, solver=jt.ForwardEuler())
+    assert compilations() == before
+    assert found.receipt.searches == ()
+
+
+def test_other_times_of_a_table_cost_no_compilation(structure):
+    air = lambda end: jt.Table([0.0, end], [290.0, 300.0])
+    solver = jt.SuperTimeStepping(dt=10.0)
+    run = jt.compile_simulation(
+        make_scene(structure, air=air(30.0)), *TIMES, solver=solver
+    )
+    other = make_scene(structure, air=air(45.0))
+    before = compilations()
+    found = run(other)
+    assert compilations() == before
+    assert_equal(found, fresh(other, solver))
+
+
+def test_other_weights_cost_no_compilation(structure):
+    grid, solver = structure.grid, jt.ForwardEuler()
+    weighted = lambda w: jt.Aggregate(
+        grid, factor=2, weights=jt.ConductionWeights(within=w)
+    )
+    run = jt.compile_simulation(make_scene(weighted(1.1)), *TIMES, solver=solver)
+    other = make_scene(weighted(0.9))
+    before = compilations()
+    found = run(other)
+    assert compilations() == before
+    assert_equal(found, fresh(other, solver))
+
+
+def test_a_sun_that_moved_casts_its_shadows_again(structure):
+    run = jt.compile_simulation(make_scene(structure), *TIMES, solver=EULER)
+    moved = make_scene(structure, sun=jt.Sun((0.0, -1.0, -0.7), jt.Until(900.0, 40.0)))
+    found = run(moved)
+    assert found.receipt.searches == ("shadows of sun on body 0",)
+    assert_equal(found, fresh(moved, EULER))
+
+
+def test_a_body_that_moved_is_searched_for_contacts_again(structure):
+    def pair(gap, k=16.0):
+        one = make_scene(structure, k).bodies[0]
+        pose = jt.Pose(translation=(0.0, 0.0, 0.08 + gap))
+        two = jt.Body(structure, one.material, temperature=350.0, pose=pose)
+        return jt.Scene((one, two), (SHADED, jt.Contact(500.0)), dtype="float64")
+
+    run = jt.compile_simulation(pair(0.0), *TIMES, solver=EULER)
+    assert run(pair(0.0, k=20.0)).receipt.searches == ()
+    apart = pair(0.005)
+    found = run(apart)
+    assert set(found.receipt.searches) == {
+        "overlaps of bodies",
+        "contacts of bodies",
+        "shadows of sun on body 0",
+        "shadows of sun on body 1",
+    }
+    assert_equal(found, fresh(apart, EULER))
+
+
+def test_gradients_are_those_of_finite_differences(structure):
+    run = jt.compile_simulation(make_scene(structure), *TIMES, solver=EULER)
+
+    def mean(k, h):
+        return run(make_scene(structure, k, h)).surface_temperature[-1].mean()
+
+    found = jax.grad(mean, (0, 1))(16.0, 10.0)
+    for n, (at, step) in enumerate([(16.0, 1e-3), (10.0, 1e-3)]):
+        ends = [[16.0, 10.0], [16.0, 10.0]]
+        ends[0][n], ends[1][n] = at - step, at + step
+        low, high = (float(mean(*each)) for each in ends)
+        expected = (high - low) / (2 * step)
+        assert float(found[n]) == pytest.approx(expected, rel=1e-5)
+
+
+def test_it_can_be_jitted_and_mapped(structure):
+    run = jt.compile_simulation(make_scene(structure), *TIMES, solver=EULER)
+    mean = lambda h: run(make_scene(structure, h=h)).mean_temperature[-1, 0]
+    values = jnp.array([5.0, 10.0, 20.0])
+    expected = [float(mean(h)) for h in values.tolist()]
+    np.testing.assert_allclose(jax.vmap(mean)(values), expected, rtol=1e-10)
+    np.testing.assert_allclose(jax.jit(mean)(values[1]), expected[1], rtol=1e-10)
+
+
+def test_scenes_of_other_shapes_are_refused_in_one_line(structure):
+    scene = make_scene(structure)
+    run = jt.compile_simulation(scene, *TIMES, solver=EULER)
+    coarser = jt.Aggregate(structure.grid, factor=4)
+    table = jt.Table([0.0, 10.0], [290.0, 295.0])
+    for other, words in (
+        (make_scene(coarser), r"bodies\[0\].structure is Aggregate of 2 nodes instead"),
+        (jt.Scene(scene.bodies, scene.terms[:2], dtype="float64"), "terms is 2 inst"),
+        (jt.Scene(scene.bodies, scene.terms), "dtype is float32 instead of float64"),
+        (make_scene(structure, air=table), r"terms\[1\], convection, has other kinds"),
+        (
+            jt.Scene(scene.bodies, scene.terms[::-1], dtype="float64"),
+            r"terms\[0\] is a Surroundings instead of a Sun",
+        ),
+    ):
+        with pytest.raises(jt.InputError, match=words) as refused:
+            run(other)
+        assert "\n" not in str(refused.value)
+
+
+def test_traced_scenes_are_not_compiled_for(structure):
+    with pytest.raises(jt.InputError, match="compile it for known values"):
+        jax.jit(lambda h: jt.compile_simulation(make_scene(structure, h=h), 1.0))(1.0)
+
+
+_ALONE = """
+import jax, sys
+jax.config.update("jax_enable_x64", True)
+import numpy as np, jaxthermo as jt
+from tests.bodies import blocks
+from tests.unit.integrate.test_compiled_simulation import TIMES, make_scene
+body = jt.Aggregate(blocks(np.ones((4, 4, 8), bool), 0.01), factor=2)
+scene = make_scene(body, k=20.0, h=30.0)
+np.save(sys.argv[1], jt.simulate(scene, *TIMES).surface_temperature)
+"""
+
+
+@pytest.mark.slow
+def test_a_run_equals_that_of_a_new_process(structure, tmp_path):
+    path = tmp_path / "alone.npy"
+    subprocess.run(
+        [sys.executable, "-c", _ALONE, str(path)], cwd=ROOT, check=True, timeout=300
+    )
+    run = jt.compile_simulation(make_scene(structure), *TIMES)
+    found = run(make_scene(structure, k=20.0, h=30.0))
+    np.testing.assert_array_equal(found.surface_temperature, np.load(path))
