@@ -85,7 +85,7 @@ def run(folder: Path, config: Path | None = None) -> dict[str, Any]:
 def _fineness(case: Case) -> tuple[float, float, str]:
     body = case.config.bodies[0]
     pitch = -math.inf if body.pitch is None else -body.pitch
-    return body.voxels_high or 0, pitch, str(body.surface_cells)
+    return float(body.voxels_high or 0), pitch, str(body.surface_cells)
 
 
 def _measured(case: Case, truth: Truth) -> tuple[Row, Arrays]:
