@@ -133,10 +133,16 @@ def _rise(grid: jt.VoxelGrid, build: Build) -> tuple[float, float]:
 
 def _detours(body: Sunlit) -> Iterator[Check]:
     """C12: the error falls from shell to levels to irregular levels."""
-    names = ("single shell", "10 levels", "irregular levels")
-    errors = {name: body.error(_STRUCTURES[name](body.grid)) for name in names}
-    yield Value(f"error of {names[0]}", "%", 0.0, errors[names[0]], None)
-    for coarse, fine in pairwise(names):
+    # Ten of 250 voxels: as many in a coarser body would fill it.
+    count = max(1, 10 * body.voxels_high // 250)
+    built = {
+        "single shell": jt.SingleShell(body.grid),
+        f"{count} levels": jt.MultiLevel(body.grid, levels=count),
+        "irregular levels": jt.IrregularMultiLevel(body.grid, levels=7),
+    }
+    errors = {name: body.error(structure) for name, structure in built.items()}
+    yield Value("error of single shell", "%", 0.0, errors["single shell"], None)
+    for coarse, fine in pairwise(errors):
         name = f"error of {fine}, below that of {coarse}"
         yield Bound(name, errors[fine], errors[coarse], unit="%")
 
