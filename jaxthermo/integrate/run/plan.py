@@ -12,6 +12,7 @@ from jaxtyping import Array, Float, Int
 
 from ...arrays import is_traced
 from ...errors import InputError, require, shortened
+from ...findings import found, values_of
 from ...scene.compile.compile import compile_scene
 from ...scene.compile.program import Compiled, Program
 from ...scene.scene import Scene
@@ -242,6 +243,48 @@ def plan_run(
         stepper = replace(stepper, checkpoints=checkpoints)
     parts = (arranged, compiled, intervals, saves, stable_step, chosen, stepper)
     return Plan(*parts, reason, checkpoints, control)
+
+
+def plan_once(
+    scene: Scene,
+    t1: float | int,
+    save_at: Sequence[float] | None,
+    solver: AbstractSolver | None = None,
+    reverse_memory: int | None = None,
+) -> Plan:
+    """Plan a run that controls its error; the plan from before for the same scene.
+
+    Arguments and errors are those of `plan_run`.
+    """
+    made: list[Plan] = []
+
+    def make() -> Plan:
+        given = scene, t1, save_at, solver, True, reverse_memory
+        made.append(plan_run(*given, control_error=True))
+        return made[0]
+
+    # Within another function that is traced, hardly anything of a run is known.
+    solver_values = values_of(solver)
+    if solver_values is None or is_traced((scene, jnp.zeros(()))):
+        return make()
+
+    def find() -> tuple[Plan, bool]:
+        # Without the scene, which would then exist as long as its plan.
+        own = make().scene is scene
+        return (made[0]._replace(scene=_NO_SCENE) if own else made[0]), own
+
+    saves = checked_save_times(t1, save_at)
+    by = "plan", float(t1), saves, solver_values, reverse_memory
+    plan, own = found((scene,), by, find)
+    if made:
+        return made[0]
+    receipt = replace(plan.compiled.receipt, searches=())
+    plan = plan._replace(compiled=replace(plan.compiled, receipt=receipt))
+    return plan._replace(scene=scene) if own else plan
+
+
+_NO_SCENE: Any = None
+"""In place of the scene of a plan that is kept."""
 
 
 def _selected(

@@ -23,7 +23,7 @@ from .plan import (
     StepTable,
     initial_state,
     observation_time,
-    plan_run,
+    plan_once,
     save_intervals,
     step_table,
 )
@@ -93,14 +93,7 @@ def simulate(
     """
     require(scene, Scene, "simulate(scene=)", "a Scene")
     with precision(scene.dtype):
-        plan = plan_run(
-            scene,
-            t1,
-            save_at,
-            solver,
-            reverse_memory=reverse_memory,
-            control_error=True,
-        )
+        plan = plan_once(scene, t1, save_at, solver, reverse_memory)
         for warning in plan.compiled.receipt.warnings:
             warnings.warn(warning, stacklevel=2)
         solution = run_plan(plan)

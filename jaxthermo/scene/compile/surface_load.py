@@ -313,6 +313,18 @@ class _Layout(NamedTuple):
     """Cell of each fragment, or -1."""
 
 
+# Room for more cells than a body has, where runs before had them, by its fraction.
+_MAX_ROOM = 0.25
+
+
+def _shared_size(body: PreparedBody, terms: int, count: int) -> int:
+    """A number of cells that runs before had, if it is little more than `count`."""
+    # For another number, as where a source moved, all would be compiled again.
+    sizes: dict[str, int] = body.body.structure.found(("cell_sizes", terms), dict)
+    sizes["largest"] = largest = max(sizes.get("largest", 0), count)
+    return largest if largest <= (1 + _MAX_ROOM) * count else count
+
+
 def _layout(
     body: PreparedBody,
     acts: list[Bool[np.ndarray, " s"]],
@@ -331,7 +343,7 @@ def _layout(
     cell[touched] = inverse.reshape(-1)
     nodes, node = np.unique(cells // signatures, return_inverse=True)
     node = node.reshape(-1).astype(np.int32)
-    count = _even_size(len(cells))
+    count = _shared_size(body, len(acts), _even_size(len(cells)))
     return _Layout(
         address=device_address(body.address, nodes),
         node=jnp.asarray(np.pad(node, (0, count - len(node)))),

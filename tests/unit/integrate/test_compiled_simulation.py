@@ -1,5 +1,6 @@
 """`compile_simulation`: other numbers without compiling, tracing or searching again."""
 
+import gc
 import subprocess
 import sys
 from pathlib import Path
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.findings import forget_findings
+from jaxthermo.findings import findings_size, forget_findings
 from tests.bodies import blocks
 
 
@@ -87,6 +88,24 @@ def test_the_same_scene_again_is_the_same(structure):
     assert_equal(found, fresh(scene))
 
 
+def test_the_plan_of_a_scene_ends_with_it(structure):
+    forget_findings()
+    scene = make_scene(structure)
+    first = jt.simulate(scene, *TIMES, solver=EULER)
+    kept = findings_size()
+    again = jt.simulate(scene, *TIMES, solver=EULER)
+    assert findings_size() == kept
+    assert first.receipt.searches == ("shadows of sun on body 0",)
+    assert again.receipt.searches == ()
+    assert_equal(first, again)
+    # Of another run of the scene there is another plan.
+    jt.simulate(scene, *TIMES, solver=jt.ForwardEuler(dt=0.5))
+    assert findings_size()[0] == kept[0] + 1
+    del scene, first, again
+    gc.collect()
+    assert findings_size()[0] == kept[0] - 1
+
+
 def test_simulate_compiles_nothing_again_either(structure):
     jt.simulate(make_scene(structure), *TIMES, solver=jt.ForwardEuler())
     before = compilations()
@@ -127,6 +146,23 @@ def test_a_sun_that_moved_casts_its_shadows_again(structure):
     moved = make_scene(structure, sun=jt.Sun((0.0, -1.0, -0.7), jt.Until(900.0, 40.0)))
     found = run(moved)
     assert found.receipt.searches == ("shadows of sun on body 0",)
+    assert_equal(found, fresh(moved, EULER))
+
+
+def test_a_sun_that_moved_a_little_costs_its_shadows_only(structure):
+    sun = lambda x: jt.Sun((-1.0, 0.0, x), jt.Until(800.0, 40.0))
+    low, high = (
+        make_scene(structure, sun=sun(0.0)),
+        make_scene(structure, sun=sun(-0.4)),
+    )
+    # Another number of lit fragments, of which two runs know.
+    jt.simulate(high, *TIMES, solver=EULER)
+    run = jt.compile_simulation(low, *TIMES, solver=EULER)
+    moved = make_scene(structure, sun=sun(-0.1))
+    before = compilations()
+    found = run(moved)
+    assert found.receipt.searches == ("shadows of sun on body 0",)
+    assert compilations() == before
     assert_equal(found, fresh(moved, EULER))
 
 
