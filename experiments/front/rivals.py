@@ -49,7 +49,7 @@ _ENOUGH = 0.01
 """Change of the error from which more steps are of no use [-]."""
 _REPEATS, _LONG_S = 3, 5.0
 """Number of timed runs; one where a run takes longer [s]."""
-_MAX_S = 5.0
+_MAX_S = 2.0
 """Time of a run beyond which a rival is in no finer voxels [s]."""
 _COST_ORDER = 4
 """Power of the number of voxels along z that a run time grows with, at least."""
