@@ -1,13 +1,19 @@
 """Choices of a front and rivals at the same error, timed in turn in one process."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
 
 from calibrate.runs.case import Case
 from calibrate.runs.scenes import build_case, plan_case
 from calibrate.runs.times import compiled_loop
+from jaxthermo.arrays import precision
 from jaxthermo.integrate.run.plan import Plan
+from jaxthermo.reduction.reduced_model import ReducedModel, load_reduced
 from jaxthermo.report.numbers import significant
 
 from ..harness.timing import Spans, interleaved
@@ -15,6 +21,9 @@ from .pareto import Point, Spread, fastest_within, front, ratio_of, spread_of
 from .rivals import TWELVE_STEPS, Rivals
 from .wording import ratio_text
 
+
+Loop = Callable[[], Any]
+"""A run that is ready to be timed."""
 
 MAX_POINTS = 10
 """Points of the front that are compared at their own error."""
@@ -66,12 +75,15 @@ class Comparison:
 
 
 def pairs(
-    points: Sequence[Point], rivals: Sequence[Point], tolerances: Sequence[float]
+    points: Sequence[Point],
+    rivals: Sequence[Point],
+    tolerances: Sequence[float],
+    models: Sequence[Point] = (),
 ) -> list[Pair]:
     """Choices and rivals to time: at each tolerance, and at each error of the front.
 
     Where RKL2 of 12 steps on 250-high voxels was run, also the fastest choice that is
-    not farther from the truth than this.
+    not farther from the truth than this. Reduced models are timed at each tolerance.
     """
     kinds = list(dict.fromkeys(rival.name.split(",")[0] for rival in rivals))
     found = []
@@ -89,6 +101,10 @@ def pairs(
         choice = fastest_within(points, error)
         if rival.name.split(",")[0] == TWELVE_STEPS.name and choice is not None:
             found.append(Pair(error, choice, rival))
+    for tolerance in tolerances:
+        model, rival = (fastest_within(each, tolerance) for each in (models, rivals))
+        if model is not None and rival is not None:
+            found.append(Pair(tolerance, model, rival))
     for choice in _thinned(front(points)):
         error = choice.errors["rms_percent"]
         rival = fastest_within(rivals, error)
@@ -104,7 +120,7 @@ def _thinned(points: Sequence[Point]) -> list[Point]:
 
 def time_pairs(
     pairs: Sequence[Pair],
-    cases: Callable[[Point], Mapping[str, Case]],
+    loops: Callable[[Point], Iterator[tuple[str, Loop]]],
     rivals: Rivals,
     repeats: int,
     log: Callable[[str], None],
@@ -113,7 +129,7 @@ def time_pairs(
 
     Args:
         pairs: of choices and rivals that were measured by `rivals`.
-        cases: of a choice, by load.
+        loops: of a choice or reduced model, each with the load that it is run under.
         rivals: which run the rivals.
         repeats: of each.
         log: told before each pair.
@@ -128,28 +144,51 @@ def time_pairs(
     }
     for name in sorted(set(names.values())):
         numbers = [n for n in names if names[n] == name]
-        own = cases(pairs[numbers[0]].choice)
         spans: dict[int, dict[str, Spans]] = {n: {} for n in numbers}
-        timed: set[tuple[int, ...]] = set()
-        for load, case in own.items():
-            plan = plan_case(case.config, build_case(case.config).scene)
-            size = _size(plan)
-            # Under error control the number of passes is known only after the run.
-            if plan.control is None and size in timed:
-                continue
-            timed.add(size)
-            loop = compiled_loop(plan)
+        for load, loop in loops(pairs[numbers[0]].choice):
             for n in numbers:
                 rival = pairs[n].rival
                 log(f"timing {pairs[n].choice.name} beside {rival.name}, {load}")
                 setting = rivals.setting(rival.name.split(",")[0], rival.choice)
                 calls: dict[str, Callable[[], Any]] = {
-                    "choice": loop.run,
+                    "choice": loop,
                     "rival": rivals.run(setting, load).call,
                 }
                 spans[n][load] = interleaved(calls, repeats, there_and_back=True)
         found |= {n: _comparison(pairs[n], spans[n]) for n in numbers}
     return [found[n] for n in range(len(pairs))]
+
+
+def choice_loops(cases: Mapping[str, Case]) -> Iterator[tuple[str, Loop]]:
+    """Compiled loops of a choice, one for loads that differ in numbers only."""
+    timed: set[tuple[int, ...]] = set()
+    for load, case in cases.items():
+        plan = plan_case(case.config, build_case(case.config).scene)
+        size = _size(plan)
+        # Under error control the number of passes is known only after the run.
+        if plan.control is None and size in timed:
+            continue
+        timed.add(size)
+        yield load, compiled_loop(plan).run
+
+
+def model_loops(folder: Path, models: Mapping[str, str]) -> Iterator[tuple[str, Loop]]:
+    """Runs of the reduced models of each load, from their files."""
+    for load, name in models.items():
+        yield load, model_loop(load_reduced(folder / name))
+
+
+def model_loop(model: ReducedModel) -> Loop:
+    """Compiled run of a reduced model for the loads that it was made of."""
+    with precision(model.dtype):
+        function = eqx.filter_jit(model.as_function())
+        amplitudes = jnp.asarray(model.amplitudes, model.dtype)
+
+    def run() -> Any:
+        with precision(model.dtype):
+            return function(amplitudes)
+
+    return run
 
 
 def _comparison(pair: Pair, spans: dict[str, Spans]) -> Comparison:

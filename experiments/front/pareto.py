@@ -70,6 +70,8 @@ class Point:
     set: dict[str, Any] | None = None
     """Changes of the scene by dotted key."""
     loads: tuple[str, ...] = ()
+    models: dict[str, str] | None = None
+    """File of a reduced model by load, in the folder of the sweep."""
 
     @property
     def time_s(self) -> float | None:
@@ -189,8 +191,13 @@ def _rival(rows: list[Row]) -> Point:
     point = _point(own, [*rows])
     labels = [_label(*item) for item in point.choice.items()]
     offline = [row["offline_s"] for row in rows if row.get("offline_s") is not None]
-    named = {"name": ", ".join([rows[0]["name"], *labels])}
-    return Point(**{**vars(point), **named, "offline_s": max(offline, default=None)})
+    models = {row["load"]: row["model"] for row in rows if row.get("model")}
+    more = {
+        "name": ", ".join([rows[0]["name"], *labels]),
+        "offline_s": max(offline, default=None),
+        "models": models if len(models) == len(rows) else None,
+    }
+    return Point(**{**vars(point), **more})
 
 
 def spread_of(values: Sequence[float]) -> Spread:

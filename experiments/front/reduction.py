@@ -1,20 +1,17 @@
-"""`experiments run reduction`: reduced models of a sweep's best choice, as its rivals.
+"""`experiments run reduction`: reduced models of a sweep's choices, on its front.
 
 A model is made for the pattern of each load, and judged by the sweep's own reference.
 Its rows are added to `rivals.jsonl` in the sweep's folder, where `experiments run
 front` shows them with the time to make them, `offline_s`, apart from their run time.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
-
-import jax
-import jax.numpy as jnp
 
 from calibrate.runs.case import Case
 from calibrate.runs.scenes import build_case
 from calibrate.runs.truth import find_truth
-from jaxthermo.arrays import precision
 from jaxthermo.cli.console import open_console, print_line
 from jaxthermo.errors import InputError
 from jaxthermo.provenance import processor
@@ -24,21 +21,26 @@ from jaxthermo.report.numbers import seconds, significant
 
 from ..harness.record import fingerprint, program_hash
 from ..harness.timing import timed_call
-from ..sweep.config import load_sweep, resolved
+from ..sweep.config import SweepConfig, load_sweep, resolved
+from .comparisons import model_loop
 from .folder import append_rows, read_folder
 from .pareto import Point, Row, points_of
-from .run import cases, loads_of
+from .run import TOLERANCES, cases, loads_of
 
 
 NAME = "reduced model"
-_TOLERANCES = (1e-1, 1e-2, 1e-3)
+_REDUCTIONS = (1e-2, 1e-3)
 """Errors of the reduction over the surface's range [-]."""
 _REPEATS = 7
+_MARGIN = 0.9
+"""Error of a choice that is reduced over the tolerance [-]: the rest is the model's."""
 _SOURCES = (Path(__file__),)
 
 
 def run(folder: Path, config: Path | None = None) -> dict[str, Any]:
-    """Reduced models of the most accurate choice of a sweep, to three tolerances.
+    """Reduced models of the choices of a sweep that are read the fastest.
+
+    For each tolerance of the front, of a choice within it.
 
     Raises:
         InputError: if no folder of a sweep is named, or its scene is not linear.
@@ -50,33 +52,54 @@ def run(folder: Path, config: Path | None = None) -> dict[str, Any]:
     points = points_of(rows.rows, rows.times, set(loads_of(given)))
     if not points:
         raise InputError(f"{config}: no choice has been run under every load")
-    best = min(points, key=lambda point: point.errors["rms_percent"])
-    log = lambda text: print_line(console, text)
-    found = []
-    for load, case in cases(given, best).items():
-        for tolerance in _TOLERANCES:
-            row = _row(case, load, best, tolerance)
-            append_rows(config / "rivals.jsonl", [row])
-            log(f"{load}: {_words(row)}")
-            found.append(row)
+    found, chosen = [], _chosen(given, points)
+    for point in chosen:
+        for load, case in cases(given, point).items():
+            for tolerance in _REDUCTIONS:
+                row = _row(case, load, point, tolerance, config)
+                append_rows(config / "rivals.jsonl", [row])
+                print_line(console, f"{load}: {_words(row)}")
+                found.append(row)
     return {
         "config": resolved(given),
         "sweep": str(config),
-        "choice": best.choice,
-        "choice_error": best.errors,
+        "choices": [{"choice": p.choice, "errors": p.errors} for p in chosen],
         "rows": found,
         "sentences": [_words(row) for row in found],
     }
 
 
-def _row(case: Case, load: str, point: Point, tolerance: float) -> Row:
+def _chosen(config: SweepConfig, points: Sequence[Point]) -> list[Point]:
+    """A choice within each tolerance; the most accurate one where none is."""
+    found: list[Point] = []
+    for tolerance in TOLERANCES:
+        most = _MARGIN * tolerance
+        within = [p for p in points if p.errors["rms_percent"] <= most]
+        if within:
+            found.append(min(within, key=lambda point: _size(config, point)))
+    if not found:
+        found = [min(points, key=lambda point: point.errors["rms_percent"])]
+    return list({point.name: point for point in found}.values())
+
+
+def _size(config: SweepConfig, point: Point) -> tuple[float, int]:
+    """Voxels along z, which the time of a reduced model grows with, then nodes."""
+    body = next(iter(cases(config, point).values())).config.bodies[0]
+    return float(body.voxels_high or 1 / float(body.pitch or 1)), point.nodes
+
+
+def _row(case: Case, load: str, point: Point, tolerance: float, folder: Path) -> Row:
     """A model under one load, its error and its times."""
     scene, span = build_case(case.config).scene, case.config.time
     model = reduce(scene, span.last, span.save_times, tolerance=tolerance)
     truth = find_truth(case, lambda text: None)
     label = f"{point.name}, within {100 * tolerance:g} %"
+    key = fingerprint([case.id, tolerance, program_hash(_SOURCES)])
+    file = Path("models") / f"{key}.npz"
+    (folder / file.parent).mkdir(exist_ok=True)
+    model.save(folder / file)
     return {
-        "id": fingerprint([case.id, tolerance, program_hash(_SOURCES)]),
+        "id": key,
         "name": NAME,
         "load": load,
         "choice": {"of": label},
@@ -84,6 +107,7 @@ def _row(case: Case, load: str, point: Point, tolerance: float) -> Row:
         "own_error": truth.own_error,
         "loop_s": _spans(model),
         "offline_s": model.about.offline_s,
+        "model": str(file),
         "nodes": model.size,
         "full_nodes": model.about.nodes,
         "estimate_percent": model.about.estimate_percent,
@@ -95,12 +119,9 @@ def _row(case: Case, load: str, point: Point, tolerance: float) -> Row:
 
 
 def _spans(model: ReducedModel) -> list[float]:
-    with precision(model.dtype):
-        function = jax.jit(model.as_function())
-        amplitudes = jnp.asarray(model.amplitudes, model.dtype)
-        call = lambda: jax.block_until_ready(function(amplitudes))
-        call()
-        return [timed_call(call)[1] for _ in range(_REPEATS)]
+    call = model_loop(model)
+    timed_call(call)
+    return [timed_call(call)[1] for _ in range(_REPEATS)]
 
 
 def _bytes(model: ReducedModel) -> int:

@@ -1,6 +1,6 @@
 """`experiments run front`: the front of a sweep, beside rivals, as a page."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,14 @@ from ..sweep.config import SweepConfig, load_sweep, resolved
 from ..sweep.points import Choice, cases_of
 from ..sweep.run import Options
 from ..sweep.summary import about_reference
-from .comparisons import Comparison, pairs, time_pairs
+from .comparisons import (
+    Comparison,
+    Loop,
+    choice_loops,
+    model_loops,
+    pairs,
+    time_pairs,
+)
 from .folder import SweepFolder, read_folder
 from .pareto import Point, front, points_of, rivals_of
 from .report import Findings, write_contents, write_report
@@ -27,7 +34,7 @@ from .rivals import Rivals
 from .wording import sentence, structure_words
 
 
-_TOLERANCES = (1.0, 3.0)
+TOLERANCES = (1.0, 3.0)
 """Errors at which the front is compared with every kind of rival [%]."""
 
 
@@ -106,7 +113,8 @@ def _front(
     title: str,
 ) -> dict[str, Any]:
     """The front of points of one problem beside rivals, printed and as a page."""
-    found, comparisons, remark = _beside(console, config, points, folder)
+    models = [other for other in others if other.models is not None]
+    found, comparisons, remark = _beside(console, config, points, models, rows, folder)
     remarks = [remark] if remark else []
     about = [_about(config, rows, points), *remarks]
     # In one folder with the sweep, the file has the rivals of this run as well.
@@ -162,7 +170,12 @@ def cases(config: SweepConfig, point: Point) -> dict[str, Case]:
 
 
 def _beside(
-    console: Console, config: SweepConfig, points: Sequence[Point], folder: Path
+    console: Console,
+    config: SweepConfig,
+    points: Sequence[Point],
+    models: Sequence[Point],
+    rows: SweepFolder,
+    folder: Path,
 ) -> tuple[list[Point], list[Comparison], str | None]:
     """Rivals, comparisons with them, and the reason where there are none."""
     loads, best = set(loads_of(config)), front(points)
@@ -171,15 +184,20 @@ def _beside(
     log = lambda text: print_line(console, text)
     try:
         rivals = Rivals(cases(config, best[0]), folder / "rivals.jsonl", log)
-        needed = min(best[-1].errors["rms_percent"], *_TOLERANCES)
-        rivals.search(needed, _TOLERANCES)
+        needed = min(best[-1].errors["rms_percent"], *TOLERANCES)
+        rivals.search(needed, TOLERANCES)
     except InputError as error:
         print_line(console, str(error))
         return [], [], f"There are no rivals: {error}."
     found = rivals_of(rivals.rows, loads)
-    chosen = pairs(points, found, _TOLERANCES)
-    own = lambda point: cases(config, point)
-    comparisons = time_pairs(chosen, own, rivals, config.repeats, log)
+
+    def loops(point: Point) -> Iterator[tuple[str, Loop]]:
+        if point.models is not None:
+            return model_loops(rows.path, point.models)
+        return choice_loops(cases(config, point))
+
+    chosen = pairs(points, found, TOLERANCES, models)
+    comparisons = time_pairs(chosen, loops, rivals, config.repeats, log)
     least = min((rival.errors["rms_percent"] for rival in found), default=None)
     remark = f"Voxels of the rivals: {rivals.tried}"
     if least is not None:

@@ -32,7 +32,8 @@ def test_a_front_has_rivals_that_are_not_measured_again(tmp_path):
         for side in ("choice", "rival"):
             error = each[side]["errors"]["rms_percent"]
             assert error <= each["tolerance_percent"]
-        assert set(each["spans_s"]) == {"+x", "+z"}
+        # The other load has arrays of the same shapes, and as many steps.
+        assert set(each["spans_s"]) == {"+x"}
         assert all(len(own["rival"]) == 2 for own in each["spans_s"].values())
     rows = (out / "rivals.jsonl").read_text()
     kinds = {json.loads(line)["name"] for line in rows.splitlines()}
@@ -105,8 +106,11 @@ def test_without_numba_there_are_no_rivals(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-def test_reduced_models_are_rivals_with_their_time_to_make_them(tmp_path):
-    config, sweep = sweep_file(tmp_path), tmp_path / "sweep"
+def test_reduced_models_are_timed_beside_rivals(tmp_path):
+    config, sweep = sweep_file(tmp_path, FINE), tmp_path / "sweep"
+    # Blocks of so many voxels are within 3 %: the one choice that is reduced.
+    ball = tmp_path / "ball.yaml"
+    ball.write_text(ball.read_text().replace("voxels_high: 8", "voxels_high: 20"))
     code, _, err = run("sweep", config, "--out", sweep, main=main)
     assert code == 0, err
     code, said, err = run(
@@ -118,12 +122,20 @@ def test_reduced_models_are_rivals_with_their_time_to_make_them(tmp_path):
     assert rows == result["rows"] and {each["load"] for each in rows} == {"+x", "+z"}
     assert all(each["offline_s"] > min(each["loop_s"]) > 0 for each in rows)
     # No further from the reference than the structure and its reduction together.
+    (base,) = result["choices"]
     finest = [r for r in rows if r["choice"]["of"].endswith("within 0.1 %")]
-    most = result["choice_error"]["rms_percent"]
+    most = base["errors"]["rms_percent"]
     for each in finest:
         assert each["error"]["worst_rms_percent"] < most + 0.2
     code, said, err = front(sweep, "--out", tmp_path / "front")
     assert code == 0, err
     assert "reduced model" in (tmp_path / "front" / "report.html").read_text()
+    result = json.loads((tmp_path / "front" / "result.json").read_text())["result"]
+    timed = [
+        each
+        for each in result["comparisons"]
+        if each["choice"]["name"].startswith("reduced model")
+    ]
+    assert timed and all(set(each["spans_s"]) == {"+x", "+z"} for each in timed)
     code, _, err = run("run", "reduction", config, "--out", tmp_path / "x", main=main)
     assert code == 2 and "name the folder of a sweep" in err
