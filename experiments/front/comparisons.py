@@ -1,6 +1,6 @@
 """Choices of a front and rivals at the same error, timed in turn in one process."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from jaxthermo.integrate.run.plan import Plan
 from jaxthermo.reduction.reduced_model import ReducedModel, load_reduced
 from jaxthermo.report.numbers import significant
 
-from ..harness.timing import Spans, interleaved
+from ..harness.timing import Spans, interleaved, timed_call
 from .pareto import Point, Spread, fastest_within, front, ratio_of, spread_of
 from .rivals import TWELVE_STEPS, Rivals
 from .wording import ratio_text
@@ -27,6 +27,10 @@ Loop = Callable[[], Any]
 
 MAX_POINTS = 10
 """Points of the front that are compared at their own error."""
+
+
+_SHORT_S, _MAX_REPEATS = 0.5, 51
+"""Time that is spent on repeats of short runs [s], and their largest number."""
 
 
 @dataclass(frozen=True)
@@ -154,9 +158,18 @@ def time_pairs(
                     "choice": loop,
                     "rival": rivals.run(setting, load).call,
                 }
-                spans[n][load] = interleaved(calls, repeats, there_and_back=True)
+                count = _enough(calls.values(), repeats)
+                spans[n][load] = interleaved(calls, count, there_and_back=True)
         found |= {n: _comparison(pairs[n], spans[n]) for n in numbers}
     return [found[n] for n in range(len(pairs))]
+
+
+def _enough(calls: Collection[Callable[[], Any]], repeats: int) -> int:
+    """More repeats of runs so short that a pause of the system shows in them."""
+    for call in calls:
+        timed_call(call)
+    whole = sum(timed_call(call)[1] for call in calls)
+    return max(repeats, min(_MAX_REPEATS, int(_SHORT_S / whole)))
 
 
 def choice_loops(cases: Mapping[str, Case]) -> Iterator[tuple[str, Loop]]:

@@ -34,7 +34,7 @@ def test_a_front_has_rivals_that_are_not_measured_again(tmp_path):
             assert error <= each["tolerance_percent"]
         # The other load has arrays of the same shapes, and as many steps.
         assert set(each["spans_s"]) == {"+x"}
-        assert all(len(own["rival"]) == 2 for own in each["spans_s"].values())
+        assert all(len(own["rival"]) >= 2 for own in each["spans_s"].values())
     rows = (out / "rivals.jsonl").read_text()
     kinds = {json.loads(line)["name"] for line in rows.splitlines()}
     assert kinds == {"numba RKL2", "numba explicit", "scipy TR-BDF2"}
