@@ -205,12 +205,14 @@ class Rivals:
 
     def _useful_counts(self, high: int) -> list[int]:
         """Numbers of steps up to the first that hardly changes the largest error."""
-        chosen, last = [], np.inf
+        chosen, last, alike = [], np.inf, 0
         for count in _COUNTS:
             chosen.append(count)
             rows = (self._row(Setting(RKL2, high, count), load) for load in self._cases)
             error = max(errors_of(row["error"])["rms_percent"] for row in rows)
-            if abs(last - error) < _ENOUGH * error:
+            # Two counts may have as many steps in the interval that decides.
+            alike = alike + 1 if abs(last - error) < _ENOUGH * error else 0
+            if alike == 2:
                 break
             last = error
         return chosen
