@@ -27,7 +27,7 @@ from jaxthermo.integrate.run.surface_reading import SurfaceReading
 
 from .case import Case
 from .picture import difference_picture
-from .scenes import build_case, plan_case
+from .scenes import build_case, loop_size, plan_case
 from .truth import Truth
 
 
@@ -217,6 +217,7 @@ def _judged(
         raise InputError("the error is not finite")
     picture = difference_picture(truth.points, solution, reading)
     receipt = planned.plan.compiled.receipt
+    size = loop_size(planned.plan)
     residual = np.abs(np.asarray(solution.energy.residual_relative)).max()
     row = {
         **planned.case.head,
@@ -226,6 +227,7 @@ def _judged(
         "links": receipt.links,
         "steps": solution.run.steps,
         "memory_bytes": receipt.memory_bytes,
+        "loop_size": None if size is None else list(size),
         # Largest of the saved times, over the heat that moved.
         "energy_residual": float(residual),
         "together": 1,

@@ -107,6 +107,8 @@ def _local(library: Any, workers: int) -> Any:
             processes=True,
             memory_limit=memory,
             dashboard_address=None,
+            # Else its web server takes a fixed port, which a second sweep wants too.
+            scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
             silence_logs=logging.CRITICAL,
         )
     finally:

@@ -72,6 +72,18 @@ def plan_case(config: SceneConfig, scene: Scene) -> Plan:
         return plan_run(*made, control_error=True)
 
 
+def loop_size(plan: Plan) -> tuple[int, ...] | None:
+    """Sizes that are equal for plans whose loops take the same time.
+
+    Loads that differ in numbers only have loops of one size. None where the run itself
+    finds what it takes: its error in time is controlled, or something moves.
+    """
+    if plan.control is not None or len(plan.compiled.programs) > 1:
+        return None
+    receipt = plan.compiled.receipt
+    return receipt.nodes, receipt.links, receipt.memory_bytes, plan.steps
+
+
 @lru_cache(maxsize=2)
 def _bodies(key: _Key) -> _Bodies:
     found, voxels_s, structures_s = [], 0.0, 0.0

@@ -9,10 +9,9 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from calibrate.runs.case import Case
-from calibrate.runs.scenes import build_case, plan_case
+from calibrate.runs.scenes import build_case, loop_size, plan_case
 from calibrate.runs.times import compiled_loop
 from jaxthermo.arrays import precision
-from jaxthermo.integrate.run.plan import Plan
 from jaxthermo.reduction.reduced_model import ReducedModel, load_reduced
 from jaxthermo.report.numbers import significant
 
@@ -22,7 +21,7 @@ from .rivals import TWELVE_STEPS, Rivals
 from .wording import ratio_text
 
 
-Loop = Callable[[], Any]
+Call = Callable[[], Any]
 """A run that is ready to be timed."""
 
 MAX_POINTS = 10
@@ -124,7 +123,7 @@ def _thinned(points: Sequence[Point]) -> list[Point]:
 
 def time_pairs(
     pairs: Sequence[Pair],
-    loops: Callable[[Point], Iterator[tuple[str, Loop]]],
+    loops: Callable[[Point], Iterator[tuple[str, Call]]],
     rivals: Rivals,
     repeats: int,
     log: Callable[[str], None],
@@ -154,7 +153,7 @@ def time_pairs(
                 rival = pairs[n].rival
                 log(f"timing {pairs[n].choice.name} beside {rival.name}, {load}")
                 setting = rivals.setting(rival.name.split(",")[0], rival.choice)
-                calls: dict[str, Callable[[], Any]] = {
+                calls: dict[str, Call] = {
                     "choice": loop,
                     "rival": rivals.run(setting, load).call,
                 }
@@ -164,7 +163,7 @@ def time_pairs(
     return [found[n] for n in range(len(pairs))]
 
 
-def _enough(calls: Collection[Callable[[], Any]], repeats: int) -> int:
+def _enough(calls: Collection[Call], repeats: int) -> int:
     """More repeats of runs so short that a pause of the system shows in them."""
     for call in calls:
         timed_call(call)
@@ -172,26 +171,26 @@ def _enough(calls: Collection[Callable[[], Any]], repeats: int) -> int:
     return max(repeats, min(_MAX_REPEATS, int(_SHORT_S / whole)))
 
 
-def choice_loops(cases: Mapping[str, Case]) -> Iterator[tuple[str, Loop]]:
+def choice_loops(cases: Mapping[str, Case]) -> Iterator[tuple[str, Call]]:
     """Compiled loops of a choice, one for loads that differ in numbers only."""
     timed: set[tuple[int, ...]] = set()
     for load, case in cases.items():
         plan = plan_case(case.config, build_case(case.config).scene)
-        size = _size(plan)
-        # Under error control the number of passes is known only after the run.
-        if plan.control is None and size in timed:
+        size = loop_size(plan)
+        if size in timed:
             continue
-        timed.add(size)
+        if size is not None:
+            timed.add(size)
         yield load, compiled_loop(plan).run
 
 
-def model_loops(folder: Path, models: Mapping[str, str]) -> Iterator[tuple[str, Loop]]:
+def model_loops(folder: Path, models: Mapping[str, str]) -> Iterator[tuple[str, Call]]:
     """Runs of the reduced models of each load, from their files."""
     for load, name in models.items():
         yield load, model_loop(load_reduced(folder / name))
 
 
-def model_loop(model: ReducedModel) -> Loop:
+def model_loop(model: ReducedModel) -> Call:
     """Compiled run of a reduced model for the loads that it was made of."""
     with precision(model.dtype):
         function = eqx.filter_jit(model.as_function())
@@ -212,9 +211,3 @@ def _comparison(pair: Pair, spans: dict[str, Spans]) -> Comparison:
     own = spread_of(spans[load]["choice"])
     other = spread_of(spans[load]["rival"])
     return Comparison(pair, load, own, other, ratios[load], spans)
-
-
-def _size(plan: Plan) -> tuple[int, ...]:
-    """Equal for loads under which a choice takes the same time."""
-    receipt = plan.compiled.receipt
-    return receipt.nodes, receipt.links, receipt.memory_bytes, plan.steps

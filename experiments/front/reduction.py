@@ -21,11 +21,11 @@ from jaxthermo.report.numbers import seconds, significant
 
 from ..harness.record import fingerprint, program_hash
 from ..harness.timing import timed_call
-from ..sweep.config import SweepConfig, load_sweep, resolved
+from ..sweep.config import load_sweep, resolved
 from .comparisons import model_loop
 from .folder import append_rows, read_folder
 from .pareto import Point, Row, points_of
-from .run import TOLERANCES, cases, loads_of
+from .run import TOLERANCES, SweepCases
 
 
 NAME = "reduced model"
@@ -40,7 +40,8 @@ _SOURCES = (Path(__file__),)
 def run(folder: Path, config: Path | None = None) -> dict[str, Any]:
     """Reduced models of the choices of a sweep that are read the fastest.
 
-    For each tolerance of the front, of a choice within it.
+    For each tolerance of the front, of a choice within it. Models that are in the
+    folder are not made again.
 
     Raises:
         InputError: if no folder of a sweep is named, or its scene is not linear.
@@ -49,15 +50,20 @@ def run(folder: Path, config: Path | None = None) -> dict[str, Any]:
         raise InputError("reduction: name the folder of a sweep that was run")
     console = open_console()
     given, rows = load_sweep(config / "config.yaml"), read_folder(config)
-    points = points_of(rows.rows, rows.times, set(loads_of(given)))
+    cases = SweepCases(given)
+    points = points_of(rows.rows, rows.times, set(cases.loads))
     if not points:
         raise InputError(f"{config}: no choice has been run under every load")
-    found, chosen = [], _chosen(given, points)
+    found, chosen = [], _chosen(cases, points)
+    known = {row["id"]: row for row in rows.rivals if "id" in row}
     for point in chosen:
-        for load, case in cases(given, point).items():
+        for load, case in cases(point).items():
             for tolerance in _REDUCTIONS:
-                row = _row(case, load, point, tolerance, config)
-                append_rows(config / "rivals.jsonl", [row])
+                key = fingerprint([case.id, tolerance, program_hash(_SOURCES)])
+                row = known.get(key)
+                if row is None or not (config / row["model"]).exists():
+                    row = _row(key, case, load, point, tolerance, config)
+                    append_rows(config / "rivals.jsonl", [row])
                 print_line(console, f"{load}: {_words(row)}")
                 found.append(row)
     return {
@@ -69,32 +75,33 @@ def run(folder: Path, config: Path | None = None) -> dict[str, Any]:
     }
 
 
-def _chosen(config: SweepConfig, points: Sequence[Point]) -> list[Point]:
+def _chosen(cases: SweepCases, points: Sequence[Point]) -> list[Point]:
     """A choice within each tolerance; the most accurate one where none is."""
     found: list[Point] = []
     for tolerance in TOLERANCES:
         most = _MARGIN * tolerance
         within = [p for p in points if p.errors["rms_percent"] <= most]
         if within:
-            found.append(min(within, key=lambda point: _size(config, point)))
+            found.append(min(within, key=lambda point: _size(cases, point)))
     if not found:
         found = [min(points, key=lambda point: point.errors["rms_percent"])]
     return list({point.name: point for point in found}.values())
 
 
-def _size(config: SweepConfig, point: Point) -> tuple[float, int]:
+def _size(cases: SweepCases, point: Point) -> tuple[float, int]:
     """Voxels along z, which the time of a reduced model grows with, then nodes."""
-    body = next(iter(cases(config, point).values())).config.bodies[0]
+    body = next(iter(cases(point).values())).config.bodies[0]
     return float(body.voxels_high or 1 / float(body.pitch or 1)), point.nodes
 
 
-def _row(case: Case, load: str, point: Point, tolerance: float, folder: Path) -> Row:
+def _row(
+    key: str, case: Case, load: str, point: Point, tolerance: float, folder: Path
+) -> Row:
     """A model under one load, its error and its times."""
     scene, span = build_case(case.config).scene, case.config.time
     model = reduce(scene, span.last, span.save_times, tolerance=tolerance)
     truth = find_truth(case, lambda text: None)
     label = f"{point.name}, within {100 * tolerance:g} %"
-    key = fingerprint([case.id, tolerance, program_hash(_SOURCES)])
     file = Path("models") / f"{key}.npz"
     (folder / file.parent).mkdir(exist_ok=True)
     model.save(folder / file)

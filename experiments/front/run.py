@@ -1,5 +1,6 @@
 """`experiments run front`: the front of a sweep, beside rivals, as a page."""
 
+import json
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -20,8 +21,8 @@ from ..sweep.points import Choice, cases_of
 from ..sweep.run import Options
 from ..sweep.summary import about_reference
 from .comparisons import (
+    Call,
     Comparison,
-    Loop,
     choice_loops,
     model_loops,
     pairs,
@@ -36,6 +37,25 @@ from .wording import sentence, structure_words
 
 TOLERANCES = (1.0, 3.0)
 """Errors at which the front is compared with every kind of rival [%]."""
+
+
+class SweepCases:
+    """Cases of a sweep's points; the scene of each is read and checked once."""
+
+    def __init__(self, config: SweepConfig):
+        """No scene is read yet."""
+        self.config = config
+        self.loads = [load.name for load in config.loads]
+        self._found: dict[str, dict[str, Case]] = {}
+
+    def __call__(self, point: Point) -> dict[str, Case]:
+        """The cases of a point by load."""
+        key = json.dumps([point.choice, point.set])
+        if key not in self._found:
+            choice = Choice(tuple(point.choice.items()), dict(point.set or {}))
+            own = {case.load: case for case in cases_of(self.config, choice)}
+            self._found[key] = own
+        return self._found[key]
 
 
 def run(folder: Path, config: Path | None = None) -> dict[str, Any]:
@@ -53,20 +73,21 @@ def run(folder: Path, config: Path | None = None) -> dict[str, Any]:
         source = folder / "sweep"
         sweep(config, source, (), Options(default_workers(), None, False, True))
     given, rows = load_sweep(source / "config.yaml"), read_folder(source)
+    cases = SweepCases(given)
     head = {"config": resolved(given), "sweep": str(source)}
     title = f"Error against run time: {given.scene.stem.replace('-', ' ')}"
-    problems = _problems(given, _points(given, rows))
+    problems = _problems(cases, _points(cases, rows))
     if len(problems) == 1:
         ((_, points),) = problems.items()
         # Rivals that others have added are of one problem.
-        others = rivals_of(rows.rivals, set(loads_of(given)))
-        return {**head, **_front(console, given, rows, points, others, folder, title)}
+        others = rivals_of(rows.rivals, set(cases.loads))
+        return {**head, **_front(console, cases, rows, points, others, folder, title)}
     fronts = {}
     for name, points in problems.items():
         print_line(console, f"{name}:")
         own = folder / name.replace("/", "-")
         own.mkdir(parents=True, exist_ok=True)
-        made = _front(console, given, rows, points, [], own, f"{title}, {name}")
+        made = _front(console, cases, rows, points, [], own, f"{title}, {name}")
         fronts[name] = {
             **made,
             "files": [f"{own.name}/{file}" for file in made["files"]],
@@ -76,9 +97,7 @@ def run(folder: Path, config: Path | None = None) -> dict[str, Any]:
     return {**head, "fronts": fronts, "files": [*files, "report.html"]}
 
 
-def _problems(
-    config: SweepConfig, points: Sequence[Point]
-) -> dict[str, Sequence[Point]]:
+def _problems(cases: SweepCases, points: Sequence[Point]) -> dict[str, Sequence[Point]]:
     """Points by what they have in common, where they have not all one reference.
 
     Choices of another material have other errors and times for reasons of their own: no
@@ -86,7 +105,7 @@ def _problems(
     """
     groups: dict[tuple[str, ...], list[Point]] = {}
     for point in points:
-        keys = tuple(case.truth_key for case in cases(config, point).values())
+        keys = tuple(case.truth_key for case in cases(point).values())
         groups.setdefault(keys, []).append(point)
     if len(groups) < 2:
         return {"": points}
@@ -105,7 +124,7 @@ def _problems(
 
 def _front(
     console: Console,
-    config: SweepConfig,
+    cases: SweepCases,
     rows: SweepFolder,
     points: Sequence[Point],
     others: Sequence[Point],
@@ -114,13 +133,13 @@ def _front(
 ) -> dict[str, Any]:
     """The front of points of one problem beside rivals, printed and as a page."""
     models = [other for other in others if other.models is not None]
-    found, comparisons, remark = _beside(console, config, points, models, rows, folder)
+    found, comparisons, remark = _beside(console, cases, points, models, rows, folder)
     remarks = [remark] if remark else []
-    about = [_about(config, rows, points), *remarks]
+    about = [_about(cases, rows, points), *remarks]
     # In one folder with the sweep, the file has the rivals of this run as well.
     names = {rival.name for rival in found}
     found = [*(other for other in others if other.name not in names), *found]
-    own, plain = list(points), resolved(config)
+    own, plain = list(points), resolved(cases.config)
     findings = Findings(title, about, rows, own, found, comparisons, plain)
     files = write_report(findings, folder)
     for number, point in enumerate(front(points), 1):
@@ -136,14 +155,13 @@ def _front(
     }
 
 
-def _points(config: SweepConfig, rows: SweepFolder) -> list[Point]:
+def _points(cases: SweepCases, rows: SweepFolder) -> list[Point]:
     """Points of the sweep, with what they are in words."""
-    loads = {load.name for load in config.loads}
-    points = points_of(rows.rows, rows.times, loads)
+    points = points_of(rows.rows, rows.times, set(cases.loads))
     heights: dict[str, float] = {}
 
     def words(point: Point) -> str | None:
-        body = cases(config, point)[loads_of(config)[0]].config.bodies[0]
+        body = cases(point)[cases.loads[0]].config.bodies[0]
         pitch = body.pitch
         if pitch is None:
             # Meshes of one file and height are loaded once.
@@ -158,32 +176,21 @@ def _points(config: SweepConfig, rows: SweepFolder) -> list[Point]:
     return [replace(point, words=words(point)) for point in points]
 
 
-def loads_of(config: SweepConfig) -> list[str]:
-    """Names of the loads."""
-    return [load.name for load in config.loads]
-
-
-def cases(config: SweepConfig, point: Point) -> dict[str, Case]:
-    """The cases of a point by load."""
-    choice = Choice(tuple(point.choice.items()), dict(point.set or {}))
-    return {case.load: case for case in cases_of(config, choice)}
-
-
 def _beside(
     console: Console,
-    config: SweepConfig,
+    cases: SweepCases,
     points: Sequence[Point],
     models: Sequence[Point],
     rows: SweepFolder,
     folder: Path,
 ) -> tuple[list[Point], list[Comparison], str | None]:
     """Rivals, comparisons with them, and the reason where there are none."""
-    loads, best = set(loads_of(config)), front(points)
+    loads, best = set(cases.loads), front(points)
     if not best:
         return [], [], "No choice was timed, and no rival was run."
     log = lambda text: print_line(console, text)
     try:
-        rivals = Rivals(cases(config, best[0]), folder / "rivals.jsonl", log)
+        rivals = Rivals(cases(best[0]), folder / "rivals.jsonl", log)
         needed = min(best[-1].errors["rms_percent"], *TOLERANCES)
         rivals.search(needed, TOLERANCES)
     except InputError as error:
@@ -191,13 +198,13 @@ def _beside(
         return [], [], f"There are no rivals: {error}."
     found = rivals_of(rivals.rows, loads)
 
-    def loops(point: Point) -> Iterator[tuple[str, Loop]]:
+    def loops(point: Point) -> Iterator[tuple[str, Call]]:
         if point.models is not None:
             return model_loops(rows.path, point.models)
-        return choice_loops(cases(config, point))
+        return choice_loops(cases(point))
 
     chosen = pairs(points, found, TOLERANCES, models)
-    comparisons = time_pairs(chosen, loops, rivals, config.repeats, log)
+    comparisons = time_pairs(chosen, loops, rivals, cases.config.repeats, log)
     least = min((rival.errors["rms_percent"] for rival in found), default=None)
     remark = f"Voxels of the rivals: {rivals.tried}"
     if least is not None:
@@ -205,19 +212,20 @@ def _beside(
     return found, comparisons, f"{remark}."
 
 
-def _about(config: SweepConfig, rows: SweepFolder, points: Sequence[Point]) -> str:
+def _about(cases: SweepCases, rows: SweepFolder, points: Sequence[Point]) -> str:
     own = [p.own_error_percent for p in points if p.own_error_percent is not None]
-    truth = f"{config.truth.voxels_high} voxels high"
-    if config.truth.pitch is not None:
-        truth = f"of {1e3 * config.truth.pitch:g} mm voxels"
+    given = cases.config.truth
+    truth = f"{given.voxels_high} voxels high"
+    if given.pitch is not None:
+        truth = f"of {1e3 * given.pitch:g} mm voxels"
     text = (
-        f"{len(points)} choices under {', '.join(loads_of(config))}; "
+        f"{len(points)} choices under {', '.join(cases.loads)}; "
         f"{len(rows.failed)} cases could not be run. Errors are against a reference "
         f"{truth}"
     )
     if own:
         text += f", which itself is off by about {max(own):.2g} %"
-    every = [case for point in points for case in cases(config, point).values()]
+    every = [case for point in points for case in cases(point).values()]
     return " ".join([f"{text}.", *about_reference(every)])
 
 

@@ -272,12 +272,11 @@ def _times(sweep: Sweep, options: Options, log: Log) -> None:
 def _alike(cases: Sequence[Case], rows: Mapping[str, Row]) -> list[list[Case]]:
     """Loads of a choice whose runs differ in numbers only, and so take the same time.
 
-    Their arrays have the same shapes, and they take the same number of steps.
+    One whose loop has no size of its own is timed alone.
     """
-    sizes = ("nodes", "links", "steps", "memory_bytes")
     found: dict[str, list[Case]] = {}
     for case in cases:
-        size = [rows[case.id].get(name) for name in sizes]
+        size = rows[case.id].get("loop_size") or case.id
         found.setdefault(f"{case.names} {case.shape_key} {size}", []).append(case)
     return list(found.values())
 

@@ -127,6 +127,15 @@ def test_reduced_models_are_timed_beside_rivals(tmp_path):
     most = base["errors"]["rms_percent"]
     for each in finest:
         assert each["error"]["worst_rms_percent"] < most + 0.2
+    # Models that are in the folder are not made again.
+    made = {path: path.stat().st_mtime_ns for path in (sweep / "models").iterdir()}
+    code, again, err = run(
+        "run", "reduction", sweep, "--out", tmp_path / "again", main=main
+    )
+    assert code == 0, err
+    assert {p: p.stat().st_mtime_ns for p in (sweep / "models").iterdir()} == made
+    found = json.loads((tmp_path / "again" / "result.json").read_text())["result"]
+    assert found["rows"] == rows
     code, said, err = front(sweep, "--out", tmp_path / "front")
     assert code == 0, err
     assert "reduced model" in (tmp_path / "front" / "report.html").read_text()

@@ -8,6 +8,7 @@ import pytest
 
 from calibrate.runs.evaluate import evaluate, evaluate_group
 from calibrate.runs.rows import Rows, claim_folder
+from calibrate.runs.scenes import build_case, loop_size, plan_case
 from calibrate.runs.times import time_case
 from calibrate.runs.truth import find_truth
 from experiments.sweep.config import load_sweep
@@ -139,6 +140,24 @@ def test_a_time_is_measured_in_turn_with_the_full_volume(tmp_path):
     assert row["full_volume"]["timed_fraction"] == 1.0
     assert row["full_volume"]["nodes"] > 200 and "core" in row["processor"]
     json.dumps(row, allow_nan=False)
+
+
+def test_loads_that_differ_in_numbers_only_have_loops_of_one_size(tmp_path):
+    """Other weights have other stable steps; a controlled error, no size at all."""
+    own = cases(tmp_path)
+    plans = [plan_case(case.config, build_case(case.config).scene) for case in own]
+    sizes = [loop_size(plan) for plan in plans]
+    for case, size in zip(own, sizes, strict=True):
+        for other, its_size in zip(own, sizes, strict=True):
+            assert size == its_size or case.names != other.names
+    assert len(set(sizes)) > 1
+    controlled = SWEEP.replace(
+        "\ntruth",
+        "\n  solver: [{label: adaptive, set: {solver: error_control}}]\ntruth",
+    )
+    case = cases(tmp_path, controlled)[0]
+    plan = plan_case(case.config, build_case(case.config).scene)
+    assert plan.control is not None and loop_size(plan) is None
 
 
 def test_rows_of_a_killed_process_are_kept_but_for_half_a_line(tmp_path):
