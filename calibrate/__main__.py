@@ -4,7 +4,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from jaxthermo.cli.entry import Overrides, make_app, run_app
+from jaxthermo.cli.entry import Overrides, compiles, make_app, run_app
 
 
 app = make_app(
@@ -14,6 +14,7 @@ app = make_app(
 
 
 @app.command
+@compiles
 def _fit(
     config: Path, /, *, out: Path | None = None, overrides: Overrides = ()
 ) -> None:
@@ -32,6 +33,7 @@ def _fit(
 
 
 @app.command
+@compiles
 def _identify(config: Path, /, *, overrides: Overrides = ()) -> None:
     """Report how well the data determine each parameter, before anything is fitted.
 
@@ -45,6 +47,7 @@ def _identify(config: Path, /, *, overrides: Overrides = ()) -> None:
 
 
 @app.command
+@compiles
 def _check(card: str, /, *, scene: Path, overrides: Overrides = ()) -> None:
     """Check if a fit card is valid for a scene: its ranges, and the error there.
 
@@ -72,6 +75,7 @@ def _show(folder: Path | None = None, /, *, shipped: bool = False) -> None:
 
 
 @app.command
+@compiles
 def _cards(
     folder: Path,
     /,
@@ -96,6 +100,7 @@ def _cards(
 
 
 @app.command
+@compiles
 def _plan(
     scene: Path,
     /,

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from jaxthermo.cli.entry import Overrides, make_app, run_app
+from jaxthermo.cli.entry import Overrides, compiles, make_app, run_app
 
 from . import catalogue
 
@@ -23,6 +23,7 @@ def _list_all() -> None:
 
 
 @app.command
+@compiles
 def _run(
     name: str,
     config: Path | None = None,
@@ -85,6 +86,7 @@ def _report(folder: Path, /) -> None:
 
 
 @app.command
+@compiles
 def _sweep(
     config: Path,
     /,

@@ -1,5 +1,6 @@
 """Types of all that `jaxthermo` exports; `__init__.py` resolves the same names."""
 
+from .compilation_cache import cache_compilations as cache_compilations
 from .config.card_file import load_card as load_card
 from .errors import InputError as InputError
 from .findings import forget_findings as forget_findings

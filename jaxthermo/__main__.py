@@ -8,7 +8,7 @@ from typing import Annotated
 from cyclopts import App, Parameter
 
 from . import __version__
-from .cli.entry import Overrides, make_app, run_app
+from .cli.entry import Overrides, compiles, make_app, run_app
 
 
 app: App = make_app(
@@ -17,6 +17,7 @@ app: App = make_app(
 
 
 @app.command
+@compiles
 def _simulate(
     config: Path,
     /,
@@ -50,6 +51,7 @@ def _simulate(
 
 
 @app.command
+@compiles
 def _render(
     run: Path,
     /,
@@ -79,6 +81,7 @@ def _render(
 
 
 @app.command
+@compiles
 def _reduce(
     config: Path,
     /,
@@ -107,6 +110,7 @@ def _reduce(
 
 
 @app.command
+@compiles
 def _voxelize(
     mesh: Path,
     /,

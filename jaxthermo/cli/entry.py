@@ -1,9 +1,11 @@
 """Entry points of the command lines: a mistake is one line, never a traceback."""
 
+import functools
+import importlib
 import os
 import sys
-from collections.abc import Sequence
-from typing import Annotated
+from collections.abc import Callable, Sequence
+from typing import Annotated, ParamSpec
 
 from cyclopts import App, CycloptsError, Parameter
 
@@ -15,6 +17,23 @@ Overrides = Annotated[
     tuple[str, ...],
     Parameter(name="--set", negative="", metavar="KEY=VALUE", show_default=False),
 ]
+_P = ParamSpec("_P")
+
+
+def compiles(command: Callable[_P, None]) -> Callable[_P, None]:
+    """Decorator of commands that compile programs: they are kept for the next one."""
+
+    @functools.wraps(command)
+    def run(*args: _P.args, **kwargs: _P.kwargs) -> None:
+        # Before jaxlib reads it: where XLA rejects a stored program, it would print
+        # lines about wrong machine types, and the program is compiled again.
+        os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
+        # By name: it imports JAX, which help and tables do without.
+        cache = importlib.import_module("jaxthermo.compilation_cache")
+        cache.cache_compilations()
+        command(*args, **kwargs)
+
+    return run
 
 
 def make_app(name: str, help: str, version: str | None = None) -> App:

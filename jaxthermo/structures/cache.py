@@ -1,14 +1,11 @@
 """Cache of structures on disk.
 
 The file's name is a hash of all inputs: mesh, voxels, fragments, options and source
-code. `JAXTHERMO_CACHE` sets another folder, or is "off". The cache never makes a build
-fail: a file that cannot be read is rebuilt, one that cannot be written is skipped.
+code.
 """
 
-import contextlib
 import functools
 import hashlib
-import os
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -16,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from .. import user_cache
 from ..atomic import replacing
 from ..errors import InputError
 from ..findings import digest, found
@@ -74,19 +72,8 @@ def cached(
 
 
 def cache_folder() -> Path | None:
-    """Folder of the cache; None if it is off."""
-    named = os.environ.get("JAXTHERMO_CACHE", "")
-    if named == "off":
-        return None
-    try:
-        if named:
-            return Path(named).expanduser() / "structures"
-        per_user = Path(os.environ.get("XDG_CACHE_HOME", ""))
-        if not per_user.is_absolute():
-            per_user = Path.home() / ".cache"
-    except RuntimeError:  # a user without a home
-        return None
-    return per_user / "jaxthermo" / "structures"
+    """Folder of the structures; None if the cache is off."""
+    return user_cache.cache_folder("structures")
 
 
 def _key(kind: str, grid: VoxelGrid, options: dict[str, Any]) -> str:
@@ -143,9 +130,7 @@ def _read(path: Path) -> Built | None:
             )
     except Exception:  # readers of damaged zip and npy files raise any exception
         return None
-    # Marks the file as recently used for `_make_room`.
-    with contextlib.suppress(OSError):
-        os.utime(path)
+    user_cache.mark_used(path)
     return built
 
 
@@ -160,22 +145,6 @@ def _write(path: Path, built: Built) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         with replacing(path) as temporary:
             np.savez(temporary, allow_pickle=False, **arrays)
-        _make_room(path.parent)
+        user_cache.make_room(path.parent.iterdir(), _OWN_FILES, _MAX_BYTES)
     except (OSError, InputError):
         return
-
-
-def _make_room(folder: Path) -> None:
-    """Remove the least recently used files until the rest is below `_MAX_BYTES`."""
-    found = []
-    for path in folder.iterdir():
-        # Another process may remove files at the same time.
-        with contextlib.suppress(FileNotFoundError):
-            if _OWN_FILES.fullmatch(path.name):
-                status = path.stat()
-                found.append((status.st_mtime, status.st_size, path))
-    kept = 0
-    for _, size, path in sorted(found, reverse=True):
-        kept += size
-        if kept > _MAX_BYTES:
-            path.unlink(missing_ok=True)

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from jaxthermo import user_cache
 from jaxthermo.structures import cache
 from jaxthermo.structures.cache import cache_folder, cached
 from jaxthermo.structures.structure import Built, Links, Nodes
@@ -276,5 +277,5 @@ def test_a_file_that_another_process_removed_is_no_error(folder, grid, monkeypat
     gone = path.with_name(f"kind-{'0' * 40}.npz")
     listed = [*folder.iterdir(), gone]
     monkeypatch.setattr(Path, "iterdir", lambda _: iter(listed))
-    cache._make_room(folder)
+    user_cache.make_room(folder.iterdir(), cache._OWN_FILES, cache._MAX_BYTES)
     assert path.exists()

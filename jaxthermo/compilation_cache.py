@@ -1,0 +1,227 @@
+"""Compiled programs on disk: what one process compiled, the next one loads.
+
+JAX has such a cache. Its files are written here instead, since its own are not atomic,
+have no check sum against every damage, and no limit without a further library. The
+commands switch it on; Python switches it on by `cache_compilations`, because it is a
+setting of JAX that the whole process shares.
+
+A file that is damaged, or that XLA rejects, costs a compilation and nothing else. Code
+of another jaxlib or processor can crash when it is loaded, which JAX's own key does not
+rule out: both name the folder.
+"""
+
+import functools
+import hashlib
+import os
+import platform
+import re
+import sys
+import threading
+import warnings
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import jax
+import jaxlib
+from jax._src import compilation_cache as _jax_cache
+from jax._src.compilation_cache_interface import CacheInterface
+from typing_extensions import override
+
+from . import user_cache
+from .atomic import replacing
+from .errors import InputError
+from .user_cache import OFF
+
+
+_VARIABLE = "JAXTHERMO_COMPILATION_CACHE"
+"""Variable of the environment that names another folder, or is "off"."""
+
+# Incremented when the meaning of the files changes.
+_FORMAT = 1
+
+_MAX_BYTES = 512 * 1024**2
+"""Size of all files together; the least recently used are removed first."""
+
+_MAX_REJECTED = 3
+"""Files that XLA rejects in one process, after which their folder is not used again."""
+
+_DIGEST_BYTES = 32
+_CPUINFO = Path("/proc/cpuinfo")
+# Variables that change what XLA compiles, or for how many threads.
+_SETTINGS = ("XLA_FLAGS", "JAX_PLATFORMS", "NPROC")
+# Files of this cache, complete or left behind by a killed process.
+_OWN_FILES = re.compile(r"\.?program-[0-9a-f]{40}(\.\d+-[0-9a-f]{8})?\.bin")
+_UNUSABLE = "unusable"
+
+
+def cache_compilations() -> Path | None:
+    """Load programs that earlier processes compiled, and store those of this one.
+
+    This changes settings of JAX for the whole process, so that no other function of
+    the library calls it; the commands do. The files are in the user's cache folder;
+    `JAXTHERMO_COMPILATION_CACHE` names another one, or is "off", and both are off
+    where `JAXTHERMO_CACHE` is. A cache that JAX's own settings name stays in use.
+
+    Returns:
+        The folder; None if there is no cache, or not this one.
+    """
+    folder, before = _folder(), jax.config.jax_compilation_cache_dir
+    if folder is None or before is not None:
+        return folder if before == str(folder) else None
+    if not jax.config.jax_enable_compilation_cache or not _is_usable(folder):
+        return None
+    files = ProgramFiles(folder)
+    known = getattr(_jax_cache, "get_file_cache", None)
+    if known is None:  # a JAX in which another function opens it
+        return None
+
+    def opened(path: str) -> tuple[CacheInterface, str] | None:
+        return (files, path) if path == str(folder) else known(path)
+
+    _jax_cache.get_file_cache = opened
+    _jax_cache.reset_cache()
+    jax.config.update("jax_compilation_cache_dir", str(folder))
+    # Ours are many programs that take a fraction of a second each.
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
+    jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+    jax.config.update("jax_persistent_cache_enable_xla_caches", "none")
+    # Programs that cannot be stored, and files that XLA rejects: compiled as before.
+    warnings.filterwarnings(
+        "ignore", "Error (reading|writing) persistent compilation cache entry"
+    )
+    return folder
+
+
+def _folder() -> Path | None:
+    """Folder of the programs of this jaxlib on this processor."""
+    named = os.environ.get(_VARIABLE, "")
+    root = user_cache.cache_folder("programs")
+    if root is None or named == OFF:
+        return None
+    if named:
+        try:
+            root = Path(named).expanduser()
+        except RuntimeError:  # no such user
+            return None
+    return root.absolute() / f"{version('jaxlib')}-{_machine()}"
+
+
+def _machine() -> str:
+    """Hash of what machine code depends on: build of jaxlib, processor, settings."""
+    affinity = getattr(os, "sched_getaffinity", None)
+    cores = len(affinity(0)) if affinity else os.cpu_count()
+    text = [str(_FORMAT), version("jax"), _build(), _processor(), str(cores)]
+    text += [os.environ.get(name, "") for name in _SETTINGS]
+    return hashlib.sha256("\n".join(text).encode()).hexdigest()[:12]
+
+
+def _build() -> str:
+    """Size and time of the libraries of jaxlib, which may change under one version."""
+    folder = Path(jaxlib.__file__).parent
+    status = [(path.name, path.stat()) for path in sorted(folder.glob("*.so"))]
+    return " ".join(f"{name} {s.st_size} {s.st_mtime_ns}" for name, s in status)
+
+
+@functools.cache
+def _processor() -> str:
+    described = [platform.machine(), platform.processor()]
+    try:
+        lines = _CPUINFO.read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:  # not Linux
+        lines = []
+    # Of the first processor; "Features" on ARM.
+    for key in ("model name", "flags", "Features", "CPU part"):
+        described += [line for line in lines if line.startswith(key)][:1]
+    return "\n".join(described)
+
+
+def _is_usable(folder: Path) -> bool:
+    """True for an existing folder of this user alone, whose files XLA accepts."""
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        status = folder.stat()
+        # The files are machine code: nobody else may put any there.
+        own = not hasattr(os, "getuid") or status.st_uid == os.getuid()
+        shared = status.st_mode & 0o022 and sys.platform != "win32"
+        return own and not shared and not (folder / _UNUSABLE).exists()
+    except OSError:
+        return False
+
+
+class ProgramFiles(CacheInterface):
+    """The files of one folder, as JAX's cache reads and writes them; never fails.
+
+    A file is the check sum of its key and content, and the content: a program, or
+    nothing where XLA rejected the program.
+    """
+
+    def __init__(self, folder: Path):
+        # JAX reports this name.
+        self._path: Any = folder
+        self._lock = threading.Lock()
+        self._given: set[str] = set()
+        self._rejected = 0
+        # As if the limit were reached: the first file that is written checks it.
+        self._written = _MAX_BYTES
+
+    @override
+    def get(self, key: str) -> bytes | None:
+        """Content of a file; None if there is none, or none that can be used."""
+        if self._rejected >= _MAX_REJECTED:
+            return None
+        path = self._file(key)
+        content = _read(path, key)
+        if not content:
+            return None
+        user_cache.mark_used(path)
+        with self._lock:
+            self._given.add(key)
+        return content
+
+    @override
+    def put(self, key: str, value: bytes) -> None:
+        """Write a program; JAX does so only after `get` gave none that was accepted."""
+        with self._lock:
+            rejected = key in self._given
+            self._rejected += rejected
+        if self._rejected >= _MAX_REJECTED:
+            self._write(self._path / _UNUSABLE, b"")
+        path = self._file(key)
+        if rejected:
+            self._write(path, _check_sum(key, b""))
+        elif _read(path, key) is None and len(value) <= _MAX_BYTES / 2:
+            self._write(path, _check_sum(key, value) + value)
+
+    def _file(self, key: str) -> Path:
+        return (
+            self._path / f"program-{hashlib.sha256(key.encode()).hexdigest()[:40]}.bin"
+        )
+
+    def _write(self, path: Path, content: bytes) -> None:
+        try:
+            with replacing(path) as temporary:
+                temporary.write_bytes(content)
+            self._written += len(content)
+            # Seldom: it looks at every file of all processors and versions.
+            if self._written > _MAX_BYTES / 16:
+                self._written = 0
+                others = path.parent.parent.glob("*/*.bin")
+                user_cache.make_room(others, _OWN_FILES, _MAX_BYTES)
+        except (OSError, InputError):
+            return
+
+
+def _read(path: Path, key: str) -> bytes | None:
+    """Content of a file, None if it is missing or damaged."""
+    try:
+        whole = path.read_bytes()
+    except OSError:
+        return None
+    content = whole[_DIGEST_BYTES:]
+    return content if whole[:_DIGEST_BYTES] == _check_sum(key, content) else None
+
+
+def _check_sum(key: str, content: bytes) -> bytes:
+    named = hashlib.blake2b(key.encode(), digest_size=_DIGEST_BYTES).digest()
+    return hashlib.blake2b(content, key=named, digest_size=_DIGEST_BYTES).digest()

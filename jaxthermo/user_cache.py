@@ -1,0 +1,58 @@
+"""The user's cache folder: structures, findings and compiled programs on disk.
+
+`JAXTHERMO_CACHE` names another folder, or is "off". A cache never makes a run fail:
+what cannot be read is made anew, what cannot be written is not kept.
+"""
+
+import contextlib
+import os
+import re
+from collections.abc import Iterable
+from pathlib import Path
+
+
+_VARIABLE = "JAXTHERMO_CACHE"
+OFF = "off"
+
+
+def cache_folder(name: str) -> Path | None:
+    """Folder of one kind of files in the user's cache; None if it is off."""
+    named = os.environ.get(_VARIABLE, "")
+    if named == OFF:
+        return None
+    try:
+        if named:
+            return Path(named).expanduser() / name
+        per_user = Path(os.environ.get("XDG_CACHE_HOME", ""))
+        if not per_user.is_absolute():
+            per_user = Path.home() / ".cache"
+    except RuntimeError:  # a user without a home
+        return None
+    return per_user / "jaxthermo" / name
+
+
+def mark_used(path: Path) -> None:
+    """Set the time of a file that was read, for `make_room`."""
+    with contextlib.suppress(OSError):
+        os.utime(path)
+
+
+def make_room(
+    paths: Iterable[Path], own_files: re.Pattern[str], max_bytes: int
+) -> None:
+    """Remove the least recently used files until the rest is below a size.
+
+    Files of other names are neither counted nor removed.
+    """
+    found = []
+    for path in paths:
+        # Another process may remove files at the same time.
+        with contextlib.suppress(FileNotFoundError):
+            if own_files.fullmatch(path.name):
+                status = path.stat()
+                found.append((status.st_mtime, status.st_size, path))
+    kept = 0
+    for _, size, path in sorted(found, reverse=True):
+        kept += size
+        if kept > max_bytes:
+            path.unlink(missing_ok=True)
