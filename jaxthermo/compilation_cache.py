@@ -66,10 +66,11 @@ def cache_compilations() -> Path | None:
     Returns:
         The folder; None if there is no cache, or not this one.
     """
-    folder, before = _folder(), jax.config.jax_compilation_cache_dir
+    settings: Any = jax.config
+    folder, before = _folder(), settings.jax_compilation_cache_dir
     if folder is None or before is not None:
         return folder if before == str(folder) else None
-    if not jax.config.jax_enable_compilation_cache or not _is_usable(folder):
+    if not settings.jax_enable_compilation_cache or not _is_usable(folder):
         return None
     files = ProgramFiles(folder)
     known = getattr(_jax_cache, "get_file_cache", None)
