@@ -7,7 +7,7 @@ what cannot be read is made anew, what cannot be written is not kept.
 import contextlib
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 
@@ -29,6 +29,21 @@ def cache_folder(name: str) -> Path | None:
     except RuntimeError:  # a user without a home
         return None
     return per_user / "jaxthermo" / name
+
+
+@contextlib.contextmanager
+def without_cache() -> Iterator[None]:
+    """Context in which nothing is read or stored, to time what is computed."""
+    before = os.environ.get(_VARIABLE)
+    # Also for the processes that are started within.
+    os.environ[_VARIABLE] = OFF
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[_VARIABLE]
+        else:
+            os.environ[_VARIABLE] = before
 
 
 def mark_used(path: Path) -> None:

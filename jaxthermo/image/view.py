@@ -4,7 +4,7 @@ The temperature of a pixel is a weighted mean of the fragments within two voxels
 weights depend on the view only: a frame costs one sparse product.
 """
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -14,6 +14,7 @@ from scipy.sparse import csr_array
 
 from ..physics.term import AbstractTerm
 from ..scene.scene import BodyGeometry, SolvedSurface
+from ..stored_findings import stored
 from .background import Background, compute_background
 from .camera import AbstractCamera
 from .facets import FacetShading, facet_shading, joined_shadings, smooth_normals
@@ -142,28 +143,71 @@ def compute_view(
     Raises:
         InputError: if the camera is inside a body or sees none.
     """
+    given = camera, smooth, occlusion, [_content(s.geometry) for s in surfaces]
+    shown = stored(
+        "view",
+        given,
+        lambda: _shown(surfaces, camera, smooth, occlusion),
+        (_Shown, FacetShading),
+    )
+    background = compute_background(terms, camera, shown.pixel, shown.depth)
+    return View(
+        camera,
+        *(shown.pixel, shown.body, shown.depth, shown.normal, shown.weights),
+        background,
+        shown.open_fraction,
+        shown.facets,
+    )
+
+
+def _content(geometry: BodyGeometry) -> tuple[Any, ...]:
+    """All that a view depends on of a body, at its pose."""
+    fragments = geometry.fragment_position, geometry.fragment_normal
+    mesh = geometry.vertices, geometry.faces
+    return *mesh, *fragments, geometry.fragment_area, geometry.pitch, geometry.placed
+
+
+class _Shown(NamedTuple):
+    """Pixels that show a body: the fields of a `View` that follow from geometry."""
+
+    pixel: Int[np.ndarray, " p"]
+    body: Int[np.ndarray, " p"]
+    depth: Float[np.ndarray, " p"]
+    normal: Float[np.ndarray, "p 3"]
+    weights: csr_array
+    open_fraction: Float[np.ndarray, " p"] | None
+    facets: FacetShading | None
+
+
+def _shown(
+    surfaces: tuple[SolvedSurface, ...],
+    camera: AbstractCamera,
+    smooth: bool,
+    occlusion: float | None,
+) -> _Shown:
     world = tuple(s.geometry.triangles for s in surfaces)
     found = visible_points(world, camera)
     local, normal = _in_bodies(surfaces, found)
     pixel, body, depth = found.pixel, found.body, found.depth
     weights = _all_weights(surfaces, body, local, normal, smooth)
-    background = compute_background(terms, camera, pixel, depth)
     facets = _all_facets(surfaces, found, local) if smooth else None
-    view = View(camera, pixel, body, depth, normal, weights, background, facets=facets)
+    shown = _Shown(pixel, body, depth, normal, weights, None, facets)
     if occlusion is None:
-        return view
-    return replace(view, open_fraction=_open_fraction(view, occlusion))
+        return shown
+    return shown._replace(open_fraction=_open_fraction(shown, camera, occlusion))
 
 
-def _open_fraction(view: View, radius: float) -> Float[np.ndarray, " p"]:
-    width, height = view.camera.size
+def _open_fraction(
+    shown: _Shown, camera: AbstractCamera, radius: float
+) -> Float[np.ndarray, " p"]:
+    width, height = camera.size
     depth, normal = np.full(height * width, np.inf), np.zeros((height * width, 3))
-    depth[view.pixel], normal[view.pixel] = view.depth, view.normal
+    depth[shown.pixel], normal[shown.pixel] = shown.depth, shown.normal
     shape = (height, width)
     found = screen_space_occlusion(
-        depth.reshape(shape), normal.reshape(*shape, 3), view.camera, radius
+        depth.reshape(shape), normal.reshape(*shape, 3), camera, radius
     )
-    return found.reshape(-1)[view.pixel]
+    return found.reshape(-1)[shown.pixel]
 
 
 def _in_bodies(

@@ -21,6 +21,7 @@ from skimage import measure
 from ..arrays import Number, Vector
 from ..errors import InputError
 from ..raster.views import unit_vector
+from ..stored_findings import stored_search
 from .grid import VoxelGrid
 
 
@@ -220,8 +221,13 @@ _CACHE: WeakKeyDictionary[VoxelGrid, CylinderParts] = WeakKeyDictionary()
 
 def cylinder_parts(grid: VoxelGrid) -> CylinderParts:
     """Decompose a body into cylinders; assign every surface fragment to one."""
-    if grid in _CACHE:
-        return _CACHE[grid]
+    if grid not in _CACHE:
+        _CACHE[grid] = _decomposed(grid)
+    return _CACHE[grid]
+
+
+@stored_search("cylinders", (CylinderParts, Cylinder))
+def _decomposed(grid: VoxelGrid) -> CylinderParts:
     blocks = _blocks(grid)
     axis, _ = _main_axis(blocks.centre, blocks.volume)
     main = np.abs(axis).argmax()
@@ -240,7 +246,7 @@ def cylinder_parts(grid: VoxelGrid) -> CylinderParts:
     block_part = lattice[tuple((grid.fragment_voxel // blocks.factor).T)]
     nearest = _nearest_parts(chosen, grid.fragment_position).fragment
     fragment = np.where(block_part >= 0, block_part, nearest)
-    return _CACHE.setdefault(grid, CylinderParts(tuple(chosen), fragment))
+    return CylinderParts(tuple(chosen), fragment)
 
 
 def parts_of(grid: VoxelGrid, given: tuple[Cylinder, ...], body: int) -> CylinderParts:

@@ -1,5 +1,6 @@
 """Voxelization: mesh to solid voxels and surface fragments, by depth layers."""
 
+from dataclasses import replace
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -9,9 +10,12 @@ from ..arrays import Scalar, rank_in_group
 from ..errors import InputError, shortened
 from ..geometry.mesh import AnyMesh, Mesh, as_mesh
 from ..geometry.repair import repair_mesh
+from ..stored_findings import stored_search
 from .cell_areas import Patches, areas_of_mesh
 from .crossings import Crossings, find_crossings
 from .cut_geometry import cut_voxels
+from .cut_links import CutLinks
+from .cut_voxels import CutVoxels
 from .fill import fill_by_vote
 from .grid import LayerCounts, ThinParts, VoxelGrid
 from .lattice import (
@@ -68,6 +72,15 @@ def voxelize(
         mesh = repair_mesh(as_mesh(mesh))
     every = surface_cells == "crossings"
     check_pitch(mesh, pitch, BYTES_PER_CROSSING if every else BYTES_PER_FRAGMENT)
+    # With the caller's own mesh, by which its grids are known.
+    return replace(_voxelized(mesh, pitch, surface_cells), mesh=mesh)
+
+
+_TYPES = (VoxelGrid, Lattice, Mesh, LayerCounts, ThinParts, CutVoxels, CutLinks)
+
+
+@stored_search("voxels", _TYPES)
+def _voxelized(mesh: Mesh, pitch: float, surface_cells: str) -> VoxelGrid:
     lattice = Lattice.around(mesh, pitch)
     views = peel_axes(mesh, lattice)
     solid = fill_by_vote(views, lattice.shape)

@@ -16,6 +16,7 @@ from jaxtyping import Bool, Float
 from scipy.spatial import KDTree
 
 from ...errors import InputError
+from ...stored_findings import stored_search
 from .rays import PlacedGrid
 
 
@@ -77,6 +78,7 @@ def find_overlaps(
     return found
 
 
+@stored_search("overlap", (Overlap,))
 def _overlap(bodies: tuple[PlacedGrid, ...], i: int, j: int) -> Overlap | None:
     # The finer body's voxels are counted.
     if bodies[j].pitch < bodies[i].pitch:

@@ -13,6 +13,7 @@ from jaxtyping import Float, Int
 
 from ...arrays import Scalar
 from ...errors import InputError
+from ...stored_findings import stored_search
 from .rays import (
     FRAGMENT_SPACING,
     MAX_FRAGMENT_DISTANCE,
@@ -224,6 +225,7 @@ def find_contacts(
     return _contact_pairs(a, b, max_gap)
 
 
+@stored_search("contacts", (ContactPairs,))
 def contacts_between(
     bodies: tuple[PlacedGrid, ...], threshold: Scalar | None = None
 ) -> dict[tuple[int, int], ContactPairs]:

@@ -21,6 +21,7 @@ from ...errors import InputError
 from ...geometry.mesh import part_labels
 from ...raster.fragments import DepthLayers
 from ...raster.views import orthographic_view
+from ...stored_findings import stored_search
 
 
 # Where the formula is negative, u / U decays to 0 over about this much.
@@ -129,6 +130,7 @@ class Wakes(NamedTuple):
     """D of the object [m]; 0 without one."""
 
 
+@stored_search("wakes", (Wakes,))
 def upstream_wakes(
     triangles: Float[np.ndarray, "f 3 3"],
     position: Float[np.ndarray, "s 3"],

@@ -13,6 +13,7 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
+from ...stored_findings import stored_search
 from .global_lines import (
     LineSums,
     PairCone,
@@ -69,6 +70,7 @@ class Sampling(NamedTuple):
         )
 
 
+@stored_search("refined_view_factors", (ViewFactors, Sampling))
 def refined_view_factors(
     bodies: tuple[PatchedBody, ...],
     error: float,

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...errors import InputError
+from ...stored_findings import stored_search
 from .global_lines import (
     LineSums,
     pair_cones,
@@ -51,6 +52,7 @@ class ViewFactors(NamedTuple):
         return self.outside / self.area
 
 
+@stored_search("view_factors", (ViewFactors,))
 def view_factors(
     bodies: tuple[PatchedBody, ...],
     directions: int = DEFAULT_DIRECTIONS,

@@ -30,6 +30,7 @@ from ...raster.views import (
     perspective_views,
     view_frame,
 )
+from ...stored_findings import stored_search
 
 
 # Distance of the four samples from the fragment's centre, in voxels.
@@ -64,6 +65,7 @@ def _lit_samples(
     return lit
 
 
+@stored_search("shadows")
 def lit_fraction(
     triangles: Float[np.ndarray, "f 3 3"],
     position: Float[np.ndarray, "s 3"],
@@ -89,6 +91,7 @@ def lit_fraction(
     return lit
 
 
+@stored_search("point_shadows")
 def lit_fraction_from_point(
     triangles: Float[np.ndarray, "f 3 3"],
     position: Float[np.ndarray, "s 3"],
@@ -152,6 +155,7 @@ def check_directions(directions: int) -> None:
         )
 
 
+@stored_search("sky_view", (_SkyView,))
 def sky_view(
     triangles: Float[np.ndarray, "f 3 3"],
     position: Float[np.ndarray, "s 3"],

@@ -1,0 +1,294 @@
+"""Findings on disk: the same in the next process for the same input, never an error."""
+
+import subprocess
+import sys
+import threading
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.sparse import csr_array
+
+import jaxthermo as jt
+from jaxthermo import stored_findings
+from jaxthermo.stored_findings import content_hash, stored, stored_search
+from jaxthermo.user_cache import without_cache
+
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+class Pair(NamedTuple):
+    """A result as searches have it."""
+
+    first: np.ndarray
+    second: object = None
+
+
+@dataclass(frozen=True)
+class Record:
+    """Another one."""
+
+    values: tuple
+    name: str = ""
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch) -> Path:
+    """An empty cache that keeps searches of any duration."""
+    monkeypatch.setenv("JAXTHERMO_CACHE", str(tmp_path))
+    monkeypatch.setattr(stored_findings, "_MIN_SECONDS", 0.0)
+    return tmp_path / "findings"
+
+
+class Search:
+    """A search that counts how often it is made."""
+
+    def __init__(self, value: object):
+        self.value, self.calls = value, 0
+
+    def __call__(self) -> object:
+        self.calls += 1
+        return self.value
+
+
+def assert_same(one: object, other: object) -> None:
+    assert type(one) is type(other)
+    if isinstance(one, np.ndarray):
+        assert isinstance(other, np.ndarray) and one.dtype == other.dtype
+        np.testing.assert_array_equal(one, other)
+    elif isinstance(one, csr_array):
+        assert isinstance(other, csr_array) and one.shape == other.shape
+        assert_same(one.toarray(), other.toarray())
+    elif isinstance(one, Record):
+        assert isinstance(other, Record)
+        assert_same((one.values, one.name), (other.values, other.name))
+    elif isinstance(one, dict):
+        assert isinstance(other, dict)
+        assert_same(list(one.items()), list(other.items()))
+    elif isinstance(one, tuple | list):
+        assert isinstance(other, tuple | list) and len(one) == len(other)
+        for mine, theirs in zip(one, other, strict=True):
+            assert_same(mine, theirs)
+    else:
+        assert one == other or (one != one and other != other)
+
+
+VALUES = [
+    None,
+    (1, 2.5, "text", True, [float("inf"), float("nan")]),
+    np.arange(24.0).reshape(2, 3, 4)[:, ::2],
+    np.zeros((0, 3), np.int32),
+    np.arange(200_000).reshape(2, -1) % 3 == 0,
+    np.float64(0.1),
+    Pair(np.arange(3), Record((np.ones(2, np.float32), None), "a name")),
+    {(0, 1): Pair(np.eye(2)), "b": ()},
+    csr_array(np.array([[0.0, 2.0], [3.0, 0.0], [0.0, 0.0]])),
+]
+
+
+@pytest.mark.parametrize("value", VALUES, ids=lambda v: type(v).__name__)
+def test_what_was_found_is_read_again(folder, value):
+    search = Search(value)
+    for _ in range(3):
+        assert_same(stored("a_search", ("given", 1), search, (Pair, Record)), value)
+    assert search.calls == 1
+    assert len(list(folder.iterdir())) == 1
+
+
+def test_whatever_a_search_starts_from_is_a_miss(folder, monkeypatch):
+    grid = jt.voxelize(jt.shapes.box((0.03, 0.02, 0.01)), 0.005)
+    given = [
+        *(None, 1, 1.0, True, "1", b"1", (1,), [(1,)], {"1": 1}, np.float32(1)),
+        *(np.ones(2), np.ones(2, int), np.ones((2, 1)), -np.ones(2)),
+        *(jt.Pose(), jt.Pose((1.0, 0.0, 0.0)), grid, grid.mesh),
+        jt.voxelize(jt.shapes.box((0.03, 0.02, 0.02)), 0.005),
+    ]
+    search = Search(0)
+    for each in given:
+        stored("a_search", each, search)
+    assert search.calls == len(given)
+    stored("another", 1, search)
+    monkeypatch.setattr(stored_findings, "_code", lambda: "edited")
+    stored("a_search", 1, search)
+    assert search.calls == len(given) + 2
+
+
+def test_equal_bodies_have_equal_hashes():
+    one, other = (jt.voxelize(jt.shapes.sphere(0.02), 0.005) for _ in range(2))
+    assert one is not other
+    assert content_hash(one) == content_hash(other)
+
+
+@pytest.mark.parametrize("given", [object(), len, jnp.ones(2), {"a": lambda: 1}])
+def test_what_has_no_known_content_is_not_stored(folder, given):
+    search = Search(1)
+    stored("a_search", given, search)
+    stored("a_search", given, search)
+    assert search.calls == 2 and not folder.exists()
+
+
+@pytest.mark.parametrize("found", [object(), jnp.ones(2), np.array([None]), Pair])
+def test_what_cannot_be_stored_is_found_again(folder, found):
+    search = Search(found)
+    assert stored("a_search", 1, search) is found
+    assert stored("a_search", 1, search) is found
+    assert search.calls == 2 and not folder.exists()
+
+
+def test_any_damaged_byte_is_noticed(folder):
+    search = Search(Pair(np.arange(40.0), "text"))
+    stored("a_search", 1, search, (Pair,))
+    (path,) = folder.iterdir()
+    whole = path.read_bytes()
+    for place in range(len(whole)):
+        flipped = bytes([whole[place] ^ 255])
+        path.write_bytes(whole[:place] + flipped + whole[place + 1 :])
+        assert_same(stored("a_search", 1, search, (Pair,)), search.value)
+    for cut in range(0, len(whole), 7):
+        path.write_bytes(whole[:cut])
+        assert_same(stored("a_search", 1, search, (Pair,)), search.value)
+    path.write_bytes(whole + b"more")
+    assert_same(stored("a_search", 1, search, (Pair,)), search.value)
+    # A line end may be another character that ends a number as well.
+    assert search.calls > len(whole)
+
+
+def test_threads_and_processes_at_once(folder):
+    code = (
+        "import numpy as np\n"
+        "from jaxthermo import stored_findings as s\n"
+        "s._MIN_SECONDS = 0.0\n"
+        "print('ready', flush=True)\n"
+        "for n in range(60):\n"
+        "    k = n % 3\n"
+        "    found = s.stored('a_search', k, lambda: np.full(9999, k))\n"
+        "    assert (found == k).all() and found.shape == (9999,)\n"
+    )
+    other = subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, cwd=ROOT
+    )
+    assert other.stdout is not None
+    got = []
+
+    def work() -> None:
+        for n in range(60):
+            k = n % 3
+            found = stored("a_search", k, lambda k=k: np.full(9999, k))
+            got.append(bool((found == k).all()))
+            if n % 7 == 0 and folder.exists():
+                for path in list(folder.glob("a_search-*"))[:1]:
+                    path.unlink(missing_ok=True)
+
+    with other.stdout as said:
+        assert said.readline() == b"ready\n"
+        threads = [threading.Thread(target=work) for _ in range(3)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    assert other.wait(60) == 0
+    assert len(got) == 180 and all(got)
+    assert all(path.name.startswith("a_search-") for path in folder.iterdir())
+
+
+def test_off_unwritable_and_fast_searches_store_nothing(tmp_path, monkeypatch):
+    search = Search(1)
+    monkeypatch.setenv("JAXTHERMO_CACHE", str(tmp_path))
+    assert stored("a_search", 1, search) == 1
+    monkeypatch.setattr(stored_findings, "_MIN_SECONDS", 0.0)
+    monkeypatch.setenv("JAXTHERMO_CACHE", "off")
+    assert stored("a_search", 1, search) == 1
+    (tmp_path / "file").write_text("in the way")
+    monkeypatch.setenv("JAXTHERMO_CACHE", str(tmp_path / "file"))
+    assert stored("a_search", 1, search) == 1
+    assert search.calls == 3
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_nothing_is_read_where_searches_are_timed(folder):
+    search = Search(1)
+    stored("a_search", 1, search)
+    with without_cache():
+        stored("a_search", 1, search)
+    stored("a_search", 1, search)
+    assert search.calls == 2
+
+
+def test_the_least_recently_used_go_first(folder, monkeypatch):
+    monkeypatch.setattr(stored_findings, "_MAX_BYTES", 100_000)
+    for n in range(4):
+        stored("a_search", n, Search(np.zeros(4000)))
+        time.sleep(0.01)
+    assert len(list(folder.iterdir())) == 3
+    last = Search(1)
+    stored("a_search", 3, last)
+    assert last.calls == 0
+    monkeypatch.setattr(stored_findings, "_MAX_FILE_BYTES", 1000)
+    stored("a_search", 9, Search(np.zeros(4000)))
+    assert len(list(folder.iterdir())) == 3
+
+
+def test_a_scene_has_the_same_surface_with_and_without(folder, monkeypatch):
+    """Every search of a scene, found, read again, and with the cache off."""
+
+    def everything():
+        grid = jt.voxelize(jt.shapes.sphere(0.03), 0.005)
+        other = jt.voxelize(jt.shapes.box((0.06, 0.06, 0.01)), 0.005)
+        steel = jt.materials["stainless_steel"]
+        scene = jt.Scene(
+            bodies=(
+                jt.Body(jt.FullVolume(grid), steel, temperature=300.0),
+                jt.Body(
+                    jt.FullVolume(other),
+                    steel,
+                    temperature=290.0,
+                    pose=jt.Pose((0.0, 0.0, -0.034)),
+                ),
+            ),
+            terms=(
+                jt.Sun((-1.0, 0.0, -0.5), 800.0),
+                jt.PointSource((0.2, 0.0, 0.2), 20.0),
+                jt.Wind((3.0, 0.0, 0.0), 290.0, wake=jt.WakeDeficit()),
+                jt.RadiativeExchange(280.0),
+                jt.Contact(2000.0),
+            ),
+        )
+        solution = jt.simulate(scene, 30.0)
+        camera = jt.Camera((0.3, 0.1, 0.1), (0.0, 0.0, 0.0), width=40, height=30)
+        return np.asarray(solution.surface_temperature), jt.render(solution, camera)
+
+    first = everything()
+    kinds = {path.name.split("-")[0] for path in folder.iterdir()}
+    assert kinds >= {"voxels", "shadows", "point_shadows", "wakes", "cylinders"}
+    assert kinds >= {"contacts", "refined_view_factors", "view"}
+    jt.forget_findings()
+    count = len(list(folder.iterdir()))
+    again = everything()
+    assert len(list(folder.iterdir())) == count
+    monkeypatch.setenv("JAXTHERMO_CACHE", "off")
+    jt.forget_findings()
+    without = everything()
+    for one in (again, without):
+        np.testing.assert_array_equal(one[0], first[0])
+        np.testing.assert_array_equal(one[1].temperature, first[1].temperature)
+
+
+def test_a_decorated_search_keeps_its_name(folder):
+    calls = []
+
+    @stored_search("squares")
+    def squares(count: int, *, scale: float = 1.0) -> np.ndarray:
+        """Numbers."""
+        calls.append(count)
+        return scale * np.arange(count) ** 2
+
+    assert squares.__name__ == "squares" and squares.__doc__ == "Numbers."
+    for _ in range(2):
+        assert_same(squares(3, scale=2.0), np.array([0.0, 2.0, 8.0]))
+        assert_same(squares(3), np.array([0.0, 1.0, 4.0]))
+    assert calls == [3, 3]
