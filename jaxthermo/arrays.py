@@ -86,7 +86,7 @@ def rank_in_group(group: Int[np.ndarray, " k"]) -> Int[np.ndarray, " k"]:
 
 # Cost of one entry of a sparse list, and of having a list at all, relative to an entry
 # that is gathered: scatters are slow, and a list adds operations to every step.
-LIST_ENTRY_COST, LIST_COST = 6.0, 30_000.0
+LIST_ENTRY_COST, LIST_COST = 10.0, 3_000.0
 
 
 def gathered_columns(degree: Int[np.ndarray, " n"]) -> int:

@@ -47,12 +47,8 @@ class LinkNetwork(AbstractNodeNetwork):
 class RowLayout(NamedTuple):
     """Position of each link in the rows; built once for a structure, on the host."""
 
-    following: Int[np.ndarray, " f"]
-    """Links from a node to the next one in node order."""
-    first: Int[np.ndarray, " f"]
-    """First node of each of these links."""
     neighbour: tuple[Int[np.ndarray, " n"], ...]
-    """Other neighbour number k of every node; the node itself if it has fewer."""
+    """Neighbour number k of every node; the node itself if it has fewer."""
     link: tuple[Int[np.ndarray, " n"], ...]
     """Links to these neighbours; one past the last link if there is none."""
     list_node: Int[np.ndarray, " r"]
@@ -66,22 +62,14 @@ def row_layout(
 ) -> RowLayout:
     """Rows of the links from `src` to `dst` between a number of `nodes`."""
     # Every link is in the rows of both its nodes, so that nothing is scattered.
-    # Neighbours that are consecutive in node order (the next voxel of a column) are
-    # shifted slices. The others are gathered, one neighbour of every node at a time,
-    # which a compiler vectorizes. Nodes with far more neighbours than the others (a
-    # coarse cell surrounded by fine ones) keep the rest in a sparse list.
-    low, high = np.minimum(src, dst), np.maximum(src, dst)
-    follows = high == low + 1
-    # Of several links between the same two nodes, only one fits here.
-    following = np.flatnonzero(follows)
-    _, once = np.unique(low[following], return_index=True)
-    following = following[once]
-    rest = np.delete(np.arange(len(src)), following)
-    node = np.concatenate([src[rest], dst[rest]])
-    neighbour = np.concatenate([dst[rest], src[rest]])
+    # One neighbour of every node is gathered at a time, which a compiler vectorizes;
+    # with shifted slices for the next node in order, a step took half as long again.
+    # Nodes with far more neighbours than the others (a coarse cell surrounded by fine
+    # ones) keep the rest in a sparse list.
+    node, neighbour = np.concatenate([src, dst]), np.concatenate([dst, src])
     order = np.argsort(node, kind="stable")
     node, neighbour = node[order], neighbour[order]
-    link = np.concatenate([rest, rest])[order]
+    link = np.tile(np.arange(len(src)), 2)[order]
     degree = np.bincount(node, minlength=nodes)
     rank = rank_in_group(node)
     columns = gathered_columns(degree)
@@ -92,8 +80,6 @@ def row_layout(
     through = np.full((columns, nodes), len(src), np.int32)
     through[slot] = link[~more]
     return RowLayout(
-        following=following.astype(np.int32),
-        first=low[following].astype(np.int32),
         neighbour=tuple(beside),
         link=tuple(through),
         list_node=node[more].astype(np.int32),
@@ -104,12 +90,9 @@ def row_layout(
 
 def _row_change(state, factors, layout):
     """Conduction into each node [W], from rows of conductances and neighbours."""
-    following, conductances, list_conductance = factors
+    conductances, list_conductance = factors
     neighbours, list_node, list_neighbour = layout
     rate = jnp.zeros_like(state)
-    if following is not None:
-        flow = following * jnp.diff(state)
-        rate = rate + jnp.pad(flow, (0, 1)) - jnp.pad(flow, (1, 0))
     for index, conductance in zip(neighbours, conductances, strict=True):
         there = state.at[index].get(mode="promise_in_bounds")
         rate = rate + conductance * (there - state)
@@ -135,8 +118,6 @@ _ROWS = Operator(_row_change, _row_change, lambda values, _: values, _pull)
 class RowNetwork(AbstractNodeNetwork):
     """Conductances in rows: the fast form of `LinkNetwork`."""
 
-    following: Float[Array, " f"] | None
-    """Conductance from every node to the next [W/K]; None without such links."""
     neighbour: tuple[Int[Array, " n"], ...]
     conductance: tuple[Float[Array, " n"], ...]
     """Conductances [W/K]; 0 where there is no such neighbour."""
@@ -148,16 +129,13 @@ class RowNetwork(AbstractNodeNetwork):
 
     @override
     def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
-        factors = self.following, self.conductance, self.list_conductance
+        factors = self.conductance, self.list_conductance
         layout = self.neighbour, self.list_node, self.list_neighbour
         return conduct(_ROWS, state, factors, layout)
 
     @override
     def diagonal(self) -> Float[Array, "..."]:
         total = sum(self.conductance, jnp.zeros_like(self.node_capacity))
-        if self.following is not None:
-            total = total + jnp.pad(self.following, (0, 1))
-            total = total + jnp.pad(self.following, (1, 0))
         return total.at[self.list_node].add(self.list_conductance)
 
 
@@ -168,14 +146,8 @@ def row_network(
     node_capacity: Float[Array, " n"],
 ) -> RowNetwork:
     """Operator of links with these conductances [W/K] and capacities [J/K]."""
-    nodes = node_capacity.shape[0]
     padded = jnp.append(conductance, jnp.zeros(1, conductance.dtype))
-    following = None
-    if len(layout.following):
-        following = jnp.zeros(nodes - 1, conductance.dtype)
-        following = following.at[layout.first].set(conductance[layout.following])
     return RowNetwork(
-        following=following,
         neighbour=tuple(jnp.asarray(index) for index in layout.neighbour),
         conductance=tuple(padded[link] for link in layout.link),
         list_node=jnp.asarray(layout.list_node),

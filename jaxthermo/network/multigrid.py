@@ -297,8 +297,6 @@ def link_conductance(
         raise TypeError(f"no node levels of a {type(network).__name__}")
     # The empty entries of the rows refer to one past the last link.
     found = jnp.zeros(layout.links + 1, network.node_capacity.dtype)
-    if network.following is not None:
-        found = found.at[rows.following].set(network.following[rows.first])
     for link, conductance in zip(rows.link, network.conductance, strict=True):
         found = found.at[link].set(conductance)
     return found.at[rows.list_link].set(network.list_conductance)[:-1]
