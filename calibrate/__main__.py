@@ -69,7 +69,7 @@ def _show(folder: Path | None = None, /, *, shipped: bool = False) -> None:
         folder: The results folder of `calibrate fit`.
         shipped: List the shipped cards, used as `weights: card://NAME`.
     """
-    from .cli import show as run
+    from .show import show as run
 
     run(folder, shipped)
 

@@ -2,38 +2,22 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from jaxthermo.cli.console import open_console, patient_interrupt, print_line
-from jaxthermo.config.card_file import load_card
-from jaxthermo.config.shipped_cards import shipped_cards
-from jaxthermo.errors import InputError
 from jaxthermo.report.numbers import count
 
 from .analysis.fit_card import check_card
-from .config.fit_record import read_fit
 from .config.loader import load_calibration
 from .make_cards import make_cards, read_recipes
-from .report.card_list import about_cards, card_table, card_words, range_table
-from .report.text_summary import (
-    about_standard_errors,
-    definition,
-    experiment_table,
-    parameter_table,
-    summary,
-    time_table,
-    truth_table,
-)
+from .report.card_list import card_words
+from .report.text_summary import parameter_table
 from .run import ProgressLog, fit_config, identify_start, parameter_rows
+from .show import print_fit
 from .solvers.progress import StepRecord
-
-
-_MAX_EXPERIMENTS = 5
-"""Further experiments that are listed."""
 
 
 class _ProgressBar(ProgressLog):
@@ -77,7 +61,7 @@ def fit(config: Path, out: Path, overrides: tuple[str, ...]) -> None:
     console = open_console()
     with patient_interrupt() as asked, _progress(console) as bar:
         result = fit_config(config, out, overrides, _ProgressBar(console, bar), asked)
-    _print_fit(console, result)
+    print_fit(console, result)
     print_line(console, f"fit.json, card.yaml and report.html in {out}")
     if result["ended"] == "interrupted":
         # The exit status of an interrupted command, though the results are written.
@@ -85,20 +69,6 @@ def fit(config: Path, out: Path, overrides: tuple[str, ...]) -> None:
             f"stopped after step {len(result['steps'])}, the best so far is in {out}; "
             "the same command continues from there"
         )
-
-
-def _print_fit(console: Console, result: dict[str, Any]) -> None:
-    title = f"{result['name']}: {result['ended']}"
-    console.print(parameter_table(result["parameters"], title).rich())
-    console.print(time_table(result, "error at every saved time").rich())
-    title = "error against finer voxels at every saved time"
-    if (against := truth_table(result, title)) is not None:
-        console.print(against.rich())
-    about = about_standard_errors(result)
-    for text in (about, *summary(result), definition(result)):
-        print_line(console, text)
-    if result["advice"]:
-        console.print(experiment_table(result, _MAX_EXPERIMENTS).rich())
 
 
 def identify(config: Path, overrides: tuple[str, ...]) -> None:
@@ -138,22 +108,6 @@ def check(card: str, scene: Path, overrides: tuple[str, ...]) -> None:
     )
     print_line(console, f"{text} the card's")
     print_line(console, f"the card is {valid} here")
-
-
-def show(folder: Path | None, shipped: bool) -> None:
-    """Run `calibrate show`."""
-    console = open_console()
-    if shipped == (folder is not None):
-        raise InputError("show: give the results folder of a fit, or --shipped")
-    if folder is not None:
-        _print_fit(console, read_fit(folder / "fit.json"))
-        return
-    found = {name: load_card(path) for name, path in shipped_cards().items()}
-    if found:
-        console.print(card_table(found).rich())
-        console.print(range_table(found).rich())
-    for text in about_cards(found):
-        print_line(console, text)
 
 
 def cards(

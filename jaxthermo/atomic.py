@@ -1,12 +1,14 @@
 """Atomic files: a reader sees the old or the new one, never a part."""
 
 import errno
+import json
 import os
 import re
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from .errors import InputError
 
@@ -78,3 +80,11 @@ def replacing(path: str | Path) -> Iterator[Path]:
         # The parent may not exist, or be a file.
         if temporary.parent.is_dir():
             temporary.unlink(missing_ok=True)
+
+
+def write_json(path: Path, content: dict[str, Any]) -> None:
+    """Write plain types as indented JSON, in one step."""
+    with replacing(path) as temporary:
+        # NaN would be written as a word that other readers of JSON refuse.
+        text = json.dumps(content, indent=2, allow_nan=False)
+        temporary.write_text(text + "\n", encoding="utf-8")

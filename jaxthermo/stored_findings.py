@@ -209,23 +209,24 @@ class _Arrays:
 
 def _encoded(value: Any, known: dict[str, type], arrays: _Arrays) -> Any:
     """Plain values for JSON, with the places of arrays."""
-    again = lambda item: _encoded(item, known, arrays)
-    name = type(value).__name__
-    if value is None or type(value) in (bool, int, float, str):
+    again: Callable[[Any], Any] = lambda item: _encoded(item, known, arrays)
+    kind: Any = type(value)
+    name = kind.__name__
+    if value is None or kind in (bool, int, float, str):
         return value
     if isinstance(value, np.ndarray | np.generic):
-        kind = "array" if isinstance(value, np.ndarray) else "scalar"
-        return {kind: arrays.add(np.asarray(value))}
+        shape = "array" if isinstance(value, np.ndarray) else "scalar"
+        return {shape: arrays.add(np.asarray(value))}
     if isinstance(value, csr_array):
         parts = value.data, value.indices, value.indptr
         return {"csr": [again(part) for part in parts], "shape": list(value.shape)}
-    if known.get(name) is type(value):
+    if known.get(name) is kind:
         return {"type": name, "fields": [again(item) for item in _fields(value)]}
-    if type(value) in (tuple, list):
-        return {type(value).__name__: [again(item) for item in value]}
-    if type(value) is dict:
+    if kind is tuple or kind is list:
+        return {name: list(map(again, value))}
+    if kind is dict:
         return {"dict": [[again(key), again(item)] for key, item in value.items()]}
-    raise _Unknown(f"cannot be stored: {type(value)}")
+    raise _Unknown(f"cannot be stored: {kind}")
 
 
 def _fields(value: Any) -> list[Any]:

@@ -7,7 +7,7 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 from typing_extensions import TypedDict
 
 from jaxthermo.archive import read_record, signed
-from jaxthermo.cli.summary import write_json
+from jaxthermo.atomic import write_json
 from jaxthermo.config.messages import dotted, explain
 from jaxthermo.errors import InputError
 

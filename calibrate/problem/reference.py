@@ -20,8 +20,7 @@ from jaxtyping import Bool
 import jaxthermo
 from jaxthermo.archive import read_record, signed
 from jaxthermo.arrays import precision
-from jaxthermo.atomic import remove_leftovers
-from jaxthermo.cli.summary import write_json
+from jaxthermo.atomic import remove_leftovers, write_json
 from jaxthermo.config.loader import config_hash
 from jaxthermo.config.schema.body import BodyConfig
 from jaxthermo.config.schema.material import LabelledConfig

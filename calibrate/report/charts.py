@@ -7,10 +7,11 @@ from typing import Any
 import altair as alt
 
 from jaxthermo.report.chart import POINT_AREA, Chart, LogAxis, legend
+from jaxthermo.report.numbers import is_finite
+
+from .text_summary import Result
 
 
-Result = dict[str, Any]
-"""Content of `fit.json`."""
 MAX_CHARTED = 48
 """Parameters in a chart; a field of thousands only has a table."""
 _Point = dict[str, Any]
@@ -33,11 +34,6 @@ _VERDICT_COLOURS = {
     "flat": "#b3261e",
     "dead": "#5a606c",
 }
-
-
-def is_finite(value: float | None) -> bool:
-    """True for a finite number."""
-    return value is not None and math.isfinite(value)
 
 
 def _is_positive(value: float | None) -> bool:

@@ -19,7 +19,6 @@ from ..problem.targets import FrameTarget
 from ..solvers.fit import Fit
 from .charts import (
     MAX_CHARTED,
-    Result,
     correlation_chart,
     error_chart,
     loss_chart,
@@ -29,6 +28,7 @@ from .pictures import difference_picture, frame_picture, run_both
 from .text_summary import (
     GROUPS,
     MEANING,
+    Result,
     about_standard_errors,
     definition,
     error_title,

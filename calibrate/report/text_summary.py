@@ -4,13 +4,14 @@ from collections.abc import Mapping
 from typing import Any
 
 from jaxthermo.arrays import readable_bytes
-from jaxthermo.report.numbers import count, padded
+from jaxthermo.report.numbers import count, is_finite, padded
 from jaxthermo.report.table import Cell, Table
 
 from ..analysis.verdict import time_errors, truth_times
-from .charts import Result, is_finite
 
 
+Result = dict[str, Any]
+"""Content of `fit.json`."""
 GROUPS = {"train": "fitted to", "held_out": "held out"}
 """Groups of cases in words."""
 

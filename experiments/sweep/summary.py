@@ -5,7 +5,7 @@ from typing import Any
 
 from calibrate.problem.reference import program_hash
 from calibrate.runs.case import Case
-from jaxthermo.cli.summary import write_json
+from jaxthermo.atomic import write_json
 from jaxthermo.provenance import processor, provenance
 from jaxthermo.report import page
 from jaxthermo.report.table import Cell, Table

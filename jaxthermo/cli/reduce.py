@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from rich.console import Console
 
 from ..arrays import precision
-from ..atomic import replacing
+from ..atomic import replacing, write_json
 from ..config.loader import config_hash, load_config, resolved, to_yaml
 from ..config.schema.scene import SceneConfig
 from ..config.types.quantities import NUMBER, to_si
@@ -28,7 +28,7 @@ from ..report.numbers import seconds, seconds_with_range, significant
 from ..scene.scene import Scene
 from .console import open_console, print_line, status
 from .files import results_folder
-from .summary import peak_memory, write_json
+from .summary import peak_memory
 
 
 MODEL = "model.npz"

@@ -8,7 +8,7 @@ from rich.console import Console
 
 from .. import __version__
 from ..arrays import precision
-from ..atomic import replacing
+from ..atomic import replacing, write_json
 from ..config.card_file import load_card
 from ..config.loader import config_hash, load_config, to_yaml
 from ..config.schema.image import ImageConfig, PinholeConfig
@@ -40,7 +40,6 @@ from .summary import (
     peak_memory,
     summarize,
     write_energy,
-    write_json,
     write_probes,
 )
 from .truth import Truth

@@ -2,7 +2,6 @@
 
 import csv
 import io
-import json
 import resource
 import sys
 from pathlib import Path
@@ -135,14 +134,6 @@ def _effort(effort: SolverStatistics | None) -> dict[str, float] | None:
 # JSON has no infinity.
 def _finite(value: float | None) -> float | None:
     return value if value is not None and np.isfinite(value) else None
-
-
-def write_json(path: Path, content: dict[str, Any]) -> None:
-    """Write plain types as indented JSON, in one step."""
-    with replacing(path) as temporary:
-        # NaN would be written as a word that other readers of JSON refuse.
-        text = json.dumps(content, indent=2, allow_nan=False)
-        temporary.write_text(text + "\n", encoding="utf-8")
 
 
 def write_energy(path: Path, solution: Solution) -> None:

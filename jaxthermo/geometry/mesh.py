@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from ..arrays import plain_numbers
+from ..arrays import linear_map, plain_numbers
 from ..errors import InputError, require, shortened
 
 
@@ -329,7 +329,7 @@ class Pose(eqx.Module):
 
     def rotate(self, vectors: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
         """Rotate directions from the body to the world."""
-        return vectors @ np.asarray(self.rotation, float).T
+        return linear_map(vectors, np.asarray(self.rotation, float).T)
 
     def to_body(self, points: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
         """Transform points from the world to the body [m]."""
@@ -339,7 +339,7 @@ class Pose(eqx.Module):
         self, vectors: Float[np.ndarray, "*n 3"]
     ) -> Float[np.ndarray, "*n 3"]:
         """Rotate directions from the world to the body."""
-        return vectors @ np.asarray(self.rotation, float)
+        return linear_map(vectors, np.asarray(self.rotation, float))
 
     def at(self, time: float) -> "Pose":
         """Pose at a time [s], here always the same."""

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from typing_extensions import override
 
+from ..arrays import linear_map
 from ..errors import InputError
 from ..raster.views import clip_half_space, unit_vector
 
@@ -96,11 +97,11 @@ class AbstractCamera(eqx.Module):
     # Pieces of the triangles in camera axes beyond the depth `near`: what is behind the
     # pinhole would be projected upside down.
     def _clipped(self, triangles: np.ndarray, near: float):
-        local = (triangles - np.asarray(self.position)) @ self.frame.T
+        local = linear_map(triangles - np.asarray(self.position), self.frame.T)
         return clip_half_space(local, _FORWARD, near)
 
     def _to_world(self, local: np.ndarray) -> np.ndarray:
-        return local @ self.frame + self.position
+        return linear_map(local, self.frame) + np.asarray(self.position)
 
     # Of a pixel's centre, to the right of and below that of the image [pixels].
     def _offsets(self, pixel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -214,7 +215,7 @@ def frame_all(
     middle = (corners.min(0) + corners.max(0)) / 2
     forward = unit_vector(direction)
     axes = _view_frame((0.0, 0.0, 0.0), forward, (0.0, 0.0, 1.0))
-    x, y, z = np.moveaxis((corners - middle) @ axes.T, -1, 0)
+    x, y, z = np.moveaxis(linear_map(corners - middle, axes.T), -1, 0)
     field_of_view, margin = 0.5, 1.06
     slope = np.tan(field_of_view / 2) / margin
     # Each corner needs this depth to be inside the image, vertically and horizontally.

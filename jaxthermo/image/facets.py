@@ -22,7 +22,7 @@ from scipy.sparse import block_diag, coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
 from ..scene.scene import BodyGeometry
-from .fragment_cells import CHUNK, FragmentCells, kernel
+from .fragment_cells import CHUNK, cells_of
 
 
 # Facets of at least this area [voxel faces] have fragments of their own at every corner
@@ -124,18 +124,17 @@ def _weights(
     size = len(points), len(geometry.fragment_area)
     if not len(points):
         return csr_array(size)
-    cells = FragmentCells(geometry.fragment_position, radius)
+    cells = cells_of(geometry, radius)
     parts = []
     for first in range(0, len(points), CHUNK):
         chunk = slice(first, first + CHUNK)
         point, normal = points[chunk], normals[chunk]
-        owner, fragment = cells.pairs(point)
-        weight = kernel(point, normal, geometry, owner, fragment, radius)
+        owner, fragment, weight = cells.weighted(point, normal)
         away = geometry.fragment_position[fragment] - point[owner]
         height = np.abs(np.einsum("ij,ij->i", away, normal[owner]))
         other = geometry.fragment_normal[fragment]
         kept = np.einsum("ij,ij->i", other, normal[owner]) > near.cosine
-        kept &= (weight > 0) & (height <= near.offset * geometry.pitch)
+        kept &= height <= near.offset * geometry.pitch
         parts.append((owner[kept] + first, fragment[kept], weight[kept]))
     row, fragment, weight = (np.concatenate(part) for part in zip(*parts, strict=True))
     total = np.bincount(row, weights=weight, minlength=len(points))

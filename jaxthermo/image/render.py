@@ -139,7 +139,9 @@ def draw(
     """
     load_time = time if load_time is None else load_time
     values = temperature, per_fragment(surfaces, "emissivity")
-    received = (reflected,) if lit is None else (reflected, lit)
+    # Of the sources alone only where the rest is hidden.
+    alone = lit is not None and view.open_fraction is not None
+    received = (reflected, lit) if alone else (reflected,)
     # Derivatives need JAX, which otherwise would compile a program for every view.
     xp: Any = jnp if is_traced((values, received, load_time, terms)) else np
     columns, radiation = (

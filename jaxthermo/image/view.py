@@ -18,7 +18,7 @@ from ..stored_findings import stored
 from .background import Background, compute_background
 from .camera import AbstractCamera
 from .facets import FacetShading, facet_shading, joined_shadings, smooth_normals
-from .fragment_cells import CHUNK, FragmentCells, kernel
+from .fragment_cells import CHUNK, cells_of
 from .ssao import screen_space_occlusion
 from .visible import VisiblePoints, visible_points
 
@@ -44,9 +44,9 @@ def _nearest_fragments(
     radius = geometry.pitch
     while (missing := np.flatnonzero(found < 0)).size:
         radius *= 2
-        cells = FragmentCells(geometry.fragment_position, radius)
+        cells = cells_of(geometry, radius)
         for part in np.array_split(missing, len(missing) // CHUNK + 1):
-            owner, fragment = cells.pairs(points[part])
+            owner, fragment, _ = cells.pairs(points[part])
             offset = points[part][owner] - geometry.fragment_position[fragment]
             distance = np.einsum("ij,ij->i", offset, offset)
             order = np.lexsort([distance, owner])
@@ -60,16 +60,12 @@ def _smooth_weights(
     normals: Float[np.ndarray, "p 3"],
     geometry: BodyGeometry,
 ) -> _PixelWeights:
-    radius = _RADIUS * geometry.pitch
-    cells = FragmentCells(geometry.fragment_position, radius)
+    cells = cells_of(geometry, _RADIUS * geometry.pitch)
     parts = []
     for first in range(0, len(points), CHUNK):
         chunk = slice(first, first + CHUNK)
-        point, normal = points[chunk], normals[chunk]
-        owner, fragment = cells.pairs(point)
-        weight = kernel(point, normal, geometry, owner, fragment, radius)
-        kept = weight > 0
-        parts.append((owner[kept] + first, fragment[kept], weight[kept]))
+        owner, fragment, weight = cells.weighted(points[chunk], normals[chunk])
+        parts.append((owner + first, fragment, weight))
     pixel, fragment, weight = (
         np.concatenate(column) for column in zip(*parts, strict=True)
     )

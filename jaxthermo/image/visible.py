@@ -59,5 +59,10 @@ def visible_points(
 
 # Triangles whose bounding box overlaps the image: the others would cost rays.
 def _overlaps(corners: np.ndarray, camera: AbstractCamera) -> Bool[np.ndarray, " k"]:
-    low, high = corners[..., :2].min(1), corners[..., :2].max(1)
-    return ((high > 0) & (low < np.array(camera.size))).all(1)
+    inside = np.ones(len(corners), bool)
+    # Corner by corner: numpy is slow at the minimum along an axis of length three.
+    for axis, size in enumerate(camera.size):
+        a, b, c = corners[..., axis].T
+        low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+        inside &= (high > 0) & (low < size)
+    return inside

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from ..arrays import linear_map
 from ..errors import InputError
 from .fragments import DepthLayers, depth_range, peel
 
@@ -51,7 +52,7 @@ class OrthographicView:
 
     def project(self, points: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
         """Transform world points [m] to (column, row, depth) in pixels."""
-        return (points @ self.frame.T - self.corner) / self.pitch
+        return (linear_map(points, self.frame.T) - self.corner) / self.pitch
 
     def peel(self, triangles: Float[np.ndarray, "f 3 3"]) -> DepthLayers:
         """Depth layers of world triangles [m] in this view."""
@@ -63,7 +64,7 @@ def orthographic_view(
 ) -> OrthographicView:
     """Smallest view along `direction` around all points, with a pixel of margin."""
     frame = view_frame(direction)
-    rotated = points.reshape(-1, 3) @ frame.T
+    rotated = linear_map(points.reshape(-1, 3), frame.T)
     low, high = rotated.min(0), rotated.max(0)
     size = np.maximum(np.ceil((high - low)[:2] / pitch).astype(int), 1) + 2
     corner = (low + high) / 2 - np.append(size, 0) * pitch / 2
@@ -157,7 +158,7 @@ class PerspectiveView:
 
     def project(self, points: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
         """Transform world points [m] ahead of the eye to (column, row, depth [m])."""
-        local = (points - self.eye) @ self.frame.T
+        local = linear_map(points - self.eye, self.frame.T)
         depth = np.maximum(local[..., 2], self.near)
         image = (local[..., :2] / depth[..., None] - self.corner) / self.pixel
         return np.concatenate([image, depth[..., None]], axis=-1)
@@ -218,7 +219,7 @@ def perspective_views(
 
 def _view(eye, forward, away: np.ndarray, size: float) -> PerspectiveView:
     frame = view_frame(unit_vector(forward))
-    local = away @ frame.T
+    local = linear_map(away, frame.T)
     farthest = float(local[:, 2].max())
     pixel = size / farthest
     tangent = local[:, :2] / local[:, 2:]

@@ -1,5 +1,7 @@
 """Numbers as a reader wants them: three digits, with unit and spread."""
 
+import math
+
 
 def significant(value: float | int) -> str:
     """Three significant digits, or all before the point: "0.405", "87,947"."""
@@ -35,3 +37,8 @@ def with_range(median: float, low: float, high: float) -> str:
 def count(number: int, noun: str) -> str:
     """A count of things: "1 node", "12,000 nodes"."""
     return f"{number:,} {noun}{'s' * (number != 1)}"
+
+
+def is_finite(value: float | None) -> bool:
+    """True for a finite number."""
+    return value is not None and math.isfinite(value)

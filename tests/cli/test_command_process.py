@@ -63,3 +63,18 @@ def test_a_broken_pipe_is_quiet():
     )
     assert done.stderr == ""
     assert done.stdout.strip() in ("1", "141")
+
+
+def test_shown_fits_wait_for_nothing_that_runs_or_draws():
+    heavy = ("altair", "trimesh", "optimistix", "jaxthermo.integrate", "calibrate.run")
+    code = f"""
+import sys
+from calibrate.__main__ import main
+try:
+    main(["show", "--shipped"])
+except SystemExit as stopped:
+    assert stopped.code == 0
+sys.exit(", ".join(name for name in {heavy!r} if name in sys.modules) or None)
+"""
+    done = _run("-c", code)
+    assert (done.returncode, done.stderr) == (0, "")

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from ...arrays import require_memory
+from ...arrays import linear_map, require_memory
 from ...errors import InputError
 from ...geometry.mesh import tangents
 from ...raster.fragments import MIN_CAPACITY, depth_range, shared_capacities
@@ -201,7 +201,7 @@ def _sees_out(
     """Flags: the point is visible along the view or against it; the answer is known."""
     # The ray through a pixel's middle meets the plane of a point beside the point, the
     # farther the more it grazes the plane. Too far away the depths say nothing.
-    at, tilt = view.project(position), normal @ view.frame.T
+    at, tilt = view.project(position), linear_map(normal, view.frame.T)
     column = np.clip(at[:, 0].astype(int), 0, view.width - 1)
     row = np.clip(at[:, 1].astype(int), 0, view.height - 1)
     nearest, farthest = (end[row, column] for end in ends)

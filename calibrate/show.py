@@ -1,0 +1,58 @@
+"""`calibrate show`: results of a fit and shipped cards as text, which runs nothing."""
+
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from jaxthermo.cli.console import open_console, print_line
+from jaxthermo.config.card_file import load_card
+from jaxthermo.config.shipped_cards import shipped_cards
+from jaxthermo.errors import InputError
+
+from .config.fit_record import read_fit
+from .report.card_list import about_cards, card_table, range_table
+from .report.text_summary import (
+    about_standard_errors,
+    definition,
+    experiment_table,
+    parameter_table,
+    summary,
+    time_table,
+    truth_table,
+)
+
+
+_MAX_EXPERIMENTS = 5
+"""Further experiments that are listed."""
+
+
+def show(folder: Path | None, shipped: bool) -> None:
+    """Run `calibrate show`."""
+    console = open_console()
+    if shipped == (folder is not None):
+        raise InputError("show: give the results folder of a fit, or --shipped")
+    if folder is not None:
+        print_fit(console, read_fit(folder / "fit.json"))
+        return
+    found = {name: load_card(path) for name, path in shipped_cards().items()}
+    if found:
+        console.print(card_table(found).rich())
+        console.print(range_table(found).rich())
+    for text in about_cards(found):
+        print_line(console, text)
+
+
+def print_fit(console: Console, result: dict[str, Any]) -> None:
+    """Print the results of a fit: values, errors, and what else to measure."""
+    title = f"{result['name']}: {result['ended']}"
+    console.print(parameter_table(result["parameters"], title).rich())
+    console.print(time_table(result, "error at every saved time").rich())
+    title = "error against finer voxels at every saved time"
+    if (against := truth_table(result, title)) is not None:
+        console.print(against.rich())
+    about = about_standard_errors(result)
+    for text in (about, *summary(result), definition(result)):
+        print_line(console, text)
+    if result["advice"]:
+        console.print(experiment_table(result, _MAX_EXPERIMENTS).rich())
