@@ -204,7 +204,7 @@ def _words(
         f"{choice.time.text()} on {processor()}; {found.nodes:,} nodes, "
         f"{found.memory / 2**20:.3g} MiB."
     )
-    others = [t for t in choice.trials if t is not choice.best and t.found.error <= 1]
+    others = [t for t in choice.trials if t is not choice.best and t.is_within]
     next_best = min(others, key=lambda t: t.found.run_time, default=None)
     compared = f"{len(choice.trials)} candidates were run beside it"
     if next_best is not None:
@@ -221,7 +221,8 @@ def _miss(choice: Choice, tolerance: Tolerance, pitches: tuple[float, ...]) -> s
         f"no model is within {tolerance.words()}: the nearest, "
         f"{near.found.candidate.words(pitches)}, has {_error_words(near)} in "
         f"{_milliseconds(near)} and {near.found.memory / 2**20:.3g} MiB, "
-        f"{near.found.error:.3g} times the tolerance: allow more, or give a finer mesh"
+        f"{near.found.error / near.allowed:.3g} times the tolerance with the error of "
+        "the reference: allow more, or give a finer mesh"
     )
 
 
@@ -237,7 +238,7 @@ def _table(choice: Choice, pitches: tuple[float, ...]) -> Table:
     rows = [
         [
             trial.found.candidate.words(pitches),
-            Cell(f"{trial.percent:.3g} %", trial.found.error <= 1, is_number=True),
+            Cell(f"{trial.percent:.3g} %", trial.is_within, is_number=True),
             f"{trial.kelvin:.3g} K",
             _milliseconds(trial),
             f"{trial.found.nodes:,}",

@@ -1,10 +1,11 @@
 """The search of a plan: from coarse references to the cheapest model that is verified.
 
-References in ever finer voxels are run until the finest one's own error is a third of
-the tolerance. A few blocks show how errors and times fall with pitch, size and steps;
-from then on the candidate that is predicted to be the cheapest within the tolerance is
-run beside the reference, and what it shows corrects the prediction, until no other one
-is expected to be faster.
+References in ever finer voxels are run until the finest one's own error is half of the
+tolerance; a candidate keeps the tolerance if its error and the reference's together, as
+the root of the sum of their squares, do. A few blocks show how errors and times fall
+with pitch, size and steps; from then on the candidate that is predicted to be the
+cheapest within the tolerance is run beside the reference, and what it shows corrects
+the prediction, until no other one is expected to be faster.
 """
 
 import math
@@ -19,7 +20,7 @@ from jaxthermo.timing import Timing
 
 from .candidate import FAMILIES, Candidate, Family, Method, cards_of, pitches_of
 from .predict import Forecast, Predictor
-from .trial import Bench, Reference, Tolerance, Trial, in_turn
+from .trial import MAX_OWN_ERROR, Bench, Reference, Tolerance, Trial, in_turn
 
 
 _FIRST_VOXELS = 24_000
@@ -27,9 +28,6 @@ _FIRST_VOXELS = 24_000
 
 _MOST_NODES = 3e6
 """Nodes of the finest reference."""
-
-_OWN_ERROR = 1 / 3
-"""Largest error of the reference itself over the tolerance [-]."""
 
 _FACTORS = (2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32)
 _SHELL_FACTORS = (4, 8)
@@ -47,7 +45,7 @@ _GAIN = 0.85
 """Expected time over that of the best one, above which nothing more is run [-]."""
 
 _MARGIN = 0.97
-"""Largest predicted error over the tolerance [-]."""
+"""Largest predicted error over the allowed one [-]."""
 
 _NEARER = 0.8
 """Expected error over the smallest one so far, from which the most accurate candidate
@@ -120,7 +118,7 @@ class _Search:
         """Refine references, then run candidates beside the finest."""
         # In powers of two: the user's own pitch is among the candidates.
         first = 2.0 ** round(math.log2(_FIRST_VOXELS / self.volume) / 3)
-        self._refine_until(_OWN_ERROR, first)
+        self._refine_until(MAX_OWN_ERROR, first)
         self._probe()
         while len(self.trials) < _MAX_TRIALS:
             candidate = self._next()
@@ -192,6 +190,7 @@ class _Search:
         done = {trial.found.candidate for trial in self.trials} | self.failed
         best = min((t.found.run_time for t in self._kept()), default=None)
         chosen, shortest = None, float("inf") if best is None else _GAIN * best
+        limit = _MARGIN * self.reference.allowed
         nearest, least = None, _NEARER * min(t.found.error for t in self.trials)
         for candidate in self._candidates():
             if candidate in done:
@@ -199,7 +198,7 @@ class _Search:
             expected = predictor.forecast(candidate)
             if not self._is_affordable(expected):
                 continue
-            if expected.error <= _MARGIN and expected.run_time < shortest:
+            if expected.error <= limit and expected.run_time < shortest:
                 chosen, shortest = candidate, expected.run_time
             if expected.error < least:
                 nearest, least = candidate, expected.error
@@ -230,7 +229,7 @@ class _Search:
             yield model._replace(method=method, steps=steps)
 
     def _keeps(self, trial: Trial) -> bool:
-        return trial.found.error <= 1 and self._fits(trial)
+        return trial.is_within and self._fits(trial)
 
     def _fits(self, trial: Trial) -> bool:
         budget, memory = self.tolerance.run_time, self.tolerance.memory

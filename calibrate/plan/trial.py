@@ -1,5 +1,6 @@
 """Trials of a plan: references in ever finer voxels, and candidates beside them."""
 
+import math
 import statistics
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -32,6 +33,9 @@ _POINTS = 4000
 
 _CONVERGED = 2000
 """Steps of a run whose error in time is controlled, for predictions."""
+
+MAX_OWN_ERROR = 0.5
+"""Largest error of the reference itself over the tolerance [-]."""
 
 _SHORT, _REPEATS = 0.2, 5
 """Time of a loop up to which it is repeated, and how often [s, -]."""
@@ -91,6 +95,12 @@ class Reference(NamedTuple):
         """Largest of its own errors at the saved times [%]."""
         return max(e for e in self.own_error["rms_percent"] if e is not None)
 
+    @property
+    def allowed(self) -> float:
+        """Largest error beside it over the tolerance, so that both together keep it."""
+        # Where finer references are too much, the plan says so.
+        return math.sqrt(1 - min(self.excess, MAX_OWN_ERROR) ** 2)
+
 
 class Trial(NamedTuple):
     """A candidate that was run, beside a reference."""
@@ -101,6 +111,13 @@ class Trial(NamedTuple):
     """Compiled loop, where the candidate is within the tolerance."""
     refinement: float
     """Refinement of the reference [-]."""
+    allowed: float
+    """Largest error over the tolerance [-]."""
+
+    @property
+    def is_within(self) -> bool:
+        """True if its error and the reference's together are within the tolerance."""
+        return self.found.error <= self.allowed
 
     @property
     def percent(self) -> float:
@@ -200,7 +217,7 @@ class Bench:
             seconds,
             receipt.memory_bytes,
         )
-        return Trial(found, error, loop, reference.refinement)
+        return Trial(found, error, loop, reference.refinement, reference.allowed)
 
     def volume_and_area(self) -> tuple[float, float]:
         """Volume and area of all bodies, in cubes and squares of their pitches [-]."""

@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -9,7 +10,7 @@ import jaxthermo as jt
 from calibrate.plan.candidate import Candidate, cards_of, pitches_of
 from calibrate.plan.command import tolerance_of
 from calibrate.plan.predict import Found, Predictor
-from calibrate.plan.trial import Tolerance
+from calibrate.plan.trial import Reference, Tolerance
 from jaxthermo.config.loader import load_config, to_yaml
 
 
@@ -126,3 +127,16 @@ def test_a_body_of_given_voxels_has_no_other_pitch():
     )
     with pytest.raises(jt.InputError, match="is given by its voxels"):
         pitches_of(scene.model_copy(update={"bodies": (body,)}))
+
+
+@pytest.mark.parametrize("excess", [0.0, 0.3, 0.5])
+def test_a_candidate_may_have_what_the_reference_leaves_of_the_tolerance(excess):
+    points: Any = None
+    reference = Reference(1.0, points, {}, excess, {}, ())
+    assert math.hypot(reference.allowed, excess) == pytest.approx(1.0)
+
+
+def test_a_reference_that_cannot_be_refined_leaves_as_much_as_one_half_off():
+    points: Any = None
+    allowed = [Reference(1.0, points, {}, e, {}, ()).allowed for e in (0.5, 0.9, 3.0)]
+    assert allowed == [allowed[0]] * 3
