@@ -77,8 +77,7 @@ class _Store:
                 self._kept.move_to_end(key)
             return found
 
-    def put(self, key: Hashable, value: Any) -> None:
-        size = _size(value)
+    def put(self, key: Hashable, value: Any, size: int) -> None:
         if size > MAX_BYTES:
             return
         with self._lock:
@@ -147,8 +146,12 @@ def found(
     with jax.ensure_compile_time_eval():
         value = find()
     if key is not None and not is_traced(value):
-        _protect(value)
-        _store.put(_ending_key(of, by), value)
+        leaves = _leaves(value)
+        for leaf in leaves:
+            if isinstance(leaf, np.ndarray):
+                leaf.flags.writeable = False
+        size = sum(int(getattr(leaf, "nbytes", 64)) for leaf in leaves)
+        _store.put(_ending_key(of, by), value, size)
     return value
 
 
@@ -229,16 +232,6 @@ def digest(array: np.ndarray) -> Hashable:
     content = np.packbits(array) if array.dtype == bool else np.ascontiguousarray(array)
     code = hashlib.blake2b(content.tobytes(), digest_size=16).digest()
     return array.dtype.str, array.shape, code
-
-
-def _protect(value: Any) -> None:
-    for leaf in _leaves(value):
-        if isinstance(leaf, np.ndarray):
-            leaf.flags.writeable = False
-
-
-def _size(value: Any) -> int:
-    return sum(int(getattr(leaf, "nbytes", 64)) for leaf in _leaves(value))
 
 
 def _leaves(value: Any) -> list[Any]:

@@ -11,6 +11,7 @@ from scipy.sparse.csgraph import connected_components
 
 from ..arrays import linear_map, plain_numbers
 from ..errors import InputError, require, shortened
+from ..module import Module
 
 
 @dataclass(frozen=True)
@@ -293,7 +294,7 @@ def _are_finite(numbers: Any, shape: tuple[int, ...]) -> bool:
     return array.shape == shape and bool(np.isfinite(array).all())
 
 
-class Pose(eqx.Module):
+class Pose(Module):
     """Rigid placement of a body in the world: x -> rotation x + translation."""
 
     translation: tuple[float, float, float] = eqx.field(

@@ -2,12 +2,12 @@
 
 from typing import Any
 
-import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.optimize import root_scalar
 
 from ..errors import InputError
+from ..module import Module
 from .surface_error import AnySolution
 from .truth_error import truth_error
 
@@ -22,7 +22,7 @@ _MAX_RATIO_CHANGE = 1.01
 """Ratio of two bodies' refinements up to which they are one."""
 
 
-class DiscretizationError(eqx.Module):
+class DiscretizationError(Module):
     """Estimate of the error of the finest of three runs, at each saved time after 0."""
 
     times: Float[np.ndarray, " t"]

@@ -16,6 +16,7 @@ from skimage import measure
 
 from ..errors import InputError
 from ..geometry.mesh import connected_labels
+from ..module import Module
 from ..network.multigrid import MAX_DENSE_SIZE, link_conductance, node_layout
 from ..network.network import AbstractNetwork, AbstractNodeNetwork
 from ..scene.compile.program import Program, State
@@ -36,7 +37,7 @@ _REGULARIZATION = 0.01
 """Fraction of the diagonal that makes a preconditioner regular in a component."""
 
 
-class IsolatedComponents(eqx.Module):
+class IsolatedComponents(Module):
     """Connected components that exchange heat with nothing else."""
 
     number: tuple[Int[Array, " _"], ...]
@@ -92,7 +93,7 @@ class IsolatedComponents(eqx.Module):
         )
 
 
-class ProjectedPreconditioner(eqx.Module):
+class ProjectedPreconditioner(Module):
     """Preconditioner that changes neither the heat nor the mean of a component.
 
     A has no curvature along a component's mean: without the projection a search ends

@@ -20,6 +20,7 @@ from typing_extensions import override
 
 from ..arrays import Number
 from ..errors import InputError
+from ..module import Module
 from ..physics.time_varying import SAMPLES
 from ..scene.compile.program import Compiled
 from ..scene.scene import Scene
@@ -53,7 +54,7 @@ MAX_RKL2_STEPS = 5_000_000
 """Number of stable steps above which even their square root is too many."""
 
 
-class AbstractSolver(eqx.Module):
+class AbstractSolver(Module):
     """Time integration scheme: how long steps are, and what takes them."""
 
     load_fraction: ClassVar[float] = 1 - END_FRACTION

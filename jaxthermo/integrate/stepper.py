@@ -3,12 +3,12 @@
 import abc
 from typing import Any, ClassVar
 
-import equinox as eqx
 import equinox.internal as eqxi
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from ..module import Module
 from ..scene.compile.program import Program, State
 from .run.ledger import Ledger
 
@@ -28,7 +28,7 @@ def just_before(time: Any, dtype: Any = None) -> Any:
     return time - _END_ROUNDINGS * float(jnp.finfo(dtype).eps) * abs(time)
 
 
-class RunState(eqx.Module):
+class RunState(Module):
     """Everything that one step passes to the next."""
 
     theta: State
@@ -37,7 +37,7 @@ class RunState(eqx.Module):
     """Statistics and controller memory of the stepper; None for explicit steppers."""
 
 
-class AbstractStepper(eqx.Module):
+class AbstractStepper(Module):
     """One-step method, with everything that it precomputes for a scene."""
 
     two_buffers: ClassVar[bool] = False

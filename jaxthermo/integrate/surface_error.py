@@ -11,6 +11,7 @@ from jaxtyping import Array, Bool, Float
 
 from ..arrays import is_traced, precision
 from ..errors import InputError
+from ..module import Module
 from ..scene.scene import SolvedSurface
 from .run.solution import Solution, SteadySolution
 from .run.solution_file import StoredSolution
@@ -24,7 +25,7 @@ PerTime = Float[Array | np.ndarray, " t"]
 AnySolution = Solution | SteadySolution | StoredSolution
 
 
-class SurfaceError(eqx.Module):
+class SurfaceError(Module):
     """Difference of two runs on the same surface, at each saved time after 0."""
 
     times: Float[Array, " t"]

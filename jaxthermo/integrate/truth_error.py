@@ -11,6 +11,7 @@ from ..arrays import is_traced
 from ..errors import InputError
 from ..geometry.mesh import Mesh
 from ..geometry.sample import MeshSample, mesh_sample
+from ..module import Module
 from ..scene.scene import SolvedSurface
 from .run.solution import Solution
 from .run.solution_file import StoredSolution
@@ -108,7 +109,7 @@ class TruthPoints(NamedTuple):
             )
 
 
-class TruthError(eqx.Module):
+class TruthError(Module):
     """Difference of a run from a reference on the mesh, at each saved time after 0."""
 
     times: PerTime

@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 
 from ..arrays import Samples, Scalar, is_traced
 from ..errors import InputError
+from ..module import Module
 
 
 def _as_array(numbers: Any) -> Any:
@@ -22,7 +23,7 @@ def _as_array(numbers: Any) -> Any:
         raise InputError(f"Property: {numbers!r} are no numbers") from None
 
 
-class Property(eqx.Module):
+class Property(Module):
     """Property that is piecewise linear in temperature and constant outside the table.
 
     Raises:
@@ -111,7 +112,7 @@ def _conductivity(given) -> _Conductivity:
     return x, y, z
 
 
-class Material(eqx.Module):
+class Material(Module):
     """Homogeneous opaque solid, or a fluid at rest.
 
     Example:

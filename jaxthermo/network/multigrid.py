@@ -19,6 +19,7 @@ from typing_extensions import override
 
 from ..arrays import members
 from ..geometry.mesh import connected_labels
+from ..module import Module
 from ..structures.structure import AbstractBuiltStructure, AbstractStructure
 from .cut_stencil import CutStencil
 from .link_operator import LinkNetwork, RowLayout, RowNetwork, row_layout, row_network
@@ -302,7 +303,7 @@ def link_conductance(
     return found.at[rows.list_link].set(network.list_conductance)[:-1]
 
 
-class Hierarchy(eqx.Module):
+class Hierarchy(Module):
     """Network and successively coarser ones of the same body."""
 
     networks: tuple[AbstractNetwork, ...]

@@ -13,12 +13,12 @@ smoothing, Adams et al., J. Comput. Phys. 188 (2003) 593-610.
 
 import abc
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 from typing_extensions import override
 
+from ..module import Module
 from .network import AbstractNetwork, inverse
 
 
@@ -34,7 +34,7 @@ def _materialized(values: Float[Array, "*n"]) -> Float[Array, "*n"]:
     return jax.lax.cond(first > -jnp.inf, lambda v: v, lambda v: v + v, values)
 
 
-class AbstractCycle(eqx.Module):
+class AbstractCycle(Module):
     """Symmetric, positive and linear approximation of A^-1."""
 
     @abc.abstractmethod
@@ -42,7 +42,7 @@ class AbstractCycle(eqx.Module):
         """Approximation of A^-1 r [K], zero where there is no node; r [W]."""
 
 
-class AbstractTransfer(eqx.Module):
+class AbstractTransfer(Module):
     """Restriction to the next coarser level and prolongation, its transpose."""
 
     @abc.abstractmethod
@@ -65,7 +65,7 @@ class JacobiCycle(AbstractCycle):
         return self.inverse_diagonal * r
 
 
-class _Level(eqx.Module):
+class _Level(Module):
     """A = diag(m) - K on one level, with the smoother q(D^-1 A) D^-1, q linear."""
 
     network: AbstractNetwork

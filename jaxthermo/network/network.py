@@ -17,12 +17,14 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
+from ..module import Module
+
 
 Address = tuple[Int[Array, " m"], ...]
 """Indices of some nodes in a state: `state[address]`."""
 
 
-class AbstractNetwork(eqx.Module):
+class AbstractNetwork(Module):
     """Capacities and conductances of one body.
 
     Conduction into node i is sum_j G_ij (T_j - T_i) [W]; one node gains exactly what

@@ -16,7 +16,6 @@ Eyres et al., Phil. Trans. R. Soc. A 240 (1946) 1-57.
 from collections.abc import Callable
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -25,10 +24,11 @@ from typing_extensions import override
 
 from ..arrays import Scalar, is_traced
 from ..material.material import Property
+from ..module import Module
 from .network import AbstractDerivedNetwork, AbstractNetwork, Address
 
 
-class KirchhoffTransform(eqx.Module):
+class KirchhoffTransform(Module):
     """P(theta) = integral from 0 to theta of p / p(0) [K]; increasing, P(0) = 0.
 
     theta is the temperature above the reference, and the property p is piecewise

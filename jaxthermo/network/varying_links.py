@@ -17,12 +17,12 @@ node it is near the linear network, with which it is preconditioned.
 
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
+from ..module import Module
 from .network import AbstractDerivedNetwork, AbstractNetwork, Address, inverse
 from .nonlinear import KirchhoffTransform
 
@@ -32,7 +32,7 @@ _FACE_ITERATIONS = 12
 temperatures to rounding for conductivities that change up to tenfold between them."""
 
 
-class Integrals(eqx.Module):
+class Integrals(Module):
     """F of every material [W/m], and along every axis if they differ by it."""
 
     transform: tuple[tuple[KirchhoffTransform, ...], ...]
@@ -84,7 +84,7 @@ class Integrals(eqx.Module):
         return found
 
 
-class LinkHalves(eqx.Module):
+class LinkHalves(Module):
     """Links between nodes, with the geometry of both halves."""
 
     src: Int[Array, " e"]

@@ -20,6 +20,7 @@ from jaxtyping import Array, Float
 from typing_extensions import override
 
 from ..arrays import Time, TimeVarying, is_traced
+from ..module import Module
 from ..voxels.selection import AbstractSelection
 from .flux_law import (
     AbstractFluxLaw,
@@ -27,6 +28,7 @@ from .flux_law import (
     LinearLaw,
     PerCell,
     PerCellOrOne,
+    Values,
 )
 from .surface import Binding, Omitted, Surface
 from .term import AbstractSurfaceTerm, Scale
@@ -59,9 +61,9 @@ def _is_number(value: Any) -> bool:
 
 def _largest_size(value: Any, end: float | int) -> Any:
     """The largest |value| in [0, end] [s]."""
-    if not callable(value):
-        return jnp.abs(jnp.asarray(value, float)).max()
-    return largest(lambda time: jnp.abs(value_at(value, time)), end)
+    highest, lowest = largest(value, end), smallest(value, end)
+    own: Any = jnp if is_traced((highest, lowest)) else np
+    return own.maximum(abs(highest), abs(lowest)).max()
 
 
 class ImposedFlux(AbstractFluxLaw):
@@ -104,11 +106,11 @@ class ImposedFlux(AbstractFluxLaw):
         return 0.0
 
 
-class _Above(eqx.Module):
+class _Above(Module):
     """A function of time for a temperature above the reference [K]."""
 
     temperature: Any
-    reference: Float[Array, ""]
+    reference: Float[Values, ""]
 
     def __call__(self, time: Time) -> Float[Array, ""]:
         """The difference at `time` [s]."""
@@ -160,7 +162,8 @@ class Exchange(AbstractFluxLaw):
     def max_flux(self, within: Forcing, end: float) -> float | Float[Array, ""]:
         warmest = largest(self.temperature, end)
         coldest = smallest(self.temperature, end)
-        gap = jnp.maximum(warmest - within.lowest, within.highest - coldest)
+        own: Any = jnp if is_traced((warmest, coldest)) else np
+        gap = own.maximum(warmest - within.lowest, within.highest - coldest)
         return largest(self.coefficient, end) * gap
 
     @override
@@ -189,7 +192,7 @@ class FixedTemperature(AbstractSurfaceTerm):
     @override
     def bind(self, surface: Surface) -> tuple[Binding | Omitted, ...]:
         law = Exchange(
-            coefficient=jnp.ones((), surface.dtype),
+            coefficient=np.ones((), surface.dtype),
             temperature=for_jit(self.temperature, surface.dtype),
         )
         found = [(body, body.exposed(self.on)) for body in surface.bodies]

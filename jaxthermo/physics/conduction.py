@@ -21,6 +21,7 @@ face that depends on the temperatures of the two nodes at its sides alone.
 """
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import jax
@@ -28,7 +29,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..arrays import Scalar, is_traced
+from ..arrays import Scalar, is_traced, typed_array
 from ..errors import InputError
 from ..material.material import Material, Property
 from ..network.link_operator import row_layout, row_network
@@ -141,11 +142,12 @@ def assemble_uniform(
     The conductivity [W/(m K)] is one number, or three along x, y and z; the heat
     capacity rho c_p is in J/(m^3 K), and the state has the given dtype.
     """
-    k = jnp.asarray(conductivity, dtype)
-    heat = jnp.asarray(volumetric_heat_capacity, dtype)
+    k = typed_array(conductivity, dtype)
+    heat = typed_array(volumetric_heat_capacity, dtype)
     if not _runs_as_stencil(structure):
         # A single row of conductivities by axis stands for all nodes.
         return _assemble_links(structure, k[None] if k.ndim else k, heat)
+    k, heat = jnp.asarray(k), jnp.asarray(heat)
     return uniform_stencil(structure.grid, structure.node_count, k, heat)
 
 
@@ -200,8 +202,8 @@ def _runs_as_stencil(structure: AbstractStructure) -> bool:
 
 
 def conductivity_at_ends(
-    structure: AbstractStructure, k: Float[Array, "*k"]
-) -> Sequence[Float[Array, "*#e"]]:
+    structure: AbstractStructure, k: Float[_Values, "*k"]
+) -> Sequence[Float[_Values, "*#e"]]:
     """Conductivity along each link at both ends [W/(m K)]; one number if k is one.
 
     k is that of each node, along x, y, z if it has three columns; of all nodes if it
@@ -218,28 +220,36 @@ def conductivity_at_ends(
 
 
 def _assemble_links(
-    structure: AbstractStructure, k: Float[Array, "*k"], heat: Float[Array, "*n"]
+    structure: AbstractStructure, k: Float[_Values, "*k"], heat: Float[_Values, "*n"]
 ) -> AbstractNetwork:
     links, nodes = structure.links(), structure.nodes()
     first, second = conductivity_at_ends(structure, k)
-    sizes = links.area, links.distance_src, links.distance_dst, nodes.volume
+    given = links.area, links.distance_src, links.distance_dst, nodes.volume
     area, length1, length2, volume = structure.found(
         ("link_sizes", k.dtype.name),
-        lambda: tuple(jnp.asarray(each, k.dtype) for each in sizes),
+        lambda: tuple(jnp.asarray(each, k.dtype) for each in given),
     )
-    conductance = series(area, length1, first, length2, second)
-    capacity = heat * volume
-    if not structure.weights.are_one:
-        conductance = conductance * _link_weights(structure, k.dtype)
-        capacity = _weighted_capacity(structure, capacity)
     count = len(nodes.volume)
     layout = structure.found(
         "row_layout",
         lambda: jax.tree.map(jnp.asarray, row_layout(count, links.src, links.dst)),
     )
-    if not structure.weights.corrects_non_orthogonality:
+    sizes, weights = (area, length1, first, length2, second), structure.weights
+    if weights.are_one and not weights.corrects_non_orthogonality:
+        return _plain_network(layout, sizes, heat, volume)
+    conductance, capacity = series(*sizes), heat * volume
+    if not weights.are_one:
+        conductance = conductance * _link_weights(structure, k.dtype)
+        capacity = _weighted_capacity(structure, capacity)
+    if not weights.corrects_non_orthogonality:
         return row_network(layout, conductance, capacity)
     return _corrected_network(structure, layout, conductance, capacity)
+
+
+@partial(jax.jit, inline=True)
+def _plain_network(layout, sizes, heat, volume) -> AbstractNetwork:
+    """Network without weights, in one program."""
+    return row_network(layout, series(*sizes), heat * volume)
 
 
 def _corrected_network(structure, layout, conductance, capacity) -> AbstractNetwork:

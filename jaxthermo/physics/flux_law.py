@@ -9,12 +9,12 @@ import math
 from collections.abc import Callable
 from typing import Any, ClassVar, NamedTuple
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from ..arrays import Time, is_traced
+from ..module import Module
 from ..network.network import precise_sum
 
 
@@ -48,7 +48,7 @@ class LinearLaw(NamedTuple):
     """s [W/(m^2 K)], one number or one per surface cell; None for 0."""
 
 
-class AbstractFluxLaw(eqx.Module):
+class AbstractFluxLaw(Module):
     """Heat flux into a surface as a function of its temperature.
 
     Temperatures are differences `theta` from a reference. A law that needs the absolute
@@ -133,7 +133,7 @@ class AbstractFluxLaw(eqx.Module):
         return jnp.full_like(imposed, -jnp.inf)
 
 
-class BoundTerm(eqx.Module):
+class BoundTerm(Module):
     """A law on surface cells: fragments, or the parts of a surface that nodes have."""
 
     effective_area: Float[Values, " m"]

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ..arrays import Scalar, is_traced
+from ..arrays import Scalar, is_traced, typed_array
 from ..errors import InputError
 from ..geometry.mesh import Pose
 from ..voxels.grid import VoxelGrid
@@ -223,9 +223,10 @@ def spread(values: Sequence[Any], counts: Sequence[int], dtype: Any) -> Any:
     # One number where bodies count from one temperature: no array for the time loop.
     same = not is_traced(values) and len({float(value) for value in values}) == 1
     if same or len(values) == 1:
-        return jnp.asarray(values[0], dtype)
+        return typed_array(values[0], dtype)
+    own: Any = jnp if is_traced(values) else np
     pairs = zip(values, counts, strict=True)
-    return jnp.concatenate([jnp.full(n, jnp.asarray(v, dtype)) for v, n in pairs])
+    return own.concatenate([own.full(n, own.asarray(v, dtype)) for v, n in pairs])
 
 
 def concatenated(values: Sequence[Any], axis: int = -1) -> Any:

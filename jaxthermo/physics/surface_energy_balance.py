@@ -33,6 +33,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..arrays import Time, is_traced
+from ..module import Module
 from ..network.network import inverse, precise_sum
 from .flux_law import (
     BoundTerm,
@@ -55,7 +56,7 @@ NumberedTerms = tuple[tuple[int, BoundTerm], ...]
 """Bound terms with the index of their name."""
 
 
-class SurfaceTerms(eqx.Module):
+class SurfaceTerms(Module):
     """Mechanisms that act on surface cells: fragments, or several of them combined."""
 
     names: tuple[str, ...] = eqx.field(static=True)
@@ -308,11 +309,13 @@ class SurfaceTerms(eqx.Module):
 
         def merge(term: BoundTerm) -> BoundTerm:
             area = add(term.effective_area)
-            each = inverse(jnp.asarray(area))
             # Arrays with a value per fragment have the fragments on the last axis.
             along = lambda values, weight: values * weight[(None,) * (values.ndim - 1)]
-            mean = lambda values: along(add(along(values, term.effective_area)), each)
             own: Any = jnp if is_traced(area) else np
+            # Few laws have any: their divisor is found where it is needed.
+            mean = lambda values: along(
+                add(along(values, term.effective_area)), inverse(jnp.asarray(area))
+            )
             parts = own.split(area, np.cumsum(counts)[:-1])
             totals = own.stack([total(part) for part in parts])
             return BoundTerm(area, totals, term.law.coarsened(mean).above(reference))

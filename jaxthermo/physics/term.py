@@ -17,8 +17,7 @@ import abc
 import dataclasses
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
 
-import equinox as eqx
-
+from ..module import Module
 from ..voxels.selection import AbstractSelection
 from .flux_law import Forcing
 from .surface import Binding, Omitted, Surface
@@ -43,7 +42,7 @@ class Scale(NamedTuple):
     """[W/(m^2 K)]"""
 
 
-class AbstractTerm(eqx.Module):
+class AbstractTerm(Module):
     """A mechanism of heat transfer in a scene.
 
     Do not derive from this class, but from one of the four kinds of term.

@@ -8,9 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import Samples, Time, TimeVarying, is_traced
+from ..arrays import Samples, Time, TimeVarying, is_traced, typed_array
 from ..constants import MAX_TEMPERATURE, MIN_TEMPERATURE, ZERO_CELSIUS
 from ..errors import InputError, shortened
+from ..module import Module
 
 
 def _as_array(numbers: Any) -> Any:
@@ -20,7 +21,7 @@ def _as_array(numbers: Any) -> Any:
     return np.asarray(numbers, float)
 
 
-class Table(eqx.Module):
+class Table(Module):
     """Piecewise linear in time, constant before the first and after the last time."""
 
     times: Samples = eqx.field(converter=_as_array)
@@ -45,7 +46,7 @@ class Table(eqx.Module):
         return jnp.interp(time, times, jnp.asarray(self.values, time.dtype))
 
 
-class Until(eqx.Module):
+class Until(Module):
     """A value up to, but not including, `end` [s]; zero from then on."""
 
     value: TimeVarying
@@ -65,10 +66,10 @@ def value_at(value: Any, time: Time) -> Float[Array, "..."]:
 def for_jit(value: Any, dtype: Any) -> Any:
     """The value with its numbers as arrays, so that new numbers need no new program."""
     if not callable(value):
-        return jnp.asarray(value, dtype)
+        return typed_array(value, dtype)
     numbers = float | np.ndarray | np.floating
-    as_array = lambda x: jnp.asarray(x, dtype) if isinstance(x, numbers) else x
-    return jax.tree.map(as_array, value)
+    typed = lambda x: typed_array(x, dtype) if isinstance(x, numbers) else x
+    return jax.tree.map(typed, value)
 
 
 def _stated(value: Any) -> Any:

@@ -17,6 +17,7 @@ from ..arrays import precision
 from ..errors import InputError
 from ..integrate.run.solution_file import StoredSolution
 from ..integrate.stepper import just_before
+from ..module import Module
 from ..physics.time_varying import SAMPLES, breakpoints, is_unknown_function, value_at
 from ..scene.scene import Scene, SolvedSurface
 from .modal_run import Schedule, doubled, is_left, schedule, traced_run
@@ -35,7 +36,7 @@ class AbstractOffline(abc.ABC):
         """See `ReducedModel.extend`."""
 
 
-class _Function(eqx.Module):
+class _Function(Module):
     """Surface temperatures as a function of loads, for JAX to transform.
 
     y(t) = T_ref + C z(t) + D u(t),    dz/dt = A z + B u,    A diagonal.

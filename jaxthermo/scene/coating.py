@@ -2,19 +2,19 @@
 
 from typing import Any
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
 from ..arrays import Numbers, is_traced
 from ..errors import InputError
+from ..module import Module
 from ..physics.flux_law import Values
 from ..voxels.grid import VoxelGrid
 from ..voxels.selection import AbstractSelection
 
 
-class Coating(eqx.Module):
+class Coating(Module):
     """Emissivity and absorptivity of a part of a body, instead of its material's.
 
     A coating changes the radiative properties alone: it has no thickness. Later ones of

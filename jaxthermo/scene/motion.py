@@ -14,6 +14,7 @@ from jaxtyping import Float
 
 from ..errors import InputError
 from ..geometry.mesh import Pose
+from ..module import Module
 
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ else:
 _MAX_SNAPSHOTS = 10_000
 
 
-class PoseTable(eqx.Module):
+class PoseTable(Module):
     """Poses at increasing times, constant before the first and after the last."""
 
     times: tuple[float, ...] = eqx.field(
@@ -56,7 +57,7 @@ class PoseTable(eqx.Module):
         return _between(self.poses[after - 1], self.poses[after], fraction)
 
 
-class Motion(eqx.Module):
+class Motion(Module):
     """A pose that changes with time, in snapshots."""
 
     path: _PoseFunction = eqx.field(static=True)

@@ -14,6 +14,8 @@ from ..arrays import PositionVarying, is_traced
 from ..errors import InputError, require
 from ..geometry.mesh import Pose
 from ..material.material import Material
+from ..module import Module
+from ..physics.flux_law import Values
 from ..physics.term import AbstractExchangeTerm, AbstractTerm
 from ..physics.time_varying import check_temperature
 from ..structures.build.assignment import voxel_owner
@@ -25,7 +27,7 @@ from .coating import Coating
 from .motion import Motion
 
 
-class AbstractMaterials(eqx.Module):
+class AbstractMaterials(Module):
     """Materials of one body, by number."""
 
     @property
@@ -121,7 +123,7 @@ class MaterialLabels(AbstractMaterials):
         return self.labels[tuple(grid.fragment_voxel.T)]
 
 
-class Body(eqx.Module):
+class Body(Module):
     """A body: its structure, material, initial temperature and pose.
 
     Example:
@@ -209,7 +211,7 @@ SURFACE_OUTPUTS = ("heat_flux", "heat_transfer_coefficient")
 """Outputs that a solution can have for every fragment, besides its temperature."""
 
 
-class Scene(eqx.Module):
+class Scene(Module):
     """Bodies and the mechanisms that act on them.
 
     A mechanism that is not in `terms` is not computed.
@@ -327,13 +329,13 @@ class BodyGeometry:
         return self.placed.to_world(self.vertices)[self.faces]
 
 
-class SolvedSurface(eqx.Module):
+class SolvedSurface(Module):
     """A body's geometry with the radiative properties of its surface."""
 
     geometry: BodyGeometry = eqx.field(static=True)
-    emissivity: Float[Array, "*#s"]
+    emissivity: Float[Values, "*#s"]
     """One number for one material [-]."""
-    absorptivity: Float[Array, "*#s"]
+    absorptivity: Float[Values, "*#s"]
 
     @property
     def moves(self) -> bool:

@@ -19,13 +19,14 @@ from typing_extensions import override
 from ..arrays import Numbers, is_traced
 from ..errors import InputError, require
 from ..findings import found
+from ..module import Module
 from ..voxels.grid import VoxelGrid
 
 
 _T = TypeVar("_T")
 
 
-class ConductionWeights(eqx.Module):
+class ConductionWeights(Module):
     """Factors of conductances and capacities [-]; all default to the two-point flux.
 
     A link's conductance is w k A / L with w the product of the weights of its classes:
@@ -176,7 +177,7 @@ def check_grid(grid: Any, structure: str) -> None:
     require(grid, VoxelGrid, f"{structure}(grid=)", give)
 
 
-class AbstractStructure(eqx.Module):
+class AbstractStructure(Module):
     """Nodes, links and surface of one body."""
 
     grid: eqx.AbstractVar[VoxelGrid]

@@ -22,6 +22,7 @@ from jaxtyping import Array, Bool, Float, Int
 from typing_extensions import override
 
 from ..arrays import gathered_columns, is_traced, rank_in_group
+from ..module import Module
 from .structure import AbstractStructure
 
 
@@ -33,7 +34,7 @@ _Components = tuple[Float[Array, " m"], Float[Array, " m"], Float[Array, " m"]]
 _MIN_MOMENT = 0.05
 
 
-class Gradient(eqx.Module):
+class Gradient(Module):
     """Temperature gradient at nodes: weighted sums of differences to linked nodes."""
 
     neighbour: tuple[Int[Array, "k m"], ...]
@@ -146,7 +147,7 @@ def gradient_rows(
     return _GradientRows(node, other, row, used % count, used < count)
 
 
-class BoundMap(eqx.Module):
+class BoundMap(Module):
     """Surface map of one body, with its arrays."""
 
     gradient: Gradient | None
@@ -187,7 +188,7 @@ class BoundMap(eqx.Module):
 _Depth = Literal["surface", "voxel"]
 
 
-class AbstractSurfaceMap(eqx.Module):
+class AbstractSurfaceMap(Module):
     """Rule for the temperature of fragments from those of nodes."""
 
     @abc.abstractmethod

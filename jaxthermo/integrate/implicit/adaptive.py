@@ -23,6 +23,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
+from ...module import Module
 from ...scene.compile.program import Program, State
 from ..stepper import AbstractStepper, RunState
 from .conjugate_gradient import ConjugateGradient
@@ -63,7 +64,7 @@ MAX_TRIES = 5000
 """Steps, accepted or not, between two events."""
 
 
-class _ControllerState(eqx.Module):
+class _ControllerState(Module):
     """Memory of the step controller."""
 
     statistics: SolverStatistics

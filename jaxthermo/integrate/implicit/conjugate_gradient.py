@@ -32,6 +32,8 @@ import lineax as lx
 from jaxtyping import Array, Bool, Float, Int
 from typing_extensions import override
 
+from ...module import Module
+
 
 _STAGNATION_ITERATIONS = 200
 """Iterations without a smaller norm after which the solve stops."""
@@ -60,7 +62,7 @@ def max_abs(values: Any) -> Float[Array, ""]:
     return jnp.stack([jnp.abs(x).max() for x in jax.tree.leaves(values)]).max()
 
 
-class AbstractStoppingNorm(eqx.Module):
+class AbstractStoppingNorm(Module):
     """Measure of the error of a solve, which is compared with its tolerance."""
 
     @abc.abstractmethod

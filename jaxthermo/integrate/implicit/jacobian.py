@@ -24,6 +24,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ...errors import InputError
 from ...geometry.mesh import connected_labels
+from ...module import Module
 from ...network.multigrid import Hierarchy, hierarchy, jacobi
 from ...network.multigrid_cycle import AbstractCycle
 from ...network.network import AbstractNetwork, inverse
@@ -34,7 +35,7 @@ from ...structures.structure import AbstractStructure
 from ..run.heat_rates import load_slopes, pair_conductance, pair_values
 
 
-class _Components(eqx.Module):
+class _Components(Module):
     """Connected components of a body's nodes."""
 
     number: Int[Array, "..."] | None
@@ -74,7 +75,7 @@ MULTIGRID_STEP_RATIO = 30.0
 fifteen iterations with the diagonal (`experiments run multigrid`)."""
 
 
-class ImplicitContext(eqx.Module):
+class ImplicitContext(Module):
     """Everything besides the compiled program that implicit stages share."""
 
     hierarchies: tuple[Hierarchy | None, ...]
@@ -159,7 +160,7 @@ def _node_mask(structure: AbstractStructure) -> Bool[Array, "..."] | None:
     return jnp.asarray(mask)
 
 
-class _Jacobian(eqx.Module):
+class _Jacobian(Module):
     """The operator A of all bodies."""
 
     networks: tuple[AbstractNetwork, ...]
@@ -206,7 +207,7 @@ class _Jacobian(eqx.Module):
         return tuple(image)
 
 
-class _DeflatedPreconditioner(eqx.Module):
+class _DeflatedPreconditioner(Module):
     """Preconditioner M, with the mean of each component solved for exactly.
 
     With s = A 1 [W/K], for each component
@@ -232,7 +233,7 @@ class _DeflatedPreconditioner(eqx.Module):
         return z + components.spread(mean - inverse_sum * components.sums(s * z))
 
 
-class _BlockPreconditioner(eqx.Module):
+class _BlockPreconditioner(Module):
     """Preconditioner of each body by itself, contacts on the diagonal only."""
 
     blocks: tuple[_DeflatedPreconditioner, ...]

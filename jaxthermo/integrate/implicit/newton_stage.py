@@ -18,6 +18,7 @@ import jax.numpy as jnp
 import lineax as lx
 from jaxtyping import Array, Bool, Float, Int
 
+from ...module import Module, as_pytree
 from ...network.network import inverse
 from ...scene.compile.program import Program, State
 from ..run.heat_rates import evaluate_rates
@@ -31,7 +32,7 @@ _DERIVATIVE_TOLERANCE = 1e-6
 """Tolerance relative to the right-hand side; in float32 20 roundings, if more."""
 
 
-class SolverStatistics(eqx.Module):
+class SolverStatistics(Module):
     """Cost and failures of an implicit solver since the start of the run."""
 
     newton_iterations: Int[Array, ""]
@@ -143,10 +144,10 @@ def solve_linear(
         method, tags = solver, lx.positive_semidefinite_tag
     else:
         method, tags = BiCGStab(**vars(solver)), ()
-    operator = lx.FunctionLinearOperator(at.operator.mv, shapes, tags)
+    operator = lx.FunctionLinearOperator(as_pytree(at.operator.mv), shapes, tags)
     options = {
         "preconditioner": at.preconditioner,
-        "magnitude": at.operator.magnitude,
+        "magnitude": as_pytree(at.operator.magnitude),
     }
     found = lx.linear_solve(operator, heat, method, options=options, throw=False)
     potential = masked_to_nodes(found.value, at.nodes)

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ...arrays import is_traced
+from ...arrays import is_traced, on_device
 from ...errors import InputError, require, shortened
 from ...findings import found, values_of
 from ...scene.compile.compile import compile_scene
@@ -350,5 +350,6 @@ def step_table(
         columns = [(i.start, i.dt, observation_time(plan, i), i.steps) for i in group]
         table[:, row, : len(group)] = np.transpose(columns)
     # Computed in float64 on the host, rounded once.
-    start, dt, observed = (jnp.asarray(each, plan.dtype) for each in table[:3])
-    return StepTable(start, dt, jnp.asarray(table[3].astype(np.int32)), observed)
+    start, dt, observed = table[:3].astype(plan.dtype)
+    steps = table[3].astype(np.int32)
+    return StepTable(*on_device((start, dt, steps, observed)))

@@ -3,6 +3,7 @@
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -28,6 +29,7 @@ from .plan import (
     step_table,
 )
 from .solution import (
+    RESULTS,
     Observation,
     RunSummary,
     Solution,
@@ -177,10 +179,10 @@ def integrate(
             state, observations = take_steps_jit(plan.stepper, program, state, table)
         found.append(observations)
         # The last interval before a motion snapshot may not be saved.
-        saved.append(jnp.asarray(np.flatnonzero([g[-1].saved for g in each])))
+        saved.append(np.flatnonzero([g[-1].saved for g in each]))
     if len(found) == 1 and len(saved[0]) == len(found[0].is_finite):
         return found[0]
-    return _saved_rows(tuple(found), tuple(saved))
+    return _saved_rows(tuple(found), tuple(map(jnp.asarray, saved)))
 
 
 def _take_fixed_steps(
@@ -225,10 +227,8 @@ def make_solution(
         for b in plan.scene.bodies
     )
     from_start = plan.save_times[0] == 0.0
-    saved, energy = _balance(program, state, observations, uneven, from_start)
-    statistics = None
-    if observations is not None:
-        statistics = jax.tree.map(lambda a: a[-1], observations.statistics)
+    given = program, state, observations, uneven, from_start
+    saved, energy, statistics, result = _balance(*given)
     receipt = plan.compiled.receipt
     if error is not None:
         receipt = replace(receipt, notes=(*receipt.notes, error.text()))
@@ -237,7 +237,7 @@ def make_solution(
         surface_temperature=saved.surface_temperature,
         mean_temperature=saved.mean_temperature,
         energy=in_order(energy, program.entries),
-        result=run_result(saved.is_finite.all(), saved.is_physical.all(), statistics),
+        result=result,
         run=RunSummary(
             steps=plan.steps,
             dt=max((i.dt for i in plan.intervals), default=None),
@@ -264,8 +264,11 @@ def _balance(
     saved: Observation | None,
     uneven: tuple[Address | None, ...],
     from_start: bool,
-) -> tuple[Observation, Energy]:
-    """Saved rows and their energies; `uneven` are the nodes of bodies so initially."""
+) -> tuple[Observation, Energy, Any, RESULTS]:
+    """Saved rows, their energies, the last statistics, and the result.
+
+    `uneven` are the nodes of bodies that start so.
+    """
     initial = observe(program, state, None)
     # The row of the start, cut to length 0, has the shapes.
     none: Observation = jax.tree.map(lambda a: a[None][:0], initial)
@@ -276,7 +279,12 @@ def _balance(
     # The ledger starts at 0, stored heat at that of the initial state.
     stored = rows.stored_heat - initial.stored_heat[None]
     ledger, heat = rows.ledger, _equalization_heat(program, state.theta, uneven)
-    return rows, energies(program.entries, stored, ledger.heat, ledger.moved, heat)
+    energy = energies(program.entries, stored, ledger.heat, ledger.moved, heat)
+    statistics = None
+    if saved is not None:
+        statistics = jax.tree.map(lambda a: a[-1], saved.statistics)
+    result = run_result(rows.is_finite.all(), rows.is_physical.all(), statistics)
+    return rows, energy, statistics, result
 
 
 def _equalization_heat(

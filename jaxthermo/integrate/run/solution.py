@@ -10,6 +10,7 @@ from jaxtyping import Array, Bool, Float
 from typing_extensions import override
 
 from ...arrays import is_traced, precision
+from ...module import Module
 from ...physics.radiation.irradiation import SceneRadiation, SurfaceRadiation
 from ...physics.term import AbstractTerm
 from ...scene.compile.program import Program, Receipt
@@ -69,7 +70,7 @@ def result_name(result: RESULTS) -> str:
     return next(name for name in _RESULT_NAMES if result == getattr(RESULTS, name))
 
 
-class RunSummary(eqx.Module):
+class RunSummary(Module):
     """Steps and solver of a run."""
 
     steps: int = eqx.field(static=True)
@@ -87,7 +88,7 @@ class RunSummary(eqx.Module):
     """Limit up to which steps were divided [K]."""
 
 
-class AbstractSolution(eqx.Module):
+class AbstractSolution(Module):
     """Temperatures of the surface, with the bodies and terms that they belong to.
 
     A float64 scene gives numpy arrays where JAX is not set to 64 bits.
@@ -251,7 +252,8 @@ def finished(solution: _SolutionT, throw: bool) -> _SolutionT:
         raise RuntimeError(RESULTS[solution.result])
     # Where JAX is not set to 64 bits, every later use of a float64 array warns and
     # rounds to float32.
-    if jnp.result_type(float) == jnp.float64 or is_traced(solution):
+    known = known and solution.receipt.dtype == "float64"
+    if not known or jnp.result_type(float) == jnp.float64 or is_traced(solution):
         return solution
     double = lambda leaf: isinstance(leaf, jax.Array) and leaf.dtype == jnp.float64
     return jax.tree.map(lambda x: np.asarray(x) if double(x) else x, solution)

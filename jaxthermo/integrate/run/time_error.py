@@ -31,7 +31,7 @@ import numpy as np
 from ..implicit.adaptive import AdaptiveStepper
 from ..solvers import ErrorControl
 from .plan import Plan
-from .solution import RESULTS, Observation, run_result
+from .solution import Observation
 
 
 _MAX_PASSES = 12
@@ -110,13 +110,13 @@ class Passes(NamedTuple):
 
 
 def _succeeded(rows: Observation) -> bool:
-    result = run_result(rows.is_finite.all(), rows.is_physical.all(), None)
-    statistics = rows.statistics
-    if statistics is None:
-        return bool(result == RESULTS.successful)
+    # The same as `run_result`, on the host.
+    if not (np.all(rows.is_finite) and np.all(rows.is_physical)):
+        return False
+    if rows.statistics is None:
+        return True
     failures = ("linear_failed", "newton_failed", "step_limit_reached")
-    failed = any(np.asarray(getattr(statistics, name))[-1] for name in failures)
-    return not failed and bool(result == RESULTS.successful)
+    return not any(np.asarray(getattr(rows.statistics, f))[-1] for f in failures)
 
 
 def of_pass(plan: Plan, number: int) -> Plan:

@@ -20,6 +20,7 @@ from typing_extensions import override
 
 from ...arrays import Scalar, Time, TimeVarying
 from ...errors import InputError
+from ...module import Module
 from ...network.network import Address, inverse, precise_sum
 from ..term import AbstractPairTerm
 from ..time_varying import check_value, for_jit, is_zero, largest, value_at
@@ -68,7 +69,7 @@ def _gap_factor(gap: _Rows, gap_length: Scalar) -> _Rows:
     return 1 - s * s * (3 - 2 * s)
 
 
-class ContactLinks(eqx.Module):
+class ContactLinks(Module):
     """Touching pairs of fragments of two bodies; rows of area 0 pad the arrays."""
 
     entry: int = eqx.field(static=True)

@@ -19,6 +19,7 @@ from jaxtyping import Array, Float
 from typing_extensions import override
 
 from ...arrays import is_traced
+from ...module import Module
 from ..flux_law import AbstractFluxLaw, Forcing
 from ..time_varying import largest, smallest, value_at
 from .air import (
@@ -52,7 +53,7 @@ def speed_nodes(highest: _Speeds, count: int, dtype: Any) -> Any:
     return nodes * (nodes > 0)
 
 
-class _SpeedTable(eqx.Module):
+class _SpeedTable(Module):
     """Values by speed, with a smooth cubic (Catmull and Rom) between the nodes.
 
     The nodes are equidistant in the fourth root of the speed: a heat transfer

@@ -23,12 +23,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ...errors import InputError
+from ...module import Module
 
 
 # Prandtl number of the air that the table was made for.
@@ -62,7 +62,7 @@ def cylinder_table() -> _CylinderTable:
     )
 
 
-class Pchip(eqx.Module):
+class Pchip(Module):
     """Piecewise cubic curve through rows of values, constant beyond the ends."""
 
     knots: Float[np.ndarray, " n"]

@@ -10,7 +10,6 @@ draws such a "convergent function" without a formula.
 
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -19,6 +18,7 @@ from jaxtyping import Array, Float, Int
 from ...arrays import Scalar, is_traced, require_memory
 from ...errors import InputError
 from ...geometry.mesh import part_labels
+from ...module import Module
 from ...raster.fragments import DepthLayers
 from ...raster.views import orthographic_view
 from ...stored_findings import stored_search
@@ -31,7 +31,7 @@ _TRANSITION = 0.05
 _FITTED_REYNOLDS = 10.0, 40.0
 
 
-class WakeDeficit(eqx.Module):
+class WakeDeficit(Module):
     """Wake u / U = 1 - A (1 + (x / l)^2)^(-p / 2); the defaults fit Re 20.
 
     Any other callable from x / D to u / U in (0, 1] can be given instead.

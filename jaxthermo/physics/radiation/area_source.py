@@ -20,6 +20,7 @@ from typing_extensions import override
 from ...arrays import Scalar, TimeVarying, is_traced
 from ...constants import STEFAN_BOLTZMANN
 from ...errors import InputError
+from ...module import Module
 from ...raster.views import unit_vector, view_frame
 from ...voxels.selection import AbstractSelection
 from ..flux_law import Forcing
@@ -80,7 +81,7 @@ def polygon_view_factor(
     return np.clip(-total / (2 * np.pi), 0.0, 1.0)
 
 
-class _GreyRadiance(eqx.Module):
+class _GreyRadiance(Module):
     """Radiance of a grey surface: eps sigma T^4 / pi [W/(m^2 sr)]."""
 
     temperature: Any

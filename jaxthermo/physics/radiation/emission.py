@@ -22,6 +22,7 @@ from ...arrays import TimeVarying, is_traced
 from ...constants import STEFAN_BOLTZMANN
 from ...errors import InputError
 from ...findings import found
+from ...module import Module
 from ...voxels.selection import AbstractSelection
 from ..boundary import Exchange, either, toward
 from ..flux_law import AbstractFluxLaw, Forcing
@@ -85,7 +86,9 @@ class _Emission(AbstractEmission):
 
     @override
     def max_flux(self, within: Forcing, end: float) -> float | Float[Array, ""]:
-        highest = jnp.maximum(largest(self.temperature, end), within.highest)
+        highest = largest(self.temperature, end)
+        own: Any = jnp if is_traced(highest) else np
+        highest = own.maximum(highest, within.highest)
         return STEFAN_BOLTZMANN * highest**4
 
     @override
@@ -112,7 +115,7 @@ def equilibrium_temperature(
     return scale * jnp.sqrt(jnp.sqrt(level))
 
 
-class _RadiativeCoefficient(eqx.Module):
+class _RadiativeCoefficient(Module):
     # h of the linear law at T_s [K], a function of time.
     temperature: Any
 

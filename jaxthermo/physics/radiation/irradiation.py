@@ -16,13 +16,14 @@ from typing import Any, ClassVar, NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 from typing_extensions import override
 
-from ...arrays import Time
+from ...arrays import Time, typed_array
 from ...constants import STEFAN_BOLTZMANN
+from ...module import Module
 from ...voxels.selection import AbstractSelection
-from ..flux_law import AbstractFluxLaw, PerCell, PerCellOrOne
+from ..flux_law import AbstractFluxLaw, PerCell, PerCellOrOne, Values
 from ..surface import Binding, BodySurface, Cover, Omitted, Surface, concatenated
 from ..term import AbstractSurfaceTerm
 from ..time_varying import is_zero
@@ -129,21 +130,21 @@ class AbstractRadiativeTerm(AbstractSurfaceTerm):
         return Irradiation(concatenated(chosen), law, notes)
 
 
-class _Part(eqx.Module):
+class _Part(Module):
     """An irradiation in the type of the state."""
 
-    factor: Float[Array, " s"]
+    factor: Float[Values, " s"]
     law: AbstractFluxLaw
 
 
-class SurfaceRadiation(eqx.Module):
+class SurfaceRadiation(Module):
     """Irradiation of the fragments of all bodies at one snapshot of a scene."""
 
     thermal: tuple[_Part, ...]
     sources: tuple[_Part, ...]
     enclosure: Any
     """Radiation between fragments; None if no term brings any."""
-    reference: Float[Array, "*#s"]
+    reference: Float[Values, "*#s"]
     """Temperature from which the laws count [K]."""
 
     def irradiation(
@@ -174,7 +175,7 @@ class SurfaceRadiation(eqx.Module):
         return (1 - emissivity) * thermal + from_sources, from_sources
 
 
-class SceneRadiation(eqx.Module):
+class SceneRadiation(Module):
     """Irradiation of a scene over time."""
 
     starts: tuple[float, ...] = eqx.field(static=True)
@@ -200,7 +201,7 @@ def surface_radiation(
     def parts(absorbed_by: str) -> tuple[_Part, ...]:
         return tuple(
             _Part(
-                jnp.asarray(each.factor, surface.dtype),
+                typed_array(each.factor, surface.dtype),
                 each.law.above(surface.reference),
             )
             for by, each in irradiation
@@ -208,4 +209,4 @@ def surface_radiation(
         )
 
     thermal, sources = parts("emissivity"), parts("absorptivity")
-    return SurfaceRadiation(thermal, sources, enclosure, jnp.asarray(surface.reference))
+    return SurfaceRadiation(thermal, sources, enclosure, surface.reference)

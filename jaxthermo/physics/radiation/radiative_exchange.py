@@ -27,6 +27,7 @@ from ...arrays import TimeVarying, is_traced
 from ...constants import STEFAN_BOLTZMANN
 from ...errors import InputError
 from ...findings import digest, found
+from ...module import Module
 from ...voxels.selection import AbstractSelection
 from ..boundary import ImposedFlux, either, toward
 from ..flux_law import AbstractFluxLaw, Forcing, Values
@@ -218,7 +219,7 @@ def _base(surface: Surface) -> Any:
     return sum(surface.references) / len(surface.references)
 
 
-class Enclosure(eqx.Module):
+class Enclosure(Module):
     """Radiation among the surface cells of all bodies and with black surroundings."""
 
     patch: Int[Array, " s"]
@@ -237,7 +238,7 @@ class Enclosure(eqx.Module):
     """T_s of the surroundings, or of the sky [K]."""
     ground: Any
     """Temperature below the horizon [K]; None if it is T_s."""
-    above: Float[Array, "*#s"]
+    above: Float[Values, "*#s"]
     """Reference of each cell minus T_0 [K]."""
 
     def _emitted(self, above: Float[Array, "*s"]) -> Float[Array, "*s"]:

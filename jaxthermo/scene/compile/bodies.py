@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ...arrays import Scalar, is_traced, require_memory
+from ...arrays import Scalar, is_traced, require_memory, typed_array
 from ...constants import STEFAN_BOLTZMANN
 from ...errors import InputError, located
 from ...network.network import AbstractNetwork, Address
@@ -157,7 +157,7 @@ def _half_cells(body: Body, reference: Scalar, dtype: Any) -> Float[Values, " s"
 
 def temperature_bounds(
     scene: Scene, prepared: tuple[PreparedBody, ...], end: float | int
-) -> tuple[Float[Array, ""], Forcing | None]:
+) -> tuple[Float[Values, ""], Forcing | None]:
     """Upper bound of temperatures up to `end` [s] where surfaces emit [K].
 
     With it come both bounds as numbers; None if values are traced.
@@ -185,7 +185,7 @@ def temperature_bounds(
     # Emissivities below 1e-3 would give no useful bound.
     emissivity = own.maximum(own.stack(least).min(), 1e-3)
     hottest = (bound**4 + imposed / (STEFAN_BOLTZMANN * emissivity)) ** 0.25
-    found = jnp.asarray(hottest, float)
+    found = typed_array(hottest, jnp.result_type(float))
     # Both bounds decide how many iterations are compiled: they must be known.
     if is_traced((lowest, hottest)):
         return found, None

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...arrays import is_traced
+from ...arrays import is_traced, on_device
 from ...findings import searches_recorded
 from ...geometry.mesh import Pose
 from ...physics.radiation.irradiation import (
@@ -21,7 +21,7 @@ from ...physics.radiation.irradiation import (
     SurfaceRadiation,
     surface_radiation,
 )
-from ...physics.surface import Omitted
+from ...physics.surface import BodySurface, Omitted
 from ...physics.term import AbstractExchangeTerm, AbstractSurfaceTerm
 from ...structures.structure import AbstractStructure
 from ...voxels.grid import VoxelGrid
@@ -98,26 +98,30 @@ def _compile(scene: Scene, saves: int, end: float | int, prune: bool) -> Compile
     programs, accuracy = make_programs(
         scene, prepared, snapshots, volumes, ledger, temperatures, float(end)
     )
-    # One step for all snapshots: the smallest.
-    limit = jnp.stack([_stable_step(each, hottest, end) for each in programs]).min()
     first, structures = snapshots[0], [body.structure for body in scene.bodies]
     surfaces = first.surface.bodies
+    # All that is known on the host goes to the device at once.
+    programs, hottest, state, solved, radiation = on_device(
+        (
+            programs,
+            hottest,
+            tuple(body.state for body in prepared),
+            _solved_surfaces(scene, surfaces),
+            SceneRadiation(starts, _radiation(scene, snapshots, programs)),
+        )
+    )
+    # One step for all snapshots: the smallest.
+    limits = [_stable_step(each, hottest, end) for each in programs]
+    limit = limits[0] if len(limits) == 1 else jnp.stack(limits).min()
     mechanisms = dict.fromkeys(ledger.values())
     finite = not is_traced(limit) and np.isfinite(limit)
     return Compiled(
         programs=programs,
         starts=starts,
         breakpoints=breakpoints_of(scene, ledger),
-        state=tuple(body.state for body in prepared),
-        surfaces=tuple(
-            SolvedSurface(
-                geometry=body_geometry(surface.grid, body.pose),
-                emissivity=jnp.asarray(surface.emissivity),
-                absorptivity=jnp.asarray(surface.absorptivity),
-            )
-            for body, surface in zip(scene.bodies, surfaces, strict=True)
-        ),
-        radiation=SceneRadiation(starts, _radiation(scene, snapshots, programs)),
+        state=state,
+        surfaces=solved,
+        radiation=radiation,
         stable_step=limit,
         hottest=hottest,
         receipt=Receipt(
@@ -146,6 +150,19 @@ def _compile(scene: Scene, saves: int, end: float | int, prune: bool) -> Compile
             # JSON has no infinity.
             stable_step_s=float(limit) if finite else None,
         ),
+    )
+
+
+def _solved_surfaces(
+    scene: Scene, surfaces: tuple[BodySurface, ...]
+) -> tuple[SolvedSurface, ...]:
+    return tuple(
+        SolvedSurface(
+            geometry=body_geometry(surface.grid, body.pose),
+            emissivity=surface.emissivity,
+            absorptivity=surface.absorptivity,
+        )
+        for body, surface in zip(scene.bodies, surfaces, strict=True)
     )
 
 

@@ -30,13 +30,14 @@ from jaxtyping import Array, Float
 from typing_extensions import override
 
 from ...arrays import Time, is_traced
+from ...module import Module
 from ...network.network import (
     AbstractNetwork,
     AbstractNodeNetwork,
     inverse,
     precise_sum,
 )
-from ...physics.flux_law import LinearLaw
+from ...physics.flux_law import LinearLaw, Values
 from ...physics.surface_energy_balance import SurfaceTerms
 from ...physics.time_varying import value_at
 from .program import Program
@@ -55,23 +56,23 @@ from .surface_load import (
 _MIN_SURFACE_FRACTION = 1 / 8
 
 
-class _LinearNodes(eqx.Module):
+class _LinearNodes(Module):
     """Linear heat rates of the nodes of one body, and their sums for the ledger."""
 
     forcings: tuple[Any, ...]
     """Numbers or functions of time."""
-    forced: tuple[Float[Array, " n"], ...]
+    forced: tuple[Float[Values, " n"], ...]
     """Heat rate of every node by each forcing [W per unit of it]."""
-    slope: Float[Array, " n"] | None
+    slope: Float[Values, " n"] | None
     """Lost by each node [W/K]; None for nothing."""
     everywhere: bool = eqx.field(static=True)
     """True if arrays cover all nodes of the body, in order; else those with cells."""
     entries: tuple[int, ...] = eqx.field(static=True)
     names: tuple[str, ...] = eqx.field(static=True)
     """Mechanism of each ledger entry."""
-    entry_forced: tuple[Float[Array, " d"], ...]
+    entry_forced: tuple[Float[Values, " d"], ...]
     """Heat rate of each entry by the forcings [W per unit of it]."""
-    entry_slope: tuple[Float[Array, " n"] | None, ...]
+    entry_slope: tuple[Float[Values, " n"] | None, ...]
     """Lost by each node to the entry [W/K]; None for nothing."""
 
 
@@ -181,7 +182,7 @@ def _linear_nodes(
     traced, dtype = is_traced((terms, laws)), terms.half_cell.dtype
     own: Any = jnp if traced else np
     number = lambda value: own.asarray(value, dtype if traced else np.float64)
-    rounded = lambda value: jnp.asarray(value, dtype)
+    rounded = lambda value: own.asarray(value, dtype)
     everywhere, sums = _sums(cells, network, traced)
     forcings, parts = _parts(terms, laws, number)
     cell = number(terms.half_cell)
@@ -213,7 +214,7 @@ def _linear_nodes(
             + weight(fixed, d)
             for d in each
         ]
-        entry_forced.append(jnp.stack([rounded(total.sum()) for total in brought]))
+        entry_forced.append(own.stack([rounded(total.sum()) for total in brought]))
         acts = any(part.slope is not None for part in here)
         lose = slope(exposed) * through + slope(fixed) if acts else None
         entry_slope.append(rounded(sums(lose)) if acts else None)
@@ -238,7 +239,7 @@ def _parts(
 ) -> tuple[list[Any], list[_Part]]:
     """Forcings, and the terms with a linear law on all cells, natural ones first."""
     # The first forcing is 1: all constant terms share it.
-    forcings: list[Any] = [jnp.ones((), terms.half_cell.dtype)]
+    forcings: list[Any] = [np.ones((), terms.half_cell.dtype)]
     parts = []
     numbered = (*terms.natural, *terms.prescribed)
     for (term, bound), law in zip(numbered, laws, strict=True):
@@ -261,13 +262,13 @@ def _sums(
     cells: BodyCells, network: AbstractNetwork, traced: bool
 ) -> tuple[bool, Callable[[Any], Any]]:
     # True if sums are for all nodes; and a function from values of cells to nodes.
-    index, count, everywhere = cells.node, cells.slots[0].shape[0], False
+    # The layout of cells is known, even where a scene is traced.
+    index, count, everywhere = np.asarray(cells.node), cells.slots[0].shape[0], False
     if isinstance(network, AbstractNodeNetwork):
         nodes = network.node_capacity.shape[0]
         everywhere = count >= _MIN_SURFACE_FRACTION * nodes
         if everywhere:
-            index, count = cells.address[0][index], nodes
+            index, count = np.asarray(cells.address[0])[index], nodes
     if traced:
         return everywhere, lambda values: jax.ops.segment_sum(values, index, count)
-    host = np.asarray(index)
-    return everywhere, lambda values: np.bincount(host, values, count)
+    return everywhere, lambda values: np.bincount(index, values, count)

@@ -20,6 +20,7 @@ from jaxtyping import Array, Bool, Float, Int
 from scipy.spatial import KDTree
 
 from ...errors import InputError
+from ...module import Module
 from ...physics.conduction import conductivity_at_ends, conductivity_table
 from ...structures.build.assignment import voxel_owner
 from ...structures.surface_map import gradient_rows
@@ -28,7 +29,7 @@ from ..scene import AbstractMaterials, Probe, Scene
 from .bodies import PreparedBody, device_address
 
 
-class BodyProbes(eqx.Module):
+class BodyProbes(Module):
     """The probes of one body."""
 
     body: int = eqx.field(static=True)

@@ -11,8 +11,10 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ...arrays import Time
+from ...module import Module
 from ...network.network import AbstractNetwork, Address
 from ...physics.contact.links import ContactLinks
+from ...physics.flux_law import Values
 from ...physics.radiation.irradiation import SceneRadiation
 from ...physics.radiation.radiative_exchange import Enclosure
 from ...physics.surface_energy_balance import SurfaceTerms
@@ -34,7 +36,7 @@ LedgerEntries = tuple[tuple[str, tuple[int, ...]], ...]
 that it carries heat between, from the first to the second."""
 
 
-class VolumeLoad(eqx.Module):
+class VolumeLoad(Module):
     """Heat released inside a body."""
 
     entry: int = eqx.field(static=True)
@@ -42,7 +44,7 @@ class VolumeLoad(eqx.Module):
     """Position of the heated nodes, in the order of the state."""
     rise: Float[Array, " m"]
     """Heated volume over capacity of each of them [m^3 K/J]."""
-    volume: Float[Array, ""]
+    volume: Float[Values, ""]
     """Heated volume of all of them [m^3]."""
     heat_rate_density: Any
     """[W/m^3]"""
@@ -61,18 +63,18 @@ class VolumeLoad(eqx.Module):
         return warmed, density * self.volume
 
 
-class BodyProgram(eqx.Module):
+class BodyProgram(Module):
     """One body: its network, heat sources, and how its surface is read."""
 
     network: AbstractNetwork
-    reference: Float[Array, ""]
+    reference: Float[Values, ""]
     """Temperature from which the state counts [K]."""
     sources: tuple[VolumeLoad, ...]
     address: Address
     """Position of the nodes that have surface, each once, in the order of the state."""
     node: Int[Array, " s"]
     """Index of each fragment's node among them."""
-    exposed_fraction: Float[Array, "*s"]
+    exposed_fraction: Float[Values, "*s"]
     """Fraction of each fragment that nothing touches."""
     surface_map: BoundMap
     conductivity_parts: Float[Array, "q s"] | None
@@ -87,7 +89,7 @@ class BodyProgram(eqx.Module):
         return nodes, nodes.at[self.node].get(mode="promise_in_bounds")
 
 
-class Program(eqx.Module):
+class Program(Module):
     """All that the solver needs, and nothing else."""
 
     bodies: tuple[BodyProgram, ...]
@@ -114,7 +116,7 @@ class Program(eqx.Module):
         return tuple(dict.fromkeys(outer))
 
     @property
-    def references(self) -> tuple[Float[Array, ""], ...]:
+    def references(self) -> tuple[Float[Values, ""], ...]:
         """Temperatures from which the states count [K]."""
         return tuple(body.reference for body in self.bodies)
 
@@ -271,7 +273,7 @@ class Receipt:
         return asdict(self)
 
 
-class Compiled(eqx.Module):
+class Compiled(Module):
     """Programs with the initial state, surfaces and the receipt."""
 
     programs: tuple[Program, ...]
@@ -287,7 +289,7 @@ class Compiled(eqx.Module):
     """Radiation that reaches the surfaces, absorbed or not."""
     stable_step: Float[Array, ""]
     """Largest explicit step [s]."""
-    hottest: Float[Array, ""]
+    hottest: Float[Values, ""]
     """Upper bound of temperatures up to the end [K]."""
     receipt: Receipt = eqx.field(static=True)
 

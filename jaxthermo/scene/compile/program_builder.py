@@ -3,11 +3,11 @@
 from dataclasses import replace
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Int
 
+from ...arrays import typed_array
 from ...network.network import Address
 from ...physics.contact.links import ContactLinks
 from ...physics.contact.search import ContactPairs
@@ -133,7 +133,7 @@ def make_programs(
         load, enclosure = _surface_load(
             fragment_terms, surface, prepared, acts, fine, rows, len(ledger)
         )
-        exposed = [jnp.asarray(body.exposed_fraction) for body in surface.bodies]
+        exposed = [body.exposed_fraction for body in surface.bodies]
         program = Program(
             bodies=tuple(
                 replace(body, exposed_fraction=exposed[n]) if n in touched else body
@@ -156,9 +156,7 @@ def make_programs(
     # Linear sums are made on the host, in double precision.
     if all(program.fragment_terms.is_linear for program in made):
         made = linear_programs(made) or made
-    host = np.ndarray | np.generic
-    on_device = lambda x: jnp.asarray(x) if isinstance(x, host) else x
-    return jax.tree.map(on_device, tuple(made)), _accuracy_notes(exchange, accuracies)
+    return tuple(made), _accuracy_notes(exchange, accuracies)
 
 
 def _accuracy_notes(
@@ -267,7 +265,7 @@ def _body(
     address, node = structure.found("surface_nodes", lambda: _surface_nodes(body))
     return BodyProgram(
         network=body.network,
-        reference=jnp.asarray(body.reference, dtype),
+        reference=typed_array(body.reference, dtype),
         sources=tuple(
             _volume_load(entry[key], found, body, dtype)
             for key, found in volumes.items()
@@ -276,7 +274,7 @@ def _body(
         address=address,
         node=node,
         # Bodies that never touch anything need no array of ones.
-        exposed_fraction=jnp.ones((), dtype),
+        exposed_fraction=np.ones((), dtype),
         surface_map=body.surface_map,
         conductivity_parts=body.conductivity_parts,
     )
@@ -298,8 +296,8 @@ def _volume_load(
     return VolumeLoad(
         entry=entry,
         address=address,
-        rise=jnp.asarray(reached) / body.network.capacity_at(address),
-        volume=jnp.asarray(reached.sum(dtype=float), dtype),
+        rise=reached / body.network.capacity_at(address),
+        volume=np.asarray(reached.sum(dtype=float), dtype),
         heat_rate_density=for_jit(found.heat_rate_density, dtype),
     )
 

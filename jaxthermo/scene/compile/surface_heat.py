@@ -6,11 +6,12 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ...arrays import Time
+from ...module import Module
 from ...physics.surface_energy_balance import SurfaceTerms
 from ..scene import Scene
 
 
-class SurfaceHeat(eqx.Module):
+class SurfaceHeat(Module):
     """Outputs of a scene for the fragments of all bodies."""
 
     outputs: tuple[str, ...] = eqx.field(static=True)

@@ -11,8 +11,9 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 from typing_extensions import override
 
-from ...arrays import Time, members
+from ...arrays import Time, members, typed_array
 from ...findings import digest
+from ...module import Module
 from ...network.network import (
     AbstractNetwork,
     Address,
@@ -20,20 +21,21 @@ from ...network.network import (
     precise_sum,
     slot_sums,
 )
+from ...physics.flux_law import Values
 from ...physics.surface import spread
 from ...physics.surface_energy_balance import SurfaceTerms
 from .bodies import PreparedBody, device_address
 
 
+# Temperatures of one body; one array or one network for each body with cells; and the
+# heat rates of its cells or nodes, with those of the ledger [W].
 OneBody = Float[Array, "..."]
 PerBody = Sequence[Float[Array, " _"]]
 Networks = Sequence[AbstractNetwork]
 HeatRates = tuple[list[Float[Array, " _"]], Float[Array, " c"]]
-# Temperatures of one body; one array or one network for each body with cells; and the
-# heat rates of its cells or nodes, with those of the ledger [W].
 
 
-class BodyCells(eqx.Module):
+class BodyCells(Module):
     """The surface cells of one body and their nodes.
 
     Fragments of one node on which the same terms act are one cell; a fragment on which
@@ -73,7 +75,7 @@ class BodyCells(eqx.Module):
         )
 
 
-class AbstractSurfaceLoad(eqx.Module):
+class AbstractSurfaceLoad(Module):
     """Heat of all surface terms on the bodies of a scene."""
 
     @property
@@ -153,7 +155,7 @@ class SurfaceLoad(AbstractSurfaceLoad):
     terms: SurfaceTerms
     """On the cells of all bodies, one body after the other."""
     cells: tuple[BodyCells, ...]
-    references: tuple[Float[Array, ""], ...]
+    references: tuple[Float[Values, ""], ...]
     """References of the bodies that have cells [K]."""
     entries: tuple[tuple[int, ...], ...] = eqx.field(static=True)
     """Ledger entry of each term on each of those bodies; -1 where it has none."""
@@ -186,8 +188,7 @@ class SurfaceLoad(AbstractSurfaceLoad):
         if received is not None:
             terms = terms.irradiated(received, emits)
         heat, rates = terms.rates(time, here)
-        # The ledger: terms of one flux need no sum over cells, and the closing term is
-        # the total minus the others.
+        # Terms of one flux need no sum over cells; the closing term is the rest.
         sums = lambda values: jnp.stack([precise_sum(v) for v in self.apart(values)])
         imposed = terms.imposed(time)
         closing = self._closing_term({n for n, _ in imposed})
@@ -284,8 +285,7 @@ def body_cells(
 ) -> tuple[BodyCells | None, Int[np.ndarray, " s"]]:
     """The surface cells of a body, and the cell of each of its fragments or -1.
 
-    Fragments on which each term `acts` at any time; those of different groups share no
-    cell.
+    Each term `acts` on fragments at any time; those of two groups share no cell.
     """
     if not any(each.any() for each in acts):
         return None, np.full(len(body.fragment_node), -1, np.int32)
@@ -393,7 +393,7 @@ def surface_load(
     load = SurfaceLoad(
         terms=terms.coarsened(joined, tuple(counts[n] for n in loaded), reference),
         cells=tuple(each for each in cells if each is not None),
-        references=tuple(jnp.asarray(each, dtype) for each in own),
+        references=tuple(typed_array(each, dtype) for each in own),
         entries=tuple(tuple(row[n] for n in loaded) for row in entries),
         entry_count=entry_count,
     )
