@@ -1,7 +1,7 @@
 """Base class of all frozen pytrees with methods."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import equinox as eqx
 
@@ -17,6 +17,19 @@ class Module(eqx.Module):
     # check of all arrays in its module, takes longer than what the methods do.
     if not TYPE_CHECKING:
         __getattribute__ = object.__getattribute__
+
+
+_M = TypeVar("_M", bound=Module)
+
+
+def replaced(module: _M, **fields: Any) -> _M:
+    """The module with other values of some fields, of the same kinds.
+
+    As `dataclasses.replace`, without the checks of a new module.
+    """
+    made = object.__new__(type(module))
+    vars(made).update(vars(module), **fields)
+    return made
 
 
 def as_pytree(method: Callable[..., Any]) -> Callable[..., Any]:

@@ -28,7 +28,6 @@ from .flux_law import (
     LinearLaw,
     PerCell,
     PerCellOrOne,
-    Values,
 )
 from .surface import Binding, Omitted, Surface
 from .term import AbstractSurfaceTerm, Scale
@@ -110,7 +109,7 @@ class _Above(Module):
     """A function of time for a temperature above the reference [K]."""
 
     temperature: Any
-    reference: Float[Values, ""]
+    reference: Float[Any, ""]
 
     def __call__(self, time: Time) -> Float[Array, ""]:
         """The difference at `time` [s]."""

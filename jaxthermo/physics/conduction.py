@@ -202,8 +202,8 @@ def _runs_as_stencil(structure: AbstractStructure) -> bool:
 
 
 def conductivity_at_ends(
-    structure: AbstractStructure, k: Float[_Values, "*k"]
-) -> Sequence[Float[_Values, "*#e"]]:
+    structure: AbstractStructure, k: Float[Any, "*k"]
+) -> Sequence[Float[Any, "*#e"]]:
     """Conductivity along each link at both ends [W/(m K)]; one number if k is one.
 
     k is that of each node, along x, y, z if it has three columns; of all nodes if it
@@ -220,7 +220,7 @@ def conductivity_at_ends(
 
 
 def _assemble_links(
-    structure: AbstractStructure, k: Float[_Values, "*k"], heat: Float[_Values, "*n"]
+    structure: AbstractStructure, k: Float[Any, "*k"], heat: Float[Any, "*n"]
 ) -> AbstractNetwork:
     links, nodes = structure.links(), structure.nodes()
     first, second = conductivity_at_ends(structure, k)

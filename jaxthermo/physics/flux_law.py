@@ -4,7 +4,6 @@ A law bound to surface cells has an effective area of each of them.
 """
 
 import abc
-import dataclasses
 import math
 from collections.abc import Callable
 from typing import Any, ClassVar, NamedTuple
@@ -14,7 +13,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..arrays import Time, is_traced
-from ..module import Module
+from ..module import Module, replaced
 from ..network.network import precise_sum
 
 
@@ -100,10 +99,9 @@ class AbstractFluxLaw(Module):
     def above(self, reference: Any) -> "AbstractFluxLaw":
         """The law for temperatures counted from `reference` [K]."""
         # Laws of temperature differences alone, or of none, have no such field.
-        names = {field.name for field in dataclasses.fields(self)}
-        if "reference" not in names:
+        if "reference" not in type(self).__dataclass_fields__:
             return self
-        return dataclasses.replace(self, reference=reference)
+        return replaced(self, reference=reference)
 
     def irradiated(self, received: PerCell, emits: bool) -> "AbstractFluxLaw":
         """The law with the irradiation of each surface cell [W/m^2].

@@ -22,7 +22,6 @@ than its surface radiates: there one iteration from the node's temperature is ex
 rounding, where a near-insulator in the sun needs all.
 """
 
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -33,7 +32,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..arrays import Time, is_traced
-from ..module import Module
+from ..module import Module, replaced
 from ..network.network import inverse, precise_sum
 from .flux_law import (
     BoundTerm,
@@ -119,20 +118,22 @@ class SurfaceTerms(Module):
         if not relative.ndim:
             return self
         prescribed = tuple(
-            (n, replace(term, effective_area=term.effective_area * relative))
+            (n, replaced(term, effective_area=term.effective_area * relative))
             for n, term in self.prescribed
         )
         half_cell = self.half_cell * relative
-        return replace(self, half_cell=half_cell, prescribed=prescribed)
+        return replaced(self, half_cell=half_cell, prescribed=prescribed)
 
     def irradiated(self, received: PerCell, emits: bool = True) -> "SurfaceTerms":
         """The terms with the irradiation of each cell from other surfaces [W/m^2]."""
         # Without `emits` the cell's own emission is in what is received.
         each = lambda terms: tuple(
-            (n, replace(term, law=term.law.irradiated(received, emits)))
+            (n, replaced(term, law=term.law.irradiated(received, emits)))
             for n, term in terms
         )
-        return replace(self, natural=each(self.natural), radiating=each(self.radiating))
+        return replaced(
+            self, natural=each(self.natural), radiating=each(self.radiating)
+        )
 
     def surface_excess(self, time: Time, theta: PerCell) -> PerCell:
         """Temperature of each cell's surface above its node's [K]."""
@@ -321,7 +322,7 @@ class SurfaceTerms(Module):
             return BoundTerm(area, totals, term.law.coarsened(mean).above(reference))
 
         each = lambda terms: tuple((n, merge(term)) for n, term in terms)
-        return replace(
+        return replaced(
             self,
             half_cell=add(self.half_cell),
             natural=each(self.natural),
@@ -339,7 +340,7 @@ class SurfaceTerms(Module):
             return bound(term.effective_area[cells], law.above(reference))
 
         each = lambda terms: tuple((n, select(t)) for n, t in terms if n in acting)
-        return replace(
+        return replaced(
             self,
             half_cell=self.half_cell[cells],
             natural=each(self.natural),

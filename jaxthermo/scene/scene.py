@@ -15,7 +15,6 @@ from ..errors import InputError, require
 from ..geometry.mesh import Pose
 from ..material.material import Material
 from ..module import Module
-from ..physics.flux_law import Values
 from ..physics.term import AbstractExchangeTerm, AbstractTerm
 from ..physics.time_varying import check_temperature
 from ..structures.build.assignment import voxel_owner
@@ -333,9 +332,9 @@ class SolvedSurface(Module):
     """A body's geometry with the radiative properties of its surface."""
 
     geometry: BodyGeometry = eqx.field(static=True)
-    emissivity: Float[Values, "*#s"]
+    emissivity: Float[Any, "*#s"]
     """One number for one material [-]."""
-    absorptivity: Float[Values, "*#s"]
+    absorptivity: Float[Any, "*#s"]
 
     @property
     def moves(self) -> bool:

@@ -106,15 +106,17 @@ def run_plan(plan: Plan) -> Solution:
     """Run a plan from its start to its solution."""
     if not plan.intervals:
         return make_solution(plan, None)
+    state = initial_state(plan)
     if plan.control is not None:
         passes = Passes()
         while not passes.finished:
             now = of_pass(plan, passes.number)
-            rows = integrate(now, initial_state(now))
+            rows = integrate(now, state)
             passes = passes.after(rows, plan.control)
-        return make_solution(of_pass(plan, passes.number), passes.rows, passes.error)
-    rows = integrate(plan, initial_state(plan), is_traced(plan.scene))
-    return make_solution(plan, rows)
+        now = of_pass(plan, passes.number)
+        return make_solution(now, passes.rows, passes.error, state)
+    rows = integrate(plan, state, is_traced(plan.scene))
+    return make_solution(plan, rows, start=state)
 
 
 def take_steps(
@@ -213,13 +215,18 @@ def _saved_rows(
 
 
 def make_solution(
-    plan: Plan, observations: Observation | None, error: TimeError | None = None
+    plan: Plan,
+    observations: Observation | None,
+    error: TimeError | None = None,
+    start: RunState | None = None,
 ) -> Solution:
     """Assemble the solution of a finished run; None for a run of 0 s.
 
-    `error` is the estimate of its error in time, if there is one.
+    `error` is the estimate of its error in time, if there is one, and `start` the state
+    at its start, if it is at hand.
     """
-    program, state = plan.compiled.program, initial_state(plan)
+    program = plan.compiled.program
+    state = initial_state(plan) if start is None else start
     uneven = tuple(
         tuple(map(jnp.asarray, b.structure.node_address()))
         if callable(b.temperature)

@@ -23,7 +23,7 @@ from ...arrays import Time, typed_array
 from ...constants import STEFAN_BOLTZMANN
 from ...module import Module
 from ...voxels.selection import AbstractSelection
-from ..flux_law import AbstractFluxLaw, PerCell, PerCellOrOne, Values
+from ..flux_law import AbstractFluxLaw, PerCell, PerCellOrOne
 from ..surface import Binding, BodySurface, Cover, Omitted, Surface, concatenated
 from ..term import AbstractSurfaceTerm
 from ..time_varying import is_zero
@@ -133,7 +133,7 @@ class AbstractRadiativeTerm(AbstractSurfaceTerm):
 class _Part(Module):
     """An irradiation in the type of the state."""
 
-    factor: Float[Values, " s"]
+    factor: Float[Any, " s"]
     law: AbstractFluxLaw
 
 
@@ -144,7 +144,7 @@ class SurfaceRadiation(Module):
     sources: tuple[_Part, ...]
     enclosure: Any
     """Radiation between fragments; None if no term brings any."""
-    reference: Float[Values, "*#s"]
+    reference: Float[Any, "*#s"]
     """Temperature from which the laws count [K]."""
 
     def irradiation(

@@ -238,7 +238,7 @@ class Enclosure(Module):
     """T_s of the surroundings, or of the sky [K]."""
     ground: Any
     """Temperature below the horizon [K]; None if it is T_s."""
-    above: Float[Values, "*#s"]
+    above: Float[Any, "*#s"]
     """Reference of each cell minus T_0 [K]."""
 
     def _emitted(self, above: Float[Array, "*s"]) -> Float[Array, "*s"]:

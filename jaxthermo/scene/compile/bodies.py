@@ -157,7 +157,7 @@ def _half_cells(body: Body, reference: Scalar, dtype: Any) -> Float[Values, " s"
 
 def temperature_bounds(
     scene: Scene, prepared: tuple[PreparedBody, ...], end: float | int
-) -> tuple[Float[Values, ""], Forcing | None]:
+) -> tuple[Float[Any, ""], Forcing | None]:
     """Upper bound of temperatures up to `end` [s] where surfaces emit [K].
 
     With it come both bounds as numbers; None if values are traced.

@@ -16,6 +16,7 @@ from jaxtyping import Array, Float
 from ...arrays import is_traced, on_device
 from ...findings import searches_recorded
 from ...geometry.mesh import Pose
+from ...module import replaced
 from ...physics.radiation.irradiation import (
     SceneRadiation,
     SurfaceRadiation,
@@ -80,7 +81,7 @@ def compile_scene(
     with searches_recorded() as searches:
         compiled = _compile(scene, saves, end, prune)
     receipt = replace(compiled.receipt, searches=tuple(dict.fromkeys(searches)))
-    return replace(compiled, receipt=receipt)
+    return replaced(compiled, receipt=receipt)
 
 
 def _compile(scene: Scene, saves: int, end: float | int, prune: bool) -> Compiled:

@@ -37,7 +37,7 @@ from ...network.network import (
     inverse,
     precise_sum,
 )
-from ...physics.flux_law import LinearLaw, Values
+from ...physics.flux_law import LinearLaw
 from ...physics.surface_energy_balance import SurfaceTerms
 from ...physics.time_varying import value_at
 from .program import Program
@@ -61,18 +61,18 @@ class _LinearNodes(Module):
 
     forcings: tuple[Any, ...]
     """Numbers or functions of time."""
-    forced: tuple[Float[Values, " n"], ...]
+    forced: tuple[Float[Any, " n"], ...]
     """Heat rate of every node by each forcing [W per unit of it]."""
-    slope: Float[Values, " n"] | None
+    slope: Float[Any, " n"] | None
     """Lost by each node [W/K]; None for nothing."""
     everywhere: bool = eqx.field(static=True)
     """True if arrays cover all nodes of the body, in order; else those with cells."""
     entries: tuple[int, ...] = eqx.field(static=True)
     names: tuple[str, ...] = eqx.field(static=True)
     """Mechanism of each ledger entry."""
-    entry_forced: tuple[Float[Values, " d"], ...]
+    entry_forced: tuple[Float[Any, " d"], ...]
     """Heat rate of each entry by the forcings [W per unit of it]."""
-    entry_slope: tuple[Float[Values, " n"] | None, ...]
+    entry_slope: tuple[Float[Any, " n"] | None, ...]
     """Lost by each node to the entry [W/K]; None for nothing."""
 
 

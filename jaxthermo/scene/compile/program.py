@@ -14,7 +14,6 @@ from ...arrays import Time
 from ...module import Module
 from ...network.network import AbstractNetwork, Address
 from ...physics.contact.links import ContactLinks
-from ...physics.flux_law import Values
 from ...physics.radiation.irradiation import SceneRadiation
 from ...physics.radiation.radiative_exchange import Enclosure
 from ...physics.surface_energy_balance import SurfaceTerms
@@ -44,7 +43,7 @@ class VolumeLoad(Module):
     """Position of the heated nodes, in the order of the state."""
     rise: Float[Array, " m"]
     """Heated volume over capacity of each of them [m^3 K/J]."""
-    volume: Float[Values, ""]
+    volume: Float[Any, ""]
     """Heated volume of all of them [m^3]."""
     heat_rate_density: Any
     """[W/m^3]"""
@@ -67,14 +66,14 @@ class BodyProgram(Module):
     """One body: its network, heat sources, and how its surface is read."""
 
     network: AbstractNetwork
-    reference: Float[Values, ""]
+    reference: Float[Any, ""]
     """Temperature from which the state counts [K]."""
     sources: tuple[VolumeLoad, ...]
     address: Address
     """Position of the nodes that have surface, each once, in the order of the state."""
     node: Int[Array, " s"]
     """Index of each fragment's node among them."""
-    exposed_fraction: Float[Values, "*s"]
+    exposed_fraction: Float[Any, "*s"]
     """Fraction of each fragment that nothing touches."""
     surface_map: BoundMap
     conductivity_parts: Float[Array, "q s"] | None
@@ -116,7 +115,7 @@ class Program(Module):
         return tuple(dict.fromkeys(outer))
 
     @property
-    def references(self) -> tuple[Float[Values, ""], ...]:
+    def references(self) -> tuple[Float[Any, ""], ...]:
         """Temperatures from which the states count [K]."""
         return tuple(body.reference for body in self.bodies)
 
@@ -289,7 +288,7 @@ class Compiled(Module):
     """Radiation that reaches the surfaces, absorbed or not."""
     stable_step: Float[Array, ""]
     """Largest explicit step [s]."""
-    hottest: Float[Values, ""]
+    hottest: Float[Any, ""]
     """Upper bound of temperatures up to the end [K]."""
     receipt: Receipt = eqx.field(static=True)
 

@@ -1,6 +1,5 @@
 """From snapshots of a scene to programs, alike but for their numbers."""
 
-from dataclasses import replace
 from typing import Any
 
 import jax.numpy as jnp
@@ -8,6 +7,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Int
 
 from ...arrays import typed_array
+from ...module import replaced
 from ...network.network import Address
 from ...physics.contact.links import ContactLinks
 from ...physics.contact.search import ContactPairs
@@ -129,14 +129,14 @@ def make_programs(
         if exchange is not None:
             fine, accuracy = exchange.enclosure(surface)
             accuracies.append(accuracy)
-        fragment_terms = replace(own, iterations=iterations)
+        fragment_terms = replaced(own, iterations=iterations)
         load, enclosure = _surface_load(
             fragment_terms, surface, prepared, acts, fine, rows, len(ledger)
         )
         exposed = [body.exposed_fraction for body in surface.bodies]
         program = Program(
             bodies=tuple(
-                replace(body, exposed_fraction=exposed[n]) if n in touched else body
+                replaced(body, exposed_fraction=exposed[n]) if n in touched else body
                 for n, body in enumerate(bodies)
             ),
             surface=load,
@@ -296,7 +296,7 @@ def _volume_load(
     return VolumeLoad(
         entry=entry,
         address=address,
-        rise=reached / body.network.capacity_at(address),
+        rise=jnp.asarray(reached) / body.network.capacity_at(address),
         volume=np.asarray(reached.sum(dtype=float), dtype),
         heat_rate_density=for_jit(found.heat_rate_density, dtype),
     )

@@ -21,7 +21,6 @@ from ...network.network import (
     precise_sum,
     slot_sums,
 )
-from ...physics.flux_law import Values
 from ...physics.surface import spread
 from ...physics.surface_energy_balance import SurfaceTerms
 from .bodies import PreparedBody, device_address
@@ -155,7 +154,7 @@ class SurfaceLoad(AbstractSurfaceLoad):
     terms: SurfaceTerms
     """On the cells of all bodies, one body after the other."""
     cells: tuple[BodyCells, ...]
-    references: tuple[Float[Values, ""], ...]
+    references: tuple[Float[Any, ""], ...]
     """References of the bodies that have cells [K]."""
     entries: tuple[tuple[int, ...], ...] = eqx.field(static=True)
     """Ledger entry of each term on each of those bodies; -1 where it has none."""
