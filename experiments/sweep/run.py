@@ -214,7 +214,9 @@ class _Evaluator:
                 ]
                 every = [case for _, own in cases for case in own]
                 self._find_truths(c for c in every if c.id not in self.rows.by_id)
-                self.log.stage("errors", asked - len(batch), sampling.count)
+                # Cases, as they are counted while they finish.
+                done, loads = asked - len(batch), len(config.loads)
+                self.log.stage("errors", loads * done, loads * sampling.count)
                 self._run(every, pool)
                 known = {case.id for case in self.sweep.cases}
                 self.sweep.cases += [case for case in every if case.id not in known]

@@ -5,8 +5,10 @@ import time
 from pathlib import Path
 
 import pytest
+from typing_extensions import override
 
 from experiments.__main__ import main
+from experiments.sweep.run import Log, Options, run_sweep
 from tests.cli.cli_runs import files, run
 from tests.cli.killing import kill, start
 from tests.cli.test_full_disk import largest_file
@@ -176,3 +178,32 @@ def test_a_fit_of_something_else_is_one_line(tmp_path):
     code, _, err = sweep(path, "--out", out, "--no-times")
     assert code == 2 and err.count("\n") == 1
     assert "the axis between is no range of a value that is fitted" in err
+
+
+class _Counting(Log):
+    """Counts finished cases of each stage of errors."""
+
+    def __init__(self) -> None:
+        self.done, self.total = 0, 0
+
+    @override
+    def stage(self, text, done=0, total=None):
+        if text == "errors":
+            assert done == self.done
+            self.total = total
+
+    @override
+    def advance(self, count):
+        self.done += count
+
+
+def test_a_study_tells_how_many_cases_are_done(tmp_path):
+    """Of two loads each; a study that is finished asks the same choices again."""
+    text = SWEEP.replace("values: [0.8, 1, 1.25]", "between: [0.5, 2], log: true")
+    study = "\nsampling: {kind: optuna, count: 3, batch: 2, seed: 1}\ntruth"
+    config, log = sweep_file(tmp_path, text.replace("\ntruth", study)), _Counting()
+    options = Options(times=False)
+    made = run_sweep(config, tmp_path / "out", (), options, log)
+    assert log.done == log.total == len(made.rows) == 6
+    again = run_sweep(config, tmp_path / "out", (), options, Log())
+    assert again.rows == made.rows
