@@ -5,6 +5,7 @@ from jaxtyping import Float
 from skimage.measure import marching_cubes
 
 from ..errors import InputError, positive_length
+from ..stored_findings import stored_search
 from .mesh import Mesh
 
 
@@ -84,6 +85,11 @@ def figurine(height: float | int = 0.3, resolution: int = 118) -> Mesh:
             f"resolution={resolution} loses the thin parts: give at least "
             f"{_MIN_RESOLUTION}"
         )
+    return _sculpted(float(height), int(resolution))
+
+
+@stored_search("figurine", (Mesh,))
+def _sculpted(height: float, resolution: int) -> Mesh:
     step = 1.0 / resolution
     axes = [np.arange(a, b, step) for a, b in zip(_LOWER, _UPPER, strict=True)]
     x, y, z = np.meshgrid(*axes, indexing="ij")

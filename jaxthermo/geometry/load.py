@@ -9,15 +9,20 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
+import lazy_loader
 import numpy as np
-import trimesh
 from jaxtyping import Float, Int
 
 from ..errors import InputError, positive_length
+from ..stored_findings import stored
 from .mesh import Mesh
 from .repair import MAX_HOLE_EDGES, repair_mesh
 
+
+# Slow to import, and only files that are read for the first time need it.
+_trimesh: Any = lazy_loader.load("trimesh")
 
 _FORMATS = (".obj", ".ply", ".stl", ".glb", ".off")
 """Suffixes that `load_mesh` reads."""
@@ -60,19 +65,35 @@ def load_mesh(
     scale = 1.0 if unit is None else _metres_per_unit(unit)
     target = None if height is None else positive_length("height", height)
     axes = _axes_for_up(up)
-    vertices, faces = _parse(path, _read(path))
+    data = _read(path)
+    given = data, path.name, target or scale, target is None, axes, repair
+    build = lambda: _meshed(path, data, scale, target, axes)
+    repaired = lambda: repair_mesh(build(), max_hole_edges=max_hole_edges)
+    return stored(
+        "mesh", (*given, max_hole_edges), repaired if repair else build, (Mesh,)
+    )
+
+
+def _meshed(
+    path: Path,
+    data: bytes,
+    scale: float,
+    target: float | None,
+    axes: tuple[str, str, str],
+) -> Mesh:
+    """Mesh of a file's bytes, of a scale [m] or else of a height `target` [m]."""
+    vertices, faces = _parse(path, data)
     _check_geometry(path, vertices, faces)
     vertices = vertices @ _axes_rotation(axes).T
     if target is not None:
         extent = float(np.ptp(vertices[faces][..., 2]))
         if extent == 0.0:
             raise InputError(
-                f"{path}: is flat along up={up!r}, so height= cannot scale it: "
+                f"{path}: is flat along up={axes[2]!r}, so height= cannot scale it: "
                 "give unit="
             )
         scale = target / extent
-    mesh = Mesh(vertices * scale, faces, path.stem, axes)
-    return repair_mesh(mesh, max_hole_edges=max_hole_edges) if repair else mesh
+    return Mesh(vertices * scale, faces, path.stem, axes)
 
 
 def _read(path: Path) -> bytes:
@@ -109,7 +130,7 @@ def _parse(path: Path, data: bytes) -> _FileMesh:
     data = _plain_text(suffix, data)
     try:
         with _silence():
-            scene = trimesh.load_scene(
+            scene = _trimesh.load_scene(
                 io.BytesIO(data), file_type=suffix[1:], process=False,
                 skip_materials=True, fix_texture=False, maintain_order=True,
             )  # fmt: skip

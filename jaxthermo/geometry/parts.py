@@ -3,9 +3,10 @@
 import os
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
+import lazy_loader
 import numpy as np
-import trimesh
 from jaxtyping import Float, Int
 
 from ..errors import InputError
@@ -13,6 +14,8 @@ from .load import load_mesh
 from .mesh import Mesh
 from .repair import repair_mesh
 
+
+_trimesh: Any = lazy_loader.load("trimesh")
 
 # Of faces before any group.
 _UNNAMED = "unnamed"
@@ -66,14 +69,14 @@ def load_parts(
 
 def _glb_names(path: Path) -> list[str]:
     """Name of the node of each face, in the order of `load_mesh`."""
-    scene = trimesh.load_scene(
+    scene = _trimesh.load_scene(
         path, process=False, skip_materials=True, maintain_order=True
     )
     names = []
     for node in scene.graph.nodes_geometry:
         _, geometry = scene.graph[node]
         mesh = scene.geometry[geometry]
-        if isinstance(mesh, trimesh.Trimesh):
+        if isinstance(mesh, _trimesh.Trimesh):
             names += [str(node)] * len(mesh.faces)
     return names
 

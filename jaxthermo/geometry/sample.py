@@ -1,14 +1,16 @@
 """`mesh_sample`: points spread evenly over the area of a mesh, with their normals."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import lazy_loader
 import numpy as np
-import trimesh
 from jaxtyping import Float, Int
-from trimesh.sample import sample_surface
 
 from ..errors import InputError, whole_number
 from .mesh import AnyMesh, Pose, as_mesh
+
+
+_trimesh: Any = lazy_loader.load("trimesh")
 
 
 class MeshSample(NamedTuple):
@@ -58,7 +60,8 @@ def mesh_sample(mesh: AnyMesh, count: int = 10_000, seed: int = 0) -> MeshSample
             f"mesh_sample: {found.name} has {len(found.faces)} faces and no area: "
             "give a mesh with triangles"
         )
-    given = trimesh.Trimesh(found.vertices, found.faces, process=False)
+    given = _trimesh.Trimesh(found.vertices, found.faces, process=False)
+    sample_surface = _trimesh.sample.sample_surface
     points, face = sample_surface(given, count, face_weight=area, seed=seed)[:2]
     normal = vectors[face] / area[face, None]
     return MeshSample(np.asarray(points, float), normal.astype(float), np.asarray(face))

@@ -71,14 +71,9 @@ class AbstractCamera(eqx.Module):
     ) -> tuple[Float[np.ndarray, "p 3"], Float[np.ndarray, " p"]]:
         """World points at pixel centres [m], and their depths along the axis [m]."""
 
+    @abc.abstractmethod
     def rays(self) -> tuple[Float[np.ndarray, "p 3"], Float[np.ndarray, "p 3"]]:
         """Rays of all pixels: points at depth 0 [m], and steps per metre of depth."""
-        # Two points define each ray, whatever the key means for this camera.
-        number = np.arange(self.width * self.height)
-        a, at_a = self.points(number, np.full(number.size, -1.0))
-        b, at_b = self.points(number, np.full(number.size, -0.5))
-        step = (b - a) / (at_b - at_a)[:, None]
-        return a - step * at_a[:, None], step
 
     def finer(self, samples: int) -> "AbstractCamera":
         """Same view with `samples` times as many pixels along both axes."""
@@ -159,6 +154,14 @@ class Camera(AbstractCamera):
         x, y = right / self._focal * depth, down / self._focal * depth
         return self._to_world(np.stack([x, y, depth], axis=1)), depth
 
+    @override
+    def rays(self) -> tuple[Float[np.ndarray, "p 3"], Float[np.ndarray, "p 3"]]:
+        right, down = self._offsets(np.arange(self.width * self.height))
+        ahead = np.full(len(right), self._focal)
+        step = linear_map(np.stack([right, down, ahead], axis=1), self.frame)
+        step /= self._focal
+        return np.broadcast_to(np.asarray(self.position, float), step.shape), step
+
 
 class OrthographicCamera(AbstractCamera):
     """Camera with parallel rays.
@@ -202,6 +205,12 @@ class OrthographicCamera(AbstractCamera):
         right, down = self._offsets(pixel)
         scale = self.view_height / self.height
         return self._to_world(np.stack([right * scale, down * scale, key], axis=1)), key
+
+    @override
+    def rays(self) -> tuple[Float[np.ndarray, "p 3"], Float[np.ndarray, "p 3"]]:
+        number = np.arange(self.width * self.height)
+        origin, _ = self.points(number, np.zeros(len(number)))
+        return origin, np.broadcast_to(self.frame[2], origin.shape)
 
 
 def frame_all(

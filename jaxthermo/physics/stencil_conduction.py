@@ -100,25 +100,40 @@ def _with_cut_voxels(
     voxel = np.stack(np.unravel_index(node, shape), axis=1)
     # Along a link over an edge, the mean along its two axes.
     axes = np.abs(links.step) / np.abs(links.step).sum(axis=1, keepdims=True)
-    k = [_along(conductivity[number[tuple(cell.T)]], axes) for cell in ends]
     length = np.where(links.over_edge, np.sqrt(2), 1.0) * grid.pitch
     area = links.extra * length * grid.pitch
     src, dst = (np.asarray(np.searchsorted(node, e), np.int32) for e in flat[:2])
-    own = heat[number[tuple(voxel.T)]]
+    conductance, capacity = _cut_values(
+        conductivity,
+        heat,
+        [number[tuple(cell.T)] for cell in (*ends, voxel)],
+        (axes, area, length / 2, grid.volume_at(voxel)),
+    )
     return CutStencil(
         base=whole,
         # A lattice has a rim of one cell.
         address=tuple(jnp.asarray(i + 1, np.int32) for i in voxel.T),
         links=row_network(
             row_layout(len(node), src, dst),
-            series(area, length / 2, k[0], length / 2, k[1]),
-            own * jnp.asarray(grid.volume_at(voxel), heat.dtype),
+            conductance,
+            capacity,
         ),
     )
 
 
+# One program instead of twenty of single operations.
+@jax.jit
+def _cut_values(conductivity, heat, materials, sizes) -> tuple[Array, Array]:
+    """Conductances of links over k, and capacities of voxels, by their materials."""
+    axes, area, half, volume = sizes
+    first, second, own = materials
+    k = [_along(conductivity[number], axes) for number in (first, second)]
+    conductance = series(area, half, k[0], half, k[1])
+    return conductance, heat[own] * jnp.asarray(volume, heat.dtype)
+
+
 def _along(
-    k: Float[Array, " e"] | Float[Array, "e 3"], axes: Float[np.ndarray, "e 3"]
+    k: Float[Array, " e"] | Float[Array, "e 3"], axes: Float[Array, "e 3"]
 ) -> Float[Array, " e"]:
     return k if k.ndim == 1 else (k * jnp.asarray(axes, k.dtype)).sum(axis=1)
 
