@@ -169,13 +169,15 @@ class Surface:
         )
         return dataclasses.replace(self, bodies=bodies)
 
-    @property
+    @cached_property
     def reference(self) -> Float[Values, "*#s"]:
         """Reference temperature per fragment [K]; one number if all are equal."""
         return spread(self.references, self.counts, self.dtype)
 
     def apart(self, values: Any) -> list[Any]:
         """Values of each body's fragments, which are on the last axis."""
+        if len(self.bodies) == 1:
+            return [values]
         # Traced values, such as a fitted emissivity, stay on the device.
         ends = np.cumsum(self.counts)[:-1]
         own: Any = jnp if is_traced(values) else np

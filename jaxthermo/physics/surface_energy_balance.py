@@ -317,7 +317,7 @@ class SurfaceTerms(Module):
             mean = lambda values: along(
                 add(along(values, term.effective_area)), inverse(jnp.asarray(area))
             )
-            parts = own.split(area, np.cumsum(counts)[:-1])
+            parts = own.split(area, np.cumsum(counts)[:-1]) if counts[1:] else [area]
             totals = own.stack([total(part) for part in parts])
             return BoundTerm(area, totals, term.law.coarsened(mean).above(reference))
 

@@ -240,7 +240,7 @@ def make_solution(
     if error is not None:
         receipt = replace(receipt, notes=(*receipt.notes, error.text()))
     return Solution(
-        times=jnp.asarray(plan.save_times, energy.stored_J.dtype),
+        times=jnp.asarray(np.asarray(plan.save_times, energy.stored_J.dtype)),
         surface_temperature=saved.surface_temperature,
         mean_temperature=saved.mean_temperature,
         energy=in_order(energy, program.entries),

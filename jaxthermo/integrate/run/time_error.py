@@ -111,7 +111,7 @@ class Passes(NamedTuple):
 
 def _succeeded(rows: Observation) -> bool:
     # The same as `run_result`, on the host.
-    if not (np.all(rows.is_finite) and np.all(rows.is_physical)):
+    if not all(np.asarray(each).all() for each in (rows.is_finite, rows.is_physical)):
         return False
     if rows.statistics is None:
         return True

@@ -257,19 +257,17 @@ def _parts(ledger: Ledger, snapshot: Snapshot) -> tuple[Part, ...]:
     """The surface that each entry of the ledger acts on."""
     found = []
     surface = snapshot.surface
+    whole = [float(body.grid.fragment_area.sum()) for body in surface.bodies]
+    acting = [(n, surface.apart(binding.acts)) for n, binding in snapshot.bindings]
     for (number, *bodies), name in ledger.items():
         area = surface.bodies[bodies[0]].grid.fragment_area
         if len(bodies) == 2:
             pairs = snapshot.pairs.get((number, bodies[0], bodies[1]))
             reached = 0.0 if pairs is None else float(pairs.area.sum())
         else:
-            acts = [
-                surface.apart(binding.acts)[bodies[0]]
-                for n, binding in snapshot.bindings
-                if n == number
-            ]
+            acts = [each[bodies[0]] for n, each in acting if n == number]
             reached = float(area[np.any(acts, axis=0)].sum()) if acts else 0.0
-        fraction = reached / float(area.sum())
+        fraction = reached / whole[bodies[0]]
         found.append(Part(name, tuple(bodies), reached, fraction))
     return tuple(found)
 

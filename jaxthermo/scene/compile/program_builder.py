@@ -231,7 +231,9 @@ def _iterations(
         cells = slice(start, start + count)
         start = cells.stop
         acts = {k for k, row in enumerate(rows) if row[n] >= 0}
-        own = terms.selected(cells, acts, surface.references[n])
+        # One body on which all terms act has them all as they are.
+        alone = len(surface.counts) == 1 and len(acts) == len(rows)
+        own = terms if alone else terms.selected(cells, acts, surface.references[n])
         if own.is_linear:
             continue
         if not prepared[n].network.is_linear:

@@ -280,9 +280,11 @@ def _bind_terms(
         return tuple((n, each) for n, each in pairs if not isinstance(each, Omitted))
 
     prescribed = bind([(n, t) for n, t in acts if t.is_dirichlet], surface)
-    taken = _claimed(prescribed, surface, "hold", "at a temperature")
-    # What other terms bring there has no effect: they are not bound.
-    rest, held = _within(surface, taken < 0), _within(surface, taken >= 0)
+    rest = held = surface
+    if prescribed:
+        # What other terms bring there has no effect: they are not bound.
+        taken = _claimed(prescribed, surface, "hold", "at a temperature")
+        rest, held = _within(surface, taken < 0), _within(surface, taken >= 0)
     natural = bind([(n, t) for n, t in acts if not t.is_dirichlet], rest)
     # But what others receive from there has one, and is part of the balance.
     exchanging = [(n, t) for n, t in acts if isinstance(t, AbstractExchangeTerm)]
@@ -298,7 +300,8 @@ def _bind_terms(
     omitted = [(n, each) for n, each in omitted if (n, each.body) not in reached]
     emits = {n for n, term in acts if term.name == "emission"}
     emission = [(n, each) for n, each in (*natural, *radiating) if n in emits]
-    _claimed(emission, surface, "count the emission of", "")
+    if len(emission) > 1:
+        _claimed(emission, surface, "count the emission of", "")
     bindings = natural, prescribed, radiating
     return rest, *bindings, tuple(omitted), tuple(irradiation)
 
