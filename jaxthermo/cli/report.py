@@ -4,6 +4,7 @@ import math
 import re
 from typing import Any
 
+import numpy as np
 from rich.console import Console
 
 from ..arrays import readable_bytes
@@ -96,8 +97,8 @@ def _structure_lines(report: dict[str, Any]) -> list[str]:
 
 def log_result(console: Console, solution: Solution, times: dict[str, float]) -> None:
     """Print the times and memory taken, the final temperatures and the residual."""
-    residual = float(abs(solution.energy.residual_relative).max())
-    surface = solution.surface_temperature[-1] - ZERO_CELSIUS
+    residual = float(np.abs(np.asarray(solution.energy.residual_relative)).max())
+    surface = np.asarray(solution.surface_temperature)[-1] - ZERO_CELSIUS
     print_line(
         console,
         f"set up {times['setup_time_s']:.1f} s, compiled {times['compile_time_s']:.1f} "

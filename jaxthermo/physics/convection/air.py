@@ -11,6 +11,9 @@ A heat transfer coefficient is tabulated at five film temperatures from 200 to 1
 and interpolated by the polynomial through them in 1 / (T_f + 600 K).
 """
 
+import functools
+
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -25,6 +28,8 @@ _K = (-3.634962, 0.8443252, -0.07134693, 0.01388592, 0.002188257)
 _PR = (-0.3471677, -0.05669733, 0.04780579, 0.05825147, -0.03378019)
 
 
+# One program instead of nine where a temperature is known.
+@functools.partial(jax.jit, static_argnums=0, inline=True)
 def _fit(
     coefficients: tuple[float, ...], temperature: Float[Array, "*n"]
 ) -> Float[Array, "*n"]:
