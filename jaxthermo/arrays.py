@@ -149,10 +149,10 @@ def _cached_bytes() -> int:
     # The kernel frees its page cache on demand. Only Linux tells its size.
     try:
         with open("/proc/meminfo", encoding="ascii") as lines:
-            table = dict(line.split(":", 1) for line in lines)
+            found = next((line for line in lines if line.startswith("Cached:")), "")
     except OSError:
         return 0
-    return int(table.get("Cached", "0 kB").split()[0]) * 1024
+    return int(found.split()[1]) * 1024 if found else 0
 
 
 def readable_bytes(count: float | int) -> str:

@@ -236,13 +236,15 @@ def digest(array: np.ndarray) -> Hashable:
 
 def _leaves(value: Any) -> list[Any]:
     """Arrays and other values within pytrees and plain objects."""
-    leaves = jax.tree.leaves(value)
     found_here: list[Any] = []
-    for leaf in leaves:
-        fields = getattr(leaf, "__dict__", None)
-        is_array = isinstance(leaf, np.ndarray | jax.Array)
-        if fields and not is_array and not callable(leaf):
-            found_here += _leaves(list(fields.values()))
-        else:
-            found_here.append(leaf)
+    within = [value]
+    while within:
+        leaves, within = jax.tree.leaves(within), []
+        for leaf in leaves:
+            fields = getattr(leaf, "__dict__", None)
+            is_array = isinstance(leaf, np.ndarray | jax.Array)
+            if fields and not is_array and not callable(leaf):
+                within += fields.values()
+            else:
+                found_here.append(leaf)
     return found_here

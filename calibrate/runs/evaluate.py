@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxthermo.arrays import precision
+from jaxthermo.arrays import on_device, precision
 from jaxthermo.errors import InputError
 from jaxthermo.integrate.run.plan import (
     Plan,
@@ -124,7 +124,7 @@ def _shape(plan: Plan) -> Any:
 
 
 def _arguments(plan: Plan) -> tuple[Any, ...]:
-    table = step_table(plan, save_intervals(plan.intervals))
+    table = on_device(step_table(plan, save_intervals(plan.intervals)))
     return plan.stepper, plan.compiled.program, initial_state(plan), table
 
 

@@ -7,8 +7,7 @@ links are connected groups of nodes in cubic blocks, whose edges double likewise
 """
 
 import math
-from typing import NamedTuple
-from weakref import WeakKeyDictionary
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -17,10 +16,10 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
-from ..arrays import members
+from ..arrays import members, on_device
 from ..geometry.mesh import connected_labels
 from ..module import Module
-from ..structures.structure import AbstractBuiltStructure, AbstractStructure
+from ..structures.structure import AbstractStructure
 from .cut_stencil import CutStencil
 from .link_operator import LinkNetwork, RowLayout, RowNetwork, row_layout, row_network
 from .multigrid_cycle import (
@@ -154,15 +153,15 @@ class _NodeTransfer(AbstractTransfer):
 
 
 class _CoarseLayout(NamedTuple):
-    """Groups of the nodes of the previous level; built on the host."""
+    """Groups of the nodes of the previous level; found on the host."""
 
-    group: Int[np.ndarray, " n"]
-    members: tuple[Int[np.ndarray, " c"], ...]
-    kept: Int[np.ndarray, " k"]
+    group: Int[Any, " n"]
+    members: tuple[Int[Any, " c"], ...]
+    kept: Int[Any, " k"]
     """Links between different groups."""
-    link: Int[np.ndarray, " k"]
+    link: Int[Any, " k"]
     """Coarse link that contains each of these links."""
-    length_ratio: Float[np.ndarray, " k"]
+    length_ratio: Float[Any, " k"]
     """Length of each link over that of its coarse link, centre to centre [-]."""
     links: int
     rows: RowLayout
@@ -182,21 +181,13 @@ class _Graph(NamedTuple):
     links: Int[np.ndarray, "e 2"]
 
 
-# Layouts of each structure, kept as long as it exists.
-_LAYOUTS: WeakKeyDictionary = WeakKeyDictionary()
-
-
 def node_layout(structure: AbstractStructure, max_nodes: int) -> _NodeLayout:
-    """Levels of the nodes of a structure, built once for each structure.
+    """Levels of the nodes of a structure, found once for each geometry.
 
     The coarsest has at most `max_nodes` nodes, unless more than that are not linked.
     """
-    built = isinstance(structure, AbstractBuiltStructure)
-    key = structure.built if built else structure.grid
-    found = _LAYOUTS.setdefault(key, {})
-    if max_nodes not in found:
-        found[max_nodes] = _layout(structure, max_nodes)
-    return found[max_nodes]
+    by = "multigrid", max_nodes
+    return structure.found(by, lambda: on_device(_layout(structure, max_nodes)))
 
 
 def _layout(structure: AbstractStructure, max_nodes: int) -> _NodeLayout:

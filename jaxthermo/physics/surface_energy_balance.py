@@ -299,13 +299,15 @@ class SurfaceTerms(Module):
         """
         # Areas and conductances add up; laws are averaged by effective area, so that
         # the heat at one temperature stays the same.
-        kept = np.flatnonzero(cell >= 0)
-        number, cells = cell[kept], sum(counts)
+        number, cells, pick = cell, sum(counts), lambda values: values
+        if (cell < 0).any():
+            kept = np.flatnonzero(cell >= 0)
+            number, pick = cell[kept], lambda values: values[..., kept]
 
         def add(values):
             if is_traced(values):
-                return jax.ops.segment_sum(values[..., kept].T, number, cells).T
-            sums = _host_sums(np.asarray(values)[..., kept], number, cells)
+                return jax.ops.segment_sum(pick(values).T, number, cells).T
+            sums = _host_sums(pick(np.asarray(values)), number, cells)
             return sums.astype(values.dtype)
 
         def merge(term: BoundTerm) -> BoundTerm:

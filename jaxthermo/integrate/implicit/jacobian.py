@@ -56,6 +56,10 @@ class _Components(Module):
 
 
 def _connected_components(structure: AbstractStructure) -> _Components:
+    return structure.found("linked_nodes", lambda: _found_components(structure))
+
+
+def _found_components(structure: AbstractStructure) -> _Components:
     links = structure.links()
     pairs = np.stack([links.src, links.dst], axis=1)
     labels = connected_labels(structure.node_count, pairs)
@@ -155,9 +159,13 @@ def _node_mask(structure: AbstractStructure) -> Bool[Array, "..."] | None:
     # A list of nodes has no other entries; a lattice has them outside the body.
     if len(structure.state_shape) == 1:
         return None
-    mask = np.zeros(structure.state_shape, bool)
-    mask[structure.node_address()] = True
-    return jnp.asarray(mask)
+
+    def mask() -> Bool[Array, "..."]:
+        is_node = np.zeros(structure.state_shape, bool)
+        is_node[structure.node_address()] = True
+        return jnp.asarray(is_node)
+
+    return structure.found("node_mask", mask)
 
 
 class _Jacobian(Module):

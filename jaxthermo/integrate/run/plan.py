@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Float, Int
 
-from ...arrays import is_traced, on_device
+from ...arrays import is_traced
 from ...errors import InputError, require, shortened
 from ...findings import found, values_of
 from ...scene.compile.compile import compile_scene
@@ -22,6 +22,7 @@ from ..solvers import (
     MAX_REFINED_EVENTS,
     AbstractSolver,
     ErrorControl,
+    SuperTimeStepping,
     select_solver,
 )
 from ..stepper import AbstractStepper, RunState, just_before
@@ -223,7 +224,13 @@ def plan_run(
     # Stages and multigrid follow the longest step taken, which may be far shorter
     # than the longest allowed.
     longest = max((i.dt for i in intervals), default=max_dt)
-    stepper = chosen.stepper(arranged, compiled, longest, is_traced(scene))
+    if control is not None and isinstance(chosen, SuperTimeStepping):
+        assert stable_step is not None
+        # All passes, of steps half as long in turn, run in one program.
+        fixed = RKL2Stepper(stage_count(longest, stable_step))
+        stepper = fixed.for_any_step(stable_step, compiled.receipt.dtype)
+    else:
+        stepper = chosen.stepper(arranged, compiled, longest, is_traced(scene))
     checkpoints = None
     if reverse_memory is not None:
         size = sum(x.size * x.dtype.itemsize for x in jax.tree.leaves(compiled.state))
@@ -234,11 +241,6 @@ def plan_run(
                 f"state of {size} bytes; give more memory, or leave it out to store "
                 "every state"
             )
-    if control is not None and isinstance(stepper, RKL2Stepper):
-        assert stable_step is not None
-        fixed = stage_count(longest, stable_step)
-        dtype = compiled.receipt.dtype
-        stepper = RKL2Stepper(fixed).for_any_step(stable_step, dtype)
     if isinstance(stepper, AdaptiveStepper):
         stepper = replace(stepper, checkpoints=checkpoints)
     parts = (arranged, compiled, intervals, saves, stable_step, chosen, stepper)
@@ -324,16 +326,17 @@ def observation_time(plan: Plan, interval: Interval) -> float:
 class StepTable(NamedTuple):
     """Steps as arrays: one row per save interval, one column per interval in it.
 
-    An argument of the compiled program, so that one program serves every schedule.
+    An argument of the compiled program, so that one program serves every schedule; of
+    numpy, which such an argument may be at the cost of one on the device.
     Unused columns have 0 steps.
     """
 
-    start: Float[Array, "rows columns"]
+    start: Float[Any, "rows columns"]
     """Start of each interval [s]."""
-    dt: Float[Array, "rows columns"]
+    dt: Float[Any, "rows columns"]
     """Length of its steps [s]."""
-    steps: Int[Array, "rows columns"]
-    observation_time: Float[Array, "rows columns"]
+    steps: Int[Any, "rows columns"]
+    observation_time: Float[Any, "rows columns"]
     """Time of the loads with which the surface is observed at its end [s]."""
 
 
@@ -351,5 +354,4 @@ def step_table(
         table[:, row, : len(group)] = np.transpose(columns)
     # Computed in float64 on the host, rounded once.
     start, dt, observed = table[:3].astype(plan.dtype)
-    steps = table[3].astype(np.int32)
-    return StepTable(*on_device((start, dt, steps, observed)))
+    return StepTable(start, dt, table[3].astype(np.int32), observed)

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 from scipy.spatial import KDTree
 
+from ...findings import found
 from ...geometry.mesh import tangents
 from ...scene.scene import BodyGeometry
 
@@ -92,7 +93,7 @@ def surface_reading(
     not in the plane of that fragment.
     """
     position, pitch = geometry.fragment_position, geometry.pitch
-    distance, near = KDTree(position).query(points, k=_CANDIDATES)
+    distance, near = _tree(position).query(points, k=_CANDIDATES)
     # Where there are fewer fragments, the others are at infinity.
     near = np.minimum(near, len(position) - 1)
     directions = geometry.fragment_normal
@@ -120,6 +121,12 @@ def surface_reading(
     weight = _plane_weights(along, own)
     fragment = np.take_along_axis(near, order, axis=1)
     return SurfaceReading(fragment, weight, is_lost, distance[:, 0], above)
+
+
+def _tree(position: Float[np.ndarray, "s 3"]) -> KDTree:
+    """Search tree of the fragments of a body, found once for all solutions of it."""
+    # With a copy: a finding must not keep what it belongs to.
+    return found((position,), "tree", lambda: KDTree(position, copy_data=True))
 
 
 def _plane_weights(

@@ -144,7 +144,8 @@ class AbstractSource(AbstractRadiativeTerm):
         return super().absorbed(surface, irradiation)
 
     def _exposure_of(self, body: BodySurface) -> Float[np.ndarray, " s"]:
-        if body.grid.contains(body.pose.to_body(self.points())).any():
+        points = self.points()
+        if len(points) and body.grid.contains(body.pose.to_body(points)).any():
             field = self.location_field
             raise InputError(
                 f"{type(self).__name__}({field}={getattr(self, field)}): is inside "

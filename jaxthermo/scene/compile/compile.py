@@ -266,7 +266,7 @@ def _parts(ledger: Ledger, snapshot: Snapshot) -> tuple[Part, ...]:
             reached = 0.0 if pairs is None else float(pairs.area.sum())
         else:
             acts = [each[bodies[0]] for n, each in acting if n == number]
-            reached = float(area[np.any(acts, axis=0)].sum()) if acts else 0.0
+            reached = float(area[np.logical_or.reduce(acts)].sum()) if acts else 0.0
         fraction = reached / whole[bodies[0]]
         found.append(Part(name, tuple(bodies), reached, fraction))
     return tuple(found)

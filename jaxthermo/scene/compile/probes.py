@@ -20,6 +20,7 @@ from jaxtyping import Array, Bool, Float, Int
 from scipy.spatial import KDTree
 
 from ...errors import InputError
+from ...findings import digest, found
 from ...module import Module
 from ...physics.conduction import conductivity_at_ends, conductivity_table
 from ...structures.build.assignment import voxel_owner
@@ -89,10 +90,10 @@ def bind_probes(
     given = np.array([probe.position for probe in scene.probes])
     points = [body.body.pose.at(0.0).to_body(given) for body in prepared]
     pairs = zip(prepared, points, strict=True)
-    located = [_locate(body.body.structure.grid, own) for body, own in pairs]
+    located = [_located(body.body.structure.grid, own) for body, own in pairs]
     gap = np.stack([each.gap for each in located])
     nearest = gap.argmin(axis=0)
-    found = []
+    bound = []
     for n, probe in enumerate(scene.probes):
         pitch = prepared[nearest[n]].body.structure.grid.pitch
         if gap[nearest[n], n] > pitch:
@@ -106,13 +107,18 @@ def bind_probes(
         if len(number):
             place = _Located(*(column[number] for column in place))
             probes = [scene.probes[n] for n in number]
-            found.append(_bind(body, probes, number, own[number], place, dtype))
-    return tuple(found)
+            bound.append(_bind(body, probes, number, own[number], place, dtype))
+    return tuple(bound)
 
 
 def _at(probe: Probe) -> str:
     x, y, z = probe.position
     return f"{probe.name} at ({x:g}, {y:g}, {z:g}) m"
+
+
+def _located(grid: VoxelGrid, points: Float[np.ndarray, "p 3"]) -> _Located:
+    by = "points_in_voxels", digest(points)
+    return found((grid,), by, lambda: _locate(grid, points))
 
 
 def _locate(grid: VoxelGrid, points: Float[np.ndarray, "p 3"]) -> _Located:
@@ -135,7 +141,8 @@ def _bind(
 ) -> BodyProbes:
     structure = body.body.structure
     grid, location = structure.grid, structure.nodes().location
-    _, fragment = KDTree(grid.fragment_foot).query(points)
+    by = "points_on_surface", digest(points)
+    fragment = found((grid,), by, lambda: _nearest_fragment(grid, points))
     surface = grid.fragment_foot[fragment]
     depth = ((surface - points) * grid.fragment_normal[fragment]).sum(axis=1)
     at_surface = np.clip(1 - depth / structure.fragment_distance()[fragment], 0, 1)
@@ -165,6 +172,13 @@ def _bind(
         fragment=jnp.asarray(fragment.astype(np.int32)),
         at_surface=jnp.asarray(at_surface, dtype),
     )
+
+
+def _nearest_fragment(
+    grid: VoxelGrid, points: Float[np.ndarray, "q 3"]
+) -> Int[np.ndarray, " q"]:
+    _, fragment = KDTree(grid.fragment_foot).query(points)
+    return np.asarray(fragment)
 
 
 def _nodes(

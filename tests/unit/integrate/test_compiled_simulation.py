@@ -14,6 +14,11 @@ import pytest
 
 import jaxthermo as jt
 from jaxthermo.findings import findings_size, forget_findings
+from jaxthermo.integrate.implicit import jacobian
+from jaxthermo.integrate.run import surface_reading
+from jaxthermo.network import multigrid
+from jaxthermo.physics import conduction
+from jaxthermo.scene.compile import placement, probes
 from tests.bodies import blocks
 
 
@@ -184,6 +189,77 @@ def test_a_body_that_moved_is_searched_for_contacts_again(structure):
         "shadows of sun on body 1",
     }
     assert_equal(found, fresh(apart, EULER))
+
+
+@pytest.fixture
+def counted(monkeypatch):
+    """A function that counts calls of another one, by its name in a module."""
+    calls: list[str] = []
+
+    def count(module, name):
+        inner = getattr(module, name)
+
+        def outer(*args, **kwargs):
+            calls.append(name)
+            return inner(*args, **kwargs)
+
+        monkeypatch.setattr(module, name, outer)
+
+    return calls, count
+
+
+def test_a_body_that_moved_costs_its_contacts_and_nothing_of_its_structure(counted):
+    # Of its own, so that nothing is known of it.
+    structure = jt.Aggregate(blocks(np.ones((4, 4, 8), bool), 0.01), factor=2)
+    calls, count = counted
+    count(placement, "contacts_between")
+    count(conduction, "row_layout")
+    count(placement, "_enclosed")
+
+    def pair(gap):
+        one = make_scene(structure).bodies[0]
+        pose = jt.Pose(translation=(0.0, 0.0, 0.08 + gap))
+        two = jt.Body(structure, one.material, temperature=350.0, pose=pose)
+        return jt.Scene((one, two), (jt.Contact(500.0),), dtype="float64")
+
+    run = jt.compile_simulation(pair(0.0), *TIMES, solver=EULER)
+    assert sorted(calls) == ["_enclosed", "contacts_between", "row_layout"]
+    calls.clear()
+    moved = run(pair(0.001))
+    assert set(moved.receipt.searches) == {"overlaps of bodies", "contacts of bodies"}
+    assert "row_layout" not in calls
+    assert calls.count("contacts_between") == 1
+    calls.clear()
+    # Where it was before, nothing is searched at all.
+    assert run(pair(0.0)).receipt.searches == ()
+    assert calls == []
+
+
+def test_implicit_steps_and_probes_search_once(counted):
+    structure = jt.Aggregate(blocks(np.ones((12, 12, 12), bool), 0.01), factor=2)
+    calls, count = counted
+    count(multigrid, "_layout")
+    count(jacobian, "_found_components")
+    count(probes, "KDTree")
+    count(surface_reading, "KDTree")
+
+    def scene(k):
+        body = make_scene(structure, k).bodies[0]
+        terms = (jt.Convection(10.0, 290.0),)
+        return jt.Scene((body,), terms, probes=[(0.0, 0.0, 0.0)], dtype="float64")
+
+    def read(k):
+        solution = jt.simulate(scene(k), 6e4, solver=jt.BackwardEuler(2e4))
+        face = structure.grid.fragment_foot[:1]
+        return jt.probe(solution, face)
+
+    read(16.0)
+    assert set(calls) == {"_layout", "_found_components", "KDTree"}
+    calls.clear()
+    other = read(20.0)
+    assert calls == []
+    forget_findings()
+    np.testing.assert_array_equal(other, read(20.0))
 
 
 def test_gradients_are_those_of_finite_differences(structure):
