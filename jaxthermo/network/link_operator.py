@@ -92,6 +92,10 @@ def _row_change(state, factors, layout):
     """Conduction into each node [W], from rows of conductances and neighbours."""
     conductances, list_conductance = factors
     neighbours, list_node, list_neighbour = layout
+    if not len(list_node):
+        # Else XLA computes the step before again for every neighbour that is gathered;
+        # where a list is added, that step is stored anyway.
+        state = computed_once(state)
     rate = jnp.zeros_like(state)
     for index, conductance in zip(neighbours, conductances, strict=True):
         there = state.at[index].get(mode="promise_in_bounds")

@@ -1,0 +1,144 @@
+"""A step of each structure in the standard scene, beside conduction alone and scipy.
+
+Three times of the same nodes and links, in turn: an explicit step with sun, convection
+and the energy ledger; the conduction in it alone; and scipy's product of the same links
+as a sparse matrix (CSR), in one thread. Reading the surface is the time of a loop that
+takes no step, over its surface cells and saved times.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from scipy.sparse import csr_array, identity
+
+import jaxthermo as jt
+from jaxthermo.integrate.run.plan import (
+    StepTable,
+    initial_state,
+    plan_run,
+    save_intervals,
+    step_table,
+)
+from jaxthermo.integrate.run.simulate import take_steps
+from jaxthermo.network.network import AbstractNetwork
+
+from ..harness.meshes import END, SAVE_AT, STEEL, standard_scene
+from ..harness.present import show, table_of
+from ..harness.timing import interleaved, ratio_of, ratio_text, timing_of
+
+
+_STRUCTURES: dict[str, Callable[..., Any]] = {
+    "blocks x8": lambda grid: jt.Aggregate(grid, 8),
+    "blocks x4": lambda grid: jt.Aggregate(grid, 4),
+    "blocks x2": lambda grid: jt.Aggregate(grid, 2),
+    "layer over core x4": lambda grid: jt.ShellOverCore(grid, 1, 4),
+    "octree": jt.Octree,
+    "full volume": jt.FullVolume,
+}
+# Evaluations that are timed together: about a hundredth of a second at 1 ns a node.
+_WORK, _MOST = 1e7, 4000
+_PRODUCTS = 10
+
+
+def run(folder: Path, height: int = 250, repeats: int = 7) -> dict[str, Any]:
+    """Times of a step, and of what is in it, for each structure."""
+    rows, name = [], ""
+    for label, structure in _STRUCTURES.items():
+        scene, name = standard_scene(STEEL, structure, height)
+        rows.append({"structure": label, **_measured(scene, repeats)})
+    microseconds = lambda key: lambda row: timing_of(row["spans_s"][key]).text()
+    columns = [
+        ("", "{structure}"),
+        ("nodes", "{nodes:,}"),
+        ("explicit step", microseconds("step")),
+        ("conduction alone", microseconds("conduction")),
+        ("scipy CSR", microseconds("scipy")),
+        ("scipy over conduction", lambda row: ratio_text(row["scipy_over_conduction"])),
+        ("reading a cell", "{reading_ns:.1f} ns"),
+    ]
+    show(table_of(rows, columns, f"{name}, {height} high, this host"))
+    return {"mesh": name, "height": height, "rows": rows}
+
+
+def _measured(scene: jt.Scene, repeats: int) -> dict[str, Any]:
+    plan = plan_run(scene, END, SAVE_AT, jt.ForwardEuler())
+    program, receipt = plan.compiled.program, plan.compiled.receipt
+    network, start = program.bodies[0].network, initial_state(plan)
+    count = int(np.clip(_WORK / receipt.nodes, 20, _MOST)) // 2 * 2
+    table = step_table(plan, save_intervals(plan.intervals))
+    none = table._replace(steps=jnp.zeros_like(table.steps))
+    many = _only_first(none, count)
+    loop = eqx.filter_jit(
+        lambda program, state, table: take_steps(plan.stepper, program, state, table)
+    )
+    run_of = lambda table: lambda: loop(program, start, table)
+    dt, state = jnp.asarray(plan.stable_step, plan.dtype), start.theta[0]
+    conduct = lambda: _conducted(network, state, dt, jnp.int32(count))
+    product = _scipy_product(scene, state)
+    spans = interleaved(
+        {
+            "loop": run_of(many),
+            "reading": run_of(none),
+            "conduction": conduct,
+            "scipy": product,
+        },
+        repeats,
+    )
+    saved, cells = len(SAVE_AT), program.bodies[0].node.shape[0]
+    step = (np.array(spans["loop"]) - np.array(spans["reading"])) / count
+    conduction = np.array(spans["conduction"]) / count
+    scipy = np.array(spans["scipy"]) / _PRODUCTS
+    return {
+        "nodes": receipt.nodes,
+        "links": receipt.links,
+        "surface_cells": cells,
+        "spans_s": {
+            "step": step.tolist(),
+            "conduction": conduction.tolist(),
+            "scipy": scipy.tolist(),
+        },
+        "scipy_over_conduction": ratio_of(scipy, conduction),
+        "reading_ns": 1e9 * float(np.median(spans["reading"])) / (saved * cells),
+    }
+
+
+def _only_first(table: StepTable, count: int) -> StepTable:
+    """All steps in the first interval of the first save."""
+    return table._replace(steps=table.steps.at[0, 0].set(count))
+
+
+@eqx.filter_jit
+def _conducted(
+    network: AbstractNetwork, state: jax.Array, dt: jax.Array, steps: jax.Array
+) -> jax.Array:
+    # Two steps a turn exchange their buffers, as in the time loop.
+    one = lambda state: network.euler_step(state, dt)
+    return jax.lax.fori_loop(0, steps // 2, lambda _, s: one(one(s)), state)
+
+
+def _scipy_product(scene: jt.Scene, state: jax.Array) -> Callable[[], np.ndarray]:
+    """One product T + A T of a matrix with an entry for each link at each node."""
+    structure = scene.bodies[0].structure
+    links, nodes = structure.links(), structure.node_count
+    # Only the pattern of the matrix counts for its time.
+    ratio = np.full(len(links.src), 0.1, np.float32)
+    pairs = (
+        np.concatenate([links.src, links.dst]),
+        np.concatenate([links.dst, links.src]),
+    )
+    matrix = csr_array((np.tile(ratio, 2), pairs), shape=(nodes, nodes))
+    matrix = csr_array(matrix + identity(nodes, np.float32))
+    values = np.asarray(state[structure.node_address()])
+
+    def products() -> np.ndarray:
+        # Without what a call of its own costs.
+        for _ in range(_PRODUCTS - 1):
+            matrix @ values
+        return matrix @ values
+
+    return products
