@@ -1,0 +1,134 @@
+"""Time of a step over the number of nodes, of the stencil and of links, for balls.
+
+A step that is linear in the nodes takes the same time a node at every size. Arrays
+that no cache holds take longer than those that one does: the growth is that beyond, the
+slope of the logarithms from 1 million nodes on.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import altair as alt
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import jaxthermo as jt
+from jaxthermo.network.network import AbstractNetwork
+from jaxthermo.physics.conduction import assemble_uniform
+from jaxthermo.report import page
+from jaxthermo.report.chart import Chart, LogAxis, legend, write_chart
+
+from ..harness.meshes import STEEL
+from ..harness.present import Rows, publish, table_of
+from ..harness.timing import interleaved, timing_of
+
+
+_RADIUS = 0.1
+_ACROSS = (28, 40, 58, 84, 122, 180, 264, 386)
+"""Voxels across the balls: from ten thousand to thirty million nodes."""
+_MOST_LINKED = 4_000_000
+"""Nodes up to which there are links: each node's take a hundred bytes to set up."""
+_BEYOND_CACHE = 900_000
+_WORK, _MOST_STEPS = 2e8, 2000
+"""Nodes times steps of a call, and its largest number of steps."""
+
+
+def run(folder: Path, height: int = _ACROSS[-1], repeats: int = 5) -> dict[str, Any]:
+    """Times of balls up to so many voxels across, their growth, and a chart."""
+    rows = []
+    for across in _ACROSS:
+        if across <= height:
+            rows += _measured(across, repeats)
+    growth = {form: _growth(rows, form) for form in ("stencil", "links")}
+    columns = [
+        ("", "{form}"),
+        ("voxels across", "{across}"),
+        ("nodes", "{nodes:,}"),
+        ("step", lambda row: timing_of(row["step_s"]).text()),
+        ("a node", "{node_ns:.2f} ns"),
+    ]
+    words = [
+        f"{form}: time as nodes to the power of {power:.2f} from 1 million on."
+        for form, power in growth.items()
+        if power is not None
+    ]
+    chart = write_chart(_chart(rows), folder / "growth")
+    sections: list[page.Section] = [*words, chart, table_of(rows, columns)]
+    publish(folder, "Time of a step over the number of nodes", sections)
+    return {
+        "rows": rows,
+        "growth": growth,
+        "files": ["report.html", "growth.svg", "growth.png"],
+    }
+
+
+def _measured(across: int, repeats: int) -> Rows:
+    ball = jt.shapes.sphere(_RADIUS)
+    grid = jt.voxelize(ball, 2 * _RADIUS / across, "dominant_axis")
+    forms = {"stencil": jt.FullVolume(grid)}
+    if grid.solid_count <= _MOST_LINKED:
+        forms["links"] = jt.FullVolume(grid, stencil=False)
+    count = int(np.clip(_WORK / grid.solid_count, 4, _MOST_STEPS)) // 2 * 2
+    calls = {}
+    for form, structure in forms.items():
+        heat = STEEL.volumetric_heat_capacity
+        network = assemble_uniform(structure, STEEL.conductivity, heat, jnp.float32)
+        state = np.zeros(structure.state_shape, np.float32)
+        values = np.random.default_rng(0).random(grid.solid_count)
+        state[structure.node_address()] = values
+        given = network, jnp.asarray(state), 0.5 / network.max_rate(), jnp.int32(count)
+        calls[form] = lambda given=given: _steps(*given)
+    spans = interleaved(calls, repeats)
+    rows = []
+    for form, found in spans.items():
+        step = np.array(found) / count
+        rows.append(
+            {
+                "form": form,
+                "across": across,
+                "nodes": grid.solid_count,
+                "step_s": step.tolist(),
+                "node_ns": 1e9 * float(np.median(step)) / grid.solid_count,
+            }
+        )
+    return rows
+
+
+@eqx.filter_jit
+def _steps(
+    network: AbstractNetwork, state: jax.Array, dt: jax.Array, steps: jax.Array
+) -> jax.Array:
+    # Two steps a turn exchange their buffers, as in the time loop.
+    one = lambda state: network.euler_step(state, dt)
+    return jax.lax.fori_loop(0, steps // 2, lambda _, s: one(one(s)), state)
+
+
+def _growth(rows: Rows, form: str) -> float | None:
+    """Power of the number of nodes that the time grows with, beyond the caches."""
+    large = [r for r in rows if r["form"] == form and r["nodes"] >= _BEYOND_CACHE]
+    if len(large) < 2:
+        return None
+    logs = np.log([(row["nodes"], row["node_ns"] * row["nodes"]) for row in large])
+    return float(np.polyfit(*logs.T, 1)[0])
+
+
+def _chart(rows: Rows) -> Chart:
+    points = [
+        {**row, "text": "{form}, {nodes:,} nodes: {node_ns:.2f} ns".format_map(row)}
+        for row in rows
+    ]
+    x = LogAxis([row["nodes"] for row in rows], "nodes")
+    y = LogAxis([row["node_ns"] for row in rows], "time of a step over nodes [ns]")
+    base = alt.Chart(alt.Data(values=points)).encode(
+        x=alt.X(**x.channel("nodes")),
+        y=alt.Y(**y.channel("node_ns")),
+        color=alt.Color(
+            "form:N",
+            legend=legend(),
+            scale=alt.Scale(range=["#2166ac", "#c1272d"]),
+        ),
+    )
+    dots = base.mark_point(filled=True, size=60, opacity=1).encode(description="text:N")
+    return alt.layer(base.mark_line(), dots).properties(width=560, height=360)
