@@ -36,9 +36,11 @@ _IMPLICIT_STEPS = (18, 36, 72)
 _COARSENINGS = (0, 1, 2, 3, 4, 5, 6)
 """Pitches of candidates, in powers of sqrt(2) of the finest one."""
 
-_PROBES = ((2, 8, 36), (2, 4, 36), (2, 8, 12), (1, 8, 36))
-"""Coarsening of the finest voxels, factor and steps of the first blocks: in the finest
-voxels, which take the longest to prepare, once."""
+_PROBE_NODES = 300
+"""Number of blocks of the coarsest of the first candidates, without the surface's."""
+
+_PROBE_STEPS = 36, 12
+"""Steps of most of the first candidates, and of one."""
 
 _MAX_TRIALS = 18
 _GAIN = 0.85
@@ -157,9 +159,19 @@ class _Search:
 
     def _probe(self) -> None:
         finest = self.reference.refinement / 2
-        for coarsening, factor, steps in _PROBES:
-            self._try(Candidate(finest / coarsening, "aggregate", factor, steps=steps))
-        self._try(Candidate(finest / 2, "aggregate", 8, None, "forward_euler", 0))
+        many, few = _PROBE_STEPS
+        edge = (self.volume / _PROBE_NODES) ** (1 / 3)
+        # The finest voxels take the longest to prepare: once, if others have blocks.
+        usual, other = finest / 2, finest
+        if edge * usual < _FACTORS[2]:
+            usual, other = other, usual
+        large, small = _factor_near(edge * usual), _factor_near(edge * usual / 2)
+        for factor, steps in ((large, many), (small, many), (large, few)):
+            self._try(Candidate(usual, "aggregate", factor, steps=steps))
+        self._try(
+            Candidate(other, "aggregate", _factor_near(edge * other / 2), steps=many)
+        )
+        self._try(Candidate(usual, "aggregate", large, None, "forward_euler", 0))
         if not self.trials:
             raise InputError("no candidate can be run: see the messages above")
 
@@ -259,6 +271,10 @@ class _Search:
         fitting = [t for t in self.trials if self._fits(t)] or self.trials
         nearest = min(fitting, key=lambda trial: trial.found.error)
         return Choice(tuple(self.trials), self.reference, best, time, nearest)
+
+
+def _factor_near(wanted: float) -> int:
+    return min(_FACTORS, key=lambda factor: abs(math.log(factor / wanted)))
 
 
 def _factors(family: Family) -> tuple[int, ...]:
