@@ -45,6 +45,9 @@ HostFloat = Float[np.ndarray, "..."]
 """Array of numpy, of any shape."""
 
 
+_HOST = np.ndarray | np.generic
+
+
 def precision(dtype: str) -> contextlib.AbstractContextManager:
     """Context in which arrays of `dtype` can be created."""
     # Local, so that a float64 scene leaves the precision of other code unchanged.
@@ -53,6 +56,8 @@ def precision(dtype: str) -> contextlib.AbstractContextManager:
 
 def is_traced(tree: Any) -> bool:
     """True if any leaf of a pytree is being differentiated, mapped or compiled."""
+    if isinstance(tree, float | _HOST):
+        return False
     # By their types, which are few: a scene has a hundred leaves.
     kinds = {type(leaf) for leaf in jax.tree.leaves(tree)}
     return any(issubclass(kind, jax.core.Tracer) for kind in kinds)
@@ -77,9 +82,6 @@ def on_device(tree: Any) -> Any:
     with jax.ensure_compile_time_eval():
         moved = dict(zip(host, _to_device(list(host.values())), strict=True))
     return structure.unflatten([moved.get(id(leaf), leaf) for leaf in leaves])
-
-
-_HOST = np.ndarray | np.generic
 
 
 def plain_numbers(value: Any) -> Any:

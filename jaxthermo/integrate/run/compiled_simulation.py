@@ -12,7 +12,7 @@ from ...arrays import is_traced, precision
 from ...errors import InputError, require
 from ...scene.scene import Body, Scene
 from ..solvers import AbstractSolver
-from .plan import Plan, plan_once
+from .plan import Plan, plan_once, without_searches
 from .simulate import compile_plan, run_plan
 from .solution import Solution, finished
 
@@ -48,8 +48,9 @@ class CompiledSimulation:
                 poses and directions.
             RuntimeError: if the run failed and `throw` is set.
         """
-        plan = self.plan
-        if scene is not None:
+        if scene is None:
+            plan = without_searches(self.plan)
+        else:
             require(scene, Scene, "CompiledSimulation(scene=)", "a Scene")
             _check_alike(self.scene, scene)
             plan = _planned(
@@ -177,19 +178,18 @@ def _other_shapes(one: Any, other: Any) -> str:
         return " has other kinds of values (a number, a table or none)"
     for (name, shape), (_, now) in zip(first, second, strict=True):
         if shape != now:
-            return f" has {name} of shape {now} instead of {shape}"
+            named = jax.tree_util.keystr(name)
+            return f" has {named} of shape {now} instead of {shape}"
     return ""
 
 
-def _numbers(tree: Any) -> tuple[list[tuple[str, tuple[int, ...]]], list[Any]]:
-    """Names and shapes of the numbers of a pytree, and the kinds of its nodes."""
+def _numbers(tree: Any) -> tuple[list[tuple[Any, tuple[int, ...]]], list[Any]]:
+    """Paths and shapes of the numbers of a pytree, and the kinds of its nodes."""
     named = jax.tree_util.tree_leaves_with_path(tree)
     number = float | int | np.ndarray | np.generic | jax.Array
     shapes = [
-        (jax.tree_util.keystr(path), np.shape(leaf))
-        for path, leaf in named
-        if isinstance(leaf, number)
+        (path, np.shape(leaf)) for path, leaf in named if isinstance(leaf, number)
     ]
-    kinds = [jax.tree_util.keystr(path) for path, _ in named]
+    kinds: list[Any] = [path for path, _ in named]
     kinds += [type(leaf) for _, leaf in named if not isinstance(leaf, number)]
     return shapes, kinds

@@ -13,6 +13,7 @@ from jaxtyping import Float, Int
 from ...arrays import is_traced
 from ...errors import InputError, require, shortened
 from ...findings import found, values_of
+from ...module import replaced
 from ...scene.compile.compile import compile_scene
 from ...scene.compile.program import Compiled, Program
 from ...scene.scene import Scene
@@ -280,9 +281,14 @@ def plan_once(
     plan, own = found((scene,), by, find)
     if made:
         return made[0]
-    receipt = replace(plan.compiled.receipt, searches=())
-    plan = plan._replace(compiled=replace(plan.compiled, receipt=receipt))
+    plan = without_searches(plan)
     return plan._replace(scene=scene) if own else plan
+
+
+def without_searches(plan: Plan) -> Plan:
+    """Return the plan of a run before which nothing is searched any more."""
+    receipt = replace(plan.compiled.receipt, searches=())
+    return plan._replace(compiled=replaced(plan.compiled, receipt=receipt))
 
 
 _NO_SCENE: Any = None

@@ -90,6 +90,7 @@ def test_the_same_scene_again_is_the_same(structure):
     before = compilations()
     found = run()
     assert compilations() == before
+    assert found.receipt.searches == ()
     assert_equal(found, fresh(scene))
 
 
