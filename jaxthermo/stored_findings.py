@@ -219,7 +219,8 @@ def _encoded(value: Any, known: dict[str, type], arrays: _Arrays) -> Any:
         return {shape: arrays.add(np.asarray(value))}
     if isinstance(value, csr_array):
         parts = value.data, value.indices, value.indptr
-        return {"csr": [again(part) for part in parts], "shape": list(value.shape)}
+        sizes: Any = value.shape
+        return {"csr": [again(part) for part in parts], "shape": list(sizes)}
     if known.get(name) is kind:
         return {"type": name, "fields": [again(item) for item in _fields(value)]}
     if kind is tuple or kind is list:

@@ -111,7 +111,7 @@ def _growth(rows: Rows, form: str) -> float | None:
     if len(large) < 2:
         return None
     logs = np.log([(row["nodes"], row["node_ns"] * row["nodes"]) for row in large])
-    return float(np.polyfit(*logs.T, 1)[0])
+    return float(np.polyfit(logs[:, 0], logs[:, 1], 1)[0])
 
 
 def _chart(rows: Rows) -> Chart:

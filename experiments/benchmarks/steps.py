@@ -132,13 +132,13 @@ def _scipy_product(scene: jt.Scene, state: jax.Array) -> Callable[[], np.ndarray
         np.concatenate([links.dst, links.src]),
     )
     matrix = csr_array((np.tile(ratio, 2), pairs), shape=(nodes, nodes))
-    matrix = csr_array(matrix + identity(nodes, np.float32))
+    matrix = csr_array(matrix + identity(nodes, "float32"))
     values = np.asarray(state[structure.node_address()])
 
     def products() -> np.ndarray:
         # Without what a call of its own costs.
         for _ in range(_PRODUCTS - 1):
-            matrix @ values
+            _ = matrix @ values
         return matrix @ values
 
     return products
