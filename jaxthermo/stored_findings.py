@@ -133,7 +133,10 @@ def _feed(digest: Any, value: Any) -> None:
         digest.update(f"{len(value)} of ".encode())
         for item in value:
             _feed(digest, item)
-    elif value is None or isinstance(value, bool | int | float | str | np.generic):
+    elif isinstance(value, np.generic):
+        # How one prints depends on numpy's options.
+        digest.update(f"{value.dtype.str};".encode() + _array_hash(np.asarray(value)))
+    elif value is None or isinstance(value, bool | int | float | str):
         digest.update(f"{value!r};".encode())
     elif isinstance(value, bytes):
         digest.update(f"{len(value)} bytes ".encode())

@@ -118,6 +118,15 @@ def test_whatever_a_search_starts_from_is_a_miss(folder, monkeypatch):
     assert search.calls == len(given) + 2
 
 
+def test_the_hash_of_a_number_does_not_depend_on_how_numpy_prints_it():
+    """In its older style a number of float32 is printed as one of Python."""
+    numbers = np.float32(1), 1.0
+    usual = [content_hash(number) for number in numbers]
+    with np.printoptions(legacy="1.25"):
+        assert [content_hash(number) for number in numbers] == usual
+    assert len(set(usual)) == 2
+
+
 def test_equal_bodies_have_equal_hashes():
     one, other = (jt.voxelize(jt.shapes.sphere(0.02), 0.005) for _ in range(2))
     assert one is not other
