@@ -9,13 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import altair as alt
-import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 
 import jaxthermo as jt
-from jaxthermo.network.network import AbstractNetwork
 from jaxthermo.physics.conduction import assemble_uniform
 from jaxthermo.report import page
 from jaxthermo.report.chart import Chart, LogAxis, legend, write_chart
@@ -23,6 +20,7 @@ from jaxthermo.report.chart import Chart, LogAxis, legend, write_chart
 from ..harness.meshes import STEEL
 from ..harness.present import Rows, publish, table_of
 from ..harness.timing import interleaved, timing_of
+from .steps import euler_steps
 
 
 _RADIUS = 0.1
@@ -79,7 +77,7 @@ def _measured(across: int, repeats: int) -> Rows:
         values = np.random.default_rng(0).random(grid.solid_count)
         state[structure.node_address()] = values
         given = network, jnp.asarray(state), 0.5 / network.max_rate(), jnp.int32(count)
-        calls[form] = lambda given=given: _steps(*given)
+        calls[form] = lambda given=given: euler_steps(*given)
     spans = interleaved(calls, repeats)
     rows = []
     for form, found in spans.items():
@@ -94,15 +92,6 @@ def _measured(across: int, repeats: int) -> Rows:
             }
         )
     return rows
-
-
-@eqx.filter_jit
-def _steps(
-    network: AbstractNetwork, state: jax.Array, dt: jax.Array, steps: jax.Array
-) -> jax.Array:
-    # Two steps a turn exchange their buffers, as in the time loop.
-    one = lambda state: network.euler_step(state, dt)
-    return jax.lax.fori_loop(0, steps // 2, lambda _, s: one(one(s)), state)
 
 
 def _growth(rows: Rows, form: str) -> float | None:

@@ -78,7 +78,7 @@ def _measured(scene: jt.Scene, repeats: int) -> dict[str, Any]:
     )
     run_of = lambda table: lambda: loop(program, start, table)
     dt, state = jnp.asarray(plan.stable_step, plan.dtype), start.theta[0]
-    conduct = lambda: _conducted(network, state, dt, jnp.int32(count))
+    conduct = lambda: euler_steps(network, state, dt, jnp.int32(count))
     product = _scipy_product(scene, state)
     spans = interleaved(
         {
@@ -113,9 +113,10 @@ def _only_first(table: StepTable, count: int) -> StepTable:
 
 
 @eqx.filter_jit
-def _conducted(
+def euler_steps(
     network: AbstractNetwork, state: jax.Array, dt: jax.Array, steps: jax.Array
 ) -> jax.Array:
+    """A state after so many steps of `dt` [s] of conduction."""
     # Two steps a turn exchange their buffers, as in the time loop.
     one = lambda state: network.euler_step(state, dt)
     return jax.lax.fori_loop(0, steps // 2, lambda _, s: one(one(s)), state)
