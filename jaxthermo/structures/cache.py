@@ -17,6 +17,7 @@ from .. import user_cache
 from ..atomic import replacing
 from ..errors import InputError
 from ..findings import digest, found
+from ..stored_findings import content_hash
 from ..voxels.grid import VoxelGrid
 from .structure import Built, Links, Nodes, check_grid
 
@@ -77,17 +78,15 @@ def cache_folder() -> Path | None:
 
 
 def _key(kind: str, grid: VoxelGrid, options: dict[str, Any]) -> str:
-    digest = hashlib.sha256()
-    lattice = grid.lattice
-    _feed(digest, [_FORMAT, _code(), kind, options])
-    _feed(digest, [grid.mesh.vertices, grid.mesh.faces])
-    _feed(digest, [lattice.shape, lattice.origin, lattice.pitch])
-    _feed(digest, [np.packbits(grid.solid), grid.volume_ratio])
-    _feed(digest, [grid.fragment_voxel, grid.fragment_position])
-    _feed(digest, [grid.fragment_normal, grid.fragment_area])
-    if grid.cut is not None:
-        _feed(digest, [grid.cut.voxel, grid.cut.volume, *grid.cut.links])
-    return digest.hexdigest()[:40]
+    lattice, cut = grid.lattice, grid.cut
+    parts: list[Any] = [_FORMAT, _code(), kind, options]
+    parts += [grid.mesh.vertices, grid.mesh.faces]
+    parts += [lattice.shape, lattice.origin, lattice.pitch]
+    parts += [np.packbits(grid.solid), grid.volume_ratio]
+    parts += [grid.fragment_voxel, grid.fragment_position]
+    parts += [grid.fragment_normal, grid.fragment_area]
+    parts += [] if cut is None else [cut.voxel, cut.volume, *cut.links]
+    return content_hash(parts)
 
 
 @functools.cache
@@ -97,23 +96,6 @@ def _code() -> str:
     for path in sorted([*folder.rglob("*.py"), *folder.parent.glob("voxels/*.py")]):
         digest.update(path.read_bytes())
     return digest.hexdigest()
-
-
-def _feed(digest: Any, value: Any) -> None:
-    # With its type and length, or different nestings could give the same bytes.
-    if isinstance(value, dict):
-        value = sorted(value.items())
-    if isinstance(value, np.ndarray):
-        digest.update(f"{value.dtype.str}{value.shape}".encode())
-        digest.update(np.ascontiguousarray(value).reshape(-1).view(np.uint8))
-    elif isinstance(value, list | tuple):
-        digest.update(f"{len(value)} of ".encode())
-        for item in value:
-            _feed(digest, item)
-    elif value is None or isinstance(value, bool | int | float | str | np.generic):
-        digest.update(f"{value!r};".encode())
-    else:
-        raise TypeError(f"cannot be hashed: {type(value)}")
 
 
 def _read(path: Path) -> Built | None:
