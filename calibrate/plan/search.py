@@ -166,11 +166,10 @@ class _Search:
         if edge * usual < _FACTORS[2]:
             usual, other = other, usual
         large, small = _factor_near(edge * usual), _factor_near(edge * usual / 2)
-        for factor, steps in ((large, many), (small, many), (large, few)):
-            self._try(Candidate(usual, "aggregate", factor, steps=steps))
-        self._try(
-            Candidate(other, "aggregate", _factor_near(edge * other / 2), steps=many)
-        )
+        near = _factor_near(edge * other / 2)
+        first = (usual, large, many), (usual, small, many), (usual, large, few)
+        for refinement, factor, steps in (*first, (other, near, many)):
+            self._try(Candidate(refinement, "aggregate", factor, steps=steps))
         self._try(Candidate(usual, "aggregate", large, None, "forward_euler", 0))
         if not self.trials:
             raise InputError("no candidate can be run: see the messages above")
