@@ -7,11 +7,12 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from jaxthermo.cli.entry import Overrides, compiles, make_app, run_app
+from jaxthermo.cli.entry import Overrides, make_app, run_app
 
 from . import catalogue
 
 
+# Without stored programs (`entry.compiles`): compilations are measured too.
 app = make_app("experiments", "Measurements that can be run again by name.")
 
 
@@ -23,7 +24,6 @@ def _list_all() -> None:
 
 
 @app.command
-@compiles
 def _run(
     name: str,
     config: Path | None = None,
@@ -86,7 +86,6 @@ def _report(folder: Path, /) -> None:
 
 
 @app.command
-@compiles
 def _sweep(
     config: Path,
     /,
