@@ -89,7 +89,7 @@ class RKL2Stepper(AbstractStepper):
     stable_step: Float[Array, ""] | None = None
     """Largest stable explicit step [s], if the number of stages follows from the length
     of each step: one compiled program then serves steps of any length."""
-    count: Int[Array, ""] | None = None
+    count: Int[Any, ""] | None = None
     """Odd number of stages of every step, if it is an argument of the compiled program:
     other materials then need no other program."""
 
@@ -109,7 +109,8 @@ class RKL2Stepper(AbstractStepper):
 
     def for_any_count(self) -> "RKL2Stepper":
         """Return the same steps in a program for other numbers of stages too."""
-        count = jnp.asarray(self.stages, jnp.int32)
+        # Of numpy: a single number takes longer to a device than with the others.
+        count = np.asarray(self.stages, np.int32)
         return RKL2Stepper(self._most_stages, count=count)
 
     @property

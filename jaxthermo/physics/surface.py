@@ -211,8 +211,11 @@ class Surface:
         for body, cover in zip(self.bodies, covers, strict=True):
             nowhere = np.zeros(len(body.area), bool)
             area, where = (body.area, nowhere) if isinstance(cover, Omitted) else cover
-            own: Any = jnp if is_traced(area) else np
-            areas.append(own.where(where, area, own.zeros_like(area)))
+            # The whole surface has its own array, the same in all runs.
+            if not where.all():
+                own: Any = jnp if is_traced(area) else np
+                area = own.where(where, area, own.zeros_like(area))
+            areas.append(area)
             acts.append(where)
         binding = Binding(
             concatenated(areas), np.concatenate(acts), law.above(self.reference), notes

@@ -32,6 +32,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..arrays import Time, is_traced
+from ..findings import found
 from ..module import Module, replaced
 from ..network.network import inverse, precise_sum
 from .flux_law import (
@@ -307,8 +308,12 @@ class SurfaceTerms(Module):
         def add(values):
             if is_traced(values):
                 return jax.ops.segment_sum(pick(values).T, number, cells).T
-            sums = _host_sums(pick(np.asarray(values)), number, cells)
-            return sums.astype(values.dtype)
+            host = np.asarray(values)
+            sums = lambda: _host_sums(pick(host), number, cells).astype(host.dtype)
+            # Arrays that were found before are read-only: their sums are found once.
+            is_finding = not (host.flags.writeable or cell.flags.writeable)
+            by = ("sums of cells", cells) if is_finding else None
+            return found((host, cell), by, sums)
 
         def merge(term: BoundTerm) -> BoundTerm:
             area = add(term.effective_area)

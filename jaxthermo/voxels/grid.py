@@ -162,7 +162,7 @@ class VoxelGrid:
         thin = self.thin.thin_fragments + self.thin.lost_fragments
         if sorted(self.layers.peeled)[1] < 4 or not thin:
             return 0.0
-        closed = self.fragment_area[self.fragment_cavity > 0].sum()
+        closed = self.cavity_area
         opened = _cavity_area(self.mesh) - float(closed)
         # The areas of fragments are not exact.
         return opened if opened > _OPENED * self.mesh.area else 0.0
@@ -189,6 +189,11 @@ class VoxelGrid:
             return None
         area = float(self.fragment_area.sum()) / self.area_ratio
         return represented(self.mesh, self.lattice, self.solid, self.cut, area)
+
+    @cached_property
+    def cavity_area(self) -> float:
+        """Area of the fragments in closed cavities [m^2]."""
+        return float(self.fragment_area[self.fragment_cavity > 0].sum())
 
     @cached_property
     def size(self) -> float:

@@ -16,11 +16,12 @@ from typing import Any, ClassVar, NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from typing_extensions import override
 
 from ...arrays import Time, typed_array
 from ...constants import STEFAN_BOLTZMANN
+from ...findings import found
 from ...module import Module
 from ...voxels.selection import AbstractSelection
 from ..flux_law import AbstractFluxLaw, PerCell, PerCellOrOne
@@ -107,10 +108,8 @@ class AbstractRadiativeTerm(AbstractSurfaceTerm):
         if isinstance(exposed, Omitted):
             return exposed
         # Fragments out of sight are left out of the binding, so that they cost nothing.
-        covers = [
-            (absorbed * factor.astype(body.dtype) * body.area, exposed & (factor > 0))
-            for factor in factors
-        ]
+        lit = [_lit(factor, body.area) for factor in factors]
+        covers = [(absorbed * area, exposed & reached) for area, reached in lit]
         if body.prune and not any(acts.any() for _, acts in covers):
             return body.omitted(self.unseen)
         return covers
@@ -128,6 +127,15 @@ class AbstractRadiativeTerm(AbstractSurfaceTerm):
             for body, factor in zip(surface.bodies, factors, strict=True)
         ]
         return Irradiation(concatenated(chosen), law, notes)
+
+
+def _lit(
+    factor: Float[np.ndarray, " s"], area: Float[np.ndarray, " s"]
+) -> tuple[Float[np.ndarray, " s"], Bool[np.ndarray, " s"]]:
+    """Area of fragments times a factor [m^2], and those where that is not 0."""
+    lit = lambda: (factor.astype(area.dtype) * area, factor > 0)
+    is_finding = not (factor.flags.writeable or area.flags.writeable)
+    return found((factor, area), "lit" if is_finding else None, lit)
 
 
 class _Part(Module):

@@ -7,6 +7,7 @@ and no operation in the program, and the receipt says why.
 """
 
 from dataclasses import replace
+from functools import reduce
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -14,7 +15,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ...arrays import is_traced, on_device
-from ...findings import searches_recorded
+from ...findings import digest, found, searches_recorded
 from ...geometry.mesh import Pose
 from ...module import replaced
 from ...physics.radiation.irradiation import (
@@ -213,15 +214,15 @@ def _stable_step(
 
 def _stiffness(program: Program, number: int, highest, end):
     """Addresses of a body's nodes, and the conductance that loads add there [W/K]."""
-    found = []
+    loads = []
     if program.surface is not None:
         relative = program.bodies[number].network.max_relative_conductivity()
-        found = program.surface.stiffness(number, highest, end, relative)
+        loads = program.surface.stiffness(number, highest, end, relative)
     for contact in program.contacts:
         for side in (0, 1):
             if contact.bodies[side] == number:
-                found.append((contact.address[side], contact.stiffness(end)))
-    return found
+                loads.append((contact.address[side], contact.stiffness(end)))
+    return loads
 
 
 def _radiation(
@@ -229,15 +230,15 @@ def _radiation(
 ) -> tuple[SurfaceRadiation, ...]:
     """Irradiation of the surface at each snapshot, in arrays of the programs if any."""
     exchange = [t for t in scene.terms if isinstance(t, AbstractExchangeTerm)]
-    found = []
+    reaching = []
     for snapshot, program in zip(snapshots, programs, strict=True):
         enclosure = program.fine_enclosure
         # Surfaces that only reflect, or are held at a temperature, take no heat.
         if enclosure is None and exchange:
             enclosure = exchange[0].enclosure(snapshot.surface)[0]
         radiation = snapshot.surface, snapshot.irradiation, enclosure
-        found.append(surface_radiation(*radiation))
-    return tuple(found)
+        reaching.append(surface_radiation(*radiation))
+    return tuple(reaching)
 
 
 def body_geometry(grid: VoxelGrid, pose: Pose | Motion) -> BodyGeometry:
@@ -255,10 +256,13 @@ def body_geometry(grid: VoxelGrid, pose: Pose | Motion) -> BodyGeometry:
 
 def _parts(ledger: Ledger, snapshot: Snapshot) -> tuple[Part, ...]:
     """The surface that each entry of the ledger acts on."""
-    found = []
+    parts = []
     surface = snapshot.surface
     whole = [float(body.grid.fragment_area.sum()) for body in surface.bodies]
     acting = [(n, surface.apart(binding.acts)) for n, binding in snapshot.bindings]
+    area_of = lambda area, acts: found(
+        (area,), ("area", digest(acts)), lambda: float(area[acts].sum())
+    )
     for (number, *bodies), name in ledger.items():
         area = surface.bodies[bodies[0]].grid.fragment_area
         if len(bodies) == 2:
@@ -266,10 +270,10 @@ def _parts(ledger: Ledger, snapshot: Snapshot) -> tuple[Part, ...]:
             reached = 0.0 if pairs is None else float(pairs.area.sum())
         else:
             acts = [each[bodies[0]] for n, each in acting if n == number]
-            reached = float(area[np.logical_or.reduce(acts)].sum()) if acts else 0.0
+            reached = area_of(area, reduce(np.logical_or, acts)) if acts else 0.0
         fraction = reached / whole[bodies[0]]
-        found.append(Part(name, tuple(bodies), reached, fraction))
-    return tuple(found)
+        parts.append(Part(name, tuple(bodies), reached, fraction))
+    return tuple(parts)
 
 
 def _omissions(
@@ -282,43 +286,43 @@ def _omissions(
     """All that was left out: of surfaces, of volumes, of pairs, and of the scene."""
     several = len(scene.bodies) > 1
     on = lambda name, body: f"{name} on body {body}" if several else name
-    found = []
+    omitted_here = []
     for index, body in enumerate(scene.bodies):
         own = {
             n: omitted.reason
             for n, omitted in snapshot.omitted
             if omitted.body in (None, index)
         }
-        found += [Omission(on(names[n], index), own[n]) for n in sorted(own)]
+        omitted_here += [Omission(on(names[n], index), own[n]) for n in sorted(own)]
         if not isinstance(body.material, AbstractMaterials):
             name = on("per-node conductivity", index)
-            found.append(Omission(name, "the material is uniform"))
-    found += [Omission(on(names[n], body), why) for n, (why, body) in unheated]
-    found += [Omission(names[n], why) for n, why in snapshot.unpaired]
+            omitted_here.append(Omission(name, "the material is uniform"))
+    omitted_here += [Omission(on(names[n], body), why) for n, (why, body) in unheated]
+    omitted_here += [Omission(names[n], why) for n, why in snapshot.unpaired]
     # Usual mechanisms that nothing in the scene asks for.
     present = {term.name for term in scene.terms}
-    found += [
+    omitted_here += [
         Omission(name, why)
         for name, (why, kinds) in _ABSENT.items()
         if not present & kinds
     ]
     if "contact" not in present:
         why = "no term joins the bodies" if several else "there is one body"
-        found.append(Omission("contact", why))
+        omitted_here.append(Omission("contact", why))
     if not moves:
-        found.append(Omission("motion", "nothing moves: one snapshot"))
-    return tuple(found)
+        omitted_here.append(Omission("motion", "nothing moves: one snapshot"))
+    return tuple(omitted_here)
 
 
 def _represented(snapshot: Snapshot, off: bool) -> tuple[str, ...]:
     """True and represented volume, area and section, where `off` or where not."""
-    found = []
+    lines = []
     for surface in snapshot.surface.bodies:
         own = surface.grid.represented
         if own is not None and own.is_off == off:
             advice = "; use a finer pitch" if off else ""
-            found.append(f"body {surface.body} {own.described()}{advice}")
-    return tuple(found)
+            lines.append(f"body {surface.body} {own.described()}{advice}")
+    return tuple(lines)
 
 
 def _cavity_notes(scene: Scene, snapshot: Snapshot) -> tuple[str, ...]:
@@ -326,18 +330,17 @@ def _cavity_notes(scene: Scene, snapshot: Snapshot) -> tuple[str, ...]:
     acts = [t for t in scene.terms if isinstance(t, AbstractSurfaceTerm)]
     if not any(term.from_outside for term in acts):
         return ()
-    found = []
+    lines = []
     for body, surface in zip(scene.bodies, snapshot.surface.bodies, strict=True):
         grid = surface.grid
-        shut = grid.fragment_area[grid.fragment_cavity > 0].sum()
-        if body.inside == "open" or not shut:
+        if body.inside == "open" or not grid.cavity_area:
             continue
-        fraction = 100 * shut / grid.fragment_area.sum()
-        found.append(
+        fraction = 100 * grid.cavity_area / grid.fragment_area.sum()
+        lines.append(
             f"{fraction:.2g} % of the surface of body {surface.body} faces closed "
             "cavities: air, sun and surroundings act there only with `inside: open`"
         )
-    return tuple(found)
+    return tuple(lines)
 
 
 def _cavity_warnings(scene: Scene, snapshot: Snapshot) -> tuple[str, ...]:
@@ -346,24 +349,24 @@ def _cavity_warnings(scene: Scene, snapshot: Snapshot) -> tuple[str, ...]:
     exchange = any(isinstance(term, AbstractExchangeTerm) for term in acts)
     if not exchange and not any(term.from_outside for term in acts):
         return ()
-    found = []
+    lines = []
     for body, surface in zip(scene.bodies, snapshot.surface.bodies, strict=True):
         opened = surface.grid.opened_area
         if body.inside == "open" or not opened:
             continue
         # Of the mesh: the voxels of thin walls have less area than these.
         fraction = 100 * opened / surface.grid.mesh.area
-        found.append(
+        lines.append(
             f"{fraction:.2g} % of the surface of body {surface.body} faces cavities "
             "that are closed in its mesh and open in its voxels: walls thinner than a "
             "voxel let air and radiation through; use a finer pitch"
         )
-    return tuple(found)
+    return tuple(lines)
 
 
 def _notes(snapshots: list[Snapshot], names: tuple[str, ...]) -> tuple[str, ...]:
     """Notes of all bindings, each once."""
-    found = (
+    lines = (
         f"{names[number]} on body {body}: {note}"
         for snapshot in snapshots
         for body in range(len(snapshot.surface.bodies))
@@ -371,20 +374,20 @@ def _notes(snapshots: list[Snapshot], names: tuple[str, ...]) -> tuple[str, ...]
         for on, note in binding.notes
         if on == body
     )
-    return tuple(dict.fromkeys(found))
+    return tuple(dict.fromkeys(lines))
 
 
 def _overlap_warnings(
     snapshots: list[Snapshot], starts: tuple[float, ...]
 ) -> tuple[str, ...]:
     """A line about each pair of bodies that overlap, where they do so most deeply."""
-    found = {}
+    deepest = {}
     for snapshot, start in zip(snapshots, starts, strict=True):
         for pair, overlap in snapshot.overlaps.items():
-            if pair not in found or overlap.depth > found[pair][0].depth:
-                found[pair] = overlap, start
+            if pair not in deepest or overlap.depth > deepest[pair][0].depth:
+                deepest[pair] = overlap, start
     moves = len(starts) > 1
     return tuple(
         (f"at {start:g} s " if moves else "") + overlap.described(pair)
-        for pair, (overlap, start) in sorted(found.items())
+        for pair, (overlap, start) in sorted(deepest.items())
     )

@@ -19,7 +19,6 @@ the loop that conducts. `SurfaceLoad`, cell by cell, is the general form.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -30,7 +29,7 @@ from jaxtyping import Array, Float
 from typing_extensions import override
 
 from ...arrays import Time, is_traced
-from ...module import Module
+from ...module import Module, replaced
 from ...network.network import (
     AbstractNetwork,
     AbstractNodeNetwork,
@@ -138,7 +137,7 @@ def linear_programs(programs: Sequence[Program]) -> tuple[Program, ...] | None:
         load = _linear_load(program, program.surface.by_cell)
         if load is None:
             return None
-        made.append(replace(program, surface=load))
+        made.append(replaced(program, surface=load))
     return tuple(made)
 
 

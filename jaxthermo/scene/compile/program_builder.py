@@ -177,7 +177,9 @@ def _fragment_terms(snapshot: Snapshot, names: dict[int, str]) -> SurfaceTerms:
     )
     # Where a temperature is prescribed, that term holds the half cell.
     half_cells = [
-        body.half_cell * body.natural.astype(body.dtype)
+        body.half_cell
+        if body.natural.all()
+        else body.half_cell * body.natural.astype(body.dtype)
         for body in snapshot.surface.bodies
     ]
     return SurfaceTerms(

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ...errors import InputError, located
+from ...findings import found
 from ...geometry.mesh import Pose
 from ...physics.contact.overlap import Overlap
 from ...physics.contact.rays import PlacedGrid
@@ -25,6 +26,7 @@ from ...physics.term import (
     AbstractSurfaceTerm,
     AbstractTerm,
 )
+from ...voxels.grid import VoxelGrid
 from ...voxels.selection import FragmentMask
 from ..scene import Scene
 from .bodies import PreparedBody, surface_property
@@ -132,10 +134,10 @@ def _body_surfaces(
     scene: Scene,
     prepared: tuple[PreparedBody, ...],
     poses: tuple[Pose, ...],
-    covered: list[Float[np.ndarray, " _"]],
+    covered: list[Float[np.ndarray, " _"] | None],
     prune: bool,
 ) -> tuple[BodySurface, ...]:
-    # Covered is the fraction of each fragment that another body touches.
+    # Covered is the fraction of each fragment that another body touches, if any.
     dtype: Any = np.dtype(scene.dtype)
     placed = [
         placed_surface(body.structure.grid, pose)
@@ -145,7 +147,8 @@ def _body_surfaces(
     enclosed = enclosed_fragments(scene, poses)
     surfaces = []
     for index, (body, pose) in enumerate(zip(scene.bodies, poses, strict=True)):
-        grid, exposed = body.structure.grid, 1 - covered[index]
+        grid, own = body.structure.grid, covered[index]
+        exposed, half_cell = _exposed(grid, own, dtype), prepared[index].half_cell
         with located(f"bodies[{index}]"):
             emissivity = surface_property(body, "emissivity", dtype)
             absorptivity = surface_property(body, "absorptivity", dtype)
@@ -156,10 +159,10 @@ def _body_surfaces(
                 pose=pose,
                 position=placed[index].position,
                 normal=placed[index].normal,
-                area=(grid.fragment_area * exposed).astype(dtype),
-                exposed_fraction=exposed.astype(dtype),
-                natural=exposed > 0,
-                half_cell=prepared[index].half_cell * exposed.astype(dtype),
+                area=exposed.area,
+                exposed_fraction=exposed.fraction,
+                natural=exposed.natural,
+                half_cell=half_cell if own is None else half_cell * exposed.fraction,
                 emissivity=emissivity,
                 absorptivity=absorptivity,
                 scene_triangles=shadow,
@@ -169,6 +172,32 @@ def _body_surfaces(
             )
         )
     return tuple(surfaces)
+
+
+class _Exposed(NamedTuple):
+    """The part of each fragment of a body that nothing touches."""
+
+    area: Float[np.ndarray, " s"]
+    """[m^2]"""
+    fraction: Float[np.ndarray, " s"]
+    natural: Bool[np.ndarray, " s"]
+    """True where the fraction is not 0."""
+
+
+def _exposed(
+    grid: VoxelGrid, covered: Float[np.ndarray, " s"] | None, dtype: Any
+) -> _Exposed:
+    """The exposed part of a surface of which these fractions are covered, or none."""
+
+    def of(fraction: Float[np.ndarray, " s"]) -> _Exposed:
+        area = (grid.fragment_area * fraction).astype(dtype)
+        return _Exposed(area, fraction.astype(dtype), fraction > 0)
+
+    if covered is not None:
+        return of(1 - covered)
+    # The same arrays in all runs: what follows from them alone is found once, too.
+    whole = lambda: of(np.ones(len(grid.fragment_area)))
+    return found((grid,), ("exposed", np.dtype(dtype).name), whole)
 
 
 def _reached(term: AbstractSurfaceTerm, surface: Surface) -> Surface:
@@ -199,10 +228,12 @@ def _find_contacts(
     scene: Scene, placed: tuple[PlacedGrid, ...]
 ) -> tuple[
     dict[PairKey, ContactPairs],
-    list[Float[np.ndarray, " _"]],
+    list[Float[np.ndarray, " _"] | None],
     tuple[tuple[int, str], ...],
 ]:
     """Touching fragments of each pair of bodies, covered fractions, and omissions.
+
+    A body that nothing touches has no array of fractions.
 
     Raises:
         InputError: if bodies overlap deeply, or two terms join the same ones.
@@ -213,7 +244,7 @@ def _find_contacts(
         if isinstance(term, AbstractPairTerm)
     ]
     # Fractions of fragments that another body covers: no other term acts there.
-    covered = [np.zeros(len(b.structure.grid.fragment_area)) for b in scene.bodies]
+    covered: list[Any] = [None for _ in scene.bodies]
     if not terms or len(scene.bodies) == 1:
         return {}, covered, tuple((n, "there is one body") for n, _ in terms)
     pairs: dict[PairKey, ContactPairs] = {}
@@ -236,9 +267,10 @@ def _find_contacts(
             if not term.is_idle:
                 pairs[number, one, other] = each
                 taken[one, other] = number
-            covered[one] = covered[one] + each.coverage_a
-            covered[other] = covered[other] + each.coverage_b
-    return pairs, [np.minimum(part, 1) for part in covered], tuple(omitted)
+            for body, part in ((one, each.coverage_a), (other, each.coverage_b)):
+                before = 0 if covered[body] is None else covered[body]
+                covered[body] = np.minimum(before + part, 1)
+    return pairs, covered, tuple(omitted)
 
 
 def _bind_terms(

@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Float, Int
 from typing_extensions import override
 
 from ...arrays import Time, members, typed_array
-from ...findings import digest
+from ...findings import digest, found
 from ...module import Module
 from ...network.network import (
     AbstractNetwork,
@@ -365,6 +365,14 @@ def _parts_of_cells(
     return jnp.stack([sums(row) * whole for row in rows])
 
 
+def _joined(
+    cell: Sequence[Int[np.ndarray, " _"]], counts: tuple[int, ...]
+) -> Int[np.ndarray, " s"]:
+    """Cell of each fragment of all bodies among all cells, or -1."""
+    pairs = zip(cell, np.cumsum([0, *counts])[:-1], strict=True)
+    return np.concatenate([np.where(own >= 0, own + at, -1) for own, at in pairs])
+
+
 def surface_load(
     terms: SurfaceTerms,
     cells: tuple[BodyCells | None, ...],
@@ -380,9 +388,7 @@ def surface_load(
     -1.
     """
     counts = tuple(0 if c is None else c.node.shape[0] for c in cells)
-    first = np.cumsum([0, *counts])
-    pairs = zip(cell, first[:-1], strict=True)
-    joined = np.concatenate([np.where(own >= 0, own + at, -1) for own, at in pairs])
+    joined = found(tuple(cell), ("joined", counts), lambda: _joined(cell, counts))
     loaded = [n for n, count in enumerate(counts) if count]
     if not loaded:
         return None, joined
