@@ -75,10 +75,16 @@ class CutStencil(AbstractDerivedNetwork):
     def capacity_at(self, address: Address) -> Float[Array, "*m"]:
         return self.capacity()[address]
 
+    def _excess_capacity(self) -> Float[Array, " m"]:
+        """Capacities of the surface nodes less those of whole voxels [J/K]."""
+        return self.links.node_capacity - self.base.capacity_at(self.address)
+
     @override
     def total_capacity(self) -> Float[Array, ""]:
-        return precise_sum(self.capacity())
+        return self.base.total_capacity() + precise_sum(self._excess_capacity())
 
     @override
     def stored(self, state: Float[Array, "..."]) -> Float[Array, ""]:
-        return precise_sum(self.capacity() * state)
+        # Without an array of all capacities, which takes as long to read as the state.
+        more = self._excess_capacity() * self._surface(state)
+        return self.base.stored(state) + precise_sum(more)

@@ -11,6 +11,7 @@ from typing_extensions import override
 
 from ...arrays import is_traced, precision
 from ...module import Module
+from ...network.self_adjoint_primitive import computed_once
 from ...physics.radiation.irradiation import SceneRadiation, SurfaceRadiation
 from ...physics.term import AbstractTerm
 from ...scene.compile.program import Program, Receipt
@@ -317,7 +318,8 @@ def observe(
         heat = network.stored(network.temperature(theta)) / network.total_capacity()
         mean.append(body.reference + heat)
         stored.append(network.stored(theta))
-    temperature, heat = jnp.concatenate(surface), jnp.stack(stored)
+    # Stored, and its minimum is that of what was stored.
+    temperature, heat = computed_once(jnp.concatenate(surface)), jnp.stack(stored)
     # The adaptive stepper keeps its statistics beside the controller's memory.
     solver_state = state.solver_state
     if not isinstance(solver_state, SolverStatistics | None):
