@@ -1,6 +1,7 @@
 """Stencils of full volumes, from their grid and the properties of their materials."""
 
 from functools import partial
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -9,8 +10,8 @@ from jaxtyping import Array, Float, Int
 
 from ..findings import found
 from ..network.cut_stencil import CutStencil
-from ..network.link_operator import row_layout, row_network
-from ..network.network import AbstractNetwork, inverse
+from ..network.link_operator import RowLayout, row_layout, row_network
+from ..network.network import AbstractNetwork, Address, inverse
 from ..network.stencil import (
     HeterogeneousStencil,
     OrthotropicStencil,
@@ -93,6 +94,31 @@ def _with_cut_voxels(
 
     `number` is that of the material of each voxel.
     """
+    layout = found((grid,), "cut_layout", lambda: _cut_layout(grid, cut))
+    conductance, capacity = _cut_values(
+        conductivity,
+        heat,
+        [number[tuple(cells)] for cells in layout.cells],
+        layout.sizes,
+    )
+    links = row_network(layout.rows, conductance, capacity)
+    return CutStencil(base=whole, address=layout.address, links=links)
+
+
+class _CutLayout(NamedTuple):
+    """Cut voxels and their links as far as geometry goes."""
+
+    cells: list[Int[np.ndarray, "3 _"]]
+    """Voxels at both ends of every link, and of every node."""
+    sizes: list[Float[np.ndarray, "..."]]
+    """Axes of links [-], their areas [m^2] and half lengths [m]; volumes of nodes
+    [m^3]."""
+    address: Address
+    """Position of the nodes in the state."""
+    rows: RowLayout
+
+
+def _cut_layout(grid: VoxelGrid, cut: CutVoxels) -> _CutLayout:
     links, shape = cut.links, grid.solid.shape
     ends = links.voxel, links.voxel + links.step
     flat = [np.ravel_multi_index(tuple(cell.T), shape) for cell in (*ends, cut.voxel)]
@@ -103,21 +129,12 @@ def _with_cut_voxels(
     length = np.where(links.over_edge, np.sqrt(2), 1.0) * grid.pitch
     area = links.extra * length * grid.pitch
     src, dst = (np.asarray(np.searchsorted(node, e), np.int32) for e in flat[:2])
-    conductance, capacity = _cut_values(
-        conductivity,
-        heat,
-        [number[tuple(cell.T)] for cell in (*ends, voxel)],
-        (axes, area, length / 2, grid.volume_at(voxel)),
-    )
-    return CutStencil(
-        base=whole,
+    return _CutLayout(
+        cells=[np.ascontiguousarray(cells.T) for cells in (*ends, voxel)],
+        sizes=[axes, area, length / 2, grid.volume_at(voxel)],
         # A lattice has a rim of one cell.
         address=tuple(jnp.asarray(i + 1, np.int32) for i in voxel.T),
-        links=row_network(
-            row_layout(len(node), src, dst),
-            conductance,
-            capacity,
-        ),
+        rows=row_layout(len(node), src, dst),
     )
 
 
