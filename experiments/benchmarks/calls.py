@@ -21,25 +21,36 @@ from ..harness.timing import Spans, interleaved, ratio_of, ratio_text, timing_of
 from .loops import loop_of, numba_explicit
 
 
-QUICK = {"height": 60, "repeats": 3}
+QUICK = {"height": 60, "repeats": 2, "factors": (4, 8)}
 
 _SOLVER = jt.SuperTimeStepping(dt=END / 12)
-_FACTORS = (3, 4, 6, 8)
 _BOUNDS = {"aggregate x4": 30.0, "aggregate x8": 150.0}
 """Speed of a call with other numbers, relative to numba's explicit full volume."""
 
-_LOOP, _AGAIN, _OTHER = "the loop", "run()", "run(other numbers)"
-_SIMULATE, _PEER = "simulate(other numbers)", "numba, explicit full volume"
+_LOOP, _AGAIN, _OTHER = "the loop", "run()", "run(other)"
+_SIMULATE, _PEER = "simulate(other)", "numba, explicit full volume"
 
 
-def run(folder: Path, height: int = 250, repeats: int = 9) -> dict[str, Any]:
-    """Times of the calls of each structure, and their ratios."""
+def run(
+    folder: Path,
+    height: int = 250,
+    repeats: int = 9,
+    factors: tuple[int, ...] = (3, 4, 6, 8),
+) -> dict[str, Any]:
+    """Times of the calls of each structure, and their ratios.
+
+    Args:
+        folder: of the result.
+        height: in voxels.
+        repeats: of every call.
+        factors: of the aggregates, in voxels along an edge of a block.
+    """
     name, mesh = next(iter(thesis_meshes().items()))
     grid = jt.voxelize(mesh, HEIGHT / height)
     full = jt.FullVolume(grid)
     peer = numba_explicit(_scene(full, 0), END, SAVE_AT)
     structures: dict[str, Any] = {
-        f"aggregate x{factor}": jt.Aggregate(grid, factor) for factor in _FACTORS
+        f"aggregate x{factor}": jt.Aggregate(grid, factor) for factor in factors
     }
     rows = [
         {

@@ -13,6 +13,7 @@ import numpy as np
 
 import jaxthermo as jt
 from jaxthermo.integrate.run.plan import initial_state, plan_run
+from jaxthermo.voxels.grid import VoxelGrid
 
 from ..front.linear_body import Run
 from ..harness.measurement import Measurement, plain_rows
@@ -21,14 +22,14 @@ from ..harness.timing import Spans, interleaved
 from .loops import NUMBA, largest_difference, loop_of, numba_explicit, numba_rkl2
 
 
-QUICK = {"height": 60, "repeats": 2}
+QUICK = {"height": 60, "repeats": 2, "work": 2e7}
 
 _CUBE, _CUBE_PITCH = 64, 0.002
 """Voxels along each edge, and their size [m]."""
 _STAGES, _STABLE_STEPS = 11, 32.4
 """Stages of a step of RKL2, and its length in stable steps: they would cover 32.5."""
-_WORK, _FEWEST, _MOST = 2.5e8, 22, 1100
-"""Nodes times evaluations of a call, and its numbers of evaluations."""
+_FEWEST, _MOST = 22, 1100
+"""Numbers of evaluations of a call."""
 _MOST_LINKED = 4_000_000
 """Nodes up to which there are links, which take a hundred bytes each to set up."""
 _COPIES = 10
@@ -45,8 +46,17 @@ class _Method(NamedTuple):
     peer: Callable[[jt.Scene], Run]
 
 
-def run(folder: Path, height: int = 548, repeats: int = 5) -> dict[str, Any]:
-    """Times of an explicit step and of a stage of RKL2 in both bodies."""
+def run(
+    folder: Path, height: int = 548, repeats: int = 5, work: float = 2.5e8
+) -> dict[str, Any]:
+    """Times of an explicit step and of a stage of RKL2 in both bodies.
+
+    Args:
+        folder: of the result.
+        height: of the statue, in voxels.
+        repeats: of every call.
+        work: nodes times evaluations of a call.
+    """
     name, mesh = next(iter(thesis_meshes().items()))
     edge = _CUBE_PITCH * _CUBE
     cube = jt.voxelize(jt.shapes.box((edge, edge, edge)), _CUBE_PITCH)
@@ -55,7 +65,7 @@ def run(folder: Path, height: int = 548, repeats: int = 5) -> dict[str, Any]:
     bodies = {f"cube, {_CUBE}^3, in cache": cube, f"{name}, {shape}": statue}
     measurements, results = [], []
     for label, grid in bodies.items():
-        rows, found = _measured(label, grid, repeats)
+        rows, found = _measured(label, grid, repeats, work)
         measurements += rows
         results += found
     return {"rows": results, "measurements": plain_rows(measurements)}
@@ -85,9 +95,11 @@ def _methods(stable: float, count: int) -> dict[str, _Method]:
     }
 
 
-def _measured(label: str, grid: Any, repeats: int) -> tuple[list[Measurement], list]:
+def _measured(
+    label: str, grid: VoxelGrid, repeats: int, work: float
+) -> tuple[list[Measurement], list[dict[str, Any]]]:
     scene, nodes = _scene(jt.FullVolume(grid)), grid.solid_count
-    count = int(np.clip(_WORK / nodes, _FEWEST, _MOST))
+    count = int(np.clip(work / nodes, _FEWEST, _MOST))
     stable = plan_run(scene, 1.0, None, jt.ForwardEuler()).stable_step
     assert stable is not None
     rows, results = [], []

@@ -23,7 +23,7 @@ from ..harness.timing import interleaved
 from .steps import euler_steps
 
 
-QUICK = {"height": 84, "repeats": 2}
+QUICK = {"height": 58, "repeats": 2}
 
 _RADIUS = 0.1
 _ACROSS = (28, 40, 58, 84, 122, 180, 264, 386)

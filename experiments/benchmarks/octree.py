@@ -25,7 +25,7 @@ from ..harness.timing import interleaved, ratio_of, ratio_text
 from .loops import loop_of
 
 
-QUICK = {"height": 60, "repeats": 2}
+QUICK = {"height": 48, "repeats": 2}
 
 _COUNTS = (4, 5, 6, 8, 10, 12, 15, 18, 24, 36, 54, 72)
 """Steps of a run, at least: every saved time is the end of one."""

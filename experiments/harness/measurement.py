@@ -15,8 +15,8 @@ from jaxthermo.report.numbers import with_range
 from .timing import ratio_of
 
 
-# Units of times, with the shortest median [s] that each is used for.
-_SCALES = (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 0.0))
+# Units of times, with the shortest median [s] that each is used for; then ns.
+_SCALES = (("s", 1.0), ("ms", 1e-3), ("us", 1e-6))
 _FACTORS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 
 Spread = tuple[float, float, float]
@@ -83,7 +83,9 @@ class Measurement:
         """Unit, ours and the peer's with their ranges, for a table."""
         own, unit, factor = _spread(self.ours), self.unit, 1.0
         if unit == "s":
-            unit = next(name for name, least in _SCALES if own[0] >= least)
+            # A difference of times may be negative.
+            units = (name for name, least in _SCALES if abs(own[0]) >= least)
+            unit = next(units, "ns")
             factor = _FACTORS[unit]
         text = lambda values: with_range(*(factor * v for v in _spread(values)))
         return unit, text(self.ours), text(self.peer) if len(self.peer) else ""

@@ -18,7 +18,7 @@ from .measurement import Measurement, measurement_of
 PAGE, CSV = "report.html", "measurements.csv"
 
 _COLUMNS = (
-    *("quantity", "unit", "jaxthermo", "peer", "its value", "ratio"),
+    *("quantity", "unit", "jaxthermo", "peer", "peer's", "ratio"),
     *("asked", "verdict"),
 )
 _LEFT = (0, 1, 3, 6, 7)
@@ -71,7 +71,9 @@ def summary(benchmarks: Sequence[Finished]) -> str:
     ]
     missed = [name for name, met in asked if not met]
     failed = [each.name for each in benchmarks if each.error]
-    text = f"{len(asked) - len(missed)} of {count(len(asked), 'bound')} met"
+    text = "no bound is asked"
+    if asked:
+        text = f"{len(asked) - len(missed)} of {count(len(asked), 'bound')} met"
     if missed:
         text += f"; missed: {', '.join(missed)}"
     return f"{text}; without a result: {', '.join(failed)}" if failed else text
@@ -81,16 +83,17 @@ def table(benchmarks: Sequence[Finished]) -> Table:
     """A line for each measurement, below a line for each benchmark."""
     lines: list[list[str | Cell]] = []
     for each in benchmarks:
-        lines.append([Cell(_heading(each), wraps=True, columns=len(_COLUMNS))])
+        whole = {"wraps": True, "columns": len(_COLUMNS)}
+        lines.append([Cell(_heading(each), is_heading=True, **whole)])
         if each.error:
-            lines.append([Cell(each.error, False, wraps=True, columns=len(_COLUMNS))])
+            lines.append([Cell(each.error, False, **whole)])
         lines += [_line(row) for row in each.rows]
     return Table(_COLUMNS, lines, left=_LEFT)
 
 
 def _heading(each: Finished) -> str:
     took = f"; took {each.took_s:.0f} s" if each.took_s else ""
-    return f"{each.name.upper()}: {each.about}\n{each.command}{took}"
+    return f"{each.name}: {each.about}\n{each.command}{took}"
 
 
 def _line(row: Measurement) -> list[str | Cell]:
