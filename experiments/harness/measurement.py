@@ -29,11 +29,11 @@ class Measurement:
 
     name: str
     unit: str
-    """Of the values; times in "s" are shown in the unit that fits them."""
+    """Unit of the values; times in "s" are shown in the one that fits them."""
     ours: Sequence[float]
     """Every repeat."""
     peer_name: str = ""
-    """What it is compared with; empty if with nothing."""
+    """Name of what it is compared with; empty if with nothing."""
     peer: Sequence[float] = ()
     """As many as of ours, or one for all of them."""
     bound: float | None = None

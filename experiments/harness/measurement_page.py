@@ -39,7 +39,7 @@ class Finished:
     name: str
     about: str
     folder: Path
-    """Of its charts."""
+    """Folder of its charts."""
     command: str
     """Measures it alone."""
     rows: tuple[Measurement, ...] = ()
@@ -62,7 +62,7 @@ def finished(
 
 
 def summary(benchmarks: Sequence[Finished]) -> str:
-    """How many bounds are kept, which are not, and which benchmarks have no rows."""
+    """Number of bounds that are met, those that are not, and benchmarks without rows."""
     asked = [
         (f"{each.name}: {row.name}", row.met)
         for each in benchmarks

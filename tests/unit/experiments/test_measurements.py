@@ -3,6 +3,8 @@
 import csv
 import json
 from concurrent.futures.process import BrokenProcessPool
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -118,8 +120,8 @@ def test_an_option_that_one_of_them_does_not_take_runs_none(monkeypatch, tmp_pat
 
 
 def test_results_of_this_commit_and_size_are_kept(monkeypatch, tmp_path):
-    origin = {"commit": "abc", "processor": "one", "date": "today", "device": "cpu"}
-    origin["versions"] = {"jax": "1"}
+    origin: dict[str, Any] = {"commit": "abc", "processor": "one", "date": "today"}
+    origin |= {"device": "cpu", "versions": {"jax": "1"}}
     monkeypatch.setattr(benchmark_group, "provenance", lambda: dict(origin))
     (tmp_path / "steps").mkdir()
     stored = {**result_of(FAST), **origin, "quick": False}
@@ -139,9 +141,9 @@ def test_results_of_this_commit_and_size_are_kept(monkeypatch, tmp_path):
 
 def test_a_benchmark_alone_has_the_same_files(monkeypatch, tmp_path):
     steps = catalogue.find("steps")[0]
-    module = type("module", (), {"QUICK": {"height": 8}})
-    module.run = staticmethod(lambda folder, height=9: {"height": height} | body)
-    body = {"measurements": plain_rows([FAST])}
+    measured = lambda: {"measurements": plain_rows([FAST])}
+    module = SimpleNamespace(QUICK={"height": 8})
+    module.run = lambda folder, height=9: {"height": height, **measured()}
     monkeypatch.setattr(catalogue.importlib, "import_module", lambda name: module)
     whole = catalogue.run(steps, tmp_path / "whole")
     assert whole["result"]["height"] == 9
