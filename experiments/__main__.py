@@ -8,8 +8,9 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from jaxthermo.cli.entry import Overrides, make_app, run_app
+from jaxthermo.errors import InputError
 
-from . import catalogue
+from . import benchmark_group, catalogue
 
 
 # Without stored programs (`entry.compiles`): compilations are measured too.
@@ -32,23 +33,36 @@ def _run(
     height: int | None = None,
     cases: str | None = None,
     out: Path | None = None,
+    quick: Annotated[bool, Parameter(negative="")] = False,
+    resume: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
     """Run an experiment, or several that share a group name.
 
     Args:
-        name: As `list` shows it, or "benchmarks" for all of them.
+        name: As `list` shows it, or "benchmarks" for all of them, on one page.
         config: A YAML file, for an experiment that takes one; the standard one if not
             given. For `front` the config of a sweep, or the folder of one; for `budget`
             the config of a sweep.
         height: Voxels along up, instead of the config's.
         cases: Which ones, such as S01,S06, of an experiment that has cases.
         out: The folder for result.json; results/experiments/NAME if not given.
+        quick: Small bodies and few repeats, for a benchmark or all of them.
+        resume: For "benchmarks": keep results of this commit, host and size.
     """
     given = {"config": config, "height": height, "cases": cases}
     options = {k: v for k, v in given.items() if v is not None}
-    for experiment in catalogue.find(name):
-        folder = out or Path("results/experiments") / experiment.name
-        catalogue.run(experiment, folder, **options)
+    found, default = catalogue.find(name), Path("results/experiments")
+    if name == benchmark_group.NAME:
+        folder = out or default / name
+        sizes = {"quick": quick, "resume": resume}
+        benchmark_group.run_group(found, folder, **sizes, **options)
+        sys.stdout.write(f"{folder / 'report.html'}\n")
+        return
+    if resume:
+        raise InputError("--resume: only `run benchmarks` takes it; leave it out")
+    for experiment in found:
+        folder = out or default / experiment.name
+        catalogue.run(experiment, folder, quick, **options)
         sys.stdout.write(f"{folder / 'result.json'}\n")
 
 

@@ -3,7 +3,11 @@
 import difflib
 import importlib
 import json
+import time
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +15,12 @@ from jaxthermo.atomic import replacing
 from jaxthermo.errors import InputError
 from jaxthermo.provenance import processor, provenance
 
+from .harness.measurement_page import finished, table, write
+from .harness.present import show
+
 
 @dataclass(frozen=True)
-class _Experiment:
+class Experiment:
     """A measurement: a module whose `run()` gives its result in plain types.
 
     One with options is given them, and the folder for the files it writes besides.
@@ -29,9 +36,23 @@ class _Experiment:
         """The folder of its module."""
         return self.module.split(".")[0]
 
+    @property
+    def command(self) -> str:
+        """The command that measures it alone."""
+        return f"experiments run {self.name}"
+
 
 _ABOUT = {
-    "benchmarks.stencil": "one full-volume step beside numba and a memory copy",
+    "benchmarks.stencil": (
+        "a step of conduction in the full volume beside numba, its simple form, a copy"
+    ),
+    "benchmarks.full_volume": (
+        "explicit steps and RKL2 with a surface in sun and air beside numba and a copy"
+    ),
+    "benchmarks.calls": (
+        "a call again with other numbers beside its loop and numba's full volume"
+    ),
+    "benchmarks.octree": "the octree beside the full volume at the octree's own error",
     "benchmarks.steps": "a step of each structure, beside its conduction and scipy",
     "benchmarks.growth": "time of a step over the number of nodes, to thirty million",
     "benchmarks.voxelize": "voxelizing beside trimesh at the same pitch",
@@ -82,9 +103,9 @@ _OPTIONS = {
 }
 
 
-def _experiment(module: str, about: str) -> _Experiment:
+def _experiment(module: str, about: str) -> Experiment:
     name = _NAMES.get(module, module.split(".")[1].replace("_", "-"))
-    return _Experiment(module, about, name, _OPTIONS.get(name, ("height",)))
+    return Experiment(module, about, name, _OPTIONS.get(name, ("height",)))
 
 
 # Experiments that are sweeps now, and what runs them.
@@ -93,10 +114,12 @@ _SWEEPS = {
     "stepping": "front configs/sweeps/stepping.yaml",
 }
 
+_PEERS = ("numba", "pyamg")
+
 EXPERIMENTS = tuple(_experiment(*item) for item in _ABOUT.items())
 
 
-def find(name: str) -> tuple[_Experiment, ...]:
+def find(name: str) -> tuple[Experiment, ...]:
     """The experiment of that name, or else those of that group.
 
     Raises:
@@ -115,17 +138,27 @@ def find(name: str) -> tuple[_Experiment, ...]:
     return found
 
 
-def run(experiment: _Experiment, folder: Path, **options: Any) -> dict:
+def check_options(experiment: Experiment, options: Mapping[str, Any]) -> None:
+    """Refuse options that an experiment does not take, with an InputError."""
+    for name in options:
+        if name not in experiment.options:
+            takes = ", ".join(experiment.options) or "no options"
+            raise InputError(f"{name}: {experiment.name} takes {takes}; leave it out")
+
+
+def run(
+    experiment: Experiment, folder: Path, quick: bool = False, **options: Any
+) -> dict[str, Any]:
     """Run an experiment with its options and write `result.json` into `folder`.
+
+    With `quick` in the small size that its module names in `QUICK`, of which no bound
+    is asked. Measurements among the result are also written as a page and a CSV file.
 
     Raises:
         InputError: if the experiment takes no such option, a library that only
             measurements need is not installed, or the folder cannot be written.
     """
-    for name in options:
-        if name not in experiment.options:
-            takes = ", ".join(experiment.options) or "no options"
-            raise InputError(f"{name}: {experiment.name} takes {takes}; leave it out")
+    check_options(experiment, options)
     # Only here: some measurements need libraries that are there for tests alone.
     try:
         module = importlib.import_module(f"experiments.{experiment.module}")
@@ -138,14 +171,45 @@ def run(experiment: _Experiment, folder: Path, **options: Any) -> dict:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"--out {folder}: {error.strerror}; name a folder") from error
-    given = {"folder": folder, **options} if experiment.options else {}
-    found = module.run(**given)
+    sizes = getattr(module, "QUICK", None) if quick else {}
+    if sizes is None:
+        raise InputError(f"--quick: {experiment.name} has no quick size; leave it out")
+    given = {"folder": folder} if experiment.options else {}
+    clock = time.perf_counter()
+    found = module.run(**{**given, **sizes, **options})
     result = {
         "experiment": experiment.name,
         "result": found,
         **provenance(found.get("config_hash"), found.get("seed")),
         "host": processor(),
+        "quick": quick,
+        "took_s": round(time.perf_counter() - clock, 1),
     }
+    if "measurements" in found:
+        if quick:
+            # They are asked of the bodies that the full size measures.
+            for row in found["measurements"]:
+                row["bound"] = None
+        result["versions"] |= peer_versions()
+        _write_page(experiment, folder, result)
     with replacing(folder / "result.json") as path:
         path.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
     return result
+
+
+def peer_versions() -> dict[str, str]:
+    """Versions of the libraries that only benchmarks use, of those installed."""
+    found = {}
+    for name in _PEERS:
+        with suppress(PackageNotFoundError):
+            found[name] = version(name)
+    return found
+
+
+def _write_page(experiment: Experiment, folder: Path, result: dict[str, Any]) -> None:
+    about = experiment.name, experiment.about, folder, experiment.command
+    done = [finished(*about, result)]
+    show(table(done))
+    files = write(folder, f"Benchmark: {experiment.name}", done, result)
+    body = result["result"]
+    body["files"] = [*files, *body.get("files", ())]

@@ -17,10 +17,12 @@ import numpy as np
 import jaxthermo as jt
 from jaxthermo.arrays import readable_bytes
 
+from ..harness.measurement import Measurement, plain_rows
 from ..harness.meshes import END, HEIGHT, START, thesis_meshes
-from ..harness.present import named, show, table_of
-from ..harness.timing import interleaved, ratio_of, ratio_text, timed_call, timing_of
+from ..harness.timing import interleaved, ratio_of, timed_call
 
+
+QUICK = {"height": 32, "repeats": 2}
 
 # For kept states [bytes]: small enough that the full volume recomputes some of them.
 _MEMORY = 2**30
@@ -29,7 +31,8 @@ _MEMORY = 2**30
 _STRUCTURES: dict[str, Callable[..., Any]] = {
     "aggregate x4": partial(jt.Aggregate, factor=4),
     "shell over core": partial(jt.ShellOverCore, layers=1, factor=4),
-    "full volume": jt.FullVolume,
+    # It has weights, with which it runs as links.
+    "full volume": partial(jt.FullVolume, stencil=False),
 }
 
 # Weights within, between and at the surface, k, h, emissivity, sun.
@@ -83,16 +86,21 @@ def run(folder: Path, height: int = 128, repeats: int = 3) -> dict[str, Any]:
     name, mesh = next(iter(thesis_meshes().items()))
     grid = jt.voxelize(mesh, HEIGHT / height)
     rows = {kind: _measure(make, grid, repeats) for kind, make in _STRUCTURES.items()}
-    memory = lambda row: readable_bytes(row["temporary_bytes"] or 0)
-    columns = [
-        ("", "{name}"),
-        ("steps", "{steps}"),
-        ("forward", lambda row: timing_of(row["times_s"]["forward"]).text()),
-        ("reverse", lambda row: timing_of(row["times_s"]["reverse"]).text()),
-        ("ratio", lambda row: ratio_text(row["ratio"])),
-        ("memory", memory),
-        ("compiled", "{compile_s[reverse]:.1f} s"),
-    ]
-    title = f"Reverse mode over {END:g} s of {name}, {height} high"
-    show(table_of(named(rows), columns, title))
-    return {"mesh": name, "height": height, "budget_bytes": _MEMORY, "runs": rows}
+    label = f"{name}, {height} high"
+    measured = [_measurement(f"{label}, {kind}", row) for kind, row in rows.items()]
+    found = {"mesh": name, "height": height, "budget_bytes": _MEMORY, "runs": rows}
+    return {**found, "measurements": plain_rows(measured)}
+
+
+def _measurement(name: str, row: dict[str, Any]) -> Measurement:
+    memory = readable_bytes(row["temporary_bytes"] or 0)
+    return Measurement(
+        name=f"{name}: reverse-mode gradient",
+        unit="s",
+        ours=row["times_s"]["reverse"],
+        peer_name="its forward run",
+        peer=row["times_s"]["forward"],
+        overhead=True,
+        note=f"{row['steps']} explicit steps; {memory}; compiled in "
+        f"{row['compile_s']['reverse']:.1f} s",
+    )

@@ -14,14 +14,16 @@ import numpy as np
 
 import jaxthermo as jt
 from jaxthermo.physics.conduction import assemble_uniform
-from jaxthermo.report import page
 from jaxthermo.report.chart import Chart, LogAxis, legend, write_chart
 
+from ..harness.measurement import Measurement, plain_rows
 from ..harness.meshes import STEEL
-from ..harness.present import Rows, publish, table_of
-from ..harness.timing import interleaved, timing_of
+from ..harness.present import Rows
+from ..harness.timing import interleaved
 from .steps import euler_steps
 
+
+QUICK = {"height": 58, "repeats": 2}
 
 _RADIUS = 0.1
 _ACROSS = (28, 40, 58, 84, 122, 180, 264, 386)
@@ -40,26 +42,26 @@ def run(folder: Path, height: int = _ACROSS[-1], repeats: int = 5) -> dict[str, 
         if across <= height:
             rows += _measured(across, repeats)
     growth = {form: _growth(rows, form) for form in ("stencil", "links")}
-    columns = [
-        ("", "{form}"),
-        ("voxels across", "{across}"),
-        ("nodes", "{nodes:,}"),
-        ("step", lambda row: timing_of(row["step_s"]).text()),
-        ("a node", "{node_ns:.2f} ns"),
-    ]
-    words = [
-        f"{form}: time as nodes to the power of {power:.2f} from 1 million on."
+    write_chart(_chart(rows), folder / "growth")
+    measured = [_measurement(row) for row in rows]
+    measured += [
+        Measurement(f"{form}: power of the nodes from 1 million on", "-", [power])
         for form, power in growth.items()
         if power is not None
     ]
-    chart = write_chart(_chart(rows), folder / "growth")
-    sections: list[page.Section] = [*words, chart, table_of(rows, columns)]
-    publish(folder, "Time of a step over the number of nodes", sections)
     return {
         "rows": rows,
         "growth": growth,
-        "files": ["report.html", "growth.svg", "growth.png"],
+        "charts": {"growth": "Time of a step over the number of nodes"},
+        "measurements": plain_rows(measured),
+        "files": ["growth.svg", "growth.png"],
     }
+
+
+def _measurement(row: dict[str, Any]) -> Measurement:
+    nodes = row["nodes"]
+    name = f"{row['form']}: step over its {nodes:,} nodes"
+    return Measurement(name, "s", [span / nodes for span in row["step_s"]])
 
 
 def _measured(across: int, repeats: int) -> Rows:

@@ -23,9 +23,12 @@ from jaxthermo.integrate.run.ledger import empty_ledger
 from jaxthermo.integrate.stepper import RunState, advance
 from jaxthermo.scene.compile.compile import compile_scene
 
+from ..harness.measurement import Measurement, plain_rows
 from ..harness.present import show, table_of
 from ..harness.timing import Spans, interleaved, ratio_of, ratio_text, timed_call
 
+
+QUICK = {"height": 24, "repeats": 2}
 
 _CONFIG = Path("configs/scenes/mixed.yaml")
 _STEPS = 100
@@ -125,23 +128,40 @@ def run(
         "nodes": compiled.receipt.nodes,
         "fragments": compiled.receipt.fragments,
         "step_s": times,
+        "measurements": plain_rows(_measurements(scene, times)),
     }
+
+
+def _conduction(scene: jt.Scene, times: Spans) -> np.ndarray:
+    """Sum of the bodies' own steps [s]."""
+    names = [f"conduction of body {n}" for n in range(len(scene.bodies))]
+    return np.sum([times[name] for name in names], axis=0)
+
+
+def _measurements(scene: jt.Scene, times: Spans) -> list[Measurement]:
+    whole, idle = "step of a scene of everything", "step of a body with idle terms"
+    conduction = "conduction of its bodies", _conduction(scene, times).tolist()
+    bare = "bare loop of its network", times["bare loop"]
+    terms = ", ".join(term.name for term in scene.terms)
+    note = f"{len(scene.bodies)} bodies; {terms}"
+    return [
+        Measurement(whole, "s", times["scene"], *conduction, overhead=True, note=note),
+        Measurement(idle, "s", times["one body, idle terms"], *bare, overhead=True),
+    ]
 
 
 def _results(scene: jt.Scene, times: Spans) -> dict[str, Any]:
     names = ("median", "low", "high")
     ratio = lambda above, below: dict(zip(names, ratio_of(above, below), strict=True))
     arrays = {name: np.array(each) for name, each in times.items()}
-    conduction = sum(
-        arrays[f"conduction of body {n}"] for n in range(len(scene.bodies))
-    )
+    conduction = _conduction(scene, times)
     whole = arrays["scene"]
     shares = {
         term.name: float(np.median(1 - arrays[f"without {term.name}"] / whole))
         for term in scene.terms
     }
     return {
-        "over_conduction": ratio(whole, np.asarray(conduction)),
+        "over_conduction": ratio(whole, conduction),
         "shares": {"conduction": float(np.median(conduction / whole)), **shares},
         "idle_over_bare": ratio(arrays["one body, idle terms"], arrays["bare loop"]),
         "step_ms": {

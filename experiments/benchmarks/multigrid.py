@@ -33,9 +33,12 @@ from jaxthermo.network.network import AbstractNetwork
 from jaxthermo.physics.conduction import assemble_uniform
 from jaxthermo.timing import Timing
 
+from ..harness.measurement import Measurement, plain_rows
 from ..harness.present import named, show, table_of
 from ..harness.timing import timed_call, timing_of
 
+
+QUICK = {"height": 48, "repeats": 2}
 
 # Height of the figurine [m]; stainless steel [W/(m K)], [J/(m^3 K)]; air [W/(m^2 K)].
 _HEIGHT = 0.5
@@ -167,6 +170,7 @@ def _compare(given: _System, dt: float | None, repeats: int) -> dict[str, Any]:
             "iterations": solved.iterations,
             "residual": float(residual(solved.values)),
             "solve_s": timing_of(spans[name])._asdict(),
+            "spans_s": list(spans[name]),
         }
         for name, solved in last.items()
     }
@@ -184,6 +188,7 @@ def _compare(given: _System, dt: float | None, repeats: int) -> dict[str, Any]:
 def run(folder: Path, height: int = 128, repeats: int = 3) -> dict[str, Any]:
     """Every step at `height` voxels, and how iterations grow from half of it."""
     result: dict[str, Any] = {"height": height, "dtype": "float64", "steps": {}}
+    measured = []
     with jax.enable_x64(True):
         for name, dt in _STEPS.items():
             given, coarser = _system(height, dt), _system(height // 2, dt)
@@ -193,8 +198,23 @@ def run(folder: Path, height: int = 128, repeats: int = 3) -> dict[str, Any]:
             result["steps"][name] = found
             result["solid_voxels"] = given.matrix.shape[0]
             result["lattice"] = list(given.m.shape)
+            measured.append(_measurement(name, found))
             _show(name, found, result)
-    return result
+    return {**result, "measurements": plain_rows(measured)}
+
+
+def _measurement(name: str, found: dict[str, Any]) -> Measurement:
+    """The solver that is selected beside the faster one of scipy."""
+    chosen, solvers = found["chosen"], found["solvers"]
+    spans = {solver: row["spans_s"] for solver, row in solvers.items()}
+    peer = min(
+        (solver for solver in spans if solver.startswith("scipy")),
+        key=lambda solver: median(spans[solver]),
+    )
+    counts = (solvers[solver]["iterations"] for solver in (chosen, peer))
+    note = "{}; {} iterations, the peer {}".format(chosen.split(", ")[1], *counts)
+    what = f"figurine: {name}"
+    return Measurement(what, "s", spans[chosen], peer, spans[peer], note=note)
 
 
 def _show(name: str, found: dict[str, Any], result: dict[str, Any]) -> None:

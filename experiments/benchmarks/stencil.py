@@ -1,4 +1,8 @@
-"""One step of the full volume, beside a numba stencil and a memory copy, in one run."""
+"""Conduction in the full volume alone, beside numba, its simple form and a copy.
+
+An ellipsoid with bubbles, without a surface or loads: those are in `full_volume`. The
+simple form is the change of the temperatures, computed by itself and added.
+"""
 
 from functools import partial
 from typing import Any
@@ -8,16 +12,22 @@ import jax.numpy as jnp
 import numba
 import numpy as np
 
+from jaxthermo.network.network import AbstractNetwork
 from jaxthermo.network.stencil import UniformStencil, solid_degree
-from jaxthermo.timing import measure
 
-from ..harness.present import show, table_of
+from ..harness.measurement import Measurement, plain_rows
+from ..harness.timing import Spans, interleaved
+from .loops import NUMBA
 
+
+QUICK = {"shape": (60, 60, 140), "repeats": 2}
 
 # About the thesis' 225 x 225 x 550: a lattice that no cache holds.
 _SHAPE = (228, 228, 550)
 # Even, since both loops take two steps a turn.
 _STEPS = 40
+_BOUND = 0.75
+"""Speed relative to numba that a kernel must have."""
 
 
 def _body(shape: tuple[int, int, int]) -> np.ndarray:
@@ -52,9 +62,14 @@ def _network(solid: np.ndarray) -> UniformStencil:
     )
 
 
-@partial(jax.jit, donate_argnums=1)
-def _jax_steps(network: UniformStencil, state: jax.Array, steps: jax.Array):
-    one = lambda state: network.euler_step(state, jnp.float32(1.0))
+@partial(jax.jit, donate_argnums=1, static_argnames="simple")
+def _jax_steps(
+    network: UniformStencil, state: jax.Array, steps: jax.Array, simple: bool = False
+):
+    dt = jnp.float32(1.0)
+    # The step that networks have which write none of their own.
+    plain = lambda state: AbstractNetwork.euler_step(network, state, dt)
+    one = plain if simple else lambda state: network.euler_step(state, dt)
     return jax.lax.fori_loop(0, steps // 2, lambda _, s: one(one(s)), state)
 
 
@@ -76,31 +91,43 @@ def run(shape: tuple[int, int, int] = _SHAPE, repeats: int = 5) -> dict[str, Any
     state = _jax_steps(network, jnp.asarray(start), steps)
     difference = np.abs(np.asarray(state) - a).max()
 
-    # The state goes round: it was donated, and its buffer is reused.
-    def step_ours():
-        nonlocal state
-        state = _jax_steps(network, state, steps)
-        return state
+    # The states go round: they were donated, and their buffers are reused.
+    states = {False: state, True: jnp.asarray(start)}
 
-    ours = measure(step_ours, repeats)
-    peer = measure(lambda: _numba_steps(a, b, degree), repeats)
-    copy = measure(lambda: np.copyto(b, a), repeats)
-    rows = {"jaxthermo": ours.per(_STEPS), "numba": peer.per(_STEPS)}
-    rows["memory copy"] = copy
+    def step_ours(simple: bool) -> jax.Array:
+        states[simple] = _jax_steps(network, states[simple], steps, simple)
+        return states[simple]
+
+    calls = {
+        "ours": lambda: step_ours(False),
+        "numba": lambda: _numba_steps(a, b, degree),
+        "simple": lambda: step_ours(True),
+        "copy": lambda: np.copyto(b, a),
+    }
+    spans = interleaved(calls, repeats)
+    for name in ("ours", "numba", "simple"):
+        spans[name] = [span / _STEPS for span in spans[name]]
     cells = int(np.prod(shape))
-    columns = [
-        ("", "{name}"),
-        ("time (fastest-slowest)", lambda row: row["time"].text()),
-        ("G lattice voxels/s", lambda row: f"{cells / row['time'].median / 1e9:.2f}"),
-        ("of a copy", lambda row: f"{row['time'].median / copy.median:.1f} x"),
-    ]
-    title = f"One explicit step of {' x '.join(map(str, shape))} float32, this host"
-    lines = [{"name": name, "time": time} for name, time in rows.items()]
-    show(table_of(lines, columns, title))
+    median = lambda name: float(np.median(spans[name]))
     return {
         "shape": list(shape),
         "solid_share": float(solid.mean()),
-        "step_s": {name: row._asdict() for name, row in rows.items()},
-        "lattice_voxels_per_s": {n: cells / row.median for n, row in rows.items()},
+        "step_s": spans,
+        "lattice_voxels_per_s": {name: cells / median(name) for name in spans},
         "largest_difference": float(difference),
+        "measurements": plain_rows(_measurements(shape, spans)),
     }
+
+
+def _measurements(shape: tuple[int, int, int], spans: Spans) -> list[Measurement]:
+    size = " x ".join(map(str, shape))
+    name = f"ellipsoid, {size}: explicit step of conduction"
+    ours, copy = spans["ours"], "copy of the state, one thread"
+    speed = np.prod(shape) / np.median(ours) / 1e9
+    note = f"{speed:.2g} billion lattice voxels a second"
+    simple = "the same from rates"
+    return [
+        Measurement(name, "s", ours, NUMBA, spans["numba"], _BOUND, note=note),
+        Measurement(name, "s", ours, simple, spans["simple"]),
+        Measurement(name, "s", ours, copy, spans["copy"], overhead=True),
+    ]

@@ -21,10 +21,14 @@ from jaxthermo.integrate.run.plan import Plan, initial_state, plan_run
 from jaxthermo.integrate.stepper import advance
 from jaxthermo.network.stencil import UniformStencil
 
+from ..harness.measurement import Measurement, plain_rows
 from ..harness.meshes import STEEL, standard_scene
-from ..harness.present import show, table_of
-from ..harness.timing import interleaved, ratio_of, ratio_text, timing_of
+from ..harness.timing import interleaved, ratio_of
 
+
+QUICK = {"height": 48, "repeats": 2}
+_BOUND = 0.75
+"""Speed relative to numba that a kernel must have."""
 
 # Numbers of steps for the first 90 s of the standard scene [s], in the sun: with
 # many stages and with few.
@@ -165,14 +169,17 @@ def run(folder: Path, height: int = 250, repeats: int = 5) -> dict[str, Any]:
         STEEL, jt.FullVolume, height, surface_cells="dominant_axis"
     )
     rows = [_compare(scene, steps, repeats) for steps in _STEPS]
-    time = lambda name: lambda row: timing_of(row["times_s"][name]).text()
-    columns = [
-        ("", "{steps} steps of {stages} stages"),
-        ("jaxthermo", time("jaxthermo")),
-        ("numba", time("numba")),
-        ("ratio", lambda row: ratio_text(row["ratio"])),
-        ("differ by [K]", "{largest_difference_K:.1e}"),
+    measured = [
+        Measurement(
+            f"{name}, {height} high: RKL2, {row['steps']} x {row['stages']} stages",
+            "s",
+            row["times_s"]["jaxthermo"],
+            f"numba, {numba.get_num_threads()} threads",
+            row["times_s"]["numba"],
+            _BOUND,
+            note=f"both agree to {row['largest_difference_K']:.1g} K",
+        )
+        for row in rows
     ]
-    title = f"RKL2 on {name}, {height} high, {_END:g} s, this host"
-    show(table_of(rows, columns, title))
-    return {"mesh": name, "height": height, "rows": rows}
+    found = {"mesh": name, "height": height, "rows": rows}
+    return {**found, "measurements": plain_rows(measured)}

@@ -1,7 +1,6 @@
 """Voxelizing beside trimesh at the same pitch, in one run; cold and warm."""
 
 import multiprocessing
-import statistics
 import time
 from concurrent.futures import ProcessPoolExecutor
 from typing import Any
@@ -10,13 +9,13 @@ import numpy as np
 import trimesh
 
 import jaxthermo as jt
-from jaxthermo.timing import Timing, measure as measure_warm
-from jaxthermo.user_cache import without_cache
 
+from ..harness.measurement import Measurement, plain_rows
 from ..harness.meshes import thesis_meshes
-from ..harness.present import show, table_of
-from ..harness.timing import timed_call, timing_of
+from ..harness.timing import interleaved, timed_call
 
+
+QUICK = {"height": 100, "repeats": 2}
 
 # Voxels along z: the thesis' 550 less a margin of one at each end.
 _CELLS = 548
@@ -29,71 +28,51 @@ def _first_call(mesh: jt.Mesh, pitch: float) -> tuple[float, float]:
     return wall, time.process_time() - processor
 
 
-def _cold(mesh: jt.Mesh, pitch: float, repeats: int) -> tuple[Timing, float]:
-    """First calls in fresh processes, and the median of their processor time [s]."""
+def _cold(mesh: jt.Mesh, pitch: float, repeats: int) -> tuple[list[float], ...]:
+    """Wall and processor times of first calls, in fresh processes [s]."""
     fresh = multiprocessing.get_context("spawn")
     spans = []
     for _ in range(repeats):
         with ProcessPoolExecutor(1, mp_context=fresh) as pool:
             spans.append(pool.submit(_first_call, mesh, pitch).result())
     wall, processor = zip(*spans, strict=True)
-    return timing_of(wall), statistics.median(processor)
+    return list(wall), list(processor)
 
 
-def _peer(mesh: jt.Mesh, pitch: float, repeats: int) -> tuple[Timing, int]:
-    """trimesh: surface voxels by cutting triangles up, then filled; and how many."""
+def _peer(mesh: jt.Mesh, pitch: float) -> tuple[int, float]:
+    """Voxels that trimesh cuts and fills, and how long it takes [s]."""
     other = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
-    # Nothing of it is compiled, and one call takes long: no warm-up.
     cut = lambda: other.voxelized(pitch)
     fill = lambda: 0 if (voxels := cut()) is None else voxels.fill().filled_count
-    calls = [timed_call(fill) for _ in range(repeats)]
-    return timing_of([span for _, span in calls]), int(calls[-1][0])
+    filled, span = timed_call(fill)
+    return int(filled), span
 
 
-def _measure(
-    mesh: jt.Mesh, pitch: float, repeats: int = 5, peer_repeats: int = 1
-) -> dict[str, Any]:
-    """Times [s] of both, and the voxels that each finds.
-
-    Args:
-        mesh: the body.
-        pitch: edge of a voxel [m].
-        repeats: of ours; it is also run in up to three fresh processes.
-        peer_repeats: of trimesh, which compiles nothing and takes long.
-    """
+def run(height: int = _CELLS, repeats: int = 5) -> dict[str, Any]:
+    """Times of both for the Happy Buddha, or what stands in for it."""
+    mesh = next(iter(thesis_meshes().values()))
+    pitch = float(np.ptp(mesh.bounds[:, 2])) / height
     cold, cold_processor = _cold(mesh, pitch, min(repeats, 3))
     # Processor time counts all threads: how much of the speed is parallel.
     clock = time.process_time()
-    with without_cache():
-        warm = measure_warm(lambda: jt.voxelize(mesh, pitch), repeats)
+    warm = interleaved({"warm": lambda: jt.voxelize(mesh, pitch)}, repeats)["warm"]
     processor = (time.process_time() - clock) / (repeats + 1)
     grid = jt.voxelize(mesh, pitch)
-    peer, filled = _peer(mesh, pitch, peer_repeats)
-    rows = {"jaxthermo, first call": cold, "jaxthermo": warm, "trimesh": peer}
-    columns = [
-        ("", "{name}"),
-        ("time (fastest-slowest)", lambda row: row["time"].text()),
-        ("trimesh takes", lambda row: f"{peer.median / row['time'].median:.1f} x"),
-    ]
+    # Once: nothing of it is compiled, and a call takes half a minute.
+    filled, span = _peer(mesh, pitch)
     size = " x ".join(map(str, grid.lattice.shape))
-    title = f"{mesh.name}, {len(mesh.faces)} triangles, to {size} voxels"
-    lines = [{"name": name, "time": span} for name, span in rows.items()]
-    show(table_of(lines, columns, title))
+    counts = f"{grid.solid_count:,} solid voxels, of the peer {filled:,}"
+    note = f"{len(mesh.faces):,} triangles; {counts}"
+    name, theirs = f"{mesh.name} to {size} voxels", "trimesh, filled, once"
+    measured = [
+        Measurement(f"{name}: first call", "s", cold, theirs, [span], note=note),
+        Measurement(f"{name}: further calls", "s", warm, theirs, [span]),
+    ]
     return {
         "mesh": mesh.name,
         "faces": len(mesh.faces),
         "shape": list(grid.lattice.shape),
-        "time_s": {name: row._asdict() for name, row in rows.items()},
         "processor_time_s": {"first call": cold_processor, "warm": processor},
         "solid_voxels": {"jaxthermo": grid.solid_count, "trimesh": filled},
-        "times_faster": {
-            "warm": peer.median / warm.median,
-            "first call": peer.median / cold.median,
-        },
+        "measurements": plain_rows(measured),
     }
-
-
-def run() -> dict[str, Any]:
-    """The Happy Buddha, or what stands in for it, at the thesis' resolution."""
-    mesh = next(iter(thesis_meshes().values()))
-    return _measure(mesh, float(np.ptp(mesh.bounds[:, 2])) / _CELLS)

@@ -27,20 +27,23 @@ class Cell(NamedTuple):
     """Columns that the cell spans."""
     is_number: bool = False
     """Align right on a page, below other numbers."""
+    is_heading: bool = False
+    """Set off, above the rows that it names."""
 
     @property
     def html_class(self) -> str:
         """Classes of the page's style sheet."""
         mark = {True: " met", False: " missed", None: ""}[self.met]
         side = "" if self.is_number else "words" if self.wraps else "left"
-        return (side + mark).strip()
+        heading = " heading" if self.is_heading else ""
+        return (side + mark + heading).strip()
 
     @property
     def rich_text(self) -> Text:
         """The text with its colour on a terminal."""
         # Bold as well: red and green are one colour to some readers.
         style = {True: "green", False: "bold red", None: ""}[self.met]
-        return Text(self.text, style)
+        return Text(self.text, f"{style} bold" if self.is_heading else style)
 
 
 def prose(*lines: str) -> Cell:

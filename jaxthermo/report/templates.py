@@ -15,6 +15,7 @@ th, td { padding: .28rem .6rem; text-align: right; white-space: nowrap;
 th { font-weight: 600; border-bottom: 2px solid #c8ccd4; vertical-align: bottom; }
 td.left, th.left { text-align: left; }
 td.words { white-space: normal; text-align: left; min-width: 14rem; }
+td.heading { font-weight: 600; background: #f4f5f7; padding-top: .7rem; }
 .wide { overflow-x: auto; }
 .met { color: #1b7a4a; } .missed { color: #b3261e; font-weight: 600; }
 img, svg { max-width: 100%; height: auto; display: block; margin: 1rem 0; }

@@ -1,0 +1,138 @@
+"""All benchmarks, one after the other, on one page: `experiments run benchmarks`.
+
+Each runs in a process of its own, under the same conditions as alone: none inherits the
+threads, the memory or the findings of another, and one that fails leaves the others.
+"""
+
+import json
+import multiprocessing
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
+from typing import Any
+
+from jaxthermo.atomic import replacing
+from jaxthermo.cli.console import open_console
+from jaxthermo.errors import InputError
+from jaxthermo.provenance import processor, provenance
+
+from . import catalogue
+from .harness.measurement_page import (
+    Finished,
+    finished,
+    plain_table,
+    summary,
+    table,
+    write,
+)
+
+
+NAME = "benchmarks"
+
+
+def run_group(
+    experiments: Sequence[catalogue.Experiment],
+    folder: Path,
+    *,
+    quick: bool = False,
+    resume: bool = False,
+    **options: Any,
+) -> dict[str, Any]:
+    """Run benchmarks into folders of their own names, and write the page of all.
+
+    The page is written after each, with those that have ended.
+
+    Args:
+        experiments: in the order of the page.
+        folder: of the page, `result.json` and the folders.
+        quick: small bodies and few repeats.
+        resume: keep results in the folder that are of this commit, host and size.
+        options: for each of them.
+
+    Raises:
+        InputError: if one of them does not take an option, or the folder cannot be
+            written.
+    """
+    for experiment in experiments:
+        catalogue.check_options(experiment, options)
+    console, done = open_console(), []
+    result: dict[str, Any] = {}
+    for number, experiment in enumerate(experiments, 1):
+        name = experiment.name
+        console.print(f"[{number}/{len(experiments)}] {name}: {experiment.about}")
+        own = folder / name
+        kept = _kept(own, quick) if resume and not options else None
+        done.append(_ended(experiment, own, kept, quick, options))
+        words = done[-1].error or f"{len(done[-1].rows)} rows"
+        console.print(f"{name}: {words}, {done[-1].took_s:.0f} s")
+        result = _write(folder, done, quick)
+    console.print(table(done).rich(), soft_wrap=False)
+    console.print(summary(done), soft_wrap=False)
+    return result
+
+
+def _ended(
+    experiment: catalogue.Experiment,
+    folder: Path,
+    kept: dict[str, Any] | None,
+    quick: bool,
+    options: dict[str, Any],
+) -> Finished:
+    about = experiment.name, experiment.about, folder, experiment.command
+    try:
+        result = kept or _in_own_process(experiment, folder, quick, options)
+    except BrokenProcessPool:
+        return Finished(*about, error="its process was killed: too little memory?")
+    except InputError as error:
+        return Finished(*about, error=str(error))
+    except Exception as error:  # anything that a benchmark may raise
+        return Finished(*about, error=f"{type(error).__name__}: {error}")
+    return finished(*about, result)
+
+
+def _in_own_process(
+    experiment: catalogue.Experiment,
+    folder: Path,
+    quick: bool,
+    options: dict[str, Any],
+) -> dict[str, Any]:
+    fresh = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(1, mp_context=fresh) as pool:
+        coming = pool.submit(catalogue.run, experiment, folder, quick, **options)
+        return coming.result()
+
+
+def _kept(folder: Path, quick: bool) -> dict[str, Any] | None:
+    """An earlier result of this commit, host and size."""
+    origin = provenance()
+    # Changes that are not committed have no name.
+    if origin.get("commit", "+changes").endswith("+changes"):
+        return None
+    try:
+        result = json.loads((folder / "result.json").read_text("utf-8"))
+    except (OSError, ValueError):
+        return None
+    same = all(
+        result.get(key) == origin[key] for key in ("commit", "processor", "versions")
+    )
+    return result if same and result.get("quick") == quick else None
+
+
+def _write(folder: Path, done: Sequence[Finished], quick: bool) -> dict[str, Any]:
+    origin = provenance()
+    versions = origin["versions"] | catalogue.peer_versions()
+    origin = {**origin, "versions": versions}
+    title = "Benchmarks, quick size" if quick else "Benchmarks"
+    files = write(folder, title, done, origin)
+    body = {
+        "sentences": [summary(done)],
+        "rows": plain_table(done),
+        "took_s": sum(each.took_s for each in done),
+        "files": files,
+    }
+    head = {"experiment": NAME, "result": body, "quick": quick}
+    result = {**head, **origin, "host": processor()}
+    with replacing(folder / "result.json") as path:
+        path.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+    return result

@@ -1,0 +1,125 @@
+"""Call of a simulation again with other numbers, beside its loop and beside numba.
+
+The standard scene on aggregates and on the full volume, 12 steps of RKL2: the compiled
+loop alone; `run()` and `run(other)` of `compile_simulation`; and `jt.simulate(other)`,
+where every other scene has a conductivity, an irradiance and a coefficient of its own.
+All take turns with numba's explicit loop of the full volume of the same voxels.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import jaxthermo as jt
+
+from ..harness.measurement import Measurement, plain_rows
+from ..harness.meshes import END, HEIGHT, SAVE_AT, START, thesis_meshes
+from ..harness.present import show, table_of
+from ..harness.timing import Spans, interleaved, ratio_of, ratio_text, timing_of
+from .loops import loop_of, numba_explicit
+
+
+QUICK = {"height": 60, "repeats": 2, "factors": (4, 8)}
+
+_SOLVER = jt.SuperTimeStepping(dt=END / 12)
+_BOUNDS = {"aggregate x4": 30.0, "aggregate x8": 150.0}
+"""Speed of a call with other numbers, relative to numba's explicit full volume."""
+
+_LOOP, _AGAIN, _OTHER = "the loop", "run()", "run(other)"
+_SIMULATE, _PEER = "simulate(other)", "numba, explicit full volume"
+
+
+def run(
+    folder: Path,
+    height: int = 250,
+    repeats: int = 9,
+    factors: tuple[int, ...] = (3, 4, 6, 8),
+) -> dict[str, Any]:
+    """Times of the calls of each structure, and their ratios.
+
+    Args:
+        folder: of the result.
+        height: in voxels.
+        repeats: of every call.
+        factors: of the aggregates, in voxels along an edge of a block.
+    """
+    name, mesh = next(iter(thesis_meshes().items()))
+    grid = jt.voxelize(mesh, HEIGHT / height)
+    full = jt.FullVolume(grid)
+    peer = numba_explicit(_scene(full, 0), END, SAVE_AT)
+    structures: dict[str, Any] = {
+        f"aggregate x{factor}": jt.Aggregate(grid, factor) for factor in factors
+    }
+    rows = [
+        {
+            "structure": label,
+            "nodes": structure.node_count,
+            "spans_s": _measured(structure, peer.call, repeats),
+        }
+        for label, structure in {**structures, "full volume": full}.items()
+    ]
+    time = lambda what: lambda row: timing_of(row["spans_s"][what]).text()
+    columns = [
+        ("", "{structure}"),
+        ("nodes", "{nodes:,}"),
+        *((what, time(what)) for what in (_LOOP, _AGAIN, _OTHER, _SIMULATE)),
+        ("numba over the last", lambda row: ratio_text(_over(row, _PEER, _SIMULATE))),
+    ]
+    show(table_of(rows, columns, f"{name}, {height} high, {END:g} s, this host"))
+    measured = [each for row in rows for each in _measurements(row)]
+    found = {"mesh": name, "height": height, "peer_steps": peer.steps, "rows": rows}
+    return {**found, "measurements": plain_rows(measured)}
+
+
+def _scene(structure: Any, number: int) -> jt.Scene:
+    """The standard scene with numbers of its own."""
+    # So little more that the runs have as many stages.
+    more = 1 + 1e-4 * number
+    material = jt.Material(
+        16.0 * more, density=8000.0, specific_heat=500.0, absorptivity=1.0
+    )
+    terms = (
+        jt.Sun((-1.0, 0.0, 0.0), jt.Until(5000.0 * more, END / 2)),
+        jt.Convection(10.0 * more, START),
+    )
+    return jt.Scene((jt.Body(structure, material, temperature=START),), terms)
+
+
+def _measured(structure: Any, peer: Callable[[], Any], repeats: int) -> Spans:
+    run = jt.compile_simulation(_scene(structure, 0), END, SAVE_AT, solver=_SOLVER)
+    # Made before they are timed, and each used once.
+    others = iter([_scene(structure, n) for n in range(1, 2 * repeats + 3)])
+    simulate = lambda scene: jt.simulate(scene, END, SAVE_AT, solver=_SOLVER)
+    reading = lambda solution: np.asarray(solution.surface_temperature)
+    calls = {
+        _LOOP: loop_of(run.plan),
+        _AGAIN: lambda: reading(run()),
+        _OTHER: lambda: reading(run(next(others))),
+        _SIMULATE: lambda: reading(simulate(next(others))),
+        _PEER: peer,
+    }
+    return interleaved(calls, repeats)
+
+
+def _over(row: dict[str, Any], above: str, below: str) -> list[float]:
+    return ratio_of(row["spans_s"][above], row["spans_s"][below])
+
+
+def _measurements(row: dict[str, Any]) -> list[Measurement]:
+    label, spans = row["structure"], row["spans_s"]
+    peer, call, loop = spans[_PEER], spans[_SIMULATE], spans[_LOOP]
+    bound = _BOUNDS.get(label)
+    rows = [
+        Measurement(f"{label}: {what}", "s", spans[what], _PEER, peer)
+        for what in (_LOOP, _AGAIN, _OTHER)
+    ]
+    name = f"{label}: {_SIMULATE}"
+    more = np.subtract(call, loop).tolist()
+    return [
+        *rows,
+        Measurement(name, "s", call, _PEER, peer, bound),
+        Measurement(name, "s", call, "its loop", loop, overhead=True),
+        Measurement(f"{name} less its loop", "s", more),
+    ]

@@ -1,0 +1,154 @@
+"""Full volume with its surface in the sun and in air, beside the same scene in numba.
+
+Cut voxels, open areas and loads are the same. A cube that a cache holds and a statue
+that none does; explicit steps and RKL2; besides a copy of the state, and, in bodies
+that are not too large, the links that the stencil stands for.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import jaxthermo as jt
+from jaxthermo.integrate.run.plan import initial_state, plan_run
+from jaxthermo.voxels.grid import VoxelGrid
+
+from ..front.linear_body import Run
+from ..harness.measurement import Measurement, plain_rows
+from ..harness.meshes import HEIGHT, START, STEEL, thesis_meshes
+from ..harness.timing import Spans, interleaved
+from .loops import NUMBA, largest_difference, loop_of, numba_explicit, numba_rkl2
+
+
+QUICK = {"height": 60, "repeats": 2, "work": 2e7}
+
+_CUBE, _CUBE_PITCH = 64, 0.002
+"""Voxels along each edge, and their size [m]."""
+_STAGES, _STABLE_STEPS = 11, 32.4
+"""Stages of a step of RKL2, and its length in stable steps: they would cover 32.5."""
+_FEWEST, _MOST = 22, 1100
+"""Numbers of evaluations of a call."""
+_MOST_LINKED = 4_000_000
+"""Nodes up to which there are links, which take a hundred bytes each to set up."""
+_COPIES = 10
+_BOUND = 0.75
+"""Speed relative to numba that a kernel must have."""
+
+
+class _Method(NamedTuple):
+    """A way to step, for so many evaluations."""
+
+    end: float
+    solver: Any
+    steps: int
+    peer: Callable[[jt.Scene], Run]
+
+
+def run(
+    folder: Path, height: int = 548, repeats: int = 5, work: float = 2.5e8
+) -> dict[str, Any]:
+    """Times of an explicit step and of a stage of RKL2 in both bodies.
+
+    Args:
+        folder: of the result.
+        height: of the statue, in voxels.
+        repeats: of every call.
+        work: nodes times evaluations of a call.
+    """
+    name, mesh = next(iter(thesis_meshes().items()))
+    edge = _CUBE_PITCH * _CUBE
+    cube = jt.voxelize(jt.shapes.box((edge, edge, edge)), _CUBE_PITCH)
+    statue = jt.voxelize(mesh, HEIGHT / height)
+    shape = " x ".join(map(str, statue.lattice.shape))
+    bodies = {f"cube, {_CUBE}^3, in cache": cube, f"{name}, {shape}": statue}
+    measurements, results = [], []
+    for label, grid in bodies.items():
+        rows, found = _measured(label, grid, repeats, work)
+        measurements += rows
+        results += found
+    return {"rows": results, "measurements": plain_rows(measurements)}
+
+
+def _scene(structure: Any) -> jt.Scene:
+    body = jt.Body(structure, STEEL, temperature=START)
+    terms = jt.Sun((-1.0, 0.0, 0.0), 5000.0), jt.Convection(10.0, START)
+    return jt.Scene((body,), terms)
+
+
+def _methods(stable: float, count: int) -> dict[str, _Method]:
+    """Explicit steps and RKL2 of about so many evaluations."""
+    dt, steps = _STABLE_STEPS * stable, max(1, count // _STAGES)
+    end = count * stable
+    long = steps * dt
+    return {
+        "explicit step": _Method(
+            end, jt.ForwardEuler(), count, lambda scene: numba_explicit(scene, end)
+        ),
+        "stage of RKL2": _Method(
+            long,
+            jt.SuperTimeStepping(dt=dt),
+            steps * _STAGES,
+            lambda scene: numba_rkl2(scene, long, dt),
+        ),
+    }
+
+
+def _measured(
+    label: str, grid: VoxelGrid, repeats: int, work: float
+) -> tuple[list[Measurement], list[dict[str, Any]]]:
+    scene, nodes = _scene(jt.FullVolume(grid)), grid.solid_count
+    count = int(np.clip(work / nodes, _FEWEST, _MOST))
+    stable = plan_run(scene, 1.0, None, jt.ForwardEuler()).stable_step
+    assert stable is not None
+    rows, results = [], []
+    for what, method in _methods(stable, count).items():
+        plan = plan_run(scene, method.end, None, method.solver)
+        peer = method.peer(scene)
+        state = np.asarray(initial_state(plan).theta[0])
+        calls = {"ours": loop_of(plan), "numba": peer.call, "copy": _copies(state)}
+        if nodes <= _MOST_LINKED:
+            linked = _scene(jt.FullVolume(grid, stencil=False))
+            calls["links"] = loop_of(plan_run(linked, method.end, None, method.solver))
+        difference = largest_difference(plan, peer)
+        spans = _per_step(interleaved(calls, repeats), method.steps)
+        found = {"body": label, "what": what, "nodes": nodes}
+        cells = len(grid.fragment_area)
+        note = (
+            f"{nodes:,} nodes, {cells:,} surface cells; the surfaces of both agree to "
+            f"{difference:.1g} K"
+        )
+        rows += _rows(f"{label}: {what}", spans, note)
+        found |= {"evaluations": method.steps, "step_s": spans}
+        results.append({**found, "largest_difference_K": difference})
+    return rows, results
+
+
+def _copies(state: np.ndarray) -> Callable[[], None]:
+    other = np.empty_like(state)
+
+    def copies() -> None:
+        for _ in range(_COPIES):
+            np.copyto(other, state)
+
+    return copies
+
+
+def _per_step(spans: Spans, steps: int) -> Spans:
+    counts = {"copy": _COPIES}
+    return {
+        name: [span / counts.get(name, steps) for span in each]
+        for name, each in spans.items()
+    }
+
+
+def _rows(name: str, spans: Spans, note: str) -> list[Measurement]:
+    ours, copy = spans["ours"], "copy of the state, one thread"
+    rows = [
+        Measurement(name, "s", ours, NUMBA, spans["numba"], _BOUND, note=note),
+        Measurement(name, "s", ours, copy, spans["copy"], overhead=True),
+    ]
+    if "links" in spans:
+        rows.append(Measurement(name, "s", ours, "its links", spans["links"]))
+    return rows

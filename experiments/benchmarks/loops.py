@@ -1,0 +1,58 @@
+"""Time loops of a planned run, and of the same scene in numba, ready to be timed."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numba
+import numpy as np
+
+import jaxthermo as jt
+from jaxthermo.integrate.run.plan import (
+    Plan,
+    initial_state,
+    plan_run,
+    save_intervals,
+    step_table,
+)
+from jaxthermo.integrate.run.simulate import run_plan, take_steps_jit
+
+from ..front.linear_body import LinearBody, Run, linear_body
+from ..front.numba_loops import explicit_run, rkl2_run
+from ..harness.timing import timed_call
+
+
+NUMBA = f"numba, {numba.get_num_threads()} threads"
+"""Name of the peer; XLA takes the same cores."""
+
+
+def loop_of(plan: Plan) -> Callable[[], Any]:
+    """All steps of a plan and the reading of its surface, as one compiled call."""
+    table = step_table(plan, save_intervals(plan.intervals))
+    program, start = plan.compiled.program, initial_state(plan)
+    return lambda: take_steps_jit(plan.stepper, program, start, table)
+
+
+def numba_explicit(scene: jt.Scene, end: float, save_at=None) -> Run:
+    """The explicit loop of a full volume's scene in numba, in its faster layout."""
+    body = linear_body(plan_run(scene, end, save_at, jt.ForwardEuler()))
+    return _faster(body, explicit_run)
+
+
+def numba_rkl2(scene: jt.Scene, end: float, dt: float, save_at=None) -> Run:
+    """The same with steps of RKL2 up to `dt` [s]."""
+    body = linear_body(plan_run(scene, end, save_at, jt.ForwardEuler()))
+    return _faster(body, lambda body: rkl2_run(body, dt))
+
+
+def _faster(body: LinearBody, make: Callable[[LinearBody], Run]) -> Run:
+    runs = [make(body.with_layout(layout)) for layout in ("compact", "dense")]
+    for run in runs:
+        run.call()
+    return min(runs, key=lambda run: timed_call(run.call)[1])
+
+
+def largest_difference(plan: Plan, peer: Run) -> float:
+    """Largest difference of a plan's surface temperatures from its peer's [K]."""
+    found = np.asarray(run_plan(plan).surface_temperature, float)
+    # A run without times to save has saved its end.
+    return float(np.abs(found[-1] - peer.call()[-1]).max())

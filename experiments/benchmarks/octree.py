@@ -1,0 +1,127 @@
+"""Octree beside the full volume of its voxels, at the error of the octree itself.
+
+Its error against the full volume, both in steps so short that they do not count, is
+that of the octree itself. Each of the two then takes the fewest steps of RKL2 with
+which its error against the same full volume is at most that and a twentieth more; these
+loops are timed in turn.
+"""
+
+import bisect
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import jaxthermo as jt
+from jaxthermo.geometry.shapes import figurine
+from jaxthermo.integrate.explicit import RKL2Stepper
+from jaxthermo.integrate.run.plan import Plan, plan_run
+from jaxthermo.integrate.run.simulate import run_plan
+from jaxthermo.voxels.grid import VoxelGrid
+
+from ..harness.measurement import Measurement, plain_rows
+from ..harness.meshes import END, HEIGHT, SAVE_AT, START, STEEL, thesis_meshes
+from ..harness.present import show, table_of
+from ..harness.timing import interleaved, ratio_of, ratio_text
+from .loops import loop_of
+
+
+QUICK = {"height": 48, "repeats": 2}
+
+_COUNTS = (*range(4, 12), *range(12, 36, 2), *range(36, 73, 4))
+"""Steps of a run, at least: every saved time is the end of one."""
+_CONVERGED = 144
+_MARGIN = 1.05
+"""Error that the steps may bring it to, over the octree's own."""
+_BOUND = 1.3
+"""Speed relative to the full volume below which an octree is not worth it."""
+
+
+class _Choice(NamedTuple):
+    plan: Plan
+    error: float
+    """Against the full volume in short steps [%]."""
+
+
+def run(folder: Path, height: int = 250, repeats: int = 7) -> dict[str, Any]:
+    """Times at one error of a statue, and of the figurine if that is another one."""
+    meshes = dict([next(iter(thesis_meshes().items()))])
+    meshes.setdefault("figurine", figurine(HEIGHT))
+    rows = []
+    for name, mesh in meshes.items():
+        grid = jt.voxelize(mesh, HEIGHT / height)
+        rows.append({"mesh": name, **_compared(grid, repeats)})
+    text = "{nodes:,} nodes, {steps} x {stages} stages, {error:.2g} %"
+    part = lambda key: lambda row: text.format_map(row[key])
+    columns = [
+        ("", "{mesh}"),
+        ("its own error", "{own_error:.2g} %"),
+        ("octree", part("octree")),
+        ("full volume", part("full")),
+        ("times as fast", lambda row: ratio_text(row["ratio"])),
+    ]
+    show(table_of(rows, columns, f"{height} high, {END:g} s, this host"))
+    measured = [_measurement(row) for row in rows]
+    return {"height": height, "rows": rows, "measurements": plain_rows(measured)}
+
+
+def _scene(structure: Any) -> jt.Scene:
+    body = jt.Body(structure, STEEL, temperature=START)
+    sun = jt.Sun((-1.0, 0.0, 0.0), jt.Until(5000.0, END / 2))
+    return jt.Scene((body,), (sun, jt.Convection(10.0, START)))
+
+
+def _plan(scene: jt.Scene, steps: int) -> Plan:
+    solver = jt.SuperTimeStepping(dt=END / steps)
+    return plan_run(scene, END, SAVE_AT, solver)
+
+
+def _compared(grid: VoxelGrid, repeats: int) -> dict[str, Any]:
+    scenes = {"octree": _scene(jt.Octree(grid)), "full": _scene(jt.FullVolume(grid))}
+    truth = run_plan(_plan(scenes["full"], _CONVERGED))
+    error = lambda plan: float(
+        jt.surface_error(run_plan(plan), truth).worst_rms_percent
+    )
+    own = error(_plan(scenes["octree"], _CONVERGED))
+    chosen = {}
+    for name, scene in scenes.items():
+        # The error falls with the number of steps: the first that is enough.
+        enough = lambda n, scene=scene: error(_plan(scene, n)) <= _MARGIN * own
+        place = bisect.bisect_left(_COUNTS, True, key=enough)
+        plan = _plan(scene, (*_COUNTS, _CONVERGED)[place])
+        chosen[name] = _Choice(plan, error(plan))
+    calls = {name: loop_of(choice.plan) for name, choice in chosen.items()}
+    spans = interleaved(calls, repeats)
+    return {
+        "own_error": own,
+        **{name: _described(choice) for name, choice in chosen.items()},
+        "times_s": spans,
+        "ratio": ratio_of(spans["full"], spans["octree"]),
+    }
+
+
+def _described(choice: _Choice) -> dict[str, Any]:
+    plan = choice.plan
+    assert isinstance(plan.stepper, RKL2Stepper)
+    return {
+        "nodes": plan.compiled.receipt.nodes,
+        "steps": plan.steps,
+        "stages": plan.stepper.stages_taken,
+        "error": choice.error,
+    }
+
+
+def _measurement(row: dict[str, Any]) -> Measurement:
+    octree, full, spans = row["octree"], row["full"], row["times_s"]
+    slow = float(np.median(row["ratio"])) < _BOUND
+    verdict = "; no reason to use it in place of the full volume" if slow else ""
+    return Measurement(
+        name=f"{row['mesh']}: octree at an error of {row['own_error']:.2g} %",
+        unit="s",
+        ours=spans["octree"],
+        peer_name=f"full volume, {full['steps']} x {full['stages']} stages",
+        peer=spans["full"],
+        bound=_BOUND,
+        note=f"{octree['nodes']:,} nodes of {full['nodes']:,}, {octree['steps']} x "
+        f"{octree['stages']} stages{verdict}",
+    )
