@@ -1,14 +1,16 @@
 """Fragments of triangles and their depth layers by numpy, on the host.
 
-The same as those of the compiled program in `fragments`, depths to their last bit. Every
-size of mesh and image takes a program of its own, which is compiled in many times the
-time in which numpy is done.
+The same as those of the compiled program in `fragments`, depths to their last bit.
+Every size of mesh and image takes a program of its own, which is compiled in many times
+the time in which numpy is done.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+
+from ..arrays import sorted_union
 
 
 _AT_ONCE = 2**16
@@ -81,7 +83,7 @@ def host_layers(
     # The fast sort leaves equal keys in any order: by triangle.
     tied = np.flatnonzero(key[1:] == key[:-1])
     if len(tied):
-        tied = np.union1d(tied, tied + 1)
+        tied = sorted_union(tied, tied + 1)
         order[tied] = order[tied][np.lexsort((order[tied], key[tied]))]
     pixel = key >> bits
     begins = np.ones(len(pixel), bool)
