@@ -6,6 +6,7 @@ any of its values are used.
 
 import hashlib
 import json
+import zipfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
@@ -20,6 +21,8 @@ from .errors import InputError
 _FORMAT, _VERSION, _CHECKSUM = "format", "format_version", "checksum"
 # In an `.npz` file; a record says its kind alone.
 _ARCHIVE = "jaxthermo {}"
+_COMPRESSION = 1
+"""Level of zlib: numpy's own, 6, takes twice as long for files as large."""
 _SchemaT = TypeVar("_SchemaT", bound=tuple)
 
 
@@ -42,9 +45,14 @@ def write_archive(
     plain = {name: np.asarray(value) for name, value in arrays.items()}
     plain |= {_FORMAT: np.array(_ARCHIVE.format(kind)), _VERSION: np.array(version)}
     plain[_CHECKSUM] = np.array(arrays_checksum(plain))
-    save = np.savez_compressed if compress else np.savez
-    with replacing(path) as temporary, open(temporary, "wb") as file:
-        save(file, allow_pickle=False, **plain)
+    method = zipfile.ZIP_DEFLATED if compress else zipfile.ZIP_STORED
+    with (
+        replacing(path) as temporary,
+        zipfile.ZipFile(temporary, "w", method, compresslevel=_COMPRESSION) as file,
+    ):
+        for name, value in plain.items():
+            with file.open(f"{name}.npy", "w", force_zip64=True) as member:
+                np.lib.format.write_array(member, value, allow_pickle=False)
 
 
 def read_archive(

@@ -5,6 +5,7 @@ f faces, k raster fragments, l levels, t saved times, b bodies, h w pixels, p po
 """
 
 import contextlib
+import math
 import os
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
@@ -124,6 +125,42 @@ def rank_in_group(group: Int[np.ndarray, " k"]) -> Int[np.ndarray, " k"]:
     slots = np.arange(len(group))
     first = np.diff(group, prepend=-1) != 0
     return slots - np.maximum.accumulate(np.where(first, slots, 0))
+
+
+def sorted_union(
+    first: Int[np.ndarray, " n"], *others: Int[np.ndarray, " *m"]
+) -> Int[np.ndarray, " k"]:
+    """Numbers that are in any of the arrays, each once, as by `np.union1d`."""
+    # numpy hashes them first, which takes several times as long as its sort.
+    values = np.sort(np.concatenate((first, *others)))
+    begins = np.ones(len(values), bool)
+    np.not_equal(values[1:], values[:-1], out=begins[1:])
+    return values[begins]
+
+
+def unique_rows(
+    rows: Int[np.ndarray, "n c"],
+) -> tuple[Int[np.ndarray, "k c"], Int[np.ndarray, " n"]]:
+    """Different rows, sorted, and the number of each row among them.
+
+    As by `np.unique` along the first axis, which compares rows as bytes.
+    """
+    low = rows.min(axis=0, initial=0)
+    size = [int(n) for n in rows.max(axis=0, initial=0) - low + 1]
+    if math.prod(size) > np.iinfo(np.int64).max:
+        found, number = np.unique(rows, axis=0, return_inverse=True)
+        return found, number.reshape(-1)
+    # One number a row, which sorts as the row does.
+    key = np.zeros(len(rows), np.int64)
+    for column, least, count in zip(rows.T, low, size, strict=True):
+        key = key * count + (column - least)
+    order = np.argsort(key)
+    key = key[order]
+    begins = np.ones(len(key), bool)
+    np.not_equal(key[1:], key[:-1], out=begins[1:])
+    number = np.empty(len(key), np.intp)
+    number[order] = np.cumsum(begins) - 1
+    return rows[order[begins]], number
 
 
 # Cost of one entry of a sparse list, and of having a list at all, relative to an entry

@@ -17,14 +17,12 @@ import time
 import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, ParamSpec, TypeVar
+from typing import IO, Any, ParamSpec, TypeVar
 
 import numpy as np
 from scipy.sparse import csr_array
 
 from . import user_cache
-from .atomic import replacing
-from .errors import InputError
 from .findings import found
 
 
@@ -97,7 +95,7 @@ def stored(
     if folder is None:
         return find()
     try:
-        key = content_hash((_FORMAT, _code(), search, given))
+        key = content_hash((_FORMAT, code_hash(*_SEARCHES), search, given))
     except _Unknown:
         return find()
     path = folder / f"{search}-{key}.bin"
@@ -176,10 +174,11 @@ def _array_hash(array: np.ndarray) -> bytes:
 
 
 @functools.cache
-def _code() -> str:
+def code_hash(*packages: str) -> str:
+    """Hash of the code in packages of this library, and in the files beside them."""
     digest = hashlib.sha256()
     folder = Path(__file__).parent
-    paths = [path for name in _SEARCHES for path in (folder / name).rglob("*.py")]
+    paths = [path for name in packages for path in (folder / name).rglob("*.py")]
     for path in sorted([*paths, *folder.glob("*.py")]):
         digest.update(path.read_bytes())
     return digest.hexdigest()
@@ -295,11 +294,9 @@ def _write(path: Path, value: Any, known: dict[str, type]) -> None:
     check_sum = zlib.crc32(header)
     for part in arrays.parts():
         check_sum = zlib.crc32(part, check_sum)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with replacing(path) as temporary, temporary.open("wb") as file:
-            file.write(_MARK + header + b"%d\n%d\n" % (check_sum, arrays.size))
-            file.writelines(arrays.parts())
-        user_cache.make_room(path.parent.iterdir(), _OWN_FILES, _MAX_BYTES)
-    except (OSError, InputError):
-        return
+
+    def write(file: IO[bytes]) -> None:
+        file.write(_MARK + header + b"%d\n%d\n" % (check_sum, arrays.size))
+        file.writelines(arrays.parts())
+
+    user_cache.keep(path, write, _OWN_FILES, _MAX_BYTES)

@@ -7,8 +7,12 @@ what cannot be read is made anew, what cannot be written is not kept.
 import contextlib
 import os
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
+from typing import IO
+
+from .atomic import replacing
+from .errors import InputError
 
 
 _VARIABLE = "JAXTHERMO_CACHE"
@@ -44,6 +48,22 @@ def without_cache() -> Iterator[None]:
             del os.environ[_VARIABLE]
         else:
             os.environ[_VARIABLE] = before
+
+
+def keep(
+    path: Path,
+    write: Callable[[IO[bytes]], None],
+    own_files: re.Pattern[str],
+    max_bytes: int,
+) -> None:
+    """Write a file in one step and make room beside it; nothing where it cannot be."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with replacing(path) as temporary, temporary.open("wb") as file:
+            write(file)
+        make_room(path.parent.iterdir(), own_files, max_bytes)
+    except (OSError, InputError):
+        return
 
 
 def mark_used(path: Path) -> None:

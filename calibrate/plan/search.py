@@ -132,16 +132,29 @@ class _Search:
             self._try(candidate)
         return self._choice()
 
-    def _refine_until(self, limit: float, refinement: float) -> None:
-        self.reference = self._find_reference(refinement)
+    def _refine_until(self, limit: float, first: float) -> None:
+        said = lambda text: self.watch.stage(f"reference: {text}")
+        refinement = first
+        # A run that will hardly do shows it by one coarser run: a third one is saved.
+        while (
+            self._may_run(2 * refinement)
+            and self.bench.expected_excess(refinement, said) > limit
+        ):
+            refinement *= 2
+        try:
+            self.reference = self._find_reference(refinement)
+        except InputError as error:
+            if refinement == first:
+                raise
+            self.watch.line(f"no finer reference: {error}")
+            self.reference = self._find_reference(refinement / 2)
         while self.reference.excess > limit and self._refine():
             pass
 
     def _refine(self) -> bool:
         """Halve the voxels of the reference; False where that is too much."""
         refinement = 2 * self.reference.refinement
-        # Of blocks of 2^3 voxels.
-        if self.volume * (refinement / 2) ** 3 > _MOST_NODES:
+        if not self._may_run(refinement):
             return False
         try:
             self.reference = self._find_reference(refinement)
@@ -149,6 +162,10 @@ class _Search:
             self.watch.line(f"no finer reference: {error}")
             return False
         return True
+
+    def _may_run(self, refinement: float) -> bool:
+        # Of blocks of 2^3 voxels.
+        return self.volume * (refinement / 2) ** 3 <= _MOST_NODES
 
     def _find_reference(self, refinement: float) -> Reference:
         said = lambda text: self.watch.stage(f"reference: {text}")
@@ -170,7 +187,6 @@ class _Search:
         first = (usual, large, many), (usual, small, many), (usual, large, few)
         for refinement, factor, steps in (*first, (other, near, many)):
             self._try(Candidate(refinement, "aggregate", factor, steps=steps))
-        self._try(Candidate(usual, "aggregate", large, None, "forward_euler", 0))
         if not self.trials:
             raise InputError("no candidate can be run: see the messages above")
 

@@ -39,6 +39,7 @@ from jaxthermo.integrate.run.solution_file import (
 )
 from jaxthermo.integrate.run.surface_reading import surface_reading
 from jaxthermo.integrate.solvers import ForwardEuler
+from jaxthermo.integrate.truth_error import TruthError, truth_error
 from jaxthermo.scene.compile.compile import compile_scene
 from jaxthermo.scene.scene import Scene, SolvedSurface
 from jaxthermo.structures.cache import cache_folder
@@ -49,7 +50,7 @@ from ..config.schema import AbsoluteReference, RefinedReference
 Log = Callable[[str], None]
 """Called with a line before each slow stage."""
 
-_COARSENING = 2.0
+COARSENING = 2.0
 """Pitch of each coarser run, from which a reference's error follows, over the next."""
 
 _COST, _COST_VERSION = "cost of a reference run", 1
@@ -146,11 +147,29 @@ def refined_reference(
     Raises:
         InputError: if the scene has no finer voxels, or a run fails.
     """
-    pitches = tuple(
+    pitches = _refined_pitches(config, given)
+    return _reference(config, given, pitches, given.refinement, log)
+
+
+def coarser_difference(
+    config: SceneConfig, given: RefinedReference, log: Log
+) -> TruthError:
+    """Difference between a reference and the next coarser run, without a third one.
+
+    Errors and remarks are those of `refined_reference`.
+    """
+    pitches = _refined_pitches(config, given)
+    # The coarser one first: what nothing can be run in is found sooner.
+    given_runs = config, given, pitches, given.refinement, log, (COARSENING, 1.0)
+    (coarser, _), (finer, _) = _runs(*given_runs)
+    return truth_error(coarser, finer, given.points, given.seed)
+
+
+def _refined_pitches(config: SceneConfig, given: RefinedReference) -> tuple[float, ...]:
+    return tuple(
         voxel_pitch(number, body) / given.refinement
         for number, body in enumerate(config.bodies)
     )
-    return _reference(config, given, pitches, given.refinement, log)
 
 
 def absolute_reference(
@@ -208,8 +227,23 @@ def _reference(
     log: Log,
 ) -> TruthReference:
     """Runs in voxels of these edges [m], of twice and four times as long ones."""
+    factors = 1.0, COARSENING, COARSENING**2
+    runs = _runs(config, given, pitches, refinement, log, factors)
+    solutions, costs = zip(*runs, strict=True)
+    error = discretization_error(*solutions, count=given.points, seed=given.seed)
+    return TruthReference(solutions[0], error, costs)
+
+
+def _runs(
+    config: SceneConfig,
+    given: RefinedReference | AbsoluteReference,
+    pitches: tuple[float, ...],
+    refinement: float | None,
+    log: Log,
+    factors: tuple[float, ...],
+) -> list[tuple[StoredSolution, dict[str, Any]]]:
     runs = []
-    for factor in (1.0, _COARSENING, _COARSENING**2):
+    for factor in factors:
         own = tuple(pitch * factor for pitch in pitches)
         finer = None if refinement is None else refinement / factor
         name = f"voxels of {1e3 * own[0]:.3g} mm"
@@ -226,9 +260,7 @@ def _reference(
             runs.append((solution, {**head, **cost}))
         except InputError as error:
             raise InputError(f"truth: in {name}: {error}") from error
-    solutions, costs = zip(*runs, strict=True)
-    error = discretization_error(*solutions, count=given.points, seed=given.seed)
-    return TruthReference(solutions[0], error, costs)
+    return runs
 
 
 def read_at_surface(scene: Scene) -> Scene:

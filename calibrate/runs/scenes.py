@@ -9,7 +9,7 @@ from jaxthermo.arrays import precision
 from jaxthermo.config.loader import resolved
 from jaxthermo.config.schema.body import BodyConfig
 from jaxthermo.config.schema.scene import SceneConfig
-from jaxthermo.integrate.run.plan import Plan, plan_run
+from jaxthermo.integrate.run.plan import Plan, plan_once
 from jaxthermo.scene.scene import Body, Scene
 from jaxthermo.voxels.grid import VoxelGrid
 
@@ -63,13 +63,14 @@ def build_case(config: SceneConfig) -> Built:
 def plan_case(config: SceneConfig, scene: Scene) -> Plan:
     """Plan the run of a case, with its error in time controlled as by default.
 
+    A `simulate` of the same scene finds this plan.
+
     Raises:
         InputError: for a solver that the scene cannot have.
     """
     span, solver = config.time, config.solver.build()
     with precision(scene.dtype):
-        made = scene, span.end, span.save_times, solver
-        return plan_run(*made, control_error=True)
+        return plan_once(scene, span.end, span.save_times, solver)
 
 
 def loop_size(plan: Plan) -> tuple[int, ...] | None:

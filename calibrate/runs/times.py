@@ -31,6 +31,7 @@ from jaxthermo.integrate.run.simulate import run_plan, simulate, take_steps
 from jaxthermo.integrate.solvers import ForwardEuler
 from jaxthermo.provenance import processor
 from jaxthermo.scene.scene import Scene
+from jaxthermo.timing import timed_call
 
 from ..problem.reference import on_every_voxel
 from .case import Case
@@ -60,8 +61,7 @@ class Loop:
 
     def seconds(self) -> float:
         """Wall time of the whole run [s], by its part where it takes one."""
-        # JAX returns before it has computed.
-        spent = _timed(self.run)
+        spent = timed_call(self.run)[1]
         if self.fraction == 1.0:
             return spent
         return self.reading_s + (spent - self.reading_s) / self.fraction
@@ -81,10 +81,13 @@ def time_case(case: Case, repeats: int) -> Row:
     built = build_case(config)
     clock = time.perf_counter()
     plan = plan_case(config, built.scene)
-    set_up = built.voxels_s + built.structures_s + time.perf_counter() - clock
-    # Before other programs: the first call compiles what the loop then finds.
+    # What is found in geometry was found for the errors, and is read again.
+    planned = time.perf_counter() - clock
+    set_up = built.voxels_s + built.structures_s + planned
+    # Before other programs: the first call compiles what the loop then finds. It has
+    # this plan, which it would have to make.
     call = lambda: _call(config, built.scene)
-    first_call = _timed(call)
+    first_call = planned + timed_call(call)[1]
     loop = compiled_loop(plan)
     loop.seconds()
     full = _full_volume(_FullKey(config))
@@ -92,7 +95,7 @@ def time_case(case: Case, repeats: int) -> Row:
     for _ in range(repeats):
         spans["loop_s"].append(loop.seconds())
         spans["full_volume_loop_s"].append(full.seconds())
-    calls = [_timed(call) for _ in range(min(repeats, _MAX_CALLS))]
+    calls = [timed_call(call)[1] for _ in range(min(repeats, _MAX_CALLS))]
     return {
         "id": case.id,
         "choice": dict(case.names),
@@ -100,7 +103,7 @@ def time_case(case: Case, repeats: int) -> Row:
         **spans,
         "call_s": calls,
         "first_call_s": first_call,
-        "set_up_s": set_up,
+        "known_set_up_s": set_up,
         "compile_s": loop.compile_s,
         "steps": _steps(plan),
         "solver": type(plan.solver).__name__,
@@ -111,12 +114,6 @@ def time_case(case: Case, repeats: int) -> Row:
         },
         "processor": processor(),
     }
-
-
-def _timed(call: Callable[[], Any]) -> float:
-    clock = time.perf_counter()
-    jax.block_until_ready(call())
-    return time.perf_counter() - clock
 
 
 def _call(config: SceneConfig, scene: Scene) -> Any:
@@ -195,9 +192,9 @@ def _full_volume(key: _FullKey) -> Loop:
     compile_s = time.perf_counter() - clock
     none, few = _shortened(table, 0), _shortened(table, _MIN_STEPS)
     run(none)
-    reading_s = min(_timed(lambda: run(none)) for _ in range(3))
+    reading_s = min(timed_call(lambda: run(none))[1] for _ in range(3))
     fraction = _fraction(few, table)
-    per_run = (_timed(lambda: run(few)) - reading_s) / fraction
+    per_run = (timed_call(lambda: run(few))[1] - reading_s) / fraction
     if per_run > _MAX_FULL_S:
         longest = int(np.asarray(table.steps).max())
         steps = max(_MIN_STEPS, int(longest * _MAX_FULL_S / per_run))

@@ -55,8 +55,9 @@ class Point:
     """Run time of the load that takes longest [s]; None if it was not timed."""
     call_s: float | None = None
     """Time that a user waits for a second call [s]."""
-    set_up_s: float | None = None
-    """Voxels, structure and plan [s]."""
+    known_set_up_s: float | None = None
+    """Voxels, structure and plan of a scene whose geometry is known from earlier runs
+    [s]."""
     compile_s: float | None = None
     ratio: Spread | None = None
     """Time of the full volume's explicit loop over that of the choice [-]."""
@@ -155,7 +156,7 @@ def _point(rows: list[Row], times: list[Row | None]) -> Point:
         steps=most("steps") or None,
         time=spread_of(slowest["loop_s"]) if whole else None,
         call_s=median("call_s"),
-        set_up_s=median("set_up_s"),
+        known_set_up_s=median("known_set_up_s"),
         compile_s=median("compile_s"),
         ratio=ratio_of(full, slowest["loop_s"]) if whole and full else None,
         processor=slowest.get("processor"),

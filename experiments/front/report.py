@@ -194,7 +194,7 @@ _COLUMNS = (
     "run time",
     "full volume, times faster",
     "call",
-    "set-up",
+    "set-up, geometry known",
     "compile",
     "steps",
     "nodes",
@@ -204,7 +204,7 @@ _COLUMNS = (
 
 def _cells(point: Point) -> list[str | Cell]:
     duration = lambda value: "-" if value is None else seconds(value)
-    set_up = duration(point.set_up_s)
+    set_up = duration(point.known_set_up_s)
     if point.offline_s is not None:
         set_up = f"{duration(point.offline_s)} offline"
     return [
@@ -268,7 +268,7 @@ def _csv_row(point: Point, on_front: bool, is_rival: bool) -> Row:
         **spread(point.time, "loop_s"),
         **spread(point.ratio, "full_volume_times_faster"),
         "call_s": point.call_s,
-        "set_up_s": point.set_up_s,
+        "known_set_up_s": point.known_set_up_s,
         "compile_s": point.compile_s,
         "offline_s": point.offline_s,
         "steps": point.steps,

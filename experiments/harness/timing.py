@@ -1,7 +1,6 @@
 """Timing of alternatives in turn, so that all see the same state of the machine."""
 
 import statistics
-import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -10,22 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxthermo.report.numbers import with_range
-from jaxthermo.timing import Timing
-from jaxthermo.user_cache import without_cache
+from jaxthermo.timing import Timing, timed_call
 
 
 # Wall time of every call of each alternative [s].
 Spans = dict[str, list[float]]
-
-
-def timed_call(call: Callable[[], Any]) -> tuple[Any, float]:
-    """The result of a call, and its wall time [s]."""
-    # A search in geometry would be timed as the reading of a file.
-    with without_cache():
-        clock = time.perf_counter()
-        # Without waiting for the arrays only the dispatch would be timed.
-        result = jax.block_until_ready(call())
-        return result, time.perf_counter() - clock
 
 
 def interleaved(

@@ -4,8 +4,6 @@ The file's name is a hash of all inputs: mesh, voxels, fragments, options and so
 code.
 """
 
-import functools
-import hashlib
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -14,10 +12,8 @@ from typing import Any
 import numpy as np
 
 from .. import user_cache
-from ..atomic import replacing
-from ..errors import InputError
 from ..findings import digest, found
-from ..stored_findings import content_hash
+from ..stored_findings import code_hash, content_hash
 from ..voxels.grid import VoxelGrid
 from .structure import Built, Links, Nodes, check_grid
 
@@ -79,7 +75,7 @@ def cache_folder() -> Path | None:
 
 def _key(kind: str, grid: VoxelGrid, options: dict[str, Any]) -> str:
     lattice, cut = grid.lattice, grid.cut
-    parts: list[Any] = [_FORMAT, _code(), kind, options]
+    parts: list[Any] = [_FORMAT, code_hash("structures", "voxels"), kind, options]
     parts += [grid.mesh.vertices, grid.mesh.faces]
     parts += [lattice.shape, lattice.origin, lattice.pitch]
     parts += [np.packbits(grid.solid), grid.volume_ratio]
@@ -87,15 +83,6 @@ def _key(kind: str, grid: VoxelGrid, options: dict[str, Any]) -> str:
     parts += [grid.fragment_normal, grid.fragment_area]
     parts += [] if cut is None else [cut.voxel, cut.volume, *cut.links]
     return content_hash(parts)
-
-
-@functools.cache
-def _code() -> str:
-    digest = hashlib.sha256()
-    folder = Path(__file__).parent
-    for path in sorted([*folder.rglob("*.py"), *folder.parent.glob("voxels/*.py")]):
-        digest.update(path.read_bytes())
-    return digest.hexdigest()
 
 
 def _read(path: Path) -> Built | None:
@@ -123,10 +110,5 @@ def _write(path: Path, built: Built) -> None:
     arrays |= {"fragment_node": built.fragment_node, "voxel_node": built.voxel_node}
     if sum(array.nbytes for array in arrays.values()) > _MAX_BYTES / 2:
         return
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with replacing(path) as temporary:
-            np.savez(temporary, allow_pickle=False, **arrays)
-        user_cache.make_room(path.parent.iterdir(), _OWN_FILES, _MAX_BYTES)
-    except (OSError, InputError):
-        return
+    write = lambda file: np.savez(file, allow_pickle=False, **arrays)
+    user_cache.keep(path, write, _OWN_FILES, _MAX_BYTES)

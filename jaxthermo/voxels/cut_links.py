@@ -21,6 +21,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from ..arrays import sorted_union, unique_rows
+
 
 # Smallest open area [voxel faces]: a link through a sliver of nothing still conducts.
 _MIN_OPEN = 0.05
@@ -92,8 +94,8 @@ def cut_links(
     first, second, extra = (np.concatenate(c) for c in zip(*found, strict=True))
     low = np.minimum(first, second)
     ends = np.stack([low, np.abs(second - first)], axis=1)
-    ends, link = np.unique(ends, axis=0, return_inverse=True)
-    extra = np.bincount(link.reshape(-1), extra, len(ends))
+    ends, link = unique_rows(ends)
+    extra = np.bincount(link, extra, len(ends))
     cells = np.stack(np.unravel_index(ends[:, 0], padded.shape), axis=1)
     other = np.stack(np.unravel_index(ends.sum(axis=1), padded.shape), axis=1)
     links = CutLinks(cells - 1, other - cells, extra)
@@ -126,7 +128,7 @@ def _open_areas(
     """Links over faces: the mean of the sections of both ends."""
     found = []
     for axis, jump in enumerate(lattice.jumps):
-        low = np.union1d(flat, flat - jump)
+        low = sorted_union(flat, flat - jump)
         low = low[lattice.solid[low] & lattice.solid[low + jump]]
         ends = [_of_cut(flat, section[:, axis], end, 1.0) for end in (low, low + jump)]
         found.append((low, low + jump, (ends[0] + ends[1]) / 2 - 1))

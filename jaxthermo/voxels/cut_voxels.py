@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from ..arrays import sorted_union
 from .cut_links import CutLinks
 
 
@@ -120,7 +121,7 @@ def _around(cut: CutVoxels, padded: Bool[np.ndarray, "x y z"]) -> _Around:
     steps = np.array([-y * z, y * z, -z, z, -1, 1])
     flat = np.asarray(np.ravel_multi_index(tuple(cut.voxel.T + 1), padded.shape))
     beside = (flat[:, None] + steps).reshape(-1)
-    cell = np.union1d(flat, beside[solid[beside]])
+    cell = sorted_union(flat, beside[solid[beside]])
     own = np.searchsorted(cell, flat)
     is_cut = np.zeros(len(cell), bool)
     is_cut[own] = True

@@ -3,8 +3,9 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
-from jaxthermo.arrays import on_device, typed_array
+from jaxthermo.arrays import on_device, sorted_union, typed_array, unique_rows
 
 
 def test_arrays_go_to_the_device_and_all_else_stays():
@@ -30,3 +31,22 @@ def test_a_value_is_of_numpy_unless_it_is_on_the_device():
     assert typed_array(2.0, np.float32).dtype == np.float32
     assert isinstance(typed_array(jnp.ones(2), np.float32), jax.Array)
     assert float(jax.grad(lambda x: typed_array([x, 1.0], float)[0] ** 2)(3.0)) == 6.0
+
+
+@pytest.mark.parametrize("bound", [3, 2**40])
+def test_different_rows_are_those_of_numpy(bound):
+    # Products of three such ranges are too many for one number.
+    rows = np.random.default_rng(0).integers(-bound, bound, (200, 3))
+    rows = np.concatenate([rows, rows[:50]])
+    found, number = unique_rows(rows)
+    plain, inverse = np.unique(rows, axis=0, return_inverse=True)
+    np.testing.assert_array_equal(found, plain)
+    np.testing.assert_array_equal(number, inverse.reshape(-1))
+    assert len(unique_rows(rows[:0])[0]) == 0
+
+
+def test_union_of_numbers_is_that_of_numpy():
+    random = np.random.default_rng(0)
+    one, two = random.integers(0, 50, 40), random.integers(-9, 90, 70)
+    np.testing.assert_array_equal(sorted_union(one, two), np.union1d(one, two))
+    assert len(sorted_union(one[:0])) == 0

@@ -1,5 +1,6 @@
 """Findings on disk: the same in the next process for the same input, never an error."""
 
+import re
 import subprocess
 import sys
 import threading
@@ -113,7 +114,7 @@ def test_whatever_a_search_starts_from_is_a_miss(folder, monkeypatch):
         stored("a_search", each, search)
     assert search.calls == len(given)
     stored("another", 1, search)
-    monkeypatch.setattr(stored_findings, "_code", lambda: "edited")
+    monkeypatch.setattr(stored_findings, "code_hash", lambda *names: "edited")
     stored("a_search", 1, search)
     assert search.calls == len(given) + 2
 
@@ -301,3 +302,17 @@ def test_a_decorated_search_keeps_its_name(folder):
         assert_same(squares(3, scale=2.0), np.array([0.0, 2.0, 8.0]))
         assert_same(squares(3), np.array([0.0, 1.0, 4.0]))
     assert calls == [3, 3]
+
+
+def test_the_code_of_every_search_is_in_the_names_of_its_findings():
+    package = Path(stored_findings.__file__).parent
+    calls = re.compile(r"^from \.+stored_findings import .*\bstored(_search)?\b", re.M)
+    sources = [path for path in package.rglob("*.py") if path.parent != package]
+    searching = {
+        path.relative_to(package).parts[0]
+        for path in sources
+        if calls.search(path.read_text(encoding="utf-8"))
+    }
+    assert {"geometry", "voxels", "physics", "image"} <= searching
+    assert searching <= set(stored_findings._SEARCHES)
+    assert all((package / name).is_dir() for name in stored_findings._SEARCHES)

@@ -105,11 +105,12 @@ def film_derivatives(
     """
     inverse = 1 / (film + _SHIFT)
     x, slope = (_MIDDLE - inverse) / _HALF, inverse**2 / (2 * _HALF)
-    second = -slope * inverse
-    once, twice = polynomial.polyder(rows), polynomial.polyder(rows, 2)
-    by_x = polynomial.polyval(x, once)
-    return (
-        polynomial.polyval(x, rows),
-        by_x * slope,
-        polynomial.polyval(x, twice) * slope**2 + by_x * second,
-    )
+    powers = polynomial.polyvander(x, _NODES - 1)
+    # All are linear in the coefficients: one product of matrices for all cells.
+    once, twice = np.zeros_like(powers), np.zeros_like(powers)
+    for power in range(1, _NODES):
+        once[:, power] = power * powers[:, power - 1]
+        twice[:, power] = power * once[:, power - 1]
+    second = twice * (slope**2)[:, None] - once * (slope * inverse)[:, None]
+    cells = np.moveaxis(rows, 0, -1)
+    return cells @ powers.T, cells @ (once * slope[:, None]).T, cells @ second.T

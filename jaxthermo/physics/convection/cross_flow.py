@@ -25,7 +25,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ...arrays import is_traced
+from ...arrays import is_traced, unique_rows
 from ...voxels.cylinders import CylinderParts
 from ..flux_law import Values
 from .air import (
@@ -145,14 +145,14 @@ def group_fragments(
     offset = np.where(exposed, 1.0, behind + 0.5)
     step = np.rint(np.log(offset) / _WAKE_STEP).astype(np.int64)
     key = np.stack([parts.fragment, exposed, step], axis=1)
-    found, member = np.unique(key, axis=0, return_inverse=True)
+    found, member = unique_rows(key)
     diameter = np.array([cylinder.diameter for cylinder in parts.cylinders])
     axis = np.stack([cylinder.direction for cylinder in parts.cylinders])
     rounded = np.maximum(np.exp(found[:, 2] * _WAKE_STEP) - 0.5, 0)
     return FlowGroups(
         diameter=diameter[found[:, 0]],
         behind=np.where(found[:, 1] > 0, np.inf, rounded),
-        member=member.reshape(-1),
+        member=member,
         axis=axis[parts.fragment],
     )
 

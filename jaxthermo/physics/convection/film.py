@@ -8,7 +8,7 @@ have a sharp bend above Re 4000. Where the wind speed changes with time, the pol
 is interpolated in a table over the speed.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -102,6 +102,7 @@ def speed_table(
 
 
 _FILM_SAMPLES = 33
+_CELLS_AT_ONCE = 4096
 
 SAMPLING_MARGIN = 1.05
 """Factor on bounds that are found by sampling: a maximum may lie between samples."""
@@ -171,24 +172,31 @@ class FilmExchange(AbstractFluxLaw):
         tabulated = isinstance(self.coefficients, _SpeedTable)
         rows = jnp.asarray(self._rows, hottest.dtype)
         warmest = jnp.asarray(largest(self.temperature, end), hottest.dtype)
-        bound = jnp.zeros_like(hottest)
-        for film in np.linspace(MIN_FILM_TEMPERATURE, MAX_FILM_TEMPERATURE, 17):
-            x, per_kelvin = film_argument(
-                jnp.asarray(2 * film * (1 - 1e-6), rows.dtype)
-            )
+
+        def steepest(bound: Array, film: Array) -> tuple[Array, None]:
+            x, per_kelvin = film_argument(2 * film * (1 - 1e-6))
             h, slope = horner(rows, jnp.broadcast_to(x, rows.shape[1:]))
             # Per kelvin of T_s, which is half of one of T_f.
             dh = 2 * slope * per_kelvin
             steep = h + jnp.maximum(dh * film, dh * (film - warmest))
-            bound = jnp.maximum(bound, steep.max(initial=0.0))
+            return jnp.maximum(bound, steep.max(initial=0.0)), None
+
+        films = np.linspace(MIN_FILM_TEMPERATURE, MAX_FILM_TEMPERATURE, 17)
+        # A loop in the program: unrolled, it took most of the compilation.
+        bound, _ = jax.lax.scan(
+            steepest, jnp.zeros_like(hottest), jnp.asarray(films, rows.dtype)
+        )
         # The samples may miss the maximum by this much, and a table's cubic exceed it.
         return bound * (1.05 if tabulated else 1.01)
 
     @override
     def max_flux(self, within: Forcing, end: float) -> float:
         air = film_range(self.temperature, within, end)
-        h, _, _ = film_derivatives(np.asarray(self._rows, float), air.film)
-        return SAMPLING_MARGIN * self._overshoot * float(h.max(initial=0.0)) * air.gap
+        largest_h = 0.0
+        for rows in _blocks(self._rows):
+            h, _, _ = film_derivatives(rows, air.film)
+            largest_h = h.max(initial=largest_h)
+        return SAMPLING_MARGIN * self._overshoot * float(largest_h) * air.gap
 
     @override
     def curvature(self, within: Forcing, end: float) -> float:
@@ -198,12 +206,13 @@ class FilmExchange(AbstractFluxLaw):
         if not air.smooth:
             # h has a kink at the ends of the interpolation: no finite bound there.
             return np.inf
-        _, once, twice = film_derivatives(np.asarray(self._rows, float), air.film)
-        largest_at_ends = [
-            np.abs(twice * 2 * (ambient - air.film) - 2 * once).max(initial=0.0)
-            for ambient in air.air
-        ]
-        return SAMPLING_MARGIN * self._overshoot * float(max(largest_at_ends))
+        found = 0.0
+        for rows in _blocks(self._rows):
+            _, once, twice = film_derivatives(rows, air.film)
+            for ambient in dict.fromkeys(air.air):
+                bend = twice * 2 * (ambient - air.film) - 2 * once
+                found = np.abs(bend, out=bend).max(initial=found)
+        return SAMPLING_MARGIN * self._overshoot * float(found)
 
     @property
     def _rows(self) -> Any:
@@ -224,6 +233,13 @@ class FilmExchange(AbstractFluxLaw):
             else law.coefficients
         )
         return eqx.tree_at(where, self, _each_row(mean, where(self)))
+
+
+def _blocks(rows: Any) -> Iterator[Float[np.ndarray, "n k"]]:
+    """Columns of coefficients, few enough for the processor's cache at a time."""
+    flat = np.asarray(rows).reshape(len(rows), -1)
+    for first in range(0, flat.shape[1], _CELLS_AT_ONCE):
+        yield flat[:, first : first + _CELLS_AT_ONCE].astype(float)
 
 
 def _each_row(mean: Callable[[Array], Array], values: Float[Any, "*r s"]) -> Any:

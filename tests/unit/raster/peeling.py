@@ -1,8 +1,11 @@
 """Bodies and one padded size, such that all tests here share a compiled program."""
 
+from unittest import mock
+
 import numpy as np
 
 from jaxthermo.geometry import shapes
+from jaxthermo.raster import fragments as raster
 from jaxthermo.raster.fragments import peel
 
 
@@ -12,10 +15,31 @@ SPHERE = shapes.sphere(1.0, subdivisions=2)
 
 
 def peel_padded(triangles, width, height):
-    """Depth layers; triangles without area fill up to a fixed number of faces."""
+    """Depth layers by the program; triangles without area fill up to a fixed number.
+
+    Those of the host must be the same.
+    """
     assert len(triangles) <= FACES
     filler = np.zeros((FACES - len(triangles), 3, 3))
-    return peel(np.concatenate([triangles, filler]), width, height, SIZES)
+    given = np.concatenate([triangles, filler]), width, height, SIZES
+    with mock.patch.object(raster, "_on_host", lambda: False):
+        layers = peel(*given)
+    with mock.patch.object(raster, "_on_host", lambda: True):
+        _assert_alike(peel(*given), layers)
+    return layers
+
+
+def _assert_alike(host, layers):
+    for name in ("pixel", "depth", "triangle", "entering", "layer"):
+        assert getattr(host, name).dtype == getattr(layers, name).dtype
+    np.testing.assert_array_equal(host.pixel, layers.pixel)
+    np.testing.assert_array_equal(host.layer, layers.layer)
+    # XLA may round a product and a sum at once, which exchanges equal depths.
+    np.testing.assert_allclose(host.depth, layers.depth, rtol=1e-13, atol=1e-13)
+    order = lambda found: np.lexsort((found.triangle, found.pixel))
+    ours, theirs = order(host), order(layers)
+    np.testing.assert_array_equal(host.triangle[ours], layers.triangle[theirs])
+    np.testing.assert_array_equal(host.entering[ours], layers.entering[theirs])
 
 
 def ball(rng, roughness=0.0):

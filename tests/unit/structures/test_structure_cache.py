@@ -111,7 +111,7 @@ def test_options_of_no_known_meaning_are_a_defect(folder, grid):
 def test_edited_code_builds_anew(folder, grid, monkeypatch):
     build = Builder()
     cached("kind", grid, {}, build)
-    monkeypatch.setattr(cache, "_code", lambda: "edited")
+    monkeypatch.setattr(cache, "code_hash", lambda *names: "edited")
     cached("kind", grid, {}, build)
     assert build.calls == 2
 
@@ -232,8 +232,8 @@ def test_a_folder_that_cannot_be_made_is_no_failure(tmp_path, monkeypatch, grid)
 
 
 def test_a_full_disk_is_no_failure(folder, grid, monkeypatch):
-    def full(path, **_):
-        Path(path).write_bytes(b"a part")
+    def full(file, **_):
+        file.write(b"a part")
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(np, "savez", full)

@@ -58,3 +58,21 @@ def test_prandtl_number_times_conductivity_is_viscosity_times_heat():
     kelvin, viscosity = table("mu")
     made = viscosity * table("cp")[1] / np.asarray(air.conductivity(jnp.array(kelvin)))
     np.testing.assert_allclose(made, air.prandtl(jnp.array(kelvin)), rtol=3e-3)
+
+
+def test_derivatives_of_the_film_polynomial_are_those_of_numpys_polynomials():
+    rng = np.random.default_rng(0)
+    rows, film = rng.normal(size=(5, 3, 4)), np.linspace(200, 1000, 7)
+    step = 1e-3
+    value, once, twice = air.film_derivatives(rows, film)
+    argument = lambda kelvin: np.asarray(air.film_argument(jnp.asarray(2 * kelvin))[0])
+    plain = np.polynomial.polynomial.polyval(argument(film), rows)
+    np.testing.assert_allclose(value, plain, rtol=1e-12, atol=1e-12)
+    # By the surface's temperature, of which the film has a half.
+    inside = film[1:-1]
+    above, _, _ = air.film_derivatives(rows, inside + step / 2)
+    below, _, _ = air.film_derivatives(rows, inside - step / 2)
+    slope = (above - below) / (2 * step)
+    np.testing.assert_allclose(once[..., 1:-1], slope, rtol=1e-5, atol=1e-9)
+    bend = (above - 2 * value[..., 1:-1] + below) / step**2
+    np.testing.assert_allclose(twice[..., 1:-1], bend, rtol=1e-3, atol=1e-8)
