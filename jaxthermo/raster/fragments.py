@@ -188,6 +188,29 @@ def _padded(triangles: Float[np.ndarray, "f 3 3"]) -> Float[np.ndarray, "k 3 3"]
     return np.concatenate([triangles, np.zeros((size - len(triangles), 3, 3))])
 
 
+def within_raster(corners: Float[np.ndarray, "*n 3"]) -> bool:
+    """True if no product of corners (column, row, depth) can overflow."""
+    ends = corners.min(initial=0), corners.max(initial=0)
+    # Most often the bounds of all numbers suffice, which are quick to find.
+    return bool(np.abs(ends).max() <= _MAX_COORDINATE) or bool(
+        np.isfinite(ends).all()
+        and np.abs(corners[..., :2]).max(initial=0) <= _MAX_COORDINATE
+    )
+
+
+def check_coordinates(corners: Float[np.ndarray, "*n 3"]) -> None:
+    """Refuse what is not `within_raster`.
+
+    Raises:
+        InputError: if a corner is not finite or more than 2^20 pixels away.
+    """
+    if not within_raster(corners):
+        raise InputError(
+            "raster: a triangle is not finite or over a million pixels away; "
+            "use a coarser pitch or clip the mesh to the view"
+        )
+
+
 def _rasterize(
     triangles: Float[np.ndarray, "f 3 3"],
     width: int,
@@ -204,16 +227,7 @@ def _rasterize(
     Raises:
         InputError: if a corner is not finite or more than 2^20 pixels away.
     """
-    ends = triangles.min(initial=0), triangles.max(initial=0)
-    # Most often the bounds of all numbers suffice, which are quick to find.
-    if not np.abs(ends).max() <= _MAX_COORDINATE and (
-        not np.isfinite(ends).all()
-        or np.abs(triangles[..., :2]).max(initial=0) > _MAX_COORDINATE
-    ):
-        raise InputError(
-            "raster: a triangle is not finite or over a million pixels away; "
-            "use a coarser pitch or clip the mesh to the view"
-        )
+    check_coordinates(triangles)
     row_capacity, capacity = sizes or shared_capacities(triangles, width, height)
     with jax.enable_x64(True):
         corners = jnp.asarray(_padded(triangles), jnp.float64)
