@@ -1,6 +1,6 @@
 """Surroundings that a camera sees beside the bodies: sky, ground, and sources."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -48,13 +48,19 @@ class Background(NamedTuple):
         self, terms: tuple[AbstractTerm, ...], time: Time
     ) -> Float[Array | np.ndarray, "*n"]:
         """Temperature of sky and ground [K]; one number where they are the same."""
-        sky, ground = (value_at(each, time) for each in _horizon(terms))
+        sky, ground = (_number_at(each, time) for each in _horizon(terms))
         if self.below is None:
             return sky
         if is_traced((sky, ground)):
             return jnp.where(jnp.asarray(self.below), ground, sky)
         # Without a program for every size of an image.
         return np.where(self.below, np.asarray(ground), np.asarray(sky))
+
+
+def _number_at(value: Any, time: Time) -> Any:
+    # Numbers stay on the host, where an image is drawn without derivatives.
+    plain = isinstance(value, int | float | np.generic)
+    return np.asarray(value, time.dtype) if plain else value_at(value, time)
 
 
 def _horizon(terms: tuple[AbstractTerm, ...]):

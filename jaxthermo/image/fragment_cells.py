@@ -156,9 +156,12 @@ class FragmentCells:
             np.divide(weight, total[owner], out=weights[part])
             columns[part] = fragment
             filled = part.stop
+        # In place: scipy would copy parts of far larger arrays.
+        weights.resize(filled, refcheck=False)
+        columns.resize(filled, refcheck=False)
         starts = np.append(0, np.cumsum(rows)).astype(np.int32)
         size = len(points), len(self.area)
-        return csr_array((weights[:filled], columns[:filled], starts), size)
+        return csr_array((weights, columns, starts), size)
 
     def _parts(
         self,
@@ -199,7 +202,7 @@ class FragmentCells:
         base[: len(count)] = first - np.cumsum(count) + count
         points = np.zeros((6, _POINTS))
         points[:, : len(columns[0])] = columns
-        with jax.enable_x64(True), jax.ensure_compile_time_eval():
+        with jax.enable_x64(True):
             fragments = self._on_device()
             return run, *_pair_weights(padded, base, points, fragments, self.radius)
 

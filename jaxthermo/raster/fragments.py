@@ -322,27 +322,3 @@ def peel(
         width=width,
         height=height,
     )
-
-
-def depth_range(
-    triangles: Float[np.ndarray, "f 3 3"],
-    width: int,
-    height: int,
-    sizes: tuple[int, int] | None = None,
-) -> tuple[Float[np.ndarray, "h w"], Float[np.ndarray, "h w"]]:
-    """Nearest and farthest depth of triangles given as (column, row, depth).
-
-    Empty pixels have the depths inf and -inf. Arguments as for `_rasterize`. May be
-    called while something else is traced.
-    """
-    with jax.ensure_compile_time_eval():
-        fragments = _rasterize(triangles, width, height, sizes)
-    count = int(fragments.count)
-    pixel = np.asarray(fragments.pixel)[:count]
-    depth = np.asarray(fragments.depth)[:count]
-    # No sort: the layers in between are not needed.
-    nearest = np.full(width * height, np.inf)
-    farthest = np.full(width * height, -np.inf)
-    np.minimum.at(nearest, pixel, depth)
-    np.maximum.at(farthest, pixel, depth)
-    return nearest.reshape(height, width), farthest.reshape(height, width)

@@ -294,12 +294,16 @@ def body_cells(
     cells = BodyCells(
         body=body.number,
         address=layout.address,
-        capacity=body.network.capacity_at(layout.address),
+        capacity=_capacity_at(body.network, layout.address),
         node=layout.node,
         slots=layout.slots,
         conductivity_parts=_parts_of_cells(body, layout.cell, layout.node.shape[0]),
     )
     return cells, layout.cell
+
+
+# One program: of single operations some networks have twenty.
+_capacity_at = eqx.filter_jit(lambda network, address: network.capacity_at(address))
 
 
 class _Layout(NamedTuple):

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from peeling import BODIES, in_view, peel_padded
 
-from jaxthermo.raster.fragments import depth_range
+from jaxthermo.raster.depth_buffer import depth_range
 
 
 SIDE = 24

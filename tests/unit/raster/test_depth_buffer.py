@@ -5,8 +5,8 @@ import pytest
 from peeling import BODIES, in_view, peel_padded
 
 from jaxthermo.errors import InputError
-from jaxthermo.raster import nearest as module
-from jaxthermo.raster.nearest import nearest_hits
+from jaxthermo.raster import depth_buffer as module
+from jaxthermo.raster.depth_buffer import nearest_hits
 
 
 SIDE = 24
