@@ -23,7 +23,7 @@ from ...network.network import (
 )
 from ...physics.surface import spread
 from ...physics.surface_energy_balance import SurfaceTerms
-from .bodies import PreparedBody, device_address
+from .bodies import PreparedBody, capacity_at, device_address
 
 
 # Temperatures of one body; one array or one network for each body with cells; and the
@@ -294,16 +294,12 @@ def body_cells(
     cells = BodyCells(
         body=body.number,
         address=layout.address,
-        capacity=_capacity_at(body.network, layout.address),
+        capacity=capacity_at(body.network, layout.address),
         node=layout.node,
         slots=layout.slots,
         conductivity_parts=_parts_of_cells(body, layout.cell, layout.node.shape[0]),
     )
     return cells, layout.cell
-
-
-# One program: of single operations some networks have twenty.
-_capacity_at = eqx.filter_jit(lambda network, address: network.capacity_at(address))
 
 
 class _Layout(NamedTuple):
