@@ -60,11 +60,13 @@ class FrameCamera:
     def draw(self, stored: StoredSolution, index: int) -> Image:
         """Draw the frame of a saved time, with the samples of each pixel."""
         assert stored.reflected is not None and stored.reflected_sources is not None
-        time = jnp.asarray(stored.times[index])
+        # On the host, where nothing is compiled for it.
+        time = np.asarray(stored.times)[index]
         here = at_time(self._surfaces, self._terms, float(time))
         saved = np.asarray(stored.surface_temperature)[index], stored.reflected[index]
         lit = stored.reflected_sources[index]
-        return draw(self._view(*here), *here, *saved, time, lit, just_before(time))
+        now, before = (jnp.asarray(t, time.dtype) for t in (time, just_before(time)))
+        return draw(self._view(*here), *here, *saved, now, lit, before)
 
 
 def chosen_frames(

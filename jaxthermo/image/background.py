@@ -1,12 +1,12 @@
 """Surroundings that a camera sees beside the bodies: sky, ground, and sources."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from ..arrays import Time
+from ..arrays import Time, is_traced
 from ..physics.boundary import Convection
 from ..physics.convection.free_convection import FreeConvection
 from ..physics.convection.wind import Wind
@@ -46,12 +46,21 @@ class Background(NamedTuple):
 
     def temperature(
         self, terms: tuple[AbstractTerm, ...], time: Time
-    ) -> Float[Array, "*n"]:
+    ) -> Float[Array | np.ndarray, "*n"]:
         """Temperature of sky and ground [K]; one number where they are the same."""
-        sky, ground = (value_at(each, time) for each in _horizon(terms))
+        sky, ground = (_number_at(each, time) for each in _horizon(terms))
         if self.below is None:
             return sky
-        return jnp.where(jnp.asarray(self.below), ground, sky)
+        if is_traced((sky, ground)):
+            return jnp.where(jnp.asarray(self.below), ground, sky)
+        # Without a program for every size of an image.
+        return np.where(self.below, np.asarray(ground), np.asarray(sky))
+
+
+def _number_at(value: Any, time: Time) -> Any:
+    # Numbers stay on the host, where an image is drawn without derivatives.
+    plain = isinstance(value, int | float | np.generic)
+    return np.asarray(value, time.dtype) if plain else value_at(value, time)
 
 
 def _horizon(terms: tuple[AbstractTerm, ...]):
@@ -77,19 +86,23 @@ def compute_background(
     sources = [(n, t) for n, t in enumerate(terms) if isinstance(t, AbstractSource)]
     if ground is sky and not sources:
         return Background(None, ())
-    origin, step = camera.rays()
     width, height = camera.size
     nearest = np.full(width * height, np.inf)
     nearest[pixel] = depth
     found = []
     for number, source in sources:
-        radiance, away = source.appearance(origin, step)
+        # Of all others each ray is searched.
+        cone = source.cone
+        shown = None if cone is None else camera.pixels_towards(*cone)
+        radiance, away = source.appearance(*camera.rays(shown))
+        before = nearest if shown is None else nearest[shown]
         # The sun, at infinite depth, is behind all that has one.
-        free = (away < nearest) | (np.isinf(away) & np.isinf(nearest))
+        free = (away < before) | (np.isinf(away) & np.isinf(before))
         seen = np.flatnonzero((radiance > 0) & free)
         if len(seen):
-            found.append(VisibleSource(number, seen, away[seen], radiance[seen]))
+            where = seen if shown is None else shown[seen]
+            found.append(VisibleSource(number, where, away[seen], radiance[seen]))
     # The nearest of several sources is drawn last.
     found.sort(key=lambda each: -float(each.depth.min()))
-    below = None if ground is sky else step[:, 2] < -_LEVEL
+    below = None if ground is sky else camera.rays()[1][:, 2] < -_LEVEL
     return Background(below, tuple(found))

@@ -52,7 +52,15 @@ class AbstractCamera(eqx.Module):
         """Unit vectors to the right, down and forward in the world, as rows."""
         return _view_frame(self.position, self.look_at, self.up)
 
+    @property
     @abc.abstractmethod
+    def _near(self) -> float:
+        """Depth before which nothing is drawn [m]."""
+
+    @abc.abstractmethod
+    def _on_image(self, local: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
+        """Project points in camera axes [m] to (column, row, key)."""
+
     def to_raster(
         self, triangles: Float[np.ndarray, "f 3 3"]
     ) -> tuple[Float[np.ndarray, "k 3 3"], Int[np.ndarray, " k"]]:
@@ -64,6 +72,31 @@ class AbstractCamera(eqx.Module):
         Returns:
             The visible pieces, and the index of the triangle that each is a part of.
         """
+        pieces, parent = clip_half_space(self._local(triangles), _FORWARD, self._near)
+        return self._on_image(pieces), parent
+
+    def mesh_to_raster(
+        self, vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]
+    ) -> tuple[Float[np.ndarray, "w 3"], Int[np.ndarray, "k 3"], Int[np.ndarray, " k"]]:
+        """Clip and project a mesh as `to_raster`, each vertex once.
+
+        Returns:
+            Points (column, row, key), the visible pieces with these corners, and the
+            index of the face that each is a part of.
+        """
+        local = self._local(vertices)
+        ahead = local[:, 2] >= self._near
+        if ahead.all():
+            return self._on_image(local), faces, np.arange(len(faces))
+        # What is behind the pinhole would be projected upside down.
+        local[~ahead] = self._near * _FORWARD
+        corners = ahead[faces].sum(axis=1)
+        whole, cut = np.flatnonzero(corners == 3), (corners > 0) & (corners < 3)
+        pieces, of = self.to_raster(vertices[faces[cut]])
+        points = np.concatenate([self._on_image(local), pieces.reshape(-1, 3)])
+        more = len(local) + np.arange(3 * len(pieces)).reshape(-1, 3)
+        parent = np.concatenate([whole, np.flatnonzero(cut)[of]])
+        return points, np.concatenate([faces[whole], more]), parent
 
     @abc.abstractmethod
     def points(
@@ -72,8 +105,16 @@ class AbstractCamera(eqx.Module):
         """World points at pixel centres [m], and their depths along the axis [m]."""
 
     @abc.abstractmethod
-    def rays(self) -> tuple[Float[np.ndarray, "p 3"], Float[np.ndarray, "p 3"]]:
-        """Rays of all pixels: points at depth 0 [m], and steps per metre of depth."""
+    def rays(
+        self, pixel: Int[np.ndarray, " p"] | None = None
+    ) -> tuple[Float[np.ndarray, "p 3"], Float[np.ndarray, "p 3"]]:
+        """Rays of pixels, all if None: points at depth 0 [m], steps per metre of it."""
+
+    @abc.abstractmethod
+    def pixels_towards(
+        self, direction: Float[np.ndarray, "3"], angle: float
+    ) -> Int[np.ndarray, " p"]:
+        """Pixels with rays within `angle` [rad] of a unit vector; perhaps some more."""
 
     def finer(self, samples: int) -> "AbstractCamera":
         """Same view with `samples` times as many pixels along both axes."""
@@ -89,14 +130,14 @@ class AbstractCamera(eqx.Module):
         # Raises where the direction or the up vector makes no frame.
         _ = self.frame
 
-    # Pieces of the triangles in camera axes beyond the depth `near`: what is behind the
-    # pinhole would be projected upside down.
-    def _clipped(self, triangles: np.ndarray, near: float):
-        local = linear_map(triangles - np.asarray(self.position), self.frame.T)
-        return clip_half_space(local, _FORWARD, near)
+    def _local(self, points: np.ndarray) -> np.ndarray:
+        return linear_map(points - np.asarray(self.position), self.frame.T)
 
     def _to_world(self, local: np.ndarray) -> np.ndarray:
         return linear_map(local, self.frame) + np.asarray(self.position)
+
+    def _all_or(self, pixel: Int[np.ndarray, " p"] | None) -> Int[np.ndarray, " p"]:
+        return np.arange(self.width * self.height) if pixel is None else pixel
 
     # Of a pixel's centre, to the right of and below that of the image [pixels].
     def _offsets(self, pixel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -133,17 +174,19 @@ class Camera(AbstractCamera):
     def _focal(self) -> float:
         return self.height / 2 / np.tan(self.field_of_view / 2)
 
+    @property
     @override
-    def to_raster(
-        self, triangles: Float[np.ndarray, "f 3 3"]
-    ) -> tuple[Float[np.ndarray, "k 3 3"], Int[np.ndarray, " k"]]:
+    def _near(self) -> float:
         distance = float(np.linalg.norm(np.subtract(self.look_at, self.position)))
-        pieces, parent = self._clipped(triangles, _NEAR * distance)
-        depth = pieces[..., 2]
-        column = self.width / 2 + self._focal * pieces[..., 0] / depth
-        row = self.height / 2 + self._focal * pieces[..., 1] / depth
+        return _NEAR * distance
+
+    @override
+    def _on_image(self, local: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
+        depth = local[..., 2]
+        column = self.width / 2 + self._focal * local[..., 0] / depth
+        row = self.height / 2 + self._focal * local[..., 1] / depth
         # In perspective the inverse of the depth is linear over the image.
-        return np.stack([column, row, -1 / depth], axis=-1), parent
+        return np.stack([column, row, -1 / depth], axis=-1)
 
     @override
     def points(
@@ -155,12 +198,34 @@ class Camera(AbstractCamera):
         return self._to_world(np.stack([x, y, depth], axis=1)), depth
 
     @override
-    def rays(self) -> tuple[Float[np.ndarray, "p 3"], Float[np.ndarray, "p 3"]]:
-        right, down = self._offsets(np.arange(self.width * self.height))
+    def rays(
+        self, pixel: Int[np.ndarray, " p"] | None = None
+    ) -> tuple[Float[np.ndarray, "p 3"], Float[np.ndarray, "p 3"]]:
+        right, down = self._offsets(self._all_or(pixel))
         ahead = np.full(len(right), self._focal)
         step = linear_map(np.stack([right, down, ahead], axis=1), self.frame)
         step /= self._focal
         return np.broadcast_to(np.asarray(self.position, float), step.shape), step
+
+    @override
+    def pixels_towards(
+        self, direction: Float[np.ndarray, "3"], angle: float
+    ) -> Int[np.ndarray, " p"]:
+        right, down, ahead = self.frame @ direction
+        off = float(np.arctan2(np.hypot(right, down), ahead))
+        if off + angle >= np.pi / 2:
+            # Such a cone has no outline on the image, or is behind it.
+            return self._all_or(None) if off - angle < np.pi / 2 else np.arange(0)
+        # The outline is an ellipse, longest away from the middle of the image.
+        reach = self._focal * (np.tan(off + angle) - np.tan(off)) + 1
+        ends = []
+        for along, size in ((right, self.width), (down, self.height)):
+            middle = self._focal * along / ahead + size / 2
+            ends.append(np.clip([middle - reach, middle + reach], 0, size).astype(int))
+        (left, other), (top, bottom) = ends
+        rows = np.arange(top, min(bottom + 1, self.height))
+        columns = np.arange(left, min(other + 1, self.width))
+        return (rows[:, None] * self.width + columns).ravel()
 
 
 class OrthographicCamera(AbstractCamera):
@@ -188,15 +253,17 @@ class OrthographicCamera(AbstractCamera):
                 "give a positive length in metres"
             )
 
+    @property
     @override
-    def to_raster(
-        self, triangles: Float[np.ndarray, "f 3 3"]
-    ) -> tuple[Float[np.ndarray, "k 3 3"], Int[np.ndarray, " k"]]:
-        pieces, parent = self._clipped(triangles, 0.0)
+    def _near(self) -> float:
+        return 0.0
+
+    @override
+    def _on_image(self, local: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
         scale = self.height / self.view_height
-        column = self.width / 2 + scale * pieces[..., 0]
-        row = self.height / 2 + scale * pieces[..., 1]
-        return np.stack([column, row, pieces[..., 2]], axis=-1), parent
+        column = self.width / 2 + scale * local[..., 0]
+        row = self.height / 2 + scale * local[..., 1]
+        return np.stack([column, row, local[..., 2]], axis=-1)
 
     @override
     def points(
@@ -207,10 +274,20 @@ class OrthographicCamera(AbstractCamera):
         return self._to_world(np.stack([right * scale, down * scale, key], axis=1)), key
 
     @override
-    def rays(self) -> tuple[Float[np.ndarray, "p 3"], Float[np.ndarray, "p 3"]]:
-        number = np.arange(self.width * self.height)
+    def rays(
+        self, pixel: Int[np.ndarray, " p"] | None = None
+    ) -> tuple[Float[np.ndarray, "p 3"], Float[np.ndarray, "p 3"]]:
+        number = self._all_or(pixel)
         origin, _ = self.points(number, np.zeros(len(number)))
         return origin, np.broadcast_to(self.frame[2], origin.shape)
+
+    @override
+    def pixels_towards(
+        self, direction: Float[np.ndarray, "3"], angle: float
+    ) -> Int[np.ndarray, " p"]:
+        # All rays are parallel; the difference is rounded less than a scalar product.
+        away = float(np.linalg.norm(self.frame[2] - direction))
+        return self._all_or(None) if away <= angle else np.arange(0)
 
 
 def frame_all(

@@ -18,11 +18,12 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.sparse import block_diag, coo_array, csr_array
+from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
+from ..findings import found
 from ..scene.scene import BodyGeometry
-from .fragment_cells import CHUNK, cells_of
+from .fragment_cells import CHUNK, Neighbours, block_matrix, cells_of
 
 
 # Facets of at least this area [voxel faces] have fragments of their own at every corner
@@ -83,33 +84,62 @@ def facet_shading(
         face: number of the triangle of each point.
         geometry: of the body.
     """
-    vertices, faces = geometry.vertices, geometry.faces
-    shown = np.unique(face)
-    area = np.linalg.norm(_area_vectors(vertices[faces[shown]]), axis=1)
-    shown = shown[area >= _MIN_AREA * geometry.pitch**2]
-    normal = _corner_normals(vertices, faces, shown)
-    flat = _unit(_area_vectors(vertices[faces[shown]]))
-    curved = np.einsum("ki,kci->kc", flat, normal).min(axis=1) < _COPLANAR
-    shown, normal, flat = shown[curved], normal[curved], flat[curved]
-    place = vertices[faces[shown]].reshape(-1, 3)
-    joined = _weights(place, normal.reshape(-1, 3), geometry, _JOINED)
-    alone = _weights(place, flat.repeat(3, axis=0), geometry, _ALONE)
-    # A corner too sharp for a fragment has no mean.
-    whole = _has_mean(joined) & _has_mean(alone)
-    slot = np.full(len(faces), -1)
-    slot[shown] = np.where(whole.reshape(-1, 3).all(axis=1), np.arange(len(shown)), -1)
-    point = np.flatnonzero(slot[face] >= 0)
-    own = _weights(points[point], flat[slot[face[point]]], geometry, _OWN)
-    found = _has_mean(own)
-    point = point[found]
+    large = _large_facets(geometry)
+    slot = large.slot[face]
+    point = np.flatnonzero(slot >= 0)
+    flat = _face_normals(geometry.vertices, geometry.faces).flat
+    own = _weights(points[point], flat[face[point]], geometry, _OWN)
+    found_own = np.flatnonzero(_has_mean(own))
+    point = point[found_own]
+    # Corners of the facets that are seen.
+    used, row = np.unique(slot[point], return_inverse=True)
+    corner = (3 * used[:, None] + np.arange(3)).ravel()
+    triangles = geometry.vertices[geometry.faces[face[point]]]
     return FacetShading(
         point=point,
-        own=own[np.flatnonzero(found)],
-        corner=3 * slot[face[point]][:, None] + np.arange(3),
-        share=_barycentric(vertices[faces[face[point]]], points[point]),
-        joined=joined,
-        alone=alone,
+        own=own[found_own],
+        corner=3 * row[:, None] + np.arange(3),
+        share=_barycentric(triangles, points[point]),
+        joined=large.joined[corner],
+        alone=large.alone[corner],
     )
+
+
+class _LargeFacets(NamedTuple):
+    """The k facets of a body that are large and not plane."""
+
+    slot: Int[np.ndarray, " f"]
+    """Number of each face among them; -1 for the others."""
+    joined: csr_array
+    """Weights [3 k, s] of V_c."""
+    alone: csr_array
+    """Weights [3 k, s] of F_c."""
+
+
+def _large_facets(geometry: BodyGeometry) -> _LargeFacets:
+    """Large facets, the same for all views and poses of a body."""
+    mesh = geometry.vertices, geometry.faces
+    fragments = geometry.fragment_position, geometry.fragment_normal
+    of = *mesh, *fragments, geometry.fragment_area
+    by = "large_facets", float(geometry.pitch)
+    return found(of, by, lambda: _find_large_facets(geometry))
+
+
+def _find_large_facets(geometry: BodyGeometry) -> _LargeFacets:
+    vertices, faces = geometry.vertices, geometry.faces
+    flat, corner, area = _face_normals(vertices, faces)
+    large = np.flatnonzero(area >= _MIN_AREA * geometry.pitch**2)
+    cosine = np.einsum("ki,kci->kc", flat[large], corner[large])
+    shown = large[cosine.min(axis=1, initial=1.0) < _COPLANAR]
+    place = vertices[faces[shown]].reshape(-1, 3)
+    joined = _weights(place, corner[shown].reshape(-1, 3), geometry, _JOINED)
+    alone = _weights(place, flat[shown].repeat(3, axis=0), geometry, _ALONE)
+    # A corner too sharp for a fragment has no mean.
+    whole = (_has_mean(joined) & _has_mean(alone)).reshape(-1, 3).all(axis=1)
+    slot = np.full(len(faces), -1)
+    slot[shown[whole]] = np.arange(whole.sum())
+    kept = np.flatnonzero(whole.repeat(3))
+    return _LargeFacets(slot, joined[kept], alone[kept])
 
 
 def _has_mean(weights: csr_array) -> np.ndarray:
@@ -120,25 +150,18 @@ def _weights(
     points: np.ndarray, normals: np.ndarray, geometry: BodyGeometry, near: _Near
 ) -> csr_array:
     """Weights that add up to 1 at every point with a fragment."""
-    radius = near.radius * geometry.pitch
-    size = len(points), len(geometry.fragment_area)
-    if not len(points):
-        return csr_array(size)
-    cells = cells_of(geometry, radius)
-    parts = []
-    for first in range(0, len(points), CHUNK):
-        chunk = slice(first, first + CHUNK)
-        point, normal = points[chunk], normals[chunk]
-        owner, fragment, weight = cells.weighted(point, normal)
-        away = geometry.fragment_position[fragment] - point[owner]
-        height = np.abs(np.einsum("ij,ij->i", away, normal[owner]))
-        other = geometry.fragment_normal[fragment]
-        kept = np.einsum("ij,ij->i", other, normal[owner]) > near.cosine
-        kept &= height <= near.offset * geometry.pitch
-        parts.append((owner[kept] + first, fragment[kept], weight[kept]))
-    row, fragment, weight = (np.concatenate(part) for part in zip(*parts, strict=True))
-    total = np.bincount(row, weights=weight, minlength=len(points))
-    return csr_array((weight / total[row], (row, fragment)), size)
+    cells = cells_of(geometry, near.radius * geometry.pitch)
+
+    def chosen(pairs: Neighbours) -> np.ndarray:
+        normal = normals[pairs.owner]
+        away = geometry.fragment_position[pairs.fragment] - points[pairs.owner]
+        height = np.abs(np.einsum("ij,ij->i", away, normal))
+        other = geometry.fragment_normal[pairs.fragment]
+        cosine = np.einsum("ij,ij->i", other, normal)
+        level = height <= near.offset * geometry.pitch
+        return np.flatnonzero(level & (cosine > near.cosine))
+
+    return cells.means(points, normals, chosen)
 
 
 def joined_shadings(
@@ -155,16 +178,12 @@ def joined_shadings(
     corner = [part.corner + n for part, n in zip(parts, before[:-1], strict=True)]
     return FacetShading(
         point=np.concatenate(point),
-        own=_blocks([part.own for part in parts]),
+        own=block_matrix([part.own for part in parts]),
         corner=np.concatenate(corner),
         share=np.concatenate([part.share for part in parts]),
-        joined=_blocks([part.joined for part in parts]),
-        alone=_blocks([part.alone for part in parts]),
+        joined=block_matrix([part.joined for part in parts]),
+        alone=block_matrix([part.alone for part in parts]),
     )
-
-
-def _blocks(parts: list[csr_array]) -> csr_array:
-    return csr_array(block_diag(parts, format="csr"))
 
 
 def smooth_normals(
@@ -186,34 +205,49 @@ def smooth_normals(
         face: number of the triangle of each point.
         points: on the triangles [m].
     """
-    shown, row = np.unique(face, return_inverse=True)
-    corner = _corner_normals(vertices, faces, shown)[row]
-    triangle = vertices[faces[face]]
-    weight = _barycentric(triangle, points)
-    normal = _unit(np.einsum("pi,pij->pj", weight, corner))
-    flat = _unit(_area_vectors(triangle))
+    found = np.empty((len(face), 3))
+    for first in range(0, len(face), CHUNK):
+        part = slice(first, first + CHUNK)
+        found[part] = _interpolated_normals(vertices, faces, face[part], points[part])
+    return found
+
+
+def _interpolated_normals(
+    vertices: np.ndarray, faces: np.ndarray, face: np.ndarray, points: np.ndarray
+) -> Float[np.ndarray, "p 3"]:
+    normals = _face_normals(vertices, faces)
+    weight = _barycentric(vertices[faces[face]], points)
+    normal = _unit(np.einsum("pi,pij->pj", weight, normals.corner[face]))
+    flat = normals.flat[face]
     # A degenerate triangle has no normal, and no pixel that could show it.
     ahead = np.einsum("pi,pi->p", normal, flat) > 0
     return np.where(ahead[:, None], normal, flat)
 
 
-def _corner_normals(
-    vertices: np.ndarray, faces: np.ndarray, shown: np.ndarray
-) -> Float[np.ndarray, "k 3 3"]:
-    """Normal at each corner of some faces [k, corner, 3]."""
-    if not len(shown):
-        return np.empty((0, 3, 3))
-    touched = np.zeros(len(vertices), bool)
-    touched[faces[shown]] = True
-    near = np.flatnonzero(touched[faces].any(axis=1))
-    normal = _unit(_area_vectors(vertices[faces[near]]))
-    # Corner 3 f + i of face f; those of one group have one normal.
-    group = _joined_corners(faces[near], normal)
-    angle = _corner_angles(vertices[faces[near]]).ravel()
-    weighted = normal.repeat(3, axis=0) * angle[:, None]
-    total = [np.bincount(group, column) for column in weighted.T]
-    smooth = _unit(np.stack(total, axis=1))[group].reshape(-1, 3, 3)
-    return smooth[np.searchsorted(near, shown)]
+class _FaceNormals(NamedTuple):
+    """Normals of all faces of a mesh, and of the smooth surface at their corners."""
+
+    flat: Float[np.ndarray, "f 3"]
+    corner: Float[np.ndarray, "f 3 3"]
+    area: Float[np.ndarray, " f"]
+    """In m^2."""
+
+
+def _face_normals(vertices: np.ndarray, faces: np.ndarray) -> _FaceNormals:
+    """Normals of a mesh, the same for all views and poses of it."""
+
+    def find() -> _FaceNormals:
+        vectors = _area_vectors(vertices[faces])
+        flat, area = _unit(vectors), np.sqrt(np.einsum("fi,fi->f", vectors, vectors))
+        # Corner 3 f + i of face f; those of one group have one normal.
+        group = _joined_corners(faces, flat)
+        angle = _corner_angles(vertices[faces]).ravel()
+        weighted = flat.repeat(3, axis=0) * angle[:, None]
+        total = [np.bincount(group, column) for column in weighted.T]
+        smooth = _unit(np.stack(total, axis=1))[group]
+        return _FaceNormals(flat, smooth.reshape(-1, 3, 3), area)
+
+    return found((vertices, faces), "face_normals", find)
 
 
 def _joined_corners(
@@ -254,7 +288,7 @@ def _area_vectors(triangles: np.ndarray) -> Float[np.ndarray, "f 3"]:
 
 def _unit(vectors: np.ndarray) -> np.ndarray:
     """Vectors of length 1; 0 of those without a length."""
-    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    length = np.sqrt(np.einsum("...i,...i->...", vectors, vectors))[..., None]
     return vectors / np.where(length > 0, length, 1)
 
 
@@ -262,11 +296,19 @@ def _barycentric(
     triangles: Float[np.ndarray, "p 3 3"], points: Float[np.ndarray, "p 3"]
 ) -> Float[np.ndarray, "p 3"]:
     """Barycentric coordinates of points on triangles."""
-    # Areas of the triangles that the point forms with each edge, along the normal.
-    whole = _area_vectors(triangles)
-    away = triangles - points[:, None]
-    edges = np.cross(np.roll(away, -1, axis=1), np.roll(away, -2, axis=1)) / 2
-    area = np.einsum("pij,pj->pi", edges, whole)
-    total = np.einsum("pj,pj->p", whole, whole)[:, None]
+    # Areas of the triangles that the point forms with each edge, along the normal;
+    # columns are contiguous.
+    away = np.moveaxis(triangles - points[:, None], 0, -1).copy()
+    a, b, c = away
+    opposite = [_cross(one, other) for one, other in ((b, c), (c, a), (a, b))]
+    whole = opposite[0] + opposite[1] + opposite[2]
+    total = (whole * whole).sum(axis=0)
+    area = np.stack([(each * whole).sum(axis=0) for each in opposite], axis=1)
     # Clipped: on an edge rounding may place the point just outside.
-    return np.clip(area / np.where(total > 0, total, 1), 0.0, 1.0)
+    return np.clip(area / np.where(total > 0, total, 1)[:, None], 0.0, 1.0)
+
+
+def _cross(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Cross products of columns x, y, z."""
+    (a, b, c), (x, y, z) = one, other
+    return np.stack([b * z - c * y, c * x - a * z, a * y - b * x])

@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 import OpenEXR
-from jaxtyping import Array, Float, UInt8
+from jaxtyping import Array, Float
 from scipy.ndimage import binary_erosion
 
 from ..atomic import replacing
 from ..errors import InputError
 from .annotate import annotate, write_png as write_picture
+from .canvas import averaged
 from .palette import BACKGROUND, ENTRIES, apply_palette
 from .render import Image
 
@@ -163,26 +164,20 @@ def picture(
     drawn = np.isfinite(np.asarray(image.depth))
     behind = np.where(drawn, kelvin, np.nan)
     colours = apply_palette(behind, low, high, palette, invalid=BACKGROUND)
-    # A coarsened pixel on the silhouette mixes the body with the background.
-    counted = np.asarray(binary_erosion(drawn, iterations=1, border_value=1), bool)
-    seen = kelvin[drawn if samples > 1 else counted]
+    if samples == 1:
+        # A coarsened pixel on the silhouette mixes the body with the background.
+        drawn = np.asarray(binary_erosion(drawn, iterations=1, border_value=1), bool)
+    # Colours and not temperatures: at an edge their mean would be of neither side.
     return annotate(
-        _averaged(colours, samples),
+        averaged(colours, samples),
         low=low,
         high=high,
         palette=palette,
         time=float(image.time),
         title=title,
         quantity=quantity,
-        beyond=_beyond(seen, float(low), float(high)),
+        beyond=_beyond(kelvin[drawn], float(low), float(high)),
     )
-
-
-def _averaged(colours: UInt8[np.ndarray, "h w 3"], samples: int) -> np.ndarray:
-    # Colours and not temperatures: at an edge their mean would be of neither side.
-    height, width, _ = colours.shape
-    blocks = colours.reshape(height // samples, samples, width // samples, samples, 3)
-    return np.rint(blocks.mean(axis=(1, 3))).astype(np.uint8)
 
 
 def _beyond(seen: Float[np.ndarray, " n"], low: float, high: float):

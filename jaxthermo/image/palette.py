@@ -89,13 +89,15 @@ def apply_palette(
     table = palette_table(name)
     low, high = check_limits(low, high)
     image = np.asarray(values, np.float64)
-    valid = ~np.isnan(image)
+    blank = np.isnan(image)
     # Clipped first, so that infinities have the end colours without a warning.
-    bounded = np.clip(np.where(valid, image, low), low, high)
+    bounded = np.clip(np.where(blank, low, image), low, high)
     if high > low:
-        fraction = (bounded - low) / (high - low)
+        bounded -= low
+        bounded /= high - low
     else:
-        fraction = 0.5 + 0.5 * np.sign(np.where(valid, image, low) - low)
-    colours = table[np.rint(fraction * (ENTRIES - 1)).astype(np.intp)]
-    colours[~valid] = np.asarray(invalid, np.uint8)
+        bounded = 0.5 + 0.5 * np.sign(np.where(blank, low, image) - low)
+    bounded *= ENTRIES - 1
+    colours = table[np.rint(bounded, out=bounded).astype(np.uint8)]
+    colours[blank] = np.asarray(invalid, np.uint8)
     return colours

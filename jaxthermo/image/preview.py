@@ -40,7 +40,7 @@ def draw_preview(
         InputError: if the camera is inside a body or sees none.
     """
     fine = camera.finer(_SAMPLES)
-    world = tuple(pose.to_world(mesh.vertices)[mesh.faces] for mesh, pose in bodies)
+    world = tuple((pose.to_world(mesh.vertices), mesh.faces) for mesh, pose in bodies)
     found = visible_points(world, fine)
     colours = _shaded(bodies, found, fine)
     width, height = camera.size

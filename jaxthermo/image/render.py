@@ -138,12 +138,13 @@ def draw(
         load_time: time of the values of sky, ground and sources [s]; `time` if None.
     """
     load_time = time if load_time is None else load_time
-    values = temperature, per_fragment(surfaces, "emissivity")
     # Of the sources alone only where the rest is hidden.
     alone = lit is not None and view.open_fraction is not None
     received = (reflected, lit) if alone else (reflected,)
     # Derivatives need JAX, which otherwise would compile a program for every view.
-    xp: Any = jnp if is_traced((values, received, load_time, terms)) else np
+    traced = is_traced((temperature, received, load_time, terms, surfaces))
+    xp: Any = jnp if traced else np
+    values = temperature, per_fragment(surfaces, "emissivity", xp)
     columns, radiation = (
         xp.stack([xp.asarray(each) for each in given], axis=1)
         for given in (values, received)

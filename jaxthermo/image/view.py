@@ -18,22 +18,13 @@ from ..stored_findings import stored
 from .background import Background, compute_background
 from .camera import AbstractCamera
 from .facets import FacetShading, facet_shading, joined_shadings, smooth_normals
-from .fragment_cells import CHUNK, cells_of
+from .fragment_cells import CHUNK, block_matrix, cells_of
 from .ssao import screen_space_occlusion
 from .visible import VisiblePoints, visible_points
 
 
 # Radius of the weights [voxels]; from 1.4 it includes a fragment of any surface.
 _RADIUS = 2.0
-
-
-class _PixelWeights(NamedTuple):
-    """Sparse matrix: value[pixel] = sum of weight * value[fragment]."""
-
-    pixel: Int[np.ndarray, " w"]
-    """Pixel of each entry, sorted."""
-    fragment: Int[np.ndarray, " w"]
-    weight: Float[np.ndarray, " w"]
 
 
 def _nearest_fragments(
@@ -59,40 +50,24 @@ def _smooth_weights(
     points: Float[np.ndarray, "p 3"],
     normals: Float[np.ndarray, "p 3"],
     geometry: BodyGeometry,
-) -> _PixelWeights:
-    cells = cells_of(geometry, _RADIUS * geometry.pitch)
-    parts = []
-    for first in range(0, len(points), CHUNK):
-        chunk = slice(first, first + CHUNK)
-        owner, fragment, weight = cells.weighted(points[chunk], normals[chunk])
-        parts.append((owner + first, fragment, weight))
-    pixel, fragment, weight = (
-        np.concatenate(column) for column in zip(*parts, strict=True)
-    )
-    total = np.bincount(pixel, weights=weight, minlength=len(points))
-    alone = np.flatnonzero(total == 0)
-    if len(alone):
-        # Parts too thin to have fragments show the nearest ones.
-        pixel = np.concatenate([pixel, alone])
-        fragment = np.concatenate(
-            [fragment, _nearest_fragments(points[alone], geometry)]
-        )
-        weight = np.concatenate([weight, np.ones(len(alone))])
-        order = np.argsort(pixel, kind="stable")
-        pixel, fragment, weight = pixel[order], fragment[order], weight[order]
-        total[alone] = 1.0
-    return _PixelWeights(pixel, fragment, weight / total[pixel])
+) -> csr_array:
+    """Weights [p, s] of a body's fragments at each point."""
+    found = cells_of(geometry, _RADIUS * geometry.pitch).means(points, normals)
+    alone = np.flatnonzero(np.diff(found.indptr) == 0)
+    if not len(alone):
+        return found
+    # Parts too thin to have fragments show the nearest ones.
+    nearest = _nearest_fragments(points[alone], geometry)
+    return found + csr_array((np.ones(len(alone)), (alone, nearest)), found.shape)
 
 
 def _block_weights(
     points: Float[np.ndarray, "p 3"], geometry: BodyGeometry
-) -> _PixelWeights:
+) -> csr_array:
     # The nearest fragment alone: the image shows the voxels.
-    return _PixelWeights(
-        np.arange(len(points)),
-        _nearest_fragments(points, geometry),
-        np.ones(len(points)),
-    )
+    nearest, starts = _nearest_fragments(points, geometry), np.arange(len(points) + 1)
+    size = len(points), len(geometry.fragment_area)
+    return csr_array((np.ones(len(points)), nearest, starts), size)
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,7 +156,8 @@ def _shown(
     smooth: bool,
     occlusion: float | None,
 ) -> _Shown:
-    world = tuple(s.geometry.triangles for s in surfaces)
+    bodies = [s.geometry for s in surfaces]
+    world = tuple((g.placed.to_world(g.vertices), g.faces) for g in bodies)
     found = visible_points(world, camera)
     local, normal = _in_bodies(surfaces, found)
     pixel, body, depth = found.pixel, found.body, found.depth
@@ -211,8 +187,7 @@ def _in_bodies(
 ) -> tuple[Float[np.ndarray, "p 3"], Float[np.ndarray, "p 3"]]:
     """Points in the frames of their bodies [m], and smooth normals in the world."""
     local, normal = np.empty_like(found.position), np.empty_like(found.position)
-    for index, surface in enumerate(surfaces):
-        shown = np.flatnonzero(found.body == index)
+    for shown, surface in zip(_of_bodies(surfaces, found.body), surfaces, strict=True):
         geometry, placed = surface.geometry, surface.geometry.placed
         local[shown] = placed.to_body(found.position[shown])
         given = geometry.vertices, geometry.faces, found.face[shown], local[shown]
@@ -220,22 +195,30 @@ def _in_bodies(
     return local, normal
 
 
+def _of_bodies(
+    surfaces: tuple[SolvedSurface, ...], body: Int[np.ndarray, " p"]
+) -> list[Any]:
+    """Index of the points of each body."""
+    # Without a copy where there is only one.
+    one = len(surfaces) == 1
+    return [slice(None)] if one else [body == n for n in range(len(surfaces))]
+
+
 def _all_weights(surfaces, body, local, normal, smooth) -> csr_array:
-    parts, first = [], 0
-    for index, surface in enumerate(surfaces):
-        shown = np.flatnonzero(body == index)
+    parts, shown = [], _of_bodies(surfaces, body)
+    for here, surface in zip(shown, surfaces, strict=True):
         geometry = surface.geometry
-        if len(shown):
-            rotated = geometry.placed.rotate_back(normal[shown])
-            found = (
-                _smooth_weights(local[shown], rotated, geometry)
-                if smooth
-                else _block_weights(local[shown], geometry)
-            )
-            parts.append((shown[found.pixel], found.fragment + first, found.weight))
-        first += len(geometry.fragment_area)
-    pixel, fragment, weight = (np.concatenate(c) for c in zip(*parts, strict=True))
-    return csr_array((weight, (pixel, fragment)), (len(body), first))
+        rotated = geometry.placed.rotate_back(normal[here])
+        parts.append(
+            _smooth_weights(local[here], rotated, geometry)
+            if smooth
+            else _block_weights(local[here], geometry)
+        )
+    if len(parts) == 1:
+        return parts[0]
+    rows = np.concatenate([np.flatnonzero(each) for each in shown])
+    # Back into the order of the pixels.
+    return block_matrix(parts)[np.argsort(rows)]
 
 
 def _all_facets(

@@ -7,7 +7,8 @@ from jaxtyping import Bool, Float, Int
 
 from ..errors import InputError
 from ..geometry.mesh import winding_number
-from ..raster.fragments import peel
+from ..raster.depth_buffer import nearest_hits
+from ..raster.host_fragments import within_raster
 from .camera import AbstractCamera
 
 
@@ -26,43 +27,62 @@ class VisiblePoints(NamedTuple):
     """Depth along the optical axis [m]."""
 
 
+WorldMesh = tuple[Float[np.ndarray, "_ 3"], Int[np.ndarray, "_ 3"]]
+"""Vertices in the world [m] and faces."""
+
+
 def visible_points(
-    bodies: tuple[Float[np.ndarray, "_ 3 3"], ...], camera: AbstractCamera
+    bodies: tuple[WorldMesh, ...], camera: AbstractCamera
 ) -> VisiblePoints:
-    """Find what the camera sees of bodies, each given by its triangles [m].
+    """Find what the camera sees of bodies.
 
     Raises:
         InputError: if the camera is inside a body or sees none.
     """
-    for index, triangles in enumerate(bodies):
-        if abs(winding_number(triangles, np.asarray(camera.position, float))) > 0.5:
+    for index, mesh in enumerate(bodies):
+        if _is_inside(np.asarray(camera.position, float), *mesh):
             raise InputError(
                 f"camera: position {camera.position} is inside body {index}; "
                 "move it out, or omit the camera for an automatic view"
             )
-    corners, parent = camera.to_raster(np.concatenate(bodies))
-    on_image = np.flatnonzero(_overlaps(corners, camera))
-    layers = peel(corners[on_image], *camera.size)
-    front = layers.layer == 0
-    pixel, key = layers.pixel[front], layers.depth[front]
+    points, faces, parent = camera.mesh_to_raster(*_joined(bodies))
+    if not within_raster(points):
+        # Others may be as far away as they like.
+        shown = np.flatnonzero(_overlaps(points[faces], camera))
+        points, parent = points[faces[shown]].reshape(-1, 3), parent[shown]
+        faces = np.arange(len(points)).reshape(-1, 3)
+    pixel, key, triangle = nearest_hits(points, faces, *camera.size)
     if not len(pixel):
         raise InputError(
             f"camera: at {camera.position} it sees no body; "
             "turn it, or omit the camera for an automatic view"
         )
-    hit = parent[on_image][layers.triangle[front]]
-    first = np.cumsum([0, *(len(triangles) for triangles in bodies)])
+    hit = parent[triangle]
+    first = np.cumsum([0, *(len(faces) for _, faces in bodies)])
     body = np.searchsorted(first, hit, side="right") - 1
     position, depth = camera.points(pixel, key)
     return VisiblePoints(pixel, body, hit - first[body], position, depth)
 
 
-# Triangles whose bounding box overlaps the image: the others would cost rays.
+def _is_inside(point: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> bool:
+    # Outside of the box around a body no search is needed.
+    if ((point < vertices.min(axis=0)) | (point > vertices.max(axis=0))).any():
+        return False
+    return abs(winding_number(vertices[faces], point)) > 0.5
+
+
+def _joined(bodies: tuple[WorldMesh, ...]) -> WorldMesh:
+    if len(bodies) == 1:
+        return bodies[0]
+    before = np.cumsum([0, *(len(vertices) for vertices, _ in bodies)])
+    numbered = [each + n for (_, each), n in zip(bodies, before[:-1], strict=True)]
+    return np.concatenate([each for each, _ in bodies]), np.concatenate(numbered)
+
+
 def _overlaps(corners: np.ndarray, camera: AbstractCamera) -> Bool[np.ndarray, " k"]:
+    """Triangles whose bounding box overlaps the image."""
     inside = np.ones(len(corners), bool)
-    # Corner by corner: numpy is slow at the minimum along an axis of length three.
     for axis, size in enumerate(camera.size):
-        a, b, c = corners[..., axis].T
-        low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+        low, high = corners[..., axis].min(axis=1), corners[..., axis].max(axis=1)
         inside &= (high > 0) & (low < size)
     return inside

@@ -24,15 +24,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from ..errors import InputError
-from .host_fragments import host_fragments, host_layers
-
-
-SNAP = 1024
-"""Steps per pixel of the snapped coordinates."""
-
-_MAX_COORDINATE = 2**20
-"""Limit [pixels] below which the products of 64-bit integers cannot overflow."""
+from .host_fragments import SNAP, check_coordinates, host_fragments, host_layers
 
 
 MIN_CAPACITY = 2**14
@@ -208,7 +200,7 @@ def _rasterize(
     Raises:
         InputError: if a corner is not finite or more than 2^20 pixels away.
     """
-    _check_corners(triangles)
+    check_coordinates(triangles)
     row_capacity, capacity = sizes or shared_capacities(triangles, width, height)
     with jax.enable_x64(True):
         corners = jnp.asarray(_padded(triangles), jnp.float64)
@@ -225,19 +217,6 @@ def _rasterize(
                 return fragments
             row_capacity = max(row_capacity, _rounded_up(rows))
             capacity = max(capacity, _rounded_up(count))
-
-
-def _check_corners(triangles: Float[np.ndarray, "f 3 3"]) -> None:
-    ends = triangles.min(initial=0), triangles.max(initial=0)
-    # Most often the bounds of all numbers suffice, which are quick to find.
-    if not np.abs(ends).max() <= _MAX_COORDINATE and (
-        not np.isfinite(ends).all()
-        or np.abs(triangles[..., :2]).max(initial=0) > _MAX_COORDINATE
-    ):
-        raise InputError(
-            "raster: a triangle is not finite or over a million pixels away; "
-            "use a coarser pitch or clip the mesh to the view"
-        )
 
 
 @dataclass(frozen=True)
@@ -302,9 +281,8 @@ def peel(
     """All depth layers of triangles given as (column, row, depth) [pixels]."""
     bits = int(width * height).bit_length()
     if _on_host():
-        _check_corners(triangles)
-        found = host_fragments(triangles, width, height, SNAP)
-        order, layer = host_layers(found.pixel, found.depth, bits)
+        found = host_fragments(triangles, width, height)
+        order, layer = host_layers(found, bits)
     else:
         fragments = _rasterize(triangles, width, height, sizes)
         with jax.enable_x64(True):
@@ -327,32 +305,3 @@ def peel(
 def _on_host() -> bool:
     """True without an accelerator; what is compiled would run on the processor too."""
     return jax.default_backend() == "cpu"
-
-
-def depth_range(
-    triangles: Float[np.ndarray, "f 3 3"],
-    width: int,
-    height: int,
-    sizes: tuple[int, int] | None = None,
-) -> tuple[Float[np.ndarray, "h w"], Float[np.ndarray, "h w"]]:
-    """Nearest and farthest depth of triangles given as (column, row, depth).
-
-    Empty pixels have the depths inf and -inf. Arguments as for `_rasterize`. May be
-    called while something else is traced.
-    """
-    if _on_host():
-        _check_corners(triangles)
-        found = host_fragments(triangles, width, height, SNAP)
-        pixel, depth = found.pixel, found.depth
-    else:
-        with jax.ensure_compile_time_eval():
-            fragments = _rasterize(triangles, width, height, sizes)
-        count = int(fragments.count)
-        pixel = np.asarray(fragments.pixel)[:count]
-        depth = np.asarray(fragments.depth)[:count]
-    # No sort: the layers in between are not needed.
-    nearest = np.full(width * height, np.inf)
-    farthest = np.full(width * height, -np.inf)
-    np.minimum.at(nearest, pixel, depth)
-    np.maximum.at(farthest, pixel, depth)
-    return nearest.reshape(height, width), farthest.reshape(height, width)

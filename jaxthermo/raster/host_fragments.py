@@ -1,24 +1,61 @@
 """Fragments of triangles and their depth layers by numpy, on the host.
 
-The same as those of the compiled program in `fragments`, depths to their last bit.
-Every size of mesh and image takes a program of its own, which is compiled in many times
-the time in which numpy is done.
+The same as those of the compiled program in `fragments`, from the same integers, depths
+to their last bit. Every size of mesh and image takes a program of its own, which is
+compiled in many times the time in which numpy is done.
 """
 
-from typing import NamedTuple
+from collections.abc import Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ..arrays import sorted_union
+from ..errors import InputError
 
 
-_AT_ONCE = 2**16
-"""Number of fragments whose arrays fit into the processor's cache."""
+SNAP = 1024
+"""Steps per pixel of the snapped coordinates."""
+
+_MAX_COORDINATE = 2**20
+"""Limit [pixels] below which the products of 64-bit integers cannot overflow."""
+
+# Limit [pixels] below which float64 is exact: products of snapped coordinates and their
+# sums stay below 2^53, and so does the error of a quotient below its distance from the
+# next integer. It has vector instructions for all of them.
+_MAX_EXACT = 2**15
+
+# Triangles that are drawn together: temporaries stay in the cache, and the allocator
+# keeps them instead of returning them.
+_CHUNK = 4096
+
+
+def within_raster(corners: Float[np.ndarray, "*n 3"]) -> bool:
+    """True if no product of corners (column, row, depth) can overflow."""
+    ends = corners.min(initial=0), corners.max(initial=0)
+    # Most often the bounds of all numbers suffice, which are quick to find.
+    return bool(np.abs(ends).max() <= _MAX_COORDINATE) or bool(
+        np.isfinite(ends).all()
+        and np.abs(corners[..., :2]).max(initial=0) <= _MAX_COORDINATE
+    )
+
+
+def check_coordinates(corners: Float[np.ndarray, "*n 3"]) -> None:
+    """Refuse what is not `within_raster`.
+
+    Raises:
+        InputError: if a corner is not finite or more than 2^20 pixels away.
+    """
+    if not within_raster(corners):
+        raise InputError(
+            "raster: a triangle is not finite or over a million pixels away; "
+            "use a coarser pitch or clip the mesh to the view"
+        )
 
 
 class HostFragments(NamedTuple):
-    """Fragments in the order of their triangles, rows and columns."""
+    """Fragments in any order."""
 
     pixel: Int[np.ndarray, " k"]
     """row * width + column."""
@@ -28,50 +65,34 @@ class HostFragments(NamedTuple):
     """True if the ray meets the outer side of the triangle."""
 
 
-class _Spans(NamedTuple):
-    """Rows of triangles that cover at least one pixel."""
-
-    triangle: Int[np.ndarray, " s"]
-    row: Int[np.ndarray, " s"]
-    left: Int[np.ndarray, " s"]
-    """First column."""
-    count: Int[np.ndarray, " s"]
-
-
 def host_fragments(
-    triangles: Float[np.ndarray, "f 3 3"], width: int, height: int, snap: int
+    triangles: Float[np.ndarray, "f 3 3"], width: int, height: int
 ) -> HostFragments:
-    """Fragments of triangles (column, row, depth), corners snapped to 1/`snap` pixel.
+    """All fragments of triangles (column, row, depth).
 
-    Triangles are within the limits that `fragments` checks.
+    Raises:
+        InputError: if a corner is not finite or more than 2^20 pixels away.
     """
-    corners = np.round(triangles[..., :2] * snap).astype(np.int64)
-    spans = _spans(corners, width, height, snap)
-    depths = triangles[..., 2]
-    ends = np.cumsum(spans.count)
-    total = int(ends[-1]) if len(ends) else 0
-    found = HostFragments(
-        np.empty(total, np.int64),
-        np.empty(total),
-        np.empty(total, np.int64),
-        np.empty(total, bool),
+    faces = np.arange(3 * len(triangles)).reshape(-1, 3)
+    chunks = [*fragment_chunks(triangles.reshape(-1, 3), faces, width, height)]
+    kinds = np.int64, np.int64, np.float64
+    none = tuple(np.empty(0, kind) for kind in kinds)
+    triangle, pixel, depth = (
+        np.concatenate(part) for part in zip(none, *chunks, strict=True)
     )
-    first = done = 0
-    while done < total:
-        last = max(int(np.searchsorted(ends, done + _AT_ONCE, "right")), first + 1)
-        some = _Spans(*(part[first:last] for part in spans))
-        made = _of_spans(some, corners, depths, width, snap)
-        end = int(ends[last - 1])
-        for whole, part in zip(found, made, strict=True):
-            whole[done:end] = part
-        first, done = last, end
-    return found
+    # Of the snapped corners: the side that a sliver shows may be the other one's.
+    (x0, y0), (x1, y1), (x2, y2) = (
+        np.rint(triangles[:, i, :2] * SNAP).T for i in range(3)
+    )
+    entering = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0) < 0
+    return HostFragments(pixel, depth, triangle, entering[triangle])
 
 
 def host_layers(
-    pixel: Int[np.ndarray, " k"], depth: Float[np.ndarray, " k"], pixel_bits: int
+    fragments: HostFragments, pixel_bits: int
 ) -> tuple[Int[np.ndarray, " k"], Int[np.ndarray, " k"]]:
     """Permutation that sorts by pixel, then depth, and the layer of each fragment."""
+    pixel, depth, triangle, _ = fragments
     # The key of `_sort_fragments`, which explains it.
     bits = min(63 - pixel_bits, 52)
     low = depth.min(initial=np.inf)
@@ -84,7 +105,8 @@ def host_layers(
     tied = np.flatnonzero(key[1:] == key[:-1])
     if len(tied):
         tied = sorted_union(tied, tied + 1)
-        order[tied] = order[tied][np.lexsort((order[tied], key[tied]))]
+        at = order[tied]
+        order[tied] = at[np.lexsort((triangle[at], key[tied]))]
     pixel = key >> bits
     begins = np.ones(len(pixel), bool)
     np.not_equal(pixel[1:], pixel[:-1], out=begins[1:])
@@ -93,76 +115,166 @@ def host_layers(
     return order, np.arange(len(pixel)) - np.repeat(first, counts)
 
 
-def _first_centre(snapped: Int[np.ndarray, "*n"], snap: int) -> Int[np.ndarray, "*n"]:
-    return -((snap // 2 - snapped) // snap)
+def fragment_chunks(
+    points: np.ndarray, faces: np.ndarray, width: int, height: int
+) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Triangles, pixels and depths of the fragments of some triangles after others.
+
+    Of triangles with corners `points` (column, row, depth).
+
+    Raises:
+        InputError: if a corner is not finite or more than 2^20 pixels away.
+    """
+    check_coordinates(points)
+    across, down, depth = np.ascontiguousarray(points.T)
+    largest = max(np.abs(across).max(initial=0), np.abs(down).max(initial=0))
+    kind = np.float64 if largest <= _MAX_EXACT else np.int64
+    x, y = (np.rint(each * SNAP).astype(kind) for each in (across, down))
+    chosen = _around_centres(x, y, faces, width, height)
+    for first in range(0, len(chosen), _CHUNK):
+        part = chosen[first : first + _CHUNK]
+        corners = np.ascontiguousarray(faces[part].T)
+        hit, pixel, key = _fragments(x, y, depth, corners, width, height)
+        yield part[hit], pixel, key
+
+
+def _fragments(
+    x: np.ndarray,
+    y: np.ndarray,
+    depth: np.ndarray,
+    corners: np.ndarray,
+    width: int,
+    height: int,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Triangles, pixels and depths of all fragments of some triangles."""
+    face, row, left, count = _spans(x, y, corners, width, height)
+    span, step = _slots(count)
+    hit, row, column = face[span], row[span], left[span] + step
+    key = _plane_at(x, y, depth, corners, hit, column, row)
+    return hit, row * width + column, key
+
+
+def _slots(count: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Owners of `count` slots each, and the numbers of the slots within their owner."""
+    full = np.flatnonzero(count)
+    ends = np.cumsum(count[full])
+    total = int(ends[-1]) if len(full) else 0
+    # A sum of steps, which takes a quarter of the time of `np.repeat`.
+    owner = np.zeros(total, np.int64)
+    owner[ends[:-1]] = np.diff(full)
+    owner[:1] = full[:1]
+    np.cumsum(owner, out=owner)
+    return owner, np.arange(total) - (np.cumsum(count) - count)[owner]
+
+
+def _first_centre(snapped: np.ndarray, size: int) -> Int[np.ndarray, " k"]:
+    """Index from 0 to `size` of the first pixel centre at or after a coordinate."""
+    # Snapped coordinates are whole numbers, also in float64.
+    return np.clip((snapped.astype(np.int64) + (SNAP // 2 - 1)) // SNAP, 0, size)
+
+
+def _around_centres(
+    x: np.ndarray, y: np.ndarray, faces: np.ndarray, width: int, height: int
+) -> Int[np.ndarray, " k"]:
+    """Triangles with the centre of a pixel in their bounding box."""
+    # Most triangles of a fine mesh lie between the centres.
+    inside: Any = True
+    for along, size in ((x, width), (y, height)):
+        low, high = _ends(*_first_centre(along, size)[faces.T])
+        inside &= low < high
+    return np.flatnonzero(inside)
+
+
+class _Spans(NamedTuple):
+    """Runs of pixels that a triangle covers in one row."""
+
+    face: Int[np.ndarray, " r"]
+    row: Int[np.ndarray, " r"]
+    left: Int[np.ndarray, " r"]
+    """First column."""
+    count: Int[np.ndarray, " r"]
 
 
 def _spans(
-    corners: Int[np.ndarray, "f 3 2"], width: int, height: int, snap: int
+    x: np.ndarray, y: np.ndarray, corners: np.ndarray, width: int, height: int
 ) -> _Spans:
-    y = corners[:, 0, 1], corners[:, 1, 1], corners[:, 2, 1]
-    low = np.minimum(np.minimum(y[0], y[1]), y[2])
-    high = np.maximum(np.maximum(y[0], y[1]), y[2])
-    low, high = (np.clip(_first_centre(end, snap), 0, height) for end in (low, high))
-    rows = high - low
-    triangle = np.repeat(np.arange(len(rows)), rows)
-    row = np.arange(len(triangle)) - np.repeat(np.cumsum(rows) - rows - low, rows)
-    left = np.full(len(row), width)
-    right = np.zeros(len(row), np.int64)
-    centre = row * snap + snap // 2
-    for start in range(3):
-        edge = _edge(corners, start)
-        x_low, y_low, y_high, run = (each[triangle] for each in edge)
-        # Half-open: a centre at the height of a vertex belongs to one of two edges.
-        at = np.flatnonzero((y_low <= centre) & (centre < y_high))
-        x_low, y_low, run = x_low[at], y_low[at], run[at]
-        rise = y_high[at] - y_low
-        numerator = x_low * rise + (centre[at] - y_low) * run
-        column = -((rise * (snap // 2) - numerator) // (rise * snap))
-        left[at] = np.minimum(left[at], column)
-        right[at] = np.maximum(right[at], column)
-    np.maximum(left, 0, out=left)
-    count = np.minimum(right, width) - left
-    covers = np.flatnonzero(count > 0)
-    return _Spans(triangle[covers], row[covers], left[covers], count[covers])
-
-
-def _edge(corners: Int[np.ndarray, "f 3 2"], start: int) -> tuple[np.ndarray, ...]:
-    """Lower end of an edge (column, row), row of the upper one, columns in between."""
-    (xa, ya), (xb, yb) = corners[:, start].T, corners[:, (start + 1) % 3].T
-    # From the lower to the upper end in either triangle of an edge, so that both
-    # divide the same integers.
-    swap = ya > yb
-    x_low, x_high = np.where(swap, xb, xa), np.where(swap, xa, xb)
-    return x_low, np.minimum(ya, yb), np.maximum(ya, yb), x_high - x_low
-
-
-def _of_spans(
-    spans: _Spans,
-    corners: Int[np.ndarray, "f 3 2"],
-    depths: Float[np.ndarray, "f 3"],
-    width: int,
-    snap: int,
-) -> HostFragments:
-    corner, z = corners[spans.triangle], depths[spans.triangle]
-    (x0, y0), (x1, y1), (x2, y2) = (corner[:, i].T for i in range(3))
-    z0, z1, z2 = z.T
-    area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
-    dx, dy = spans.left * snap + snap // 2 - x0, spans.row * snap + snap // 2 - y0
-    # At the first column; each further one adds the same.
-    first1, first2 = dx * (y2 - y0) - dy * (x2 - x0), dy * (x1 - x0) - dx * (y1 - y0)
-    step1, step2 = (y2 - y0) * snap, (y0 - y1) * snap
-    each = lambda values: np.repeat(values, spans.count)
-    offset = np.arange(int(spans.count.sum())) - each(
-        np.cumsum(spans.count) - spans.count
+    # Below and above the middle corner two edges cross a row, one of them the longest.
+    # From its lower end in either triangle of an edge: both divide the same integers.
+    bottom, middle, top = _by_height(x[corners], y[corners])
+    low, split, high = (
+        _first_centre(each[1], height) for each in (bottom, middle, top)
     )
+    part, step = _slots(np.append(split - low, high - split))
+    count = len(low)
+    face = np.where(part < count, part, part - count)
+    row = np.append(low, split)[part] + step
+    centre = (row * SNAP + SNAP // 2).astype(x.dtype)
+    one = _crossing(_line(bottom, top), face, centre)
+    lower, upper = _line(bottom, middle), _line(middle, top)
+    short = map(np.append, lower, upper)
+    other = _crossing(short, part, centre)
+    left = np.clip(np.minimum(one, other), 0, width)
+    return _Spans(face, row, left, np.clip(np.maximum(one, other), 0, width) - left)
+
+
+def _ends(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    # Pair by pair: numpy is slow at the minimum along an axis of length three.
+    low, high = np.minimum(a, b), np.maximum(a, b)
+    return np.minimum(low, c), np.maximum(high, c)
+
+
+_Corner = tuple[np.ndarray, np.ndarray]
+"""Columns and rows of one corner of each triangle, in steps."""
+
+
+def _by_height(x: np.ndarray, y: np.ndarray) -> list[_Corner]:
+    """The corners of triangles [3, k] with the lowest first."""
+    corner = [*zip(x, y, strict=True)]
+    for one, other in ((0, 1), (1, 2), (0, 1)):
+        (x0, y0), (x1, y1) = corner[one], corner[other]
+        turned = y0 > y1
+        corner[one] = np.where(turned, x1, x0), np.minimum(y0, y1)
+        corner[other] = np.where(turned, x0, x1), np.maximum(y0, y1)
+    return corner
+
+
+def _line(low: _Corner, high: _Corner) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Slope, offset and scale with which `_crossing` finds an edge in a row."""
+    (x0, y0), (x1, y1) = low, high
+    run, rise = x1 - x0, y1 - y0
+    return run, x0 * rise - y0 * run - rise * (SNAP // 2), rise * SNAP
+
+
+def _crossing(line, edge: np.ndarray, centre: np.ndarray) -> Int[np.ndarray, " r"]:
+    """First column at or after edges in rows of centres, which they cross."""
+    run, offset, scale = (each[edge] for each in line)
+    numerator = centre * run + offset
+    if numerator.dtype != np.float64:
+        return -(-numerator // scale)
+    # Faster than `np.ceil`.
+    quotient = numerator / scale
+    whole = quotient.astype(np.int64)
+    return whole + (quotient > whole)
+
+
+def _plane_at(
+    x: np.ndarray,
+    y: np.ndarray,
+    depth: np.ndarray,
+    corners: np.ndarray,
+    face: np.ndarray,
+    column: np.ndarray,
+    row: np.ndarray,
+) -> Float[np.ndarray, " k"]:
+    """Depths of the planes of triangles at pixel centres inside them."""
+    (x0, x1, x2), (y0, y1, y2), (z0, z1, z2) = x[corners], y[corners], depth[corners]
+    ux, uy, vx, vy = x1 - x0, y1 - y0, x2 - x0, y2 - y0
+    low, high = _ends(z0, z1, z2)
+    of = lambda each: each[face]
+    dx, dy = column * SNAP + SNAP // 2 - of(x0), row * SNAP + SNAP // 2 - of(y0)
     # Integers up to here; only the depth itself is rounded.
-    weighted = (each(first1) + offset * each(step1)) * each(z1 - z0)
-    weighted += (each(first2) + offset * each(step2)) * each(z2 - z0)
-    weighted /= each(np.where(area == 0, 1, area))
-    weighted += each(z0)
+    w1, w2 = dx * of(vy) - dy * of(vx), dy * of(ux) - dx * of(uy)
+    weighted = w1 * of(z1 - z0) + w2 * of(z2 - z0)
+    found = of(z0) + weighted / of(ux * vy - vx * uy)
     # Planes nearly parallel to the ray extrapolate wildly; the corners bound them.
-    least, most = np.minimum(np.minimum(z0, z1), z2), np.maximum(np.maximum(z0, z1), z2)
-    depth = np.clip(weighted, each(least), each(most))
-    pixel = each(spans.row * width + spans.left) + offset
-    return HostFragments(pixel, depth, each(spans.triangle), each(area < 0))
+    return np.minimum(np.maximum(found, of(low)), of(high))

@@ -8,7 +8,7 @@ that are independent of the arithmetic in `fragments`.
 import numpy as np
 from jaxtyping import Float
 
-from .fragments import SNAP
+from .host_fragments import SNAP
 
 
 def _covered(corners: np.ndarray, width: int, height: int) -> np.ndarray:

@@ -7,7 +7,8 @@ from jaxtyping import Float, Int
 
 from ..arrays import linear_map
 from ..errors import InputError
-from .fragments import DepthLayers, depth_range, peel
+from .depth_buffer import depth_range
+from .fragments import DepthLayers, peel
 
 
 def unit_vector(

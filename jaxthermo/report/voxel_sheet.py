@@ -113,7 +113,8 @@ def _view(grid: VoxelGrid, faces: _Faces, camera: Camera) -> UInt8[np.ndarray, "
     ahead = np.flatnonzero(
         to_camera[np.arange(len(corner)), faces.axis] * faces.sign > 0
     )
-    facing = faces.triangles.reshape(-1, 2, 3, 3)[ahead].reshape(-1, 3, 3)
+    corners = faces.triangles.reshape(-1, 6, 3)[ahead].reshape(-1, 3)
+    facing = corners, np.arange(len(corners)).reshape(-1, 3)
     found = visible_points((facing,), camera.finer(_SAMPLES))
     face = ahead[found.face // 2]
     # Size of a sample at the depth of what it shows.

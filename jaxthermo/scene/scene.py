@@ -350,8 +350,14 @@ class SolvedSurface(Module):
         return SolvedSurface(here, self.emissivity, self.absorptivity)
 
 
-def per_fragment(surfaces: tuple[SolvedSurface, ...], field: str) -> Float[Array, " s"]:
-    """A property of surfaces, "emissivity" or "absorptivity", at each fragment."""
+def per_fragment(
+    surfaces: tuple[SolvedSurface, ...], field: str, xp: Any = jnp
+) -> Float[Any, " s"]:
+    """A property of surfaces, "emissivity" or "absorptivity", at each fragment.
+
+    An array of JAX, or of numpy with `xp` numpy.
+    """
     # A body of one material has one number for all fragments.
-    shaped = ((getattr(s, field), s.geometry.fragment_area.shape) for s in surfaces)
-    return jnp.concatenate([jnp.broadcast_to(*each) for each in shaped])
+    shaped = [(getattr(s, field), s.geometry.fragment_area.shape) for s in surfaces]
+    parts = [xp.broadcast_to(xp.asarray(given), shape) for given, shape in shaped]
+    return xp.concatenate(parts)

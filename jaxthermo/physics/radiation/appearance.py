@@ -14,7 +14,7 @@ _Rays = Float[np.ndarray, "p 3"]
 Appearance = tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]
 """Radiance for a unit of strength, and depth along the optical axis [m]."""
 
-_SUN_HALF_ANGLE = 0.0046505
+SUN_HALF_ANGLE = 0.0046505
 """Apparent radius of the sun, 695 700 km at 149 597 871 km [rad] (IAU 2015 B3)."""
 
 
@@ -30,8 +30,8 @@ def distant_disc(step: _Rays, towards: Float[np.ndarray, "3"]) -> Appearance:
     """Sun in a direction, radiance E / (pi sin^2 a) of an irradiance E normal to it."""
     # By the chord: the cosine of so small an angle has lost its digits.
     gap = step / np.linalg.norm(step, axis=1, keepdims=True) - towards
-    hit = np.linalg.norm(gap, axis=1) <= 2 * math.sin(_SUN_HALF_ANGLE / 2)
-    radiance = 1 / (math.pi * math.sin(_SUN_HALF_ANGLE) ** 2)
+    hit = np.linalg.norm(gap, axis=1) <= 2 * math.sin(SUN_HALF_ANGLE / 2)
+    radiance = 1 / (math.pi * math.sin(SUN_HALF_ANGLE) ** 2)
     return _seen(hit, radiance, np.full(len(step), np.inf))
 
 

@@ -30,7 +30,7 @@ from ..flux_law import Forcing
 from ..surface import Binding, BodySurface, Omitted, Surface
 from ..term import Scale
 from ..time_varying import check_value, for_jit, is_zero, largest
-from .appearance import Appearance, distant_disc, sphere
+from .appearance import SUN_HALF_ANGLE, Appearance, distant_disc, sphere
 from .irradiation import AbstractRadiativeTerm, Irradiation
 from .source_motion import Triple, triple
 from .visibility import lit_fraction, lit_fraction_from_point
@@ -115,6 +115,14 @@ class AbstractSource(AbstractRadiativeTerm):
     def points(self) -> Float[np.ndarray, "p 3"]:
         """Points of the source [m], none of which may be inside a body."""
         return np.zeros((0, 3))
+
+    @property
+    def cone(self) -> tuple[Float[np.ndarray, "3"], float] | None:
+        """Unit vector to a source at infinity, and its apparent radius [rad].
+
+        None for a source nearby, of which `appearance` alone says where it is seen.
+        """
+        return None
 
     def appearance(
         self, origin: Float[np.ndarray, "p 3"], step: Float[np.ndarray, "p 3"]
@@ -210,6 +218,12 @@ class Sun(AbstractSource):
         """Lambert's cosine times the lit fraction of surface points [-]."""
         cosine = np.maximum(0.0, -normal @ unit_vector(self.direction))
         return cosine * lit_fraction(triangles, position, normal, self.direction, pitch)
+
+    @property
+    @override
+    def cone(self) -> tuple[Float[np.ndarray, "3"], float]:
+        # A little more than the disc, whose edge is rounded.
+        return -unit_vector(self.direction), 1.001 * SUN_HALF_ANGLE
 
     @override
     def appearance(self, origin, step) -> Appearance:

@@ -21,7 +21,7 @@ from jaxtyping import Float
 from ...arrays import linear_map, require_memory
 from ...errors import InputError
 from ...geometry.mesh import tangents
-from ...raster.fragments import MIN_CAPACITY, depth_range, shared_capacities
+from ...raster.depth_buffer import depth_range
 from ...raster.views import (
     OrthographicView,
     PerspectiveView,
@@ -173,7 +173,7 @@ def sky_view(
     """
     check_directions(directions)
     seen, sampled = np.zeros((2, len(position))), np.zeros((2, len(position)))
-    sizes, points = (MIN_CAPACITY, MIN_CAPACITY), np.arange(len(position))
+    points = np.arange(len(position))
     # All directions point upward: the sky is half 0, the opposite directions half 1,
     # the ground. The first depth layer of a map shows the points that are visible from
     # one side, the last layer those from the other: one map for two directions.
@@ -181,8 +181,7 @@ def sky_view(
         view = orthographic_view(position, upward, _PIXEL * pitch)
         require_memory(view.width * view.height * 16, "a map", "use a coarser pitch")
         corners = view.project(triangles)
-        sizes = shared_capacities(corners, view.width, view.height, sizes)
-        ends = depth_range(corners, view.width, view.height, sizes)
+        ends = depth_range(corners, view.width, view.height)
         cosine = normal @ upward
         visible, known = _sees_out(view, ends, position, normal)
         half = (cosine <= 0).astype(int)

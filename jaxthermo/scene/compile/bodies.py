@@ -5,6 +5,7 @@ None of it changes as bodies and sources move.
 
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -34,6 +35,13 @@ _HostAddress = tuple[np.ndarray, ...]
 def device_address(address: _HostAddress, nodes: Int[np.ndarray, " m"]) -> Address:
     """Position of some of the nodes in the state."""
     return tuple(jnp.asarray(index[nodes]) for index in address)
+
+
+@eqx.filter_jit
+def capacity_at(network: AbstractNetwork, address: Address) -> Float[Array, "*m"]:
+    """Heat capacities of some of the nodes [J/K]; one number if all have the same."""
+    # One program: some networks have twenty single operations.
+    return network.capacity_at(address)
 
 
 class PreparedBody(NamedTuple):

@@ -23,7 +23,7 @@ from ...network.network import (
 )
 from ...physics.surface import spread
 from ...physics.surface_energy_balance import SurfaceTerms
-from .bodies import PreparedBody, device_address
+from .bodies import PreparedBody, capacity_at, device_address
 
 
 # Temperatures of one body; one array or one network for each body with cells; and the
@@ -294,7 +294,7 @@ def body_cells(
     cells = BodyCells(
         body=body.number,
         address=layout.address,
-        capacity=body.network.capacity_at(layout.address),
+        capacity=capacity_at(body.network, layout.address),
         node=layout.node,
         slots=layout.slots,
         conductivity_parts=_parts_of_cells(body, layout.cell, layout.node.shape[0]),
@@ -365,14 +365,6 @@ def _parts_of_cells(
     return jnp.stack([sums(row) * whole for row in rows])
 
 
-def _joined(
-    cell: Sequence[Int[np.ndarray, " _"]], counts: tuple[int, ...]
-) -> Int[np.ndarray, " s"]:
-    """Cell of each fragment of all bodies among all cells, or -1."""
-    pairs = zip(cell, np.cumsum([0, *counts])[:-1], strict=True)
-    return np.concatenate([np.where(own >= 0, own + at, -1) for own, at in pairs])
-
-
 def surface_load(
     terms: SurfaceTerms,
     cells: tuple[BodyCells | None, ...],
@@ -388,7 +380,12 @@ def surface_load(
     -1.
     """
     counts = tuple(0 if c is None else c.node.shape[0] for c in cells)
-    joined = found(tuple(cell), ("joined", counts), lambda: _joined(cell, counts))
+
+    def join() -> Int[np.ndarray, " s"]:
+        pairs = zip(cell, np.cumsum([0, *counts])[:-1], strict=True)
+        return np.concatenate([np.where(own >= 0, own + at, -1) for own, at in pairs])
+
+    joined = found(tuple(cell), ("joined", counts), join)
     loaded = [n for n, count in enumerate(counts) if count]
     if not loaded:
         return None, joined

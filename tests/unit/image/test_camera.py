@@ -130,3 +130,46 @@ def test_sphere_is_as_large_as_it_should_be():
     corners, _ = camera.to_raster(ball.triangles)
     radius = np.hypot(corners[..., 0] - 120, corners[..., 1] - 120).max()
     assert radius == pytest.approx(100, rel=0.01)
+
+
+@pytest.mark.parametrize("camera", [PINHOLE, PARALLEL])
+def test_a_mesh_on_the_image_is_its_triangles(camera):
+    """Also where faces reach behind the camera, in front of it or across."""
+    mesh = sphere(2.2, subdivisions=1)
+    for at in ((0.0, 0.0, 0.0), (1.0, -0.5, 0.3), (9.0, -6.0, 2.0)):
+        vertices = mesh.vertices + at
+        points, faces, parent = camera.mesh_to_raster(vertices, mesh.faces)
+        expected, whose = camera.to_raster(vertices[mesh.faces])
+        assert np.isfinite(points).all()
+        np.testing.assert_array_equal(np.sort(parent), np.sort(whose))
+        for face in np.unique(whose):
+            one, other = points[faces[parent == face]], expected[whose == face]
+            np.testing.assert_allclose(np.sort(one, 0), np.sort(other, 0), rtol=1e-12)
+
+
+@pytest.mark.parametrize("camera", [PINHOLE, PARALLEL])
+def test_all_rays_towards_a_direction_are_among_its_pixels(camera):
+    numbers, angle = np.random.default_rng(4), 0.05
+    _, step = camera.rays()
+    ray = step / np.linalg.norm(step, axis=1, keepdims=True)
+    towards = numbers.normal(size=(200, 3))
+    # Half of them are in or near the image.
+    towards[::2] = camera.frame[2] + 0.3 * towards[::2]
+    counts = []
+    for direction in (*towards, camera.frame[2]):
+        unit = direction / np.linalg.norm(direction)
+        found = camera.pixels_towards(unit, angle)
+        wanted = np.flatnonzero(np.linalg.norm(ray - unit, axis=1) < angle)
+        assert np.isin(wanted, found).all()
+        counts.append((len(wanted), len(found)))
+    wanted, found = np.array(counts).T
+    assert (wanted > 0).any() and (found == 0).any()
+    if isinstance(camera, Camera):
+        assert found[wanted > 40].max() < 3 * wanted.max()
+
+
+@pytest.mark.parametrize("camera", [PINHOLE, PARALLEL])
+def test_rays_of_some_pixels_are_those_of_all(camera):
+    chosen = np.array([5, 700, 64 * 48 - 1])
+    for some, every in zip(camera.rays(chosen), camera.rays(), strict=True):
+        np.testing.assert_array_equal(some, every[chosen])

@@ -2,10 +2,17 @@
 
 import numpy as np
 import pytest
+from scipy.sparse import csr_array
 
 import jaxthermo as jt
 from jaxthermo.arrays import linear_map
-from jaxthermo.image.fragment_cells import CHUNK, FragmentCells, cells_of
+from jaxthermo.image import fragment_cells as module
+from jaxthermo.image.fragment_cells import (
+    CHUNK,
+    FragmentCells,
+    block_matrix,
+    cells_of,
+)
 from jaxthermo.scene.scene import BodyGeometry
 
 
@@ -57,6 +64,69 @@ def test_pairs_are_at_least_those_within_the_radius():
     away = np.linalg.norm(points[:, None] - geometry.fragment_position, axis=-1)
     near = np.argwhere(away < 0.01).tolist()
     assert near and found >= {(p, s) for p, s in near}
+
+
+def ball_points(count):
+    """A ball of voxels, with points on and around it and their normals."""
+    geometry = geometry_of(jt.voxelize(jt.shapes.sphere(0.05), 0.01))
+    numbers = np.random.default_rng(8)
+    normals = numbers.normal(size=(count, 3))
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    return geometry, numbers.uniform(0.02, 0.1, (count, 1)) * normals, normals
+
+
+def reference(cells, points, normals, keep=lambda pairs: slice(None)) -> csr_array:
+    """Means from the pairs that numpy finds."""
+    pairs = cells.weighted(points, normals)
+    kept = keep(pairs)
+    row, fragment, weight = pairs.owner[kept], pairs.fragment[kept], pairs.weight[kept]
+    total = np.bincount(row, weight, len(points))
+    size = len(points), len(cells.area)
+    return csr_array((weight / total[row], (row, fragment)), size)
+
+
+@pytest.mark.parametrize("pairs", [2**9, 2**18])
+def test_the_program_computes_the_weights_of_numpy(pairs, monkeypatch):
+    monkeypatch.setattr(module, "_PAIRS", pairs)
+    monkeypatch.setattr(module, "_POINTS", 2**11)
+    count = CHUNK + 300 if pairs > 2**9 else 300
+    monkeypatch.setattr(module, "CHUNK", min(CHUNK, count - 1))
+    geometry, points, normals = ball_points(count)
+    cells = cells_of(geometry, 0.02)
+    found = cells.means(points, normals)
+    expected = reference(cells, points, normals)
+    assert 0 < (np.diff(found.indptr) == 0).sum() < count
+    assert found.nnz == expected.nnz and abs(found - expected).max() < 1e-12
+    odd = lambda each: np.flatnonzero(each.fragment % 2)
+    some = cells.means(points, normals, odd)
+    chosen = reference(cells, points, normals, odd)
+    assert 0 < some.nnz < found.nnz and abs(some - chosen).max() < 1e-12
+
+
+def test_without_a_table_of_cells_they_are_the_same(monkeypatch):
+    geometry, points, normals = ball_points(500)
+    far = 1e3 * points[:100]
+    points = np.concatenate([points, far, -far])
+    normals = np.concatenate([normals, normals[:100], normals[:100]])
+    one = FragmentCells(geometry, 0.02).means(points, normals)
+    monkeypatch.setattr(module, "_MAX_CELLS", 0)
+    other = FragmentCells(geometry, 0.02).means(points, normals)
+    assert one.nnz > 0 and abs(one - other).max() == 0
+    assert (np.diff(one.indptr)[500:] == 0).all()
+
+
+def test_matrices_of_bodies_below_each_other():
+    parts = [
+        csr_array(np.array(rows, float))
+        for rows in ([[1, 0, 2], [0, 0, 0]], [[3]], [[0, 4], [5, 6]])
+    ]
+    whole = np.zeros((5, 6))
+    whole[:2, :3], whole[2, 3], whole[3:, 4:] = (
+        [[1, 0, 2], [0, 0, 0]],
+        3,
+        [[0, 4], [5, 6]],
+    )
+    np.testing.assert_array_equal(block_matrix(parts).toarray(), whole)
 
 
 @pytest.mark.parametrize("shape", [(3,), (7, 3), (5, 4, 3), (0, 3)])

@@ -5,16 +5,10 @@ import numpy as np
 import pytest
 from peeling import BODIES, in_view, peel_padded
 
-from jaxthermo.raster import fragments as raster
-from jaxthermo.raster.fragments import depth_range
+from jaxthermo.raster.depth_buffer import depth_range
 
 
 SIDE = 24
-
-
-@pytest.fixture(params=[True, False], ids=["host", "program"], autouse=True)
-def _either(request, monkeypatch):
-    monkeypatch.setattr(raster, "_on_host", lambda: request.param)
 
 
 @pytest.mark.parametrize("kind", sorted(BODIES))

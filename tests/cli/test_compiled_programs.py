@@ -1,0 +1,58 @@
+"""Commands that simulate nothing compile nothing of the time loop."""
+
+import logging
+
+import jax
+import pytest
+from cli_runs import run, scene_file
+
+from jaxthermo.findings import forget_findings
+
+
+class _Names(logging.Handler):
+    """The names of all programs that JAX compiles or loads."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.seen: list[str] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        text = record.getMessage()
+        if text.startswith("Compiling "):
+            self.seen.append(text.split()[1])
+
+
+@pytest.fixture
+def programs(monkeypatch):
+    """Programs of a command in this process, as in a new one."""
+    handler, logger = _Names(), logging.getLogger("jax")
+    monkeypatch.setattr(logger, "propagate", False)
+    logger.addHandler(handler)
+
+    def of(*arguments: object) -> list[str]:
+        jax.clear_caches()
+        forget_findings()
+        handler.seen.clear()
+        with jax.log_compiles():
+            code, _, err = run(*arguments)
+        assert (code, err) == (0, "")
+        return list(handler.seen)
+
+    yield of
+    logger.removeHandler(handler)
+
+
+def test_a_preview_compiles_nothing(programs, tmp_path):
+    out = tmp_path / "out"
+    assert not programs("simulate", scene_file(tmp_path), "--preview", "--out", out)
+
+
+def test_only_a_run_compiles_its_time_loop(programs, tmp_path):
+    path, out = scene_file(tmp_path), tmp_path / "out"
+    explained = programs("simulate", path, "--explain")
+    whole = programs("simulate", path, "--out", out)
+    drawn = programs("render", out, "--set", "camera.width=50")
+    assert "jit(_advance_in_place)" in set(whole) - set(explained)
+    # Few single operations besides the scene's own programs.
+    assert 0 < len(explained) <= 24
+    assert len(drawn) <= 6
