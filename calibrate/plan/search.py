@@ -187,6 +187,8 @@ class _Search:
         first = (usual, large, many), (usual, small, many), (usual, large, few)
         for refinement, factor, steps in (*first, (other, near, many)):
             self._try(Candidate(refinement, "aggregate", factor, steps=steps))
+        # Its error in time may be opposite to that of its blocks.
+        self._try(Candidate(usual, "aggregate", large, None, "forward_euler", 0))
         if not self.trials:
             raise InputError("no candidate can be run: see the messages above")
 

@@ -35,7 +35,7 @@ def _of_voxels(line: Row) -> str:
 _LINE: list[Column] = [
     ("nodes", "{nodes:,}"),
     ("error K", _number("whole_kelvin")),
-    ("%", _number("rms_percent")),
+    ("error %", _number("rms_percent")),
     ("voxels K", _of_voxels),
     ("structure K", _number("structure_kelvin")),
     ("time K", _number("time_kelvin")),
@@ -107,11 +107,12 @@ def write_budget(
     is_bound = any(any(truth.own_error["is_bound"]) for truth in truths)
     kind = config.truth.structure.kind.replace("_", " ")
     caption = (
-        f"reference: {kind} of {references[0]['costs'][0]['nodes']:,} nodes, itself "
+        f"Reference: {kind} of {references[0]['costs'][0]['nodes']:,} nodes, itself "
         f"off by {'at most about' if is_bound else 'about'} {padded(own)} K"
     )
     names: list[Column] = [
-        (axis, lambda line, axis=axis: line["choice"][axis]) for axis in config.axes
+        (axis.replace("_", " "), lambda line, axis=axis: line["choice"][axis])
+        for axis in config.axes
     ]
     left, count = tuple(range(len(names))), len(names)
     by_load = [

@@ -46,7 +46,8 @@ _DEFINITIONS = [
     (
         "front",
         "choices that no other one beats in both error and cost; the numbers in the "
-        "charts are those of the list. Grey: beaten choices",
+        "first chart are those of the list, each other chart has a front of its own. "
+        "Grey: beaten choices",
     ),
     (
         "rivals",
@@ -59,6 +60,13 @@ _DEFINITIONS = [
         "of the model alone; the preparation is stated apart",
     ),
 ]
+
+
+_TITLES: dict[Measure, str] = {
+    "rms_kelvin": "Error in kelvin",
+    "p99_percent": "Error that 99 % of the surface stays below",
+    "p99_kelvin": "Error that 99 % of the surface stays below, in kelvin,",
+}
 
 
 @dataclass(frozen=True)
@@ -119,7 +127,8 @@ def write_report(findings: Findings, out: Path) -> list[str]:
         sections += chart(f"error_against_{name}", cost, "rms_percent", title)
     sections += [page.heading("Other measures of the error")]
     for error in MEASURES[1:]:
-        sections += chart(f"{error}_against_time", "time_s", error, "")
+        title = f"{_TITLES[error]} against run time"
+        sections += chart(f"{error}_against_time", "time_s", error, title)
     sections += thesis_table(findings.points)
     sections += _all_sections(findings)
     sections.append(tooltips(texts, pictures))

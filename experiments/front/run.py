@@ -218,11 +218,10 @@ def _about(cases: SweepCases, rows: SweepFolder, points: Sequence[Point]) -> str
     truth = f"{given.voxels_high} voxels high"
     if given.pitch is not None:
         truth = f"of {1e3 * given.pitch:g} mm voxels"
-    text = (
-        f"{len(points)} choices under {', '.join(cases.loads)}; "
-        f"{len(rows.failed)} cases could not be run. Errors are against a reference "
-        f"{truth}"
-    )
+    text = f"{len(points)} choices under {', '.join(cases.loads)}"
+    if rows.failed:
+        text += f"; {len(rows.failed)} cases could not be run"
+    text += f". Errors are against a reference {truth}"
     if own:
         text += f", which itself is off by about {max(own):.2g} %"
     every = [case for point in points for case in cases(point).values()]

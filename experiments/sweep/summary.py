@@ -76,7 +76,8 @@ def table(sweep: Sweep, most: int | None = None) -> Table:
     title = "Error against the reference, the largest over all loads and saved times"
     caption = f"Run times: {processor()}." if sweep.times else ""
     left = tuple(range(len(axes)))
-    return Table([*axes, *_COLUMNS], rows, title, caption, left)
+    names = [axis.replace("_", " ") for axis in axes]
+    return Table([*names, *_COLUMNS], rows, title, caption, left)
 
 
 def _row(line: dict[str, Any]) -> list[str | Cell]:
@@ -207,7 +208,8 @@ def _write_page(sweep: Sweep, result: dict[str, Any]) -> None:
             )
         )
     energy = (
-        "Energy: heat that the ledger leaves unexplained, over the heat that moved."
+        "99 % K: difference that 99 % of the surface stays below. Energy: heat that "
+        "the ledger leaves unexplained, over the heat that moved."
     )
     sections.append(page.paragraph(energy, note=True))
     sections += [
@@ -222,4 +224,5 @@ def _write_page(sweep: Sweep, result: dict[str, Any]) -> None:
         ),
         page.details("Config", page.pre(to_yaml(config))),
     ]
-    page.write_page(sweep.folder / "report.html", "Sweep", sections)
+    name = config.scene.stem.replace("-", " ").replace("_", " ")
+    page.write_page(sweep.folder / "report.html", f"Sweep: {name}", sections)

@@ -135,7 +135,7 @@ def sections(sweep: Sweep, found: dict[str, Any]) -> list[page.Section]:
         others = [name for name in sweep.config.axes if name != axis]
         title = f"Error over {axis}"
         if others:
-            title += f", {others[0]} as at the start, at the sweep's and at the fit's"
+            title += f", {others[0]} as swept nearest to each optimum"
         made += [page.heading(title, 3), chart_svg(_curve(sweep, found, axis))]
     if len(sweep.config.axes) == 2:
         made += [page.heading("Error over both", 3), chart_svg(_contour(sweep, found))]
@@ -174,19 +174,12 @@ def _curve(sweep: Sweep, found: dict[str, Any], axis: str) -> Chart:
     own = names.index(axis)
     values, table = _grid(sweep)
     points = []
-    for what in ("start", "sweep", "fit") if len(names) == 2 else ("sweep",):
-        line = table
-        if len(names) == 2:
-            other = values[1 - own]
-            at = found[what]["values"][names[1 - own]]
-            nearest = int(np.abs(np.log(other / at) if at > 0 else other - at).argmin())
-            line = np.take(table, nearest, axis=1 - own)
-            what = f"{names[1 - own]} = {other[nearest]:.3g} ({what})"
+    for name, line in _lines(names, own, values, table, found):
         points += [
             {
                 "x": float(x),
                 "error": float(y),
-                "line": what,
+                "line": name,
                 "text": f"{x:.4g}: {y:.4g} %",
             }
             for x, y in zip(values[own], line, strict=True)
@@ -205,9 +198,36 @@ def _curve(sweep: Sweep, found: dict[str, Any], axis: str) -> Chart:
         description="text:N",
     )
     optima = _optima(marks, alt.X("x:Q"), alt.Y("error:Q"))
-    return alt.layer(lines, optima).resolve_scale(color="independent").properties(
+    return alt.layer(lines, optima).resolve_scale(
+        color="independent", shape="independent"
+    ).properties(
         width=_WIDTH, height=_HEIGHT
     )  # fmt: skip
+
+
+def _lines(
+    names: list[str],
+    own: int,
+    values: list[np.ndarray],
+    table: Float[np.ndarray, "..."],
+    found: dict[str, Any],
+) -> list[tuple[str, np.ndarray]]:
+    """Errors along one axis, with the other at the swept values nearest to each."""
+    if len(names) == 1:
+        return [("sweep", table)]
+    other, nearest = values[1 - own], dict[int, list[str]]()
+    for what in ("start", "sweep", "fit"):
+        at = found[what]["values"][names[1 - own]]
+        distance = np.abs(np.log(other / at) if at > 0 else other - at)
+        # Two of them may be nearest to one value: one line.
+        nearest.setdefault(int(distance.argmin()), []).append(what)
+    return [
+        (
+            f"{names[1 - own]} = {other[n]:.3g} ({', '.join(whose)})",
+            np.take(table, n, axis=1 - own),
+        )
+        for n, whose in nearest.items()
+    ]
 
 
 def _line_scale(points: list[dict[str, Any]]) -> alt.Scale:
@@ -276,6 +296,8 @@ def _contour(sweep: Sweep, found: dict[str, Any]) -> Chart:
         for w in ("start", "sweep", "fit")
     ]
     optima = _optima(marks, alt.X("x:Q"), alt.Y("y:Q"))
-    return alt.layer(contour, optima).resolve_scale(color="independent").properties(
+    return alt.layer(contour, optima).resolve_scale(
+        color="independent", shape="independent"
+    ).properties(
         width=_WIDTH, height=_WIDTH
     )  # fmt: skip

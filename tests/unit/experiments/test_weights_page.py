@@ -69,7 +69,7 @@ def test_lines_of_a_contour_have_the_error_that_they_stand_for(tmp_path):
     for point in contour:
         assert abs(bowl(point["x"], point["y"]) / point["error"] - 1) < 0.6
     curves, _ = _values(_curve(swept(tmp_path), FOUND, "within"))
-    at_two = [point for point in curves if "(sweep)" in point["line"]]
+    at_two = [point for point in curves if "sweep" in point["line"]]
     assert len(at_two) == 5
     for point in at_two:
         assert point["error"] == pytest.approx(bowl(point["x"], 2.0))
