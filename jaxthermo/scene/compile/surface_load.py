@@ -380,12 +380,13 @@ def surface_load(
     -1.
     """
     counts = tuple(0 if c is None else c.node.shape[0] for c in cells)
-
-    def join() -> Int[np.ndarray, " s"]:
-        pairs = zip(cell, np.cumsum([0, *counts])[:-1], strict=True)
-        return np.concatenate([np.where(own >= 0, own + at, -1) for own, at in pairs])
-
-    joined = found(tuple(cell), ("joined", counts), join)
+    starts = np.cumsum([0, *counts])[:-1]
+    moved = lambda own, at: np.where(own >= 0, own + at, -1)
+    joined = found(
+        tuple(cell),
+        ("joined", counts),
+        lambda: np.concatenate([*map(moved, cell, starts)]),
+    )
     loaded = [n for n, count in enumerate(counts) if count]
     if not loaded:
         return None, joined
