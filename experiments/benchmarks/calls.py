@@ -17,8 +17,8 @@ import jaxthermo as jt
 from ..harness.measurement import Measurement, plain_rows
 from ..harness.meshes import END, HEIGHT, SAVE_AT, START, thesis_meshes
 from ..harness.present import show, table_of
-from ..harness.timing import Spans, interleaved, ratio_of, ratio_text, timing_of
-from .loops import loop_of, numba_explicit
+from ..harness.timing import interleaved, ratio_of, ratio_text, timing_of
+from .loops import NUMBA, loop_of, numba_explicit
 
 
 QUICK = {"height": 60, "repeats": 2, "factors": (4, 8)}
@@ -28,13 +28,14 @@ _BOUNDS = {"aggregate x4": 30.0, "aggregate x8": 150.0}
 """Speed of a call with other numbers, relative to numba's explicit full volume."""
 
 _LOOP, _AGAIN, _OTHER = "the loop", "run()", "run(other)"
-_SIMULATE, _PEER = "simulate(other)", "numba, explicit full volume"
+_SIMULATE, _PEER = "simulate(other)", f"{NUMBA}, explicit full volume"
+_OURS = _LOOP, _AGAIN, _OTHER, _SIMULATE
 
 
 def run(
     folder: Path,
     height: int = 250,
-    repeats: int = 9,
+    repeats: int = 7,
     factors: tuple[int, ...] = (3, 4, 6, 8),
 ) -> dict[str, Any]:
     """Times of the calls of each structure, and their ratios.
@@ -52,19 +53,27 @@ def run(
     structures: dict[str, Any] = {
         f"aggregate x{factor}": jt.Aggregate(grid, factor) for factor in factors
     }
+    structures["full volume"] = full
+    calls: dict[str, Callable[[], Any]] = {_PEER: peer.call}
+    for label, structure in structures.items():
+        own = _calls(structure, repeats)
+        calls |= {f"{label}: {what}": call for what, call in own.items()}
+    # The peer once a round, beside all structures: it takes seconds.
+    spans = interleaved(calls, repeats)
     rows = [
         {
             "structure": label,
             "nodes": structure.node_count,
-            "spans_s": _measured(structure, peer.call, repeats),
+            "spans_s": {_PEER: spans[_PEER]}
+            | {what: spans[f"{label}: {what}"] for what in _OURS},
         }
-        for label, structure in {**structures, "full volume": full}.items()
+        for label, structure in structures.items()
     ]
     time = lambda what: lambda row: timing_of(row["spans_s"][what]).text()
     columns = [
         ("", "{structure}"),
         ("nodes", "{nodes:,}"),
-        *((what, time(what)) for what in (_LOOP, _AGAIN, _OTHER, _SIMULATE)),
+        *((what, time(what)) for what in _OURS),
         ("numba over the last", lambda row: ratio_text(_over(row, _PEER, _SIMULATE))),
     ]
     show(table_of(rows, columns, f"{name}, {height} high, {END:g} s, this host"))
@@ -87,20 +96,19 @@ def _scene(structure: Any, number: int) -> jt.Scene:
     return jt.Scene((jt.Body(structure, material, temperature=START),), terms)
 
 
-def _measured(structure: Any, peer: Callable[[], Any], repeats: int) -> Spans:
+def _calls(structure: Any, repeats: int) -> dict[str, Callable[[], Any]]:
+    """Calls of one structure, each of them to be made once more than `repeats`."""
     run = jt.compile_simulation(_scene(structure, 0), END, SAVE_AT, solver=_SOLVER)
     # Made before they are timed, and each used once.
     others = iter([_scene(structure, n) for n in range(1, 2 * repeats + 3)])
     simulate = lambda scene: jt.simulate(scene, END, SAVE_AT, solver=_SOLVER)
     reading = lambda solution: np.asarray(solution.surface_temperature)
-    calls = {
+    return {
         _LOOP: loop_of(run.plan),
         _AGAIN: lambda: reading(run()),
         _OTHER: lambda: reading(run(next(others))),
         _SIMULATE: lambda: reading(simulate(next(others))),
-        _PEER: peer,
     }
-    return interleaved(calls, repeats)
 
 
 def _over(row: dict[str, Any], above: str, below: str) -> list[float]:

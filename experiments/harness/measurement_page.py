@@ -62,7 +62,7 @@ def finished(
 
 
 def summary(benchmarks: Sequence[Finished]) -> str:
-    """Number of bounds that are met, those that are not, and benchmarks without rows."""
+    """Number of bounds met, names of the others, and of benchmarks without rows."""
     asked = [
         (f"{each.name}: {row.name}", row.met)
         for each in benchmarks
