@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from typing_extensions import override
 
-from ..arrays import linear_map
+from ..arrays import linear_map, plain_numbers
 from ..errors import InputError
 from ..raster.views import clip_half_space, unit_vector
 
@@ -152,15 +152,21 @@ class Camera(AbstractCamera):
         InputError: for an impossible size, view direction or field of view.
     """
 
-    position: tuple[float, float, float] = eqx.field(static=True)
+    position: tuple[float, float, float] = eqx.field(
+        static=True, converter=plain_numbers
+    )
     """Position of the pinhole [m]."""
-    look_at: tuple[float, float, float] = eqx.field(static=True)
+    look_at: tuple[float, float, float] = eqx.field(
+        static=True, converter=plain_numbers
+    )
     """Point in the centre of the image [m]."""
-    up: tuple[float, float, float] = eqx.field(static=True, default=(0.0, 0.0, 1.0))
-    field_of_view: float = eqx.field(static=True, default=0.6)
+    up: tuple[float, float, float] = eqx.field(
+        static=True, converter=plain_numbers, default=(0.0, 0.0, 1.0)
+    )
+    field_of_view: float = eqx.field(static=True, converter=plain_numbers, default=0.6)
     """Angle from the top to the bottom of the image [rad]."""
-    width: int = eqx.field(static=True, default=640)
-    height: int = eqx.field(static=True, default=480)
+    width: int = eqx.field(static=True, converter=plain_numbers, default=640)
+    height: int = eqx.field(static=True, converter=plain_numbers, default=480)
 
     def __check_init__(self):
         self._check_view()
@@ -235,15 +241,21 @@ class OrthographicCamera(AbstractCamera):
         InputError: for an impossible size, view direction or height of the view.
     """
 
-    position: tuple[float, float, float] = eqx.field(static=True)
+    position: tuple[float, float, float] = eqx.field(
+        static=True, converter=plain_numbers
+    )
     """Centre of the image plane [m]; bodies behind the plane are not drawn."""
-    look_at: tuple[float, float, float] = eqx.field(static=True)
+    look_at: tuple[float, float, float] = eqx.field(
+        static=True, converter=plain_numbers
+    )
     """Point in the centre of the image [m]."""
-    view_height: float = eqx.field(static=True)
+    view_height: float = eqx.field(static=True, converter=plain_numbers)
     """Length from the top to the bottom of the image [m]."""
-    up: tuple[float, float, float] = eqx.field(static=True, default=(0.0, 0.0, 1.0))
-    width: int = eqx.field(static=True, default=640)
-    height: int = eqx.field(static=True, default=480)
+    up: tuple[float, float, float] = eqx.field(
+        static=True, converter=plain_numbers, default=(0.0, 0.0, 1.0)
+    )
+    width: int = eqx.field(static=True, converter=plain_numbers, default=640)
+    height: int = eqx.field(static=True, converter=plain_numbers, default=480)
 
     def __check_init__(self):
         self._check_view()

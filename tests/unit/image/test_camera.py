@@ -173,3 +173,12 @@ def test_rays_of_some_pixels_are_those_of_all(camera):
     chosen = np.array([5, 700, 64 * 48 - 1])
     for some, every in zip(camera.rays(chosen), camera.rays(), strict=True):
         np.testing.assert_array_equal(some, every[chosen])
+
+
+@pytest.mark.parametrize("kind", [np.float64, np.float32])
+def test_vectors_of_numpy_are_plain_numbers(kind):
+    position = tuple(kind(x) for x in (1.5, -2.0, 0.5))
+    camera = Camera(position=position, look_at=(0.0, 0.0, kind(0.25)))
+    assert camera.position == (1.5, -2.0, 0.5)
+    assert {type(x) for x in (*camera.position, *camera.look_at)} == {float}
+    assert hash(camera.position) == hash(position)
