@@ -43,7 +43,8 @@ def run(folder: Path, height: int = _ACROSS[-1], repeats: int = 5) -> dict[str, 
             rows += _measured(across, repeats)
     growth = {form: _growth(rows, form) for form in ("stencil", "links")}
     write_chart(_chart(rows), folder / "growth")
-    measured = [_measurement(row) for row in rows]
+    by_form = sorted(rows, key=lambda row: row["form"], reverse=True)
+    measured = [_measurement(row) for row in by_form]
     measured += [
         Measurement(f"{form}: power of the nodes from 1 million on", "-", [power])
         for form, power in growth.items()
