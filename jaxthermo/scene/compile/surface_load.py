@@ -23,7 +23,7 @@ from ...network.network import (
 )
 from ...physics.surface import spread
 from ...physics.surface_energy_balance import SurfaceTerms
-from .bodies import PreparedBody, device_address
+from .bodies import PreparedBody
 
 
 # Temperatures of one body; one array or one network for each body with cells; and the
@@ -344,7 +344,7 @@ def _layout(
     node = node.reshape(-1).astype(np.int32)
     count = _shared_size(body, len(acts), _even_size(len(cells)))
     return _Layout(
-        address=device_address(body.address, nodes),
+        address=body.address_of(nodes),
         node=jnp.asarray(np.pad(node, (0, count - len(node)))),
         slots=tuple(jnp.asarray(slot) for slot in members(node, len(nodes))),
         cell=cell,
