@@ -34,6 +34,7 @@ _ABOUT = {
     "benchmarks.stencil": "one full-volume step beside numba and a memory copy",
     "benchmarks.steps": "a step of each structure, beside its conduction and scipy",
     "benchmarks.growth": "time of a step over the number of nodes, to thirty million",
+    "benchmarks.memory": "memory of a run: forecast against measured, by structure",
     "benchmarks.voxelize": "voxelizing beside trimesh at the same pitch",
     "benchmarks.mixed": "what each mechanism costs in a scene of everything",
     "benchmarks.multigrid": (
