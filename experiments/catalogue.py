@@ -55,6 +55,7 @@ _ABOUT = {
     "benchmarks.octree": "the octree beside the full volume at the octree's own error",
     "benchmarks.steps": "a step of each structure, beside its conduction and scipy",
     "benchmarks.growth": "time of a step over the number of nodes, to thirty million",
+    "benchmarks.memory": "memory of a run: forecast against measured, by structure",
     "benchmarks.voxelize": "voxelizing beside trimesh at the same pitch",
     "benchmarks.mixed": "what each mechanism costs in a scene of everything",
     "benchmarks.multigrid": (

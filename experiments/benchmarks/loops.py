@@ -14,7 +14,7 @@ from jaxthermo.integrate.run.plan import (
     save_intervals,
     step_table,
 )
-from jaxthermo.integrate.run.simulate import run_plan, take_steps_jit
+from jaxthermo.integrate.run.simulate import run_plan, take_steps_in_place
 
 from ..front.linear_body import LinearBody, Run, linear_body
 from ..front.numba_loops import explicit_run, rkl2_run
@@ -28,8 +28,11 @@ NUMBA = f"numba, {numba.get_num_threads()} threads"
 def loop_of(plan: Plan) -> Callable[[], Any]:
     """All steps of a plan and the reading of its surface, as one compiled call."""
     table = step_table(plan, save_intervals(plan.intervals))
-    program, start = plan.compiled.program, initial_state(plan)
-    return lambda: take_steps_jit(plan.stepper, program, start, table)
+    program = plan.compiled.program
+    # The loop uses up its state: each call makes one, as a run does.
+    return lambda: take_steps_in_place(
+        plan.stepper, program, initial_state(plan), table
+    )
 
 
 def numba_explicit(scene: jt.Scene, end: float, save_at=None) -> Run:

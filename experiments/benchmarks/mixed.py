@@ -50,7 +50,7 @@ def _steps(program, state: RunState, dt, steps) -> RunState:
 
 def _runner(scene: jt.Scene, dt: float, steps: int = _STEPS) -> _Runner:
     compiled = compile_scene(scene, 1, dt * steps)
-    program, dtype = compiled.program, compiled.state[0].dtype
+    program, dtype = compiled.program, compiled.start[0].dtype
     state = RunState(compiled.state, empty_ledger(len(program.entries), dtype))
     # Arrays: a Python number would be compiled into the loop.
     step, count = jnp.asarray(dt, dtype), jnp.asarray(steps)

@@ -16,7 +16,7 @@ from jaxthermo.integrate.run.plan import (
     save_intervals,
     step_table,
 )
-from jaxthermo.integrate.run.simulate import make_solution, take_steps_jit
+from jaxthermo.integrate.run.simulate import make_solution, take_steps_in_place
 from jaxthermo.integrate.run.solution import result_name
 from jaxthermo.integrate.solvers import AbstractSolver
 
@@ -162,7 +162,7 @@ def run_nodes(
         program = todo.compiled.program
         layout = step_table(todo, save_intervals(todo.intervals))
         take = lambda: jax.block_until_ready(
-            take_steps_jit(todo.stepper, program, initial_state(todo), layout)
+            take_steps_in_place(todo.stepper, program, initial_state(todo), layout)
         )
         # The first of two equal runs compiles as well: the second tells how much.
         begin = time.perf_counter()

@@ -27,6 +27,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
+from ..scene.compile.memory import Method
 from ..scene.compile.program import Program, State
 from .run.heat_rates import add_loads
 from .stepper import AbstractStepper, RunState
@@ -36,6 +37,11 @@ class EulerStepper(AbstractStepper):
     """Explicit Euler: first order, stable up to the stable step."""
 
     two_buffers = True
+
+    @property
+    @override
+    def method(self) -> Method:
+        return "euler"
 
     @override
     def step(self, program: Program, state: RunState, start, dt) -> RunState:
@@ -92,6 +98,11 @@ class RKL2Stepper(AbstractStepper):
     count: Int[Any, ""] | None = None
     """Odd number of stages of every step, if it is an argument of the compiled program:
     other materials then need no other program."""
+
+    @property
+    @override
+    def method(self) -> Method:
+        return "stages"
 
     @property
     def stages_taken(self) -> int:

@@ -22,6 +22,7 @@ from ..arrays import Number
 from ..errors import InputError
 from ..module import Module
 from ..physics.time_varying import SAMPLES
+from ..scene.compile.memory import Method
 from ..scene.compile.program import Compiled
 from ..scene.scene import Scene
 from .explicit import MIN_STAGES, EulerStepper, RKL2Stepper, stage_count
@@ -59,6 +60,8 @@ class AbstractSolver(Module):
 
     load_fraction: ClassVar[float] = 1 - END_FRACTION
     """Position in the last step, 0 to 1, of the loads that an observation uses."""
+    method: ClassVar[Method] = "euler"
+    """Kind of steps, for the forecast of memory."""
     dt: eqx.AbstractVar[Any]
     """Step [s]; None to have it chosen."""
 
@@ -163,6 +166,7 @@ class SuperTimeStepping(AbstractSolver):
     Source: Meyer, Balsara, Aslam, Journal of Computational Physics 257 (2014) 594-626.
     """
 
+    method = "stages"
     dt: Number | None = None
     """Step [s]; None for 1/128 of the run."""
     stages: int | None = eqx.field(static=True, default=None)
@@ -195,6 +199,7 @@ class SuperTimeStepping(AbstractSolver):
 class _AbstractImplicit(AbstractSolver):
     """Schemes that solve a system of equations in every step."""
 
+    method = "implicit"
     _tableau: ClassVar[Tableau]
     tolerance: eqx.AbstractVar[float | None]
     """Largest residual of a linear solve over capacity [K]; None for 1e-4 K in float32

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from ..module import Module
+from ..scene.compile.memory import Method
 from ..scene.compile.program import Program, State
 from .run.ledger import Ledger
 
@@ -42,6 +43,11 @@ class AbstractStepper(Module):
 
     two_buffers: ClassVar[bool] = False
     """True if a step is so cheap that copying the state would be noticeable."""
+
+    @property
+    @abc.abstractmethod
+    def method(self) -> Method:
+        """Kind of steps, for the forecast of memory."""
 
     def begin(self, state: RunState) -> RunState:
         """Return the state with the stepper's own initial `solver_state`."""

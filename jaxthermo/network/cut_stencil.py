@@ -10,12 +10,26 @@ so that a step is the uniform one, and then another change at these nodes:
     T_i + (C / C_i) (change of the uniform step + dt / C sum_j (G_ij - G) (T_j - T_i)).
 """
 
+import math
+from functools import partial
+
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 from typing_extensions import override
 
 from .link_operator import RowNetwork
-from .network import AbstractDerivedNetwork, AbstractNetwork, Address, precise_sum
+from .network import (
+    AbstractDerivedNetwork,
+    AbstractNetwork,
+    Address,
+    inverse,
+    precise_sum,
+)
+
+
+# Positions in a larger lattice cannot be counted in 32 bits.
+_MAX_CELLS = 2**31 - 1
 
 
 class CutStencil(AbstractDerivedNetwork):
@@ -72,8 +86,20 @@ class CutStencil(AbstractDerivedNetwork):
         return whole.at[self.address].set(self.links.node_capacity)
 
     @override
+    def max_rate(self) -> Float[Array, ""]:
+        # Without an array of all capacities, which are those of whole voxels elsewhere.
+        rate = self.base.diagonal() * inverse(self.base.capacity())
+        others = rate.at[self.address].set(0)
+        own = self._surface(self.base.diagonal()) + self.links.diagonal()
+        capacity = self.links.node_capacity
+        return jnp.maximum(others.max(), (own * inverse(capacity)).max())
+
+    @override
     def capacity_at(self, address: Address) -> Float[Array, "*m"]:
-        return self.capacity()[address]
+        shape = jax.eval_shape(self.base.diagonal).shape
+        if math.prod(shape) > _MAX_CELLS:
+            return self.capacity()[address]
+        return _capacity_at(self, address, shape)
 
     def _excess_capacity(self) -> Float[Array, " m"]:
         """Capacities of the surface nodes less those of whole voxels [J/K]."""
@@ -88,3 +114,16 @@ class CutStencil(AbstractDerivedNetwork):
         # Without an array of all capacities, which takes as long to read as the state.
         more = self._excess_capacity() * self._surface(state)
         return self.base.stored(state) + precise_sum(more)
+
+
+@partial(jax.jit, static_argnames="shape", inline=True)
+def _capacity_at(
+    network: CutStencil, address: Address, shape: tuple[int, ...]
+) -> Float[Array, " m"]:
+    """Capacities of some nodes [J/K], searched among those of the surface."""
+    # An array of the whole lattice would be as large as a state.
+    place = lambda at: (at[0] * shape[1] + at[1]) * shape[2] + at[2]
+    own, wanted = place(network.address), place(address)
+    index = jnp.searchsorted(own, wanted).clip(max=len(own) - 1)
+    whole = network.base.capacity_at(address)
+    return jnp.where(own[index] == wanted, network.links.node_capacity[index], whole)

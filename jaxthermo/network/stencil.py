@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Shaped, UInt8
 from typing_extensions import override
 
-from .network import AbstractNetwork, inverse, precise_sum
+from .network import AbstractNetwork, Address, inverse, precise_sum
 from .self_adjoint_primitive import Operator, computed_once, conduct, conduct_step
 
 
@@ -263,6 +263,10 @@ class HeterogeneousStencil(AbstractNetwork):
     @override
     def capacity(self) -> Float[Array, "..."]:
         return jnp.pad(self.cell_capacity, 1)
+
+    @override
+    def capacity_at(self, address: Address) -> Float[Array, "*m"]:
+        return self.cell_capacity[tuple(index - 1 for index in address)]
 
     @override
     def total_capacity(self) -> Float[Array, ""]:

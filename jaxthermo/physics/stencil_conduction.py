@@ -59,7 +59,8 @@ def uniform_stencil(
     )
     if grid.cut is None or grid.cut.is_empty:
         return whole
-    only = np.zeros(grid.solid.shape, np.int32)
+    # Of one number: an array of them would be four times as large as the voxels.
+    only = np.broadcast_to(np.int32(0), grid.solid.shape)
     return _with_cut_voxels(whole, grid, grid.cut, only, conductivity[None], heat[None])
 
 

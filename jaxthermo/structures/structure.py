@@ -228,6 +228,10 @@ class AbstractStructure(Module):
     def node_address(self) -> tuple[Int[np.ndarray, " n"], ...]:
         """Indices of every node in the state."""
 
+    def address_of(self, nodes: Int[np.ndarray, " m"]) -> tuple[np.ndarray, ...]:
+        """Indices of some nodes in the state."""
+        return tuple(index[nodes] for index in self.node_address())
+
     @property
     def identity(self) -> tuple[object, ...]:
         """Objects that its arrays follow from, beside its options; none if unknown.

@@ -15,13 +15,14 @@ edge, and a change of both links of voxel 3. Rods at any slant then conduct what
 should, and a gradient along the normal conducts no more than before.
 """
 
+from collections.abc import Iterator
 from itertools import combinations, product
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ..arrays import sorted_union, unique_rows
+from ..arrays import sorted_union
 
 
 # Smallest open area [voxel faces]: a link through a sliver of nothing still conducts.
@@ -90,18 +91,32 @@ def cut_links(
     padded = np.pad(solid, 1)
     lattice = _Lattice(padded.reshape(-1), padded.shape)
     flat = np.asarray(np.ravel_multi_index(tuple(voxel.T + 1), padded.shape))
-    found = [*_open_areas(flat, section, lattice), *_slivers(flat, sides, lattice)]
-    first, second, extra = (np.concatenate(c) for c in zip(*found, strict=True))
-    low = np.minimum(first, second)
-    ends = np.stack([low, np.abs(second - first)], axis=1)
-    ends, link = unique_rows(ends)
-    extra = np.bincount(link, extra, len(ends))
-    cells = np.stack(np.unravel_index(ends[:, 0], padded.shape), axis=1)
-    other = np.stack(np.unravel_index(ends.sum(axis=1), padded.shape), axis=1)
-    links = CutLinks(cells - 1, other - cells, extra)
-    whole = np.where(links.over_edge, 0, 1)
-    links = links._replace(extra=np.maximum(whole + extra, whole * _MIN_OPEN) - whole)
-    return links.chosen(np.flatnonzero(np.abs(links.extra) > WHOLE))
+    # One integer for each link, of its first voxel and its kind: many times faster to
+    # sort than pairs of voxels, and half as large.
+    keys, extras, reach = [], [], lattice.reach
+    for found in (_open_areas(flat, section, lattice), _slivers(flat, sides, lattice)):
+        for first, second, extra in found:
+            low, apart = np.minimum(first, second), np.abs(second - first)
+            keys.append(low * len(reach) + np.searchsorted(reach, apart))
+            extras.append(extra)
+    key, link = np.unique(np.concatenate(keys), return_inverse=True)
+    extra = np.bincount(link.reshape(-1), np.concatenate(extras), len(key))
+    del keys, extras, link
+    low, kind = np.divmod(key, len(reach))
+    is_face = np.isin(reach, lattice.jumps)[kind]
+    whole = np.where(is_face, 1, 0)
+    extra = np.maximum(whole + extra, whole * _MIN_OPEN) - whole
+    kept = np.flatnonzero(np.abs(extra) > WHOLE)
+    low, apart = low[kept], reach[kind[kept]]
+    cells = _cells(low, padded.shape)
+    step = (_cells(low + apart, padded.shape) - cells).astype(np.int8)
+    return CutLinks(cells - np.int32(1), step, extra[kept])
+
+
+def _cells(flat: Int[np.ndarray, " e"], shape: tuple[int, ...]) -> np.ndarray:
+    """Cells of a lattice by their places in a row, in 32 bits."""
+    along = np.unravel_index(flat, shape)
+    return np.stack([index.astype(np.int32) for index in along], axis=1)
 
 
 class _Lattice(NamedTuple):
@@ -116,8 +131,15 @@ class _Lattice(NamedTuple):
         _, y, z = self.shape
         return y * z, z, 1
 
+    @property
+    def reach(self) -> Int[np.ndarray, " k"]:
+        """Jumps over faces and edges, increasing."""
+        pairs = combinations(self.jumps, 2)
+        over_edges = (each for a, b in pairs for each in (a + b, a - b))
+        return np.unique([*self.jumps, *over_edges])
 
-_Found = list[
+
+_Found = Iterator[
     tuple[Int[np.ndarray, " e"], Int[np.ndarray, " e"], Float[np.ndarray, " e"]]
 ]
 
@@ -126,13 +148,11 @@ def _open_areas(
     flat: Int[np.ndarray, " m"], section: Float[np.ndarray, "m 3"], lattice: _Lattice
 ) -> _Found:
     """Links over faces: the mean of the sections of both ends."""
-    found = []
     for axis, jump in enumerate(lattice.jumps):
         low = sorted_union(flat, flat - jump)
         low = low[lattice.solid[low] & lattice.solid[low + jump]]
         ends = [_of_cut(flat, section[:, axis], end, 1.0) for end in (low, low + jump)]
-        found.append((low, low + jump, (ends[0] + ends[1]) / 2 - 1))
-    return found
+        yield low, low + jump, (ends[0] + ends[1]) / 2 - 1
 
 
 def _of_cut(
@@ -149,7 +169,6 @@ def _of_cut(
 
 def _slivers(flat: Int[np.ndarray, " m"], sides: Sides, lattice: _Lattice) -> _Found:
     """Links over concave edges, and the changes of the links beside them."""
-    found = []
     signs = product((0, 1), (0, 1))
     for (a, b), (i, j) in product(combinations(range(3), 2), list(signs)):
         to_a = lattice.jumps[a] * (2 * i - 1)
@@ -171,7 +190,6 @@ def _slivers(flat: Int[np.ndarray, " m"], sides: Sides, lattice: _Lattice) -> _F
         squared = np.maximum(n_a**2 + n_b**2, WHOLE)
         scale = np.where(smooth, width * (n_a + n_b) / squared, 0)
         first, second = flat[one], flat[two]
-        found.append((first, second, scale * n_a * n_b))
-        found.append((first, third, scale * n_a * (n_a - n_b)))
-        found.append((second, third, scale * n_b * (n_b - n_a)))
-    return found
+        yield first, second, scale * n_a * n_b
+        yield first, third, scale * n_a * (n_a - n_b)
+        yield second, third, scale * n_b * (n_b - n_a)

@@ -55,6 +55,20 @@ class CutVoxels:
         own_section, links = self.section[own], self.links.within(planes)
         return CutVoxels(shifted, self.volume[own], own_section, links)
 
+    def volumes_at(
+        self, voxels: Int[np.ndarray, "k 3"], shape: tuple[int, ...]
+    ) -> Float[np.ndarray, " k"]:
+        """Volumes of some voxels [voxels]; 1 where not cut."""
+        if not len(self.voxel):
+            return np.ones(len(voxels))
+        # Searched: an array of all voxels would be the largest of all.
+        own, wanted = (
+            np.asarray(np.ravel_multi_index(tuple(v.T), shape))
+            for v in (self.voxel, voxels)
+        )
+        index = np.minimum(np.searchsorted(own, wanted), len(own) - 1)
+        return np.where(own[index] == wanted, self.volume[index], 1.0)
+
     def volumes(self, shape: tuple[int, ...]) -> Float[np.ndarray, "x y z"]:
         """Volume of every voxel of the lattice [voxels]; 1 where not cut."""
         found = np.ones(shape)
@@ -90,7 +104,8 @@ def limited(cut: CutVoxels, solid: Bool[np.ndarray, "x y z"]) -> CutVoxels:
         spare = max(total - MIN_OPEN * len(volume), 0.0)
         volume = MIN_OPEN + above * (spare / above.sum() if spare else 0.0)
     changed = np.flatnonzero((volume != 1) | near.is_cut)
-    voxel = np.stack(np.unravel_index(near.cell[changed], padded.shape), axis=1) - 1
+    along = np.unravel_index(near.cell[changed], padded.shape)
+    voxel = np.stack([(index - 1).astype(np.int32) for index in along], axis=1)
     section = np.ones((len(volume), 3))
     section[near.own] = cut.section
     return CutVoxels(voxel, volume[changed], section[changed], cut.links)

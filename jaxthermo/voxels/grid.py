@@ -211,8 +211,7 @@ class VoxelGrid:
         """Volumes of some solid voxels [m^3]."""
         if self.cut is None:
             return np.full(len(voxels), self.voxel_volume)
-        volume = self.cut.volumes(self.solid.shape)
-        return volume[tuple(voxels.T)] * self.voxel_volume
+        return self.cut.volumes_at(voxels, self.solid.shape) * self.voxel_volume
 
     def volume_of(
         self, group: Int[np.ndarray, " v"], count: int

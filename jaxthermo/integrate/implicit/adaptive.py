@@ -24,6 +24,7 @@ from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
 from ...module import Module
+from ...scene.compile.memory import Method
 from ...scene.compile.program import Program, State
 from ..stepper import AbstractStepper, RunState
 from .conjugate_gradient import ConjugateGradient
@@ -89,6 +90,11 @@ class AdaptiveStepper(AbstractStepper):
     """Largest error of a step [K]."""
     checkpoints: int | None = eqx.field(static=True, default=None)
     """Number of states that reverse mode stores on the way to an event."""
+
+    @property
+    @override
+    def method(self) -> Method:
+        return self.context.method
 
     @override
     def begin(self, state: RunState) -> RunState:

@@ -29,6 +29,7 @@ from ...network.multigrid import Hierarchy, hierarchy, jacobi
 from ...network.multigrid_cycle import AbstractCycle
 from ...network.network import AbstractNetwork, inverse
 from ...physics.contact.links import ContactLinks
+from ...scene.compile.memory import Method
 from ...scene.compile.program import Compiled, Program, State
 from ...scene.scene import Scene
 from ...structures.structure import AbstractStructure
@@ -97,6 +98,11 @@ class ImplicitContext(Module):
     """True if one Newton iteration is the solution."""
     differentiable: bool = eqx.field(static=True, default=False)
     """True if derivatives may be asked for, which costs one more residual."""
+
+    @property
+    def method(self) -> Method:
+        """Kind of steps, for the forecast of memory."""
+        return "implicit" if any(self.hierarchies) else "diagonal"
 
 
 def arranged_for_solves(scene: Scene) -> Scene:

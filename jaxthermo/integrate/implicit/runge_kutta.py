@@ -18,6 +18,7 @@ from jaxtyping import Array, Bool, Float
 from typing_extensions import override
 
 from ...network.network import inverse, precise_sum
+from ...scene.compile.memory import Method
 from ...scene.compile.program import Program, State
 from ..run.heat_rates import evaluate_rates, load_slopes, pair_conductance
 from ..run.ledger import into_bodies
@@ -161,6 +162,11 @@ class ImplicitStepper(AbstractStepper):
 
     context: ImplicitContext
     tableau: Tableau = eqx.field(static=True)
+
+    @property
+    @override
+    def method(self) -> Method:
+        return self.context.method
 
     @override
     def begin(self, state: RunState) -> RunState:

@@ -15,6 +15,7 @@ from ...errors import InputError, require, shortened
 from ...findings import found, values_of
 from ...module import replaced
 from ...scene.compile.compile import compile_scene
+from ...scene.compile.memory import with_memory_of
 from ...scene.compile.program import Compiled, Program
 from ...scene.scene import Scene
 from ..explicit import RKL2Stepper, stage_count
@@ -23,6 +24,7 @@ from ..solvers import (
     MAX_REFINED_EVENTS,
     AbstractSolver,
     ErrorControl,
+    ForwardEuler,
     SuperTimeStepping,
     select_solver,
 )
@@ -191,7 +193,8 @@ def plan_run(
     control = wanted if isinstance(wanted, ErrorControl) else None
     chosen = None if isinstance(wanted, ErrorControl) else wanted
     arranged = scene if chosen is None else chosen.arranged(scene)
-    compiled = compile_scene(arranged, len(saves), t1, prune)
+    method = ForwardEuler.method if chosen is None else chosen.method
+    compiled = compile_scene(arranged, len(saves), t1, prune, method)
     traced = is_traced(compiled.stable_step)
     stable_step = None if traced else float(compiled.stable_step)
     reason, note = "as given", None
@@ -206,7 +209,8 @@ def plan_run(
         chosen, reason = _selected(control, compiled.program, stable_step, t1)
         arranged = chosen.arranged(scene)
         if arranged is not scene:
-            compiled = compile_scene(arranged, len(saves), t1, prune)
+            method = chosen.method
+            compiled = compile_scene(arranged, len(saves), t1, prune, method)
     if t1 < given:
         compiled = _with_note(
             compiled,
@@ -232,9 +236,11 @@ def plan_run(
         stepper = fixed.for_any_step(stable_step, compiled.receipt.dtype)
     else:
         stepper = chosen.stepper(arranged, compiled, longest, is_traced(scene))
+    if stepper.method != method:
+        compiled = with_memory_of(compiled, arranged, len(saves), stepper.method)
     checkpoints = None
     if reverse_memory is not None:
-        size = sum(x.size * x.dtype.itemsize for x in jax.tree.leaves(compiled.state))
+        size = sum(x.size * x.dtype.itemsize for x in jax.tree.leaves(compiled.start))
         checkpoints = reverse_memory // size
         if checkpoints < 1:
             raise InputError(
@@ -313,7 +319,7 @@ def _with_note(compiled: Compiled, note: str) -> Compiled:
 
 
 def initial_state(plan: Plan) -> RunState:
-    """Return the state at time 0."""
+    """Return the state at time 0, in arrays of its own, which a run may overwrite."""
     entries = len(plan.compiled.program.entries)
     state = RunState(plan.compiled.state, empty_ledger(entries, plan.dtype))
     return plan.stepper.begin(state)

@@ -70,9 +70,6 @@ def begin_run(plan: Plan, passes: Passes | None = None) -> RunProgress:
     """Return the progress of a pass, the first if None, that has not taken a step."""
     passes = Passes() if passes is None else passes
     state = initial_state(of_pass(plan, passes.number))
-    # A copy, since segments overwrite their state and the plan must stay whole.
-    theta = jax.tree.map(jnp.array, state.theta)
-    state = RunState(theta, state.ledger, state.solver_state)
     initial = observe(plan.compiled.program, state, None)
     return RunProgress(0, 0, state, initial, (), passes)
 

@@ -106,17 +106,16 @@ def run_plan(plan: Plan) -> Solution:
     """Run a plan from its start to its solution."""
     if not plan.intervals:
         return make_solution(plan, None)
-    state = initial_state(plan)
     if plan.control is not None:
         passes = Passes()
         while not passes.finished:
             now = of_pass(plan, passes.number)
-            rows = integrate(now, state)
+            rows = integrate(now, initial_state(now))
             passes = passes.after(rows, plan.control)
         now = of_pass(plan, passes.number)
-        return make_solution(now, passes.rows, passes.error, state)
-    rows = integrate(plan, state, is_traced(plan.scene))
-    return make_solution(plan, rows, start=state)
+        return make_solution(now, passes.rows, passes.error)
+    rows = integrate(plan, initial_state(plan), is_traced(plan.scene))
+    return make_solution(plan, rows)
 
 
 def take_steps(
@@ -143,8 +142,22 @@ def take_steps(
     return jax.lax.scan(save_interval, state, table)
 
 
-# Un-jitted above, for those who compile, trace or time it themselves.
-take_steps_jit = eqx.filter_jit(take_steps)
+def take_steps_in_place(
+    stepper: AbstractStepper, program: Program, state: RunState, table: StepTable
+) -> tuple[RunState, Observation]:
+    """`take_steps` in one program, which overwrites the temperatures of the state."""
+    rest = state.ledger, state.solver_state
+    return take_steps_jit((stepper, program, rest, table), state.theta)
+
+
+@eqx.filter_jit(donate="all-except-first")
+def take_steps_jit(
+    kept: tuple[AbstractStepper, Program, Any, StepTable], theta: State
+) -> tuple[RunState, Observation]:
+    """Compiled form of `take_steps_in_place`; `take_steps` is not compiled."""
+    # Only the temperatures are donated: they are large, and the rest is shared.
+    stepper, program, rest, table = kept
+    return take_steps(stepper, program, RunState(theta, *rest), table)
 
 
 def compile_plan(plan: Plan) -> None:
@@ -161,6 +174,7 @@ def integrate(
 ) -> Observation:
     """Take every step of a plan and return the observations at the save times.
 
+    The temperatures of the state are overwritten, but where values are traced.
     Without `takes_steps` all is compiled and nothing integrated.
     """
     index = [plan.compiled.number_at(i.start) for i in plan.intervals]
@@ -178,7 +192,8 @@ def integrate(
             table = step_table(plan, each, rows, columns)
             if not takes_steps:
                 table = table._replace(steps=jnp.zeros_like(table.steps))
-            state, observations = take_steps_jit(plan.stepper, program, state, table)
+            given = plan.stepper, program, state, table
+            state, observations = take_steps_in_place(*given)
         found.append(observations)
         # The last interval before a motion snapshot may not be saved.
         saved.append(np.flatnonzero([g[-1].saved for g in each]))
@@ -218,15 +233,13 @@ def make_solution(
     plan: Plan,
     observations: Observation | None,
     error: TimeError | None = None,
-    start: RunState | None = None,
 ) -> Solution:
     """Assemble the solution of a finished run; None for a run of 0 s.
 
-    `error` is the estimate of its error in time, if there is one, and `start` the state
-    at its start, if it is at hand.
+    `error` is the estimate of its error in time, if there is one.
     """
     program = plan.compiled.program
-    state = initial_state(plan) if start is None else start
+    state = initial_state(plan)
     uneven = tuple(
         tuple(map(jnp.asarray, b.structure.node_address()))
         if callable(b.temperature)

@@ -233,7 +233,7 @@ class Contact(AbstractPairTerm):
 def _end(body: Any, fragment: np.ndarray, area: np.ndarray, dtype: Any):
     """Address, half cell, 1 / capacity and area fraction of the pairs' fragments."""
     node = body.fragment_node[fragment]
-    address = tuple(jnp.asarray(index[node]) for index in body.address)
+    address = body.address_of(node)
     fragment_area = body.body.structure.grid.fragment_area
     # A pair has the fraction of the half cell that is behind it.
     fraction = (area / fragment_area[fragment]).astype(dtype)

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ...arrays import Scalar, is_traced, require_memory, typed_array
+from ...arrays import Scalar, is_traced, typed_array
 from ...constants import STEFAN_BOLTZMANN
 from ...errors import InputError, located
 from ...network.network import AbstractNetwork, Address
@@ -26,15 +26,6 @@ from ...physics.conduction import (
 from ...physics.flux_law import Forcing, Values
 from ...physics.time_varying import check_temperature, is_unknown_function
 from ..scene import AbstractMaterials, Body, Scene
-
-
-# Position of every node of a body in its state.
-_HostAddress = tuple[np.ndarray, ...]
-
-
-def device_address(address: _HostAddress, nodes: Int[np.ndarray, " m"]) -> Address:
-    """Position of some of the nodes in the state."""
-    return tuple(jnp.asarray(index[nodes]) for index in address)
 
 
 @eqx.filter_jit
@@ -53,22 +44,26 @@ class PreparedBody(NamedTuple):
     network: AbstractNetwork
     reference: Scalar
     """Temperature from which the state counts [K]."""
-    state: Float[Array, "..."]
+    state: Float[Values, "..."]
+    """At time 0: an array of numpy without memory of its own where all start equally
+    warm."""
     half_cell: Float[Values, " s"]
     """Conductance from each fragment to its node, k A / distance [W/K]."""
     fragment_node: Int[np.ndarray, " s"]
-    address: _HostAddress
     surface_map: Any
     """As bound to the body."""
     conductivity_parts: Float[Array, "q s"] | None
     """Fractions of each fragment, see `conductivity_parts`; None for one material."""
 
+    def address_of(self, nodes: Int[np.ndarray, " m"]) -> Address:
+        """Position of some of the nodes in the state."""
+        return tuple(map(jnp.asarray, self.body.structure.address_of(nodes)))
+
 
 def prepare(number: int, body: Body, dtype: Any) -> PreparedBody:
     """Network, initial state and addresses of a body."""
     structure, material = body.structure, body.material
-    address = structure.node_address()
-    reference, theta = _initial(number, body, address, dtype)
+    reference, theta = _initial(number, body, dtype)
     if isinstance(material, AbstractMaterials):
         of_nodes = material.of_nodes(structure)
         given = material.materials
@@ -80,13 +75,20 @@ def prepare(number: int, body: Body, dtype: Any) -> PreparedBody:
         body=body,
         network=network,
         reference=reference,
-        state=network.state_of(theta),
+        state=_state(network, theta),
         half_cell=_half_cells(body, reference, dtype),
         fragment_node=structure.fragment_node(),
-        address=address,
         surface_map=body.surface_map.bind(structure, dtype),
         conductivity_parts=_parts(body, reference, dtype),
     )
+
+
+def _state(
+    network: AbstractNetwork, theta: Float[Values, "..."]
+) -> Float[Values, "..."]:
+    if isinstance(theta, np.ndarray) and network.is_linear:
+        return theta
+    return network.state_of(jnp.asarray(theta))
 
 
 def _parts(body: Body, reference: Scalar, dtype: Any) -> Float[Array, "q s"] | None:
@@ -100,17 +102,19 @@ def _parts(body: Body, reference: Scalar, dtype: Any) -> Float[Array, "q s"] | N
 
 
 def _initial(
-    number: int, body: Body, address: _HostAddress, dtype: Any
-) -> tuple[Scalar, Float[Array, "..."]]:
+    number: int, body: Body, dtype: Any
+) -> tuple[Scalar, Float[Values, "..."]]:
     # Reference temperature of a body, and its nodes' temperatures above it [K].
     # The reference is the initial mean. It is no variable: of a traced initial state
     # only the difference, 0 where it is uniform, carries a derivative.
-    theta = np.zeros(body.structure.state_shape, dtype)
+    shape = body.structure.state_shape
     values: Any = body.temperature
     if callable(values):
         values = values(body.structure.nodes().location)
     elif not is_traced(values):
-        return float(values), jnp.asarray(theta)
+        # One number for all nodes, which takes no memory until a run starts.
+        return float(values), np.broadcast_to(np.zeros((), dtype), shape)
+    theta, address = np.zeros(shape, dtype), body.structure.node_address()
     if is_traced(values):
         values = values.astype(dtype)
         reference = jax.lax.stop_gradient(values.mean())
@@ -175,7 +179,9 @@ def temperature_bounds(
     # where nothing emits there is no bound, and none is needed.
     start = []
     for body in prepared:
-        theta = body.network.temperature(body.state)
+        theta = body.state
+        if not isinstance(theta, np.ndarray):
+            theta = body.network.temperature(theta)
         # On the host nothing is compiled for each shape of a body.
         theta = theta if is_traced(theta) else np.asarray(theta)
         start.append((body.reference, theta))
@@ -220,7 +226,7 @@ def check_functions(
         return
     for n, body in enumerate(prepared):
         if callable(body.body.temperature):
-            theta = body.network.temperature(body.state)
+            theta = body.network.temperature(jnp.asarray(body.state))
             own: Any = jnp if is_traced(theta) else np
             theta = own.asarray(theta)
             ends = own.stack([theta.min(), theta.max()]) + body.reference
@@ -230,37 +236,3 @@ def check_functions(
             if is_unknown_function(value):
                 what = f"terms[{n}]: {type(term).__name__}({name}=) gives"
                 check_temperature(value, what, end)
-
-
-def _has_varying_links(body: Body) -> bool:
-    own = body.material
-    several = isinstance(own, AbstractMaterials)
-    materials = own.materials if isinstance(own, AbstractMaterials) else (own,)
-    by_axis = any(isinstance(each.conductivity, tuple) for each in materials)
-    return any(each.varies for each in materials) and (several or by_axis)
-
-
-def check_memory(scene: Scene, saves: int, snapshots: int) -> int:
-    """Estimate of the solver's peak memory [bytes].
-
-    Raises:
-        InputError: if it would not fit.
-    """
-    width = 8 if scene.dtype == "float64" else 4
-    total = 0
-    for body in scene.bodies:
-        structure = body.structure
-        cells = int(np.prod(structure.state_shape))
-        fragments = len(structure.grid.fragment_area)
-        copies = 4 if not isinstance(body.material, AbstractMaterials) else 12
-        # Saved rows exist twice while the solution is put together.
-        each = 40 * snapshots + 2 * saves
-        total += cells * (copies * width + 1) + fragments * each * width
-        if len(structure.state_shape) == 1:
-            # A link is in two rows, with the neighbour's number and conductance.
-            total += structure.link_count * (5 * width + 24)
-        if _has_varying_links(body):
-            total += structure.link_count * (8 * width + 8)
-    remedy = "use a coarser pitch, or save fewer times"
-    require_memory(total, "simulating this scene", remedy)
-    return total

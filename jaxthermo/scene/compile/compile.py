@@ -29,7 +29,8 @@ from ...structures.structure import AbstractStructure
 from ...voxels.grid import VoxelGrid
 from ..motion import Motion
 from ..scene import AbstractMaterials, BodyGeometry, Scene, SolvedSurface
-from .bodies import check_functions, check_memory, prepare, temperature_bounds
+from .bodies import check_functions, prepare, temperature_bounds
+from .memory import Method, check_memory
 from .program import Compiled, Omission, Part, Program, Receipt
 from .program_builder import (
     Ledger,
@@ -65,7 +66,11 @@ def mechanism_names(scene: Scene) -> tuple[str, ...]:
 
 
 def compile_scene(
-    scene: Scene, saves: int = 1, end: float | int = 0.0, prune: bool = True
+    scene: Scene,
+    saves: int = 1,
+    end: float | int = 0.0,
+    prune: bool = True,
+    method: Method = "euler",
 ) -> Compiled:
     """Bind all terms to the scene, leaving out those without effect.
 
@@ -74,23 +79,26 @@ def compile_scene(
         saves: number of times that are saved, for the estimate of memory.
         end: of the run [s], up to which snapshots of moving geometry are taken.
         prune: False to compute terms without effect, for comparison in tests.
+        method: kind of steps, for the estimate of memory.
 
     Raises:
         InputError: if the program would not fit into memory, or terms contradict each
             other.
     """
     with searches_recorded() as searches:
-        compiled = _compile(scene, saves, end, prune)
+        compiled = _compile(scene, saves, end, prune, method)
     receipt = replace(compiled.receipt, searches=tuple(dict.fromkeys(searches)))
     return replaced(compiled, receipt=receipt)
 
 
-def _compile(scene: Scene, saves: int, end: float | int, prune: bool) -> Compiled:
+def _compile(
+    scene: Scene, saves: int, end: float | int, prune: bool, method: Method
+) -> Compiled:
     # Memory is checked before anything large is made.
     starts, names = _snapshot_times(scene, end), mechanism_names(scene)
-    memory, dtype = check_memory(scene, saves, len(starts)), jnp.dtype(scene.dtype)
+    memory = check_memory(scene, saves, len(starts), method)
     prepared = tuple(
-        prepare(number, body, dtype) for number, body in enumerate(scene.bodies)
+        prepare(n, body, jnp.dtype(scene.dtype)) for n, body in enumerate(scene.bodies)
     )
     check_functions(scene, prepared, end)
     hottest, temperatures = temperature_bounds(scene, prepared, end)
@@ -103,11 +111,10 @@ def _compile(scene: Scene, saves: int, end: float | int, prune: bool) -> Compile
     first, structures = snapshots[0], [body.structure for body in scene.bodies]
     surfaces = first.surface.bodies
     # All that is known on the host goes to the device at once.
-    programs, hottest, state, solved, radiation = on_device(
+    programs, hottest, solved, radiation = on_device(
         (
             programs,
             hottest,
-            tuple(body.state for body in prepared),
             _solved_surfaces(scene, surfaces),
             SceneRadiation(starts, _radiation(scene, snapshots, programs)),
         )
@@ -121,7 +128,7 @@ def _compile(scene: Scene, saves: int, end: float | int, prune: bool) -> Compile
         programs=programs,
         starts=starts,
         breakpoints=breakpoints_of(scene, ledger),
-        state=state,
+        start=tuple(body.state for body in prepared),
         surfaces=solved,
         radiation=radiation,
         stable_step=limit,

@@ -27,7 +27,7 @@ from ...structures.build.assignment import voxel_owner
 from ...structures.surface_map import gradient_rows
 from ...voxels.grid import VoxelGrid
 from ..scene import AbstractMaterials, Probe, Scene
-from .bodies import PreparedBody, device_address
+from .bodies import PreparedBody
 
 
 class BodyProbes(Module):
@@ -165,8 +165,8 @@ def _bind(
     return BodyProbes(
         body=body.number,
         number=tuple(number.tolist()),
-        address=device_address(body.address, node),
-        neighbour=device_address(body.address, rows.other[entry]),
+        address=body.address_of(node),
+        neighbour=body.address_of(rows.other[entry]),
         row=jnp.asarray(row.astype(np.int32)),
         weight=jnp.asarray(weight, dtype) * ratio,
         fragment=jnp.asarray(fragment.astype(np.int32)),

@@ -261,7 +261,8 @@ class Receipt:
     """Heat capacity of each body's nodes over that of the body [-]."""
     dtype: str
     memory_bytes: int
-    """Estimate of the solver's peak: states, operators and surface arrays."""
+    """Forecast of the peak of the run, see `forecast_memory`; the bodies' voxels and
+    structures are there before."""
     stable_step_s: float | None
     """Largest explicit step; None where there is no limit, or none is known."""
     searches: tuple[str, ...] = ()
@@ -282,7 +283,9 @@ class Compiled(Module):
     # Not of the programs, which would be compiled again for other times of a table.
     breakpoints: tuple[float, ...] = eqx.field(static=True)
     """Times that steps end at, besides the save times [s]."""
-    state: State
+    start: tuple[Float[Array | np.ndarray, "..."], ...]
+    """State at time 0; of numpy, and without memory of its own, where a body starts at
+    one temperature."""
     surfaces: tuple[SolvedSurface, ...]
     radiation: SceneRadiation
     """Radiation that reaches the surfaces, absorbed or not."""
@@ -293,6 +296,11 @@ class Compiled(Module):
     receipt: Receipt = eqx.field(static=True)
 
     @property
+    def state(self) -> State:
+        """State at time 0, in new arrays, which a run may overwrite."""
+        return tuple(map(_new_array, self.start))
+
+    @property
     def program(self) -> Program:
         """The first one; the only one where nothing moves."""
         return self.programs[0]
@@ -301,3 +309,10 @@ class Compiled(Module):
         """Number of the program that is valid from a time on [s]."""
         # The start of a step may be a rounding error before that of its program.
         return bisect.bisect_right(self.starts, time * (1 + 1e-12)) - 1
+
+
+def _new_array(values: Float[Array | np.ndarray, "..."]) -> Float[Array, "..."]:
+    if isinstance(values, np.ndarray) and not any(values.strides):
+        # One number for all: converted, the host would have an array of them, too.
+        return jnp.full(values.shape, values.item(0), values.dtype)
+    return jnp.array(values)

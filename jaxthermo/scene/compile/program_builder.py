@@ -24,7 +24,7 @@ from ...physics.term import (
 )
 from ...physics.time_varying import breakpoints, for_jit, is_unknown_function
 from ..scene import Scene
-from .bodies import PreparedBody, device_address
+from .bodies import PreparedBody
 from .linear_load import linear_programs
 from .probes import bind_probes
 from .program import BodyProgram, Program, VolumeLoad
@@ -289,14 +289,14 @@ def _surface_nodes(body: PreparedBody) -> tuple[Address, Int[Array, " s"]]:
     """Position of the nodes that have surface, and each fragment's among them."""
     nodes, node = np.unique(body.fragment_node, return_inverse=True)
     index = jnp.asarray(node.reshape(-1).astype(np.int32))
-    return device_address(body.address, nodes), index
+    return body.address_of(nodes), index
 
 
 def _volume_load(
     entry: int, found: VolumeBinding, body: PreparedBody, dtype: Any
 ) -> VolumeLoad:
     nodes = np.flatnonzero(found.volume)
-    address = device_address(body.address, nodes)
+    address = body.address_of(nodes)
     reached = np.asarray(found.volume[nodes], dtype)
     return VolumeLoad(
         entry=entry,

@@ -16,7 +16,7 @@ from ...arrays import Time, members
 from ...findings import digest
 from ...module import Module
 from ...network.network import Address, inverse
-from .bodies import PreparedBody, capacity_at, device_address
+from .bodies import PreparedBody, capacity_at
 
 
 OneBody = Float[Array, "..."]
@@ -139,7 +139,7 @@ def _layout(
     node = node.reshape(-1).astype(np.int32)
     count = _shared_size(body, len(acts), _even_size(len(cells)))
     return _Layout(
-        address=device_address(body.address, nodes),
+        address=body.address_of(nodes),
         node=jnp.asarray(np.pad(node, (0, count - len(node)))),
         slots=tuple(jnp.asarray(slot) for slot in members(node, len(nodes))),
         cell=cell,

@@ -1,10 +1,12 @@
 """Full volume: every solid voxel is a node, linked over its faces."""
 
+from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from typing_extensions import override
 
 from ...voxels.grid import VoxelGrid
@@ -95,8 +97,25 @@ class FullVolume(AbstractStructure):
 
     @override
     def fragment_node(self) -> Int[np.ndarray, " s"]:
-        voxel, number = tuple(self.grid.fragment_voxel.T), self._numbers
-        return self.found("fragment_node", lambda: number()[voxel])
+        return self.found("fragment_node", self._fragment_node)
+
+    def _fragment_node(self) -> Int[np.ndarray, " s"]:
+        solid, voxel = self.grid.solid, self.grid.fragment_voxel
+        number = np.zeros(len(voxel), np.int32)
+        for x, first, own in self._by_plane(voxel[:, 0]):
+            # Counted plane by plane: numbers of all voxels take four times the solid.
+            count = np.cumsum(solid[x], dtype=np.int32).reshape(solid[x].shape)
+            number[own] = first + count[tuple(voxel[own, 1:].T)] - 1
+        return number
+
+    def _by_plane(self, x: Int[np.ndarray, " m"]) -> Iterator[tuple[int, int, Any]]:
+        """Planes of voxels by their x, each with its first node and these voxels."""
+        first = self.found("first_nodes", lambda: _first_nodes(self.grid.solid))
+        order = np.argsort(x, kind="stable")
+        ends = np.searchsorted(x[order], np.arange(len(first)))
+        for plane in np.flatnonzero(np.diff(ends)):
+            own = order[ends[plane] : ends[plane + 1]]
+            yield int(plane), int(first[plane]), own
 
     @override
     def voxel_node(self) -> Int[np.ndarray, " v"]:
@@ -126,6 +145,24 @@ class FullVolume(AbstractStructure):
         return self.found(("node_address", self.runs_as_stencil), self._node_address)
 
     def _node_address(self) -> tuple[Int[np.ndarray, " n"], ...]:
+        return self.address_of(np.arange(self.node_count, dtype=np.int32))
+
+    @override
+    def address_of(self, nodes: Int[np.ndarray, " m"]) -> tuple[np.ndarray, ...]:
         if not self.runs_as_stencil:
-            return (np.arange(self.node_count, dtype=np.int32),)
-        return tuple((i + 1).astype(np.int32) for i in np.nonzero(self.grid.solid))
+            return (nodes.astype(np.int32),)
+        first = self.found("first_nodes", lambda: _first_nodes(self.grid.solid))
+        plane = (np.searchsorted(first, nodes, side="right") - 1).astype(np.int32)
+        address = tuple(np.zeros(len(nodes), np.int32) for _ in range(3))
+        for x, before, own in self._by_plane(plane):
+            within = np.flatnonzero(self.grid.solid[x])[nodes[own] - before]
+            y, z = np.divmod(within, self.grid.solid.shape[2])
+            for index, at in zip(address, (x, y, z), strict=True):
+                # The rim of one cell.
+                index[own] = at + 1
+        return address
+
+
+def _first_nodes(solid: Bool[np.ndarray, "x y z"]) -> Int[np.ndarray, " p"]:
+    """Number of the first node of each plane across x, and that of all nodes."""
+    return np.append(0, np.cumsum(np.count_nonzero(solid, axis=(1, 2))))

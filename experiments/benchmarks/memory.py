@@ -1,0 +1,160 @@
+"""Memory of a run: forecast against measured, for each structure and kind of steps.
+
+A forecast counts what a run needs beside its bodies: findings, program and states. It
+is measured in a new process for each run: the rise of its resident memory from before
+the scene is compiled to the peak while the steps run. A run before has compiled all
+programs, since the compiler's memory, 50 to 500 MB, is not in the forecast, nor is the
+peak of searches in the geometry, such as shadows, which is listed beside. Some
+megabytes of what is measured are the interpreter's.
+"""
+
+import ctypes
+import gc
+import json
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+
+import jaxthermo as jt
+from jaxthermo.arrays import readable_bytes
+from jaxthermo.errors import InputError
+from jaxthermo.integrate.run.plan import plan_run
+from jaxthermo.integrate.run.simulate import run_plan
+from jaxthermo.report import page
+
+from ..harness.meshes import STEEL
+from ..harness.present import publish, table_of
+
+
+_RADIUS = 0.1
+_END, _SAVES = 6.0, 3
+_STRUCTURES: dict[str, Callable[[Any], Any]] = {
+    "full volume": jt.FullVolume,
+    "octree": jt.Octree,
+    "aggregate": lambda grid: jt.Aggregate(grid, factor=2),
+}
+_SOLVERS: dict[str, Callable[[], Any]] = {
+    "explicit": jt.ForwardEuler,
+    "RKL2": lambda: jt.SuperTimeStepping(dt=_END / _SAVES),
+    "implicit": lambda: jt.TRBDF2(dt=_END / _SAVES),
+}
+_TERMS = (
+    jt.Sun((-1, 0, -0.4), 800.0),
+    jt.Convection(10.0, 290.0),
+    jt.Surroundings(280.0),
+)
+
+
+def run(folder: Path, height: int = 160) -> dict[str, Any]:
+    """Table of forecasts and measurements for a ball of so many voxels across.
+
+    Raises:
+        InputError: where the system does not tell a process's peak memory.
+    """
+    if not Path("/proc/self/clear_refs").exists():
+        raise InputError("memory: only Linux tells the peak of a part of a run")
+    rows = [
+        _in_new_process(structure, solver, height)
+        for structure in _STRUCTURES
+        for solver in _SOLVERS
+    ]
+    size = lambda name: lambda row: readable_bytes(row[name])
+    columns = [
+        ("structure", "{structure}"),
+        ("steps", "{solver}"),
+        ("nodes", "{nodes:,}"),
+        ("forecast", size("forecast_bytes")),
+        ("measured", size("measured_bytes")),
+        ("forecast / measured", "{ratio:.2f}"),
+        ("a value of the state", "{value_bytes:.1f} B"),
+        ("searches before", size("search_bytes")),
+    ]
+    sections: list[page.Section] = [
+        f"A ball of {height} voxels across in sun, air and surroundings, in float32.",
+        table_of(rows, columns),
+    ]
+    publish(folder, "Memory of a run: forecast against measured", sections)
+    return {"rows": rows, "files": ["report.html"]}
+
+
+def _in_new_process(structure: str, solver: str, height: int) -> dict[str, Any]:
+    command = [sys.executable, "-m", __name__, structure, solver, str(height)]
+    # Without stored results, and with arrays that are given back when they are freed.
+    settings = {"JAXTHERMO_CACHE": "off", "MALLOC_MMAP_THRESHOLD_": str(2**18)}
+    done = subprocess.run(
+        command, env={**os.environ, **settings}, capture_output=True, text=True
+    )
+    if done.returncode:
+        raise RuntimeError(f"{structure}, {solver}: {done.stderr[-2000:]}")
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def measured(structure: str, solver: str, height: int) -> dict[str, Any]:
+    """Forecast and measurement of one run in this process [bytes]."""
+    _ran(_scene(structure, height), solver)
+    _clear()
+    scene = _scene(structure, height)
+    _clear()
+    return {"structure": structure, "solver": solver, **_ran(scene, solver)}
+
+
+def _scene(structure: str, height: int) -> jt.Scene:
+    grid = jt.voxelize(jt.shapes.sphere(_RADIUS), 2 * _RADIUS / height)
+    body = jt.Body(_STRUCTURES[structure](grid), STEEL, temperature=300.0)
+    return jt.Scene((body,), _TERMS)
+
+
+def _ran(scene: jt.Scene, solver: str) -> dict[str, Any]:
+    before = _memory("VmRSS")
+    _reset_peak()
+    saves = np.linspace(0, _END, _SAVES + 1)[1:].tolist()
+    plan = plan_run(scene, _END, saves, _SOLVERS[solver]())
+    gc.collect()
+    searches = _memory("VmHWM") - before
+    _reset_peak()
+    jax.block_until_ready(run_plan(plan).surface_temperature)
+    took = _memory("VmHWM") - before
+    receipt = plan.compiled.receipt
+    values = sum(state.size for state in plan.compiled.start)
+    return {
+        "nodes": receipt.nodes,
+        "fragments": receipt.fragments,
+        "values": values,
+        "forecast_bytes": receipt.memory_bytes,
+        "measured_bytes": took,
+        "search_bytes": searches,
+        "ratio": receipt.memory_bytes / took,
+        "value_bytes": took / values,
+    }
+
+
+def _clear() -> None:
+    """Give back all memory that is not in use."""
+    gc.collect()
+    jt.forget_findings()
+    gc.collect()
+    ctypes.CDLL(None).malloc_trim(0)
+
+
+def _memory(name: str) -> int:
+    """Resident memory now, VmRSS, or its peak, VmHWM [bytes]."""
+    text = Path("/proc/self/status").read_text(encoding="ascii")
+    found = re.search(rf"{name}:\s+(\d+)", text)
+    assert found is not None
+    return int(found[1]) * 1024
+
+
+def _reset_peak() -> None:
+    Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
+
+
+if __name__ == "__main__":
+    result = measured(sys.argv[1], sys.argv[2], int(sys.argv[3]))
+    sys.stdout.write(json.dumps(result) + "\n")

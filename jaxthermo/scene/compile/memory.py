@@ -1,0 +1,190 @@
+"""Forecast of the memory of a run, before anything large is made.
+
+A run keeps what it finds of its bodies and their compiled program, and its steps need
+states and surface arrays besides. Both are sums over what a body consists of, with the
+bytes for each: those of the largest arrays follow from their shapes, the others are
+measured on many bodies with sun, convection and emission. `experiments run memory`
+compares them with what processes take. Not counted are the bodies themselves, with
+their voxels and structures, which exist before, and the compiler.
+"""
+
+from dataclasses import replace
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from ...arrays import require_memory
+from ...module import replaced
+from ...structures.kinds.full import FullVolume
+from ...structures.structure import AbstractStructure
+from ..scene import AbstractMaterials, Body, Scene
+from .program import Compiled
+
+
+Method = Literal["euler", "stages", "implicit", "diagonal"]
+"""Kind of steps, by the states that they need: one and the next; those of the stages of
+a Runge-Kutta-Legendre scheme; those of linear solves with multigrid, or without."""
+
+
+class _Parts(NamedTuple):
+    """Parts of a body, or bytes for each of them."""
+
+    faces: float = 0
+    """Triangles of its mesh."""
+    fragments: float = 0
+    surface_nodes: float = 0
+    cut_voxels: float = 0
+    values: float = 0
+    """Values of a state: cells of the lattice, or nodes."""
+    cut_values: float = 0
+    """The same, of a lattice with cut voxels."""
+    nodes: float = 0
+    links: float = 0
+
+    def bytes_of(self, counts: "_Parts") -> float:
+        """Return the sum over all parts of their number times these bytes [bytes]."""
+        return float(sum(a * b for a, b in zip(self, counts, strict=True)))
+
+
+# In float32. A stencil has a byte for each cell, and no array of links.
+_KEPT_STENCIL = _Parts(faces=70, fragments=209, cut_voxels=55, values=1)
+_KEPT_LINKS = _Parts(faces=68, fragments=188, surface_nodes=107, links=43)
+# The links of a full volume are found for the run, other structures have theirs.
+_KEPT_VOXEL_LINKS = _Parts(links=43)
+# Conductances of three faces and the capacity of each cell.
+_KEPT_MIXED_STENCIL = _Parts(values=16)
+_KEPT_SNAPSHOT = _Parts(fragments=75)
+
+# Two states of a step, five of stages; a solve has a dozen, and the levels' own.
+_STEPS_STENCIL: dict[Method, _Parts] = {
+    "euler": _Parts(fragments=85, cut_voxels=49, values=8),
+    "stages": _Parts(fragments=85, cut_voxels=49, values=16, cut_values=4),
+    "implicit": _Parts(fragments=66, cut_voxels=190, values=97),
+    "diagonal": _Parts(fragments=66, cut_voxels=190, values=71),
+}
+_STEPS_LINKS: dict[Method, _Parts] = {
+    "euler": _Parts(fragments=34, surface_nodes=58, values=4, links=14),
+    "stages": _Parts(fragments=34, surface_nodes=58, values=16, links=14),
+    "implicit": _Parts(fragments=34, surface_nodes=58, values=4, links=72),
+    "diagonal": _Parts(fragments=34, surface_nodes=58, values=47, links=14),
+}
+# Of solves alone: the connected parts, found from links, and levels of the multigrid.
+_SOLVES_STENCIL: dict[Method, _Parts] = {
+    "implicit": _Parts(nodes=83, cut_voxels=220, values=8),
+    "diagonal": _Parts(nodes=83, cut_voxels=220),
+}
+_SOLVES_LINKS: dict[Method, _Parts] = {"implicit": _Parts(links=60)}
+
+# A copy of the state that processes were measured to take while steps run on a lattice
+# with cut voxels, beside all that the compiler reports.
+_RUNTIME_STENCIL = _Parts(cut_values=4)
+
+_KEPT_DOUBLE = 1.2
+"""Ratio of the memory kept in float64 to that in float32: geometry is always in
+float64."""
+
+
+class MemoryForecast(NamedTuple):
+    """Memory of a run [bytes]."""
+
+    kept: int
+    """Findings and compiled program, as long as the scene exists."""
+    steps: int
+    """States and temporary arrays while the steps run."""
+    rows: int
+    """Saved temperatures."""
+    runtime: int
+    """Arrays of the steps that are in no report of the compiler."""
+
+    @property
+    def peak(self) -> int:
+        """Peak of the run."""
+        # Saved rows exist twice while the solution is put together.
+        return self.kept + self.rows + max(self.steps + self.runtime, self.rows)
+
+
+def forecast_memory(
+    scene: Scene, saves: int, snapshots: int, method: Method
+) -> MemoryForecast:
+    """Forecast of a run that saves so often, by steps of a kind."""
+    width = 8 if scene.dtype == "float64" else 4
+    kept, steps, runtime, rows = 0.0, 0.0, 0.0, 0
+    for body in scene.bodies:
+        structure, counts = body.structure, _counts(body.structure)
+        is_stencil = len(structure.state_shape) == 3
+        own = (_KEPT_STENCIL if is_stencil else _KEPT_LINKS).bytes_of(counts)
+        if not is_stencil and isinstance(structure, FullVolume):
+            own += _KEPT_VOXEL_LINKS.bytes_of(counts)
+        if is_stencil and isinstance(body.material, AbstractMaterials):
+            own += _KEPT_MIXED_STENCIL.bytes_of(counts) * width / 4
+        solves = _SOLVES_STENCIL if is_stencil else _SOLVES_LINKS
+        own += solves.get(method, _Parts()).bytes_of(counts)
+        own += (snapshots - 1) * _KEPT_SNAPSHOT.bytes_of(counts)
+        if _has_varying_links(body):
+            own += structure.link_count * (8 * width + 8)
+        kept += own * (_KEPT_DOUBLE if width == 8 else 1)
+        each = (_STEPS_STENCIL if is_stencil else _STEPS_LINKS)[method]
+        steps += each.bytes_of(counts) * width / 4
+        runtime += _RUNTIME_STENCIL.bytes_of(counts) * width / 4 * is_stencil
+        rows += int(counts.fragments) * width * saves
+    return MemoryForecast(int(kept), int(steps), rows, int(runtime))
+
+
+def check_memory(scene: Scene, saves: int, snapshots: int, method: Method) -> int:
+    """Forecast of the peak of a run [bytes].
+
+    Raises:
+        InputError: if it would not fit.
+    """
+    peak = forecast_memory(scene, saves, snapshots, method).peak
+    remedy = "use a coarser pitch, or save fewer times"
+    require_memory(peak, "simulating this scene", remedy)
+    return peak
+
+
+def with_memory_of(
+    compiled: Compiled, scene: Scene, saves: int, method: Method
+) -> Compiled:
+    """Return a compiled scene with the forecast of steps of another kind.
+
+    Raises:
+        InputError: if these would not fit into memory.
+    """
+    memory = check_memory(scene, saves, len(compiled.starts), method)
+    receipt = replace(compiled.receipt, memory_bytes=memory)
+    return replaced(compiled, receipt=receipt)
+
+
+def _counts(structure: AbstractStructure) -> _Parts:
+    grid = structure.grid
+    is_stencil = len(structure.state_shape) == 3
+    cut = 0 if grid.cut is None or grid.cut.is_empty else len(grid.cut.voxel)
+    values = int(np.prod(structure.state_shape, dtype=float))
+    # Those of a stencil would be counted among all its voxels, and are not needed.
+    surface, links = (0, 0) if is_stencil else _surface_and_links(structure)
+    return _Parts(
+        faces=len(grid.mesh.faces),
+        fragments=len(grid.fragment_area),
+        surface_nodes=surface,
+        cut_voxels=cut,
+        values=values,
+        cut_values=values if cut else 0,
+        nodes=structure.node_count,
+        links=links,
+    )
+
+
+def _surface_and_links(structure: AbstractStructure) -> tuple[int, int]:
+    """Number of nodes that have surface, and of links."""
+    count = structure.found(
+        "surface_node_count", lambda: len(np.unique(structure.fragment_node()))
+    )
+    return count, structure.link_count
+
+
+def _has_varying_links(body: Body) -> bool:
+    own = body.material
+    several = isinstance(own, AbstractMaterials)
+    materials = own.materials if isinstance(own, AbstractMaterials) else (own,)
+    by_axis = any(isinstance(each.conductivity, tuple) for each in materials)
+    return any(each.varies for each in materials) and (several or by_axis)

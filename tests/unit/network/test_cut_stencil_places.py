@@ -1,0 +1,60 @@
+"""Nodes and capacities that are searched, against arrays of the whole lattice."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from jaxthermo.network.cut_stencil import CutStencil
+from jaxthermo.network.network import AbstractNetwork
+from jaxthermo.physics.conduction import assemble_uniform
+
+
+@pytest.fixture(scope="module")
+def ball():
+    grid = jt.voxelize(jt.shapes.sphere(0.1), 0.02)
+    structure = jt.FullVolume(grid)
+    network = assemble_uniform(structure, 16.0, 4e6, jnp.float64)
+    assert isinstance(network, CutStencil)
+    return structure, network
+
+
+def test_addresses_are_those_of_the_solid_voxels(ball):
+    structure, _ = ball
+    whole = [index + 1 for index in np.nonzero(structure.grid.solid)]
+    np.testing.assert_array_equal(structure.node_address(), whole)
+    some = np.random.default_rng(0).permutation(structure.node_count)[:50]
+    found = structure.address_of(some)
+    np.testing.assert_array_equal(found, [index[some] for index in whole])
+
+
+def test_nodes_of_fragments_are_numbered_in_lattice_order(ball):
+    structure, _ = ball
+    solid, voxel = structure.grid.solid, structure.grid.fragment_voxel
+    number = np.cumsum(solid).reshape(solid.shape) - 1
+    expected = number[tuple(voxel.T)]
+    np.testing.assert_array_equal(structure.fragment_node(), expected)
+
+
+def test_volumes_of_some_voxels_are_those_of_all(ball):
+    grid = ball[0].grid
+    voxels = np.argwhere(grid.solid)
+    expected = grid.cut.volumes(grid.solid.shape)[grid.solid]
+    found = grid.cut.volumes_at(voxels, grid.solid.shape)
+    np.testing.assert_array_equal(found, expected)
+
+
+def test_capacities_and_rates_are_those_of_whole_arrays(ball):
+    structure, network = ball
+    address = tuple(map(jnp.asarray, structure.node_address()))
+    capacity = network.capacity()
+    np.testing.assert_array_equal(network.capacity_at(address), capacity[address])
+    assert network.max_rate() == AbstractNetwork.max_rate(network)
+    state = (
+        jnp.zeros(structure.state_shape)
+        .at[address]
+        .set(np.random.default_rng(1).normal(size=structure.node_count))
+    )
+    assert network.total_capacity() == pytest.approx(float(capacity.sum()), rel=1e-14)
+    expected = float((capacity * state).sum())
+    assert network.stored(state) == pytest.approx(expected, rel=1e-12)

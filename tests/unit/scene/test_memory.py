@@ -1,0 +1,144 @@
+"""The forecast of memory against the arrays of compiled runs, and what it refuses."""
+
+import tracemalloc
+
+import jax
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from jaxthermo import arrays, findings
+from jaxthermo.integrate.run.plan import (
+    initial_state,
+    plan_run,
+    save_intervals,
+    step_table,
+)
+from jaxthermo.integrate.run.simulate import take_steps_jit
+from jaxthermo.scene.compile import compile as compile_module
+from jaxthermo.scene.compile.memory import forecast_memory
+
+
+STEEL = jt.Material(16.0, density=8000.0, specific_heat=500.0, emissivity=0.9)
+TERMS = (
+    jt.Sun((-1, 0, -0.4), 800.0),
+    jt.Convection(10.0, 290.0),
+    jt.Surroundings(280.0),
+)
+SOLVERS = {
+    "euler": jt.ForwardEuler(),
+    "stages": jt.SuperTimeStepping(dt=10.0),
+    "implicit": jt.TRBDF2(dt=1000.0),
+}
+KINDS = {
+    "full": jt.FullVolume,
+    "octree": jt.Octree,
+    "aggregate": lambda grid: jt.Aggregate(grid, factor=2),
+}
+
+
+def _scene(kind: str, across: int = 50) -> jt.Scene:
+    grid = jt.voxelize(jt.shapes.sphere(0.25), 0.5 / across * (1 + 1e-9))
+    body = jt.Body(KINDS[kind](grid), STEEL, temperature=300.0)
+    return jt.Scene((body,), TERMS, dtype="float32")
+
+
+def _kept() -> dict[int, int]:
+    """Size of every array of the findings [bytes], by its address."""
+    found = {}
+    for finding in findings._store._kept.values():
+        for leaf in findings._leaves(finding.value):
+            if isinstance(leaf, np.ndarray):
+                while isinstance(leaf.base, np.ndarray):
+                    leaf = leaf.base
+                found[leaf.ctypes.data] = leaf.nbytes
+            elif isinstance(leaf, jax.Array):
+                found[leaf.unsafe_buffer_pointer()] = leaf.nbytes
+    return found
+
+
+@pytest.mark.parametrize(
+    "kind, method",
+    [
+        ("full", "euler"),
+        ("octree", "euler"),
+        pytest.param("aggregate", "euler", marks=pytest.mark.slow),
+        pytest.param("full", "stages", marks=pytest.mark.slow),
+        pytest.param("octree", "stages", marks=pytest.mark.slow),
+        pytest.param("full", "implicit", marks=pytest.mark.slow),
+    ],
+)
+def test_the_forecast_is_that_of_the_arrays(kind, method):
+    # Multigrid is for steps far longer than the stable one.
+    step = 1000.0 if method == "implicit" else 10.0
+    scene, saves = _scene(kind), [step, 2 * step, 3 * step]
+    findings.forget_findings()
+    plan = findings.found(
+        (scene,), "plan", lambda: plan_run(scene, saves[-1], saves, SOLVERS[method])
+    )
+    assert plan.stepper.method == method
+    kept = sum(_kept().values())
+    state, table = initial_state(plan), step_table(plan, save_intervals(plan.intervals))
+    rest = state.ledger, state.solver_state
+    given = plan.stepper, plan.compiled.program, rest, table
+    lowered = take_steps_jit.lower(given, state.theta)
+    report = lowered.compile().compiled.memory_analysis()
+    size = sum(theta.nbytes for theta in state.theta)
+    # The state at the start is overwritten: it is the one at the end.
+    assert report.alias_size_in_bytes >= size
+    steps = size + report.temp_size_in_bytes
+    steps += report.output_size_in_bytes - report.alias_size_in_bytes
+    forecast = forecast_memory(plan.scene, 3, 1, plan.stepper.method)
+    assert plan.compiled.receipt.memory_bytes == forecast.peak
+    assert forecast.peak - forecast.runtime == pytest.approx(kept + steps, rel=0.1)
+
+
+def test_a_voxel_of_a_stencil_needs_two_states_and_a_byte():
+    mesh = jt.shapes.box((1.0, 1.0, 1.0))
+    rows, peaks = [], []
+    for across in (8, 16, 32):
+        structure = jt.FullVolume(jt.voxelize(mesh, 1 / across))
+        scene = jt.Scene((jt.Body(structure, STEEL, temperature=300.0),), TERMS)
+        fragments = len(structure.grid.fragment_area)
+        rows.append((np.prod(structure.state_shape), fragments, len(mesh.faces)))
+        peaks.append(forecast_memory(scene, 1, 1, "euler").peak)
+    volume, surface, _ = np.linalg.solve(np.array(rows, float), peaks)
+    # Of the limit of 12 bytes, the rest is for the surface.
+    assert volume == pytest.approx(9.0, abs=0.1)
+    assert surface == pytest.approx(300.0, abs=30.0)
+
+
+@pytest.mark.parametrize("kind", ["full", "octree"])
+@pytest.mark.parametrize("solver", [None, *SOLVERS.values()])
+def test_too_large_a_scene_is_refused_before_anything_is_made(
+    monkeypatch, kind, solver
+):
+    def unreachable(*_):
+        raise AssertionError("work began")
+
+    scene = _scene(kind, 40)
+    monkeypatch.setattr(compile_module, "prepare", unreachable)
+    monkeypatch.setattr(arrays, "available_bytes", lambda: 1_000_000)
+    arranged = scene if solver is None else solver.arranged(scene)
+    needed = forecast_memory(arranged, 1, 1, "euler").peak
+    tracemalloc.start()
+    try:
+        with pytest.raises(jt.InputError) as caught:
+            jt.simulate(scene, 30.0, solver=solver)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    said = str(caught.value)
+    assert said.startswith("simulating this scene needs about") and "\n" not in said
+    assert peak < 0.15 * needed
+
+
+def test_more_saved_times_and_longer_numbers_need_more():
+    scene = _scene("full", 20)
+    double = jt.Scene(scene.bodies, scene.terms, dtype="float64")
+    few, many = (forecast_memory(scene, n, 1, "euler") for n in (1, 1001))
+    fragments = len(scene.bodies[0].structure.grid.fragment_area)
+    assert many.rows - few.rows == 1000 * 4 * fragments
+    # Rows exist twice while the solution is put together.
+    assert many.peak == many.kept + 2 * many.rows
+    assert forecast_memory(double, 1, 1, "euler").steps == 2 * few.steps
