@@ -197,7 +197,7 @@ def test_a_failed_write_keeps_the_old_checkpoint(kept, monkeypatch):
     def full(*arguments, **arrays):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(np, "savez", full)
+    monkeypatch.setattr(np.lib.format, "write_array", full)
     with pytest.raises(jt.InputError, match="No space left"):
         save_checkpoint(path, fresh, "key")
     assert path.read_bytes() == content

@@ -9,12 +9,8 @@ from peeling import FACES, peel_padded, rotation
 
 from jaxthermo.errors import InputError
 from jaxthermo.raster import fragments as raster
-from jaxthermo.raster.fragments import (
-    _MAX_COORDINATE,
-    _rasterize,
-    _rasterize_fixed,
-    capacities,
-)
+from jaxthermo.raster.fragments import _rasterize, _rasterize_fixed, capacities
+from jaxthermo.raster.host_fragments import _MAX_COORDINATE
 
 
 SIZE = 24
