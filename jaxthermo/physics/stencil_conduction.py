@@ -96,11 +96,14 @@ def _with_cut_voxels(
     `number` is that of the material of each voxel.
     """
     layout = found((grid,), "cut_layout", lambda: _cut_layout(grid, cut))
+    voxel = np.stack(layout.address, axis=1) - 1
+    cells = cut.links.voxel, cut.links.voxel + cut.links.step, voxel
     conductance, capacity = _cut_values(
         conductivity,
         heat,
-        [number[tuple(cells)] for cells in layout.cells],
-        layout.sizes,
+        [number[tuple(each.T)] for each in cells],
+        (cut.links.step, cut.links.extra, grid.pitch),
+        layout.volume,
     )
     links = row_network(layout.rows, conductance, capacity)
     return CutStencil(base=whole, address=layout.address, links=links)
@@ -109,14 +112,12 @@ def _with_cut_voxels(
 class _CutLayout(NamedTuple):
     """Cut voxels and their links as far as geometry goes."""
 
-    cells: list[Int[np.ndarray, "3 _"]]
-    """Voxels at both ends of every link, and of every node."""
-    sizes: list[Float[np.ndarray, "..."]]
-    """Axes of links [-], their areas [m^2] and half lengths [m]; volumes of nodes
-    [m^3]."""
     address: Address
     """Position of the nodes in the state."""
+    volume: Float[Array, " n"]
+    """Of each node [m^3]."""
     rows: RowLayout
+    """On the device, where programs share its arrays."""
 
 
 def _cut_layout(grid: VoxelGrid, cut: CutVoxels) -> _CutLayout:
@@ -125,29 +126,29 @@ def _cut_layout(grid: VoxelGrid, cut: CutVoxels) -> _CutLayout:
     flat = [np.ravel_multi_index(tuple(cell.T), shape) for cell in (*ends, cut.voxel)]
     node = np.unique(np.concatenate(flat))
     voxel = np.stack(np.unravel_index(node, shape), axis=1)
-    # Along a link over an edge, the mean along its two axes.
-    axes = np.abs(links.step) / np.abs(links.step).sum(axis=1, keepdims=True)
-    length = np.where(links.over_edge, np.sqrt(2), 1.0) * grid.pitch
-    area = links.extra * length * grid.pitch
     src, dst = (np.asarray(np.searchsorted(node, e), np.int32) for e in flat[:2])
     return _CutLayout(
-        cells=[np.ascontiguousarray(cells.T) for cells in (*ends, voxel)],
-        sizes=[axes, area, length / 2, grid.volume_at(voxel)],
         # A lattice has a rim of one cell.
         address=tuple(jnp.asarray(i + 1, np.int32) for i in voxel.T),
-        rows=row_layout(len(node), src, dst),
+        volume=jnp.asarray(grid.volume_at(voxel)),
+        rows=jax.tree.map(jnp.asarray, row_layout(len(node), src, dst)),
     )
 
 
 # One program instead of twenty of single operations.
 @jax.jit
-def _cut_values(conductivity, heat, materials, sizes) -> tuple[Array, Array]:
+def _cut_values(conductivity, heat, materials, links, volume) -> tuple[Array, Array]:
     """Conductances of links over k, and capacities of voxels, by their materials."""
-    axes, area, half, volume = sizes
     first, second, own = materials
+    step, extra, pitch = links
+    # Along a link over an edge, the mean along its two axes.
+    along = jnp.abs(step).astype(conductivity.dtype)
+    axes = along / along.sum(axis=1, keepdims=True)
     k = [_along(conductivity[number], axes) for number in (first, second)]
-    conductance = series(area, half, k[0], half, k[1])
-    return conductance, heat[own] * jnp.asarray(volume, heat.dtype)
+    # Of a section that is the extra times pitch times the length of the link.
+    half = jnp.full(extra.shape, 0.5)
+    conductance = series(extra * pitch, half, k[0], half, k[1])
+    return conductance, heat[own] * volume.astype(heat.dtype)
 
 
 def _along(
