@@ -1,6 +1,6 @@
 """Full volume: every solid voxel is a node, linked over its faces."""
 
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -41,6 +41,12 @@ class FullVolume(AbstractStructure):
     def runs_as_stencil(self) -> bool:
         """True if a state is the lattice: no request for links, and no weights."""
         return self.stencil and self.weights.are_one
+
+    @property
+    @override
+    def options(self) -> Hashable:
+        # Weights run as links: their findings have positions of nodes, not of cells.
+        return super().options, self.runs_as_stencil
 
     @property
     @override

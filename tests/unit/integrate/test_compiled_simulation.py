@@ -147,6 +147,15 @@ def test_other_weights_cost_no_compilation(structure):
     assert_equal(found, fresh(other, solver))
 
 
+def test_a_full_volume_with_weights_does_not_run_in_cells_found_without():
+    grid = blocks(np.ones((3, 3, 4), bool), 0.01)
+    weights = jt.ConductionWeights(), jt.ConductionWeights(within=1 + 1e-9)
+    bodies = (jt.FullVolume(grid, weights=each) for each in weights)
+    runs = [jt.simulate(make_scene(body), *TIMES, solver=EULER) for body in bodies]
+    plain, weighted = (np.asarray(run.surface_temperature) for run in runs)
+    np.testing.assert_allclose(weighted, plain, rtol=1e-9)
+
+
 def test_a_sun_that_moved_casts_its_shadows_again(structure):
     run = jt.compile_simulation(make_scene(structure), *TIMES, solver=EULER)
     moved = make_scene(structure, sun=jt.Sun((0.0, -1.0, -0.7), jt.Until(900.0, 40.0)))
