@@ -115,7 +115,7 @@ class _CutLayout(NamedTuple):
     address: Address
     """Position of the nodes in the state."""
     volume: Float[Array, " n"]
-    """Of each node [m^3]."""
+    """Volume of each node [m^3]."""
     rows: RowLayout
     """On the device, where programs share its arrays."""
 

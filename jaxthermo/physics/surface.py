@@ -110,14 +110,18 @@ class BodySurface:
         self, on: AbstractSelection | None = None
     ) -> Bool[np.ndarray, " s"] | Omitted:
         """Selected fragments that have a natural boundary."""
+        # All of it is the same array in all runs, and so is what is found of it.
+        acting = self.natural
         # The reasons are those of the receipt, in the order that a user would check.
-        chosen = self.selected(on)
-        if self.prune and not chosen.any():
-            return self.omitted("`on` is on another body")
-        if self.prune and not (chosen & self.natural).any():
+        if on is not None:
+            chosen = self.selected(on)
+            if self.prune and not chosen.any():
+                return self.omitted("`on` is on another body")
+            acting = chosen & self.natural
+        if self.prune and not acting.any():
             closed = "" if self.enclosed is None else " or lies in a closed cavity"
             return self.omitted(f"all of its surface is held at a temperature{closed}")
-        return chosen & self.natural
+        return acting
 
 
 Cover = tuple[Float[Values, " _"], Bool[np.ndarray, " _"]]
@@ -218,7 +222,7 @@ class Surface:
             areas.append(area)
             acts.append(where)
         binding = Binding(
-            concatenated(areas), np.concatenate(acts), law.above(self.reference), notes
+            concatenated(areas), concatenated(acts), law.above(self.reference), notes
         )
         return (binding, *omitted)
 

@@ -30,9 +30,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
+from scipy.sparse import csr_array
 
 from ..arrays import Time, is_traced
-from ..findings import found
+from ..findings import found, is_finding
 from ..module import Module, replaced
 from ..network.network import inverse, precise_sum
 from .flux_law import (
@@ -300,19 +301,18 @@ class SurfaceTerms(Module):
         """
         # Areas and conductances add up; laws are averaged by effective area, so that
         # the heat at one temperature stays the same.
-        number, cells, pick = cell, sum(counts), lambda values: values
-        if (cell < 0).any():
-            kept = np.flatnonzero(cell >= 0)
-            number, pick = cell[kept], lambda values: values[..., kept]
+        cells = sum(counts)
+        by_cell = found((cell,), ("by cell", cells), lambda: _by_cell(cell, cells))
 
         def add(values):
             if is_traced(values):
-                return jax.ops.segment_sum(pick(values).T, number, cells).T
+                kept = np.flatnonzero(cell >= 0)
+                picked = values if len(kept) == len(cell) else values[..., kept]
+                return jax.ops.segment_sum(picked.T, cell[kept], cells).T
             host = np.asarray(values)
-            sums = lambda: _host_sums(pick(host), number, cells).astype(host.dtype)
-            # Arrays that were found before are read-only: their sums are found once.
-            is_finding = not (host.flags.writeable or cell.flags.writeable)
-            by = ("sums of cells", cells) if is_finding else None
+            sums = lambda: (by_cell @ host.T).T.astype(host.dtype)
+            # Of arrays that were found before, the sums are found once, too.
+            by = ("sums of cells", cells) if is_finding(host, cell) else None
             return found((host, cell), by, sums)
 
         def merge(term: BoundTerm) -> BoundTerm:
@@ -326,7 +326,10 @@ class SurfaceTerms(Module):
             )
             parts = own.split(area, np.cumsum(counts)[:-1]) if counts[1:] else [area]
             totals = own.stack([total(part) for part in parts])
-            return BoundTerm(area, totals, term.law.coarsened(mean).above(reference))
+            law = term.law.coarsened(mean).above(reference)
+            return replaced(
+                term, effective_area=area, total_effective_area=totals, law=law
+            )
 
         each = lambda terms: tuple((n, merge(term)) for n, term in terms)
         return replaced(
@@ -364,8 +367,9 @@ def _ratio(above, below):
     return jnp.where(positive, above, 0) / jnp.where(positive, below, 1)
 
 
-def _host_sums(values, number, cells):
-    """Sums in double precision, along the last axis."""
-    rows = values.reshape(-1, values.shape[-1])
-    sums = np.stack([np.bincount(number, row, cells) for row in rows])
-    return sums.reshape(*values.shape[:-1], cells)
+def _by_cell(cell: Int[np.ndarray, " m"], cells: int) -> csr_array:
+    """Matrix that sums values of fragments by cell, without those of cell -1."""
+    # In double precision, whatever the values are.
+    kept = np.flatnonzero(cell >= 0)
+    place = cell[kept], kept
+    return csr_array((np.ones(len(kept)), place), shape=(cells, len(cell)))

@@ -146,3 +146,16 @@ def test_threads_share_findings(monkeypatch):
         thread.join()
     assert not wrong
     assert findings_size()[1] <= 20_000
+
+
+def test_an_array_that_can_still_change_is_hashed_again():
+    whole = np.arange(4.0)
+    view = whole[:]
+    view.flags.writeable = False
+    assert not findings.is_finding(view) and not findings.is_finding(whole)
+    before = findings.digest(view)
+    whole[0] = 5.0
+    assert findings.digest(view) != before
+    whole.flags.writeable = False
+    assert findings.is_finding(whole) and not findings.is_finding(whole, view)
+    assert findings.digest(whole) == findings.digest(view)

@@ -4,8 +4,10 @@ Relative residual = (stored heat - heat of all mechanisms) / heat moved.
 """
 
 from dataclasses import replace
+from functools import cache
 from typing import TypeVar
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -39,10 +41,12 @@ class Ledger(Module):
         )
 
 
+@cache
 def empty_ledger(entries: int, dtype) -> Ledger:
     """Return the ledger at the start of a run."""
-    # One transfer, where `jnp.zeros` takes three times as long.
-    zeros = jnp.asarray(np.zeros(entries, dtype))
+    # The same zeros for all runs, known even while something else is traced.
+    with jax.ensure_compile_time_eval():
+        zeros = jnp.asarray(np.zeros(entries, dtype))
     return Ledger(heat=zeros, carry=zeros, moved=zeros)
 
 

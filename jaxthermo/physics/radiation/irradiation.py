@@ -21,7 +21,7 @@ from typing_extensions import override
 
 from ...arrays import Time, typed_array
 from ...constants import STEFAN_BOLTZMANN
-from ...findings import found
+from ...findings import found, is_finding
 from ...module import Module
 from ...voxels.selection import AbstractSelection
 from ..flux_law import AbstractFluxLaw, PerCell, PerCellOrOne
@@ -109,7 +109,9 @@ class AbstractRadiativeTerm(AbstractSurfaceTerm):
             return exposed
         # Fragments out of sight are left out of the binding, so that they cost nothing.
         lit = [_lit(factor, body.area) for factor in factors]
-        covers = [(absorbed * area, exposed & reached) for area, reached in lit]
+        # Exposed everywhere, the same array in all runs.
+        both = lambda reached: reached if exposed.all() else exposed & reached
+        covers = [(absorbed * area, both(reached)) for area, reached in lit]
         if body.prune and not any(acts.any() for _, acts in covers):
             return body.omitted(self.unseen)
         return covers
@@ -134,8 +136,7 @@ def _lit(
 ) -> tuple[Float[np.ndarray, " s"], Bool[np.ndarray, " s"]]:
     """Area of fragments times a factor [m^2], and those where that is not 0."""
     lit = lambda: (factor.astype(area.dtype) * area, factor > 0)
-    is_finding = not (factor.flags.writeable or area.flags.writeable)
-    return found((factor, area), "lit" if is_finding else None, lit)
+    return found((factor, area), "lit" if is_finding(factor, area) else None, lit)
 
 
 class _Part(Module):
