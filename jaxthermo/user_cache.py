@@ -1,6 +1,6 @@
 """The user's cache folder: structures, findings and compiled programs on disk.
 
-`JAXTHERMO_CACHE` names another folder, or is "off". A cache never makes a run fail:
+`JAXTHERMO_CACHE` names another folder, or is "off", or "on" as without it. A cache never makes a run fail:
 what cannot be read is made anew, what cannot be written is not kept.
 """
 
@@ -16,7 +16,7 @@ from .errors import InputError
 
 
 _VARIABLE = "JAXTHERMO_CACHE"
-OFF = "off"
+_ON, OFF = "on", "off"
 
 
 def cache_folder(name: str) -> Path | None:
@@ -25,7 +25,7 @@ def cache_folder(name: str) -> Path | None:
     if named == OFF:
         return None
     try:
-        if named:
+        if named and named != _ON:
             return Path(named).expanduser() / name
         per_user = Path(os.environ.get("XDG_CACHE_HOME", ""))
         if not per_user.is_absolute():

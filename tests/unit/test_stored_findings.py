@@ -17,7 +17,7 @@ from scipy.sparse import csr_array
 import jaxthermo as jt
 from jaxthermo import stored_findings
 from jaxthermo.stored_findings import content_hash, stored, stored_search
-from jaxthermo.user_cache import without_cache
+from jaxthermo.user_cache import cache_folder, without_cache
 
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -316,3 +316,9 @@ def test_the_code_of_every_search_is_in_the_names_of_its_findings():
     assert {"geometry", "voxels", "physics", "image"} <= searching
     assert searching <= set(stored_findings._SEARCHES)
     assert all((package / name).is_dir() for name in stored_findings._SEARCHES)
+
+
+def test_a_cache_that_is_on_is_the_users_own(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setenv("JAXTHERMO_CACHE", "on")
+    assert cache_folder("kind") == tmp_path / "jaxthermo" / "kind"
