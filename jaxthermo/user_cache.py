@@ -1,7 +1,7 @@
 """The user's cache folder: structures, findings and compiled programs on disk.
 
-`JAXTHERMO_CACHE` names another folder, or is "off", or "on" as without it. A cache never makes a run fail:
-what cannot be read is made anew, what cannot be written is not kept.
+`JAXTHERMO_CACHE` names another folder, or is "off" or "on". A cache never makes a run
+fail: what cannot be read is made anew, what cannot be written is not kept.
 """
 
 import contextlib

@@ -2,6 +2,7 @@
 
 import abc
 from dataclasses import replace
+from functools import lru_cache
 
 import equinox as eqx
 import numpy as np
@@ -312,7 +313,7 @@ def frame_all(
     corners = triangles.reshape(-1, 3)
     middle = (corners.min(0) + corners.max(0)) / 2
     forward = unit_vector(direction)
-    axes = _view_frame((0.0, 0.0, 0.0), forward, (0.0, 0.0, 1.0))
+    axes = _view_frame((0.0, 0.0, 0.0), tuple(forward.tolist()), (0.0, 0.0, 1.0))
     x, y, z = np.moveaxis(linear_map(corners - middle, axes.T), -1, 0)
     field_of_view, margin = 0.5, 1.06
     slope = np.tan(field_of_view / 2) / margin
@@ -329,6 +330,8 @@ def frame_all(
     )
 
 
+# Of the last views only: a frame in a new one asks for it half a dozen times.
+@lru_cache(maxsize=64)
 def _view_frame(position, look_at, up) -> Float[np.ndarray, "3 3"]:
     """Right, down and forward axes, as rows."""
     forward = unit_vector(np.subtract(look_at, position), "Camera(look_at - position)")
@@ -339,4 +342,6 @@ def _view_frame(position, look_at, up) -> Float[np.ndarray, "3 3"]:
             "choose another up, such as (0, 1, 0)"
         )
     right = unit_vector(right)
-    return np.stack([right, np.cross(forward, right), forward])
+    axes = np.stack([right, np.cross(forward, right), forward])
+    axes.flags.writeable = False
+    return axes
