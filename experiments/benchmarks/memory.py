@@ -27,14 +27,17 @@ from jaxthermo.arrays import readable_bytes
 from jaxthermo.errors import InputError
 from jaxthermo.integrate.run.plan import plan_run
 from jaxthermo.integrate.run.simulate import run_plan
-from jaxthermo.report import page
 
+from ..harness.measurement import Measurement, plain_rows
 from ..harness.meshes import STEEL
-from ..harness.present import publish, table_of
+from ..harness.present import show, table_of
 
 
+QUICK = {"height": 48}
 _RADIUS = 0.1
 _END, _SAVES = 6.0, 3
+_MOST_OFF = 10.0
+"""Largest difference of a forecast from what is measured that is asked for [%]."""
 _STRUCTURES: dict[str, Callable[[Any], Any]] = {
     "full volume": jt.FullVolume,
     "octree": jt.Octree,
@@ -76,12 +79,20 @@ def run(folder: Path, height: int = 160) -> dict[str, Any]:
         ("a value of the state", "{value_bytes:.1f} B"),
         ("searches before", size("search_bytes")),
     ]
-    sections: list[page.Section] = [
-        f"A ball of {height} voxels across in sun, air and surroundings, in float32.",
-        table_of(rows, columns),
-    ]
-    publish(folder, "Memory of a run: forecast against measured", sections)
-    return {"rows": rows, "files": ["report.html"]}
+    title = f"A ball of {height} voxels across in sun, air and surroundings, in float32"
+    show(table_of(rows, columns, title))
+    return {"rows": rows, "measurements": plain_rows(map(_measurement, rows))}
+
+
+def _measurement(row: dict[str, Any]) -> Measurement:
+    sizes = (readable_bytes(row[f"{name}_bytes"]) for name in ("forecast", "measured"))
+    return Measurement(
+        f"{row['structure']}, {row['solver']}: forecast over or under measured",
+        "%",
+        [100 * abs(row["ratio"] - 1)],
+        bound=_MOST_OFF,
+        note="{} forecast, {} measured".format(*sizes),
+    )
 
 
 def _in_new_process(structure: str, solver: str, height: int) -> dict[str, Any]:
