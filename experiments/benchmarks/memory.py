@@ -15,7 +15,7 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +33,7 @@ from ..harness.meshes import STEEL
 from ..harness.present import show, table_of
 
 
-QUICK = {"height": 48}
+QUICK = {"height": 48, "solvers": ("explicit",)}
 _RADIUS = 0.1
 _END, _SAVES = 6.0, 3
 _MOST_OFF = 10.0
@@ -55,7 +55,9 @@ _TERMS = (
 )
 
 
-def run(folder: Path, height: int = 160) -> dict[str, Any]:
+def run(
+    folder: Path, height: int = 160, solvers: Sequence[str] = tuple(_SOLVERS)
+) -> dict[str, Any]:
     """Table of forecasts and measurements for a ball of so many voxels across.
 
     Raises:
@@ -66,7 +68,7 @@ def run(folder: Path, height: int = 160) -> dict[str, Any]:
     rows = [
         _in_new_process(structure, solver, height)
         for structure in _STRUCTURES
-        for solver in _SOLVERS
+        for solver in solvers
     ]
     size = lambda name: lambda row: readable_bytes(row[name])
     columns = [
