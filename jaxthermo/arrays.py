@@ -128,7 +128,7 @@ def rank_in_group(group: Int[np.ndarray, " k"]) -> Int[np.ndarray, " k"]:
 
 
 def sorted_union(
-    first: Int[np.ndarray, " n"], *others: Int[np.ndarray, " *m"]
+    first: Int[np.ndarray, " n"], *others: Int[np.ndarray, " _"]
 ) -> Int[np.ndarray, " k"]:
     """Numbers that are in any of the arrays, each once, as by `np.union1d`."""
     # numpy hashes them first, which takes several times as long as its sort.

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from ..arrays import sorted_union
 from ..findings import found
 from ..network.cut_stencil import CutStencil
 from ..network.link_operator import RowLayout, row_layout, row_network
@@ -123,8 +124,9 @@ class _CutLayout(NamedTuple):
 def _cut_layout(grid: VoxelGrid, cut: CutVoxels) -> _CutLayout:
     links, shape = cut.links, grid.solid.shape
     ends = links.voxel, links.voxel + links.step
-    flat = [np.ravel_multi_index(tuple(cell.T), shape) for cell in (*ends, cut.voxel)]
-    node = np.unique(np.concatenate(flat))
+    place = lambda cell: np.asarray(np.ravel_multi_index(tuple(cell.T), shape))
+    flat = [place(cell) for cell in (*ends, cut.voxel)]
+    node = sorted_union(*flat)
     voxel = np.stack(np.unravel_index(node, shape), axis=1)
     src, dst = (np.asarray(np.searchsorted(node, e), np.int32) for e in flat[:2])
     return _CutLayout(
