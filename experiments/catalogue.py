@@ -61,9 +61,6 @@ _ABOUT = {
     "benchmarks.multigrid": (
         "an implicit step and a steady state beside scipy and pyamg"
     ),
-    "benchmarks.super_time_stepping": (
-        "RKL2 of the full volume beside the same scheme in numba"
-    ),
     "benchmarks.gradients": "a reverse-mode gradient beside its forward run",
     "thesis.counting": "how many voxels each structure has, against the thesis' counts",
     "thesis.contact": "area of contact by resolution, pruning, a ball on a head",

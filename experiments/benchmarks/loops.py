@@ -10,7 +10,6 @@ import jaxthermo as jt
 from jaxthermo.integrate.run.plan import (
     Plan,
     initial_state,
-    plan_run,
     save_intervals,
     step_table,
 )
@@ -37,13 +36,13 @@ def loop_of(plan: Plan) -> Callable[[], Any]:
 
 def numba_explicit(scene: jt.Scene, end: float, save_at=None) -> Run:
     """The explicit loop of a full volume's scene in numba, in its faster layout."""
-    body = linear_body(plan_run(scene, end, save_at, jt.ForwardEuler()))
+    body = linear_body(scene, end, save_at)
     return _faster(body, explicit_run)
 
 
 def numba_rkl2(scene: jt.Scene, end: float, dt: float, save_at=None) -> Run:
     """The same with steps of RKL2 up to `dt` [s]."""
-    body = linear_body(plan_run(scene, end, save_at, jt.ForwardEuler()))
+    body = linear_body(scene, end, save_at)
     return _faster(body, lambda body: rkl2_run(body, dt))
 
 

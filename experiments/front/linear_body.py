@@ -8,7 +8,7 @@ with the voxels, open areas, capacities and loads of the compiled scene. Nodes a
 surface have rows of their own. All others have six equal links, in runs along z.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -20,10 +20,12 @@ from scipy.sparse import coo_array, csr_array
 
 from jaxthermo.arrays import precision
 from jaxthermo.errors import InputError
-from jaxthermo.integrate.run.plan import Plan, observation_time
+from jaxthermo.integrate.run.plan import Plan, observation_time, plan_run
+from jaxthermo.integrate.solvers import ForwardEuler
 from jaxthermo.network.cut_stencil import CutStencil
 from jaxthermo.network.stencil import UniformStencil, solid_degree
-from jaxthermo.scene.scene import SolvedSurface
+from jaxthermo.scene.scene import Scene, SolvedSurface
+from jaxthermo.structures.kinds.full import FullVolume
 from jaxthermo.voxels.grid import VoxelGrid
 
 
@@ -203,16 +205,26 @@ class LinearBody:
         return np.stack(columns, axis=1).astype(np.int32)
 
 
-def linear_body(todo: Plan) -> LinearBody:
-    """The arrays of a planned run of one full volume.
+def linear_body(
+    scene: Scene, end: float, save_at: Sequence[float] | None = None
+) -> LinearBody:
+    """The arrays of one full volume up to the end of a run [s].
 
     Raises:
         InputError: if the scene is more than one body of one isotropic material with
             constant properties, under surface terms that are linear and constant
             between events.
     """
-    with precision(todo.scene.dtype):
-        return _linear_body(todo)
+    # In the box of the body: its sections would be cells of another lattice.
+    whole = [
+        replace(body, structure=replace(body.structure, sections=False))
+        if isinstance(body.structure, FullVolume)
+        else body
+        for body in scene.bodies
+    ]
+    with precision(scene.dtype):
+        boxed = replace(scene, bodies=tuple(whole))
+        return _linear_body(plan_run(boxed, end, save_at, ForwardEuler()))
 
 
 def _linear_body(todo: Plan) -> LinearBody:

@@ -17,12 +17,9 @@ from calibrate.problem.reference import on_every_voxel
 from calibrate.runs.case import Case
 from calibrate.runs.scenes import build_case
 from calibrate.runs.truth import find_truth
-from jaxthermo.arrays import precision
 from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.errors import InputError
-from jaxthermo.integrate.run.plan import plan_run
 from jaxthermo.integrate.run.solution_file import StoredSolution
-from jaxthermo.integrate.solvers import ForwardEuler
 from jaxthermo.provenance import processor
 
 from ..harness.record import fingerprint, program_hash
@@ -308,9 +305,7 @@ class Rivals:
     def _body_of(self, load: str, high: int, cells: Cells) -> LinearBody:
         config = self._case(load, high, cells).config
         scene, span = build_case(config).scene, config.time
-        with precision(scene.dtype):
-            plan = plan_run(scene, span.end, span.save_times, ForwardEuler())
-        return linear_body(plan)
+        return linear_body(scene, span.end, span.save_times)
 
     def _fastest_layout(self, high: int, cells: Cells) -> str:
         """Layout of the state with which RKL2 is faster, in one thread."""

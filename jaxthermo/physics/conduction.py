@@ -144,11 +144,11 @@ def assemble_uniform(
     """
     k = typed_array(conductivity, dtype)
     heat = typed_array(volumetric_heat_capacity, dtype)
-    if not _runs_as_stencil(structure):
+    if not (isinstance(structure, FullVolume) and structure.runs_as_stencil):
         # A single row of conductivities by axis stands for all nodes.
         return _assemble_links(structure, k[None] if k.ndim else k, heat)
     k, heat = jnp.asarray(k), jnp.asarray(heat)
-    return uniform_stencil(structure.grid, structure.node_count, k, heat)
+    return uniform_stencil(structure, k, heat)
 
 
 def _assemble_mixed(
@@ -162,9 +162,9 @@ def _assemble_mixed(
     Conductivities [W/(m K)], one number or three by axis, and heat capacities rho c_p
     [J/(m^3 K)] are given for each material.
     """
-    if _runs_as_stencil(structure):
+    if isinstance(structure, FullVolume) and structure.runs_as_stencil:
         return mixed_stencil(
-            structure.grid, material, conductivity, volumetric_heat_capacity
+            structure, material, conductivity, volumetric_heat_capacity
         )
     return _assemble_links(
         structure, conductivity[material], volumetric_heat_capacity[material]
@@ -195,10 +195,6 @@ def normal_conductivity(
     if conductivity.ndim == 1:
         return conductivity
     return (conductivity * (normal * normal).astype(conductivity.dtype)).sum(axis=1)
-
-
-def _runs_as_stencil(structure: AbstractStructure) -> bool:
-    return isinstance(structure, FullVolume) and structure.runs_as_stencil
 
 
 def conductivity_at_ends(

@@ -6,21 +6,22 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Int, Shaped
 
 from ..arrays import sorted_union
-from ..findings import found
 from ..network.cut_stencil import CutStencil
 from ..network.link_operator import RowLayout, row_layout, row_network
 from ..network.network import AbstractNetwork, Address, inverse
+from ..network.sectioned_stencil import SectionedStencil
 from ..network.stencil import (
     HeterogeneousStencil,
     OrthotropicStencil,
     UniformStencil,
     solid_degree,
 )
+from ..structures.kinds.full import FullVolume
 from ..voxels.cut_voxels import CutVoxels
-from ..voxels.grid import VoxelGrid
+from ..voxels.packed_lattice import PackedLattice
 
 
 @partial(jax.jit, inline=True)
@@ -40,33 +41,33 @@ def series(
 
 
 def uniform_stencil(
-    grid: VoxelGrid, nodes: int, conductivity: Array, heat: Array
+    structure: FullVolume, conductivity: Array, heat: Array
 ) -> AbstractNetwork:
     """Stencil of one material, with one conductivity [W/(m K)] or three along the axes.
 
     The heat capacity rho c_p is in J/(m^3 K).
     """
-    three = bool(conductivity.ndim)
+    grid, packed, three = structure.grid, structure.packed, bool(conductivity.ndim)
     stencil, bits = (OrthotropicStencil, 2) if three else (UniformStencil, 0)
+    axes = (0, 1, 2) if packed is None else packed.axes
+    conductance = conductivity * grid.pitch
     whole = stencil(
         heat * grid.voxel_volume,
-        nodes,
-        found(
-            (grid,),
-            ("solid_degree", bits),
-            lambda: jnp.asarray(solid_degree(grid.solid, bits)),
+        structure.node_count,
+        structure.found(
+            ("solid_degree", bits, packed is None),
+            lambda: jnp.asarray(solid_degree(_of_lattice(grid.solid, packed), bits)),
         ),
-        conductivity * grid.pitch,
+        conductance[np.array(axes)] if three else conductance,
     )
-    if grid.cut is None or grid.cut.is_empty:
-        return whole
-    # Of one number: an array of them would be four times as large as the voxels.
-    only = np.broadcast_to(np.int32(0), grid.solid.shape)
-    return _with_cut_voxels(whole, grid, grid.cut, only, conductivity[None], heat[None])
+    if packed is not None:
+        across = conductance[packed.axes[0]] if three else conductance
+        whole = SectionedStencil(whole, *_cut_pairs(structure, packed), across)
+    return _with_cut_voxels(whole, structure, None, conductivity[None], heat[None])
 
 
 def mixed_stencil(
-    grid: VoxelGrid,
+    structure: FullVolume,
     material: Int[np.ndarray, " n"],
     conductivity: Float[Array, " c"] | Float[Array, "c 3"],
     heat: Float[Array, " c"],
@@ -75,35 +76,79 @@ def mixed_stencil(
 
     Conductivities [W/(m K)] and heat capacities rho c_p [J/(m^3 K)].
     """
+    grid, packed = structure.grid, structure.packed
     number = np.zeros(grid.solid.shape, np.int32)
     number[grid.solid] = material
     sizes = grid.pitch / 2, grid.pitch**2, grid.voxel_volume
-    whole = _stencil_arrays(grid.solid, number, conductivity, heat, sizes)
-    if grid.cut is None or grid.cut.is_empty:
-        return whole
-    return _with_cut_voxels(whole, grid, grid.cut, number, conductivity, heat)
+    solid, own = (_of_lattice(values, packed) for values in (grid.solid, number))
+    axes = (0, 1, 2) if packed is None else packed.axes
+    by_axis = (
+        conductivity[:, np.array(axes)] if conductivity.ndim == 2 else conductivity
+    )
+    whole = _stencil_arrays(solid, own, by_axis, heat, sizes)
+    if packed is not None:
+        at = _cut_pairs(structure, packed)
+        ends = tuple(own[tuple(np.asarray(i) - 1 for i in address)] for address in at)
+        across = by_axis[:, 0] if by_axis.ndim == 2 else by_axis
+        whole = SectionedStencil(whole, *at, _between(across, ends, sizes))
+    return _with_cut_voxels(whole, structure, number, conductivity, heat)
+
+
+def _of_lattice(
+    values: Shaped[np.ndarray, "x y z"], packed: PackedLattice | None
+) -> Shaped[np.ndarray, "a b c"]:
+    return values if packed is None else packed.packed(values)
+
+
+def _cut_pairs(structure: FullVolume, packed: PackedLattice) -> tuple[Address, Address]:
+    """Position of the voxels before and behind the cuts between sections."""
+
+    def find() -> tuple[Address, Address]:
+        pairs = packed.cut_pairs(structure.grid.solid)
+        before, behind = (structure.address_of_voxels(each) for each in pairs)
+        # In the order of the state, in which they are read.
+        order = np.lexsort(before[::-1])
+        sort = lambda address: tuple(jnp.asarray(index[order]) for index in address)
+        return sort(before), sort(behind)
+
+    return structure.found("cut_pairs", find)
+
+
+@jax.jit
+def _between(
+    k: Float[Array, " c"], ends: tuple[Int[Array, " p"], Int[Array, " p"]], sizes
+) -> Float[Array, " p"]:
+    """Conductance of faces between voxels of these materials [W/K]."""
+    half, area, _ = sizes
+    lengths, areas = (jnp.full(ends[0].shape, v, k.dtype) for v in (half, area))
+    return series(areas, lengths, k[ends[0]], lengths, k[ends[1]])
 
 
 def _with_cut_voxels(
     whole: AbstractNetwork,
-    grid: VoxelGrid,
-    cut: CutVoxels,
-    number: Int[np.ndarray, "x y z"],
+    structure: FullVolume,
+    number: Int[np.ndarray, "x y z"] | None,
     conductivity: Float[Array, " c"] | Float[Array, "c 3"],
     heat: Float[Array, " c"],
-) -> CutStencil:
+) -> AbstractNetwork:
     """A stencil with the capacities and links of the voxels that the surface cuts.
 
-    `number` is that of the material of each voxel.
+    `number` is that of the material of each voxel; None for the only one.
     """
-    layout = found((grid,), "cut_layout", lambda: _cut_layout(grid, cut))
-    voxel = np.stack(layout.address, axis=1) - 1
-    cells = cut.links.voxel, cut.links.voxel + cut.links.step, voxel
+    cut = structure.grid.cut
+    if cut is None or cut.is_empty:
+        return whole
+    layout = structure.found("cut_layout", lambda: _cut_layout(structure, cut))
+    materials = (np.int32(0),) * 3
+    if number is not None:
+        nodes = structure.found("cut_nodes", lambda: _cut_nodes(structure, cut))
+        cells = cut.links.voxel, cut.links.voxel + cut.links.step, nodes
+        materials = tuple(number[tuple(each.T)] for each in cells)
     conductance, capacity = _cut_values(
         conductivity,
         heat,
-        [number[tuple(each.T)] for each in cells],
-        (cut.links.step, cut.links.extra, grid.pitch),
+        materials,
+        (cut.links.step, cut.links.extra, structure.grid.pitch),
         layout.volume,
     )
     links = row_network(layout.rows, conductance, capacity)
@@ -121,20 +166,34 @@ class _CutLayout(NamedTuple):
     """On the device, where programs share its arrays."""
 
 
-def _cut_layout(grid: VoxelGrid, cut: CutVoxels) -> _CutLayout:
-    links, shape = cut.links, grid.solid.shape
-    ends = links.voxel, links.voxel + links.step
-    place = lambda cell: np.asarray(np.ravel_multi_index(tuple(cell.T), shape))
-    flat = [place(cell) for cell in (*ends, cut.voxel)]
-    node = sorted_union(*flat)
-    voxel = np.stack(np.unravel_index(node, shape), axis=1)
-    src, dst = (np.asarray(np.searchsorted(node, e), np.int32) for e in flat[:2])
+def _cut_nodes(structure: FullVolume, cut: CutVoxels) -> Int[np.ndarray, "n 3"]:
+    """Voxels that are cut or have changed links, in the order of the state."""
+    ends, shape = cut.links.voxel, structure.grid.solid.shape
+    flat = (_flat(each, shape) for each in (ends, ends + cut.links.step, cut.voxel))
+    voxel = np.stack(np.unravel_index(sorted_union(*flat), shape), axis=1)
+    if structure.packed is None:
+        return voxel
+    return voxel[np.lexsort(structure.address_of_voxels(voxel)[::-1])]
+
+
+def _cut_layout(structure: FullVolume, cut: CutVoxels) -> _CutLayout:
+    voxel, shape = _cut_nodes(structure, cut), structure.grid.solid.shape
+    flat = _flat(voxel, shape)
+    order = np.argsort(flat, kind="stable")
+    index_of = lambda end: order[np.searchsorted(flat[order], _flat(end, shape))]
+    ends = cut.links.voxel, cut.links.voxel + cut.links.step
+    src, dst = (np.asarray(index_of(end), np.int32) for end in ends)
     return _CutLayout(
-        # A lattice has a rim of one cell.
-        address=tuple(jnp.asarray(i + 1, np.int32) for i in voxel.T),
-        volume=jnp.asarray(grid.volume_at(voxel)),
-        rows=jax.tree.map(jnp.asarray, row_layout(len(node), src, dst)),
+        address=tuple(map(jnp.asarray, structure.address_of_voxels(voxel))),
+        volume=jnp.asarray(structure.grid.volume_at(voxel)),
+        rows=jax.tree.map(jnp.asarray, row_layout(len(voxel), src, dst)),
     )
+
+
+def _flat(
+    voxel: Int[np.ndarray, "m 3"], shape: tuple[int, ...]
+) -> Int[np.ndarray, " m"]:
+    return np.asarray(np.ravel_multi_index(tuple(voxel.T), shape))
 
 
 # One program instead of twenty of single operations.
@@ -146,17 +205,13 @@ def _cut_values(conductivity, heat, materials, links, volume) -> tuple[Array, Ar
     # Along a link over an edge, the mean along its two axes.
     along = jnp.abs(step).astype(conductivity.dtype)
     axes = along / along.sum(axis=1, keepdims=True)
-    k = [_along(conductivity[number], axes) for number in (first, second)]
+    k = [conductivity[number] for number in (first, second)]
+    if conductivity.ndim == 2:
+        k = [(axes * each.reshape(-1, 3)).sum(axis=1) for each in k]
     # Of a section that is the extra times pitch times the length of the link.
     half = jnp.full(extra.shape, 0.5)
     conductance = series(extra * pitch, half, k[0], half, k[1])
     return conductance, heat[own] * volume.astype(heat.dtype)
-
-
-def _along(
-    k: Float[Array, " e"] | Float[Array, "e 3"], axes: Float[Array, "e 3"]
-) -> Float[Array, " e"]:
-    return k if k.ndim == 1 else (k * jnp.asarray(axes, k.dtype)).sum(axis=1)
 
 
 @jax.jit

@@ -59,6 +59,22 @@ class PreparedBody(NamedTuple):
         """Position of some of the nodes in the state."""
         return tuple(map(jnp.asarray, self.body.structure.address_of(nodes)))
 
+    def ordered_address(
+        self, nodes: Int[np.ndarray, " m"]
+    ) -> tuple[Address, Int[np.ndarray, " m"]]:
+        """Positions of different nodes in the order of the state, and each one's rank.
+
+        Memory is read and written in that order, several times faster than in another.
+        """
+        structure = self.body.structure
+        address, rank = structure.address_of(nodes), np.arange(len(nodes))
+        position = np.ravel_multi_index(address, structure.state_shape)
+        if (np.diff(position) < 0).any():
+            order = np.argsort(position)
+            rank[order] = np.arange(len(nodes))
+            address = tuple(index[order] for index in address)
+        return tuple(map(jnp.asarray, address)), rank
+
 
 def prepare(number: int, body: Body, dtype: Any) -> PreparedBody:
     """Network, initial state and addresses of a body."""

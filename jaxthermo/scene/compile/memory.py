@@ -110,7 +110,8 @@ def forecast_memory(
     width = 8 if scene.dtype == "float64" else 4
     kept, steps, runtime, rows = 0.0, 0.0, 0.0, 0
     for body in scene.bodies:
-        structure, counts = body.structure, _counts(body.structure)
+        structure = body.structure
+        counts = structure.found("part_counts", lambda own=structure: _counts(own))
         is_stencil = len(structure.state_shape) == 3
         own = (_KEPT_STENCIL if is_stencil else _KEPT_LINKS).bytes_of(counts)
         if not is_stencil and isinstance(structure, FullVolume):

@@ -288,16 +288,17 @@ def _body(
 def _surface_nodes(body: PreparedBody) -> tuple[Address, Int[Array, " s"]]:
     """Position of the nodes that have surface, and each fragment's among them."""
     nodes, node = np.unique(body.fragment_node, return_inverse=True)
-    index = jnp.asarray(node.reshape(-1).astype(np.int32))
-    return body.address_of(nodes), index
+    address, rank = body.ordered_address(nodes)
+    return address, jnp.asarray(rank[node.reshape(-1)].astype(np.int32))
 
 
 def _volume_load(
     entry: int, found: VolumeBinding, body: PreparedBody, dtype: Any
 ) -> VolumeLoad:
     nodes = np.flatnonzero(found.volume)
-    address = body.address_of(nodes)
-    reached = np.asarray(found.volume[nodes], dtype)
+    address, rank = body.ordered_address(nodes)
+    reached = np.empty(len(nodes), dtype)
+    reached[rank] = found.volume[nodes]
     return VolumeLoad(
         entry=entry,
         address=address,

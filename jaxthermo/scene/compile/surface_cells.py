@@ -131,15 +131,16 @@ def _layout(
         signature = np.unique(2 * signature + each, return_inverse=True)[1].reshape(-1)
     # A key per node and combination of terms; equal keys are one cell.
     touched = np.flatnonzero(np.any(acts, axis=0))
+    nodes, node = np.unique(body.fragment_node[touched], return_inverse=True)
+    address, rank = body.ordered_address(nodes)
     signatures = signature.max() + 1
-    key = body.fragment_node.astype(np.int64) * signatures + signature
-    cells, inverse = np.unique(key[touched], return_inverse=True)
+    key = rank[node.reshape(-1)] * signatures + signature[touched]
+    cells, inverse = np.unique(key, return_inverse=True)
     cell[touched] = inverse.reshape(-1)
-    nodes, node = np.unique(cells // signatures, return_inverse=True)
-    node = node.reshape(-1).astype(np.int32)
+    node = (cells // signatures).astype(np.int32)
     count = _shared_size(body, len(acts), _even_size(len(cells)))
     return _Layout(
-        address=body.address_of(nodes),
+        address=address,
         node=jnp.asarray(np.pad(node, (0, count - len(node)))),
         slots=tuple(jnp.asarray(slot) for slot in members(node, len(nodes))),
         cell=cell,

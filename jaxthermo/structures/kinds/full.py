@@ -6,10 +6,11 @@ from typing import Any
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from typing_extensions import override
 
 from ...voxels.grid import VoxelGrid
+from ...voxels.packed_lattice import PackedLattice, packed_lattice
 from ..build.links import voxel_links
 from ..structure import AbstractStructure, ConductionWeights, Links, Nodes, as_weights
 
@@ -21,8 +22,9 @@ _DENSE = 0.5
 class FullVolume(AbstractStructure):
     """Every solid voxel, linked to its six neighbours; the reference for all others.
 
-    It runs as a dense masked stencil over the bounding box, or, with `stencil=False`,
-    as sorted links: slower, but equal to rounding, and the reference for the stencil.
+    It runs as a masked stencil over the bounding box, where that is sparse in sections
+    in a smaller one (`PackedLattice`); with `sections=False` over the box; or, with
+    `stencil=False`, as sorted links: slower, but equal to rounding, and the references.
 
     Example:
         >>> import jaxthermo as jt
@@ -33,20 +35,32 @@ class FullVolume(AbstractStructure):
 
     grid: VoxelGrid = eqx.field(static=True)
     stencil: bool = eqx.field(static=True, default=True)
+    sections: bool = eqx.field(static=True, default=True)
     weights: ConductionWeights = eqx.field(
         kw_only=True, default=ConductionWeights(), converter=as_weights
     )
 
     @property
     def runs_as_stencil(self) -> bool:
-        """True if a state is the lattice: no request for links, and no weights."""
+        """True if a state is a lattice: no request for links, and no weights."""
         return self.stencil and self.weights.are_one
+
+    @property
+    def packed(self) -> PackedLattice | None:
+        """Sections of the body, where a state is a lattice of them."""
+        if not (self.sections and self.runs_as_stencil and self._is_sparse):
+            return None
+        return self.found("packed_lattice", lambda: packed_lattice(self.grid.solid))
+
+    @property
+    def _is_sparse(self) -> bool:
+        return self.grid.solid_count <= _DENSE * self.grid.solid.size
 
     @property
     @override
     def options(self) -> Hashable:
         # Weights run as links: their findings have positions of nodes, not of cells.
-        return super().options, self.runs_as_stencil
+        return super().options, self.runs_as_stencil, self.sections
 
     @property
     @override
@@ -56,8 +70,7 @@ class FullVolume(AbstractStructure):
     @override
     def for_solves(self) -> "FullVolume":
         # A solve stores half a dozen arrays, as long as the box for a stencil.
-        full = self.grid.solid_count > _DENSE * self.grid.solid.size
-        return self if full else replace(self, stencil=False)
+        return replace(self, stencil=False) if self._is_sparse else self
 
     @property
     @override
@@ -116,7 +129,7 @@ class FullVolume(AbstractStructure):
 
     def _by_plane(self, x: Int[np.ndarray, " m"]) -> Iterator[tuple[int, int, Any]]:
         """Planes of voxels by their x, each with its first node and these voxels."""
-        first = self.found("first_nodes", lambda: _first_nodes(self.grid.solid))
+        first = self._first_nodes()
         order = np.argsort(x, kind="stable")
         ends = np.searchsorted(x[order], np.arange(len(first)))
         for plane in np.flatnonzero(np.diff(ends)):
@@ -143,12 +156,13 @@ class FullVolume(AbstractStructure):
         if not self.runs_as_stencil:
             return (self.node_count,)
         # A rim of one cell, so that the stencil needs no special case at the ends.
-        x, y, z = self.grid.solid.shape
+        packed = self.packed
+        x, y, z = self.grid.solid.shape if packed is None else packed.shape
         return (x + 2, y + 2, z + 2)
 
     @override
     def node_address(self) -> tuple[Int[np.ndarray, " n"], ...]:
-        return self.found(("node_address", self.runs_as_stencil), self._node_address)
+        return self.found("node_address", self._node_address)
 
     def _node_address(self) -> tuple[Int[np.ndarray, " n"], ...]:
         return self.address_of(np.arange(self.node_count, dtype=np.int32))
@@ -157,18 +171,29 @@ class FullVolume(AbstractStructure):
     def address_of(self, nodes: Int[np.ndarray, " m"]) -> tuple[np.ndarray, ...]:
         if not self.runs_as_stencil:
             return (nodes.astype(np.int32),)
-        first = self.found("first_nodes", lambda: _first_nodes(self.grid.solid))
-        plane = (np.searchsorted(first, nodes, side="right") - 1).astype(np.int32)
+        plane = np.searchsorted(self._first_nodes(), nodes, side="right") - 1
         address = tuple(np.zeros(len(nodes), np.int32) for _ in range(3))
-        for x, before, own in self._by_plane(plane):
+        for x, before, own in self._by_plane(plane.astype(np.int32)):
             within = np.flatnonzero(self.grid.solid[x])[nodes[own] - before]
             y, z = np.divmod(within, self.grid.solid.shape[2])
-            for index, at in zip(address, (x, y, z), strict=True):
-                # The rim of one cell.
-                index[own] = at + 1
+            found = self.address_of_voxels(np.stack([np.full_like(y, x), y, z], axis=1))
+            for index, at in zip(address, found, strict=True):
+                index[own] = at
         return address
 
+    def address_of_voxels(
+        self, voxel: Int[np.ndarray, "m 3"]
+    ) -> tuple[Int[np.ndarray, " m"], ...]:
+        """Indices of some solid voxels in the state of a stencil."""
+        cells = voxel if self.packed is None else self.packed.cells(voxel)
+        # The rim of one cell.
+        return tuple(np.asarray(index + 1, np.int32) for index in cells.T)
 
-def _first_nodes(solid: Bool[np.ndarray, "x y z"]) -> Int[np.ndarray, " p"]:
-    """Number of the first node of each plane across x, and that of all nodes."""
-    return np.append(0, np.cumsum(np.count_nonzero(solid, axis=(1, 2))))
+    def _first_nodes(self) -> Int[np.ndarray, " p"]:
+        """Number of the first node of each plane across x, and that of all nodes."""
+
+        def find() -> Int[np.ndarray, " p"]:
+            count = np.count_nonzero(self.grid.solid, axis=(1, 2))
+            return np.append(0, np.cumsum(count))
+
+        return self.found("first_nodes", find)

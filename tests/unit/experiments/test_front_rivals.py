@@ -7,7 +7,6 @@ import jaxthermo as jt
 from experiments.front.linear_body import LinearBody, linear_body
 from experiments.front.numba_loops import explicit_run, rkl2_run
 from experiments.front.scipy_run import scipy_run
-from jaxthermo.integrate.run.plan import plan_run
 
 
 # The ball is coarse: what is compared is the arithmetic.
@@ -29,7 +28,7 @@ def scene(cells: str) -> jt.Scene:
 
 
 def body_of(made: jt.Scene) -> LinearBody:
-    return linear_body(plan_run(made, 90.0, SAVE_AT, jt.ForwardEuler()))
+    return linear_body(made, 90.0, SAVE_AT)
 
 
 def surface(made: jt.Scene, solver) -> np.ndarray:
