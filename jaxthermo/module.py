@@ -1,13 +1,79 @@
 """Base class of all frozen pytrees with methods."""
 
+import dataclasses
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import equinox as eqx
 
 
-class Module(eqx.Module):
-    """A module of equinox whose methods are Python's own.
+class _Fields(NamedTuple):
+    """Fields of a class, and functions for new modules of it."""
+
+    positional: tuple[str, ...]
+    names: dict[str, None]
+    defaults: dict[str, Any]
+    converters: tuple[tuple[str, Callable[[Any], Any]], ...]
+    checks: tuple[Callable[[Any], None], ...]
+
+
+def _fields_of(cls: type) -> _Fields | None:
+    """Fields of a class whose arguments are its fields; None for any other class."""
+    init = cls.__init__
+    # A type checker wraps the function that dataclasses write.
+    written = getattr(init, "__code__", None) is not None and not hasattr(
+        init, "__wrapped__"
+    )
+    if not written or init.__code__.co_filename != "<string>":
+        return None
+    missing, fields = dataclasses.MISSING, dataclasses.fields(cls)
+    plain = all(f.init and f.default_factory is missing for f in fields)
+    abstract = getattr(cls, "__abstractmethods__", ()), cls.__abstractvars__
+    if not plain or any(abstract) or hasattr(cls, "__post_init__"):
+        return None
+    found = [(f.name, f.metadata.get("converter")) for f in fields]
+    own = (vars(parent).get("__check_init__") for parent in cls.__mro__)
+    return _Fields(
+        positional=tuple(f.name for f in fields if not f.kw_only),
+        names=dict.fromkeys(f.name for f in fields),
+        defaults={f.name: f.default for f in fields if f.default is not missing},
+        converters=tuple((name, each) for name, each in found if each is not None),
+        checks=tuple(check for check in own if check is not None),
+    )
+
+
+_fields: dict[type, _Fields | None] = {}
+
+
+class _QuickMeta(type(eqx.Module)):
+    """Constructor of modules whose arguments are their fields, and nothing else."""
+
+    # A call of a compiled simulation makes some forty modules. Equinox sets each field
+    # by itself and searches it for mistakes of programming, which takes 40 us a module,
+    # ten times as long. Tests go through equinox, where types are checked as well.
+    def __call__(cls, *args: Any, **kwargs: Any) -> Any:
+        if cls not in _fields:
+            _fields[cls] = _fields_of(cls)
+        known = _fields[cls]
+        if known is None or len(args) > len(known.positional):
+            return super().__call__(*args, **kwargs)
+        given = dict(zip(known.positional, args, strict=False))
+        values = known.defaults | given | kwargs
+        repeated = not given.keys().isdisjoint(kwargs)
+        if repeated or values.keys() != known.names.keys():
+            # Equinox says what is missing or too much.
+            return super().__call__(*args, **kwargs)
+        for name, convert in known.converters:
+            values[name] = convert(values[name])
+        made: Any = object.__new__(cls)
+        vars(made).update((name, values[name]) for name in known.names)
+        for check in known.checks:
+            check(made)
+        return made
+
+
+class Module(eqx.Module, metaclass=_QuickMeta):
+    """A module of equinox whose methods are Python's own, and which is made quickly.
 
     Equinox makes a pytree of every method that is looked up, for transformations that
     take it as an argument: here `as_pytree` does, for the few that need it.
