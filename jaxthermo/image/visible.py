@@ -65,9 +65,10 @@ def visible_points(
 
 
 def _is_inside(point: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> bool:
-    # Outside of the box around a body no search is needed.
-    if ((point < vertices.min(axis=0)) | (point > vertices.max(axis=0))).any():
-        return False
+    # Outside of the box around a body no search is needed; one axis often decides.
+    for here, column in zip(point, vertices.T, strict=True):
+        if not column.min() <= here <= column.max():
+            return False
     return abs(winding_number(vertices[faces], point)) > 0.5
 
 
