@@ -89,15 +89,17 @@ def limited(cut: CutVoxels, solid: Bool[np.ndarray, "x y z"]) -> CutVoxels:
         missing = np.maximum(least - volume, 0)
         if missing.max(initial=0) < _ENOUGH:
             break
+        asking = np.flatnonzero(missing)
         # Neighbours in the set; the last entry stands for none.
-        spare = np.append(np.maximum(volume - 1.2 * least, 0), 0)[near.neighbour]
+        giving = near.neighbour[asking]
+        spare = np.append(np.maximum(volume - 1.2 * least, 0), 0)[giving]
         every = spare.sum(1)
         # No more than a fraction of it: others may ask the same neighbour.
-        given = np.minimum(missing, every / 4)
+        given = np.minimum(missing[asking], every / 4)
         share = spare * (given / np.where(every > 0, every, 1))[:, None]
-        taken = np.bincount(near.neighbour.reshape(-1), share.reshape(-1))
-        volume += given
-        volume -= np.pad(taken, (0, len(volume) + 1 - len(taken)))[:-1]
+        volume[asking] += given
+        taken = np.bincount(giving.ravel(), share.ravel(), len(volume) + 1)
+        volume -= taken[:-1]
     # Parts of a voxel or two have no neighbour that could give: all others do.
     if volume.min() < MIN_OPEN:
         above = np.maximum(volume - MIN_OPEN, 0)
