@@ -62,12 +62,18 @@ class CutLinks(NamedTuple):
         return found._replace(voxel=found.voxel - np.array([planes.start, 0, 0]))
 
     def open_across(
-        self, shape: tuple[int, ...], axis: int
-    ) -> Float[np.ndarray, "x y z"]:
-        """Open area of the link of every voxel to the next along an axis."""
-        found = np.ones(shape)
-        own = (self.step[:, axis] == 1) & ~self.over_edge
-        found[tuple(self.voxel[own].T)] += self.extra[own]
+        self, flat: Int[np.ndarray, " m"], shape: tuple[int, ...], axis: int
+    ) -> Float[np.ndarray, " m"]:
+        """Open area of the link of some voxels to the next along an axis.
+
+        Their indices in a lattice of that shape ascend.
+        """
+        own = np.flatnonzero((self.step[:, axis] == 1) & ~self.over_edge)
+        cut = np.ravel_multi_index(tuple(self.voxel[own].T), shape)
+        at = np.searchsorted(flat, cut)
+        there = np.flatnonzero(np.append(flat, -1)[at] == cut)
+        found = np.ones(len(flat))
+        found[at[there]] += self.extra[own[there]]
         return found
 
 

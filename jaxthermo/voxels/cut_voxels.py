@@ -45,7 +45,11 @@ class CutVoxels:
 
     def spread(self, solid: Bool[np.ndarray, "x y z"]) -> Float[np.ndarray, " v"]:
         """Volumes of all solid voxels, in lattice order [voxels]."""
-        return self.volumes(solid.shape)[solid]
+        flat = np.flatnonzero(solid)
+        own = np.ravel_multi_index(tuple(self.voxel.T), solid.shape)
+        found = np.ones(len(flat))
+        found[np.searchsorted(flat, own)] = self.volume
+        return found
 
     def within(self, planes: slice) -> "CutVoxels":
         """Those in a range of planes along x, counted from its first."""

@@ -110,17 +110,21 @@ def _shared_faces(
     The key is 6 (src n + dst) + 2 axis + (1 if dst is the upper one). Without cut
     voxels every face is open as a whole.
     """
+    # One more voxel at the upper ends, so that the next along an axis always exists.
+    padded = np.pad(labels, (0, 1), constant_values=-1)
+    flat, shape = padded.reshape(-1), padded.shape
     sides, planes, shares = [], [], []
     for axis in range(3):
-        line = np.moveaxis(labels, axis, -1)
-        below, above = line[..., :-1], line[..., 1:]
-        shared = (below != above) & (below >= 0) & (above >= 0)
-        plane = np.arange(1, line.shape[-1], dtype=np.int32)
-        planes.append(np.broadcast_to(plane, shared.shape)[shared])
+        jump = int(np.prod(shape[axis + 1 :]))
+        below, above = flat[:-jump], flat[jump:]
+        shared = below != above
+        shared &= below >= 0
+        shared &= above >= 0
+        here = np.flatnonzero(shared)
+        below, above = below[here], above[here]
+        planes.append((here // jump % shape[axis] + 1).astype(np.int32))
         if cut is not None:
-            opened = np.moveaxis(cut.links.open_across(labels.shape, axis), axis, -1)
-            shares.append(opened[..., :-1][shared])
-        below, above = below[shared], above[shared]
+            shares.append(cut.links.open_across(here, shape, axis))
         # In place: these arrays are among the largest of the build.
         side = np.minimum(below, above).astype(np.int64)
         side *= count
@@ -128,7 +132,9 @@ def _shared_faces(
         side *= 6
         side += 2 * axis + (below < above)
         sides.append(side)
+        del here, below, above, shared
     side = np.concatenate(sides)
+    del sides, padded, flat
     # Nearly sorted where groups are small: a stable sort merges the runs.
     order = np.argsort(side, kind="stable")
     share = None if cut is None else np.concatenate(shares)[order]
@@ -197,11 +203,11 @@ def voxel_links(
     if cut is None:
         return links
     for axis, column in enumerate((2, 1, 0)):
-        opened = cut.links.open_across(labels.shape, axis)[labels >= 0]
         here = np.flatnonzero(linked[:, column])
+        opened = cut.links.open_across(voxel[here], padded.shape, axis)
         # Links of a node come in the order of these columns.
         place = np.cumsum(linked.reshape(-1)).reshape(linked.shape)[:, column] - 1
-        links.area[place[here]] *= opened[here]
+        links.area[place[here]] *= opened
     centre = np.argwhere(labels >= 0) * pitch
     return _with_links_over_edges(links, cut, labels, centre, pitch)
 
