@@ -45,8 +45,8 @@ Quantity = Scalar | Float[Array, "..."] | Float[np.ndarray, "..."]
 HostFloat = Float[np.ndarray, "..."]
 """Array of numpy, of any shape."""
 
-
-_HOST = np.ndarray | np.generic
+HOST = np.ndarray | np.generic
+"""Arrays and numbers of numpy."""
 
 
 def precision(dtype: str) -> contextlib.AbstractContextManager:
@@ -57,7 +57,7 @@ def precision(dtype: str) -> contextlib.AbstractContextManager:
 
 def is_traced(tree: Any) -> bool:
     """True if any leaf of a pytree is being differentiated, mapped or compiled."""
-    if isinstance(tree, float | _HOST):
+    if isinstance(tree, float | HOST):
         return False
     # By their types, which are few: a scene has a hundred leaves.
     kinds = {type(leaf) for leaf in jax.tree.leaves(tree)}
@@ -69,20 +69,6 @@ def typed_array(value: Any, dtype: Any) -> Any:
     # Single arrays take longer to a device than all of a scene at its end.
     on_device = any(isinstance(leaf, jax.Array) for leaf in jax.tree.leaves(value))
     return (jnp if on_device else np).asarray(value, dtype)
-
-
-_to_device = jax.jit(lambda arrays: arrays)
-
-
-def on_device(tree: Any) -> Any:
-    """A pytree with its arrays of numpy on the device, in one transfer."""
-    # A function that returns its arguments takes a third of the time of `device_put`.
-    leaves, structure = jax.tree.flatten(tree)
-    host = {id(leaf): leaf for leaf in leaves if isinstance(leaf, _HOST)}
-    # Known arrays stay known where other values are traced.
-    with jax.ensure_compile_time_eval():
-        moved = dict(zip(host, _to_device(list(host.values())), strict=True))
-    return structure.unflatten([moved.get(id(leaf), leaf) for leaf in leaves])
 
 
 def plain_numbers(value: Any) -> Any:

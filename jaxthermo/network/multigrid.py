@@ -16,7 +16,8 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
-from ..arrays import members, on_device
+from ..arrays import members
+from ..findings import on_device
 from ..geometry.mesh import connected_labels
 from ..module import Module
 from ..structures.structure import AbstractStructure

@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float, Int
 
 from ..arrays import Scalar, is_traced, typed_array
 from ..errors import InputError
+from ..findings import found, is_finding
 from ..geometry.mesh import Pose
 from ..voxels.grid import VoxelGrid
 from ..voxels.selection import AbstractSelection
@@ -217,14 +218,21 @@ class Surface:
             area, where = (body.area, nowhere) if isinstance(cover, Omitted) else cover
             # The whole surface has its own array, the same in all runs.
             if not where.all():
-                own: Any = jnp if is_traced(area) else np
-                area = own.where(where, area, own.zeros_like(area))
+                area = _within(area, where)
             areas.append(area)
             acts.append(where)
         binding = Binding(
             concatenated(areas), concatenated(acts), law.above(self.reference), notes
         )
         return (binding, *omitted)
+
+
+def _within(area: Any, where: Bool[np.ndarray, " s"]) -> Any:
+    """Areas where a term acts, 0 elsewhere."""
+    if is_traced(area):
+        return jnp.where(where, area, 0)
+    by = "within" if is_finding(area, where) else None
+    return found((area, where), by, lambda: np.where(where, area, np.zeros_like(area)))
 
 
 def spread(values: Sequence[Any], counts: Sequence[int], dtype: Any) -> Any:

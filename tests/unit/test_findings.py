@@ -14,6 +14,7 @@ from jaxthermo.findings import (
     findings_size,
     forget_findings,
     found,
+    on_device,
     searches_recorded,
     values_of,
 )
@@ -159,3 +160,37 @@ def test_an_array_that_can_still_change_is_hashed_again():
     whole.flags.writeable = False
     assert findings.is_finding(whole) and not findings.is_finding(whole, view)
     assert findings.digest(whole) == findings.digest(view)
+
+
+def test_arrays_go_to_the_device_and_all_else_stays():
+    here = np.arange(3.0)
+    there, again, number, name = on_device((here, here, 2, "name"))
+    assert isinstance(there, jax.Array)
+    np.testing.assert_array_equal(there, here)
+    assert again is there
+    assert (number, name) == (2, "name")
+
+
+def test_known_arrays_stay_known_where_others_are_traced():
+    def sum_of(x):
+        known, traced = on_device((np.arange(3.0), x))
+        assert traced is x
+        return np.asarray(known).sum() * traced
+
+    assert float(jax.jit(sum_of)(2.0)) == 6.0
+
+
+def test_large_findings_go_to_the_device_once():
+    owner = _Owner()
+    large = found((owner,), "large", lambda: np.arange(2.0**15))
+    small = found((owner,), "small", lambda: np.arange(3.0))
+    once, again = (on_device([large, small, large.copy()]) for _ in range(2))
+    assert once[0] is again[0]
+    assert once[1] is not again[1]
+    assert once[2] is not again[2]
+    for there in once[::2]:
+        np.testing.assert_array_equal(there, large)
+    # In the precision of the run that asks.
+    with jax.enable_x64(False):
+        assert on_device([large])[0].dtype == np.float32
+    assert on_device([large])[0].dtype == np.float64

@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from typing_extensions import override
 
-from ...arrays import Time, typed_array
+from ...arrays import Time, is_traced, typed_array
 from ...constants import STEFAN_BOLTZMANN
 from ...findings import found, is_finding
 from ...module import Module
@@ -111,7 +111,7 @@ class AbstractRadiativeTerm(AbstractSurfaceTerm):
         lit = [_lit(factor, body.area) for factor in factors]
         # Exposed everywhere, the same array in all runs.
         both = lambda reached: reached if exposed.all() else exposed & reached
-        covers = [(absorbed * area, both(reached)) for area, reached in lit]
+        covers = [(_times(absorbed, area), both(reached)) for area, reached in lit]
         if body.prune and not any(acts.any() for _, acts in covers):
             return body.omitted(self.unseen)
         return covers
@@ -137,6 +137,13 @@ def _lit(
     """Area of fragments times a factor [m^2], and those where that is not 0."""
     lit = lambda: (factor.astype(area.dtype) * area, factor > 0)
     return found((factor, area), "lit" if is_finding(factor, area) else None, lit)
+
+
+def _times(number: Any, area: Float[np.ndarray, " s"]) -> Any:
+    """Areas times a number or an array, once for each number."""
+    known = np.ndim(number) == 0 and not is_traced(number) and is_finding(area)
+    by = ("times", float(number)) if known else None
+    return found((area,), by, lambda: number * area)
 
 
 class _Part(Module):

@@ -14,8 +14,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...arrays import is_traced, on_device
-from ...findings import digest, found, searches_recorded
+from ...arrays import is_traced
+from ...findings import digest, found, on_device, searches_recorded
 from ...geometry.mesh import Pose
 from ...module import replaced
 from ...physics.radiation.irradiation import (
@@ -110,15 +110,11 @@ def _compile(
     )
     first, structures = snapshots[0], [body.structure for body in scene.bodies]
     surfaces = first.surface.bodies
-    # All that is known on the host goes to the device at once.
-    programs, hottest, solved, radiation = on_device(
-        (
-            programs,
-            hottest,
-            _solved_surfaces(scene, surfaces),
-            SceneRadiation(starts, _radiation(scene, snapshots, programs)),
-        )
-    )
+    radiation = SceneRadiation(starts, _radiation(scene, snapshots, programs))
+    solved = _solved_surfaces(scene, surfaces)
+    # All that is known on the host goes to the device at once; the radiation stays: few
+    # ask a solution for it.
+    programs, hottest, solved = on_device((programs, hottest, solved))
     # One step for all snapshots: the smallest.
     limits = [_stable_step(each, hottest, end) for each in programs]
     limit = limits[0] if len(limits) == 1 else jnp.stack(limits).min()
