@@ -9,6 +9,7 @@ from .geometry.load import load_mesh as load_mesh
 from .geometry.mesh import Mesh as Mesh, Pose as Pose
 from .geometry.parts import load_parts as load_parts
 from .geometry.sample import MeshSample as MeshSample, mesh_sample as mesh_sample
+from .image.band import Band as Band
 from .image.camera import Camera as Camera, OrthographicCamera as OrthographicCamera
 from .image.files import write_exr as write_exr, write_png as write_png
 from .image.render import render as render

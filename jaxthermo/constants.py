@@ -6,6 +6,9 @@ STEFAN_BOLTZMANN = 5.670374419e-8
 ZERO_CELSIUS = 273.15
 """0 degC [K]."""
 
+SOLAR_TEMPERATURE = 5800.0
+"""Black body with about the spectrum of the sun [K]."""
+
 MIN_TEMPERATURE, MAX_TEMPERATURE = 150.0, 6000.0
 """Bounds of what a user means by a temperature [K]: a lower number is most likely in
 degrees Celsius, and the surface of the sun is at 5772 K."""

@@ -13,6 +13,7 @@ from jaxthermo.config.camera_framing import build_camera
 from jaxthermo.config.schema.image import CameraConfig
 from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.errors import InputError
+from jaxthermo.image.band import Band
 from jaxthermo.image.files import read_exr
 from jaxthermo.image.view import View
 from jaxthermo.integrate.run.parametric_run import ParametricRun
@@ -270,7 +271,7 @@ class _TargetBuilder:
             solution = run(scene, run.step_table(scene))
             cameras = given.views or (self.given.camera,)
             views = camera_views(cameras, scene, solution.surfaces)
-            shown = scene, solution, times, given.quantity
+            shown = scene, solution, times, given.quantity, self._band
             frames = [np.asarray(render_frames(v, *shown), float) for v in views]
         if given.noiseless:
             return frames
@@ -291,8 +292,14 @@ class _TargetBuilder:
                 f"{len(views)} views"
             )
         times, dtype = self.given.time.save_times, jnp.dtype(self.scene.dtype)
-        noise, quantity = given.noise, given.quantity
-        return frame_target(times, views, frames, noise, quantity, mask, dtype)
+        noise, quantity, band = given.noise, given.quantity, self._band
+        return frame_target(times, views, frames, noise, quantity, mask, dtype, band)
+
+    @property
+    def _band(self) -> Band | None:
+        """Band of the case's detector."""
+        band = self.given.image.band
+        return None if band is None else band.detector()
 
 
 def _measured(name: str, given: schema.MeasuredFrames) -> list[np.ndarray]:

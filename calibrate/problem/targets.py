@@ -16,11 +16,12 @@ from jaxtyping import Array, Bool, Float, Int
 from typing_extensions import override
 
 from jaxthermo.errors import InputError
+from jaxthermo.image.band import Band
 from jaxthermo.image.camera import AbstractCamera
 from jaxthermo.image.render import draw
 from jaxthermo.image.view import View, compute_view
 from jaxthermo.integrate.run.parametric_run import ParametricSolution
-from jaxthermo.integrate.run.solution import reflected
+from jaxthermo.integrate.run.solution import irradiance_at
 from jaxthermo.integrate.stepper import just_before
 from jaxthermo.integrate.surface_error import AnySolution, error_span
 from jaxthermo.scene.scene import Scene, SolvedSurface
@@ -151,6 +152,8 @@ class FrameTarget(AbstractTarget):
     """Standard deviation of a pixel [K or W/(m^2 sr)]."""
     quantity: str = eqx.field(static=True)
     """"temperature" as shown for an emissivity of 1, or "radiance"."""
+    band: Band | None = eqx.field(static=True, default=None)
+    """Band of the detector; None for all wavelengths."""
 
     @property
     def pixel_count(self) -> int:
@@ -187,9 +190,8 @@ class FrameTarget(AbstractTarget):
         self, view: int, scene: Scene, solution: ParametricSolution
     ) -> Float[Array, "t p"]:
         """Compared pixels of a view as the model gives them."""
-        frames = render_frames(
-            self.views[view], scene, solution, self.times, self.quantity
-        )
+        shown = scene, solution, self.times, self.quantity, self.band
+        frames = render_frames(self.views[view], *shown)
         return frames.reshape(len(frames), -1)[:, self.chosen[view]]
 
     def measure(
@@ -202,7 +204,8 @@ class FrameTarget(AbstractTarget):
         """Pixels of bodies in any views [standard deviations of the noise]."""
         rows = []
         for view in views:
-            frames = render_frames(view, scene, solution, times, self.quantity)
+            shown = scene, solution, times, self.quantity, self.band
+            frames = render_frames(view, *shown)
             # There are no data, and so no mask, of a view that is only proposed.
             chosen = np.flatnonzero(body_mask(view))
             rows.append(frames.reshape(len(frames), -1)[:, chosen])
@@ -215,15 +218,18 @@ def render_frames(
     solution: ParametricSolution,
     times: tuple[float, ...],
     quantity: str,
+    band: Band | None = None,
 ) -> Float[Array, "t h w"]:
     """Whole frames of a run, as "temperature" [K] or "radiance" [W/(m^2 sr)]."""
+    surfaces, terms = solution.surfaces, scene.terms
 
     def frame(surface: Float[Array, " s"], time: Float[Array, ""]) -> Any:
         radiation = solution.radiation.at(time)
         # As in the picture of a solution, an event at a saved time comes after it.
         before = just_before(time)
-        back, _ = reflected(radiation, solution.surfaces, before, surface)
-        image = draw(view, solution.surfaces, scene.terms, surface, back, before)
+        received = irradiance_at(radiation, before, surface)
+        given = surface, received, before
+        image = draw(view, surfaces, terms, *given, band=band)
         is_temperature = quantity == "temperature"
         return image.apparent_temperature if is_temperature else image.radiance
 
@@ -263,6 +269,7 @@ def frame_target(
     quantity: str,
     mask: Bool[np.ndarray, "_ _"] | None,
     dtype: Any,
+    band: Band | None = None,
 ) -> FrameTarget:
     """Make a target of the frames [time, row, column] of every view of the model.
 
@@ -300,4 +307,5 @@ def frame_target(
             )
         data.append(jnp.asarray(given[:, compared], dtype))
         chosen.append(jnp.asarray(np.flatnonzero(compared), jnp.int32))
-    return FrameTarget(times, views, tuple(data), tuple(chosen), noise, quantity)
+    compared = tuple(data), tuple(chosen)
+    return FrameTarget(times, views, *compared, noise, quantity, band)

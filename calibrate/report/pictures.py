@@ -77,8 +77,7 @@ def difference_picture(
         with precision(case.scene.dtype):
             at = jnp.asarray(target.times[time], surface.dtype)
             # True temperatures do not depend on what the surface reflects.
-            none = jnp.zeros_like(surface[time])
-            drawn = draw(view, surfaces, case.scene.terms, surface[time], none, at)
+            drawn = draw(view, surfaces, case.scene.terms, surface[time], None, at)
             return np.asarray(drawn.temperature, float)
 
     differences = {}

@@ -48,8 +48,7 @@ def show_occlusion(folder: Path, height: int) -> dict[str, Any]:
     scenery = compute_view(cooled[True].surfaces, (), camera)
     # True temperatures: of what is reflected nothing is shown.
     zero, surfaces = jnp.zeros((), jnp.float32), cooled[True].surfaces
-    nothing = jnp.zeros_like(cooled[True].surface_temperature[-1])
-    shot = lambda values: draw(scenery, surfaces, (), values, nothing, zero)
+    shot = lambda values: draw(scenery, surfaces, (), values, None, zero)
     kelvin = {on: shot(s.surface_temperature[-1]) for on, s in cooled.items()}
     # View factors are drawn like temperatures: one value a fragment.
     seen = shot(jnp.asarray(visible, jnp.float32))

@@ -18,6 +18,7 @@ from ..image.render import Image, coarsen, draw
 from ..image.view import View, at_time, kept_view
 from ..integrate.run.solution_file import StoredSolution, load_solution
 from ..integrate.stepper import just_before
+from ..physics.radiation.irradiation import Irradiance
 from ..physics.term import AbstractTerm
 from ..report.numbers import count
 from ..scene.scene import SolvedSurface
@@ -47,6 +48,8 @@ class FrameCamera:
         triangles = np.concatenate([s.geometry.triangles for s in surfaces])
         self._camera = build_camera(config.camera, triangles)
         self._image = config.image
+        band = config.image.band
+        self._band = None if band is None else band.detector()
         self._surfaces, self._terms = surfaces, terms
         self._view(*at_time(surfaces, terms, 0.0))
 
@@ -59,14 +62,15 @@ class FrameCamera:
 
     def draw(self, stored: StoredSolution, index: int) -> Image:
         """Draw the frame of a saved time, with the samples of each pixel."""
-        assert stored.reflected is not None and stored.reflected_sources is not None
+        assert stored.irradiance is not None
         # On the host, where nothing is compiled for it.
         time = np.asarray(stored.times)[index]
         here = at_time(self._surfaces, self._terms, float(time))
-        saved = np.asarray(stored.surface_temperature)[index], stored.reflected[index]
-        lit = stored.reflected_sources[index]
+        kelvin = np.asarray(stored.surface_temperature)[index]
+        received = Irradiance(*(each[index] for each in stored.irradiance))
         now, before = (jnp.asarray(t, time.dtype) for t in (time, just_before(time)))
-        return draw(self._view(*here), *here, *saved, now, lit, before)
+        saved = kelvin, received, now, before
+        return draw(self._view(*here), *here, *saved, self._band)
 
 
 def chosen_frames(

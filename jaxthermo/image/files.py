@@ -121,10 +121,11 @@ def write_exr(path: str | Path, image: Image, header: dict[str, str] | None = No
     Raises:
         InputError: if the file cannot be written.
     """
+    seen = "total" if image.band is None else f"of {image.band!r}"
     notes = {
         "time_s": f"{float(image.time):.9g}",
         "units": "temperature_K, apparent_temperature_K: K; radiance: W/(m^2 sr), "
-        "total; depth_m: m along the axis, inf in the background; object_id: -1 in "
+        f"{seen}; depth_m: m along the axis, inf in the background; object_id: -1 in "
         "the background",
     }
     _write_exr_channels(path, _exr_channels(image), notes | (header or {}))

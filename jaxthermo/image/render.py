@@ -4,6 +4,14 @@ Radiance that leaves a Lambertian surface, total over the spectrum [W/(m^2 sr)]:
 L = [eps sigma T^4 + (1 - eps) H + (1 - a) E] / pi, the emission and the reflected
 irradiation: H thermal, E of sources, which are those of the heat balance. A camera set
 to emissivity 1 shows T_apparent = (pi L / sigma)^(1/4).
+
+Within the band of a detector L_b(T) is the radiance of a black surface, and
+
+    L = eps L_b(T) + (1 - eps) [L_b((H / sigma)^(1/4)) + f E / pi],
+
+f the fraction of a source's spectrum within the band: surfaces reflect there as much as
+they do not emit, and surroundings of several temperatures count as their mean. A camera
+shows the T at which L_b(T) = L.
 """
 
 import math
@@ -20,11 +28,13 @@ from ..arrays import is_traced, precision
 from ..constants import STEFAN_BOLTZMANN
 from ..errors import require
 from ..integrate.run.solution import AbstractSolution
+from ..physics.radiation.irradiation import Irradiance
 from ..physics.radiation.source import AbstractSource
 from ..physics.term import AbstractTerm
 from ..physics.time_varying import value_at
 from ..scene.scene import SolvedSurface, per_fragment
 from .background import VisibleSource
+from .band import Band
 from .camera import AbstractCamera
 from .view import View, at_time, kept_view
 
@@ -33,22 +43,69 @@ _Values = Array | np.ndarray
 """Arrays of JAX where derivatives are taken, else of numpy."""
 
 
-def _black_radiance(temperature: Float[_Values, "*p"]) -> Float[_Values, "*p"]:
-    return STEFAN_BOLTZMANN / math.pi * temperature**4
+def _black_radiance(
+    temperature: Float[_Values, "*p"], band: Band | None
+) -> Float[_Values, "*p"]:
+    if band is None:
+        return STEFAN_BOLTZMANN / math.pi * temperature**4
+    if isinstance(temperature, jax.Array):
+        return band.radiance(temperature)
+    return band.table.radiance(temperature)
 
 
-def _apparent_temperature(radiance: Float[_Values, "*p"]) -> Float[_Values, "*p"]:
+def _apparent_temperature(
+    radiance: Float[_Values, "*p"], band: Band | None = None
+) -> Float[_Values, "*p"]:
     """Temperature of a black surface of the same radiance [K]."""
-    return (radiance * (math.pi / STEFAN_BOLTZMANN)) ** 0.25
+    if band is None:
+        return (radiance * (math.pi / STEFAN_BOLTZMANN)) ** 0.25
+    if isinstance(radiance, jax.Array):
+        return band.temperature(radiance)
+    # Of tables, where no derivatives are taken.
+    return band.table.temperature(radiance)
 
 
 def _leaving_radiance(
     temperature: Float[_Values, "*p"],
     emissivity: Float[_Values, "*p"],
     reflected: Float[_Values, "*p"],
+    band: Band | None = None,
 ) -> Float[_Values, "*p"]:
     # Of a Lambertian surface [W/(m^2 sr)] that reflects radiation [W/m^2].
-    return emissivity * _black_radiance(temperature) + reflected / math.pi
+    return emissivity * _black_radiance(temperature, band) + reflected / math.pi
+
+
+def _reflected(
+    surfaces: tuple[SolvedSurface, ...],
+    received: Irradiance,
+    band: Band | None,
+    xp: Any,
+) -> tuple[_Values, _Values]:
+    """Radiation that fragments reflect, and its part from sources [W/m^2]."""
+    emissivity = per_fragment(surfaces, "emissivity", xp)
+    if band is None:
+        return received.reflected(
+            emissivity, per_fragment(surfaces, "absorptivity", xp)
+        )
+    # A black body at the mean of what surrounds a surface.
+    least = np.asarray(1e-12, received.thermal.dtype)
+    mean = _apparent_temperature(xp.maximum(received.thermal, least) / math.pi, None)
+    shares = _share(band, received.spectrum)
+    seen = Irradiance(
+        math.pi * _black_radiance(mean, band),
+        received.sources * shares[:, None],
+        received.spectrum,
+    )
+    return seen.reflected(emissivity, emissivity)
+
+
+def _share(band: Band | None, spectrum: Any) -> Any:
+    """Fractions of the radiation of sources within the band."""
+    if band is None:
+        return 1.0
+    exact = band.share(spectrum)
+    # The laws of a band are in double precision on the host.
+    return exact if isinstance(exact, jax.Array) else exact.astype(spectrum.dtype)
 
 
 class Image(eqx.Module):
@@ -62,7 +119,8 @@ class Image(eqx.Module):
     temperature: Float[_Values, "h w"]
     """True surface temperature; that of sky or ground in the background [K]."""
     radiance: Float[_Values, "h w"]
-    """Total radiance towards the camera, averaged over the pixel [W/(m^2 sr)]."""
+    """Radiance towards the camera, averaged over the pixel, total or within the band
+    [W/(m^2 sr)]."""
     emissivity: Float[_Values, "h w"]
     """Emissivity [-]; 1 in the background and of a source."""
     depth: Float[_Values, "h w"]
@@ -71,11 +129,13 @@ class Image(eqx.Module):
     """Number of the body; -1 in the background and of a source."""
     normal: Float[_Values, "h w 3"]
     """Outward normal in the world; 0 in the background and of a source."""
+    band: Band | None = eqx.field(static=True, default=None)
+    """Band of the detector; None for all wavelengths."""
 
     @property
     def apparent_temperature(self) -> Float[_Values, "h w"]:
         """Temperature that a camera set to emissivity 1 shows [K]."""
-        return _apparent_temperature(self.radiance)
+        return _apparent_temperature(self.radiance, self.band)
 
 
 def _means(weights: csr_array, values: _Values) -> _Values:
@@ -120,10 +180,10 @@ def draw(
     surfaces: tuple[SolvedSurface, ...],
     terms: tuple[AbstractTerm, ...],
     temperature: _Values,
-    reflected: _Values,
+    received: Irradiance | None,
     time: Float[Array, ""],
-    lit: _Values | None = None,
     load_time: Float[Array, ""] | None = None,
+    band: Band | None = None,
 ) -> Image:
     """Draw the frame of surfaces in a view.
 
@@ -132,33 +192,35 @@ def draw(
         surfaces: of the bodies.
         terms: of the scene, for sky, ground and sources.
         temperature: of the surfaces [K].
-        reflected: radiation that they reflect [W/m^2], see `Solution.reflected`.
+        received: radiation that reaches them; None for none.
         time: of the frame [s].
-        lit: part of `reflected` from sources [W/m^2], for a view with occlusion.
         load_time: time of the values of sky, ground and sources [s]; `time` if None.
+        band: of the detector; None for all wavelengths.
     """
     load_time = time if load_time is None else load_time
-    # Of the sources alone only where the rest is hidden.
-    alone = lit is not None and view.open_fraction is not None
-    received = (reflected, lit) if alone else (reflected,)
     # Derivatives need JAX, which otherwise would compile a program for every view.
     traced = is_traced((temperature, received, load_time, terms, surfaces))
     xp: Any = jnp if traced else np
-    values = temperature, per_fragment(surfaces, "emissivity", xp)
-    columns, radiation = (
-        xp.stack([xp.asarray(each) for each in given], axis=1)
-        for given in (values, received)
+    columns = xp.stack(
+        [xp.asarray(temperature), per_fragment(surfaces, "emissivity", xp)], axis=1
     )
     surface, emissivity = _means(view.weights, columns).T
-    back, *lit_pixels = _irradiation_to_pixels(view, radiation).T
-    if view.open_fraction is not None:
-        # Sources have their own shadows: what is hidden is thermal radiation, and what
-        # hides it is taken to be as warm as the surface, as in `Surroundings`.
-        direct = sum(lit_pixels)
-        seen = xp.asarray(view.open_fraction, surface.dtype)
-        own = (1 - emissivity) * STEFAN_BOLTZMANN * surface**4
-        back = direct + seen * (back - direct) + (1 - seen) * own
-    radiance = _leaving_radiance(surface, emissivity, back)
+    back: Any = 0.0
+    if received is not None:
+        given = Irradiance(*(xp.asarray(each) for each in received))
+        reflected, lit = _reflected(surfaces, given, band, xp)
+        # Of the sources alone only where the rest is hidden.
+        hidden = view.open_fraction is not None
+        parts = xp.stack([reflected, lit] if hidden else [reflected], axis=1)
+        back, *lit_pixels = _irradiation_to_pixels(view, parts).T
+        if hidden:
+            # Sources have their own shadows: what is hidden is thermal radiation, and
+            # what hides it is as warm as the surface, as in `Surroundings`.
+            direct = sum(lit_pixels)
+            seen = xp.asarray(view.open_fraction, surface.dtype)
+            own = (1 - emissivity) * math.pi * _black_radiance(surface, band)
+            back = direct + seen * (back - direct) + (1 - seen) * own
+    radiance = _leaving_radiance(surface, emissivity, back, band)
     behind = view.background.temperature(terms, load_time)
     behind = xp.asarray(behind).reshape(-1)
     width, height = view.camera.size
@@ -173,16 +235,20 @@ def draw(
     image = Image(
         time=time,
         temperature=frame(surface, behind),
-        radiance=frame(radiance, _black_radiance(behind)),
+        radiance=frame(radiance, _black_radiance(behind, band)),
         emissivity=frame(emissivity, 1),
         depth=frame(view.depth, np.inf),
         object_id=frame(view.body, -1, np.int32),
         normal=frame(view.normal, 0),
+        band=band,
     )
     for visible in view.background.sources:
         source = terms[visible.number]
         assert isinstance(source, AbstractSource)
         strength = xp.asarray(value_at(source.strength, load_time))
+        if band is not None:
+            spectrum = xp.asarray(value_at(source.spectrum, load_time))
+            strength = strength * _share(band, spectrum)
         image = _with_source(image, visible, strength)
     return image
 
@@ -201,12 +267,15 @@ def _with_source(image: Image, source: VisibleSource, strength: _Values) -> Imag
 
     return Image(
         time=image.time,
-        temperature=over(image.temperature, _apparent_temperature(radiance)),
+        temperature=over(
+            image.temperature, _apparent_temperature(radiance, image.band)
+        ),
         radiance=over(image.radiance, radiance),
         emissivity=over(image.emissivity, 1),
         depth=over(image.depth, source.depth),
         object_id=over(image.object_id, -1),
         normal=over(image.normal, 0),
+        band=image.band,
     )
 
 
@@ -225,7 +294,8 @@ def coarsen(image: Image, samples: int) -> Image:
         name: getattr(image, name)[middle, middle]
         for name in ("temperature", "emissivity", "depth", "object_id", "normal")
     }
-    return Image(time=image.time, radiance=blocks.mean(axis=(1, 3)), **picked)
+    mean = blocks.mean(axis=(1, 3))
+    return Image(time=image.time, radiance=mean, band=image.band, **picked)
 
 
 def render(
@@ -236,6 +306,7 @@ def render(
     smooth: bool = True,
     samples: int = 1,
     occlusion: float | None = None,
+    band: Band | None = None,
 ) -> Image:
     """Draw the thermal image of one saved time.
 
@@ -247,6 +318,8 @@ def render(
         samples: radiance samples per pixel along each axis.
         occlusion: distance within which surfaces in the image hide the surroundings
             from what others reflect [m], for scenes whose terms do not detect it.
+        band: of the detector, such as `Band((7.5e-6, 14e-6))`; None for the radiance of
+            all wavelengths, in which the sun is as bright as it heats.
 
     Raises:
         InputError: if the camera is inside a body or sees none.
@@ -265,19 +338,20 @@ def render(
     require(solution, AbstractSolution, "render(solution=)", solutions)
     cameras = "a Camera or an OrthographicCamera"
     require(camera, AbstractCamera, "render(camera=)", cameras)
+    if band is not None:
+        require(band, Band, "render(band=)", "a Band, such as Band((7.5e-6, 14e-6))")
     with precision(solution.receipt.dtype):
         time = float(solution.times[index])
         surfaces, terms = at_time(solution.surfaces, solution.terms, time)
         view = kept_view(surfaces, terms, camera.finer(samples), smooth, occlusion)
-        reflected, lit = solution.reflected_parts(index)
         image = draw(
             view,
             surfaces,
             terms,
             jnp.asarray(solution.surface_temperature[index]),
-            reflected,
+            solution.irradiance(index),
             jnp.asarray(solution.times[index]),
-            None if occlusion is None else lit,
             solution.load_time(index),
+            band,
         )
         return coarsen(image, samples)

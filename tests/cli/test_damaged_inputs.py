@@ -74,8 +74,9 @@ def _solution(folder: Path) -> Path:
     run_arrays = {
         "times": saved, "surface_temperature": np.full((2, count), 300.0),
         "mean_temperature": np.full((2, 1), 300.0), "stored_J": np.zeros(2),
-        "reflected": np.full((2, count), 40.0), "energy_sun_J": np.ones(2),
-        "reflected_sources": np.zeros((2, count)), "heat_flux": np.ones((2, count)),
+        "irradiance": np.full((2, count), 40.0), "energy_sun_J": np.ones(2),
+        "irradiance_sources": np.zeros((2, 1, count)),
+        "source_spectrum": np.full((2, 1), 5800.0), "heat_flux": np.ones((2, count)),
         "heat_transfer_coefficient": np.full((2, count), 10.0),
         "probe_temperature": np.full((2, 1), 300.0), "probe_position": np.zeros((1, 3)),
     }  # fmt: skip

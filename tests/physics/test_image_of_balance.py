@@ -24,8 +24,8 @@ def irradiation(solution, index=-1):
     time = solution.times[index]
     with jax.enable_x64(True):
         kelvin = jnp.asarray(solution.surface_temperature[index])
-        found = solution.radiation.at(time).irradiation(jnp.asarray(time), kelvin)
-    return [np.asarray(each) for each in found]
+        found = solution.radiation.at(time).irradiance(jnp.asarray(time), kelvin)
+    return [np.asarray(found.thermal), np.asarray(found.sources).sum(0)]
 
 
 def ball(kelvin, emissivity, pitch=0.0125):

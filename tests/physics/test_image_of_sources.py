@@ -59,7 +59,7 @@ def test_sources_are_seen_where_nothing_hides_them():
         height=200,
     )
     view = compute_view(solution.surfaces, terms, at_sun)
-    state = solution.surface_temperature[0], solution.reflected(0)
+    state = solution.surface_temperature[0], solution.irradiance(0)
     given = view, solution.surfaces, terms, *state
     seen = np.asarray(draw(*given, jnp.zeros(())).radiance)
     pixel = (np.tan(0.1) / 100) ** 2

@@ -67,6 +67,8 @@ bounded: jt.DiscretizationError = estimated
 sample: jt.MeshSample = jt.mesh_sample(mesh, count=100, seed=1)
 on_mesh = jt.probe(even, sample.position, normals=sample.normal)
 camera = jt.Camera((1.0, 0.2, 0.3), (0.0, 0.0, 0.1))
+longwave = jt.Band((7.5e-6, 14e-6))
+in_band = jt.render(solution, camera, band=longwave).apparent_temperature
 image = jt.render(solution, camera or jt.OrthographicCamera((1, 0, 0), (0, 0, 0), 0.4))
 own = (jt.AbstractSurfaceTerm, jt.AbstractVolumeTerm, jt.AbstractFluxLaw, jt.Surface)
 others_own = (jt.AbstractPairTerm, jt.AbstractExchangeTerm, jt.Binding, jt.Forcing)

@@ -3,9 +3,18 @@
 import math
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+)
+from pydantic_core import CoreSchema, core_schema
 from typing_extensions import override
 
+from ...errors import InputError
+from ...image.band import LONG_WAVE, MID_WAVE, Band
 from ...image.palette import palette_names
 from ..messages import close_match
 from ..types import quantities as si
@@ -76,6 +85,53 @@ def _known_palette(name: str) -> str:
     return name
 
 
+_BANDS = {"long-wave": LONG_WAVE, "mid-wave": MID_WAVE}
+
+
+class BandConfig(Model):
+    """Band of the detector: its name, or wavelengths and the response at each."""
+
+    name: Literal["long-wave", "mid-wave"] | None = None
+    """7.5 to 14 um, as of most uncooled cameras, or 3 to 5 um."""
+    wavelengths: tuple[si.PositiveLength, ...] | None = None
+    """Two or more, increasing [m]."""
+    response: tuple[si.Fraction, ...] | None = None
+    """Response at each wavelength [-]; 1 if not given."""
+
+    @override
+    def mistakes(self) -> list[Mistake]:
+        if (self.name is None) == (self.wavelengths is None):
+            return [((), "give either a name or wavelengths, such as [8 um, 14 um]")]
+        try:
+            self.detector()
+        except InputError as error:
+            return [((), str(error).partition(": ")[2])]
+        return []
+
+    def detector(self) -> Band:
+        """The band, as `render` takes it."""
+        if self.name is not None:
+            return _BANDS[self.name]
+        return Band(self.wavelengths or (), self.response)
+
+
+class _OfWavelengths:
+    """Marks a band for which its wavelengths alone may stand: `[8 um, 14 um]`."""
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        read = lambda v: {"wavelengths": v} if isinstance(v, list | tuple) else v
+        inner = handler(source)
+        return core_schema.no_info_before_validator_function(read, inner)
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        lengths = {"type": "array", "items": {"type": ["number", "string"]}}
+        return {"anyOf": [handler(schema), lengths]}
+
+
 class ImageConfig(Model):
     """The colours of the frames, and which saved times become frames."""
 
@@ -97,6 +153,12 @@ class ImageConfig(Model):
     occlusion: Annotated[si.PositiveLength | None, si.NoneWord("none")] = None
     """Distance within which surfaces in the image hide the surroundings from what
     others reflect [m]; for scenes whose terms do not detect it."""
+    band: Annotated[
+        Annotated[BandConfig, Short("name", words=(*_BANDS,)), _OfWavelengths()] | None,
+        si.NoneWord("all"),
+    ] = None
+    """Wavelengths that the detector sees; with all of them the sun that surfaces
+    reflect is as bright as it heats."""
     frames: Frames = None
     """Saved times that become frames [s]."""
 

@@ -12,7 +12,11 @@ from typing_extensions import override
 from ...arrays import is_traced, precision
 from ...module import Module
 from ...network.self_adjoint_primitive import computed_once
-from ...physics.radiation.irradiation import SceneRadiation, SurfaceRadiation
+from ...physics.radiation.irradiation import (
+    Irradiance,
+    SceneRadiation,
+    SurfaceRadiation,
+)
 from ...physics.term import AbstractTerm
 from ...scene.compile.program import Program, Receipt
 from ...scene.scene import Probe, SolvedSurface, per_fragment
@@ -117,46 +121,43 @@ class AbstractSolution(Module):
         # What is switched at the saved time has not acted on the surface yet.
         return just_before(jnp.asarray(self.times[index]))
 
+    def irradiance(self, index: int) -> Irradiance:
+        """Return the radiation that reaches every fragment at a saved time [W/m^2].
+
+        It is that of the heat balance: H thermal, E of sources.
+        """
+        with precision(self.receipt.dtype):
+            temperature = jnp.asarray(self.surface_temperature[index])
+            radiation = self.radiation.at(self.times[index])
+            return irradiance_at(radiation, self.load_time(index), temperature)
+
     def reflected(self, index: int) -> Float[Array, " s"]:
         """Return the radiation that every fragment reflects at a saved time [W/m^2].
 
         (1 - eps) H + (1 - a) E, with the irradiation of the heat balance: H thermal, E
         of sources.
         """
-        return self.reflected_parts(index)[0]
+        return self._reflected_parts(index)[0]
 
     def reflected_sources(self, index: int) -> Float[Array, " s"]:
         """Return the part (1 - a) E of `reflected` that comes from sources [W/m^2]."""
-        return self.reflected_parts(index)[1]
+        return self._reflected_parts(index)[1]
 
-    def reflected_parts(
-        self, index: int
-    ) -> tuple[Float[Array, " s"], Float[Array, " s"]]:
-        """Return `reflected` and `reflected_sources`, from one irradiation."""
+    def _reflected_parts(self, index: int) -> tuple[Array, Array]:
         with precision(self.receipt.dtype):
-            temperature = jnp.asarray(self.surface_temperature[index])
-            radiation = self.radiation.at(self.times[index])
-            time = self.load_time(index)
-            return reflected(radiation, self.surfaces, time, temperature)
-
-
-def reflected(
-    radiation: SurfaceRadiation,
-    surfaces: tuple[SolvedSurface, ...],
-    time: Float[Array, ""],
-    temperature: Float[Array, " s"],
-) -> tuple[Float[Array, " s"], Float[Array, " s"]]:
-    """Return what surfaces at temperatures [K] reflect, and its part from sources.
-
-    Both in W/m^2, for each fragment.
-    """
-    properties = (per_fragment(surfaces, f) for f in ("emissivity", "absorptivity"))
-    return _reflected(radiation, time, temperature, *properties)
+            names = "emissivity", "absorptivity"
+            properties = (per_fragment(self.surfaces, name) for name in names)
+            return self.irradiance(index).reflected(*properties)
 
 
 @eqx.filter_jit
-def _reflected(radiation: SurfaceRadiation, *given: Array) -> tuple[Array, Array]:
-    return radiation.reflected(*given)
+def irradiance_at(
+    radiation: SurfaceRadiation,
+    time: Float[Array, ""],
+    temperature: Float[Array, " s"],
+) -> Irradiance:
+    """Return the irradiance of surfaces at temperatures [K]."""
+    return radiation.irradiance(time, temperature)
 
 
 class Solution(AbstractSolution):

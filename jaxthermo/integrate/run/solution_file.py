@@ -10,14 +10,15 @@ from jaxtyping import Array, Float, Int
 from ...archive import read_archive, select_arrays, write_archive
 from ...errors import InputError
 from ...geometry.mesh import Pose
+from ...physics.radiation.irradiation import Irradiance
 from ...scene.motion import Motion, PoseTable
 from ...scene.scene import SURFACE_OUTPUTS, BodyGeometry, SolvedSurface
 from .solution import Solution
 
 
-FORMAT_VERSION = 4
-"""Version of the file's layout; version 3 added the checksum, version 4 what surfaces
-reflect."""
+FORMAT_VERSION = 5
+"""Version of the file's layout; version 3 added the checksum, version 5 the radiation
+that reaches surfaces."""
 
 _KIND, _REMEDY = "solution", "run the simulation again"
 
@@ -30,10 +31,9 @@ class StoredSolution(NamedTuple):
     surface_temperature: Float[Array | np.ndarray, "t s"]
     """Temperature of every fragment, bodies one after the other [K]."""
     surfaces: tuple[SolvedSurface, ...]
-    reflected: Float[np.ndarray, "t s"] | None = None
-    """Radiation that every fragment reflects [W/m^2]; None where no image is drawn."""
-    reflected_sources: Float[np.ndarray, "t s"] | None = None
-    """The part of it that comes from sources [W/m^2]."""
+    irradiance: Irradiance | None = None
+    """Radiation that reaches every fragment, with the times as its first axis; None
+    where no image is drawn."""
 
     def at_times(self, times: tuple[float, ...], path: Path) -> "StoredSolution":
         """Reduce a user's reference, read from `path`, to the times of a run [s].
@@ -62,8 +62,9 @@ class _RunArrays(NamedTuple):
     surface_temperature: Float[np.ndarray, "t s"]
     mean_temperature: Float[np.ndarray, "t b"]
     stored_J: Float[np.ndarray, " t"]
-    reflected: Float[np.ndarray, "t s"]
-    reflected_sources: Float[np.ndarray, "t s"]
+    irradiance: Float[np.ndarray, "t s"]
+    irradiance_sources: Float[np.ndarray, "t q s"]
+    source_spectrum: Float[np.ndarray, "t q"]
     # Only what the scene asks for.
     heat_flux: Float[np.ndarray, "t s"] | None = None
     heat_transfer_coefficient: Float[np.ndarray, "t s"] | None = None
@@ -97,15 +98,19 @@ def save_solution(path: Path, solution: Solution) -> StoredSolution:
     Raises:
         InputError: if the file cannot be written.
     """
-    parts = [solution.reflected_parts(k) for k in range(len(solution.times))]
-    reflected, lit = (
-        np.stack([np.asarray(each) for each in column])
-        for column in zip(*parts, strict=True)
+    rows = [solution.irradiance(k) for k in range(len(solution.times))]
+    irradiance = Irradiance(
+        *(
+            np.stack([np.asarray(a) for a in column])
+            for column in zip(*rows, strict=True)
+        )
     )
     arrays: dict[str, Any] = {
         name: getattr(solution, name) for name in _RunArrays._fields[:3]
     }
-    arrays |= {"reflected": reflected, "reflected_sources": lit}
+    arrays["irradiance"] = irradiance.thermal
+    arrays["irradiance_sources"] = irradiance.sources
+    arrays["source_spectrum"] = irradiance.spectrum
     arrays["stored_J"] = solution.energy.stored_J
     # What the scene asked for besides.
     for name in (*SURFACE_OUTPUTS, "probe_temperature"):
@@ -124,8 +129,7 @@ def save_solution(path: Path, solution: Solution) -> StoredSolution:
         solution.times,
         solution.surface_temperature,
         solution.surfaces,
-        reflected,
-        lit,
+        irradiance,
     )
 
 
@@ -176,8 +180,9 @@ def _stored_solution(arrays: dict[str, np.ndarray]) -> StoredSolution:
     if not len(run.times) or (np.diff(run.times) <= 0).any():
         raise InputError("times do not increase")
     surfaces = tuple(solved_surface(body, run.times) for body in bodies)
+    irradiance = run.irradiance, run.irradiance_sources, run.source_spectrum
     temperatures = run.times, run.surface_temperature
-    return StoredSolution(*temperatures, surfaces, run.reflected, run.reflected_sources)
+    return StoredSolution(*temperatures, surfaces, Irradiance(*irradiance))
 
 
 def _check_energies(

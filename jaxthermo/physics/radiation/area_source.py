@@ -18,7 +18,7 @@ from jaxtyping import Array, Float
 from typing_extensions import override
 
 from ...arrays import Scalar, TimeVarying, is_traced
-from ...constants import STEFAN_BOLTZMANN
+from ...constants import SOLAR_TEMPERATURE, STEFAN_BOLTZMANN
 from ...errors import InputError
 from ...module import Module
 from ...raster.views import unit_vector, view_frame
@@ -192,6 +192,14 @@ class AreaSource(AbstractSource):
     @override
     def points(self) -> Float[np.ndarray, "p 3"]:
         return self.patch_corners().mean(1)
+
+    @property
+    @override
+    def spectrum(self) -> Any:
+        kelvin: Any = self.temperature
+        if kelvin is None:
+            return SOLAR_TEMPERATURE
+        return kelvin if callable(kelvin) or is_traced(kelvin) else float(kelvin)
 
     @property
     @override

@@ -20,14 +20,14 @@ from jaxtyping import Bool, Float
 from typing_extensions import override
 
 from ...arrays import Time, is_traced, typed_array
-from ...constants import STEFAN_BOLTZMANN
+from ...constants import SOLAR_TEMPERATURE, STEFAN_BOLTZMANN
 from ...findings import found, is_finding
 from ...module import Module
 from ...voxels.selection import AbstractSelection
-from ..flux_law import AbstractFluxLaw, PerCell, PerCellOrOne
+from ..flux_law import AbstractFluxLaw, PerCell
 from ..surface import Binding, BodySurface, Cover, Omitted, Surface, concatenated
 from ..term import AbstractSurfaceTerm
-from ..time_varying import is_zero
+from ..time_varying import is_zero, value_at
 
 
 class Irradiation(NamedTuple):
@@ -42,6 +42,9 @@ class Irradiation(NamedTuple):
     law: AbstractFluxLaw
     notes: tuple[str, ...] = ()
     """Remarks on the validity of the law, for the receipt."""
+    spectrum: Any = SOLAR_TEMPERATURE
+    """Temperature of a black body with the spectrum of a source [K]: a number or a
+    function of time."""
 
 
 class AbstractRadiativeTerm(AbstractSurfaceTerm):
@@ -122,13 +125,14 @@ class AbstractRadiativeTerm(AbstractSurfaceTerm):
         factors: list[Float[np.ndarray, " _"]],
         law: AbstractFluxLaw,
         notes: tuple[str, ...] = (),
+        spectrum: Any = SOLAR_TEMPERATURE,
     ) -> Irradiation:
         """Irradiation of the bodies by the factors of each, where `on` selects them."""
         chosen = [
             factor if self.on is None else factor * body.selected(self.on)
             for body, factor in zip(surface.bodies, factors, strict=True)
         ]
-        return Irradiation(concatenated(chosen), law, notes)
+        return Irradiation(concatenated(chosen), law, notes, spectrum)
 
 
 def _lit(
@@ -151,6 +155,23 @@ class _Part(Module):
 
     factor: Float[Any, " s"]
     law: AbstractFluxLaw
+    spectrum: Any
+
+
+class Irradiance(NamedTuple):
+    """Radiation that reaches every fragment at one time."""
+
+    thermal: Any
+    """H, of surroundings and surfaces [W/m^2], [s]."""
+    sources: Any
+    """E of the sources, together where they have one spectrum [W/m^2], [q s]."""
+    spectrum: Any
+    """Temperature of a black body with the spectrum of each row [K], [q]."""
+
+    def reflected(self, emissivity: Any, absorptivity: Any) -> tuple[Any, Any]:
+        """(1 - eps) H + (1 - a) E of the radiosity, and (1 - a) E [W/m^2]."""
+        from_sources = (1 - absorptivity) * self.sources.sum(0)
+        return (1 - emissivity) * self.thermal + from_sources, from_sources
 
 
 class SurfaceRadiation(Module):
@@ -163,10 +184,8 @@ class SurfaceRadiation(Module):
     reference: Float[Any, "*#s"]
     """Temperature from which the laws count [K]."""
 
-    def irradiation(
-        self, time: Time, temperature: PerCell
-    ) -> tuple[PerCell, PerCellOrOne]:
-        """H of thermal radiation, and E of sources [W/m^2], at temperatures [K]."""
+    def irradiance(self, time: Time, temperature: PerCell) -> Irradiance:
+        """Irradiance of surfaces at temperatures [K]."""
         theta = temperature - self.reference
         thermal = [part.law for part in self.thermal]
         if self.enclosure is not None:
@@ -174,21 +193,21 @@ class SurfaceRadiation(Module):
             thermal = [law.irradiated(received, True) for law in thermal]
         laws = zip(self.thermal, thermal, strict=True)
         net = sum((part.factor * law.flux(time, theta) for part, law in laws), 0.0)
-        lit = (part.factor * part.law.flux(time, theta) for part in self.sources)
         black = STEFAN_BOLTZMANN * temperature**4
-        return black + net, sum(lit, jnp.zeros((), theta.dtype))
-
-    def reflected(
-        self,
-        time: Time,
-        temperature: PerCell,
-        emissivity: PerCellOrOne,
-        absorptivity: PerCellOrOne,
-    ) -> tuple[PerCell, PerCell]:
-        """Reflected (1 - eps) H + (1 - a) E of the radiosity, and (1 - a) E [W/m^2]."""
-        thermal, lit = self.irradiation(time, temperature)
-        from_sources = (1 - absorptivity) * lit + jnp.zeros_like(temperature)
-        return (1 - emissivity) * thermal + from_sources, from_sources
+        groups: dict[Any, list[_Part]] = {}
+        for part in self.sources:
+            known = isinstance(part.spectrum, float)
+            groups.setdefault(part.spectrum if known else id(part), []).append(part)
+        rows, spectrum = [], []
+        for parts in groups.values():
+            lit = (part.factor * part.law.flux(time, theta) for part in parts)
+            rows.append(jnp.broadcast_to(sum(lit), theta.shape))
+            kelvin = value_at(parts[0].spectrum, time)
+            spectrum.append(jnp.asarray(kelvin, theta.dtype).reshape(()))
+        none = jnp.zeros((0, *theta.shape), theta.dtype)
+        if not rows:
+            return Irradiance(black + net, none, none[:, 0])
+        return Irradiance(black + net, jnp.stack(rows), jnp.stack(spectrum))
 
 
 class SceneRadiation(Module):
@@ -219,6 +238,7 @@ def surface_radiation(
             _Part(
                 typed_array(each.factor, surface.dtype),
                 each.law.above(surface.reference),
+                each.spectrum,
             )
             for by, each in irradiation
             if by == absorbed_by

@@ -21,6 +21,7 @@ from jaxtyping import Float
 from typing_extensions import override
 
 from ...arrays import TimeVarying
+from ...constants import SOLAR_TEMPERATURE
 from ...errors import InputError
 from ...findings import found
 from ...raster.views import unit_vector
@@ -135,13 +136,18 @@ class AbstractSource(AbstractRadiativeTerm):
         del step
         return np.zeros(len(origin)), np.full(len(origin), np.inf)
 
+    @property
+    def spectrum(self) -> Any:
+        """Temperature of a black body with its spectrum [K]: that of the sun."""
+        return SOLAR_TEMPERATURE
+
     @override
     def irradiation(self, surface: Surface) -> tuple[Irradiation, ...]:
         if surface.prune and is_zero(self.strength):
             return ()
         law = ImposedFlux(for_jit(self.strength, surface.dtype))
         exposures = [self._exposure_of(body) for body in surface.bodies]
-        return (self._on_all(surface, exposures, law),)
+        return (self._on_all(surface, exposures, law, spectrum=self.spectrum),)
 
     @override
     def absorbed(

@@ -10,6 +10,7 @@ import jaxthermo as jt
 from jaxthermo.image.fragment_cells import CHUNK, cells_of
 from jaxthermo.image.render import draw
 from jaxthermo.image.view import compute_view
+from jaxthermo.physics.radiation.irradiation import Irradiance
 from jaxthermo.raster.fragments import peel
 from jaxthermo.scene.compile.compile import body_geometry
 from jaxthermo.scene.scene import SolvedSurface
@@ -57,7 +58,9 @@ def test_new_views_compile_nothing(surfaces):
     def frame(*where):
         view = compute_view(surfaces, TERMS, camera(*where))
         kelvin, time = np.full(size, 300.0), jnp.zeros(())
-        return draw(view, surfaces, TERMS, kelvin, 0.1 * kelvin, time).object_id
+        none = np.zeros((0, size)), np.zeros(0)
+        received = Irradiance(0.1 * kelvin, *none)
+        return draw(view, surfaces, TERMS, kelvin, received, time).object_id
 
     assert (frame(0.0) == 0).sum() > CHUNK
     before = compilations()

@@ -205,7 +205,7 @@ def test_pixels_have_a_gradient_with_respect_to_conductivity():
         scene = jt.Scene((body,), terms, dtype="float64")
         solution = jt.simulate(scene, 20.0, solver=jt.ForwardEuler(dt=1.0))
         surface, time = solution.surface_temperature[-1], solution.times[-1]
-        state = surface, solution.reflected(-1), time
+        state = surface, solution.irradiance(-1), time
         image = draw(view, solution.surfaces, solution.terms, *state)
         return image.apparent_temperature[30, 30]
 

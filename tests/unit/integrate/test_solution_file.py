@@ -60,9 +60,10 @@ def test_what_is_written_is_read(solution, tmp_path):
     kept = stored.surface_temperature
     assert kept.dtype == solution.surface_temperature.dtype
     np.testing.assert_array_equal(kept, solution.surface_temperature)
-    assert stored.reflected is not None
-    reflected = [solution.reflected(k) for k in range(2)]
-    np.testing.assert_array_equal(stored.reflected, reflected)
+    assert stored.irradiance is not None
+    for k in range(2):
+        for kept, given in zip(stored.irradiance, solution.irradiance(k), strict=True):
+            np.testing.assert_array_equal(kept[k], given)
     assert len(stored.surfaces) == 2
     for one, other in zip(stored.surfaces, solution.surfaces, strict=True):
         np.testing.assert_array_equal(one.emissivity, other.emissivity)
@@ -146,8 +147,9 @@ def test_a_file_that_was_changed_does_not_match_its_checksum(stored):
 BAD_ARRAYS = {
     "surface_temperature": lambda a: a[:, 1:],
     "mean_temperature": lambda a: a[1:],
-    "reflected": lambda a: a[:, 1:],
-    "reflected_sources": lambda a: a[0],
+    "irradiance": lambda a: a[:, 1:],
+    "irradiance_sources": lambda a: a[0],
+    "source_spectrum": lambda a: a[1:],
     "stored_J": lambda a: a[:-1],
     "energy_convection_J": lambda a: a * np.inf,
     "heat_flux": lambda a: a[:, 1:],

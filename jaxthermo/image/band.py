@@ -1,0 +1,252 @@
+"""Radiance within the band of a detector, and the temperature that shows a radiance.
+
+Planck's law, weighted by the response R of a detector to each wavelength:
+
+    L(T) = int R(l) c1 / l^5 / (exp(c2 / (l T)) - 1) dl    [W/(m^2 sr)],
+
+c1 = 2 h c^2 and c2 = h c / k (CODATA 2018). R is 1 within a band of two ends, else
+linear between the wavelengths of a table. Its inverse is the brightness temperature,
+by Newton's method on ln L over 1 / T, which is nearly a straight line.
+"""
+
+from functools import cached_property, partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..arrays import Numbers
+from ..constants import STEFAN_BOLTZMANN
+from ..errors import InputError
+
+
+_C1, _C2 = 1.191042972397188e-16, 1.438776877503933e-2
+"""2 h c^2 [W m^2 / sr] and h c / k [m K]."""
+
+MIN_BAND_TEMPERATURE, MAX_BAND_TEMPERATURE = 50.0, 10_000.0
+"""Range of brightness temperatures [K]."""
+
+# Points of Gauss in a band of two ends, and in each interval of a table.
+_POINTS, _POINTS_OF_TABLE = 32, 6
+# More than any exponent of interest, and no overflow in float32.
+_MAX_EXPONENT = 85.0
+_ROWS = 2**15
+_NEWTON_STEPS = 3
+
+_Values = Array | np.ndarray
+
+
+class Band:
+    """Band of a detector: two wavelengths, or a table of its response to several.
+
+    Example:
+        >>> import jaxthermo as jt
+        >>> longwave = jt.Band((7.5e-6, 14e-6))
+        >>> round(float(longwave.radiance(300.0)), 4)
+        59.3117
+        >>> round(float(longwave.temperature(60.0)), 4)
+        300.7388
+    """
+
+    def __init__(self, wavelengths: Numbers, response: Numbers | None = None):
+        """Make a band of wavelengths [m] and, at each of them, the response in [0, 1].
+
+        Raises:
+            InputError: for wavelengths or responses that are none, a band without
+                energy, or one for which temperatures cannot be told apart.
+        """
+        given = "Band(wavelengths=)"
+        edges = _numbers(wavelengths, given)
+        if len(edges) < 2 or not (edges > 0).all() or not (np.diff(edges) > 0).all():
+            raise InputError(f"{given}: give two or more, in metres, increasing")
+        if edges[0] < 1e-7 or edges[-1] > 1e-3:
+            raise InputError(
+                f"{given}: {edges[0]:g} to {edges[-1]:g} m: give metres, from 1e-7 to "
+                "1e-3; a long-wave camera has (7.5e-6, 14e-6)"
+            )
+        values = np.ones(len(edges))
+        if response is not None:
+            values = _numbers(response, "Band(response=)")
+            if len(values) != len(edges):
+                raise InputError(
+                    f"Band(response=): {len(values)} values for {len(edges)} "
+                    "wavelengths: give one for each"
+                )
+            if not ((values >= 0) & (values <= 1)).all():
+                raise InputError("Band(response=): give fractions, from 0 to 1")
+            if not values.any():
+                raise InputError("Band(response=): all 0: the band has no energy")
+        self.wavelengths = tuple(edges.tolist())
+        self.response = tuple(values.tolist())
+        count = _POINTS if len(edges) == 2 else _POINTS_OF_TABLE
+        at, weight = np.polynomial.legendre.leggauss(count)
+        middle, half = (edges[1:] + edges[:-1]) / 2, np.diff(edges) / 2
+        points = middle[:, None] + half[:, None] * at
+        received = np.interp(points, edges, values) * half[:, None] * weight
+        self._rate = _C2 / points.ravel()
+        self._weight = (_C1 * received / points**5).ravel()
+
+    def __repr__(self) -> str:
+        low, high = (1e6 * self.wavelengths[end] for end in (0, -1))
+        return f"Band({low:g} to {high:g} um)"
+
+    def radiance(self, temperature: Any) -> Float[_Values, "..."]:
+        """Radiance of a black surface at temperatures [K]: L(T) [W/(m^2 sr)]."""
+        if isinstance(temperature, jax.Array):
+            return _radiance(self, temperature)
+        return self._sums(np.asarray(temperature, float), np)[0]
+
+    def slope(self, temperature: Any) -> Float[_Values, "..."]:
+        """Derivative dL/dT at temperatures [K], in W/(m^2 sr K)."""
+        xp: Any = jnp if isinstance(temperature, jax.Array) else np
+        return self._sums(xp.asarray(temperature), xp)[1]
+
+    def temperature(self, radiance: Any) -> Float[_Values, "..."]:
+        """Brightness temperature of radiances [W/(m^2 sr)], in K.
+
+        Raises:
+            InputError: for a known radiance beyond `MIN_BAND_TEMPERATURE` and
+                `MAX_BAND_TEMPERATURE`; a traced one shows the nearer of them.
+        """
+        if isinstance(radiance, jax.Array):
+            return _temperature(self, radiance)
+        given = np.asarray(radiance, float)
+        low, high = self.radiance(np.array(_RANGE))
+        inside = (given >= low * (1 - 1e-9)) & (given <= high * (1 + 1e-9))
+        if not inside.all():
+            raise InputError(
+                f"Band.temperature: {given[~inside].flat[0]:g} W/(m^2 sr) is not of a "
+                f"black surface between {_RANGE[0]:g} and {_RANGE[1]:g} K in "
+                f"{self!r} ({low:.3g} to {high:.3g})"
+            )
+        return np.asarray(self._inverse(given, np))
+
+    def share(self, temperature: Any) -> Any:
+        """Fraction of the radiation of black bodies [K] within the band, by R."""
+        total = STEFAN_BOLTZMANN / np.pi * temperature**4
+        return self.radiance(temperature) / total
+
+    @cached_property
+    def table(self) -> "BandTable":
+        """The same from tables, for images: to 0.1 mK, many times as fast."""
+        low, high = np.log(_RANGE)
+        log_t = np.linspace(low, high, _ROWS)
+        log_l = np.log(self._sums(np.exp(log_t), np)[0])
+        forward = _Line.through(log_t, log_l)
+        log_l = np.linspace(log_l[0], log_l[-1], _ROWS)
+        kelvin = self._inverse(np.exp(log_l), np)
+        return BandTable(forward, _Line.through(log_l, np.log(kelvin)))
+
+    def _sums(self, kelvin: Any, xp: Any) -> tuple[Any, Any]:
+        """L and dL/dT."""
+        # As an outer product, with no array larger than it.
+        kelvin = xp.asarray(kelvin)[..., None]
+        rate, weight = (xp.asarray(v, kelvin.dtype) for v in (self._rate, self._weight))
+        rate = rate.reshape((1,) * (kelvin.ndim - 1) + rate.shape)
+        exponent = xp.minimum(rate / kelvin, _MAX_EXPONENT)
+        each = weight.reshape(rate.shape) / xp.expm1(exponent)
+        grows = each * exponent / (-xp.expm1(-exponent)) / kelvin
+        return xp.asarray(each.sum(-1)), xp.asarray(grows.sum(-1))
+
+    def _inverse(self, radiance: Any, xp: Any) -> Any:
+        low, high = np.log(self.radiance(np.array(_RANGE)))
+        log_l = xp.clip(xp.log(xp.maximum(radiance, 1e-37)), low, high)
+        start = self._start
+        kelvin = 1 / xp.interp(
+            log_l,
+            *(xp.asarray(column, log_l.dtype) for column in start),
+        )
+        for _ in range(_NEWTON_STEPS):
+            value, slope = self._sums(kelvin, xp)
+            # In 1 / T: d ln L / d(1 / T) = -T^2 L' / L.
+            step = (xp.log(value) - log_l) * value / (slope * kelvin**2)
+            kelvin = 1 / (1 / kelvin + step)
+        return kelvin
+
+    @cached_property
+    def _start(self) -> tuple[np.ndarray, np.ndarray]:
+        """Logarithms of radiances, and 1 / T there."""
+        one_over = np.linspace(1 / _RANGE[0], 1 / _RANGE[1], 2048)
+        return np.log(self._sums(1 / one_over, np)[0]), one_over
+
+
+_RANGE = MIN_BAND_TEMPERATURE, MAX_BAND_TEMPERATURE
+
+
+def _numbers(given: Any, name: str) -> Float[np.ndarray, " k"]:
+    try:
+        found = np.asarray(given, float)
+    except (TypeError, ValueError):
+        found = np.full(1, np.nan)
+    if found.ndim != 1 or not np.isfinite(found).all():
+        raise InputError(f"{name}: give finite numbers")
+    return found
+
+
+# The derivatives of Planck's law, and of its inverse, in closed form.
+@partial(jax.custom_jvp, nondiff_argnums=(0,))
+def _radiance(band: Band, temperature: Float[Array, "..."]) -> Float[Array, "..."]:
+    return band._sums(temperature, jnp)[0]
+
+
+@_radiance.defjvp
+def _radiance_jvp(band, primals, tangents):
+    value, slope = band._sums(primals[0], jnp)
+    return value, slope * tangents[0]
+
+
+@partial(jax.custom_jvp, nondiff_argnums=(0,))
+def _temperature(band: Band, radiance: Float[Array, "..."]) -> Float[Array, "..."]:
+    return band._inverse(radiance, jnp)
+
+
+@_temperature.defjvp
+def _temperature_jvp(band, primals, tangents):
+    kelvin = _temperature(band, primals[0])
+    return kelvin, tangents[0] / band.slope(kelvin)
+
+
+class _Line(NamedTuple):
+    """Straight pieces between equidistant points."""
+
+    first: float
+    step: float
+    value: Float[np.ndarray, " k"]
+    rise: Float[np.ndarray, " k"]
+
+    @staticmethod
+    def through(at: Float[np.ndarray, " k"], value: Float[np.ndarray, " k"]) -> "_Line":
+        """Line through values at equidistant points."""
+        return _Line(at[0], at[1] - at[0], value, np.diff(value, append=value[-1:]))
+
+    def __call__(self, x: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
+        place = np.clip((x - self.first) * (1 / self.step), 0, len(self.value) - 1)
+        below = place.astype(np.int32)
+        # Exact between the points only in the precision of the table.
+        return self.value[below] + (place - below) * self.rise[below]
+
+
+class BandTable(NamedTuple):
+    """L(T) and its inverse from tables of their logarithms, for arrays of numpy."""
+
+    log_radiance: _Line
+    log_temperature: _Line
+
+    def radiance(self, kelvin: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
+        """Radiance of a black surface at temperatures [K], in W/(m^2 sr)."""
+        log_t = np.log(np.maximum(kelvin, MIN_BAND_TEMPERATURE), dtype=float)
+        return np.exp(self.log_radiance(log_t)).astype(np.asarray(kelvin).dtype)
+
+    def temperature(
+        self, radiance: Float[np.ndarray, "..."]
+    ) -> Float[np.ndarray, "..."]:
+        """Brightness temperature of radiances [W/(m^2 sr)], in K."""
+        log_l = np.log(np.maximum(radiance, 1e-37), dtype=float)
+        found = np.exp(self.log_temperature(log_l))
+        return found.astype(np.asarray(radiance).dtype)
+
+
+LONG_WAVE, MID_WAVE = Band((7.5e-6, 14e-6)), Band((3e-6, 5e-6))
+"""Bands of most uncooled cameras, and of cooled ones."""
