@@ -48,7 +48,7 @@ class _Parts(NamedTuple):
 
 # In float32. A stencil has a byte for each cell, and no array of links.
 _KEPT_STENCIL = _Parts(faces=70, fragments=223, cut_voxels=136, values=1)
-_KEPT_LINKS = _Parts(faces=68, fragments=202, surface_nodes=107, links=43)
+_KEPT_LINKS = _Parts(faces=68, fragments=222, surface_nodes=107, links=43)
 # The links of a full volume are found for the run, other structures have theirs.
 _KEPT_VOXEL_LINKS = _Parts(links=43)
 # Conductances of three faces and the capacity of each cell.
