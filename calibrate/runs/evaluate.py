@@ -12,8 +12,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxthermo.arrays import on_device, precision
+from jaxthermo.arrays import precision
 from jaxthermo.errors import InputError
+from jaxthermo.findings import on_device
 from jaxthermo.integrate.run.plan import (
     Plan,
     StepTable,
