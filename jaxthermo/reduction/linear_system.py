@@ -101,7 +101,7 @@ class LinearSystem:
     @cached_property
     def capacity(self) -> Nodes:
         """Heat capacity of every node [J/K]."""
-        pairs = zip(self.program.bodies, self.compiled.state, strict=True)
+        pairs = zip(self.program.bodies, self.compiled.start, strict=True)
         with precision("float64"):
             whole = [jnp.broadcast_to(b.network.capacity(), s.shape) for b, s in pairs]
             return self.layout.pack(tuple(whole))
@@ -109,7 +109,8 @@ class LinearSystem:
     @cached_property
     def start(self) -> Nodes:
         """Initial temperature of every node above the reference [K]."""
-        return self.layout.pack(self.compiled.state)
+        with precision("float64"):
+            return self.layout.pack(self.compiled.state)
 
     @cached_property
     def heat(self) -> Float[np.ndarray, "n k"]:
