@@ -4,6 +4,9 @@ from .compilation_cache import cache_compilations as cache_compilations
 from .config.card_file import load_card as load_card
 from .errors import InputError as InputError
 from .findings import forget_findings as forget_findings
+from .flow.body import RoundBody as RoundBody
+from .flow.channel import Channel as Channel
+from .flow.run import FlowRun as FlowRun, simulate_flow as simulate_flow
 from .geometry import shapes as shapes
 from .geometry.load import load_mesh as load_mesh
 from .geometry.mesh import Mesh as Mesh, Pose as Pose
