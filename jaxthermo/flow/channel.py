@@ -19,8 +19,8 @@ _ENDS = "open", "periodic"
 
 MAX_MACH = 0.15
 """Largest Mach number: errors of compressibility grow with its square."""
-MAX_CELL_REYNOLDS = 20.0
-"""Largest Reynolds number of one cell, beyond which a run may become unstable."""
+MAX_CELL_REYNOLDS = 12.0
+"""Largest Reynolds number of one cell, beyond which runs became unstable (17)."""
 _MAX_VISCOSITY = 1.0
 
 # Cells of fluid between a body and whatever is next to it: the interpolation at its

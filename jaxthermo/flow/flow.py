@@ -10,8 +10,9 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from ..arrays import Scalar
 from ..module import Module
@@ -38,6 +39,10 @@ from .lattice import (
     moments,
     tracer_rates,
 )
+
+
+# Cells of a band of rows that are moved together.
+_BAND = 16384
 
 
 class FlowProgram(Module):
@@ -120,18 +125,20 @@ def initial_state(
     return FlowState(flow, outlet, heat)
 
 
-def _drawn(f: Populations) -> Populations:
-    """Populations that arrive in the cells of the domain."""
-    height, length = (n - 2 for n in f[0].shape)
+def _drawn(f: Populations, first: Int[Array, ""], rows: int) -> Populations:
+    """Populations that arrive in the cells of some rows."""
+    length = f[0].shape[1] - 2
     return tuple(
-        a[1 - y : 1 - y + height, 1 - x : 1 - x + length]
+        lax.dynamic_slice(a, (first + 1 - y, np.int32(1 - x)), (rows, length))
         for a, (x, y) in zip(f, VELOCITIES, strict=True)
     )
 
 
-def _into(target: Populations, values: Populations) -> Populations:
+def _into(
+    target: Populations, values: Populations, first: Int[Array, ""]
+) -> Populations:
     return tuple(
-        lax.dynamic_update_slice(a, new, (1, 1))
+        lax.dynamic_update_slice(a, new, (first + 1, np.int32(1)))
         for a, new in zip(target, values, strict=True)
     )
 
@@ -146,17 +153,36 @@ def _step(program: FlowProgram, state: FlowState, target: FlowState) -> tuple:
     f = filled_walls(f, program.walls, program.ends)
     if program.links is not None:
         f = filled(f, program.links, reflected(f, program.links))
+    g = None if state.heat is None else _filled_heat(program, state.heat)
+    flow, heat = _moved(program, (f, g), (target.flow, target.heat))
+    return FlowState(flow, outlet, heat), FlowState(f, outlet, g)
+
+
+_Both = tuple[Populations, Populations | None]
+
+
+def _moved(program: FlowProgram, read: _Both, target: _Both) -> _Both:
+    """Populations drawn from where they come from, and collided, into `target`."""
+    height, length = program.shape
+    # Some rows at a time: the loops over each array then find them in a near cache.
+    rows = min(height, max(1, _BAND // length))
     rates = flow_rates(program.viscosity, program.magic)
-    arrived = _drawn(f)
-    flow = _into(target.flow, collided(arrived, rates, program.force))
-    heat = state.heat
-    if heat is None or target.heat is None or program.diffusivity is None:
-        return FlowState(flow, outlet, None), FlowState(f, outlet, None)
-    heat = _filled_heat(program, heat)
-    thermal = tracer_rates(program.diffusivity, program.magic)
-    warmed = collided_tracer(_drawn(heat), moments(arrived), thermal)
-    after = FlowState(flow, outlet, _into(target.heat, warmed))
-    return after, FlowState(f, outlet, heat)
+
+    def band(target, first):
+        arrived = _drawn(read[0], first, rows)
+        flow = _into(target[0], collided(arrived, rates, program.force), first)
+        if read[1] is None or target[1] is None or program.diffusivity is None:
+            return (flow, None), None
+        thermal = tracer_rates(program.diffusivity, program.magic)
+        came = _drawn(read[1], first, rows)
+        warmed = collided_tracer(came, moments(arrived), thermal)
+        return (flow, _into(target[1], warmed, first)), None
+
+    # The last band repeats rows of the one before.
+    starts = np.minimum(np.arange(0, height, rows), height - rows).astype(np.int32)
+    if len(starts) == 1:
+        return band(target, jnp.zeros((), jnp.int32))[0]
+    return lax.scan(band, target, starts)[0]
 
 
 def _filled_heat(program: FlowProgram, g: Populations) -> Populations:

@@ -11,7 +11,7 @@ from .run import FlowRun
 
 
 # Range of the lift over the drag below which a flow is steady.
-_STEADY = 1e-3
+_STEADY = 0.01
 
 
 class Line(NamedTuple):

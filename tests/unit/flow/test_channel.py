@@ -26,7 +26,7 @@ def mask(rows, columns):
         ({"speed": np.nan}, "Mach number|finite speed"),
         ({"viscosity": 0.0}, "above 0 and up to 1"),
         ({"viscosity": 3.0}, "above 0 and up to 1"),
-        ({"viscosity": 1e-3}, "Reynolds number of a cell is 50, above 20: use more"),
+        ({"viscosity": 1e-3}, "Reynolds number of a cell is 50, above 12: use more"),
         ({"diffusivity": -1.0}, "diffusivity=-1"),
         ({"inlet": "jet"}, "plug or poiseuille"),
         ({"walls": "rough"}, "no_slip or slip or periodic"),
