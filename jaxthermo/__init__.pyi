@@ -52,6 +52,7 @@ from .physics.boundary import (
     HeatFlux as HeatFlux,
 )
 from .physics.contact.links import Contact as Contact, bonded as bonded
+from .physics.convection.fitted_wake import FittedWake as FittedWake
 from .physics.convection.free_convection import FreeConvection as FreeConvection
 from .physics.convection.wake import WakeDeficit as WakeDeficit
 from .physics.convection.wind import Wind as Wind

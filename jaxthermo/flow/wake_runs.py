@@ -94,18 +94,26 @@ def disturbed_state(program: FlowProgram) -> FlowState:
     return initial_state(program, (along, across))
 
 
+def wake_setup(
+    reynolds: float, cells: int | None = None, heated: bool = False
+) -> WakeSetup:
+    """The set-up of a Reynolds number's kind of flow, on another lattice if told."""
+    sheds = reynolds > max(STEADY_REYNOLDS)
+    found = SHEDDING_SETUP if sheds else STEADY_SETUP
+    found = HEATED_SETUP if heated else found
+    return found if cells is None else found._replace(cells=cells)
+
+
 def wake_run(
     reynolds: float,
     setup: WakeSetup | None = None,
     heated: bool = False,
     progress: Callable[[FlowProgress], None] | None = None,
 ) -> FlowRun:
-    """The run at a Reynolds number, in the set-up of its kind of flow."""
-    sheds = reynolds > max(STEADY_REYNOLDS)
-    if setup is None and heated:
-        setup = HEATED_SETUP
-    setup = setup or (SHEDDING_SETUP if sheds else STEADY_SETUP)
+    """The run at a Reynolds number, with temperatures if `heated`."""
+    setup = setup or wake_setup(reynolds, heated=heated)
     channel = wake_channel(reynolds, setup, heated)
+    sheds = reynolds > max(STEADY_REYNOLDS)
     return simulate_flow(
         channel,
         round(setup.passes * channel.shape[1] / _SPEED),

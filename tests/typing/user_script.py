@@ -36,6 +36,7 @@ wall = jt.FixedTemperature(350.0, on=jt.Side(normal=(0.0, 0.0, -1.0)))
 flux = jt.HeatFlux(100.0, on=jt.FragmentMask(grid.fragment_position[:, 2] > 0.1))
 cylinder = jt.Cylinder((0, 0, 0), (0, 0, 1), 0.05)
 wind = jt.Wind((3.0, 0.0, 0.0), 290.0, cylinders=[cylinder], wake=jt.WakeDeficit())
+behind = jt.Wind((3.0, 0.0, 0.0), 290.0, wake=jt.FittedWake())
 air = (
     jt.Convection(10.0, 290.0),
     jt.FreeConvection(290.0),
