@@ -64,6 +64,9 @@ _ABOUT = {
     "benchmarks.super_time_stepping": (
         "RKL2 of the full volume beside the same scheme in numba"
     ),
+    "benchmarks.lattice_boltzmann": (
+        "a step of the lattice Boltzmann flow beside numba and a copy"
+    ),
     "benchmarks.gradients": "a reverse-mode gradient beside its forward run",
     "thesis.counting": "how many voxels each structure has, against the thesis' counts",
     "thesis.contact": "area of contact by resolution, pruning, a ball on a head",
@@ -73,6 +76,10 @@ _ABOUT = {
     "thesis.convection": (
         "the local Nusselt number, averages, a cylinder in wind: C20, C21"
     ),
+    "thesis.wake": (
+        "the flow behind a cylinder in two channels at four speeds: C22, C23, C24"
+    ),
+    "thesis.wake_data": "mean wakes by Reynolds number and their fits, as data",
     "thesis.levels": "structures at equilibrium, their levels and holes: C11 to C14",
     "front.run": (
         "error against run time: the best choices of a sweep, beside numba and scipy"
@@ -96,7 +103,7 @@ _NAMES = {
 }
 # The others take the height of their bodies, in voxels.
 _OPTIONS = {
-    **dict.fromkeys(("stencil", "voxelize", "counting"), ()),
+    **dict.fromkeys(("stencil", "voxelize", "counting", "lattice-boltzmann"), ()),
     "mixed": ("config", "height"),
     "levels": ("height", "cases"),
     **dict.fromkeys(("verification", "stiff"), ("cases",)),
