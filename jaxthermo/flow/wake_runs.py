@@ -46,7 +46,7 @@ class WakeSetup(NamedTuple):
     """Duration, in times that the inlet's flow takes from end to end."""
 
 
-STEADY_SETUP = WakeSetup(10, 90.0, 25.0, 20.0, 4.0)
+STEADY_SETUP = WakeSetup(16, 60.0, 18.0, 15.0, 4.0)
 SHEDDING_SETUP = WakeSetup(16, 40.0, 14.0, 22.0, 6.0)
 HEATED_SETUP = WakeSetup(16, 30.0, 10.0, 8.0, 6.0)
 """For the heat transfer, which needs no long wake."""
