@@ -5,7 +5,7 @@ UV := $(shell command -v uv 2>/dev/null || echo .uv/bin/uv)
 SYNC = UV_PROJECT_ENVIRONMENT=.venv UV_COMPILE_BYTECODE=1 $(UV) sync --locked --inexact --quiet
 RUN = .venv/bin
 
-.PHONY: help env demo test slow check bench schemas cards clean
+.PHONY: help env demo test slow check bench schemas cards wakes clean
 
 help:
 	@echo "make env    the environment, in .venv"
@@ -13,6 +13,7 @@ help:
 	@echo "make test   the test suite        make slow   the long tests"
 	@echo "make check  lint and types        make bench  the benchmarks"
 	@echo "make cards  the fit cards of the package, after a change of configs/cards"
+	@echo "make wakes  the data of wakes, after a change of the flow"
 	@echo "make schemas  the JSON Schemas in configs, after a change of a model"
 
 .uv/bin/uv:
@@ -53,6 +54,11 @@ schemas: .venv/.core
 	$(RUN)/python -m jaxthermo schema > configs/scene.schema.json
 	$(RUN)/python -m calibrate schema > configs/calibration.schema.json
 	$(RUN)/python -m experiments schema > configs/sweep.schema.json
+
+# Half an hour of one core; a slow test checks what ships.
+wakes: .venv/.core
+	$(RUN)/python -m experiments run wake-data --out results/wake-data
+	cp results/wake-data/wake_profiles.csv results/wake-data/wake_fit.csv jaxthermo/data
 
 # Those that are up to date stay; a fit that was interrupted continues. Needs the meshes.
 cards: .venv/.core

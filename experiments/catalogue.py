@@ -61,6 +61,9 @@ _ABOUT = {
     "benchmarks.multigrid": (
         "an implicit step and a steady state beside scipy and pyamg"
     ),
+    "benchmarks.lattice_boltzmann": (
+        "a step of the lattice Boltzmann flow beside numba and a copy"
+    ),
     "benchmarks.gradients": "a reverse-mode gradient beside its forward run",
     "thesis.counting": "how many voxels each structure has, against the thesis' counts",
     "thesis.contact": "area of contact by resolution, pruning, a ball on a head",
@@ -70,6 +73,10 @@ _ABOUT = {
     "thesis.convection": (
         "the local Nusselt number, averages, a cylinder in wind: C20, C21"
     ),
+    "thesis.wake": (
+        "the flow behind a cylinder in two channels at four speeds: C22, C23, C24"
+    ),
+    "thesis.wake_data": "mean wakes by Reynolds number and their fits, as data",
     "thesis.levels": "structures at equilibrium, their levels and holes: C11 to C14",
     "front.run": (
         "error against run time: the best choices of a sweep, beside numba and scipy"
@@ -93,7 +100,7 @@ _NAMES = {
 }
 # The others take the height of their bodies, in voxels.
 _OPTIONS = {
-    **dict.fromkeys(("stencil", "voxelize", "counting"), ()),
+    **dict.fromkeys(("stencil", "voxelize", "counting", "lattice-boltzmann"), ()),
     "mixed": ("config", "height"),
     "levels": ("height", "cases"),
     **dict.fromkeys(("verification", "stiff"), ("cases",)),

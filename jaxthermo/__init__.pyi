@@ -4,6 +4,9 @@ from .compilation_cache import cache_compilations as cache_compilations
 from .config.card_file import load_card as load_card
 from .errors import InputError as InputError
 from .findings import forget_findings as forget_findings
+from .flow.body import RoundBody as RoundBody
+from .flow.channel import Channel as Channel
+from .flow.run import FlowRun as FlowRun, simulate_flow as simulate_flow
 from .geometry import shapes as shapes
 from .geometry.load import load_mesh as load_mesh
 from .geometry.mesh import Mesh as Mesh, Pose as Pose
@@ -50,6 +53,7 @@ from .physics.boundary import (
     HeatFlux as HeatFlux,
 )
 from .physics.contact.links import Contact as Contact, bonded as bonded
+from .physics.convection.fitted_wake import FittedWake as FittedWake
 from .physics.convection.free_convection import FreeConvection as FreeConvection
 from .physics.convection.wake import WakeDeficit as WakeDeficit
 from .physics.convection.wind import Wind as Wind

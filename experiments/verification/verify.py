@@ -27,7 +27,7 @@ _NOT_COVERED = (
     ("A15, spectral radiance", "images are total radiance; there is no spectrum yet"),
     ("A16", "a camera's chain from raw counts (FLIR) is not here yet"),
     ("A17, angles", "emissivity does not depend on the viewing angle"),
-    ("A18", "air flow is not computed (lattice Boltzmann); a wake is a formula"),
+    ("A18", "the channel of Schaefer and Turek is computed by tests/unit/flow"),
     ("V24, plates as bodies", "no body is endless; the spheres are computed"),
 )
 

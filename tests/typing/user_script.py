@@ -36,6 +36,7 @@ wall = jt.FixedTemperature(350.0, on=jt.Side(normal=(0.0, 0.0, -1.0)))
 flux = jt.HeatFlux(100.0, on=jt.FragmentMask(grid.fragment_position[:, 2] > 0.1))
 cylinder = jt.Cylinder((0, 0, 0), (0, 0, 1), 0.05)
 wind = jt.Wind((3.0, 0.0, 0.0), 290.0, cylinders=[cylinder], wake=jt.WakeDeficit())
+behind = jt.Wind((3.0, 0.0, 0.0), 290.0, wake=jt.FittedWake())
 air = (
     jt.Convection(10.0, 290.0),
     jt.FreeConvection(290.0),
@@ -70,6 +71,8 @@ camera = jt.Camera((1.0, 0.2, 0.3), (0.0, 0.0, 0.1))
 longwave = jt.Band((7.5e-6, 14e-6))
 in_band = jt.render(solution, camera, band=longwave).apparent_temperature
 image = jt.render(solution, camera or jt.OrthographicCamera((1, 0, 0), (0, 0, 0), 0.4))
+channel = jt.Channel((82, 440), 0.05, 0.05, body=jt.RoundBody((40.0, 40.0), 20.0))
+flow: jt.FlowRun = jt.simulate_flow(channel, steps=9000)
 own = (jt.AbstractSurfaceTerm, jt.AbstractVolumeTerm, jt.AbstractFluxLaw, jt.Surface)
 others_own = (jt.AbstractPairTerm, jt.AbstractExchangeTerm, jt.Binding, jt.Forcing)
 radiant = (jt.AbstractRadiativeTerm, jt.Irradiation, solution.reflected(-1))

@@ -25,6 +25,7 @@ ORDER = [
     "reduction",
     "image",
     "reference",
+    "flow",
     "report",
     "config",
     "cli",

@@ -125,12 +125,21 @@ class _CylinderConfig(Model, builds="Cylinder"):
     body: si.Index = 0
 
 
+class _FittedWakeConfig(KindModel, builds="FittedWake", kind="fitted"):
+    """Slower wind behind other objects, by their Reynolds numbers."""
+
+
 class _WakeDeficitConfig(KindModel, builds="WakeDeficit", kind="deficit"):
-    """Slower wind behind other objects."""
+    """Slower wind behind other objects, by the distance alone."""
 
     amplitude: Annotated[si.Number, Field(gt=0, lt=1.3)] = 1.027
     length: Annotated[si.Number, Field(gt=0)] = 2.227
     exponent: Annotated[si.Number, Field(ge=0.4, le=1.1)] = 0.497
+
+
+WakeConfig = Annotated[
+    _WakeDeficitConfig | _FittedWakeConfig, ByKind(), Short("kind", "deficit")
+]
 
 
 class _WindConfig(Model, builds="Wind", kind="wind"):
@@ -143,7 +152,7 @@ class _WindConfig(Model, builds="Wind", kind="wind"):
         "churchill_bernstein"
     )
     cylinders: tuple[_CylinderConfig, ...] = ()
-    wake: Annotated[_WakeDeficitConfig, Short("kind", "deficit")] | None = None
+    wake: WakeConfig | None = None
     on: WhereConfig | None = None
 
     def mistakes(self) -> list[Mistake]:

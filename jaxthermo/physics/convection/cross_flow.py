@@ -161,13 +161,14 @@ def group_fragments(
 def _group_coefficients(
     speeds: Float[Array, " v"],
     air: Float[Array, ""],
-    ratio: Float[Array, " g"],
+    ratio: Float[Array, "*#v g"],
     diameter: Float[Array, " g"],
     average: Average,
 ) -> tuple[Float[Array, "v g n"], Float[Array, "v g k"]]:
     """Film polynomial of the mean h, and the c_k, of each group at each wind speed."""
     viscosity = kinematic_viscosity(air)
-    local = speeds[:, None] * ratio[None]
+    ratio = ratio if ratio.ndim == 2 else ratio[None]
+    local = speeds[:, None] * ratio
     # The average is constant above the largest Reynolds number.
     local = jnp.minimum(local, MAX_REYNOLDS * viscosity / diameter[None])
     film = jnp.asarray(FILM_TEMPERATURES.astype(speeds.dtype))
@@ -185,7 +186,7 @@ def _group_coefficients(
 def film_coefficients(
     speeds: Float[Values, " v"],
     air: Float[Values, ""],
-    speed_ratio: Float[Values, " g"],
+    speed_ratio: Float[Values, "*#v g"],
     groups: FlowGroups,
     average: Average,
     harmonics: Float[np.ndarray, "k s"],
@@ -194,7 +195,8 @@ def film_coefficients(
     """Film polynomial of h for every fragment at every wind speed [W/(m^2 K)].
 
     Wind speeds are in m/s, the temperature of the air in K; `speed_ratio` is the local
-    speed of each group over that of the wind, `harmonics` the R_k of each fragment.
+    speed of each group over that of the wind, at all wind speeds or at each, and
+    `harmonics` the R_k of each fragment.
     """
     cast = lambda v: jnp.asarray(v if is_traced(v) else np.asarray(v, dtype), dtype)
     # Known values are computed at once, even while the rest of a scene is traced, and
@@ -213,12 +215,13 @@ def film_coefficients(
     return xp.stack(rows)
 
 
-def _padded(values: Float[Values, " g"]) -> Float[Values, " h"]:
+def _padded(values: Float[Values, "*v g"]) -> Float[Values, "*v h"]:
     """Values with the last one repeated up to a power of two."""
     # Few distinct sizes, hence few programs to compile.
-    more = max(16, 1 << (len(values) - 1).bit_length()) - len(values)
+    count = values.shape[-1]
+    more = max(16, 1 << (count - 1).bit_length()) - count
     xp = jnp if is_traced(values) else np
-    return xp.pad(values, (0, more), mode="edge")
+    return xp.pad(values, [(0, 0)] * (values.ndim - 1) + [(0, more)], mode="edge")
 
 
 def validity_notes(reynolds: float, average: NamedAverage) -> tuple[str, ...]:

@@ -8,11 +8,13 @@ The term binds once, whatever the number of cylinders: they differ in the coeffi
 of their fragments only.
 
 The shape of the flow depends on the temperature of the air, at 0 s if that changes with
-time. In a wake the speed is V f(x / D_upstream) (`wake`); fragments at nearly the same
-x / D share one Reynolds number.
+time. In a wake the speed is V f(x, y, Re) with x and y in diameters of the objects
+upstream (`fitted_wake`), the mean over the front of each cylinder; or V f(x) by a
+function of the user, where fragments at nearly the same x share one Reynolds number.
 """
 
-from typing import Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 import jax
@@ -50,18 +52,30 @@ from .cross_flow import (
     validity_notes,
 )
 from .film import FilmExchange, speed_nodes, speed_table
+from .fitted_wake import FittedWake, arriving_ratio, fitted_notes
 from .nusselt import named_average
-from .wake import Wakes, upstream_wakes, wake_notes, wake_speed_ratio
+from .wake import wake_notes, wake_speed_ratio
+from .wake_geometry import WakeGeometry, Wakes, upstream_wakes, wake_geometry
 
 
 # Nodes of the table for a speed that changes with time.
 _SPEED_NODES = 25
+
+# The same behind other objects, whose wakes change fast where they begin to shed.
+_WAKE_SPEED_NODES = 73
 
 # A speed given as a plain function of time is limited to this [m/s].
 _MAX_UNKNOWN_SPEED = 100.0
 
 # Smallest upper end of a table of speeds [m/s].
 _MIN_TABLE_LIMIT = 1e-3
+
+
+if TYPE_CHECKING:
+    Wake = FittedWake | Callable[[Float[Array, "..."]], Float[Array, "..."]]
+else:
+    # For editors: the class refuses a wrong value with a remedy.
+    Wake = Any
 
 
 def _velocity(given: Any) -> tuple[float, float, float]:
@@ -106,8 +120,9 @@ class Wind(AbstractSurfaceTerm):
         static=True, default=None, converter=given_cylinders
     )
     """Cylinders of the bodies that they name; those of other bodies are detected."""
-    wake: TimeVarying | None = None
-    """Speed ratio u / U by x / D behind another object, such as `WakeDeficit()`."""
+    wake: Wake | None = None
+    """Wake of objects upstream: `FittedWake()` by their Reynolds numbers, or a function
+    from x / D behind one to the speed ratio u / U, such as `WakeDeficit()`."""
     on: AbstractSelection | None = None
     """Part of the surface that it cools; the cylinders are those of whole bodies."""
 
@@ -119,8 +134,8 @@ class Wind(AbstractSurfaceTerm):
             check_value(self.speed, "Wind(speed [m/s])", 0.0)
         if self.wake is not None and not callable(self.wake):
             raise InputError(
-                f"Wind(wake={self.wake!r}): give a function of x / D, such as "
-                "WakeDeficit()"
+                f"Wind(wake={self.wake!r}): give FittedWake(), or a function of x / D "
+                "such as WakeDeficit()"
             )
 
     @property
@@ -149,16 +164,25 @@ class Wind(AbstractSurfaceTerm):
             return omitted
         # One law for all bodies: their coefficients differ from fragment to fragment.
         tables, notes, covers = [], [], []
-        for body, where in zip(surface.bodies, exposed, strict=True):
-            if isinstance(where, Omitted):
+        upstream = [
+            None if isinstance(where, Omitted) else self._wakes(body)
+            for body, where in zip(surface.bodies, exposed, strict=True)
+        ]
+        nodes = _SPEED_NODES
+        if any(isinstance(w, WakeGeometry) and len(w.diameter) for w in upstream):
+            nodes = _WAKE_SPEED_NODES
+        for body, where, wakes in zip(surface.bodies, exposed, upstream, strict=True):
+            if isinstance(where, Omitted) or wakes is None:
                 tables.append(None)
                 covers.append(where)
                 continue
-            wakes = self._wakes(body)
             groups = self._groups(body, wakes)
-            tables.append(self._coefficients(body, groups))
+            ratio = lambda speeds, body=body, groups=groups, wakes=wakes: (
+                self._speed_ratio(body, groups, wakes, speeds)
+            )
+            tables.append(self._coefficients(body, groups, ratio, nodes))
             # Of the part that the wind cools.
-            own = self._notes(groups, wakes, where)
+            own = self._notes(groups, wakes, where, ratio)
             notes += [(body.body, note) for note in own]
             covers.append((body.area, where))
         law = FilmExchange(
@@ -183,53 +207,86 @@ class Wind(AbstractSurfaceTerm):
         return speed_table(every, highest, for_jit(speed, surface.dtype))
 
     def _notes(
-        self, groups: FlowGroups, wakes: Wakes, where: Bool[np.ndarray, " s"]
+        self,
+        groups: FlowGroups,
+        wakes: Wakes | WakeGeometry,
+        where: Bool[np.ndarray, " s"],
+        ratio: Callable[[Values], Values],
     ) -> tuple[str, ...]:
         """Validity notes for the receipt, as far as the Reynolds numbers are known."""
         air = _initial_value(self.temperature, float)
-        ratio, speed = self._speed_ratio(groups), _known_maximum(self.strength)
-        if speed is None or is_traced((air, ratio)) or not where.any():
+        speed = _known_maximum(self.strength)
+        if speed is None or is_traced(air) or not where.any():
+            return ()
+        share = ratio(np.array([speed]))
+        if is_traced(share):
             return ()
         with jax.ensure_compile_time_eval():
             nu = float(kinematic_viscosity(jnp.asarray(air)))
-        reynolds = (np.asarray(ratio) * speed * groups.diameter / nu)[
-            np.unique(groups.member[where])
-        ]
+        local = np.asarray(share).reshape(-1) * speed * groups.diameter / nu
+        reynolds = local[np.unique(groups.member[where])]
         ends, average = (reynolds.min(), reynolds.max()), named_average(self.average)
         notes = [note for re in ends for note in validity_notes(float(re), average)]
-        upstream = wakes.diameter[where & (wakes.diameter > 0)] * speed / nu
-        return tuple(dict.fromkeys([*notes, *wake_notes(self.wake, upstream)]))
+        if isinstance(wakes, WakeGeometry):
+            notes += fitted_notes(_felt(wakes, where) * speed / nu)
+        else:
+            upstream = wakes.diameter[where & (wakes.diameter > 0)] * speed / nu
+            notes += wake_notes(self.wake, upstream)
+        return tuple(dict.fromkeys(notes))
 
-    def _speed_ratio(self, groups: FlowGroups) -> Float[Values, " g"]:
-        """Local speed over wind speed of each group [-]."""
+    def _speed_ratio(
+        self,
+        surface: BodySurface,
+        groups: FlowGroups,
+        wakes: Wakes | WakeGeometry,
+        speeds: Values,
+    ) -> Float[Values, "*v g"]:
+        """Local speed over wind speed of each group [-], at each of some speeds."""
+        if isinstance(wakes, WakeGeometry):
+            if not len(wakes.diameter):
+                return np.ones(len(groups.diameter))
+            faces = -(surface.normal @ unit_vector(self.velocity))
+            front = np.maximum(faces, 0) * surface.grid.fragment_area
+            air = _initial_value(self.temperature, speeds.dtype)
+            return arriving_ratio(self.wake, wakes, groups.member, front, speeds, air)
         if self.wake is None:
             return np.ones(len(groups.diameter))
         return wake_speed_ratio(self.wake, groups.behind)
 
-    def _wakes(self, surface: BodySurface) -> Wakes:
+    def _wakes(self, surface: BodySurface) -> Wakes | WakeGeometry:
         count = len(surface.position)
         if self.wake is None:
             return Wakes(np.full(count, np.inf), np.zeros(count))
         of, wind = (surface.scene_triangles, surface.position), self.velocity
+        fitted = isinstance(self.wake, FittedWake)
+        search = wake_geometry if fitted else upstream_wakes
         return found(
             of,
-            ("wakes", wind, surface.pitch),
-            lambda: upstream_wakes(*of, unit_vector(wind), surface.pitch),
+            (search.__name__, wind, surface.pitch),
+            lambda: search(*of, unit_vector(wind), surface.pitch),
             f"objects upstream of body {surface.body}",
         )
 
-    def _groups(self, surface: BodySurface, wakes: Wakes) -> FlowGroups:
+    def _groups(self, surface: BodySurface, wakes: Wakes | WakeGeometry) -> FlowGroups:
         grid, number = surface.grid, surface.body
         own = tuple(c for c in self.cylinders if c.body == number)
-        # Without a wake nothing is behind anything.
-        of = (grid,) if self.wake is None else (grid, wakes.behind)
+        # Without a wake nothing is behind anything; a fitted one goes by cylinders.
+        whole = self.wake is None or isinstance(wakes, WakeGeometry)
+        behind = np.full(len(surface.position), np.inf) if whole else wakes.behind
+        of = (grid,) if whole else (grid, wakes.behind)
         return found(
             of,
             ("flow_groups", own),
-            lambda: group_fragments(parts_of(grid, own, number), wakes.behind),
+            lambda: group_fragments(parts_of(grid, own, number), behind),
         )
 
-    def _coefficients(self, surface: BodySurface, groups: FlowGroups) -> Any:
+    def _coefficients(
+        self,
+        surface: BodySurface,
+        groups: FlowGroups,
+        ratio: Callable[[Values], Values],
+        nodes: int,
+    ) -> Any:
         """Film polynomial of h for each fragment, at each node of a changing speed."""
         dtype = surface.dtype
         wind = surface.pose.rotate_back(unit_vector(self.velocity))
@@ -239,15 +296,24 @@ class Wind(AbstractSurfaceTerm):
             ("harmonics", tuple(wind.tolist()), jnp.dtype(dtype).name),
             lambda: surface_harmonics(*of, wind).astype(dtype),
         )
-        air, ratio = _initial_value(self.temperature, dtype), self._speed_ratio(groups)
+        air = _initial_value(self.temperature, dtype)
         average, speed = named_average(self.average).nusselt, self.strength
         every = lambda speeds: film_coefficients(
-            speeds, air, ratio, groups, average, harmonics, dtype
+            speeds, air, ratio(speeds), groups, average, harmonics, dtype
         )
         if not callable(speed):
             xp = jnp if is_traced(speed) else np
             return every(xp.asarray(speed, dtype)[None])[0]
-        return every(speed_nodes(_table_limit(speed), _SPEED_NODES, dtype))
+        return every(speed_nodes(_table_limit(speed), nodes, dtype))
+
+
+def _felt(
+    wakes: WakeGeometry, where: Bool[np.ndarray, " s"]
+) -> Float[np.ndarray, " o"]:
+    """Diameters of the objects in whose wakes the points are [m]."""
+    # The widest wakes are some diameters wide.
+    felt = (wakes.behind > 0) & (wakes.beside < 2 + 0.2 * np.maximum(wakes.behind, 0))
+    return wakes.diameter[(felt & where[None]).any(1)]
 
 
 def _initial_value(value: Any, dtype: Any) -> Float[Values, ""]:

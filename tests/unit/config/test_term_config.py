@@ -88,6 +88,9 @@ TERMS = {
         average="profile", wake=jt.WakeDeficit(amplitude=0.9),
         cylinders=[jt.Cylinder((0.0, 0.0, 0.01), (0.0, 0.0, 1.0), 0.03, body=1)],
     ),
+    "{kind: wind, velocity: [0, 3, 0], temperature: 290, wake: fitted}": jt.Wind(
+        (0.0, 3.0, 0.0), 290.0, wake=jt.FittedWake()
+    ),
     "{kind: sun, direction: [0, 0, -1], irradiance: 9, on: {not: {any: [{body: 1}, "
     "{side: {normal: [1, 0, 0]}}]}}}": jt.Sun(
         (0.0, 0.0, -1.0), 9.0, on=~(jt.Everything(1) | jt.Side((1.0, 0.0, 0.0)))
@@ -276,7 +279,9 @@ def test_fragments_by_a_file(scene, tmp_path, marks):
         ("{kind: wind, velocity: [1, 0, 0], temperature: 290, average: profil}",
          "terms.0.average: 'profil' is not known; did you mean 'profile'?"),
         ("{kind: wind, velocity: [1, 0, 0], temperature: 290, wake: defizit}",
-         "terms.0.wake.kind: 'defizit' is not known; did you mean 'deficit'?"),
+         "terms.0.wake.kind: unknown kind 'defizit'; did you mean 'deficit'?"),
+        ("{kind: wind, velocity: [1, 0, 0], temperature: 290, wake: {kind: fitted, "
+         "length: 2}}", "terms.0.wake.length: unknown key: fitted takes no other keys"),
         ("{kind: wind, velocity: [1, 0, 0], temperature: 290, wake: {exponent: 2}}",
          "terms.0.wake.exponent: must be at most 1.1"),
         ("{kind: wind, velocity: [1, 0, 0], temperature: 290, cylinders: [{axis_point: "

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jaxthermo.geometry import shapes
-from jaxthermo.physics.convection.wake import upstream_wakes
+from jaxthermo.physics.convection.wake_geometry import upstream_wakes
 
 
 PITCH = 0.0125

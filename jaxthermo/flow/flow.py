@@ -1,0 +1,294 @@
+"""One step of a flow, and runs of many: compiled loops over two sets of arrays.
+
+A step fills the frame and the cells of the body, then draws every population from the
+cell that it comes from and lets all collide, in one loop for each array. It reads one
+set of arrays and writes into the other: nothing is copied.
+"""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jaxtyping import Array, Float, Int
+
+from ..arrays import Scalar
+from ..module import Module
+from .body import Links, filled, force_on, heat_of, reflected
+from .boundary import (
+    Outlet,
+    filled_ends,
+    filled_walls,
+    first_outlet,
+    inlet,
+    outlet_step,
+    tracer_inlet,
+    tracer_outlet,
+)
+from .channel import Channel
+from .lattice import (
+    VELOCITIES,
+    Moments,
+    Populations,
+    collided,
+    collided_tracer,
+    equilibria,
+    flow_rates,
+    moments,
+    tracer_rates,
+)
+
+
+# Cells of a band of rows that are moved together.
+_BAND = 16384
+
+
+class FlowProgram(Module):
+    """A channel ready to run: numbers that may be traced, and its links."""
+
+    speed: Float[Array, ""]
+    viscosity: Float[Array, ""]
+    force: tuple[Float[Array, ""], Float[Array, ""]] | None
+    diffusivity: Float[Array, ""] | None
+    links: Links | None
+    profile: Float[Array, " n"]
+    shape: tuple[int, int] = eqx.field(static=True)
+    walls: str = eqx.field(static=True)
+    ends: str = eqx.field(static=True)
+    magic: float = eqx.field(static=True)
+
+
+class FlowState(NamedTuple):
+    """Populations after a collision, of the flow and of the temperature if any."""
+
+    flow: Populations
+    outlet: Outlet | None
+    heat: Populations | None
+
+
+class Fields(NamedTuple):
+    """Pressure, velocity and temperature in every cell, in lattice units."""
+
+    pressure: Float[Array, "y x"]
+    x: Float[Array, "y x"]
+    y: Float[Array, "y x"]
+    speed: Float[Array, "y x"]
+    """Magnitude of the velocity; its mean is not that of the mean velocity."""
+    temperature: Float[Array, "y x"] | None
+
+
+def flow_program(channel: Channel, dtype: Any) -> FlowProgram:
+    """The channel as a program of a precision."""
+    cast = lambda value: jax.tree.map(lambda v: jnp.asarray(v, dtype), value)
+    return FlowProgram(
+        speed=cast(channel.speed),
+        viscosity=cast(channel.viscosity),
+        force=cast(channel.force),
+        diffusivity=cast(channel.diffusivity),
+        links=channel.links,
+        profile=cast(channel.profile),
+        shape=channel.shape,
+        walls=channel.walls,
+        ends=channel.ends,
+        magic=channel.magic,
+    )
+
+
+def initial_state(
+    program: FlowProgram,
+    velocity: tuple[Any, Any] | None = None,
+    density: Any = 0.0,
+) -> FlowState:
+    """State in equilibrium: the flow of the inlet everywhere, or a given one.
+
+    Args:
+        program: the channel.
+        velocity: components along x and y in every cell [cells per step].
+        density: density minus 1 in every cell, three times the pressure.
+    """
+    dtype, shape = program.viscosity.dtype, program.shape
+    along = program.profile[:, None]
+    if velocity is None and program.ends == "open":
+        velocity = program.speed * along, 0.0
+    x, y = (0.0, 0.0) if velocity is None else velocity
+    full = lambda v: jnp.broadcast_to(jnp.asarray(v, dtype), shape)
+    framed = lambda fs: tuple(jnp.pad(a, 1) for a in fs)
+    flow = framed(equilibria(Moments(full(density), full(x), full(y))))
+    heat = None
+    if program.diffusivity is not None:
+        heat = tuple(jnp.zeros_like(a) for a in flow)
+    outlet = None
+    if program.ends == "open":
+        outlet = first_outlet(program.speed, program.profile)
+    return FlowState(flow, outlet, heat)
+
+
+def _drawn(f: Populations, first: Int[Array, ""], rows: int) -> Populations:
+    """Populations that arrive in the cells of some rows."""
+    length = f[0].shape[1] - 2
+    return tuple(
+        lax.dynamic_slice(a, (first + 1 - y, np.int32(1 - x)), (rows, length))
+        for a, (x, y) in zip(f, VELOCITIES, strict=True)
+    )
+
+
+def _into(
+    target: Populations, values: Populations, first: Int[Array, ""]
+) -> Populations:
+    return tuple(
+        lax.dynamic_update_slice(a, new, (first + 1, np.int32(1)))
+        for a, new in zip(target, values, strict=True)
+    )
+
+
+def _step(program: FlowProgram, state: FlowState, target: FlowState) -> tuple:
+    """State after a step, in the arrays of `target`, and the state that it has read."""
+    f, outlet, entering = state.flow, state.outlet, None
+    if outlet is not None:
+        outlet, entering = outlet_step(f, outlet, program.walls, program.viscosity)
+        entering |= inlet(f, program.speed, program.profile)
+    f, outlet = filled_ends(f, entering, outlet)
+    f = filled_walls(f, program.walls, program.ends)
+    if program.links is not None:
+        f = filled(f, program.links, reflected(f, program.links))
+    g = None if state.heat is None else _filled_heat(program, state.heat)
+    flow, heat = _moved(program, (f, g), (target.flow, target.heat))
+    return FlowState(flow, outlet, heat), FlowState(f, outlet, g)
+
+
+_Both = tuple[Populations, Populations | None]
+
+
+def _moved(program: FlowProgram, read: _Both, target: _Both) -> _Both:
+    """Populations drawn from where they come from, and collided, into `target`."""
+    height, length = program.shape
+    # Some rows at a time: the loops over each array then find them in a near cache.
+    rows = min(height, max(1, _BAND // length))
+    rates = flow_rates(program.viscosity, program.magic)
+
+    def band(target, first):
+        arrived = _drawn(read[0], first, rows)
+        flow = _into(target[0], collided(arrived, rates, program.force), first)
+        if read[1] is None or target[1] is None or program.diffusivity is None:
+            return (flow, None), None
+        thermal = tracer_rates(program.diffusivity, program.magic)
+        came = _drawn(read[1], first, rows)
+        warmed = collided_tracer(came, moments(arrived), thermal)
+        return (flow, _into(target[1], warmed, first)), None
+
+    # The last band repeats rows of the one before.
+    starts = np.minimum(np.arange(0, height, rows), height - rows).astype(np.int32)
+    if len(starts) == 1:
+        return band(target, jnp.zeros((), jnp.int32))[0]
+    return lax.scan(band, target, starts)[0]
+
+
+def _filled_heat(program: FlowProgram, g: Populations) -> Populations:
+    # Walls are insulated: they mirror.
+    walls = "slip" if program.walls == "no_slip" else program.walls
+    entering = None
+    if program.ends == "open":
+        entering = tracer_inlet(g) | tracer_outlet(g)
+    g = filled_walls(filled_ends(g, entering)[0], walls, program.ends)
+    if program.links is None:
+        return g
+    return filled(g, program.links, reflected(g, program.links, 1.0))
+
+
+def fields(program: FlowProgram, state: FlowState) -> Fields:
+    """Fields of a state; what they hold within the body is of no meaning."""
+    inner = lambda f: tuple(a[1:-1, 1:-1] for a in f)
+    m = moments(inner(state.flow))
+    x, y = m.x, m.y
+    if program.force is not None:
+        # A collision adds all of the force, half of it after the moment in question.
+        x, y = x - program.force[0] / 2, y - program.force[1] / 2
+    heat = None if state.heat is None else moments(inner(state.heat)).density
+    return Fields(m.density / 3, x, y, jnp.sqrt(x * x + y * y), heat)
+
+
+class Sample(NamedTuple):
+    """Numbers that are read of a flow at one time."""
+
+    force: Float[Array, "*t 2"]
+    """Drag and lift on the body; 0 without one."""
+    heat: Float[Array, "*t"]
+    """Heat that leaves the body per step, for a temperature of 1 above the inlet's."""
+
+
+class Totals(NamedTuple):
+    """Sums over samples, for means."""
+
+    count: Float[Array, ""]
+    fields: Fields
+    heat: Float[Array, "8 y x"] | None
+    """Heat over each link of the body."""
+
+
+def _sampled(program: FlowProgram, state: FlowState) -> Sample:
+    nothing, links = jnp.zeros((), program.viscosity.dtype), program.links
+    if links is None:
+        return Sample(jnp.stack([nothing, nothing]), nothing)
+    force = force_on(state.flow, links, reflected(state.flow, links))
+    if state.heat is None:
+        return Sample(force, nothing)
+    return Sample(force, heat_of(state.heat, links).sum())
+
+
+def totals(program: FlowProgram, state: FlowState) -> Totals:
+    """The sums over this state alone."""
+    heat = None
+    if state.heat is not None and program.links is not None:
+        heat = heat_of(state.heat, program.links)
+    return Totals(jnp.ones((), state.flow[0].dtype), fields(program, state), heat)
+
+
+def _advance(
+    program: FlowProgram,
+    state: FlowState,
+    total: Totals | None,
+    weight: Scalar,
+    samples: int,
+    stride: int,
+) -> tuple[FlowState, Totals | None, Sample]:
+    # Differentiation keeps the state at every sample and repeats the steps between.
+    @jax.checkpoint
+    def steps(state, spare):
+        two = lambda pair, _: (_step(program, *_step(program, *pair)), None)
+        return lax.scan(two, (state, spare), None, length=stride // 2)[0]
+
+    def sample(carry, _):
+        state, spare, total = carry
+        state, spare = steps(state, spare)
+        if total is not None:
+            add = lambda a, b: a + weight * b
+            total = jax.tree.map(add, total, totals(program, state))
+        return (state, spare, total), _sampled(program, state)
+
+    spare = jax.tree.map(jnp.zeros_like, state)
+    (state, _, total), read = lax.scan(
+        sample, (state, spare, total), None, length=samples
+    )
+    return state, total, read
+
+
+advance = jax.jit(_advance, static_argnames=("samples", "stride"))
+"""State, sums and samples after `samples` times `stride` steps, which is even.
+
+`weight` times the fields of every sample is added to `total`, if it is not None.
+"""
+
+# A long loop is worth optimizing even where XLA is told to compile fast. In its order
+# of operations for concurrency, loops over different arrays run on several cores.
+advance_in_place = jax.jit(
+    _advance,
+    static_argnames=("samples", "stride"),
+    donate_argnames=("state", "total"),
+    compiler_options={
+        "xla_backend_optimization_level": 3,
+        "xla_cpu_enable_concurrency_optimized_scheduler": True,
+    },
+)
+"""The same, which uses up the arrays of its state and sums."""

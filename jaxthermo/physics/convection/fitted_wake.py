@@ -1,0 +1,204 @@
+"""Wake by Reynolds number, fitted to computed flows: `data/wake_fit.csv`.
+
+    u / U = 1 - d(x) exp(-y^2 / (2 b^2)),    b^2 = w^2 + g x,
+    d(x) = (A - r) (1 + (x / l)^2)^(-p / 2) + r (1 + x / 30)^(-1/2),
+
+x behind the rear of an object and y to the side of it, in its diameters. A, l, p, w, g
+and r are powers of Re = V D / nu: of their own for steady wakes and for the mean of
+those that shed vortices, constant for turbulent ones, with a smooth change between. r
+is what remains of a deficit where the vortices have formed, which mix the fluid well
+before and little afterwards; other wakes have none.
+
+Several objects upstream each take their share of the speed that arrives at them: the
+ratios multiply. A part of a body that is one cylinder feels the mean over its front.
+"""
+
+import csv
+import functools
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from ...arrays import is_traced
+from ...module import Module
+from ..flux_law import Values
+from .air import kinematic_viscosity
+from .nusselt import Pchip, pchip
+from .wake import above_zero
+from .wake_geometry import WakeGeometry
+
+
+PARAMETERS = "amplitude", "length", "exponent", "width", "spread", "remainder"
+"""A, l, p, w, g, r."""
+
+NO_REMAINDER = 1e-3
+"""The r of a wake without any: it has a logarithm."""
+
+_FILE = Path(__file__).parents[2] / "data" / "wake_fit.csv"
+
+# Beyond its first and last Reynolds number a curve levels off within this factor.
+_LEVELS_OFF = 1.2
+
+# Beside an object the wake sets in over this length before its rear [diameters].
+_ONSET = 1.0
+
+# Length over which the remainder decays, as a far wake does [diameters].
+_REMAINS = 30.0
+
+# Length over which the spread of the wake sets in behind the rear [diameters].
+_SPREADS_FROM = 0.5
+
+
+class WakeRange(NamedTuple):
+    """Kind of wake and the Reynolds numbers that it is known for."""
+
+    kind: str
+    low: float
+    high: float
+    reference: float
+    """Reynolds number at which the values hold."""
+    values: Float[np.ndarray, "6"]
+    powers: Float[np.ndarray, "6"]
+
+    def at(self, reynolds: float) -> Float[np.ndarray, "6"]:
+        """Logarithms of the parameters."""
+        return np.log(self.values) + self.powers * np.log(reynolds / self.reference)
+
+
+@functools.cache
+def wake_ranges() -> tuple[WakeRange, ...]:
+    """Kinds of wakes by rising Reynolds number."""
+    with _FILE.open(encoding="utf-8", newline="") as lines:
+        rows = list(csv.DictReader(lines))
+    found = []
+    for kind in dict.fromkeys(row["kind"] for row in rows):
+        own = {row["parameter"]: row for row in rows if row["kind"] == kind}
+        first = own[PARAMETERS[0]]
+        names = "Re_low", "Re_high", "Re_reference"
+        low, high, reference = (float(first[name]) for name in names)
+        column = lambda name, own=own: np.array(
+            [float(own[parameter][name]) for parameter in PARAMETERS]
+        )
+        values, powers = column("value"), column("power")
+        found.append(WakeRange(kind, low, high, reference, values, powers))
+    return tuple(found)
+
+
+@functools.cache
+def _by_reynolds() -> Pchip:
+    """Logarithms of the parameters by that of Re, level beyond the ends."""
+    points = []
+    for each in wake_ranges():
+        middle = np.sqrt(each.low * each.high)
+        points += [(re, each.at(re)) for re in (each.low, middle, each.high)]
+    # Turbulent wakes are alike at all Reynolds numbers: their first will do.
+    points = points[:-2]
+    first, last = points[0], points[-1]
+    points = [
+        (first[0] / _LEVELS_OFF, first[1]),
+        *points,
+        (last[0] * _LEVELS_OFF, last[1]),
+    ]
+    reynolds, logs = zip(*points, strict=True)
+    return pchip(np.log(np.array(reynolds)), np.stack(logs))
+
+
+def mean_wake(
+    parameters: Float[Array, "*#n 6"], x: Float[Array, "*n"], y: Float[Array, "*n"]
+) -> Float[Array, "*n"]:
+    """Mean velocity u / U, negative where it is reversed, x >= 0 behind the rear."""
+    parts = jnp.moveaxis(parameters, -1, 0)
+    amplitude, length, exponent, width, spread, remainder = parts
+    near = (1 + (x / length) ** 2) ** (-exponent / 2)
+    far = remainder * (1 + x / _REMAINS) ** -0.5
+    decay = (amplitude - remainder) * near + far
+    grown = jnp.sqrt(x * x + _SPREADS_FROM**2) - _SPREADS_FROM
+    return 1 - decay * jnp.exp(-(y**2) / (2 * (width**2 + spread * grown)))
+
+
+class FittedWake(Module):
+    """Wake by Reynolds number, fitted to computed flows around a cylinder.
+
+    Fitted at Re 10 to 40 (steady) and 60 to 150 (mean of the shedding flow); below it
+    is that of Re 10, from 300 on a turbulent far wake (Schlichting).
+    """
+
+    def __call__(
+        self,
+        x: Float[Array, "*n"],
+        y: Float[Array, "*n"],
+        reynolds: Float[Array, "*#n"],
+    ) -> Float[Array, "*n"]:
+        """Speed ratio u / U [-] in (0, 1] at x behind the rear and y to the side.
+
+        Both in diameters; 1 from a diameter before the rear on.
+        """
+        logs = _by_reynolds()(jnp.log(jnp.maximum(reynolds, 1.0)))
+        behind = jnp.maximum(x, 0)
+        deficit = 1 - mean_wake(jnp.exp(logs), behind, y)
+        t = jnp.clip(1 + x / _ONSET, 0, 1)
+        return above_zero(1 - t * t * (3 - 2 * t) * deficit)
+
+
+def fitted_notes(reynolds: Float[np.ndarray, " n"]) -> tuple[str, ...]:
+    """Notes on objects at Reynolds numbers V D / nu that no wake was computed for."""
+    computed = [each for each in wake_ranges() if each.kind != "turbulent"]
+    low, high = computed[0].low, computed[-1].high
+    turbulent = wake_ranges()[-1].low
+    found = []
+    if (reynolds < low).any():
+        found.append(
+            f"the wake is of an object at Re {reynolds.min():.3g}; below {low:g}, "
+            f"where none was computed, it is taken as that of Re {low:g}"
+        )
+    if (reynolds > high).any():
+        found.append(
+            f"the wake is of an object at Re {reynolds.max():.3g}; wakes were computed "
+            f"up to {high:g}, from {turbulent:g} on it is a turbulent far wake "
+            "(Schlichting), which holds some 50 diameters behind"
+        )
+    return tuple(found)
+
+
+def arriving_ratio(
+    wake: Any,
+    geometry: WakeGeometry,
+    member: Int[np.ndarray, " s"],
+    front: Float[np.ndarray, " s"],
+    speeds: Float[Values, " v"],
+    air: Float[Values, ""],
+) -> Float[Any, "v g"]:
+    """Speed ratio that arrives at each group of fragments, at each wind speed.
+
+    Args:
+        wake: u / U by x / D, y / D and Re.
+        geometry: objects upstream of every fragment.
+        member: group of every fragment.
+        front: area of every fragment as the wind sees it, 0 on the rear [m^2].
+        speeds: wind speeds [m/s].
+        air: temperature of the air [K].
+    """
+    count = int(member.max(initial=0)) + 1
+    total = np.bincount(member, front, count)
+    # A group without a front is met from the side: by its mean.
+    weight = np.where(total[member] > 0, front, 1.0)
+    weight = weight / np.bincount(member, weight, count)[member]
+    dtype = speeds.dtype
+    with jax.ensure_compile_time_eval():
+        ratio = jnp.ones((len(speeds), len(member)), dtype)
+        nu = kinematic_viscosity(jnp.asarray(air, dtype))
+        for x, y, diameter in zip(*geometry, strict=True):
+            reynolds = jnp.asarray(speeds) * jnp.asarray(diameter, dtype) / nu
+            place = (jnp.asarray(v.astype(dtype)) for v in (x, y))
+            wide = (jnp.broadcast_to(v[None], ratio.shape) for v in place)
+            ratio = ratio * wake(*wide, reynolds[:, None])
+        grouped = jax.ops.segment_sum(
+            (ratio * jnp.asarray(weight.astype(dtype))[None]).T,
+            jnp.asarray(member),
+            num_segments=count,
+        ).T
+        return grouped if is_traced(grouped) else np.asarray(grouped)

@@ -1,0 +1,103 @@
+"""Flows around a cylinder against published benchmarks and computed data."""
+
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from flows import schaefer_turek, small_steady
+
+from jaxthermo.flow.measures import (
+    centreline,
+    force_coefficient,
+    mean_nusselt,
+    nusselt_shape,
+    pressure_difference,
+    recirculation_length,
+    strouhal,
+)
+from jaxthermo.flow.run import simulate_flow
+from jaxthermo.flow.wake_runs import PRANDTL, wake_run
+from jaxthermo.physics.convection.nusselt import churchill_bernstein, cylinder_table
+
+
+# Computed with another method: u / U by x / D from the middle of the cylinder.
+STEADY = Path(__file__).with_name("wake_centreline_steady_computed.csv")
+# The pressure difference is published in pascals, at a mean speed of 0.2 m/s.
+SQUARE_OF_SPEED = 0.2**2
+
+
+def steady_drag(run):
+    return force_coefficient(run.channel, float(run.drag[-1]))
+
+
+def test_the_steady_benchmark_of_schaefer_and_turek_on_a_coarse_lattice():
+    run = small_steady()
+    assert steady_drag(run) == pytest.approx(5.5795, rel=0.05)
+    assert pressure_difference(run) * SQUARE_OF_SPEED == pytest.approx(0.1175, rel=0.05)
+    assert recirculation_length(run) * 0.1 == pytest.approx(0.0847, rel=0.05)
+    # A steady flow has no frequency.
+    assert np.isnan(strouhal(run))
+
+
+def test_a_run_reports_its_progress_and_samples():
+    seen = []
+    channel = schaefer_turek(6, 20.0, 0.05)
+    run = simulate_flow(channel, 400, average_from=0.5, progress=seen.append)
+    assert [p.steps for p in seen] == [200, 400] and seen[-1].seconds_left == 0.0
+    assert "of 400 steps" in seen[0].text
+    assert run.step[-1] == 400 and run.averaged == slice(10, None)
+    assert run.drag.dtype == np.float32
+
+
+def test_the_frequency_of_a_known_lift():
+    run = small_steady()
+    step = run.step[run.averaged]
+    lift = run.lift.copy()
+    lift[run.averaged] = 0.3 + np.sin(2 * np.pi * step / 130.0)
+    expected = 20 / (130.0 * 0.05)
+    assert strouhal(run._replace(lift=lift)) == pytest.approx(expected, rel=0.01)
+
+
+@pytest.mark.slow
+def test_the_steady_benchmark_of_schaefer_and_turek():
+    run = simulate_flow(schaefer_turek(40, 20.0, 0.05), 40_000, average_from=0.9)
+    assert steady_drag(run) == pytest.approx(5.5795, rel=0.01)
+    assert pressure_difference(run) * SQUARE_OF_SPEED == pytest.approx(0.1175, rel=0.02)
+    assert recirculation_length(run) * 0.1 == pytest.approx(0.0847, rel=0.03)
+
+
+@pytest.mark.slow
+def test_the_shedding_benchmark_of_schaefer_and_turek():
+    run = simulate_flow(schaefer_turek(50, 100.0, 0.05), 50_000, average_from=0.7)
+    drag = force_coefficient(run.channel, run.drag[run.averaged])
+    assert drag.max() == pytest.approx(3.227, rel=0.02)
+    assert strouhal(run) == pytest.approx(0.3018, rel=0.02)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("reynolds", [10.0, 20.0, 40.0])
+def test_the_centreline_behind_a_steady_cylinder(reynolds):
+    computed = np.genfromtxt(STEADY, delimiter=",", names=True)
+    at = computed["x_over_D_from_centre"]
+    near = at <= 10
+    line = centreline(wake_run(reynolds))
+    found = np.interp(at[near] - 0.5, line.at, line.ratio)
+    expected = computed[f"u_over_U_Re{reynolds:g}"][near]
+    np.testing.assert_allclose(found, expected, atol=0.03)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("reynolds", [20.0, 40.0, 100.0])
+def test_the_mean_nusselt_number(reynolds):
+    run = wake_run(reynolds, heated=True)
+    table = cylinder_table()
+    row = np.flatnonzero(table.reynolds == reynolds)[0]
+    expected = float(churchill_bernstein(jnp.asarray(reynolds), jnp.asarray(PRANDTL)))
+    if reynolds <= 40:
+        expected = table.average[row]
+        # The first coefficients of the local number, computed with another method.
+        np.testing.assert_allclose(
+            nusselt_shape(run)[:4], table.shape[row, :4], atol=0.02
+        )
+    assert mean_nusselt(run) == pytest.approx(expected, rel=0.05)
