@@ -205,7 +205,7 @@ def draw(
         [xp.asarray(temperature), per_fragment(surfaces, "emissivity", xp)], axis=1
     )
     surface, emissivity = _means(view.weights, columns).T
-    back: Any = 0.0
+    back: Any = xp.zeros_like(surface)
     if received is not None:
         given = Irradiance(*(xp.asarray(each) for each in received))
         reflected, lit = _reflected(surfaces, given, band, xp)

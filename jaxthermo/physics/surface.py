@@ -229,7 +229,7 @@ class Surface:
 
 def _within(area: Any, where: Bool[np.ndarray, " s"]) -> Any:
     """Areas where a term acts, 0 elsewhere."""
-    if is_traced(area):
+    if not isinstance(area, np.ndarray):
         return jnp.where(where, area, 0)
     by = "within" if is_finding(area, where) else None
     return found((area, where), by, lambda: np.where(where, area, np.zeros_like(area)))

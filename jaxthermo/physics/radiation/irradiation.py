@@ -145,9 +145,9 @@ def _lit(
 
 def _times(number: Any, area: Float[np.ndarray, " s"]) -> Any:
     """Areas times a number or an array, once for each number."""
-    known = np.ndim(number) == 0 and not is_traced(number) and is_finding(area)
-    by = ("times", float(number)) if known else None
-    return found((area,), by, lambda: number * area)
+    if np.ndim(number) or is_traced(number) or not is_finding(area):
+        return number * area
+    return found((area,), ("times", float(number)), lambda: number * area)
 
 
 class _Part(Module):
