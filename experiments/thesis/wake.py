@@ -261,7 +261,7 @@ def fit_chart(row: dict[str, Any], tail: Tail) -> Chart:
             for x, u in zip(behind, curve, strict=True)
         ]
     names = ["computed", *(family.name for family in FAMILIES)]
-    colour = alt.Scale(domain=names, range=["#111111", *SHADES[2:5]])
+    colour = alt.Scale(domain=names, range=["#111111", *SHADES[1:5]])
     return (
         alt.Chart(alt.Data(values=found))
         .mark_line()
