@@ -69,8 +69,8 @@ class CutLinks(NamedTuple):
         Their indices in a lattice of that shape ascend.
         """
         own = np.flatnonzero((self.step[:, axis] == 1) & ~self.over_edge)
-        cut = np.ravel_multi_index(tuple(self.voxel[own].T), shape)
-        at = np.searchsorted(flat, cut)
+        cut = np.asarray(np.ravel_multi_index(tuple(self.voxel[own].T), shape))
+        at = np.asarray(np.searchsorted(flat, cut))
         there = np.flatnonzero(np.append(flat, -1)[at] == cut)
         found = np.ones(len(flat))
         found[at[there]] += self.extra[own[there]]

@@ -1,6 +1,7 @@
 """Radiance within bands, brightness temperatures, and images of them."""
 
 import math
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -50,7 +51,7 @@ def test_radiance_is_the_series_of_exponentials(edges, kelvin):
     ends = [fraction(rate / edge) for edge in edges]
     expected = SIGMA / math.pi * kelvin**4 * (ends[1] - ends[0])
     # The widest band has nearly all the radiation: a table of one follows it better.
-    wavelengths = np.geomspace(*edges, 40)
+    wavelengths = np.geomspace(edges[0], edges[1], 40)
     found = Band(wavelengths.tolist()).radiance(kelvin)
     assert float(found) == pytest.approx(expected, rel=1e-7)
     if edges[0] > 1e-6:
@@ -135,7 +136,7 @@ def test_radiance_beyond_the_range_is_refused():
         LONG_WAVE.temperature(np.array([60.0, -1.0]))
 
 
-def block(emissivity=1.0, absorptivity=1.0, kelvin=300.0) -> jt.Body:
+def block(emissivity=1.0, absorptivity=1.0, kelvin: Any = 300.0) -> jt.Body:
     grid = jt.voxelize(jt.shapes.box((0.04, 0.04, 0.04)), 0.01)
     material = jt.Material(
         50.0, density=8000.0, specific_heat=500.0, emissivity=emissivity,
