@@ -288,7 +288,6 @@ advance_in_place = jax.jit(
     donate_argnames=("state", "total"),
     compiler_options={
         "xla_backend_optimization_level": 3,
-        "xla_cpu_enable_concurrency_optimized_scheduler": True,
     },
 )
 """The same, which uses up the arrays of its state and sums."""
