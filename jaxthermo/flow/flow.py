@@ -280,14 +280,11 @@ advance = jax.jit(_advance, static_argnames=("samples", "stride"))
 `weight` times the fields of every sample is added to `total`, if it is not None.
 """
 
-# A long loop is worth optimizing even where XLA is told to compile fast. In its order
-# of operations for concurrency, loops over different arrays run on several cores.
+# A long loop is worth optimizing even where XLA is told to compile fast.
 advance_in_place = jax.jit(
     _advance,
     static_argnames=("samples", "stride"),
     donate_argnames=("state", "total"),
-    compiler_options={
-        "xla_backend_optimization_level": 3,
-    },
+    compiler_options={"xla_backend_optimization_level": 3},
 )
 """The same, which uses up the arrays of its state and sums."""
