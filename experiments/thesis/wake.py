@@ -221,56 +221,45 @@ def _sheet(tiles: list[Tile]) -> Any:
     return sheet(tiles, bar, "Figures 6.4 and 6.6: speed at one moment, and mean", 2)
 
 
-def _curve_rows(rows: Rows, tails: list[Tail]) -> Rows:
+def tail_chart(rows: Rows, tails: list[Tail]) -> Chart:
+    """Figure 6.7: normalized mean speeds by the distance."""
     found = []
     for row, tail in zip(rows, tails, strict=True):
         name = f"{row['channel']}, {row['speed']:g} (Re {row['Re']:g})"
-        for x, ratio in zip(tail.x[::3], tail.ratio[::3], strict=True):
-            found.append({"flow": name, "x": float(x), "u": float(ratio)})
-    return found
-
-
-def tail_chart(rows: Rows, tails: list[Tail]) -> Chart:
-    """Figure 6.7: normalized mean speeds by the distance."""
-    found = _curve_rows(rows, tails)
-    names = list(dict.fromkeys(point["flow"] for point in found))
-    colour = alt.Scale(domain=names, range=list(SHADES[: len(names)]))
-    return (
-        alt.Chart(alt.Data(values=found))
-        .mark_line()
-        .encode(
-            x=alt.X("x:Q", title="distance behind the cylinder [diameters]"),
-            y=alt.Y("u:Q", title="mean speed over the undisturbed one"),
-            color=alt.Color("flow:N", scale=colour, sort=names, legend=legend()),
-        )
-        .properties(width=WIDTH, height=HEIGHT, title="Figure 6.7: normalized speeds")
-    )
+        found += _points(name, tail.x[::3], tail.ratio[::3])
+    return _chart(found, SHADES, "Figure 6.7: normalized speeds")
 
 
 def fit_chart(row: dict[str, Any], tail: Tail) -> Chart:
     """Figure 6.5: one curve and the families fitted to it."""
-    found = [
-        {"curve": "computed", "x": float(x), "u": float(u)}
-        for x, u in zip(tail.x[::3], tail.ratio[::3], strict=True)
-    ]
+    found = _points("computed", tail.x[::3], tail.ratio[::3])
     behind = tail.x[tail.x > row["bubble"]][::3]
     for family in FAMILIES:
         curve = _fitted_curve(family, row["fits"][family.name]["parameters"], behind)
-        found += [
-            {"curve": family.name, "x": float(x), "u": float(u)}
-            for x, u in zip(behind, curve, strict=True)
-        ]
-    names = ["computed", *(family.name for family in FAMILIES)]
-    colour = alt.Scale(domain=names, range=["#111111", *SHADES[1:5]])
+        found += _points(family.name, behind, curve)
+    return _chart(found, ("#111111", *SHADES[1:]), "Figure 6.5: f(x) = v, fitted")
+
+
+def _points(name: str, x: Any, u: Any) -> Rows:
+    return [
+        {"curve": name, "x": float(at), "u": float(value)}
+        for at, value in zip(x, u, strict=True)
+    ]
+
+
+def _chart(points: Rows, colours: tuple[str, ...], title: str) -> Chart:
+    """Speeds behind the cylinder by distance, a line for each curve."""
+    names = list(dict.fromkeys(point["curve"] for point in points))
+    colour = alt.Scale(domain=names, range=list(colours[: len(names)]))
     return (
-        alt.Chart(alt.Data(values=found))
+        alt.Chart(alt.Data(values=points))
         .mark_line()
         .encode(
             x=alt.X("x:Q", title="distance behind the cylinder [diameters]"),
             y=alt.Y("u:Q", title="mean speed over the undisturbed one"),
             color=alt.Color("curve:N", scale=colour, sort=names, legend=legend()),
         )
-        .properties(width=WIDTH, height=HEIGHT, title="Figure 6.5: f(x) = v, fitted")
+        .properties(width=WIDTH, height=HEIGHT, title=title)
     )
 
 
