@@ -299,7 +299,7 @@ class _TargetBuilder:
     def _band(self) -> Band | None:
         """Band of the case's detector."""
         band = self.given.image.band
-        return None if band is None else band.detector()
+        return None if band is None else band.build()
 
 
 def _measured(name: str, given: schema.MeasuredFrames) -> list[np.ndarray]:

@@ -48,8 +48,7 @@ class FrameCamera:
         triangles = np.concatenate([s.geometry.triangles for s in surfaces])
         self._camera = build_camera(config.camera, triangles)
         self._image = config.image
-        band = config.image.band
-        self._band = None if band is None else band.detector()
+        self._band = build(config.image.band)
         self._surfaces, self._terms = surfaces, terms
         self._view(*at_time(surfaces, terms, 0.0))
 

@@ -20,6 +20,7 @@ from jaxtyping import Array, Float
 from ..arrays import Numbers
 from ..constants import STEFAN_BOLTZMANN
 from ..errors import InputError
+from .response import checked_response
 
 
 _C1, _C2 = 1.191042972397188e-16, 1.438776877503933e-2
@@ -54,30 +55,10 @@ class Band:
         """Make a band of wavelengths [m] and, at each of them, the response in [0, 1].
 
         Raises:
-            InputError: for wavelengths or responses that are none, a band without
-                energy, or one for which temperatures cannot be told apart.
+            InputError: for wavelengths or responses that are none, or a band without
+                energy.
         """
-        given = "Band(wavelengths=)"
-        edges = _numbers(wavelengths, given)
-        if len(edges) < 2 or not (edges > 0).all() or not (np.diff(edges) > 0).all():
-            raise InputError(f"{given}: give two or more, in metres, increasing")
-        if edges[0] < 1e-7 or edges[-1] > 1e-3:
-            raise InputError(
-                f"{given}: {edges[0]:g} to {edges[-1]:g} m: give metres, from 1e-7 to "
-                "1e-3; a long-wave camera has (7.5e-6, 14e-6)"
-            )
-        values = np.ones(len(edges))
-        if response is not None:
-            values = _numbers(response, "Band(response=)")
-            if len(values) != len(edges):
-                raise InputError(
-                    f"Band(response=): {len(values)} values for {len(edges)} "
-                    "wavelengths: give one for each"
-                )
-            if not ((values >= 0) & (values <= 1)).all():
-                raise InputError("Band(response=): give fractions, from 0 to 1")
-            if not values.any():
-                raise InputError("Band(response=): all 0: the band has no energy")
+        edges, values = checked_response(wavelengths, response)
         self.wavelengths = tuple(edges.tolist())
         self.response = tuple(values.tolist())
         count = _POINTS if len(edges) == 2 else _POINTS_OF_TABLE
@@ -87,6 +68,16 @@ class Band:
         received = np.interp(points, edges, values) * half[:, None] * weight
         self._rate = _C2 / points.ravel()
         self._weight = (_C1 * received / points**5).ravel()
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Band) and self._given == other._given
+
+    def __hash__(self) -> int:
+        return hash(self._given)
+
+    @property
+    def _given(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        return self.wavelengths, self.response
 
     def __repr__(self) -> str:
         low, high = (1e6 * self.wavelengths[end] for end in (0, -1))
@@ -175,16 +166,6 @@ class Band:
 _RANGE = MIN_BAND_TEMPERATURE, MAX_BAND_TEMPERATURE
 
 
-def _numbers(given: Any, name: str) -> Float[np.ndarray, " k"]:
-    try:
-        found = np.asarray(given, float)
-    except (TypeError, ValueError):
-        found = np.full(1, np.nan)
-    if found.ndim != 1 or not np.isfinite(found).all():
-        raise InputError(f"{name}: give finite numbers")
-    return found
-
-
 # The derivatives of Planck's law, and of its inverse, in closed form.
 @partial(jax.custom_jvp, nondiff_argnums=(0,))
 def _radiance(band: Band, temperature: Float[Array, "..."]) -> Float[Array, "..."]:
@@ -246,7 +227,3 @@ class BandTable(NamedTuple):
         log_l = np.log(np.maximum(radiance, 1e-37), dtype=float)
         found = np.exp(self.log_temperature(log_l))
         return found.astype(np.asarray(radiance).dtype)
-
-
-LONG_WAVE, MID_WAVE = Band((7.5e-6, 14e-6)), Band((3e-6, 5e-6))
-"""Bands of most uncooled cameras, and of cooled ones."""

@@ -14,8 +14,8 @@ from pydantic_core import CoreSchema, core_schema
 from typing_extensions import override
 
 from ...errors import InputError
-from ...image.band import LONG_WAVE, MID_WAVE, Band
 from ...image.palette import palette_names
+from ...image.response import BANDS, checked_response
 from ..messages import close_match
 from ..types import quantities as si
 from ..types.model import ByKind, Mistake, Model, Short
@@ -85,11 +85,10 @@ def _known_palette(name: str) -> str:
     return name
 
 
-_BANDS = {"long-wave": LONG_WAVE, "mid-wave": MID_WAVE}
-
-
-class BandConfig(Model):
+class BandConfig(Model, builds="Band"):
     """Band of the detector: its name, or wavelengths and the response at each."""
+
+    exactly_one = (("name", "wavelengths"),)
 
     name: Literal["long-wave", "mid-wave"] | None = None
     """7.5 to 14 um, as of most uncooled cameras, or 3 to 5 um."""
@@ -100,19 +99,19 @@ class BandConfig(Model):
 
     @override
     def mistakes(self) -> list[Mistake]:
-        if (self.name is None) == (self.wavelengths is None):
-            return [((), "give either a name or wavelengths, such as [8 um, 14 um]")]
+        given = self.arguments()
+        if given["wavelengths"] is None:
+            return []
         try:
-            self.detector()
+            checked_response(**given)
         except InputError as error:
             return [((), str(error).partition(": ")[2])]
         return []
 
-    def detector(self) -> Band:
-        """The band, as `render` takes it."""
-        if self.name is not None:
-            return _BANDS[self.name]
-        return Band(self.wavelengths or (), self.response)
+    @override
+    def arguments(self) -> dict[str, Any]:
+        ends = self.wavelengths if self.name is None else BANDS[self.name]
+        return {"wavelengths": ends, "response": self.response}
 
 
 class _OfWavelengths:
@@ -154,7 +153,7 @@ class ImageConfig(Model):
     """Distance within which surfaces in the image hide the surroundings from what
     others reflect [m]; for scenes whose terms do not detect it."""
     band: Annotated[
-        Annotated[BandConfig, Short("name", words=(*_BANDS,)), _OfWavelengths()] | None,
+        Annotated[BandConfig, Short("name", words=(*BANDS,)), _OfWavelengths()] | None,
         si.NoneWord("all"),
     ] = None
     """Wavelengths that the detector sees; with all of them the sun that surfaces

@@ -23,6 +23,7 @@ MODELS = sorted(
 # Keys from which `build` makes arguments of other names.
 CONVERTED = {
     "Aggregate": {"nodes", "size"},
+    "BandConfig": {"name"},
     "BodyConfig": {
         *("mesh", "shape", "solid", "pitch", "voxels_high", "surface_cells"),
         *("structure", "regions"),

@@ -10,10 +10,12 @@ import pytest
 
 import jaxthermo as jt
 from jaxthermo.constants import SOLAR_TEMPERATURE
-from jaxthermo.image.band import LONG_WAVE, MID_WAVE, Band
+from jaxthermo.image.band import Band
+from jaxthermo.image.response import BANDS
 
 
 SIGMA = 5.670374419e-8
+LONG_WAVE, MID_WAVE = (Band(BANDS[name]) for name in ("long-wave", "mid-wave"))
 
 # Radiance [W/(m^2 sr)] and its derivative by temperature at 250, 300, 350, 400 K: the
 # series of exponentials, checked against quadrature to 1e-9.
