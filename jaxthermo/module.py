@@ -72,7 +72,7 @@ class _QuickMeta(type(eqx.Module)):
         return made
 
 
-class Module(eqx.Module, metaclass=_QuickMeta):
+class Module(eqx.Module):
     """A module of equinox whose methods are Python's own, and which is made quickly.
 
     Equinox makes a pytree of every method that is looked up, for transformations that
@@ -83,6 +83,12 @@ class Module(eqx.Module, metaclass=_QuickMeta):
     # check of all arrays in its module, takes longer than what the methods do.
     if not TYPE_CHECKING:
         __getattribute__ = object.__getattribute__
+
+
+# Not in the class statement: a type checker would then take the arguments of modules
+# from the constructor, and not from their fields.
+if not TYPE_CHECKING:
+    Module.__class__ = _QuickMeta
 
 
 _M = TypeVar("_M", bound=Module)
