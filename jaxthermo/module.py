@@ -19,12 +19,9 @@ class _Fields(NamedTuple):
 
 def _fields_of(cls: type) -> _Fields | None:
     """Fields of a class whose arguments are its fields; None for any other class."""
-    init = cls.__init__
+    init, code = cls.__init__, getattr(cls.__init__, "__code__", None)
     # A type checker wraps the function that dataclasses write.
-    written = getattr(init, "__code__", None) is not None and not hasattr(
-        init, "__wrapped__"
-    )
-    if not written or init.__code__.co_filename != "<string>":
+    if hasattr(init, "__wrapped__") or getattr(code, "co_filename", "") != "<string>":
         return None
     missing, fields = dataclasses.MISSING, dataclasses.fields(cls)
     plain = all(f.init and f.default_factory is missing for f in fields)

@@ -39,7 +39,7 @@ _BOUND, _UPDATES = 0.35, 2e7
 
 
 def _rows(f, out, symmetric, antisymmetric):
-    half, one = np.float32(0.5), np.float32(1.0)
+    half, three = np.float32(0.5), np.float32(3.0)
     third, nine = np.float32(1.5), np.float32(4.5)
     w0, w1, w5 = np.float32(4 / 9), np.float32(1 / 9), np.float32(1 / 36)
     for y in numba.prange(1, f.shape[1] - 1):
@@ -56,18 +56,18 @@ def _rows(f, out, symmetric, antisymmetric):
             base -= third * (u * u + v * v)
             t0[x] = f0 + symmetric * (w0 * base - f0)
             even = symmetric * (w1 * (base + nine * u * u) - half * (f1 + f3))
-            odd = antisymmetric * (w1 * (one + one + one) * u - half * (f1 - f3))
+            odd = antisymmetric * (w1 * three * u - half * (f1 - f3))
             t1[x], t3[x] = f1 + (even + odd), f3 + (even - odd)
             even = symmetric * (w1 * (base + nine * v * v) - half * (f2 + f4))
-            odd = antisymmetric * (w1 * (one + one + one) * v - half * (f2 - f4))
+            odd = antisymmetric * (w1 * three * v - half * (f2 - f4))
             t2[x], t4[x] = f2 + (even + odd), f4 + (even - odd)
             c = u + v
             even = symmetric * (w5 * (base + nine * c * c) - half * (f5 + f7))
-            odd = antisymmetric * (w5 * (one + one + one) * c - half * (f5 - f7))
+            odd = antisymmetric * (w5 * three * c - half * (f5 - f7))
             t5[x], t7[x] = f5 + (even + odd), f7 + (even - odd)
             c = v - u
             even = symmetric * (w5 * (base + nine * c * c) - half * (f6 + f8))
-            odd = antisymmetric * (w5 * (one + one + one) * c - half * (f6 - f8))
+            odd = antisymmetric * (w5 * three * c - half * (f6 - f8))
             t6[x], t8[x] = f6 + (even + odd), f8 + (even - odd)
 
 

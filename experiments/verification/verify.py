@@ -24,7 +24,7 @@ _NOT_COVERED = (
         "Zukauskas, Fand, McAdams, Whitaker and Perkins-Leppert are not among the "
         "averages here",
     ),
-    ("A15, spectral radiance", "images are total radiance; there is no spectrum yet"),
+    ("A15, spectral radiance", "it is compared by tests/unit/image/test_band.py"),
     ("A16", "a camera's chain from raw counts (FLIR) is not here yet"),
     ("A17, angles", "emissivity does not depend on the viewing angle"),
     ("A18", "the channel of Schaefer and Turek is computed by tests/unit/flow"),

@@ -29,6 +29,13 @@ def _cylinder(channel: Channel) -> RoundBody:
     return channel.body
 
 
+def _at_row(values: Float[Any, "y x"], row: float) -> Float[Any, " x"]:
+    """Values between two rows of cells, counted from the middle of the first."""
+    low = int(np.floor(row))
+    part = row - low
+    return (1 - part) * values[low] + part * values[low + 1]
+
+
 def force_coefficient(channel: Channel, force: Any) -> Any:
     """Coefficient 2 F / (U^2 D) of drag or lift, with the mean speed of the inlet."""
     return 2 * force / (channel.speed**2 * _cylinder(channel).diameter)
@@ -56,9 +63,7 @@ def strouhal(run: FlowRun) -> float:
 def centreline(run: FlowRun) -> Line:
     """Mean velocity behind the cylinder, by the distance from its rear."""
     channel, body = run.channel, _cylinder(run.channel)
-    row = body.centre[1] - 0.5
-    low, part = int(np.floor(row)), row - np.floor(row)
-    u = (1 - part) * run.mean.x[low] + part * run.mean.x[min(low + 1, len(run.mean.x))]
+    u = _at_row(run.mean.x, body.centre[1] - 0.5)
     x = np.arange(channel.shape[1]) + 0.5 - body.centre[0] - body.diameter / 2
     behind = x > 0
     ratio = np.asarray(u, float)[behind] / float(channel.speed)
@@ -69,8 +74,7 @@ def across(run: FlowRun, distance: float) -> Line:
     """Mean velocity across the wake at a distance behind the rear [diameters]."""
     channel, body = run.channel, _cylinder(run.channel)
     column = body.centre[0] + (distance + 0.5) * body.diameter - 0.5
-    low, part = int(np.floor(column)), column - np.floor(column)
-    u = (1 - part) * run.mean.x[:, low] + part * run.mean.x[:, low + 1]
+    u = _at_row(run.mean.x.T, column)
     y = np.arange(channel.shape[0]) + 0.5 - body.centre[1]
     return Line(y / body.diameter, np.asarray(u, float) / float(channel.speed))
 
@@ -91,10 +95,8 @@ def pressure_difference(run: FlowRun) -> float:
 
     Extrapolated along the middle from three cells to the surface.
     """
-    body, pressure = _cylinder(run.channel), run.mean.pressure
-    row = body.centre[1] - 0.5
-    low, part = int(np.floor(row)), row - np.floor(row)
-    line = (1 - part) * pressure[low].astype(float) + part * pressure[low + 1]
+    body = _cylinder(run.channel)
+    line = _at_row(run.mean.pressure.astype(float), body.centre[1] - 0.5)
     found = []
     for side in (-1, 1):
         surface = body.centre[0] + side * body.diameter / 2 - 0.5

@@ -89,7 +89,7 @@ def _reflected(
         )
     # A black body at the mean of what surrounds a surface.
     least = np.asarray(1e-12, received.thermal.dtype)
-    mean = _apparent_temperature(xp.maximum(received.thermal, least) / math.pi, None)
+    mean = _apparent_temperature(xp.maximum(received.thermal, least) / math.pi)
     shares = _share(band, received.spectrum)
     seen = Irradiance(
         math.pi * _black_radiance(mean, band),
@@ -99,10 +99,8 @@ def _reflected(
     return seen.reflected(emissivity, emissivity)
 
 
-def _share(band: Band | None, spectrum: Any) -> Any:
+def _share(band: Band, spectrum: Any) -> Any:
     """Fractions of the radiation of sources within the band."""
-    if band is None:
-        return 1.0
     exact = band.share(spectrum)
     # The laws of a band are in double precision on the host.
     return exact if isinstance(exact, jax.Array) else exact.astype(spectrum.dtype)

@@ -185,7 +185,8 @@ class FullVolume(AbstractStructure):
         self, voxel: Int[np.ndarray, "m 3"]
     ) -> tuple[Int[np.ndarray, " m"], ...]:
         """Indices of some solid voxels in the state of a stencil."""
-        cells = voxel if self.packed is None else self.packed.cells(voxel)
+        packed = self.packed
+        cells = voxel if packed is None else packed.cells(voxel)
         # The rim of one cell.
         return tuple(np.asarray(index + 1, np.int32) for index in cells.T)
 

@@ -95,6 +95,16 @@ def test_brightness_temperature_is_the_inverse(band):
     np.testing.assert_allclose(again, scene, atol=1e-3)
 
 
+def test_listed_spectral_radiance():
+    """Listed for 800 K at 4 um by `ht`: 1311692056 W/(m^2 sr) per metre.
+
+    With constants from before 2019: c2 / (l T) = 4.5 times their change is 1.5e-6.
+    """
+    narrow = Band((3.9999e-6, 4.0001e-6))
+    found = float(narrow.radiance(800.0)) / 2e-10
+    assert found == pytest.approx(1311692056.0, rel=2e-6)
+
+
 def test_listed_inverses():
     assert float(LONG_WAVE.temperature(60.0)) == pytest.approx(300.738830, abs=1e-6)
     assert float(MID_WAVE.temperature(2.0)) == pytest.approx(301.923589, abs=1e-6)
