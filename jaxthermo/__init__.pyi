@@ -14,6 +14,18 @@ from .geometry.parts import load_parts as load_parts
 from .geometry.sample import MeshSample as MeshSample, mesh_sample as mesh_sample
 from .image.band import Band as Band
 from .image.camera import Camera as Camera, OrthographicCamera as OrthographicCamera
+from .image.effects.atmosphere import Atmosphere as Atmosphere
+from .image.effects.effect import BolometerLag as BolometerLag
+from .image.effects.noise import (
+    Counts as Counts,
+    DetectorNoise as DetectorNoise,
+    FixedPatternNoise as FixedPatternNoise,
+)
+from .image.effects.optics import Blur as Blur, DiffractionBlur as DiffractionBlur
+from .image.effects.surface import (
+    AngularEmissivity as AngularEmissivity,
+    SpecularReflection as SpecularReflection,
+)
 from .image.files import write_exr as write_exr, write_png as write_png
 from .image.render import render as render
 from .integrate.discretization_error import (

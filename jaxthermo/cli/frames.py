@@ -13,8 +13,11 @@ from ..config.loader import load_config, to_yaml
 from ..config.schema.scene import SceneConfig
 from ..config.types.model import build
 from ..errors import InputError
+from ..image.detector import detect
+from ..image.draw import draw
+from ..image.effects.effect import in_order
 from ..image.files import write_exr, write_png
-from ..image.render import Image, coarsen, draw
+from ..image.image import Image, coarsen
 from ..image.view import View, at_time, kept_view
 from ..integrate.run.solution_file import StoredSolution, load_solution
 from ..integrate.stepper import just_before
@@ -49,6 +52,7 @@ class FrameCamera:
         self._camera = build_camera(config.camera, triangles)
         self._image = config.image
         self._band = build(config.image.band)
+        self._effects = in_order(build(config.image.effects), "image.effects")
         self._surfaces, self._terms = surfaces, terms
         self._view(*at_time(surfaces, terms, 0.0))
 
@@ -59,8 +63,26 @@ class FrameCamera:
         how = self._image.smooth, self._image.occlusion
         return kept_view(surfaces, terms, finer, *how)
 
+    @property
+    def samples(self) -> int:
+        """Samples along each axis of a pixel of what `detect` returns."""
+        return 1 if self._measures else self._image.samples
+
+    @property
+    def _measures(self) -> bool:
+        # A camera's pixels are mixtures at outlines, and noisy: they stay as they are.
+        effects = self._effects
+        return bool(effects.blur or effects.lag or effects.detector)
+
+    def detect(self, stored: StoredSolution, index: int) -> Image:
+        """Frame of a saved time with all effects, with `samples` of each pixel."""
+        if not self._measures:
+            return self.draw(stored, index)
+        drawn, times = lambda k: self.draw(stored, k), np.asarray(stored.times)
+        return detect(drawn, times, index, self._effects, self._image.samples)
+
     def draw(self, stored: StoredSolution, index: int) -> Image:
-        """Draw the frame of a saved time, with the samples of each pixel."""
+        """Frame of a saved time before the lens, with all samples of each pixel."""
         assert stored.irradiance is not None
         # On the host, where nothing is compiled for it.
         time = np.asarray(stored.times)[index]
@@ -69,7 +91,7 @@ class FrameCamera:
         received = Irradiance(*(each[index] for each in stored.irradiance))
         now, before = (jnp.asarray(t, time.dtype) for t in (time, just_before(time)))
         saved = kelvin, received, now, before
-        return draw(self._view(*here), *here, *saved, self._band)
+        return draw(self._view(*here), *here, *saved, self._band, self._effects)
 
 
 def chosen_frames(
@@ -126,17 +148,14 @@ def write_frames(
     """
     chosen = chosen_frames(config, stored.times)
 
-    def images() -> Iterator[Image]:
-        # Drawn twice, for the scale and for the file: a long run would fill the memory.
-        for k in chosen:
-            yield camera.draw(stored, k)
-
-    low, high = _scale(config, images())
+    # Drawn twice, for the scale and for the file: a long run would fill the memory.
+    low, high = _scale(config, (camera.draw(stored, k) for k in chosen))
+    images = (camera.detect(stored, k) for k in chosen)
     before, written = earlier_frames(prepare_folder(folder)), set()
     names = frame_names(np.asarray(stored.times, float).tolist())
-    for k, image in zip(chosen, images(), strict=True):
+    for k, image in zip(chosen, images, strict=True):
         paths = [folder / f"{names[k]}.{kind}" for kind in ("exr", "png")]
-        radiometric = coarsen(image, config.image.samples)
+        radiometric = coarsen(image, camera.samples)
         write_exr(paths[0], radiometric, {"config": to_yaml(config)})
         write_png(
             paths[1],
@@ -146,7 +165,7 @@ def write_frames(
             palette=config.image.palette,
             quantity=config.image.quantity,
             title=config.name or "",
-            samples=config.image.samples,
+            samples=camera.samples,
         )
         written.update(paths)
     for path in before - written:

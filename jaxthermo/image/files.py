@@ -14,8 +14,8 @@ from ..atomic import replacing
 from ..errors import InputError
 from .annotate import annotate, write_png as write_picture
 from .canvas import averaged
+from .image import Image
 from .palette import BACKGROUND, ENTRIES, apply_palette
-from .render import Image
 
 
 _Image = Float[np.ndarray, "h w"] | Float[Array, "h w"]

@@ -19,6 +19,7 @@ from ...image.response import BANDS, checked_response
 from ..messages import close_match
 from ..types import quantities as si
 from ..types.model import ByKind, Mistake, Model, Short
+from .effects import EffectConfig
 
 
 Pixels = Annotated[si.Whole, Field(ge=1, le=16384)]
@@ -155,14 +156,23 @@ class ImageConfig(Model):
     band: Annotated[
         Annotated[BandConfig, Short("name", words=(*BANDS,)), _OfWavelengths()] | None,
         si.NoneWord("all"),
-    ] = None
+    ] = BandConfig(name="long-wave")
     """Wavelengths that the detector sees; with all of them the sun that surfaces
     reflect is as bright as it heats."""
+    effects: tuple[EffectConfig, ...] = ()
+    """Effects of surfaces, air, optics and detector, in any order, each once."""
     frames: Frames = None
     """Saved times that become frames [s]."""
 
     @override
     def mistakes(self) -> list[Mistake]:
-        if self.low is None or self.high is None or self.low < self.high:
-            return []
-        return [(("high",), f"{self.high:g} K is not above `low`, {self.low:g} K")]
+        kinds = [effect.kind for effect in self.effects]
+        found: list[Mistake] = [
+            (("effects", number), f"{kind} is there already: give it once")
+            for number, kind in enumerate(kinds)
+            if kind in kinds[:number]
+        ]
+        low, high = self.low, self.high
+        if low is not None and high is not None and low >= high:
+            found.append((("high",), f"{high:g} K is not above `low`, {low:g} K"))
+        return found

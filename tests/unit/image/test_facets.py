@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.image.render import _irradiation_to_pixels, _means
+from jaxthermo.image.draw import _irradiation_to_pixels, _means
 from jaxthermo.image.view import View, compute_view
 from jaxthermo.scene.compile.compile import body_geometry
 from jaxthermo.scene.scene import SolvedSurface

@@ -1,0 +1,74 @@
+"""The thermal image of one time: radiance, temperatures and geometry of each pixel."""
+
+import dataclasses
+from typing import Any
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from .band import Band
+from .radiometry import Values, apparent_temperature
+
+
+class Image(eqx.Module):
+    """Thermal frame; its background is the sky and the ground at infinite depth.
+
+    A source is drawn as a black surface of its radiance.
+    """
+
+    time: Float[Array, ""]
+    """Time [s]."""
+    temperature: Float[Values, "h w"]
+    """True surface temperature; that of sky or ground in the background [K]."""
+    radiance: Float[Values, "h w"]
+    """Radiance at the detector, averaged over the pixel, total or within the band
+    [W/(m^2 sr)]."""
+    emissivity: Float[Values, "h w"]
+    """Emissivity towards the camera [-]; 1 in the background and of a source."""
+    depth: Float[Values, "h w"]
+    """Depth along the optical axis [m]; inf in the background."""
+    object_id: Int[Values, "h w"]
+    """Number of the body; -1 in the background and of a source."""
+    normal: Float[Values, "h w 3"]
+    """Outward normal in the world; 0 in the background and of a source."""
+    band: Band | None = eqx.field(static=True, default=None)
+    """Band of the detector; None for all wavelengths."""
+
+    @property
+    def apparent_temperature(self) -> Float[Values, "h w"]:
+        """Temperature that a camera set to emissivity 1 shows [K]."""
+        return apparent_temperature(self.radiance, self.band)
+
+    def with_radiance(self, radiance: Any) -> "Image":
+        """The same frame with other radiances [W/(m^2 sr)]."""
+        return dataclasses.replace(self, radiance=radiance)
+
+
+def coarsen(image: Image, samples: int) -> Image:
+    """Reduce an image by the factor `samples` along both axes."""
+    # A detector integrates radiance over its pixel. The mean of depths or body numbers
+    # over an edge would be meaningless: these are of one sample near the middle.
+    if samples == 1:
+        return image
+    middle = slice(samples // 2, None, samples)
+    picked = {
+        name: getattr(image, name)[middle, middle]
+        for name in ("temperature", "emissivity", "depth", "object_id", "normal")
+    }
+    mean = block_means(image.radiance, samples)
+    return Image(time=image.time, radiance=mean, band=image.band, **picked)
+
+
+def block_means(values: Values, samples: int) -> Values:
+    """Means over blocks of `samples` rows and columns."""
+    height, width = values.shape
+    rows = values.reshape(height // samples, samples, width)
+    # Rows first: sums of whole rows are fast.
+    summed = rows.sum(axis=1).reshape(height // samples, width // samples, samples)
+    if not isinstance(summed, np.ndarray):
+        return summed.mean(axis=-1) / samples
+    first = summed[..., 0]
+    for k in range(1, samples):
+        first = first + summed[..., k]
+    return (first / samples**2).astype(values.dtype, copy=False)
