@@ -27,7 +27,7 @@ from .image.effects.surface import (
     SpecularReflection as SpecularReflection,
 )
 from .image.files import write_exr as write_exr, write_png as write_png
-from .image.render import render as render
+from .image.render import frames as frames, render as render
 from .integrate.discretization_error import (
     DiscretizationError as DiscretizationError,
     discretization_error as discretization_error,

@@ -1,6 +1,6 @@
 """Frames of a run, EXR and PNG on one temperature scale, at its end or later."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import jax.numpy as jnp
@@ -13,7 +13,7 @@ from ..config.loader import load_config, to_yaml
 from ..config.schema.scene import SceneConfig
 from ..config.types.model import build
 from ..errors import InputError
-from ..image.detector import detect
+from ..image.detector import Detector
 from ..image.draw import draw
 from ..image.effects.effect import in_order
 from ..image.files import write_exr, write_png
@@ -65,7 +65,7 @@ class FrameCamera:
 
     @property
     def samples(self) -> int:
-        """Samples along each axis of a pixel of what `detect` returns."""
+        """Samples along each axis of a pixel of what `detector` draws."""
         return 1 if self._measures else self._image.samples
 
     @property
@@ -74,12 +74,12 @@ class FrameCamera:
         effects = self._effects
         return bool(effects.blur or effects.lag or effects.detector)
 
-    def detect(self, stored: StoredSolution, index: int) -> Image:
-        """Frame of a saved time with all effects, with `samples` of each pixel."""
-        if not self._measures:
-            return self.draw(stored, index)
+    def detector(self, stored: StoredSolution) -> Callable[[int], Image]:
+        """Draws frames with all effects, with `samples` of each pixel."""
         drawn, times = lambda k: self.draw(stored, k), np.asarray(stored.times)
-        return detect(drawn, times, index, self._effects, self._image.samples)
+        if not self._measures:
+            return drawn
+        return Detector(drawn, times, self._effects, self._image.samples).frame
 
     def draw(self, stored: StoredSolution, index: int) -> Image:
         """Frame of a saved time before the lens, with all samples of each pixel."""
@@ -150,7 +150,7 @@ def write_frames(
 
     # Drawn twice, for the scale and for the file: a long run would fill the memory.
     low, high = _scale(config, (camera.draw(stored, k) for k in chosen))
-    images = (camera.detect(stored, k) for k in chosen)
+    images = map(camera.detector(stored), chosen)
     before, written = earlier_frames(prepare_folder(folder)), set()
     names = frame_names(np.asarray(stored.times, float).tolist())
     for k, image in zip(chosen, images, strict=True):

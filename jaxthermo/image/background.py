@@ -44,11 +44,8 @@ class Background(NamedTuple):
     """Pixels whose ray goes down, to the ground; None where it looks like the sky."""
     sources: tuple[VisibleSource, ...]
 
-    def temperature(
-        self, terms: tuple[AbstractTerm, ...], time: Time
-    ) -> Float[Array | np.ndarray, "*n"]:
-        """Temperature of sky and ground [K]; one number where they are the same."""
-        sky, ground = horizon_at(terms, time)
+    def of(self, sky: Any, ground: Any) -> Float[Array | np.ndarray, "*n"]:
+        """Values of sky and ground at the pixels; one where they are the same."""
         if self.below is None:
             return sky
         if is_traced((sky, ground)):

@@ -8,11 +8,9 @@ import dataclasses
 import math
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from scipy.sparse import csr_array
 
 from ..arrays import is_traced
 from ..physics.radiation.irradiation import Irradiance
@@ -24,6 +22,14 @@ from .background import VisibleSource, horizon_at
 from .band import Band
 from .effects.effect import NO_EFFECTS, Effects, Horizon, prepared_for
 from .image import Image
+from .pixels import (
+    filled,
+    geometry_frames,
+    irradiation_at_pixels,
+    property_at_pixels,
+    replaced,
+    temperature_at_pixels,
+)
 from .radiometry import (
     PixelRadiation,
     Values,
@@ -36,43 +42,6 @@ from .radiometry import (
 from .view import View
 
 
-def _means(weights: csr_array, values: Values) -> Values:
-    """Weighted means of the fragments of each row, [s, k] to [p, k]."""
-    count = len(weights.indptr) - 1
-    if isinstance(values, np.ndarray):
-        return (weights @ values).astype(values.dtype)
-    row = np.repeat(np.arange(count), np.diff(weights.indptr))
-    each = jnp.asarray(weights.data, values.dtype)[:, None] * values[weights.indices]
-    # The rows of the weights are sorted, which lets XLA sum without scattering.
-    return jax.ops.segment_sum(each, row, count, indices_are_sorted=True)
-
-
-def _replaced(values: Values, where: Any, new: Any) -> Values:
-    """An array with new values at some places."""
-    if not isinstance(values, np.ndarray):
-        return values.at[where].set(new)
-    values = values.copy()
-    values[where] = new
-    return values
-
-
-def _irradiation_to_pixels(view: View, values: Values) -> Values:
-    """Radiation on fragments [s, k] to pixels [p, k] in W/m^2, see `facets`."""
-    plain, facets = _means(view.weights, values), view.facets
-    if facets is None:
-        return plain
-    xp: Any = np if isinstance(values, np.ndarray) else jnp
-    own = _means(facets.own, values)
-    share = xp.asarray(facets.share, values.dtype)[:, :, None]
-    joined, alone = (
-        (share * _means(each, values)[facets.corner]).sum(axis=1)
-        for each in (facets.joined, facets.alone)
-    )
-    scale = xp.minimum(own / xp.where(alone > 0, alone, 1), 1)
-    smooth = own + xp.where(alone > 0, scale, 1) * (joined - alone)
-    return _replaced(plain, facets.point, smooth)
-
-
 def _lambertian(
     view: View,
     surfaces: tuple[SolvedSurface, ...],
@@ -82,18 +51,20 @@ def _lambertian(
 ) -> tuple[Values, Values, Values]:
     """Temperature [K], emissivity and radiance [W/(m^2 sr)] of the pixels."""
     xp: Any = np if isinstance(kelvin, np.ndarray) else jnp
-    emissivity = per_fragment(surfaces, "emissivity", xp)
-    surface, seen = _means(view.weights, xp.stack([kelvin, emissivity], axis=1)).T
+    surface = temperature_at_pixels(view, kelvin)
+    seen = property_at_pixels(view, surfaces, "emissivity", xp)
     back: Any = xp.zeros_like(surface)
     if received is not None:
         # Fragments reflect: one sum to carry to the pixels, or two where the image
         # hides a part.
-        absorptivity = _absorptivity(surfaces, band, xp)
+        properties = "emissivity", _absorptivity(band)
         inside = within_band(received, band, xp)
-        reflected, lit = inside.reflected(emissivity, absorptivity)
+        reflected, lit = inside.reflected(
+            *(per_fragment(surfaces, each, xp) for each in properties)
+        )
         hidden = view.open_fraction is not None
         parts = xp.stack([reflected, lit] if hidden else [reflected], axis=1)
-        back, *lit_pixels = _irradiation_to_pixels(view, parts).T
+        back, *lit_pixels = irradiation_at_pixels(view, parts).T
         if hidden:
             # Sources have their own shadows: what is hidden is thermal radiation, and
             # what hides it is as warm as the surface, as in `Surroundings`.
@@ -104,11 +75,9 @@ def _lambertian(
     return surface, seen, leaving_radiance(surface, seen, back, band)
 
 
-def _absorptivity(
-    surfaces: tuple[SolvedSurface, ...], band: Band | None, xp: Any
-) -> Values:
-    """Absorptivity of fragments for what sources send [-]."""
-    return per_fragment(surfaces, "absorptivity" if band is None else "emissivity", xp)
+def _absorptivity(band: Band | None) -> str:
+    """Name of the property that absorbs what sources send."""
+    return "absorptivity" if band is None else "emissivity"
 
 
 def _directional(
@@ -117,32 +86,29 @@ def _directional(
     terms: tuple[AbstractTerm, ...],
     kelvin: Values,
     received: Irradiance | None,
-    time: Float[Array, ""],
+    horizon: Horizon,
     band: Band | None,
     effects: Effects,
 ) -> tuple[Values, Values, Values]:
     """The same of surfaces whose radiation depends on the direction."""
     xp: Any = np if isinstance(kelvin, np.ndarray) else jnp
-    emissivity = per_fragment(surfaces, "emissivity", xp)
-    columns = [kelvin, emissivity, _absorptivity(surfaces, band, xp)]
-    surface, seen, absorptivity = _means(view.weights, xp.stack(columns, axis=1)).T
-    black = black_radiance(surface, band)
-    thermal, sources = (
-        xp.zeros_like(surface),
-        xp.zeros((0, len(surface)), surface.dtype),
+    surface = temperature_at_pixels(view, kelvin)
+    properties = "emissivity", _absorptivity(band)
+    seen, absorptivity = (
+        property_at_pixels(view, surfaces, each, xp) for each in properties
     )
+    black = black_radiance(surface, band)
+    thermal = xp.zeros_like(surface)
+    sources = thermal[None, :][:0]
     if received is not None:
         inside = within_band(received, band, xp)
         rows = xp.concatenate([inside.thermal[None], inside.sources])
-        thermal, *lit = _irradiation_to_pixels(view, rows.T).T
+        thermal, *lit = irradiation_at_pixels(view, rows.T).T
         sources = xp.stack(lit) if lit else sources
         if view.open_fraction is not None:
             open_fraction = xp.asarray(view.open_fraction, surface.dtype)
             thermal = open_fraction * thermal + (1 - open_fraction) * math.pi * black
     found = PixelRadiation(black, seen, absorptivity, thermal, sources)
-    horizon = Horizon(
-        *(black_radiance(xp.asarray(each), band) for each in horizon_at(terms, time))
-    )
     for effect in effects.surface:
         arrays = prepared_for(effect, view, terms, surface.dtype)
         found = effect.apply(found, arrays, horizon)
@@ -180,11 +146,11 @@ def draw(
     kelvin = xp.asarray(temperature)
     if received is not None:
         received = Irradiance(*(xp.asarray(each) for each in received))
-    behind = view.background.temperature(terms, load_time)
-    behind = xp.asarray(behind).reshape(-1)
+    behind = tuple(xp.asarray(each) for each in horizon_at(terms, load_time))
+    horizon = Horizon(*(black_radiance(each, band) for each in behind))
     if effects.surface:
         drawn = _directional(
-            view, surfaces, terms, kelvin, received, load_time, band, effects
+            view, surfaces, terms, kelvin, received, horizon, band, effects
         )
     else:
         drawn = _lambertian(view, surfaces, kelvin, received, band)
@@ -192,23 +158,16 @@ def draw(
     for effect in effects.path:
         arrays = prepared_for(effect, view, terms, radiance.dtype)
         radiance = effect.apply(radiance, arrays, band)
-    width, height = view.camera.size
-
-    def frame(values: Any, background: Any, dtype: Any = surface.dtype) -> Values:
-        """Image of pixel values, with a background behind the bodies."""
-        blank = xp.asarray(background, dtype)
-        blank = xp.broadcast_to(blank, (height * width, *values.shape[1:]))
-        filled = _replaced(blank, view.pixel, xp.asarray(values, dtype))
-        return filled.reshape(height, width, *values.shape[1:])
-
+    frame = lambda values, behind: filled(view, values, behind, surface.dtype, xp)
+    geometry = geometry_frames(view, surface.dtype)
     image = Image(
         time=time,
-        temperature=frame(surface, behind),
-        radiance=frame(radiance, black_radiance(behind, band)),
+        temperature=frame(surface, view.background.of(*behind)),
+        radiance=frame(radiance, view.background.of(*horizon)),
         emissivity=frame(emissivity, 1),
-        depth=frame(view.depth, np.inf),
-        object_id=frame(view.body, -1, np.int32),
-        normal=frame(view.normal, 0),
+        depth=xp.asarray(geometry.depth),
+        object_id=xp.asarray(geometry.object_id),
+        normal=xp.asarray(geometry.normal),
         band=band,
     )
     for visible in view.background.sources:
@@ -232,7 +191,7 @@ def _with_source(image: Image, source: VisibleSource, strength: Values) -> Image
         old = below[where]
         on = (radiance > 0).reshape(-1, *(1,) * (old.ndim - 1))
         new = xp.where(on, xp.asarray(value, old.dtype), old)
-        return _replaced(below, where, new)
+        return replaced(below, where, new)
 
     return dataclasses.replace(
         image,

@@ -1,6 +1,7 @@
 """Thermal images of a solution, differentiable in its temperatures."""
 
-from typing import Any
+from collections.abc import Iterable, Iterator
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 
@@ -9,7 +10,7 @@ from ..errors import require
 from ..integrate.run.solution import AbstractSolution
 from .band import LONG_WAVE, Band
 from .camera import AbstractCamera
-from .detector import detect
+from .detector import Detector
 from .draw import draw
 from .effects.effect import in_order
 from .image import Image
@@ -56,30 +57,81 @@ def render(
         >>> jt.render(warm, camera).temperature.shape  # rows, columns
         (24, 32)
     """
+    index = range(len(solution.times))[index]
+    options = _Options(smooth, samples, occlusion, band, effects)
+    (image,) = _frames(solution, camera, (index,), options)
+    return image
+
+
+def frames(
+    solution: AbstractSolution,
+    camera: AbstractCamera,
+    *,
+    smooth: bool = True,
+    samples: int = 1,
+    occlusion: float | None = None,
+    band: Band | None = LONG_WAVE,
+    effects: Any = (),
+) -> Iterator[Image]:
+    """Draw the thermal images of all saved times, one after the other.
+
+    The arguments are those of `render`. With a `BolometerLag` each frame is drawn once,
+    which `render` does anew for those before it.
+
+    Raises:
+        InputError: as `render`.
+    """
+    options = _Options(smooth, samples, occlusion, band, effects)
+    return _frames(solution, camera, range(len(solution.times)), options)
+
+
+class _Options(NamedTuple):
+    """Arguments of `render` and `frames` beside solution and camera."""
+
+    smooth: bool
+    samples: int
+    occlusion: float | None
+    band: Band | None
+    effects: Any
+
+
+def _frames(
+    solution: AbstractSolution,
+    camera: AbstractCamera,
+    indices: Iterable[int],
+    options: _Options,
+) -> Iterator[Image]:
     solutions = "a solution of simulate or steady"
     require(solution, AbstractSolution, "render(solution=)", solutions)
     cameras = "a Camera or an OrthographicCamera"
     require(camera, AbstractCamera, "render(camera=)", cameras)
+    band = options.band
     if band is not None:
         require(band, Band, "render(band=)", "a Band, such as Band((7.5e-6, 14e-6))")
-    chain = in_order(effects, "render(effects=)")
+    effects = in_order(options.effects, "render(effects=)")
 
-    def reaching(number: int) -> Image:
-        time = float(solution.times[number])
+    def reaching(index: int) -> Image:
+        time = float(solution.times[index])
         surfaces, terms = at_time(solution.surfaces, solution.terms, time)
-        view = kept_view(surfaces, terms, camera.finer(samples), smooth, occlusion)
+        finer = camera.finer(options.samples)
+        view = kept_view(surfaces, terms, finer, options.smooth, options.occlusion)
         return draw(
             view,
             surfaces,
             terms,
-            jnp.asarray(solution.surface_temperature[number]),
-            solution.irradiance(number),
-            jnp.asarray(solution.times[number]),
-            solution.load_time(number),
+            jnp.asarray(solution.surface_temperature[index]),
+            solution.irradiance(index),
+            jnp.asarray(solution.times[index]),
+            solution.load_time(index),
             band,
-            chain,
+            effects,
         )
 
-    with precision(solution.receipt.dtype):
-        number = range(len(solution.times))[index]
-        return detect(reaching, solution.times, number, chain, samples)
+    detector = Detector(reaching, solution.times, effects, options.samples)
+
+    def frame(index: int) -> Image:
+        with precision(solution.receipt.dtype):
+            return detector.frame(index)
+
+    # A mistake is told at once, not when the first frame is asked for.
+    return map(frame, indices)

@@ -75,6 +75,7 @@ seen_through = (jt.Atmosphere(290.0), jt.Blur(0.4), jt.DiffractionBlur())
 detector = (jt.BolometerLag(), jt.DetectorNoise(0.05), jt.FixedPatternNoise(0.02))
 effects = (*glossy, *seen_through, *detector, jt.Counts(280.0, 330.0))
 measured = jt.render(solution, camera, samples=2, effects=effects)
+brightest = [float(each.radiance.max()) for each in jt.frames(solution, camera)]
 image = jt.render(solution, camera or jt.OrthographicCamera((1, 0, 0), (0, 0, 0), 0.4))
 channel = jt.Channel((82, 440), 0.05, 0.05, body=jt.RoundBody((40.0, 40.0), 20.0))
 flow: jt.FlowRun = jt.simulate_flow(channel, steps=9000)

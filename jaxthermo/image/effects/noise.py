@@ -1,6 +1,7 @@
 """Noise of a detector, and the counts that it reads out."""
 
 import math
+from functools import lru_cache
 from typing import Any
 
 import equinox as eqx
@@ -90,12 +91,20 @@ class FixedPatternNoise(AbstractDetectorEffect):
     def apply(
         self, radiance: Float[Values, "h w"], time: float, band: Band | None
     ) -> Float[Values, "h w"]:
-        # Another stream than that of the noise with the same seed.
-        generator = np.random.Generator(np.random.SFC64([self.seed, 0, 1]))
         slope = radiance_slope(self.reference_temperature, band)
-        pixels = generator.standard_normal(radiance.shape, np.float32) * self.netd
-        columns = generator.standard_normal(radiance.shape[1], np.float32)
-        return _added(radiance, (pixels + columns * self.columns) * np.float32(slope))
+        given = self.netd * slope, self.columns * slope, self.seed
+        return _added(radiance, _pattern(radiance.shape, *given))
+
+
+@lru_cache(maxsize=4)
+def _pattern(
+    shape: tuple[int, int], pixels: float, columns: float, seed: int
+) -> Float[np.ndarray, "h w"]:
+    """Offsets of pixels and columns of these standard deviations."""
+    # Another stream than that of the noise with the same seed.
+    generator = np.random.Generator(np.random.SFC64([seed, 0, 1]))
+    each = generator.standard_normal(shape, np.float32) * np.float32(pixels)
+    return each + generator.standard_normal(shape[1], np.float32) * np.float32(columns)
 
 
 class Counts(AbstractDetectorEffect):

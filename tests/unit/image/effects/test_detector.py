@@ -8,7 +8,7 @@ import pytest
 
 import jaxthermo as jt
 from jaxthermo.image.band import LONG_WAVE
-from jaxthermo.image.detector import detect
+from jaxthermo.image.detector import Detector
 from jaxthermo.image.effects.effect import in_order
 from jaxthermo.image.effects.optics import integrate_pixels
 from jaxthermo.image.image import Image, block_means
@@ -31,7 +31,7 @@ def flat(radiance: np.ndarray, time: float = 0.0) -> Image:
 
 def seen(radiance: np.ndarray, *effects, time: float = 0.0) -> np.ndarray:
     chain = in_order(effects)
-    found = detect(lambda k: flat(radiance, time), [time], 0, chain)
+    found = Detector(lambda k: flat(radiance, time), [time], chain).frame(0)
     return np.asarray(found.radiance)
 
 
@@ -142,7 +142,7 @@ def test_a_bolometer_follows_a_ramp_with_its_time_constant():
     frames = [flat(np.full((2, 2), 50.0 + slope * t), t) for t in times]
     lag = in_order((jt.BolometerLag(tau),))
     for k, time in enumerate(times):
-        found = detect(frames.__getitem__, times, k, lag)
+        found = Detector(frames.__getitem__, times, lag).frame(k)
         # y = L - slope tau (1 - exp(-t / tau)) from y = L at the start.
         behind = slope * tau * (1 - math.exp(-time / tau))
         expected = 50.0 + slope * time - behind
@@ -158,7 +158,7 @@ def test_a_bolometer_forgets_what_was_long_ago():
         return flat(np.full((2, 2), 50.0 + k), times[k])
 
     lag = in_order((jt.BolometerLag(0.01),))
-    found = detect(reaching, times, 99, lag)
+    found = Detector(reaching, times, lag).frame(99)
     assert min(drawn) == 98
     np.testing.assert_allclose(np.asarray(found.radiance), 149.0 - 0.01, rtol=1e-12)
 
@@ -167,3 +167,23 @@ def test_noise_on_a_sky_without_radiance_has_a_temperature_still():
     dark = seen(np.zeros((30, 30)), jt.DetectorNoise(0.05))
     assert (dark > 0).all()
     assert np.isfinite(np.asarray(LONG_WAVE.temperature(dark))).all()
+
+
+def test_frames_in_order_are_drawn_once_and_as_if_alone():
+    times = np.array([0.0, 0.05, 0.3, 0.4, 2.0])
+    drawn = []
+
+    def reaching(k: int) -> Image:
+        drawn.append(k)
+        return flat(np.full((2, 2), 50.0 + 3 * k**2), times[k])
+
+    lag = in_order((jt.BolometerLag(0.2),))
+    detector = Detector(reaching, times, lag)
+    in_turn = [np.asarray(detector.frame(k).radiance) for k in (0, 2, 3, 4)]
+    assert drawn == [0, 2, 1, 3, 4]
+    for k, found in zip((0, 2, 3, 4), in_turn, strict=True):
+        alone = Detector(reaching, times, lag).frame(k).radiance
+        np.testing.assert_allclose(found, np.asarray(alone), rtol=1e-12)
+    # Back in time nothing later is remembered.
+    again = np.asarray(detector.frame(2).radiance)
+    np.testing.assert_array_equal(again, in_turn[1])

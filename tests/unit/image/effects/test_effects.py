@@ -91,7 +91,7 @@ def test_apparent_temperature_at_the_normal_and_by_the_angle():
     seen = np.asarray(image.object_id) == 0
     normal = np.asarray(image.normal)[seen]
     sight = np.subtract(CAMERA.position, CAMERA.look_at)
-    cosine = normal @ sight / np.linalg.norm(sight)
+    cosine = (normal @ sight / np.linalg.norm(sight)).clip(0)
     kelvin = np.asarray(image.apparent_temperature)[seen]
     facing = cosine.argmax()
     assert cosine[facing] > 0.998
@@ -242,3 +242,16 @@ def test_effects_are_sorted_and_each_is_given_once():
 def test_values_beyond_their_range_are_refused(make):
     with pytest.raises(jt.InputError):
         make()
+
+
+def test_frames_of_all_times_are_those_that_are_drawn_alone():
+    scene = jt.Scene((ball(),), (jt.Surroundings(400.0),), dtype="float64")
+    solution = jt.simulate(scene, 3.0, save_at=[1.0, 2.0, 3.0])
+    effects = (jt.BolometerLag(0.8), jt.Blur(0.5), jt.DetectorNoise())
+    shown = list(jt.frames(solution, CAMERA, effects=effects))
+    assert [float(each.time) for each in shown] == [1.0, 2.0, 3.0]
+    for k, each in enumerate(shown):
+        alone = jt.render(solution, CAMERA, k, effects=effects)
+        np.testing.assert_allclose(each.radiance, alone.radiance, rtol=1e-12)
+    with pytest.raises(jt.InputError, match="effects"):
+        jt.frames(solution, CAMERA, effects=(0.5,))
