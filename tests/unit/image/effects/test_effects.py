@@ -11,10 +11,12 @@ import pytest
 
 import jaxthermo as jt
 from jaxthermo.image.band import LONG_WAVE, Band
+from jaxthermo.image.draw import draw
 from jaxthermo.image.effects.atmosphere import transmissivity
 from jaxthermo.image.effects.effect import AbstractEffect, in_order
 from jaxthermo.image.effects.surface import _above_horizon
 from jaxthermo.image.response import BANDS
+from jaxthermo.image.view import compute_view
 
 
 MID_WAVE = Band(BANDS["mid-wave"])
@@ -204,6 +206,25 @@ def test_derivatives_through_surface_and_air_are_those_of_differences(sunlit):
         moved = [float(shown(at.at[k].add(sign * step))) for sign in (1, -1)]
         slope = (moved[0] - moved[1]) / (2 * step)
         assert float(found[k]) == pytest.approx(slope, rel=1e-6)
+
+
+def test_what_is_not_asked_for_is_not_in_the_program(sunlit):
+    surfaces, terms = sunlit.surfaces, sunlit.terms
+    view, received = compute_view(surfaces, terms, CAMERA), sunlit.irradiance(0)
+
+    def operations(*effects: Any) -> int:
+        shown = lambda kelvin: draw(
+            view, surfaces, terms, kelvin, received, sunlit.times[0],
+            effects=in_order(effects),
+        ).radiance  # fmt: skip
+        return len(jax.make_jaxpr(shown)(sunlit.surface_temperature[0]).jaxpr.eqns)
+
+    plain = operations()
+    # Those of the detector follow later, on the host.
+    assert operations(jt.Blur(1.0), jt.DetectorNoise(), jt.Counts(280, 300)) == plain
+    angle = operations(jt.AngularEmissivity())
+    gloss = operations(jt.AngularEmissivity(), jt.SpecularReflection())
+    assert plain < operations(jt.Atmosphere(290.0)) < angle < gloss
 
 
 def test_effects_are_sorted_and_each_is_given_once():
