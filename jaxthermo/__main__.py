@@ -82,6 +82,32 @@ def _render(
 
 @app.command
 @compiles
+def _export(
+    run: Path,
+    /,
+    *,
+    format: Annotated[str, Parameter(name="--format")],
+    out: Path | None = None,
+    overrides: Overrides = (),
+) -> None:
+    """Write the surfaces of a finished run for other programs.
+
+    Args:
+        run: Folder written by `jaxthermo simulate`.
+        format: vtu, for ParaView, with a collection over time; glb, for Blender and
+            viewers, with temperatures and colours of the vertices; or texture, for
+            simulators, images of temperatures with the mesh that they are laid on.
+        out: Folder for the files; RUN/FORMAT if not given.
+        overrides: Value of image to change, such as image.frames=[60] for one time,
+            image.palette, image.low and image.high for colours; may be repeated.
+    """
+    from .cli.export import export as write
+
+    write(run, format, out, overrides)
+
+
+@app.command
+@compiles
 def _reduce(
     config: Path,
     /,

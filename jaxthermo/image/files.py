@@ -45,12 +45,19 @@ def _check(channels: Mapping[str, _Image], header: Mapping[str, str]) -> None:
         raise InputError(f"EXR header {name!r} is reserved: choose another name")
 
 
-def _write_exr_channels(
+def write_channels(
     path: str | Path,
     channels: Mapping[str, _Image],
     header: Mapping[str, str] | None = None,
 ) -> None:
-    # Lossless float32, in which inf and NaN are preserved.
+    """Write channels by name as an EXR file of lossless float32, with texts.
+
+    Inf and NaN are preserved.
+
+    Raises:
+        InputError: for channels of several sizes, names that the format reserves, or if
+            the file cannot be written.
+    """
     texts = dict(header or {})
     _check(channels, texts)
     # OpenEXR silently scrambles arrays in Fortran order and refuses other types.
@@ -128,7 +135,7 @@ def write_exr(path: str | Path, image: Image, header: dict[str, str] | None = No
         f"{seen}; depth_m: m along the axis, inf in the background; object_id: -1 in "
         "the background",
     }
-    _write_exr_channels(path, _exr_channels(image), notes | (header or {}))
+    write_channels(path, _exr_channels(image), notes | (header or {}))
 
 
 def picture(

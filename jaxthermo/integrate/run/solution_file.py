@@ -34,6 +34,10 @@ class StoredSolution(NamedTuple):
     irradiance: Irradiance | None = None
     """Radiation that reaches every fragment, with the times as its first axis; None
     where no image is drawn."""
+    heat_flux: Float[Array | np.ndarray, "t s"] | None = None
+    """Heat flux into every fragment [W/m^2], if the scene asks for it."""
+    heat_transfer_coefficient: Float[Array | np.ndarray, "t s"] | None = None
+    """Coefficient of every fragment [W/(m^2 K)], if the scene asks for it."""
 
     def at_times(self, times: tuple[float, ...], path: Path) -> "StoredSolution":
         """Reduce a user's reference, read from `path`, to the times of a run [s].
@@ -130,6 +134,7 @@ def save_solution(path: Path, solution: Solution) -> StoredSolution:
         solution.surface_temperature,
         solution.surfaces,
         irradiance,
+        *(getattr(solution, name) for name in SURFACE_OUTPUTS),
     )
 
 
@@ -182,7 +187,8 @@ def _stored_solution(arrays: dict[str, np.ndarray]) -> StoredSolution:
     surfaces = tuple(solved_surface(body, run.times) for body in bodies)
     irradiance = run.irradiance, run.irradiance_sources, run.source_spectrum
     temperatures = run.times, run.surface_temperature
-    return StoredSolution(*temperatures, surfaces, Irradiance(*irradiance))
+    outputs = (getattr(run, name) for name in SURFACE_OUTPUTS)
+    return StoredSolution(*temperatures, surfaces, Irradiance(*irradiance), *outputs)
 
 
 def _check_energies(
