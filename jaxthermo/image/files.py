@@ -1,6 +1,7 @@
 """Image files: radiometric OpenEXR, and PNG in false colours."""
 
 import errno
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -118,6 +119,8 @@ def _exr_channels(image: Image) -> dict[str, np.ndarray]:
         # EXR has no signed integers, and the background is -1.
         "object_id": image.object_id.astype(np.float32),
     }
+    if image.part_id is not None:
+        channels["part_id"] = np.asarray(image.part_id, np.float32)
     along = {f"normal_{axis}": normal[..., k] for k, axis in enumerate("xyz")}
     return {name: np.asarray(pixels) for name, pixels in channels.items()} | along
 
@@ -135,6 +138,9 @@ def write_exr(path: str | Path, image: Image, header: dict[str, str] | None = No
         f"{seen}; depth_m: m along the axis, inf in the background; object_id: -1 in "
         "the background",
     }
+    if image.part_id is not None:
+        names = dict(enumerate(map(list, image.part_names)))
+        notes["parts"] = json.dumps(names, ensure_ascii=False)
     write_channels(path, _exr_channels(image), notes | (header or {}))
 
 

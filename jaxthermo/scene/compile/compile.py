@@ -17,6 +17,7 @@ from jaxtyping import Array, Float
 from ...arrays import is_traced
 from ...findings import digest, found, on_device, searches_recorded
 from ...geometry.mesh import Pose
+from ...material.material import Material
 from ...module import replaced
 from ...physics.radiation.irradiation import (
     SceneRadiation,
@@ -28,7 +29,13 @@ from ...physics.term import AbstractExchangeTerm, AbstractSurfaceTerm
 from ...structures.structure import AbstractStructure
 from ...voxels.grid import VoxelGrid
 from ..motion import Motion
-from ..scene import AbstractMaterials, BodyGeometry, Scene, SolvedSurface
+from ..scene import (
+    AbstractMaterials,
+    BodyGeometry,
+    MaterialLabels,
+    Scene,
+    SolvedSurface,
+)
 from .bodies import check_functions, prepare, temperature_bounds
 from .memory import Method, check_memory
 from .program import Compiled, Omission, Part, Program, Receipt
@@ -163,7 +170,7 @@ def _solved_surfaces(
 ) -> tuple[SolvedSurface, ...]:
     return tuple(
         SolvedSurface(
-            geometry=body_geometry(surface.grid, body.pose),
+            geometry=body_geometry(surface.grid, body.pose, body.material),
             emissivity=surface.emissivity,
             absorptivity=surface.absorptivity,
         )
@@ -244,8 +251,16 @@ def _radiation(
     return tuple(reaching)
 
 
-def body_geometry(grid: VoxelGrid, pose: Pose | Motion) -> BodyGeometry:
+def body_geometry(
+    grid: VoxelGrid,
+    pose: Pose | Motion,
+    material: Material | AbstractMaterials | None = None,
+) -> BodyGeometry:
     """The part of a voxel grid that a camera needs after the run."""
+    part, names = None, ()
+    if isinstance(material, MaterialLabels):
+        part = np.asarray(material.of_fragments(grid), np.int32)
+        names = material.names or tuple(map(str, range(len(material.given))))
     return BodyGeometry(
         vertices=grid.mesh.vertices,
         faces=grid.mesh.faces,
@@ -254,6 +269,8 @@ def body_geometry(grid: VoxelGrid, pose: Pose | Motion) -> BodyGeometry:
         fragment_area=grid.fragment_area,
         pitch=grid.pitch,
         pose=pose,
+        fragment_part=part,
+        part_names=names,
     )
 
 
