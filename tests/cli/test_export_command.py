@@ -131,12 +131,12 @@ def test_a_texture_with_its_mesh(finished, tmp_path, vertices):
 
 
 def test_by_default_it_is_beside_the_run(finished, tmp_path):
-    import_folder = tmp_path / "run"
-    import_folder.mkdir()
+    folder = tmp_path / "run"
+    folder.mkdir()
     for name in ("config.yaml", "solution.npz"):
-        (import_folder / name).write_bytes((finished / name).read_bytes())
-    code, out, _ = run("export", import_folder, "--format", "glb")
-    assert code == 0 and out == f"3 files in {import_folder / 'glb'}\n"
+        (folder / name).write_bytes((finished / name).read_bytes())
+    code, out, _ = run("export", folder, "--format", "glb")
+    assert code == 0 and out == f"3 files in {folder / 'glb'}\n"
 
 
 @pytest.mark.parametrize(

@@ -16,8 +16,6 @@ from jaxtyping import Array, Float
 
 from ...arrays import is_traced
 from ...findings import digest, found, on_device, searches_recorded
-from ...geometry.mesh import Pose
-from ...material.material import Material
 from ...module import replaced
 from ...physics.radiation.irradiation import (
     SceneRadiation,
@@ -27,12 +25,9 @@ from ...physics.radiation.irradiation import (
 from ...physics.surface import BodySurface, Omitted
 from ...physics.term import AbstractExchangeTerm, AbstractSurfaceTerm
 from ...structures.structure import AbstractStructure
-from ...voxels.grid import VoxelGrid
-from ..motion import Motion
+from ..body_geometry import body_geometry
 from ..scene import (
     AbstractMaterials,
-    BodyGeometry,
-    MaterialLabels,
     Scene,
     SolvedSurface,
 )
@@ -249,29 +244,6 @@ def _radiation(
         radiation = snapshot.surface, snapshot.irradiation, enclosure
         reaching.append(surface_radiation(*radiation))
     return tuple(reaching)
-
-
-def body_geometry(
-    grid: VoxelGrid,
-    pose: Pose | Motion,
-    material: Material | AbstractMaterials | None = None,
-) -> BodyGeometry:
-    """The part of a voxel grid that a camera needs after the run."""
-    part, names = None, ()
-    if isinstance(material, MaterialLabels):
-        part = np.asarray(material.of_fragments(grid), np.int32)
-        names = material.names or tuple(map(str, range(len(material.given))))
-    return BodyGeometry(
-        vertices=grid.mesh.vertices,
-        faces=grid.mesh.faces,
-        fragment_position=grid.fragment_foot,
-        fragment_normal=grid.fragment_normal,
-        fragment_area=grid.fragment_area,
-        pitch=grid.pitch,
-        pose=pose,
-        fragment_part=part,
-        part_names=names,
-    )
 
 
 def _parts(ledger: Ledger, snapshot: Snapshot) -> tuple[Part, ...]:

@@ -16,7 +16,7 @@ from jaxthermo.image.image import coarsen
 from jaxthermo.image.palette import BACKGROUND, apply_palette
 from jaxthermo.image.radiometry import apparent_temperature, leaving_radiance
 from jaxthermo.image.view import _block_weights, compute_view, smooth_weights
-from jaxthermo.scene.compile.compile import body_geometry
+from jaxthermo.scene.body_geometry import body_geometry
 from jaxthermo.scene.scene import SolvedSurface
 
 
