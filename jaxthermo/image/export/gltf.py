@@ -81,7 +81,7 @@ class _Buffer:
         return len(self.accessors) - 1
 
 
-def write_glb(
+def write_meshes(
     path: str | Path, meshes: Sequence[GltfMesh], extras: Mapping[str, Any]
 ) -> None:
     """Write meshes as nodes of one scene, with plain values beside them as extras.

@@ -20,7 +20,7 @@ from ...scene.scene import BodyGeometry
 from ..files import write_channels
 from ..palette import apply_palette
 from .atlas import Atlas, build_atlas
-from .gltf import GltfMesh, write_glb
+from .gltf import GltfMesh, write_meshes
 from .grey import centikelvin, grey_levels, write_grey
 
 
@@ -112,4 +112,4 @@ def _write_glb(
     faces = np.arange(atlas.faces.size).reshape(-1, 3)
     mesh = GltfMesh(body.name, Pose(), faces, attributes, png.getvalue())
     notes = {"palette": palette, "low_K": body.low, "high_K": body.high}
-    write_glb(path, [mesh], notes)
+    write_meshes(path, [mesh], notes)

@@ -16,7 +16,7 @@ _TYPES = {"f4": "Float32", "f8": "Float64", "i4": "Int32", "i8": "Int64", "u1": 
 _TRIANGLE = 5
 
 
-def write_vtu(
+def write_triangles(
     path: str | Path,
     points: Float[np.ndarray, "v 3"],
     faces: Int[np.ndarray, "f 3"],
