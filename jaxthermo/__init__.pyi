@@ -29,6 +29,11 @@ from .image.effects.surface import (
 from .image.export.surfaces import write_glb as write_glb, write_vtu as write_vtu
 from .image.files import write_exr as write_exr, write_png as write_png
 from .image.render import frames as frames, render as render
+from .image.thermography import (
+    FlirCalibration as FlirCalibration,
+    measured_radiance as measured_radiance,
+    object_temperature as object_temperature,
+)
 from .integrate.discretization_error import (
     DiscretizationError as DiscretizationError,
     discretization_error as discretization_error,

@@ -99,7 +99,7 @@ def filled(view: View, values: Any, background: Any, dtype: Any, xp: Any) -> Val
 
 
 class GeometryFrames(NamedTuple):
-    """Geometry of what a view shows, the same at all times."""
+    """Geometry that a view shows, the same at all times."""
 
     depth: Float[Array | np.ndarray, "h w"]
     object_id: Int[Array | np.ndarray, "h w"]
