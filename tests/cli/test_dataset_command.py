@@ -8,6 +8,7 @@ import pytest
 from cli_runs import SCENE, files, run
 from PIL import Image
 
+import jaxthermo as jt
 import jaxthermo.cli.dataset as command
 from jaxthermo.image.files import read_exr
 
@@ -169,3 +170,36 @@ def test_a_camera_that_sees_nothing_is_found_before_any_run(made, tmp_path):
         assert (code, text, err.count("\n")) == (2, "", 1)
         assert "views.1, v0000: camera" in err and "sees no body" in err
     assert not (tmp_path / "out").exists()
+
+
+def test_parts_of_a_body_have_masks_and_boxes(tmp_path):
+    text = SCENE.replace("voxels_high: 12", "pitch: 1 cm").replace(
+        "stainless_steel", "{labels: labels.npy, materials: [copper, stainless_steel]}"
+    )
+    (tmp_path / "block.yaml").write_text(text)
+    shape = jt.voxelize(jt.shapes.box((0.05, 0.04, 0.1)), 0.01).solid.shape
+    # The upper half is the second part.
+    upper = np.arange(shape[2]) >= shape[2] / 2
+    np.save(tmp_path / "labels.npy", np.broadcast_to(upper.astype(np.int32), shape))
+    config = tmp_path / "set.yaml"
+    view = "{position: [0, -1, 0], look_at: [0, 0, 0], width: 24, height: 32}"
+    config.write_text(f"scene: block.yaml\nviews: [{view}]\ntimes: [5]\n")
+    code, _, err = run("dataset", config, "--out", tmp_path / "out")
+    assert (code, err) == (0, "")
+    name = "v0000_c0000_t000005.00s"
+    parts, mask = (grey(tmp_path / "out", kind, name) for kind in ("parts", "masks"))
+    # Rows run down from the upper part; the camera is level with the middle.
+    row, _ = np.nonzero(mask)
+    np.testing.assert_array_equal(parts[mask > 0], np.where(row < 16, 2, 1))
+    assert not parts[mask == 0].any()
+    labels = json.loads((tmp_path / "out" / "labels" / f"{name}.json").read_text())
+    (body,) = labels["instances"]
+    assert [part["name"] for part in body["parts"]] == ["0", "1"]
+    assert sum(part["area"] for part in body["parts"]) == body["area"]
+
+
+def test_the_schema_is_printed_by_name():
+    code, text, err = run("schema", "dataset")
+    assert (code, err) == (0, "") and '"DatasetConfig"' in text
+    code, text, err = run("schema", "datasets")
+    assert (code, text, err.count("\n")) == (2, "", 1) and "scene or dataset" in err
