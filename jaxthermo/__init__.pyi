@@ -26,6 +26,7 @@ from .image.effects.surface import (
     AngularEmissivity as AngularEmissivity,
     SpecularReflection as SpecularReflection,
 )
+from .image.export.surfaces import write_glb as write_glb, write_vtu as write_vtu
 from .image.files import write_exr as write_exr, write_png as write_png
 from .image.render import frames as frames, render as render
 from .image.thermography import (

@@ -82,6 +82,57 @@ def _render(
 
 @app.command
 @compiles
+def _export(
+    run: Path,
+    /,
+    *,
+    format: Annotated[str, Parameter(name="--format")],
+    out: Path | None = None,
+    overrides: Overrides = (),
+) -> None:
+    """Write the surfaces of a finished run for other programs.
+
+    Args:
+        run: Folder written by `jaxthermo simulate`.
+        format: vtu, for ParaView, with a collection over time; glb, for Blender and
+            viewers, with temperatures and colours of the vertices; or texture, for
+            simulators, images of temperatures with the mesh that they are laid on.
+        out: Folder for the files; RUN/FORMAT if not given.
+        overrides: Value of image to change, such as image.frames=[60] for one time,
+            image.palette, image.low and image.high for colours; may be repeated.
+    """
+    from .cli.export import export as write
+
+    write(run, format, out, overrides)
+
+
+@app.command
+@compiles
+def _dataset(
+    config: Path,
+    /,
+    *,
+    out: Path | None = None,
+    overrides: Overrides = (),
+    explain: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Write labelled frames of a scene's variations, for detector networks.
+
+    What is there already is kept: the same command goes on after Ctrl-C.
+
+    Args:
+        config: Dataset, a YAML file with a scene, its variations and the cameras.
+        out: Folder for the frames; results/NAME if not given.
+        overrides: Value of the dataset to change, such as samples=3; may be repeated.
+        explain: Print the variations, check what the cameras see, and exit.
+    """
+    from .cli.dataset import dataset as write
+
+    write(config, out, overrides, explain)
+
+
+@app.command
+@compiles
 def _reduce(
     config: Path,
     /,
@@ -181,12 +232,21 @@ def _example(name: str | None = None, /, *, out: Path | None = None) -> None:
 
 
 @app.command
-def _schema() -> None:
-    """Print the JSON Schema of a scene, with units, for editors."""
-    from .config.json_schema import json_schema
-    from .config.schema.scene import SceneConfig
+def _schema(name: str = "scene", /) -> None:
+    """Print the JSON Schema of a scene or a dataset, with units, for editors.
 
-    sys.stdout.write(json_schema(SceneConfig))
+    Args:
+        name: scene or dataset.
+    """
+    from .config.json_schema import json_schema
+    from .config.schema.dataset import DatasetConfig
+    from .config.schema.scene import SceneConfig
+    from .errors import InputError
+
+    models = {"scene": SceneConfig, "dataset": DatasetConfig}
+    if name not in models:
+        raise InputError(f"schema {name}: choose {' or '.join(models)}")
+    sys.stdout.write(json_schema(models[name]))
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -131,7 +131,7 @@ def _run_simulation(config: SceneConfig, out: Path) -> None:
         prepare_folder(out / FRAMES)
         with replacing(out / CONFIG) as path:
             path.write_text(to_yaml(config), encoding="utf-8")
-        solution, times = _run(console, config, scene, todo, out)
+        solution, times = run_plan(console, config, scene, todo, out)
         if solution.result != RESULTS.successful:
             raise InputError(RESULTS[solution.result])
         stored = save_solution(out / "solution.npz", solution)
@@ -167,10 +167,14 @@ def _remove_results(out: Path, names: tuple[str, ...]) -> None:
         path.unlink(missing_ok=True)
 
 
-def _run(
+def run_plan(
     console: Console, config: SceneConfig, scene: Scene, todo: Plan, out: Path
 ) -> tuple[Solution, dict[str, float]]:
-    # From the last checkpoint of an interrupted run, if there is one.
+    """Run a scene from the last checkpoint in `out`, if there is one, with its times.
+
+    Raises:
+        KeyboardInterrupt: after Ctrl-C, when the checkpoint is written.
+    """
     key = _checkpoint_key(config)
     fresh = segments.begin_run(todo)
     kept = segments.load_checkpoint(out / CHECKPOINT, fresh, key)

@@ -168,6 +168,8 @@ def draw(
         depth=xp.asarray(geometry.depth),
         object_id=xp.asarray(geometry.object_id),
         normal=xp.asarray(geometry.normal),
+        part_id=None if geometry.part_id is None else xp.asarray(geometry.part_id),
+        part_names=view.part_names,
         band=band,
     )
     for visible in view.background.sources:
@@ -200,5 +202,6 @@ def _with_source(image: Image, source: VisibleSource, strength: Values) -> Image
         emissivity=over(image.emissivity, 1),
         depth=over(image.depth, source.depth),
         object_id=over(image.object_id, -1),
+        part_id=None if image.part_id is None else over(image.part_id, -1),
         normal=over(image.normal, 0),
     )

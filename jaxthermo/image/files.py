@@ -1,6 +1,7 @@
 """Image files: radiometric OpenEXR, and PNG in false colours."""
 
 import errno
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -45,12 +46,19 @@ def _check(channels: Mapping[str, _Image], header: Mapping[str, str]) -> None:
         raise InputError(f"EXR header {name!r} is reserved: choose another name")
 
 
-def _write_exr_channels(
+def write_channels(
     path: str | Path,
     channels: Mapping[str, _Image],
     header: Mapping[str, str] | None = None,
 ) -> None:
-    # Lossless float32, in which inf and NaN are preserved.
+    """Write channels by name as an EXR file of lossless float32, with texts.
+
+    Inf and NaN are preserved.
+
+    Raises:
+        InputError: for channels of several sizes, names that the format reserves, or if
+            the file cannot be written.
+    """
     texts = dict(header or {})
     _check(channels, texts)
     # OpenEXR silently scrambles arrays in Fortran order and refuses other types.
@@ -111,6 +119,8 @@ def _exr_channels(image: Image) -> dict[str, np.ndarray]:
         # EXR has no signed integers, and the background is -1.
         "object_id": image.object_id.astype(np.float32),
     }
+    if image.part_id is not None:
+        channels["part_id"] = np.asarray(image.part_id, np.float32)
     along = {f"normal_{axis}": normal[..., k] for k, axis in enumerate("xyz")}
     return {name: np.asarray(pixels) for name, pixels in channels.items()} | along
 
@@ -128,7 +138,10 @@ def write_exr(path: str | Path, image: Image, header: dict[str, str] | None = No
         f"{seen}; depth_m: m along the axis, inf in the background; object_id: -1 in "
         "the background",
     }
-    _write_exr_channels(path, _exr_channels(image), notes | (header or {}))
+    if image.part_id is not None:
+        names = dict(enumerate(map(list, image.part_names)))
+        notes["parts"] = json.dumps(names, ensure_ascii=False)
+    write_channels(path, _exr_channels(image), notes | (header or {}))
 
 
 def picture(

@@ -32,6 +32,11 @@ class Image(eqx.Module):
     """Number of the body; -1 in the background and of a source."""
     normal: Float[Values, "h w 3"]
     """Outward normal in the world; 0 in the background and of a source."""
+    part_id: Int[Values, "h w"] | None = None
+    """Number of the part within its body; -1 in the background and where a body has
+    none. None if no body has parts."""
+    part_names: tuple[tuple[str, ...], ...] = eqx.field(static=True, default=())
+    """Names of the parts of every body."""
     band: Band | None = eqx.field(static=True, default=None)
     """Band of the detector; None for all wavelengths."""
 
@@ -52,12 +57,14 @@ def coarsen(image: Image, samples: int) -> Image:
     if samples == 1:
         return image
     middle = slice(samples // 2, None, samples)
+    names = ("temperature", "emissivity", "depth", "object_id", "normal", "part_id")
+    given = {name: getattr(image, name) for name in names}
     picked = {
-        name: getattr(image, name)[middle, middle]
-        for name in ("temperature", "emissivity", "depth", "object_id", "normal")
+        name: None if values is None else values[middle, middle]
+        for name, values in given.items()
     }
     mean = block_means(image.radiance, samples)
-    return Image(time=image.time, radiance=mean, band=image.band, **picked)
+    return dataclasses.replace(image, radiance=mean, **picked)
 
 
 def block_means(values: Values, samples: int) -> Values:

@@ -104,6 +104,7 @@ class GeometryFrames(NamedTuple):
     depth: Float[Array | np.ndarray, "h w"]
     object_id: Int[Array | np.ndarray, "h w"]
     normal: Float[Array | np.ndarray, "h w 3"]
+    part_id: Int[Array | np.ndarray, "h w"] | None
 
 
 _frames: WeakKeyDictionary[View, dict[np.dtype, GeometryFrames]] = WeakKeyDictionary()
@@ -116,8 +117,13 @@ def geometry_frames(view: View, dtype: Any) -> GeometryFrames:
         depth = filled(view, view.depth, np.inf, dtype, np)
         body = filled(view, view.body, -1, np.int32, np)
         normal = filled(view, view.normal, 0, dtype, np)
-        for each in (depth, body, normal):
+        part = None
+        if view.part is not None:
+            part = filled(view, view.part, -1, np.int32, np)
+        found = GeometryFrames(depth, body, normal, part)
+        for each in found:
             # Frames of all times share them.
-            np.asarray(each).flags.writeable = False
-        known[kind] = GeometryFrames(depth, body, normal)
+            if each is not None:
+                np.asarray(each).flags.writeable = False
+        known[kind] = found
     return known[kind]

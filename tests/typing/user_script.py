@@ -87,5 +87,7 @@ radiant = (jt.AbstractRadiativeTerm, jt.Irradiation, solution.reflected(-1))
 omitted = jt.Omitted("nothing to compute")
 jt.write_png("frame.png", image, 280.0, 320.0)
 jt.write_exr("frame.exr", image)
+jt.write_vtu("surface.vtu", solution, index=0)
+jt.write_glb("surface.glb", solution, low=290.0, high=320.0, palette="ember")
 if solution.result != jt.RESULTS.successful:
     raise jt.InputError(f"jaxthermo {jt.__version__}: {solution.result}")

@@ -7,7 +7,7 @@ import pytest
 import jaxthermo as jt
 from jaxthermo.image.pixels import irradiation_at_pixels, means
 from jaxthermo.image.view import View, compute_view
-from jaxthermo.scene.compile.compile import body_geometry
+from jaxthermo.scene.body_geometry import body_geometry
 from jaxthermo.scene.scene import SolvedSurface
 
 
