@@ -14,7 +14,16 @@ from .geometry.parts import load_parts as load_parts
 from .geometry.sample import MeshSample as MeshSample, mesh_sample as mesh_sample
 from .image.band import Band as Band
 from .image.camera import Camera as Camera, OrthographicCamera as OrthographicCamera
-from .image.files import write_exr as write_exr, write_png as write_png
+from .image.files import (
+    picture as picture,
+    write_exr as write_exr,
+    write_png as write_png,
+)
+from .image.raster_files import (
+    write_centikelvin as write_centikelvin,
+    write_csv as write_csv,
+    write_tiff as write_tiff,
+)
 from .image.render import render as render
 from .integrate.discretization_error import (
     DiscretizationError as DiscretizationError,

@@ -9,12 +9,11 @@ from jaxtyping import Array, Float
 
 from ..arrays import precision
 from ..config.camera_framing import build_camera
-from ..config.loader import load_config, to_yaml
+from ..config.loader import load_config
 from ..config.schema.scene import SceneConfig
 from ..config.types.model import build
 from ..errors import InputError
-from ..image.files import write_exr, write_png
-from ..image.render import Image, coarsen, draw
+from ..image.render import Image, draw
 from ..image.view import View, at_time, kept_view
 from ..integrate.run.solution_file import StoredSolution, load_solution
 from ..integrate.stepper import just_before
@@ -24,6 +23,7 @@ from ..report.numbers import count
 from ..scene.scene import SolvedSurface
 from .console import open_console, print_line, status
 from .files import FRAMES, earlier_frames, frame_names, prepare_folder, results_folder
+from .frame_files import write_frame_files
 
 
 # Margin of the colour scale over the range of temperatures that is seen [-]: the
@@ -135,20 +135,7 @@ def write_frames(
     before, written = earlier_frames(prepare_folder(folder)), set()
     names = frame_names(np.asarray(stored.times, float).tolist())
     for k, image in zip(chosen, images(), strict=True):
-        paths = [folder / f"{names[k]}.{kind}" for kind in ("exr", "png")]
-        radiometric = coarsen(image, config.image.samples)
-        write_exr(paths[0], radiometric, {"config": to_yaml(config)})
-        write_png(
-            paths[1],
-            image,
-            low,
-            high,
-            palette=config.image.palette,
-            quantity=config.image.quantity,
-            title=config.name or "",
-            samples=config.image.samples,
-        )
-        written.update(paths)
+        written |= write_frame_files(config, folder / names[k], image, (low, high))
     for path in before - written:
         path.unlink(missing_ok=True)
     return len(chosen)

@@ -72,8 +72,8 @@ _EMBER = (
     (84.0, -8.3, 33.7),
     (97.0, -4.6, 6.1),
 )
-# Night blue, blue, grey, gold, cream: opposite colours of blue and yellow, which most of
-# the colour-blind tell apart.
+# Night blue, blue, grey, gold, cream: blue and yellow, which most of the colour-blind
+# tell apart.
 _ARCTIC = (
     (7.1, 1.5, -10.7),
     (19.0, 4.4, -30.6),

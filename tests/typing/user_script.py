@@ -79,5 +79,9 @@ radiant = (jt.AbstractRadiativeTerm, jt.Irradiation, solution.reflected(-1))
 omitted = jt.Omitted("nothing to compute")
 jt.write_png("frame.png", image, 280.0, 320.0)
 jt.write_exr("frame.exr", image)
+above: int = jt.write_centikelvin("frame.png", image, saturate=True)
+jt.write_tiff("frame.tiff", image, "surface")
+jt.write_csv("frame.csv", image)
+wide: int = jt.picture(image, 280.0, 320.0).width
 if solution.result != jt.RESULTS.successful:
     raise jt.InputError(f"jaxthermo {jt.__version__}: {solution.result}")

@@ -131,6 +131,16 @@ class _OfWavelengths:
         return {"anyOf": [handler(schema), lengths]}
 
 
+def _once(names: tuple[str, ...]) -> tuple[str, ...]:
+    twice = [name for k, name in enumerate(names) if name in names[:k]]
+    if twice:
+        raise si.refuse(f"'{twice[0]}' is given twice")
+    return names
+
+
+FrameFile = Literal["exr", "png", "centikelvin", "tiff", "csv"]
+
+
 class ImageConfig(Model):
     """The colours of the frames, and which saved times become frames."""
 
@@ -160,6 +170,12 @@ class ImageConfig(Model):
     reflect is as bright as it heats."""
     frames: Frames = None
     """Saved times that become frames [s]."""
+    files: Annotated[tuple[FrameFile, ...], si.NotEmpty, AfterValidator(_once)] = (
+        "exr",
+        "png",
+    )
+    """Files of each frame: EXR of all channels, PNG in false colours; `quantity` alone
+    as grey PNG of 16 bits in 0.01 K (centikelvin), TIFF of float32 or CSV in kelvin."""
 
     @override
     def mistakes(self) -> list[Mistake]:

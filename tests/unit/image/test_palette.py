@@ -152,7 +152,7 @@ def test_report_finds_that_a_rainbow_repeats_colours_for_the_colour_blind(report
     )
     for name in ("iron", *EVEN):
         for kind in ("normal", "protanopia", "deuteranopia", "tritanopia"):
-            # Without red cones a dark red is nearly black, and lava has no other colour.
+            # Without red cones a dark red, the colour of lava, is nearly black.
             least = 3.0 if (name, kind) == ("lava", "protanopia") else 5.0
             assert report[name][f"apart_{kind}"] > least, (name, kind)
 
