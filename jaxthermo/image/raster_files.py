@@ -25,6 +25,11 @@ _LARGEST = np.iinfo(np.uint16).max
 _DESCRIPTION, _SOFTWARE = 270, 305
 
 
+def saturated_pixels(kelvin: Float[np.ndarray, "h w"]) -> int:
+    """Number of temperatures [K] above the largest of 16 bits in units of 0.01 K."""
+    return int((np.rint(kelvin / CENTIKELVIN) > _LARGEST).sum())
+
+
 def write_centikelvin(
     path: str | Path, image: Image, quantity: str = "apparent", saturate: bool = False
 ) -> int:
@@ -44,8 +49,7 @@ def write_centikelvin(
             655.35 K, or if the file cannot be written.
     """
     kelvin = shown_temperature(image, quantity)
-    counts = np.rint(kelvin / CENTIKELVIN)
-    above = int((counts > _LARGEST).sum())
+    counts, above = np.rint(kelvin / CENTIKELVIN), saturated_pixels(kelvin)
     if above and not saturate:
         raise InputError(
             f"{path}: {above} of {counts.size} pixels are above "

@@ -82,6 +82,10 @@ jt.write_exr("frame.exr", image)
 above: int = jt.write_centikelvin("frame.png", image, saturate=True)
 jt.write_tiff("frame.tiff", image, "surface")
 jt.write_csv("frame.csv", image)
-wide: int = jt.picture(image, 280.0, 320.0).width
+spot, rim = jt.measurements.Spot((0.5, 0.4)), jt.measurements.Isotherm(above=310.0)
+warmest: float = jt.measure(image, [spot])["Sp1"].max
+drawn = jt.draw_measurements(jt.picture(image, 280.0, 320.0), image, [spot, rim])
+shown: int = jt.write_animation("frames.gif", [drawn, drawn], palette="iron")
+jt.frame_sheet([image], 280.0, 320.0).save("sheet.png")
 if solution.result != jt.RESULTS.successful:
     raise jt.InputError(f"jaxthermo {jt.__version__}: {solution.result}")

@@ -14,11 +14,13 @@ from pydantic_core import CoreSchema, core_schema
 from typing_extensions import override
 
 from ...errors import InputError
+from ...image.measurements import names_of
 from ...image.palette import palette_names
 from ...image.response import BANDS, checked_response
 from ..messages import close_match
 from ..types import quantities as si
-from ..types.model import ByKind, Mistake, Model, Short
+from ..types.model import ByKind, Mistake, Model, Short, build
+from .measurement import MeasurementConfig
 
 
 Pixels = Annotated[si.Whole, Field(ge=1, le=16384)]
@@ -177,8 +179,18 @@ class ImageConfig(Model):
     """Files of each frame: EXR of all channels, PNG in false colours; `quantity` alone
     as grey PNG of 16 bits in 0.01 K (centikelvin), TIFF of float32 or CSV in kelvin."""
 
+    measurements: tuple[MeasurementConfig, ...] = ()
+    """Spots, lines, boxes and isotherms: drawn on the pictures, and over time in
+    `measurements.csv` and a chart."""
+
     @override
     def mistakes(self) -> list[Mistake]:
-        if self.low is None or self.high is None or self.low < self.high:
-            return []
-        return [(("high",), f"{self.high:g} K is not above `low`, {self.low:g} K")]
+        found: list[Mistake] = []
+        if self.low is not None and self.high is not None and self.low >= self.high:
+            message = f"{self.high:g} K is not above `low`, {self.low:g} K"
+            found.append((("high",), message))
+        try:
+            names_of(build(self.measurements))
+        except InputError as error:
+            found.append((("measurements",), str(error)))
+        return found

@@ -1,32 +1,15 @@
 """Files of a frame for other programs: the temperatures come back, with their unit."""
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 import tifffile
+from frames import frame
 from PIL import Image as Pictures
 
-from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.errors import InputError
 from jaxthermo.image.files import picture, read_exr, write_exr
 from jaxthermo.image.frame_values import covered_fraction, shown_temperature
 from jaxthermo.image.raster_files import write_centikelvin, write_csv, write_tiff
-from jaxthermo.image.render import Image
-
-
-def frame(kelvin, surface=None, body=None):
-    """A frame that shows these apparent temperatures [K]."""
-    kelvin = np.asarray(kelvin, float)
-    body = np.zeros(kelvin.shape, int) if body is None else np.asarray(body)
-    return Image(
-        time=jnp.asarray(90.0),
-        temperature=kelvin if surface is None else np.asarray(surface, float),
-        radiance=STEFAN_BOLTZMANN / np.pi * kelvin**4,
-        emissivity=np.ones(kelvin.shape),
-        depth=np.where(body >= 0, 1.0, np.inf),
-        object_id=body,
-        normal=np.zeros((*kelvin.shape, 3)),
-    )
 
 
 KELVIN = 280.0 + np.random.default_rng(3).uniform(0.0, 60.0, (5, 7))
