@@ -8,7 +8,7 @@ from typing import Annotated
 from cyclopts import App, Parameter
 
 from . import __version__
-from .cli.entry import Overrides, compiles, make_app, run_app
+from .cli.entry import Animate, Overrides, compiles, make_app, run_app
 
 
 app: App = make_app(
@@ -26,6 +26,9 @@ def _simulate(
     overrides: Overrides = (),
     explain: Annotated[bool, Parameter(negative="")] = False,
     preview: Annotated[bool, Parameter(negative="")] = False,
+    animate: Animate = None,
+    frame_rate: float | None = None,
+    contact_sheet: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
     """Run a scene and write its results and frames.
 
@@ -35,6 +38,9 @@ def _simulate(
         overrides: Value to change, such as bodies.0.pitch=3mm; may be repeated.
         explain: Print the included and pruned terms and exit.
         preview: Draw the bodies as the camera sees them, with the axes, and exit.
+        animate: Write an animation of the frames too: apng, the default, gif or mp4.
+        frame_rate: Frames a second of the animation; by their number if not given.
+        contact_sheet: Write all frames on one sheet too.
     """
     # Without the time loop, which takes longer to import than a preview to draw.
     if preview:
@@ -42,12 +48,14 @@ def _simulate(
 
         run_preview(config, out, overrides)
         return
+    from .cli.frame_outputs import Extras
     from .cli.simulate import explain as run_explain, simulate as run
 
+    extras = Extras.of(animate, frame_rate, contact_sheet)
     if explain:
         run_explain(config, overrides)
     else:
-        run(config, out, overrides)
+        run(config, out, overrides, extras)
 
 
 @app.command
@@ -59,6 +67,9 @@ def _render(
     out: Path | None = None,
     overrides: Overrides = (),
     contacts: Annotated[bool, Parameter(negative="")] = False,
+    animate: Animate = None,
+    frame_rate: float | None = None,
+    contact_sheet: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
     """Draw new frames of a finished run, without simulating it again.
 
@@ -69,15 +80,19 @@ def _render(
             be repeated.
         contacts: Draw the surface temperatures where bodies touch instead, as contact
             textures, for which the bodies are voxelized again.
+        animate: Write an animation of the frames too: apng, the default, gif or mp4.
+        frame_rate: Frames a second of the animation; by their number if not given.
+        contact_sheet: Write all frames on one sheet too.
     """
     if contacts:
         from .cli.contacts import render_contacts
 
         render_contacts(run, out, overrides)
         return
+    from .cli.frame_outputs import Extras
     from .cli.frames import render as draw
 
-    draw(run, out, overrides)
+    draw(run, out, overrides, Extras.of(animate, frame_rate, contact_sheet))
 
 
 @app.command

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -9,15 +10,15 @@ from jaxtyping import Array, Float
 
 from ..arrays import precision
 from ..config.camera_framing import build_camera
-from ..config.loader import load_config, to_yaml
+from ..config.loader import load_config
 from ..config.schema.scene import SceneConfig
 from ..config.types.model import build
 from ..errors import InputError
 from ..image.detector import Detector
 from ..image.draw import draw
 from ..image.effects.effect import in_order
-from ..image.files import write_exr, write_png
-from ..image.image import Image, coarsen
+from ..image.image import Image
+from ..image.measurements import AbstractMeasurement, Isotherm, names_of
 from ..image.view import View, at_time, kept_view
 from ..integrate.run.solution_file import StoredSolution, load_solution
 from ..integrate.stepper import just_before
@@ -27,6 +28,8 @@ from ..report.numbers import count
 from ..scene.scene import SolvedSurface
 from .console import open_console, print_line, status
 from .files import FRAMES, earlier_frames, frame_names, prepare_folder, results_folder
+from .frame_files import Frame
+from .frame_outputs import Extras, earlier_outputs, write_outputs
 
 
 # Margin of the colour scale over the range of temperatures that is seen [-]: the
@@ -80,6 +83,25 @@ class FrameCamera:
         if not self._measures:
             return drawn
         return Detector(drawn, times, self._effects, self._image.samples).frame
+
+    def remarks(self) -> list[str]:
+        """Measurements that are on no body at the start, a line for each."""
+        how, found = self._image, list[str]()
+        width, height = self._camera.size
+        fine = np.zeros((how.samples * height) * (how.samples * width), bool)
+        fine[self._view(*at_time(self._surfaces, self._terms, 0.0)).pixel] = True
+        blocks = fine.reshape(height, how.samples, width, how.samples)
+        filled = np.asarray(blocks.all(axis=(1, 3)))
+        given: tuple[AbstractMeasurement, ...] = build(how.measurements)
+        for name, each in zip(names_of(given), given, strict=True):
+            if isinstance(each, Isotherm):
+                continue
+            if not filled[each.pixels(np.zeros((height, width)))].any():
+                found.append(
+                    f"note: measurement '{name}' is on the background or an outline at "
+                    "the start"
+                )
+        return found
 
     def draw(self, stored: StoredSolution, index: int) -> Image:
         """Frame of a saved time before the lens, with all samples of each pixel."""
@@ -138,53 +160,71 @@ def _scale(config: SceneConfig, images: Iterator[Image]) -> tuple[float, float]:
     return low, high
 
 
+class Drawn(NamedTuple):
+    """Frames that were written."""
+
+    count: int
+    lines: list[str]
+    """Lines for the terminal: outputs of all frames, and remarks."""
+
+
 def write_frames(
-    config: SceneConfig, camera: FrameCamera, stored: StoredSolution, folder: Path
-) -> int:
-    """Draw the chosen times into `folder`; returns the number of frames.
+    config: SceneConfig,
+    camera: FrameCamera,
+    stored: StoredSolution,
+    folder: Path,
+    extras: Extras,
+) -> Drawn:
+    """Draw the chosen times into the frames of a run, and what is of all together.
 
     Earlier frames are removed: those of another camera or scale must not be mistaken
     for these. Files with other names are kept.
+
+    Args:
+        config: of the scene.
+        camera: of the frames.
+        stored: the run.
+        folder: of the run.
+        extras: animation and sheet.
     """
     chosen = chosen_frames(config, stored.times)
 
     # Drawn twice, for the scale and for the file: a long run would fill the memory.
-    low, high = _scale(config, (camera.draw(stored, k) for k in chosen))
+    scale = _scale(config, (camera.draw(stored, k) for k in chosen))
     images = map(camera.detector(stored), chosen)
-    before, written = earlier_frames(prepare_folder(folder)), set()
-    names = frame_names(np.asarray(stored.times, float).tolist())
-    for k, image in zip(chosen, images, strict=True):
-        paths = [folder / f"{names[k]}.{kind}" for kind in ("exr", "png")]
-        radiometric = coarsen(image, camera.samples)
-        write_exr(paths[0], radiometric, {"config": to_yaml(config)})
-        write_png(
-            paths[1],
-            image,
-            low,
-            high,
-            palette=config.image.palette,
-            quantity=config.image.quantity,
-            title=config.name or "",
-            samples=camera.samples,
-        )
-        written.update(paths)
+    times = np.asarray(stored.times, float).tolist()
+    frames, names = prepare_folder(folder / FRAMES), frame_names(times)
+    before = earlier_frames(frames) | earlier_outputs(folder)
+    written, lines = write_outputs(
+        config,
+        (Frame.of(config, image, scale, camera.samples) for image in images),
+        [times[k] for k in chosen],
+        folder,
+        [frames / names[k] for k in chosen],
+        extras,
+    )
     for path in before - written:
         path.unlink(missing_ok=True)
-    return len(chosen)
+    return Drawn(len(chosen), lines)
 
 
-def render(run: Path, out: Path | None, overrides: tuple[str, ...]) -> None:
+def render(
+    run: Path, out: Path | None, overrides: tuple[str, ...], extras: Extras
+) -> None:
     """`jaxthermo render`: draw a run again, with changes of camera or image."""
     # The solution contains the surface: the mesh file may be gone since.
     config = finished_config(run, overrides, find_meshes=False)
+    extras.check(config)
     console, target = open_console(), out or run
     with precision(config.dtype), status(console, "drawing frames"):
         stored = load_solution(run / "solution.npz")
         terms = build(config.terms)
         camera = FrameCamera(config, stored.surfaces, terms)
         with results_folder(target) as folder:
-            frames = write_frames(config, camera, stored, folder / FRAMES)
-    print_line(console, f"{count(frames, 'frame')} in {target / FRAMES}")
+            frames = write_frames(config, camera, stored, folder, extras)
+    print_line(console, f"{count(frames.count, 'frame')} in {target / FRAMES}")
+    for line in frames.lines:
+        print_line(console, line)
 
 
 def finished_config(

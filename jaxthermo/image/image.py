@@ -39,6 +39,8 @@ class Image(eqx.Module):
     """Names of the parts of every body."""
     band: Band | None = eqx.field(static=True, default=None)
     """Band of the detector; None for all wavelengths."""
+    coverage: Float[Values, "h w"] | None = None
+    """Fraction of each pixel that bodies cover [-]; None of one sample a pixel."""
 
     @property
     def apparent_temperature(self) -> Float[Values, "h w"]:
@@ -63,8 +65,10 @@ def coarsen(image: Image, samples: int) -> Image:
         name: None if values is None else values[middle, middle]
         for name, values in given.items()
     }
-    mean = block_means(image.radiance, samples)
-    return dataclasses.replace(image, radiance=mean, **picked)
+    picked["radiance"] = block_means(image.radiance, samples)
+    on_body = (image.object_id >= 0).astype(image.radiance.dtype)
+    picked["coverage"] = block_means(on_body, samples)
+    return dataclasses.replace(image, **picked)
 
 
 def block_means(values: Values, samples: int) -> Values:

@@ -89,5 +89,13 @@ jt.write_png("frame.png", image, 280.0, 320.0)
 jt.write_exr("frame.exr", image)
 jt.write_vtu("surface.vtu", solution, index=0)
 jt.write_glb("surface.glb", solution, low=290.0, high=320.0, palette="ember")
+above: int = jt.write_centikelvin("frame.png", image, saturate=True)
+jt.write_tiff("frame.tiff", image, "surface")
+jt.write_csv("frame.csv", image)
+spot, rim = jt.measurements.Spot((0.5, 0.4)), jt.measurements.Isotherm(above=310.0)
+warmest: float = jt.measure(image, [spot])["Sp1"].max
+drawn = jt.draw_measurements(jt.picture(image, 280.0, 320.0), image, [spot, rim])
+shown: int = jt.write_animation("frames.gif", [drawn, drawn], palette="iron")
+jt.frame_sheet([image], 280.0, 320.0).save("sheet.png")
 if solution.result != jt.RESULTS.successful:
     raise jt.InputError(f"jaxthermo {jt.__version__}: {solution.result}")

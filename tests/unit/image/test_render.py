@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from PIL import Image as Pictures
 
 import jaxthermo as jt
 from jaxthermo.geometry.mesh import winding_number
@@ -234,9 +235,12 @@ def test_exr_of_a_frame_reads_back(still, tmp_path):
 def test_a_picture_marks_what_is_beyond_its_scale(still, monkeypatch):
     image = jt.render(still, SIDE, samples=2)
     marks = []
-    monkeypatch.setattr(
-        files, "annotate", lambda rgb, **given: marks.append(given["beyond"]) or rgb
-    )
+
+    def annotate(rgb, **given):
+        marks.append(given["beyond"])
+        return Pictures.fromarray(rgb)
+
+    monkeypatch.setattr(files, "annotate", annotate)
     kelvin = float(np.median(image.apparent_temperature[25:35, 25:35]))
     for low, high in [
         (280.0, 310.0),
