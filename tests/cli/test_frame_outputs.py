@@ -13,7 +13,7 @@ from PIL import Image
 MEASUREMENTS = (
     "image.measurements=[{kind: spot, at: [50%, 50%]}, {kind: spot, name: sky, at: "
     "[0, 0]}, {kind: box, name: block, corners: [[26 px, 0.3], [38 px, 0.7]]}, "
-    "{kind: isotherm, above: 26.5 degC}]"
+    "{kind: isotherm, above: 15 degC}]"
 )
 MEASURED = {"measurements.csv", "measurements.svg", "measurements.png"}
 
