@@ -20,10 +20,11 @@ from ..config.loader import to_yaml
 from ..config.schema.scene import SceneConfig
 from ..config.types.model import build
 from ..errors import InputError
-from ..image.export.grey import centikelvin, grey_levels, write_grey
+from ..image.export.grey import grey_levels, write_grey
 from ..image.export.labels import camera_matrices, coco, instances, run_lengths
 from ..image.files import write_exr
 from ..image.image import Image, coarsen
+from ..image.raster_files import centikelvin
 from ..integrate.run.plan import plan_run
 from ..integrate.run.solution import RESULTS
 from ..integrate.run.solution_file import StoredSolution, load_solution, save_solution

@@ -9,7 +9,7 @@ import io
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, UInt16
 from PIL import Image as Pictures, PngImagePlugin
 
 from ..atomic import replacing
@@ -28,6 +28,12 @@ _DESCRIPTION, _SOFTWARE = 270, 305
 def saturated_pixels(kelvin: Float[np.ndarray, "h w"]) -> int:
     """Number of temperatures [K] above the largest of 16 bits in units of 0.01 K."""
     return int((np.rint(kelvin / CENTIKELVIN) > _LARGEST).sum())
+
+
+def centikelvin(kelvin: Float[np.ndarray, "h w"]) -> UInt16[np.ndarray, "h w"]:
+    """Temperatures in units of 0.01 K; what is above 655.35 K is 65535."""
+    counts = np.rint(np.asarray(kelvin, float) / CENTIKELVIN)
+    return np.clip(counts, 0, _LARGEST).astype(np.uint16)
 
 
 def write_centikelvin(
@@ -49,10 +55,10 @@ def write_centikelvin(
             655.35 K, or if the file cannot be written.
     """
     kelvin = shown_temperature(image, quantity)
-    counts, above = np.rint(kelvin / CENTIKELVIN), saturated_pixels(kelvin)
+    above = saturated_pixels(kelvin)
     if above and not saturate:
         raise InputError(
-            f"{path}: {above} of {counts.size} pixels are above "
+            f"{path}: {above} of {kelvin.size} pixels are above "
             f"{_LARGEST * CENTIKELVIN:g} K, up to {kelvin.max():g} K: 16 bits of "
             "0.01 K end there; write a TIFF, or give saturate=True"
         )
@@ -60,9 +66,10 @@ def write_centikelvin(
     for name, text in _notes(image, quantity).items():
         texts.add_text(name, text)
     texts.add_text("unit", "0.01 K")
-    pixels = np.minimum(counts, _LARGEST).astype(np.uint16)
     with replacing(path) as temporary:
-        Pictures.fromarray(pixels).save(temporary, format="PNG", pnginfo=texts)
+        Pictures.fromarray(centikelvin(kelvin)).save(
+            temporary, format="PNG", pnginfo=texts
+        )
     return above
 
 

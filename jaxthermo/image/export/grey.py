@@ -9,10 +9,6 @@ from PIL import Image
 from ...atomic import replacing
 
 
-CENTIKELVIN = 0.01
-"""Unit of temperatures in 16 bits [K], which end at 655.35 K."""
-
-
 def write_grey(
     path: str | Path, pixels: UInt8[np.ndarray, "h w"] | UInt16[np.ndarray, "h w"]
 ) -> None:
@@ -23,12 +19,6 @@ def write_grey(
     """
     with replacing(path) as temporary:
         Image.fromarray(np.ascontiguousarray(pixels)).save(temporary, format="PNG")
-
-
-def centikelvin(kelvin: Float[np.ndarray, "h w"]) -> UInt16[np.ndarray, "h w"]:
-    """Temperatures in units of 0.01 K; what is above 655.35 K is 65535."""
-    counts = np.rint(np.asarray(kelvin, float) / CENTIKELVIN)
-    return np.clip(counts, 0, np.iinfo(np.uint16).max).astype(np.uint16)
 
 
 def grey_levels(

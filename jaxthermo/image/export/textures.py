@@ -19,9 +19,10 @@ from ...geometry.mesh import Pose
 from ...scene.scene import BodyGeometry
 from ..files import write_channels
 from ..palette import apply_palette
+from ..raster_files import centikelvin
 from .atlas import Atlas, build_atlas
 from .gltf import GltfMesh, write_meshes
-from .grey import centikelvin, grey_levels, write_grey
+from .grey import grey_levels, write_grey
 
 
 class BodyTextures(NamedTuple):

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.image.export.grey import centikelvin, grey_levels
+from jaxthermo.image.export.grey import grey_levels
 from jaxthermo.image.export.labels import camera_matrices, instances, run_lengths
+from jaxthermo.image.raster_files import centikelvin
 from jaxthermo.image.visible import visible_points
 
 
