@@ -46,7 +46,7 @@ def _nearest_fragments(
     return found
 
 
-def _smooth_weights(
+def smooth_weights(
     points: Float[np.ndarray, "p 3"],
     normals: Float[np.ndarray, "p 3"],
     geometry: BodyGeometry,
@@ -210,7 +210,7 @@ def _all_weights(surfaces, body, local, normal, smooth) -> csr_array:
         geometry = surface.geometry
         rotated = geometry.placed.rotate_back(normal[here])
         parts.append(
-            _smooth_weights(local[here], rotated, geometry)
+            smooth_weights(local[here], rotated, geometry)
             if smooth
             else _block_weights(local[here], geometry)
         )

@@ -16,7 +16,8 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
+from scipy.sparse import csr_array
 from typing_extensions import override
 
 from ..arrays import precision
@@ -33,13 +34,13 @@ from ..integrate.run.plan import (
     plan_run,
 )
 from ..integrate.run.solution import irradiance_at, observe
-from ..integrate.solvers import AbstractSolver, ForwardEuler, SuperTimeStepping
+from ..integrate.solvers import ForwardEuler, SuperTimeStepping
 from ..integrate.stepper import RunState, advance, just_before
 from ..physics.radiation.irradiation import Irradiance
 from ..physics.term import AbstractTerm
 from ..scene.compile.program import Program, State
 from ..scene.scene import Scene, SolvedSurface
-from .shown import AbstractShown
+from .shown import AbstractShown, Curves
 
 
 STEPS_A_SECOND = 20
@@ -47,6 +48,10 @@ STEPS_A_SECOND = 20
 
 # Stable steps in one frame up to which Euler steps take less time than stages.
 _MAX_EULER_STEPS = 10
+
+
+# Rows of temperatures that are kept for curves, and their memory [bytes].
+_MAX_ROWS, _MAX_BYTES = 400, 2**26
 
 
 class Change(NamedTuple):
@@ -150,6 +155,7 @@ class LiveSession(AbstractShown):
         if self._seen is None:
             with precision(self.config.dtype):
                 self._seen = self._observed()
+            self._keep(self._seen)
         return self._seen
 
     @override
@@ -161,7 +167,16 @@ class LiveSession(AbstractShown):
             return irradiance_at(radiation, just_before(now), jnp.asarray(kelvin))
 
     @override
+    def curves(self, weights: csr_array) -> Curves:
+        rows = [*self._kept, (self.time, self.temperature)]
+        if len(rows) > 1 and rows[-2][0] == rows[-1][0]:
+            rows.pop()
+        kelvin = np.stack([weights @ row for _, row in rows], axis=1)
+        return Curves(np.asarray([at for at, _ in rows]), kelvin)
+
+    @override
     def reset(self) -> None:
+        self._kept: list[tuple[float, Float[np.ndarray, " s"]]] = []
         with precision(self.config.dtype):
             self._go_on(initial_state(self.plan), self.plan.intervals)
 
@@ -174,13 +189,16 @@ class LiveSession(AbstractShown):
                     return
                 budget -= self._take(due)
 
-    def prepare(self, changes: Mapping[str, str]) -> Change:
+    def prepare(self, changes: Mapping[str, str | None]) -> Change:
         """Plan the scene with other values, as YAML by their paths in the config.
+
+        None stands for what the config gives itself.
 
         Raises:
             InputError: for a mistake in them; the simulation stays as it is.
         """
-        values = {**self._in_use.values, **changes}
+        joined = {**self._in_use.values, **changes}
+        values = {path: text for path, text in joined.items() if text is not None}
         texts = (f"{path}={value}" for path, value in values.items())
         config = load_config(self._path, (*self._overrides, *texts))
         restarts = (config.bodies, config.dtype) != (
@@ -203,12 +221,14 @@ class LiveSession(AbstractShown):
             return
         with precision(self.config.dtype):
             # What acts is another set of mechanisms: their heat is counted anew.
-            ledger = empty_ledger(len(self.plan.compiled.program.entries), self.plan.dtype)
+            ledger = empty_ledger(
+                len(self.plan.compiled.program.entries), self.plan.dtype
+            )
             state = self.plan.stepper.begin(RunState(self._state.theta, ledger))
             left = tuple(_rest(i, now) for i in self.plan.intervals if i.end > now)
             self._go_on(state, left)
 
-    def change(self, changes: Mapping[str, str]) -> None:
+    def change(self, changes: Mapping[str, str | None]) -> None:
         """Prepare other values and use them."""
         self.use(self.prepare(changes))
 
@@ -216,6 +236,13 @@ class LiveSession(AbstractShown):
         """Make steps for another rate, simulated seconds per second."""
         self._rate = _checked_rate(rate)
         self.change({})
+
+    def _keep(self, kelvin: Float[np.ndarray, " s"]) -> None:
+        """Keep a row for curves, as far apart as there is memory for."""
+        rows = min(_MAX_ROWS, max(2, _MAX_BYTES // kelvin.nbytes))
+        now = self.time
+        if not self._kept or now - self._kept[-1][0] >= self.end / rows:
+            self._kept.append((now, kelvin))
 
     def _planned(
         self,
@@ -234,7 +261,9 @@ class LiveSession(AbstractShown):
             if longest > _MAX_EULER_STEPS * stable:
                 solver = SuperTimeStepping(dt=longest)
                 plan = plan_run(scene, end, (end,), solver)
-        plan = plan._replace(intervals=tuple(_finer(i, longest) for i in plan.intervals))
+        plan = plan._replace(
+            intervals=tuple(_finer(i, longest) for i in plan.intervals)
+        )
         kind = _kind((plan.stepper, plan.compiled.program))
         return Change(values, config, scene, plan, restarts, kind not in self._compiled)
 

@@ -5,18 +5,19 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
+from scipy.sparse import csr_array
 
 from ..physics.radiation.irradiation import Irradiance
 from ..physics.term import AbstractTerm
 from ..scene.scene import SolvedSurface
 
 
-class Curve(NamedTuple):
-    """Temperatures of one point of a surface over time, as far as they are known."""
+class Curves(NamedTuple):
+    """Temperatures of points of the surface over time, as far as they are known."""
 
     times: Float[np.ndarray, " t"]
     """[s]"""
-    kelvin: Float[np.ndarray, " t"]
+    kelvin: Float[np.ndarray, "p t"]
 
 
 class AbstractShown(abc.ABC):
@@ -36,6 +37,11 @@ class AbstractShown(abc.ABC):
     @abc.abstractmethod
     def time(self) -> float:
         """Time that is shown [s]."""
+
+    @property
+    def start(self) -> float:
+        """First time [s]."""
+        return 0.0
 
     @property
     @abc.abstractmethod
@@ -66,3 +72,7 @@ class AbstractShown(abc.ABC):
     @abc.abstractmethod
     def reset(self) -> None:
         """Go back to the start."""
+
+    @abc.abstractmethod
+    def curves(self, weights: csr_array) -> Curves:
+        """Temperatures of points so far, from their weights [p, s] of fragments."""

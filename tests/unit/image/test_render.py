@@ -18,7 +18,7 @@ from jaxthermo.image.render import (
     coarsen,
     draw,
 )
-from jaxthermo.image.view import _block_weights, _smooth_weights, compute_view
+from jaxthermo.image.view import _block_weights, smooth_weights, compute_view
 from jaxthermo.scene.compile.compile import body_geometry
 from jaxthermo.scene.scene import SolvedSurface
 
@@ -126,7 +126,7 @@ def plate():
 
 def test_smoothing_keeps_constants_and_linear_fields(plate):
     points, normals = _plate_points()
-    weights = _smooth_weights(points, normals, plate)
+    weights = smooth_weights(points, normals, plate)
     np.testing.assert_allclose(weights.sum(axis=1), 1.0)
     field = 300 + 50 * plate.fragment_position[:, 0]
     read = weights @ field
@@ -138,7 +138,7 @@ def test_smoothing_keeps_constants_and_linear_fields(plate):
 def test_smoothing_does_not_leak_through_a_sheet(plate):
     points, normals = _plate_points()
     field = np.where(plate.fragment_normal[:, 2] > 0.5, 310.0, 290.0)
-    weights = _smooth_weights(points, normals, plate)
+    weights = smooth_weights(points, normals, plate)
     read = weights @ field
     np.testing.assert_allclose(read, 310.0)
 
@@ -154,7 +154,7 @@ def test_blocks_show_the_nearest_fragment(plate):
 
 def test_parts_without_fragments_show_their_neighbours(plate):
     far = np.array([[0.0, 0.0, 0.02]])
-    weights = _smooth_weights(far, np.array([[0.0, 0.0, -1.0]]), plate)
+    weights = smooth_weights(far, np.array([[0.0, 0.0, -1.0]]), plate)
     assert weights.data.tolist() == [1.0]
 
 
