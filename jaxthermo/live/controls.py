@@ -13,8 +13,10 @@ from ..image.palette import palette_names
 from ..image.ticks import to_celsius
 from .hand_values import HandValue
 from .panels import RunStatus, status_lines, temperature_bar
-from .scene_view import SERIES, Scale
-from .shown import Curves
+from .playback import Playback
+from .scale import Scale
+from .scene_view import SERIES
+from .shown import AbstractShown, Curves
 
 
 Ask = Callable[[str, Any], None]
@@ -43,10 +45,12 @@ class Controls:
         ask: Ask,
         rate: float,
         scale: Scale,
-        span: tuple[float, float] | None = None,
+        quantity: str,
+        shown: AbstractShown,
     ):
-        self._gui, self._ask = server.gui, ask
-        self._scale_title = "surface temperature"
+        self._server, self._gui = server, server.gui
+        self._ask, self._quantity = ask, quantity
+        self._span = span = shown.start, shown.end
         gui = server.gui
         gui.configure_theme(
             control_layout="fixed",
@@ -70,7 +74,7 @@ class Controls:
         )
         self._asks(rates, "rate", float)
         self._time = None
-        if span is not None:
+        if isinstance(shown, Playback):
             step = (span[1] - span[0]) / 1000
             self._time = gui.add_slider("time [s]", *span, step, span[0])
             self._asks(self._time, "seek")
@@ -86,7 +90,9 @@ class Controls:
             self._high = gui.add_number("high [°C]", 1.0, step=0.5)
             self._asks(self._low, "low")
             self._asks(self._high, "high")
+        gui.main_panel.set_width(360)
         self._picture: Any = None
+        self._camera_bar: Any = None
         self._plot: Any = None
         panel = gui.add_panel()
         panel.dock_left()
@@ -134,46 +140,57 @@ class Controls:
         self._low.value = round(to_celsius(scale.low), 2)
         self._high.value = round(to_celsius(scale.high), 2)
 
-    def show_camera(self, rgb: UInt8[np.ndarray, "h w 3"], quantity: str) -> None:
-        """Show the frame of the scene's camera."""
+    def show_camera(self, rgb: UInt8[np.ndarray, "h w 3"], scale: Scale) -> None:
+        """Show the frame of the scene's camera, and its own scale below."""
+        bar = temperature_bar(*scale, self._quantity)
         if self._picture is None:
             with self._side:
-                label = f"Detector: {quantity}"
+                label = "frame of the scene's camera"
                 self._picture = self._gui.add_image(rgb, label=label, format="png")
-        else:
-            self._picture.image = rgb
+                self._camera_bar = self._gui.add_html(bar)
+            return
+        self._picture.image = rgb
+        if self._camera_bar.content != bar:
+            self._camera_bar.content = bar
 
     def show_curves(self, curves: Curves, names: list[str]) -> None:
         """Draw the temperatures of the probes over time, in degrees Celsius."""
         rows = curves.kelvin.astype(float) - ZERO_CELSIUS
         data = (curves.times.astype(float), *rows)
-        if self._plot is not None and len(self._plot.series) == len(data):
-            self._plot.data = data
-            return
-        self.hide_curves()
         series = [uplot.Series(label="t [s]")]
         for name, (r, g, b) in zip(names, SERIES, strict=False):
             series.append(uplot.Series(label=name, stroke=f"rgb({r},{g},{b})", width=2))
+        if self._plot is None:
+            self._plot = self._new_plot(data, tuple(series))
+            return
+        # In one piece: a browser checks that there is a series for each row.
+        with self._server.atomic():
+            if len(self._plot.series) != len(series):
+                self._plot.series = tuple(series)
+            self._plot.data = data
+            self._plot.visible = True
+
+    def _new_plot(self, data: Any, series: tuple[uplot.Series, ...]) -> Any:
         ink, grid = "#c1c2c5", uplot.Axis_Grid(stroke="#373a40")
         axes = tuple(
             uplot.Axis(label=name, stroke=ink, grid=grid)
             for name in ("time [s]", "temperature [°C]")
         )
         with self._side:
-            self._plot = self._gui.add_uplot(
+            return self._gui.add_uplot(
                 data,
-                tuple(series),
-                scales={"x": uplot.Scale(time=False, auto=True)},
+                series,
+                scales={"x": uplot.Scale(time=False, range=self._span)},
                 axes=axes,
-                legend=uplot.Legend(show=True),
-                height=260,
+                legend=uplot.Legend(show=True, live=False),
+                height=230,
+                padding=(14, 14, 0, 0),
             )
 
     def hide_curves(self) -> None:
-        """Remove the curves."""
+        """Hide the curves."""
         if self._plot is not None:
-            self._plot.remove()
-            self._plot = None
+            self._plot.visible = False
 
     def add_probe_help(self) -> None:
         """Say how probes are set, with a button that removes them."""
@@ -182,7 +199,7 @@ class Controls:
             self._asks(self._gui.add_button("Remove probes"), "unprobe")
 
     def _bar_of(self, scale: Scale) -> str:
-        return temperature_bar(*scale, self._scale_title)
+        return temperature_bar(*scale, "surface temperature")
 
     def _add_value(self, value: HandValue) -> None:
         handles = [

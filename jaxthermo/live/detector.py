@@ -2,13 +2,12 @@
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import UInt8
+from jaxtyping import Float
 
 from ..arrays import precision
 from ..config.camera_framing import build_camera
 from ..config.schema.scene import SceneConfig
 from ..config.types.model import build
-from ..image.palette import BACKGROUND, apply_palette
 from ..image.render import draw
 from ..image.view import at_time, kept_view
 from ..integrate.stepper import just_before
@@ -17,7 +16,7 @@ from .shown import AbstractShown
 
 
 # Longest edge of the frame [pixels].
-_LONGEST = 360
+_LONGEST = 330
 
 
 class Detector:
@@ -43,10 +42,8 @@ class Detector:
         apparent = self._image.quantity == "apparent"
         return "apparent temperature" if apparent else "surface temperature"
 
-    def frame(
-        self, shown: AbstractShown, low: float, high: float, palette: str
-    ) -> UInt8[np.ndarray, "h w 3"]:
-        """Draw what is shown now, coloured on a scale [K]."""
+    def frame(self, shown: AbstractShown) -> Float[np.ndarray, "h w"]:
+        """Draw what is shown now [K]; NaN beside the bodies."""
         with precision(self._dtype):
             surfaces, terms = at_time(shown.surfaces, shown.terms, shown.time)
             how = self._image.smooth, self._image.occlusion
@@ -61,5 +58,4 @@ class Detector:
         apparent = self._image.quantity == "apparent"
         values = image.apparent_temperature if apparent else image.temperature
         on_body = np.asarray(image.object_id) >= 0
-        values = np.where(on_body, np.asarray(values, float), np.nan)
-        return apply_palette(values, low, high, palette, invalid=BACKGROUND)
+        return np.where(on_body, np.asarray(values, float), np.nan)

@@ -67,14 +67,17 @@ def _number(title: str, path: str, name: str, value: float, unit: str) -> HandVa
     high = max(_HIGHEST.get(unit, 0.0), 3.0 * abs(value)) or 1.0
     step = 10.0 ** math.floor(math.log10(high) - 2)
     low = -high if value < 0 else 0.0
-    slider = Slider(f"{name} [{unit}]", low, high, step, value)
+    shown = unit.replace("^2", "²").replace("^3", "³")
+    slider = Slider(f"{name} [{shown}]", low, high, step, value)
     return HandValue(title, path, (slider,), lambda v: f"{v[0]:.6g} {unit}")
 
 
 def _direction(title: str, path: str, value: tuple[float, ...]) -> HandValue:
     # Rays travel along the direction: they come from the opposite side.
     x, y, z = (-each / math.hypot(*value) for each in value)
-    elevation, azimuth = math.degrees(math.asin(z)), math.degrees(math.atan2(y, x))
+    elevation, azimuth = (
+        round(math.degrees(a)) for a in (math.asin(z), math.atan2(y, x))
+    )
     sliders = (
         Slider("azimuth [°]", -180.0, 180.0, 1.0, azimuth),
         Slider("elevation [°]", -90.0, 90.0, 1.0, elevation),
@@ -94,7 +97,13 @@ def _velocity(title: str, path: str, value: tuple[float, ...]) -> HandValue:
     level = math.hypot(x, y)
     sliders = (
         Slider("speed [m/s]", 0.1, max(10.0, 3.0 * level), 0.1, max(0.1, level)),
-        Slider("blows towards [°]", -180.0, 180.0, 1.0, math.degrees(math.atan2(y, x))),
+        Slider(
+            "blows towards [°]",
+            -180.0,
+            180.0,
+            1.0,
+            round(math.degrees(math.atan2(y, x))),
+        ),
     )
 
     def text(given: tuple[float, ...]) -> str:

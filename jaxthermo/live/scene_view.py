@@ -1,7 +1,6 @@
 """The 3-D part of the live view: coloured bodies, arrows of sun and wind, probes."""
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 import viser
@@ -13,6 +12,7 @@ from ..physics.convection.wind import Wind
 from ..physics.radiation.source import Sun
 from ..physics.term import AbstractTerm
 from ..scene.scene import SolvedSurface
+from .scale import Scale
 from .shown import AbstractShown
 from .surface_points import SurfacePoints, colours, point_on_ray
 
@@ -21,18 +21,12 @@ SERIES = ((232, 89, 12), (28, 126, 214), (47, 158, 68), (156, 54, 181))
 """sRGB colours of probes, in turn: as many as there can be."""
 
 _SUN, _WIND = (250, 176, 5), (116, 192, 252)
+# Vertical angle of the view of a parallel camera [rad].
+_FIELD_OF_VIEW = 0.6
+# Distance of the view over that of the scene's camera: the arrows are in it.
+_BACK = 1.15
 # Length of an arrow, and its distance from the centre, over the radius of the bodies.
-_ARROW, _AWAY = 0.5, 1.7
-
-
-class Scale(NamedTuple):
-    """Colours of temperatures."""
-
-    low: float
-    """[K]"""
-    high: float
-    """[K]"""
-    palette: str
+_ARROW, _AWAY = 0.35, 1.2
 
 
 class SceneView:
@@ -69,7 +63,10 @@ class SceneView:
             self._clouds.append(cloud)
         self._place(shown)
         start = server.initial_camera
-        start.position, start.look_at = camera.position, camera.look_at
+        away = np.subtract(camera.position, camera.look_at)
+        start.look_at = camera.look_at
+        start.position = camera.look_at + _BACK * away
+        start.fov = getattr(camera, "field_of_view", _FIELD_OF_VIEW)
         start.near, start.far = self._radius / 100, self._radius * 100
         self._marks: list[viser.SceneNodeHandle] = []
         self._arrows: list[viser.SceneNodeHandle] = []
@@ -93,9 +90,9 @@ class SceneView:
         self._arrows = []
         for n, term in enumerate(terms):
             if isinstance(term, Sun) and not callable(term.direction):
-                self._arrow(f"/sun{n}", np.asarray(term.direction), _SUN)
+                self._arrow("sun", n, np.asarray(term.direction), _SUN)
             elif isinstance(term, Wind):
-                self._arrow(f"/wind{n}", np.asarray(term.velocity), _WIND)
+                self._arrow("wind", n, np.asarray(term.velocity), _WIND)
 
     def pick(
         self,
@@ -126,13 +123,14 @@ class SceneView:
             )
             self._marks.append(mark)
 
-    def _arrow(self, name: str, along: np.ndarray, colour: tuple) -> None:
+    def _arrow(self, name: str, number: int, along: np.ndarray, colour: tuple) -> None:
         ahead = along / (math.hypot(*along) or 1.0)
         ends = [
             self._centre - self._radius * far * ahead for far in (_AWAY, _AWAY - _ARROW)
         ]
+        path = f"/{name}{number}"
         arrow = self._server.scene.add_arrows(
-            name,
+            path,
             np.asarray([ends]),
             colour,
             shaft_radius=self._radius / 80,
@@ -140,6 +138,8 @@ class SceneView:
             head_length=self._radius / 8,
         )
         self._arrows.append(arrow)
+        label = self._server.scene.add_label(f"{path}/name", name, position=ends[0])
+        self._arrows.append(label)
 
     def _place(self, shown: AbstractShown) -> None:
         for frame, surface in zip(self._frames, shown.surfaces, strict=True):

@@ -19,22 +19,22 @@ import viser
 from ..config.schema.scene import SceneConfig
 from ..constants import ZERO_CELSIUS
 from ..errors import InputError
+from ..image.palette import BACKGROUND, apply_palette
 from .controls import Controls
 from .detector import Detector
 from .hand_values import hand_values
 from .panels import RunStatus
 from .playback import Playback
 from .player import FRAME, Player
-from .scene_view import SERIES, Scale, SceneView
+from .scale import Scale, scale_of
+from .scene_view import SERIES, SceneView
 from .session import LiveSession
 from .shown import AbstractShown
 from .surface_points import surface_points
 
 
 # Time between two lines of status, and between frames of the detector and curves [s].
-_STATUS_EVERY, _SIDE_EVERY = 0.25, 0.5
-# Smallest range of the colours, and the margin of a range that grows [K], [-].
-_MIN_RANGE, _MARGIN = 1.0, 0.02
+_STATUS_EVERY, _SIDE_EVERY = 0.25, 0.3
 
 
 class LiveView:
@@ -55,12 +55,14 @@ class LiveView:
         points = surface_points(shown.surfaces)
         self._view = SceneView(server, shown, points, self._detector.camera)
         kelvin = points.temperature(shown.temperature)
-        low, high = config.image.low, config.image.high
-        self._given = low, high
-        self._scale = Scale(*self._grown(kelvin, None), config.image.palette)
+        image = config.image
+        self._scale = scale_of(kelvin, image.palette)
+        if image.low is not None and image.high is not None:
+            self._scale = Scale(image.low, image.high, image.palette)
+        self._seen: Scale | None = None
         self._probes: list[int] = []
-        span = (shown.start, shown.end) if isinstance(shown, Playback) else None
-        self._controls = Controls(server, self.ask, rate, self._scale, span)
+        given = rate, self._scale, self._detector.quantity, shown
+        self._controls = Controls(server, self.ask, *given)
         if isinstance(shown, LiveSession):
             self._controls.add_values(hand_values(config))
             self._controls.add_structures(_factor(config))
@@ -129,6 +131,7 @@ class LiveView:
                 player.play()
             case "reset":
                 player.reset()
+                self._forget_range()
             case "rate":
                 player.set_rate(value)
                 if isinstance(shown, LiveSession):
@@ -147,6 +150,7 @@ class LiveView:
                 self._controls.show_scale(self._scale)
             case "fixed":
                 self._fixed = value
+                self._forget_range()
             case "low" | "high":
                 self._set_end(what, value)
             case "probe":
@@ -174,6 +178,13 @@ class LiveView:
         self._say()
         self._server.flush()
 
+    def _forget_range(self) -> None:
+        """Let the colours hold what is shown now, unless they are set by hand."""
+        if not self._fixed:
+            kelvin = self._view.points.temperature(self._shown.temperature)
+            self._scale, self._seen = scale_of(kelvin, self._scale.palette), None
+            self._controls.show_scale(self._scale)
+
     def _set_end(self, which: str, celsius: float) -> None:
         ends = {which: celsius + ZERO_CELSIUS}
         scale = self._scale._replace(**ends)
@@ -200,18 +211,23 @@ class LiveView:
         if not np.isfinite(kelvin).all():
             self._player.pause()
             raise InputError("temperatures are not finite: check the terms")
-        scale = self._scale
-        if not self._fixed:
-            low, high = self._grown(kelvin, scale)
-            scale = scale._replace(low=low, high=high)
+        scale = self._scale if self._fixed else self._scale.holding(kelvin)
         if scale != self._scale:
             self._scale = scale
             self._controls.show_scale(scale)
         self._view.show(self._shown, kelvin, scale)
         if everything:
-            frame = self._detector.frame(self._shown, *scale)
-            self._controls.show_camera(frame, self._detector.quantity)
+            self._draw_frame()
             self._draw_curves()
+
+    def _draw_frame(self) -> None:
+        kelvin, palette = self._detector.frame(self._shown), self._scale.palette
+        # A camera shows reflections too: it has a scale of its own.
+        before = self._seen or scale_of(kelvin, palette)
+        seen = self._scale if self._fixed else before.holding(kelvin)
+        self._seen = seen._replace(palette=palette)
+        coloured = apply_palette(kelvin, *self._seen, invalid=BACKGROUND)
+        self._controls.show_camera(coloured, self._seen)
 
     def _draw_curves(self) -> None:
         if not self._probes:
@@ -220,21 +236,6 @@ class LiveView:
         curves = self._shown.curves(self._view.points.weights[self._probes])
         names = [f"probe {n + 1}" for n in range(len(self._probes))]
         self._controls.show_curves(curves, names)
-
-    def _grown(self, kelvin: np.ndarray, scale: Scale | None) -> tuple[float, float]:
-        """Ends of a scale that holds all temperatures so far [K]."""
-        low, high = float(kelvin.min()), float(kelvin.max())
-        if scale is not None and scale.low <= low and high <= scale.high:
-            return scale.low, scale.high
-        margin = max(_MARGIN * (high - low), _MIN_RANGE / 2)
-        ends = [low - margin, high + margin]
-        if scale is not None:
-            ends = [min(ends[0], scale.low), max(ends[1], scale.high)]
-        given = self._given
-        low, high = (
-            g if g is not None else e for g, e in zip(given, ends, strict=True)
-        )
-        return (low, high) if low < high else (low, low + _MIN_RANGE)
 
     def _say(self) -> None:
         player, shown = self._player, self._shown
@@ -271,10 +272,11 @@ def serving(host: str, port: int) -> Iterator[viser.ViserServer]:
             f"--host {host}: cannot listen there ({error.strerror}); leave it out for "
             "this computer alone, or give 0.0.0.0 for others too"
         ) from error
-    server = viser.ViserServer(host=host, port=port, label="jaxthermo", verbose=False)
+    # It prints its address in a box, and that it has stopped.
+    with contextlib.redirect_stdout(io.StringIO()):
+        server = viser.ViserServer(host, port, label="jaxthermo", verbose=False)
     try:
         yield server
     finally:
-        # It prints that it has stopped.
         with contextlib.redirect_stdout(io.StringIO()):
             server.stop()

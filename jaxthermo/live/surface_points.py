@@ -20,7 +20,7 @@ from ..image.view import smooth_weights
 from ..scene.scene import BodyGeometry, SolvedSurface
 
 
-POINTS = 60_000
+POINTS = 90_000
 """Cells of the surfaces that hold a point, about."""
 
 # Random points for one cell: that many leave one cell in 50 without any.
