@@ -52,13 +52,8 @@ class Controls:
         self._ask, self._quantity = ask, quantity
         self._span = span = shown.start, shown.end
         gui = server.gui
-        gui.configure_theme(
-            control_layout="fixed",
-            control_width="medium",
-            dark_mode=True,
-            show_logo=False,
-            show_share_button=False,
-        )
+        gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
+        gui.main_panel.dock_right()
         self._status = gui.add_html("")
         self._bar = gui.add_html(self._bar_of(scale))
         self._play = gui.add_button("Play", icon=viser.Icon.PLAYER_PLAY, color="green")

@@ -60,9 +60,10 @@ def _values(config: SceneConfig) -> Iterator[HandValue]:
 
 def _number(title: str, path: str, name: str, value: float, unit: str) -> HandValue:
     if unit == "K":
-        shown = to_celsius(value)
-        low, high = round(shown - _AROUND), round(shown + _AROUND)
-        slider = Slider(f"{name} [°C]", low, high, 0.5, _on_grid(shown, low, 0.5))
+        shown = round(to_celsius(value), 2)
+        # A slider's steps count from its low end: the config's own value is one.
+        ends = shown - _AROUND, shown + _AROUND
+        slider = Slider(f"{name} [°C]", *ends, 0.5, shown)
         return HandValue(title, path, (slider,), lambda v: f"{v[0]:.6g} degC")
     high = max(_HIGHEST.get(unit, 0.0), 3.0 * abs(value)) or 1.0
     step = 10.0 ** math.floor(math.log10(high) - 2)
@@ -76,7 +77,7 @@ def _direction(title: str, path: str, value: tuple[float, ...]) -> HandValue:
     # Rays travel along the direction: they come from the opposite side.
     x, y, z = (-each / math.hypot(*value) for each in value)
     elevation, azimuth = (
-        round(math.degrees(a)) for a in (math.asin(z), math.atan2(y, x))
+        float(round(math.degrees(a))) for a in (math.asin(z), math.atan2(y, x))
     )
     sliders = (
         Slider("azimuth [°]", -180.0, 180.0, 1.0, azimuth),
@@ -102,7 +103,7 @@ def _velocity(title: str, path: str, value: tuple[float, ...]) -> HandValue:
             -180.0,
             180.0,
             1.0,
-            round(math.degrees(math.atan2(y, x))),
+            float(round(math.degrees(math.atan2(y, x)))),
         ),
     )
 
@@ -111,7 +112,3 @@ def _velocity(title: str, path: str, value: tuple[float, ...]) -> HandValue:
         return str([speed * math.cos(around), speed * math.sin(around), z])
 
     return HandValue(title, path, sliders, text)
-
-
-def _on_grid(value: float, low: float, step: float) -> float:
-    return low + step * round((value - low) / step)

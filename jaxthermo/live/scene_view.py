@@ -138,8 +138,8 @@ class SceneView:
             head_length=self._radius / 8,
         )
         self._arrows.append(arrow)
-        label = self._server.scene.add_label(f"{path}/name", name, position=ends[0])
-        self._arrows.append(label)
+        # Below the arrow, with which it is removed.
+        self._server.scene.add_label(f"{path}/name", name, position=ends[0])
 
     def _place(self, shown: AbstractShown) -> None:
         for frame, surface in zip(self._frames, shown.surfaces, strict=True):

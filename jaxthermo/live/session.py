@@ -79,8 +79,9 @@ def _take_steps(kept: tuple[Any, Program, Any, tuple], theta: State) -> RunState
 def _kind(tree: Any) -> tuple[Any, ...]:
     """All of a pytree that a program is compiled for."""
     leaves, structure = jax.tree.flatten(tree)
+    arrays = jax.Array, np.ndarray, np.generic
     typed = (
-        (each.shape, each.dtype) if isinstance(each, jax.Array) else each
+        (each.shape, each.dtype) if isinstance(each, arrays) else each
         for each in leaves
     )
     return structure, *typed
