@@ -1,5 +1,6 @@
 """Widgets of the live view. They ask for changes; the loop of the server makes them."""
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -70,7 +71,7 @@ class Controls:
         self._asks(rates, "rate", float)
         self._time = None
         if isinstance(shown, Playback):
-            step = (span[1] - span[0]) / 1000
+            step = 10.0 ** math.floor(math.log10((span[1] - span[0]) / 200))
             self._time = gui.add_slider("time [s]", *span, step, span[0])
             self._asks(self._time, "seek")
         with gui.add_folder("Colours"):
@@ -124,7 +125,7 @@ class Controls:
         self._play.label = "Pause" if playing else "Play"
         icons = viser.Icon.PLAYER_PLAY, viser.Icon.PLAYER_PAUSE
         self._play.icon = icons[playing]
-        if self._time is not None and playing:
+        if self._time is not None:
             self._time.value = status.time
 
     def show_scale(self, scale: Scale, fixed: bool | None = None) -> None:
