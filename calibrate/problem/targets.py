@@ -18,7 +18,7 @@ from typing_extensions import override
 from jaxthermo.errors import InputError
 from jaxthermo.image.band import Band
 from jaxthermo.image.camera import AbstractCamera
-from jaxthermo.image.render import draw
+from jaxthermo.image.draw import draw
 from jaxthermo.image.view import View, compute_view
 from jaxthermo.integrate.run.parametric_run import ParametricSolution
 from jaxthermo.integrate.run.solution import irradiance_at

@@ -1,0 +1,39 @@
+"""Grey PNG files of 8 and 16 bits, from numbers that they hold exactly or rounded."""
+
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float, UInt8, UInt16
+from PIL import Image
+
+from ...atomic import replacing
+
+
+CENTIKELVIN = 0.01
+"""Unit of temperatures in 16 bits [K], which end at 655.35 K."""
+
+
+def write_grey(
+    path: str | Path, pixels: UInt8[np.ndarray, "h w"] | UInt16[np.ndarray, "h w"]
+) -> None:
+    """Write a grey PNG of as many bits as the pixels have.
+
+    Raises:
+        InputError: if the file cannot be written.
+    """
+    with replacing(path) as temporary:
+        Image.fromarray(np.ascontiguousarray(pixels)).save(temporary, format="PNG")
+
+
+def centikelvin(kelvin: Float[np.ndarray, "h w"]) -> UInt16[np.ndarray, "h w"]:
+    """Temperatures in units of 0.01 K; what is above 655.35 K is 65535."""
+    counts = np.rint(np.asarray(kelvin, float) / CENTIKELVIN)
+    return np.clip(counts, 0, np.iinfo(np.uint16).max).astype(np.uint16)
+
+
+def grey_levels(
+    kelvin: Float[np.ndarray, "h w"], low: float, high: float
+) -> UInt8[np.ndarray, "h w"]:
+    """Temperatures as 256 levels, 0 at `low` and 255 at `high` [K], clipped."""
+    share = (np.asarray(kelvin, float) - low) / max(high - low, 1e-9)
+    return np.rint(255 * np.clip(share, 0, 1)).astype(np.uint8)
