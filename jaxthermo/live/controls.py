@@ -179,7 +179,7 @@ class Controls:
                 scales={"x": uplot.Scale(time=False, range=self._span)},
                 axes=axes,
                 legend=uplot.Legend(show=True, live=False),
-                height=230,
+                height=200,
                 padding=(14, 14, 0, 0),
             )
 

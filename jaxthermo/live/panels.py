@@ -37,14 +37,14 @@ def temperature_bar(low: float, high: float, palette: str, title: str) -> str:
 
 
 class RunStatus(NamedTuple):
-    """What is said about the run."""
+    """Time, state and speeds of the run."""
 
     time: float
     """[s]"""
     end: float
     """[s]"""
     state: str
-    """What it does, in a word or two."""
+    """Such as running or paused."""
     simulated: float | None
     """Simulated seconds per second; None while it does not run."""
     frames: float | None

@@ -38,7 +38,7 @@ _STATUS_EVERY, _SIDE_EVERY = 0.25, 0.3
 
 
 class LiveView:
-    """What a browser shows of a simulation or a finished run, and its requests."""
+    """The page of a simulation or a finished run, and requests from it."""
 
     def __init__(
         self,
