@@ -2,6 +2,7 @@
 
 import math
 
+import jax.numpy as jnp
 import numpy as np
 import viser
 from jaxtyping import Float
@@ -11,6 +12,7 @@ from ..image.camera import AbstractCamera
 from ..physics.convection.wind import Wind
 from ..physics.radiation.source import Sun
 from ..physics.term import AbstractTerm
+from ..physics.time_varying import value_at
 from ..scene.scene import SolvedSurface
 from .scale import Scale
 from .shown import AbstractShown
@@ -69,8 +71,8 @@ class SceneView:
         start.fov = getattr(camera, "field_of_view", _FIELD_OF_VIEW)
         start.near, start.far = self._radius / 100, self._radius * 100
         self._marks: list[viser.SceneNodeHandle] = []
-        self._arrows: list[viser.SceneNodeHandle] = []
-        self.show_terms(shown.terms)
+        self._arrows: list[tuple[viser.SceneNodeHandle, AbstractTerm]] = []
+        self.show_terms(shown)
 
     def show(
         self, shown: AbstractShown, kelvin: Float[np.ndarray, " p"], scale: Scale
@@ -82,17 +84,28 @@ class SceneView:
                 cloud.colors = coloured[part]
             if any(surface.moves for surface in shown.surfaces):
                 self._place(shown)
+            self._hide_suns_that_are_off(shown.time)
 
-    def show_terms(self, terms: tuple[AbstractTerm, ...]) -> None:
+    def show_terms(self, shown: AbstractShown) -> None:
         """Draw the directions of sun and wind as arrows."""
-        for arrow in self._arrows:
+        for arrow, _ in self._arrows:
             arrow.remove()
         self._arrows = []
-        for n, term in enumerate(terms):
+        for n, term in enumerate(shown.terms):
             if isinstance(term, Sun) and not callable(term.direction):
-                self._arrow("sun", n, np.asarray(term.direction), _SUN)
+                arrow = self._arrow("sun", n, np.asarray(term.direction), _SUN)
+                self._arrows.append((arrow, term))
             elif isinstance(term, Wind):
-                self._arrow("wind", n, np.asarray(term.velocity), _WIND)
+                arrow = self._arrow("wind", n, np.asarray(term.velocity), _WIND)
+                self._arrows.append((arrow, term))
+        self._hide_suns_that_are_off(shown.time)
+
+    def _hide_suns_that_are_off(self, time: float) -> None:
+        for arrow, term in self._arrows:
+            if isinstance(term, Sun):
+                shines = bool(value_at(term.strength, jnp.asarray(time)) > 0)
+                if arrow.visible != shines:
+                    arrow.visible = shines
 
     def pick(
         self,
@@ -123,7 +136,9 @@ class SceneView:
             )
             self._marks.append(mark)
 
-    def _arrow(self, name: str, number: int, along: np.ndarray, colour: tuple) -> None:
+    def _arrow(
+        self, name: str, number: int, along: np.ndarray, colour: tuple
+    ) -> viser.SceneNodeHandle:
         ahead = along / (math.hypot(*along) or 1.0)
         ends = [
             self._centre - self._radius * far * ahead for far in (_AWAY, _AWAY - _ARROW)
@@ -137,9 +152,9 @@ class SceneView:
             head_radius=self._radius / 30,
             head_length=self._radius / 8,
         )
-        self._arrows.append(arrow)
-        # Below the arrow, with which it is removed.
+        # Below the arrow, with which it is removed and hidden.
         self._server.scene.add_label(f"{path}/name", name, position=ends[0])
+        return arrow
 
     def _place(self, shown: AbstractShown) -> None:
         for frame, surface in zip(self._frames, shown.surfaces, strict=True):

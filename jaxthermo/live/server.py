@@ -166,11 +166,12 @@ class LiveView:
             self._announce("compiling: the bodies are built again")
         change = session.prepare(changes)
         if change.compiles:
-            self._announce("compiling: other mechanisms act now")
+            what = "steps of the new bodies" if builds else "other mechanisms act now"
+            self._announce(f"compiling: {what}")
         session.use(change)
         self._compiling = ""
         self._player.jumped()
-        self._view.show_terms(session.terms)
+        self._view.show_terms(session)
 
     def _announce(self, text: str) -> None:
         # Sent at once: what follows takes seconds.
@@ -234,6 +235,10 @@ class LiveView:
             self._controls.hide_curves()
             return
         curves = self._shown.curves(self._view.points.weights[self._probes])
+        if len(curves.times) < 2:
+            # A point is no curve.
+            self._controls.hide_curves()
+            return
         names = [f"probe {n + 1}" for n in range(len(self._probes))]
         self._controls.show_curves(curves, names)
 

@@ -17,7 +17,7 @@ bodies:
     material: copper
     temperature: 300
 terms:
-  - {kind: sun, direction: [-1, 0, -0.4], irradiance: 2 kW/m^2}
+  - {kind: sun, direction: [-1, 0, -0.4], irradiance: 2 kW/m^2, until: 20}
   - {kind: convection, heat_transfer_coefficient: 10, temperature: 290}
   - {kind: wind, velocity: [2, 0, 0], temperature: 290}
 time: {end: 30, save_at: [30]}
@@ -69,6 +69,18 @@ def test_play_runs_at_the_rate_and_shows_both_speeds(view, session):
     view.ask("reset", None)
     view.step(2.0)
     assert session.time == 0.0
+
+
+def test_the_arrow_of_the_sun_is_there_while_it_shines(view, session):
+    sun, wind = (arrow for arrow, _ in view._view._arrows)
+    assert sun.visible and wind.visible
+    view.ask("rate", 50.0)
+    view.ask("toggle", None)
+    play(view, 0.0, 1.0)
+    assert session.finished and not sun.visible and wind.visible
+    view.ask("reset", None)
+    play(view, 1.0, 1.1)
+    assert sun.visible
 
 
 def test_values_moved_by_hand_are_used(view, session):
