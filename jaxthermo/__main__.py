@@ -69,7 +69,7 @@ def _view(
     overrides: Overrides = (),
     host: str = "127.0.0.1",
     port: int = 8080,
-    rate: float = 10.0,
+    rate: float = 20.0,
 ) -> None:
     """Simulate a scene in a browser, where its values are moved by hand.
 
@@ -94,7 +94,7 @@ def _play(
     *,
     host: str = "127.0.0.1",
     port: int = 8080,
-    rate: float = 10.0,
+    rate: float = 20.0,
 ) -> None:
     """Show a finished run in a browser, with its times to move through.
 
