@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
 
@@ -9,6 +10,7 @@ from cyclopts import App, Parameter
 
 from . import __version__
 from .cli.entry import Animate, Overrides, compiles, make_app, run_app
+from .errors import InputError
 
 
 app: App = make_app(
@@ -56,6 +58,56 @@ def _simulate(
         run_explain(config, overrides)
     else:
         run(config, out, overrides, extras)
+
+
+@app.command
+@compiles
+def _view(
+    config: Path,
+    /,
+    *,
+    overrides: Overrides = (),
+    host: str = "127.0.0.1",
+    port: int = 8080,
+    rate: float = 20.0,
+) -> None:
+    """Simulate a scene in a browser, where its values are moved by hand.
+
+    Args:
+        config: Scene, a YAML file.
+        overrides: Value to change, such as bodies.0.pitch=3mm; may be repeated.
+        host: Address to listen on; 0.0.0.0 for other computers too.
+        port: Port to listen on; the next free one if it is taken.
+        rate: Simulated seconds per second at the start.
+    """
+    _with_extra("view", "viser")
+    from .cli.view import view as run
+
+    run(config, overrides, host, port, rate)
+
+
+@app.command
+@compiles
+def _play(
+    run: Path,
+    /,
+    *,
+    host: str = "127.0.0.1",
+    port: int = 8080,
+    rate: float = 20.0,
+) -> None:
+    """Show a finished run in a browser, with its times to move through.
+
+    Args:
+        run: Folder written by `jaxthermo simulate`.
+        host: Address to listen on; 0.0.0.0 for other computers too.
+        port: Port to listen on; the next free one if it is taken.
+        rate: Seconds of the run per second at the start.
+    """
+    _with_extra("play", "viser")
+    from .cli.view import play
+
+    play(run, host, port, rate)
 
 
 @app.command
@@ -256,12 +308,20 @@ def _schema(name: str = "scene", /) -> None:
     from .config.json_schema import json_schema
     from .config.schema.dataset import DatasetConfig
     from .config.schema.scene import SceneConfig
-    from .errors import InputError
 
     models = {"scene": SceneConfig, "dataset": DatasetConfig}
     if name not in models:
         raise InputError(f"schema {name}: choose {' or '.join(models)}")
     sys.stdout.write(json_schema(models[name]))
+
+
+def _with_extra(command: str, package: str) -> None:
+    """Refuse a command whose package of an extra is not installed."""
+    if find_spec(package) is None:
+        raise InputError(
+            f"{command}: needs {package}, of the extra `view`: "
+            "pip install 'jaxthermo[view]'"
+        )
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

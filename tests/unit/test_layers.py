@@ -28,6 +28,7 @@ ORDER = [
     "flow",
     "report",
     "config",
+    "live",
     "cli",
 ]
 ENTRIES = {"__init__.py", "__main__.py"}

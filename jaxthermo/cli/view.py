@@ -1,0 +1,55 @@
+"""`jaxthermo view` and `jaxthermo play`: a scene, or a finished run, in a browser."""
+
+from pathlib import Path
+
+import viser
+
+from ..arrays import precision
+from ..config.loader import load_config
+from ..config.schema.scene import SceneConfig
+from ..config.types.model import build
+from ..integrate.run.solution_file import load_solution
+from ..live.playback import Playback
+from ..live.server import LiveView, serving
+from ..live.session import LiveSession
+from ..live.shown import AbstractShown
+from .console import open_console, patient_interrupt, print_line, status
+from .frames import finished_config
+
+
+def view(
+    config: Path, overrides: tuple[str, ...], host: str, port: int, rate: float
+) -> None:
+    """Simulate a scene in a browser until Ctrl-C."""
+    load_config(config, overrides)
+    with serving(host, port) as server, status(open_console(), "building the scene"):
+        session = LiveSession(config, overrides, rate)
+        _show(server, session, session.config, port, rate)
+
+
+def play(run: Path, host: str, port: int, rate: float) -> None:
+    """Show a finished run in a browser until Ctrl-C."""
+    config = finished_config(run, (), find_meshes=False)
+    with precision(config.dtype):
+        stored = load_solution(run / "solution.npz")
+        shown = Playback(stored, build(config.terms))
+    with serving(host, port) as server:
+        _show(server, shown, config, port, rate)
+
+
+def _show(
+    server: viser.ViserServer,
+    shown: AbstractShown,
+    config: SceneConfig,
+    port: int,
+    rate: float,
+) -> None:
+    console = open_console()
+    view = LiveView(server, shown, config, rate)
+    bound = server.get_port()
+    if port not in (0, bound):
+        print_line(console, f"port {port} is taken: using {bound}")
+    address = f"http://{server.get_host()}:{bound}"
+    print_line(console, f"{address} shows {config.name}; Ctrl-C ends it")
+    with patient_interrupt() as stopped:
+        view.run(stopped)

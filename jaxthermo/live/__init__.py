@@ -1,0 +1,1 @@
+"""A scene in the browser while it is simulated, or a finished run."""

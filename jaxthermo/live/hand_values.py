@@ -1,0 +1,114 @@
+"""Values of a config's terms that can be moved by hand, as sliders."""
+
+import math
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+from ..config.schema.scene import SceneConfig, unit_of
+from ..image.ticks import to_celsius
+
+
+class Slider(NamedTuple):
+    """One number, in the unit that is shown."""
+
+    label: str
+    low: float
+    high: float
+    step: float
+    value: float
+
+
+class HandValue(NamedTuple):
+    """A value of a term: one number, or a direction as angles."""
+
+    title: str
+    """Kind of the term."""
+    path: str
+    """Path in the config."""
+    sliders: tuple[Slider, ...]
+    text: Callable[[tuple[float, ...]], str]
+    """The value as YAML, from the numbers of the sliders."""
+
+
+# Largest numbers of sliders by unit, where the config's own is not larger.
+_HIGHEST = {"W/m^2": 1500.0, "W/(m^2 K)": 100.0, "m/s": 10.0}
+# Temperatures below and above the config's own [K].
+_AROUND = 60.0
+
+
+def hand_values(config: SceneConfig) -> tuple[HandValue, ...]:
+    """The numbers and directions of all terms that do not follow a table."""
+    return tuple(_values(config))
+
+
+def _values(config: SceneConfig) -> Iterator[HandValue]:
+    kinds = [term.kind for term in config.terms]
+    for n, term in enumerate(config.terms):
+        title = term.kind.replace("_", " ")
+        if kinds.count(term.kind) > 1:
+            title = f"{title} {kinds[:n].count(term.kind) + 1}"
+        for name, value in term:
+            path = f"terms.{n}.{name}"
+            unit = unit_of(path)
+            if name == "direction" and isinstance(value, tuple):
+                yield _direction(title, path, value)
+            elif name == "velocity" and isinstance(value, tuple):
+                yield _velocity(title, path, value)
+            elif isinstance(value, float) and unit is not None and name != "until":
+                yield _number(title, path, name.replace("_", " "), value, unit.symbol)
+
+
+def _number(title: str, path: str, name: str, value: float, unit: str) -> HandValue:
+    if unit == "K":
+        shown = round(to_celsius(value), 2)
+        # A slider's steps count from its low end: the config's own value is one.
+        ends = shown - _AROUND, shown + _AROUND
+        slider = Slider(f"{name} [°C]", *ends, 0.5, shown)
+        return HandValue(title, path, (slider,), lambda v: f"{v[0]:.6g} degC")
+    high = max(_HIGHEST.get(unit, 0.0), 3.0 * abs(value)) or 1.0
+    step = 10.0 ** math.floor(math.log10(high) - 2)
+    low = -high if value < 0 else 0.0
+    shown = unit.replace("^2", "²").replace("^3", "³")
+    slider = Slider(f"{name} [{shown}]", low, high, step, value)
+    return HandValue(title, path, (slider,), lambda v: f"{v[0]:.6g} {unit}")
+
+
+def _direction(title: str, path: str, value: tuple[float, ...]) -> HandValue:
+    # Rays travel along the direction: they come from the opposite side.
+    x, y, z = (-each / math.hypot(*value) for each in value)
+    elevation, azimuth = (
+        float(round(math.degrees(a))) for a in (math.asin(z), math.atan2(y, x))
+    )
+    sliders = (
+        Slider("azimuth [°]", -180.0, 180.0, 1.0, azimuth),
+        Slider("elevation [°]", -90.0, 90.0, 1.0, elevation),
+    )
+
+    def text(angles: tuple[float, ...]) -> str:
+        around, up = (math.radians(each) for each in angles)
+        level = math.cos(up)
+        towards = level * math.cos(around), level * math.sin(around), math.sin(up)
+        return str([-each for each in towards])
+
+    return HandValue(title, path, sliders, text)
+
+
+def _velocity(title: str, path: str, value: tuple[float, ...]) -> HandValue:
+    x, y, z = value
+    level = math.hypot(x, y)
+    sliders = (
+        Slider("speed [m/s]", 0.1, max(10.0, 3.0 * level), 0.1, max(0.1, level)),
+        Slider(
+            "blows towards [°]",
+            -180.0,
+            180.0,
+            1.0,
+            float(round(math.degrees(math.atan2(y, x)))),
+        ),
+    )
+
+    def text(given: tuple[float, ...]) -> str:
+        speed, around = given[0], math.radians(given[1])
+        return str([speed * math.cos(around), speed * math.sin(around), z])
+
+    return HandValue(title, path, sliders, text)

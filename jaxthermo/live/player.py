@@ -1,0 +1,92 @@
+"""Play, pause and reset of what is shown, at a rate of its time to that of a clock."""
+
+import math
+from collections import deque
+
+from ..errors import InputError
+from .session import STEPS_A_SECOND
+from .shown import AbstractShown
+
+
+FRAME = 1.0 / STEPS_A_SECOND
+"""Time from one frame to the next [s]."""
+
+# Fraction of a frame for the simulation: the rest is for drawing and sending.
+_SHARE = 0.7
+# A clock that stood still, as while compiling, does not make the time jump [s].
+_LONGEST_TICK = 0.25
+# Time over which speeds are measured [s].
+_WINDOW = 2.0
+
+
+class Player:
+    """Moves what is shown on with a clock of wall time.
+
+    Args:
+        shown: simulation or finished run.
+        rate: seconds of it per second.
+    """
+
+    def __init__(self, shown: AbstractShown, rate: float):
+        self.shown, self.playing = shown, False
+        self.set_rate(rate)
+        self._ticks: deque[tuple[float, float]] = deque()
+        self._aim, self._before = shown.time, math.nan
+
+    def set_rate(self, rate: float) -> None:
+        """Set the rate [s/s].
+
+        Raises:
+            InputError: for one that is not positive and finite.
+        """
+        if not (rate > 0 and math.isfinite(rate)):
+            raise InputError(f"rate {rate:g}: give simulated seconds a second, above 0")
+        self.rate = rate
+
+    def play(self) -> None:
+        """Go on; from the start if at the end."""
+        if self.shown.finished:
+            self.shown.reset()
+        self.playing = True
+        self.jumped()
+
+    def pause(self) -> None:
+        """Stand still."""
+        self.playing = False
+        self.jumped()
+
+    def reset(self) -> None:
+        """Go back to the start, and stay there."""
+        self.shown.reset()
+        self.pause()
+
+    def jumped(self) -> None:
+        """Take the time of what is shown as it is now, and measure speeds anew."""
+        self._aim, self._before = self.shown.time, math.nan
+        self._ticks.clear()
+
+    def tick(self, clock: float) -> bool:
+        """Move on to a reading of the clock [s]; True if there is a new picture."""
+        if not self.playing:
+            return False
+        passed = 0.0 if math.isnan(self._before) else clock - self._before
+        self._before, before = clock, self.shown.time
+        self._aim += self.rate * min(passed, _LONGEST_TICK)
+        self.shown.advance_to(self._aim, _SHARE * FRAME)
+        # What is slower than the rate must not fall behind for ever.
+        self._aim = min(self._aim, self.shown.time + 2 * self.rate * FRAME)
+        self._ticks.append((clock, self.shown.time))
+        while clock - self._ticks[0][0] > _WINDOW:
+            self._ticks.popleft()
+        if self.shown.finished:
+            self.playing = False
+        return self.shown.time != before
+
+    def speeds(self) -> tuple[float, float] | None:
+        """Seconds of what is shown, and frames, per second; None at a standstill."""
+        if not self.playing or len(self._ticks) < 2:
+            return None
+        (first, start), (last, now) = self._ticks[0], self._ticks[-1]
+        if last - first < 0.2:
+            return None
+        return (now - start) / (last - first), (len(self._ticks) - 1) / (last - first)

@@ -1,0 +1,171 @@
+"""The 3-D part of the live view: coloured bodies, arrows of sun and wind, probes."""
+
+import math
+
+import jax.numpy as jnp
+import numpy as np
+import viser
+from jaxtyping import Float
+from viser.transforms import SO3
+
+from ..image.camera import AbstractCamera
+from ..physics.convection.wind import Wind
+from ..physics.radiation.source import Sun
+from ..physics.term import AbstractTerm
+from ..physics.time_varying import value_at
+from ..scene.scene import SolvedSurface
+from .scale import Scale
+from .shown import AbstractShown
+from .surface_points import SurfacePoints, colours, point_on_ray
+
+
+SERIES = ((232, 89, 12), (28, 126, 214), (47, 158, 68), (156, 54, 181))
+"""sRGB colours of probes, in turn: as many as there can be."""
+
+_SUN, _WIND = (250, 176, 5), (116, 192, 252)
+# Vertical angle of the view of a parallel camera [rad].
+_FIELD_OF_VIEW = 0.6
+# Distance of the view over that of the scene's camera: the arrows are in it.
+_BACK = 1.15
+# Length of an arrow, and its distance from the centre, over the radius of the bodies.
+_ARROW, _AWAY = 0.35, 1.2
+
+
+class SceneView:
+    """Nodes of the bodies in a server, which it updates."""
+
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        shown: AbstractShown,
+        points: SurfacePoints,
+        camera: AbstractCamera,
+    ):
+        self._server, self.points = server, points
+        self._frames, self._clouds = [], []
+        scene = server.scene
+        scene.set_up_direction("+z")
+        world = self._world(shown)
+        corners = np.stack([world.min(axis=0), world.max(axis=0)])
+        self._centre = corners.mean(axis=0)
+        self._radius = float(np.linalg.norm(corners[1] - corners[0]) / 2)
+        for n, position in enumerate(points.position):
+            name = f"/body{n}"
+            self._frames.append(scene.add_frame(name, show_axes=False))
+            grey = np.full(position.shape, 128, np.uint8)
+            cloud = scene.add_point_cloud(
+                f"{name}/surface",
+                position,
+                grey,
+                point_size=points.diameter,
+                point_shape="circle",
+                point_shading="flat",
+                precision="float32",
+            )
+            self._clouds.append(cloud)
+        self._place(shown)
+        start = server.initial_camera
+        away = np.subtract(camera.position, camera.look_at)
+        start.look_at = camera.look_at
+        start.position = camera.look_at + _BACK * away
+        start.fov = getattr(camera, "field_of_view", _FIELD_OF_VIEW)
+        start.near, start.far = self._radius / 100, self._radius * 100
+        self._marks: list[viser.SceneNodeHandle] = []
+        self._arrows: list[tuple[viser.SceneNodeHandle, AbstractTerm]] = []
+        self.show_terms(shown)
+
+    def show(
+        self, shown: AbstractShown, kelvin: Float[np.ndarray, " p"], scale: Scale
+    ) -> None:
+        """Colour the points by their temperatures [K]; move bodies that move."""
+        coloured = colours(kelvin, *scale)
+        with self._server.atomic():
+            for cloud, part in zip(self._clouds, self.points.parts, strict=True):
+                cloud.colors = coloured[part]
+            if any(surface.moves for surface in shown.surfaces):
+                self._place(shown)
+            self._hide_suns_that_are_off(shown.time)
+
+    def show_terms(self, shown: AbstractShown) -> None:
+        """Draw the directions of sun and wind as arrows."""
+        for arrow, _ in self._arrows:
+            arrow.remove()
+        self._arrows = []
+        for n, term in enumerate(shown.terms):
+            if isinstance(term, Sun) and not callable(term.direction):
+                arrow = self._arrow("sun", n, np.asarray(term.direction), _SUN)
+                self._arrows.append((arrow, term))
+            elif isinstance(term, Wind):
+                arrow = self._arrow("wind", n, np.asarray(term.velocity), _WIND)
+                self._arrows.append((arrow, term))
+        self._hide_suns_that_are_off(shown.time)
+
+    def _hide_suns_that_are_off(self, time: float) -> None:
+        for arrow, term in self._arrows:
+            if isinstance(term, Sun):
+                shines = bool(value_at(term.strength, jnp.asarray(time)) > 0)
+                if arrow.visible != shines:
+                    arrow.visible = shines
+
+    def pick(
+        self,
+        shown: AbstractShown,
+        origin: Float[np.ndarray, " 3"],
+        direction: Float[np.ndarray, " 3"],
+    ) -> int | None:
+        """Point that a ray hits first; None beside the bodies."""
+        radius = self.points.diameter / 2
+        return point_on_ray(self._world(shown), origin, direction, radius)
+
+    def mark(self, points: list[int]) -> None:
+        """Mark the probes, in the order of their colours."""
+        for mark in self._marks:
+            mark.remove()
+        self._marks = []
+        parts = self.points.parts
+        for n, point in enumerate(points):
+            body = self.points.body_of(point)
+            position = self.points.position[body][point - parts[body].start]
+            mark = self._server.scene.add_icosphere(
+                f"/body{body}/probe{n}",
+                radius=self._radius / 40,
+                color=SERIES[n],
+                position=position,
+                cast_shadow=False,
+                receive_shadow=False,
+            )
+            self._marks.append(mark)
+
+    def _arrow(
+        self, name: str, number: int, along: np.ndarray, colour: tuple
+    ) -> viser.SceneNodeHandle:
+        ahead = along / (math.hypot(*along) or 1.0)
+        ends = [
+            self._centre - self._radius * far * ahead for far in (_AWAY, _AWAY - _ARROW)
+        ]
+        path = f"/{name}{number}"
+        arrow = self._server.scene.add_arrows(
+            path,
+            np.asarray([ends]),
+            colour,
+            shaft_radius=self._radius / 80,
+            head_radius=self._radius / 30,
+            head_length=self._radius / 8,
+        )
+        # Below the arrow, with which it is removed and hidden.
+        self._server.scene.add_label(f"{path}/name", name, position=ends[0])
+        return arrow
+
+    def _place(self, shown: AbstractShown) -> None:
+        for frame, surface in zip(self._frames, shown.surfaces, strict=True):
+            pose = _pose(surface, shown.time)
+            frame.wxyz = SO3.from_matrix(np.asarray(pose.rotation)).wxyz
+            frame.position = pose.translation
+
+    def _world(self, shown: AbstractShown) -> Float[np.ndarray, "p 3"]:
+        pairs = zip(self.points.position, shown.surfaces, strict=True)
+        return np.concatenate([_pose(s, shown.time).to_world(p) for p, s in pairs])
+
+
+def _pose(surface: SolvedSurface, time: float):
+    return surface.geometry.pose.at(time)

@@ -1,0 +1,287 @@
+"""The live view in a browser: a loop that simulates, colours and sends frames.
+
+The loop runs in the thread that calls it, and alone changes what is shown; callbacks of
+widgets only put requests into its queue. Without a browser the simulation waits.
+"""
+
+import contextlib
+import io
+import queue
+import socket
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+import viser
+
+from ..config.schema.scene import SceneConfig
+from ..constants import ZERO_CELSIUS
+from ..errors import InputError
+from ..image.palette import BACKGROUND, apply_palette
+from .controls import Controls
+from .detector import Detector
+from .hand_values import hand_values
+from .panels import RunStatus
+from .playback import Playback
+from .player import FRAME, Player
+from .scale import Scale, scale_of
+from .scene_view import SERIES, SceneView
+from .session import LiveSession
+from .shown import AbstractShown
+from .surface_points import surface_points
+
+
+# Time between two lines of status, and between frames of the detector and curves [s].
+_STATUS_EVERY, _SIDE_EVERY = 0.25, 0.3
+
+
+class LiveView:
+    """The page of a simulation or a finished run, and requests from it."""
+
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        shown: AbstractShown,
+        config: SceneConfig,
+        rate: float,
+    ):
+        self._server, self._shown = server, shown
+        self._player = Player(shown, rate)
+        self._asked: queue.SimpleQueue[tuple[str, Any]] = queue.SimpleQueue()
+        self._detector = Detector(config, shown.surfaces)
+        self._fixed, self._note, self._compiling = False, "", ""
+        points = surface_points(shown.surfaces)
+        self._view = SceneView(server, shown, points, self._detector.camera)
+        kelvin = points.temperature(shown.temperature)
+        image = config.image
+        self._scale = scale_of(kelvin, image.palette)
+        if image.low is not None and image.high is not None:
+            self._scale = Scale(image.low, image.high, image.palette)
+        self._seen: Scale | None = None
+        self._probes: list[int] = []
+        given = rate, self._scale, self._detector.quantity, shown
+        self._controls = Controls(server, self.ask, *given)
+        if isinstance(shown, LiveSession):
+            self._controls.add_values(hand_values(config))
+            self._controls.add_structures(_factor(config))
+        self._said, self._drawn, self._changed = -1.0, -1.0, True
+        server.scene.on_click()(self._clicked)
+        self._controls.show_scale(self._scale)
+        self._draw(everything=True)
+        self._controls.add_probe_help()
+        self._say()
+
+    def ask(self, what: str, value: Any) -> None:
+        """Put a request into the queue, from any thread."""
+        self._asked.put((what, value))
+
+    def step(self, clock: float) -> None:
+        """Do what was asked for, and show the next frame, at a reading of a clock."""
+        for what, value in self._requests():
+            self._note = ""
+            try:
+                self._do(what, value)
+            except InputError as error:
+                self._note = " ".join(str(error).split())
+            self._changed, self._said = True, -1.0
+        if not self._server.get_clients():
+            # Nobody looks: the simulation waits.
+            self._player.jumped()
+            self._changed = True
+            return
+        moved = self._player.tick(clock)
+        if moved or self._changed:
+            stale = clock - self._drawn > _SIDE_EVERY
+            self._draw(everything=stale or self._changed)
+            self._drawn = clock if stale or self._changed else self._drawn
+            self._changed = False
+        if clock - self._said > _STATUS_EVERY:
+            self._say()
+            self._said = clock
+
+    def run(self, stopped: Callable[[], bool]) -> None:
+        """Show frames until it is asked to stop."""
+        while not stopped():
+            begin = time.perf_counter()
+            self.step(begin)
+            time.sleep(max(0.001, FRAME - (time.perf_counter() - begin)))
+
+    def _requests(self) -> list[tuple[str, Any]]:
+        """Requests since the last frame; of a slider that moved on, the last one."""
+        found: dict[Any, tuple[str, Any]] = {}
+        while True:
+            try:
+                what, value = self._asked.get_nowait()
+            except queue.Empty:
+                return list(found.values())
+            key = (what, value[0]) if what == "value" else what
+            if what in ("toggle", "probe"):
+                key = (what, len(found))
+            found.pop(key, None)
+            found[key] = what, value
+
+    def _do(self, what: str, value: Any) -> None:
+        player, shown = self._player, self._shown
+        match what:
+            case "toggle" if player.playing:
+                player.pause()
+            case "toggle":
+                player.play()
+            case "reset":
+                player.reset()
+                self._forget_range()
+            case "rate":
+                player.set_rate(value)
+                if isinstance(shown, LiveSession):
+                    shown.set_rate(value)
+                player.jumped()
+            case "seek" if isinstance(shown, Playback):
+                shown.seek(value)
+                player.jumped()
+            case "value":
+                self._change({value[0]: value[1]})
+            case "structure":
+                bodies = range(len(shown.surfaces))
+                self._change({f"bodies.{n}.structure": value for n in bodies}, True)
+            case "palette":
+                self._scale = self._scale._replace(palette=value)
+                self._controls.show_scale(self._scale)
+            case "fixed":
+                self._fixed = value
+                self._forget_range()
+            case "low" | "high":
+                self._set_end(what, value)
+            case "probe":
+                self._add_probe(*value)
+            case "unprobe":
+                self._probes = []
+                self._view.mark([])
+
+    def _change(self, changes: dict[str, str | None], builds: bool = False) -> None:
+        session = self._shown
+        assert isinstance(session, LiveSession)
+        if builds:
+            self._announce("compiling: the bodies are built again")
+        change = session.prepare(changes)
+        if change.compiles:
+            what = "steps of the new bodies" if builds else "other mechanisms act now"
+            self._announce(f"compiling: {what}")
+        session.use(change)
+        self._compiling = ""
+        self._player.jumped()
+        self._view.show_terms(session)
+
+    def _announce(self, text: str) -> None:
+        # Sent at once: what follows takes seconds.
+        self._compiling = text
+        self._say()
+        self._server.flush()
+
+    def _forget_range(self) -> None:
+        """Let the colours hold what is shown now, unless they are set by hand."""
+        if not self._fixed:
+            kelvin = self._view.points.temperature(self._shown.temperature)
+            self._scale, self._seen = scale_of(kelvin, self._scale.palette), None
+            self._controls.show_scale(self._scale)
+
+    def _set_end(self, which: str, celsius: float) -> None:
+        ends = {which: celsius + ZERO_CELSIUS}
+        scale = self._scale._replace(**ends)
+        if not scale.low < scale.high:
+            self._controls.show_scale(self._scale)
+            raise InputError("colours: give a low end below the high one")
+        self._scale, self._fixed = scale, True
+        self._controls.show_scale(scale, fixed=True)
+
+    def _add_probe(self, origin: Any, direction: Any) -> None:
+        given = np.asarray(origin, float), np.asarray(direction, float)
+        point = self._view.pick(self._shown, *given)
+        if point is None:
+            return
+        self._probes = [*self._probes, point][-len(SERIES) :]
+        self._view.mark(self._probes)
+
+    def _clicked(self, event: viser.SceneClickEvent) -> None:
+        self.ask("probe", (event.ray_origin, event.ray_direction))
+
+    def _draw(self, everything: bool) -> None:
+        """Colour the bodies; with `everything` the camera's frame and curves too."""
+        kelvin = self._view.points.temperature(self._shown.temperature)
+        if not np.isfinite(kelvin).all():
+            self._player.pause()
+            raise InputError("temperatures are not finite: check the terms")
+        scale = self._scale if self._fixed else self._scale.holding(kelvin)
+        if scale != self._scale:
+            self._scale = scale
+            self._controls.show_scale(scale)
+        self._view.show(self._shown, kelvin, scale)
+        if everything:
+            self._draw_frame()
+            self._draw_curves()
+
+    def _draw_frame(self) -> None:
+        kelvin, palette = self._detector.frame(self._shown), self._scale.palette
+        # A camera shows reflections too: it has a scale of its own.
+        before = self._seen or scale_of(kelvin, palette)
+        seen = self._scale if self._fixed else before.holding(kelvin)
+        self._seen = seen._replace(palette=palette)
+        coloured = apply_palette(kelvin, *self._seen, invalid=BACKGROUND)
+        self._controls.show_camera(coloured, self._seen)
+
+    def _draw_curves(self) -> None:
+        if not self._probes:
+            self._controls.hide_curves()
+            return
+        curves = self._shown.curves(self._view.points.weights[self._probes])
+        if len(curves.times) < 2:
+            # A point is no curve.
+            self._controls.hide_curves()
+            return
+        names = [f"probe {n + 1}" for n in range(len(self._probes))]
+        self._controls.show_curves(curves, names)
+
+    def _say(self) -> None:
+        player, shown = self._player, self._shown
+        state = "paused"
+        if player.playing:
+            state = "running"
+        elif shown.finished:
+            state = "at the end"
+        speeds = player.speeds() or (None, None)
+        note = self._compiling or self._note
+        status = RunStatus(shown.time, shown.end, state, *speeds, note)
+        self._controls.show_status(status, player.playing)
+
+
+def _factor(config: SceneConfig) -> int:
+    return int(getattr(config.bodies[0].structure, "factor", None) or 4)
+
+
+@contextmanager
+def serving(host: str, port: int) -> Iterator[viser.ViserServer]:
+    """A server on a port, or on the next one that is free; closed at the end.
+
+    Raises:
+        InputError: for a host or port that cannot be listened on.
+    """
+    if not 0 <= port <= 65535:
+        raise InputError(f"--port {port}: give a number from 0 to 65535")
+    try:
+        family, *_, address = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM)[0]
+        with socket.socket(family, socket.SOCK_STREAM) as probe:
+            probe.bind(address)
+    except OSError as error:
+        raise InputError(
+            f"--host {host}: cannot listen there ({error.strerror}); leave it out for "
+            "this computer alone, or give 0.0.0.0 for others too"
+        ) from error
+    # It prints its address in a box, and that it has stopped.
+    with contextlib.redirect_stdout(io.StringIO()):
+        server = viser.ViserServer(host, port, label="jaxthermo", verbose=False)
+    try:
+        yield server
+    finally:
+        with contextlib.redirect_stdout(io.StringIO()):
+            server.stop()

@@ -1,0 +1,349 @@
+"""A simulation that goes on while its values are changed by hand.
+
+It takes the steps of `simulate`, of one pass and none longer than a frame of the view,
+and keeps its state where numbers of the terms change: the compiled program serves all
+numbers. Another structure starts again.
+"""
+
+import math
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+from scipy.sparse import csr_array
+from typing_extensions import override
+
+from ..arrays import precision
+from ..config.loader import load_config
+from ..config.schema.scene import SceneConfig
+from ..config.types.model import build
+from ..errors import InputError
+from ..integrate.run.ledger import empty_ledger
+from ..integrate.run.plan import (
+    Interval,
+    Plan,
+    initial_state,
+    observation_time,
+    plan_run,
+)
+from ..integrate.run.solution import irradiance_at, observe
+from ..integrate.solvers import ForwardEuler, SuperTimeStepping
+from ..integrate.stepper import RunState, advance, just_before
+from ..physics.radiation.irradiation import Irradiance
+from ..physics.term import AbstractTerm
+from ..scene.compile.program import Program, State
+from ..scene.scene import Scene, SolvedSurface
+from .shown import AbstractShown, Curves
+
+
+STEPS_A_SECOND = 20
+"""Steps of a second of wall time, at least: as many as frames are shown."""
+
+# Stable steps in one frame up to which Euler steps take less time than stages.
+_MAX_EULER_STEPS = 10
+
+
+# Rows of temperatures that are kept for curves, and their memory [bytes].
+_MAX_ROWS, _MAX_BYTES = 400, 2**26
+
+
+class Change(NamedTuple):
+    """A scene with other values, planned but not in use yet."""
+
+    values: Mapping[str, str]
+    """All values that were changed by hand, as YAML by their paths in the config."""
+    config: SceneConfig
+    scene: Scene
+    plan: Plan
+    restarts: bool
+    """True if the bodies are others, so that the simulation starts again."""
+    compiles: bool
+    """True if the program has to be compiled, which takes seconds."""
+
+
+@eqx.filter_jit(donate="all-except-first")
+def _take_steps(kept: tuple[Any, Program, Any, tuple], theta: State) -> RunState:
+    # Only the temperatures are overwritten: they are large, and the rest is shared.
+    stepper, program, (ledger, solver_state), (start, dt, steps, before) = kept
+    state = RunState(theta, ledger, solver_state)
+    return advance(stepper, program, state, start, dt, steps, before)
+
+
+def _kind(tree: Any) -> tuple[Any, ...]:
+    """All of a pytree that a program is compiled for."""
+    leaves, structure = jax.tree.flatten(tree)
+    arrays = jax.Array, np.ndarray, np.generic
+    typed = (
+        (each.shape, each.dtype) if isinstance(each, arrays) else each
+        for each in leaves
+    )
+    return structure, *typed
+
+
+class LiveSession(AbstractShown):
+    """The running simulation of a config, in simulated time.
+
+    Args:
+        path: of the config.
+        overrides: changes of the config, as of `--set`.
+        rate: simulated seconds per second, for which steps are short enough.
+
+    Raises:
+        InputError: for a mistake in the config.
+    """
+
+    def __init__(self, path: Path, overrides: tuple[str, ...] = (), rate: float = 10.0):
+        self._path, self._overrides = path, overrides
+        self._rate = _checked_rate(rate)
+        self._compiled: set[tuple[Any, ...]] = set()
+        config = load_config(path, overrides)
+        with precision(config.dtype):
+            self._in_use = self._planned({}, config, config.build(), restarts=True)
+        self.reset()
+
+    @property
+    def config(self) -> SceneConfig:
+        """The config with the values in use."""
+        return self._in_use.config
+
+    @property
+    def scene(self) -> Scene:
+        """The scene in use."""
+        return self._in_use.scene
+
+    @property
+    def plan(self) -> Plan:
+        """Steps from the start with the values in use: those of `simulate`."""
+        return self._in_use.plan
+
+    @property
+    @override
+    def surfaces(self) -> tuple[SolvedSurface, ...]:
+        return self.plan.compiled.surfaces
+
+    @property
+    @override
+    def terms(self) -> tuple[AbstractTerm, ...]:
+        return self.scene.terms
+
+    @property
+    @override
+    def end(self) -> float:
+        return self.config.time.last
+
+    @property
+    @override
+    def finished(self) -> bool:
+        return not self._left
+
+    @property
+    @override
+    def time(self) -> float:
+        if not self._left:
+            return self.end
+        return self._left[0].start + self._taken * self._left[0].dt
+
+    @property
+    @override
+    def temperature(self) -> Float[np.ndarray, " s"]:
+        if self._seen is None:
+            with precision(self.config.dtype):
+                self._seen = self._observed()
+            self._keep(self._seen)
+        return self._seen
+
+    @override
+    def irradiance(self) -> Irradiance:
+        kelvin, time = self.temperature, self.time
+        with precision(self.config.dtype):
+            radiation = self.plan.compiled.radiation.at(time)
+            now = jnp.asarray(time, self.plan.dtype)
+            return irradiance_at(radiation, just_before(now), jnp.asarray(kelvin))
+
+    @override
+    def curves(self, weights: csr_array) -> Curves:
+        rows = [*self._kept, (self.time, self.temperature)]
+        if len(rows) > 1 and rows[-2][0] == rows[-1][0]:
+            rows.pop()
+        kelvin = np.stack([weights @ row for _, row in rows], axis=1)
+        return Curves(np.asarray([at for at, _ in rows]), kelvin)
+
+    @override
+    def reset(self) -> None:
+        self._kept: list[tuple[float, Float[np.ndarray, " s"]]] = []
+        with precision(self.config.dtype):
+            self._go_on(initial_state(self.plan), self.plan.intervals)
+
+    @override
+    def advance_to(self, time: float, budget: float = math.inf) -> None:
+        with precision(self.config.dtype):
+            while self._left and budget > 0:
+                due = self._steps_due(time, budget)
+                if due <= 0:
+                    return
+                budget -= self._take(due)
+
+    def prepare(self, changes: Mapping[str, str | None]) -> Change:
+        """Plan the scene with other values, as YAML by their paths in the config.
+
+        None stands for what the config gives itself.
+
+        Raises:
+            InputError: for a mistake in them; the simulation stays as it is.
+        """
+        joined = {**self._in_use.values, **changes}
+        values = {path: text for path, text in joined.items() if text is not None}
+        texts = (f"{path}={value}" for path, value in values.items())
+        config = load_config(self._path, (*self._overrides, *texts))
+        restarts = (config.bodies, config.dtype) != (
+            self.config.bodies,
+            self.config.dtype,
+        )
+        with precision(config.dtype):
+            if restarts:
+                scene = config.build()
+            else:
+                # The same bodies, whose voxels and structures are known.
+                scene = config.scene(self.scene.bodies, build(config.terms))
+            return self._planned(values, config, scene, restarts)
+
+    def use(self, change: Change) -> None:
+        """Go on with other values; with other bodies from the start."""
+        now, self._in_use = self.time, change
+        if change.restarts:
+            self.reset()
+            return
+        with precision(self.config.dtype):
+            # What acts is another set of mechanisms: their heat is counted anew.
+            ledger = empty_ledger(
+                len(self.plan.compiled.program.entries), self.plan.dtype
+            )
+            state = self.plan.stepper.begin(RunState(self._state.theta, ledger))
+            left = tuple(_rest(i, now) for i in self.plan.intervals if i.end > now)
+            self._go_on(state, left)
+
+    def change(self, changes: Mapping[str, str | None]) -> None:
+        """Prepare other values and use them."""
+        self.use(self.prepare(changes))
+
+    def set_rate(self, rate: float) -> None:
+        """Make steps for another rate, simulated seconds per second."""
+        self._rate = _checked_rate(rate)
+        self.change({})
+
+    def _keep(self, kelvin: Float[np.ndarray, " s"]) -> None:
+        """Keep a row for curves, as far apart as there is memory for."""
+        rows = min(_MAX_ROWS, max(2, _MAX_BYTES // kelvin.nbytes))
+        now = self.time
+        if not self._kept or now - self._kept[-1][0] >= self.end / rows:
+            self._kept.append((now, kelvin))
+
+    def _planned(
+        self,
+        values: Mapping[str, str],
+        config: SceneConfig,
+        scene: Scene,
+        restarts: bool,
+    ) -> Change:
+        longest = self._rate / STEPS_A_SECOND
+        given = config.solver.build()
+        end = config.time.last
+        plan = plan_run(scene, end, (end,), given or ForwardEuler())
+        if given is None:
+            stable = plan.stable_step
+            assert stable is not None
+            if longest > _MAX_EULER_STEPS * stable:
+                solver = SuperTimeStepping(dt=longest)
+                plan = plan_run(scene, end, (end,), solver)
+        plan = plan._replace(
+            intervals=tuple(_finer(i, longest) for i in plan.intervals)
+        )
+        kind = _kind((plan.stepper, plan.compiled.program))
+        return Change(values, config, scene, plan, restarts, kind not in self._compiled)
+
+    def _go_on(self, state: RunState, left: tuple[Interval, ...]) -> None:
+        """Take over a state with the steps that are left; all is compiled."""
+        self._state, self._left, self._taken = state, list(left), 0
+        self._interval: Interval | None = None
+        self._seconds_a_step = 0.0
+        if left:
+            self._take(0)
+        self._seen: Float[np.ndarray, " s"] | None = None
+        self._compiled.add(_kind((self.plan.stepper, self.plan.compiled.program)))
+
+    def _steps_due(self, time: float, budget: float) -> int:
+        """Whole steps to a time, within the interval and the seconds of work."""
+        interval = self._left[0]
+        # A time that is a step but for rounding counts.
+        due = math.floor((time - interval.start) / interval.dt + 1e-6) - self._taken
+        due = min(due, interval.steps - self._taken)
+        if self._seconds_a_step == 0.0 or math.isinf(budget):
+            # Nothing is known of the time that steps take.
+            return due if math.isinf(budget) else min(due, 1)
+        return min(due, max(1, int(budget / self._seconds_a_step)))
+
+    def _take(self, steps: int) -> float:
+        """Take steps of the interval; returns the seconds that it took."""
+        interval, plan = self._left[0], self.plan
+        span = (
+            jnp.asarray(interval.start, plan.dtype),
+            jnp.asarray(interval.dt, plan.dtype),
+            jnp.asarray(steps, jnp.int32),
+            jnp.asarray(self._taken, jnp.int32),
+        )
+        number = plan.compiled.number_at(interval.start)
+        rest = self._state.ledger, self._state.solver_state
+        kept = plan.stepper, plan.compiled.programs[number], rest, span
+        clock = time.perf_counter()
+        self._state = jax.block_until_ready(_take_steps(kept, self._state.theta))
+        spent = time.perf_counter() - clock
+        if not steps:
+            return spent
+        self._seconds_a_step, self._seen = spent / steps, None
+        self._taken += steps
+        end = interval.start + self._taken * interval.dt
+        self._interval = replace(interval, end=end, steps=self._taken)
+        if self._taken == interval.steps:
+            self._interval = interval
+            self._left.pop(0)
+            self._taken = 0
+        return spent
+
+    def _observed(self) -> Float[np.ndarray, " s"]:
+        plan, at = self.plan, None
+        # At the start no load has acted yet.
+        start = 0.0
+        if self._interval is not None:
+            start, at = self._interval.start, observation_time(plan, self._interval)
+        elif self.time > 0:
+            start, at = self.time, just_before(self.time, plan.dtype)
+        time = None if at is None else jnp.asarray(at, plan.dtype)
+        program = plan.compiled.programs[plan.compiled.number_at(start)]
+        return np.asarray(observe(program, self._state, time).surface_temperature)
+
+
+def _checked_rate(rate: float) -> float:
+    if not (rate > 0 and math.isfinite(rate)):
+        raise InputError(f"rate {rate:g}: give simulated seconds per second, above 0")
+    return rate
+
+
+def _finer(interval: Interval, longest: float) -> Interval:
+    """An interval without steps longer than a frame [s]."""
+    whole = math.ceil((interval.end - interval.start) / longest * (1 - 1e-9))
+    return replace(interval, steps=max(interval.steps, whole))
+
+
+def _rest(interval: Interval, now: float) -> Interval:
+    """The part of an interval after a time [s]."""
+    if interval.start >= now:
+        return interval
+    left = (interval.end - now) / interval.dt
+    return replace(interval, start=now, steps=max(1, math.ceil(left * (1 - 1e-9))))

@@ -1,0 +1,108 @@
+"""Points that stand for the surfaces in a browser, coloured by temperature.
+
+A browser takes new colours of points at 3 bytes each and shows them as they are. A mesh
+it takes as a whole, four times the bytes, is blank until it has read it, and brightens
+the colours as if they were lit.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int, UInt8
+from scipy.sparse import csr_array
+
+from ..geometry.mesh import Mesh
+from ..geometry.sample import mesh_sample
+from ..image.facets import smooth_normals
+from ..image.fragment_cells import block_matrix
+from ..image.palette import apply_palette
+from ..image.view import smooth_weights
+from ..scene.scene import BodyGeometry, SolvedSurface
+
+
+POINTS = 90_000
+"""Cells of the surfaces that hold a point, about."""
+
+# Random points for one cell: that many leave one cell in 50 without any.
+_PER_CELL = 4
+# Diameter of a point over the edge of a cell: neighbours in opposite corners overlap.
+_OVERLAP = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class SurfacePoints:
+    """Points on the surfaces of bodies, with their weights of the fragments."""
+
+    position: tuple[Float[np.ndarray, "_ 3"], ...]
+    """Points of each body, in its own frame [m]."""
+    weights: csr_array
+    """Weights [p, s] of the fragments of all bodies, those of an image."""
+    diameter: float
+    """Diameter at which points cover the surface [m]."""
+
+    @property
+    def parts(self) -> list[slice]:
+        """Points of each body among all."""
+        ends = np.cumsum([0, *(len(each) for each in self.position)]).tolist()
+        return [slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+
+    def temperature(self, fragments: Float[np.ndarray, " s"]) -> Float[np.ndarray, "p"]:
+        """Temperature of every point [K], from those of the fragments."""
+        return self.weights @ fragments.astype(np.float32, copy=False)
+
+    def body_of(self, point: int) -> int:
+        """Number of the body that a point is on."""
+        return next(n for n, part in enumerate(self.parts) if point < part.stop)
+
+
+def surface_points(
+    surfaces: tuple[SolvedSurface, ...], count: int = POINTS
+) -> SurfacePoints:
+    """Spread about `count` points over the surfaces of all bodies."""
+    bodies = [surface.geometry for surface in surfaces]
+    area = [float(geometry.fragment_area.sum()) for geometry in bodies]
+    edge = float(np.sqrt(sum(area) / count))
+    position, weights = [], []
+    for own, geometry in zip(area, bodies, strict=True):
+        random = max(1000, round(_PER_CELL * count * own / sum(area)))
+        points, face = _one_per_cell(geometry, edge, random)
+        normal = smooth_normals(geometry.vertices, geometry.faces, face, points)
+        weights.append(smooth_weights(points, normal, geometry))
+        position.append(points.astype(np.float32))
+    joined = weights[0] if len(weights) == 1 else block_matrix(weights)
+    single = csr_array(joined, dtype=np.float32)
+    return SurfacePoints(tuple(position), single, _OVERLAP * edge)
+
+
+def _one_per_cell(
+    geometry: BodyGeometry, edge: float, random: int
+) -> tuple[Float[np.ndarray, "p 3"], Int[np.ndarray, " p"]]:
+    sample = mesh_sample(Mesh(geometry.vertices, geometry.faces), random)
+    cell = np.floor(sample.position / edge).astype(np.int64)
+    cell -= cell.min(axis=0)
+    size = cell.max(axis=0) + 1
+    key = np.ravel_multi_index(tuple(cell.T), tuple(size.tolist()))
+    _, kept = np.unique(key, return_index=True)
+    return sample.position[kept], sample.face[kept]
+
+
+def colours(
+    kelvin: Float[np.ndarray, " p"], low: float, high: float, palette: str
+) -> UInt8[np.ndarray, "p 3"]:
+    """Colours of temperatures on a scale [K], as sRGB."""
+    return apply_palette(kelvin[None], low, high, palette)[0]
+
+
+def point_on_ray(
+    world: Float[np.ndarray, "p 3"],
+    origin: Float[np.ndarray, " 3"],
+    direction: Float[np.ndarray, " 3"],
+    radius: float,
+) -> int | None:
+    """Index of the first point that a ray passes within a radius [m]; None for none."""
+    ahead = direction / np.linalg.norm(direction)
+    offset = world - origin
+    depth = offset @ ahead
+    away = np.einsum("ij,ij->i", offset, offset) - depth**2
+    near = np.flatnonzero((away < radius**2) & (depth > 0))
+    return int(near[depth[near].argmin()]) if len(near) else None

@@ -1,0 +1,98 @@
+"""The camera's frame of a live view: that of `render`, with its band and effects."""
+
+import math
+
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from jaxthermo.config.loader import load_config
+from jaxthermo.config.types.model import build
+from jaxthermo.integrate.run.solution_file import load_solution, save_solution
+from jaxthermo.live.detector import Detector
+from jaxthermo.live.playback import Playback
+
+
+SCENE = """
+bodies:
+  - shape: {kind: box, size: [4 cm, 4 cm, 8 cm]}
+    pitch: 1 cm
+    material: stainless_steel
+    temperature: 300
+terms:
+  - {kind: sun, direction: [-1, 0, -0.4], irradiance: 2 kW/m^2}
+  - {kind: surroundings, temperature: 280}
+time: {end: 20, save_at: [10, 20]}
+camera: {width: 32, height: 24}
+"""
+EFFECTS = (
+    "{kind: specular_reflection, fraction: 0.3, exponent: 8}",
+    "{kind: blur, sigma: 0.8}",
+    "{kind: detector_noise, netd: 50 mK, seed: 3}",
+)
+LAG = "{kind: bolometer_lag, time_constant: 4 s}"
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory):
+    made = tmp_path_factory.mktemp("detector") / "box.yaml"
+    made.write_text(SCENE)
+    return made
+
+
+def config_with(path, *effects: str, **others: str):
+    texts = [f"{name.replace('__', '.')}={text}" for name, text in others.items()]
+    return load_config(path, (f"image.effects=[{', '.join(effects)}]", *texts))
+
+
+@pytest.fixture(scope="module")
+def solution(path):
+    return jt.simulate(load_config(path).build(), 20.0, [10.0, 20.0])
+
+
+@pytest.fixture
+def shown(solution, path, tmp_path):
+    save_solution(tmp_path / "solution.npz", solution)
+    stored = load_solution(tmp_path / "solution.npz")
+    return Playback(stored, build(load_config(path).terms))
+
+
+@pytest.mark.parametrize("band", ["long-wave", "all", "[3 um, 5 um]"])
+def test_the_frame_is_that_of_render(shown, solution, path, band):
+    config = config_with(path, *EFFECTS, image__band=band)
+    detector = Detector(config, shown.surfaces)
+    shown.seek(20.0)
+    drawn = jt.render(
+        solution,
+        detector.camera,
+        band=build(config.image.band),
+        effects=build(config.image.effects),
+    )
+    expected = np.asarray(drawn.apparent_temperature, float)
+    expected[np.asarray(drawn.object_id) < 0] = math.nan
+    np.testing.assert_allclose(detector.frame(shown), expected, rtol=1e-6)
+
+
+def test_a_detector_lags_while_time_goes_on_and_settles_at_a_standstill(shown, path):
+    lagging = Detector(config_with(path, LAG), shown.surfaces)
+    at_once = Detector(config_with(path), shown.surfaces)
+    cold = lagging.frame(shown)
+    np.testing.assert_array_equal(cold, at_once.frame(shown))
+    shown.seek(18.0)
+    warm, late = at_once.frame(shown), lagging.frame(shown)
+    risen = np.nanargmax(warm - cold)
+    # A ramp is followed by what it gains in one time constant later.
+    part = 1 - (4 / 8) * (1 - math.exp(-8 / 4))
+    gained = (late - cold).flat[risen] / (warm - cold).flat[risen]
+    assert gained == pytest.approx(part, abs=0.01)
+    np.testing.assert_array_equal(lagging.frame(shown), warm)
+    shown.seek(10.0)
+    np.testing.assert_array_equal(lagging.frame(shown), cold)
+
+
+def test_a_large_frame_is_reduced_with_its_blur(shown, path):
+    blur = "{kind: blur, sigma: 2}"
+    config = config_with(path, blur, camera__width="620", camera__height="400")
+    detector = Detector(config, shown.surfaces)
+    assert detector.camera.size == (310, 200)
+    assert detector._effects.spread == pytest.approx(1.0)
