@@ -36,6 +36,7 @@ from ..scene.scene import SolvedSurface, per_fragment
 from .background import VisibleSource
 from .band import Band
 from .camera import AbstractCamera
+from .moving_weights import MovingWeights
 from .view import View, at_time, kept_view
 
 
@@ -136,8 +137,10 @@ class Image(eqx.Module):
         return _apparent_temperature(self.radiance, self.band)
 
 
-def _means(weights: csr_array, values: _Values) -> _Values:
+def _means(weights: csr_array | MovingWeights, values: _Values) -> _Values:
     """Weighted means of the fragments of each row, [s, k] to [p, k]."""
+    if isinstance(weights, MovingWeights):
+        return weights.means(values)
     count = len(weights.indptr) - 1
     if isinstance(values, np.ndarray):
         return (weights @ values).astype(values.dtype)
