@@ -24,7 +24,7 @@ from .analysis.truth import Truth
 from .analysis.verdict import judge
 from .config.fit_record import write_fit
 from .config.loader import calibration_hash, load_calibration, plain
-from .config.schema import CalibrationConfig, unit_of
+from .config.schema import CalibrationConfig, shown_unit_of, unit_of
 from .problem.build import Calibration, build
 from .problem.parameters import ParameterSet
 from .problem.problem import Case, Problem
@@ -174,11 +174,11 @@ def _errors_at(
     found, step_tables = [], None
     with precision(problem.dtype.name):
         traced = problem.trace(problem.step_tables())
-        run = eqx.filter_jit(lambda traced, z, step_tables: traced(z, step_tables)[1])
+        run = eqx.filter_jit(lambda traced, *given: traced(*given)[1])
         for point in points:
             z = jnp.asarray(point, problem.dtype)
             step_tables = problem.step_tables_at(z, step_tables)
-            diagnostics = run(traced, z, step_tables)
+            diagnostics = run(traced, z, step_tables, problem.views_at(z))
             found.append(_case_errors(problem.cases, diagnostics.host_errors()))
     return found
 
@@ -193,8 +193,8 @@ def identify_start(
     with precision(problem.dtype.name):
         at = jnp.asarray(z, problem.dtype)
         step_tables = problem.step_tables_at(at)
-        traced = problem.trace(step_tables)
-        rows = jacobian_rows(traced, step_tables, at, problem.batch())
+        traced, views = problem.trace(step_tables), problem.views_at(at)
+        rows = jacobian_rows(traced, (step_tables, views), at, problem.batch())
         rows = np.asarray(rows, float)
     log.stage("evaluating the start")
     errors = _errors_at(problem, [z])[0]
@@ -282,17 +282,19 @@ def parameter_rows(
     identified: Identified, start: Float[np.ndarray, " p"]
 ) -> dict[str, dict[str, Any]]:
     """A row for every value, by its label."""
-    return {
-        verdict.label: {
-            "value": verdict.value,
-            "initial": float(initial),
-            "standard_error": verdict.standard_error,
+    rows = {}
+    for verdict, initial in zip(identified.verdicts, start, strict=True):
+        unit, size = shown_unit_of(verdict.label)
+        error = verdict.standard_error
+        rows[verdict.label] = {
+            "value": verdict.value / size,
+            "initial": float(initial) / size,
+            "standard_error": None if error is None else error / size,
             "verdict": verdict.verdict,
             "with": list(verdict.with_others),
-            "unit": unit_of(verdict.label),
+            "unit": unit,
         }
-        for verdict, initial in zip(identified.verdicts, start, strict=True)
-    }
+    return rows
 
 
 def _field_rows(

@@ -1,4 +1,4 @@
-"""Weights of fragments in pixels whose surface points move a little, as arrays of JAX."""
+"""Weights of fragments in pixels whose surface points move a little."""
 
 import equinox as eqx
 import jax

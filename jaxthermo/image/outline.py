@@ -38,7 +38,7 @@ def outline_distance(view: View) -> Float[np.ndarray, "h w"]:
         edge = _is_edge([f[one] for f in fields], [f[other] for f in fields])
         outline[one] |= edge
         outline[other] |= edge
-    return distance_transform_edt(~outline)
+    return np.asarray(distance_transform_edt(~outline))
 
 
 def _is_edge(one: list[np.ndarray], other: list[np.ndarray]) -> Bool[np.ndarray, "_ _"]:

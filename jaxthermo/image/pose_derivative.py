@@ -107,6 +107,17 @@ def linearize_view(
     return _padded(pose, place, weights, slopes, motion, seen, size, dtype)
 
 
+def blank_view(
+    count: int, size: int, pose: Float[np.ndarray, "6"], dtype: np.typing.DTypeLike
+) -> LinearizedView:
+    """View of which nothing is known: its pixels are not finite."""
+    none, shape = csr_array((0, 1)), (count, 2, POSE_SIZE)
+    slopes, motion, seen = np.zeros((2, 0)), np.zeros(shape), np.zeros(count)
+    given = pose, np.arange(0), none, slopes, motion, seen
+    blank = _padded(*given, size, dtype)
+    return eqx.tree_at(lambda v: v.seen, blank, blank.seen * jnp.nan)
+
+
 def _chosen(
     surfaces: tuple[SolvedSurface, ...],
     camera: AbstractCamera,

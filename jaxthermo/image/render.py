@@ -140,7 +140,7 @@ class Image(eqx.Module):
 def _means(weights: csr_array | MovingWeights, values: _Values) -> _Values:
     """Weighted means of the fragments of each row, [s, k] to [p, k]."""
     if isinstance(weights, MovingWeights):
-        return weights.means(values)
+        return weights.means(jnp.asarray(values))
     count = len(weights.indptr) - 1
     if isinstance(values, np.ndarray):
         return (weights @ values).astype(values.dtype)

@@ -106,22 +106,20 @@ def compute_view(
     camera: AbstractCamera,
     smooth: bool = True,
     occlusion: float | None = None,
+    keep: bool = True,
 ) -> View:
     """Compute the surface point and the interpolation weights of each pixel.
 
     With `occlusion` [m], surfaces in the image hide the surroundings from others that
-    are not farther away.
+    are not farther away. A view that no other process will ask for is not worth to
+    `keep` in the user's cache.
 
     Raises:
         InputError: if the camera is inside a body or sees none.
     """
     given = camera, smooth, occlusion, [_content(s.geometry) for s in surfaces]
-    shown = stored(
-        "view",
-        given,
-        lambda: _shown(surfaces, camera, smooth, occlusion),
-        (_Shown, FacetShading),
-    )
+    find = lambda: _shown(surfaces, camera, smooth, occlusion)
+    shown = stored("view", given, find, (_Shown, FacetShading)) if keep else find()
     background = compute_background(terms, camera, shown.pixel, shown.depth)
     return View(
         camera,
