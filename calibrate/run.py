@@ -25,12 +25,13 @@ from .analysis.verdict import judge
 from .config.fit_record import write_fit
 from .config.loader import calibration_hash, load_calibration, plain
 from .config.schema import CalibrationConfig, shown_unit_of, unit_of
-from .problem.build import Calibration, build
+from .problem.build import Calibration
 from .problem.parameters import ParameterSet
 from .problem.problem import Case, Problem
 from .problem.reference import program_hash
 from .problem.targets import CaseError
 from .report.page import write_report
+from .solvers.cameras import build_aligned
 from .solvers.fit import Fit, Fitting
 from .solvers.levenberg_marquardt import jacobian_rows
 from .solvers.progress import StepRecord
@@ -75,7 +76,7 @@ def fit_config(
     log = ProgressLog() if log is None else log
     config = load_calibration(path, overrides)
     with results_folder(out) as folder:
-        calibration = build(config, log.stage)
+        calibration = build_aligned(config, log.stage)
         # Before the fit: what cannot be run is said at once.
         truth = Truth.prepare(config, calibration, log.stage)
         _discard_old_checkpoint(folder, config)
@@ -187,7 +188,7 @@ def identify_start(
     config: CalibrationConfig, log: ProgressLog
 ) -> tuple[Identified, dict[str, CaseError], bool]:
     """Judge the start: its parameters, each case's error, and if the noise is known."""
-    problem = build(config, log.stage).train
+    problem = build_aligned(config, log.stage).train
     log.stage("computing derivatives")
     z = np.zeros(problem.parameters.size)
     with precision(problem.dtype.name):

@@ -22,20 +22,16 @@ from jaxtyping import Array, Bool, Float, Int
 from scipy.ndimage import gaussian_filter
 from scipy.optimize import least_squares
 
-from jaxthermo.arrays import precision
 from jaxthermo.errors import InputError
 from jaxthermo.image.band import Band
 from jaxthermo.image.camera import AbstractCamera
 from jaxthermo.image.pose import moved_camera
 from jaxthermo.image.view import View, compute_view
-from jaxthermo.integrate.run.parametric_run import ParametricRun, ParametricSolution
+from jaxthermo.integrate.run.parametric_run import ParametricSolution
 from jaxthermo.physics.radiation.irradiation import Irradiance
 from jaxthermo.physics.term import AbstractTerm
 from jaxthermo.scene.scene import Scene, SolvedSurface
 
-from ..config.frame_names import is_of_camera, pose_numbers
-from .frame_source import CaseFrames
-from .parameters import ParameterSet
 from .targets import frame_at, received_at
 
 
@@ -50,6 +46,8 @@ _STEP = 0.5
 """Step of differences [pixels]."""
 _MAX_EVALUATIONS = 12
 """Number of derivatives in a round."""
+_POLISHING_STEPS, _NEW_SLOPES = 40, (0, 2, 5)
+"""Number of steps with fitted temperatures, and those that find slopes."""
 
 
 class ShownRun(NamedTuple):
@@ -78,7 +76,10 @@ class ShownRun(NamedTuple):
         """Read what frames need of a run."""
         surface = solution.surface_temperature
         at = jnp.asarray(times, surface.dtype)
-        rows = [received_at(solution, s, t, reflected) for s, t in zip(surface, at, strict=True)]
+        rows = [
+            received_at(solution, s, t, reflected)
+            for s, t in zip(surface, at, strict=True)
+        ]
         hosted = tuple(Irradiance(*map(np.asarray, row)) for row in rows)
         shown = np.asarray(surface), hosted
         return cls(solution.surfaces, scene.terms, at, *shown, quantity, band)
@@ -91,20 +92,23 @@ class ShownRun(NamedTuple):
         return np.asarray(drawn, float)
 
 
-class Aligned(NamedTuple):
-    """Pose that the outlines give, and what is left of the difference."""
-
-    pose: Float[np.ndarray, "6"]
-    rms: float
-    """Of the blurred frames' difference, over the data's standard deviation."""
-
-
 class Limits(NamedTuple):
     """Numbers of a camera's pose that are fitted, and their bounds."""
 
     numbers: Int[np.ndarray, " n"]
     lower: Float[np.ndarray, " n"]
     upper: Float[np.ndarray, " n"]
+
+
+class Aligned(NamedTuple):
+    """Pose that the outlines give, and how well they determine it."""
+
+    pose: Float[np.ndarray, "6"]
+    numbers: Int[np.ndarray, " n"]
+    """Those of the pose that are fitted."""
+    whiten: Float[np.ndarray, "n n"] | None = None
+    """Deviations of these from the pose to independent ones of standard deviation 1;
+    None where temperatures were not fitted yet."""
 
 
 def align(
@@ -114,11 +118,15 @@ def align(
     mask: Bool[np.ndarray, "h w"] | None,
     start: Float[np.ndarray, "6"],
     limits: Limits,
+    again: bool = False,
 ) -> Aligned:
     """Find the pose of a camera by the saved time of the largest contrast.
 
+    From a start that is some pixels off, with temperatures that are off by a part of
+    the contrast; or `again`, with fitted temperatures, to a small part of a pixel.
+
     Raises:
-        InputError: if the camera sees no body in the pose where it starts.
+        InputError: if the camera sees no body as it is given, or nothing is compared.
     """
     known = np.asarray(np.isfinite(frames).all(axis=0))
     known = known if mask is None else known & mask
@@ -127,21 +135,28 @@ def align(
     time = int(np.argmax([frame[known].std() for frame in frames]))
     data = np.where(known, frames[time], 0.0)
     pose, unit = start.copy(), _pixel_sizes(run, camera)[limits.numbers]
-    rms = 0.0
-    for blur in _BLURS:
+
+    def difference(coarse: _Coarse, q: np.ndarray) -> np.ndarray:
+        moved = pose.copy()
+        moved[limits.numbers] = q * unit
+        return coarse.difference(run, time, moved)
+
+    edge = 1e-3 * (limits.upper - limits.lower)
+    bounds = (limits.lower + edge) / unit, (limits.upper - edge) / unit
+    q = np.clip(pose[limits.numbers] / unit, *bounds)
+    first, whiten = q, None
+    for blur in () if again else _BLURS:
         coarse = _Coarse.of(camera, data, known, blur)
-
-        def residual(q: np.ndarray, coarse: _Coarse = coarse) -> np.ndarray:
-            moved = pose.copy()
-            moved[limits.numbers] = q * unit
-            away = coarse.difference(run, time, moved)
-            pull = _PULL * (q - start[limits.numbers] / unit)
-            return np.concatenate([away, pull])
-
-        found = _solve(residual, pose[limits.numbers] / unit, limits, unit)
-        pose[limits.numbers] = found * unit
-        rms = float(np.linalg.norm(residual(found)))
-    return Aligned(pose, rms)
+        pulled = lambda q, c=coarse: np.append(difference(c, q), _PULL * (q - first))
+        q = _search(pulled, q, bounds)
+    if again:
+        coarse = _Coarse.of(camera, data, known, _BLURS[-1])
+        q, spread = _polish(lambda q: difference(coarse, q), q, bounds)
+        # Blurred pixels are as independent as those that one blur apart.
+        independent = known.sum() / (4 * np.pi * _BLURS[-1] ** 2)
+        whiten = spread * np.sqrt(independent) / unit
+    pose[limits.numbers] = q * unit
+    return Aligned(pose, limits.numbers, whiten)
 
 
 class _Coarse(NamedTuple):
@@ -198,75 +213,41 @@ def _pixel_sizes(run: ShownRun, camera: AbstractCamera) -> Float[np.ndarray, "6"
     return np.concatenate([lengths * pixel / depth, lengths * pixel])
 
 
-def _solve(
-    residual: Callable[[np.ndarray], np.ndarray],
-    start: np.ndarray,
-    limits: Limits,
-    unit: np.ndarray,
-) -> np.ndarray:
-    def jacobian(q: np.ndarray) -> np.ndarray:
-        base = residual(q)
-        # Inwards, so that no bound is crossed.
-        signs = np.where(q + _STEP < limits.upper / unit, _STEP, -_STEP)
-        steps = np.diag(signs)
-        rows = [residual(q + step) - base for step in steps]
-        return np.stack(rows, axis=1) / signs
-
-    margin = 1e-3 * (limits.upper - limits.lower)
-    bounds = (limits.lower + margin) / unit, (limits.upper - margin) / unit
-    inside = np.clip(start, *bounds)
-    return least_squares(
-        residual, inside, jacobian, bounds, xtol=1e-3, ftol=1e-4,
-        max_nfev=_MAX_EVALUATIONS,
-    ).x  # fmt: skip
+_Residual = Callable[[np.ndarray], np.ndarray]
+_Bounds = tuple[np.ndarray, np.ndarray]
 
 
-def align_cameras(
-    found: CaseFrames, scene: Scene, run: ParametricRun, parameters: ParameterSet
-) -> dict[int, Aligned]:
-    """Poses of the cameras that are fitted, by their numbers, at the start values."""
-    with precision(scene.dtype):
-        z = np.zeros(parameters.size, scene.dtype)
-        poses = np.asarray(parameters.poses(z, len(found.views)), float)
-        warm = parameters.insert(scene, z)
-        solution = run(warm, run.step_table(warm))
-        reflected = parameters.frame_values(z).reflected
-        if reflected is None:
-            reflected = found.settings.reflected_temperature
-        quantity = found.settings.quantity
-        shown = warm, solution, found.times, quantity, found.band, reflected
-        drawn, aligned = ShownRun.of(*shown), {}
-        for number, (view, frames) in enumerate(
-            zip(found.views, found.frames, strict=True)
-        ):
-            limits = _limits(parameters, number)
-            if limits is None:
-                continue
-            mask = found.masks[number] if number < len(found.masks) else None
-            given = drawn, view.camera, frames, mask, poses[number], limits
-            aligned[number] = align(*given)
-    return aligned
+def _differences(residual: _Residual, q: np.ndarray) -> Float[np.ndarray, "r n"]:
+    """Slopes of residuals, per pixel."""
+    steps = _STEP * np.eye(len(q))
+    columns = [residual(q + step) - residual(q - step) for step in steps]
+    return np.stack(columns, axis=1) / (2 * _STEP)
 
 
-def _limits(parameters: ParameterSet, camera: int) -> Limits | None:
-    """Fitted numbers of a camera's pose; None without any."""
-    rows = []
-    for p in parameters.parameters:
-        if is_of_camera(p.name) and pose_numbers(p.name)[0] == camera:
-            rows += [(n, p.lower, p.upper) for n in pose_numbers(p.name)[1]]
-    if not rows:
-        return None
-    numbers, lower, upper = np.array(rows).T
-    return Limits(numbers.astype(int), lower, upper)
+def _search(residual: _Residual, start: np.ndarray, bounds: _Bounds) -> np.ndarray:
+    slopes: Any = lambda q: _differences(residual, q)
+    accuracy: Any = {"xtol": 1e-3, "ftol": 1e-3, "max_nfev": _MAX_EVALUATIONS}
+    return least_squares(residual, start, slopes, bounds, **accuracy).x
 
 
-def started_at(parameters: ParameterSet, aligned: dict[int, Aligned]) -> ParameterSet:
-    """Parameters whose poses of cameras start where they were aligned."""
-    made = []
-    for p in parameters.parameters:
-        if is_of_camera(p.name) and pose_numbers(p.name)[0] in aligned:
-            camera, numbers = pose_numbers(p.name)
-            start = tuple(float(aligned[camera].pose[n]) for n in numbers)
-            p = replace(p, start=start)
-        made.append(p)
-    return ParameterSet(tuple(made))
+def _polish(
+    residual: _Residual, start: np.ndarray, bounds: _Bounds
+) -> tuple[np.ndarray, Float[np.ndarray, "n n"]]:
+    """Gauss-Newton steps that are all taken, and the root of J^T J / |r|^2.
+
+    Near the best pose fewer and fewer pixels change between body and background: the
+    sum of squares is rough, and a search for less of it would end far away, but the
+    steps shrink with the distance.
+    """
+    q = best = start
+    lowest, slopes = np.inf, np.zeros((0, 0))
+    for step in range(_POLISHING_STEPS):
+        if step in _NEW_SLOPES:
+            slopes = _differences(residual, q)
+        away = residual(q)
+        if (now := float(np.linalg.norm(away))) < lowest:
+            best, lowest = q, now
+        change = np.linalg.lstsq(slopes, away, rcond=1e-6)[0]
+        q = np.clip(q - np.clip(change, -1, 1), *bounds)
+    root = np.asarray(np.linalg.qr(slopes, mode="r"))
+    return best, root / max(lowest, 1e-12)

@@ -1,7 +1,8 @@
 """From a config to a least-squares problem: scenes, data and parameters."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -18,6 +19,7 @@ from ..config import schema
 from ..config.frame_names import (
     REFLECTED,
     check_frame_names,
+    is_of_camera,
     is_of_frames,
     pose_numbers,
 )
@@ -28,7 +30,8 @@ from ..config.schema import (
     default_bounds,
     value_in_si,
 )
-from .alignment import Aligned, align_cameras, started_at
+from .aligned_cameras import align_cameras, started_at
+from .alignment import Aligned
 from .frame_data import FitsPoses, frame_target
 from .frame_source import CaseFrames, FramesConfig, case_frames, start_surfaces
 from .parameters import (
@@ -67,12 +70,40 @@ class Calibration:
     held_out: Problem | None
     references: dict[str, TruthReference]
     """Runs of finer voxels by case, of those cases that are fitted to them."""
+    frames: dict[str, CaseFrames]
+    """Frames of those cases that are fitted to them."""
     aligned: dict[int, Aligned]
     """Poses of cameras by their outlines, where the fit starts."""
 
+    def without_cameras(self) -> Problem | None:
+        """Fit of all else with the cameras where they start; None if there is none."""
+        rest = [p for p in self.parameters.parameters if not is_of_camera(p.name)]
+        if not rest:
+            return None
+        count = self.train.cases[0].target.camera_count
+        start = np.zeros(self.parameters.size)
+        poses = np.asarray(self.parameters.poses(start, count), float)
+        cases = []
+        for case in self.train.cases:
+            assert isinstance(case.target, FrameTarget)
+            still = case.target.without_moves(poses, case.scene.terms)
+            cases.append(replace(case, target=still))
+        given = tuple(cases), self.train.time_norm
+        return Problem(ParameterSet(tuple(rest)), *given)
 
-def build(config: CalibrationConfig, log: Log) -> Calibration:
-    """Build scenes, data and parameters."""
+
+def build(
+    config: CalibrationConfig,
+    log: Log,
+    before: Calibration | None = None,
+    values: Mapping[str, Any] | None = None,
+) -> Calibration:
+    """Build scenes, data and parameters.
+
+    Cameras whose poses are fitted are aligned with the outlines of bodies in the
+    frames: roughly; or precisely, where there is one built `before`, whose other
+    parameters were fitted to these `values`.
+    """
     every = (*config.train, *config.held_out, *config.candidates)
     configs = {case.name: scene_config(config, case.set) for case in every}
     log("building the scenes")
@@ -85,7 +116,7 @@ def build(config: CalibrationConfig, log: Log) -> Calibration:
     for scene in scenes.values():
         parameters.check(scene)
 
-    read: dict[str, CaseFrames] = {}
+    read: dict[str, CaseFrames] = {} if before is None else before.frames
 
     def frames(case: schema.CaseConfig) -> CaseFrames:
         # Those of the first case are asked for twice, where cameras are aligned.
@@ -94,7 +125,11 @@ def build(config: CalibrationConfig, log: Log) -> Calibration:
             read[case.name] = case_frames(config, case, *given, log)
         return read[case.name]
 
-    aligned = _align(config, configs, scenes, parameters, frames, log)
+    warm = parameters
+    if before is not None:
+        warm = started_at(parameters, before.aligned).started(values or {})
+    given = config, configs, scenes, warm, frames, log
+    aligned = _align(*given, again=before is not None)
     parameters = started_at(parameters, aligned)
     references: dict[str, TruthReference] = {}
 
@@ -106,11 +141,11 @@ def build(config: CalibrationConfig, log: Log) -> Calibration:
             shared = references, parameters, frames, log
             data = _TargetBuilder(config, case, given, scene, *shared)
             made.append(Case(case.name, scene, run, data.build()))
-        return Problem(parameters, tuple(made), config.fit.time_norm)
+        return Problem(parameters, tuple(made), config.fit.time_norm, aligned)
 
     train = problem(config.train)
     held_out = problem(config.held_out) if config.held_out else None
-    found = train, held_out, references, aligned
+    found = train, held_out, references, read, aligned
     return Calibration(parameters, configs, scenes, *found)
 
 
@@ -121,6 +156,7 @@ def _align(
     parameters: ParameterSet,
     frames: Callable[[schema.CaseConfig], CaseFrames],
     log: Log,
+    again: bool,
 ) -> dict[int, Aligned]:
     """Poses of cameras by the frames of the first case."""
     reference, case = config.reference, config.train[0]
@@ -131,7 +167,7 @@ def _align(
     check_frame_names(parameters.paths, len(found.views))
     log("aligning the cameras")
     run = ParametricRun(found.times, configs[case.name].solver.build())
-    return align_cameras(found, scenes[case.name], run, parameters)
+    return align_cameras(found, scenes[case.name], run, parameters, again)
 
 
 def _build_scenes(configs: Mapping[str, SceneConfig]) -> dict[str, Scene]:

@@ -1,8 +1,8 @@
 """The least-squares problem: coordinates in, residuals of all cases out."""
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -20,6 +20,7 @@ from jaxthermo.integrate.solvers import ForwardEuler
 from jaxthermo.scene.scene import Scene
 
 from ..config.frame_names import check_frame_names
+from .alignment import Aligned
 from .parameters import Coordinates, ParameterSet
 from .targets import AbstractTarget
 
@@ -102,6 +103,8 @@ class Problem:
     cases: tuple[Case, ...]
     time_norm: float = 2.0
     """Exponent p of the mean over saved times of |error|^p that is minimized."""
+    aligned: Mapping[int, Aligned] = field(default_factory=dict)
+    """Poses of cameras that their outlines gave, which count as data."""
 
     def __post_init__(self):
         if not self.cases:
@@ -180,9 +183,25 @@ class Problem:
         # Priors count in the noise's standard deviations, as the data do.
         unit = 1.0 if self.known_sd is None else self.known_sd
         smoothness = self.parameters.prior_residual(z, "smoothness")
-        all_rows = jnp.concatenate([data, unit * prior, unit * smoothness])
+        outlines = self._outline_rows(z)
+        rows = [data, unit * prior, unit * smoothness, unit * outlines]
+        all_rows = jnp.concatenate(rows)
         diagnostics = RunDiagnostics(jnp.stack(steps), finite, tuple(errors))
         return all_rows.astype(z.dtype), diagnostics
+
+    def _outline_rows(self, z: Coordinates) -> Float[Array, " q"]:
+        """Deviations of cameras from where their outlines are [sd]."""
+        known = {n: a for n, a in self.aligned.items() if a.whiten is not None}
+        if not known:
+            return jnp.zeros(0, z.dtype)
+        poses = self.parameters.poses(z, max(known) + 1)
+        like = lambda values: jnp.asarray(values, z.dtype)
+        return jnp.concatenate(
+            [
+                like(a.whiten) @ (poses[n] - like(a.pose))[a.numbers]
+                for n, a in known.items()
+            ]
+        )
 
     def stable_steps(self, z: Coordinates) -> Float[Array, " c"]:
         """Stability limit of each case at z [s]; infinite where the solver has none."""

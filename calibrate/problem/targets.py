@@ -6,6 +6,7 @@ model and data differ by one unit: 1 % error, or one standard deviation of pixel
 
 import abc
 import math
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -20,6 +21,7 @@ from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.errors import InputError
 from jaxthermo.image.band import Band
 from jaxthermo.image.camera import AbstractCamera
+from jaxthermo.image.pose import moved_camera
 from jaxthermo.image.pose_derivative import (
     LinearizedView,
     blank_view,
@@ -198,6 +200,16 @@ class FrameTarget(AbstractTarget):
     @override
     def camera_count(self) -> int:
         return len(self.views)
+
+    def without_moves(
+        self, poses: Float[np.ndarray, "v 6"], terms: tuple[AbstractTerm, ...]
+    ) -> "FrameTarget":
+        """Target whose cameras stay in these poses."""
+        moved = tuple(
+            compute_view(self.surfaces, terms, moved_camera(v.camera, p), keep=False)
+            for v, p in zip(self.views, poses, strict=True)
+        )
+        return replace(self, views=moved, surfaces=(), room=())
 
     @override
     def views_at(
