@@ -24,7 +24,8 @@ def moved_camera(
 ) -> AbstractCamera:
     """Camera in a pose relative to the given one, see above."""
     axes = camera.frame
-    turned = Rotation.from_rotvec(pose[:3]).as_matrix().T @ axes
+    # A copy: scipy refuses arrays that cannot be written to.
+    turned = Rotation.from_rotvec(np.array(pose[:3])).as_matrix().T @ axes
     position = np.asarray(camera.position) + axes.T @ pose[3:]
     # The distance of the near plane follows from that of `look_at`, which stays.
     distance = np.linalg.norm(np.subtract(camera.look_at, camera.position))
