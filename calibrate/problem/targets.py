@@ -253,7 +253,7 @@ class FrameTarget(AbstractTarget):
         for n, data in enumerate(self.data):
             away = self.model_pixels(n, scene, solution, values) - data
             # A pixel that the body has left is not compared.
-            parts.append(away * values.views[n].seen if values.views else away)
+            parts.append(away * values.views[n].seen[None] if values.views else away)
         # The squares sum to 1 for a model that is wrong by the noise everywhere.
         scale = self.noise * math.sqrt(self.pixel_count)
         return jnp.concatenate(parts, axis=1) / scale
