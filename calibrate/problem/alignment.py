@@ -57,7 +57,7 @@ class ShownRun(NamedTuple):
     terms: tuple[AbstractTerm, ...]
     times: Float[Array, " t"]
     temperature: Float[np.ndarray, "t s"]
-    """Of the fragments [K]."""
+    """Temperature of the fragments [K]."""
     received: tuple[Irradiance, ...]
     """Radiation that reaches them, at each time."""
     quantity: str

@@ -190,12 +190,7 @@ def _build_parameters(config: CalibrationConfig, scene: Scene) -> ParameterSet:
 
 
 def _parameter(given: ParameterConfig, scene: Scene) -> Parameter:
-    if is_of_frames(given.name):
-        path: Path = ()
-        values = _frame_start(given)
-    else:
-        path = find_path(scene, given.name)
-        values = _start_values(given, path, scene)
+    path, values = _path_and_start(given, scene)
     start = tuple(float(v) for v in np.atleast_1d(values))
     lower, upper = default_bounds(given.name, start[0])
     if given.bounds is not None:
@@ -220,6 +215,18 @@ def _parameter(given: ParameterConfig, scene: Scene) -> Parameter:
         first_is_fixed=is_capacity and len(start) > 1,
         smoothness=smoothness,
     )
+
+
+def _path_and_start(
+    given: ParameterConfig, scene: Scene
+) -> tuple[Path, np.ndarray | np.generic]:
+    if is_of_frames(given.name):
+        # The scene does not have it, nor weights of levels or links.
+        if given.per is not None:
+            raise InputError(f"parameter {given.name}: `per` is for weights only")
+        return (), _frame_start(given)
+    path = find_path(scene, given.name)
+    return path, _start_values(given, path, scene)
 
 
 def _frame_start(given: ParameterConfig) -> np.ndarray | np.generic:

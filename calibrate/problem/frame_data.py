@@ -27,11 +27,11 @@ class FitsPoses(NamedTuple):
     """Cameras whose poses are fitted."""
 
     surfaces: tuple[SolvedSurface, ...]
-    """Of the bodies."""
+    """Surfaces of the bodies."""
     terms: tuple[AbstractTerm, ...]
-    """Of the scene, whose sources may hide bodies."""
+    """Terms of the scene, whose sources may hide bodies."""
     poses: Float[np.ndarray, "v 6"]
-    """Where the fit starts."""
+    """Start of the fit."""
     margin: float
     """Distance from outlines within which pixels are not compared [pixels]."""
 

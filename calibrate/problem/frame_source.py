@@ -39,10 +39,10 @@ class CaseFrames(NamedTuple):
     times: tuple[float, ...]
     """[s]"""
     views: tuple[View, ...]
-    """Of the cameras as given."""
+    """Views of the cameras as given."""
     surfaces: tuple[SolvedSurface, ...]
     frames: list[Float[np.ndarray, "_ _ _"]]
-    """Of each view, [time, row, column] [K or W/(m^2 sr)]."""
+    """Frames of each view, [time, row, column] [K or W/(m^2 sr)]."""
     masks: Masks
     band: Band | None
     """Band of the detector; None for all wavelengths."""

@@ -38,7 +38,7 @@ class LinearizedView(eqx.Module):
     """Chosen pixels of a camera near one pose; arrays of one shape for all poses."""
 
     pose: Float[Array, "6"]
-    """Where it is exact: rotation vector [rad], translation [m], see `pose`."""
+    """Pose at which it is exact: rotation vector [rad], translation [m], see `pose`."""
     row: Int[Array, " n"]
     fragment: Int[Array, " n"]
     weight: Float[Array, " n"]
@@ -123,7 +123,7 @@ def _chosen(
     camera: AbstractCamera,
     pixels: Int[np.ndarray, " p"],
 ) -> tuple[VisiblePoints, Int[np.ndarray, " q"]]:
-    """What those of the pixels show that show a body, and which of them do."""
+    """Points in those of the pixels that show a body, and which of them do."""
     bodies = [surface.geometry for surface in surfaces]
     world = tuple((g.placed.to_world(g.vertices), g.faces) for g in bodies)
     found = visible_points(world, camera)
