@@ -52,6 +52,7 @@ bench: .venv/.test
 
 schemas: .venv/.core
 	$(RUN)/python -m jaxthermo schema > configs/scene.schema.json
+	$(RUN)/python -m jaxthermo schema dataset > configs/dataset.schema.json
 	$(RUN)/python -m calibrate schema > configs/calibration.schema.json
 	$(RUN)/python -m experiments schema > configs/sweep.schema.json
 

@@ -78,6 +78,9 @@ _ABOUT = {
     ),
     "thesis.wake_data": "mean wakes by Reynolds number and their fits, as data",
     "thesis.levels": "structures at equilibrium, their levels and holes: C11 to C14",
+    "camera.camera_ladder": (
+        "one scene with more and more of a thermal camera: what each rung changes"
+    ),
     "front.run": (
         "error against run time: the best choices of a sweep, beside numba and scipy"
     ),

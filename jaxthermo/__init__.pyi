@@ -12,10 +12,43 @@ from .geometry.load import load_mesh as load_mesh
 from .geometry.mesh import Mesh as Mesh, Pose as Pose
 from .geometry.parts import load_parts as load_parts
 from .geometry.sample import MeshSample as MeshSample, mesh_sample as mesh_sample
+from .image import measurements as measurements
+from .image.animation import write_animation as write_animation
 from .image.band import Band as Band
 from .image.camera import Camera as Camera, OrthographicCamera as OrthographicCamera
-from .image.files import write_exr as write_exr, write_png as write_png
-from .image.render import render as render
+from .image.draw_measurements import (
+    draw_measurements as draw_measurements,
+    measure as measure,
+)
+from .image.effects.atmosphere import Atmosphere as Atmosphere
+from .image.effects.effect import BolometerLag as BolometerLag
+from .image.effects.noise import (
+    Counts as Counts,
+    DetectorNoise as DetectorNoise,
+    FixedPatternNoise as FixedPatternNoise,
+)
+from .image.effects.optics import Blur as Blur, DiffractionBlur as DiffractionBlur
+from .image.effects.surface import (
+    AngularEmissivity as AngularEmissivity,
+    SpecularReflection as SpecularReflection,
+)
+from .image.export.surfaces import write_glb as write_glb, write_vtu as write_vtu
+from .image.files import (
+    picture as picture,
+    write_exr as write_exr,
+    write_png as write_png,
+)
+from .image.raster_files import (
+    write_centikelvin as write_centikelvin,
+    write_csv as write_csv,
+    write_tiff as write_tiff,
+)
+from .image.render import frames as frames, render as render
+from .image.thermography import (
+    FlirCalibration as FlirCalibration,
+    measured_radiance as measured_radiance,
+    object_temperature as object_temperature,
+)
 from .integrate.discretization_error import (
     DiscretizationError as DiscretizationError,
     discretization_error as discretization_error,
@@ -84,6 +117,7 @@ from .reduction.reduced_model import (
     ReducedModel as ReducedModel,
     load_reduced as load_reduced,
 )
+from .report.frame_sheet import frame_sheet as frame_sheet
 from .scene.coating import Coating as Coating
 from .scene.compile.compile import compile_scene as compile_scene
 from .scene.motion import Motion as Motion, PoseTable as PoseTable

@@ -8,7 +8,7 @@ from typing import Annotated
 from cyclopts import App, Parameter
 
 from . import __version__
-from .cli.entry import Overrides, compiles, make_app, run_app
+from .cli.entry import Animate, Overrides, compiles, make_app, run_app
 
 
 app: App = make_app(
@@ -26,6 +26,9 @@ def _simulate(
     overrides: Overrides = (),
     explain: Annotated[bool, Parameter(negative="")] = False,
     preview: Annotated[bool, Parameter(negative="")] = False,
+    animate: Animate = None,
+    frame_rate: float | None = None,
+    contact_sheet: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
     """Run a scene and write its results and frames.
 
@@ -35,6 +38,9 @@ def _simulate(
         overrides: Value to change, such as bodies.0.pitch=3mm; may be repeated.
         explain: Print the included and pruned terms and exit.
         preview: Draw the bodies as the camera sees them, with the axes, and exit.
+        animate: Write an animation of the frames too: apng, the default, gif or mp4.
+        frame_rate: Frames a second of the animation; by their number if not given.
+        contact_sheet: Write all frames on one sheet too.
     """
     # Without the time loop, which takes longer to import than a preview to draw.
     if preview:
@@ -42,12 +48,14 @@ def _simulate(
 
         run_preview(config, out, overrides)
         return
+    from .cli.frame_outputs import Extras
     from .cli.simulate import explain as run_explain, simulate as run
 
+    extras = Extras.of(animate, frame_rate, contact_sheet)
     if explain:
         run_explain(config, overrides)
     else:
-        run(config, out, overrides)
+        run(config, out, overrides, extras)
 
 
 @app.command
@@ -59,6 +67,9 @@ def _render(
     out: Path | None = None,
     overrides: Overrides = (),
     contacts: Annotated[bool, Parameter(negative="")] = False,
+    animate: Animate = None,
+    frame_rate: float | None = None,
+    contact_sheet: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
     """Draw new frames of a finished run, without simulating it again.
 
@@ -69,15 +80,70 @@ def _render(
             be repeated.
         contacts: Draw the surface temperatures where bodies touch instead, as contact
             textures, for which the bodies are voxelized again.
+        animate: Write an animation of the frames too: apng, the default, gif or mp4.
+        frame_rate: Frames a second of the animation; by their number if not given.
+        contact_sheet: Write all frames on one sheet too.
     """
     if contacts:
         from .cli.contacts import render_contacts
 
         render_contacts(run, out, overrides)
         return
+    from .cli.frame_outputs import Extras
     from .cli.frames import render as draw
 
-    draw(run, out, overrides)
+    draw(run, out, overrides, Extras.of(animate, frame_rate, contact_sheet))
+
+
+@app.command
+@compiles
+def _export(
+    run: Path,
+    /,
+    *,
+    format: Annotated[str, Parameter(name="--format")],
+    out: Path | None = None,
+    overrides: Overrides = (),
+) -> None:
+    """Write the surfaces of a finished run for other programs.
+
+    Args:
+        run: Folder written by `jaxthermo simulate`.
+        format: vtu, for ParaView, with a collection over time; glb, for Blender and
+            viewers, with temperatures and colours of the vertices; or texture, for
+            simulators, images of temperatures with the mesh that they are laid on.
+        out: Folder for the files; RUN/FORMAT if not given.
+        overrides: Value of image to change, such as image.frames=[60] for one time,
+            image.palette, image.low and image.high for colours; may be repeated.
+    """
+    from .cli.export import export as write
+
+    write(run, format, out, overrides)
+
+
+@app.command
+@compiles
+def _dataset(
+    config: Path,
+    /,
+    *,
+    out: Path | None = None,
+    overrides: Overrides = (),
+    explain: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Write labelled frames of a scene's variations, for detector networks.
+
+    What is there already is kept: the same command goes on after Ctrl-C.
+
+    Args:
+        config: Dataset, a YAML file with a scene, its variations and the cameras.
+        out: Folder for the frames; results/NAME if not given.
+        overrides: Value of the dataset to change, such as samples=3; may be repeated.
+        explain: Print the variations, check what the cameras see, and exit.
+    """
+    from .cli.dataset import dataset as write
+
+    write(config, out, overrides, explain)
 
 
 @app.command
@@ -181,12 +247,21 @@ def _example(name: str | None = None, /, *, out: Path | None = None) -> None:
 
 
 @app.command
-def _schema() -> None:
-    """Print the JSON Schema of a scene, with units, for editors."""
-    from .config.json_schema import json_schema
-    from .config.schema.scene import SceneConfig
+def _schema(name: str = "scene", /) -> None:
+    """Print the JSON Schema of a scene or a dataset, with units, for editors.
 
-    sys.stdout.write(json_schema(SceneConfig))
+    Args:
+        name: scene or dataset.
+    """
+    from .config.json_schema import json_schema
+    from .config.schema.dataset import DatasetConfig
+    from .config.schema.scene import SceneConfig
+    from .errors import InputError
+
+    models = {"scene": SceneConfig, "dataset": DatasetConfig}
+    if name not in models:
+        raise InputError(f"schema {name}: choose {' or '.join(models)}")
+    sys.stdout.write(json_schema(models[name]))
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -21,13 +21,13 @@ from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.errors import InputError
 from jaxthermo.image.band import Band
 from jaxthermo.image.camera import AbstractCamera
+from jaxthermo.image.draw import draw
 from jaxthermo.image.pose import moved_camera
 from jaxthermo.image.pose_derivative import (
     LinearizedView,
     blank_view,
     linearize_view,
 )
-from jaxthermo.image.render import draw
 from jaxthermo.image.view import View, compute_view
 from jaxthermo.integrate.run.parametric_run import ParametricSolution
 from jaxthermo.integrate.run.solution import irradiance_at

@@ -10,7 +10,7 @@ import jaxthermo as jt
 from jaxthermo.geometry.shapes import box, figurine, sphere
 from jaxthermo.image.annotate import write_png
 from jaxthermo.image.camera import frame_all
-from jaxthermo.image.render import draw
+from jaxthermo.image.draw import draw
 from jaxthermo.image.ssao import screen_space_occlusion
 from jaxthermo.image.ticks import to_celsius
 from jaxthermo.image.view import compute_view

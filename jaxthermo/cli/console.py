@@ -83,6 +83,23 @@ def progress_bar(console: Console, end: float, steps: int) -> Iterator[Callable]
 
 
 @contextmanager
+def count_bar(console: Console, what: str, total: int) -> Iterator[Callable[[], None]]:
+    """A bar over a number of things; yields a function that counts one of them."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(bar_width=None),
+        TaskProgressColumn(),
+        TimeRemainingColumn(),
+        TextColumn("left"),
+    )
+    with Progress(
+        *columns, console=console, transient=True, disable=not console.is_terminal
+    ) as bar:
+        task = bar.add_task(what, total=total)
+        yield lambda: bar.advance(task)
+
+
+@contextmanager
 def patient_interrupt() -> Iterator[Callable[[], bool]]:
     """Turn the first Ctrl-C into a flag that is polled; the second one interrupts."""
     # The state of a run is saved between segments only.

@@ -5,7 +5,7 @@ import importlib
 import os
 import sys
 from collections.abc import Callable, Sequence
-from typing import Annotated, ParamSpec
+from typing import Annotated, Literal, ParamSpec
 
 from cyclopts import App, CycloptsError, Parameter
 
@@ -17,6 +17,11 @@ Overrides = Annotated[
     tuple[str, ...],
     Parameter(name="--set", negative="", metavar="KEY=VALUE", show_default=False),
 ]
+Animate = Annotated[
+    tuple[Literal["apng", "gif", "mp4"], ...] | None,
+    Parameter(negative="", consume_multiple=(0, 1), show_default=False),
+]
+"""Kind of an animation; without a word after it the first."""
 _P = ParamSpec("_P")
 
 

@@ -12,7 +12,7 @@ from ..errors import InputError
 
 FRAMES = "frames"
 CONTACTS = "contacts"
-_FRAME_FILE = re.compile(r"t\d{6,}\.\d{2,}s\.(exr|png)")
+_FRAME_FILE = re.compile(r"t\d{6,}\.\d{2,}s(\.(exr|png|tiff|csv)|_centikelvin\.png)")
 _MAX_DECIMALS = 9
 
 

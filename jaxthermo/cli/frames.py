@@ -1,7 +1,8 @@
 """Frames of a run, EXR and PNG on one temperature scale, at its end or later."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -9,12 +10,15 @@ from jaxtyping import Array, Float
 
 from ..arrays import precision
 from ..config.camera_framing import build_camera
-from ..config.loader import load_config, to_yaml
+from ..config.loader import load_config
 from ..config.schema.scene import SceneConfig
 from ..config.types.model import build
 from ..errors import InputError
-from ..image.files import write_exr, write_png
-from ..image.render import Image, coarsen, draw
+from ..image.detector import Detector
+from ..image.draw import draw
+from ..image.effects.effect import in_order
+from ..image.image import Image
+from ..image.measurements import AbstractMeasurement, Isotherm, names_of
 from ..image.view import View, at_time, kept_view
 from ..integrate.run.solution_file import StoredSolution, load_solution
 from ..integrate.stepper import just_before
@@ -24,6 +28,8 @@ from ..report.numbers import count
 from ..scene.scene import SolvedSurface
 from .console import open_console, print_line, status
 from .files import FRAMES, earlier_frames, frame_names, prepare_folder, results_folder
+from .frame_files import Frame
+from .frame_outputs import Extras, earlier_outputs, write_outputs
 
 
 # Margin of the colour scale over the range of temperatures that is seen [-]: the
@@ -49,6 +55,7 @@ class FrameCamera:
         self._camera = build_camera(config.camera, triangles)
         self._image = config.image
         self._band = build(config.image.band)
+        self._effects = in_order(build(config.image.effects), "image.effects")
         self._surfaces, self._terms = surfaces, terms
         self._view(*at_time(surfaces, terms, 0.0))
 
@@ -59,8 +66,45 @@ class FrameCamera:
         how = self._image.smooth, self._image.occlusion
         return kept_view(surfaces, terms, finer, *how)
 
+    @property
+    def samples(self) -> int:
+        """Samples along each axis of a pixel of what `detector` draws."""
+        return 1 if self._measures else self._image.samples
+
+    @property
+    def _measures(self) -> bool:
+        # A camera's pixels are mixtures at outlines, and noisy: they stay as they are.
+        effects = self._effects
+        return bool(effects.blur or effects.lag or effects.detector)
+
+    def detector(self, stored: StoredSolution) -> Callable[[int], Image]:
+        """Draws frames with all effects, with `samples` of each pixel."""
+        drawn, times = lambda k: self.draw(stored, k), np.asarray(stored.times)
+        if not self._measures:
+            return drawn
+        return Detector(drawn, times, self._effects, self._image.samples).frame
+
+    def remarks(self) -> list[str]:
+        """Measurements that are on no body at the start, a line for each."""
+        how, found = self._image, list[str]()
+        width, height = self._camera.size
+        fine = np.zeros((how.samples * height) * (how.samples * width), bool)
+        fine[self._view(*at_time(self._surfaces, self._terms, 0.0)).pixel] = True
+        blocks = fine.reshape(height, how.samples, width, how.samples)
+        filled = np.asarray(blocks.all(axis=(1, 3)))
+        given: tuple[AbstractMeasurement, ...] = build(how.measurements)
+        for name, each in zip(names_of(given), given, strict=True):
+            if isinstance(each, Isotherm):
+                continue
+            if not filled[each.pixels(np.zeros((height, width)))].any():
+                found.append(
+                    f"note: measurement '{name}' is on the background or an outline at "
+                    "the start"
+                )
+        return found
+
     def draw(self, stored: StoredSolution, index: int) -> Image:
-        """Draw the frame of a saved time, with the samples of each pixel."""
+        """Frame of a saved time before the lens, with all samples of each pixel."""
         assert stored.irradiance is not None
         # On the host, where nothing is compiled for it.
         time = np.asarray(stored.times)[index]
@@ -69,7 +113,7 @@ class FrameCamera:
         received = Irradiance(*(each[index] for each in stored.irradiance))
         now, before = (jnp.asarray(t, time.dtype) for t in (time, just_before(time)))
         saved = kelvin, received, now, before
-        return draw(self._view(*here), *here, *saved, self._band)
+        return draw(self._view(*here), *here, *saved, self._band, self._effects)
 
 
 def chosen_frames(
@@ -116,56 +160,71 @@ def _scale(config: SceneConfig, images: Iterator[Image]) -> tuple[float, float]:
     return low, high
 
 
+class Drawn(NamedTuple):
+    """Frames that were written."""
+
+    count: int
+    lines: list[str]
+    """Lines for the terminal: outputs of all frames, and remarks."""
+
+
 def write_frames(
-    config: SceneConfig, camera: FrameCamera, stored: StoredSolution, folder: Path
-) -> int:
-    """Draw the chosen times into `folder`; returns the number of frames.
+    config: SceneConfig,
+    camera: FrameCamera,
+    stored: StoredSolution,
+    folder: Path,
+    extras: Extras,
+) -> Drawn:
+    """Draw the chosen times into the frames of a run, and what is of all together.
 
     Earlier frames are removed: those of another camera or scale must not be mistaken
     for these. Files with other names are kept.
+
+    Args:
+        config: of the scene.
+        camera: of the frames.
+        stored: the run.
+        folder: of the run.
+        extras: animation and sheet.
     """
     chosen = chosen_frames(config, stored.times)
 
-    def images() -> Iterator[Image]:
-        # Drawn twice, for the scale and for the file: a long run would fill the memory.
-        for k in chosen:
-            yield camera.draw(stored, k)
-
-    low, high = _scale(config, images())
-    before, written = earlier_frames(prepare_folder(folder)), set()
-    names = frame_names(np.asarray(stored.times, float).tolist())
-    for k, image in zip(chosen, images(), strict=True):
-        paths = [folder / f"{names[k]}.{kind}" for kind in ("exr", "png")]
-        radiometric = coarsen(image, config.image.samples)
-        write_exr(paths[0], radiometric, {"config": to_yaml(config)})
-        write_png(
-            paths[1],
-            image,
-            low,
-            high,
-            palette=config.image.palette,
-            quantity=config.image.quantity,
-            title=config.name or "",
-            samples=config.image.samples,
-        )
-        written.update(paths)
+    # Drawn twice, for the scale and for the file: a long run would fill the memory.
+    scale = _scale(config, (camera.draw(stored, k) for k in chosen))
+    images = map(camera.detector(stored), chosen)
+    times = np.asarray(stored.times, float).tolist()
+    frames, names = prepare_folder(folder / FRAMES), frame_names(times)
+    before = earlier_frames(frames) | earlier_outputs(folder)
+    written, lines = write_outputs(
+        config,
+        (Frame.of(config, image, scale, camera.samples) for image in images),
+        [times[k] for k in chosen],
+        folder,
+        [frames / names[k] for k in chosen],
+        extras,
+    )
     for path in before - written:
         path.unlink(missing_ok=True)
-    return len(chosen)
+    return Drawn(len(chosen), lines)
 
 
-def render(run: Path, out: Path | None, overrides: tuple[str, ...]) -> None:
+def render(
+    run: Path, out: Path | None, overrides: tuple[str, ...], extras: Extras
+) -> None:
     """`jaxthermo render`: draw a run again, with changes of camera or image."""
     # The solution contains the surface: the mesh file may be gone since.
     config = finished_config(run, overrides, find_meshes=False)
+    extras.check(config)
     console, target = open_console(), out or run
     with precision(config.dtype), status(console, "drawing frames"):
         stored = load_solution(run / "solution.npz")
         terms = build(config.terms)
         camera = FrameCamera(config, stored.surfaces, terms)
         with results_folder(target) as folder:
-            frames = write_frames(config, camera, stored, folder / FRAMES)
-    print_line(console, f"{count(frames, 'frame')} in {target / FRAMES}")
+            frames = write_frames(config, camera, stored, folder, extras)
+    print_line(console, f"{count(frames.count, 'frame')} in {target / FRAMES}")
+    for line in frames.lines:
+        print_line(console, line)
 
 
 def finished_config(

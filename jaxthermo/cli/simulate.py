@@ -34,6 +34,7 @@ from .console import (
     status,
 )
 from .files import FRAMES, earlier_frames, prepare_folder, results_folder
+from .frame_outputs import NO_EXTRAS, OUTPUTS_OF_FRAMES, Extras
 from .frames import FrameCamera, write_frames
 from .report import log_receipt, log_result, log_scene
 from .summary import (
@@ -50,15 +51,24 @@ CHECKPOINT = "checkpoint.npz"
 # Wall time between checkpoints [s]: a run that is killed loses at most that much.
 CHECKPOINT_EVERY = 20.0
 PROBES = "probes.csv"
-RESULTS_OF_A_RUN = ("summary.json", "solution.npz", "energy.csv", PROBES)
+RESULTS_OF_A_RUN = (
+    *("summary.json", "solution.npz", "energy.csv", PROBES),
+    *OUTPUTS_OF_FRAMES,
+)
 
 
-def simulate(config: Path, out: Path | None, overrides: tuple[str, ...]) -> None:
+def simulate(
+    config: Path,
+    out: Path | None,
+    overrides: tuple[str, ...],
+    extras: Extras = NO_EXTRAS,
+) -> None:
     """Run a scene and write its results, with the resolved config beside them."""
     scene = load_config(config, overrides)
+    extras.check(scene)
     with results_folder(out or Path("results") / config.stem) as folder:
         _check_not_overwritten(config, folder)
-        _run_simulation(scene, folder)
+        _run_simulation(scene, folder, extras)
 
 
 def explain(config: Path, overrides: tuple[str, ...]) -> None:
@@ -68,6 +78,12 @@ def explain(config: Path, overrides: tuple[str, ...]) -> None:
     with precision(scene_config.dtype):
         planned = _planned(console, scene_config)
         log_receipt(console, planned.todo)
+        # A camera that sees nothing is refused.
+        with status(console, "finding what the camera sees"):
+            surfaces = planned.todo.compiled.surfaces
+            camera = FrameCamera(scene_config, surfaces, planned.scene.terms)
+        for line in camera.remarks():
+            print_line(console, line)
 
 
 class _Planned(NamedTuple):
@@ -116,7 +132,7 @@ def _check_not_overwritten(config: Path, out: Path) -> None:
             )
 
 
-def _run_simulation(config: SceneConfig, out: Path) -> None:
+def _run_simulation(config: SceneConfig, out: Path, extras: Extras) -> None:
     console = open_console()
     with precision(config.dtype):
         clock = time.perf_counter()
@@ -124,6 +140,8 @@ def _run_simulation(config: SceneConfig, out: Path) -> None:
         with status(console, "finding what the camera sees"):
             camera = FrameCamera(config, todo.compiled.surfaces, scene.terms)
             truth = Truth.read(config, out, todo.compiled.surfaces)
+        for line in camera.remarks():
+            print_line(console, line)
         setup = time.perf_counter() - clock
         # The camera and the scene are valid: from here on the folder is this run's, and
         # results of an earlier run must not be mistaken for its own.
@@ -131,7 +149,7 @@ def _run_simulation(config: SceneConfig, out: Path) -> None:
         prepare_folder(out / FRAMES)
         with replacing(out / CONFIG) as path:
             path.write_text(to_yaml(config), encoding="utf-8")
-        solution, times = _run(console, config, scene, todo, out)
+        solution, times = run_plan(console, config, scene, todo, out)
         if solution.result != RESULTS.successful:
             raise InputError(RESULTS[solution.result])
         stored = save_solution(out / "solution.npz", solution)
@@ -147,7 +165,7 @@ def _run_simulation(config: SceneConfig, out: Path) -> None:
         write_json(out / "summary.json", summary)
         clock = time.perf_counter()
         with status(console, "drawing frames"):
-            frames = write_frames(config, camera, stored, out / FRAMES)
+            frames = write_frames(config, camera, stored, out, extras)
         times["frames_time_s"] = time.perf_counter() - clock
         summary |= {**times, "peak_memory_bytes": peak_memory()}
         write_json(out / "summary.json", summary)
@@ -155,8 +173,9 @@ def _run_simulation(config: SceneConfig, out: Path) -> None:
     log_result(console, solution, times)
     for line in [] if error is None else Truth.in_words(error):
         print_line(console, line)
-    shown = f"{count(frames, 'frame')} in {out / FRAMES}, summary.json beside them"
-    print_line(console, shown)
+    shown = f"{count(frames.count, 'frame')} in {out / FRAMES}"
+    for line in (f"{shown}, summary.json beside them", *frames.lines):
+        print_line(console, line)
 
 
 def _remove_results(out: Path, names: tuple[str, ...]) -> None:
@@ -167,10 +186,14 @@ def _remove_results(out: Path, names: tuple[str, ...]) -> None:
         path.unlink(missing_ok=True)
 
 
-def _run(
+def run_plan(
     console: Console, config: SceneConfig, scene: Scene, todo: Plan, out: Path
 ) -> tuple[Solution, dict[str, float]]:
-    # From the last checkpoint of an interrupted run, if there is one.
+    """Run a scene from the last checkpoint in `out`, if there is one, with its times.
+
+    Raises:
+        KeyboardInterrupt: after Ctrl-C, when the checkpoint is written.
+    """
     key = _checkpoint_key(config)
     fresh = segments.begin_run(todo)
     kept = segments.load_checkpoint(out / CHECKPOINT, fresh, key)

@@ -4,6 +4,7 @@ import csv
 import io
 import resource
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -146,24 +147,26 @@ def write_energy(path: Path, solution: Solution) -> None:
         for index, body in enumerate(solution.energy.bodies):
             named = _ledger(body).items()
             columns |= {f"body {index}: {name}": column for name, column in named}
-    _write_columns(path, solution, columns)
+    write_columns(path, np.asarray(solution.times, float).tolist(), columns)
 
 
 def write_probes(path: Path, solution: Solution) -> None:
     """Write the temperature of each probe [K] at each saved time, in one step."""
     names = [probe.name for probe in solution.probes]
     columns = dict(zip(names, _probe_columns(solution), strict=True))
-    _write_columns(path, solution, columns)
+    write_columns(path, np.asarray(solution.times, float).tolist(), columns)
 
 
-def _write_columns(
-    path: Path, solution: Solution, columns: dict[str, np.ndarray]
+def write_columns(
+    path: Path, times: Sequence[float], columns: dict[str, np.ndarray]
 ) -> None:
+    """Write columns of numbers at times [s] as CSV, in one step; NaN is left empty."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["time_s", *columns])
+    rows = zip(times, *columns.values(), strict=True)
     # Nine digits tell all float32 numbers apart.
-    rows = zip(np.asarray(solution.times, float), *columns.values(), strict=True)
-    writer.writerows([f"{value:.9g}" for value in row] for row in rows)
+    number = lambda value: "" if np.isnan(value) else f"{value:.9g}"
+    writer.writerows([number(value) for value in row] for row in rows)
     with replacing(path) as temporary:
         temporary.write_text(text.getvalue(), encoding="utf-8")

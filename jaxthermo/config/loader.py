@@ -19,7 +19,7 @@ from .types.quantities import ALLOW_EXTREME
 
 
 # Keys whose mapping has paths as keys: the rest of a location is one of them.
-_PATH_KEYS = ("set",)
+_PATH_KEYS = ("set", "variations", "ranges")
 
 # Location of a value that an override set, and the text of the override.
 Change: TypeAlias = tuple[Location, str]

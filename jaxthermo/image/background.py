@@ -44,11 +44,8 @@ class Background(NamedTuple):
     """Pixels whose ray goes down, to the ground; None where it looks like the sky."""
     sources: tuple[VisibleSource, ...]
 
-    def temperature(
-        self, terms: tuple[AbstractTerm, ...], time: Time
-    ) -> Float[Array | np.ndarray, "*n"]:
-        """Temperature of sky and ground [K]; one number where they are the same."""
-        sky, ground = (_number_at(each, time) for each in _horizon(terms))
+    def of(self, sky: Any, ground: Any) -> Float[Array | np.ndarray, "*n"]:
+        """Values of sky and ground at the pixels; one where they are the same."""
         if self.below is None:
             return sky
         if is_traced((sky, ground)):
@@ -73,6 +70,12 @@ def _horizon(terms: tuple[AbstractTerm, ...]):
         if isinstance(term, Convection | Wind | FreeConvection) and term.on is None:
             return term.temperature, term.temperature
     return _DEFAULT_BACKGROUND, _DEFAULT_BACKGROUND
+
+
+def horizon_at(terms: tuple[AbstractTerm, ...], time: Time) -> tuple[Any, Any]:
+    """Temperatures of sky and ground behind the bodies [K]."""
+    sky, ground = (_number_at(each, time) for each in _horizon(terms))
+    return sky, ground
 
 
 def compute_background(

@@ -20,7 +20,7 @@ from jaxtyping import Array, Float
 from ..arrays import Numbers
 from ..constants import STEFAN_BOLTZMANN
 from ..errors import InputError
-from .response import checked_response
+from .response import BANDS, checked_response
 
 
 _C1, _C2 = 1.191042972397188e-16, 1.438776877503933e-2
@@ -158,6 +158,9 @@ class Band:
         return np.log(self._sums(1 / one_over, np)[0]), one_over
 
 
+LONG_WAVE = Band(BANDS["long-wave"])
+"""Band of most uncooled cameras, that of images if none is given."""
+
 _RANGE = MIN_BAND_TEMPERATURE, MAX_BAND_TEMPERATURE
 
 
@@ -209,4 +212,4 @@ def _looked_up(
     """Values of one logarithmic column by those of the other, in the type given."""
     given = np.asarray(values)
     logs = np.log(np.maximum(given, _LEAST), dtype=float)
-    return np.exp(np.interp(logs, known, wanted)).astype(given.dtype)
+    return np.asarray(np.exp(np.interp(logs, known, wanted)), given.dtype)

@@ -127,7 +127,7 @@ def _large_facets(geometry: BodyGeometry) -> _LargeFacets:
 
 def _find_large_facets(geometry: BodyGeometry) -> _LargeFacets:
     vertices, faces = geometry.vertices, geometry.faces
-    flat, corner, area = _face_normals(vertices, faces)
+    flat, corner, area, _ = _face_normals(vertices, faces)
     large = np.flatnonzero(area >= _MIN_AREA * geometry.pitch**2)
     cosine = np.einsum("ki,kci->kc", flat[large], corner[large])
     shown = large[cosine.min(axis=1, initial=1.0) < _COPLANAR]
@@ -256,6 +256,8 @@ class _FaceNormals(NamedTuple):
     corner: Float[np.ndarray, "f 3 3"]
     area: Float[np.ndarray, " f"]
     """In m^2."""
+    group: Int[np.ndarray, " c"]
+    """Number of the group of each corner 3 f + i, which has one normal."""
 
 
 def _face_normals(vertices: np.ndarray, faces: np.ndarray) -> _FaceNormals:
@@ -270,9 +272,23 @@ def _face_normals(vertices: np.ndarray, faces: np.ndarray) -> _FaceNormals:
         weighted = flat.repeat(3, axis=0) * angle[:, None]
         total = [np.bincount(group, column) for column in weighted.T]
         smooth = _unit(np.stack(total, axis=1))[group]
-        return _FaceNormals(flat, smooth.reshape(-1, 3, 3), area)
+        return _FaceNormals(flat, smooth.reshape(-1, 3, 3), area, group)
 
     return found((vertices, faces), "face_normals", find)
+
+
+def corner_normals(
+    vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]
+) -> tuple[Int[np.ndarray, " w"], Float[np.ndarray, "w 3"], Int[np.ndarray, "f 3"]]:
+    """Split a mesh at its creases: vertices with one normal each, see `smooth_normals`.
+
+    Returns:
+        The given vertex of each new one, its normal, and the faces.
+    """
+    normals = _face_normals(vertices, faces)
+    _, first, corner = np.unique(normals.group, return_index=True, return_inverse=True)
+    vertex = faces.ravel()[first]
+    return vertex, normals.corner.reshape(-1, 3)[first], corner.reshape(-1, 3)
 
 
 def _joined_corners(

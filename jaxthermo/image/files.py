@@ -1,21 +1,24 @@
 """Image files: radiometric OpenEXR, and PNG in false colours."""
 
 import errno
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import OpenEXR
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, UInt8
+from PIL.Image import Image as Picture
 from scipy.ndimage import binary_erosion
 
 from ..atomic import replacing
 from ..errors import InputError
 from .annotate import annotate, write_png as write_picture
 from .canvas import averaged
+from .frame_values import covered_fraction, shown_temperature
+from .image import Image
 from .palette import BACKGROUND, ENTRIES, apply_palette
-from .render import Image
 
 
 _Image = Float[np.ndarray, "h w"] | Float[Array, "h w"]
@@ -45,12 +48,19 @@ def _check(channels: Mapping[str, _Image], header: Mapping[str, str]) -> None:
         raise InputError(f"EXR header {name!r} is reserved: choose another name")
 
 
-def _write_exr_channels(
+def write_channels(
     path: str | Path,
     channels: Mapping[str, _Image],
     header: Mapping[str, str] | None = None,
 ) -> None:
-    # Lossless float32, in which inf and NaN are preserved.
+    """Write channels by name as an EXR file of lossless float32, with texts.
+
+    Inf and NaN are preserved.
+
+    Raises:
+        InputError: for channels of several sizes, names that the format reserves, or if
+            the file cannot be written.
+    """
     texts = dict(header or {})
     _check(channels, texts)
     # OpenEXR silently scrambles arrays in Fortran order and refuses other types.
@@ -100,35 +110,77 @@ def read_exr(
     return channels, {k: v for k, v in texts.items() if k not in _RESERVED}
 
 
-def _exr_channels(image: Image) -> dict[str, np.ndarray]:
+def _exr_channels(image: Image, mask: _Image | None = None) -> dict[str, np.ndarray]:
     normal = np.asarray(image.normal)
     channels = {
-        "temperature_K": image.temperature,
-        "apparent_temperature_K": image.apparent_temperature,
+        "temperature_K": shown_temperature(image, "surface"),
+        "apparent_temperature_K": shown_temperature(image, "apparent"),
         "radiance": image.radiance,
         "emissivity": image.emissivity,
         "depth_m": image.depth,
         # EXR has no signed integers, and the background is -1.
-        "object_id": image.object_id.astype(np.float32),
+        "object_id": np.asarray(image.object_id, np.float32),
+        "mask": covered_fraction(image) if mask is None else mask,
     }
+    if image.part_id is not None:
+        channels["part_id"] = np.asarray(image.part_id, np.float32)
     along = {f"normal_{axis}": normal[..., k] for k, axis in enumerate("xyz")}
     return {name: np.asarray(pixels) for name, pixels in channels.items()} | along
 
 
-def write_exr(path: str | Path, image: Image, header: dict[str, str] | None = None):
+def write_exr(
+    path: str | Path,
+    image: Image,
+    header: dict[str, str] | None = None,
+    mask: _Image | None = None,
+):
     """Write a frame with its time, units and further texts as an EXR file.
 
+    The background is not left out, since a camera sees it too: `mask` is 0 there.
+
+    Args:
+        path: of the file.
+        image: the frame.
+        header: further texts by name.
+        mask: fraction of each pixel that bodies cover; of whole pixels if None.
+
     Raises:
-        InputError: if the file cannot be written.
+        InputError: for temperatures that are not finite, a mask of another size, or if
+            the file cannot be written.
     """
     seen = "total" if image.band is None else f"of {image.band!r}"
     notes = {
         "time_s": f"{float(image.time):.9g}",
         "units": "temperature_K, apparent_temperature_K: K; radiance: W/(m^2 sr), "
-        f"{seen}; depth_m: m along the axis, inf in the background; object_id: -1 in "
-        "the background",
+        f"{seen}; emissivity: -; depth_m: m along the axis, inf in the background; "
+        "object_id: -1 in the background; mask: fraction of the pixel that bodies "
+        "cover, 0 in the background; normal_x, normal_y, normal_z: - in the world",
     }
-    _write_exr_channels(path, _exr_channels(image), notes | (header or {}))
+    if image.part_id is not None:
+        names = dict(enumerate(map(list, image.part_names)))
+        notes["parts"] = json.dumps(names, ensure_ascii=False)
+    write_channels(path, _exr_channels(image, mask), notes | (header or {}))
+
+
+def coloured(
+    image: Image,
+    low: float,
+    high: float,
+    palette: str = "iron",
+    quantity: str = "apparent",
+    samples: int = 1,
+) -> UInt8[np.ndarray, "h w 3"]:
+    """Colour a frame, without a scale; arguments as of `picture`.
+
+    Raises:
+        InputError: for an unknown quantity or palette, limits not in order, or
+            temperatures that are not finite.
+    """
+    kelvin = shown_temperature(image, quantity)
+    behind = np.where(np.isfinite(np.asarray(image.depth)), kelvin, np.nan)
+    colours = apply_palette(behind, low, high, palette, invalid=BACKGROUND)
+    # Colours and not temperatures: at an edge their mean would be of neither side.
+    return averaged(colours, samples)
 
 
 def picture(
@@ -139,7 +191,7 @@ def picture(
     quantity: str = "apparent",
     title: str = "",
     samples: int = 1,
-):
+) -> Picture:
     """Draw a frame in false colours, with the time and a scale that names the quantity.
 
     The background has a colour of its own, in no palette. The scale has a point at an
@@ -156,21 +208,16 @@ def picture(
             become one pixel.
 
     Raises:
-        InputError: for an unknown quantity or palette, or limits not in order.
+        InputError: for an unknown quantity or palette, limits not in order, or
+            temperatures that are not finite.
     """
-    if quantity not in ("apparent", "surface"):
-        raise InputError(f"quantity={quantity!r}: choose 'apparent' or 'surface'")
-    shown = image.apparent_temperature if quantity == "apparent" else image.temperature
-    kelvin = np.asarray(shown, float)
+    kelvin = shown_temperature(image, quantity)
     drawn = np.isfinite(np.asarray(image.depth))
-    behind = np.where(drawn, kelvin, np.nan)
-    colours = apply_palette(behind, low, high, palette, invalid=BACKGROUND)
     if samples == 1:
         # A coarsened pixel on the silhouette mixes the body with the background.
         drawn = np.asarray(binary_erosion(drawn, iterations=1, border_value=1), bool)
-    # Colours and not temperatures: at an edge their mean would be of neither side.
     return annotate(
-        averaged(colours, samples),
+        coloured(image, low, high, palette, quantity, samples),
         low=low,
         high=high,
         palette=palette,

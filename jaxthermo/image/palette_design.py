@@ -72,6 +72,27 @@ _EMBER = (
     (84.0, -8.3, 33.7),
     (97.0, -4.6, 6.1),
 )
+# Night blue, blue, grey, gold, cream: blue and yellow, which most of the colour-blind
+# tell apart.
+_ARCTIC = (
+    (7.1, 1.5, -10.7),
+    (19.0, 4.4, -30.6),
+    (38.6, -4.7, -34.7),
+    (60.2, -13.5, -25.5),
+    (71.9, 2.0, 22.0),
+    (84.8, 7.3, 36.7),
+    (96.1, -4.7, 9.7),
+)
+# Black, dark red, red, orange, pale yellow, as of a body that begins to glow.
+_LAVA = (
+    (6.9, 5.0, 0.0),
+    (11.5, 17.9, 1.7),
+    (27.2, 31.9, 10.0),
+    (45.8, 47.8, 21.2),
+    (65.1, 27.8, 30.1),
+    (83.5, -4.1, 29.9),
+    (97.0, -3.0, 6.8),
+)
 
 
 def _through_anchors(anchors) -> Float[np.ndarray, "256 3"]:
@@ -91,11 +112,11 @@ def _through_anchors(anchors) -> Float[np.ndarray, "256 3"]:
     return np.clip(np.stack(columns, axis=-1), 0.0, 1.0)
 
 
-def _ember_ucs() -> Float[np.ndarray, "256 3"]:
+def _even_ucs(controls) -> Float[np.ndarray, "256 3"]:
     # A Bezier curve B(s) = sum_i C(n,i) s^i (1-s)^(n-i) P_i, resampled by arc length:
     # equal temperature steps look equally large; the lightness J' rises throughout.
     # Source: CAM16-UCS (J', a', b'), Li et al., Color Res. Appl. 42 (2017) 703.
-    points = np.asarray(_EMBER)
+    points = np.asarray(controls)
     order = len(points) - 1
     s = np.linspace(0.0, 1.0, 8 * ENTRIES)[:, None]
     i = np.arange(order + 1)[None, :]
@@ -116,14 +137,20 @@ def _ucs_to_rgb(ucs: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
     return np.asarray(colour.XYZ_to_sRGB(colour.CAM16UCS_to_XYZ(ucs)))
 
 
+def _displayed(ucs: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+    return np.clip(_ucs_to_rgb(ucs), 0.0, 1.0)
+
+
 def _build_palettes() -> dict[str, UInt8[np.ndarray, "256 3"]]:
     grey = np.repeat(np.linspace(0.0, 1.0, ENTRIES)[:, None], 3, axis=1)
     tables = {
         "iron": _through_anchors(_IRON),
-        "ember": np.clip(_ucs_to_rgb(_ember_ucs()), 0.0, 1.0),
+        "ember": _displayed(_even_ucs(_EMBER)),
         "white-hot": grey,
         "black-hot": grey[::-1],
         "rainbow": _through_anchors(_RAINBOW),
+        "arctic": _displayed(_even_ucs(_ARCTIC)),
+        "lava": _displayed(_even_ucs(_LAVA)),
     }
     return {k: np.rint(255.0 * v).astype(np.uint8) for k, v in tables.items()}
 

@@ -47,7 +47,7 @@ def _nearest_fragments(
     return found
 
 
-def _smooth_weights(
+def smooth_weights(
     points: Float[np.ndarray, "p 3"],
     normals: Float[np.ndarray, "p 3"],
     geometry: BodyGeometry,
@@ -91,6 +91,10 @@ class View:
     """Fraction of the surroundings that nothing in the image hides; None for all."""
     facets: FacetShading | None = None
     """Reflection on large facets of curved surfaces; None without any."""
+    part: Int[np.ndarray, " p"] | None = None
+    """Number of the part within its body, -1 where it has none; None without any."""
+    part_names: tuple[tuple[str, ...], ...] = ()
+    """Names of the parts of every body."""
 
 
 def at_time(
@@ -127,7 +131,29 @@ def compute_view(
         background,
         shown.open_fraction,
         shown.facets,
+        _parts(surfaces, shown.weights),
+        tuple(surface.geometry.part_names for surface in surfaces),
     )
+
+
+def _parts(
+    surfaces: tuple[SolvedSurface, ...], weights: csr_array
+) -> Int[np.ndarray, " p"] | None:
+    """Part of the fragment with the largest weight at each pixel."""
+    given = [s.geometry.fragment_part for s in surfaces]
+    if all(part is None for part in given):
+        return None
+    sizes = [len(s.geometry.fragment_area) for s in surfaces]
+    parts = [
+        np.full(size, -1, np.int32) if part is None else part
+        for part, size in zip(given, sizes, strict=True)
+    ]
+    # The means of pixels have at least one fragment each.
+    largest = np.maximum.reduceat(weights.data, weights.indptr[:-1])
+    row = np.repeat(np.arange(len(largest)), np.diff(weights.indptr))
+    (entry,) = np.nonzero(weights.data == largest[row])
+    _, first = np.unique(row[entry], return_index=True)
+    return np.concatenate(parts)[weights.indices[entry[first]]]
 
 
 def _content(geometry: BodyGeometry) -> tuple[Any, ...]:
@@ -219,7 +245,7 @@ def all_weights(
         geometry = surface.geometry
         rotated = geometry.placed.rotate_back(normal[here])
         parts.append(
-            _smooth_weights(local[here], rotated, geometry)
+            smooth_weights(local[here], rotated, geometry)
             if smooth
             else _block_weights(local[here], geometry)
         )

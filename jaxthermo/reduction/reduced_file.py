@@ -97,7 +97,7 @@ def write_model(path: Path, model: Mapping[str, Any]) -> None:
     # Texts as JSON: an array of them would need a longest length.
     stored: dict[str, Any] = {**arrays._asdict(), "words": np.array(json.dumps(words))}
     for b, surface in enumerate(model["surfaces"]):
-        for name, value in body_arrays(surface, arrays.times)._asdict().items():
+        for name, value in body_arrays(surface, arrays.times).present().items():
             stored[f"body{b}_{name}"] = value
     write_archive(path, _KIND, FORMAT_VERSION, stored)
 

@@ -15,7 +15,7 @@ from ..image.ticks import nice_ticks
 from .templates import Html
 
 
-Chart = alt.Chart | alt.LayerChart | alt.FacetChart
+Chart = alt.Chart | alt.LayerChart | alt.FacetChart | alt.VConcatChart
 
 # Area of a point [px^2].
 POINT_AREA = 90.0

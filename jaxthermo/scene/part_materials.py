@@ -45,4 +45,5 @@ def materials_by_part(
         )
     # One entry for each part: two parts may be of one material.
     given = tuple(materials[name if name in materials else "*"] for name in parts)
-    return MaterialLabels(part_labels(grid, list(parts.values())), given)
+    labels = part_labels(grid, list(parts.values()))
+    return MaterialLabels(labels, given, names=tuple(parts))

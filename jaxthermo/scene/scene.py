@@ -87,6 +87,8 @@ class MaterialLabels(AbstractMaterials):
     labels: Int[np.ndarray, "x y z"]
     """Material number of every voxel of the lattice; ignored outside the body."""
     given: tuple[Material, ...]
+    names: tuple[str, ...] = eqx.field(static=True, default=(), kw_only=True)
+    """Names of the parts that the materials are of, for frames; "0", "1" if none."""
 
     @property
     def materials(self) -> tuple[Material, ...]:
@@ -316,6 +318,9 @@ class BodyGeometry:
     fragment_area: Float[np.ndarray, " s"]
     pitch: float
     pose: Pose | Motion
+    fragment_part: Int[np.ndarray, " s"] | None = None
+    """Number of the named part of each fragment; None for a body without parts."""
+    part_names: tuple[str, ...] = ()
 
     @property
     def placed(self) -> Pose:

@@ -22,7 +22,7 @@ from calibrate.__main__ import main as calibrate
 from calibrate.config.fit_record import write_fit
 from jaxthermo.archive import write_archive
 from jaxthermo.config.card_file import write_card
-from jaxthermo.image.files import _write_exr_channels, read_exr
+from jaxthermo.image.files import read_exr, write_channels
 from jaxthermo.integrate.run.solution_file import FORMAT_VERSION as SOLUTION_VERSION
 from jaxthermo.report import voxel_sheet
 from tests.calibrating import RESULT
@@ -169,7 +169,7 @@ def _one(kind: str, folder: Path, random: np.random.Generator):
         change = f"bodies.0.structure={{kind: octree, weights: {path}}}"
         return _explain(folder / "scene.yaml", change)
     channels = {name: np.random.default_rng(1).random((12, 9)) for name in ("T", "Z")}
-    _write_exr_channels(folder / "frame.exr", channels, {"units": "K"})
+    write_channels(folder / "frame.exr", channels, {"units": "K"})
     _damage_file(folder / "frame.exr", random, is_text=False)
     return _exr(folder / "frame.exr")
 

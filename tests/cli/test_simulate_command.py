@@ -152,7 +152,13 @@ def test_frames_are_those_of_the_library(finished, solved):
     with OpenEXR.File(str(finished / "frames/t000012.00s.exr"), True) as file:
         channels = file.channels()
         assert set(channels) == set(_exr_channels(image))
-        for name, values in _exr_channels(image).items():
+        # Of parts of pixels, which an image of whole ones does not know.
+        mask = channels.pop("mask").pixels
+        inside = np.asarray(image.object_id) >= 0
+        assert set(np.unique(mask)) == {0, 0.25, 0.5, 0.75, 1}
+        assert (mask[~inside] < 1).all() and (mask[inside] > 0).all()
+        for name in channels:
+            values = _exr_channels(image)[name]
             assert channels[name].pixels.dtype == np.float32
             np.testing.assert_array_equal(channels[name].pixels, values, name)
 

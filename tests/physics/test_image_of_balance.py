@@ -15,7 +15,7 @@ def seen_radiosity(solution):
     """The same in pixels, by the radiance that `draw` gives the nearest fragment."""
     camera = jt.Camera((0.3, -0.2, 0.2), (0.02, 0.0, 0.0), width=48, height=36)
     view = compute_view(solution.surfaces, solution.terms, camera, smooth=False)
-    radiance = jt.render(solution, camera, smooth=False).radiance
+    radiance = jt.render(solution, camera, smooth=False, band=None).radiance
     return np.pi * radiance.reshape(-1)[view.pixel], view.weights.indices
 
 
@@ -79,7 +79,7 @@ def test_power_that_leaves_the_surface_is_that_of_the_ledger(name):
 
 def test_a_grey_sphere_reflects_the_surroundings_of_the_exchange():
     solution = at_start((BALL,), EXCHANGES["exchange"])
-    image = jt.render(solution, FRONT)
+    image = jt.render(solution, FRONT, band=None)
     expected = (0.5 * (320.0**4 + 250.0**4)) ** 0.25
     assert expected == pytest.approx(291.2546, abs=1e-4)
     np.testing.assert_allclose(apparent(image)[on_body(image)], expected, atol=1e-3)
@@ -100,7 +100,7 @@ def test_a_sphere_between_sky_and_ground():
     exact = SIGMA * closed_form(normal[:, 2])
     np.testing.assert_allclose(radiosity(solution), exact, rtol=1e-12)
     # On the image, the normal of the sphere itself at the point that a pixel shows.
-    image = jt.render(solution, FRONT)
+    image = jt.render(solution, FRONT, band=None)
     shown = on_body(image)
     origin, step = FRONT.rays()
     depth = np.asarray(image.depth).reshape(-1, 1)
@@ -124,7 +124,7 @@ def test_a_block_in_exchange_with_sky_and_ground():
     back = (1 + up) / 2 * sky**4 + (1 - up) / 2 * ground**4
     exact = SIGMA * 0.5 * (kelvin**4 + back)
     np.testing.assert_allclose(radiosity(solution), exact, rtol=1e-9)
-    image = jt.render(solution, FRONT)
+    image = jt.render(solution, FRONT, band=None)
     side = (0.5 * kelvin**4 + 0.25 * (sky**4 + ground**4)) ** 0.25
     np.testing.assert_allclose(apparent(image)[20, 20], side, atol=1e-6)
     np.testing.assert_allclose(apparent(image)[0, 0], sky, atol=1e-6)
@@ -159,7 +159,7 @@ def test_an_isothermal_enclosure_shows_its_temperature(name, emissivity):
     inside = jt.Camera(
         (-0.03, -0.02, 0.01), (0.03, 0.01, 0.0), width=20, height=20, field_of_view=1.5
     )
-    image = jt.render(solution, inside)
+    image = jt.render(solution, inside, band=None)
     assert on_body(image).all()
     np.testing.assert_allclose(apparent(image), 350.0, atol=1e-3)
 
@@ -173,7 +173,7 @@ def test_isothermal_surroundings_hide_a_body(name):
     }[name]
     other = block((0.02, 0.02, 0.02), 300.0, metal(0.1), at=(0.1, 0.0, 0.0))
     bodies = ball(300.0, 0.5), other
-    image = jt.render(at_start(bodies, term), FRONT)
+    image = jt.render(at_start(bodies, term), FRONT, band=None)
     np.testing.assert_allclose(apparent(image), 300.0, atol=1e-3)
 
 
@@ -209,7 +209,7 @@ def test_a_mirror_shows_the_hot_plate_before_it():
     camera = jt.OrthographicCamera(
         (0.0, 0.0, 0.03), (0.0, 0.0, 0.0), 0.02, up=(0.0, 1.0, 0.0), width=8, height=8
     )
-    seen = apparent(jt.render(solution, camera))[3:5, 3:5].mean()
+    seen = apparent(jt.render(solution, camera, band=None))[3:5, 3:5].mean()
     arrives = _facing_plates(41, side, gap, (0.9, 0.1), (600.0, 293.0), 293.0)
     expected = (0.1 * 293.0**4 + 0.9 * arrives / SIGMA) ** 0.25
     assert expected > 450.0
@@ -218,7 +218,7 @@ def test_a_mirror_shows_the_hot_plate_before_it():
 
 def test_without_radiation_a_surface_shows_its_own_temperature():
     """What is not in the heat balance is not in the image; the air is behind it."""
-    image = jt.render(at_start((BALL,), jt.Convection(10.0, 280.0)), FRONT)
+    image = jt.render(at_start((BALL,), jt.Convection(10.0, 280.0)), FRONT, band=None)
     shown = on_body(image)
     np.testing.assert_allclose(apparent(image)[shown], 320.0, atol=1e-9)
     np.testing.assert_allclose(apparent(image)[~shown], 280.0, atol=1e-9)

@@ -6,7 +6,7 @@ import pytest
 
 import jaxthermo as jt
 from jaxthermo.constants import STEFAN_BOLTZMANN as SIGMA
-from jaxthermo.image.render import draw
+from jaxthermo.image.draw import draw
 from jaxthermo.image.view import compute_view
 from jaxthermo.physics.boundary import ImposedFlux
 from tests.imaging import at_start, block, metal, radiosity
@@ -37,7 +37,7 @@ def test_sources_are_seen_where_nothing_hides_them():
     front = jt.OrthographicCamera(
         (0.0, -0.5, 0.0), (0.0, 0.0, 0.0), 0.3, width=60, height=60
     )
-    image = jt.render(solution, front, 0)
+    image = jt.render(solution, front, 0, band=None)
     radiance, depth = np.asarray(image.radiance), np.asarray(image.depth)
     sky = SIGMA * 250.0**4 / np.pi
     lit = np.abs(radiance / 90.0 - 1) < 1e-6
@@ -86,7 +86,10 @@ def test_a_source_that_ends_at_a_saved_time_is_seen_there(dtype):
         (0.0, -0.5, 0.0), (0.02, 0.0, 0.0), 0.1, width=20, height=20
     )
     lit_pixel = 3.0 / (np.pi * 0.01**2)
-    brightest = [float(jt.render(solution, camera, k).radiance.max()) for k in (-2, -1)]
+    brightest = [
+        float(jt.render(solution, camera, k, band=None).radiance.max())
+        for k in (-2, -1)
+    ]
     assert brightest[0] == pytest.approx(lit_pixel, rel=1e-5) and brightest[1] < 200.0
 
 

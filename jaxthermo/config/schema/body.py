@@ -136,6 +136,14 @@ class BodyConfig(Model, builds="Body"):
         )
 
     @property
+    def label(self) -> str:
+        """Name of the file or shape, without a suffix."""
+        path = self.mesh.path if self.mesh is not None else self.solid
+        if path is not None:
+            return path.stem
+        return self.shape.kind if self.shape is not None else "body"
+
+    @property
     def geometry(self) -> tuple[str, str]:
         """Name of the file or shape, and a hash of its content [16 hex digits].
 

@@ -14,11 +14,14 @@ from pydantic_core import CoreSchema, core_schema
 from typing_extensions import override
 
 from ...errors import InputError
+from ...image.measurements import names_of
 from ...image.palette import palette_names
 from ...image.response import BANDS, checked_response
 from ..messages import close_match
 from ..types import quantities as si
-from ..types.model import ByKind, Mistake, Model, Short
+from ..types.model import ByKind, Mistake, Model, Short, build
+from .effects import EffectConfig
+from .measurement import MeasurementConfig
 
 
 Pixels = Annotated[si.Whole, Field(ge=1, le=16384)]
@@ -131,6 +134,16 @@ class _OfWavelengths:
         return {"anyOf": [handler(schema), lengths]}
 
 
+def _once(names: tuple[str, ...]) -> tuple[str, ...]:
+    twice = [name for k, name in enumerate(names) if name in names[:k]]
+    if twice:
+        raise si.refuse(f"'{twice[0]}' is given twice")
+    return names
+
+
+FrameFile = Literal["exr", "png", "centikelvin", "tiff", "csv"]
+
+
 class ImageConfig(Model):
     """The colours of the frames, and which saved times become frames."""
 
@@ -155,14 +168,37 @@ class ImageConfig(Model):
     band: Annotated[
         Annotated[BandConfig, Short("name", words=(*BANDS,)), _OfWavelengths()] | None,
         si.NoneWord("all"),
-    ] = None
+    ] = BandConfig(name="long-wave")
     """Wavelengths that the detector sees; with all of them the sun that surfaces
     reflect is as bright as it heats."""
+    effects: tuple[EffectConfig, ...] = ()
+    """Effects of surfaces, air, optics and detector, in any order, each once."""
     frames: Frames = None
     """Saved times that become frames [s]."""
+    files: Annotated[tuple[FrameFile, ...], si.NotEmpty, AfterValidator(_once)] = (
+        "exr",
+        "png",
+    )
+    """Files of each frame: EXR of all channels, PNG in false colours; `quantity` alone
+    as grey PNG of 16 bits in 0.01 K (centikelvin), TIFF of float32 or CSV in kelvin."""
+
+    measurements: tuple[MeasurementConfig, ...] = ()
+    """Spots, lines, boxes and isotherms: drawn on the pictures, and over time in
+    `measurements.csv` and a chart."""
 
     @override
     def mistakes(self) -> list[Mistake]:
-        if self.low is None or self.high is None or self.low < self.high:
-            return []
-        return [(("high",), f"{self.high:g} K is not above `low`, {self.low:g} K")]
+        kinds = [effect.kind for effect in self.effects]
+        found: list[Mistake] = [
+            (("effects", number), f"{kind} is there already: give it once")
+            for number, kind in enumerate(kinds)
+            if kind in kinds[:number]
+        ]
+        low, high = self.low, self.high
+        if low is not None and high is not None and low >= high:
+            found.append((("high",), f"{high:g} K is not above `low`, {low:g} K"))
+        try:
+            names_of(build(self.measurements))
+        except InputError as error:
+            found.append((("measurements",), str(error)))
+        return found

@@ -135,6 +135,7 @@ class SceneConfig(Model, builds="Scene"):
         return [
             *_missing_bodies(data),
             *_unsaved_frames(data),
+            *_unseen_measurements(data),
             *_second_emission(data),
             *_second_occlusion(data),
         ]
@@ -232,6 +233,23 @@ def _unsaved_frames(data: dict[str, Any]) -> list[Mistake]:
         (("image", "frames", i), f"{frame:g} s is not a saved time")
         for i, frame in enumerate(image.frames or ())
         if not any(math.isclose(frame, t, rel_tol=1e-9) for t in time.save_times)
+    ]
+
+
+def _unseen_measurements(data: dict[str, Any]) -> list[Mistake]:
+    image, camera = data.get("image"), data.get("camera")
+    given = image.get("measurements") if isinstance(image, dict) else None
+    image = _if_valid(ImageConfig, {"measurements": given or []})
+    # The size alone, whatever kind of camera it is.
+    sizes = camera if isinstance(camera, dict) else {}
+    size = {key: sizes[key] for key in ("width", "height") if key in sizes}
+    view = _if_valid(PinholeConfig, {"kind": "pinhole", **size})
+    if image is None or view is None:
+        return []
+    return [
+        (("image", "measurements", k, *where), message)
+        for k, each in enumerate(image.measurements)
+        for where, message in each.outside(view.width, view.height)
     ]
 
 

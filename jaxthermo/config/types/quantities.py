@@ -225,7 +225,9 @@ def _not_empty(value: Any) -> Any:
 NotEmpty = BeforeValidator(_not_empty)
 
 
-def _of_length(length: int, expected: str) -> BeforeValidator:
+def of_length(length: int, expected: str) -> BeforeValidator:
+    """Mark a list that needs a number of entries, `expected` in words."""
+
     # Pydantic would report missing and surplus entries one by one.
     def check(value: Any) -> Any:
         if not isinstance(value, list | tuple) or len(value) != length:
@@ -241,8 +243,8 @@ def _not_zero(value: tuple[float, float, float]) -> tuple[float, float, float]:
     return value
 
 
-Three = _of_length(3, "three numbers [x, y, z]")
-_Two = _of_length(2, "two values")
+Three = of_length(3, "three numbers [x, y, z]")
+_Two = of_length(2, "two values")
 Number = Annotated[float, NUMBER]
 Fraction = Annotated[Number, Field(ge=0, le=1)]
 Length = Annotated[float, LENGTH]

@@ -1,11 +1,12 @@
 """`solution.npz`: the part of a solution from which its images can be drawn again."""
 
+import json
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Int, UInt8
 
 from ...archive import read_archive, select_arrays, write_archive
 from ...errors import InputError
@@ -34,6 +35,10 @@ class StoredSolution(NamedTuple):
     irradiance: Irradiance | None = None
     """Radiation that reaches every fragment, with the times as its first axis; None
     where no image is drawn."""
+    heat_flux: Float[Array | np.ndarray, "t s"] | None = None
+    """Heat flux into every fragment [W/m^2], if the scene asks for it."""
+    heat_transfer_coefficient: Float[Array | np.ndarray, "t s"] | None = None
+    """Coefficient of every fragment [W/(m^2 K)], if the scene asks for it."""
 
     def at_times(self, times: tuple[float, ...], path: Path) -> "StoredSolution":
         """Reduce a user's reference, read from `path`, to the times of a run [s].
@@ -87,6 +92,14 @@ class BodyArrays(NamedTuple):
     # One number for one material.
     emissivity: Float[np.ndarray, ""] | Float[np.ndarray, " s"]
     absorptivity: Float[np.ndarray, ""] | Float[np.ndarray, " s"]
+    # Of bodies with parts: their names as JSON in UTF-8.
+    fragment_part: Int[np.ndarray, " s"] | None = None
+    part_names: UInt8[np.ndarray, " n"] | None = None
+
+    def present(self) -> dict[str, np.ndarray]:
+        """The arrays by name, without those that a body has not."""
+        given = self._asdict().items()
+        return {name: array for name, array in given if array is not None}
 
 
 _GEOMETRY_FIELDS = BodyArrays._fields[:5]
@@ -122,7 +135,7 @@ def save_solution(path: Path, solution: Solution) -> StoredSolution:
         arrays[f"energy_{name}_J"] = heat
     for b, surface in enumerate(solution.surfaces):
         stored = body_arrays(surface, np.asarray(solution.times, float))
-        for field, value in stored._asdict().items():
+        for field, value in stored.present().items():
             arrays[f"body{b}_{field}"] = value
     write_archive(path, _KIND, FORMAT_VERSION, arrays)
     return StoredSolution(
@@ -130,6 +143,7 @@ def save_solution(path: Path, solution: Solution) -> StoredSolution:
         solution.surface_temperature,
         solution.surfaces,
         irradiance,
+        *(getattr(solution, name) for name in SURFACE_OUTPUTS),
     )
 
 
@@ -138,6 +152,10 @@ def body_arrays(surface: SolvedSurface, saved: Float[np.ndarray, " t"]) -> BodyA
     geometry = surface.geometry
     times = saved if surface.moves else [0.0]
     poses = [geometry.pose.at(float(time)) for time in times]
+    names = None
+    if geometry.fragment_part is not None:
+        text = json.dumps(geometry.part_names).encode()
+        names = np.frombuffer(text, np.uint8)
     return BodyArrays(
         *(np.asarray(getattr(geometry, field)) for field in _GEOMETRY_FIELDS),
         pitch=np.asarray(geometry.pitch, float),
@@ -145,6 +163,8 @@ def body_arrays(surface: SolvedSurface, saved: Float[np.ndarray, " t"]) -> BodyA
         rotation=np.asarray([pose.rotation for pose in poses], float),
         emissivity=np.asarray(surface.emissivity),
         absorptivity=np.asarray(surface.absorptivity),
+        fragment_part=geometry.fragment_part,
+        part_names=names,
     )
 
 
@@ -182,7 +202,8 @@ def _stored_solution(arrays: dict[str, np.ndarray]) -> StoredSolution:
     surfaces = tuple(solved_surface(body, run.times) for body in bodies)
     irradiance = run.irradiance, run.irradiance_sources, run.source_spectrum
     temperatures = run.times, run.surface_temperature
-    return StoredSolution(*temperatures, surfaces, Irradiance(*irradiance))
+    outputs = (getattr(run, name) for name in SURFACE_OUTPUTS)
+    return StoredSolution(*temperatures, surfaces, Irradiance(*irradiance), *outputs)
 
 
 def _check_energies(
@@ -214,6 +235,18 @@ def _check_ranges(body: BodyArrays) -> None:
             raise InputError(f"{name} of a body is out of its range")
 
 
+def _part_names(body: BodyArrays) -> tuple[str, ...]:
+    if body.fragment_part is None or body.part_names is None:
+        return ()
+    try:
+        names = tuple(map(str, json.loads(body.part_names.tobytes())))
+    except (ValueError, TypeError) as error:
+        raise InputError("part_names of a body is not a list of names") from error
+    if not -1 <= body.fragment_part.min() <= body.fragment_part.max() < len(names):
+        raise InputError("fragment_part of a body has numbers without a name")
+    return names
+
+
 def solved_surface(body: BodyArrays, times: Float[np.ndarray, " t"]) -> SolvedSurface:
     """The surface of a body from its arrays.
 
@@ -236,7 +269,13 @@ def solved_surface(body: BodyArrays, times: Float[np.ndarray, " t"]) -> SolvedSu
     if len(poses) > 1:
         pose = Motion(PoseTable(tuple(times.tolist()), poses))
     shape = (getattr(body, field) for field in _GEOMETRY_FIELDS)
-    geometry = BodyGeometry(*shape, pitch=float(body.pitch), pose=pose)
+    geometry = BodyGeometry(
+        *shape,
+        pitch=float(body.pitch),
+        pose=pose,
+        fragment_part=body.fragment_part,
+        part_names=_part_names(body),
+    )
     return SolvedSurface(
         geometry, jnp.asarray(body.emissivity), jnp.asarray(body.absorptivity)
     )

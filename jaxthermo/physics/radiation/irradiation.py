@@ -164,7 +164,8 @@ class Irradiance(NamedTuple):
     thermal: Any
     """H, of surroundings and surfaces [W/m^2], [s]."""
     sources: Any
-    """E of the sources, together where they have one spectrum [W/m^2], [q s]."""
+    """E of the sources, in the order of the terms, those never on left out [W/m^2],
+    [q s]."""
     spectrum: Any
     """Temperature of a black body with the spectrum of each row [K], [q]."""
 
@@ -194,15 +195,11 @@ class SurfaceRadiation(Module):
         laws = zip(self.thermal, thermal, strict=True)
         net = sum((part.factor * law.flux(time, theta) for part, law in laws), 0.0)
         black = STEFAN_BOLTZMANN * temperature**4
-        groups: dict[Any, list[_Part]] = {}
-        for part in self.sources:
-            known = isinstance(part.spectrum, float)
-            groups.setdefault(part.spectrum if known else id(part), []).append(part)
         rows, spectrum = [], []
-        for parts in groups.values():
-            lit = (part.factor * part.law.flux(time, theta) for part in parts)
-            rows.append(jnp.broadcast_to(sum(lit), theta.shape))
-            kelvin = value_at(parts[0].spectrum, time)
+        for part in self.sources:
+            lit = part.factor * part.law.flux(time, theta)
+            rows.append(jnp.broadcast_to(lit, theta.shape))
+            kelvin = value_at(part.spectrum, time)
             spectrum.append(jnp.asarray(kelvin, theta.dtype).reshape(()))
         none = jnp.zeros((0, *theta.shape), theta.dtype)
         if not rows:

@@ -16,7 +16,6 @@ from jaxtyping import Array, Float
 
 from ...arrays import is_traced
 from ...findings import digest, found, on_device, searches_recorded
-from ...geometry.mesh import Pose
 from ...module import replaced
 from ...physics.radiation.irradiation import (
     SceneRadiation,
@@ -26,9 +25,12 @@ from ...physics.radiation.irradiation import (
 from ...physics.surface import BodySurface, Omitted
 from ...physics.term import AbstractExchangeTerm, AbstractSurfaceTerm
 from ...structures.structure import AbstractStructure
-from ...voxels.grid import VoxelGrid
-from ..motion import Motion
-from ..scene import AbstractMaterials, BodyGeometry, Scene, SolvedSurface
+from ..body_geometry import body_geometry
+from ..scene import (
+    AbstractMaterials,
+    Scene,
+    SolvedSurface,
+)
 from .bodies import check_functions, prepare, temperature_bounds
 from .memory import Method, check_memory
 from .program import Compiled, Omission, Part, Program, Receipt
@@ -163,7 +165,7 @@ def _solved_surfaces(
 ) -> tuple[SolvedSurface, ...]:
     return tuple(
         SolvedSurface(
-            geometry=body_geometry(surface.grid, body.pose),
+            geometry=body_geometry(surface.grid, body.pose, body.material),
             emissivity=surface.emissivity,
             absorptivity=surface.absorptivity,
         )
@@ -242,19 +244,6 @@ def _radiation(
         radiation = snapshot.surface, snapshot.irradiation, enclosure
         reaching.append(surface_radiation(*radiation))
     return tuple(reaching)
-
-
-def body_geometry(grid: VoxelGrid, pose: Pose | Motion) -> BodyGeometry:
-    """The part of a voxel grid that a camera needs after the run."""
-    return BodyGeometry(
-        vertices=grid.mesh.vertices,
-        faces=grid.mesh.faces,
-        fragment_position=grid.fragment_foot,
-        fragment_normal=grid.fragment_normal,
-        fragment_area=grid.fragment_area,
-        pitch=grid.pitch,
-        pose=pose,
-    )
 
 
 def _parts(ledger: Ledger, snapshot: Snapshot) -> tuple[Part, ...]:

@@ -10,6 +10,7 @@ import pytest
 from calibrate.config.schema import CalibrationConfig
 from experiments.sweep.config import SweepConfig
 from jaxthermo.config.json_schema import json_schema
+from jaxthermo.config.schema.dataset import DatasetConfig
 from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.config.strict_yaml import read_yaml
 
@@ -17,16 +18,19 @@ from jaxthermo.config.strict_yaml import read_yaml
 CONFIGS = Path(__file__).resolve().parents[3] / "configs"
 MODELS = {
     "scene": SceneConfig,
+    "dataset": DatasetConfig,
     "calibration": CalibrationConfig,
     "sweep": SweepConfig,
 }
 FOLDERS = {
     "scenes": "scene",
+    "datasets": "dataset",
     "calibration": "calibration",
     "sweeps": "sweep",
 }
 PROGRAMS = {
     "scene": "jaxthermo schema",
+    "dataset": "jaxthermo schema dataset",
     "calibration": "calibrate schema",
     "sweep": "experiments schema",
 }

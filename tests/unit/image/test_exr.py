@@ -6,7 +6,7 @@ import OpenEXR
 import pytest
 
 from jaxthermo.errors import InputError
-from jaxthermo.image.files import _write_exr_channels, read_exr
+from jaxthermo.image.files import read_exr, write_channels
 
 
 RAMP = np.arange(12.0).reshape(3, 4) + 293.15
@@ -27,7 +27,7 @@ RAMP = np.arange(12.0).reshape(3, 4) + 293.15
 )
 def test_round_trip(tmp_path, pixels):
     path = tmp_path / "frame.exr"
-    _write_exr_channels(path, {"temperature": pixels})
+    write_channels(path, {"temperature": pixels})
     channels, header = read_exr(path)
     assert list(channels) == ["temperature"] and header == {}
     assert channels["temperature"].dtype == np.float32
@@ -37,7 +37,7 @@ def test_round_trip(tmp_path, pixels):
 def test_many_channels_inf_and_nan(tmp_path):
     path = tmp_path / "frame.exr"
     odd = np.array([[np.nan, np.inf], [-np.inf, -0.0]], np.float32)
-    _write_exr_channels(path, {"depth": odd, "R": 2 * odd, "a.b": np.ones((2, 2))})
+    write_channels(path, {"depth": odd, "R": 2 * odd, "a.b": np.ones((2, 2))})
     channels, _ = read_exr(path)
     assert set(channels) == {"depth", "R", "a.b"}
     np.testing.assert_array_equal(channels["depth"], odd)
@@ -47,7 +47,7 @@ def test_many_channels_inf_and_nan(tmp_path):
 def test_larger_image_is_compressed_without_loss(tmp_path):
     path = tmp_path / "frame.exr"
     image = np.random.default_rng(0).normal(300.0, 10.0, (101, 67)).astype(np.float32)
-    _write_exr_channels(path, {"T": image, "flat": np.zeros((101, 67))})
+    write_channels(path, {"T": image, "flat": np.zeros((101, 67))})
     np.testing.assert_array_equal(read_exr(path)[0]["T"], image)
     with OpenEXR.File(str(path)) as file:
         assert file.header()["compression"] == OpenEXR.ZIP_COMPRESSION
@@ -57,21 +57,21 @@ def test_larger_image_is_compressed_without_loss(tmp_path):
 def test_header_round_trip(tmp_path):
     path = tmp_path / "frame.exr"
     header = {"config": "scene:\n  unit: °C\n" * 200, "empty": "", "time_s": "90.0"}
-    _write_exr_channels(path, {"T": RAMP}, header)
+    write_channels(path, {"T": RAMP}, header)
     assert read_exr(path)[1] == header
 
 
 def test_replaces_the_old_file(tmp_path):
     path = tmp_path / "frame.exr"
-    _write_exr_channels(path, {"T": RAMP})
-    _write_exr_channels(str(path), {"T": RAMP + 1})
+    write_channels(path, {"T": RAMP})
+    write_channels(str(path), {"T": RAMP + 1})
     assert read_exr(path)[0]["T"][0, 0] == np.float32(294.15)
     assert [p.name for p in tmp_path.iterdir()] == ["frame.exr"]
 
 
 def test_failure_keeps_the_old_file_and_leaves_nothing(tmp_path, monkeypatch):
     path = tmp_path / "frame.exr"
-    _write_exr_channels(path, {"T": RAMP})
+    write_channels(path, {"T": RAMP})
     before = path.read_bytes()
 
     def interrupted(*_):
@@ -79,7 +79,7 @@ def test_failure_keeps_the_old_file_and_leaves_nothing(tmp_path, monkeypatch):
 
     monkeypatch.setattr("os.replace", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        _write_exr_channels(path, {"T": RAMP + 1})
+        write_channels(path, {"T": RAMP + 1})
     assert path.read_bytes() == before
     assert [p.name for p in tmp_path.iterdir()] == ["frame.exr"]
 
@@ -89,7 +89,7 @@ def test_unwritable_places(tmp_path):
     places = [tmp_path / "no" / "a.exr", tmp_path / "file" / "a.exr", tmp_path]
     for place in places:
         with pytest.raises(InputError, match="cannot write") as caught:
-            _write_exr_channels(place, {"T": RAMP})
+            write_channels(place, {"T": RAMP})
         assert "\n" not in str(caught.value)
     assert [p.name for p in tmp_path.iterdir()] == ["file"]
 
@@ -107,7 +107,7 @@ def test_unwritable_places(tmp_path):
 )
 def test_what_the_format_cannot_hold(tmp_path, channels, header, says):
     with pytest.raises(InputError, match=says):
-        _write_exr_channels(tmp_path / "frame.exr", channels, header)
+        write_channels(tmp_path / "frame.exr", channels, header)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -115,7 +115,7 @@ def test_damaged_and_missing_files(tmp_path):
     path = tmp_path / "frame.exr"
     with pytest.raises(InputError, match="not a file"):
         read_exr(path)
-    _write_exr_channels(path, {"T": np.random.default_rng(1).normal(size=(64, 64))})
+    write_channels(path, {"T": np.random.default_rng(1).normal(size=(64, 64))})
     whole = path.read_bytes()
     middle = len(whole) // 2
     for part in (b"", b"no image", whole[:middle], whole[:-3], whole[:120]):

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.image.render import _irradiation_to_pixels, _means
+from jaxthermo.image.pixels import irradiation_at_pixels, means
 from jaxthermo.image.view import View, compute_view
-from jaxthermo.scene.compile.compile import body_geometry
+from jaxthermo.scene.body_geometry import body_geometry
 from jaxthermo.scene.scene import SolvedSurface
 
 
@@ -39,7 +39,7 @@ def ball():
 
 
 def received(view: View, values: np.ndarray) -> np.ndarray:
-    return np.asarray(_irradiation_to_pixels(view, values[:, None])[:, 0])
+    return np.asarray(irradiation_at_pixels(view, values[:, None])[:, 0])
 
 
 def points(view: View) -> np.ndarray:
@@ -49,7 +49,7 @@ def points(view: View) -> np.ndarray:
 
 def test_a_ball_of_facets_reflects_like_a_ball(ball):
     view, beam = ball
-    shaded, plain = received(view, beam), _means(view.weights, beam[:, None])[:, 0]
+    shaded, plain = received(view, beam), means(view.weights, beam[:, None])[:, 0]
     out = points(view)
     exact = out / np.linalg.norm(out, axis=1, keepdims=True) @ TO_SUN
     lit = exact > 0.25
@@ -108,5 +108,5 @@ def test_the_facets_of_several_bodies_are_their_own(ball):
 @pytest.mark.slow
 def test_under_derivatives_they_are_the_same(ball):
     view, beam = ball
-    traced = _irradiation_to_pixels(view, jnp.asarray(beam)[:, None])
+    traced = irradiation_at_pixels(view, jnp.asarray(beam)[:, None])
     np.testing.assert_allclose(traced[:, 0], received(view, beam), atol=1e-12)

@@ -7,12 +7,12 @@ import pytest
 from scipy.sparse import csr_array
 
 import jaxthermo as jt
+from jaxthermo.image.draw import draw
 from jaxthermo.image.fragment_cells import CHUNK, cells_of
-from jaxthermo.image.render import draw
 from jaxthermo.image.view import compute_view
 from jaxthermo.physics.radiation.irradiation import Irradiance
 from jaxthermo.raster.fragments import peel
-from jaxthermo.scene.compile.compile import body_geometry
+from jaxthermo.scene.body_geometry import body_geometry
 from jaxthermo.scene.scene import SolvedSurface
 
 

@@ -11,7 +11,7 @@ from jaxthermo.constants import STEFAN_BOLTZMANN as SIGMA
 from jaxthermo.image.outline import outline_distance
 from jaxthermo.image.pose import moved_camera
 from jaxthermo.image.pose_derivative import linearize_view
-from jaxthermo.image.render import draw
+from jaxthermo.image.draw import draw
 from jaxthermo.image.view import compute_view
 from jaxthermo.physics.radiation.irradiation import Irradiance
 from jaxthermo.scene.compile.compile import compile_scene

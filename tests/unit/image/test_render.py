@@ -6,20 +6,18 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from PIL import Image as Pictures
 
 import jaxthermo as jt
 from jaxthermo.geometry.mesh import winding_number
 from jaxthermo.image import files
+from jaxthermo.image.draw import draw
 from jaxthermo.image.files import read_exr
+from jaxthermo.image.image import coarsen
 from jaxthermo.image.palette import BACKGROUND, apply_palette
-from jaxthermo.image.render import (
-    _apparent_temperature,
-    _leaving_radiance,
-    coarsen,
-    draw,
-)
-from jaxthermo.image.view import _block_weights, _smooth_weights, compute_view
-from jaxthermo.scene.compile.compile import body_geometry
+from jaxthermo.image.radiometry import apparent_temperature, leaving_radiance
+from jaxthermo.image.view import _block_weights, compute_view, smooth_weights
+from jaxthermo.scene.body_geometry import body_geometry
 from jaxthermo.scene.scene import SolvedSurface
 
 
@@ -48,19 +46,19 @@ def still():
 def test_apparent_temperature_of_a_grey_surface():
     """A17 of the field survey: eps 0.91 at 300 K before 250 K looks like 296.4424 K."""
     one = lambda value: jnp.asarray(value)
-    radiance = _leaving_radiance(one(300.0), one(0.91), 0.09 * SIGMA * one(250.0) ** 4)
-    assert float(_apparent_temperature(radiance)) == pytest.approx(296.4424, abs=1e-4)
+    radiance = leaving_radiance(one(300.0), one(0.91), 0.09 * SIGMA * one(250.0) ** 4)
+    assert float(apparent_temperature(radiance)) == pytest.approx(296.4424, abs=1e-4)
 
 
 def test_a_black_surface_looks_as_warm_as_it_is():
     temperature = jnp.linspace(200.0, 900.0, 7)
     zero = jnp.zeros(7)
-    radiance = _leaving_radiance(temperature, zero + 1, zero)
-    np.testing.assert_allclose(_apparent_temperature(radiance), temperature, rtol=1e-12)
+    radiance = leaving_radiance(temperature, zero + 1, zero)
+    np.testing.assert_allclose(apparent_temperature(radiance), temperature, rtol=1e-12)
 
 
 def test_channels_of_a_frame(still):
-    image = jt.render(still, SIDE)
+    image = jt.render(still, SIDE, band=None)
     body = np.asarray(image.object_id) == 0
     # 0.1 m of 0.12 m over 60 pixels, both ways.
     assert body.sum() == 50 * 50
@@ -92,7 +90,7 @@ def test_reflected_sun_follows_the_cosine_and_the_shadow():
     )
     solution = jt.simulate(scene, 0.0, save_at=[0.0])
     # The second cube stands beside the line of sight and of the rays but for its edge.
-    image = jt.render(solution, SIDE)
+    image = jt.render(solution, SIDE, band=None)
     grey = 0.8 * 300.0**4 + 0.2 * 250.0**4 + 0.2 * 1000.0 / 5.670374419e-8
     seen = np.asarray(image.apparent_temperature)[30, 10]
     assert seen == pytest.approx(grey**0.25, rel=1e-9)
@@ -105,7 +103,7 @@ def test_a_body_in_the_shadow_reflects_no_sun():
     above = jt.OrthographicCamera(
         (0.0, 0.0, 0.2), (0.0, 0.0, 0.0), 0.12, up=(0.0, 1.0, 0.0), width=60, height=60
     )
-    image = jt.render(solution, above)
+    image = jt.render(solution, above, band=None)
     seen = np.asarray(image.object_id) == 0
     shown = np.asarray(image.apparent_temperature)[seen]
     np.testing.assert_allclose(shown, 300.0, atol=1e-3)
@@ -126,7 +124,7 @@ def plate():
 
 def test_smoothing_keeps_constants_and_linear_fields(plate):
     points, normals = _plate_points()
-    weights = _smooth_weights(points, normals, plate)
+    weights = smooth_weights(points, normals, plate)
     np.testing.assert_allclose(weights.sum(axis=1), 1.0)
     field = 300 + 50 * plate.fragment_position[:, 0]
     read = weights @ field
@@ -138,7 +136,7 @@ def test_smoothing_keeps_constants_and_linear_fields(plate):
 def test_smoothing_does_not_leak_through_a_sheet(plate):
     points, normals = _plate_points()
     field = np.where(plate.fragment_normal[:, 2] > 0.5, 310.0, 290.0)
-    weights = _smooth_weights(points, normals, plate)
+    weights = smooth_weights(points, normals, plate)
     read = weights @ field
     np.testing.assert_allclose(read, 310.0)
 
@@ -154,7 +152,7 @@ def test_blocks_show_the_nearest_fragment(plate):
 
 def test_parts_without_fragments_show_their_neighbours(plate):
     far = np.array([[0.0, 0.0, 0.02]])
-    weights = _smooth_weights(far, np.array([[0.0, 0.0, -1.0]]), plate)
+    weights = smooth_weights(far, np.array([[0.0, 0.0, -1.0]]), plate)
     assert weights.data.tolist() == [1.0]
 
 
@@ -237,9 +235,12 @@ def test_exr_of_a_frame_reads_back(still, tmp_path):
 def test_a_picture_marks_what_is_beyond_its_scale(still, monkeypatch):
     image = jt.render(still, SIDE, samples=2)
     marks = []
-    monkeypatch.setattr(
-        files, "annotate", lambda rgb, **given: marks.append(given["beyond"]) or rgb
-    )
+
+    def annotate(rgb, **given):
+        marks.append(given["beyond"])
+        return Pictures.fromarray(rgb)
+
+    monkeypatch.setattr(files, "annotate", annotate)
     kelvin = float(np.median(image.apparent_temperature[25:35, 25:35]))
     for low, high in [
         (280.0, 310.0),
@@ -271,7 +272,9 @@ def test_what_hides_the_surroundings_is_as_warm_as_the_surface():
     scene = jt.Scene((cube(), floor), terms, dtype="float64")
     solution = jt.simulate(scene, 0.0)
     camera = jt.Camera((0.3, -0.6, 0.5), (0.0, 0.0, 0.0), width=48, height=36)
-    plain, shaded = (jt.render(solution, camera, occlusion=r) for r in (None, 0.05))
+    plain, shaded = (
+        jt.render(solution, camera, occlusion=r, band=None) for r in (None, 0.05)
+    )
     view = compute_view(solution.surfaces, solution.terms, camera, occlusion=0.05)
     hidden = 1 - np.asarray(view.open_fraction)
     assert hidden.max() > 0.2 and np.median(hidden) < 0.02

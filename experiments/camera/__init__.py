@@ -1,0 +1,1 @@
+"""The thermal camera: what each of its effects changes in a frame."""

@@ -1,0 +1,237 @@
+"""One scene with more and more of a camera: the difference that each rung makes."""
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.ndimage import binary_erosion
+
+import jaxthermo as jt
+from jaxthermo.geometry.shapes import figurine
+from jaxthermo.image.annotate import write_png
+from jaxthermo.image.band import LONG_WAVE
+from jaxthermo.image.camera import frame_all
+from jaxthermo.image.image import Image
+from jaxthermo.image.ticks import to_celsius
+from jaxthermo.report import page
+from jaxthermo.report.difference_scale import (
+    DifferenceScale,
+    difference_bar,
+    nice_limit,
+)
+from jaxthermo.report.sheet import Tile, sheet
+
+from ..harness.present import Rows, colour_bar, publish, table_of, thermal_tile
+
+
+QUICK = {"height": 40}
+
+# Height of the figurine [m], and the distance of the camera that sees it [m].
+_TALL, _DISTANCE = 0.3, 5.0
+# A clear afternoon: air, sky and ground [K], and sun until the frame [W/m^2].
+_AIR, _SKY, _GROUND = 298.15, 268.15, 303.15
+_SUN = (-0.6, 1.0, -0.9)
+_IRRADIANCE = 800.0
+_TIMES = (600.0 - 1 / 30, 600.0)
+# Painted metal.
+_MATERIAL = jt.Material(
+    16.0, density=8000.0, specific_heat=500.0, emissivity=0.9, absorptivity=0.6
+)
+# Width and height of a frame [px]; the pictures show its columns around the body.
+_SIZE = (640, 480)
+_AROUND = 12
+# Pixels from the outline, which mix the body with what is behind it.
+_MARGIN = 3
+_RUNS = 7
+
+
+class _Rung(NamedTuple):
+    """A way to draw the frame, which differs from the one before in one thing."""
+
+    name: str
+    note: str
+    band: jt.Band | None = LONG_WAVE
+    samples: int = 1
+    effects: tuple[Any, ...] = ()
+    quantity: str = "apparent_temperature"
+
+
+_EFFECTS: tuple[tuple[str, str, Any], ...] = (
+    ("angle", "emissivity by the angle", jt.AngularEmissivity()),
+    ("gloss", "Phong's lobe, a third", jt.SpecularReflection(1 / 3, 40.0)),
+    ("air", f"{_DISTANCE:g} m of humid air", jt.Atmosphere(_AIR, 0.6)),
+)
+_DETECTOR: tuple[tuple[str, str, Any], ...] = (
+    ("diffraction", "f/1, 12 um pixels", jt.DiffractionBlur()),
+    ("lag", "bolometer, 10 ms, at 30 Hz", jt.BolometerLag()),
+    ("fixed pattern", "20 mK, columns 30 mK", jt.FixedPatternNoise(0.02, 0.03)),
+    ("noise", "NETD 50 mK", jt.DetectorNoise(0.05)),
+    ("counts", "8 bits, -10 to 90 degC", jt.Counts(263.15, 363.15, bits=8)),
+)
+
+
+def _rungs() -> Iterator[_Rung]:
+    yield _Rung("surface", "true temperature", quantity="temperature")
+    yield _Rung("all wavelengths", "with all of the sun", band=None)
+    yield _Rung("long wave", "7.5 to 14 um")
+    effects: tuple[Any, ...] = ()
+    for name, note, effect in _EFFECTS:
+        effects = (*effects, effect)
+        yield _Rung(name, note, effects=effects)
+    yield _Rung("2 x 2 samples", "the mean over each pixel", samples=2, effects=effects)
+    for name, note, effect in _DETECTOR:
+        effects = (*effects, effect)
+        yield _Rung(name, note, samples=2, effects=effects)
+
+
+def _scene(height: int) -> tuple[jt.Solution, jt.Camera]:
+    mesh = figurine(_TALL)
+    grid = jt.voxelize(mesh, _TALL / height)
+    body = jt.Body(jt.FullVolume(grid), _MATERIAL, temperature=_AIR)
+    terms = (
+        jt.Sun(_SUN, _IRRADIANCE),
+        jt.Surroundings(_SKY, ground=_GROUND),
+        jt.Convection(8.0, _AIR),
+    )
+    solution = jt.simulate(jt.Scene((body,), terms), _TIMES[-1], save_at=_TIMES)
+    near = frame_all(mesh.triangles, *_SIZE)
+    # The same picture by a longer lens: air needs a distance.
+    away = np.subtract(near.position, near.look_at)
+    factor = _DISTANCE / float(np.linalg.norm(away))
+    x, y, z = (float(v) for v in np.asarray(near.look_at) + factor * away)
+    angle = 2 * np.arctan(np.tan(near.field_of_view / 2) / factor)
+    camera = jt.Camera(
+        (x, y, z),
+        near.look_at,
+        field_of_view=float(angle),
+        width=_SIZE[0],
+        height=_SIZE[1],
+    )
+    return solution, camera
+
+
+def _drawn(solution: jt.Solution, camera: jt.Camera, rung: _Rung) -> Image:
+    """The last frame, drawn after the one before it, as in a recording."""
+    options = {"band": rung.band, "samples": rung.samples, "effects": rung.effects}
+    *_, last = jt.frames(solution, camera, **options)
+    return last
+
+
+def _frame_time(solution: jt.Solution, camera: jt.Camera, rung: _Rung) -> float:
+    """Median time of one frame of a recording with the geometry known [ms]."""
+    options = {"band": rung.band, "samples": rung.samples, "effects": rung.effects}
+    times = []
+    for _ in range(_RUNS):
+        recording = jt.frames(solution, camera, **options)
+        next(recording)
+        begin = time.perf_counter()
+        _ = next(recording).apparent_temperature
+        times.append(1e3 * (time.perf_counter() - begin))
+    return float(np.median(times))
+
+
+def run(folder: Path, height: int = 110) -> dict[str, Any]:
+    """Frames of a figurine of `height` voxels, rung by rung: `report.html`."""
+    solution, camera = _scene(height)
+    rungs = list(_rungs())
+    images = [_drawn(solution, camera, rung) for rung in rungs]
+    kelvin = [
+        np.asarray(getattr(image, rung.quantity), float)
+        for image, rung in zip(images, rungs, strict=True)
+    ]
+    shown = np.asarray(images[0].object_id) >= 0
+    columns = np.flatnonzero(shown.any(0))
+    cut = slice(max(0, int(columns[0]) - _AROUND), int(columns[-1]) + _AROUND)
+    inside = np.asarray(binary_erosion(shown, iterations=_MARGIN), bool)
+    rows = [
+        _row(rung, kelvin[n], kelvin[n - 1] if n else None, inside)
+        | {"frame_ms": _frame_time(solution, camera, rung)}
+        for n, rung in enumerate(rungs)
+    ]
+    write_png(folder / "rungs.png", _frames(rungs, kelvin, shown, inside, cut))
+    write_png(
+        folder / "differences.png", _differences(rungs, kelvin, shown, inside, cut)
+    )
+    publish(folder, "The thermal camera, rung by rung", _sections(rows, folder))
+    return {
+        "height_voxels": height,
+        "size_px": list(_SIZE),
+        "rungs": rows,
+        "seed": 0,
+        "files": ["report.html", "rungs.png", "differences.png"],
+    }
+
+
+def _row(
+    rung: _Rung,
+    kelvin: Float[np.ndarray, "h w"],
+    before: Float[np.ndarray, "h w"] | None,
+    inside: Bool[np.ndarray, "h w"],
+) -> dict[str, Any]:
+    """The rung's mean, and its difference from the one before it."""
+    row = {"name": rung.name, "note": rung.note, "mean_K": float(kelvin[inside].mean())}
+    if before is None:
+        return row | {"change_mean_K": 0.0, "change_rms_K": 0.0, "change_max_K": 0.0}
+    change = (kelvin - before)[inside]
+    return row | {
+        "change_mean_K": float(change.mean()),
+        "change_rms_K": float(np.sqrt(np.mean(change**2))),
+        "change_max_K": float(np.abs(change).max()),
+    }
+
+
+def _frames(rungs, kelvin, shown, inside, cut):
+    low, high = (float(q) for q in np.quantile(kelvin[2][inside], [0.001, 0.999]))
+    tiles = [
+        thermal_tile(k[:, cut], shown[:, cut], (low, high), r.name, r.note)
+        for k, r in zip(kelvin, rungs, strict=True)
+    ]
+    title = "temperature shown [\N{DEGREE SIGN}C]"
+    bar = colour_bar(to_celsius(low), to_celsius(high), title)
+    return sheet(tiles, bar, "What a camera shows, with one thing more each time")
+
+
+def _differences(rungs, kelvin, shown, inside, cut):
+    changes = [
+        after - before for before, after in zip(kelvin, kelvin[1:], strict=False)
+    ]
+    largest = max(float(np.quantile(np.abs(c[inside]), 0.999)) for c in changes)
+    scale = DifferenceScale(nice_limit(largest))
+    tiles = [
+        Tile(scale.picture(c[:, cut], shown[:, cut]), r.name, r.note)
+        for c, r in zip(changes, rungs[1:], strict=True)
+    ]
+    bar = difference_bar(scale, "change of the temperature shown [K]")
+    return sheet(tiles, bar, "The change that each makes")
+
+
+def _sections(rows: Rows, folder: Path) -> list[page.Section]:
+    columns = [
+        ("rung", "{name}"),
+        ("", "{note}"),
+        ("mean [K]", "{mean_K:.3f}"),
+        ("mean change [K]", "{change_mean_K:+.3f}"),
+        ("rms [K]", "{change_rms_K:.4f}"),
+        ("largest [K]", "{change_max_K:.3f}"),
+        ("frame [ms]", "{frame_ms:.1f}"),
+    ]
+    return [
+        f"The built-in figurine of painted metal, {_TALL:g} m high, after 10 minutes "
+        f"in a sun of {_IRRADIANCE:g} W/m² under a sky of {to_celsius(_SKY):g} °C, on "
+        f"ground of {to_celsius(_GROUND):g} °C, in air of {to_celsius(_AIR):g} °C. "
+        "Each rung has all those above it. Changes are of the pixels at least "
+        f"{_MARGIN} away from the outline, frame times of {_SIZE[0]} x {_SIZE[1]} "
+        "pixels of a recording, with the geometry of the view known.",
+        table_of(rows, columns, "Rungs of the camera"),
+        page.picture(folder / "rungs.png", "frames of all rungs"),
+        page.picture(folder / "differences.png", "changes by rung"),
+        page.paragraph(
+            "A long-wave camera sees a thousandth of the sun that heats the body: over "
+            "all wavelengths the lit side looks far too warm. The lag changes next to "
+            "nothing, since the body warms slowly; it smears what moves.",
+            note=True,
+        ),
+    ]

@@ -1,0 +1,259 @@
+"""`jaxthermo dataset`: variations of a scene as labelled frames for detector networks.
+
+Every frame's metadata is written after its images: a frame that has them is whole, and
+the same command goes on with the others.
+"""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from rich.console import Console
+
+from ..arrays import precision
+from ..atomic import replacing, write_json
+from ..config.camera_framing import build_camera
+from ..config.dataset_file import load_dataset
+from ..config.loader import to_yaml
+from ..config.schema.scene import SceneConfig
+from ..config.types.model import build
+from ..errors import InputError
+from ..image.export.grey import grey_levels, write_grey
+from ..image.export.labels import camera_matrices, coco, instances, run_lengths
+from ..image.files import write_exr
+from ..image.image import Image, coarsen
+from ..image.raster_files import centikelvin
+from ..integrate.run.plan import plan_run
+from ..integrate.run.solution import RESULTS
+from ..integrate.run.solution_file import StoredSolution, load_solution, save_solution
+from ..report.numbers import count
+from .console import count_bar, open_console, print_line, status
+from .dataset_plan import DatasetPlan, plan_dataset
+from .files import frame_names, prepare_folder, results_folder
+from .frames import FrameCamera, chosen_frames
+from .simulate import CHECKPOINT, CONFIG, run_plan
+
+
+_PLAN, _LABELS, _COCO = "plan.json", "labels", "annotations.json"
+_IMAGES = ("images", "images_8bit", "masks", "parts", "depth", "radiometric")
+# Percentiles of a frame that are black and white where no scale is given.
+_DARK, _BRIGHT = 0.5, 99.5
+# Numbers in a mask: bodies from 1, of at most this many.
+_BODIES = 255
+
+
+def dataset(
+    path: Path, out: Path | None, overrides: tuple[str, ...], explain: bool
+) -> None:
+    """Write the frames of a dataset that are not there yet, and their labels.
+
+    Raises:
+        InputError: for a mistake in the config, before anything is simulated; or a
+            folder with another dataset.
+    """
+    console = open_console()
+    with status(console, "checking what the cameras see"):
+        plan = plan_dataset(load_dataset(path, overrides))
+    total = sum(map(plan.frames_of, plan.variations))
+    if explain:
+        _explain(console, plan)
+        return
+    with results_folder(out or Path("results") / path.stem) as folder:
+        _claim(folder, plan)
+        try:
+            for number in range(len(plan.variations)):
+                _write_variation(console, plan, number, folder)
+        except KeyboardInterrupt:
+            done = len(list((folder / _LABELS).glob("*.json")))
+            raise KeyboardInterrupt(
+                f"stopped after {done} of {count(total, 'frame')}; the same command "
+                "goes on from there"
+            ) from None
+        labels = sorted((folder / _LABELS).glob("*.json"))
+        frames = [json.loads(each.read_text(encoding="utf-8")) for each in labels]
+        names = list(dict.fromkeys(plan.categories))
+        write_json(folder / _COCO, coco(frames, names, path.stem))
+    print_line(console, f"{count(total, 'frame')} in {folder}, boxes in {_COCO}")
+
+
+def _explain(console: Console, plan: DatasetPlan) -> None:
+    total = sum(map(plan.frames_of, plan.variations))
+    numbers = {"variation": len(plan.variations), "view": len(plan.views)}
+    numbers["frame"] = total
+    counted = ", ".join(count(number, name) for name, number in numbers.items())
+    classes = ", ".join(dict.fromkeys(plan.categories))
+    print_line(console, f"{counted}; classes: {classes}")
+    for variation in plan.variations:
+        print_line(console, f"{variation.name}: {_words(variation.changes)}")
+    print_line(console, "every camera sees a body; nothing was simulated")
+
+
+def _words(changes: dict[str, Any]) -> str:
+    given = (f"{key}={json.dumps(value)}" for key, value in changes.items())
+    return ", ".join(given) or "the scene as it is"
+
+
+def _claim(folder: Path, plan: DatasetPlan) -> None:
+    """Make the folder the dataset's, unless it is that of another one."""
+    mark = folder / _PLAN
+    own = {"digest": plan.digest}
+    if mark.is_file():
+        try:
+            known = json.loads(mark.read_text(encoding="utf-8"))
+        except ValueError:
+            known = None
+        if known != own:
+            raise InputError(
+                f"--out {folder}: has frames of another dataset, or of another state "
+                "of its files; name another folder, or remove it"
+            )
+    with replacing(folder / "dataset.yaml") as path:
+        path.write_text(to_yaml(plan.config), encoding="utf-8")
+    write_json(mark, own)
+    for name in (_LABELS, *_IMAGES):
+        if name != "parts":
+            prepare_folder(folder / name)
+
+
+def _write_variation(
+    console: Console, plan: DatasetPlan, number: int, folder: Path
+) -> None:
+    variation = plan.variations[number]
+    total = plan.frames_of(variation)
+    done = len(list((folder / _LABELS).glob(f"{variation.name}_*.json")))
+    if done == total:
+        return
+    print_line(console, f"{variation.name}: {_words(variation.changes)}")
+    with precision(variation.config.dtype):
+        place = prepare_folder(folder / "runs" / variation.name)
+        stored = _stored(console, variation.config, place)
+        with count_bar(console, "drawing frames", total) as advance:
+            for view in range(len(plan.views)):
+                for _ in _write_view(plan, number, view, stored, folder):
+                    advance()
+
+
+def _stored(console: Console, config: SceneConfig, place: Path) -> StoredSolution:
+    """The run of a variation: read, continued or simulated."""
+    solution = place / "solution.npz"
+    if solution.is_file():
+        return load_solution(solution)
+    with replacing(place / CONFIG) as path:
+        path.write_text(to_yaml(config), encoding="utf-8")
+    with status(console, "building the scene"):
+        scene = config.build()
+        times = config.time.end, config.time.save_times
+        todo = plan_run(scene, *times, config.solver.build(), control_error=True)
+    found, _ = run_plan(console, config, scene, todo, place)
+    if found.result != RESULTS.successful:
+        raise InputError(f"{place}: {RESULTS[found.result]}")
+    stored = save_solution(solution, found)
+    (place / CHECKPOINT).unlink(missing_ok=True)
+    return stored
+
+
+def _write_view(
+    plan: DatasetPlan, number: int, view: int, stored: StoredSolution, folder: Path
+):
+    """Write the frames of a variation in a view; yields after each of them."""
+    config = plan.scene(number, view)
+    stems = frame_names(np.asarray(stored.times, float).tolist())
+    variation = plan.variations[number]
+    names = {
+        k: f"{variation.name}_c{view:04d}_{stems[k]}"
+        for k in chosen_frames(config, stored.times)
+    }
+    if all((folder / _LABELS / f"{name}.json").is_file() for name in names.values()):
+        for _ in names:
+            yield
+        return
+    camera = FrameCamera(config, stored.surfaces, build(config.terms))
+    triangles = np.concatenate([s.geometry.triangles for s in stored.surfaces])
+    matrices = camera_matrices(build_camera(config.camera, triangles))
+    draw = camera.detector(stored)
+    for k, name in names.items():
+        image = coarsen(draw(k), camera.samples)
+        labels = _write_images(plan, image, folder, name, config)
+        write_json(
+            folder / _LABELS / f"{name}.json",
+            {
+                "file": f"images/{name}.png",
+                "variation": variation.name,
+                "changes": variation.changes,
+                "view": view,
+                "time_s": float(image.time),
+                "camera": matrices,
+                **labels,
+            },
+        )
+        yield
+
+
+def _write_images(
+    plan: DatasetPlan, image: Image, folder: Path, name: str, config: SceneConfig
+) -> dict[str, Any]:
+    """Write the files of a frame; returns its labels."""
+    kelvin = np.asarray(image.apparent_temperature, float)
+    body, depth = np.asarray(image.object_id), np.asarray(image.depth, float)
+    low, high = _levels(plan, kelvin)
+    file = lambda kind: folder / kind / f"{name}.png"
+    write_grey(file("images"), centikelvin(kelvin))
+    write_grey(file("images_8bit"), grey_levels(kelvin, low, high))
+    write_grey(file("masks"), _numbered(body))
+    # In millimetres, 0 where there is no body, as of depth cameras.
+    steps = np.where(body >= 0, np.rint(np.where(body >= 0, depth, 0) * 1000), 0)
+    write_grey(file("depth"), np.clip(steps, 0, 65535).astype(np.uint16))
+    if image.part_id is not None:
+        prepare_folder(folder / "parts")
+        write_grey(file("parts"), _numbered(np.asarray(image.part_id)))
+    exact = folder / "radiometric" / f"{name}.exr"
+    write_exr(exact, image, {"config": to_yaml(config)})
+    found = [
+        {
+            "body": each.number,
+            "category": plan.categories[each.number],
+            "box": list(each.box),
+            "area": each.area,
+            "is_cut": each.is_cut,
+            "segmentation": run_lengths(each.mask),
+            "parts": _parts(image, each.number),
+        }
+        for each in instances(body)
+    ]
+    height, width = kelvin.shape
+    return {
+        "width": width,
+        "height": height,
+        "low_K": low,
+        "high_K": high,
+        "saturated_pixels": int((kelvin > 655.355).sum()),
+        "instances": found,
+    }
+
+
+def _levels(plan: DatasetPlan, kelvin: Float[np.ndarray, "h w"]) -> tuple[float, float]:
+    """Temperatures of black and white of a frame [K]."""
+    own = np.percentile(kelvin, [_DARK, _BRIGHT]).tolist()
+    low = own[0] if plan.config.low is None else plan.config.low
+    high = own[1] if plan.config.high is None else plan.config.high
+    return low, max(high, low + 0.1)
+
+
+def _numbered(number: np.ndarray) -> np.ndarray:
+    """Numbers from 1 as pixels, 0 in the background."""
+    kind = np.uint8 if number.max(initial=0) < _BODIES else np.uint16
+    return (number + 1).astype(kind)
+
+
+def _parts(image: Image, body: int) -> list[dict[str, Any]]:
+    """Visible parts of a body, with their boxes."""
+    if image.part_id is None or not image.part_names[body]:
+        return []
+    own = np.where(np.asarray(image.object_id) == body, np.asarray(image.part_id), -1)
+    names = image.part_names[body]
+    return [
+        {"part": p.number, "name": names[p.number], "box": list(p.box), "area": p.area}
+        for p in instances(own)
+    ]

@@ -1,0 +1,193 @@
+"""Variations and views of a dataset, all checked before anything is simulated."""
+
+import hashlib
+import itertools
+import json
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ..config.camera_framing import build_camera
+from ..config.loader import config_hash, load_config, resolved
+from ..config.schema.body import BodyConfig
+from ..config.schema.dataset import DatasetConfig, OrbitConfig
+from ..config.schema.image import CameraConfig, PinholeConfig
+from ..config.schema.scene import SceneConfig
+from ..errors import InputError
+from ..image.visible import visible_points
+
+
+# Beyond all that could be meant: a mistake in a list.
+_MAX_FRAMES = 1_000_000
+# Distances of cameras without any, relative to that at which the bodies fill the view.
+_NEAR, _FAR = 1.0, 1.5
+_MARGIN = 1.06
+
+
+class Variation(NamedTuple):
+    """One run of the scene."""
+
+    name: str
+    changes: dict[str, Any]
+    """Values by dotted key that this run has of its own."""
+    config: SceneConfig
+
+
+class DatasetPlan(NamedTuple):
+    """All runs of a dataset, and the cameras that see each of them."""
+
+    config: DatasetConfig
+    variations: list[Variation]
+    views: list[CameraConfig]
+    categories: list[str]
+    """Class of every body."""
+
+    def frames_of(self, variation: Variation) -> int:
+        """Number of frames of a variation."""
+        config = variation.config
+        times = config.image.frames or config.time.save_times
+        return len(self.views) * len(times)
+
+    def scene(self, variation: int, view: int) -> SceneConfig:
+        """Config of the frames of a variation in a view."""
+        config = self.variations[variation].config
+        key = [self.config.seed, variation, view]
+        (seed,) = np.random.SeedSequence(key).generate_state(1).tolist()
+        # With one seed all frames of a time would have the same noise.
+        effects = tuple(
+            each.model_copy(update={"seed": seed})
+            if each.kind == "detector_noise"
+            else each
+            for each in config.image.effects
+        )
+        image = config.image.model_copy(update={"effects": effects})
+        return config.model_copy(update={"camera": self.views[view], "image": image})
+
+    @property
+    def digest(self) -> str:
+        """Hash of all that the files depend on [16 hex digits]."""
+        texts = [config_hash(variation.config) for variation in self.variations]
+        given = resolved(self.config) | {"scene": ""}
+        views = [view.model_dump(mode="json") for view in self.views]
+        text = json.dumps([texts, given, views], sort_keys=True, default=str)
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def plan_dataset(config: DatasetConfig) -> DatasetPlan:
+    """Make all variations and views, and check that every camera sees a body.
+
+    Raises:
+        InputError: for a change that the scene cannot have, a camera that sees nothing,
+            or too few or many names of classes.
+    """
+    variations = _variations(config)
+    first = variations[0].config
+    categories = list(config.categories or (body.label for body in first.bodies))
+    for variation in variations:
+        if len(categories) != len(variation.config.bodies):
+            raise InputError(
+                f"categories: {len(categories)} names, and {variation.name} of the "
+                f"scene has {len(variation.config.bodies)} bodies: give one for each"
+            )
+    world = [_world(body, 0.0) for body in first.bodies]
+    corners = np.concatenate([vertices[faces] for vertices, faces in world])
+    views = list(config.views or ())
+    if config.orbit is not None:
+        views = _orbit(config.orbit, corners.reshape(-1, 3), config.seed)
+    plan = DatasetPlan(config, variations, views, categories)
+    if sum(map(plan.frames_of, variations)) > _MAX_FRAMES:
+        raise InputError(f"a dataset of more than {_MAX_FRAMES:,} frames: give less")
+    _check_views(plan)
+    return plan
+
+
+def _variations(config: DatasetConfig) -> list[Variation]:
+    names, lists = list(config.variations), config.variations.values()
+    generator = np.random.default_rng([config.seed, 0])
+    found = []
+    for values in itertools.product(*lists):
+        for _ in range(config.samples):
+            changes = dict(zip(names, values, strict=True))
+            for name in config.ranges:
+                low, high = config.range_of(name)
+                # Six digits, which a reader can repeat.
+                changes[name] = float(f"{generator.uniform(low, high):.6g}")
+            given = config.set | changes
+            texts = [f"{key}={json.dumps(value)}" for key, value in given.items()]
+            if config.times is not None:
+                texts.append(f"image.frames={json.dumps(config.times)}")
+            scene = load_config(config.scene, texts)
+            found.append(Variation(f"v{len(found):04d}", changes, scene))
+    return found
+
+
+def _orbit(
+    orbit: OrbitConfig, corners: Float[np.ndarray, "n 3"], seed: int
+) -> list[CameraConfig]:
+    """Cameras at places drawn evenly over the sphere between the elevations."""
+    middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
+    centre = np.asarray(middle if orbit.look_at is None else orbit.look_at)
+    radius = _MARGIN * float(np.linalg.norm(corners - centre, axis=1).max())
+    narrow = min(1.0, orbit.width / orbit.height)
+    half = math.atan(math.tan(orbit.field_of_view / 2) * narrow)
+    fitting = radius / math.sin(half)
+    near, far = orbit.distance or (_NEAR * fitting, _FAR * fitting)
+    low, high = (math.sin(angle) for angle in orbit.elevation)
+    generator, found = np.random.default_rng([seed, 1]), []
+    for _ in range(orbit.count):
+        sine, distance = generator.uniform(low, high), generator.uniform(near, far)
+        angle, cosine = generator.uniform(*orbit.azimuth), math.sqrt(1 - sine**2)
+        away = np.array([cosine * math.cos(angle), cosine * math.sin(angle), sine])
+        found.append(
+            PinholeConfig(
+                position=_point(centre + distance * away),
+                look_at=_point(centre),
+                field_of_view=orbit.field_of_view,
+                width=orbit.width,
+                height=orbit.height,
+            )
+        )
+    return found
+
+
+def _point(values: Float[np.ndarray, "3"]) -> tuple[float, float, float]:
+    x, y, z = (float(f"{value:.6g}") for value in values.tolist())
+    return x, y, z
+
+
+def _world(
+    body: BodyConfig, time: float
+) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]:
+    """Vertices of a body in the world at a time [m], and its faces."""
+    mesh = body.build_grid().mesh if body.solid is not None else body.build_mesh()
+    return body.pose.build().at(time).to_world(mesh.vertices), mesh.faces
+
+
+def _check_views(plan: DatasetPlan) -> None:
+    seen = set()
+    for variation in plan.variations:
+        config = variation.config
+        # Most variations have the same bodies at the same places.
+        times = config.image.frames or config.time.save_times
+        given = [body.model_dump_json() for body in config.bodies], times
+        key = hashlib.sha256(repr(given).encode()).digest()
+        if key in seen:
+            continue
+        seen.add(key)
+        moves = any(hasattr(body.pose, "times") for body in config.bodies)
+        start = tuple(_world(body, 0.0) for body in config.bodies)
+        triangles = np.concatenate([vertices[faces] for vertices, faces in start])
+        for time in (0.0, *times) if moves else (0.0,):
+            world = start if time == 0 else None
+            world = world or tuple(_world(body, time) for body in config.bodies)
+            for number, view in enumerate(plan.views):
+                try:
+                    visible_points(world, build_camera(view, triangles))
+                except InputError as error:
+                    at = f" at {time:g} s" if moves else ""
+                    name = "orbit" if plan.config.orbit is not None else "views"
+                    raise InputError(
+                        f"{name}.{number}, {variation.name}{at}: {error}"
+                    ) from error

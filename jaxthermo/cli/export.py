@@ -1,0 +1,123 @@
+"""`jaxthermo export`: the surfaces of a finished run as files of other programs."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from ..arrays import precision
+from ..atomic import write_json
+from ..config.schema.scene import SceneConfig
+from ..errors import InputError
+from ..image.export.surfaces import (
+    body_rows,
+    temperature_scale,
+    write_glb,
+    write_vtu,
+)
+from ..image.export.textures import BodyTextures, write_textures
+from ..image.export.vtu import write_pvd
+from ..integrate.run.solution_file import StoredSolution, load_solution
+from ..report.numbers import count
+from .console import open_console, print_line, status
+from .files import frame_names, results_folder
+from .frames import chosen_frames, finished_config
+
+
+class _Run(NamedTuple):
+    """A finished run, and which of its times are exported."""
+
+    config: SceneConfig
+    stored: StoredSolution
+    chosen: list[int]
+    stems: list[str]
+    """Name of the files of every saved time."""
+
+    @property
+    def names(self) -> list[str]:
+        """Name of every body: its number and what it is."""
+        return [f"body{n}_{body.label}" for n, body in enumerate(self.config.bodies)]
+
+    @property
+    def scale(self) -> tuple[float, float]:
+        """Ends of the colour scale [K]: of the config, or of what is exported."""
+        image = self.config.image
+        return temperature_scale(self.stored, self.chosen, image.low, image.high)
+
+
+def export(
+    run: Path, format: str, out: Path | None, overrides: tuple[str, ...]
+) -> None:
+    """Write the surfaces of a finished run at its saved times.
+
+    Raises:
+        InputError: for an unknown format, a folder without a run, or a time that was
+            not saved.
+    """
+    if format not in _WRITERS:
+        raise InputError(f"--format {format}: choose {', '.join(_WRITERS)}")
+    config = finished_config(run, overrides, find_meshes=False)
+    console, target = open_console(), out or run / format
+    with precision(config.dtype), status(console, "exporting"):
+        stored = load_solution(run / "solution.npz")
+        chosen = chosen_frames(config, stored.times)
+        stems = frame_names(np.asarray(stored.times, float).tolist())
+        with results_folder(target) as folder:
+            written = _WRITERS[format](_Run(config, stored, chosen, stems), folder)
+    print_line(console, f"{count(written, 'file')} in {target}")
+
+
+def _write_vtu(run: _Run, folder: Path) -> int:
+    files = []
+    for k in run.chosen:
+        name = f"surface_{run.stems[k]}.vtu"
+        write_vtu(folder / name, run.stored, k)
+        files.append((float(run.stored.times[k]), name))
+    write_pvd(folder / "surface.pvd", files)
+    return len(files) + 1
+
+
+def _write_glb(run: _Run, folder: Path) -> int:
+    low, high = run.scale
+    options = {"low": low, "high": high, "palette": run.config.image.palette}
+    for k in run.chosen:
+        path = folder / f"{run.stems[k]}.glb"
+        write_glb(path, run.stored, k, names=run.names, **options)
+    return len(run.chosen)
+
+
+def _write_texture(run: _Run, folder: Path) -> int:
+    (low, high), stored = run.scale, run.stored
+    pages, written = [], 0
+    for n, rows in enumerate(body_rows(stored)):
+        geometry = stored.surfaces[n].geometry
+        kelvin = np.asarray(stored.surface_temperature, float)[:, rows]
+        frames = [(run.stems[k], kelvin[k]) for k in run.chosen]
+        body = BodyTextures(run.names[n], geometry, low, high)
+        page = write_textures(folder, body, frames, run.config.image.palette)
+        written += len(page["files"]) + sum(len(f["files"]) for f in page["textures"])
+        for k, entry in zip(run.chosen, page["textures"], strict=True):
+            time = float(stored.times[k])
+            pose = geometry.pose.at(time)
+            entry["time_s"] = time
+            entry["pose"] = {
+                "translation_m": list(pose.translation),
+                "rotation": [list(row) for row in pose.rotation],
+            }
+        pages.append(page)
+    notes = {
+        "units": "16-bit PNG: 0.01 K; EXR: K; heat PNG: 8 bits from low_K to high_K",
+        "low_K": low,
+        "high_K": high,
+        "bodies": pages,
+    }
+    write_json(folder / "textures.json", notes)
+    return written + 1
+
+
+_WRITERS: dict[str, Callable[[_Run, Path], int]] = {
+    "vtu": _write_vtu,
+    "glb": _write_glb,
+    "texture": _write_texture,
+}

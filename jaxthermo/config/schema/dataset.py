@@ -1,0 +1,130 @@
+"""Schema of a dataset: a scene, its variations, and the cameras that see them."""
+
+import math
+from typing import Annotated, Any, ClassVar, TypeAlias
+
+from pydantic import BeforeValidator, Field
+from typing_extensions import override
+
+from ..types import quantities as si
+from ..types.files import FoundPath
+from ..types.model import Mistake, Model
+from .image import CameraConfig, FieldOfView, Frames, Pixels
+from .scene import unit_of
+
+
+Key: TypeAlias = Annotated[str, Field(min_length=1, max_length=200)]
+Changes: TypeAlias = dict[Key, Any]
+_Count = Annotated[si.Whole, Field(ge=1, le=10_000)]
+_RightAngle = math.pi / 2
+
+
+def _pair(value: Any) -> Any:
+    if not isinstance(value, list | tuple) or len(value) != 2:
+        raise si.refuse("expected two numbers, [lowest, highest]")
+    return tuple(value)
+
+
+_Elevation = Annotated[si.Angle, Field(ge=-_RightAngle, le=_RightAngle)]
+_Elevations = Annotated[tuple[_Elevation, _Elevation], BeforeValidator(_pair)]
+_Azimuths = Annotated[tuple[si.Angle, si.Angle], BeforeValidator(_pair)]
+_Distances = Annotated[
+    tuple[si.PositiveLength, si.PositiveLength], BeforeValidator(_pair)
+]
+
+
+class OrbitConfig(Model):
+    """Cameras at random places around the bodies, which they look at."""
+
+    count: _Count
+    elevation: _Elevations = (math.radians(10), math.radians(50))
+    """Lowest and highest angle above the horizon [rad]."""
+    azimuth: _Azimuths = (0.0, 2 * math.pi)
+    """Range of the angle from the x axis towards the y axis [rad]."""
+    distance: Annotated[_Distances | None, si.Auto] = None
+    """Least and largest distance [m]; of a view that all bodies just fill, to 1.5 times
+    as far, if not given."""
+    look_at: Annotated[si.Position | None, si.Auto] = None
+    """Point that they look at [m]; the middle of the bodies if not given."""
+    field_of_view: FieldOfView = 0.6
+    """Angle from the top to the bottom of the image [rad]."""
+    width: Pixels = 320
+    height: Pixels = 240
+
+    @override
+    def mistakes(self) -> list[Mistake]:
+        pairs = {"elevation": self.elevation, "azimuth": self.azimuth}
+        pairs |= {} if self.distance is None else {"distance": self.distance}
+        return [
+            ((name,), f"{high:g} is below {low:g}: give the lowest first")
+            for name, (low, high) in pairs.items()
+            if high < low
+        ]
+
+
+class DatasetConfig(Model):
+    """A complete dataset: every variation, from every view, at every time."""
+
+    exactly_one: ClassVar = (("views", "orbit"),)
+
+    scene: FoundPath
+    """Config file of the scene."""
+    set: Changes = {}
+    """Changes of all variations, by dotted key as after `--set`."""
+    variations: dict[Key, Annotated[tuple[Any, ...], si.NotEmpty]] = {}
+    """Values by dotted key, of which every combination is a run."""
+    ranges: dict[Key, Annotated[tuple[Any, Any], BeforeValidator(_pair)]] = {}
+    """Lowest and highest value by dotted key, between which each run draws one."""
+    samples: _Count = 1
+    """Number of runs with drawn values for each combination of the others."""
+    seed: Annotated[si.Whole, Field(ge=0)] = 0
+    """Seed of drawn values, places of cameras and noise."""
+    views: Annotated[tuple[CameraConfig, ...], si.NotEmpty] | None = None
+    """Cameras that see every variation."""
+    orbit: OrbitConfig | None = None
+    """Cameras around the bodies, instead of a list."""
+    times: Frames = None
+    """Saved times that become frames [s]."""
+    low: Annotated[si.Temperature | None, si.Auto] = None
+    """Temperature of black in 8-bit images [K]; of each frame's own if not given."""
+    high: Annotated[si.Temperature | None, si.Auto] = None
+    """Temperature of white in 8-bit images [K]; of each frame's own if not given."""
+    categories: Annotated[tuple[Key, ...], si.NotEmpty] | None = None
+    """Name of each body's class; that of its mesh file or shape if not given."""
+
+    @override
+    def mistakes(self) -> list[Mistake]:
+        found: list[Mistake] = []
+        for name in self.ranges:
+            for where, message in self._range_mistakes(name):
+                found.append((("ranges", name, *where), message))
+        for name in {*self.ranges} & {*self.variations}:
+            found.append((("ranges", name), "is in `variations` too: give it once"))
+        if self.samples > 1 and not self.ranges:
+            message = "all samples would be equal: give `ranges` to draw from"
+            found.append((("samples",), message))
+        low, high = self.low, self.high
+        if low is not None and high is not None and low >= high:
+            found.append((("high",), f"{high:g} K is not above `low`, {low:g} K"))
+        return found
+
+    def _range_mistakes(self, name: str) -> list[Mistake]:
+        found: list[Mistake] = []
+        ends = []
+        for i, value in enumerate(self.ranges[name]):
+            try:
+                ends.append(_number(name, value))
+            except Exception as error:  # of any of the units' checks
+                found.append(((i,), " ".join(str(error).split())))
+        if len(ends) == 2 and not ends[0] < ends[1]:
+            found.append(((1,), f"{ends[1]:g} is not above {ends[0]:g}"))
+        return found
+
+    def range_of(self, name: str) -> tuple[float, float]:
+        """Both ends of a range in SI."""
+        low, high = (_number(name, value) for value in self.ranges[name])
+        return low, high
+
+
+def _number(key: str, value: Any) -> float:
+    return si.to_si(value, unit_of(key) or si.NUMBER)

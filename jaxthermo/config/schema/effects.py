@@ -1,0 +1,121 @@
+"""Effects of surfaces, air, optics and detector on the frames of a camera."""
+
+from typing import Annotated
+
+from pydantic import Field
+from typing_extensions import override
+
+from ..types import quantities as si
+from ..types.model import ByKind, Mistake, Model, Short
+
+
+_NETD = si.Unit("K", "a temperature difference", "50 mK", only=("K", "mK"))
+Netd = Annotated[float, _NETD, Field(ge=0, le=100)]
+Seed = Annotated[si.Whole, Field(ge=0, lt=2**63)]
+# Range of the brightness temperatures of bands [K].
+BlackTemperature = Annotated[si.Temperature, Field(ge=50, le=10_000)]
+
+
+class _AngularEmissivityConfig(
+    Model, builds="AngularEmissivity", kind="angular_emissivity"
+):
+    """Emissivity that falls towards grazing angles."""
+
+    exponent: Annotated[si.Number, Field(ge=1, le=100)] = 5.0
+
+
+class _SpecularReflectionConfig(
+    Model, builds="SpecularReflection", kind="specular_reflection"
+):
+    """Glossy reflection of sources, sky and ground."""
+
+    fraction: si.Fraction = 0.5
+    """Part of the reflected radiation that is in the lobe [-]."""
+    exponent: Annotated[si.Number, Field(ge=1, le=1e5)] = 20.0
+    """Phong's exponent, 5 for satin to 1000 for a polished surface [-]."""
+
+
+class _AtmosphereConfig(Model, builds="Atmosphere", kind="atmosphere"):
+    """Air that dims surfaces by their distance and adds its own radiation."""
+
+    temperature: Annotated[si.Temperature, Field(ge=150, le=400)]
+    relative_humidity: si.Fraction = 0.5
+    transmissivity: si.Fraction | None = None
+    """Transmissivity of the whole path [-]; FLIR's formula by the distance if none."""
+
+
+class _BlurConfig(Model, builds="Blur", kind="blur"):
+    """Gaussian blur of the lens."""
+
+    sigma: Annotated[si.Number, Field(gt=0, le=100)]
+    """Standard deviation [pixels]."""
+
+
+class _DiffractionBlurConfig(Model, builds="DiffractionBlur", kind="diffraction_blur"):
+    """Blur by the aperture."""
+
+    f_number: Annotated[si.Number, Field(gt=0)] = 1.0
+    pixel_pitch: si.PositiveLength = 12e-6
+    """Distance of the detector's pixels [m]."""
+    wavelength: si.PositiveLength = 10e-6
+
+
+class _BolometerLagConfig(Model, builds="BolometerLag", kind="bolometer_lag"):
+    """Lag of a bolometer over the saved times."""
+
+    time_constant: Annotated[si.PositiveTime, Field(le=1e6)] = 0.01
+
+
+class _DetectorNoiseConfig(Model, builds="DetectorNoise", kind="detector_noise"):
+    """Noise that differs from frame to frame."""
+
+    netd: Netd = 0.05
+    """Noise equivalent temperature difference [K]."""
+    reference_temperature: BlackTemperature = 300.0
+    """Temperature of the black surface for which it holds [K]."""
+    seed: Seed = 0
+
+
+class _FixedPatternNoiseConfig(
+    Model, builds="FixedPatternNoise", kind="fixed_pattern_noise"
+):
+    """Offsets of pixels and columns that all frames share."""
+
+    netd: Netd = 0.02
+    """Standard deviation over the pixels [K]."""
+    columns: Netd = 0.0
+    """Standard deviation over the columns [K]."""
+    reference_temperature: BlackTemperature = 300.0
+    """Temperature of the black surface for which they hold [K]."""
+    seed: Seed = 0
+
+
+class _CountsConfig(Model, builds="Counts", kind="counts"):
+    """Whole counts of radiance between those of two temperatures."""
+
+    low: BlackTemperature
+    """Temperature of a black surface at count 0 [K]."""
+    high: BlackTemperature
+    """Temperature of a black surface at the last count [K]."""
+    bits: Annotated[si.Whole, Field(ge=8, le=16)] = 14
+
+    @override
+    def mistakes(self) -> list[Mistake]:
+        if self.low < self.high:
+            return []
+        return [(("high",), f"{self.high:g} K is not above `low`, {self.low:g} K")]
+
+
+EffectConfig = Annotated[
+    _AngularEmissivityConfig
+    | _SpecularReflectionConfig
+    | _AtmosphereConfig
+    | _BlurConfig
+    | _DiffractionBlurConfig
+    | _BolometerLagConfig
+    | _DetectorNoiseConfig
+    | _FixedPatternNoiseConfig
+    | _CountsConfig,
+    ByKind(),
+    Short("kind"),
+]

@@ -1,0 +1,1 @@
+"""Effects between a surface and the numbers of a thermal camera, each of its own."""

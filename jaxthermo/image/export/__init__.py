@@ -1,0 +1,1 @@
+"""Surfaces with temperatures as files for other programs."""

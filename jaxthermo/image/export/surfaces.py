@@ -1,0 +1,167 @@
+"""Surfaces of a solution as VTU and GLB files, with values at their vertices."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from ...errors import InputError
+from ...findings import found
+from ...integrate.run.solution import AbstractSolution
+from ...integrate.run.solution_file import StoredSolution
+from ...scene.scene import SURFACE_OUTPUTS, BodyGeometry, SolvedSurface
+from ..palette import apply_palette
+from .gltf import GltfMesh, linear_colours, write_meshes
+from .vertex_mesh import VertexMesh, vertex_mesh
+from .vtu import write_triangles
+
+
+Solved = AbstractSolution | StoredSolution
+_UNITS = {"heat_flux": "W_m2", "heat_transfer_coefficient": "W_m2K"}
+# Least range of a colour scale [K].
+_MIN_RANGE = 0.1
+
+
+def body_rows(solution: Solved) -> list[slice]:
+    """Fragments of every body in arrays of all of them."""
+    sizes = [len(s.geometry.fragment_area) for s in solution.surfaces]
+    ends = np.cumsum([0, *sizes]).tolist()
+    return [slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+
+
+def temperature_scale(
+    solution: Solved,
+    indices: Sequence[int],
+    low: float | None = None,
+    high: float | None = None,
+) -> tuple[float, float]:
+    """Ends of a colour scale [K]: those given, or of all that is seen at some times.
+
+    Raises:
+        InputError: for ends that are not in order, or temperatures that are not finite.
+    """
+    seen = [np.asarray(solution.surface_temperature[k], float) for k in indices]
+    least = min(float(each.min()) for each in seen) if low is None else float(low)
+    most = max(float(each.max()) for each in seen) if high is None else float(high)
+    if high is None:
+        most = max(most, least + _MIN_RANGE)
+    elif low is None:
+        least = min(least, most - _MIN_RANGE)
+    if not -np.inf < least < most < np.inf:
+        raise InputError(
+            f"the colour scale from {least:g} to {most:g} K: give finite temperatures, "
+            "the lower one first"
+        )
+    return least, most
+
+
+def write_vtu(path: str | Path, solution: Solved, index: int = -1) -> None:
+    """Write the surfaces of all bodies at a saved time for ParaView.
+
+    Points, in the world [m], have `temperature_K`, `emissivity`, `Normals`, and the
+    `surface_outputs` of the scene; cells have the number of their `body`. Temperatures
+    are those of an image at the same points; edges are at most two voxels long.
+
+    Args:
+        path: of the file.
+        solution: from `simulate` or `steady`.
+        index: index of the saved time.
+
+    Raises:
+        InputError: if the file cannot be written.
+    """
+    time = float(solution.times[index])
+    meshes = [_mesh(s.geometry) for s in solution.surfaces]
+    poses = [s.geometry.pose.at(time) for s in solution.surfaces]
+    pairs = list(zip(meshes, poses, strict=True))
+    before = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    faces = [mesh.faces + n for mesh, n in zip(meshes, before[:-1], strict=True)]
+    body = [np.full(len(m.faces), n, np.int32) for n, m in enumerate(meshes)]
+    values = {
+        name: np.concatenate(
+            [mesh.values(part) for mesh, part in zip(meshes, parts, strict=True)]
+        )
+        for name, parts in _fields(solution, index)
+    }
+    normals = [pose.rotate(mesh.normals) for mesh, pose in pairs]
+    values["Normals"] = np.concatenate(normals).astype(np.float32)
+    points = np.concatenate([pose.to_world(mesh.vertices) for mesh, pose in pairs])
+    cells = {"body": np.concatenate(body)}
+    write_triangles(path, points, np.concatenate(faces), values, cells, time)
+
+
+def _mesh(geometry: BodyGeometry) -> VertexMesh:
+    """Mesh of a body, the same at all times and poses."""
+    of = geometry.vertices, geometry.faces, geometry.fragment_position
+    by = "vertex_mesh", float(geometry.pitch)
+    return found(of, by, lambda: vertex_mesh(geometry))
+
+
+def _fields(solution: Solved, index: int) -> Iterator[tuple[str, list[Any]]]:
+    """Name with unit, and the fragments' values of every body."""
+    rows = body_rows(solution)
+    split = lambda values: [np.asarray(values, float)[each] for each in rows]
+    yield "temperature_K", split(solution.surface_temperature[index])
+    yield "emissivity", [_emissivity(surface) for surface in solution.surfaces]
+    for name in SURFACE_OUTPUTS:
+        given = getattr(solution, name)
+        if given is not None:
+            yield f"{name}_{_UNITS[name]}", split(given[index])
+
+
+def _emissivity(surface: SolvedSurface) -> Float[np.ndarray, " s"]:
+    shape = surface.geometry.fragment_area.shape
+    return np.broadcast_to(np.asarray(surface.emissivity, float), shape)
+
+
+def write_glb(
+    path: str | Path,
+    solution: Solved,
+    index: int = -1,
+    *,
+    low: float | None = None,
+    high: float | None = None,
+    palette: str = "iron",
+    names: Sequence[str] = (),
+) -> None:
+    """Write the bodies at a saved time as a GLB file, for Blender and viewers.
+
+    Vertices have `_TEMPERATURE` [K] and the palette's colours, whose scale is in the
+    scene's extras. Temperatures are those of an image at the same points.
+
+    Args:
+        path: of the file.
+        solution: from `simulate` or `steady`.
+        index: index of the saved time.
+        low: temperature of the first colour [K]; the least if None.
+        high: temperature of the last colour [K]; the largest if None.
+        palette: name of the palette.
+        names: of the bodies; their numbers if none are given.
+
+    Raises:
+        InputError: for an unknown palette or a scale that is not in order, or if the
+            file cannot be written.
+    """
+    low, high = temperature_scale(solution, [index], low, high)
+    time = float(solution.times[index])
+    kelvin = np.asarray(solution.surface_temperature[index], float)
+    drawn = []
+    pairs = zip(solution.surfaces, body_rows(solution), strict=True)
+    for number, (surface, rows) in enumerate(pairs):
+        mesh = _mesh(surface.geometry)
+        values = mesh.values(kelvin[rows])
+        colours = apply_palette(values[None], low, high, palette)[0]
+        attributes = {
+            "POSITION": mesh.vertices,
+            "NORMAL": mesh.normals,
+            "COLOR_0": linear_colours(colours),
+            "_TEMPERATURE": values,
+        }
+        name = names[number] if names else f"body{number}"
+        pose = surface.geometry.pose.at(time)
+        drawn.append(GltfMesh(name, pose, mesh.faces, attributes))
+    notes = {"time_s": time, "palette": palette, "low_K": low, "high_K": high}
+    notes["units"] = "POSITION: m; _TEMPERATURE: K; COLOR_0: linear RGB of the palette"
+    write_meshes(path, drawn, notes)

@@ -1,0 +1,129 @@
+"""Values of fragments and of bodies at the pixels of a view."""
+
+from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+from scipy.sparse import csr_array
+
+from ..scene.scene import SolvedSurface, per_fragment
+from .radiometry import Values
+from .view import View
+
+
+def means(weights: csr_array, values: Values) -> Values:
+    """Weighted means of the fragments of each row, [s, k] to [p, k]."""
+    count = len(weights.indptr) - 1
+    if isinstance(values, np.ndarray):
+        return (weights @ values).astype(values.dtype, copy=False)
+    row = np.repeat(np.arange(count), np.diff(weights.indptr))
+    each = jnp.asarray(weights.data, values.dtype)[:, None] * values[weights.indices]
+    # The rows of the weights are sorted, which lets XLA sum without scattering.
+    return jax.ops.segment_sum(each, row, count, indices_are_sorted=True)
+
+
+def temperature_at_pixels(view: View, kelvin: Float[Values, " s"]) -> Values:
+    """Surface temperatures of fragments [K], interpolated to the pixels [p]."""
+    if isinstance(kelvin, np.ndarray):
+        return _weights(view, kelvin.dtype) @ kelvin
+    return means(view.weights, kelvin[:, None])[:, 0]
+
+
+# By view, with which they are released: half the memory traffic in float32.
+_typed_weights: WeakKeyDictionary[View, dict[np.dtype, csr_array]] = WeakKeyDictionary()
+
+
+def _weights(view: View, dtype: np.dtype) -> csr_array:
+    """Weights of the view in a type."""
+    known = _typed_weights.setdefault(view, {})
+    if dtype not in known:
+        given = view.weights
+        entries = given.data.astype(dtype), given.indices, given.indptr
+        known[dtype] = csr_array(entries, shape=given.shape)
+    return known[dtype]
+
+
+def property_at_pixels(
+    view: View, surfaces: tuple[SolvedSurface, ...], field: str, xp: Any
+) -> Values:
+    """A property of surfaces, "emissivity" or "absorptivity", at the pixels [p]."""
+    given = [getattr(surface, field) for surface in surfaces]
+    if any(np.ndim(each) for each in given):
+        fragments = per_fragment(surfaces, field, xp)
+        return means(view.weights, fragments[:, None])[:, 0]
+    # A body of one number has it everywhere.
+    return xp.stack([xp.asarray(each) for each in given])[view.body]
+
+
+def irradiation_at_pixels(
+    view: View, values: Float[Values, "s k"]
+) -> Float[Values, "p k"]:
+    """Radiation on fragments to pixels, both in W/m^2, see `facets`."""
+    facets = view.facets
+    on_host = isinstance(values, np.ndarray)
+    weights = _weights(view, values.dtype) if on_host else view.weights
+    plain = means(weights, values)
+    if facets is None:
+        return plain
+    xp: Any = np if on_host else jnp
+    own = means(facets.own, values)
+    share = xp.asarray(facets.share, values.dtype)[:, :, None]
+    joined, alone = (
+        (share * means(each, values)[facets.corner]).sum(axis=1)
+        for each in (facets.joined, facets.alone)
+    )
+    scale = xp.minimum(own / xp.where(alone > 0, alone, 1), 1)
+    smooth = own + xp.where(alone > 0, scale, 1) * (joined - alone)
+    return replaced(plain, facets.point, smooth)
+
+
+def replaced(values: Values, where: Any, new: Any) -> Values:
+    """An array with new values at some places."""
+    if not isinstance(values, np.ndarray):
+        return values.at[where].set(new)
+    values = values.copy()
+    values[where] = new
+    return values
+
+
+def filled(view: View, values: Any, background: Any, dtype: Any, xp: Any) -> Values:
+    """Image [h, w] of pixel values, with a background behind the bodies."""
+    width, height = view.camera.size
+    blank = xp.asarray(background, dtype)
+    blank = xp.broadcast_to(blank, (height * width, *values.shape[1:]))
+    image = replaced(blank, view.pixel, xp.asarray(values, dtype))
+    return image.reshape(height, width, *values.shape[1:])
+
+
+class GeometryFrames(NamedTuple):
+    """Geometry that a view shows, the same at all times."""
+
+    depth: Float[Array | np.ndarray, "h w"]
+    object_id: Int[Array | np.ndarray, "h w"]
+    normal: Float[Array | np.ndarray, "h w 3"]
+    part_id: Int[Array | np.ndarray, "h w"] | None
+
+
+_frames: WeakKeyDictionary[View, dict[np.dtype, GeometryFrames]] = WeakKeyDictionary()
+
+
+def geometry_frames(view: View, dtype: Any) -> GeometryFrames:
+    """Depth, body and normal of every pixel, kept as long as the view."""
+    known, kind = _frames.setdefault(view, {}), np.dtype(dtype)
+    if kind not in known:
+        depth = filled(view, view.depth, np.inf, dtype, np)
+        body = filled(view, view.body, -1, np.int32, np)
+        normal = filled(view, view.normal, 0, dtype, np)
+        part = None
+        if view.part is not None:
+            part = filled(view, view.part, -1, np.int32, np)
+        found = GeometryFrames(depth, body, normal, part)
+        for each in found:
+            # Frames of all times share them.
+            if each is not None:
+                np.asarray(each).flags.writeable = False
+        known[kind] = found
+    return known[kind]

@@ -1,0 +1,118 @@
+"""Contact sheet of frames: all on one scale, which is drawn once."""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from jaxtyping import UInt8
+from PIL import Image as Pictures
+from PIL.Image import Image as Picture
+
+from ..errors import InputError
+from ..image.files import coloured
+from ..image.frame_values import QUANTITIES
+from ..image.image import Image
+from ..image.palette import palette_table
+from ..image.ticks import decimals_of, label, nice_ticks, time_label, to_celsius
+from .sheet import ColourBar, Tile, sheet
+
+
+MAX_TILES = 48
+"""Largest number of frames on a sheet: more are too small to be read."""
+# Longer edge of a frame on a sheet, and edges of a sheet [pixels].
+_MAX_EDGE, _MAX_SHEET = 640, 4096
+
+
+def shown_on_sheet(count: int) -> list[int]:
+    """Indices of the frames on a sheet, all or evenly spaced ones, first and last."""
+    if count <= MAX_TILES:
+        return list(range(count))
+    return np.rint(np.linspace(0, count - 1, MAX_TILES)).astype(int).tolist()
+
+
+def frame_sheet(
+    images: Iterable[Image],
+    low: float,
+    high: float,
+    palette: str = "iron",
+    quantity: str = "apparent",
+    title: str = "",
+) -> Picture:
+    """Arrange frames on one sheet with their times and their common scale.
+
+    Of more than 48 frames those are shown that are evenly spaced in the list.
+
+    Args:
+        images: the frames, of one size.
+        low: temperature at the lower end of the scale [K].
+        high: temperature at the upper end [K].
+        palette: name of the palette.
+        quantity: "apparent" (as of a camera) or "surface" (the true temperature).
+        title: above the frames.
+
+    Raises:
+        InputError: without a frame, for frames of several sizes or of temperatures
+            that are not finite, an unknown quantity or palette, or limits not in order.
+    """
+    given = list(images)
+    sizes = {np.shape(image.object_id) for image in given}
+    if len(sizes) != 1:
+        found = ", ".join(f"{w} x {h}" for h, w in sorted(sizes)) or "none"
+        raise InputError(f"frame_sheet(images=): {found}: give frames of one size")
+    shown = [given[k] for k in shown_on_sheet(len(given))]
+    tiles = [coloured(image, low, high, palette, quantity) for image in shown]
+    times = [float(image.time) for image in shown]
+    return tile_sheet(tiles, times, low, high, palette, quantity, title)
+
+
+def tile_sheet(
+    tiles: Sequence[UInt8[np.ndarray, "h w 3"]],
+    times: Sequence[float],
+    low: float,
+    high: float,
+    palette: str,
+    quantity: str,
+    title: str = "",
+) -> Picture:
+    """Arrange frames that are coloured already; arguments as of `frame_sheet`.
+
+    Args:
+        tiles: frames of one size, as from `coloured`.
+        times: of the frames [s].
+        low: temperature of the coldest colour [K].
+        high: temperature of the hottest colour [K].
+        palette: name of the palette.
+        quantity: "apparent" or "surface", for the name of the scale.
+        title: above the frames.
+    """
+    height, width = tiles[0].shape[:2]
+    columns = _columns(len(tiles), height / width)
+    edge = min(_MAX_EDGE, _MAX_SHEET // columns)
+    labelled = [
+        Tile(_smaller(tile, edge), time_label(time))
+        for tile, time in zip(tiles, times, strict=True)
+    ]
+    ends = to_celsius(low), to_celsius(high)
+    ticks = nice_ticks(*ends)
+    decimals = decimals_of(ticks[1] - ticks[0]) if len(ticks) > 1 else 1
+    span = ends[1] - ends[0] or 1.0
+    bar = ColourBar(
+        palette_table(palette),
+        tuple(((t - ends[0]) / span, label(t, decimals)) for t in ticks),
+        f"{QUANTITIES[quantity]} [\N{DEGREE SIGN}C]",
+    )
+    return sheet(labelled, bar, title, columns)
+
+
+def _columns(count: int, tall: float) -> int:
+    # About 3 : 2, without nearly empty rows.
+    columns = min(max(round(np.sqrt(1.5 * count * tall)), 1), count)
+    return -(-count // -(-count // columns))
+
+
+def _smaller(pixels: UInt8[np.ndarray, "h w 3"], edge: int) -> UInt8[np.ndarray, "..."]:
+    factor = edge / max(pixels.shape[:2])
+    if factor >= 1:
+        return pixels
+    height, width = (max(1, round(factor * side)) for side in pixels.shape[:2])
+    picture = Pictures.fromarray(np.ascontiguousarray(pixels))
+    return np.asarray(picture.resize((width, height), Pictures.Resampling.BOX))

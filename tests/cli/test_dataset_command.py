@@ -1,0 +1,205 @@
+"""`jaxthermo dataset`: labelled frames, the same again after an interruption."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+from cli_runs import SCENE, files, run
+from PIL import Image
+
+import jaxthermo as jt
+import jaxthermo.cli.dataset as command
+from jaxthermo.image.files import read_exr
+
+
+BALL = """
+  - shape: {kind: sphere, radius: 2 cm}
+    pitch: 8 mm
+    material: copper
+    temperature: 320
+    pose: {translation: [0.08, 0, 0]}
+terms:"""
+DATASET = """
+scene: block.yaml
+variations: {terms.1.temperature: [280, 300]}
+views:
+  - {position: [0.1, -0.8, 0.2], look_at: [0, 0, 0], width: 32, height: 24}
+  - {position: [0.6, 0, 0.1], look_at: [0, 0, 0], width: 24, height: 24}
+times: [5]
+"""
+NAMES = {f"v000{v}_c000{c}_t000005.00s" for v in (0, 1) for c in (0, 1)}
+KINDS = ("images", "images_8bit", "masks", "depth")
+RUN = ("config.yaml", "solution.npz")
+EXPECTED = (
+    {f"{kind}/{name}.png" for kind in KINDS for name in NAMES}
+    | {f"radiometric/{name}.exr" for name in NAMES}
+    | {f"labels/{name}.json" for name in NAMES}
+    | {f"runs/v000{v}/{kind}" for v in (0, 1) for kind in RUN}
+    | {"annotations.json", "dataset.yaml", "plan.json"}
+)
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """The config of a small dataset, and its finished folder."""
+    folder = tmp_path_factory.mktemp("dataset")
+    (folder / "block.yaml").write_text(SCENE.replace("\nterms:", BALL))
+    config = folder / "set.yaml"
+    config.write_text(DATASET)
+    code, out, err = run("dataset", config, "--out", folder / "out")
+    assert (code, err) == (0, "")
+    assert out.endswith(f"4 frames in {folder / 'out'}, boxes in annotations.json\n")
+    return config, folder / "out"
+
+
+def grey(folder, kind, name):
+    return np.asarray(Image.open(folder / kind / f"{name}.png"))
+
+
+def test_all_files_are_there(made):
+    assert files(made[1]) == EXPECTED
+
+
+def test_images_masks_and_depth_are_those_of_the_frame(made):
+    _, out = made
+    for name in NAMES:
+        exact = read_exr(out / "radiometric" / f"{name}.exr")[0]
+        kelvin, body = exact["apparent_temperature_K"], exact["object_id"].astype(int)
+        np.testing.assert_allclose(
+            grey(out, "images", name) * 0.01, kelvin, atol=0.0051
+        )
+        np.testing.assert_array_equal(grey(out, "masks", name), body + 1)
+        depth = np.where(body >= 0, exact["depth_m"], 0)
+        np.testing.assert_allclose(grey(out, "depth", name) / 1000, depth, atol=6e-4)
+        labels = json.loads((out / "labels" / f"{name}.json").read_text())
+        share = grey(out, "images_8bit", name) / 255
+        inside = (kelvin > labels["low_K"]) & (kelvin < labels["high_K"])
+        back = labels["low_K"] + share * (labels["high_K"] - labels["low_K"])
+        level = (labels["high_K"] - labels["low_K"]) / 255
+        np.testing.assert_allclose(back[inside], kelvin[inside], atol=0.51 * level)
+
+
+def test_annotations_are_boxes_of_the_masks(made):
+    _, out = made
+    found = json.loads((out / "annotations.json").read_text())
+    assert [each["name"] for each in found["categories"]] == ["box", "sphere"]
+    assert len(found["images"]) == 4
+    by_image = {image["id"]: image for image in found["images"]}
+    for each in found["annotations"]:
+        image = by_image[each["image_id"]]
+        name = image["file_name"].removeprefix("images/").removesuffix(".png")
+        mask = grey(out, "masks", name)
+        assert mask.shape == (image["height"], image["width"])
+        rows, columns = np.nonzero(mask == each["category_id"])
+        left, top, width, height = each["bbox"]
+        assert (left, top) == (columns.min(), rows.min())
+        assert (width, height) == (np.ptp(columns) + 1, np.ptp(rows) + 1)
+        assert each["area"] == len(rows) == sum(each["segmentation"]["counts"][1::2])
+    # The ball hides most of the block from the side at which it is.
+    assert len(found["annotations"]) == 8
+
+
+def test_the_weather_changes_what_is_seen(made):
+    _, out = made
+    cold, warm = (grey(out, "images", f"v000{v}_c0000_t000005.00s") for v in (0, 1))
+    mask = grey(out, "masks", "v0000_c0000_t000005.00s")
+    assert (warm[mask == 1].mean() - cold[mask == 1].mean()) > 0
+    labels = json.loads((out / "labels" / "v0001_c0000_t000005.00s.json").read_text())
+    assert labels["changes"] == {"terms.1.temperature": 300}
+    assert labels["time_s"] == 5 and labels["view"] == 0
+
+
+def test_interrupted_it_goes_on_to_the_same_files(made, tmp_path, monkeypatch):
+    config, whole = made
+    out, real, drawn = tmp_path / "out", command._write_images, []
+
+    def stopping(plan, image, folder, name, scene):
+        drawn.append(name)
+        if len(drawn) == 3:
+            raise KeyboardInterrupt
+        return real(plan, image, folder, name, scene)
+
+    monkeypatch.setattr(command, "_write_images", stopping)
+    code, _, err = run("dataset", config, "--out", out)
+    assert code == 130 and "stopped after 2 of 4 frames" in err
+    assert not (out / "annotations.json").exists()
+    code, text, err = run("dataset", config, "--out", out)
+    assert (code, err) == (0, "") and "v0000" not in text
+    assert drawn[2] == drawn[3] and len(drawn) == 5
+    assert files(out) == EXPECTED
+    for name in EXPECTED:
+        if name.endswith((".png", ".json")):
+            assert (out / name).read_bytes() == (whole / name).read_bytes(), name
+
+
+def test_a_whole_one_is_left_as_it_is(made):
+    config, out = made
+    before = {name: (out / name).stat().st_mtime_ns for name in files(out)}
+    code, text, err = run("dataset", config, "--out", out)
+    assert (code, err, text.count("\n")) == (0, "", 1)
+    after = {name: (out / name).stat().st_mtime_ns for name in files(out)}
+    written = {name for name in EXPECTED if after[name] != before[name]}
+    assert written <= {"annotations.json", "dataset.yaml", "plan.json"}
+
+
+def test_another_dataset_does_not_mix_with_it(made, tmp_path):
+    config, out = made
+    other = shutil.copytree(out, tmp_path / "out")
+    changed = "variations.terms.1.temperature=[281]"
+    code, text, err = run("dataset", config, "--out", other, "--set", changed)
+    assert (code, text, err.count("\n")) == (2, "", 1)
+    assert "another dataset" in err
+
+
+def test_explain_simulates_nothing(made, tmp_path, monkeypatch):
+    config, _ = made
+    monkeypatch.chdir(tmp_path)
+    code, text, err = run("dataset", config, "--explain")
+    assert (code, err) == (0, "")
+    assert text.startswith("2 variations, 2 views, 4 frames; classes: box, sphere\n")
+    assert "v0001: terms.1.temperature=300" in text
+    assert files(tmp_path) == set()
+
+
+def test_a_camera_that_sees_nothing_is_found_before_any_run(made, tmp_path):
+    config, _ = made
+    away = "views.1.look_at=[9, 0, 0.1]"
+    for options in (("--explain",), ("--out", tmp_path / "out")):
+        code, text, err = run("dataset", config, "--set", away, *options)
+        assert (code, text, err.count("\n")) == (2, "", 1)
+        assert "views.1, v0000: camera" in err and "sees no body" in err
+    assert not (tmp_path / "out").exists()
+
+
+def test_parts_of_a_body_have_masks_and_boxes(tmp_path):
+    text = SCENE.replace("voxels_high: 12", "pitch: 1 cm").replace(
+        "stainless_steel", "{labels: labels.npy, materials: [copper, stainless_steel]}"
+    )
+    (tmp_path / "block.yaml").write_text(text)
+    shape = jt.voxelize(jt.shapes.box((0.05, 0.04, 0.1)), 0.01).solid.shape
+    # The upper half is the second part.
+    upper = np.arange(shape[2]) >= shape[2] / 2
+    np.save(tmp_path / "labels.npy", np.broadcast_to(upper.astype(np.int32), shape))
+    config = tmp_path / "set.yaml"
+    view = "{position: [0, -1, 0], look_at: [0, 0, 0], width: 24, height: 32}"
+    config.write_text(f"scene: block.yaml\nviews: [{view}]\ntimes: [5]\n")
+    code, _, err = run("dataset", config, "--out", tmp_path / "out")
+    assert (code, err) == (0, "")
+    name = "v0000_c0000_t000005.00s"
+    parts, mask = (grey(tmp_path / "out", kind, name) for kind in ("parts", "masks"))
+    # Rows run down from the upper part; the camera is level with the middle.
+    row, _ = np.nonzero(mask)
+    np.testing.assert_array_equal(parts[mask > 0], np.where(row < 16, 2, 1))
+    assert not parts[mask == 0].any()
+    labels = json.loads((tmp_path / "out" / "labels" / f"{name}.json").read_text())
+    (body,) = labels["instances"]
+    assert [part["name"] for part in body["parts"]] == ["0", "1"]
+    assert sum(part["area"] for part in body["parts"]) == body["area"]
+
+
+def test_the_schema_is_printed_by_name():
+    code, text, err = run("schema", "dataset")
+    assert (code, err) == (0, "") and '"DatasetConfig"' in text
+    code, text, err = run("schema", "datasets")
+    assert (code, text, err.count("\n")) == (2, "", 1) and "scene or dataset" in err

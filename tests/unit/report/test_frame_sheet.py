@@ -1,0 +1,65 @@
+"""A sheet of frames: one scale, every time, and no more than can be read."""
+
+import numpy as np
+import pytest
+from frames import frame
+
+import jaxthermo as jt
+from jaxthermo.errors import InputError
+from jaxthermo.image.palette import palette_table
+from jaxthermo.report.frame_sheet import _MAX_SHEET, MAX_TILES, shown_on_sheet
+
+
+def frames(count, height=60, width=80):
+    level = lambda k: 290.0 + 40.0 * k / max(count - 1, 1)
+    return [
+        frame(np.full((height, width), level(k)), time=60.0 * k) for k in range(count)
+    ]
+
+
+def test_every_frame_is_there_in_the_colour_of_the_one_scale():
+    pixels = np.asarray(jt.frame_sheet(frames(5), 290.0, 330.0, "iron"))
+    table = palette_table("iron")
+    for k in range(5):
+        colour = table[round(255 * k / 4)]
+        # A tile of 60 x 80, and what the bar has of the colour.
+        assert (pixels == colour).all(axis=-1).sum() >= 60 * 80
+
+
+@pytest.mark.parametrize("quantity", ["apparent", "surface"])
+def test_the_scale_is_of_the_quantity(quantity):
+    images = [frame(np.full((60, 80), 300.0), np.full((60, 80), 320.0))]
+    pixels = np.asarray(jt.frame_sheet(images, 290.0, 330.0, "iron", quantity))
+    kelvin = 300.0 if quantity == "apparent" else 320.0
+    colour = palette_table("iron")[round(255 * (kelvin - 290.0) / 40.0)]
+    assert (pixels == colour).all(axis=-1).sum() >= 60 * 80
+
+
+def test_many_frames_are_thinned_out_and_large_ones_shrunk():
+    assert shown_on_sheet(5) == [0, 1, 2, 3, 4]
+    shown = shown_on_sheet(1000)
+    assert (len(shown), shown[0], shown[-1]) == (MAX_TILES, 0, 999)
+    assert set(np.diff(shown)) == {21, 22}
+    for sheet in (
+        jt.frame_sheet(frames(60), 290.0, 330.0),
+        jt.frame_sheet(frames(7, 900, 1200), 290.0, 330.0),
+    ):
+        # With the gaps between tiles and the lines of text.
+        assert max(sheet.size) < 1.15 * _MAX_SHEET
+
+
+def test_a_scale_of_one_temperature():
+    jt.frame_sheet(frames(1), 300.0, 300.0, "lava")
+
+
+@pytest.mark.parametrize(
+    ("images", "message"),
+    [
+        ([], "none: give frames of one size"),
+        ([*frames(1), *frames(1, 50, 80)], "80 x 50, 80 x 60: give frames of one size"),
+        ([frame(np.full((6, 8), np.nan))], "48 of 48 pixels is not finite"),
+    ],
+)
+def test_mistakes(images, message):
+    with pytest.raises(InputError, match=message):
+        jt.frame_sheet(images, 290.0, 330.0)
