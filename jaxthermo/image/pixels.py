@@ -10,12 +10,15 @@ from jaxtyping import Array, Float, Int
 from scipy.sparse import csr_array
 
 from ..scene.scene import SolvedSurface, per_fragment
+from .moving_weights import MovingWeights
 from .radiometry import Values
 from .view import View
 
 
-def means(weights: csr_array, values: Values) -> Values:
+def means(weights: csr_array | MovingWeights, values: Values) -> Values:
     """Weighted means of the fragments of each row, [s, k] to [p, k]."""
+    if isinstance(weights, MovingWeights):
+        return weights.means(jnp.asarray(values))
     count = len(weights.indptr) - 1
     if isinstance(values, np.ndarray):
         return (weights @ values).astype(values.dtype, copy=False)
