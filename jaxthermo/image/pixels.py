@@ -54,7 +54,9 @@ def property_at_pixels(
 ) -> Values:
     """A property of surfaces, "emissivity" or "absorptivity", at the pixels [p]."""
     given = [getattr(surface, field) for surface in surfaces]
-    if any(np.ndim(each) for each in given):
+    # Points that move do not know their bodies, but all their fragments do.
+    moving = isinstance(view.weights, MovingWeights)
+    if moving or any(np.ndim(each) for each in given):
         fragments = per_fragment(surfaces, field, xp)
         return means(view.weights, fragments[:, None])[:, 0]
     # A body of one number has it everywhere.
