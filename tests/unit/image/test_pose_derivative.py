@@ -8,10 +8,10 @@ from scipy.spatial.transform import Rotation
 
 import jaxthermo as jt
 from jaxthermo.constants import STEFAN_BOLTZMANN as SIGMA
+from jaxthermo.image.draw import draw
 from jaxthermo.image.outline import outline_distance
 from jaxthermo.image.pose import moved_camera
 from jaxthermo.image.pose_derivative import linearize_view
-from jaxthermo.image.draw import draw
 from jaxthermo.image.view import compute_view
 from jaxthermo.physics.radiation.irradiation import Irradiance
 from jaxthermo.scene.compile.compile import compile_scene
