@@ -44,6 +44,7 @@ from .image.raster_files import (
     write_tiff as write_tiff,
 )
 from .image.render import frames as frames, render as render
+from .image.thermogram_files import read_thermogram as read_thermogram
 from .image.thermography import (
     FlirCalibration as FlirCalibration,
     measured_radiance as measured_radiance,

@@ -15,6 +15,7 @@ from ..image.annotate import write_png
 from ..image.draw_measurements import draw_marks, draw_measurements, measure
 from ..image.files import coloured, picture, write_exr
 from ..image.frame_values import covered_fraction, shown_temperature
+from ..image.gain import Gain, plateau_gain
 from ..image.image import Image, coarsen
 from ..image.measurements import AbstractMeasurement, Reading
 from ..image.raster_files import (
@@ -76,15 +77,25 @@ class Frame(NamedTuple):
 
     def picture(self) -> Picture:
         """The frame in false colours with its scale, time and measurements."""
-        drawn = picture(self.fine, **self._colours, title=self.config.name or "")
+        title = self.config.name or ""
+        drawn = picture(self.fine, **self._colours, title=title, gain=self._gain)
         decimals = end_decimals(*self.scale)
         return draw_measurements(drawn, *self._measured, decimals=decimals)
 
     def tile(self) -> UInt8[np.ndarray, "h w 3"]:
-        """The frame in false colours with marks alone, for a sheet."""
+        """The frame in false colours with marks alone, for a sheet of one scale."""
         drawn = Pictures.fromarray(coloured(self.fine, **self._colours))
         draw_marks(drawn, *self._measured)
         return np.asarray(drawn)
+
+    @property
+    def _gain(self) -> Gain | None:
+        """Curve of the colours of this frame; None for a linear scale."""
+        how = self.config.image
+        if how.gain == "linear":
+            return None
+        kelvin = shown_temperature(self.pixels, how.quantity)
+        return plateau_gain(kelvin, self.mask >= 1, *self.scale)
 
     @property
     def _measured(

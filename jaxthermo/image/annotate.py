@@ -10,8 +10,10 @@ from PIL import Image, ImageDraw
 
 from ..arrays import Scalar
 from ..atomic import replacing
+from ..constants import ZERO_CELSIUS
 from ..errors import InputError
 from .canvas import FAINT, FRAME, INK, PAPER, Layout
+from .gain import Gain
 from .palette import apply_palette, check_limits, palette_table
 from .ticks import (
     decimals_of,
@@ -37,7 +39,12 @@ class _Label(NamedTuple):
 
 
 def _bar_labels(
-    low: float, high: float, height: int, room: int, beyond: tuple[bool, bool]
+    low: float,
+    high: float,
+    height: int,
+    room: int,
+    gain: Gain | None,
+    beyond: tuple[bool, bool],
 ) -> list[_Label]:
     digits = end_decimals(low, high)
     if high <= low:
@@ -49,9 +56,20 @@ def _bar_labels(
         _Label(1.0, _SIGNS[1] * beyond[1] + label(high, digits), _END_INK[beyond[1]]),
     ]
     margin = room / height
-    inner = [_Label((t - low) / (high - low), label(t, decimals), INK) for t in ticks]
+    along = [(t - low) / (high - low) for t in ticks]
+    if gain is not None:
+        along = gain.positions(np.array(ticks) + ZERO_CELSIUS).tolist()
+    inner = [
+        _Label(at, label(t, decimals), INK) for at, t in zip(along, ticks, strict=True)
+    ]
     # Ticks too close to an end are dropped: the ends show the range of the colours.
-    return ends + [tick for tick in inner if margin < tick.position < 1.0 - margin]
+    kept, below = ends, 0.0
+    for tick in inner:
+        if below + margin < tick.position < 1.0 - margin:
+            kept.append(tick)
+            # With a gain round numbers may be close together.
+            below = tick.position if gain is not None else 0.0
+    return kept
 
 
 def _draw_bar(
@@ -112,6 +130,7 @@ def annotate(
     title: str = "",
     quantity: str = "",
     beyond: tuple[bool, bool] = (False, False),
+    gain: Gain | None = None,
 ) -> Image.Image:
     """Add a temperature scale, the time and a title to a coloured image.
 
@@ -124,6 +143,7 @@ def annotate(
         title: text at the bottom right, shortened if necessary.
         quantity: name of what the colours show, above the scale.
         beyond: flags of values below `low` and above `high`, marked at the scale.
+        gain: curve of the colours over the temperature; linear if None.
 
     Returns:
         A larger image, of a size that does not depend on `beyond`.
@@ -142,7 +162,7 @@ def annotate(
     bar_height = max(height - top - gap - spare, 3 * text)
     bar_width = max(6, round(1.1 * text))
     limits = to_celsius(low), to_celsius(high)
-    shared = (*limits, bar_height, round(1.3 * text))
+    shared = (*limits, bar_height, round(1.3 * text), gain)
     labels = _bar_labels(*shared, beyond)
     # Room for the signs in any case: all frames of a run have one size.
     longest = _bar_labels(*shared, (True, True))

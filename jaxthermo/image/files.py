@@ -17,6 +17,7 @@ from ..errors import InputError
 from .annotate import annotate, write_png as write_picture
 from .canvas import averaged
 from .frame_values import covered_fraction, shown_temperature
+from .gain import Gain
 from .image import Image
 from .palette import BACKGROUND, ENTRIES, apply_palette
 
@@ -169,6 +170,7 @@ def coloured(
     palette: str = "iron",
     quantity: str = "apparent",
     samples: int = 1,
+    gain: Gain | None = None,
 ) -> UInt8[np.ndarray, "h w 3"]:
     """Colour a frame, without a scale; arguments as of `picture`.
 
@@ -178,7 +180,10 @@ def coloured(
     """
     kelvin = shown_temperature(image, quantity)
     behind = np.where(np.isfinite(np.asarray(image.depth)), kelvin, np.nan)
-    colours = apply_palette(behind, low, high, palette, invalid=BACKGROUND)
+    ends = low, high
+    if gain is not None:
+        behind, ends = gain.positions(behind), (0.0, 1.0)
+    colours = apply_palette(behind, *ends, palette, invalid=BACKGROUND)
     # Colours and not temperatures: at an edge their mean would be of neither side.
     return averaged(colours, samples)
 
@@ -191,6 +196,7 @@ def picture(
     quantity: str = "apparent",
     title: str = "",
     samples: int = 1,
+    gain: Gain | None = None,
 ) -> Picture:
     """Draw a frame in false colours, with the time and a scale that names the quantity.
 
@@ -206,6 +212,7 @@ def picture(
         title: text beside the time.
         samples: pixels of the image along each axis, not coarsened yet, whose colours
             become one pixel.
+        gain: curve of the colours over the temperature; linear if None.
 
     Raises:
         InputError: for an unknown quantity or palette, limits not in order, or
@@ -217,7 +224,7 @@ def picture(
         # A coarsened pixel on the silhouette mixes the body with the background.
         drawn = np.asarray(binary_erosion(drawn, iterations=1, border_value=1), bool)
     return annotate(
-        coloured(image, low, high, palette, quantity, samples),
+        coloured(image, low, high, palette, quantity, samples, gain),
         low=low,
         high=high,
         palette=palette,
@@ -225,6 +232,7 @@ def picture(
         title=title,
         quantity=quantity,
         beyond=_beyond(kelvin[drawn], float(low), float(high)),
+        gain=gain,
     )
 
 

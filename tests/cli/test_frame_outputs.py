@@ -9,6 +9,8 @@ import pytest
 from cli_runs import FRAMES, RESULTS, files, frame_files, run, scene_file
 from PIL import Image
 
+from jaxthermo.image.files import read_exr
+
 
 MEASUREMENTS = (
     "image.measurements=[{kind: spot, at: [50%, 50%]}, {kind: spot, name: sky, at: "
@@ -217,3 +219,35 @@ def test_options_of_animations_are_checked_before_any_work(
     err = refused("simulate", scene, "--out", out, "--animate", "mp4")
     assert 'pip install "jaxthermo[video]"' in err
     assert not out.exists() and not (tmp_path / "n").exists()
+
+
+def test_the_gain_by_the_histogram_changes_the_pictures_alone(finished, tmp_path):
+    render(finished, "--set", "image.gain=plateau", "--out", tmp_path)
+    for name in FRAMES:
+        plain, shown = (
+            np.asarray(Image.open(folder / f"frames/{name}.png"))
+            for folder in (finished, tmp_path)
+        )
+        assert plain.shape == shown.shape and (plain != shown).any()
+    for kind in ("temperature_K", "apparent_temperature_K"):
+        linear, other = (
+            read_exr(folder / "frames/t000012.00s.exr")[0][kind]
+            for folder in (finished, tmp_path)
+        )
+        np.testing.assert_array_equal(linear, other)
+
+
+def test_effects_of_a_camera_are_in_the_frames(finished, tmp_path):
+    effects = "image.effects=[{kind: detector_noise, netd: 100 mK}, blur: 1]"
+    assert "image.effects.1" in refused("render", finished, "--set", effects)
+    effects = "image.effects=[{kind: blur, sigma: 1}, {kind: detector_noise, netd: 1}]"
+    render(finished, "--set", effects, "--out", tmp_path)
+    plain, noisy = (
+        read_exr(folder / "frames/t000012.00s.exr")[0]["apparent_temperature_K"]
+        for folder in (finished, tmp_path)
+    )
+    # Over the even background the noise is what it should be at 280 K.
+    change = (noisy - plain)[:, :8]
+    assert 0.9 < change.std() < 1.6
+    twice = "image.effects=[detector_noise, detector_noise]"
+    assert "give it once" in refused("render", finished, "--set", twice)

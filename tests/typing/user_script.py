@@ -74,7 +74,7 @@ glossy = (jt.AngularEmissivity(), jt.SpecularReflection(0.3, 100.0))
 seen_through = (jt.Atmosphere(290.0), jt.Blur(0.4), jt.DiffractionBlur())
 detector = (jt.BolometerLag(), jt.DetectorNoise(0.05), jt.FixedPatternNoise(0.02))
 kelvin = jt.object_temperature(jt.measured_radiance(350.0, 0.9), 0.9)
-counted = jt.FlirCalibration().temperature(18109)
+counted = jt.read_thermogram("f.png", "counts", jt.FlirCalibration()).mean()
 effects = (*glossy, *seen_through, *detector, jt.Counts(280.0, 330.0))
 measured = jt.render(solution, camera, samples=2, effects=effects)
 brightest = [float(each.radiance.max()) for each in jt.frames(solution, camera)]

@@ -158,6 +158,9 @@ class ImageConfig(Model):
     """Temperature at the cold end of the colour scale [K]."""
     high: Annotated[si.Temperature | None, si.Auto] = None
     """Temperature at the hot end of the colour scale [K]."""
+    gain: Literal["linear", "plateau"] = "linear"
+    """Colours over the temperature: linear, or by the histogram of each frame, as
+    cameras display; the contact sheet, which has one scale, is linear."""
     smooth: si.Flag = True
     """Interpolate temperatures over the surface instead of one for each voxel."""
     samples: Annotated[si.Whole, Field(ge=1, le=8)] = 2
