@@ -44,6 +44,8 @@ def _weights(view: View, dtype: np.dtype) -> csr_array:
     known = _typed_weights.setdefault(view, {})
     if dtype not in known:
         given = view.weights
+        # Points that move have their values of JAX.
+        assert isinstance(given, csr_array)
         entries = given.data.astype(dtype), given.indices, given.indptr
         known[dtype] = csr_array(entries, shape=given.shape)
     return known[dtype]
