@@ -24,13 +24,14 @@ from .analysis.truth import Truth
 from .analysis.verdict import judge
 from .config.fit_record import write_fit
 from .config.loader import calibration_hash, load_calibration, plain
-from .config.schema import CalibrationConfig, unit_of
-from .problem.build import Calibration, build
+from .config.schema import CalibrationConfig, shown_unit_of, unit_of
+from .problem.build import Calibration
 from .problem.parameters import ParameterSet
 from .problem.problem import Case, Problem
 from .problem.reference import program_hash
 from .problem.targets import CaseError
 from .report.page import write_report
+from .solvers.cameras import build_aligned
 from .solvers.fit import Fit, Fitting
 from .solvers.levenberg_marquardt import jacobian_rows
 from .solvers.progress import StepRecord
@@ -75,7 +76,7 @@ def fit_config(
     log = ProgressLog() if log is None else log
     config = load_calibration(path, overrides)
     with results_folder(out) as folder:
-        calibration = build(config, log.stage)
+        calibration = build_aligned(config, log.stage)
         # Before the fit: what cannot be run is said at once.
         truth = Truth.prepare(config, calibration, log.stage)
         _discard_old_checkpoint(folder, config)
@@ -174,11 +175,11 @@ def _errors_at(
     found, step_tables = [], None
     with precision(problem.dtype.name):
         traced = problem.trace(problem.step_tables())
-        run = eqx.filter_jit(lambda traced, z, step_tables: traced(z, step_tables)[1])
+        run = eqx.filter_jit(lambda traced, *given: traced(*given)[1])
         for point in points:
             z = jnp.asarray(point, problem.dtype)
             step_tables = problem.step_tables_at(z, step_tables)
-            diagnostics = run(traced, z, step_tables)
+            diagnostics = run(traced, z, step_tables, problem.views_at(z))
             found.append(_case_errors(problem.cases, diagnostics.host_errors()))
     return found
 
@@ -187,14 +188,14 @@ def identify_start(
     config: CalibrationConfig, log: ProgressLog
 ) -> tuple[Identified, dict[str, CaseError], bool]:
     """Judge the start: its parameters, each case's error, and if the noise is known."""
-    problem = build(config, log.stage).train
+    problem = build_aligned(config, log.stage).train
     log.stage("computing derivatives")
     z = np.zeros(problem.parameters.size)
     with precision(problem.dtype.name):
         at = jnp.asarray(z, problem.dtype)
         step_tables = problem.step_tables_at(at)
-        traced = problem.trace(step_tables)
-        rows = jacobian_rows(traced, step_tables, at, problem.batch())
+        traced, views = problem.trace(step_tables), problem.views_at(at)
+        rows = jacobian_rows(traced, (step_tables, views), at, problem.batch())
         rows = np.asarray(rows, float)
     log.stage("evaluating the start")
     errors = _errors_at(problem, [z])[0]
@@ -282,17 +283,19 @@ def parameter_rows(
     identified: Identified, start: Float[np.ndarray, " p"]
 ) -> dict[str, dict[str, Any]]:
     """A row for every value, by its label."""
-    return {
-        verdict.label: {
-            "value": verdict.value,
-            "initial": float(initial),
-            "standard_error": verdict.standard_error,
+    rows = {}
+    for verdict, initial in zip(identified.verdicts, start, strict=True):
+        unit, size = shown_unit_of(verdict.label)
+        error = verdict.standard_error
+        rows[verdict.label] = {
+            "value": verdict.value / size,
+            "initial": float(initial) / size,
+            "standard_error": None if error is None else error / size,
             "verdict": verdict.verdict,
             "with": list(verdict.with_others),
-            "unit": unit_of(verdict.label),
+            "unit": unit,
         }
-        for verdict, initial in zip(identified.verdicts, start, strict=True)
-    }
+    return rows
 
 
 def _field_rows(

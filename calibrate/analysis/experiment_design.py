@@ -17,7 +17,8 @@ from jaxthermo.integrate.surface_error import error_span
 from jaxthermo.scene.scene import Scene
 
 from ..config.schema import CalibrationConfig, CandidateConfig
-from ..problem.build import Calibration, camera_views
+from ..problem.build import Calibration
+from ..problem.frame_source import camera_views
 from ..problem.problem import trace
 from ..problem.reference import Log
 from ..problem.targets import FrameTarget

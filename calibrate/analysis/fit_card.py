@@ -19,6 +19,7 @@ from jaxthermo.scene.dimensionless_groups import scene_numbers
 from jaxthermo.structures.extrapolation import extrapolations, range_words
 from jaxthermo.structures.structure import ConductionWeights, FitCard
 
+from ..config.frame_names import is_of_frames
 from ..config.schema import CalibrationConfig
 from ..problem.build import Calibration
 from ..problem.parameters import find_path, with_values
@@ -47,7 +48,9 @@ def make_card(
     others = {
         name: float(value)
         for name, value in values.items()
-        if "weights" not in name.split(".") and np.ndim(value) == 0
+        if "weights" not in name.split(".")
+        and np.ndim(value) == 0
+        and not is_of_frames(name)
     }
     ends = {name: config.time.last for name, config in calibration.configs.items()}
     numbers = [scene_numbers(case.scene, ends[case.name]) for case in problem.cases]

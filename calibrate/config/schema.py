@@ -11,17 +11,24 @@ from jaxthermo.config.schema.structure import FullVolume, StructureConfig
 from jaxthermo.config.types.files import FoundPath
 from jaxthermo.config.types.model import ByKind, KindModel, Mistake, Model, Short
 from jaxthermo.config.types.quantities import (
+    ANGLE,
+    LENGTH,
     NUMBER,
+    TEMPERATURE,
     Flag,
     Fraction,
     NotEmpty,
     Number,
     PositiveLength,
+    Temperature,
+    Unit,
     Whole,
     refuse,
     to_si,
 )
 from jaxthermo.errors import InputError
+
+from .frame_names import is_of_camera, is_of_frames
 
 
 _DEFAULT_BOUNDS: dict[str, tuple[float, float]] = {
@@ -33,14 +40,39 @@ _DEFAULT_BOUNDS: dict[str, tuple[float, float]] = {
     "emissivity": (0.0, 1.0),
     "absorptivity": (0.0, 1.0),
     "temperature": (0.0, math.inf),
+    "reflected_temperature": (0.0, math.inf),
+    "rotation": (-math.radians(10), math.radians(10)),
+    "translation": (-0.1, 0.1),
 }
 """Bounds in SI by the last word of a parameter's name that is one of these."""
+
+_FRAME_UNITS = {
+    "reflected_temperature": TEMPERATURE,
+    "rotation": ANGLE,
+    "translation": LENGTH,
+}
+"""Units of numbers of frames, which no scene has."""
+
+
+def _unit(name: str) -> Unit | None:
+    if not is_of_frames(name):
+        return unit_in_scene(name)
+    words = [word for word in name.split(".") if word in _FRAME_UNITS]
+    return _FRAME_UNITS[words[-1]] if words else None
 
 
 def unit_of(name: str) -> str:
     """SI unit of a parameter; empty for a factor."""
-    unit = unit_in_scene(name)
+    unit = _unit(name)
     return "" if unit is None else unit.symbol
+
+
+def shown_unit_of(name: str) -> tuple[str, float]:
+    """Unit in which a parameter is reported, and its size in SI."""
+    in_si = unit_of(name)
+    if not is_of_camera(name):
+        return in_si, 1.0
+    return ("deg", math.radians(1)) if in_si == "rad" else ("mm", 1e-3)
 
 
 def value_in_si(value: Any, name: str) -> float:
@@ -49,7 +81,7 @@ def value_in_si(value: Any, name: str) -> float:
     if isinstance(value, str) and value.strip() in ("inf", "-inf"):
         return float(value)
     try:
-        return to_si(value, unit_in_scene(name) or NUMBER)
+        return to_si(value, _unit(name) or NUMBER)
     except InputError as error:
         raise ValueError(str(error)) from error
 
@@ -152,6 +184,7 @@ class SolutionReference(KindModel):
 
 Quantity = Literal["temperature", "radiance"]
 Noise = Annotated[Number, Field(gt=0)]
+Margin = Annotated[Number, Field(ge=0, le=1000)]
 
 
 class SimulatedFrames(KindModel):
@@ -168,6 +201,10 @@ class SimulatedFrames(KindModel):
     noiseless: Flag = False
     """Do not add the noise, though the fit assumes it."""
     seed: Annotated[Whole, Field(ge=0)] = 0
+    reflected_temperature: Temperature | None = None
+    """Black surroundings that surfaces reflect [K]; those of the terms by default."""
+    margin: Margin = 3.0
+    align: Flag = True
 
 
 class FramesOfCase(Model):
@@ -176,6 +213,8 @@ class FramesOfCase(Model):
     case: Name
     view: Annotated[Whole, Field(ge=0)] = 0
     files: Annotated[tuple[FoundPath, ...], NotEmpty]
+    mask: FoundPath | None = None
+    """Mask of these frames, instead of that of all."""
 
 
 class MeasuredFrames(KindModel):
@@ -187,7 +226,15 @@ class MeasuredFrames(KindModel):
     quantity: Quantity = "temperature"
     noise: Noise = 0.05
     mask: FoundPath | None = None
-    """PNG of the frames' size; pixels that are black there are not compared."""
+    """PNG, NPY or EXR of the frames' size; pixels that are 0 there, or not a number,
+    are not compared."""
+    reflected_temperature: Temperature | None = None
+    """Black surroundings that surfaces reflect [K]; those of the terms by default."""
+    margin: Margin = 3.0
+    """Distance from outlines within which pixels are not compared where the poses of
+    cameras are fitted [pixels]."""
+    align: Flag = True
+    """Find poses by the outlines first: the background has to be the scene's."""
 
 
 ReferenceConfig = Annotated[
@@ -314,6 +361,13 @@ class CalibrationConfig(Model):
         if self.truth is not None and is_of_frames:
             message = "needs a `reference` of runs: full_volume, truth or solution"
             found.append((("truth",), message))
+        moves = any(is_of_camera(p.name) for p in self.parameters)
+        if moves and self.fit.method != "levenberg_marquardt":
+            message = "poses of cameras need levenberg_marquardt"
+            found.append((("fit", "method"), message))
+        if moves and self.fit.starts > 1:
+            message = "poses of cameras are fitted from one start"
+            found.append((("fit", "starts"), message))
         if self.truth is None and isinstance(self.reference, TruthRuns):
             message = "`truth` needs the block `truth`: give `truth: {}`"
             found.append((("reference",), message))

@@ -1,28 +1,28 @@
 """From a config to a least-squares problem: scenes, data and parameters."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from pathlib import Path as FilePath
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
-from PIL import Image
 
 from jaxthermo.arrays import precision
-from jaxthermo.config.camera_framing import build_camera
-from jaxthermo.config.schema.image import CameraConfig
 from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.errors import InputError
-from jaxthermo.image.band import Band
-from jaxthermo.image.files import read_exr
-from jaxthermo.image.view import View
 from jaxthermo.integrate.run.parametric_run import ParametricRun
 from jaxthermo.integrate.run.solution_file import StoredSolution, load_solution
 from jaxthermo.integrate.surface_error import check_surfaces
-from jaxthermo.scene.compile.compile import compile_scene
-from jaxthermo.scene.scene import Scene, SolvedSurface
+from jaxthermo.scene.scene import Scene
 
 from ..config import schema
+from ..config.frame_names import (
+    REFLECTED,
+    check_frame_names,
+    is_of_camera,
+    is_of_frames,
+    pose_numbers,
+)
 from ..config.loader import scene_config
 from ..config.schema import (
     CalibrationConfig,
@@ -30,6 +30,10 @@ from ..config.schema import (
     default_bounds,
     value_in_si,
 )
+from .aligned_cameras import align_cameras, started_at
+from .alignment import Aligned
+from .frame_data import FitsPoses, frame_target
+from .frame_source import CaseFrames, FramesConfig, case_frames, start_surfaces
 from .parameters import (
     Parameter,
     ParameterSet,
@@ -47,20 +51,11 @@ from .reference import (
     read_at_surface,
     refined_reference,
 )
-from .targets import (
-    AbstractTarget,
-    FrameTarget,
-    frame_target,
-    render_frames,
-    surface_target,
-    view_of,
-)
+from .targets import AbstractTarget, FrameTarget, surface_target
 
 
 _DEFAULT_SMOOTHNESS = 0.5
 """Standard deviation of log(weight) of a link from its neighbours' mean."""
-_CHANNELS = {"temperature": "apparent_temperature", "radiance": "radiance"}
-"""Channel of an EXR file by compared quantity."""
 
 
 @dataclass
@@ -75,10 +70,40 @@ class Calibration:
     held_out: Problem | None
     references: dict[str, TruthReference]
     """Runs of finer voxels by case, of those cases that are fitted to them."""
+    frames: dict[str, CaseFrames]
+    """Frames of those cases that are fitted to them."""
+    aligned: dict[int, Aligned]
+    """Poses of cameras by their outlines, where the fit starts."""
+
+    def without_cameras(self) -> Problem | None:
+        """Fit of all else with the cameras where they start; None if there is none."""
+        rest = [p for p in self.parameters.parameters if not is_of_camera(p.name)]
+        if not rest:
+            return None
+        count = self.train.cases[0].target.camera_count
+        start = np.zeros(self.parameters.size)
+        poses = np.asarray(self.parameters.poses(start, count), float)
+        cases = []
+        for case in self.train.cases:
+            assert isinstance(case.target, FrameTarget)
+            still = case.target.without_moves(poses, case.scene.terms)
+            cases.append(replace(case, target=still))
+        given = tuple(cases), self.train.time_norm
+        return Problem(ParameterSet(tuple(rest)), *given)
 
 
-def build(config: CalibrationConfig, log: Log) -> Calibration:
-    """Build scenes, data and parameters."""
+def build(
+    config: CalibrationConfig,
+    log: Log,
+    before: Calibration | None = None,
+    values: Mapping[str, Any] | None = None,
+) -> Calibration:
+    """Build scenes, data and parameters.
+
+    Cameras whose poses are fitted are aligned with the outlines of bodies in the
+    frames: roughly; or precisely, where there is one built `before`, whose other
+    parameters were fitted to these `values`.
+    """
     every = (*config.train, *config.held_out, *config.candidates)
     configs = {case.name: scene_config(config, case.set) for case in every}
     log("building the scenes")
@@ -91,6 +116,21 @@ def build(config: CalibrationConfig, log: Log) -> Calibration:
     for scene in scenes.values():
         parameters.check(scene)
 
+    read: dict[str, CaseFrames] = {} if before is None else before.frames
+
+    def frames(case: schema.CaseConfig) -> CaseFrames:
+        # Those of the first case are asked for twice, where cameras are aligned.
+        if case.name not in read:
+            given = configs[case.name], scenes[case.name]
+            read[case.name] = case_frames(config, case, *given, log)
+        return read[case.name]
+
+    warm = parameters
+    if before is not None:
+        warm = started_at(parameters, before.aligned).started(values or {})
+    given = config, configs, scenes, warm, frames, log
+    aligned = _align(*given, again=before is not None)
+    parameters = started_at(parameters, aligned)
     references: dict[str, TruthReference] = {}
 
     def problem(cases: tuple[schema.CaseConfig, ...]) -> Problem:
@@ -98,13 +138,36 @@ def build(config: CalibrationConfig, log: Log) -> Calibration:
         for case in cases:
             given, scene = configs[case.name], scenes[case.name]
             run = ParametricRun(given.time.save_times, given.solver.build())
-            data = _TargetBuilder(config, case, given, scene, references, log)
+            shared = references, parameters, frames, log
+            data = _TargetBuilder(config, case, given, scene, *shared)
             made.append(Case(case.name, scene, run, data.build()))
-        return Problem(parameters, tuple(made), config.fit.time_norm)
+        return Problem(parameters, tuple(made), config.fit.time_norm, aligned)
 
     train = problem(config.train)
     held_out = problem(config.held_out) if config.held_out else None
-    return Calibration(parameters, configs, scenes, train, held_out, references)
+    found = train, held_out, references, read, aligned
+    return Calibration(parameters, configs, scenes, *found)
+
+
+def _align(
+    config: CalibrationConfig,
+    configs: Mapping[str, SceneConfig],
+    scenes: Mapping[str, Scene],
+    parameters: ParameterSet,
+    frames: Callable[[schema.CaseConfig], CaseFrames],
+    log: Log,
+    again: bool,
+) -> dict[int, Aligned]:
+    """Poses of cameras by the frames of the first case."""
+    reference, case = config.reference, config.train[0]
+    has_frames = isinstance(reference, FramesConfig)
+    if not (parameters.moves_cameras and has_frames and reference.align):
+        return {}
+    found = frames(case)
+    check_frame_names(parameters.paths, len(found.views))
+    log("aligning the cameras")
+    run = ParametricRun(found.times, configs[case.name].solver.build())
+    return align_cameras(found, scenes[case.name], run, parameters, again)
 
 
 def _build_scenes(configs: Mapping[str, SceneConfig]) -> dict[str, Scene]:
@@ -121,32 +184,13 @@ def _build_scenes(configs: Mapping[str, SceneConfig]) -> dict[str, Scene]:
     return scenes
 
 
-def camera_views(
-    cameras: tuple[CameraConfig, ...],
-    scene: Scene,
-    surfaces: tuple[SolvedSurface, ...] | None = None,
-) -> tuple[View, ...]:
-    """Views of a scene's surfaces, by default those at the start."""
-    surfaces = _start_surfaces(scene) if surfaces is None else surfaces
-    triangles = np.concatenate([s.geometry.triangles for s in surfaces])
-    made = (build_camera(camera, triangles) for camera in cameras)
-    return tuple(view_of(surfaces, scene, camera) for camera in made)
-
-
-def _start_surfaces(scene: Scene) -> tuple[SolvedSurface, ...]:
-    # Neither the number of save times nor the end has an effect on the surfaces.
-    with precision(scene.dtype):
-        return compile_scene(scene, 1, 1.0).surfaces
-
-
 def _build_parameters(config: CalibrationConfig, scene: Scene) -> ParameterSet:
     # Starts and bounds that are not given are those of the scene.
     return ParameterSet(tuple(_parameter(p, scene) for p in config.parameters))
 
 
 def _parameter(given: ParameterConfig, scene: Scene) -> Parameter:
-    path = find_path(scene, given.name)
-    values = _start_values(given, path, scene)
+    path, values = _path_and_start(given, scene)
     start = tuple(float(v) for v in np.atleast_1d(values))
     lower, upper = default_bounds(given.name, start[0])
     if given.bounds is not None:
@@ -171,6 +215,35 @@ def _parameter(given: ParameterConfig, scene: Scene) -> Parameter:
         first_is_fixed=is_capacity and len(start) > 1,
         smoothness=smoothness,
     )
+
+
+def _path_and_start(
+    given: ParameterConfig, scene: Scene
+) -> tuple[Path, np.ndarray | np.generic]:
+    if is_of_frames(given.name):
+        # The scene does not have it, nor weights of levels or links.
+        if given.per is not None:
+            raise InputError(f"parameter {given.name}: `per` is for weights only")
+        return (), _frame_start(given)
+    path = find_path(scene, given.name)
+    return path, _start_values(given, path, scene)
+
+
+def _frame_start(given: ParameterConfig) -> np.ndarray | np.generic:
+    """Start values of a number of frames, which the scene does not have."""
+    if given.name == REFLECTED:
+        if given.start is None:
+            raise InputError(f"parameter {given.name}: give a `start`, in kelvin")
+        return np.asarray(value_in_si(given.start, given.name))[()]
+    _, numbers = pose_numbers(given.name)
+    if given.start is None:
+        return np.zeros(len(numbers)) if len(numbers) > 1 else np.float64(0)
+    is_list = isinstance(given.start, list)
+    listed = given.start if is_list else [given.start]
+    if len(listed) != len(numbers):
+        raise InputError(f"parameter {given.name}: `start` has {len(numbers)} numbers")
+    values = np.asarray([value_in_si(v, given.name) for v in listed])
+    return values if len(numbers) > 1 else values[0]
 
 
 def _prior(given: schema.PriorConfig, name: str) -> Prior:
@@ -220,6 +293,8 @@ class _TargetBuilder:
     given: SceneConfig
     scene: Scene
     references: dict[str, TruthReference]
+    parameters: ParameterSet
+    frames: Callable[[schema.CaseConfig], CaseFrames]
     log: Log
 
     def build(self) -> AbstractTarget:
@@ -239,14 +314,11 @@ class _TargetBuilder:
                     path = files[name]
                     found = load_solution(path).at_times(times, path)
                     return self._surface(found)
-                case schema.SimulatedFrames() as reference:
-                    return self._frames(reference, self._simulated(reference), None)
-                case schema.MeasuredFrames() as reference:
-                    frames = _measured(name, reference)
-                    return self._frames(reference, frames, _read_mask(reference.mask))
+                case schema.SimulatedFrames() | schema.MeasuredFrames():
+                    return self._compared(self.frames(self.case))
 
     def _surface(self, found: StoredSolution) -> AbstractTarget:
-        check_surfaces(_start_surfaces(self.scene), found.surfaces)
+        check_surfaces(start_surfaces(self.scene), found.surfaces)
         return surface_target(found, jnp.dtype(self.scene.dtype))
 
     def _finer_surface(self) -> AbstractTarget:
@@ -255,77 +327,20 @@ class _TargetBuilder:
         log = lambda stage: self.log(f"{name}: {stage}")
         found = refined_reference(self.given, self.config.truth, log)
         self.references[name] = found
-        surface, unknown = found.read_at(_start_surfaces(self.scene))
+        surface, unknown = found.read_at(start_surfaces(self.scene))
         return surface_target(surface, jnp.dtype(self.scene.dtype), unknown)
 
-    def _simulated(self, given: schema.SimulatedFrames) -> list[np.ndarray]:
-        truth = scene_config(self.config, self.case.set, given.set)
-        times = truth.time.save_times
-        # The truth may change anything but the times at which it is compared.
-        if times != self.given.time.save_times:
-            raise InputError("reference: set: the save times are the case's")
-        self.log(f"{self.case.name}: running the truth")
-        scene = truth.build()
-        with precision(truth.dtype):
-            run = ParametricRun(times, truth.solver.build())
-            solution = run(scene, run.step_table(scene))
-            cameras = given.views or (self.given.camera,)
-            views = camera_views(cameras, scene, solution.surfaces)
-            shown = scene, solution, times, given.quantity, self._band
-            frames = [np.asarray(render_frames(v, *shown), float) for v in views]
-        if given.noiseless:
-            return frames
-        # The seed differs between cases, so that their noise is independent.
-        noise = np.random.default_rng([given.seed, *self.case.name.encode()])
-        return [f + noise.normal(0, given.noise, f.shape) for f in frames]
-
-    def _frames(
-        self,
-        given: schema.SimulatedFrames | schema.MeasuredFrames,
-        frames: list[np.ndarray],
-        mask: np.ndarray | None,
-    ) -> FrameTarget:
-        views = camera_views(given.views or (self.given.camera,), self.scene)
-        if len(views) != len(frames):
-            raise InputError(
-                f"{self.case.name}: {len(frames)} sequences of frames and "
-                f"{len(views)} views"
-            )
-        times, dtype = self.given.time.save_times, jnp.dtype(self.scene.dtype)
-        noise, quantity, band = given.noise, given.quantity, self._band
-        return frame_target(times, views, frames, noise, quantity, mask, dtype, band)
-
-    @property
-    def _band(self) -> Band | None:
-        """Band of the case's detector."""
-        band = self.given.image.band
-        return None if band is None else band.build()
-
-
-def _measured(name: str, given: schema.MeasuredFrames) -> list[np.ndarray]:
-    views = sorted((f for f in given.frames if f.case == name), key=lambda f: f.view)
-    if not views:
-        raise InputError(f"reference: frames: there are none for the case {name}")
-    return [_read_frames(view, _CHANNELS[given.quantity]) for view in views]
-
-
-def _read_frames(view: schema.FramesOfCase, channel: str) -> np.ndarray:
-    rows = []
-    for path in view.files:
-        channels, _ = read_exr(path)
-        if channel not in channels:
-            listed = ", ".join(sorted(channels))
-            raise InputError(f"{path}: has no channel {channel} (it has {listed})")
-        rows.append(channels[channel])
-    # Frames of one view are stacked, and compared with one camera.
-    if len({row.shape for row in rows}) > 1:
-        raise InputError(f"{view.case}, view {view.view}: frames of several sizes")
-    return np.stack(rows).astype(float)
-
-
-def _read_mask(path: FilePath | None) -> np.ndarray | None:
-    if path is None:
-        return None
-    with Image.open(path) as picture:
-        # Every pixel that is not black is compared.
-        return np.asarray(picture.convert("L")) > 0
+    def _compared(self, found: CaseFrames) -> FrameTarget:
+        moving = None
+        settings, parameters = found.settings, self.parameters
+        if parameters.moves_cameras:
+            start = np.zeros(parameters.size)
+            poses = np.asarray(parameters.poses(start, len(found.views)), float)
+            given = found.surfaces, self.scene.terms, poses
+            moving = FitsPoses(*given, settings.margin)
+        return frame_target(
+            *(found.times, found.views, found.frames),
+            *(settings.noise, settings.quantity, found.masks),
+            *(jnp.dtype(self.scene.dtype), found.band),
+            *(settings.reflected_temperature, moving),
+        )

@@ -6,14 +6,14 @@ Together the parameters are one vector z of unconstrained coordinates, 0 at the 
 The path of a number, as in "bodies.0.structure.weights.within", consists of the fields
 of the Python objects and of list indices. `weights`, `material` and `temperature` stand
 for those of a scene's only body, and a term may be named by its mechanism, as in
-`sun.irradiance`.
+`sun.irradiance`. Numbers of frames, not of a scene, are in `config.frame_names`.
 """
 
 import difflib
 import functools
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Any, Literal
 
 import equinox as eqx
@@ -26,7 +26,9 @@ from jaxthermo.errors import InputError
 from jaxthermo.scene.compile.compile import mechanism_names
 from jaxthermo.scene.scene import Scene
 
+from ..config.frame_names import REFLECTED, is_of_camera, is_of_frames
 from .bijections import Bijection, Values, bijection
+from .frame_values import AS_GIVEN, FrameValues, poses_at
 
 
 Path = tuple[str | int, ...]
@@ -215,9 +217,8 @@ class ParameterSet:
         if not self.parameters:
             raise InputError("parameters: there is nothing to fit; name one at least")
         # Tied paths count too: the later of two parameters would win in silence.
-        paths = [path for p in self.parameters for path in p.paths]
-        for path in paths:
-            if paths.count(path) > 1:
+        for path in self.paths:
+            if self.paths.count(path) > 1:
                 raise InputError(f"parameter {path}: it is there twice")
 
     @property
@@ -230,10 +231,29 @@ class ParameterSet:
         """Name of each coordinate."""
         return tuple(label for p in self.parameters for label in p.labels)
 
+    @property
+    def paths(self) -> tuple[str, ...]:
+        """Names of everything that takes a value."""
+        return tuple(path for p in self.parameters for path in p.paths)
+
+    @property
+    def moves_cameras(self) -> bool:
+        """True if poses of cameras are fitted."""
+        return any(map(is_of_camera, self.paths))
+
+    def started(self, values: Mapping[str, Any]) -> "ParameterSet":
+        """Parameters some of which start at other values, by name."""
+        listed = lambda name: tuple(np.atleast_1d(values[name]).tolist())
+        each = (
+            replace(p, start=listed(p.name)) if p.name in values else p
+            for p in self.parameters
+        )
+        return ParameterSet(tuple(each))
+
     def check(self, scene: Scene) -> None:
-        """Raise an InputError unless every path exists in the scene."""
-        for p in self.parameters:
-            for name in p.paths:
+        """Raise an InputError unless every path exists in the scene, or in frames."""
+        for name in self.paths:
+            if not is_of_frames(name):
                 find_path(scene, name)
 
     def values(self, z: Coordinates) -> dict[str, Values]:
@@ -265,12 +285,29 @@ class ParameterSet:
 
     def insert(self, scene: Scene, z: Coordinates) -> Scene:
         """Copy of the scene with the values of the coordinates z."""
-        values = self.values(z)
         # Runs when a program is traced, not at each evaluation.
-        pairs = [
-            (find_path(scene, n), p.name) for p in self.parameters for n in p.paths
-        ]
-        return with_values(scene, {path: values[name] for path, name in pairs})
+        values = self._by_path(z).items()
+        own = {find_path(scene, n): v for n, v in values if not is_of_frames(n)}
+        return with_values(scene, own) if own else scene
+
+    def frame_values(self, z: Coordinates, views: Any = ()) -> FrameValues:
+        """Values that frames depend on beside the scene, of cameras with these views.
+
+        `views` holds their views near these poses; without any, all are as given.
+        """
+        values = self._by_path(z)
+        poses = self.poses(z, len(views)) if views else AS_GIVEN.poses
+        reflected = values.get(REFLECTED)
+        kelvin = None if reflected is None else jnp.asarray(reflected)
+        return FrameValues(poses, views, kelvin)
+
+    def poses(self, z: Coordinates, cameras: int) -> Float[Array, "v 6"]:
+        """Poses of that many cameras."""
+        return poses_at(self._by_path(z), cameras, jnp.asarray(z).dtype)
+
+    def _by_path(self, z: Coordinates) -> dict[str, Values]:
+        values = self.values(z)
+        return {n: values[p.name] for p in self.parameters for n in p.paths}
 
     def prior_residual(
         self, z: Coordinates, kind: Literal["prior", "smoothness"]

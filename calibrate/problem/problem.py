@@ -1,8 +1,8 @@
 """The least-squares problem: coordinates in, residuals of all cases out."""
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -13,11 +13,14 @@ from jax.extend.core import ClosedJaxpr, jaxpr_as_fun
 from jaxtyping import Array, Bool, Float
 
 from jaxthermo.errors import InputError
+from jaxthermo.image.pose_derivative import LinearizedView
 from jaxthermo.integrate.run.parametric_run import ParametricRun, with_more_steps
 from jaxthermo.integrate.run.plan import StepTable
 from jaxthermo.integrate.solvers import ForwardEuler
 from jaxthermo.scene.scene import Scene
 
+from ..config.frame_names import check_frame_names
+from .alignment import Aligned
 from .parameters import Coordinates, ParameterSet
 from .targets import AbstractTarget
 
@@ -66,6 +69,8 @@ class RunDiagnostics(NamedTuple):
 
 StepTables = tuple[StepTable, ...]
 """Step sizes and counts of each case."""
+Views = tuple[tuple[LinearizedView, ...], ...]
+"""Views of each case's cameras near their poses; none where no pose is fitted."""
 
 
 class Traced(eqx.Module):
@@ -98,12 +103,15 @@ class Problem:
     cases: tuple[Case, ...]
     time_norm: float = 2.0
     """Exponent p of the mean over saved times of |error|^p that is minimized."""
+    aligned: Mapping[int, Aligned] = field(default_factory=dict)
+    """Poses of cameras that their outlines gave, which count as data."""
 
     def __post_init__(self):
         if not self.cases:
             raise InputError("a fit needs one case at least")
         for case in self.cases:
             self.parameters.check(case.scene)
+            check_frame_names(self.parameters.paths, case.target.camera_count)
 
     @property
     def dtype(self) -> Any:
@@ -142,15 +150,28 @@ class Problem:
         step_tables = self.step_tables() if step_tables is None else step_tables
         return refine_steps(step_tables, self.stable_steps(z))
 
+    def views_at(self, z: Coordinates) -> Views:
+        """Views of the cameras in their poses at z, rendered on the host."""
+        if not self.parameters.moves_cameras:
+            return ()
+        count = self.cases[0].target.camera_count
+        poses = np.asarray(self.parameters.poses(z, count), float)
+        return tuple(case.target.views_at(poses, self.dtype) for case in self.cases)
+
     def residuals(
-        self, z: Coordinates, step_tables: StepTables
+        self, z: Coordinates, step_tables: StepTables, views: Views = ()
     ) -> tuple[Float[Array, " r"], RunDiagnostics]:
-        """Residuals of all cases, one after the other, then those of the priors."""
+        """Residuals of all cases, one after the other, then those of the priors.
+
+        With poses of cameras among the parameters they are exact at the z of the
+        `views`, and of the first order near it.
+        """
         rows, steps, errors, finite = [], [], [], jnp.asarray(True)
-        for case, table in zip(self.cases, step_tables, strict=True):
+        for n, (case, table) in enumerate(zip(self.cases, step_tables, strict=True)):
             scene = self.parameters.insert(case.scene, z)
             solution = case.run(scene, table)
-            residual = case.target.residual(scene, solution)
+            values = self.parameters.frame_values(z, views[n] if views else ())
+            residual = case.target.residual(scene, solution, values)
             rows.append(_emphasize_times(residual, self.time_norm).reshape(-1))
             errors.append(jnp.sqrt(len(residual) * (residual * residual).sum(axis=1)))
             steps.append(solution.stable_step)
@@ -162,9 +183,25 @@ class Problem:
         # Priors count in the noise's standard deviations, as the data do.
         unit = 1.0 if self.known_sd is None else self.known_sd
         smoothness = self.parameters.prior_residual(z, "smoothness")
-        all_rows = jnp.concatenate([data, unit * prior, unit * smoothness])
+        outlines = self._outline_rows(z)
+        rows = [data, unit * prior, unit * smoothness, unit * outlines]
+        all_rows = jnp.concatenate(rows)
         diagnostics = RunDiagnostics(jnp.stack(steps), finite, tuple(errors))
         return all_rows.astype(z.dtype), diagnostics
+
+    def _outline_rows(self, z: Coordinates) -> Float[Array, " q"]:
+        """Deviations of cameras from where their outlines are [sd]."""
+        known = {n: a for n, a in self.aligned.items() if a.whiten is not None}
+        if not known:
+            return jnp.zeros(0, z.dtype)
+        poses = self.parameters.poses(z, max(known) + 1)
+        like = lambda values: jnp.asarray(values, z.dtype)
+        return jnp.concatenate(
+            [
+                like(a.whiten) @ (poses[n] - like(a.pose))[a.numbers]
+                for n, a in known.items()
+            ]
+        )
 
     def stable_steps(self, z: Coordinates) -> Float[Array, " c"]:
         """Stability limit of each case at z [s]; infinite where the solver has none."""
@@ -197,8 +234,9 @@ class Problem:
         return replace(self, cases=tuple(cases))
 
     def trace(self, step_tables: StepTables) -> Traced:
-        """`residuals` as a traced function of coordinates and step tables."""
-        return trace(self.residuals, self.start(), step_tables)
+        """`residuals` as a traced function of coordinates, step tables and views."""
+        start = self.start()
+        return trace(self.residuals, start, step_tables, self.views_at(start))
 
     def batch(self) -> int:
         """Number of derivatives that the memory holds at once."""

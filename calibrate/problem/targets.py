@@ -6,6 +6,7 @@ model and data differ by one unit: 1 % error, or one standard deviation of pixel
 
 import abc
 import math
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -15,16 +16,32 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 from typing_extensions import override
 
+from jaxthermo.arrays import Scalar
+from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.errors import InputError
 from jaxthermo.image.band import Band
 from jaxthermo.image.camera import AbstractCamera
 from jaxthermo.image.draw import draw
+from jaxthermo.image.pose import moved_camera
+from jaxthermo.image.pose_derivative import (
+    LinearizedView,
+    blank_view,
+    linearize_view,
+)
 from jaxthermo.image.view import View, compute_view
 from jaxthermo.integrate.run.parametric_run import ParametricSolution
 from jaxthermo.integrate.run.solution import irradiance_at
 from jaxthermo.integrate.stepper import just_before
 from jaxthermo.integrate.surface_error import AnySolution, error_span
+from jaxthermo.physics.radiation.irradiation import Irradiance
+from jaxthermo.physics.term import AbstractTerm
 from jaxthermo.scene.scene import Scene, SolvedSurface
+
+from .frame_values import AS_GIVEN, FrameValues
+
+
+_MAX_LOST = 0.01
+"""Fraction of the compared pixels without a body in a pose that is refused."""
 
 
 class CaseError(NamedTuple):
@@ -58,13 +75,28 @@ class AbstractTarget(eqx.Module):
     times: eqx.AbstractVar[tuple[float, ...]]
 
     @property
+    def camera_count(self) -> int:
+        """Number of cameras whose frames are compared."""
+        return 0
+
+    def views_at(
+        self, poses: Float[np.ndarray, "v 6"], dtype: Any
+    ) -> tuple[LinearizedView, ...]:
+        """Views of the cameras near poses."""
+        del poses, dtype
+        return ()
+
+    @property
     @abc.abstractmethod
     def known_sd(self) -> float | None:
         """Standard deviation of a residual due to noise; None if it is not known."""
 
     @abc.abstractmethod
     def residual(
-        self, scene: Scene, solution: ParametricSolution
+        self,
+        scene: Scene,
+        solution: ParametricSolution,
+        values: FrameValues = AS_GIVEN,
     ) -> Float[Array, "t r"]:
         """Residuals of a run, one row per saved time."""
 
@@ -95,10 +127,13 @@ class SurfaceTarget(AbstractTarget):
 
     @override
     def residual(
-        self, scene: Scene, solution: ParametricSolution
+        self,
+        scene: Scene,
+        solution: ParametricSolution,
+        values: FrameValues = AS_GIVEN,
     ) -> Float[Array, "t r"]:
         # The scene's terms only matter to cameras.
-        del scene
+        del scene, values
         return (solution.surface_temperature - self.reference) * self.scale
 
     @override
@@ -154,6 +189,48 @@ class FrameTarget(AbstractTarget):
     """"temperature" as shown for an emissivity of 1, or "radiance"."""
     band: Band | None = eqx.field(static=True, default=None)
     """Band of the detector; None for all wavelengths."""
+    reflected: float | None = eqx.field(static=True, default=None)
+    """Temperature that surfaces reflect [K]; None for that of the heat balance."""
+    surfaces: tuple[SolvedSurface, ...] = ()
+    """Surfaces of the bodies, where the poses of cameras are fitted."""
+    room: tuple[int, ...] = eqx.field(static=True, default=())
+    """Room for weights of fragments in each view, in all poses."""
+
+    @property
+    @override
+    def camera_count(self) -> int:
+        return len(self.views)
+
+    def without_moves(
+        self, poses: Float[np.ndarray, "v 6"], terms: tuple[AbstractTerm, ...]
+    ) -> "FrameTarget":
+        """Target whose cameras stay in these poses."""
+        moved = tuple(
+            compute_view(self.surfaces, terms, moved_camera(v.camera, p), keep=False)
+            for v, p in zip(self.views, poses, strict=True)
+        )
+        return replace(self, views=moved, surfaces=(), room=())
+
+    @override
+    def views_at(
+        self, poses: Float[np.ndarray, "v 6"], dtype: Any
+    ) -> tuple[LinearizedView, ...]:
+        found = []
+        for view, pose, pixels, room in zip(
+            self.views, poses, self.chosen, self.room, strict=True
+        ):
+            indices = np.asarray(pixels)
+            try:
+                given = self.surfaces, view.camera, pose, indices, room, dtype
+                near = linearize_view(*given)
+                too_far = float(np.mean(near.seen)) < 1 - _MAX_LOST
+            except (InputError, OverflowError):
+                near, too_far = None, True
+            if near is None or too_far:
+                # Residuals that are not finite: the trial is refused.
+                near = blank_view(len(indices), room, pose, dtype)
+            found.append(near)
+        return tuple(found)
 
     @property
     def pixel_count(self) -> int:
@@ -167,12 +244,16 @@ class FrameTarget(AbstractTarget):
 
     @override
     def residual(
-        self, scene: Scene, solution: ParametricSolution
+        self,
+        scene: Scene,
+        solution: ParametricSolution,
+        values: FrameValues = AS_GIVEN,
     ) -> Float[Array, "t r"]:
-        parts = [
-            self.model_pixels(n, scene, solution) - self.data[n]
-            for n in range(len(self.views))
-        ]
+        parts = []
+        for n, data in enumerate(self.data):
+            away = self.model_pixels(n, scene, solution, values) - data
+            # A pixel that the body has left is not compared.
+            parts.append(away * values.views[n].seen[None] if values.views else away)
         # The squares sum to 1 for a model that is wrong by the noise everywhere.
         scale = self.noise * math.sqrt(self.pixel_count)
         return jnp.concatenate(parts, axis=1) / scale
@@ -187,12 +268,22 @@ class FrameTarget(AbstractTarget):
         return _mask(self.views[view], np.asarray(self.chosen[view]))
 
     def model_pixels(
-        self, view: int, scene: Scene, solution: ParametricSolution
+        self,
+        view: int,
+        scene: Scene,
+        solution: ParametricSolution,
+        values: FrameValues = AS_GIVEN,
     ) -> Float[Array, "t p"]:
         """Compared pixels of a view as the model gives them."""
-        shown = scene, solution, self.times, self.quantity, self.band
-        frames = render_frames(self.views[view], *shown)
-        return frames.reshape(len(frames), -1)[:, self.chosen[view]]
+        reflected = self.reflected if values.reflected is None else values.reflected
+        shown = scene, solution, self.times, self.quantity, self.band, reflected
+        seen = self.views[view]
+        if not values.views:
+            frames = render_frames(seen, *shown)
+            return frames.reshape(len(frames), -1)[:, self.chosen[view]]
+        assert values.poses is not None
+        near = values.views[view].at(values.poses[view], seen.camera)
+        return render_frames(near, *shown)[:, 0]
 
     def measure(
         self,
@@ -204,7 +295,7 @@ class FrameTarget(AbstractTarget):
         """Pixels of bodies in any views [standard deviations of the noise]."""
         rows = []
         for view in views:
-            shown = scene, solution, times, self.quantity, self.band
+            shown = scene, solution, times, self.quantity, self.band, self.reflected
             frames = render_frames(view, *shown)
             # There are no data, and so no mask, of a view that is only proposed.
             chosen = np.flatnonzero(body_mask(view))
@@ -219,24 +310,57 @@ def render_frames(
     times: tuple[float, ...],
     quantity: str,
     band: Band | None = None,
+    reflected: Scalar | None = None,
 ) -> Float[Array, "t h w"]:
-    """Whole frames of a run, as "temperature" [K] or "radiance" [W/(m^2 sr)]."""
+    """Whole frames of a run, as "temperature" [K] or "radiance" [W/(m^2 sr)].
+
+    With the temperature `reflected` [K] surfaces reflect a black body of it, beside
+    sources, instead of the thermal radiation of the heat balance.
+    """
     surfaces, terms = solution.surfaces, scene.terms
 
     def frame(surface: Float[Array, " s"], time: Float[Array, ""]) -> Any:
-        radiation = solution.radiation.at(time)
-        # As in the picture of a solution, an event at a saved time comes after it.
-        before = just_before(time)
-        received = irradiance_at(radiation, before, surface)
-        given = surface, received, before
-        image = draw(view, surfaces, terms, *given, band=band)
-        is_temperature = quantity == "temperature"
-        return image.apparent_temperature if is_temperature else image.radiance
+        received = received_at(solution, surface, time, reflected)
+        given = surface, received, time, quantity, band
+        return frame_at(view, surfaces, terms, *given)
 
     return jax.vmap(frame)(
         solution.surface_temperature,
         jnp.asarray(times, solution.surface_temperature.dtype),
     )
+
+
+def received_at(
+    solution: ParametricSolution,
+    surface: Float[Array, " s"],
+    time: Float[Array, ""],
+    reflected: Scalar | None,
+) -> Irradiance:
+    """Radiation that reaches the fragments of a run, for what they reflect."""
+    # As in the picture of a solution, an event at a saved time comes after it.
+    before = just_before(time)
+    received = irradiance_at(solution.radiation.at(time), before, surface)
+    if reflected is None:
+        return received
+    kelvin = jnp.asarray(reflected, surface.dtype)
+    thermal = jnp.broadcast_to(STEFAN_BOLTZMANN * kelvin**4, surface.shape)
+    return received._replace(thermal=thermal)
+
+
+def frame_at(
+    view: View,
+    surfaces: tuple[SolvedSurface, ...],
+    terms: tuple[AbstractTerm, ...],
+    surface: Any,
+    received: Irradiance,
+    time: Float[Array, ""],
+    quantity: str,
+    band: Band | None,
+) -> Any:
+    """Frame of fragments at temperatures [K], as "temperature" or "radiance"."""
+    given = surface, received, just_before(time)
+    image = draw(view, surfaces, terms, *given, band=band)
+    return image.apparent_temperature if quantity == "temperature" else image.radiance
 
 
 def view_of(
@@ -259,53 +383,3 @@ def _mask(view: View, pixels: Any) -> Bool[np.ndarray, "h w"]:
     found = np.zeros(height * width, bool)
     found[pixels] = True
     return found.reshape(height, width)
-
-
-def frame_target(
-    times: tuple[float, ...],
-    views: tuple[View, ...],
-    frames: list[Float[np.ndarray, "_ _ _"]],
-    noise: float,
-    quantity: str,
-    mask: Bool[np.ndarray, "_ _"] | None,
-    dtype: Any,
-    band: Band | None = None,
-) -> FrameTarget:
-    """Make a target of the frames [time, row, column] of every view of the model.
-
-    The mask holds the pixels to compare, of all views; those without a body are left
-    out. The other arguments are those of `FrameTarget`.
-    """
-    data, chosen = [], []
-    for n, (view, given) in enumerate(zip(views, frames, strict=True)):
-        width, height = view.camera.size
-        if given.shape[0] != len(times):
-            raise InputError(
-                f"view {n}: {given.shape[0]} frames for {len(times)} saved times"
-            )
-        if given.shape[1:] != (height, width):
-            raise InputError(
-                f"view {n}: frames of {given.shape[2]} x {given.shape[1]} pixels and a "
-                f"camera of {width} x {height}: give the camera the frames' size"
-            )
-        if mask is not None and mask.shape != (height, width):
-            raise InputError(
-                f"the mask is {mask.shape[1]} x {mask.shape[0]} pixels and the frames "
-                f"{width} x {height}"
-            )
-        # The background depends on no parameter.
-        compared = body_mask(view) if mask is None else mask & body_mask(view)
-        if not compared.any():
-            raise InputError(
-                f"view {n}: no pixel of a body is compared: check the mask"
-            )
-        bad = ~np.isfinite(given[:, compared])
-        if bad.any():
-            raise InputError(
-                f"view {n}: {int(bad.sum())} compared pixels are not finite: mask "
-                "them, or repair the frames"
-            )
-        data.append(jnp.asarray(given[:, compared], dtype))
-        chosen.append(jnp.asarray(np.flatnonzero(compared), jnp.int32))
-    compared = tuple(data), tuple(chosen)
-    return FrameTarget(times, views, *compared, noise, quantity, band)

@@ -24,7 +24,7 @@ from .charts import (
     loss_chart,
     parameter_charts,
 )
-from .pictures import difference_picture, frame_picture, run_both
+from .pictures import difference_picture, frame_picture, run_both, values_of_both
 from .text_summary import (
     GROUPS,
     MEANING,
@@ -145,7 +145,8 @@ def _worst_case(
         if isinstance(case.target, FrameTarget):
             views = range(min(len(case.target.views), _MAX_VIEWS))
             time = worst["fitted"]
-            images = [frame_picture(case, solutions, time, n) for n in views]
+            given = case, solutions, values_of_both(problem, case, fit.z), time
+            images = [frame_picture(*given, n) for n in views]
             moment = "after the fit"
         else:
             camera = calibration.configs[name].camera

@@ -23,6 +23,7 @@ from jaxthermo.report.difference_scale import (
 )
 from jaxthermo.report.sheet import ColourBar, Tile, sheet
 
+from ..problem.frame_values import FrameValues
 from ..problem.problem import Case, Problem
 from ..problem.targets import FrameTarget, SurfaceTarget, body_mask, view_of
 
@@ -62,6 +63,20 @@ def run_both(problem: Problem, case: Case, z: Float[np.ndarray, " p"]) -> Soluti
     return found
 
 
+def values_of_both(
+    problem: Problem, case: Case, z: Float[np.ndarray, " p"]
+) -> dict[str, FrameValues]:
+    """Values that a case's frames depend on, at the start and at the coordinates z."""
+    found, number = {}, problem.cases.index(case)
+    with precision(problem.dtype.name):
+        for name, point in (("default", np.zeros_like(z)), ("fitted", z)):
+            at = jnp.asarray(point, problem.dtype)
+            views = problem.views_at(at)
+            own = views[number] if views else ()
+            found[name] = problem.parameters.frame_values(at, own)
+    return found
+
+
 def difference_picture(
     case: Case, camera: Any, solutions: Solutions, times: list[int]
 ) -> bytes:
@@ -90,8 +105,17 @@ def difference_picture(
     return _png(_difference_sheet(differences, body_mask(view), words, "K", case.name))
 
 
-def frame_picture(case: Case, solutions: Solutions, time: int, view: int) -> bytes:
-    """PNG of data, the fitted model's frame, and both differences from the data."""
+def frame_picture(
+    case: Case,
+    solutions: Solutions,
+    values: dict[str, FrameValues],
+    time: int,
+    view: int,
+) -> bytes:
+    """PNG of data, the fitted model's frame, and both differences from the data.
+
+    The values are those of frames with the "default" and with the "fitted" numbers.
+    """
     target = case.target
     assert isinstance(target, FrameTarget)
     mask = target.mask(view)
@@ -100,7 +124,8 @@ def frame_picture(case: Case, solutions: Solutions, time: int, view: int) -> byt
     frames = {}
     with precision(case.scene.dtype):
         for name, solution in solutions.items():
-            pixels = target.model_pixels(view, case.scene, solution)[time]
+            shown = case.scene, solution, values[name]
+            pixels = target.model_pixels(view, *shown)[time]
             frames[name] = _scatter(np.asarray(pixels, float), mask)
     # The scale of differences takes no NaN.
     differences = {n: np.where(mask, f - data, 0.0) for n, f in frames.items()}

@@ -34,6 +34,7 @@ from .search import (
     make_objective,
     residuals,
     with_step_tables,
+    with_views,
 )
 
 
@@ -116,6 +117,7 @@ class Fitting:
             if noise is not None:
                 added = jnp.asarray(noise, dtype)
                 objective = eqx.tree_at(lambda o: o.noise, objective, added)
+            objective = self._seen_from(objective, z)
             objective, first, diagnostics = self._begin(objective, z)
             progress = Progress(z, self._search.start(z), objective.step_tables, [])
             if checkpoint is not None:
@@ -220,6 +222,8 @@ class Fitting:
             step_tables = self._refined(progress.step_tables, stable)
             length = float(np.abs(np.asarray(state.y_eval) - np.asarray(z)).max())
             objective = with_step_tables(objective, step_tables)
+            # Rendered again wherever the cameras are tried: residuals are exact there.
+            objective = self._seen_from(objective, state.y_eval)
             z, state, done = advance(z, state, objective)
             loss = best_loss(state)
             seconds = progress.seconds + time.perf_counter() - clock
@@ -233,6 +237,10 @@ class Fitting:
                 progress.save(checkpoint)
             if log is not None:
                 log(record, seconds)
+
+    def _seen_from(self, objective: Objective, z: Float[Array, " p"]) -> Objective:
+        """Objective with the cameras where they are at z."""
+        return with_views(objective, self.problem.views_at(z))
 
     def _host_values(self, z: Float[Array, " p"]) -> tuple[float, ...]:
         # Fields of thousands of values are not logged.
@@ -253,11 +261,13 @@ class Fitting:
         first: Array,
     ) -> Fit:
         objective, z = with_step_tables(objective, progress.step_tables), progress.z
+        objective = self._seen_from(objective, z)
         initial = _loss(first)
         residual, diagnostics = self._evaluate(z, objective)
         # Never worse than the start, whatever the last time steps are.
         if not bool(diagnostics.finite) or not _loss(residual) <= initial * (1 + 1e-6):
             z = start
+            objective = self._seen_from(objective, z)
             residual, diagnostics = self._evaluate(z, objective)
         # Again, since the first evaluation may have compiled.
         clock = time.perf_counter()

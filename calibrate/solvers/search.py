@@ -25,7 +25,7 @@ from jaxtyping import Array, Float
 from scipy.stats import qmc
 
 from ..config.schema import FitConfig
-from ..problem.problem import Problem, RunDiagnostics, StepTables, Traced
+from ..problem.problem import Problem, RunDiagnostics, StepTables, Traced, Views
 from .levenberg_marquardt import BroydenLevenbergMarquardt, restart, with_trust_region
 
 
@@ -38,6 +38,8 @@ class Objective(eqx.Module):
     """Residual beyond which it counts linearly; infinite for squares."""
     noise: Float[Array, " r"]
     """Values added to the residuals, as those of repeated measurements."""
+    views: Views = ()
+    """Views of cameras whose poses are fitted, near those of the point."""
     reverse: Traced | None = None
     """Residuals by time steps that can be differentiated in reverse mode."""
 
@@ -45,20 +47,28 @@ class Objective(eqx.Module):
 def make_objective(problem: Problem, reverse_memory: int | None) -> Objective:
     """Trace a problem's residuals, for reverse mode too if memory [bytes] is given."""
     step_tables, z = problem.step_tables(), problem.start()
+    views = problem.views_at(z)
     traced = problem.trace(step_tables)
     reverse = None
     if reverse_memory is not None:
         reverse = problem.with_reverse_mode(reverse_memory).trace(step_tables)
-    rows, _ = jax.eval_shape(traced, z, step_tables)
+    rows, _ = jax.eval_shape(traced, z, step_tables, views)
     noise = jnp.zeros(rows.shape, rows.dtype)
     # Plain squares without noise are the same program with other arrays.
     knee = jnp.asarray(jnp.inf, problem.dtype)
-    return Objective(traced, step_tables, knee, noise, reverse)
+    return Objective(traced, step_tables, knee, noise, views, reverse)
 
 
 def with_step_tables(objective: Objective, step_tables: StepTables) -> Objective:
     """Objective with other steps in time."""
     return eqx.tree_at(lambda o: o.step_tables, objective, step_tables)
+
+
+def with_views(objective: Objective, views: Views) -> Objective:
+    """Objective with the views of cameras in other poses."""
+    if not views:
+        return objective
+    return eqx.tree_at(lambda o: o.views, objective, views)
 
 
 def residuals(
@@ -68,7 +78,7 @@ def residuals(
     # In reverse the same, by a time loop that can be differentiated in that mode.
     traced = objective.reverse if in_reverse else objective.traced
     assert traced is not None
-    values, diagnostics = traced(z, objective.step_tables)
+    values, diagnostics = traced(z, objective.step_tables, objective.views)
     # r' = r sqrt(2 / (1 + sqrt(1 + (r / k)^2))): the squares of r' are the pseudo-Huber
     # loss of r.
     # Source: Charbonnier et al., IEEE Trans. Image Processing 6 (1997) 298-311.

@@ -141,7 +141,7 @@ def draw(
     """
     load_time = time if load_time is None else load_time
     # Derivatives need JAX, which otherwise would compile a program for every view.
-    given = temperature, received, load_time, terms, surfaces, effects
+    given = temperature, received, load_time, terms, surfaces, effects, view.weights
     xp: Any = jnp if is_traced(given) else np
     kelvin = xp.asarray(temperature)
     if received is not None:

@@ -224,6 +224,31 @@ def _interpolated_normals(
     return np.where(ahead[:, None], normal, flat)
 
 
+def normal_slopes(
+    vertices: Float[np.ndarray, "v 3"],
+    faces: Int[np.ndarray, "f 3"],
+    face: Int[np.ndarray, " p"],
+    points: Float[np.ndarray, "p 3"],
+    along: Float[np.ndarray, "2 p 3"],
+) -> Float[np.ndarray, "2 p 3"]:
+    """Change of `smooth_normals` along two directions in each triangle [1/m]."""
+    normals, corners = _face_normals(vertices, faces), vertices[faces[face]]
+    corner, flat = normals.corner[face], normals.flat[face]
+    sum_ = np.einsum("pi,pij->pj", _barycentric(corners, points), corner)
+    length = np.linalg.norm(sum_, axis=1)
+    normal = _unit(sum_)
+    # The coordinate of a corner rises from the opposite edge to the corner.
+    edge = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
+    rise = np.cross(flat[:, None], edge)
+    twice = 2 * normals.area[face]
+    rise /= np.where(twice > 0, twice, 1)[:, None, None]
+    change = np.einsum("kpj,pij,pil->kpl", along, rise, corner)
+    change -= normal * np.einsum("pj,kpj->kp", normal, change)[..., None]
+    # Where the flat normal is taken instead, it does not change.
+    ahead = np.einsum("pi,pi->p", normal, flat) > 0
+    return change * (ahead / np.where(length > 0, length, 1))[:, None]
+
+
 class _FaceNormals(NamedTuple):
     """Normals of all faces of a mesh, and of the smooth surface at their corners."""
 

@@ -10,12 +10,15 @@ from jaxtyping import Array, Float, Int
 from scipy.sparse import csr_array
 
 from ..scene.scene import SolvedSurface, per_fragment
+from .moving_weights import MovingWeights
 from .radiometry import Values
 from .view import View
 
 
-def means(weights: csr_array, values: Values) -> Values:
+def means(weights: csr_array | MovingWeights, values: Values) -> Values:
     """Weighted means of the fragments of each row, [s, k] to [p, k]."""
+    if isinstance(weights, MovingWeights):
+        return weights.means(jnp.asarray(values))
     count = len(weights.indptr) - 1
     if isinstance(values, np.ndarray):
         return (weights @ values).astype(values.dtype, copy=False)
@@ -41,6 +44,8 @@ def _weights(view: View, dtype: np.dtype) -> csr_array:
     known = _typed_weights.setdefault(view, {})
     if dtype not in known:
         given = view.weights
+        # Points that move have their values of JAX.
+        assert isinstance(given, csr_array)
         entries = given.data.astype(dtype), given.indices, given.indptr
         known[dtype] = csr_array(entries, shape=given.shape)
     return known[dtype]
@@ -51,7 +56,9 @@ def property_at_pixels(
 ) -> Values:
     """A property of surfaces, "emissivity" or "absorptivity", at the pixels [p]."""
     given = [getattr(surface, field) for surface in surfaces]
-    if any(np.ndim(each) for each in given):
+    # Points that move do not know their bodies, but all their fragments do.
+    moving = isinstance(view.weights, MovingWeights)
+    if moving or any(np.ndim(each) for each in given):
         fragments = per_fragment(surfaces, field, xp)
         return means(view.weights, fragments[:, None])[:, 0]
     # A body of one number has it everywhere.

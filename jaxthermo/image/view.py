@@ -19,12 +19,13 @@ from .background import Background, compute_background
 from .camera import AbstractCamera
 from .facets import FacetShading, facet_shading, joined_shadings, smooth_normals
 from .fragment_cells import CHUNK, block_matrix, cells_of
+from .moving_weights import MovingWeights
 from .ssao import screen_space_occlusion
 from .visible import VisiblePoints, visible_points
 
 
-# Radius of the weights [voxels]; from 1.4 it includes a fragment of any surface.
-_RADIUS = 2.0
+SMOOTHING_RADIUS = 2.0
+"""Radius of the weights [voxels]; from 1.4 it includes a fragment of any surface."""
 
 
 def _nearest_fragments(
@@ -52,7 +53,7 @@ def smooth_weights(
     geometry: BodyGeometry,
 ) -> csr_array:
     """Weights [p, s] of a body's fragments at each point."""
-    found = cells_of(geometry, _RADIUS * geometry.pitch).means(points, normals)
+    found = cells_of(geometry, SMOOTHING_RADIUS * geometry.pitch).means(points, normals)
     alone = np.flatnonzero(np.diff(found.indptr) == 0)
     if not len(alone):
         return found
@@ -83,7 +84,7 @@ class View:
     """Depth along the optical axis [m]."""
     normal: Float[np.ndarray, "p 3"]
     """Outward normal in the world, of the smooth surface that the mesh approximates."""
-    weights: csr_array
+    weights: csr_array | MovingWeights
     """Weights [p, s] of the concatenated fragments of all bodies."""
     background: Background
     open_fraction: Float[np.ndarray, " p"] | None = None
@@ -109,22 +110,20 @@ def compute_view(
     camera: AbstractCamera,
     smooth: bool = True,
     occlusion: float | None = None,
+    keep: bool = True,
 ) -> View:
     """Compute the surface point and the interpolation weights of each pixel.
 
     With `occlusion` [m], surfaces in the image hide the surroundings from others that
-    are not farther away.
+    are not farther away. A view that no other process will ask for is not worth to
+    `keep` in the user's cache.
 
     Raises:
         InputError: if the camera is inside a body or sees none.
     """
     given = camera, smooth, occlusion, [_content(s.geometry) for s in surfaces]
-    shown = stored(
-        "view",
-        given,
-        lambda: _shown(surfaces, camera, smooth, occlusion),
-        (_Shown, FacetShading),
-    )
+    find = lambda: _shown(surfaces, camera, smooth, occlusion)
+    shown = stored("view", given, find, (_Shown, FacetShading)) if keep else find()
     background = compute_background(terms, camera, shown.pixel, shown.depth)
     return View(
         camera,
@@ -185,9 +184,9 @@ def _shown(
     bodies = [s.geometry for s in surfaces]
     world = tuple((g.placed.to_world(g.vertices), g.faces) for g in bodies)
     found = visible_points(world, camera)
-    local, normal = _in_bodies(surfaces, found)
+    local, normal = in_bodies(surfaces, found)
     pixel, body, depth = found.pixel, found.body, found.depth
-    weights = _all_weights(surfaces, body, local, normal, smooth)
+    weights = all_weights(surfaces, body, local, normal, smooth)
     facets = _all_facets(surfaces, found, local) if smooth else None
     shown = _Shown(pixel, body, depth, normal, weights, None, facets)
     if occlusion is None:
@@ -208,7 +207,7 @@ def _open_fraction(
     return found.reshape(-1)[shown.pixel]
 
 
-def _in_bodies(
+def in_bodies(
     surfaces: tuple[SolvedSurface, ...], found: VisiblePoints
 ) -> tuple[Float[np.ndarray, "p 3"], Float[np.ndarray, "p 3"]]:
     """Points in the frames of their bodies [m], and smooth normals in the world."""
@@ -230,7 +229,17 @@ def _of_bodies(
     return [slice(None)] if one else [body == n for n in range(len(surfaces))]
 
 
-def _all_weights(surfaces, body, local, normal, smooth) -> csr_array:
+def all_weights(
+    surfaces: tuple[SolvedSurface, ...],
+    body: Int[np.ndarray, " p"],
+    local: Float[np.ndarray, "p 3"],
+    normal: Float[np.ndarray, "p 3"],
+    smooth: bool = True,
+) -> csr_array:
+    """Weights [p, s] of all fragments at points in the frames of their bodies [m].
+
+    The normals are those in the world.
+    """
     parts, shown = [], _of_bodies(surfaces, body)
     for here, surface in zip(shown, surfaces, strict=True):
         geometry = surface.geometry

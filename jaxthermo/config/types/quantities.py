@@ -85,6 +85,7 @@ _CONTACT_CONDUCTANCE = Unit(
 )
 _SPEED = Unit("m/s", "a speed", "3 m/s")
 _ANGLES = ("deg", "degree", "degrees", "°", "rad", "radian", "radians", "mrad", "turn")
+ANGLE = Unit("rad", "an angle", "30 deg", only=_ANGLES)
 NUMBER = Unit("", "a number", "0.9", only=("%", "percent"))
 
 
@@ -251,7 +252,7 @@ PositiveLength = Annotated[Length, Field(gt=0)]
 Time = Annotated[float, Unit("s", "a time", "3 min")]
 PositiveTime = Annotated[Time, Field(gt=0)]
 Temperature = Annotated[float, TEMPERATURE, AfterValidator(_plausible)]
-Angle = Annotated[float, Unit("rad", "an angle", "30 deg", only=_ANGLES)]
+Angle = Annotated[float, ANGLE]
 Irradiance = Annotated[float, Unit("W/m^2", "an irradiance", "800 W/m^2"), Field(ge=0)]
 HeatFlux = Annotated[float, HEAT_FLUX]
 HeatTransferCoefficient = Annotated[float, HEAT_TRANSFER_COEFFICIENT, Field(ge=0)]

@@ -7,9 +7,10 @@ import pytest
 import jaxthermo as jt
 from calibrate.analysis.identifiability import identify
 from calibrate.config.schema import FitConfig
+from calibrate.problem.frame_data import frame_target
 from calibrate.problem.parameters import Parameter, ParameterSet
 from calibrate.problem.problem import Case, Problem
-from calibrate.problem.targets import frame_target, render_frames, view_of
+from calibrate.problem.targets import render_frames, view_of
 from calibrate.solvers.fit import Fitting
 from jaxthermo.integrate.run.parametric_run import ParametricRun
 from jaxthermo.scene.compile.compile import compile_scene
@@ -55,7 +56,7 @@ def fitting():
         render_frames(view, true, solution, SAVES, "temperature"), float
     )
     target = frame_target(
-        SAVES, (view,), [frames], NOISE, "temperature", None, jnp.float64
+        SAVES, (view,), [frames], NOISE, "temperature", [], jnp.float64
     )
     fitted = tuple(
         Parameter(name, (value,), *bounds)

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
+from calibrate.problem.frame_data import frame_target
 from calibrate.problem.parameters import Parameter, ParameterSet
 from calibrate.problem.problem import Case, Problem
-from calibrate.problem.targets import body_mask, frame_target, render_frames, view_of
+from calibrate.problem.targets import body_mask, render_frames, view_of
 from jaxthermo.integrate.run.parametric_run import ParametricRun
 from jaxthermo.scene.compile.compile import compile_scene
 from tests.bodies import blocks
@@ -68,7 +69,7 @@ def test_a_pixels_radiance_has_the_gradient_of_its_differences(scene, view):
 
 
 def _target(view, frames, mask=None, times=SAVES):
-    return frame_target(times, (view,), [frames], 0.05, "radiance", mask, jnp.float64)
+    return frame_target(times, (view,), [frames], 0.05, "radiance", [mask], jnp.float64)
 
 
 def test_residuals_count_standard_deviations(scene, view):

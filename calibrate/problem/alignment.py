@@ -1,0 +1,253 @@
+"""Poses of cameras from whole frames: where a fit of them may start.
+
+A fit compares pixels away from outlines, whose temperatures change slowly: it finds the
+pose to a fraction of a pixel, from some pixels away. Here the outlines count, which are
+seen from far: the pose minimizes the squares of model minus data, both blurred over
+ever fewer pixels,
+
+    sum_p [G_s * (T(pose) - T_data)]_p^2 + pull,
+
+whose derivative follows from differences of rendered frames. Temperatures of the model
+may be off by a part of the contrast between body and background: a blurred outline does
+not move with them.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+from scipy.ndimage import gaussian_filter
+from scipy.optimize import least_squares
+
+from jaxthermo.errors import InputError
+from jaxthermo.image.band import Band
+from jaxthermo.image.camera import AbstractCamera
+from jaxthermo.image.pose import moved_camera
+from jaxthermo.image.view import View, compute_view
+from jaxthermo.integrate.run.parametric_run import ParametricSolution
+from jaxthermo.physics.radiation.irradiation import Irradiance
+from jaxthermo.physics.term import AbstractTerm
+from jaxthermo.scene.scene import Scene, SolvedSurface
+
+from .targets import frame_at, received_at
+
+
+_BLURS = (16.0, 8.0, 4.0, 2.0)
+"""Standard deviation of the blur in each round [pixels]."""
+_MIN_BLUR = 2.0
+"""Blur in pixels of the frame that is rendered: it has fewer, if it may."""
+_PULL = 1e-4
+"""Weight of a change of the pose by a pixel, in the frames' standard deviation: it
+decides where an outline does not, between turning a camera and moving it aside."""
+_STEP = 0.5
+"""Step of differences [pixels]."""
+_MAX_EVALUATIONS = 12
+"""Number of derivatives in a round."""
+_POLISHING_STEPS, _NEW_SLOPES = 40, (0, 2, 5)
+"""Number of steps with fitted temperatures, and those that find slopes."""
+
+
+class ShownRun(NamedTuple):
+    """A run of which frames are drawn on the host."""
+
+    surfaces: tuple[SolvedSurface, ...]
+    terms: tuple[AbstractTerm, ...]
+    times: Float[Array, " t"]
+    temperature: Float[np.ndarray, "t s"]
+    """Temperature of the fragments [K]."""
+    received: tuple[Irradiance, ...]
+    """Radiation that reaches them, at each time."""
+    quantity: str
+    band: Band | None
+
+    @classmethod
+    def of(
+        cls,
+        scene: Scene,
+        solution: ParametricSolution,
+        times: tuple[float, ...],
+        quantity: str,
+        band: Band | None,
+        reflected: Any,
+    ) -> "ShownRun":
+        """Read what frames need of a run."""
+        surface = solution.surface_temperature
+        at = jnp.asarray(times, surface.dtype)
+        rows = [
+            received_at(solution, s, t, reflected)
+            for s, t in zip(surface, at, strict=True)
+        ]
+        hosted = tuple(Irradiance(*map(np.asarray, row)) for row in rows)
+        shown = np.asarray(surface), hosted
+        return cls(solution.surfaces, scene.terms, at, *shown, quantity, band)
+
+    def frame(self, view: View, time: int) -> Float[np.ndarray, "h w"]:
+        """Frame of a saved time."""
+        given = self.temperature[time], self.received[time], self.times[time]
+        bodies = view, self.surfaces, self.terms
+        drawn = frame_at(*bodies, *given, self.quantity, self.band)
+        return np.asarray(drawn, float)
+
+
+class Limits(NamedTuple):
+    """Numbers of a camera's pose that are fitted, and their bounds."""
+
+    numbers: Int[np.ndarray, " n"]
+    lower: Float[np.ndarray, " n"]
+    upper: Float[np.ndarray, " n"]
+
+
+class Aligned(NamedTuple):
+    """Pose that the outlines give, and how well they determine it."""
+
+    pose: Float[np.ndarray, "6"]
+    numbers: Int[np.ndarray, " n"]
+    """Those of the pose that are fitted."""
+    whiten: Float[np.ndarray, "n n"] | None = None
+    """Deviations of these from the pose to independent ones of standard deviation 1;
+    None where temperatures were not fitted yet."""
+
+
+def align(
+    run: ShownRun,
+    camera: AbstractCamera,
+    frames: Float[np.ndarray, "t h w"],
+    mask: Bool[np.ndarray, "h w"] | None,
+    start: Float[np.ndarray, "6"],
+    limits: Limits,
+    again: bool = False,
+) -> Aligned:
+    """Find the pose of a camera by the saved time of the largest contrast.
+
+    From a start that is some pixels off, with temperatures that are off by a part of
+    the contrast; or `again`, with fitted temperatures, to a small part of a pixel.
+
+    Raises:
+        InputError: if the camera sees no body as it is given, or nothing is compared.
+    """
+    known = np.asarray(np.isfinite(frames).all(axis=0))
+    known = known if mask is None else known & mask
+    if not known.any():
+        raise InputError("no pixel of the frames is compared: check the mask")
+    time = int(np.argmax([frame[known].std() for frame in frames]))
+    data = np.where(known, frames[time], 0.0)
+    pose, unit = start.copy(), _pixel_sizes(run, camera)[limits.numbers]
+
+    def difference(coarse: _Coarse, q: np.ndarray) -> np.ndarray:
+        moved = pose.copy()
+        moved[limits.numbers] = q * unit
+        return coarse.difference(run, time, moved)
+
+    edge = 1e-3 * (limits.upper - limits.lower)
+    bounds = (limits.lower + edge) / unit, (limits.upper - edge) / unit
+    q = np.clip(pose[limits.numbers] / unit, *bounds)
+    first, whiten = q, None
+    for blur in () if again else _BLURS:
+        coarse = _Coarse.of(camera, data, known, blur)
+        pulled = lambda q, c=coarse: np.append(difference(c, q), _PULL * (q - first))
+        q = _search(pulled, q, bounds)
+    if again:
+        coarse = _Coarse.of(camera, data, known, _BLURS[-1])
+        q, spread = _polish(lambda q: difference(coarse, q), q, bounds)
+        # Blurred pixels are as independent as those that one blur apart.
+        independent = known.sum() / (4 * np.pi * _BLURS[-1] ** 2)
+        whiten = spread * np.sqrt(independent) / unit
+    pose[limits.numbers] = q * unit
+    return Aligned(pose, limits.numbers, whiten)
+
+
+class _Coarse(NamedTuple):
+    """Data of a round, in as few pixels as its blur needs."""
+
+    camera: AbstractCamera
+    data: Float[np.ndarray, "h w"]
+    known: Float[np.ndarray, "h w"]
+    blur: float
+    scale: float
+
+    @classmethod
+    def of(
+        cls, camera: AbstractCamera, data: np.ndarray, known: np.ndarray, blur: float
+    ) -> "_Coarse":
+        factor = 1
+        while (
+            blur / factor >= 2 * _MIN_BLUR
+            and camera.width % (2 * factor) == 0
+            and camera.height % (2 * factor) == 0
+        ):
+            factor *= 2
+        height, width = camera.height // factor, camera.width // factor
+        means = lambda a: a.reshape(height, factor, width, factor).mean(axis=(1, 3))
+        weight = means(known.astype(float))
+        mean = means(data) / np.maximum(weight, 1e-9)
+        scale = data[known].std() * np.sqrt(weight.sum())
+        small = replace(camera, width=width, height=height)
+        # A block that is cut by the mask is not compared.
+        whole = (weight == 1).astype(float)
+        return cls(small, mean, whole, blur / factor, max(float(scale), 1e-12))
+
+    def difference(self, run: ShownRun, time: int, pose: np.ndarray) -> np.ndarray:
+        """Blurred model minus data, whose squares have the mean 1 for no model."""
+        moved = moved_camera(self.camera, pose)
+        try:
+            view = compute_view(run.surfaces, run.terms, moved, keep=False)
+        except InputError:
+            # A trial that sees no body is refused.
+            return np.ones(self.data.size)
+        away = (run.frame(view, time) - self.data) * self.known
+        return (gaussian_filter(away, self.blur) / self.scale).ravel()
+
+
+def _pixel_sizes(run: ShownRun, camera: AbstractCamera) -> Float[np.ndarray, "6"]:
+    """Change of each number of a pose that moves the image by about a pixel."""
+    view = compute_view(run.surfaces, (), camera)
+    depth = float(np.median(view.depth))
+    middle = np.array([0, 1]) + camera.width * (camera.height // 2)
+    origin, step = camera.rays(middle)
+    pixel = np.linalg.norm((origin + depth * step)[1] - (origin + depth * step)[0])
+    # A move along the view, and a turn about it, act by the size of the body.
+    lengths = np.array([1.0, 1.0, 4.0])
+    return np.concatenate([lengths * pixel / depth, lengths * pixel])
+
+
+_Residual = Callable[[np.ndarray], np.ndarray]
+_Bounds = tuple[np.ndarray, np.ndarray]
+
+
+def _differences(residual: _Residual, q: np.ndarray) -> Float[np.ndarray, "r n"]:
+    """Slopes of residuals, per pixel."""
+    steps = _STEP * np.eye(len(q))
+    columns = [residual(q + step) - residual(q - step) for step in steps]
+    return np.stack(columns, axis=1) / (2 * _STEP)
+
+
+def _search(residual: _Residual, start: np.ndarray, bounds: _Bounds) -> np.ndarray:
+    slopes: Any = lambda q: _differences(residual, q)
+    accuracy: Any = {"xtol": 1e-3, "ftol": 1e-3, "max_nfev": _MAX_EVALUATIONS}
+    return least_squares(residual, start, slopes, bounds, **accuracy).x
+
+
+def _polish(
+    residual: _Residual, start: np.ndarray, bounds: _Bounds
+) -> tuple[np.ndarray, Float[np.ndarray, "n n"]]:
+    """Gauss-Newton steps that are all taken, and the root of J^T J / |r|^2.
+
+    Near the best pose fewer and fewer pixels change between body and background: the
+    sum of squares is rough, and a search for less of it would end far away, but the
+    steps shrink with the distance.
+    """
+    q = best = start
+    lowest, slopes = np.inf, np.zeros((0, 0))
+    for step in range(_POLISHING_STEPS):
+        if step in _NEW_SLOPES:
+            slopes = _differences(residual, q)
+        away = residual(q)
+        if (now := float(np.linalg.norm(away))) < lowest:
+            best, lowest = q, now
+        change = np.linalg.lstsq(slopes, away, rcond=1e-6)[0]
+        q = np.clip(q - np.clip(change, -1, 1), *bounds)
+    root = np.asarray(np.linalg.qr(slopes, mode="r"))
+    return best, root / max(lowest, 1e-12)

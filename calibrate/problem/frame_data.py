@@ -1,0 +1,124 @@
+"""Frames as data: which of their pixels are compared, and what cannot be."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool, Float
+
+from jaxthermo.errors import InputError
+from jaxthermo.image.band import Band
+from jaxthermo.image.outline import outline_distance
+from jaxthermo.image.pose import moved_camera
+from jaxthermo.image.pose_derivative import linearize_view
+from jaxthermo.image.view import View, compute_view
+from jaxthermo.physics.term import AbstractTerm
+from jaxthermo.scene.scene import SolvedSurface
+
+from .targets import FrameTarget, body_mask
+
+
+Masks = Sequence[Bool[np.ndarray, "_ _"] | None]
+"""Pixels to compare of each view; all of those that are not given."""
+
+
+class FitsPoses(NamedTuple):
+    """Cameras whose poses are fitted."""
+
+    surfaces: tuple[SolvedSurface, ...]
+    """Surfaces of the bodies."""
+    terms: tuple[AbstractTerm, ...]
+    """Terms of the scene, whose sources may hide bodies."""
+    poses: Float[np.ndarray, "v 6"]
+    """Start of the fit."""
+    margin: float
+    """Distance from outlines within which pixels are not compared [pixels]."""
+
+
+_MORE_WEIGHTS = 1.3
+"""Room for weights of fragments in a view, over their number at the start."""
+
+
+def frame_target(
+    times: tuple[float, ...],
+    views: tuple[View, ...],
+    frames: list[Float[np.ndarray, "_ _ _"]],
+    noise: float,
+    quantity: str,
+    masks: Masks,
+    dtype: Any,
+    band: Band | None = None,
+    reflected: float | None = None,
+    moving: FitsPoses | None = None,
+) -> FrameTarget:
+    """Make a target of the frames [time, row, column] of every view of the model.
+
+    The masks hold the pixels to compare, of each view; those without a body are left
+    out, and with `moving` cameras those near outlines. The other arguments are those of
+    `FrameTarget`.
+    """
+    check_frames(times, views, frames, masks)
+    data, chosen, room = [], [], []
+    for n, (view, given) in enumerate(zip(views, frames, strict=True)):
+        # The background depends on no parameter.
+        compared = body_mask(view) if moving is None else _interior(view, n, moving)
+        if n < len(masks) and (mask := masks[n]) is not None:
+            compared = mask & compared
+        if not compared.any():
+            why = "" if moving is None else ", or give a smaller `margin`"
+            raise InputError(
+                f"view {n}: no pixel of a body is compared: check the mask{why}"
+            )
+        bad = ~np.isfinite(given[:, compared])
+        if bad.any():
+            raise InputError(
+                f"view {n}: {int(bad.sum())} compared pixels are not finite: mask "
+                "them, or repair the frames"
+            )
+        pixels = np.flatnonzero(compared)
+        data.append(jnp.asarray(given[:, compared], dtype))
+        chosen.append(jnp.asarray(pixels, jnp.int32))
+        if moving is not None:
+            shown = moving.surfaces, view.camera, moving.poses[n], pixels
+            room.append(int(_MORE_WEIGHTS * len(linearize_view(*shown).row)))
+    compared = tuple(data), tuple(chosen)
+    surfaces = () if moving is None else moving.surfaces
+    return FrameTarget(
+        *(times, views, *compared, noise, quantity, band, reflected),
+        surfaces=surfaces,
+        room=tuple(room),
+    )
+
+
+def check_frames(
+    times: tuple[float, ...],
+    views: tuple[View, ...],
+    frames: list[Float[np.ndarray, "_ _ _"]],
+    masks: Masks,
+) -> None:
+    """Refuse frames and masks that do not fit the times and cameras."""
+    for n, (view, given) in enumerate(zip(views, frames, strict=True)):
+        width, height = view.camera.size
+        if given.shape[0] != len(times):
+            raise InputError(
+                f"view {n}: {given.shape[0]} frames for {len(times)} saved times"
+            )
+        if given.shape[1:] != (height, width):
+            raise InputError(
+                f"view {n}: frames of {given.shape[2]} x {given.shape[1]} pixels and a "
+                f"camera of {width} x {height}: give the camera the frames' size"
+            )
+        mask = masks[n] if n < len(masks) else None
+        if mask is not None and mask.shape != (height, width):
+            raise InputError(
+                f"the mask is {mask.shape[1]} x {mask.shape[0]} pixels and the frames "
+                f"{width} x {height}"
+            )
+
+
+def _interior(view: View, number: int, moving: FitsPoses) -> Bool[np.ndarray, "h w"]:
+    """Pixels of bodies away from outlines, in the pose where the fit starts."""
+    camera = moved_camera(view.camera, moving.poses[number])
+    there = compute_view(moving.surfaces, moving.terms, camera, keep=False)
+    return body_mask(there) & (outline_distance(there) > moving.margin)

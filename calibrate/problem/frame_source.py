@@ -1,0 +1,183 @@
+"""Frames of a case, simulated or of files, and the views that they are of."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float
+from PIL import Image, UnidentifiedImageError
+
+from jaxthermo.arrays import precision
+from jaxthermo.config.camera_framing import build_camera
+from jaxthermo.config.schema.image import CameraConfig
+from jaxthermo.config.schema.scene import SceneConfig
+from jaxthermo.errors import InputError
+from jaxthermo.image.band import Band
+from jaxthermo.image.files import read_exr
+from jaxthermo.image.view import View
+from jaxthermo.integrate.run.parametric_run import ParametricRun
+from jaxthermo.scene.compile.compile import compile_scene
+from jaxthermo.scene.scene import Scene, SolvedSurface
+
+from ..config import schema
+from ..config.loader import scene_config
+from ..config.schema import CalibrationConfig
+from .frame_data import Masks, check_frames
+from .targets import render_frames, view_of
+
+
+FramesConfig = schema.SimulatedFrames | schema.MeasuredFrames
+_CHANNELS = {"temperature": "apparent_temperature", "radiance": "radiance"}
+"""Channel of an EXR file by compared quantity."""
+
+
+class CaseFrames(NamedTuple):
+    """Frames of one case."""
+
+    settings: FramesConfig
+    times: tuple[float, ...]
+    """[s]"""
+    views: tuple[View, ...]
+    """Views of the cameras as given."""
+    surfaces: tuple[SolvedSurface, ...]
+    frames: list[Float[np.ndarray, "_ _ _"]]
+    """Frames of each view, [time, row, column] [K or W/(m^2 sr)]."""
+    masks: Masks
+    band: Band | None
+    """Band of the detector; None for all wavelengths."""
+
+
+def case_frames(
+    config: CalibrationConfig,
+    case: schema.CaseConfig,
+    given: SceneConfig,
+    scene: Scene,
+    log: Callable[[str], None],
+) -> CaseFrames:
+    """Frames that the reference of a calibration gives for a case.
+
+    Raises:
+        InputError: if there are none, or they do not fit cameras, masks or times.
+    """
+    settings, times = config.reference, given.time.save_times
+    band = None if given.image.band is None else given.image.band.build()
+    with precision(scene.dtype):
+        masks: Masks = ()
+        match settings:
+            case schema.SimulatedFrames():
+                frames = _simulated(config, case, given, settings, band, log)
+            case schema.MeasuredFrames():
+                frames, masks = _measured(case.name, settings)
+            case _:
+                raise AssertionError(f"no frames in {settings.kind}")
+        surfaces = start_surfaces(scene)
+        views = camera_views(settings.views or (given.camera,), scene, surfaces)
+    if len(views) != len(frames):
+        raise InputError(
+            f"{case.name}: {len(frames)} sequences of frames and {len(views)} views"
+        )
+    check_frames(times, views, frames, masks)
+    return CaseFrames(settings, times, views, surfaces, frames, masks, band)
+
+
+def camera_views(
+    cameras: tuple[CameraConfig, ...],
+    scene: Scene,
+    surfaces: tuple[SolvedSurface, ...] | None = None,
+) -> tuple[View, ...]:
+    """Views of a scene's surfaces, by default those at the start."""
+    surfaces = start_surfaces(scene) if surfaces is None else surfaces
+    triangles = np.concatenate([s.geometry.triangles for s in surfaces])
+    made = (build_camera(camera, triangles) for camera in cameras)
+    return tuple(view_of(surfaces, scene, camera) for camera in made)
+
+
+def start_surfaces(scene: Scene) -> tuple[SolvedSurface, ...]:
+    """Surfaces of a scene's bodies at the start."""
+    # Neither the number of save times nor the end has an effect on the surfaces.
+    with precision(scene.dtype):
+        return compile_scene(scene, 1, 1.0).surfaces
+
+
+def _simulated(
+    config: CalibrationConfig,
+    case: schema.CaseConfig,
+    given: SceneConfig,
+    settings: schema.SimulatedFrames,
+    band: Band | None,
+    log: Callable[[str], None],
+) -> list[np.ndarray]:
+    truth = scene_config(config, case.set, settings.set)
+    times = truth.time.save_times
+    # The truth may change anything but the times at which it is compared.
+    if times != given.time.save_times:
+        raise InputError("reference: set: the save times are the case's")
+    log(f"{case.name}: running the truth")
+    scene = truth.build()
+    with precision(truth.dtype):
+        run = ParametricRun(times, truth.solver.build())
+        solution = run(scene, run.step_table(scene))
+        cameras = settings.views or (given.camera,)
+        views = camera_views(cameras, scene, solution.surfaces)
+        reflected = settings.reflected_temperature
+        shown = scene, solution, times, settings.quantity, band, reflected
+        frames = [np.asarray(render_frames(v, *shown), float) for v in views]
+    if settings.noiseless:
+        return frames
+    # The seed differs between cases, so that their noise is independent.
+    noise = np.random.default_rng([settings.seed, *case.name.encode()])
+    return [f + noise.normal(0, settings.noise, f.shape) for f in frames]
+
+
+def _measured(
+    name: str, settings: schema.MeasuredFrames
+) -> tuple[list[np.ndarray], Masks]:
+    views = sorted((f for f in settings.frames if f.case == name), key=lambda f: f.view)
+    if not views:
+        raise InputError(f"reference: frames: there are none for the case {name}")
+    channel = _CHANNELS[settings.quantity]
+    frames = [_read_frames(view, channel) for view in views]
+    return frames, [_read_mask(view.mask or settings.mask) for view in views]
+
+
+def _read_frames(view: schema.FramesOfCase, channel: str) -> np.ndarray:
+    rows = []
+    for path in view.files:
+        channels, _ = read_exr(path)
+        if channel not in channels:
+            listed = ", ".join(sorted(channels))
+            raise InputError(f"{path}: has no channel {channel} (it has {listed})")
+        rows.append(channels[channel])
+    # Frames of one view are stacked, and compared with one camera.
+    if len({row.shape for row in rows}) > 1:
+        raise InputError(f"{view.case}, view {view.view}: frames of several sizes")
+    return np.stack(rows).astype(float)
+
+
+def _read_mask(path: Path | None) -> Bool[np.ndarray, "_ _"] | None:
+    if path is None:
+        return None
+    match path.suffix.lower():
+        case ".exr":
+            channels, _ = read_exr(path)
+            values: Any = np.stack([*channels.values()])
+            return (np.isfinite(values) & (values != 0)).all(axis=0)
+        case ".npy":
+            return _read_array_mask(path)
+    try:
+        with Image.open(path) as picture:
+            # Every pixel that is not black is compared.
+            return np.asarray(picture.convert("L")) > 0
+    except UnidentifiedImageError as error:
+        raise InputError(f"{path}: no mask: give a PNG, NPY or EXR file") from error
+
+
+def _read_array_mask(path: Path) -> Bool[np.ndarray, "_ _"]:
+    try:
+        values = np.load(path)
+    except (OSError, ValueError, EOFError) as error:
+        raise InputError(f"{path}: is no array that `numpy.save` wrote") from error
+    if values.ndim != 2 or values.dtype.kind not in "biuf":
+        raise InputError(f"{path}: a mask has rows and columns of numbers")
+    return np.isfinite(values) & (values != 0)

@@ -1,0 +1,153 @@
+"""Poses of cameras as fitted values: residuals, names, mistakes, and a fit of all."""
+
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from calibrate.config.frame_names import check_frame_names, pose_numbers
+from calibrate.config.loader import load_calibration
+from calibrate.config.schema import shown_unit_of, value_in_si
+from calibrate.problem.frame_data import FitsPoses, frame_target
+from calibrate.problem.frame_source import _read_mask
+from calibrate.problem.parameters import Parameter, ParameterSet
+from calibrate.problem.problem import Case, Problem
+from calibrate.problem.targets import render_frames, view_of
+from calibrate.solvers.cameras import build_aligned
+from calibrate.solvers.fit import Fitting
+from jaxthermo.integrate.run.parametric_run import ParametricRun
+from jaxthermo.scene.compile.compile import compile_scene
+from tests.bodies import blocks
+
+
+CONFIG = Path(__file__).parents[3] / "configs" / "calibration" / "camera-pose.yaml"
+SAVES = (20.0, 60.0)
+CAMERA = jt.Camera(
+    position=(0.16, -0.11, 0.11), look_at=(0.03, 0.03, 0.03), width=40, height=32
+)
+FITTED = ParameterSet(
+    (
+        Parameter("material.emissivity", (0.8,), 0.1, 1.0),
+        Parameter("reflected_temperature", (230.0,), 0.0),
+        Parameter("cameras.0.rotation", (0.01, 0.0, 0.0), -0.1, 0.1, is_scalar=False),
+        Parameter("cameras.0.translation.2", (0.002,), -0.02, 0.02),
+    )
+)
+
+
+@pytest.fixture(scope="module")
+def problem():
+    """A block that is warm on one side, and a camera that is not where it is given."""
+    structure = jt.ShellOverCore(blocks(np.ones((6, 6, 6), bool), 0.01), factor=2)
+    metal = jt.Material(16.0, density=8000.0, specific_heat=500.0, emissivity=0.8)
+    body = jt.Body(structure, metal, temperature=350.0)
+    terms = (
+        jt.HeatFlux(2e4, on=jt.Side((1.0, 0.0, 0.0))),
+        jt.Convection(30.0, 300.0),
+        jt.Surroundings(220.0),
+    )
+    scene = jt.Scene((body,), terms, dtype="float64")
+    run = ParametricRun(SAVES, jt.ForwardEuler(dt=2.0))
+    surfaces = compile_scene(scene, 1, 1.0).surfaces
+    view = view_of(surfaces, scene, CAMERA)
+    solution = run(scene, run.step_table(scene))
+    frames = np.asarray(render_frames(view, scene, solution, SAVES, "temperature"))
+    poses = np.asarray(FITTED.poses(np.zeros(FITTED.size), 1))
+    target = frame_target(
+        SAVES, (view,), [frames], 0.05, "temperature", [], jnp.float64,
+        moving=FitsPoses(surfaces, terms, poses, 2.0),
+    )  # fmt: skip
+    return Problem(FITTED, (Case("one", scene, run, target),))
+
+
+def test_residuals_have_the_slopes_of_frames_rendered_again(problem):
+    """By poses and the reflected temperature, to 1e-6 of the largest."""
+    z, tables = problem.start(), problem.step_tables()
+    rows = jax.jit(lambda z, views: problem.residuals(z, tables, views)[0])
+    slopes = np.asarray(jax.jacfwd(rows)(z, problem.views_at(z)))
+    step = 1e-6
+    for number, unit in enumerate(np.eye(len(z))):
+        ends = [z + step * unit, z - step * unit]
+        one, other = (np.asarray(rows(end, problem.views_at(end))) for end in ends)
+        off = np.abs((one - other) / (2 * step) - slopes[:, number])
+        assert (off < 1e-6 * np.abs(slopes).max()).mean() > 0.99
+        assert np.abs(slopes[:, number]).max() > 0
+
+
+def test_a_pose_that_sees_no_body_is_refused_by_its_residuals(problem):
+    z = problem.start()
+    far = FITTED.coordinates(
+        {**FITTED.values(z), "cameras.0.rotation": np.array([0.0999, 0.0999, 0.0])}
+    )
+    found, _ = problem.residuals(far, problem.step_tables(), problem.views_at(far))
+    assert not np.isfinite(np.asarray(found)).any()
+
+
+def test_names_of_poses_have_units_and_are_checked():
+    assert pose_numbers("cameras.1.translation") == (1, (3, 4, 5))
+    assert pose_numbers("cameras.0.rotation.2") == (0, (2,))
+    assert value_in_si("2 deg", "cameras.0.rotation") == pytest.approx(np.pi / 90)
+    assert shown_unit_of("cameras.0.translation.1") == ("mm", 1e-3)
+    assert shown_unit_of("reflected_temperature") == ("K", 1.0)
+
+
+@pytest.mark.parametrize(
+    ("names", "cameras", "message"),
+    [
+        (["cameras.0.roll"], 1, "name the pose of a camera"),
+        (["cameras.2.rotation"], 2, "there is 2 views, counted from 0"),
+        (["cameras.0.rotation", "cameras.0.rotation.1"], 1, "is part of"),
+        (["reflected_temperature"], 0, "there are no frames"),
+    ],
+)
+def test_names_that_frames_do_not_have_are_refused(names, cameras, message):
+    with pytest.raises(jt.InputError, match=message) as raised:
+        check_frame_names(names, cameras)
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ("fit.method=lbfgs", "poses of cameras need levenberg_marquardt"),
+        ("fit.starts=3", "poses of cameras are fitted from one start"),
+        ("parameters.3.start=[1 mm, 0, 0]", "an angle"),
+    ],
+)
+def test_mistakes_with_poses_are_one_line(change, message):
+    with pytest.raises(jt.InputError, match=message) as raised:
+        load_calibration(CONFIG, (change,))
+    assert "\n" not in str(raised.value)
+
+
+def test_masks_are_read_from_arrays(tmp_path):
+    np.save(tmp_path / "mask.npy", np.array([[1.0, 0.0], [np.nan, 2.0]]))
+    found = _read_mask(tmp_path / "mask.npy")
+    assert found is not None and found.tolist() == [[True, False], [False, True]]
+    (tmp_path / "bad.npy").write_bytes(b"no array")
+    with pytest.raises(jt.InputError, match=r"no array that"):
+        _read_mask(tmp_path / "bad.npy")
+
+
+@pytest.mark.slow
+def test_poses_and_properties_are_found_of_frames_of_half_the_pitch():
+    """Poses to 0.1 degrees and 0.5 mm; the coarser model's bias bounds the rest."""
+    config = load_calibration(CONFIG)
+    calibration = build_aligned(config, lambda stage: None)
+    fit = Fitting(calibration.train, config.fit).run()
+    found = calibration.parameters.values(jnp.asarray(fit.z, calibration.train.dtype))
+    for camera in (0, 1):
+        turn, move = (
+            float(np.linalg.norm(found[f"cameras.{camera}.{part}"]))
+            for part in ("rotation", "translation")
+        )
+        assert turn < np.deg2rad(0.1)
+        assert move < 0.5e-3
+    # Thin sleeves have other volumes in coarse voxels: h is 5.4 % off.
+    assert found["material.conductivity"] == pytest.approx(20.0, rel=0.01)
+    assert found["material.emissivity"] == pytest.approx(0.85, rel=0.005)
+    h = found["convection.heat_transfer_coefficient"]
+    assert h == pytest.approx(11.0, rel=0.07)
