@@ -217,13 +217,26 @@ class FramesOfCase(Model):
     """Mask of these frames, instead of that of all."""
 
 
+class FlirConfig(Model, builds="FlirCalibration"):
+    """Constants between temperatures and counts, which each file of a camera has."""
+
+    r1: Annotated[Number, Field(gt=0)]
+    b: Annotated[Number, Field(gt=0)]
+    f: Number
+    o: Number
+    r2: Annotated[Number, Field(gt=0)]
+
+
 class MeasuredFrames(KindModel):
-    """EXR files with a channel "apparent_temperature" or "radiance"."""
+    """EXR files of temperature or radiance, or TIFF, PNG, CSV, NPY of temperature."""
 
     kind: Literal["frames"] = "frames"
     frames: Annotated[tuple[FramesOfCase, ...], NotEmpty]
     views: tuple[CameraConfig, ...] = ()
     quantity: Quantity = "temperature"
+    unit: Literal["kelvin", "centikelvin", "celsius", "counts"] = "kelvin"
+    """Unit of temperatures in the files; of counts `flir` has the constants."""
+    flir: FlirConfig | None = None
     noise: Noise = 0.05
     mask: FoundPath | None = None
     """PNG, NPY or EXR of the frames' size; pixels that are 0 there, or not a number,
@@ -235,6 +248,14 @@ class MeasuredFrames(KindModel):
     cameras are fitted [pixels]."""
     align: Flag = True
     """Find poses by the outlines first: the background has to be the scene's."""
+
+    def mistakes(self) -> list[Mistake]:
+        """A unit that does not fit the other values."""
+        if (self.unit == "counts") != (self.flir is not None):
+            return [(("flir",), "goes with `unit: counts`: give both or neither")]
+        if self.unit != "kelvin" and self.quantity == "radiance":
+            return [(("unit",), "is of temperatures, and `quantity` is radiance")]
+        return []
 
 
 ReferenceConfig = Annotated[

@@ -12,9 +12,11 @@ from jaxthermo.arrays import precision
 from jaxthermo.config.camera_framing import build_camera
 from jaxthermo.config.schema.image import CameraConfig
 from jaxthermo.config.schema.scene import SceneConfig
+from jaxthermo.config.types.model import build
 from jaxthermo.errors import InputError
 from jaxthermo.image.band import Band
 from jaxthermo.image.files import read_exr
+from jaxthermo.image.thermogram_files import read_thermogram
 from jaxthermo.image.view import View
 from jaxthermo.integrate.run.parametric_run import ParametricRun
 from jaxthermo.scene.compile.compile import compile_scene
@@ -28,8 +30,11 @@ from .targets import render_frames, view_of
 
 
 FramesConfig = schema.SimulatedFrames | schema.MeasuredFrames
-_CHANNELS = {"temperature": "apparent_temperature", "radiance": "radiance"}
-"""Channel of an EXR file by compared quantity."""
+_CHANNELS = {
+    "temperature": ("apparent_temperature_K", "apparent_temperature"),
+    "radiance": ("radiance",),
+}
+"""Channels of an EXR file by compared quantity, the first that it has."""
 
 
 class CaseFrames(NamedTuple):
@@ -61,6 +66,11 @@ def case_frames(
         InputError: if there are none, or they do not fit cameras, masks or times.
     """
     settings, times = config.reference, given.time.save_times
+    if given.image.effects:
+        raise InputError(
+            f"{case.name}: image.effects: frames of a calibration are compared without "
+            "effects of the camera: leave them out"
+        )
     band = None if given.image.band is None else given.image.band.build()
     with precision(scene.dtype):
         masks: Masks = ()
@@ -136,23 +146,32 @@ def _measured(
     views = sorted((f for f in settings.frames if f.case == name), key=lambda f: f.view)
     if not views:
         raise InputError(f"reference: frames: there are none for the case {name}")
-    channel = _CHANNELS[settings.quantity]
-    frames = [_read_frames(view, channel) for view in views]
+    frames = [_read_frames(view, settings) for view in views]
     return frames, [_read_mask(view.mask or settings.mask) for view in views]
 
 
-def _read_frames(view: schema.FramesOfCase, channel: str) -> np.ndarray:
-    rows = []
-    for path in view.files:
-        channels, _ = read_exr(path)
-        if channel not in channels:
-            listed = ", ".join(sorted(channels))
-            raise InputError(f"{path}: has no channel {channel} (it has {listed})")
-        rows.append(channels[channel])
+def _read_frames(
+    view: schema.FramesOfCase, settings: schema.MeasuredFrames
+) -> np.ndarray:
+    rows = [_read_frame(path, settings) for path in view.files]
     # Frames of one view are stacked, and compared with one camera.
     if len({row.shape for row in rows}) > 1:
         raise InputError(f"{view.case}, view {view.view}: frames of several sizes")
     return np.stack(rows).astype(float)
+
+
+def _read_frame(path: Path, settings: schema.MeasuredFrames) -> np.ndarray:
+    if path.suffix.lower() != ".exr":
+        if settings.quantity == "radiance":
+            raise InputError(f"{path}: radiance is read from EXR files alone")
+        return read_thermogram(path, settings.unit, build(settings.flir))
+    channels, _ = read_exr(path)
+    named = _CHANNELS[settings.quantity]
+    found = [channels[name] for name in named if name in channels]
+    if not found:
+        listed = ", ".join(sorted(channels))
+        raise InputError(f"{path}: has no channel {named[0]} (it has {listed})")
+    return found[0]
 
 
 def _read_mask(path: Path | None) -> Bool[np.ndarray, "_ _"] | None:
