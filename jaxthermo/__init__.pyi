@@ -143,5 +143,6 @@ from .voxels.selection import (
     Side as Side,
 )
 from .voxels.voxelize import voxelize as voxelize
+from .weather.sun_position import Place as Place, sun_path as sun_path
 
 __version__: str

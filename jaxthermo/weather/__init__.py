@@ -1,0 +1,1 @@
+"""Outdoor scenes: a place and a date become the direction of the sun."""
