@@ -1,1 +1,1 @@
-"""Outdoor scenes: a place and a date become the direction of the sun."""
+"""Outdoor scenes: place, date and weather become terms of a scene."""

@@ -1,13 +1,14 @@
-"""Direction of the sun at a place and time, by the library pvlib (an extra)."""
+"""Position of the sun at a place and time, by the library pvlib (an extra)."""
 
 import importlib.util
 import math
 from dataclasses import dataclass
-from datetime import datetime, timedelta
-from typing import Any, final
+from datetime import UTC, datetime, timedelta
+from typing import Any, NamedTuple, final
 
 import lazy_loader
 import numpy as np
+from jaxtyping import Float
 
 from ..errors import InputError
 from ..physics.radiation.source_motion import DirectionTable
@@ -57,44 +58,98 @@ class Place:
                 f"Place(north=): {self.north} has no direction; give x and y of north"
             )
 
+    @property
+    def pressure(self) -> float:
+        """Mean pressure of the air by the standard atmosphere [hPa]."""
+        return 1013.25 * (1 - 2.25577e-5 * self.altitude) ** 5.25588
 
-def directions_of_rays(place: Place, times: list[datetime]) -> np.ndarray:
+    @property
+    def axes(self) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
+        """Unit vectors to north and east in the scene."""
+        x, y = np.asarray(self.north, float) / math.hypot(*self.north)
+        return np.array([x, y, 0.0]), np.array([y, -x, 0.0])
+
+
+def require_pvlib(purpose: str) -> None:
+    """Refuse to go on without the extra.
+
+    Raises:
+        InputError: without the package pvlib, naming the purpose and the remedy.
+    """
+    if importlib.util.find_spec("pvlib") is None:
+        raise InputError(
+            f"{purpose} needs the package pvlib: install it, as with "
+            "`pip install 'jaxthermo[weather]'`"
+        )
+
+
+class SunPosition(NamedTuple):
+    """Position of the sun at several times, refraction by the air included."""
+
+    zenith: Float[np.ndarray, " t"]
+    """Angle from the vertical [rad]."""
+    azimuth: Float[np.ndarray, " t"]
+    """Angle from north towards east [rad]."""
+
+    @property
+    def height(self) -> Float[np.ndarray, " t"]:
+        """Sine of the elevation, negative while the sun is down [-]."""
+        return np.cos(self.zenith)
+
+
+def sun_position(place: Place, seconds: Float[np.ndarray, " t"]) -> SunPosition:
+    """Position of the sun at times since 1970-01-01 UTC [s].
+
+    Source: Reda and Andreas, Solar Energy 76 (2004) 577, as in pvlib.
+
+    Raises:
+        InputError: without the package pvlib.
+    """
+    require_pvlib("the position of the sun")
+    date = datetime.fromtimestamp(float(seconds[0]), UTC)
+    zenith, _, _, _, azimuth, _ = _pvlib.spa.solar_position(
+        np.asarray(seconds, float),
+        place.latitude,
+        place.longitude,
+        place.altitude,
+        place.pressure,
+        _MEAN_TEMPERATURE,
+        _pvlib.spa.calculate_deltat(date.year, date.month),
+        _REFRACTION_AT_HORIZON,
+    )
+    return SunPosition(np.radians(zenith), np.radians(azimuth))
+
+
+def rays(place: Place, sun: SunPosition) -> Float[np.ndarray, "t 3"]:
+    """Unit vectors in which sunlight travels; upward while the sun is down."""
+    north, east = place.axes
+    level = np.cos(sun.azimuth)[:, None] * north + np.sin(sun.azimuth)[:, None] * east
+    up = np.array([0.0, 0.0, 1.0])
+    return -(np.sin(sun.zenith)[:, None] * level + sun.height[:, None] * up)
+
+
+def directions_of_rays(place: Place, times: list[datetime]) -> Float[np.ndarray, "t 3"]:
     """Unit vectors [x, y, z] in which sunlight travels, one for each time.
-
-    Refraction by the air is included. Below the horizon the vectors point upward.
 
     Raises:
         InputError: without the package pvlib, or for a time without a zone.
     """
-    if importlib.util.find_spec("pvlib") is None:
+    seconds = np.array([instant(time) for time in times])
+    return rays(place, sun_position(place, seconds))
+
+
+def instant(time: datetime) -> float:
+    """A date and time with a zone since 1970-01-01 UTC [s].
+
+    Raises:
+        InputError: without a zone.
+    """
+    if time.utcoffset() is None:
         raise InputError(
-            "the position of the sun needs the package pvlib: install it, as with "
-            "`pip install 'jaxthermo[weather]'`"
+            f"time {time.isoformat()} has no zone: write it as "
+            f"{time.isoformat()}+01:00, or with Z for UTC"
         )
-    for time in times:
-        if time.utcoffset() is None:
-            raise InputError(
-                f"time {time.isoformat()} has no zone: write it as "
-                f"{time.isoformat()}+01:00, or with Z for UTC"
-            )
-    seconds = np.array([time.timestamp() for time in times])
-    # Barometric formula of the standard atmosphere [hPa].
-    pressure = 1013.25 * (1 - 2.25577e-5 * place.altitude) ** 5.25588
-    zenith, _, _, _, azimuth, _ = _pvlib.spa.solar_position(
-        seconds,
-        place.latitude,
-        place.longitude,
-        place.altitude,
-        pressure,
-        _MEAN_TEMPERATURE,
-        _pvlib.spa.calculate_deltat(times[0].year, times[0].month),
-        _REFRACTION_AT_HORIZON,
-    )
-    zenith, azimuth = np.radians(zenith), np.radians(azimuth)
-    north = np.asarray(place.north) / math.hypot(*place.north)
-    east = np.array([north[1], -north[0]])
-    level = np.cos(azimuth)[:, None] * north + np.sin(azimuth)[:, None] * east
-    return -np.column_stack([np.sin(zenith)[:, None] * level, np.cos(zenith)])
+    return time.timestamp()
 
 
 def sun_path(
