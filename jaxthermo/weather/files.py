@@ -40,14 +40,14 @@ def _kelvin(values: np.ndarray) -> np.ndarray:
 
 
 _QUANTITIES = (
-    _Quantity("air", "air_degC", "temp_air", 99.9, -120, _kelvin),
-    _Quantity("dew_point", "dew_point_degC", "temp_dew", 99.9, -120, _kelvin),
-    _Quantity("direct_normal", "direct_normal_W_m2", "dni", 9999, 0, is_mean=True),
-    _Quantity("diffuse", "diffuse_W_m2", "dhi", 9999, 0, is_mean=True),
-    _Quantity("infrared", "infrared_W_m2", "ghi_infrared", 9999, 1e-3, is_mean=True),
-    _Quantity("wind_speed", "wind_speed_m_s", "wind_speed", 999, 0),
+    _Quantity("air", "air_degC", "temp_air", 99.9, -120.0, _kelvin),
+    _Quantity("dew_point", "dew_point_degC", "temp_dew", 99.9, -120.0, _kelvin),
+    _Quantity("direct_normal", "direct_normal_W_m2", "dni", 9999.0, 0.0, is_mean=True),
+    _Quantity("diffuse", "diffuse_W_m2", "dhi", 9999.0, 0.0, is_mean=True),
+    _Quantity("infrared", "infrared_W_m2", "ghi_infrared", 9999.0, 1e-3, is_mean=True),
+    _Quantity("wind_speed", "wind_speed_m_s", "wind_speed", 999.0, 0.0),
     _Quantity(
-        "wind_direction", "wind_direction_deg", "wind_direction", 999, 0, np.radians
+        "wind_direction", "wind_direction_deg", "wind_direction", 999.0, 0.0, np.radians
     ),
 )
 _OPTIONAL = ("dew_point_degC", "infrared_W_m2")

@@ -39,7 +39,7 @@ from .weather import Weather
 
 
 OutdoorTerm = Literal["sun", "diffuse", "sky", "wind", "convection"]
-ALL_TERMS: tuple[OutdoorTerm, ...] = ("sun", "diffuse", "sky", "wind")
+ALL_TERMS = ("sun", "diffuse", "sky", "wind")
 
 # Interval at which sunrise and sunset are searched [s].
 _SEARCH = 300.0
@@ -52,7 +52,7 @@ def outdoors(
     duration: float,
     weather: ClearSky | Weather | str | Path,
     *,
-    terms: Sequence[OutdoorTerm] = ALL_TERMS,
+    terms: Sequence[str] = ALL_TERMS,
     sky: SkyModel | None = None,
     ground: GroundModel | float = "air",
     albedo: float = 0.2,
