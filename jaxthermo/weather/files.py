@@ -1,7 +1,7 @@
 """Weather files: EPW by pvlib, and CSV with the units in the names of the columns."""
 
 from collections.abc import Callable
-from datetime import datetime, timedelta, timezone
+from datetime import UTC, datetime, timedelta, timezone
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -113,9 +113,7 @@ def _read_csv(path: Path, start: datetime) -> Weather:
         for each in _QUANTITIES
         if each.csv in table.columns
     }
-    return Weather(
-        str(path), (times[0], times[-1]), columns, start.tzinfo or stamps[0].tzinfo
-    )
+    return Weather(str(path), (times[0], times[-1]), columns, start.tzinfo or UTC)
 
 
 def _values(given: Any, quantity: _Quantity, missing: float) -> np.ndarray:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime, tzinfo
-from typing import NamedTuple, final
+from typing import Any, NamedTuple, final
 
 import numpy as np
 from jaxtyping import Float
@@ -103,6 +103,6 @@ class Weather:
                 f"and {self._stamp(b)}: fill them in, or give another start"
             )
 
-    def _stamp(self, seconds: float) -> str:
+    def _stamp(self, seconds: Any) -> str:
         moment = datetime.fromtimestamp(round(float(seconds)), self.zone)
         return moment.isoformat(timespec="minutes")

@@ -69,7 +69,7 @@ class DirectionTable:
     def __post_init__(self):
         _make_plain(self, "directions")
         if self.snapshots is not None:
-            plain = tuple(float(time) for time in self.snapshots)
+            plain = tuple(np.asarray(self.snapshots, float).reshape(-1).tolist())
             if not np.isfinite(plain).all():
                 raise InputError("DirectionTable(snapshots=): give finite times")
             object.__setattr__(self, "snapshots", plain)

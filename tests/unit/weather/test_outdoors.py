@@ -2,6 +2,7 @@
 
 import importlib.util
 from datetime import datetime
+from typing import Any
 
 import numpy as np
 import pytest
@@ -42,7 +43,7 @@ def write_epw(path, days=(20, 21, 22), **changes):
     return path
 
 
-def made(weather, start=START, duration=DAY, **options):
+def made(weather, start=START, duration=DAY, **options) -> dict[str, Any]:
     found = jt.outdoors(MUNICH, start, duration, weather, **options)
     return {term.name: term for term in found}
 
@@ -82,7 +83,8 @@ def test_the_sun_never_shines_from_below_and_shadows_follow_it():
 
 def test_north_turns_everything():
     place = jt.Place(48.14, 11.58, 520.0, north=(1.0, 0.0))
-    sun, _, _, wind = jt.outdoors(place, START, DAY, CLEAR)
+    found: Any = jt.outdoors(place, START, DAY, CLEAR)
+    sun, _, _, wind = found
     plain = made(CLEAR)["sun"].direction(9e4 / 2)
     x, y, z = sun.direction(9e4 / 2)
     np.testing.assert_allclose((x, y, z), (plain[1], -plain[0], plain[2]), atol=1e-12)
@@ -95,7 +97,7 @@ def test_polar_night_has_no_sun_and_polar_day_no_sunset():
     names = [term.name for term in jt.outdoors(pole, winter, DAY, CLEAR)]
     assert names == ["diffuse_sky", "emission", "wind"]
     summer = datetime.fromisoformat("2026-06-21T00:00Z")
-    sun, *_ = jt.outdoors(pole, summer, DAY, CLEAR)
+    sun: Any = jt.outdoors(pole, summer, DAY, CLEAR)[0]
     assert np.asarray(sun.irradiance.values).min() > 0
 
 
