@@ -94,6 +94,7 @@ from .physics.convection.wind import Wind as Wind
 from .physics.flux_law import AbstractFluxLaw as AbstractFluxLaw, Forcing as Forcing
 from .physics.heat_source import HeatSource as HeatSource
 from .physics.radiation.area_source import AreaSource as AreaSource
+from .physics.radiation.diffuse_sky import DiffuseSky as DiffuseSky
 from .physics.radiation.emission import Surroundings as Surroundings
 from .physics.radiation.irradiation import (
     AbstractRadiativeTerm as AbstractRadiativeTerm,
@@ -160,5 +161,8 @@ from .voxels.selection import (
     Side as Side,
 )
 from .voxels.voxelize import voxelize as voxelize
+from .weather.clear_sky import ClearSky as ClearSky
+from .weather.outdoors import outdoors as outdoors
+from .weather.sun_position import Place as Place, sun_path as sun_path
 
 __version__: str

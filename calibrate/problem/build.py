@@ -179,7 +179,7 @@ def _build_scenes(configs: Mapping[str, SceneConfig]) -> dict[str, Scene]:
         if first is None:
             scenes[name] = config.build()
         else:
-            terms = tuple(term.build() for term in config.terms)
+            terms = config.build_terms()
             scenes[name] = config.scene(scenes[first].bodies, terms)
     return scenes
 

@@ -55,7 +55,7 @@ def build_case(config: SceneConfig) -> Built:
     """
     # Choices of one resolution, and the loads of a choice, differ in little.
     made, clock = _bodies(_Key(tuple(config.bodies))), time.perf_counter()
-    scene = config.scene(made.bodies, tuple(term.build() for term in config.terms))
+    scene = config.scene(made.bodies, config.build_terms())
     structures_s = made.structures_s + time.perf_counter() - clock
     return Built(scene, made.voxels_s, structures_s)
 

@@ -18,7 +18,6 @@ from ..config.camera_framing import build_camera
 from ..config.dataset_file import load_dataset
 from ..config.loader import to_yaml
 from ..config.schema.scene import SceneConfig
-from ..config.types.model import build
 from ..errors import InputError
 from ..image.export.grey import grey_levels, write_grey
 from ..image.export.labels import camera_matrices, coco, instances, run_lengths
@@ -169,7 +168,7 @@ def _write_view(
         for _ in names:
             yield
         return
-    camera = FrameCamera(config, stored.surfaces, build(config.terms))
+    camera = FrameCamera(config, stored.surfaces, config.build_terms())
     triangles = np.concatenate([s.geometry.triangles for s in stored.surfaces])
     matrices = camera_matrices(build_camera(config.camera, triangles))
     draw = camera.detector(stored)

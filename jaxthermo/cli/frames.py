@@ -218,7 +218,7 @@ def render(
     console, target = open_console(), out or run
     with precision(config.dtype), status(console, "drawing frames"):
         stored = load_solution(run / "solution.npz")
-        terms = build(config.terms)
+        terms = config.build_terms()
         camera = FrameCamera(config, stored.surfaces, terms)
         with results_folder(target) as folder:
             frames = write_frames(config, camera, stored, folder, extras)

@@ -33,6 +33,10 @@ else:
 _Term = TypeVar("_Term", bound="AbstractTerm")
 
 
+# Snapshots of a run in which a term moves by a function of time.
+_SNAPSHOTS = 64
+
+
 class Scale(NamedTuple):
     """Size of a term, for the Biot number and the heating of a scene."""
 
@@ -99,6 +103,10 @@ class AbstractTerm(Module):
     def moves(self) -> bool:
         """True if the geometry of its action changes with time."""
         return False
+
+    def snapshot_times(self, end: float | int) -> tuple[float, ...]:
+        """Times up to `end` [s] at which its geometry is recomputed, if it moves."""
+        return tuple(end * k / _SNAPSHOTS for k in range(1, _SNAPSHOTS))
 
     def at(self: _Term, time: float) -> _Term:
         """The term at a moment [s], with a geometry that does not change."""

@@ -19,6 +19,8 @@ COARSE = ("camera={width: 32, height: 24}", "image.samples=1")
     [
         ("figurine", ("bodies.0.voxels_high=40",), {"sun", "convection", "emission"}),
         ("figurine-steel", ("bodies.0.voxels_high=30",), {"sun", "convection"}),
+        ("figurine-day", ("bodies.0.voxels_high=30", "outdoors.occlusion=16"),
+         {"sun", "diffuse_sky", "emission", "wind"}),
         ("windy", ("bodies.0.voxels_high=40", "terms.1.occlusion=16"),
          {"wind", "emission"}),
         ("ball-on-figurine", ("bodies.0.voxels_high=50", "bodies.1.pitch=6 mm"),

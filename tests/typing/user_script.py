@@ -1,5 +1,7 @@
 """Every exported name in a script as a user writes it: pyright knows all the types."""
 
+from datetime import UTC, datetime
+
 import numpy as np
 
 import jaxthermo as jt
@@ -29,6 +31,11 @@ coated = jt.Body(coarse[1], clay, temperature=293.0, coatings=(matt,))
 moving = jt.Body(coarse[2], painted, temperature=300.0, pose=jt.Motion(path, every=1.0))
 power = jt.Until(jt.Table([0, 60], [0, 1e3]), 90.0)
 sun = jt.Sun(jt.DirectionTable([0, 9], [(0, 0, -1), (1, 0, -1)]), power)
+summer = datetime(2024, 6, 21, tzinfo=UTC)
+by_date = jt.Sun(jt.sun_path(jt.Place(50.0, 8.0), summer, 3600.0), power)
+hazy = jt.ClearSky((285.0, 300.0), turbidity=5.0)
+outside = jt.outdoors(jt.Place(50.0, 8.0), summer, 3600.0, hazy)
+daylight = jt.DiffuseSky(100.0, 30.0)
 lamp = jt.PointSource(jt.PointTable([0, 9], [(0, 0, 1), (1, 0, 1)]), 20.0)
 panel = jt.AreaSource((0.0, 0.0, 1.0), (0.0, 0.0, -1.0), (1.0, 1.0), temperature=600.0)
 sky = jt.Surroundings(260.0, ground=lambda time: 280.0 + 0.01 * time)

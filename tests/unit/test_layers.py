@@ -20,6 +20,7 @@ ORDER = [
     "structures",
     "network",
     "physics",
+    "weather",
     "scene",
     "integrate",
     "reduction",

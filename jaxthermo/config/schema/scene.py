@@ -14,6 +14,7 @@ from ..types.quantities import Flag, NotEmpty, Position, PositiveTime, Unit, Who
 from ..types.varying import not_increasing
 from .body import BodyConfig
 from .image import CameraConfig, ImageConfig, PinholeConfig
+from .outdoors import ALL_TERMS, OutdoorsConfig
 from .solver import AutoSolver, SolverConfig
 from .terms import TermConfig
 
@@ -99,6 +100,8 @@ class SceneConfig(Model, builds="Scene"):
     bodies: Annotated[tuple[BodyConfig, ...], NotEmpty]
     terms: tuple[TermConfig, ...] = ()
     """All that heats and cools the bodies; mechanisms not listed are not computed."""
+    outdoors: OutdoorsConfig | None = None
+    """Sun, sky, ground and wind of a place and date, besides `terms`."""
     time: TimeConfig
     solver: SolverConfig = AutoSolver()
     """Time integration; chosen from the scene if not given."""
@@ -115,7 +118,17 @@ class SceneConfig(Model, builds="Scene"):
             InputError: for a mesh, labels, mask or fit card that cannot be used.
         """
         bodies = build(self.bodies)
-        return self.scene(bodies, build(self.terms))
+        return self.scene(bodies, self.build_terms())
+
+    def build_terms(self) -> tuple[Any, ...]:
+        """The terms, and after them those of `outdoors`.
+
+        Raises:
+            InputError: for weather that cannot be used, or without its extra.
+        """
+        outside = self.outdoors
+        added = () if outside is None else outside.build(self.time.last)
+        return (*build(self.terms), *added)
 
     def scene(self, bodies: tuple[Any, ...], terms: tuple[Any, ...]) -> "Scene":
         """A scene of these bodies and terms, with the options of this config."""
@@ -178,6 +191,17 @@ def _items(value: Any) -> Iterable[tuple[str | int, Any]]:
 def _second_emission(data: dict[str, Any]) -> list[Mistake]:
     terms = [term if isinstance(term, dict) else {} for term in _terms(data)]
     found = [i for i, term in enumerate(terms) if term.get("kind") in _EMISSION]
+    outside = data.get("outdoors")
+    if isinstance(outside, dict) and "sky" in (outside.get("terms") or ALL_TERMS):
+        # That of `outdoors` is on all surfaces.
+        return [
+            (
+                ("terms", i),
+                f"{terms[i]['kind']} would count the emission twice, besides the sky "
+                "of outdoors: remove it, or list `outdoors.terms` without sky",
+            )
+            for i in found
+        ]
     # Parts of the surface may have surroundings of their own, but one exchange.
     if all(terms[i].get("on") is not None for i in found):
         exchange = [i for i in found if terms[i]["kind"] == "radiative_exchange"]

@@ -93,6 +93,15 @@ class _SurroundingsConfig(Model, builds="Surroundings", kind="surroundings"):
     on: WhereConfig | None = None
 
 
+class _DiffuseSkyConfig(Model, builds="DiffuseSky", kind="diffuse_sky"):
+    """Diffuse daylight from the sky, and what the ground reflects."""
+
+    irradiance: Varying[si.Irradiance]
+    reflected: Varying[si.Irradiance] = 0.0
+    occlusion: Directions | None = None
+    on: WhereConfig | None = None
+
+
 class _RadiativeExchangeConfig(
     Model, builds="RadiativeExchange", kind="radiative_exchange"
 ):
@@ -226,6 +235,7 @@ TermConfig = Annotated[
     | _PointSourceConfig
     | _AreaSourceConfig
     | _SurroundingsConfig
+    | _DiffuseSkyConfig
     | _RadiativeExchangeConfig
     | _ConvectionConfig
     | _WindConfig

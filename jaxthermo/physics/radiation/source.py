@@ -80,6 +80,11 @@ class AbstractSource(AbstractRadiativeTerm):
         return callable(getattr(self, self.location_field))
 
     @override
+    def snapshot_times(self, end: float | int) -> tuple[float, ...]:
+        given = getattr(getattr(self, self.location_field), "snapshots", None)
+        return super().snapshot_times(end) if given is None else given
+
+    @override
     def at(self: _Source, time: float) -> _Source:
         if not self.moves:
             return self

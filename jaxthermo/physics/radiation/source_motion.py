@@ -63,9 +63,16 @@ class DirectionTable:
     """Times [s], increasing."""
     directions: Points
     """Directions of any length, one for each time."""
+    snapshots: Numbers | None = None
+    """Times at which shadows are recomputed [s]; None for 64 of equal distance."""
 
     def __post_init__(self):
         _make_plain(self, "directions")
+        if self.snapshots is not None:
+            plain = tuple(np.asarray(self.snapshots, float).reshape(-1).tolist())
+            if not np.isfinite(plain).all():
+                raise InputError("DirectionTable(snapshots=): give finite times")
+            object.__setattr__(self, "snapshots", plain)
         units = [unit_vector(d, "DirectionTable(directions=)") for d in self.directions]
         for i, (a, b) in enumerate(pairwise(units), 1):
             if np.linalg.norm(a + b) < _OPPOSITE_TOLERANCE:

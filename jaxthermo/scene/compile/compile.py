@@ -44,9 +44,6 @@ from .program_builder import (
 from .snapshots import Snapshot, take_snapshots
 
 
-# Snapshots of a run in which a source moves by a function of time.
-_SOURCE_SNAPSHOTS = 64
-
 # Why a mechanism of most scenes is not in this one, and the terms that stand for it.
 _ABSENT = {
     "sun": ("the scene has no source", {"sun", "point_source", "area_source"}),
@@ -185,8 +182,9 @@ def _snapshot_times(scene: Scene, end: float) -> tuple[float, ...]:
     times = {0.0}
     for body in scene.bodies:
         times |= {t for t in body.pose.snapshot_times(end) if 0 < t < end}
-    if any(term.moves for term in scene.terms):
-        times |= {end * k / _SOURCE_SNAPSHOTS for k in range(_SOURCE_SNAPSHOTS)}
+    for term in scene.terms:
+        if term.moves:
+            times |= {t for t in term.snapshot_times(end) if 0 < t < end}
     return tuple(sorted(times))
 
 

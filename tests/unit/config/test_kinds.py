@@ -32,11 +32,12 @@ CONVERTED = {
     "LabelledConfig": {"materials"},
     "MaterialConfig": {"name"},
     "MotionConfig": {"times", "poses"},
+    "OutdoorsConfig": {"north", "clear_sky"},
     "PositionTable": {"values"},
     "WeightsConfig": {"card"},
 }
-# Structures are built on a voxel grid, cameras to fit the scene.
-FILLED_IN = {"grid", "position", "look_at", "view_height"}
+# Structures are built on a voxel grid, cameras to fit the scene, weather for a run.
+FILLED_IN = {"duration", "grid", "position", "look_at", "view_height"}
 MADE_OF_CONVERTED = {"structure", "points", "directions", "given", "path"}
 
 

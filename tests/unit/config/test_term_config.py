@@ -62,6 +62,9 @@ TERMS = {
         (0.0, 0.0, 1.0), (0.0, 0.0, -1.0), (1.0, 1.0),
         temperature=jt.Until(800.0, 3.0), emissivity=0.8,
     ),
+    "{kind: diffuse_sky, irradiance: 100 W/m^2, reflected: 30}": jt.DiffuseSky(
+        100.0, 30.0
+    ),
     "{kind: surroundings, temperature: 280}": jt.Surroundings(280.0),
     "{kind: surroundings, temperature: 250, ground: 290, occlusion: 64, "
     "linear_within: 2 %}": (

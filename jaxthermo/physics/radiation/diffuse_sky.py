@@ -1,0 +1,106 @@
+"""Diffuse daylight: short-wave radiation of an even sky, and what the ground reflects.
+
+    q = a (F_sky E_sky + F_ground E_ground) A
+
+with the absorptivity a, the view factors F and irradiances of horizontal surfaces E
+(isotropic sky; Liu and Jordan, Solar Energy 7 (1963) 53). The bright region around the
+sun is not resolved.
+"""
+
+from typing import Any
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Float
+from typing_extensions import override
+
+from ...arrays import TimeVarying
+from ...findings import found
+from ...voxels.selection import AbstractSelection
+from ..boundary import ImposedFlux
+from ..flux_law import Forcing
+from ..surface import Binding, BodySurface, Omitted, Surface
+from ..term import Scale
+from ..time_varying import check_value, for_jit, is_zero, largest
+from .irradiation import AbstractRadiativeTerm, Irradiation
+from .visibility import check_directions, sky_view, unobstructed_view
+
+
+class DiffuseSky(AbstractRadiativeTerm):
+    """Diffuse daylight from the sky and from the ground.
+
+    q = a (F_sky E_sky + F_ground E_ground) [W/m^2]
+
+    With `occlusion` obstacles hide both, and count as black.
+
+    Raises:
+        InputError: for a negative irradiance, or too few directions.
+    """
+
+    name = "diffuse_sky"
+    absorbed_by = "absorptivity"
+    unseen = "none of the surface sees the sky or the ground"
+    from_outside = True
+
+    irradiance: TimeVarying
+    """E_sky on a horizontal surface [W/m^2]: a number or a function of time."""
+    reflected: TimeVarying = 0.0
+    """E_ground, albedo times the global irradiance [W/m^2], likewise."""
+    occlusion: int | None = eqx.field(static=True, default=None)
+    """Number of directions in which obstacles are detected, such as 128."""
+    on: AbstractSelection | None = None
+    """Part of the surface that it heats."""
+
+    def __check_init__(self):
+        check_value(self.irradiance, "DiffuseSky(irradiance [W/m^2])", 0.0)
+        check_value(self.reflected, "DiffuseSky(reflected [W/m^2])", 0.0)
+        if self.occlusion is not None:
+            check_directions(self.occlusion)
+
+    @override
+    def irradiation(self, surface: Surface) -> tuple[Irradiation, ...]:
+        views = [self._view_factors(body) for body in surface.bodies]
+        return tuple(
+            self._on_all(
+                surface,
+                [view[n] for view in views],
+                ImposedFlux(for_jit(strength, surface.dtype)),
+            )
+            for n, strength in enumerate((self.irradiance, self.reflected))
+            if not (surface.prune and is_zero(strength))
+        )
+
+    @override
+    def absorbed(
+        self, surface: Surface, irradiation: tuple[Irradiation, ...]
+    ) -> tuple[Binding | Omitted, ...]:
+        if not irradiation:
+            return (Omitted("it is dark at all times"),)
+        return super().absorbed(surface, irradiation)
+
+    def _view_factors(self, body: BodySurface) -> tuple[Float[np.ndarray, " s"], ...]:
+        """View factors to sky and ground."""
+        directions = self.occlusion
+        if directions is None:
+            return tuple(unobstructed_view(body.normal))
+        of = body.scene_triangles, body.position, body.normal
+        # The same finding as that of `Surroundings`.
+        view = found(
+            of,
+            ("sky_view", body.pitch, directions),
+            lambda: sky_view(*of, body.pitch, directions),
+            f"view of sky and ground from body {body.body}",
+        )
+        return tuple(view)
+
+    @override
+    def forcing(self, end: float | int) -> Forcing:
+        both = largest(self.irradiance, end) + largest(self.reflected, end)
+        return Forcing(heat_flux=both)
+
+    @override
+    def scale(self, material: Any, kelvin: float, end: float) -> Scale:
+        strength = max(
+            float(largest(e, end)) for e in (self.irradiance, self.reflected)
+        )
+        return Scale(heat_flux=float(material.absorptivity) * strength)

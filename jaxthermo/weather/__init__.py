@@ -1,0 +1,1 @@
+"""Outdoor scenes: place, date and weather become terms of a scene."""

@@ -1,0 +1,144 @@
+"""Weather files: EPW by pvlib, and CSV with the units in the names of the columns."""
+
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta, timezone
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import lazy_loader
+import numpy as np
+
+from ..constants import ZERO_CELSIUS
+from ..errors import InputError
+from .sun_position import require_pvlib
+from .weather import Column, Weather
+
+
+_pvlib: Any = lazy_loader.load("pvlib")
+_pandas: Any = lazy_loader.load("pandas")
+
+_HOUR = 3600.0
+
+
+class _Quantity(NamedTuple):
+    """One column of both formats."""
+
+    name: str
+    csv: str
+    epw: str
+    missing: float
+    """Smallest number that stands for no value in an EPW file."""
+    lowest: float
+    """In the unit of the file: what is below is no value."""
+    to_si: Callable[[np.ndarray], np.ndarray] = lambda values: values
+    is_mean: bool = False
+    """True if an EPW file has its mean over the hour before the time of the row."""
+
+
+def _kelvin(values: np.ndarray) -> np.ndarray:
+    return values + ZERO_CELSIUS
+
+
+_QUANTITIES = (
+    _Quantity("air", "air_degC", "temp_air", 99.9, -120.0, _kelvin),
+    _Quantity("dew_point", "dew_point_degC", "temp_dew", 99.9, -120.0, _kelvin),
+    _Quantity("direct_normal", "direct_normal_W_m2", "dni", 9999.0, 0.0, is_mean=True),
+    _Quantity("diffuse", "diffuse_W_m2", "dhi", 9999.0, 0.0, is_mean=True),
+    _Quantity("infrared", "infrared_W_m2", "ghi_infrared", 9999.0, 1e-3, is_mean=True),
+    _Quantity("wind_speed", "wind_speed_m_s", "wind_speed", 999.0, 0.0),
+    _Quantity(
+        "wind_direction", "wind_direction_deg", "wind_direction", 999.0, 0.0, np.radians
+    ),
+)
+_OPTIONAL = ("dew_point_degC", "infrared_W_m2")
+
+
+def read_weather(path: Path, start: datetime) -> Weather:
+    """The weather in a file, EPW by the ending of its name, else CSV.
+
+    An EPW file joins months of several years: they all count as the year of `start`.
+    Its radiation is the mean over the hour before each time, in whose middle it is put.
+
+    Raises:
+        InputError: without the extra, or for a file that cannot be read.
+    """
+    require_pvlib("a weather file")
+    if not path.is_file():
+        raise InputError(f"{path}: there is no such file")
+    read = _read_epw if path.suffix.lower() == ".epw" else _read_csv
+    try:
+        return read(path, start)
+    except InputError:
+        raise
+    except Exception as error:  # damaged text makes the readers raise anything
+        raise InputError(
+            f"{path}: not a weather file, or damaged ({type(error).__name__}): give an "
+            "EPW file, or CSV with the columns of the README"
+        ) from error
+
+
+def _read_epw(path: Path, start: datetime) -> Weather:
+    # The first line has the zone, in which the year of the start counts.
+    with path.open(encoding="utf-8", errors="replace") as file:
+        zone = timezone(timedelta(hours=float(file.readline().split(",")[8])))
+    table, _ = _pvlib.iotools.read_epw(str(path), start.astimezone(zone).year)
+    # The rows are named by the start of their hour.
+    ends = np.array([stamp.timestamp() for stamp in table.index]) + _HOUR
+    _check_increasing(path, ends)
+    columns = {
+        each.name: Column(
+            ends - _HOUR / 2 if each.is_mean else ends,
+            _values(table[each.epw], each, each.missing),
+            each.epw,
+        )
+        for each in _QUANTITIES
+    }
+    return Weather(str(path), (ends[0] - _HOUR, ends[-1]), columns, zone)
+
+
+def _read_csv(path: Path, start: datetime) -> Weather:
+    table = _pandas.read_csv(path, skipinitialspace=True)
+    known = {"time", *(each.csv for each in _QUANTITIES)}
+    lacking = sorted(known - set(table.columns) - set(_OPTIONAL))
+    if lacking:
+        raise InputError(
+            f"{path}: column '{lacking[0]}' is missing; needed are "
+            f"{', '.join(sorted(known - set(_OPTIONAL)))}"
+        )
+    stamps = [_moment(path, row, text) for row, text in enumerate(table["time"], 2)]
+    times = np.array([stamp.timestamp() for stamp in stamps])
+    _check_increasing(path, times)
+    columns = {
+        each.name: Column(times, _values(table[each.csv], each, np.inf), each.csv)
+        for each in _QUANTITIES
+        if each.csv in table.columns
+    }
+    return Weather(str(path), (times[0], times[-1]), columns, start.tzinfo or UTC)
+
+
+def _values(given: Any, quantity: _Quantity, missing: float) -> np.ndarray:
+    numbers = _pandas.to_numeric(given, errors="coerce").to_numpy(float)
+    with np.errstate(invalid="ignore"):
+        wrong = ~((numbers >= quantity.lowest) & (numbers < missing))
+    return np.where(wrong, np.nan, quantity.to_si(numbers))
+
+
+def _moment(path: Path, row: int, text: Any) -> datetime:
+    try:
+        moment = datetime.fromisoformat(str(text).strip())
+    except ValueError:
+        moment = None
+    if moment is None or moment.tzinfo is None:
+        raise InputError(
+            f"{path}: line {row}: time '{text}' is not a date and time with a zone, "
+            "such as 2026-06-21T12:00+02:00"
+        )
+    return moment
+
+
+def _check_increasing(path: Path, times: np.ndarray) -> None:
+    if len(times) < 2:
+        raise InputError(f"{path}: has {len(times)} rows: give two at least")
+    if (np.diff(times) <= 0).any():
+        row = int(np.flatnonzero(np.diff(times) <= 0)[0]) + 2
+        raise InputError(f"{path}: row {row} is not later than the one before it")

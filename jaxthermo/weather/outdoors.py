@@ -1,0 +1,268 @@
+"""Terms of a scene outdoors: sun, daylight, sky and ground, and wind, by the weather.
+
+Time 0 of the scene is the start. All values are piecewise linear between the times of
+the weather. Direct sunlight is 0 from sunset to sunrise, which are times of its table:
+a scene has no ground that would cast a shadow.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any, Literal, final, get_args
+
+import numpy as np
+from jaxtyping import Float
+
+from ..errors import InputError
+from ..physics.boundary import Convection
+from ..physics.convection.wind import Wind
+from ..physics.radiation.diffuse_sky import DiffuseSky
+from ..physics.radiation.emission import Surroundings
+from ..physics.radiation.source import Sun
+from ..physics.radiation.source_motion import DirectionTable
+from ..physics.term import AbstractTerm
+from ..physics.time_varying import Table
+from .clear_sky import ClearSky
+from .files import read_weather
+from .sky import (
+    GroundModel,
+    SkyModel,
+    clear_sky_temperature,
+    sky_temperature,
+    sol_air_temperature,
+    wind_coefficient,
+)
+from .sun_position import Place, instant, rays, sun_position
+from .weather import Weather
+
+
+OutdoorTerm = Literal["sun", "diffuse", "sky", "wind", "convection"]
+ALL_TERMS = ("sun", "diffuse", "sky", "wind")
+
+# Interval at which sunrise and sunset are searched [s].
+_SEARCH = 300.0
+_MAX_DURATION = 366 * 86400.0
+
+
+def outdoors(
+    place: Place,
+    start: datetime,
+    duration: float,
+    weather: ClearSky | Weather | str | Path,
+    *,
+    terms: Sequence[str] = ALL_TERMS,
+    sky: SkyModel | None = None,
+    ground: GroundModel | float = "air",
+    albedo: float = 0.2,
+    occlusion: int | None = None,
+    every: float = 1800.0,
+) -> tuple[AbstractTerm, ...]:
+    """Terms of a scene at a place, from a start with a zone and for a duration [s].
+
+    Args:
+        place: where it is, and where north is in the scene.
+        start: date and time with a zone, time 0 of the scene.
+        duration: of the scene [s].
+        weather: a file (EPW or CSV), or a cloudless sky.
+        terms: which of `sun` (direct), `diffuse` (`DiffuseSky`), `sky` (`Surroundings`
+            with sky and ground), and `wind` (its mean direction, weighted by the speed)
+            or `convection` (h = 5.7 + 3.8 v, McAdams).
+        sky: temperature by the file's `infrared` radiation, or by the dew point for a
+            cloudless sky (`berdahl_martin`); None for the first that the weather has.
+        ground: its temperature [K], that of the `air` (as over grass), or `sol_air` in
+            balance with sun, sky and wind (dry ground that stores no heat).
+        albedo: fraction of sunlight that the ground reflects [-].
+        occlusion: number of directions in which obstacles hide sky and ground.
+        every: interval at which the sun's shadows are recomputed [s].
+
+    Raises:
+        InputError: without the extra `[weather]`, for a start without a zone, for
+            weather that has holes or does not cover the time, or values out of range.
+    """
+    _check(terms, duration, albedo, every)
+    first = instant(start)
+    last = first + float(duration)
+    known = _weather(place, start, float(duration), weather)
+    known.check_covers(first, last)
+    scene = _Outdoors(place, first, last, known, sky, ground, albedo, occlusion)
+    made = {
+        "sun": lambda: scene.sun(float(every)),
+        "diffuse": scene.diffuse,
+        "sky": scene.surroundings,
+        "wind": scene.wind,
+        "convection": scene.convection,
+    }
+    found = (made[name]() for name in terms)
+    return tuple(term for term in found if term is not None)
+
+
+def _check(terms: Any, duration: float, albedo: float, every: float) -> None:
+    names = get_args(OutdoorTerm)
+    for name in terms:
+        if name not in names:
+            raise InputError(
+                f"outdoors(terms=): {name!r} is none of {', '.join(names)}"
+            )
+    if {"wind", "convection"} <= set(terms) or len(set(terms)) < len(terms):
+        raise InputError(
+            "outdoors(terms=): give each once, and one of wind and convection"
+        )
+    if not 0 < duration <= _MAX_DURATION:
+        raise InputError(f"outdoors(duration={duration}): give 0 s to 366 days")
+    if not 0 <= albedo <= 1:
+        raise InputError(f"outdoors(albedo={albedo}): give a fraction from 0 to 1")
+    if not 1 <= every < math.inf:
+        raise InputError(f"outdoors(every={every}): give 1 s or more")
+
+
+def _weather(place: Place, start: datetime, duration: float, given: Any) -> Weather:
+    if isinstance(given, ClearSky):
+        return given.weather(place, start, duration)
+    if isinstance(given, Weather):
+        return given
+    return read_weather(Path(given), start)
+
+
+@final
+@dataclass(frozen=True)
+class _Outdoors:
+    """The weather of one run, from which each term takes its columns."""
+
+    place: Place
+    first: float
+    """Start since 1970-01-01 UTC [s]."""
+    last: float
+    """End, likewise [s]."""
+    weather: Weather
+    sky: SkyModel | None
+    ground: GroundModel | float
+    albedo: float
+    occlusion: int | None
+
+    def sun(self, every: float) -> Sun | None:
+        """Direct sunlight; None if the sun stays down."""
+        searched = _grid(self.first, self.last, _SEARCH)
+        up, crossings = _day_and_night(self.place, searched)
+        if not up.any():
+            return None
+        column = self.weather.within("direct_normal", self.first, self.last)
+        shines = np.interp(column.times, searched, up) > 0.5
+        on = dict(zip(column.times, np.where(shines, column.values, 0.0), strict=True))
+        on |= dict.fromkeys(crossings, 0.0)
+        times = np.array(sorted(on))
+        steps = _grid(self.first, self.last, every)
+        recomputed = steps[np.interp(steps, searched, up) > 0.5]
+        directions = self._directions(searched[up], crossings)
+        snapshots = np.union1d(recomputed, crossings) - self.first
+        return Sun(
+            DirectionTable(*directions, snapshots=tuple(snapshots.tolist())),
+            Table(times - self.first, np.array([on[time] for time in times])),
+        )
+
+    def _directions(self, by_day: np.ndarray, crossings: np.ndarray) -> Any:
+        """Times [s] and directions of rays while the sun is up, and one a night."""
+        times = np.union1d(by_day, crossings)
+        found = rays(self.place, sun_position(self.place, times))
+        # At night nothing is lit. Straight down, the arcs from sunset and to sunrise
+        # are right angles, and never half a turn, which would have no shortest way.
+        gaps = np.flatnonzero(np.diff(times) > 1.5 * _SEARCH)
+        middle = (times[gaps] + times[gaps + 1]) / 2
+        down = np.tile([0.0, 0.0, -1.0], (len(gaps), 1))
+        every = np.concatenate([times, middle])
+        order = np.argsort(every)
+        return every[order] - self.first, np.concatenate([found, down])[order]
+
+    def diffuse(self) -> DiffuseSky:
+        """Daylight from sky and ground."""
+        times = self._times("direct_normal", "diffuse")
+        diffuse = self._at("diffuse", times)
+        reflected = self.albedo * self._global(times, diffuse)
+        table = lambda values: Table(times - self.first, values)
+        return DiffuseSky(table(diffuse), table(reflected), occlusion=self.occlusion)
+
+    def surroundings(self) -> Surroundings:
+        """Sky and ground by their temperatures."""
+        infrared = self.sky == "infrared" or (
+            self.sky is None and self.weather.has("infrared")
+        )
+        source = "infrared" if infrared else "dew_point"
+        names = ["air", source]
+        if self.ground == "sol_air":
+            names += ["direct_normal", "diffuse", "wind_speed"]
+        times = self._times(*names)
+        air = self._at("air", times)
+        if infrared:
+            sky = sky_temperature(self._at("infrared", times))
+        else:
+            hour = times / 3600 + self.place.longitude / 15
+            sky = clear_sky_temperature(air, self._at("dew_point", times), hour)
+        table = lambda values: Table(times - self.first, values)
+        ground = self._ground(times, air, sky)
+        ground = table(ground) if isinstance(ground, np.ndarray) else ground
+        return Surroundings(table(sky), ground=ground, occlusion=self.occlusion)
+
+    def _ground(self, times: np.ndarray, air: np.ndarray, sky: np.ndarray) -> Any:
+        if self.ground == "air":
+            return air
+        if self.ground != "sol_air":
+            return float(self.ground)
+        light = self._global(times, self._at("diffuse", times))
+        wind = self._at("wind_speed", times)
+        return sol_air_temperature(air, sky, wind, (1 - self.albedo) * light)
+
+    def wind(self) -> Wind:
+        """Wind of the mean direction; its speed and the air vary."""
+        times, speed, air = self._air()
+        from_ = self._at("wind_direction", times)
+        north, east = self.place.axes
+        mean = -np.mean(
+            speed[:, None]
+            * (np.cos(from_)[:, None] * north + np.sin(from_)[:, None] * east),
+            axis=0,
+        )
+        # In a calm any direction serves.
+        blows = mean if np.linalg.norm(mean) > 1e-9 else -north
+        x, y, z = (blows / np.linalg.norm(blows)).tolist()
+        return Wind(
+            (x, y, z), Table(times - self.first, air), Table(times - self.first, speed)
+        )
+
+    def convection(self) -> Convection:
+        """Convection with the coefficient of the wind along a plate."""
+        times, speed, air = self._air()
+        since = times - self.first
+        return Convection(Table(since, wind_coefficient(speed)), Table(since, air))
+
+    def _air(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        times = self._times("air", "wind_speed")
+        return times, self._at("wind_speed", times), self._at("air", times)
+
+    def _global(self, times: np.ndarray, diffuse: np.ndarray) -> np.ndarray:
+        """Irradiance of a horizontal surface [W/m^2]."""
+        height = np.maximum(sun_position(self.place, times).height, 0)
+        return self._at("direct_normal", times) * height + diffuse
+
+    def _times(self, *names: str) -> Float[np.ndarray, " t"]:
+        columns = (self.weather.within(n, self.first, self.last) for n in names)
+        return np.unique(np.concatenate([column.times for column in columns]))
+
+    def _at(self, name: str, times: np.ndarray) -> Float[np.ndarray, " t"]:
+        column = self.weather.within(name, self.first, self.last)
+        return np.interp(times, column.times, column.values)
+
+
+def _grid(first: float, last: float, step: float) -> Float[np.ndarray, " t"]:
+    """Times from first to last at equal steps, both ends included [s]."""
+    times = np.arange(first, last, step)
+    return np.append(times, last) if last - times[-1] > 1e-6 * step else times
+
+
+def _day_and_night(place: Place, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Flags of the times at which the sun is up; times of sunrise and sunset [s]."""
+    height = sun_position(place, times).height
+    up = height > 0
+    before = np.flatnonzero(up[1:] != up[:-1])
+    a, b = height[before], height[before + 1]
+    return up, times[before] + (times[before + 1] - times[before]) * a / (a - b)
