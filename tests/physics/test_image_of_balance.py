@@ -1,5 +1,7 @@
 """A camera sees the radiation of the heat balance: its irradiation, and no other."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -16,7 +18,8 @@ def seen_radiosity(solution):
     camera = jt.Camera((0.3, -0.2, 0.2), (0.02, 0.0, 0.0), width=48, height=36)
     view = compute_view(solution.surfaces, solution.terms, camera, smooth=False)
     radiance = jt.render(solution, camera, smooth=False, band=None).radiance
-    return np.pi * radiance.reshape(-1)[view.pixel], view.weights.indices
+    weights: Any = view.weights
+    return np.pi * radiance.reshape(-1)[view.pixel], weights.indices
 
 
 def irradiation(solution, index=-1):

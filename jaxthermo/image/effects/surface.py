@@ -11,6 +11,7 @@ from typing_extensions import override
 
 from ...arrays import plain_numbers
 from ...errors import InputError
+from ...physics.radiation.diffuse_sky import DiffuseSky
 from ...physics.radiation.source import AbstractSource, Sun
 from ...physics.term import AbstractTerm
 from ...physics.time_varying import is_zero
@@ -96,18 +97,25 @@ class SpecularReflection(AbstractSurfaceEffect):
     @override
     def prepared(self, view: View, terms: tuple[AbstractTerm, ...], xp: Any) -> _Lobes:
         sight = lines_of_sight(view)
-        sources = [t for t in terms if isinstance(t, AbstractSource)]
-        rows = [
-            self._lobe(source, sight)
-            for source in sources
-            if not is_zero(source.strength)
-        ]
+        rows = [lobe for term in terms for lobe in self._lobes(term, sight)]
         lobes = np.array(rows).reshape(len(rows), len(sight.cosine))
         above = _above_horizon(np.arcsin(sight.mirror[:, 2].clip(-1, 1)), self.exponent)
         sky = above - (1 + view.normal[:, 2]) / 2
         if view.open_fraction is not None:
             sky = sky * view.open_fraction
         return _Lobes(lobes, sky)
+
+    def _lobes(
+        self, term: AbstractTerm, sight: LinesOfSight
+    ) -> list[Float[np.ndarray, " p"]]:
+        """Lobes of what a term sends, a row for each irradiation by sources."""
+        if isinstance(term, AbstractSource):
+            return [] if is_zero(term.strength) else [self._lobe(term, sight)]
+        if isinstance(term, DiffuseSky):
+            # It comes from everywhere, and leaves as from a matt surface.
+            on = [s for s in (term.irradiance, term.reflected) if not is_zero(s)]
+            return [np.full(len(sight.cosine), 1 / math.pi) for _ in on]
+        return []
 
     def _lobe(
         self, source: AbstractSource, sight: LinesOfSight
@@ -131,7 +139,7 @@ class SpecularReflection(AbstractSurfaceEffect):
             raise InputError(
                 f"SpecularReflection: {len(radiation.sources)} sources irradiate the "
                 f"bodies, and the directions of {len(lobes)} are known: it takes Sun, "
-                "PointSource and AreaSource"
+                "PointSource, AreaSource and DiffuseSky"
             )
         contrast = sky * (horizon.sky - horizon.ground)
         thermal = radiation.thermal / math.pi + contrast

@@ -16,6 +16,7 @@ from PIL import Image
 
 from calibrate.config.loader import load_calibration
 from calibrate.problem.build import Calibration, build
+from calibrate.problem.frame_values import AS_GIVEN
 from calibrate.problem.problem import Problem
 from calibrate.report import page as report, pictures
 from calibrate.report.charts import (
@@ -323,7 +324,9 @@ def test_a_camera_that_sees_nothing_spoils_no_report(sphere, run_before, tmp_pat
 def test_frames_are_shown_beside_the_models(frames, tmp_path):
     case = frames.train.cases[0]
     found = run_both(frames.train, case, np.array([0.1]))
-    width, height = Image.open(io.BytesIO(frame_picture(case, found, 1, 0))).size
+    as_given = dict.fromkeys(found, AS_GIVEN)
+    drawn = frame_picture(case, found, as_given, 1, 0)
+    width, height = Image.open(io.BytesIO(drawn)).size
     # Two tiles across and two down, of pixels that can be seen.
     assert width >= SMALL and height >= SMALL
     errors = {w: {"seen": error(300.0, 100.0)} for w in ("default", "fitted")}

@@ -3,13 +3,18 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import PIL.Image
 import pytest
+from pydantic import ValidationError
 
 import jaxthermo as jt
+from calibrate.config.schema import MeasuredFrames
 from calibrate.problem.frame_data import frame_target
+from calibrate.problem.frame_source import _measured
 from calibrate.problem.parameters import Parameter, ParameterSet
 from calibrate.problem.problem import Case, Problem
 from calibrate.problem.targets import body_mask, render_frames, view_of
+from jaxthermo.image.files import write_channels
 from jaxthermo.integrate.run.parametric_run import ParametricRun
 from jaxthermo.scene.compile.compile import compile_scene
 from tests.bodies import blocks
@@ -98,3 +103,39 @@ def test_residuals_count_standard_deviations(scene, view):
 def test_frames_that_do_not_fit_are_refused(view, frames, mask, message):
     with pytest.raises(jt.InputError, match=message):
         _target(view, frames, mask)
+
+
+def test_frames_of_cameras_are_read_in_their_unit(scene, view, tmp_path):
+    """The same temperatures from counts, a grey PNG, and the channel of our files."""
+    kelvin = np.linspace(290.0, 320.0, 12 * 14).reshape(12, 14)
+    flir = jt.FlirCalibration()
+    counts = np.rint(np.asarray(flir.counts(kelvin))).astype(np.uint16)
+    PIL.Image.fromarray(counts).save(tmp_path / "raw.png")
+    hundredths = np.rint(100 * kelvin).astype(np.uint16)
+    PIL.Image.fromarray(hundredths).save(tmp_path / "grey.png")
+    write_channels(tmp_path / "own.exr", {"apparent_temperature_K": kelvin})
+    constants = {name: getattr(flir, name) for name in ("r1", "b", "f", "o", "r2")}
+    for file, given in (
+        ("raw.png", {"unit": "counts", "flir": constants}),
+        ("grey.png", {"unit": "centikelvin"}),
+        ("own.exr", {}),
+    ):
+        frames = [{"case": "one", "files": [str(tmp_path / file)]}]
+        settings = MeasuredFrames.model_validate({"frames": frames, **given})
+        (read,), _ = _measured("one", settings)
+        np.testing.assert_allclose(read[0], kelvin, atol=0.01)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"unit": "counts"}, "goes with `unit: counts`"),
+        ({"unit": "celsius", "quantity": "radiance"}, "is of temperatures"),
+    ],
+)
+def test_units_that_do_not_fit_are_refused(given, message, tmp_path):
+    file = tmp_path / "a.npy"
+    np.save(file, np.zeros((2, 2)))
+    frames = [{"case": "one", "files": [str(file)]}]
+    with pytest.raises(ValidationError, match=message):
+        MeasuredFrames.model_validate({"frames": frames, **given})

@@ -1,5 +1,7 @@
 """New views of a scene: as the simple way finds them, and nothing is compiled."""
 
+from typing import Any
+
 import jax.monitoring
 import jax.numpy as jnp
 import numpy as np
@@ -98,5 +100,6 @@ def test_a_view_is_that_of_all_layers_and_all_pairs(surfaces, turn):
     total = np.bincount(row, weight, len(pixel))
     assert (total > 0).all()
     simple = csr_array((weight / total[row], (row, fragment)), size)
-    assert view.weights.nnz == simple.nnz
-    assert abs(view.weights - simple).max() < 1e-12
+    weights: Any = view.weights
+    assert weights.nnz == simple.nnz
+    assert abs(weights - simple).max() < 1e-12

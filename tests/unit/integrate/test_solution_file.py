@@ -1,6 +1,7 @@
 """`solution.npz`: what is written is what is read, and damage is one line."""
 
 import os
+from typing import Any
 
 import numpy as np
 import pytest
@@ -82,7 +83,8 @@ def test_a_camera_sees_the_same(solution, tmp_path):
     other = compute_view(solution.surfaces, solution.terms, camera)
     assert set(one.body) == {0, 1}
     np.testing.assert_array_equal(one.pixel, other.pixel)
-    np.testing.assert_array_equal(one.weights.data, other.weights.data)
+    weights: list[Any] = [each.weights for each in (one, other)]
+    np.testing.assert_array_equal(weights[0].data, weights[1].data)
 
 
 def test_the_energies_are_kept_by_name(solution, tmp_path):

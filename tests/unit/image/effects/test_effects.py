@@ -141,6 +141,23 @@ def test_part_of_a_lobe_above_the_horizon(exponent):
         assert found == pytest.approx((up > 0).mean(), abs=4e-3)
 
 
+def test_daylight_from_everywhere_has_no_highlight():
+    """Beside a sun, of which the lobe is as without daylight."""
+    sun, day = jt.Sun((-1.0, 0.8, -0.6), 900.0), jt.DiffuseSky(120.0, 30.0)
+    glossy = (jt.SpecularReflection(0.7, 50.0),)
+
+    def added(*terms: Any) -> np.ndarray:
+        solution = at_start(jt.Surroundings(280.0), *terms)
+        shown = [
+            jt.render(solution, CAMERA, band=None, effects=effects).radiance
+            for effects in (glossy, ())
+        ]
+        return np.asarray(shown[0]) - np.asarray(shown[1])
+
+    np.testing.assert_allclose(added(day), 0.0, atol=1e-12)
+    np.testing.assert_allclose(added(day, sun), added(sun), atol=1e-12)
+
+
 def test_a_polished_ball_mirrors_the_sky_above_and_the_ground_below():
     terms = jt.Surroundings(250.0, ground=300.0)
     solution = at_start(terms, emissivity=0.0, kelvin=280.0)
