@@ -1,6 +1,6 @@
 """Thermal images of a solution, differentiable in its temperatures."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -57,10 +57,9 @@ def render(
         >>> jt.render(warm, camera).temperature.shape  # rows, columns
         (24, 32)
     """
-    index = range(len(solution.times))[index]
     options = _Options(smooth, samples, occlusion, band, effects)
-    (image,) = _frames(solution, camera, (index,), options)
-    return image
+    frame = _recording(solution, camera, options)
+    return frame(range(len(solution.times))[index])
 
 
 def frames(
@@ -82,7 +81,9 @@ def frames(
         InputError: as `render`.
     """
     options = _Options(smooth, samples, occlusion, band, effects)
-    return _frames(solution, camera, range(len(solution.times)), options)
+    # A mistake is told at once, not when the first frame is asked for.
+    frame = _recording(solution, camera, options)
+    return map(frame, range(len(solution.times)))
 
 
 class _Options(NamedTuple):
@@ -95,12 +96,10 @@ class _Options(NamedTuple):
     effects: Any
 
 
-def _frames(
-    solution: AbstractSolution,
-    camera: AbstractCamera,
-    indices: Iterable[int],
-    options: _Options,
-) -> Iterator[Image]:
+def _recording(
+    solution: AbstractSolution, camera: AbstractCamera, options: _Options
+) -> Callable[[int], Image]:
+    """Draws frames by the index of their time."""
     solutions = "a solution of simulate or steady"
     require(solution, AbstractSolution, "render(solution=)", solutions)
     cameras = "a Camera or an OrthographicCamera"
@@ -133,5 +132,4 @@ def _frames(
         with precision(solution.receipt.dtype):
             return detector.frame(index)
 
-    # A mistake is told at once, not when the first frame is asked for.
-    return map(frame, indices)
+    return frame

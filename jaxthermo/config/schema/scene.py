@@ -228,15 +228,22 @@ def _second_occlusion(data: dict[str, Any]) -> list[Mistake]:
     image = data.get("image")
     if not isinstance(image, dict) or image.get("occlusion") in (None, "none"):
         return []
-    return [
-        (
-            ("image", "occlusion"),
-            f"would hide the surroundings twice, after terms.{i}, which detects "
-            "occlusion in the heat balance: leave out one of them",
-        )
+    detecting = [
+        f"terms.{i}"
         for i, term in enumerate(_terms(data))
         if isinstance(term, dict)
         and (term.get("kind") == "radiative_exchange" or term.get("occlusion"))
+    ]
+    outdoors = data.get("outdoors")
+    if isinstance(outdoors, dict) and outdoors.get("occlusion"):
+        detecting.append("outdoors")
+    return [
+        (
+            ("image", "occlusion"),
+            f"would hide the surroundings twice, after {name}, which detects "
+            "occlusion in the heat balance: leave out one of them",
+        )
+        for name in detecting
     ]
 
 
