@@ -7,7 +7,6 @@ import viser
 from ..arrays import precision
 from ..config.loader import load_config
 from ..config.schema.scene import SceneConfig
-from ..config.types.model import build
 from ..integrate.run.solution_file import load_solution
 from ..live.playback import Playback
 from ..live.server import LiveView, serving
@@ -32,7 +31,7 @@ def play(run: Path, host: str, port: int, rate: float) -> None:
     config = finished_config(run, (), find_meshes=False)
     with precision(config.dtype):
         stored = load_solution(run / "solution.npz")
-        shown = Playback(stored, build(config.terms))
+        shown = Playback(stored, config.build_terms())
     with serving(host, port) as server:
         _show(server, shown, config, port, rate)
 

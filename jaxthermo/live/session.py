@@ -23,7 +23,6 @@ from typing_extensions import override
 from ..arrays import precision
 from ..config.loader import load_config
 from ..config.schema.scene import SceneConfig
-from ..config.types.model import build
 from ..errors import InputError
 from ..integrate.run.ledger import empty_ledger
 from ..integrate.run.plan import (
@@ -211,7 +210,7 @@ class LiveSession(AbstractShown):
                 scene = config.build()
             else:
                 # The same bodies, whose voxels and structures are known.
-                scene = config.scene(self.scene.bodies, build(config.terms))
+                scene = config.scene(self.scene.bodies, config.build_terms())
             return self._planned(values, config, scene, restarts)
 
     def use(self, change: Change) -> None:

@@ -179,3 +179,31 @@ def test_fast_conduction_runs_in_stages(path):
     finer = jt.simulate(session.scene, 60.0, [60.0], solver=jt.ForwardEuler())
     kelvin = np.asarray(finer.surface_temperature[-1])
     np.testing.assert_allclose(session.temperature, kelvin, atol=0.2)
+
+
+def test_the_weather_stays_where_a_value_is_changed(tmp_path):
+    path = tmp_path / "day.yaml"
+    path.write_text(
+        """
+bodies:
+  - shape: {kind: box, size: [4 cm, 4 cm, 8 cm]}
+    pitch: 1 cm
+    material: stainless_steel
+    temperature: 300
+terms: [{kind: heat_flux, heat_flux: 10}]
+outdoors:
+  place: {latitude: 48 deg, longitude: 11 deg}
+  start: 2026-06-21T09:00+02:00
+  clear_sky: {air: [285, 300], wind_speed: 2 m/s, wind_direction: 270 deg}
+time: {end: 10 min, save_at: [10 min]}
+camera: {width: 32, height: 24}
+"""
+    )
+    session = LiveSession(path, rate=60.0)
+    before = [term.name for term in session.terms]
+    assert before == ["heat_flux", "sun", "diffuse_sky", "emission", "wind"]
+    session.advance_to(120.0)
+    session.change({"terms.0.heat_flux": "5"})
+    assert [term.name for term in session.terms] == before
+    session.advance_to(600.0)
+    assert session.finished and np.isfinite(session.temperature).all()
