@@ -15,7 +15,7 @@ from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.config.types.model import build
 from jaxthermo.errors import InputError
 from jaxthermo.image.band import Band
-from jaxthermo.image.files import read_exr
+from jaxthermo.image.files import read_channel, read_exr
 from jaxthermo.image.thermogram_files import read_thermogram
 from jaxthermo.image.view import View
 from jaxthermo.integrate.run.parametric_run import ParametricRun
@@ -165,13 +165,7 @@ def _read_frame(path: Path, settings: schema.MeasuredFrames) -> np.ndarray:
         if settings.quantity == "radiance":
             raise InputError(f"{path}: radiance is read from EXR files alone")
         return read_thermogram(path, settings.unit, build(settings.flir))
-    channels, _ = read_exr(path)
-    named = _CHANNELS[settings.quantity]
-    found = [channels[name] for name in named if name in channels]
-    if not found:
-        listed = ", ".join(sorted(channels))
-        raise InputError(f"{path}: has no channel {named[0]} (it has {listed})")
-    return found[0]
+    return read_channel(path, *_CHANNELS[settings.quantity])
 
 
 def _read_mask(path: Path | None) -> Bool[np.ndarray, "_ _"] | None:

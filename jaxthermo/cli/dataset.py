@@ -23,7 +23,7 @@ from ..image.export.grey import grey_levels, write_grey
 from ..image.export.labels import camera_matrices, coco, instances, run_lengths
 from ..image.files import write_exr
 from ..image.image import Image, coarsen
-from ..image.raster_files import centikelvin
+from ..image.raster_files import centikelvin, saturated_pixels
 from ..integrate.run.plan import plan_run
 from ..integrate.run.solution import RESULTS
 from ..integrate.run.solution_file import StoredSolution, load_solution, save_solution
@@ -227,7 +227,7 @@ def _write_images(
         "height": height,
         "low_K": low,
         "high_K": high,
-        "saturated_pixels": int((kelvin > 655.355).sum()),
+        "saturated_pixels": saturated_pixels(kelvin),
         "instances": found,
     }
 

@@ -60,9 +60,8 @@ class Detector:
                 lagged = lag.after(interval, here.radiance, new, here.lagged)
                 here = _Recorded(k, new, lagged)
             self._last, radiance = here, here.lagged
-        for effect in self._effects.detector:
-            radiance = effect.apply(radiance, self._times[index], image.band)
-        return image.with_radiance(radiance)
+        followed = image.with_radiance(radiance)
+        return read_out(followed, self._effects, self._times[index])
 
     def _start(self, index: int, radiance: Any, time_constant: float) -> _Recorded:
         """A frame before which nothing matters any more."""
@@ -86,3 +85,11 @@ def pixels(image: Image, effects: Effects, samples: int) -> Image:
         return coarse
     blurred = integrate_pixels(image.radiance, samples, effects.spread)
     return coarse.with_radiance(blurred)
+
+
+def read_out(image: Image, effects: Effects, time: float) -> Image:
+    """Frame of a time [s] with the noise and counts of its detector."""
+    radiance: Any = image.radiance
+    for effect in effects.detector:
+        radiance = effect.apply(radiance, time, image.band)
+    return image.with_radiance(radiance)

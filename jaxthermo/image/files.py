@@ -111,6 +111,20 @@ def read_exr(
     return channels, {k: v for k, v in texts.items() if k not in _RESERVED}
 
 
+def read_channel(path: str | Path, *names: str) -> Float[np.ndarray, "h w"]:
+    """Read the first channel of an EXR file that has one of the names.
+
+    Raises:
+        InputError: as `read_exr`, or if it has none of them.
+    """
+    channels, _ = read_exr(path)
+    for name in names:
+        if name in channels:
+            return channels[name]
+    listed = ", ".join(sorted(channels))
+    raise InputError(f"{path}: has no channel {names[0]} (it has {listed})")
+
+
 def _exr_channels(image: Image, mask: _Image | None = None) -> dict[str, np.ndarray]:
     normal = np.asarray(image.normal)
     channels = {

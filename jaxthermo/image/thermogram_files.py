@@ -14,7 +14,7 @@ from PIL import Image as Pictures, UnidentifiedImageError
 
 from ..constants import ZERO_CELSIUS
 from ..errors import InputError
-from .files import read_exr
+from .files import read_channel
 from .raster_files import CENTIKELVIN
 from .thermography import FlirCalibration
 
@@ -100,14 +100,6 @@ def _numbers(path: Path, channel: str) -> Float[np.ndarray, "h w"]:
     return numbers.astype(float)
 
 
-def _read_exr(path: Path, channel: str) -> Any:
-    channels, _ = read_exr(path)
-    if channel not in channels:
-        listed = ", ".join(sorted(channels))
-        raise InputError(f"{path}: has no channel {channel} (it has {listed})")
-    return channels[channel]
-
-
 def _read_picture(path: Path, channel: str) -> Any:
     with warnings.catch_warnings():
         # What is wrong with a file is said by the error that follows.
@@ -137,7 +129,7 @@ def _read_csv(path: Path, channel: str) -> Any:
 
 
 _READERS = {
-    ".exr": _read_exr,
+    ".exr": read_channel,
     ".tif": _read_picture,
     ".tiff": _read_picture,
     ".png": _read_picture,

@@ -21,8 +21,8 @@ from ..constants import ZERO_CELSIUS
 from ..errors import InputError
 from ..image.palette import BACKGROUND, apply_palette
 from .controls import Controls
-from .detector import Detector
 from .hand_values import hand_values
+from .live_camera import LiveCamera
 from .panels import RunStatus
 from .playback import Playback
 from .player import FRAME, Player
@@ -50,7 +50,7 @@ class LiveView:
         self._server, self._shown = server, shown
         self._player = Player(shown, rate)
         self._asked: queue.SimpleQueue[tuple[str, Any]] = queue.SimpleQueue()
-        self._detector = Detector(config, shown.surfaces)
+        self._detector = LiveCamera(config, shown.surfaces)
         self._fixed, self._note, self._compiling = False, "", ""
         points = surface_points(shown.surfaces)
         self._view = SceneView(server, shown, points, self._detector.camera)

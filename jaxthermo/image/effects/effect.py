@@ -130,11 +130,6 @@ class Effects(NamedTuple):
         """Standard deviation of the spot of all optics [pixels]."""
         return float(np.sqrt(sum(each.spread**2 for each in self.blur)))
 
-    @property
-    def optics(self) -> "Effects":
-        """Those that a derivative passes, without the detector's."""
-        return self._replace(lag=(), detector=())
-
 
 def in_order(effects: Any, what: str = "effects=") -> Effects:
     """Sort effects into their order.

@@ -10,10 +10,11 @@ from ..arrays import precision
 from ..config.camera_framing import build_camera
 from ..config.schema.scene import SceneConfig
 from ..config.types.model import build
-from ..image.detector import pixels
+from ..image.detector import pixels, read_out
 from ..image.draw import draw
 from ..image.effects.effect import Effects, in_order
 from ..image.effects.optics import Blur
+from ..image.frame_values import QUANTITIES
 from ..image.image import Image
 from ..image.view import at_time, kept_view
 from ..integrate.stepper import just_before
@@ -36,7 +37,7 @@ class _Recorded(NamedTuple):
     """The same as the detector follows it."""
 
 
-class Detector:
+class LiveCamera:
     """The camera of a config on what is shown, with its band and effects.
 
     Raises:
@@ -59,8 +60,7 @@ class Detector:
     @property
     def quantity(self) -> str:
         """Quantity that the colours show, in words."""
-        apparent = self._image.quantity == "apparent"
-        return "apparent temperature" if apparent else "surface temperature"
+        return QUANTITIES[self._image.quantity]
 
     def frame(self, shown: AbstractShown) -> Float[np.ndarray, "h w"]:
         """Draw what is shown now [K]; NaN beside the bodies."""
@@ -94,9 +94,7 @@ class Detector:
                     time - last.time, last.radiance, radiance, last.lagged
                 )
             self._last, radiance = _Recorded(time, radiance, lagged), lagged
-        for effect in self._effects.detector:
-            radiance = effect.apply(radiance, time, image.band)
-        return image.with_radiance(radiance)
+        return read_out(image.with_radiance(radiance), self._effects, time)
 
 
 def _in_larger_pixels(effects: Effects, part: float) -> Effects:

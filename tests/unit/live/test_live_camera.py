@@ -9,7 +9,7 @@ import jaxthermo as jt
 from jaxthermo.config.loader import load_config
 from jaxthermo.config.types.model import build
 from jaxthermo.integrate.run.solution_file import load_solution, save_solution
-from jaxthermo.live.detector import Detector
+from jaxthermo.live.live_camera import LiveCamera
 from jaxthermo.live.playback import Playback
 
 
@@ -60,7 +60,7 @@ def shown(solution, path, tmp_path):
 @pytest.mark.parametrize("band", ["long-wave", "all", "[3 um, 5 um]"])
 def test_the_frame_is_that_of_render(shown, solution, path, band):
     config = config_with(path, *EFFECTS, image__band=band)
-    detector = Detector(config, shown.surfaces)
+    detector = LiveCamera(config, shown.surfaces)
     shown.seek(20.0)
     drawn = jt.render(
         solution,
@@ -74,8 +74,8 @@ def test_the_frame_is_that_of_render(shown, solution, path, band):
 
 
 def test_a_detector_lags_while_time_goes_on_and_settles_at_a_standstill(shown, path):
-    lagging = Detector(config_with(path, LAG), shown.surfaces)
-    at_once = Detector(config_with(path), shown.surfaces)
+    lagging = LiveCamera(config_with(path, LAG), shown.surfaces)
+    at_once = LiveCamera(config_with(path), shown.surfaces)
     cold = lagging.frame(shown)
     np.testing.assert_array_equal(cold, at_once.frame(shown))
     shown.seek(18.0)
@@ -93,6 +93,6 @@ def test_a_detector_lags_while_time_goes_on_and_settles_at_a_standstill(shown, p
 def test_a_large_frame_is_reduced_with_its_blur(shown, path):
     blur = "{kind: blur, sigma: 2}"
     config = config_with(path, blur, camera__width="620", camera__height="400")
-    detector = Detector(config, shown.surfaces)
+    detector = LiveCamera(config, shown.surfaces)
     assert detector.camera.size == (310, 200)
     assert detector._effects.spread == pytest.approx(1.0)
