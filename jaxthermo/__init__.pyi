@@ -38,6 +38,10 @@ from .image.files import (
     write_exr as write_exr,
     write_png as write_png,
 )
+from .image.flir_file import (
+    FlirThermogram as FlirThermogram,
+    read_flir as read_flir,
+)
 from .image.raster_files import (
     write_centikelvin as write_centikelvin,
     write_csv as write_csv,

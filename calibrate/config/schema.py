@@ -228,7 +228,11 @@ class FlirConfig(Model, builds="FlirCalibration"):
 
 
 class MeasuredFrames(KindModel):
-    """EXR files of temperature or radiance, or TIFF, PNG, CSV, NPY of temperature."""
+    """EXR files of temperature or radiance, or files of temperature.
+
+    Those may be TIFF, PNG, CSV or NPY files, or the JPEG files of FLIR cameras, which
+    have a unit and constants of their own.
+    """
 
     kind: Literal["frames"] = "frames"
     frames: Annotated[tuple[FramesOfCase, ...], NotEmpty]

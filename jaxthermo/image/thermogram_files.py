@@ -1,7 +1,8 @@
 """Frames of real cameras: temperatures from EXR, TIFF, PNG, CSV, NPY and FLIR's counts.
 
 Numbers in files are kelvin, hundredths of kelvin, degrees Celsius or raw counts: what
-they are has to be said, since a file of whole numbers may be any of them.
+they are has to be said, since a file of whole numbers may be any of them. The JPEG of a
+FLIR camera says it itself.
 """
 
 import warnings
@@ -15,6 +16,7 @@ from PIL import Image as Pictures, UnidentifiedImageError
 from ..constants import ZERO_CELSIUS
 from ..errors import InputError
 from .files import read_channel
+from .flir_file import read_flir
 from .raster_files import CENTIKELVIN
 from .thermography import FlirCalibration
 
@@ -23,6 +25,7 @@ UNITS = ("kelvin", "centikelvin", "celsius", "counts")
 """Units that the numbers of a file may have."""
 # Channel of the EXR files of this package.
 _CHANNEL = "apparent_temperature_K"
+_RADIOMETRIC = (".jpg", ".jpeg")
 
 
 def read_thermogram(
@@ -35,9 +38,10 @@ def read_thermogram(
 
     Args:
         path: EXR, TIFF, PNG of one channel, CSV (comma, semicolon or tab; lines with #
-            are left out) or NPY file.
-        unit: of its numbers: "kelvin", "centikelvin", "celsius" or "counts".
-        calibration: of raw counts.
+            are left out) or NPY file, or the JPEG of a FLIR camera with its counts.
+        unit: of its numbers: "kelvin", "centikelvin", "celsius" or "counts"; not used
+            for a JPEG, which has counts and their calibration.
+        calibration: of raw counts; of a JPEG in place of its own.
         channel: of an EXR file.
 
     Raises:
@@ -55,6 +59,9 @@ def read_thermogram(
     if unit not in UNITS:
         known = ", ".join(UNITS)
         raise InputError(f"read_thermogram(unit={unit!r}): use one of {known}")
+    if Path(path).suffix.lower() in _RADIOMETRIC:
+        seen = read_flir(path)
+        return _from_counts(path, calibration or seen.calibration, seen.counts)
     if (unit == "counts") != (calibration is not None):
         raise InputError(
             "read_thermogram: counts and a calibration go together: give "
@@ -62,10 +69,7 @@ def read_thermogram(
         )
     numbers = _numbers(Path(path), channel)
     if calibration is not None:
-        try:
-            return np.asarray(calibration.temperature(numbers))
-        except InputError as error:
-            raise InputError(f"{path}: {error}") from error
+        return _from_counts(path, calibration, numbers)
     scale, zero = {
         "kelvin": (1.0, 0.0),
         "centikelvin": (CENTIKELVIN, 0.0),
@@ -80,6 +84,15 @@ def read_thermogram(
     return kelvin
 
 
+def _from_counts(
+    path: str | Path, calibration: FlirCalibration, counts: np.ndarray
+) -> Float[np.ndarray, "h w"]:
+    try:
+        return np.asarray(calibration.temperature(counts))
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
 def _numbers(path: Path, channel: str) -> Float[np.ndarray, "h w"]:
     if not path.is_file():
         raise InputError(f"{path} is not a file: give the path of a frame")
@@ -87,7 +100,7 @@ def _numbers(path: Path, channel: str) -> Float[np.ndarray, "h w"]:
     try:
         found = _READERS[ending](path, channel)
     except KeyError:
-        kinds = ", ".join(sorted(_READERS))
+        kinds = ", ".join(sorted((*_READERS, *_RADIOMETRIC)))
         raise InputError(f"{path}: frames may be {kinds} files") from None
     except (ValueError, OSError, UnidentifiedImageError) as error:
         raise InputError(f"{path} is damaged or no {ending} file: {error}") from error

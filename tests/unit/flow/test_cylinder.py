@@ -1,13 +1,16 @@
 """Flows around a cylinder against published benchmarks and computed data."""
 
+from functools import cache
 from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from flows import schaefer_turek, small_steady
+from polar_flow import PolarFlow, polar_flow
 
 from jaxthermo.flow.measures import (
+    Line,
     centreline,
     force_coefficient,
     mean_nusselt,
@@ -29,6 +32,18 @@ SQUARE_OF_SPEED = 0.2**2
 
 def steady_drag(run):
     return force_coefficient(run.channel, float(run.drag[-1]))
+
+
+@cache
+def steady_profile(reynolds: float) -> Line:
+    """Middle line behind a cylinder, which several tests look at."""
+    return centreline(wake_run(reynolds))
+
+
+def steady_line(reynolds: float, at: np.ndarray) -> np.ndarray:
+    """u / U at distances from the middle of the cylinder [diameters]."""
+    line = steady_profile(reynolds)
+    return np.interp(at - 0.5, line.at, line.ratio)
 
 
 def test_the_steady_benchmark_of_schaefer_and_turek_on_a_coarse_lattice():
@@ -75,24 +90,51 @@ def test_the_shedding_benchmark_of_schaefer_and_turek():
     assert strouhal(run) == pytest.approx(0.3018, rel=0.02)
 
 
-# With walls 120 diameters apart and the inlet twice as far it is 0.041 off.
-NEARER_WALLS = pytest.mark.xfail(
-    strict=True, reason="at Re 40 the flow is 0.052 U faster at 10 diameters"
+# At Re 40 the data are 0.04 U slower at 10 diameters than both methods below. A grid
+# like theirs, 140 x 100 with even angles, is too coarse there for so thin a wake, and
+# makes half of that with the finite differences. The other half is not explained.
+COARSE = pytest.mark.xfail(
+    strict=True, reason="the data at Re 40 are not resolved beyond 5 diameters"
 )
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "reynolds", [10.0, 20.0, pytest.param(40.0, marks=NEARER_WALLS)]
-)
+@pytest.mark.parametrize("reynolds", [10.0, 20.0, pytest.param(40.0, marks=COARSE)])
 def test_the_centreline_behind_a_steady_cylinder(reynolds):
     computed = np.genfromtxt(STEADY, delimiter=",", names=True)
     at = computed["x_over_D_from_centre"]
     near = at <= 10
-    line = centreline(wake_run(reynolds))
-    found = np.interp(at[near] - 0.5, line.at, line.ratio)
     expected = computed[f"u_over_U_Re{reynolds:g}"][near]
-    np.testing.assert_allclose(found, expected, atol=0.03)
+    np.testing.assert_allclose(steady_line(reynolds, at[near]), expected, atol=0.03)
+
+
+@cache
+def resolved(reynolds: float) -> PolarFlow:
+    """Flow by finite differences, from that at half the Reynolds number."""
+    start = resolved(reynolds / 2) if reynolds > 10 else None
+    return polar_flow(reynolds, (200, 140), start=start)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("reynolds", [10.0, 20.0, 40.0])
+def test_the_centreline_against_finite_differences(reynolds):
+    at = np.array([0.6, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0, 7.5, 10.0])
+    # Walls 60 diameters apart speed the stream up by some 0.02 U.
+    expected = resolved(reynolds).speed(at)
+    np.testing.assert_allclose(steady_line(reynolds, at), expected, atol=0.025)
+
+
+@pytest.mark.slow
+def test_the_finite_differences_are_of_second_order():
+    at = np.array([5.0, 10.0])
+    coarse, middle, fine = (
+        polar_flow(20.0, (35 * k, 25 * k)).speed(at) for k in (1, 2, 4)
+    )
+    order = np.log2((middle - coarse) / (fine - middle))
+    np.testing.assert_allclose(order, 2.0, atol=0.1)
+    # Published drag coefficients at Re 20: 2.00 to 2.05, at Re 40: 1.49 to 1.54.
+    assert 1.98 < resolved(20.0).drag < 2.05
+    assert 1.48 < resolved(40.0).drag < 1.54
 
 
 @pytest.mark.slow
