@@ -5,13 +5,14 @@ UV := $(shell command -v uv 2>/dev/null || echo .uv/bin/uv)
 SYNC = UV_PROJECT_ENVIRONMENT=.venv UV_COMPILE_BYTECODE=1 $(UV) sync --locked --inexact --quiet
 RUN = .venv/bin
 
-.PHONY: help env demo test slow check bench schemas cards wakes clean
+.PHONY: help env demo test slow check bench docs pictures schemas cards wakes clean
 
 help:
 	@echo "make env    the environment, in .venv"
 	@echo "make demo   thermal frames of the built-in figurine, in results/demo"
 	@echo "make test   the test suite        make slow   the long tests"
 	@echo "make check  lint and types        make bench  the benchmarks"
+	@echo "make docs   the documentation, in results/docs"
 	@echo "make cards  the fit cards of the package, after a change of configs/cards"
 	@echo "make wakes  the data of wakes, after a change of the flow"
 	@echo "make schemas  the JSON Schemas in configs, after a change of a model"
@@ -29,7 +30,10 @@ help:
 	@$(SYNC) --extra test && touch $@ .venv/.core
 
 .venv/.dev: uv.lock pyproject.toml $(filter .uv/%,$(UV))
-	@$(SYNC) --extra test --extra dev && touch $@ .venv/.test .venv/.core
+	@$(SYNC) --extra test --extra dev --extra docs && touch $@ .venv/.test .venv/.core
+
+.venv/.docs: uv.lock pyproject.toml $(filter .uv/%,$(UV))
+	@$(SYNC) --extra docs && touch $@ .venv/.core
 
 env: .venv/.core
 
@@ -49,6 +53,15 @@ check: .venv/.dev
 
 bench: .venv/.test
 	$(RUN)/python -m experiments run benchmarks
+
+# Readable without network; a warning is an error.
+docs: .venv/.docs
+	$(RUN)/python -m sphinx -W --keep-going -q -b html docs results/docs
+
+# Needs Chromium for the picture of the live view.
+pictures: .venv/.test
+	PYTHONPATH=. $(RUN)/python docs/make_pictures.py
+	PYTHONPATH=. $(RUN)/python docs/make_live_picture.py
 
 schemas: .venv/.core
 	$(RUN)/python -m jaxthermo schema > configs/scene.schema.json

@@ -73,7 +73,7 @@ def read_weather(path: Path, start: datetime) -> Weather:
     except Exception as error:  # damaged text makes the readers raise anything
         raise InputError(
             f"{path}: not a weather file, or damaged ({type(error).__name__}): give an "
-            "EPW file, or CSV with the columns of the README"
+            "EPW file, or CSV with the columns of docs/guide/outdoors.md"
         ) from error
 
 

@@ -1,0 +1,81 @@
+"""The fastest structure of a body whose error is within a tolerance.
+
+python docs/examples/structure_for_tolerance.py --tolerance 2
+
+Every structure is run in coarse and fine voxels, compared with finer voxels still, and
+timed. `calibrate plan` searches more choices, with fewer runs, for any scene file.
+"""
+
+import argparse
+import time
+from collections.abc import Callable
+
+import jax
+import numpy as np
+
+import jaxthermo as jt
+
+
+STRUCTURES: dict[str, Callable[[jt.VoxelGrid], object]] = {
+    "full volume": jt.FullVolume,
+    "octree": jt.Octree,
+    "shell over core": jt.ShellOverCore,
+    "blocks x2": lambda grid: jt.Aggregate(grid, factor=2),
+    "blocks x4": lambda grid: jt.Aggregate(grid, factor=4),
+}
+SAVE_AT = [30.0, 60.0, 120.0]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--tolerance", type=float, default=2.0, help="percent of range")
+    parser.add_argument("--quick", action="store_true", help="small, for a test")
+    options = parser.parse_args()
+    heights = (48,) if options.quick else (64, 96)
+
+    mesh = jt.shapes.figurine(0.3)
+    grids = {n: jt.voxelize(mesh, 0.3 / n) for n in (*heights, 2 * heights[-1])}
+    finest = jt.Aggregate(grids[2 * heights[-1]], factor=2)
+    reference = jt.simulate(scene_of(finest), 120.0, SAVE_AT)
+    choices = []
+    print("voxels high  structure         nodes    error       run")
+    for high in heights:
+        for name, structure in STRUCTURES.items():
+            kind = structure(grids[high])
+            solution, seconds = timed(scene_of(kind))
+            error = jt.truth_error(solution, reference).worst_rms_percent
+            choices.append((seconds, error, name, high))
+            print(
+                f"{high:11}  {name:15} {kind.node_count:7}  {error:6.2f} %"
+                f"  {1e3 * seconds:6.1f} ms"
+            )
+    within = [each for each in choices if each[1] <= options.tolerance]
+    if not within:
+        nearest = min(error for _, error, _, _ in choices)
+        print(f"none within {options.tolerance} %: the nearest {nearest:.2f} %")
+        return
+    seconds, error, name, high = min(within)
+    print(f"take {name}, {high} voxels high: {error:.2f} % in {1e3 * seconds:.1f} ms")
+
+
+def scene_of(structure) -> jt.Scene:
+    steel = jt.materials["stainless_steel"]
+    body = jt.Body(structure, steel, temperature=293.15)
+    sun, air = jt.Sun((-1.0, 0.0, 0.0), 5000.0), jt.Convection(10.0, 293.15)
+    return jt.Scene((body,), (sun, air))
+
+
+def timed(scene: jt.Scene) -> tuple[jt.Solution, float]:
+    """The solution, and the shortest of three times of the compiled run [s]."""
+    run = jt.compile_simulation(scene, 120.0, SAVE_AT)
+    solution = run()
+    times = []
+    for _ in range(3):
+        start = time.perf_counter()
+        jax.block_until_ready(run().surface_temperature)
+        times.append(time.perf_counter() - start)
+    return solution, float(np.min(times))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Extensions of the site: equations, measured numbers, and generated references."""

@@ -1,0 +1,69 @@
+"""The API reference: directives of autodoc for each exported name, by its folder.
+
+Docstrings are plain text with Google's sections and indented equations; those become
+literal blocks, and single backticks code.
+"""
+
+import ast
+from pathlib import Path
+
+
+STUB = Path(__file__).resolve().parents[2] / "jaxthermo" / "__init__.pyi"
+
+
+def exported() -> dict[str, str]:
+    """Each exported name and its module in the package, in the order of the stub."""
+    found = {}
+    for node in ast.parse(STUB.read_text()).body:
+        if isinstance(node, ast.ImportFrom):
+            found |= {name.name: node.module or "" for name in node.names}
+    return found
+
+
+def api_reference(folder: str) -> str:
+    """Directives for the names that `jaxthermo/FOLDER` exports; `.` for the package."""
+    names = [name for name, module in exported().items() if _folder(module) == folder]
+    modules = {"shapes": "jaxthermo.geometry.shapes"}
+    modules["measurements"] = "jaxthermo.image.measurements"
+    lines = ["```{eval-rst}"]
+    for name in names:
+        if name in modules:
+            lines += [f".. automodule:: {modules[name]}", "   :members:", ""]
+        elif name in _VALUES:
+            lines += [f".. autodata:: jaxthermo.{name}", "   :no-value:", ""]
+        elif name[0].isupper():
+            lines += [f".. autoclass:: jaxthermo.{name}", "   :members:", ""]
+        else:
+            lines += [f".. autofunction:: jaxthermo.{name}", ""]
+    return "\n".join([*lines, "```"])
+
+
+def _folder(module: str) -> str:
+    first = module.split(".")[0]
+    return first if (STUB.parent / first).is_dir() else "."
+
+
+_VALUES = ("materials", "bonded", "RESULTS")
+_SECTIONS = ("Args:", "Raises:", "Returns:", "Attributes:", "Example:", "Yields:")
+
+
+def literal_equations(lines: list[str]) -> list[str]:
+    """Lines of a docstring in which indented equations are literal blocks."""
+    found: list[str] = []
+    section, literal = False, False
+    for line in lines:
+        indented = line.startswith("    ")
+        if line and not indented:
+            section, literal = line.strip() in _SECTIONS, False
+        if indented and not section and not literal:
+            found += ["::", ""]
+            literal = True
+        found.append(line if literal else _escaped(line))
+    return found
+
+
+def _escaped(line: str) -> str:
+    """A line in which bars of absolute values are no substitutions."""
+    pieces = line.split("`")
+    pieces[::2] = [piece.replace("|", "\\|") for piece in pieces[::2]]
+    return "`".join(pieces)

@@ -1,0 +1,37 @@
+"""References that the site generates where a page has a line `%generate KIND NAME`."""
+
+import re
+
+from sphinx.application import Sphinx
+
+from .api_reference import api_reference, literal_equations
+from .command_reference import command_reference
+from .config_reference import config_reference
+
+
+GENERATORS = {
+    "api": api_reference,
+    "commands": command_reference,
+    "config": config_reference,
+}
+_LINE = re.compile(r"^%generate (\w+) (\S+)$", re.M)
+
+
+def fill(text: str) -> str:
+    """The text of a page with its generated parts."""
+    return _LINE.sub(lambda found: GENERATORS[found[1]](found[2]), text)
+
+
+def _fill_page(app: Sphinx, name: str, source: list[str]) -> None:
+    source[0] = fill(source[0])
+
+
+def _docstring(app, what, name, thing, options, lines: list[str]) -> None:
+    lines[:] = literal_equations(lines)
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    app.connect("source-read", _fill_page)
+    # Before napoleon, which rewrites the sections.
+    app.connect("autodoc-process-docstring", _docstring, priority=100)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
