@@ -16,6 +16,7 @@ _HEIGHT = 250
 _QUICK_HEIGHTS = (50, 100, 150, 200, 250)
 _HEIGHTS = (*_QUICK_HEIGHTS, 350, 450, 550)
 _THESIS = (18, 20, 8)
+_MAX_COLUMNS = 10
 
 
 def _depth_picture(images: dict, grid) -> Image.Image:
@@ -34,19 +35,21 @@ def _depth_picture(images: dict, grid) -> Image.Image:
     return sheet(tiles, bar, "Depth in the first three textures of the z axis")
 
 
-def _all_picture(images: dict) -> Image.Image:
-    """Every texture of the three axes as normals, a row or two for each axis."""
-    tiles = []
-    for name, axis in AXES.items():
-        own = images[f"{'xyz'[axis]}_normal"]
-        tiles += [Tile(pixels, f"{name} {k + 1}") for k, pixels in enumerate(own)]
+def _axis_picture(images: dict, name: str) -> Image.Image:
+    """Every texture of one axis, coloured by the normal."""
+    tiles = [
+        Tile(pixels, f"{name} {k + 1}")
+        for k, pixels in enumerate(images[f"{'xyz'[AXES[name]]}_normal"])
+    ]
     ways = np.repeat(np.eye(3), 2, axis=0) * np.tile([1.0, -1.0], 3)[:, None]
     names = ("+x", "-x", "-z", "+z", "+y", "-y")
     colours = [(int(r), int(g), int(b)) for r, g, b in normal_colours(ways)]
     legend = Legend(
         tuple(zip(names, colours, strict=True)), "direction of the outward normal"
     )
-    return sheet(tiles, legend, "All textures, front layer first", columns=14)
+    title = f"{len(tiles)} textures along {name}, front layer first"
+    rows = -(-len(tiles) // _MAX_COLUMNS)
+    return sheet(tiles, legend, title, columns=-(-len(tiles) // rows))
 
 
 def _measure(quick: bool) -> Finding:
@@ -81,10 +84,13 @@ def _measure(quick: bool) -> Finding:
             "As on the left of the figure: depth in the first three textures of the z "
             "axis.",
         ),
-        Picture(
-            "figure-4.3-all",
-            _all_picture(images),
-            "All textures of the three axes, coloured by the normal.",
+        *(
+            Picture(
+                f"figure-4.3-{name}",
+                _axis_picture(images, name),
+                f"All textures along {name}, coloured by the normal.",
+            )
+            for name in AXES
         ),
         count_table(by_height),
     )

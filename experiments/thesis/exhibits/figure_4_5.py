@@ -26,7 +26,7 @@ def _picture(grid: jt.VoxelGrid):
     shown = (
         (depth, "(a) depth", "bright is near"),
         (normal, "(b) normal n", "(n + 1) / 2 as red, green, blue"),
-        (dominant, "(c) largest |n|", ""),
+        (dominant, "(c) largest |n|", "red x, green y, blue z"),
         (kept, "(d) preserved", "along x"),
     )
     tiles = [Tile(enlarged(image, 260), name, note) for image, name, note in shown]

@@ -33,7 +33,7 @@ def _picture(grid: jt.VoxelGrid) -> Image.Image:
         np.where(keep[..., None], pixels, dark)
         for keep, pixels in zip(on_axis, original, strict=True)
     ]
-    empty = np.full_like(original[0], 255)
+    empty = np.full_like(original[0], 64)
     packed = packed + [empty] * (len(original) - len(packed))
     tiles = [
         Tile(pixels, f"({letter}) {k + 1}" if pixels is not empty else "removed")
