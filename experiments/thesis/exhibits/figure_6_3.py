@@ -75,7 +75,7 @@ def _measure(quick: bool) -> Finding:
     rows = (
         *(
             Row(
-                f"RMS difference, {round(_OF_END * t / END)} iterations [% of the rise]",
+                f"RMS difference, {round(_OF_END * t / END)} iterations [% of rise]",
                 "resembles the full volume",
                 found.percent[k],
                 f"{found.kelvin[k]:.3g} K",
