@@ -38,7 +38,7 @@ _VOXELS, _PATCHES = 20, 96
 _EXCESS = STEFAN_BOLTZMANN * (_HOT**4 - _COLD**4)
 
 
-def _measure_thesis_flux() -> dict[str, Any]:
+def measure_thesis_flux() -> dict[str, Any]:
     """C02: 31.15 W/m^2 at 10 m, beside what a black square metre radiates there."""
     exchanged = lambda a: _EXCESS * parallel_rectangles(a, a, _THESIS_DISTANCE)
     is_small = lambda edge: exchanged(edge) < _THESIS_FLUX
@@ -268,7 +268,7 @@ def _light_table(result: dict[str, Any]) -> Table:
 
 def run(folder: Path, height: int = 110) -> dict[str, Any]:
     """C02, C03, C04 and occlusion on a figurine of `height` voxels: `report.html`."""
-    flux, rows, gap = _measure_thesis_flux(), _measure_neighbours(), _ten_percent_gap()
+    flux, rows, gap = measure_thesis_flux(), _measure_neighbours(), _ten_percent_gap()
     lit, shown = _measure_light(), show_occlusion(folder, height)
     sections = [
         *_thesis_flux(flux),

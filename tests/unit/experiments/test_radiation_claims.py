@@ -8,7 +8,7 @@ from jaxthermo.report.chart import write_chart
 
 
 def test_c02_is_pi_squared_too_much():
-    found = radiation._measure_thesis_flux()
+    found = radiation.measure_thesis_flux()
     assert found["two_squares_of_1_m_W_m2"] == pytest.approx(3.138, abs=1e-3)
     assert found["thesis_over_right"] == pytest.approx(9.87, abs=0.01)
     assert found["E_pi_over_R2_W_m2"] == pytest.approx(31.15, rel=1e-3)
