@@ -19,7 +19,7 @@ from ..harness.present import show, table_of
 _POWERS = range(3, 9)
 
 
-def _count_cubes(powers: range = _POWERS) -> dict[str, Any]:
+def count_cubes(powers: range = _POWERS) -> dict[str, Any]:
     """Cells of cubes with n = 2^p voxels a side, and which law they follow.
 
     The level l of a cube has about 6 (n / 2^l)^2 cells, so the sum is 4/3 of the shell
@@ -65,7 +65,7 @@ def _count_cells(side: int) -> dict[str, Any]:
     }
 
 
-def _cube_table(result: dict[str, Any]) -> Table:
+def cube_table(result: dict[str, Any]) -> Table:
     columns = [
         ("n", "{side_voxels}"),
         ("levels", "{levels}"),
@@ -95,12 +95,12 @@ _TIMES = dict(zip(_KINDS, (13e-3, 50e-3, 21e-3, 55e-3), strict=True))
 
 def _count_heights(mesh: jt.Mesh, heights: tuple[int, ...] = _HEIGHTS) -> list[dict]:
     """Nodes of shell and irregular structure against body and box, by resolution."""
-    return [_count_structures(mesh, height) for height in heights]
+    return [count_structures(mesh, height) for height in heights]
 
 
 def _count_table_6_1(mesh: jt.Mesh, height: int = _TABLE_HEIGHT) -> dict[str, Any]:
     """The thesis' counts beside ours, and what its own numbers say."""
-    ours = _count_structures(mesh, height)
+    ours = count_structures(mesh, height)
     return {
         "ours": ours,
         "thesis": _TABLE,
@@ -121,7 +121,7 @@ def _count_table_6_1(mesh: jt.Mesh, height: int = _TABLE_HEIGHT) -> dict[str, An
     }
 
 
-def _count_structures(mesh: jt.Mesh, height: int) -> dict[str, Any]:
+def count_structures(mesh: jt.Mesh, height: int) -> dict[str, Any]:
     grid = jt.voxelize(mesh, float(np.ptp(mesh.bounds[:, 2])) / height)
     body, box = grid.solid_count, grid.lattice.cells
     shell = jt.SingleShell(grid).node_count
@@ -248,8 +248,8 @@ def _capacity_table(result: dict[str, Any], name: str) -> Table:
 
 def run() -> dict[str, Any]:
     """C05, C06, C15 and the counts of table 6.1."""
-    cubes = _count_cubes()
-    show(_cube_table(cubes))
+    cubes = count_cubes()
+    show(cube_table(cubes))
     meshes = thesis_meshes()
     rows = {name: _count_heights(mesh) for name, mesh in meshes.items()}
     show(_compression_table(rows))

@@ -93,11 +93,11 @@ def run(folder: Path, height: int = 150) -> dict[str, Any]:
     for setup in SETUPS:
         name = f"{setup.channel}, speed {setup.speed:g}"
         with console.status(name) as status:
-            flow = _computed(setup, height, lambda at: status.update(at.text))
+            flow = compute_flow(setup, height, lambda at: status.update(at.text))
         tail = tail_of(setup, flow)
         tails.append(tail)
-        rows.append(_measured(tail, flow))
-        tiles += _pictures(flow, name)
+        rows.append(measure_flow(tail, flow))
+        tiles += speed_tiles(flow, name)
     write_png(folder / "speeds.png", _sheet(tiles))
     collapse, pairs = measure_collapse(tails[1:]), measure_pair()
     publish(
@@ -114,7 +114,7 @@ def run(folder: Path, height: int = 150) -> dict[str, Any]:
     }
 
 
-def _computed(setup: Setup, height: int, progress: Any) -> FlowRun:
+def compute_flow(setup: Setup, height: int, progress: Any) -> FlowRun:
     channel = setup.flow(height)
     steps = round(_PASSES * channel.shape[1] / _LATTICE_SPEED)
     return jt.simulate_flow(channel, steps, start=disturbed_state, progress=progress)
@@ -128,7 +128,7 @@ def tail_of(setup: Setup, flow: FlowRun) -> Tail:
     return Tail(setup, line.at[kept], line.ratio[kept] / 1.5)
 
 
-def _measured(tail: Tail, flow: FlowRun) -> dict[str, Any]:
+def measure_flow(tail: Tail, flow: FlowRun) -> dict[str, Any]:
     behind = tail.x > recirculation_length(flow)
     fits = {}
     for family in FAMILIES:
@@ -204,7 +204,7 @@ def measure_pair() -> Rows:
     return [{"gap": gap, "factor": heat[False, gap] / heat[True, gap]} for gap in _GAPS]
 
 
-def _pictures(flow: FlowRun, name: str) -> list[Tile]:
+def speed_tiles(flow: FlowRun, name: str) -> list[Tile]:
     body = flow.channel.body.mask(flow.channel.shape)
     top = 1.5 * float(flow.channel.speed)
     found = []
@@ -271,7 +271,7 @@ def _fitted_curve(
         return np.asarray(family.curve(q, jnp.asarray(x, q.dtype)))
 
 
-def _flow_table(rows: Rows) -> Table:
+def flow_table(rows: Rows) -> Table:
     shown = lambda key: (
         lambda row: "not reached" if row[key] is None else f"{row[key]:.2f}"
     )
@@ -290,7 +290,7 @@ def _flow_table(rows: Rows) -> Table:
     return table_of(rows, columns, "Flows", names=3)
 
 
-def _fit_table(rows: Rows) -> Table:
+def fit_table(rows: Rows) -> Table:
     lines = []
     for row in rows:
         for name, fit in row["fits"].items():
@@ -318,10 +318,10 @@ def _flows(rows: Rows, tails: list[Tail], folder: Path) -> list[page.Section]:
         "It gives no viscosity, diameter or inlet: the speeds are those of Re "
         f"{numbers} in the middle of the wide channel, and Re 100 in the narrow one.",
         page.picture(folder / "speeds.png", "speeds at one moment and mean speeds"),
-        _flow_table(rows),
+        flow_table(rows),
         write_chart(tail_chart(rows, tails), folder / "normalized"),
         write_chart(fit_chart(rows[1], tails[1]), folder / "fits"),
-        _fit_table(rows),
+        fit_table(rows),
     ]
 
 
