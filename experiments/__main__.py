@@ -39,14 +39,17 @@ def _run(
     """Run an experiment, or several that share a group name.
 
     Args:
-        name: As `list` shows it, or "benchmarks" for all of them, on one page.
+        name: As `list` shows it, or "benchmarks" for all of them, on one page; "thesis"
+            for every table and figure of the thesis.
         config: A YAML file, for an experiment that takes one; the standard one if not
             given. For `front` the config of a sweep, or the folder of one; for `budget`
             the config of a sweep.
         height: Voxels along up, instead of the config's.
-        cases: Which ones, such as S01,S06, of an experiment that has cases.
+        cases: Which ones, such as S01,S06, of an experiment that has cases; of `thesis`
+            exhibits or claims, such as figure-4.3,C09.
         out: The folder for result.json; results/experiments/NAME if not given.
-        quick: Small bodies and few repeats, for a benchmark or all of them.
+        quick: Small bodies and few repeats, for a benchmark or all of them, and for
+            `thesis`.
         resume: For "benchmarks": keep results of this commit, host and size.
     """
     given = {"config": config, "height": height, "cases": cases}

@@ -65,6 +65,9 @@ _ABOUT = {
         "a step of the lattice Boltzmann flow beside numba and a copy"
     ),
     "benchmarks.gradients": "a reverse-mode gradient beside its forward run",
+    "thesis.exhibition": (
+        "every table and figure of the thesis, claim by claim, on one page"
+    ),
     "thesis.counting": "how many voxels each structure has, against the thesis' counts",
     "thesis.contact": "area of contact by resolution, pruning, a ball on a head",
     "thesis.radiation": (
@@ -100,13 +103,14 @@ _NAMES = {
     "verification.verify": "verification",
     "stiff.run": "stiff",
     "front.run": "front",
+    "thesis.exhibition": "thesis",
 }
 # The others take the height of their bodies, in voxels.
 _OPTIONS = {
     **dict.fromkeys(("stencil", "voxelize", "counting", "lattice-boltzmann"), ()),
     "mixed": ("config", "height"),
     "levels": ("height", "cases"),
-    **dict.fromkeys(("verification", "stiff"), ("cases",)),
+    **dict.fromkeys(("verification", "stiff", "thesis"), ("cases",)),
     **dict.fromkeys(("budget", "front", "reduction"), ("config",)),
 }
 

@@ -143,7 +143,7 @@ def find_materials(part: str) -> tuple[MaterialRow, ...]:
     return tuple(filter(found, material_rows()))
 
 
-def _thesis_material(name: str) -> Material:
+def thesis_material(name: str) -> Material:
     """Material with the density and specific heat of Table 5.1 of the thesis (2010).
 
     Raises:

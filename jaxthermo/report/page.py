@@ -41,9 +41,9 @@ def _html(section: Section) -> Html:
     return section.html() if isinstance(section, Table) else paragraph(section)
 
 
-def heading(text: str, level: int = 2) -> Html:
-    """The heading of a section."""
-    return render("heading", text=text, level=level)
+def heading(text: str, level: int = 2, anchor: str = "") -> Html:
+    """The heading of a section, which `#anchor` links to if it has one."""
+    return render("heading", text=text, level=level, anchor=anchor)
 
 
 def paragraph(text: str, note: bool = False) -> Html:

@@ -29,6 +29,8 @@ class Cell(NamedTuple):
     """Align right on a page, below other numbers."""
     is_heading: bool = False
     """Set off, above the rows that it names."""
+    links: bool = False
+    """Link each line to the heading of the page whose anchor it names."""
 
     @property
     def html_class(self) -> str:
@@ -108,6 +110,7 @@ class _Number(NamedTuple):
     text: str
     html_class: str
     columns: int = 1
+    links: bool = False
 
 
 def _as_cell(cell: str | Cell, left: bool) -> Cell | _Number:

@@ -50,13 +50,15 @@ _TEMPLATES = {
 <td{% if cell.html_class %} class="{{ cell.html_class }}"{% endif %}
 {%- if cell.columns > 1 %} colspan="{{ cell.columns }}"{% endif %}>
 {%- for line in cell.text.split("\\n") -%}
-{{ line }}{% if not loop.last %}<br>{% endif %}
+{% if cell.links %}<a href="#{{ line }}">{{ line }}</a>{% else %}{{ line }}
+{%- endif %}{% if not loop.last %}<br>{% endif %}
 {%- endfor %}</td>{% endfor %}</tr>
 {% endfor %}</tbody></table></div>""",
     "terms": """<dl>{% for word, meaning in pairs -%}
 <dt>{{ word }}</dt><dd>{{ meaning }}</dd>
 {% endfor %}</dl>""",
-    "heading": "<h{{ level }}>{{ text }}</h{{ level }}>",
+    "heading": """<h{{ level }}{% if anchor %} id="{{ anchor }}"{% endif %}>
+{{- text }}</h{{ level }}>""",
     "paragraph": "<p{% if note %} class=note{% endif %}>{{ text }}</p>",
     "details": """<details><summary>{{ title }}</summary>
 {{ content }}</details>""",

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.material.table import _thesis_material
+from jaxthermo.material.table import thesis_material
 from tests.bodies import bar
 
 
@@ -37,7 +37,7 @@ def cube():
 @pytest.mark.parametrize("name", TABLE)
 def test_rate_to_three_digits(name):
     area, volume = 1.0, 1.0
-    material = _thesis_material(name)
+    material = thesis_material(name)
     rate = FLUX * area / (material.volumetric_heat_capacity * volume)
     assert f"{rate:.2e}" == TABLE[name]
 
@@ -46,13 +46,13 @@ def test_rate_to_three_digits(name):
 @pytest.mark.parametrize("name", TABLE)
 def test_simulated_rate_to_three_digits(cube, name, dtype):
     """A second a step, each below one rounding of 300 K in float32 (S10)."""
-    body = jt.Body(cube, _thesis_material(name), temperature=300.0)
+    body = jt.Body(cube, thesis_material(name), temperature=300.0)
     flux = jt.HeatFlux(FLUX, on=jt.Side((0.0, 0.0, 1.0)))
     scene = jt.Scene((body,), (flux,), dtype=dtype)
     solution = jt.simulate(scene, float(SECONDS), solver=jt.ForwardEuler(dt=1.0))
     assert solution.run.steps == SECONDS
     stored = float(solution.energy.stored_J[0])
-    capacity = _thesis_material(name).volumetric_heat_capacity
+    capacity = thesis_material(name).volumetric_heat_capacity
     assert f"{stored / capacity / SECONDS:.2e}" == TABLE[name]
     # What the user reads is in kelvin, and rounded there: to 3e-5 K in float32.
     rise = float(solution.mean_temperature[0, 0]) - 300.0

@@ -13,10 +13,10 @@ import jaxthermo
 from jaxthermo.errors import InputError
 from jaxthermo.material.material import Material
 from jaxthermo.material.table import (
-    _thesis_material,
     material_row,
     material_rows,
     materials,
+    thesis_material,
 )
 
 
@@ -145,10 +145,10 @@ def test_the_package_gives_the_mapping_and_not_a_module():
     assert jaxthermo.materials is materials
 
 
-def test_thesis_materials():
+def testthesis_materials():
     assert [row.name for row in material_rows() if row.in_thesis] == THESIS_ROWS
-    gold = _thesis_material("gold")
+    gold = thesis_material("gold")
     assert (gold.density, gold.specific_heat, gold.emissivity) == (19300, 126, 1)
     assert gold.conductivity == 318.0
     with pytest.raises(InputError, match="not in Table 5.1: use one of platinum"):
-        _thesis_material("titanium")
+        thesis_material("titanium")

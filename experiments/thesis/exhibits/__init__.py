@@ -1,0 +1,1 @@
+"""Tables and figures of the thesis, one module each, found by `exhibition`."""
