@@ -88,9 +88,9 @@ _HEIGHTS = (50, 100, 150, 200, 250)
 # Table 6.1: voxels of the Happy Buddha at 225 x 550 x 225, and the time of one step of
 # each structure [s]. Its full volume is the whole box, 2.8e7 cells, the empty ones too.
 _TABLE_HEIGHT = 550
-_KINDS = ("shell", "multi_level", "irregular", "full_volume")
-_TABLE = dict(zip(_KINDS, (2.5e6, 2.8e7, 3.2e6, 2.8e7), strict=True))
-_TIMES = dict(zip(_KINDS, (13e-3, 50e-3, 21e-3, 55e-3), strict=True))
+KINDS = ("shell", "multi_level", "irregular", "full_volume")
+TABLE = dict(zip(KINDS, (2.5e6, 2.8e7, 3.2e6, 2.8e7), strict=True))
+TIMES = dict(zip(KINDS, (13e-3, 50e-3, 21e-3, 55e-3), strict=True))
 
 
 def _count_heights(mesh: jt.Mesh, heights: tuple[int, ...] = _HEIGHTS) -> list[dict]:
@@ -103,19 +103,19 @@ def _count_table_6_1(mesh: jt.Mesh, height: int = _TABLE_HEIGHT) -> dict[str, An
     ours = count_structures(mesh, height)
     return {
         "ours": ours,
-        "thesis": _TABLE,
+        "thesis": TABLE,
         "thesis_box_cells": 225 * 550 * 225,
         "irregular_over_shell": {
-            "thesis": _TABLE["irregular"] / _TABLE["shell"],
+            "thesis": TABLE["irregular"] / TABLE["shell"],
             "ours": ours["irregular"] / ours["shell"],
         },
         "irregular_over_full": {
-            "thesis": _TABLE["irregular"] / _TABLE["full_volume"],
+            "thesis": TABLE["irregular"] / TABLE["full_volume"],
             "ours_of_body": ours["irregular_of_body"],
             "ours_of_box": ours["irregular_of_box"],
         },
         "thesis_times_faster_than_full": {
-            name: _TIMES["full_volume"] / time for name, time in _TIMES.items()
+            name: TIMES["full_volume"] / time for name, time in TIMES.items()
         },
         "remark": "the thesis' full volume is its bounding box, empty cells included",
     }
@@ -162,9 +162,9 @@ def _table_6_1(result: dict[str, Any], name: str) -> Table:
     ours = result["ours"]
     size = " x ".join(map(str, ours["lattice_shape"]))
     rows = [
-        ("single shell", _TABLE["shell"], ours["shell"]),
-        ("irregular multi-level", _TABLE["irregular"], ours["irregular"]),
-        ("full volume", _TABLE["full_volume"], ours["body"]),
+        ("single shell", TABLE["shell"], ours["shell"]),
+        ("irregular multi-level", TABLE["irregular"], ours["irregular"]),
+        ("full volume", TABLE["full_volume"], ours["body"]),
         ("bounding box", result["thesis_box_cells"], ours["box"]),
     ]
     columns = ("", "thesis, 225 x 550 x 225", "ours")
