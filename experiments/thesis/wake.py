@@ -16,6 +16,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
+from PIL import Image
 
 import jaxthermo as jt
 from jaxthermo.cli.console import open_console
@@ -97,8 +98,9 @@ def run(folder: Path, height: int = 150) -> dict[str, Any]:
         tail = tail_of(setup, flow)
         tails.append(tail)
         rows.append(measure_flow(tail, flow))
-        tiles += speed_tiles(flow, name)
-    write_png(folder / "speeds.png", _sheet(tiles))
+        tiles += speed_tiles(flow, f"{name}: one moment", f"{name}: mean")
+    title = "Figures 6.4 and 6.6: speed at one moment, and mean"
+    write_png(folder / "speeds.png", speed_sheet(tiles, title))
     collapse, pairs = measure_collapse(tails[1:]), measure_pair()
     publish(
         folder,
@@ -204,21 +206,23 @@ def measure_pair() -> Rows:
     return [{"gap": gap, "factor": heat[False, gap] / heat[True, gap]} for gap in _GAPS]
 
 
-def speed_tiles(flow: FlowRun, name: str) -> list[Tile]:
+def speed_tiles(flow: FlowRun, *names: str) -> list[Tile]:
+    """Pictures of the speed at one moment, and of its mean, under these names."""
     body = flow.channel.body.mask(flow.channel.shape)
     top = 1.5 * float(flow.channel.speed)
     found = []
-    for what, values in (("one moment", flow.last.speed), ("mean", flow.mean.speed)):
+    for name, values in zip(names, (flow.last.speed, flow.mean.speed), strict=True):
         colours = apply_palette(np.asarray(values, float) / top, 0.0, 1.3, "white-hot")
         colours[body] = (170, 60, 50)
         # The lattice counts rows upwards.
-        found.append(Tile(np.ascontiguousarray(colours[::-1]), f"{name}: {what}"))
+        found.append(Tile(np.ascontiguousarray(colours[::-1]), name))
     return found
 
 
-def _sheet(tiles: list[Tile]) -> Any:
+def speed_sheet(tiles: list[Tile], title: str) -> Image.Image:
+    """Pictures of speeds in rows of one moment and the mean, on one scale."""
     bar = colour_bar(0.0, 1.3, "speed over that of the undisturbed middle", "white-hot")
-    return sheet(tiles, bar, "Figures 6.4 and 6.6: speed at one moment, and mean", 2)
+    return sheet(tiles, bar, title, 2)
 
 
 def tail_chart(rows: Rows, tails: list[Tail]) -> Chart:

@@ -43,7 +43,7 @@ def test_a_flow_is_measured_drawn_and_charted():
     assert wake.tail_chart([row], [tail]).to_dict()["mark"]["type"] == "line"
     curves = {p["curve"] for p in wake.fit_chart(row, tail).to_dict()["data"]["values"]}
     assert curves == {"computed", "exponential", "power", "confined", "remainder"}
-    tiles = wake.speed_tiles(flow, "narrow")
+    tiles = wake.speed_tiles(flow, "one moment", "mean")
     assert [tile.pixels.shape for tile in tiles] == 2 * [(45, 120, 3)]
 
 
