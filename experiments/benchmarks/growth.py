@@ -9,18 +9,15 @@ from pathlib import Path
 from typing import Any
 
 import altair as alt
-import jax.numpy as jnp
 import numpy as np
 
 import jaxthermo as jt
-from jaxthermo.physics.conduction import assemble_uniform
 from jaxthermo.report.chart import Chart, LogAxis, legend, write_chart
 
 from ..harness.measurement import Measurement, plain_rows
-from ..harness.meshes import STEEL
 from ..harness.present import Rows
 from ..harness.timing import interleaved
-from .steps import euler_steps
+from .steps import conduction_call
 
 
 QUICK = {"height": 58, "repeats": 2}
@@ -72,15 +69,7 @@ def _measured(across: int, repeats: int) -> Rows:
     if grid.solid_count <= _MOST_LINKED:
         forms["links"] = jt.FullVolume(grid, stencil=False)
     count = int(np.clip(_WORK / grid.solid_count, 4, _MOST_STEPS)) // 2 * 2
-    calls = {}
-    for form, structure in forms.items():
-        heat = STEEL.volumetric_heat_capacity
-        network = assemble_uniform(structure, STEEL.conductivity, heat, jnp.float32)
-        state = np.zeros(structure.state_shape, np.float32)
-        values = np.random.default_rng(0).random(grid.solid_count)
-        state[structure.node_address()] = values
-        given = network, jnp.asarray(state), 0.5 / network.max_rate(), jnp.int32(count)
-        calls[form] = lambda given=given: euler_steps(*given)
+    calls = {form: conduction_call(each, count) for form, each in forms.items()}
     spans = interleaved(calls, repeats)
     rows = []
     for form, found in spans.items():

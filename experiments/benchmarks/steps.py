@@ -26,6 +26,8 @@ from jaxthermo.integrate.run.plan import (
 )
 from jaxthermo.integrate.run.simulate import take_steps
 from jaxthermo.network.network import AbstractNetwork
+from jaxthermo.physics.conduction import assemble_uniform
+from jaxthermo.structures.structure import AbstractStructure
 
 from ..harness.measurement import Measurement, plain_rows
 from ..harness.meshes import END, SAVE_AT, STEEL, standard_scene
@@ -138,6 +140,17 @@ def euler_steps(
     # Two steps a turn exchange their buffers, as in the time loop.
     one = lambda state: network.euler_step(state, dt)
     return jax.lax.fori_loop(0, steps // 2, lambda _, s: one(one(s)), state)
+
+
+def conduction_call(structure: AbstractStructure, steps: int) -> Callable[[], Any]:
+    """A call that takes so many steps of conduction in steel, in float32."""
+    heat = STEEL.volumetric_heat_capacity
+    network = assemble_uniform(structure, STEEL.conductivity, heat, jnp.float32)
+    state = np.zeros(structure.state_shape, np.float32)
+    values = np.random.default_rng(0).random(structure.node_count)
+    state[structure.node_address()] = values
+    given = network, jnp.asarray(state), 0.5 / network.max_rate(), jnp.int32(steps)
+    return lambda: euler_steps(*given)
 
 
 def _scipy_product(scene: jt.Scene, state: jax.Array) -> Callable[[], np.ndarray]:

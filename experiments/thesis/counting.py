@@ -19,7 +19,7 @@ from ..harness.present import show, table_of
 _POWERS = range(3, 9)
 
 
-def _count_cubes(powers: range = _POWERS) -> dict[str, Any]:
+def count_cubes(powers: range = _POWERS) -> dict[str, Any]:
     """Cells of cubes with n = 2^p voxels a side, and which law they follow.
 
     The level l of a cube has about 6 (n / 2^l)^2 cells, so the sum is 4/3 of the shell
@@ -65,7 +65,7 @@ def _count_cells(side: int) -> dict[str, Any]:
     }
 
 
-def _cube_table(result: dict[str, Any]) -> Table:
+def cube_table(result: dict[str, Any]) -> Table:
     columns = [
         ("n", "{side_voxels}"),
         ("levels", "{levels}"),
@@ -88,40 +88,40 @@ _HEIGHTS = (50, 100, 150, 200, 250)
 # Table 6.1: voxels of the Happy Buddha at 225 x 550 x 225, and the time of one step of
 # each structure [s]. Its full volume is the whole box, 2.8e7 cells, the empty ones too.
 _TABLE_HEIGHT = 550
-_KINDS = ("shell", "multi_level", "irregular", "full_volume")
-_TABLE = dict(zip(_KINDS, (2.5e6, 2.8e7, 3.2e6, 2.8e7), strict=True))
-_TIMES = dict(zip(_KINDS, (13e-3, 50e-3, 21e-3, 55e-3), strict=True))
+KINDS = ("shell", "multi_level", "irregular", "full_volume")
+TABLE = dict(zip(KINDS, (2.5e6, 2.8e7, 3.2e6, 2.8e7), strict=True))
+TIMES = dict(zip(KINDS, (13e-3, 50e-3, 21e-3, 55e-3), strict=True))
 
 
 def _count_heights(mesh: jt.Mesh, heights: tuple[int, ...] = _HEIGHTS) -> list[dict]:
     """Nodes of shell and irregular structure against body and box, by resolution."""
-    return [_count_structures(mesh, height) for height in heights]
+    return [count_structures(mesh, height) for height in heights]
 
 
 def _count_table_6_1(mesh: jt.Mesh, height: int = _TABLE_HEIGHT) -> dict[str, Any]:
     """The thesis' counts beside ours, and what its own numbers say."""
-    ours = _count_structures(mesh, height)
+    ours = count_structures(mesh, height)
     return {
         "ours": ours,
-        "thesis": _TABLE,
+        "thesis": TABLE,
         "thesis_box_cells": 225 * 550 * 225,
         "irregular_over_shell": {
-            "thesis": _TABLE["irregular"] / _TABLE["shell"],
+            "thesis": TABLE["irregular"] / TABLE["shell"],
             "ours": ours["irregular"] / ours["shell"],
         },
         "irregular_over_full": {
-            "thesis": _TABLE["irregular"] / _TABLE["full_volume"],
+            "thesis": TABLE["irregular"] / TABLE["full_volume"],
             "ours_of_body": ours["irregular_of_body"],
             "ours_of_box": ours["irregular_of_box"],
         },
         "thesis_times_faster_than_full": {
-            name: _TIMES["full_volume"] / time for name, time in _TIMES.items()
+            name: TIMES["full_volume"] / time for name, time in TIMES.items()
         },
         "remark": "the thesis' full volume is its bounding box, empty cells included",
     }
 
 
-def _count_structures(mesh: jt.Mesh, height: int) -> dict[str, Any]:
+def count_structures(mesh: jt.Mesh, height: int) -> dict[str, Any]:
     grid = jt.voxelize(mesh, float(np.ptp(mesh.bounds[:, 2])) / height)
     body, box = grid.solid_count, grid.lattice.cells
     shell = jt.SingleShell(grid).node_count
@@ -162,9 +162,9 @@ def _table_6_1(result: dict[str, Any], name: str) -> Table:
     ours = result["ours"]
     size = " x ".join(map(str, ours["lattice_shape"]))
     rows = [
-        ("single shell", _TABLE["shell"], ours["shell"]),
-        ("irregular multi-level", _TABLE["irregular"], ours["irregular"]),
-        ("full volume", _TABLE["full_volume"], ours["body"]),
+        ("single shell", TABLE["shell"], ours["shell"]),
+        ("irregular multi-level", TABLE["irregular"], ours["irregular"]),
+        ("full volume", TABLE["full_volume"], ours["body"]),
         ("bounding box", result["thesis_box_cells"], ours["box"]),
     ]
     columns = ("", "thesis, 225 x 550 x 225", "ours")
@@ -248,8 +248,8 @@ def _capacity_table(result: dict[str, Any], name: str) -> Table:
 
 def run() -> dict[str, Any]:
     """C05, C06, C15 and the counts of table 6.1."""
-    cubes = _count_cubes()
-    show(_cube_table(cubes))
+    cubes = count_cubes()
+    show(cube_table(cubes))
     meshes = thesis_meshes()
     rows = {name: _count_heights(mesh) for name, mesh in meshes.items()}
     show(_compression_table(rows))

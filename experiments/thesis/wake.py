@@ -16,6 +16,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
+from PIL import Image
 
 import jaxthermo as jt
 from jaxthermo.cli.console import open_console
@@ -93,12 +94,13 @@ def run(folder: Path, height: int = 150) -> dict[str, Any]:
     for setup in SETUPS:
         name = f"{setup.channel}, speed {setup.speed:g}"
         with console.status(name) as status:
-            flow = _computed(setup, height, lambda at: status.update(at.text))
+            flow = compute_flow(setup, height, lambda at: status.update(at.text))
         tail = tail_of(setup, flow)
         tails.append(tail)
-        rows.append(_measured(tail, flow))
-        tiles += _pictures(flow, name)
-    write_png(folder / "speeds.png", _sheet(tiles))
+        rows.append(measure_flow(tail, flow))
+        tiles += speed_tiles(flow, f"{name}: one moment", f"{name}: mean")
+    title = "Figures 6.4 and 6.6: speed at one moment, and mean"
+    write_png(folder / "speeds.png", speed_sheet(tiles, title))
     collapse, pairs = measure_collapse(tails[1:]), measure_pair()
     publish(
         folder,
@@ -114,7 +116,7 @@ def run(folder: Path, height: int = 150) -> dict[str, Any]:
     }
 
 
-def _computed(setup: Setup, height: int, progress: Any) -> FlowRun:
+def compute_flow(setup: Setup, height: int, progress: Any) -> FlowRun:
     channel = setup.flow(height)
     steps = round(_PASSES * channel.shape[1] / _LATTICE_SPEED)
     return jt.simulate_flow(channel, steps, start=disturbed_state, progress=progress)
@@ -128,7 +130,7 @@ def tail_of(setup: Setup, flow: FlowRun) -> Tail:
     return Tail(setup, line.at[kept], line.ratio[kept] / 1.5)
 
 
-def _measured(tail: Tail, flow: FlowRun) -> dict[str, Any]:
+def measure_flow(tail: Tail, flow: FlowRun) -> dict[str, Any]:
     behind = tail.x > recirculation_length(flow)
     fits = {}
     for family in FAMILIES:
@@ -204,21 +206,23 @@ def measure_pair() -> Rows:
     return [{"gap": gap, "factor": heat[False, gap] / heat[True, gap]} for gap in _GAPS]
 
 
-def _pictures(flow: FlowRun, name: str) -> list[Tile]:
+def speed_tiles(flow: FlowRun, *names: str) -> list[Tile]:
+    """Pictures of the speed at one moment, and of its mean, under these names."""
     body = flow.channel.body.mask(flow.channel.shape)
     top = 1.5 * float(flow.channel.speed)
     found = []
-    for what, values in (("one moment", flow.last.speed), ("mean", flow.mean.speed)):
+    for name, values in zip(names, (flow.last.speed, flow.mean.speed), strict=True):
         colours = apply_palette(np.asarray(values, float) / top, 0.0, 1.3, "white-hot")
         colours[body] = (170, 60, 50)
         # The lattice counts rows upwards.
-        found.append(Tile(np.ascontiguousarray(colours[::-1]), f"{name}: {what}"))
+        found.append(Tile(np.ascontiguousarray(colours[::-1]), name))
     return found
 
 
-def _sheet(tiles: list[Tile]) -> Any:
+def speed_sheet(tiles: list[Tile], title: str) -> Image.Image:
+    """Pictures of speeds in rows of one moment and the mean, on one scale."""
     bar = colour_bar(0.0, 1.3, "speed over that of the undisturbed middle", "white-hot")
-    return sheet(tiles, bar, "Figures 6.4 and 6.6: speed at one moment, and mean", 2)
+    return sheet(tiles, bar, title, 2)
 
 
 def tail_chart(rows: Rows, tails: list[Tail]) -> Chart:
@@ -271,7 +275,7 @@ def _fitted_curve(
         return np.asarray(family.curve(q, jnp.asarray(x, q.dtype)))
 
 
-def _flow_table(rows: Rows) -> Table:
+def flow_table(rows: Rows) -> Table:
     shown = lambda key: (
         lambda row: "not reached" if row[key] is None else f"{row[key]:.2f}"
     )
@@ -290,7 +294,7 @@ def _flow_table(rows: Rows) -> Table:
     return table_of(rows, columns, "Flows", names=3)
 
 
-def _fit_table(rows: Rows) -> Table:
+def fit_table(rows: Rows) -> Table:
     lines = []
     for row in rows:
         for name, fit in row["fits"].items():
@@ -318,10 +322,10 @@ def _flows(rows: Rows, tails: list[Tail], folder: Path) -> list[page.Section]:
         "It gives no viscosity, diameter or inlet: the speeds are those of Re "
         f"{numbers} in the middle of the wide channel, and Re 100 in the narrow one.",
         page.picture(folder / "speeds.png", "speeds at one moment and mean speeds"),
-        _flow_table(rows),
+        flow_table(rows),
         write_chart(tail_chart(rows, tails), folder / "normalized"),
         write_chart(fit_chart(rows[1], tails[1]), folder / "fits"),
-        _fit_table(rows),
+        fit_table(rows),
     ]
 
 

@@ -35,15 +35,15 @@ def test_the_second_cylinder_takes_less_heat_the_nearer_it_is():
 
 def test_a_flow_is_measured_drawn_and_charted():
     setup = Setup("narrow", 0.4)
-    flow = wake._computed(setup, 45, None)
+    flow = wake.compute_flow(setup, 45, None)
     tail = wake.tail_of(setup, flow)
-    row = wake._measured(tail, flow)
+    row = wake.measure_flow(tail, flow)
     json.dumps(row, allow_nan=False)
     assert row["fits"]["power"]["rms"] < 0.1 and row["fastest"] > 1.0
     assert wake.tail_chart([row], [tail]).to_dict()["mark"]["type"] == "line"
     curves = {p["curve"] for p in wake.fit_chart(row, tail).to_dict()["data"]["values"]}
     assert curves == {"computed", "exponential", "power", "confined", "remainder"}
-    tiles = wake._pictures(flow, "narrow")
+    tiles = wake.speed_tiles(flow, "one moment", "mean")
     assert [tile.pixels.shape for tile in tiles] == 2 * [(45, 120, 3)]
 
 

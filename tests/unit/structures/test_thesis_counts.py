@@ -4,10 +4,10 @@ import pytest
 
 from experiments.harness.meshes import thesis_meshes
 from experiments.thesis.counting import (
-    _count_cubes,
+    count_cubes,
     _count_heights,
     _count_table_6_1,
-    _cube_table,
+    cube_table,
     _measure_capacity,
 )
 from jaxthermo.geometry.shapes import figurine
@@ -15,14 +15,14 @@ from jaxthermo.geometry.shapes import figurine
 
 def test_cubes_grow_with_their_surface():
     """The shells are 6 n^2 - 12 n + 8; the cells tend to 4/3 of that, times no log."""
-    result = _count_cubes(range(3, 5))
+    result = count_cubes(range(3, 5))
     for row in result["rows"]:
         n = row["side_voxels"]
         assert row["full_volume"] == n**3
         assert row["shell"] == 6 * n * n - 12 * n + 8
         assert row["shell"] < row["cells"] < 4 / 3 * row["shell"]
     assert result["growth_beyond_n2_claimed"] == pytest.approx(4 / 3)
-    assert len(_cube_table(result).rows) == 2
+    assert len(cube_table(result).rows) == 2
 
 
 def test_shares_are_of_the_body_and_of_the_box():
