@@ -135,8 +135,11 @@ class Band:
         rate, weight = (xp.asarray(v, kelvin.dtype) for v in (self._rate, self._weight))
         rate = rate.reshape((1,) * (kelvin.ndim - 1) + rate.shape)
         exponent = xp.minimum(rate / kelvin, _MAX_EXPONENT)
-        each = weight.reshape(rate.shape) / xp.expm1(exponent)
-        grows = each * exponent / (-xp.expm1(-exponent)) / kelvin
+        grown = xp.expm1(exponent)
+        each = weight.reshape(rate.shape) / grown
+        # Not 1 / (1 - exp(-x)): with expm1 of both signs XLA's compiled product was
+        # wrong by a factor of 60 to 180 on CPUs (jax 0.10.2), while each part was not.
+        grows = each * (1 + 1 / grown) * exponent / kelvin
         return xp.asarray(each.sum(-1)), xp.asarray(grows.sum(-1))
 
     def _inverse(self, radiance: Any, xp: Any) -> Any:

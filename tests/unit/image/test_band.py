@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
+from jaxthermo.arrays import precision
 from jaxthermo.constants import SOLAR_TEMPERATURE
 from jaxthermo.image.band import Band
 from jaxthermo.image.response import BANDS
@@ -108,6 +109,20 @@ def test_listed_spectral_radiance():
 def test_listed_inverses():
     assert float(LONG_WAVE.temperature(60.0)) == pytest.approx(300.738830, abs=1e-6)
     assert float(MID_WAVE.temperature(2.0)) == pytest.approx(301.923589, abs=1e-6)
+
+
+@pytest.mark.parametrize("band", [LONG_WAVE, MID_WAVE])
+@pytest.mark.parametrize("dtype", ["float32", "float64"])
+def test_compiled_derivatives_of_arrays_are_those_of_the_host(band, dtype):
+    """A compiler may rewrite what is right when it runs step by step."""
+    slope = lambda law: jax.jit(lambda x: jax.jvp(law, (x,), (jnp.ones_like(x),))[1])
+    expected = band.slope(np.linspace(250.0, 350.0, 1000))
+    with precision(dtype):
+        kelvin = jnp.linspace(250.0, 350.0, 1000)
+        found = slope(band.radiance)(kelvin)
+        inverse = slope(band.temperature)(band.radiance(kelvin))
+    np.testing.assert_allclose(found, expected, rtol=2e-5)
+    np.testing.assert_allclose(inverse, 1 / expected, rtol=2e-5)
 
 
 @pytest.mark.parametrize("band", [LONG_WAVE, MID_WAVE])
