@@ -1,5 +1,6 @@
 """Settings shared by all tests: float64, strict promotion, real meshes if present."""
 
+import gc
 import hashlib
 import os
 import platform
@@ -63,6 +64,17 @@ def pytest_configure(config: pytest.Config) -> None:
     size = sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())
     if size > MAX_COMPILATION_CACHE_BYTES:
         shutil.rmtree(folder, ignore_errors=True)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection():
+    """What is imported stays: nobody looks for garbage in it, now or later."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 def _mesh_folders() -> list[Path]:
