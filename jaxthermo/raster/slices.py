@@ -30,7 +30,7 @@ def _covered(corners: np.ndarray, width: int, height: int) -> np.ndarray:
     return np.stack([columns.ravel()[inside], rows.ravel()[inside]], axis=1)
 
 
-def _slice_voxels(
+def slice_voxels(
     triangles: Float[np.ndarray, "f 3 3"], width: int, height: int, depth: int
 ) -> set[tuple[int, int, int]]:
     """Voxels (column, row, slab) that some triangle crosses at the pixel's centre."""

@@ -106,6 +106,11 @@ def voxel_sheet(grid: VoxelGrid) -> Image.Image:
     return sheet(tiles, legend, title)
 
 
+def voxel_view(grid: VoxelGrid, camera: Camera) -> UInt8[np.ndarray, "h w 3"]:
+    """Draw the voxels of a body as a camera sees them, thin and lost parts marked."""
+    return _view(grid, _Faces(grid), camera)
+
+
 def _view(grid: VoxelGrid, faces: _Faces, camera: Camera) -> UInt8[np.ndarray, "h w 3"]:
     # Half of the faces look away from the camera, and need not be sorted by depth.
     corner = faces.triangles[::2, 0]

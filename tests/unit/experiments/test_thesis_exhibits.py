@@ -18,7 +18,7 @@ from jaxthermo.report.table import Cell, Table
 
 
 IDS = [claim.id for claim in CLAIMS]
-TO_COME = {"C02", *(f"C{k:02d}" for k in range(3, 28))}
+TO_COME = {"C11", "C14", "C16", *(f"C{k:02d}" for k in (*range(3, 9), *range(17, 28)))}
 
 
 def test_the_claims_are_numbered():

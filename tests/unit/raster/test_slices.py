@@ -7,7 +7,7 @@ from peeling import BODIES, in_view, peel_padded
 
 from jaxthermo.geometry import shapes
 from jaxthermo.raster.fragments import peel
-from jaxthermo.raster.slices import _slice_voxels
+from jaxthermo.raster.slices import slice_voxels
 
 
 SIZE = 24
@@ -29,7 +29,7 @@ def test_bodies(seed, kind):
     rng = np.random.default_rng(seed)
     triangles = in_view(BODIES[kind](rng), rng)
     layers = peel_padded(triangles, SIZE, SIZE)
-    assert peeled_voxels(layers, SIZE) == _slice_voxels(triangles, SIZE, SIZE, SIZE)
+    assert peeled_voxels(layers, SIZE) == slice_voxels(triangles, SIZE, SIZE, SIZE)
 
 
 @settings(deadline=None, max_examples=15)
@@ -38,7 +38,7 @@ def test_random_triangles_in_and_out_of_the_image(seed):
     rng = np.random.default_rng(seed)
     triangles = rng.uniform(-10, SIZE + 10, (50, 3, 3))
     layers = peel_padded(triangles, SIZE, SIZE)
-    assert peeled_voxels(layers, SIZE) == _slice_voxels(triangles, SIZE, SIZE, SIZE)
+    assert peeled_voxels(layers, SIZE) == slice_voxels(triangles, SIZE, SIZE, SIZE)
 
 
 @pytest.mark.parametrize(
@@ -57,5 +57,5 @@ def test_the_figurine(axis):
     cells = (mesh.triangles - low) / (high - low).max() * (pixels - 0.37) + 0.21
     triangles = np.roll(cells, axis, axis=-1)
     layers = peel(triangles, pixels, pixels)
-    expected = _slice_voxels(triangles, pixels, pixels, pixels)
+    expected = slice_voxels(triangles, pixels, pixels, pixels)
     assert peeled_voxels(layers, pixels) == expected
