@@ -120,7 +120,7 @@ def _distinct(cells: np.ndarray) -> np.ndarray:
 
 
 def storage_rows(found: dict[str, float]) -> tuple[Row, ...]:
-    """What `storage` finds, beside the thesis' words."""
+    """Findings of `storage`, beside the thesis' words."""
     percent = lambda key: f"{found[key]:.1%}"
     return (
         Row(

@@ -63,7 +63,7 @@ class Slice:
         for node in cut:
             left, bottom = low[node, self.across], low[node, self.up]
             colour = _LEVELS[level[node] % len(_LEVELS)]
-            corners = self._box(left, bottom, width[node])
+            corners = self._box(left, bottom, float(width[node]))
             draw.rectangle(corners, fill=colour, outline=_LINE)
         self.levels = int(level[cut].max(initial=-1)) + 1
 

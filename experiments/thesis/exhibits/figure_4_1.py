@@ -25,7 +25,7 @@ def _compare(grid: jt.VoxelGrid) -> dict[str, float | int | bool]:
     """Rendering passes, texels and voxels of both methods, along all three axes."""
     shape, slices, texels = grid.lattice.shape, 0, 0
     found = {"slice_passes": 0, "peel_passes": 0, "occupied": 0}
-    same = True
+    same: bool = True
     corners = grid.lattice.to_cells(grid.mesh.triangles)
     for axis, layers in enumerate(peel_axes(grid.mesh, grid.lattice)):
         row_axis, column_axis = pixel_axes(axis)
@@ -35,7 +35,7 @@ def _compare(grid: jt.VoxelGrid) -> dict[str, float | int | bool]:
         row, column = np.divmod(layers.pixel, width)
         slab = np.floor(layers.depth).astype(int)
         peeled = set(zip(column.tolist(), row.tolist(), slab.tolist(), strict=True))
-        same &= sliced == peeled
+        same = same and sliced == peeled
         found["slice_passes"] += depth
         # One more, in which nothing is drawn, ends the peeling.
         found["peel_passes"] += layers.count + 1
@@ -57,13 +57,13 @@ def _may_cover(triangles: np.ndarray) -> np.ndarray:
     low, high = (end(triangles[..., :2], axis=1) for end in (np.min, np.max))
     # A little wider, since the slices round corners to parts of a pixel.
     first, last = np.ceil(low - 0.51), np.floor(high - 0.49)
-    return (first <= last).all(axis=1)
+    return np.all(first <= last, axis=1)
 
 
 def _measure(_: bool) -> Finding:
     mesh = figurine(_HEIGHT)
     camera = frame_all(mesh.triangles, _EDGE, _EDGE, _VIEW)
-    body, _ = draw_preview([(mesh, Pose())], camera)
+    body = draw_preview([(mesh, Pose())], camera)[0]
     tiles = [Tile(np.asarray(body)[:_EDGE], "mesh", f"{len(mesh.faces):,} triangles")]
     numbers = {}
     for name, high in (("large voxels", _LARGE), ("small voxels", _SMALL)):
