@@ -37,7 +37,7 @@ _STEPS = 100
 _MORE_STEPS, _MORE_REPEATS = 500, 4
 
 
-class Runner(NamedTuple):
+class _Runner(NamedTuple):
     call: Callable[[], Any]
     steps: int
 
@@ -48,16 +48,16 @@ def _steps(program, state: RunState, dt, steps) -> RunState:
     return advance(EulerStepper(), program, state, start, dt, steps)
 
 
-def runner(scene: jt.Scene, dt: float, steps: int = _STEPS) -> Runner:
+def _runner(scene: jt.Scene, dt: float, steps: int = _STEPS) -> _Runner:
     compiled = compile_scene(scene, 1, dt * steps)
     program, dtype = compiled.program, compiled.start[0].dtype
     state = RunState(compiled.state, empty_ledger(len(program.entries), dtype))
     # Arrays: a Python number would be compiled into the loop.
     step, count = jnp.asarray(dt, dtype), jnp.asarray(steps)
-    return Runner(lambda: _steps(program, state, step, count), steps)
+    return _Runner(lambda: _steps(program, state, step, count), steps)
 
 
-def _bare(body: jt.Body, dt: float, steps: int) -> Runner:
+def _bare(body: jt.Body, dt: float, steps: int) -> _Runner:
     # Steps of a network alone, without scene, terms or ledger.
     compiled = compile_scene(jt.Scene((body,)))
     network, state = compiled.program.bodies[0].network, compiled.state[0]
@@ -69,27 +69,27 @@ def _bare(body: jt.Body, dt: float, steps: int) -> Runner:
         twice = lambda _, s: network.euler_step(network.euler_step(s, step), step)
         return jax.lax.fori_loop(0, steps // 2, twice, state)
 
-    return Runner(lambda: loop(network, state), steps)
+    return _Runner(lambda: loop(network, state), steps)
 
 
-def _measure(runners: dict[str, Runner], repeats: int) -> Spans:
+def _measure(runners: dict[str, _Runner], repeats: int) -> Spans:
     # Wall times of a step [s].
     calls = {name: runner.call for name, runner in runners.items()}
     spans = interleaved(calls, repeats, there_and_back=True)
     return {n: [t / runners[n].steps for t in each] for n, each in spans.items()}
 
 
-def _runners(scene: jt.Scene, dt: float) -> dict[str, Runner]:
+def _runners(scene: jt.Scene, dt: float) -> dict[str, _Runner]:
     scenes = {"scene": scene}
     for n, body in enumerate(scene.bodies):
         scenes[f"conduction of body {n}"] = jt.Scene((body,), dtype=scene.dtype)
     for term in scene.terms:
         others = tuple(other for other in scene.terms if other is not term)
         scenes[f"without {term.name}"] = jt.Scene(scene.bodies, others, scene.dtype)
-    return {name: runner(each, dt) for name, each in scenes.items()}
+    return {name: _runner(each, dt) for name, each in scenes.items()}
 
 
-def _idle_runners(scene: jt.Scene, dt: float) -> dict[str, Runner]:
+def _idle_runners(scene: jt.Scene, dt: float) -> dict[str, _Runner]:
     # Terms that do nothing, so that only what they add to the loop is measured.
     idle = (
         jt.Sun((0.0, 0.0, -1.0), 0.0),
@@ -99,7 +99,7 @@ def _idle_runners(scene: jt.Scene, dt: float) -> dict[str, Runner]:
     first = scene.bodies[0]
     with_idle = jt.Scene((first,), idle, scene.dtype)
     return {
-        "one body, idle terms": runner(with_idle, dt, _MORE_STEPS),
+        "one body, idle terms": _runner(with_idle, dt, _MORE_STEPS),
         "bare loop": _bare(first, dt, _MORE_STEPS),
     }
 

@@ -46,12 +46,12 @@ _KINDS = {"one voxel": None, "1/16 radius": _FIXED}
 _TILE = 320
 
 
-def cap_area(threshold: float) -> float:
+def _cap_area(threshold: float) -> float:
     # The part of a plane that is nearer than the threshold to a touching unit ball.
     return float(np.pi * (1 - (1 - threshold) ** 2))
 
 
-def ball_on_plate(voxels: int) -> tuple[PlacedGrid, PlacedGrid]:
+def _ball_on_plate(voxels: int) -> tuple[PlacedGrid, PlacedGrid]:
     pitch = 2.0 / voxels
     # The facets stay well under a voxel.
     mesh = sphere(1.0, min(int(np.log2(voxels)) + 1, 7))
@@ -72,15 +72,15 @@ def _timed_contacts(a: PlacedGrid, b: PlacedGrid, threshold: float | None = None
     return timed_call(lambda: find_contacts(a, b, threshold))
 
 
-def measure_areas(resolutions: tuple[int, ...] = _RESOLUTIONS) -> Rows:
+def _measure_areas(resolutions: tuple[int, ...] = _RESOLUTIONS) -> Rows:
     """Contact area against the cap's, with either body as the first."""
     rows = []
     for voxels in resolutions:
-        ball, plate = ball_on_plate(voxels)
+        ball, plate = _ball_on_plate(voxels)
         for kind, threshold in _KINDS.items():
             pairs, time = _timed_contacts(ball, plate, threshold)
             swapped = float(find_contacts(plate, ball, threshold).area.sum())
-            exact = cap_area(threshold or ball.pitch)
+            exact = _cap_area(threshold or ball.pitch)
             area = float(pairs.area.sum())
             rows.append(
                 {
@@ -97,7 +97,7 @@ def measure_areas(resolutions: tuple[int, ...] = _RESOLUTIONS) -> Rows:
     return rows
 
 
-def area_table(found: Rows) -> Table:
+def _area_table(found: Rows) -> Table:
     columns = [
         ("threshold", "{threshold}"),
         ("voxels", "{voxels_across}"),
@@ -115,7 +115,7 @@ def area_table(found: Rows) -> Table:
     )
 
 
-def area_chart(rows: Rows, path: Path) -> None:
+def _area_chart(rows: Rows, path: Path) -> None:
     # Both thresholds in one chart: the found area must keep to its own dashed line.
     across = LogAxis([row["voxels_across"] for row in rows], "voxels across the ball")
     up = LogAxis([row["area"] for row in rows], "area of contact / radius^2")
@@ -149,11 +149,11 @@ def _area_sheet(path: Path, resolutions: tuple[int, ...] = _SHOWN) -> None:
     # The plate's contact texture at several resolutions, after figure 5.3.
     tiles = []
     for voxels in resolutions:
-        ball, plate = ball_on_plate(voxels)
+        ball, plate = _ball_on_plate(voxels)
         pairs = find_contacts(ball, plate, _FIXED)
         values = where_covered(pairs.coverage_b, pairs.coverage_b)
         top = contact_images(plate.grid, values)["z_contact"][-1]
-        error = 100 * (pairs.area.sum() / cap_area(_FIXED) - 1)
+        error = 100 * (pairs.area.sum() / _cap_area(_FIXED) - 1)
         name = f"{voxels} voxels across the ball"
         note = f"{pairs.count} pairs, area {error:+.2f} %"
         tiles.append(Tile(enlarged(top, _TILE), name, note))
@@ -199,7 +199,7 @@ def _random_scene(count: int, random: np.random.Generator) -> tuple[PlacedGrid, 
     return tuple(bodies)
 
 
-def measure_pruning(counts: tuple[int, ...] = _COUNTS) -> Rows:
+def _measure_pruning(counts: tuple[int, ...] = _COUNTS) -> Rows:
     """Pairs left after boxes, after views and after the search, by number of bodies."""
     random = np.random.default_rng(_SEED)
     return [_measure_scene(_random_scene(count, random)) for count in counts]
@@ -228,7 +228,7 @@ def _measure_scene(bodies: tuple[PlacedGrid, ...]) -> dict[str, Any]:
     }
 
 
-def pruning_table(found: Rows) -> Table:
+def _pruning_table(found: Rows) -> Table:
     columns = [
         ("bodies", "{bodies}"),
         ("pairs", "{possible}"),
@@ -249,7 +249,7 @@ _BALL = 0.18  # radius of the ball over the height of the body
 _CONDUCTIVITY, _CONDUCTANCE, _DIFFERENCE = 16.0, 1000.0, 100.0
 
 
-def ball_on_head(mesh: jt.Mesh, height: int) -> tuple[PlacedGrid, PlacedGrid]:
+def _ball_on_head(mesh: jt.Mesh, height: int) -> tuple[PlacedGrid, PlacedGrid]:
     tall = float(np.ptp(mesh.bounds[:, 2]))
     pitch = tall / height
     ball = sphere(_BALL * tall, 5)
@@ -267,7 +267,7 @@ def _balls_on_heads(meshes: dict[str, jt.Mesh], height: int, folder: Path) -> Ro
     """Contacts of a ball with each body, and the time to find them."""
     rows = []
     for name, mesh in meshes.items():
-        head, ball = ball_on_head(mesh, height)
+        head, ball = _ball_on_head(mesh, height)
         pairs, time = _timed_contacts(head, ball)
         file = f"contact_{name.lower().replace(' ', '_')}.png"
         flux = _first_flux(pairs, head, ball)
@@ -331,12 +331,12 @@ def _head_table(found: Rows) -> Table:
 
 def run(folder: Path, height: int = 60) -> dict[str, Any]:
     """C18, C19, and figure 5.5 with heads of `height` voxels; charts and pictures."""
-    areas = measure_areas()
-    show(area_table(areas))
-    area_chart(areas, folder / "contact_area")
+    areas = _measure_areas()
+    show(_area_table(areas))
+    _area_chart(areas, folder / "contact_area")
     _area_sheet(folder / "contact_area_layers.png")
-    pruning = measure_pruning()
-    show(pruning_table(pruning))
+    pruning = _measure_pruning()
+    show(_pruning_table(pruning))
     heads = _balls_on_heads(thesis_meshes(), height, folder)
     show(_head_table(heads))
     return {"C18": areas, "C19": pruning, "heads": heads}

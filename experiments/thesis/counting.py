@@ -66,6 +66,7 @@ def _count_cells(side: int) -> dict[str, Any]:
 
 
 def cube_table(result: dict[str, Any]) -> Table:
+    """Cells of cubes by their side, over the laws that they may follow."""
     columns = [
         ("n", "{side_voxels}"),
         ("levels", "{levels}"),
@@ -88,9 +89,9 @@ _HEIGHTS = (50, 100, 150, 200, 250)
 # Table 6.1: voxels of the Happy Buddha at 225 x 550 x 225, and the time of one step of
 # each structure [s]. Its full volume is the whole box, 2.8e7 cells, the empty ones too.
 _TABLE_HEIGHT = 550
-KINDS = ("shell", "multi_level", "irregular", "full_volume")
-TABLE = dict(zip(KINDS, (2.5e6, 2.8e7, 3.2e6, 2.8e7), strict=True))
-TIMES = dict(zip(KINDS, (13e-3, 50e-3, 21e-3, 55e-3), strict=True))
+_KINDS = ("shell", "multi_level", "irregular", "full_volume")
+TABLE: dict[str, float] = dict(zip(_KINDS, (2.5e6, 2.8e7, 3.2e6, 2.8e7), strict=True))
+TIMES: dict[str, float] = dict(zip(_KINDS, (13e-3, 50e-3, 21e-3, 55e-3), strict=True))
 
 
 def _count_heights(mesh: jt.Mesh, heights: tuple[int, ...] = _HEIGHTS) -> list[dict]:
@@ -122,6 +123,7 @@ def _count_table_6_1(mesh: jt.Mesh, height: int = _TABLE_HEIGHT) -> dict[str, An
 
 
 def count_structures(mesh: jt.Mesh, height: int) -> dict[str, Any]:
+    """Voxels of a body so many voxels high, and nodes of shell and irregular levels."""
     grid = jt.voxelize(mesh, float(np.ptp(mesh.bounds[:, 2])) / height)
     body, box = grid.solid_count, grid.lattice.cells
     shell = jt.SingleShell(grid).node_count

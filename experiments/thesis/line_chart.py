@@ -1,4 +1,4 @@
-"""Charts of lines over logarithmic or plain axes, as several exhibits show them."""
+"""Charts of lines over logarithmic axes, as several exhibits show them."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -23,14 +23,9 @@ def log_chart(points: Points, x_title: str, y_title: str, title: str) -> Chart:
     return _lines(points, alt.X(**x.channel("x")), alt.Y(**y.channel("y")), title)
 
 
-def plain_chart(points: Points, x_title: str, y_title: str, title: str) -> Chart:
-    """Lines with points over two plain axes that need not begin at 0."""
-    near = alt.Scale(zero=False)
-    x = alt.X("x:Q", title=x_title, scale=near)
-    return _lines(points, x, alt.Y("y:Q", title=y_title, scale=near), title)
-
-
-def point(curve: str, x: float, y: float, text: str = "", mark: bool = False) -> dict:
+def point(
+    curve: str, x: float | int, y: float | int, text: str = "", mark: bool = False
+) -> dict:
     """A row of a chart."""
     return {"curve": curve, "x": float(x), "y": float(y), "text": text, "mark": mark}
 

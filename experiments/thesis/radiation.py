@@ -63,12 +63,12 @@ def _bisected(is_below: Callable[[float], bool], low: float, high: float) -> flo
     return low
 
 
-def ten_percent_gap() -> float:
+def _ten_percent_gap() -> float:
     """The gap, in sizes, up to which a tenth of the view is the other cube."""
     return _bisected(lambda gap: parallel_rectangles(1.0, 1.0, gap) > 0.1, 1e-2, 1e2)
 
 
-def measure_neighbours(
+def _measure_neighbours(
     gaps: tuple[float, ...] = _GAPS, directions: int = DEFAULT_DIRECTIONS
 ) -> Rows:
     """C03: two black cubes of 1 m, 100 K apart, face to face.
@@ -108,7 +108,7 @@ def _body(cube: jt.VoxelGrid, shift: float) -> PatchedBody:
     return PatchedBody.of_mesh(cube.mesh, patches, pose)
 
 
-def neighbour_chart(rows: Rows) -> Chart:
+def _neighbour_chart(rows: Rows) -> Chart:
     gaps = np.geomspace(rows[0]["gap_sizes"], rows[-1]["gap_sizes"], 60)
     line = [
         {"gap": g, "flux": _EXCESS * parallel_rectangles(1.0, 1.0, g)}
@@ -145,7 +145,7 @@ def neighbour_chart(rows: Rows) -> Chart:
     return chart.properties(width=640, height=380, title=title)
 
 
-def neighbour_table(found: Rows) -> Table:
+def _neighbour_table(found: Rows) -> Table:
     columns = [
         ("gap / size", "{gap_sizes:g}"),
         ("F", "{view_factor:.5f}"),
@@ -184,7 +184,7 @@ def _check(what: str, found: float, exact: float) -> dict[str, Any]:
     }
 
 
-def measure_light() -> dict[str, Any]:
+def _measure_light() -> dict[str, Any]:
     """C04: what a ball, a plate and hollows catch, and where a ball's night begins."""
     ball = jt.voxelize(sphere(_RADIUS, subdivisions=4), _PITCH)
     rays = (-1.0, 0.4, -0.7)
@@ -255,7 +255,7 @@ def _shadow(degrees: float) -> dict[str, Any]:
     return _check(f"plate below a box, sun at {degrees:g}° [m²]", found, exact)
 
 
-def light_table(result: dict[str, Any]) -> Table:
+def _light_table(result: dict[str, Any]) -> Table:
     columns = [
         ("", "{what}"),
         ("found", "{found:.6g}"),
@@ -268,8 +268,8 @@ def light_table(result: dict[str, Any]) -> Table:
 
 def run(folder: Path, height: int = 110) -> dict[str, Any]:
     """C02, C03, C04 and occlusion on a figurine of `height` voxels: `report.html`."""
-    flux, rows, gap = measure_thesis_flux(), measure_neighbours(), ten_percent_gap()
-    lit, shown = measure_light(), show_occlusion(folder, height)
+    flux, rows, gap = measure_thesis_flux(), _measure_neighbours(), _ten_percent_gap()
+    lit, shown = _measure_light(), show_occlusion(folder, height)
     sections = [
         *_thesis_flux(flux),
         *_neighbour_sections(rows, gap, folder),
@@ -318,8 +318,8 @@ def _neighbour_sections(rows: Rows, gap: float, folder: Path) -> list[page.Secti
         f"of {gap:.2f} sizes more than a tenth of the view is the other cube. The "
         "last column is what an insulated black wall on the cold side would miss of "
         "its temperature, were the neighbour left out.",
-        neighbour_table(rows),
-        write_chart(neighbour_chart(rows), folder / "neighbours"),
+        _neighbour_table(rows),
+        write_chart(_neighbour_chart(rows), folder / "neighbours"),
     ]
 
 
@@ -327,7 +327,7 @@ def _light(lit: dict[str, Any]) -> list[page.Section]:
     night = lit["terminator"]
     return [
         page.heading("C04: shadow map and Lambert's cosine"),
-        light_table(lit),
+        _light_table(lit),
         "The ball's night begins at 90°: the last fragment with any light stands at "
         f"{night['last_lit_degrees']:.2f}°, the first that is not lit in full at "
         f"{night['first_shaded_degrees']:.2f}°. The edge of a shadow is right to half "

@@ -117,6 +117,7 @@ def run(folder: Path, height: int = 150) -> dict[str, Any]:
 
 
 def compute_flow(setup: Setup, height: int, progress: Any) -> FlowRun:
+    """The flow of a set-up, with a narrow channel of `height` cells."""
     channel = setup.flow(height)
     steps = round(_PASSES * channel.shape[1] / _LATTICE_SPEED)
     return jt.simulate_flow(channel, steps, start=disturbed_state, progress=progress)
@@ -131,6 +132,7 @@ def tail_of(setup: Setup, flow: FlowRun) -> Tail:
 
 
 def measure_flow(tail: Tail, flow: FlowRun) -> dict[str, Any]:
+    """Numbers of a flow, and the families of curves fitted to its wake."""
     behind = tail.x > recirculation_length(flow)
     fits = {}
     for family in FAMILIES:
@@ -276,6 +278,7 @@ def _fitted_curve(
 
 
 def flow_table(rows: Rows) -> Table:
+    """Frequency, bubble, speeds and length of the tail of each flow."""
     shown = lambda key: (
         lambda row: "not reached" if row[key] is None else f"{row[key]:.2f}"
     )
@@ -295,6 +298,7 @@ def flow_table(rows: Rows) -> Table:
 
 
 def fit_table(rows: Rows) -> Table:
+    """Parameters and deviations of each family on each flow."""
     lines = []
     for row in rows:
         for name, fit in row["fits"].items():

@@ -2,10 +2,10 @@
 
 from jaxthermo.report.sheet import enlarged
 
+from ...harness.present import table_of
 from ..exhibit import Exhibit, Finding, Picture, Verdict
 from ..wake import measure_pair, speed_sheet, speed_tiles
 from ..wake_flows import chosen, narrow_and_wide
-from ...harness.present import table_of
 
 
 _EDGE = 600

@@ -14,7 +14,8 @@ _LEVELS = ("tail_0.8", "tail_0.9")
 
 def _measure(quick: bool) -> Finding:
     narrow, wide = narrow_and_wide(quick)
-    longer = {level: _is_longer(narrow, wide, level) for level in _LEVELS}
+    lengths = {level: (narrow.row[level], wide.row[level]) for level in _LEVELS}
+    longer = {level: _is_longer(*both) for level, both in lengths.items()}
     if all(longer.values()):
         verdict = Verdict.REPRODUCED
     else:
@@ -57,10 +58,9 @@ def _measure(quick: bool) -> Finding:
     return Finding(verdict, reason, rows, {}, chosen(quick), parts, numbers)
 
 
-def _is_longer(narrow: WakeFlow, wide: WakeFlow, level: str) -> bool:
+def _is_longer(narrow: float | None, wide: float | None) -> bool:
     # A tail that does not end within the channel is longer than one that does.
-    short, long = (flow.row[level] for flow in (narrow, wide))
-    return short is not None and (long is None or long > short)
+    return narrow is not None and (wide is None or wide > narrow)
 
 
 def _length(flow: WakeFlow, level: str) -> str:

@@ -10,7 +10,7 @@ from jaxthermo.report.sheet import enlarged
 from ...harness.present import Rows, table_of
 from ..exhibit import Exhibit, Finding, Picture, Plot, Row, Verdict
 from ..wake import flow_table, measure_collapse, speed_sheet, speed_tiles, tail_chart
-from ..wake_flows import WakeFlow, chosen, four_speeds
+from ..wake_flows import chosen, four_speeds
 
 
 _EDGE = 500
@@ -49,7 +49,7 @@ def _measure_flows(quick: bool) -> Finding:
 def _measure_curves(quick: bool) -> Finding:
     flows = four_speeds(quick)
     pairs = measure_collapse([flow.tail for flow in flows])
-    stretched = _stretched(flows)
+    stretched = _stretched([flow.tail.ratio for flow in flows])
     worst, nearest = (pick(row["rms"] for row in pairs) for pick in (max, min))
     apart = max(row["rms"] for row in stretched)
     same = max(worst, apart) <= _ONE_CURVE
@@ -81,10 +81,10 @@ def _measure_curves(quick: bool) -> Finding:
     return Finding(verdict, reason, rows, {}, chosen(quick), parts, numbers)
 
 
-def _stretched(flows: Sequence[WakeFlow]) -> Rows:
-    """Distances of the curves, each stretched from its lowest value to its last."""
-    curves = [(f.tail.ratio - f.tail.ratio.min()) for f in flows]
-    curves = [curve / curve[-1] for curve in curves]
+def _stretched(ratios: Sequence[np.ndarray]) -> Rows:
+    """Distances of curves, each stretched from its lowest value to its last."""
+    above = [ratio - ratio.min() for ratio in ratios]
+    curves = [curve / curve[-1] for curve in above]
     return [
         {"rms": float(np.sqrt(np.mean((a - b) ** 2)))}
         for a, b in combinations(curves, 2)

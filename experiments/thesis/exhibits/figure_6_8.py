@@ -18,7 +18,7 @@ from ..resolution import FULL, KINDS, errors, step_times
 
 
 _HEIGHTS, _QUICK_HEIGHTS = (50, 100, 150, 200, 250, 350, 450, 550), (50, 100, 150)
-# Highest body whose error is measured: that of the full volume takes 5th powers.
+# Highest body whose error is measured: the full volume takes n^5 for it.
 _MOST_WITH_ERROR, _QUICK_ERRORS = 250, (150,)
 _FIGURES = {"figure-6.8": "Happy Buddha", "figure-6.10": "Max Planck"}
 
@@ -40,7 +40,7 @@ def _measure(name: str, quick: bool) -> Finding:
     reason = (
         f"At {heights[-1]} voxels high the shell is {last['single shell'][0]:.2g} and "
         f"irregular levels {last['irregular levels'][0]:.2g} times as fast as the full "
-        f"volume. Between the two highest resolutions n the time of a step grows with n "
+        "volume. Between the two highest resolutions n the time of a step grows with n "
         f"to the power of: {words}; nodes grow with n³ in the full volume, with n² in "
         "shell and irregular levels. The thesis has the curves without their errors."
     )
@@ -72,7 +72,8 @@ def _chart(name: str, times: list[dict[str, Any]]) -> Any:
             text = f"{kind}, {row['height']} voxels high: {significant(step)} ms"
             points.append(point(kind, row["height"], step, text))
     if name == "Happy Buddha":
-        theirs = zip(KINDS, ("shell", "irregular", "multi_level", "full_volume"))
+        keys = ("shell", "irregular", "multi_level", "full_volume")
+        theirs = zip(KINDS, keys, strict=True)
         for kind, key in theirs:
             text = f"{kind}, thesis: {1e3 * TIMES[key]:g} ms"
             points.append(point(kind, 550, 1e3 * TIMES[key], text, mark=True))

@@ -75,13 +75,13 @@ def _measure(name: str, quick: bool) -> Finding:
     if name == "Max Planck":
         comparison, claims["C26"], note = _compared(high)
         parts += (comparison, note)
-    rows_shown = _thesis_rows(name, last)
+    shown = _thesis_rows(name, last)
     chosen = (
         ("resolution", "voxels along up: the text gives no axis of the figure"),
         ("texels of inner levels", "the shell's times the sum of 1/4 per level"),
     )
     numbers = {"rows": rows}
-    return Finding(Verdict.DIFFERENT, reason, rows_shown, claims, chosen, parts, numbers)
+    return Finding(Verdict.DIFFERENT, reason, shown, claims, chosen, parts, numbers)
 
 
 def _points(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:

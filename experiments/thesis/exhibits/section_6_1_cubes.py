@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from jaxthermo.report.chart import Chart
+
 from ..counting import count_cubes, cube_table
 from ..exhibit import Exhibit, Finding, Plot, Row, Verdict
 from ..line_chart import log_chart, point
@@ -32,13 +34,17 @@ def _measure(quick: bool) -> Finding:
         Row("irregular cells over the shell's", 3.2 / 2.5, over_shell, note),
     )
     parts = (
-        Plot("cubes", _chart(rows), "The claim is drawn through the count of the largest cube."),
+        Plot(
+            "cubes",
+            _chart(rows),
+            "The claim is drawn through the count of the largest cube.",
+        ),
         cube_table(found),
     )
     return Finding(verdict, reason, shown, parts=parts, numbers=found)
 
 
-def _chart(rows: list[dict]) -> object:
+def _chart(rows: list[dict]) -> Chart:
     points = []
     side = np.array([row["side_voxels"] for row in rows], float)
     curves = {

@@ -30,7 +30,14 @@ def drawn(folder: Path, sampling: str):
     return choices(load_sweep(sampled(folder, sampling)))
 
 
-@pytest.mark.parametrize("path", sorted(CONFIGS.glob("*.yaml")), ids=lambda p: p.stem)
+# The largest takes as long as all others together.
+SWEEPS = [
+    pytest.param(path, marks=[pytest.mark.slow] * (path.stem == "weights"), id=path.stem)
+    for path in sorted(CONFIGS.glob("*.yaml"))
+]
+
+
+@pytest.mark.parametrize("path", SWEEPS)
 def test_every_case_of_a_shipped_sweep_is_valid(path):
     config = load_sweep(path)
     chosen = choices(config)

@@ -28,6 +28,8 @@ def test_curves_apart_are_not_one_curve():
     assert 0 < row["rms"] < row["largest"]
 
 
+@pytest.mark.slow
+@pytest.mark.slice
 def test_the_second_cylinder_takes_less_heat_the_nearer_it_is():
     factors = [row["factor"] for row in wake.measure_pair()]
     assert 0.2 < factors[0] < 1.0 and max(factors) < 1.0

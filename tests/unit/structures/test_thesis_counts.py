@@ -4,11 +4,11 @@ import pytest
 
 from experiments.harness.meshes import thesis_meshes
 from experiments.thesis.counting import (
-    count_cubes,
     _count_heights,
     _count_table_6_1,
-    cube_table,
     _measure_capacity,
+    count_cubes,
+    cube_table,
 )
 from jaxthermo.geometry.shapes import figurine
 

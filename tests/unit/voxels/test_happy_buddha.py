@@ -32,6 +32,7 @@ def turned(mesh, degrees):
     return Mesh(mesh.vertices @ turn.T, mesh.faces, mesh.name)
 
 
+@pytest.mark.slow
 def test_layers(buddha):
     """In the file's x, y, z: 18, 20, 12; the thesis has 18, 20 and 8.
 
