@@ -31,10 +31,9 @@ def drawn(folder: Path, sampling: str):
 
 
 # The largest takes as long as all others together.
-SWEEPS = [
-    pytest.param(path, marks=[pytest.mark.slow] * (path.stem == "weights"), id=path.stem)
-    for path in sorted(CONFIGS.glob("*.yaml"))
-]
+PATHS = sorted(CONFIGS.glob("*.yaml"))
+SLOW = {"weights": [pytest.mark.slow]}
+SWEEPS = [pytest.param(p, marks=SLOW.get(p.stem, []), id=p.stem) for p in PATHS]
 
 
 @pytest.mark.parametrize("path", SWEEPS)
