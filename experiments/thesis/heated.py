@@ -35,7 +35,8 @@ END = 180.0
 
 # Carbon steel, with a heat capacity at which the largest stable step is 0.05 s.
 _STEEL = jt.Material(50.0, density=7800.0, specific_heat=480.8, absorptivity=1.0)
-_START, _IRRADIANCE = 293.15, 5000.0
+START, _IRRADIANCE = 293.15, 5000.0
+"""Temperature at the start [K], and irradiance [W/m^2]."""
 # From the statue's left, which is on the right of a picture from the front.
 _SUN = jt.Sun((-1.0, 0.0, 0.0), _IRRADIANCE)
 _VIEWS = {
@@ -68,7 +69,7 @@ class Heated(NamedTuple):
 
     def rise(self, time: int) -> float:
         """Mean rise of the temperature at a saved time [K]."""
-        return float(self.solution.mean_temperature[time, 0]) - _START
+        return float(self.solution.mean_temperature[time, 0]) - START
 
 
 def levels_at(height: int, levels: int) -> int:
@@ -104,7 +105,7 @@ def heated(name: str, height: int, times: tuple[float, ...]) -> Heated:
     # Read where the full volume's nodes are.
     whole = isinstance(structure, jt.FullVolume)
     reads = jt.ConstantMap() if whole else jt.FluxCorrectedMap(at="voxel")
-    body = jt.Body(structure, _STEEL, temperature=_START, surface_map=reads)
+    body = jt.Body(structure, _STEEL, temperature=START, surface_map=reads)
     scene = jt.Scene((body,), (_SUN,))
     run = jt.simulate(scene, times[-1], times, solver=jt.ForwardEuler())
     return Heated(structure, run)
@@ -126,7 +127,7 @@ def difference(run: Heated, full: Heated) -> Difference:
     found, right = (np.asarray(r.solution.surface_temperature) for r in (run, full))
     rms = lambda kelvin: np.sqrt(np.average(kelvin**2, axis=1, weights=area))
     kelvin = rms(found - right)
-    return Difference(kelvin.tolist(), (100 * kelvin / rms(right - _START)).tolist())
+    return Difference(kelvin.tolist(), (100 * kelvin / rms(right - START)).tolist())
 
 
 class View(NamedTuple):
@@ -181,7 +182,7 @@ def thermal_sheet(
     }
     shown = [shot for each in shots.values() for shot in each]
     # The hottest of a hundred texels may be a spike of the shell.
-    high = max(float(np.percentile(s.kelvin[s.body], 99.5)) for s in shown) - _START
+    high = max(float(np.percentile(s.kelvin[s.body], 99.5)) for s in shown) - START
     saved = next(iter(runs.values())).solution.times
     tiles = []
     for (time, view), each in shots.items():
@@ -193,7 +194,7 @@ def thermal_sheet(
 
 
 def _coloured(shot: View, high: float) -> UInt8[np.ndarray, "h w 3"]:
-    colours = apply_palette(shot.kelvin - _START, 0.0, high, "iron")
+    colours = apply_palette(shot.kelvin - START, 0.0, high, "iron")
     colours[~shot.body] = BACKGROUND
     return colours
 

@@ -112,7 +112,7 @@ def _measure(_: bool) -> Finding:
     )
     numbers = {"thesis_levels": LEVELS, "readings": found}
     return Finding(
-        Verdict.REPRODUCED, reason, tuple(rows), {}, chosen, _pictures(grid), numbers
+        Verdict.DIFFERENT, reason, tuple(rows), {}, chosen, _pictures(grid), numbers
     )
 
 

@@ -18,7 +18,7 @@ from jaxthermo.report.table import Cell, Table
 
 
 IDS = [claim.id for claim in CLAIMS]
-TO_COME = {"C11", "C14", "C16", *(f"C{k:02d}" for k in (*range(3, 9), *range(17, 28)))}
+TO_COME = {f"C{k:02d}" for k in (3, 4, 11, 14, 16, 17, 18, 19, 20, 21, 25, 27)}
 
 
 def test_the_claims_are_numbered():
@@ -28,7 +28,7 @@ def test_the_claims_are_numbered():
 @pytest.mark.parametrize("claim", IDS)
 def test_every_claim_has_an_exhibit(claim):
     answered = any(claim in each.claims for each in exhibition.all_exhibits())
-    assert answered or claim in TO_COME
+    assert answered != (claim in TO_COME)
 
 
 @pytest.mark.parametrize(
