@@ -52,6 +52,7 @@ def _measure_curves(quick: bool) -> Finding:
     stretched = _stretched([flow.tail.ratio for flow in flows])
     worst, nearest = (pick(row["rms"] for row in pairs) for pick in (max, min))
     apart = max(row["rms"] for row in stretched)
+    ends = [flow.row["last"] for flow in flows]
     same = max(worst, apart) <= _ONE_CURVE
     verdict = Verdict.REPRODUCED if same else Verdict.CONTRADICTED
     reason = (
@@ -59,8 +60,8 @@ def _measure_curves(quick: bool) -> Finding:
         f"{nearest:.3f} to {worst:.3f} apart in rms, and stretched to 0 to 1 each up "
         f"to {apart:.3f}. A flow depends on its Reynolds number, and the four speeds "
         "have four. Curves are one where the speed changes at the same Re, which "
-        "would need another fluid or another body. That all converge to the "
-        "undisturbed speed is so."
+        "would need another fluid or another body. Towards the outlet all still rise "
+        f"or stay, at {min(ends):.2f} to {max(ends):.2f} of the undisturbed speed."
     )
     columns = [
         ("speeds", lambda r: f"{r['speeds'][0]:g} and {r['speeds'][1]:g}"),
