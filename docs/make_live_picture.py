@@ -20,7 +20,7 @@ _BROWSER = (
     *("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"),
     "--no-sandbox",
 )
-_SIZE, _WAIT_MS = {"width": 1280, "height": 800}, 20_000
+_WIDTH, _HEIGHT, _WAIT_MS = 1280, 800, 20_000
 _COMMAND = "jaxthermo", "view", "configs/scenes/figurine.yaml", "--port", "0"
 
 
@@ -28,7 +28,7 @@ def _screenshot(address: str, path: Path) -> None:
     with sync_playwright() as tool:
         chromium = shutil.which("chromium") or shutil.which("google-chrome")
         browser = tool.chromium.launch(executable_path=chromium, args=_BROWSER)
-        page = browser.new_page(viewport=_SIZE)
+        page = browser.new_page(viewport={"width": _WIDTH, "height": _HEIGHT})
         page.goto(address)
         page.get_by_text("paused").wait_for(timeout=120_000)
         page.get_by_role("button", name="Play").click()

@@ -29,7 +29,7 @@ ZERO_CELSIUS = 273.15
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("results/k-and-h"))
     parser.add_argument("--quick", action="store_true", help="small, for a test")
     options = parser.parse_args()

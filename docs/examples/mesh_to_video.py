@@ -35,7 +35,7 @@ def main() -> None:
         jt.Surroundings(temperature=283.15),
     )
     times = np.linspace(0.0, 600.0, 6 if options.quick else 41)
-    solution = jt.simulate(jt.Scene((body,), terms), 600.0, save_at=times)
+    solution = jt.simulate(jt.Scene((body,), terms), 600.0, save_at=times.tolist())
 
     eye = middle + extent * np.array((0.6, -2.4, 0.3))
     camera = jt.Camera(tuple(eye), tuple(middle), width=240, height=320)
@@ -47,7 +47,7 @@ def main() -> None:
 
 
 def parse() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("mesh", nargs="?", type=Path)
     parser.add_argument("--unit", default="mm")
     parser.add_argument("--up", default="z")

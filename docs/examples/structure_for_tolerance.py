@@ -9,6 +9,7 @@ timed. `calibrate plan` searches more choices, with fewer runs, for any scene fi
 import argparse
 import time
 from collections.abc import Callable
+from typing import Any
 
 import jax
 import numpy as np
@@ -16,7 +17,7 @@ import numpy as np
 import jaxthermo as jt
 
 
-STRUCTURES: dict[str, Callable[[jt.VoxelGrid], object]] = {
+STRUCTURES: dict[str, Callable[[jt.VoxelGrid], Any]] = {
     "full volume": jt.FullVolume,
     "octree": jt.Octree,
     "shell over core": jt.ShellOverCore,
@@ -27,7 +28,7 @@ SAVE_AT = [30.0, 60.0, 120.0]
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--tolerance", type=float, default=2.0, help="percent of range")
     parser.add_argument("--quick", action="store_true", help="small, for a test")
     options = parser.parse_args()

@@ -11,16 +11,17 @@ where the wake is thin. Far away the stream has the deficit that the drag leaves
 0.6 % less than with 300, at Re 40 0.3 %, and u at 10 diameters less by 0.003 and 0.001.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-import scipy.sparse as sparse
+import scipy.sparse
 from jaxtyping import Float
 from scipy.interpolate import CubicSpline
 from scipy.sparse.linalg import splu
 from scipy.special import erf
 
 
+sparse: Any = scipy.sparse
 _RADIUS = 0.5
 # Angle over its index: (1 - bend) s + bend s^2, in half turns.
 _BEND = 0.8
