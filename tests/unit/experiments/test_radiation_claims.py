@@ -17,14 +17,14 @@ def test_c02_is_pi_squared_too_much():
 
 @pytest.fixture(scope="module")
 def rows():
-    return radiation._measure_neighbours((0.1, 1.0, 10.0), directions=16)
+    return radiation.measure_neighbours((0.1, 1.0, 10.0), directions=16)
 
 
 def test_c03_near_bodies_matter(rows):
     share = np.array([row["share_of_100_K_excess"] for row in rows])
     assert share[0] > 0.8 and share[1] > 0.1 and share[2] < 0.01
     assert max(abs(row["error_of_voxels"]) for row in rows) < 0.03
-    assert 1.0 < radiation._ten_percent_gap() < 2.0
+    assert 1.0 < radiation.ten_percent_gap() < 2.0
     # What is left out is a wall as warm as its neighbour, in the limit.
     missed = [row["insulated_wall_missed_K"] for row in rows]
     assert 80 < missed[0] < 100 and missed[2] < 1
@@ -40,7 +40,7 @@ def test_chart_and_tables(rows, tmp_path):
 @pytest.mark.slow
 @pytest.mark.slice
 def test_c04_within_a_hundredth():
-    found = radiation._measure_light()
+    found = radiation.measure_light()
     assert all(check["passes"] for check in found["checks"]), found["checks"]
     night = found["terminator"]
     assert night["last_lit_degrees"] == pytest.approx(90.0, abs=1.0)
