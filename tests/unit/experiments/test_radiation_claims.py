@@ -31,10 +31,10 @@ def test_c03_near_bodies_matter(rows):
 
 
 def test_chart_and_tables(rows, tmp_path):
-    svg = write_chart(radiation._neighbour_chart(rows), tmp_path / "chart")
+    svg = write_chart(radiation.neighbour_chart(rows), tmp_path / "chart")
     assert svg.startswith("<svg") and "31.15" in svg
     assert (tmp_path / "chart.png").stat().st_size > 10_000
-    assert len(radiation._neighbour_table(rows).rows) == 3
+    assert len(radiation.neighbour_table(rows).rows) == 3
 
 
 @pytest.mark.slow
@@ -46,4 +46,4 @@ def test_c04_within_a_hundredth():
     assert night["last_lit_degrees"] == pytest.approx(90.0, abs=1.0)
     assert night["first_shaded_degrees"] > 85.0
     assert night["last_lit_degrees"] <= 90.0
-    assert len(radiation._light_table(found).rows) == len(found["checks"])
+    assert len(radiation.light_table(found).rows) == len(found["checks"])
