@@ -63,12 +63,12 @@ def _bisected(is_below: Callable[[float], bool], low: float, high: float) -> flo
     return low
 
 
-def _ten_percent_gap() -> float:
+def ten_percent_gap() -> float:
     """The gap, in sizes, up to which a tenth of the view is the other cube."""
     return _bisected(lambda gap: parallel_rectangles(1.0, 1.0, gap) > 0.1, 1e-2, 1e2)
 
 
-def _measure_neighbours(
+def measure_neighbours(
     gaps: tuple[float, ...] = _GAPS, directions: int = DEFAULT_DIRECTIONS
 ) -> Rows:
     """C03: two black cubes of 1 m, 100 K apart, face to face.
@@ -108,7 +108,8 @@ def _body(cube: jt.VoxelGrid, shift: float) -> PatchedBody:
     return PatchedBody.of_mesh(cube.mesh, patches, pose)
 
 
-def _neighbour_chart(rows: Rows) -> Chart:
+def neighbour_chart(rows: Rows) -> Chart:
+    """Flux over the gap by the closed form and by voxels, beside the thesis' two."""
     gaps = np.geomspace(rows[0]["gap_sizes"], rows[-1]["gap_sizes"], 60)
     line = [
         {"gap": g, "flux": _EXCESS * parallel_rectangles(1.0, 1.0, g)}
@@ -145,7 +146,8 @@ def _neighbour_chart(rows: Rows) -> Chart:
     return chart.properties(width=640, height=380, title=title)
 
 
-def _neighbour_table(found: Rows) -> Table:
+def neighbour_table(found: Rows) -> Table:
+    """View factors and fluxes by gap."""
     columns = [
         ("gap / size", "{gap_sizes:g}"),
         ("F", "{view_factor:.5f}"),
@@ -184,7 +186,7 @@ def _check(what: str, found: float, exact: float) -> dict[str, Any]:
     }
 
 
-def _measure_light() -> dict[str, Any]:
+def measure_light() -> dict[str, Any]:
     """C04: what a ball, a plate and hollows catch, and where a ball's night begins."""
     ball = jt.voxelize(sphere(_RADIUS, subdivisions=4), _PITCH)
     rays = (-1.0, 0.4, -0.7)
@@ -255,7 +257,8 @@ def _shadow(degrees: float) -> dict[str, Any]:
     return _check(f"plate below a box, sun at {degrees:g}° [m²]", found, exact)
 
 
-def _light_table(result: dict[str, Any]) -> Table:
+def light_table(result: dict[str, Any]) -> Table:
+    """Checks of shadow maps and the cosine."""
     columns = [
         ("", "{what}"),
         ("found", "{found:.6g}"),
@@ -268,8 +271,8 @@ def _light_table(result: dict[str, Any]) -> Table:
 
 def run(folder: Path, height: int = 110) -> dict[str, Any]:
     """C02, C03, C04 and occlusion on a figurine of `height` voxels: `report.html`."""
-    flux, rows, gap = measure_thesis_flux(), _measure_neighbours(), _ten_percent_gap()
-    lit, shown = _measure_light(), show_occlusion(folder, height)
+    flux, rows, gap = measure_thesis_flux(), measure_neighbours(), ten_percent_gap()
+    lit, shown = measure_light(), show_occlusion(folder, height)
     sections = [
         *_thesis_flux(flux),
         *_neighbour_sections(rows, gap, folder),
@@ -318,8 +321,8 @@ def _neighbour_sections(rows: Rows, gap: float, folder: Path) -> list[page.Secti
         f"of {gap:.2f} sizes more than a tenth of the view is the other cube. The "
         "last column is what an insulated black wall on the cold side would miss of "
         "its temperature, were the neighbour left out.",
-        _neighbour_table(rows),
-        write_chart(_neighbour_chart(rows), folder / "neighbours"),
+        neighbour_table(rows),
+        write_chart(neighbour_chart(rows), folder / "neighbours"),
     ]
 
 
@@ -327,7 +330,7 @@ def _light(lit: dict[str, Any]) -> list[page.Section]:
     night = lit["terminator"]
     return [
         page.heading("C04: shadow map and Lambert's cosine"),
-        _light_table(lit),
+        light_table(lit),
         "The ball's night begins at 90°: the last fragment with any light stands at "
         f"{night['last_lit_degrees']:.2f}°, the first that is not lit in full at "
         f"{night['first_shaded_degrees']:.2f}°. The edge of a shadow is right to half "

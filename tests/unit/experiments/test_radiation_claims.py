@@ -17,33 +17,33 @@ def test_c02_is_pi_squared_too_much():
 
 @pytest.fixture(scope="module")
 def rows():
-    return radiation._measure_neighbours((0.1, 1.0, 10.0), directions=16)
+    return radiation.measure_neighbours((0.1, 1.0, 10.0), directions=16)
 
 
 def test_c03_near_bodies_matter(rows):
     share = np.array([row["share_of_100_K_excess"] for row in rows])
     assert share[0] > 0.8 and share[1] > 0.1 and share[2] < 0.01
     assert max(abs(row["error_of_voxels"]) for row in rows) < 0.03
-    assert 1.0 < radiation._ten_percent_gap() < 2.0
+    assert 1.0 < radiation.ten_percent_gap() < 2.0
     # What is left out is a wall as warm as its neighbour, in the limit.
     missed = [row["insulated_wall_missed_K"] for row in rows]
     assert 80 < missed[0] < 100 and missed[2] < 1
 
 
 def test_chart_and_tables(rows, tmp_path):
-    svg = write_chart(radiation._neighbour_chart(rows), tmp_path / "chart")
+    svg = write_chart(radiation.neighbour_chart(rows), tmp_path / "chart")
     assert svg.startswith("<svg") and "31.15" in svg
     assert (tmp_path / "chart.png").stat().st_size > 10_000
-    assert len(radiation._neighbour_table(rows).rows) == 3
+    assert len(radiation.neighbour_table(rows).rows) == 3
 
 
 @pytest.mark.slow
 @pytest.mark.slice
 def test_c04_within_a_hundredth():
-    found = radiation._measure_light()
+    found = radiation.measure_light()
     assert all(check["passes"] for check in found["checks"]), found["checks"]
     night = found["terminator"]
     assert night["last_lit_degrees"] == pytest.approx(90.0, abs=1.0)
     assert night["first_shaded_degrees"] > 85.0
     assert night["last_lit_degrees"] <= 90.0
-    assert len(radiation._light_table(found).rows) == len(found["checks"])
+    assert len(radiation.light_table(found).rows) == len(found["checks"])
