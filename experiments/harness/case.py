@@ -290,10 +290,14 @@ def converge(
     )
 
 
+def described(error: Exception) -> str:
+    """An exception in one line, with its kind."""
+    return f"{type(error).__name__}: {' '.join(str(error).split())}"
+
+
 def _broken(what: str, error: Exception, solver: str = "", dtype: str = "") -> Row:
     """A row that fails because of an exception."""
-    text = f"{type(error).__name__}: {' '.join(str(error).split())}"
-    return Row(what, solver, dtype, failure=text)
+    return Row(what, solver, dtype, failure=described(error))
 
 
 def attempt(

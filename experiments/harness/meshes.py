@@ -5,6 +5,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 import jaxthermo as jt
 from jaxthermo.geometry.load import load_mesh
 from jaxthermo.geometry.mesh import Mesh
@@ -35,6 +37,14 @@ def thesis_meshes() -> dict[str, Mesh]:
             if name not in found and (folder / file).is_file():
                 found[name] = load_mesh(folder / file, height=HEIGHT, up="y")
     return found or {"figurine": figurine(HEIGHT)}
+
+
+def voxels_high(
+    mesh: Mesh, height: int, surface_cells: SurfaceCells = "crossings"
+) -> jt.VoxelGrid:
+    """The voxels of a mesh, so many of them along up."""
+    extent = float(np.ptp(mesh.bounds[:, 2]))
+    return jt.voxelize(mesh, extent / height, surface_cells)
 
 
 def standard_scene(

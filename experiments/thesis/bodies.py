@@ -3,16 +3,16 @@
 from functools import cache
 from typing import NamedTuple
 
-import numpy as np
-
 import jaxthermo as jt
 from jaxthermo.voxels.voxelize import SurfaceCells
 
-from ..harness.meshes import thesis_meshes
+from ..harness.meshes import thesis_meshes, voxels_high
 
 
 AXES = {"x": 0, "y": 2, "z": 1}
 """Axes of our lattices, of which z is up, by the thesis' names, of which y is up."""
+WAYS = ("+x", "-x", "-z", "+z", "+y", "-y")
+"""The thesis' names of +x, -x, +y, -y, +z, -z of our lattices."""
 
 
 class Statue(NamedTuple):
@@ -52,9 +52,14 @@ def buddha() -> Statue:
     return statues.get(_BUDDHA) or next(iter(statues.values()))
 
 
+def statue(name: str) -> Statue | None:
+    """A body by its name; None without its mesh."""
+    return _statues().get(name)
+
+
 def planck() -> Statue | None:
     """The Max Planck head; None without its mesh."""
-    return _statues().get(_PLANCK)
+    return statue(_PLANCK)
 
 
 NO_PLANCK = "JAXTHERMO_MESHES has no max-planck.obj, the head of this exhibit."
@@ -62,6 +67,4 @@ NO_PLANCK = "JAXTHERMO_MESHES has no max-planck.obj, the head of this exhibit."
 
 @cache
 def _grid(name: str, height: int, surface_cells: SurfaceCells) -> jt.VoxelGrid:
-    mesh = _statues()[name].mesh
-    extent = float(np.ptp(mesh.bounds[:, 2]))
-    return jt.voxelize(mesh, extent / height, surface_cells)
+    return voxels_high(_statues()[name].mesh, height, surface_cells)

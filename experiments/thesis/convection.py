@@ -20,7 +20,7 @@ from jaxthermo.voxels.cylinders import (
     cylinder_parts,
 )
 
-from ..harness.meshes import thesis_meshes
+from ..harness.meshes import thesis_meshes, voxels_high
 from ..harness.present import Rows, publish, table_of
 from . import convection_cooling as cooling, convection_numbers as numbers
 
@@ -137,7 +137,7 @@ def _measure_parts(meshes: dict[str, jt.Mesh], height: int, folder: Path) -> Row
     """The cylinders of each body, and a picture of them."""
     found = []
     for name, mesh in meshes.items():
-        grid = jt.voxelize(mesh, float(np.ptp(mesh.bounds[:, 2])) / height)
+        grid = voxels_high(mesh, height)
         parts = cylinder_parts(grid)
         file = f"cylinders_{name.lower().replace(' ', '_')}.png"
         tiles = [_parts_picture(grid, parts, view) for view in _VIEWS]

@@ -11,7 +11,7 @@ from jaxthermo.structures.build.assignment import nested_cells, voxel_depth
 from jaxthermo.structures.kinds.shell import capacity_by_region
 from jaxthermo.structures.report import structure_report
 
-from ..harness.meshes import thesis_meshes
+from ..harness.meshes import thesis_meshes, voxels_high
 from ..harness.present import show, table_of
 
 
@@ -96,12 +96,12 @@ TIMES: dict[str, float] = dict(zip(_KINDS, (13e-3, 50e-3, 21e-3, 55e-3), strict=
 
 def _count_heights(mesh: jt.Mesh, heights: tuple[int, ...] = _HEIGHTS) -> list[dict]:
     """Nodes of shell and irregular structure against body and box, by resolution."""
-    return [count_structures(mesh, height) for height in heights]
+    return [count_structures(voxels_high(mesh, n), n) for n in heights]
 
 
 def _count_table_6_1(mesh: jt.Mesh, height: int = _TABLE_HEIGHT) -> dict[str, Any]:
     """The thesis' counts beside ours, and what its own numbers say."""
-    ours = count_structures(mesh, height)
+    ours = count_structures(voxels_high(mesh, height), height)
     return {
         "ours": ours,
         "thesis": TABLE,
@@ -122,9 +122,8 @@ def _count_table_6_1(mesh: jt.Mesh, height: int = _TABLE_HEIGHT) -> dict[str, An
     }
 
 
-def count_structures(mesh: jt.Mesh, height: int) -> dict[str, Any]:
+def count_structures(grid: jt.VoxelGrid, height: int) -> dict[str, Any]:
     """Voxels of a body so many voxels high, and nodes of shell and irregular levels."""
-    grid = jt.voxelize(mesh, float(np.ptp(mesh.bounds[:, 2])) / height)
     body, box = grid.solid_count, grid.lattice.cells
     shell = jt.SingleShell(grid).node_count
     irregular = jt.IrregularMultiLevel(grid)

@@ -15,12 +15,19 @@ from typing import Any
 from jaxthermo.cli.console import open_console
 from jaxthermo.errors import InputError
 
+from ..harness.case import described
 from ..harness.meshes import thesis_meshes
 from ..harness.record import Record
 from . import exhibits
 from .claims import CLAIMS
 from .exhibit import Exhibit, Finding, Verdict, skipped
-from .report import Measured, claim_results, claim_table, write_report
+from .report import (
+    Measured,
+    claim_results,
+    claim_table,
+    write_files,
+    write_report,
+)
 from .stored import Plain, store
 
 
@@ -30,7 +37,7 @@ _FOLDER = Path(__file__).parent
 # Of a row in the record: what it follows from, beside the library and the sources.
 _SHARED = (*_FOLDER.glob("*.py"), *(_FOLDER.parent / "harness").glob("*.py"))
 # Files that only arrange what was measured.
-_ARRANGING = ("claims.py", "exhibition.py", "report.py", "slips.py")
+_ARRANGING = ("claims.py", "exhibition.py", "report.py")
 
 
 def all_exhibits() -> tuple[Exhibit, ...]:
@@ -95,6 +102,7 @@ def run(folder: Path, cases: str | None = None, quick: bool = False) -> dict[str
         known = record.known(identity)
         if known or exhibit in wanted:
             measured.append(_measured(record, identity, exhibit))
+            write_files(measured[-1], folder)
         if exhibit in wanted and not known:
             plain = measured[-1].plain
             took = f"{plain['verdict']}, {plain['took_s']:.0f} s"
@@ -118,8 +126,7 @@ def _measured(record: Record, identity: Plain, exhibit: Exhibit) -> Measured:
     try:
         row = record.once(identity, {"exhibit": exhibit.name}, make)
     except Exception as error:  # one broken exhibit must not stop the others
-        text = f"{type(error).__name__}: {' '.join(str(error).split())}"
-        finding = Finding(Verdict.FAILED, text)
+        finding = Finding(Verdict.FAILED, described(error))
     else:
         if "refused" not in row:
             files = record.arrays_of(row) if row["arrays"] else {}

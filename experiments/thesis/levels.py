@@ -21,7 +21,15 @@ from jaxthermo.structures.structure import AbstractStructure
 from jaxthermo.structures.surface_map import AbstractSurfaceMap
 
 from ..harness.case import Bound, Case, Check, Group, Value
-from ..harness.meshes import END, HEIGHT, SAVE_AT, START, STEEL, thesis_meshes
+from ..harness.meshes import (
+    END,
+    HEIGHT,
+    SAVE_AT,
+    START,
+    STEEL,
+    thesis_meshes,
+    voxels_high,
+)
 from ..harness.report import PageTexts
 from ..harness.run import run_cases
 
@@ -82,8 +90,7 @@ class Sunlit:
     @cached_property
     def grid(self) -> jt.VoxelGrid:
         """Its voxels."""
-        extent = float(np.ptp(self.mesh.bounds[:, 2]))
-        return jt.voxelize(self.mesh, extent / self.voxels_high)
+        return voxels_high(self.mesh, self.voxels_high)
 
     @cached_property
     def full(self) -> jt.Solution:

@@ -122,8 +122,15 @@ def _summary(measured: Sequence[Measured]) -> str:
     return f"{len(CLAIMS)} claims: {words}."
 
 
+def write_files(each: Measured, folder: Path) -> None:
+    """Write the pictures and charts of an exhibit into a folder."""
+    for name, content in each.files.items():
+        with replacing(folder / name) as path:
+            path.write_bytes(content.tobytes())
+
+
 def write_report(measured: Sequence[Measured], folder: Path, quick: bool) -> None:
-    """Write `report.html` and the pictures of all exhibits into a folder."""
+    """Write `report.html` of all exhibits into a folder."""
     found: list[page.Section] = [
         _summary(measured),
         _INTRODUCTION,
@@ -137,10 +144,6 @@ def write_report(measured: Sequence[Measured], folder: Path, quick: bool) -> Non
         for each in measured:
             if each.exhibit.chapter == chapter:
                 found += _exhibit(each)
-    for each in measured:
-        for name, content in each.files.items():
-            with replacing(folder / name) as path:
-                path.write_bytes(content.tobytes())
     page.write_page(folder / PAGE, _TITLE, found)
 
 

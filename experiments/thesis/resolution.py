@@ -15,9 +15,9 @@ import jaxthermo as jt
 from jaxthermo.structures.structure import AbstractStructure
 
 from ..benchmarks.steps import conduction_call
-from ..harness.meshes import thesis_meshes
 from ..harness.present import Rows
 from ..harness.timing import interleaved, ratio_of
+from .bodies import statue
 from .counting import count_structures
 from .levels import Sunlit
 
@@ -39,9 +39,8 @@ _REPEATS = 3
 @cache
 def counts(name: str, height: int) -> dict[str, Any]:
     """Occupied and allocated counts of a mesh so many voxels high, by its name."""
-    mesh = thesis_meshes()[name]
     grid = _body(name, height).grid
-    found = count_structures(mesh, height)
+    found = count_structures(grid, height)
     axes = range(3)
     view = [grid.lattice.cells // grid.lattice.shape[axis] for axis in axes]
     texels = lambda layers: int(np.dot(layers, view))
@@ -63,7 +62,9 @@ def counts(name: str, height: int) -> dict[str, Any]:
 
 @cache
 def _body(name: str, height: int) -> Sunlit:
-    return Sunlit(thesis_meshes()[name], height)
+    found = statue(name)
+    assert found is not None, name
+    return Sunlit(found.mesh, height)
 
 
 @cache

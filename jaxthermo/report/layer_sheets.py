@@ -1,6 +1,7 @@
 """Sheets of depth layers and of contact textures, each with its legend."""
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -53,7 +54,8 @@ def write_layer_sheets(grid: VoxelGrid, folder: Path) -> list[Path]:
             Tile(enlarged(image, _LAYER_EDGE), f"{axis} {word} {k}")
             for k, image in enumerate(images)
         ]
-        key = _depth_bar(grid, axis) if kind == "depth" else _legend(kind)
+        from_front = f"depth along +{axis} from the front of the lattice"
+        key = depth_bar(grid, axis, from_front) if kind == "depth" else _legend(kind)
         path = folder / f"layers_{name}.png"
         title = f"{grid.mesh.name}: {_TITLES[kind].format(axis=axis)}"
         write_png(path, sheet(tiles, key, title, _columns(tiles)))
@@ -70,14 +72,15 @@ def _columns(tiles: list[Tile]) -> int:
     return math.ceil(len(tiles) / math.ceil(len(tiles) / columns))
 
 
-def _depth_bar(grid: VoxelGrid, axis: str) -> ColourBar:
+def depth_bar(grid: VoxelGrid, axis: str, quantity: str) -> ColourBar:
+    """The scale of the depths of layers along an axis of the lattice [mm]."""
     whole = 1e3 * grid.pitch * grid.lattice.shape["xyz".index(axis)]
     ticks = nice_ticks(0.0, whole)
     decimals = decimals_of(ticks[1] - ticks[0])
     return ColourBar(
         depth_colours(np.linspace(0.0, 1.0, 256)),
         tuple((tick / whole, label(tick, decimals)) for tick in ticks),
-        f"depth along +{axis} from the front of the lattice [mm]; dark: no surface",
+        f"{quantity} [mm]; dark: no surface",
     )
 
 
@@ -85,10 +88,14 @@ def _legend(kind: str) -> Legend:
     if kind == "dominant":
         shown = zip(("x", "y", "z", "no area"), AXIS_COLOURS.tolist(), strict=True)
         return _of(shown, "dominant axis of the normal; dark: no surface")
-    ways = np.repeat(np.eye(3), 2, axis=0) * np.tile([1.0, -1.0], 3)[:, None]
-    shown = zip(_WAYS, normal_colours(ways).tolist(), strict=True)
     title = "outward normal n: red, green, blue are (n + 1) / 2; dark: no surface"
-    return _of(shown, title)
+    return normal_legend(title)
+
+
+def normal_legend(title: str, names: Sequence[str] = _WAYS) -> Legend:
+    """Colours of normals along the axes of the lattice: +x, -x, +y, -y, +z, -z."""
+    ways = np.repeat(np.eye(3), 2, axis=0) * np.tile([1.0, -1.0], 3)[:, None]
+    return _of(zip(names, normal_colours(ways).tolist(), strict=True), title)
 
 
 def _of(shown, title: str) -> Legend:

@@ -1,13 +1,12 @@
 """Figure 4.3: the depth layers of the Happy Buddha along three axes."""
 
-import numpy as np
 from PIL import Image
 
-from jaxthermo.image.ticks import label, nice_ticks
-from jaxthermo.report.sheet import ColourBar, Legend, Tile, sheet
-from jaxthermo.voxels.textures import depth_colours, layer_images, normal_colours
+from jaxthermo.report.layer_sheets import depth_bar, normal_legend
+from jaxthermo.report.sheet import Tile, sheet
+from jaxthermo.voxels.textures import layer_images
 
-from ..bodies import AXES, buddha
+from ..bodies import AXES, WAYS, buddha
 from ..exhibit import Exhibit, Finding, Picture, Row, Verdict
 from ..layers import count_by_height, count_table, deep_fraction, layer_counts, shown
 
@@ -25,13 +24,7 @@ def _depth_picture(images: dict, grid) -> Image.Image:
         Tile(pixels.repeat(2, axis=0).repeat(2, axis=1), f"z layer {k + 1}")
         for k, pixels in enumerate(images["y_depth"][:3])
     ]
-    whole = 1e3 * grid.pitch * grid.lattice.shape[AXES["z"]]
-    ticks = nice_ticks(0.0, whole)
-    bar = ColourBar(
-        depth_colours(np.linspace(0.0, 1.0, 256)),
-        tuple((tick / whole, label(tick, 0)) for tick in ticks),
-        "depth along z from the front [mm]; dark: no surface",
-    )
+    bar = depth_bar(grid, "xyz"[AXES["z"]], "depth along z from the front")
     return sheet(tiles, bar, "Depth in the first three textures of the z axis")
 
 
@@ -41,12 +34,7 @@ def _axis_picture(images: dict, name: str) -> Image.Image:
         Tile(pixels, f"{name} {k + 1}")
         for k, pixels in enumerate(images[f"{'xyz'[AXES[name]]}_normal"])
     ]
-    ways = np.repeat(np.eye(3), 2, axis=0) * np.tile([1.0, -1.0], 3)[:, None]
-    names = ("+x", "-x", "-z", "+z", "+y", "-y")
-    colours = [(int(r), int(g), int(b)) for r, g, b in normal_colours(ways)]
-    legend = Legend(
-        tuple(zip(names, colours, strict=True)), "direction of the outward normal"
-    )
+    legend = normal_legend("direction of the outward normal", WAYS)
     title = f"{len(tiles)} textures along {name}, front layer first"
     rows = -(-len(tiles) // _MAX_COLUMNS)
     return sheet(tiles, legend, title, columns=-(-len(tiles) // rows))

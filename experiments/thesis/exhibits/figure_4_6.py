@@ -4,19 +4,19 @@ import numpy as np
 from PIL import Image
 
 import jaxthermo as jt
-from jaxthermo.report.sheet import Legend, Tile, sheet
+from jaxthermo.report.layer_sheets import normal_legend
+from jaxthermo.report.sheet import Tile, sheet
 from jaxthermo.voxels.lattice import peel_axes
 from jaxthermo.voxels.surface import face_axes
-from jaxthermo.voxels.textures import AXIS_COLOURS, layer_images, normal_colours
+from jaxthermo.voxels.textures import AXIS_COLOURS, layer_images
 
-from ..bodies import AXES, buddha
+from ..bodies import AXES, WAYS, buddha
 from ..exhibit import Exhibit, Finding, Picture, Row, Verdict
 from ..layers import judged, layer_counts, shown, storage, storage_rows
 
 
 _HEIGHT = 250
 _PEELED, _PACKED = (18, 20, 8), (8, 11, 6)
-_SIDES = ("+x", "-x", "-z", "+z", "+y", "-y")
 
 
 def _picture(grid: jt.VoxelGrid) -> Image.Image:
@@ -40,10 +40,7 @@ def _picture(grid: jt.VoxelGrid) -> Image.Image:
         for letter, row in (("a", original), ("b", stored), ("c", packed))
         for k, pixels in enumerate(row)
     ]
-    ways = np.repeat(np.eye(3), 2, axis=0) * np.tile([1.0, -1.0], 3)[:, None]
-    colours = [(int(r), int(g), int(b)) for r, g, b in normal_colours(ways)]
-    entries = tuple(zip(_SIDES, colours, strict=True))
-    legend = Legend(entries, "direction of the outward normal; dark: no surface")
+    legend = normal_legend("direction of the outward normal; dark: no surface", WAYS)
     title = "Textures along z: (a) original, (b) stored, (c) packed"
     return sheet(tiles, legend, title, columns=len(original))
 

@@ -28,9 +28,7 @@ def _measure(quick: bool) -> Finding:
     full = runs[_NAMES[-1]]
     found = {name: difference(runs[name], full) for name in _NAMES[:-1]}
     worst = {name: max(each.percent) for name, each in found.items()}
-    depth = (
-        int(np.max(heated("100 levels", height, _TIMES).structure.nodes().level)) + 1
-    )
+    depth = int(np.max(runs["100 levels"].structure.nodes().level)) + 1
     deep = {name: levels_at(height, int(name.split()[0])) for name in _NAMES[1:3]}
     label = lambda time: f"{round(_ITERATIONS * time / END)} iterations"
     title = " | ".join(_NAMES)

@@ -10,7 +10,7 @@ from jaxthermo.provenance import processor
 from jaxthermo.report.numbers import significant, with_range
 from jaxthermo.report.table import Table
 
-from ...harness.meshes import thesis_meshes
+from ..bodies import statue
 from ..counting import TIMES
 from ..exhibit import Exhibit, Finding, Plot, Verdict, skipped
 from ..line_chart import log_chart, point
@@ -24,7 +24,7 @@ _FIGURES = {"figure-6.8": "Happy Buddha", "figure-6.10": "Max Planck"}
 
 
 def _measure(name: str, quick: bool) -> Finding:
-    if name not in thesis_meshes():
+    if statue(name) is None:
         return skipped(f"the mesh of {name} is not in JAXTHERMO_MESHES")
     heights = _QUICK_HEIGHTS if quick else _HEIGHTS
     times = [step_times(name, height) for height in heights]

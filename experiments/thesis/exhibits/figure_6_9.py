@@ -6,8 +6,8 @@ from typing import Any
 
 from jaxthermo.report.table import Table
 
-from ...harness.meshes import thesis_meshes
 from ...harness.present import table_of
+from ..bodies import statue
 from ..exhibit import Exhibit, Finding, Note, Plot, Row, Verdict, skipped
 from ..line_chart import log_chart, point
 from ..resolution import count_rows
@@ -29,7 +29,7 @@ _CURVES = {
 
 
 def _measure(name: str, quick: bool) -> Finding:
-    if name not in thesis_meshes():
+    if statue(name) is None:
         return skipped(f"the mesh of {name} is not in JAXTHERMO_MESHES")
     rows = count_rows([name], _QUICK_HEIGHTS if quick else _HEIGHTS)
     last, high = rows[-1], rows[-1]["height_voxels"]

@@ -3,7 +3,7 @@
 import math
 
 from ...harness.case import Check, Value, check
-from ...harness.meshes import thesis_meshes
+from ..bodies import buddha, planck
 from ..exhibit import Exhibit, Finding, Row, Verdict
 from ..levels import claims
 
@@ -22,10 +22,8 @@ def _row(found: Check) -> Row:
 
 
 def _finding(name: str, texts: tuple[str, str]) -> Finding:
-    meshes = thesis_meshes()
-    mesh = next(iter(meshes.values()))
     # The height is that of a statue in other claims: these two have their own bodies.
-    every = claims(mesh, meshes.get("Max Planck", mesh), _OTHERS_HEIGHT)
+    every = claims(buddha().mesh, (planck() or buddha()).mesh, _OTHERS_HEIGHT)
     case = next(each for each in every if each.id == name)
     outcome = check(case)
     if outcome.failure:

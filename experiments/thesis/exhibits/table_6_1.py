@@ -6,7 +6,7 @@ from jaxthermo.provenance import processor
 from jaxthermo.report.numbers import significant, with_range
 from jaxthermo.report.table import Table
 
-from ...harness.meshes import thesis_meshes
+from ..bodies import buddha
 from ..counting import TABLE, TIMES
 from ..exhibit import Exhibit, Finding, Note, Row, Verdict
 from ..resolution import FULL, KINDS, counts, errors, step_times
@@ -27,7 +27,7 @@ _SAME = 1.5
 
 
 def _measure(quick: bool) -> Finding:
-    name = next(iter(thesis_meshes()))
+    name = buddha().name
     height = _QUICK_HEIGHT if quick else _HEIGHT
     count, times = counts(name, height), step_times(name, height)
     wrong = errors(name, height)

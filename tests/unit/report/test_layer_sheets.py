@@ -6,7 +6,7 @@ import pytest
 from jaxthermo.geometry import shapes
 from jaxthermo.geometry.mesh import Mesh
 from jaxthermo.report import layer_sheets, voxel_sheet as voxel_sheet_module
-from jaxthermo.report.layer_sheets import _depth_bar, _legend, contact_tiles
+from jaxthermo.report.layer_sheets import _legend, contact_tiles, depth_bar
 from jaxthermo.report.sheet import Legend, Tile, sheet
 from jaxthermo.report.voxel_sheet import _COLOURS, _Faces, voxel_sheet
 from jaxthermo.voxels.voxelize import voxelize
@@ -52,7 +52,7 @@ def test_thin_and_lost_parts_have_their_colours(height, kind, monkeypatch):
 
 
 def test_depths_are_labelled_in_millimetres():
-    bar = _depth_bar(GRID, "x")
+    bar = depth_bar(GRID, "x", "depth")
     # The lattice has six voxels of 1 m along x.
     np.testing.assert_allclose([p * 6000 for p, _ in bar.ticks], np.arange(7) * 1000)
     assert bar.ticks[-1][1] == "6000"
