@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from test_pages import PAGES, ROOT, blocks
+from doc_pages import PAGES, ROOT, blocks
 
 
 WITH_CODE = [page for page in PAGES if blocks(page, "python")]
