@@ -1,10 +1,10 @@
 """Numbers of `docs/data`: a role for one, a directive for a table.
 
 A file of `docs/data` names the command that made it and the machine, and has `values`,
-each a text with its unit, and `tables` with `columns` and `rows`. A value with a command
-or machine of its own is a mapping with `text`. Pages show a value by the role `number`
-and a table by the directive `measured`, both with `file:name`; a name that is not there
-is an error.
+each a text with its unit, and `tables` with `columns` and `rows`. A value with a
+command or machine of its own is a mapping with `text`. Pages show a value by the role
+`number` and a table by the directive `measured`, both with `file:name`; a name that is
+not there is an error.
 """
 
 import json

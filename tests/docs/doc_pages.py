@@ -13,7 +13,7 @@ PROGRAMS = ("jaxthermo", "calibrate", "experiments")
 
 _BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.M | re.S)
 _FENCED = re.compile(r"^```.*?^```", re.M | re.S)
-_SPAN = re.compile(r"`([^`\n]+)`")
+_SPAN = re.compile(r"(?<!`)`([^`]+)`(?!`)")
 
 
 def name(page: Path) -> str:
@@ -36,8 +36,13 @@ def command_lines(page: Path) -> list[list[str]]:
     return [words for part in parts if (words := shlex.split(part, comments=True))]
 
 
+def spans(page: Path) -> list[str]:
+    """The code within the sentences of a page; roles such as `number` among it."""
+    return [" ".join(text.split()) for text in _SPAN.findall(without_blocks(page))]
+
+
 def commands_in_text(page: Path) -> list[list[str]]:
     """Words of each command that a page has in its sentences, choices left out."""
-    spans = _SPAN.findall(without_blocks(page))
-    named = (span for span in spans if span.split()[0] in (*PROGRAMS, "make", "pip", "python"))
-    return [shlex.split(re.sub(r"\[-.*?\]|\[[A-Z].*?\]", "", span)) for span in named]
+    first = (*PROGRAMS, "make", "pip", "python")
+    named = (text for text in spans(page) if text.split(" ")[0] in first)
+    return [shlex.split(re.sub(r"\[-.*?\]|\[[A-Z].*?\]", "", text)) for text in named]

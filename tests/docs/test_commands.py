@@ -26,9 +26,7 @@ from jaxthermo.__main__ import app as jaxthermo_app
 from jaxthermo.config.loader import load_config
 
 
-APPS = dict(
-    zip(PROGRAMS, (jaxthermo_app, calibrate_app, experiments_app), strict=True)
-)
+APPS = dict(zip(PROGRAMS, (jaxthermo_app, calibrate_app, experiments_app), strict=True))
 TARGETS = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.M))
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 GROUPS = {"thesis", "benchmarks"}
