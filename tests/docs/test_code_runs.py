@@ -72,8 +72,8 @@ NOT_RUN = {
 BEFORE = {
     "docs/guide/results.md": [
         "jaxthermo example figurine --out scene.yaml",
-        "jaxthermo simulate scene.yaml --set bodies.0.voxels_high=30 --out results/before",
-        "jaxthermo simulate scene.yaml --set bodies.0.voxels_high=40 --out results/after",
+        "jaxthermo simulate scene.yaml --out results/before",
+        "jaxthermo simulate scene.yaml --set bodies.0.voxels_high=84 --out results/after",
     ]
 }
 COARSE = ["--set", "set.bodies.0.voxels_high=30"]
@@ -104,7 +104,5 @@ def test_commands_of_a_page_run(page, tmp_path):
     lines = [line.split() for line in BEFORE.get(name(page), [])]
     for words in [*lines, *commands_to_run(page)]:
         line = " ".join(words)
-        less = [
-            part for start in LESS if line.startswith(start) for part in LESS[start]
-        ]
-        run(["-m", *words, *less], tmp_path)
+        less = [more for start, more in LESS.items() if line.startswith(start)]
+        run(["-m", *words, *itertools.chain(*less)], tmp_path)

@@ -7,7 +7,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from cyclopts import MissingArgumentError
+from cyclopts import App, MissingArgumentError
 from doc_pages import (
     DATA,
     PAGES,
@@ -26,7 +26,8 @@ from jaxthermo.__main__ import app as jaxthermo_app
 from jaxthermo.config.loader import load_config
 
 
-APPS = dict(zip(PROGRAMS, (jaxthermo_app, calibrate_app, experiments_app), strict=True))
+_ALL = jaxthermo_app, calibrate_app, experiments_app
+APPS: dict[str, App] = dict(zip(PROGRAMS, _ALL, strict=True))
 TARGETS = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.M))
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 GROUPS = {"thesis", "benchmarks"}
