@@ -73,7 +73,7 @@ BEFORE = {
     "docs/guide/results.md": [
         "jaxthermo example figurine --out scene.yaml",
         "jaxthermo simulate scene.yaml --out results/before",
-        "jaxthermo simulate scene.yaml --set bodies.0.voxels_high=84 --out results/after",
+        "jaxthermo simulate scene.yaml --set time.end=1000 --out results/after",
     ]
 }
 COARSE = ["--set", "set.bodies.0.voxels_high=30"]
