@@ -8,6 +8,7 @@ not there is an error.
 """
 
 import json
+import re
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -49,13 +50,19 @@ def text_of(value: str | dict[str, str]) -> str:
     return value if isinstance(value, str) else value["text"]
 
 
+def _unbroken(text: str) -> str:
+    """The text with no line break between a number and its unit."""
+    return re.sub(r"(?<=[\d)]) (?=(?:%|K|[mun]?s|mm|times)(?:\W|$))", "\u00a0", text)
+
+
 class _Number(SphinxRole):
     """One number with its unit; what made it is shown on hovering."""
 
     def run(self):
         value, source = lookup(self.text, "values")
         self.env.note_dependency(str(DATA / f"{self.text.split(':')[0]}.json"))
-        node = nodes.abbreviation(self.rawtext, text_of(value), classes=["measured"])
+        node = nodes.abbreviation(self.rawtext, _unbroken(text_of(value)))
+        node["classes"] = ["measured"]
         node["explanation"] = f"{source.command}; {source.machine}"
         return [node], []
 
@@ -70,7 +77,7 @@ class _Measured(SphinxDirective):
         name = self.arguments[0].split(":")[0]
         self.env.note_dependency(str(DATA / f"{name}.json"))
         rows = [table["columns"], *table["rows"]]
-        lines = ["| " + " | ".join(map(str, row)) + " |" for row in rows]
+        lines = ["| " + " | ".join(map(_unbroken, row)) + " |" for row in rows]
         lines.insert(1, "|" + "---|" * len(table["columns"]))
         about = f"`{source.command}`; {source.machine}. Data: `docs/data/{name}.json`."
         lines += ["", "{.measured-source}", about]

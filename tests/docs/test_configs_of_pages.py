@@ -61,6 +61,9 @@ def load_scene(folder: Path, text: str, *overrides: str) -> None:
 
 
 def load_calibration_block(folder: Path, data: dict[str, Any]) -> None:
+    for frames in data.get("reference", {}).get("frames", ()):
+        for file in frames["files"]:
+            (folder / file).touch()
     config = load_calibration(write(folder / "fit.yaml", data))
     for case in (*config.train, *config.held_out):
         assert scene_config(config, case.set).bodies
