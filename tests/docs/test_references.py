@@ -6,9 +6,9 @@ import re
 import pytest
 from doc_pages import DOCS, PROGRAMS, ROOT
 
-from docs.extension.api_reference import exported
+from docs.extension.api_reference import api_reference, exported
 from docs.extension.command_reference import command_reference
-from docs.extension.generated import fill
+from docs.extension.config_reference import config_reference
 
 
 @pytest.mark.parametrize("program", PROGRAMS)
@@ -22,7 +22,8 @@ def test_every_argument_of_a_command_has_a_meaning(program):
 
 def test_every_exported_name_is_on_one_page():
     pages = sorted((DOCS / "reference").glob("api-*.md"))
-    text = "\n".join(fill(page.read_text()) for page in pages)
+    folders = [re.findall(r"^%generate api (\S+)$", p.read_text(), re.M) for p in pages]
+    text = "\n".join(api_reference(folder) for (folder,) in folders)
     found = re.findall(r"^\.\. auto\w+:: jaxthermo\.(\S+)$", text, re.M)
     # The two that are modules are shown with their members.
     modules = {"shapes": "geometry.shapes", "measurements": "image.measurements"}
@@ -32,7 +33,7 @@ def test_every_exported_name_is_on_one_page():
 @pytest.mark.parametrize("name", ["scene", "dataset", "calibration", "sweep"])
 def test_every_model_of_a_schema_is_in_its_reference(name):
     schema = json.loads((ROOT / "configs" / f"{name}.schema.json").read_text())
-    text = fill((DOCS / "reference" / f"config-{name}.md").read_text())
+    text = config_reference(name)
     fields = {
         key for model in schema["$defs"].values() for key in model.get("properties", ())
     }
