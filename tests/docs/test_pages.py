@@ -22,6 +22,21 @@ def test_pictures_are_there_and_small():
     assert set(re.findall(r"pictures/(\w+\.png)", text)) == set(sizes)
 
 
+@pytest.mark.parametrize(
+    "page", sorted({*DOCS.glob("stages/*.md")} - {DOCS / "stages/index.md"}), ids=name
+)
+def test_a_stage_has_its_picture_and_equations(page):
+    text = page.read_text()
+    assert f"pictures/{page.stem}.png" in text and "$$" in text
+
+
+def test_every_limit_and_decision_has_a_tag():
+    text = (DOCS / "limits.md").read_text()
+    entries = re.findall(r"^- .*", text, re.M)
+    tag = re.compile(r"- \{tag\}`(physical|numerical|convenience)` [A-Z]")
+    assert len(entries) >= 20 and all(map(tag.match, entries))
+
+
 def test_the_readme_is_short():
     assert len((ROOT / "README.md").read_text().splitlines()) <= 200
 
