@@ -1,1 +1,1 @@
-"""Lattices of full volumes over several devices, and over several processes."""
+"""Lattices of full volumes over several devices."""

@@ -1,4 +1,4 @@
-"""The devices of a run: those of this process, and of the others that it runs with."""
+"""The devices of a run on several of them."""
 
 from functools import cache
 
@@ -16,7 +16,7 @@ def check_devices(count: int) -> None:
     """Check a number of devices.
 
     Raises:
-        InputError: if there are fewer, or some process would have none of them.
+        InputError: if there are fewer, or several processes.
     """
     if not isinstance(count, int) or isinstance(count, bool) or count < 1:
         raise InputError(f"devices={count!r}: give a number of devices, 1 or more")
@@ -30,10 +30,10 @@ def check_devices(count: int) -> None:
             f"devices={count}: there {'is' if there == 1 else 'are'} {there} {kind} "
             f"device{'s' * (there != 1)}; {remedy}"
         )
-    if processes > 1 and count != there:
+    if processes > 1:
         raise InputError(
-            f"devices={count}: {processes} processes have {there} devices together, "
-            f"and each takes part with all of its own; give {there}"
+            f"devices={count}: {processes} processes run together, and a scene is "
+            "spread over the devices of one; start a single process"
         )
 
 
@@ -42,7 +42,7 @@ _FORCED = "--xla_force_host_platform_device_count"
 
 @cache
 def mesh_of(count: int) -> Mesh:
-    """The first devices of all processes in a row."""
+    """The first devices in a row."""
     # The partitioner decides where the few arrays of surfaces and probes are.
     return jax.make_mesh(
         (count,), (AXIS,), (AxisType.Auto,), devices=jax.devices()[:count]

@@ -115,7 +115,7 @@ def _sharded_uniform(
 
     def section(n: int) -> tuple[np.ndarray, ...]:
         ends = lattice.ends(grid.solid, n)
-        cuts = (both.all(axis=0)[None] for both in ends)
+        cuts = (np.all(both, axis=0, keepdims=True) for both in ends)
         return solid_degree(lattice.section(grid.solid, n), bits), *cuts
 
     by, layout = ("sharded_degree", bits), lambda: from_sections(mesh, section)
@@ -146,16 +146,17 @@ def _sharded_mixed(
     across = by_axis[:, 0] if conductivity.ndim == 2 else by_axis
 
     def section(n: int) -> tuple[HeterogeneousStencil, Array, Array]:
-        own = (lattice.section(values, n) for values in (solid, number))
+        own, of = lattice.section(solid, n), lattice.section(number, n)
         cuts = []
         for both, pair in zip(
             lattice.ends(solid, n), lattice.ends(number, n), strict=True
         ):
             face = _between(across, (pair[0], pair[1]), sizes)
             cuts.append(jnp.where(both.all(axis=0), face, 0)[None])
-        return _stencil_arrays(*own, by_axis, heat, sizes), cuts[0], cuts[1]
+        return _stencil_arrays(own, of, by_axis, heat, sizes), cuts[0], cuts[1]
 
-    return ShardedStencil(*from_sections(mesh, section), mesh)
+    base, before, behind = from_sections(mesh, section)
+    return ShardedStencil(base, before, behind, mesh)
 
 
 def _of_lattice(

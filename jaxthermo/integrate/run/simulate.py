@@ -76,7 +76,7 @@ def simulate(
         throw: raise if the run failed; otherwise `Solution.result` says so.
         reverse_memory: memory for the states that reverse mode stores [bytes]; steps
             are recomputed from the nearest stored state. None stores all.
-        devices: number of devices to spread full volumes over, see `docs/scaling.md`.
+        devices: number of devices to spread full volumes over, one section on each.
             The run is the same to rounding; other structures run on one device.
 
     Returns:

@@ -56,8 +56,9 @@ def _on_devices(body: Body, where: str, devices: int) -> Body:
             f"{where}: a FullVolume with weights, or with stencil=False, runs as links "
             f"and cannot be spread over devices={devices}; leave these out, or devices"
         )
-    several = isinstance(body.material, AbstractMaterials)
-    materials = body.material.materials if several else (body.material,)
+    own = body.material
+    several = isinstance(own, AbstractMaterials)
+    materials = own.materials if isinstance(own, AbstractMaterials) else (own,)
     by_axis = any(isinstance(each.conductivity, tuple) for each in materials)
     if any(each.varies for each in materials) and (several or by_axis):
         raise InputError(
@@ -72,7 +73,8 @@ def _on_devices(body: Body, where: str, devices: int) -> Body:
 
 def placed_on_devices(tree, scene: Scene, program: Program):
     """Return arrays of a compiled scene, or of its stepper, on its devices."""
-    if program.mesh is None:
+    mesh = program.mesh
+    if mesh is None:
         return tree
     shapes = frozenset(body.structure.state_shape for body in scene.bodies)
-    return jax.tree.map(lambda leaf: placed(program.mesh, leaf, shapes), tree)
+    return jax.tree.map(lambda leaf: placed(mesh, leaf, shapes), tree)
