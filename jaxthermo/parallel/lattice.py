@@ -47,19 +47,22 @@ def on_each_device(
     )(*arguments)
 
 
-def planes_beyond(
-    state: Shaped[Array, "x y z"],
-) -> tuple[Shaped[Array, "1 y z"], Shaped[Array, "1 y z"]]:
-    """The planes before the first and behind the last one of a device's section.
+def with_neighbours(state: Shaped[Array, "x y z"]) -> Shaped[Array, "x y z"]:
+    """A device's section with the next planes of its neighbours in its empty rim.
 
     For functions of `on_each_device`; 0 at the ends of the body.
     """
     count = jax.lax.axis_size(AXIS)
     up = [(n, n + 1) for n in range(count - 1)]
     down = [(n + 1, n) for n in range(count - 1)]
-    before = jax.lax.ppermute(state[-2:-1, 1:-1, 1:-1], AXIS, up)
-    behind = jax.lax.ppermute(state[1:2, 1:-1, 1:-1], AXIS, down)
-    return before, behind
+    before = jax.lax.ppermute(state[-2], AXIS, up)
+    behind = jax.lax.ppermute(state[1], AXIS, down)
+    # Written together: one after the other, XLA copies the lattice at every step, as
+    # the second plane might be read after the first is written.
+    ends = jnp.array([0, state.shape[0] - 1])
+    return state.at[ends].set(
+        jnp.stack([before, behind]), mode="promise_in_bounds", unique_indices=True
+    )
 
 
 def from_sections(mesh: Mesh, make: Callable[[int], Any]) -> Any:

@@ -113,23 +113,18 @@ def _sharded_uniform(
     grid, three, mesh = structure.grid, bool(conductivity.ndim), mesh_of(lattice.count)
     stencil, bits = (OrthotropicStencil, 2) if three else (UniformStencil, 0)
 
-    def section(n: int) -> tuple[np.ndarray, ...]:
-        ends = lattice.ends(grid.solid, n)
-        cuts = (np.all(both, axis=0, keepdims=True) for both in ends)
-        return solid_degree(lattice.section(grid.solid, n), bits), *cuts
+    def section(n: int) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
+        solid = lattice.section(grid.solid, n)
+        return solid_degree(solid, bits)[1:-1], (solid[:1], solid[-1:])
 
     by, layout = ("sharded_degree", bits), lambda: from_sections(mesh, section)
-    degree, before, behind = structure.found(by, layout)
+    degree, beyond = structure.found(by, layout)
     conductance = conductivity * grid.pitch
     if three:
         conductance = conductance[np.array(lattice.axes)]
-    across = conductance[0] if three else conductance
-    return ShardedStencil(
-        stencil(heat * grid.voxel_volume, structure.node_count, degree, conductance),
-        across * before,
-        across * behind,
-        mesh,
-    )
+    capacity = heat * grid.voxel_volume
+    base = stencil(capacity, structure.node_count, degree, conductance, beyond)
+    return ShardedStencil(base, mesh)
 
 
 def _sharded_mixed(
@@ -143,20 +138,14 @@ def _sharded_mixed(
     conductivity, heat = properties
     mesh, along = mesh_of(lattice.count), np.array(lattice.axes)
     by_axis = conductivity[:, along] if conductivity.ndim == 2 else conductivity
-    across = by_axis[:, 0] if conductivity.ndim == 2 else by_axis
 
-    def section(n: int) -> tuple[HeterogeneousStencil, Array, Array]:
+    def section(n: int) -> HeterogeneousStencil:
         own, of = lattice.section(solid, n), lattice.section(number, n)
-        cuts = []
-        for both, pair in zip(
-            lattice.ends(solid, n), lattice.ends(number, n), strict=True
-        ):
-            face = _between(across, (pair[0], pair[1]), sizes)
-            cuts.append(jnp.where(both.all(axis=0), face, 0)[None])
-        return _stencil_arrays(own, of, by_axis, heat, sizes), cuts[0], cuts[1]
+        whole = _stencil_arrays(own, of, by_axis, heat, sizes)
+        # Less the planes of the neighbours, which give its outer faces.
+        return jax.tree.map(lambda values: values[1:-1], whole)
 
-    base, before, behind = from_sections(mesh, section)
-    return ShardedStencil(base, before, behind, mesh)
+    return ShardedStencil(from_sections(mesh, section), mesh)
 
 
 def _of_lattice(

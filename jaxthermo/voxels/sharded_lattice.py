@@ -45,31 +45,16 @@ class ShardedLattice(NamedTuple):
     def section(
         self, values: Shaped[np.ndarray, "x y z"], number: int
     ) -> Shaped[np.ndarray, "a b c"]:
-        """Values of the voxels of a section, 0 beyond the body."""
-        first = number * self.thickness
-        own = values.transpose(self.axes)[first : first + self.thickness]
-        missing = self.thickness - len(own)
-        return np.pad(own, ((0, missing), (0, 0), (0, 0)))
+        """Values of the voxels of a section and of one plane on both sides.
 
-    def ends(
-        self, values: Shaped[np.ndarray, "x y z"], number: int
-    ) -> tuple[Shaped[np.ndarray, "2 b c"], Shaped[np.ndarray, "2 b c"]]:
-        """Values of the voxels at both sides of the cuts below and above a section.
-
-        Each has first those of the section itself, then those of its neighbour; 0 at
-        the ends of the body.
+        0 beyond the body.
         """
-        along, found = values.transpose(self.axes), []
         first = number * self.thickness
-        for own, other in (
-            (first, first - 1),
-            (first + self.thickness - 1, first + self.thickness),
-        ):
-            both = np.zeros((2, *along.shape[1:]), values.dtype)
-            if other >= 0 and max(own, other) < len(along):
-                both[0], both[1] = along[own], along[other]
-            found.append(both)
-        return found[0], found[1]
+        along = values.transpose(self.axes)
+        own = along[max(first - 1, 0) : first + self.thickness + 1]
+        before = int(number == 0)
+        behind = self.thickness + 2 - before - len(own)
+        return np.pad(own, ((before, behind), (0, 0), (0, 0)))
 
 
 def sharded_lattice(solid: Bool[np.ndarray, "x y z"], count: int) -> ShardedLattice:
