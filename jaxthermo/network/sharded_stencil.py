@@ -86,4 +86,3 @@ class ShardedStencil(AbstractDerivedNetwork):
     def stored(self, state: _State) -> Float[Array, ""]:
         stored = lambda base, state: base.stored(state)
         return on_each_device(self.devices, stored, self.base, state, summed=True)
-

@@ -124,7 +124,6 @@ class _AbstractOneMaterial(AbstractNetwork):
     node_capacity: eqx.AbstractVar[Float[Array, ""]]
     """Heat capacity of each voxel, rho c_p V [J/K]."""
     node_count: eqx.AbstractVar[int]
-    beyond: eqx.AbstractVar[Beyond | None]
 
     @override
     def capacity(self) -> Float[Array, "..."]:

@@ -48,7 +48,7 @@ def _on_devices(body: Body, where: str, devices: int) -> Body:
     if not isinstance(structure, FullVolume):
         kind = type(structure).__name__
         raise InputError(
-            f"{where}: a {kind} cannot be spread over devices={devices}; a FullVolume "
+            f"{where}: {kind} cannot be spread over devices={devices}; a FullVolume "
             "can, or leave devices out: it is small enough for one"
         )
     if not structure.runs_as_stencil:

@@ -6,7 +6,7 @@ from typing import Any
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, Shaped
 from typing_extensions import override
 
 from ...voxels.grid import VoxelGrid
@@ -209,6 +209,33 @@ class FullVolume(AbstractStructure):
         cells = voxel if layout is None else layout.cells(voxel)
         # The rim of one cell.
         return tuple(np.asarray(index + 1, np.int32) for index in cells.T)
+
+    @override
+    def node_values(self, state: Shaped[np.ndarray, "..."]) -> Shaped[np.ndarray, " n"]:
+        if not self.runs_as_stencil:
+            return state
+        values = np.empty(self.node_count, state.dtype)
+        for own, address in self._planes():
+            values[own] = state[address]
+        return values
+
+    @override
+    def state_of(self, values: Shaped[np.ndarray, " n"]) -> Shaped[np.ndarray, "..."]:
+        if not self.runs_as_stencil:
+            return values
+        state = np.zeros(self.state_shape, values.dtype)
+        for own, address in self._planes():
+            state[address] = values[own]
+        return state
+
+    def _planes(self) -> Iterator[tuple[slice, tuple[np.ndarray, ...]]]:
+        """Nodes of each plane across x, and their place in the state of a stencil."""
+        # Addresses of all nodes at once would take three times the state.
+        first = self._first_nodes()
+        for x, solid in enumerate(self.grid.solid):
+            y, z = np.nonzero(solid)
+            voxel = np.stack([np.full_like(y, x), y, z], axis=1)
+            yield slice(first[x], first[x + 1]), self.address_of_voxels(voxel)
 
     def _first_nodes(self) -> Int[np.ndarray, " p"]:
         """Number of the first node of each plane across x, and that of all nodes."""
