@@ -31,6 +31,7 @@ def _simulate(
     animate: Animate = None,
     frame_rate: float | None = None,
     contact_sheet: Annotated[bool, Parameter(negative="")] = False,
+    devices: int = 1,
 ) -> None:
     """Run a scene and write its results and frames.
 
@@ -43,6 +44,8 @@ def _simulate(
         animate: Write an animation of the frames too: apng, the default, gif or mp4.
         frame_rate: Frames a second of the animation; by their number if not given.
         contact_sheet: Write all frames on one sheet too.
+        devices: Number of devices to spread full volumes over. Of processors as many
+            as are asked for; one uses all cores by itself.
     """
     # Without the time loop, which takes longer to import than a preview to draw.
     if preview:
@@ -55,9 +58,9 @@ def _simulate(
 
     extras = Extras.of(animate, frame_rate, contact_sheet)
     if explain:
-        run_explain(config, overrides)
+        run_explain(config, overrides, devices)
     else:
-        run(config, out, overrides, extras)
+        run(config, out, overrides, extras, devices)
 
 
 @app.command

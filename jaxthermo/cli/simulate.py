@@ -17,11 +17,14 @@ from ..config.shipped_cards import card_name
 from ..errors import InputError
 from ..image.ticks import time_label
 from ..integrate.run import segments
+from ..integrate.run.checkpoint import load_checkpoint, save_checkpoint
 from ..integrate.run.plan import Plan, plan_run
 from ..integrate.run.solution import RESULTS, Solution
 from ..integrate.run.solution_file import save_solution
+from ..parallel.devices import provide_devices
 from ..report.numbers import count
 from ..scene.compile.compile import mechanism_names
+from ..scene.compile.on_devices import on_devices
 from ..scene.dimensionless_groups import body_numbers
 from ..scene.scene import Scene
 from ..structures.extrapolation import extrapolations
@@ -62,21 +65,24 @@ def simulate(
     out: Path | None,
     overrides: tuple[str, ...],
     extras: Extras = NO_EXTRAS,
+    devices: int = 1,
 ) -> None:
     """Run a scene and write its results, with the resolved config beside them."""
+    provide_devices(devices)
     scene = load_config(config, overrides)
     extras.check(scene)
     with results_folder(out or Path("results") / config.stem) as folder:
         _check_not_overwritten(config, folder)
-        _run_simulation(scene, folder, extras)
+        _run_simulation(scene, folder, extras, devices)
 
 
-def explain(config: Path, overrides: tuple[str, ...]) -> None:
+def explain(config: Path, overrides: tuple[str, ...], devices: int = 1) -> None:
     """Compile the scene and print the included and pruned terms."""
+    provide_devices(devices)
     scene_config = load_config(config, overrides)
     console = open_console()
     with precision(scene_config.dtype):
-        planned = _planned(console, scene_config)
+        planned = _planned(console, scene_config, devices)
         log_receipt(console, planned.todo)
         # A camera that sees nothing is refused.
         with status(console, "finding what the camera sees"):
@@ -93,9 +99,9 @@ class _Planned(NamedTuple):
     warnings: list[str]
 
 
-def _planned(console: Console, config: SceneConfig) -> _Planned:
+def _planned(console: Console, config: SceneConfig, devices: int) -> _Planned:
     with status(console, "building the scene"):
-        scene = config.build()
+        scene = on_devices(config.build(), devices)
         end, saves = config.time.end, config.time.save_times
         todo = plan_run(scene, end, saves, config.solver.build(), control_error=True)
         structures = [structure_report(body.structure) for body in scene.bodies]
@@ -132,11 +138,13 @@ def _check_not_overwritten(config: Path, out: Path) -> None:
             )
 
 
-def _run_simulation(config: SceneConfig, out: Path, extras: Extras) -> None:
+def _run_simulation(
+    config: SceneConfig, out: Path, extras: Extras, devices: int
+) -> None:
     console = open_console()
     with precision(config.dtype):
         clock = time.perf_counter()
-        scene, todo, structures, warnings = _planned(console, config)
+        scene, todo, structures, warnings = _planned(console, config, devices)
         with status(console, "finding what the camera sees"):
             camera = FrameCamera(config, todo.compiled.surfaces, scene.terms)
             truth = Truth.read(config, out, todo.compiled.surfaces)
@@ -196,7 +204,7 @@ def run_plan(
     """
     key = _checkpoint_key(config)
     fresh = segments.begin_run(todo)
-    kept = segments.load_checkpoint(out / CHECKPOINT, fresh, key)
+    kept = load_checkpoint(out / CHECKPOINT, todo, fresh, key)
     if kept is not None:
         print_line(console, f"going on from {time_label(kept.time_reached(todo))}")
     elif (out / CHECKPOINT).exists():
@@ -218,7 +226,7 @@ def run_plan(
             if interrupted():
                 _stop(todo, progress, out, key)
             if time.perf_counter() - last > CHECKPOINT_EVERY:
-                segments.save_checkpoint(out / CHECKPOINT, progress, key)
+                save_checkpoint(out / CHECKPOINT, todo, progress, key)
                 last = time.perf_counter()
     times = {"compile_time_s": compiled, "run_time_s": time.perf_counter() - clock}
     return segments.finish_run(todo, progress), times
@@ -232,7 +240,7 @@ def _checkpoint_key(config: SceneConfig) -> str:
 
 
 def _stop(todo: Plan, progress: segments.RunProgress, out: Path, key: str) -> None:
-    segments.save_checkpoint(out / CHECKPOINT, progress, key)
+    save_checkpoint(out / CHECKPOINT, todo, progress, key)
     raise KeyboardInterrupt(
         f"stopped at {time_label(progress.time_reached(todo))}; "
         "the same command goes on from there"

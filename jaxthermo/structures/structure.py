@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, Shaped
 from typing_extensions import override
 
 from ..arrays import Numbers, is_traced
@@ -231,6 +231,17 @@ class AbstractStructure(Module):
     def address_of(self, nodes: Int[np.ndarray, " m"]) -> tuple[np.ndarray, ...]:
         """Indices of some nodes in the state."""
         return tuple(index[nodes] for index in self.node_address())
+
+    def node_values(self, state: Shaped[np.ndarray, "..."]) -> Shaped[np.ndarray, " n"]:
+        """Values of a state on the host, in the order of the nodes.
+
+        The layout of a state may depend on the devices of a run, this one does not.
+        """
+        return state
+
+    def state_of(self, values: Shaped[np.ndarray, " n"]) -> Shaped[np.ndarray, "..."]:
+        """State with these values of the nodes."""
+        return values
 
     @property
     def identity(self) -> tuple[object, ...]:
