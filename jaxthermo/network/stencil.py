@@ -56,6 +56,9 @@ def _face_heat_rate(
         none = jnp.zeros_like(flow[:1])
         net = jnp.concatenate([flow, none]) - jnp.concatenate([none, flow])
         total = total + jnp.moveaxis(net, 0, axis)
+    if beyond is not None:
+        # What flows into the neighbours' planes is theirs.
+        total = total.at[jnp.array([0, len(total) - 1])].set(0)
     return total
 
 
