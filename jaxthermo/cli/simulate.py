@@ -33,8 +33,8 @@ from ..parallel.processes import (
     check_alike,
     is_first,
     join,
-    lost_processes_end_the_run,
     wait_for_all,
+    watching_others,
 )
 from ..report.numbers import count
 from ..scene.compile.compile import mechanism_names
@@ -235,7 +235,7 @@ def run_plan(
         KeyboardInterrupt: after Ctrl-C, when the checkpoint is written.
     """
     remedy = "the same commands go on from the last checkpoint"
-    with lost_processes_end_the_run(remedy):
+    with watching_others(remedy):
         return _run_segments(console, config, todo, out)
 
 

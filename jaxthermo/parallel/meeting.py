@@ -62,7 +62,7 @@ def group_of(
     return Group(coordinator, processes, process)
 
 
-def meet(group: Group, key: str, seconds: float) -> None:
+def meet(group: Group, key: str, seconds: float) -> list[socket.socket]:
     """Wait until all processes are here, and check that they run the same.
 
     Args:
@@ -70,31 +70,39 @@ def meet(group: Group, key: str, seconds: float) -> None:
         key: what must be the same in all of them, such as versions, in a line.
         seconds: how long to wait.
 
+    Returns:
+        Connections of the first process to all others, or of another to the first.
+
     Raises:
         InputError: in all of them, if one does not come or differs.
     """
     deadline = time.monotonic() + seconds
-    if group.process == 0:
-        refusal = _receive(group, key, deadline)
-    else:
-        refusal = _announce(group, key, deadline)
-    if refusal:
-        raise InputError(refusal)
+    with ExitStack() as stack:
+        if group.process == 0:
+            refusal, found = _receive(group, key, deadline, stack)
+        else:
+            refusal, found = _announce(group, key, deadline, stack)
+        if refusal:
+            raise InputError(refusal)
+        # They stay open.
+        stack.pop_all()
+    return found
 
 
-def _receive(group: Group, key: str, deadline: float) -> str:
+def _receive(
+    group: Group, key: str, deadline: float, stack: ExitStack
+) -> tuple[str, list[socket.socket]]:
     """Wait for all others and send them the refusal, if there is one."""
     _, port = group.address
-    refusal, lines = "", {0: key}
-    with ExitStack() as stack:
-        try:
-            server = stack.enter_context(socket.create_server(("", port)))
-        except OSError as error:
-            raise InputError(
-                f"--coordinator {group.coordinator}: cannot listen on port {port}: "
-                f"{(error.strerror or str(error)).lower()}; give another"
-            ) from error
-        others: list[socket.socket] = []
+    refusal, lines, others = "", {0: key}, []
+    try:
+        server = socket.create_server(("", port))
+    except OSError as error:
+        raise InputError(
+            f"--coordinator {group.coordinator}: cannot listen on port {port}: "
+            f"{(error.strerror or str(error)).lower()}; give another"
+        ) from error
+    with server:
         while len(lines) < group.processes and not refusal:
             server.settimeout(max(deadline - time.monotonic(), 0.01))
             try:
@@ -113,11 +121,11 @@ def _receive(group: Group, key: str, deadline: float) -> str:
             elif text != key:
                 refusal = f"process {number} runs {text}, process 0 {key}"
             lines[int(number) if number.isdigit() else -1] = text
-        if refusal:
-            refusal += "; start all of them again, with the same command"
-        for other in others:
-            other.sendall(f"{refusal}\n".encode())
-    return refusal
+    if refusal:
+        refusal += "; start all of them again, with the same command"
+    for other in others:
+        other.sendall(f"{refusal}\n".encode())
+    return refusal, others
 
 
 def _line(connection: socket.socket) -> str:
@@ -128,19 +136,19 @@ def _line(connection: socket.socket) -> str:
     return line.strip()
 
 
-def _announce(group: Group, key: str, deadline: float) -> str:
+def _announce(
+    group: Group, key: str, deadline: float, stack: ExitStack
+) -> tuple[str, list[socket.socket]]:
     """Tell the first process, and return its refusal."""
     while time.monotonic() < deadline:
         try:
-            with socket.create_connection(group.address, timeout=2.0) as first:
-                first.sendall(f"{group.process} {key}\n".encode())
-                first.settimeout(max(deadline - time.monotonic(), 1.0))
-                return _line(first)
+            first = socket.create_connection(group.address, timeout=2.0)
+            stack.enter_context(first)
+            first.sendall(f"{group.process} {key}\n".encode())
+            first.settimeout(max(deadline - time.monotonic(), 1.0))
+            return _line(first), [first]
         # Not there yet.
         except OSError:
-            pass
-        time.sleep(0.2)
-    return (
-        f"--coordinator {group.coordinator}: process 0 cannot be reached; start it "
-        "too, or give its address"
-    )
+            time.sleep(0.2)
+    refusal = "process 0 cannot be reached; start it too, or give its address"
+    return f"--coordinator {group.coordinator}: {refusal}", []

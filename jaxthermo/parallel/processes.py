@@ -6,8 +6,7 @@ a file of one of them is agreed upon first.
 
 import atexit
 import hashlib
-import os
-import sys
+import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -16,11 +15,10 @@ import numpy as np
 from jax.experimental import multihost_utils
 
 from ..errors import InputError
+from .heartbeat import end_with, watched
 from .meeting import Group, meet
 
 
-# Within so many seconds a process that is lost ends the others.
-_HEARTBEAT = 20
 # Wait for processes that start later [s].
 _START = 60.0
 
@@ -33,15 +31,16 @@ def join(group: Group, key: str) -> None:
     Raises:
         InputError: if one of the others does not come, or differs.
     """
-    meet(group, key, _START)
+    _connections.extend(meet(group, key, _START))
     # Without effect where there are other devices than processors.
     jax.config.update("jax_cpu_collectives_implementation", "gloo")
+    # Otherwise JAX aborts with a stack trace as soon as another process is gone.
+    jax.config.update("jax_enable_recoverability", True)
     jax.distributed.initialize(
         group.coordinator,
         group.processes,
         group.process,
         initialization_timeout=int(_START),
-        heartbeat_timeout_seconds=_HEARTBEAT,
     )
 
 
@@ -90,25 +89,24 @@ def check_alike(what: str, text: str) -> None:
 
 
 @contextmanager
-def lost_processes_end_the_run(remedy: str) -> Iterator[None]:
-    """Turn the failure of a collective operation into one line.
+def watching_others(remedy: str) -> Iterator[None]:
+    """End this process with one line if another is lost meanwhile.
 
     Raises:
-        InputError: if another process is gone.
+        InputError: if a collective operation fails.
     """
+    message = f"another process is lost, or cannot be reached; {remedy}"
     try:
-        yield
+        with watched(_connections, message):
+            yield
+            wait_for_all("the run is at its end")
     except jax.errors.JaxRuntimeError as error:
         if jax.process_count() == 1:
             raise
-        # JAX's own end would wait for the lost process, and abort with a stack trace.
-        atexit.register(_leave)
-        raise InputError(
-            f"another process is lost, or cannot be reached; {remedy}"
-        ) from error
+        # After all others, before JAX's own.
+        atexit.register(end_with, "")
+        raise InputError(message) from error
 
 
-def _leave() -> None:
-    sys.stdout.flush()
-    sys.stderr.flush()
-    os._exit(2)
+_connections: list[socket.socket] = []
+"""Connections of this process to others, from `join` on."""
