@@ -12,6 +12,7 @@ import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from typing import NoReturn
 
 
 _INTERVAL, _PATIENCE, _GRACE = 3.0, 30.0, 5.0
@@ -62,13 +63,12 @@ def _is_alive(connection: socket.socket, heard: dict[socket.socket, float]) -> b
     return time.monotonic() - heard[connection] < _PATIENCE
 
 
-def end_with(message: str) -> None:
-    """End this process at once with status 2, and a line if it is not written yet.
+def end_with(message: str) -> NoReturn:
+    """End this process at once with a line and status 2.
 
     JAX's own end would wait for the lost process, and abort with a stack trace.
     """
     sys.stdout.flush()
-    if message:
-        sys.stderr.write(f"jaxthermo: {message}\n")
+    sys.stderr.write(f"jaxthermo: {message}\n")
     sys.stderr.flush()
     os._exit(2)

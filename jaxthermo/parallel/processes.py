@@ -4,8 +4,8 @@ All processes execute the same program, so that whatever depends on a clock, a s
 a file of one of them is agreed upon first.
 """
 
-import atexit
 import hashlib
+import re
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -90,23 +90,20 @@ def check_alike(what: str, text: str) -> None:
 
 @contextmanager
 def watching_others(remedy: str) -> Iterator[None]:
-    """End this process with one line if another is lost meanwhile.
-
-    Raises:
-        InputError: if a collective operation fails.
-    """
+    """End this process with one line and status 2 if another is lost meanwhile."""
     message = f"another process is lost, or cannot be reached; {remedy}"
     try:
         with watched(_connections, message):
             yield
             wait_for_all("the run is at its end")
-    except jax.errors.JaxRuntimeError as error:
-        if jax.process_count() == 1:
+    except (jax.errors.JaxRuntimeError, ValueError) as error:
+        if jax.process_count() == 1 or not _LOST.search(str(error)):
             raise
-        # After all others, before JAX's own.
-        atexit.register(end_with, "")
-        raise InputError(message) from error
+        # At once: JAX aborts with a stack trace as soon as it notices the same.
+        end_with(message)
 
 
+_LOST = re.compile("Gloo|UNAVAILABLE|coordination service", re.IGNORECASE)
+"""In the messages of collective operations that fail."""
 _connections: list[socket.socket] = []
 """Connections of this process to others, from `join` on."""
