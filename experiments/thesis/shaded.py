@@ -66,7 +66,9 @@ def shaded(
     is_body[seen.pixel] = True
     # A pixel is of the body if any of its samples is.
     blocks = is_body.reshape(camera.height, _SAMPLES, camera.width, _SAMPLES)
-    return averaged(colours.reshape(*shape, 3), _SAMPLES), blocks.any(axis=(1, 3))
+    return averaged(colours.reshape(*shape, 3), _SAMPLES), np.asarray(
+        blocks.any(axis=(1, 3))
+    )
 
 
 def blended(
