@@ -90,7 +90,8 @@ def _measure(quick: bool) -> Finding:
     height = _QUICK_HEIGHT if quick else _HEIGHT
     run, half = ball_on_head(height), height // 2
     gained, lost = run.conducted()
-    swap = abs(gained + lost) / abs(gained)
+    # No closer than rounding.
+    swap = max(abs(gained + lost) / abs(gained), float(np.finfo(float).eps))
     area, coarse = float(run.pairs.area.sum()), contact_area(half)
     ball, head = ([run.in_contact(body, k) for k in range(3)] for body in (BALL, HEAD))
     warmed = [run.warmed_area(k) for k in range(3)]
@@ -99,10 +100,10 @@ def _measure(quick: bool) -> Finding:
     right = swap <= _SWAP and flows and spreads
     texels = int(np.count_nonzero(run.pairs.coverage_a))
     reason = (
-        f"In {TIMES[2]:g} s {gained / 1e3:.2f} kJ go from the ball to the head over {texels} "
-        f"texels of the head, and what one loses the other gains to {swap:.0e}. Where "
-        f"they touch, the ball cools from {ball[0]:.0f} to {ball[2]:.0f} °C and the "
-        f"head warms from {head[0]:.0f} to {head[2]:.0f} °C; {1e4 * warmed[2]:.0f} cm² "
+        f"In {TIMES[2]:g} s {gained / 1e3:.2f} kJ go from the ball to the head over "
+        f"{texels} texels of it, and what one loses the other gains to {swap:.0e}. "
+        f"Where they touch, the ball cools from {ball[0]:.0f} to {ball[2]:.0f} °C and "
+        f"the head warms from {head[0]:.0f} to {head[2]:.0f} °C; {1e4 * warmed[2]:.0f} cm² "
         f"of it are warmer by 1 K, of which {1e4 * area:.0f} cm² touch. The heat is "
         "that of an area which the voxel chooses: within one voxel, heads "
         f"{half} and {height} voxels high have {1e4 * coarse:.1f} and "
