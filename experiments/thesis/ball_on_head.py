@@ -13,6 +13,8 @@ from jaxthermo.constants import ZERO_CELSIUS
 from jaxthermo.physics.contact.rays import PlacedGrid
 from jaxthermo.physics.contact.search import ContactPairs, find_contacts
 
+from ..harness.meshes import mesh_files
+
 
 TIMES = (0.0, 0.05, 2.0)
 """Saved times: start, first heat after about a frame of the thesis, and its end [s]."""
@@ -71,6 +73,7 @@ class BallOnHead(NamedTuple):
 def _config(height: int) -> SceneConfig:
     # The ball's voxels are as large as the head's; sums of energy are to 1e-10.
     texts = (
+        f"bodies.{HEAD}.mesh.path={mesh_files()['Max Planck'].resolve()}",
         f"bodies.{HEAD}.voxels_high={height}",
         f"bodies.{BALL}.pitch={_TALL / height} mm",
         "dtype=float64",
@@ -93,11 +96,7 @@ def contact_area(height: int) -> float:
 
 
 def ball_on_head(height: int) -> BallOnHead:
-    """Simulate 2 s with a head of `height` voxels.
-
-    Raises:
-        InputError: without the mesh.
-    """
+    """Simulate 2 s with a head of `height` voxels; the mesh must be there."""
     config = _config(height)
     scene = config.build()
     solution = jt.simulate(scene, TIMES[-1], TIMES, solver=config.solver.build())

@@ -1,5 +1,7 @@
 """Figure 5.5: a hot ball on the Max Planck head, and what their textures hold."""
 
+from typing import Any
+
 import numpy as np
 from jaxtyping import Float
 
@@ -84,69 +86,82 @@ def _frames(run: BallOnHead) -> Picture:
     return Picture("figure-5.5-scene", sheet(tiles, bar, title), caption)
 
 
-def _measure(quick: bool) -> Finding:
-    if planck() is None:
-        return skipped(NO_PLANCK)
-    height = _QUICK_HEIGHT if quick else _HEIGHT
-    run, half = ball_on_head(height), height // 2
+def _numbers(run: BallOnHead, height: int) -> dict[str, Any]:
     gained, lost = run.conducted()
-    # No closer than rounding.
-    swap = max(abs(gained + lost) / abs(gained), float(np.finfo(float).eps))
-    area, coarse = float(run.pairs.area.sum()), contact_area(half)
-    ball, head = ([run.in_contact(body, k) for k in range(3)] for body in (BALL, HEAD))
-    warmed = [run.warmed_area(k) for k in range(3)]
-    flows = ball[0] > ball[2] > head[2] > head[1] > head[0]
-    spreads = warmed[2] > warmed[1] > 0
-    right = swap <= _SWAP and flows and spreads
-    texels = int(np.count_nonzero(run.pairs.coverage_a))
-    reason = (
-        f"In {TIMES[2]:g} s {gained / 1e3:.2f} kJ go from the ball to the head over "
-        f"{texels} texels of it, and what one loses the other gains to {swap:.0e}. "
-        f"Where they touch, the ball cools from {ball[0]:.0f} to {ball[2]:.0f} °C and "
-        f"the head warms from {head[0]:.0f} to {head[2]:.0f} °C; {1e4 * warmed[2]:.0f} cm² "
-        f"of it are warmer by 1 K, of which {1e4 * area:.0f} cm² touch. The heat is "
-        "that of an area which the voxel chooses: within one voxel, heads "
-        f"{half} and {height} voxels high have {1e4 * coarse:.1f} and "
-        f"{1e4 * area:.1f} cm² of contact."
+    half = height // 2
+    areas = {half: contact_area(half), height: float(run.pairs.area.sum())}
+    return {
+        "height_voxels": height,
+        "ball_contact_C": [run.in_contact(BALL, k) for k in range(len(TIMES))],
+        "head_contact_C": [run.in_contact(HEAD, k) for k in range(len(TIMES))],
+        "warmed_cm2": [1e4 * run.warmed_area(k) for k in range(len(TIMES))],
+        "conducted_J": [gained, lost],
+        # No closer than rounding.
+        "swap": max(abs(gained + lost) / abs(gained), float(np.finfo(float).eps)),
+        "contact_cm2": {str(voxels): 1e4 * area for voxels, area in areas.items()},
+        "texels": int(np.count_nonzero(run.pairs.coverage_a)),
+    }
+
+
+def _reason(found: dict[str, Any]) -> str:
+    ball, head = found["ball_contact_C"], found["head_contact_C"]
+    (half, coarse), (height, area) = found["contact_cm2"].items()
+    return (
+        f"In {TIMES[2]:g} s {found['conducted_J'][0] / 1e3:.2f} kJ go from the ball to "
+        f"the head over {found['texels']} texels of it, and what one loses the other "
+        f"gains to {found['swap']:.0e}. Where they touch, the ball cools from "
+        f"{ball[0]:.0f} to {ball[2]:.0f} °C and the head warms from {head[0]:.0f} to "
+        f"{head[2]:.0f} °C; {found['warmed_cm2'][2]:.0f} cm² of it are warmer by 1 K, "
+        f"of which {area:.0f} cm² touch. The heat is that of an area which the voxel "
+        f"chooses: within one voxel, heads {half} and {height} voxels high have "
+        f"{coarse:.1f} and {area:.1f} cm² of contact."
     )
-    last = f"{TIMES[2]:g} s"
-    rows = (
+
+
+def _rows(found: dict[str, Any]) -> tuple[Row, ...]:
+    ball, head = found["ball_contact_C"], found["head_contact_C"]
+    first, last = (f"{time:g} s" for time in TIMES[1:])
+    _, early, late = found["warmed_cm2"]
+    return (
         Row("ball in the texture T_Head, 0 s [°C]", "hot", ball[0], "(b)"),
         Row(f"ball in the texture T_Head, {last} [°C]", None, ball[2], "(d)"),
         Row("head where it is in contact, 0 s [°C]", "cool", head[0], "(a)"),
         Row(
-            f"head where it is in contact, {TIMES[1]:g} s [°C]",
+            f"head where it is in contact, {first} [°C]",
             "heated immediately",
             head[1],
             "(c)",
         ),
         Row(f"head where it is in contact, {last} [°C]", None, head[2], "(e)"),
-        Row(f"area warmed by 1 K, {TIMES[1]:g} s [cm²]", None, 1e4 * warmed[1]),
-        Row(f"area warmed by 1 K, {last} [cm²]", "spread", 1e4 * warmed[2]),
-        Row(f"heat from ball to head in {last} [J]", None, gained),
-        Row("energy gained and lost, relative difference", None, f"{swap:.0e}"),
+        Row(f"area warmed by 1 K, {first} [cm²]", None, early),
+        Row(f"area warmed by 1 K, {last} [cm²]", "spread", late),
+        Row(f"heat from ball to head in {last} [J]", None, found["conducted_J"][0]),
+        Row("heat lost and gained, relative difference", None, f"{found['swap']:.0e}"),
     )
+
+
+def _measure(quick: bool) -> Finding:
+    if planck() is None:
+        return skipped(NO_PLANCK)
+    height = _QUICK_HEIGHT if quick else _HEIGHT
+    run = ball_on_head(height)
+    found = _numbers(run, height)
+    ball, head, warmed = (
+        found[key] for key in ("ball_contact_C", "head_contact_C", "warmed_cm2")
+    )
+    flows = ball[0] > ball[2] > head[2] > head[1] > head[0]
+    right = flows and found["swap"] <= _SWAP and warmed[2] > warmed[1] > 0
     chosen = (
         ("scene", "configs/scenes/hat-ball-on-planck.yaml, in double precision"),
-        ("size", f"a head of {height} voxels, a ball of the same voxels"),
+        ("size", f"a head {height} voxels high, a ball of the same voxels"),
         ("material", "copper, both, so that heat is seen to move in seconds"),
         ("contact", "20 kW/(m² K); the thesis has none, as if bonded"),
         ("threshold", "one voxel"),
         ("(c)", f"{TIMES[1]:g} s, about a frame of the thesis"),
     )
-    numbers = {
-        "height_voxels": height,
-        "ball_contact_C": ball,
-        "head_contact_C": head,
-        "warmed_m2": warmed,
-        "conducted_J": [gained, lost],
-        "swap_relative": swap,
-        "contact_area_m2": {str(half): coarse, str(height): area},
-        "texels": texels,
-    }
     verdict = Verdict.REPRODUCED if right else Verdict.CONTRADICTED
     parts = (_textures(run), _frames(run))
-    return Finding(verdict, reason, rows, {}, chosen, parts, numbers)
+    return Finding(verdict, _reason(found), _rows(found), {}, chosen, parts, found)
 
 
 EXHIBIT = Exhibit(

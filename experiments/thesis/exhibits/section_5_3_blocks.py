@@ -37,7 +37,7 @@ _RESISTING, _BONDED = f"{CONDUCTANCE:g} W/(m² K)", "bonded"
 _RATE = CONDUCTANCE * (1 / COPPER.effusivity + 1 / STEEL.effusivity)
 
 
-def _heat(time: float) -> float:
+def heat_through(time: float) -> float:
     """Heat through the contact up to a time, the integral of its flux [J/m^2]."""
     # That of w = erfcx(a sqrt(t)), a the rate: (w - 1 + 2 a sqrt(t / pi)) / a^2.
     w = erfcx(_RATE * np.sqrt(time))
@@ -45,8 +45,8 @@ def _heat(time: float) -> float:
     return float(CONDUCTANCE * 100.0 * rest / _RATE**2)
 
 
-def _bonded_heat(time: float) -> float:
-    """The same for perfect contact, 2 sqrt(t / pi) e_s T_s [J/m^2]."""
+def bonded_heat_through(time: float) -> float:
+    """Heat through a perfect contact up to a time, 2 sqrt(t / pi) e T_s [J/m^2]."""
     # From the steel's side, which is at 0 at first.
     return 2 * float(np.sqrt(time / np.pi) * STEEL.effusivity) * INTERFACE
 
@@ -68,7 +68,7 @@ def _measured(name: str, time: float) -> dict[str, Any]:
     found = two_bars(contact, _FINE, time)
     exact = [INTERFACE, INTERFACE] if is_bonded else resisted(time)
     heat = float(found.energy.bodies[1].stored_J[-1]) / found.area
-    right = _bonded_heat(time) if is_bonded else _heat(time)
+    right = bonded_heat_through(time) if is_bonded else heat_through(time)
     return {
         "contact": name,
         "time_s": time,
@@ -95,7 +95,8 @@ class _Blocks(NamedTuple):
     """Heat rate through texels that do not touch, over all of it [-]."""
 
 
-def _offset_blocks() -> _Blocks:
+def offset_blocks() -> _Blocks:
+    """Let heat flow between two blocks that overlap in a part of their faces."""
     grid = jt.voxelize(jt.shapes.box(_EDGE), _PITCH)
     where = jt.Pose((*_OFFSET, _EDGE))
     structure = jt.FullVolume(grid)
@@ -119,7 +120,7 @@ def _offset_blocks() -> _Blocks:
 
 
 def _chart(rows: Rows) -> Plot:
-    curves = {_BONDED: _bonded_heat, _RESISTING: _heat}
+    curves = {_BONDED: bonded_heat_through, _RESISTING: heat_through}
     points = [
         point(f"closed form, {name}", time, exact(time) / 1e3)
         for name, exact in curves.items()
@@ -167,7 +168,7 @@ def _measure(quick: bool) -> Finding:
         key: max(abs(row["error_percent"][key]) for row in rows)
         for key in ("copper", "steel", "heat")
     }
-    swap, blocks = max(row["swap"] for row in rows), _offset_blocks()
+    swap, blocks = max(row["swap"] for row in rows), offset_blocks()
     right = max(worst.values()) <= _WITHIN and swap <= _SWAP
     right = right and blocks.elsewhere <= _SWAP
     reason = (
