@@ -23,6 +23,8 @@ HEAD, BALL = 0, 1
 _CONFIG = Path(__file__).parents[2] / "configs" / "scenes" / "hat-ball-on-planck.yaml"
 # Height of the head in that file [mm].
 _TALL = 500.0
+# Width and height of the scene's pictures, which are shown side by side [px].
+_PICTURE = 275, 400
 # Rise of a texel that counts as warmed [K].
 _WARMED = 1.0
 
@@ -77,6 +79,8 @@ def _config(height: int) -> SceneConfig:
         f"bodies.{HEAD}.voxels_high={height}",
         f"bodies.{BALL}.pitch={_TALL / height} mm",
         "dtype=float64",
+        f"camera.width={_PICTURE[0]}",
+        f"camera.height={_PICTURE[1]}",
     )
     return load_config(_CONFIG, texts)
 

@@ -47,7 +47,7 @@ def cylinder_textures() -> Picture:
     texels = touching_texels(a, b, a.pitch)
     own = enlarged(own, _EDGE)
     tiles = [
-        Tile(_bodies(touching, len(own)), "A, B on it, and the box of A"),
+        Tile(_bodies(touching, len(own)), "A, with B on top", "and the box of A"),
         # Of the two layers of A along z the last one is the face that B stands on.
         Tile(own, "voxelized texture of A", "depth, last z layer"),
         Tile(enlarged(of_b[::-1, ::-1], _EDGE), "B in the box of A", "depth, first"),

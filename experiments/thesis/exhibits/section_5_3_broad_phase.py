@@ -116,7 +116,9 @@ def _measure(quick: bool) -> Finding:
             f"{sharper:.1%}",
         ),
         Row(
-            f"search of all pairs over both phases, {last['bodies']} boxes", None, time
+            f"time of a search of all pairs over both phases', {last['bodies']} boxes",
+            None,
+            time,
         ),
     )
     chosen = (
