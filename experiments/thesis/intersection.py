@@ -90,10 +90,14 @@ class Balls(NamedTuple):
         return float(sum(np.pi * h * h * (r - h / 3) for r, h in caps))
 
 
-def two_balls(radii: tuple[float, float], offset: tuple[float, float, float]) -> Balls:
+def two_balls(
+    radii: tuple[float, float],
+    offset: tuple[float, float, float],
+    subdivisions: int = 6,
+) -> Balls:
     """Balls of two radii [m], the second one with its centre at `offset` [m]."""
-    # So fine that the facets are no part of the error at any resolution here.
-    a, b = (sphere(radius, 6) for radius in radii)
+    # So fine by default that facets are no part of the error at any resolution here.
+    a, b = (sphere(radius, subdivisions) for radius in radii)
     moved = jt.Mesh(b.vertices + np.array(offset), b.faces, "B")
     return Balls((a, moved), radii, float(np.linalg.norm(offset)))
 

@@ -19,7 +19,7 @@ from jaxthermo.voxels.voxelize import voxelize
 
 @pytest.fixture(scope="module")
 def balls():
-    return two_balls((0.1, 0.08), (0.075, 0.07, 0.06))
+    return two_balls((0.1, 0.08), (0.075, 0.07, 0.06), subdivisions=4)
 
 
 def test_rays_bound_the_intersection_of_two_balls(balls):
@@ -36,7 +36,7 @@ def test_half_a_ball_in_another_has_half_of_its_surface():
     # Centres one small radius and more apart, such that the small cap is a hemisphere.
     large, small = 0.1, 0.06
     apart = float(np.sqrt(large**2 - small**2))
-    balls = two_balls((large, small), (apart, 0.0, 0.0))
+    balls = two_balls((large, small), (apart, 0.0, 0.0), subdivisions=2)
     assert balls.cap_heights[1] == pytest.approx(small)
     assert balls.areas[1] == pytest.approx(2 * np.pi * small**2)
 
@@ -99,6 +99,7 @@ def test_the_heat_through_a_contact_is_the_integral_of_its_flux():
     )
 
 
+@pytest.mark.slow
 def test_heat_goes_through_texels_that_touch_alone():
     found = blocks.offset_blocks()
     assert found.elsewhere == 0.0 and found.area == pytest.approx(1.0, abs=0.01)
