@@ -35,7 +35,11 @@ QUICK = {"quick": True}
 
 _FOLDER = Path(__file__).parent
 # Of a row in the record: what it follows from, beside the library and the sources.
-_SHARED = (*_FOLDER.glob("*.py"), *(_FOLDER.parent / "harness").glob("*.py"))
+_SHARED = tuple(
+    path
+    for folder in (_FOLDER, *(_FOLDER.parent / n for n in ("harness", "verification")))
+    for path in folder.glob("*.py")
+)
 # Files that only arrange what was measured.
 _ARRANGING = ("claims.py", "exhibition.py", "report.py")
 
