@@ -26,16 +26,24 @@ SAVE_AT, END = (30.0, 60.0, 90.0, 135.0, 180.0), 180.0
 _FILES = {"Happy Buddha": "happy-buddha.obj", "Max Planck": "max-planck.obj"}
 
 
+def mesh_file(name: str) -> Path | None:
+    """File of a mesh of the thesis by its name; None where there is none."""
+    if name not in _FILES:
+        return None
+    named = os.environ.get("JAXTHERMO_MESHES", "../shared/meshes")
+    # The first folder that has the file wins, as in a search path.
+    paths = (Path(each) / _FILES[name] for each in named.split(os.pathsep) if each)
+    return next((path for path in paths if path.is_file()), None)
+
+
 def thesis_meshes() -> dict[str, Mesh]:
     """The meshes in JAXTHERMO_MESHES or ../shared/meshes; the figurine if none is."""
-    named = os.environ.get("JAXTHERMO_MESHES", "../shared/meshes")
-    folders = [Path(folder) for folder in named.split(os.pathsep) if folder]
-    # The first folder that has a file wins, as in a search path.
-    found = {}
-    for name, file in _FILES.items():
-        for folder in folders:
-            if name not in found and (folder / file).is_file():
-                found[name] = load_mesh(folder / file, height=HEIGHT, up="y")
+    files = {name: mesh_file(name) for name in _FILES}
+    found = {
+        name: load_mesh(path, height=HEIGHT, up="y")
+        for name, path in files.items()
+        if path is not None
+    }
     return found or {"figurine": figurine(HEIGHT)}
 
 
