@@ -24,7 +24,7 @@ from .bodies import buddha
 PAINT, SHINY = 0.9, 0.1
 """Emissivity of the statue, and of a patch of bare metal on it [-]."""
 MID_WAVE = Band(BANDS["mid-wave"])
-LONG = "7.5 to 14 µm"
+LONG, MID = "7.5 to 14 µm", "3 to 5 µm"
 STORED, OF_SUN, OF_AROUND = "stored heat", "sun reflected", "sky and ground reflected"
 WHOLE = "all together"
 """Radiances of a frame by what they come from."""
@@ -39,7 +39,7 @@ _TIME = 1800.0
 # Corners of the patch over width, depth and height of the body.
 _PATCH = (0.3, -0.1, 0.42), (0.75, 0.5, 0.6)
 _SIZE = (250, 420)
-_BANDS = {LONG: LONG_WAVE, "3 to 5 µm": MID_WAVE, "all wavelengths": None}
+_BANDS = {LONG: LONG_WAVE, MID: MID_WAVE, "all wavelengths": None}
 
 CHOSEN = (
     (

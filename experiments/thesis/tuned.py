@@ -70,6 +70,12 @@ class Tuned(NamedTuple):
         """Largest error of the saved times and the loads of a group [%]."""
         return _worst(self.errors[kind][group])
 
+    @property
+    def fitted_factor(self) -> float:
+        """Geometric mean of the fitted weights of conductances."""
+        own = [np.ravel(v) for name, v in self.weights.items() if name in _CONDUCTION]
+        return float(np.exp(np.log(np.concatenate(own)).mean()))
+
     def picture(self) -> Image.Image:
         """Differences from the full volume under the load held out, at its end."""
         problem = self.calibration.held_out
@@ -93,7 +99,7 @@ def tuned(name: str, height: int) -> Tuned:
     points = [_scaled(train.parameters, float(factor)) for factor in _FACTORS]
     both = Problem(train.parameters, (*train.cases, *held_out.cases))
     runs = list(_run(both, [*points, fit.z]))
-    errors = [_errors(calibration, solutions) for solutions in runs]
+    errors = [_errors(train, held_out, solutions) for solutions in runs]
     curve = [
         {"factor": float(factor), **{group: _worst(e) for group, e in each.items()}}
         for factor, each in zip(_FACTORS, errors, strict=False)
@@ -155,12 +161,11 @@ def _run(
 
 
 def _errors(
-    calibration: Calibration, solutions: Sequence[ParametricSolution]
+    train: Problem, held_out: Problem | None, solutions: Sequence[ParametricSolution]
 ) -> dict[str, dict[str, CaseError]]:
     """Errors by group and load of the runs of all cases."""
-    groups = {TRAIN: calibration.train, HELD_OUT: calibration.held_out}
     found, rest = {}, iter(solutions)
-    for group, problem in groups.items():
+    for group, problem in ((TRAIN, train), (HELD_OUT, held_out)):
         found[group] = {}
         for case in () if problem is None else problem.cases:
             rows = np.asarray(case.target.residual(case.scene, next(rest)), float)
@@ -185,7 +190,7 @@ def tuning_chart(found: Tuned) -> Chart:
         for row in found.curve
     ]
     points += [
-        point(words, found.factor, found.worst(FITTED, group), FITTED, mark=True)
+        point(words, found.fitted_factor, found.worst(FITTED, group), FITTED, mark=True)
         for group, words in names.items()
     ]
     x, y = "one factor of all conductances", "largest error [% of the range]"

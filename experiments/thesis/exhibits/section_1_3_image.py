@@ -11,6 +11,7 @@ from ..image_parts import (
     CHOSEN,
     ITSELF,
     LONG,
+    MID,
     MID_WAVE,
     OF_AROUND,
     OF_SUN,
@@ -42,7 +43,7 @@ _SHOWN = {0.95: 309.217275, 0.8: 306.835584, 0.5: 301.910518, 0.1: 294.963569}
 
 def _known_rows() -> tuple[tuple[Row, ...], float]:
     """Numbers of a camera's model measured again, and their largest difference."""
-    bands = (LONG, LONG_WAVE, _LONG_RADIANCE), ("3 to 5 µm", MID_WAVE, _MID_RADIANCE)
+    bands = (LONG, LONG_WAVE, _LONG_RADIANCE), (MID, MID_WAVE, _MID_RADIANCE)
     found = [
         (f"black, {at:g} K, {name} [W/(m² sr)]", known, band.radiance(at))
         for name, band, values in bands
@@ -53,7 +54,7 @@ def _known_rows() -> tuple[tuple[Row, ...], float]:
         (f"dL/dT, 300 K, {LONG} [W/(m² sr K)]", 0.928314, LONG_WAVE.slope(300.0)),
         (f"share of σ T⁴, 300 K, {LONG}", 0.405689, LONG_WAVE.share(300.0)),
         (f"60 W/(m² sr), {LONG} [K]", 300.738830, LONG_WAVE.temperature(60.0)),
-        ("2 W/(m² sr), 3 to 5 µm [K]", 301.923589, MID_WAVE.temperature(2.0)),
+        (f"2 W/(m² sr), {MID} [K]", 301.923589, MID_WAVE.temperature(2.0)),
         (
             "350 K of emissivity 0.9 before 293.15 K, through air [W/(m² sr)]",
             *(107.672617, through_air),
@@ -64,7 +65,7 @@ def _known_rows() -> tuple[tuple[Row, ...], float]:
         name = f"310 K of emissivity {emissivity:g} before 293.15 K, shown [K]"
         found.append((name, known, LONG_WAVE.temperature(radiance)))
     rows = tuple(
-        Row(name, None, float(ours), f"by quadrature {known:.9g}")
+        Row(name, None, f"{float(ours):.9g}", f"by quadrature {known:.9g}")
         for name, known, ours in found
     )
     return rows, max(abs(float(ours) / known - 1) for _, known, ours in found)
@@ -78,8 +79,12 @@ def _measure(quick: bool) -> Finding:
     sums = {band: parts.sum_error for band, parts in frame.parts.items()}
     paint, patch = (row for row in bands if row["band"] == LONG)
     stored = {row["surface"]: row[STORED] / row[WHOLE] for row in (paint, patch)}
-    of_source = patch[OF_SUN] / (patch[OF_SUN] + patch[OF_AROUND])
-    bright = next(row for row in bands if row["band"] not in (LONG, "3 to 5 µm"))
+    of_source = {
+        row["band"]: row[OF_SUN] / (row[OF_SUN] + row[OF_AROUND])
+        for row in bands
+        if row["surface"] == "patch"
+    }
+    bright = next(row for row in bands if row["band"] not in (LONG, MID))
     shown = {name: float(k[frame.shiny].mean()) for name, k in read.frames.items()}
     exact = max(sums.values()) <= _ROUNDING
     reason = (
@@ -88,8 +93,9 @@ def _measure(quick: bool) -> Finding:
         f"{max(sums.values()):.0e} of it. From {LONG} the radiance of paint is "
         f"{stored['paint']:.0%} stored heat, that of a shiny patch "
         f"{stored['patch']:.0%}. Of what the patch reflects there the heat source, "
-        f"whose reflection the thesis draws, is {of_source:.1%}; the rest is of "
-        "sky and ground. Over all wavelengths the sun that paint reflects is "
+        f"whose reflection the thesis draws, is {of_source[LONG]:.1%}; the rest is of "
+        f"sky and ground. From {MID} it is {of_source[MID]:.0%}. Over all wavelengths "
+        "the sun that paint reflects is "
         f"{bright[OF_SUN] / bright[STORED]:.0%} of its stored heat. A camera shows the "
         f"patch of {shown[ITSELF]:.1f} K as {shown[AT_ONE]:.1f} K, "
         f"and at its own emissivity is wrong by {abs(read.spot_per_kelvin):.0f} K for "
@@ -98,7 +104,7 @@ def _measure(quick: bool) -> Finding:
     if not exact:
         verdict = Verdict.CONTRADICTED
     else:
-        verdict = Verdict.DIFFERENT if of_source < 0.5 else Verdict.REPRODUCED
+        verdict = Verdict.DIFFERENT if of_source[LONG] < 0.5 else Verdict.REPRODUCED
     foil = f"{read.reflected:.1f} K reflected, as foil before it shows"
     rows = (
         *(
@@ -107,13 +113,17 @@ def _measure(quick: bool) -> Finding:
         ),
         Row("stored heat in the radiance of paint", None, stored["paint"]),
         Row("stored heat in that of the patch", None, stored["patch"]),
-        Row("the source in what the patch reflects", "alone drawn", of_source),
-        Row("patch, surface itself [K]", None, shown[ITSELF]),
-        Row("patch, camera at emissivity 1 [K]", None, shown[AT_ONE]),
-        Row(f"patch, camera at {PAINT:g} [K]", None, shown[AT_PAINT], foil),
+        *(
+            Row(f"the source in what the patch reflects, {band}", "alone drawn", share)
+            for band, share in of_source.items()
+        ),
+        Row("patch, surface itself [K]", None, f"{shown[ITSELF]:.1f}"),
+        Row("patch, camera at emissivity 1 [K]", None, f"{shown[AT_ONE]:.1f}"),
+        Row(f"patch, camera at {PAINT:g} [K]", None, f"{shown[AT_PAINT]:.1f}", foil),
         Row(
             f"patch, its mean radiance at its own {SHINY:g} [K]",
-            *(None, read.spot, f"{read.spot_per_kelvin:+.1f} K for 1 K more reflected"),
+            *(None, f"{read.spot:.1f}"),
+            f"{read.spot_per_kelvin:+.1f} K for 1 K more reflected",
         ),
         *known,
     )

@@ -80,13 +80,14 @@ def _measure(quick: bool) -> Finding:
             Plot(
                 f"weights-{word}",
                 tuning_chart(each),
-                f"Diamonds: all weights fitted, drawn at the factor {each.factor:.3g}.",
+                "Diamonds: all weights fitted, at the mean of those of conductances.",
             ),
             Picture(
                 f"weights-{word}-difference",
                 each.picture(),
-                f"{each.name}: surface less the full volume's at the end of the load "
-                "held out, with weights of 1, one tuned, and all fitted.",
+                f"{each.name}: surface less the full volume's at the end, with weights "
+                "of 1, one tuned, and all fitted. The title is the load, the one held "
+                "out; red is too warm.",
             ),
         ]
     parts += [_fitted_table(found), _card_weights(cards), card_table(cards), _ABOUT]
