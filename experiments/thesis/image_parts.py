@@ -68,7 +68,7 @@ class Frame(NamedTuple):
     parts: dict[str, _Parts]
     """By band."""
     temperature: Float[np.ndarray, "h w"]
-    """Of the surface [K]."""
+    """True temperature of the surface [K]."""
     body: Bool[np.ndarray, "h w"]
     shiny: Bool[np.ndarray, "h w"]
     paint: Bool[np.ndarray, "h w"]
@@ -162,7 +162,7 @@ class Readings(NamedTuple):
 
     frames: dict[str, Float[np.ndarray, "h w"]]
     reflected: float
-    """What the patch reflects, as a piece of foil before it shows."""
+    """Temperature that the patch reflects, as foil before it shows."""
     spot: float
     """Mean radiance of the patch, read at its own emissivity."""
     spot_per_kelvin: float

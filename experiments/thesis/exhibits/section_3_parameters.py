@@ -51,8 +51,8 @@ class _Swept(NamedTuple):
     points: list[Point]
     cases: dict[tuple[tuple[str, str], ...], list[Case]]
     work: dict[str, int]
-    """Of each choice by its name: a node taken through one evaluation of the heat rates
-    counts 1. Unlike a time it is the same in every run."""
+    """Evaluations of heat rates, of one node each, by the name of the choice; unlike
+    times they are the same in every run."""
     own_error: float
     """Error of the reference itself [%]."""
 
