@@ -138,9 +138,11 @@ def _chart(swept: _Swept) -> Chart:
     for each in swept.points:
         text = f"{_words(each)}: {_error(each):.3g} %"
         name = each.choice["structure"].removesuffix(", fitted")
-        # No more curves than colours: blocks of all sizes are one.
-        curve = "blocks" if name.startswith("blocks") else name
-        marks.append(point(curve, swept.work[each.name], _error(each), text))
+        # No more curves than colours: blocks of all sizes are one, without a line.
+        is_block = name.startswith("blocks")
+        curve = "blocks" if is_block else name
+        at = swept.work[each.name], _error(each)
+        marks.append(point(curve, *at, text, mark=is_block))
     axes = "work: evaluations of all nodes", "largest error [% of the surface's range]"
     return log_chart(marks, *axes, "Error and work of structures on the figurine")
 
@@ -198,8 +200,8 @@ def _measure(quick: bool) -> Finding:
         + ". "
         + (
             "The cheapest of the thesis' own structures takes "
-            f"{from_to(saved.values(), '.2g')} times the work, within "
-            f"{' and '.join(f'{t:g}' for t in saved)} %."
+            f"{from_to(saved.values(), '.2g')} times the work "
+            f"({', '.join(f'{t:g} %' for t in saved)})."
             if saved
             else "None of the thesis' own structures keeps any of these."
         )
@@ -229,7 +231,7 @@ def _measure(quick: bool) -> Finding:
         ),
         ("work", "evaluations of all nodes, which do not depend on the machine"),
     )
-    caption = "Lines join one structure in several voxels or steps."
+    caption = "Lines join one structure in several voxels; diamonds are blocks."
     parts = (
         Plot("parameters", _chart(swept), caption),
         _point_table(swept),
