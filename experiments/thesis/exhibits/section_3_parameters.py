@@ -230,6 +230,11 @@ def _measure(quick: bool) -> Finding:
             "together",
         ),
         ("work", "evaluations of all nodes, which do not depend on the machine"),
+        *(
+            [("reduced", "the thesis' own structures in 48 voxels alone")]
+            if quick
+            else []
+        ),
     )
     caption = "Lines join one structure in several voxels; diamonds are blocks."
     parts = (
