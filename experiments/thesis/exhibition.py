@@ -12,6 +12,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import calibrate
 from jaxthermo.cli.console import open_console
 from jaxthermo.errors import InputError
 
@@ -35,10 +36,14 @@ QUICK = {"quick": True}
 
 _FOLDER = Path(__file__).parent
 # Of a row in the record: what it follows from, beside the library and the sources.
-_SHARED = tuple(
-    path
-    for folder in (_FOLDER, *(_FOLDER.parent / n for n in ("harness", "verification")))
-    for path in folder.glob("*.py")
+_SHARED = (
+    *(
+        path
+        for folder in ("thesis", "harness", "verification", "sweep")
+        for path in (_FOLDER.parent / folder).glob("*.py")
+    ),
+    *Path(str(calibrate.__file__)).parent.rglob("*.py"),
+    *(_FOLDER.parents[1] / "configs").rglob("*.yaml"),
 )
 # Files that only arrange what was measured.
 _ARRANGING = ("claims.py", "exhibition.py", "report.py")
