@@ -29,6 +29,12 @@ class Group(NamedTuple):
         return host, int(port)
 
 
+def free_port() -> int:
+    """A port of this machine that nothing listens on."""
+    with socket.create_server(("", 0)) as server:
+        return server.getsockname()[1]
+
+
 def group_of(
     coordinator: str | None, processes: int, process: int, devices: int
 ) -> Group | None:

@@ -1,7 +1,6 @@
 """`jaxthermo simulate` in two processes over loopback, against one process."""
 
 import os
-import socket
 import subprocess
 import sys
 import time
@@ -10,6 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli_runs import run
+
+from jaxthermo.parallel.meeting import free_port
 
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -49,8 +50,7 @@ def start(scene: Path, out: Path, port: int, process: int) -> subprocess.Popen:
 
 
 def start_both(scene: Path, out: Path) -> list[subprocess.Popen]:
-    with socket.create_server(("localhost", 0)) as server:
-        port = server.getsockname()[1]
+    port = free_port()
     return [start(scene, out, port, process) for process in (0, 1)]
 
 

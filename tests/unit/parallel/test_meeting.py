@@ -7,12 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.parallel.meeting import Group, group_of, meet
-
-
-def free_port() -> int:
-    with socket.create_server(("localhost", 0)) as server:
-        return server.getsockname()[1]
+from jaxthermo.parallel.meeting import Group, free_port, group_of, meet
 
 
 def meeting(*processes: tuple[int, str], seconds: float = 5.0) -> list[str]:
