@@ -39,7 +39,7 @@ _ASKED = 0.9
 """Speed relative to one device that is asked of two processes."""
 _LARGEST_SHARE = 0.6
 """Share of the lattice that a process of two may have."""
-_SURFACES = {
+_TERMS: dict[str, tuple[jt.Convection, ...]] = {
     "conduction": (),
     "conduction and convection": (jt.Convection(50.0, 280.0),),
 }
@@ -74,9 +74,7 @@ def run(
         steps: of a turn.
     """
     results = [
-        row
-        for surface in _SURFACES
-        for row in _measured(surface, shape, repeats, steps)
+        row for surface in _TERMS for row in _measured(surface, shape, repeats, steps)
     ]
     columns = [
         ("scene", "{scene}"),

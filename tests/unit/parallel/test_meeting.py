@@ -2,11 +2,13 @@
 
 import re
 import socket
+import threading
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
 import jaxthermo as jt
+from jaxthermo.parallel import heartbeat
 from jaxthermo.parallel.meeting import Group, free_port, group_of, meet
 
 
@@ -17,7 +19,8 @@ def meeting(*processes: tuple[int, str], seconds: float = 5.0) -> list[str]:
     def one(each: tuple[int, str]) -> str:
         number, key = each
         try:
-            meet(Group(address, 3, number), key, seconds)
+            for connection in meet(Group(address, 3, number), key, seconds):
+                connection.close()
         except jt.InputError as error:
             return str(error)
         return ""
@@ -78,3 +81,23 @@ def test_numbers_that_do_not_fit_are_refused(given, message):
 def test_a_process_alone_is_no_group():
     assert group_of(None, 1, 0, 4) is None
     assert group_of("node1:7700", 2, 1, 4) == Group("node1:7700", 2, 1)
+
+
+def test_a_silent_process_is_noticed_and_one_that_is_there_is_not(monkeypatch):
+    monkeypatch.setattr(heartbeat, "_INTERVAL", 0.02)
+    monkeypatch.setattr(heartbeat, "_PATIENCE", 0.3)
+    monkeypatch.setattr(heartbeat, "_GRACE", 0.1)
+    said, lost = [], threading.Event()
+
+    def end_with(message: str) -> None:
+        said.append(message)
+        lost.set()
+
+    monkeypatch.setattr(heartbeat, "end_with", end_with)
+    ours, other = socket.socketpair()
+    with ours, other:
+        with heartbeat.watched([ours], "here"), heartbeat.watched([other], "there"):
+            assert not lost.wait(0.6)
+        with heartbeat.watched([ours], "gone"):
+            assert lost.wait(5.0)
+    assert said[0] == "gone"
