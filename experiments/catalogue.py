@@ -58,6 +58,9 @@ _ABOUT = {
     "benchmarks.memory": "memory of a run: forecast against measured, by structure",
     "benchmarks.voxelize": "voxelizing beside trimesh at the same pitch",
     "benchmarks.mixed": "what each mechanism costs in a scene of everything",
+    "benchmarks.devices": (
+        "a step of the full volume over two devices and two processes beside one"
+    ),
     "benchmarks.multigrid": (
         "an implicit step and a steady state beside scipy and pyamg"
     ),

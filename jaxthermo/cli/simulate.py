@@ -17,11 +17,25 @@ from ..config.shipped_cards import card_name
 from ..errors import InputError
 from ..image.ticks import time_label
 from ..integrate.run import segments
-from ..integrate.run.checkpoint import load_checkpoint, save_checkpoint
+from ..integrate.run.checkpoint import (
+    checkpoint_files,
+    load_checkpoint,
+    save_checkpoint,
+)
 from ..integrate.run.plan import Plan, plan_run
 from ..integrate.run.solution import RESULTS, Solution
 from ..integrate.run.solution_file import save_solution
 from ..parallel.devices import provide_devices
+from ..parallel.meeting import Group
+from ..parallel.processes import (
+    agreed,
+    any_process,
+    check_alike,
+    is_first,
+    join,
+    wait_for_all,
+    watching_others,
+)
 from ..report.numbers import count
 from ..scene.compile.compile import mechanism_names
 from ..scene.compile.on_devices import on_devices
@@ -66,14 +80,31 @@ def simulate(
     overrides: tuple[str, ...],
     extras: Extras = NO_EXTRAS,
     devices: int = 1,
+    group: Group | None = None,
 ) -> None:
-    """Run a scene and write its results, with the resolved config beside them."""
-    provide_devices(devices)
-    scene = load_config(config, overrides)
+    """Run a scene and write its results, with the resolved config beside them.
+
+    With a `group` this process runs it together with others, of which the first writes.
+    """
+    provide_devices(devices if group is None else devices // max(group.processes, 1))
+    scene, folder = load_config(config, overrides), out or Path("results") / config.stem
     extras.check(scene)
-    with results_folder(out or Path("results") / config.stem) as folder:
+    if group is not None:
+        join(group, f"jaxthermo {__version__} with config {config_hash(scene)[:8]}")
+        if not is_first():
+            run_along(scene, folder, devices)
+            return
+    with results_folder(folder):
         _check_not_overwritten(config, folder)
         _run_simulation(scene, folder, extras, devices)
+
+
+def run_along(config: SceneConfig, out: Path, devices: int) -> None:
+    """Run a scene in a process that writes no results."""
+    console = Console(quiet=True)
+    with precision(config.dtype):
+        planned = _planned(console, config, devices)
+        run_plan(console, config, planned.scene, planned.todo, out)
 
 
 def explain(config: Path, overrides: tuple[str, ...], devices: int = 1) -> None:
@@ -177,7 +208,8 @@ def _run_simulation(
         times["frames_time_s"] = time.perf_counter() - clock
         summary |= {**times, "peak_memory_bytes": peak_memory()}
         write_json(out / "summary.json", summary)
-    (out / CHECKPOINT).unlink(missing_ok=True)
+    for path in checkpoint_files(out / CHECKPOINT):
+        path.unlink(missing_ok=True)
     log_result(console, solution, times)
     for line in [] if error is None else Truth.in_words(error):
         print_line(console, line)
@@ -202,9 +234,20 @@ def run_plan(
     Raises:
         KeyboardInterrupt: after Ctrl-C, when the checkpoint is written.
     """
+    remedy = "the same commands go on from the last checkpoint"
+    with watching_others(remedy):
+        return _run_segments(console, config, todo, out)
+
+
+def _run_segments(
+    console: Console, config: SceneConfig, todo: Plan, out: Path
+) -> tuple[Solution, dict[str, float]]:
     key = _checkpoint_key(config)
     fresh = segments.begin_run(todo)
+    wait_for_all("folder of the results is there")
     kept = load_checkpoint(out / CHECKPOINT, todo, fresh, key)
+    position = "none" if kept is None else f"{kept.interval}, {kept.steps_taken}"
+    check_alike(f"checkpoints in {out}, which all must read", position)
     if kept is not None:
         print_line(console, f"going on from {time_label(kept.time_reached(todo))}")
     elif (out / CHECKPOINT).exists():
@@ -223,9 +266,9 @@ def run_plan(
         for progress in segments.run_segments(todo, ready):
             done, number = progress.steps_done(todo), progress.passes.number
             update(done, progress.time_reached(todo), number)
-            if interrupted():
+            if any_process(interrupted()):
                 _stop(todo, progress, out, key)
-            if time.perf_counter() - last > CHECKPOINT_EVERY:
+            if agreed(time.perf_counter() - last > CHECKPOINT_EVERY):
                 save_checkpoint(out / CHECKPOINT, todo, progress, key)
                 last = time.perf_counter()
     times = {"compile_time_s": compiled, "run_time_s": time.perf_counter() - clock}

@@ -31,7 +31,7 @@ def check_devices(count: int) -> None:
     """Check a number of devices.
 
     Raises:
-        InputError: if there are fewer, or several processes.
+        InputError: if there are fewer, or if several processes have more.
     """
     if not isinstance(count, int) or isinstance(count, bool) or count < 1:
         raise InputError(f"devices={count!r}: give a number of devices, 1 or more")
@@ -45,10 +45,10 @@ def check_devices(count: int) -> None:
             f"devices={count}: there {'is' if there == 1 else 'are'} {there} {kind} "
             f"device{'s' * (there != 1)}; {remedy}"
         )
-    if processes > 1:
+    if processes > 1 and count != there:
         raise InputError(
-            f"devices={count}: {processes} processes run together, and a scene is "
-            "spread over the devices of one; start a single process"
+            f"devices={count}: {processes} processes run together and have {there} "
+            f"devices; give devices={there}, all of them"
         )
 
 

@@ -96,6 +96,23 @@ def spread(
     return jax.make_array_from_callback(host.shape, sharding, lambda at: host[at])
 
 
+def own_sections(
+    mesh: Mesh, state: Shaped[Array, "x y z"]
+) -> tuple[Shaped[np.ndarray, "a y z"], range]:
+    """The sections of this process on the host, one after the other, and their numbers.
+
+    Its devices follow one another.
+    """
+    thickness = state.shape[0] // mesh.size
+    by_number = {
+        shard.index[0].indices(state.shape[0])[0] // thickness: shard
+        for shard in state.addressable_shards
+    }
+    own = sorted(by_number)
+    parts = [np.asarray(by_number[number].data) for number in own]
+    return np.concatenate(parts), range(own[0], own[-1] + 1)
+
+
 def replicated(mesh: Mesh | None, tree: Any) -> Any:
     """Within a compiled function: its values in whole on every device."""
     if mesh is None:
@@ -104,6 +121,17 @@ def replicated(mesh: Mesh | None, tree: Any) -> Any:
     return jax.tree.map(
         lambda leaf: jax.lax.with_sharding_constraint(leaf, sharding), tree
     )
+
+
+def own_copies(tree: Any) -> Any:
+    """Values that every process has in whole, as arrays of this process alone.
+
+    What follows on them is no computation that all processes must take part in.
+    """
+    if jax.process_count() == 1:
+        return tree
+    own = lambda leaf: jnp.asarray(np.asarray(leaf))
+    return jax.tree.map(lambda x: own(x) if isinstance(x, jax.Array) else x, tree)
 
 
 def placed(mesh: Mesh, tree: Any, lattices: frozenset[tuple[int, ...]]) -> Any:

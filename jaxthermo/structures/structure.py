@@ -232,15 +232,19 @@ class AbstractStructure(Module):
         """Indices of some nodes in the state."""
         return tuple(index[nodes] for index in self.node_address())
 
-    def node_values(self, state: Shaped[np.ndarray, "..."]) -> Shaped[np.ndarray, " n"]:
-        """Values of a state on the host, in the order of the nodes.
+    def node_values(
+        self, state: Shaped[np.ndarray, "..."], sections: range | None = None
+    ) -> Shaped[np.ndarray, " n"]:
+        """Values of the nodes in a state on the host, in an order of all layouts.
 
-        The layout of a state may depend on the devices of a run, this one does not.
+        The layout of a state depends on the devices of a run, this order does not. With
+        `sections` the state holds these sections of a sharded lattice, one after the
+        other, and the nodes are those in them.
         """
         return state
 
     def state_of(self, values: Shaped[np.ndarray, " n"]) -> Shaped[np.ndarray, "..."]:
-        """State with these values of the nodes."""
+        """State with the values of all nodes, in the order of `node_values`."""
         return values
 
     @property

@@ -57,14 +57,20 @@ class ShardedLattice(NamedTuple):
         return np.pad(own, ((before, behind), (0, 0), (0, 0)))
 
 
+def cut_axes(shape: tuple[int, ...]) -> tuple[int, int, int]:
+    """Axes of a body of this shape in voxels: first the longest, to be cut across."""
+    axis = int(np.argmax(shape))
+    return axis, *_OTHERS[axis]
+
+
 def sharded_lattice(solid: Bool[np.ndarray, "x y z"], count: int) -> ShardedLattice:
     """Sections of a body for a number of devices.
 
     Raises:
         InputError: if it has too few voxels along its longest axis.
     """
-    axis = int(np.argmax(solid.shape))
-    length = solid.shape[axis]
+    axes = cut_axes(solid.shape)
+    length, y, z = (solid.shape[axis] for axis in axes)
     thickness = -(-length // count)
     if thickness * (count - 1) >= length:
         possible = next(n for n in range(count, 0, -1) if _fills(length, n))
@@ -73,8 +79,6 @@ def sharded_lattice(solid: Bool[np.ndarray, "x y z"], count: int) -> ShardedLatt
             f"section of equal thickness on each; give at most {possible} devices, or "
             "a finer pitch"
         )
-    axes = axis, *_OTHERS[axis]
-    y, z = (solid.shape[other] for other in _OTHERS[axis])
     return ShardedLattice(axes, count, thickness, (thickness, y, z))
 
 

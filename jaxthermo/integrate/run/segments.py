@@ -12,6 +12,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
+from ...parallel.processes import agreed
 from ...scene.compile.program import Program, State
 from ..stepper import AbstractStepper, RunState, advance
 from .plan import Interval, Plan, initial_state, observation_time
@@ -111,7 +112,7 @@ def run_segments(
     length, running = 2, _running(plan, progress)
     while progress.interval < len(plan.intervals):
         interval = running.intervals[progress.interval]
-        steps = min(length, interval.steps - progress.steps_taken)
+        steps = agreed(min(length, interval.steps - progress.steps_taken))
         clock = time.perf_counter()
         state = _take_segment(running, progress, steps)
         # A clock of coarse resolution may show no time at all.

@@ -14,6 +14,7 @@ from jaxtyping import Array, Float, Int
 from ...arrays import is_traced, precision
 from ...errors import require
 from ...network.network import Address, precise_sum
+from ...parallel.lattice import own_copies, replicated
 from ...scene.compile.on_devices import on_devices
 from ...scene.compile.program import Program, State
 from ...scene.scene import Scene
@@ -253,7 +254,7 @@ def make_solution(
     )
     from_start = plan.save_times[0] == 0.0
     given = program, state, observations, uneven, from_start
-    saved, energy, statistics, result = _balance(*given)
+    saved, energy, statistics, result = own_copies(_balance(*given))
     receipt = plan.compiled.receipt
     if error is not None:
         receipt = replace(receipt, notes=(*receipt.notes, error.text()))
@@ -309,7 +310,7 @@ def _balance(
     if saved is not None:
         statistics = jax.tree.map(lambda a: a[-1], saved.statistics)
     result = run_result(rows.is_finite.all(), rows.is_physical.all(), statistics)
-    return rows, energy, statistics, result
+    return replicated(program.mesh, (rows, energy, statistics, result))
 
 
 def _equalization_heat(

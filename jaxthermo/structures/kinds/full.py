@@ -11,7 +11,7 @@ from typing_extensions import override
 
 from ...voxels.grid import VoxelGrid
 from ...voxels.packed_lattice import PackedLattice, packed_lattice
-from ...voxels.sharded_lattice import ShardedLattice, sharded_lattice
+from ...voxels.sharded_lattice import ShardedLattice, cut_axes, sharded_lattice
 from ..build.links import voxel_links
 from ..structure import AbstractStructure, ConductionWeights, Links, Nodes, as_weights
 
@@ -211,31 +211,48 @@ class FullVolume(AbstractStructure):
         return tuple(np.asarray(index + 1, np.int32) for index in cells.T)
 
     @override
-    def node_values(self, state: Shaped[np.ndarray, "..."]) -> Shaped[np.ndarray, " n"]:
+    def node_values(
+        self, state: Shaped[np.ndarray, "..."], sections: range | None = None
+    ) -> Shaped[np.ndarray, " n"]:
         if not self.runs_as_stencil:
             return state
-        values = np.empty(self.node_count, state.dtype)
-        for own, address in self._planes():
-            values[own] = state[address]
-        return values
+        found = [state[address] for address in self._planes(sections)]
+        return np.concatenate([np.zeros(0, state.dtype), *found])
 
     @override
     def state_of(self, values: Shaped[np.ndarray, " n"]) -> Shaped[np.ndarray, "..."]:
         if not self.runs_as_stencil:
             return values
-        state = np.zeros(self.state_shape, values.dtype)
-        for own, address in self._planes():
-            state[address] = values[own]
+        state, first = np.zeros(self.state_shape, values.dtype), 0
+        for address in self._planes():
+            last = first + len(address[0])
+            state[address] = values[first:last]
+            first = last
         return state
 
-    def _planes(self) -> Iterator[tuple[slice, tuple[np.ndarray, ...]]]:
-        """Nodes of each plane across x, and their place in the state of a stencil."""
+    def _planes(
+        self, sections: range | None = None
+    ) -> Iterator[tuple[np.ndarray, ...]]:
+        """Place of the nodes of each plane across the longest axis in a state.
+
+        In one of some sections alone, if these are given.
+        """
         # Addresses of all nodes at once would take three times the state.
-        first = self._first_nodes()
-        for x, solid in enumerate(self.grid.solid):
-            y, z = np.nonzero(solid)
-            voxel = np.stack([np.full_like(y, x), y, z], axis=1)
-            yield slice(first[x], first[x + 1]), self.address_of_voxels(voxel)
+        solid, sharded, before = self.grid.solid, self.sharded, 0
+        axes = cut_axes(solid.shape)
+        planes = range(solid.shape[axes[0]])
+        if sections is not None and sharded is not None:
+            planes = planes[
+                sections.start * sharded.thickness : sections.stop * sharded.thickness
+            ]
+            before = sections.start * (sharded.thickness + 2)
+        for plane in planes:
+            found = np.nonzero(solid.transpose(axes)[plane])
+            voxel = np.empty((len(found[0]), 3), np.int32)
+            for axis, own in zip(axes, (plane, *found), strict=True):
+                voxel[:, axis] = own
+            x, y, z = self.address_of_voxels(voxel)
+            yield x - before, y, z
 
     def _first_nodes(self) -> Int[np.ndarray, " p"]:
         """Number of the first node of each plane across x, and that of all nodes."""
